@@ -1,0 +1,77 @@
+//! What the user types.
+
+use std::time::Duration;
+
+use clap::Parser;
+use msgs::ids::AgentId;
+
+/// Agents of a deterministic simulator of 3-D multi-agent exploration: one process for one agent or several.
+#[derive(Debug, Parser)]
+#[command(name = "agent_node", version, arg_required_else_help = true)]
+pub struct Cli {
+    /// Which agents this process runs: one id, or a range such as 0-19
+    #[arg(long, value_name = "N|FROM-TO", value_parser = ids)]
+    pub id: Ids,
+    /// What they run, if not what the scenario says
+    #[arg(long, value_name = "NAME")]
+    pub controller: Option<String>,
+    /// A setting of the controller; can be given again
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Wait up to so many milliseconds, at random, before each answer: a test of the lock-step
+    #[arg(long, value_name = "MS", default_value_t = 0)]
+    pub chaos_delay_ms: u64,
+}
+
+impl Cli {
+    /// The longest random delay before an answer.
+    #[must_use]
+    pub fn chaos_delay(&self) -> Duration {
+        Duration::from_millis(self.chaos_delay_ms)
+    }
+}
+
+/// Ids of agents, ascending.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ids(pub Vec<AgentId>);
+
+/// Ids that may be given at the most, so that a slip of the key does not fill the memory.
+const IDS_MAX: u32 = 1000;
+
+fn ids(text: &str) -> Result<Ids, String> {
+    let number = |text: &str| {
+        let parsed = text.trim().parse::<u32>();
+        parsed.map_err(|_| format!("`{text}` is no agent id; expected a number, or a range such as 0-19"))
+    };
+    let (first, last) = match text.split_once('-') {
+        Some((first, last)) => (number(first)?, number(last)?),
+        None => (number(text)?, number(text)?),
+    };
+    if last < first {
+        return Err(format!("the range {first}-{last} is empty"));
+    }
+    if last - first >= IDS_MAX {
+        return Err(format!("the range {first}-{last} has more than {IDS_MAX} ids"));
+    }
+    Ok(Ids((first..=last).map(AgentId).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_id_or_a_range() {
+        assert_eq!(ids("3"), Ok(Ids(vec![AgentId(3)])));
+        assert_eq!(ids("2-4"), Ok(Ids(vec![AgentId(2), AgentId(3), AgentId(4)])));
+        for wrong in ["", "x", "4-2", "-1", "1-", "0-1000", "1.5"] {
+            assert!(ids(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_declaration_is_consistent() {
+        use clap::CommandFactory;
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,111 @@
+//! What an agent answers.
+//!
+//! Lengths in metres, angles in radians, frame `map` unless a name says otherwise.
+
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::Wake as Events;
+use nalgebra::{Point3, Vector3};
+
+/// A task for the body. One that replaces another starts from rest.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum Motion {
+    /// Go on with the present task.
+    #[default]
+    Keep,
+    /// End the present task, at rest at once.
+    Stop,
+    /// Straight along the heading, raised by `pitch_rad` (-pi/2 ..= pi/2), for `distance_m` (infinity: until a collision).
+    Move {
+        /// Elevation above the horizontal.
+        pitch_rad: f64,
+        /// At least 0.
+        distance_m: f64,
+    },
+    /// Turn about the vertical, positive to the left, -2 pi ..= 2 pi.
+    Turn {
+        /// How far.
+        angle_rad: f64,
+    },
+    /// Visit 1 to 1024 way-points in turn.
+    Path(Vec<Point3<f64>>),
+    /// Hold a velocity, clamped to what the body can do.
+    Velocity {
+        /// In the frame of the body: x forward, y left, z up; m/s.
+        linear_in_body_m_s: Vector3<f64>,
+        /// Positive to the left.
+        yaw_rate_rad_s: f64,
+    },
+}
+
+/// A request to the LiDAR.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum LidarRequest {
+    /// As before; at the start: as the scenario says.
+    #[default]
+    Keep,
+    /// No scans from now on.
+    Never,
+    /// One scan in the next tick.
+    Once,
+    /// A scan every so many ticks (at least 1), the next one in the next tick.
+    Every(u32),
+}
+
+/// Bytes to send.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Parcel {
+    /// To whom; `None`: everybody in contact.
+    pub to: Option<AgentId>,
+    /// What the bytes are, for accounting.
+    pub kind: u8,
+    /// The content; 57344 bytes at most over all parcels of a command.
+    pub data: Vec<u8>,
+}
+
+/// When an agent wants to be asked again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Wake {
+    /// In this tick at the latest.
+    pub at: Tick,
+    /// Earlier, after any of these events: bits of `maes_msgs/Wake`.
+    pub events: u8,
+}
+
+impl Wake {
+    /// In the next tick.
+    pub const NEXT_TICK: Self = Self { at: Tick::ZERO, events: 0 };
+
+    /// Once the task has ended, by itself or by a collision.
+    pub const TASK_DONE: Self = Self { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION };
+}
+
+/// What an agent answers to an observation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Command {
+    /// Task of the body.
+    pub motion: Motion,
+    /// Request to the LiDAR.
+    pub lidar: LidarRequest,
+    /// Whether the next observation is to hold the view of the last scan.
+    pub want_view: bool,
+    /// To send in this tick.
+    pub parcels: Vec<Parcel>,
+    /// When to ask again.
+    pub wake: Wake,
+    /// A text for people, at most 1024 bytes; empty: as before.
+    pub info: String,
+}
+
+impl Command {
+    /// Goes on as before until `wake`.
+    #[must_use]
+    pub fn keep(wake: Wake) -> Self {
+        Self::new(Motion::Keep, wake)
+    }
+
+    /// Takes up a task, and leaves everything else as it is.
+    #[must_use]
+    pub fn new(motion: Motion, wake: Wake) -> Self {
+        Self { motion, lidar: LidarRequest::Keep, want_view: false, parcels: Vec::new(), wake, info: String::new() }
+    }
+}

@@ -1,0 +1,161 @@
+//! The algorithms: the trait they share, and the list of them.
+//!
+//! Invariants: a controller decides from what it is given alone, draws from its own random stream, and ends; the same
+//! observations give the same commands. This module knows no transport and no wall clock.
+
+pub mod rbw;
+pub mod rbw_maes3d;
+pub mod settings;
+
+use msgs::ids::AgentId;
+use thiserror::Error;
+
+use crate::command::Command;
+use crate::exploration_map::ExplorationMap;
+use crate::observation::{Briefing, Observation};
+use settings::{SettingError, Settings};
+
+/// What a controller may look at besides the observation.
+#[derive(Debug, Clone, Copy)]
+pub struct Ctx<'a> {
+    /// The agent it controls.
+    pub agent: AgentId,
+    /// What is known of the run.
+    pub briefing: &'a Briefing,
+    /// What the agent believes of the world, the observation included.
+    pub map: &'a ExplorationMap,
+}
+
+/// An algorithm that controls one agent.
+pub trait Controller {
+    /// Answers an observation.
+    fn decide(&mut self, observation: &Observation, ctx: Ctx<'_>) -> Command;
+}
+
+/// Why there is no such controller.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum ControllerError {
+    /// Nothing has this name.
+    #[error("controller {name}: unknown; known are {}", NAMES.join(", "))]
+    Unknown {
+        /// The name.
+        name: String,
+    },
+    /// A setting does not fit.
+    #[error("controller {name}: {source}")]
+    Setting {
+        /// The controller.
+        name: String,
+        /// What is wrong.
+        source: SettingError,
+    },
+}
+
+/// The names of all controllers.
+pub const NAMES: [&str; 2] = ["rbw", "rbw-maes3d"];
+
+/// Makes a controller by name, with settings `KEY=VALUE`, for one agent of a run.
+///
+/// # Errors
+/// If the name or a setting is unknown, or a value is not allowed.
+pub fn build(
+    name: &str,
+    settings: &[String],
+    agent: AgentId,
+    briefing: &Briefing,
+) -> Result<Box<dyn Controller>, ControllerError> {
+    let unfit = |source| ControllerError::Setting { name: name.to_owned(), source };
+    let mut settings = Settings::parse(settings).map_err(unfit)?;
+    let stream = |purpose| msgs::seed::stream(briefing.agents_seed, agent.0.into(), purpose);
+    let controller: Box<dyn Controller> = match name {
+        "rbw" => Box::new(rbw::Rbw::new(&mut settings, stream("rbw")).map_err(unfit)?),
+        "rbw-maes3d" => Box::new(rbw_maes3d::RbwMaes3d::new(stream("rbw-maes3d"))),
+        _ => return Err(ControllerError::Unknown { name: name.to_owned() }),
+    };
+    settings.finish().map_err(unfit)?;
+    Ok(controller)
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use nalgebra::{Point3, Vector3};
+    use voxels::Extent;
+
+    use super::*;
+    use crate::observation::{Cells, Collision, Pose, Surface};
+    use msgs::ids::Tick;
+
+    /// What a controller needs to be asked.
+    pub(crate) struct Stage {
+        briefing: Briefing,
+        map: ExplorationMap,
+    }
+
+    impl Stage {
+        pub(crate) fn new() -> Self {
+            let extent = Extent::new([10, 10, 10], 1.0).unwrap();
+            let briefing = Briefing {
+                duration: Tick(1000),
+                extent,
+                agents: 2,
+                agents_seed: 1,
+                controller: "rbw".to_owned(),
+                settings: Vec::new(),
+                body_radius_m: 0.4,
+                lidar_range_m: f64::INFINITY,
+                lidar_period_ticks: 10,
+                communication_range_m: f64::INFINITY,
+            };
+            Self { briefing, map: ExplorationMap::new(extent) }
+        }
+
+        pub(crate) fn ctx(&self) -> Ctx<'_> {
+            Ctx { agent: AgentId(0), briefing: &self.briefing, map: &self.map }
+        }
+
+        pub(crate) fn idle(&self) -> Observation {
+            Observation {
+                tick: Tick::ZERO,
+                pose: Pose { position: Point3::new(5.5, 5.5, 5.5), yaw_rad: 0.0 },
+                velocity_m_s: Vector3::zeros(),
+                yaw_rate_rad_s: 0.0,
+                is_active: false,
+                collision: None,
+                events: 0,
+                contacts: Vec::new(),
+                parcels: Vec::new(),
+                scan_tick: None,
+                seen: Cells::default(),
+                view: None,
+            }
+        }
+    }
+
+    pub(crate) fn collided(observation: Observation, surface: Surface) -> Observation {
+        Observation { collision: Some(Collision { surface, with_agent: false }), ..observation }
+    }
+
+    #[test]
+    fn every_name_builds_and_others_are_refused() {
+        let stage = Stage::new();
+        for name in NAMES {
+            assert!(build(name, &[], AgentId(0), &stage.briefing).is_ok(), "{name}");
+        }
+        let refused = |name: &str, settings: &[String]| {
+            build(name, settings, AgentId(0), &stage.briefing).err().unwrap().to_string()
+        };
+        assert_eq!(refused("rwb", &[]), "controller rwb: unknown; known are rbw, rbw-maes3d");
+        assert_eq!(
+            refused("rbw", &["speed=1".to_owned()]),
+            "controller rbw: setting `speed`: unknown; known are pitch_min_rad, pitch_max_rad, turn_min_rad, turn_max_rad"
+        );
+        assert_eq!(
+            refused("rbw-maes3d", &["speed=1".to_owned()]),
+            "controller rbw-maes3d: setting `speed`: unknown; there are none"
+        );
+        assert_eq!(
+            refused("rbw", &["pitch_min_rad=9".to_owned()]),
+            "controller rbw: setting pitch_min_rad = 9: expected a number from 0 to 1.5707963267948966"
+        );
+    }
+}

@@ -1,0 +1,148 @@
+//! Random Ballistic Walk: straight on until something is in the way, then off in another direction.
+//!
+//! As in the papers on MAES3D: the first heading is random; at a floor the agent goes on upwards, at a ceiling downwards, at a
+//! wall it turns by a random angle. The map is not used.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::settings::{SettingError, Settings};
+use super::{Controller, Ctx};
+use crate::command::{Command, Motion, Wake};
+use crate::observation::{Observation, Surface};
+
+/// Elevation before the first floor or ceiling: the reference's 45 degrees.
+const FIRST_PITCH_RAD: f64 = PI / 4.0;
+
+/// The walk of one agent.
+#[derive(Debug, Clone)]
+pub struct Rbw {
+    rng: ChaCha8Rng,
+    pitch_rad: f64,
+    has_started: bool,
+    pitch_min_rad: f64,
+    pitch_max_rad: f64,
+    turn_min_rad: f64,
+    turn_max_rad: f64,
+}
+
+impl Rbw {
+    /// Settings: `pitch_min_rad`, `pitch_max_rad` (elevation after a floor, and negative after a ceiling; reference: 15 and 45
+    /// degrees), `turn_min_rad`, `turn_max_rad` (turn at a wall; reference: 90 and 270 degrees).
+    ///
+    /// # Errors
+    /// If a setting is not allowed.
+    pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
+        let pitch_min_rad = settings.number("pitch_min_rad", PI / 12.0, 0.0, FRAC_PI_2)?;
+        let pitch_max_rad = settings.number("pitch_max_rad", (PI / 4.0).max(pitch_min_rad), pitch_min_rad, FRAC_PI_2)?;
+        let turn_min_rad = settings.number("turn_min_rad", FRAC_PI_2, 0.0, TAU)?;
+        let turn_max_rad = settings.number("turn_max_rad", (3.0 * FRAC_PI_2).max(turn_min_rad), turn_min_rad, TAU)?;
+        Ok(Self {
+            rng,
+            pitch_rad: FIRST_PITCH_RAD,
+            has_started: false,
+            pitch_min_rad,
+            pitch_max_rad,
+            turn_min_rad,
+            turn_max_rad,
+        })
+    }
+
+    fn turn(&mut self, low_rad: f64, high_rad: f64) -> Motion {
+        let angle_rad = self.rng.random_range(low_rad..=high_rad);
+        Motion::Turn { angle_rad: shorter_way(angle_rad) }
+    }
+}
+
+impl Controller for Rbw {
+    fn decide(&mut self, observation: &Observation, _ctx: Ctx<'_>) -> Command {
+        if observation.is_active {
+            return Command::keep(Wake::TASK_DONE);
+        }
+        if !self.has_started {
+            self.has_started = true;
+            return Command::new(self.turn(0.0, TAU), Wake::TASK_DONE);
+        }
+        match observation.collision.map(|collision| collision.surface) {
+            Some(Surface::Wall) => {
+                let turn = self.turn(self.turn_min_rad, self.turn_max_rad);
+                return Command::new(turn, Wake::TASK_DONE);
+            }
+            Some(Surface::Floor) => self.pitch_rad = self.rng.random_range(self.pitch_min_rad..=self.pitch_max_rad),
+            Some(Surface::Ceiling) => self.pitch_rad = -self.rng.random_range(self.pitch_min_rad..=self.pitch_max_rad),
+            None => {}
+        }
+        Command::new(Motion::Move { pitch_rad: self.pitch_rad, distance_m: f64::INFINITY }, Wake::TASK_DONE)
+    }
+}
+
+/// The turn that ends at the same heading by the shorter way, in [-pi, pi).
+pub(super) fn shorter_way(angle_rad: f64) -> f64 {
+    angle_rad - TAU * libm::floor((angle_rad + PI) / TAU)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controllers::tests::{Stage, collided};
+
+    fn walk(settings: &[&str]) -> Result<Rbw, SettingError> {
+        let texts: Vec<String> = settings.iter().map(ToString::to_string).collect();
+        Rbw::new(&mut Settings::parse(&texts)?, msgs::seed::stream(1, 0, "test"))
+    }
+
+    #[test]
+    fn starts_with_a_random_turn_and_goes_on_for_ever() {
+        let stage = Stage::new();
+        let mut rbw = walk(&[]).unwrap();
+        let turn = rbw.decide(&stage.idle(), stage.ctx());
+        assert!(matches!(turn.motion, Motion::Turn { angle_rad } if (-PI..PI).contains(&angle_rad)));
+        let go = rbw.decide(&stage.idle(), stage.ctx());
+        assert_eq!(go.motion, Motion::Move { pitch_rad: FIRST_PITCH_RAD, distance_m: f64::INFINITY });
+    }
+
+    #[test]
+    fn keeps_while_active() {
+        let stage = Stage::new();
+        let mut rbw = walk(&[]).unwrap();
+        let mut observation = stage.idle();
+        observation.is_active = true;
+        assert_eq!(rbw.decide(&observation, stage.ctx()), Command::keep(Wake::TASK_DONE));
+    }
+
+    #[test]
+    fn goes_up_at_a_floor_down_at_a_ceiling_and_turns_at_a_wall() {
+        let stage = Stage::new();
+        let mut rbw = walk(&["pitch_min_rad=0.1", "pitch_max_rad=0.2"]).unwrap();
+        rbw.decide(&stage.idle(), stage.ctx());
+        for _ in 0..100 {
+            let up = rbw.decide(&collided(stage.idle(), Surface::Floor), stage.ctx());
+            assert!(matches!(up.motion, Motion::Move { pitch_rad, .. } if (0.1..=0.2).contains(&pitch_rad)));
+            let down = rbw.decide(&collided(stage.idle(), Surface::Ceiling), stage.ctx());
+            assert!(matches!(down.motion, Motion::Move { pitch_rad, .. } if (-0.2..=-0.1).contains(&pitch_rad)));
+            let turn = rbw.decide(&collided(stage.idle(), Surface::Wall), stage.ctx());
+            assert!(matches!(turn.motion, Motion::Turn { angle_rad } if angle_rad.abs() >= FRAC_PI_2 - 1e-9));
+        }
+    }
+
+    #[test]
+    fn settings_are_checked() {
+        assert!(walk(&["pitch_min_rad=2"]).is_err());
+        assert!(walk(&["pitch_max_rad=x"]).is_err());
+        assert!(walk(&["turn_min_rad=3", "turn_max_rad=2"]).is_err());
+        assert!(walk(&["turn_min_rad"]).is_err());
+    }
+
+    #[test]
+    fn the_shorter_way_ends_at_the_same_heading() {
+        for degrees in -720..=720 {
+            let angle_rad = f64::from(degrees) * PI / 180.0;
+            let way = shorter_way(angle_rad);
+            assert!(way.abs() <= PI + 1e-12);
+            let turns = (angle_rad - way) / TAU;
+            assert!((turns - turns.round()).abs() < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Random Ballistic Walk as it is coded in MAES3D, for comparison with its results.
+//!
+//! Differences from [`super::rbw`]: the first heading is that of the start, at 45 degrees upwards; angles are whole degrees;
+//! half a turn goes to the right; and the agent acts one tick later after a task that ended by itself, and at the start,
+//! because there the status becomes idle only in the tick after.
+
+use std::f64::consts::PI;
+
+use msgs::ids::Tick;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::rbw::shorter_way;
+use super::{Controller, Ctx};
+use crate::command::{Command, Motion, Wake};
+use crate::observation::{Observation, Surface};
+
+const FIRST_PITCH_DEG: i32 = 45;
+
+/// The walk of one agent.
+#[derive(Debug, Clone)]
+pub struct RbwMaes3d {
+    rng: ChaCha8Rng,
+    pitch_deg: i32,
+    /// The tick in which the end of the present task is noticed.
+    notices_at: Option<Tick>,
+}
+
+impl RbwMaes3d {
+    /// It has no settings.
+    #[must_use]
+    pub fn new(rng: ChaCha8Rng) -> Self {
+        Self { rng, pitch_deg: FIRST_PITCH_DEG, notices_at: None }
+    }
+
+    fn acts(&mut self, motion: Motion) -> Command {
+        self.notices_at = None;
+        Command::new(motion, Wake::TASK_DONE)
+    }
+}
+
+impl Controller for RbwMaes3d {
+    fn decide(&mut self, observation: &Observation, _ctx: Ctx<'_>) -> Command {
+        if observation.is_active {
+            return Command::keep(Wake::TASK_DONE);
+        }
+        let surface = observation.collision.map(|collision| collision.surface);
+        if surface.is_none() {
+            let notices_at = *self.notices_at.get_or_insert(observation.tick.after(1));
+            if observation.tick < notices_at {
+                return Command::keep(Wake { at: notices_at, events: 0 });
+            }
+        }
+        match surface {
+            Some(Surface::Wall) => {
+                let right_deg = self.rng.random_range(90..270);
+                return self.acts(Motion::Turn { angle_rad: shorter_way(-degrees(right_deg)) });
+            }
+            Some(Surface::Floor) => self.pitch_deg = self.rng.random_range(15..45),
+            Some(Surface::Ceiling) => self.pitch_deg = -self.rng.random_range(15..45),
+            None => {}
+        }
+        let pitch_rad = degrees(self.pitch_deg);
+        self.acts(Motion::Move { pitch_rad, distance_m: f64::INFINITY })
+    }
+}
+
+fn degrees(angle_deg: i32) -> f64 {
+    f64::from(angle_deg) * PI / 180.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controllers::tests::{Stage, collided};
+
+    fn walk() -> RbwMaes3d {
+        RbwMaes3d::new(msgs::seed::stream(1, 0, "test"))
+    }
+
+    #[test]
+    fn waits_a_tick_then_goes_on_at_45_degrees() {
+        let stage = Stage::new();
+        let mut rbw = walk();
+        let mut observation = stage.idle();
+        let keep = rbw.decide(&observation, stage.ctx());
+        assert_eq!(keep, Command::keep(Wake { at: Tick(1), events: 0 }));
+        observation.tick = Tick(1);
+        let go = rbw.decide(&observation, stage.ctx());
+        assert_eq!(go.motion, Motion::Move { pitch_rad: degrees(45), distance_m: f64::INFINITY });
+    }
+
+    #[test]
+    fn acts_at_once_after_a_collision_in_whole_degrees() {
+        let stage = Stage::new();
+        let mut rbw = walk();
+        let mut seen = std::collections::BTreeSet::new();
+        for _ in 0..2000 {
+            let up = rbw.decide(&collided(stage.idle(), Surface::Floor), stage.ctx());
+            let Motion::Move { pitch_rad, .. } = up.motion else { panic!("{up:?}") };
+            seen.insert((pitch_rad * 180.0 / PI).round() as i32);
+        }
+        assert_eq!(seen, (15..45).collect());
+        seen.clear();
+        for _ in 0..5000 {
+            let turn = rbw.decide(&collided(stage.idle(), Surface::Wall), stage.ctx());
+            let Motion::Turn { angle_rad } = turn.motion else { panic!("{turn:?}") };
+            seen.insert((angle_rad * 180.0 / PI).round() as i32);
+        }
+        assert_eq!(seen, (-180..=-90).chain(91..180).collect());
+    }
+}

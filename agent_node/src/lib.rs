@@ -1,0 +1,19 @@
+//! One agent: what it believes and what it decides.
+//!
+//! In reading order: [`observation`] and [`command`] are what it learns and what it answers; [`exploration_map`] is what it
+//! believes of the world; [`controllers`] decide; [`agent`] puts these together; [`run`] does it for the agents of a process over
+//! a [`link`]; [`wire`] translates from and to messages; `ros` is the link over ROS 2.
+//!
+//! This crate knows nothing of the true world: an agent has only what it sensed and what it was told.
+
+pub mod agent;
+pub mod cli;
+pub mod command;
+pub mod controllers;
+pub mod exploration_map;
+pub mod link;
+pub mod observation;
+#[cfg(feature = "ros")]
+pub mod ros;
+pub mod run;
+pub mod wire;

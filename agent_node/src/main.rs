@@ -1,0 +1,72 @@
+//! An agent process. Start reading at [`agent_node::run`]; every exit code is made here.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let cli = agent_node::cli::Cli::parse();
+    serve::run(cli)
+}
+
+#[cfg(feature = "ros")]
+mod serve {
+    use std::process::ExitCode;
+    use std::sync::Arc;
+    use std::sync::atomic::AtomicBool;
+
+    use agent_node::cli::Cli;
+    use agent_node::ros::RosLink;
+    use agent_node::run::{self, Options, RunError};
+    use msgs::ros_env::RosEnv;
+
+    /// A failure of the system or of the protocol.
+    const FAILED: u8 = 1;
+    /// Bad input: an argument, a controller, a setting.
+    const BAD_INPUT: u8 = 2;
+    /// The server has refused the agent.
+    const REFUSED: u8 = 5;
+
+    pub(super) fn run(cli: Cli) -> ExitCode {
+        match serve(cli) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                eprintln!("error: {error}");
+                ExitCode::from(match error.downcast_ref::<RunError>() {
+                    Some(RunError::Refused { .. }) => REFUSED,
+                    Some(RunError::Controller(_)) => BAD_INPUT,
+                    _ => FAILED,
+                })
+            }
+        }
+    }
+
+    fn serve(cli: Cli) -> anyhow::Result<()> {
+        let stop = Arc::new(AtomicBool::new(false));
+        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+            signal_hook::flag::register(signal, Arc::clone(&stop))?;
+        }
+        let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
+        let mut link = RosLink::new(&cli.id.0, &env)?;
+        let options = Options {
+            chaos_delay: cli.chaos_delay(),
+            agents: cli.id.0,
+            controller: cli.controller,
+            settings: cli.set,
+            instance: getrandom::u64()?,
+        };
+        Ok(run::run(&mut link, &options, &stop)?)
+    }
+}
+
+#[cfg(not(feature = "ros"))]
+mod serve {
+    use std::process::ExitCode;
+
+    use agent_node::cli::Cli;
+
+    pub(super) fn run(_cli: Cli) -> ExitCode {
+        eprintln!("error: this agent_node was built without the feature `ros`");
+        ExitCode::FAILURE
+    }
+}

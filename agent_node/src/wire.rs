@@ -1,0 +1,257 @@
+//! Messages to and from domain types: the only place of the agent that knows both.
+//!
+//! Invariant: what comes out of [`briefing`] and [`Collector`] is consistent, whatever was sent: cells lie inside the map.
+//!
+//! This module sends nothing and knows no transport.
+
+use std::collections::BTreeMap;
+
+use msgs::geometry_msgs;
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{self, CellRuns, Observation as Part};
+use nalgebra::{Point3, Vector3};
+use thiserror::Error;
+use voxels::{Extent, ExtentError, RunsError};
+
+use crate::command::{Command, LidarRequest, Motion};
+use crate::observation::{Briefing, Cells, Collision, Contact, Observation, Pose, Received, Surface};
+
+/// Why a message of the server cannot be used.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum WireError {
+    /// The map has an impossible size.
+    #[error("scenario: {0}")]
+    Extent(#[from] ExtentError),
+    /// A list of cells is not one of this map.
+    #[error("observation of tick {tick}: {source}")]
+    Cells {
+        /// The tick.
+        tick: Tick,
+        /// What is wrong.
+        source: RunsError,
+    },
+    /// A part says that it is not one of its parts.
+    #[error("observation of tick {tick}: part {part} of {parts}")]
+    Part {
+        /// The tick.
+        tick: Tick,
+        /// Number of the part.
+        part: u16,
+        /// How many there are to be.
+        parts: u16,
+    },
+}
+
+/// A scenario as a briefing.
+///
+/// # Errors
+/// If the map has an impossible size.
+pub fn briefing(scenario: &maes_msgs::Scenario) -> Result<Briefing, WireError> {
+    Ok(Briefing {
+        duration: Tick(scenario.duration_ticks),
+        extent: Extent::new(scenario.size, scenario.cell_m)?,
+        agents: scenario.agents,
+        agents_seed: scenario.agents_seed,
+        controller: scenario.controller.clone(),
+        settings: scenario.settings.clone(),
+        body_radius_m: scenario.body.radius_m,
+        lidar_range_m: scenario.lidar.range_m,
+        lidar_period_ticks: scenario.lidar.period_ticks,
+        communication_range_m: scenario.communication_range_m,
+    })
+}
+
+/// Puts the parts of observations together, in whatever order and however often they come.
+#[derive(Debug, Clone, Default)]
+pub struct Collector {
+    tick: Tick,
+    phase: u8,
+    parts: BTreeMap<u16, Part>,
+}
+
+/// An observation that is complete.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Collected {
+    /// Whether the run is over.
+    pub has_ended: bool,
+    /// What is learnt.
+    pub observation: Observation,
+}
+
+impl Collector {
+    /// Takes a part; gives the observation if it was the last one missing.
+    ///
+    /// # Errors
+    /// If the parts do not fit together or hold cells that are not in the map.
+    pub fn take(&mut self, part: Part, extent: &Extent) -> Result<Option<Collected>, WireError> {
+        let tick = Tick(part.tick);
+        if part.part >= part.parts {
+            return Err(WireError::Part { tick, part: part.part, parts: part.parts });
+        }
+        if tick != self.tick || part.phase != self.phase {
+            *self = Self { tick, phase: part.phase, parts: BTreeMap::new() };
+        }
+        let parts = usize::from(part.parts);
+        self.parts.insert(part.part, part);
+        if self.parts.len() < parts {
+            return Ok(None);
+        }
+        let parts = std::mem::take(&mut self.parts);
+        collected(parts.into_values(), extent).map(Some)
+    }
+}
+
+fn collected(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<Collected, WireError> {
+    let first = parts.next().expect("an observation has at least one part");
+    let tick = Tick(first.tick);
+    let volume = extent.volume();
+    let surface = match first.collision {
+        Part::WALL => Some(Surface::Wall),
+        Part::FLOOR => Some(Surface::Floor),
+        Part::CEILING => Some(Surface::Ceiling),
+        _ => None,
+    };
+    let mut observation = Observation {
+        tick,
+        pose: Pose { position: point(&first.position), yaw_rad: first.yaw_rad },
+        velocity_m_s: Vector3::new(first.velocity_m_s.x, first.velocity_m_s.y, first.velocity_m_s.z),
+        yaw_rate_rad_s: first.yaw_rate_rad_s,
+        is_active: first.task_status == Part::ACTIVE,
+        collision: surface.map(|surface| Collision { surface, with_agent: first.collision_with_agent }),
+        events: first.events,
+        contacts: first
+            .contacts
+            .iter()
+            .map(|contact| Contact { agent: AgentId(contact.agent), position: point(&contact.position) })
+            .collect(),
+        parcels: Vec::new(),
+        scan_tick: (first.scan_tick != Part::NEVER).then_some(Tick(first.scan_tick)),
+        seen: Cells::default(),
+        view: first.has_view.then(Cells::default),
+    };
+    let has_ended = first.phase == Part::ENDED;
+    for part in std::iter::once(first).chain(parts) {
+        let add = |list: &mut Vec<u32>, runs: &CellRuns| -> Result<(), WireError> {
+            voxels::check_runs(&runs.start, &runs.length, volume)
+                .map_err(|source| WireError::Cells { tick, source })?;
+            list.extend(voxels::indices(&runs.start, &runs.length));
+            Ok(())
+        };
+        add(&mut observation.seen.free, &part.seen_free)?;
+        add(&mut observation.seen.wall, &part.seen_wall)?;
+        if let Some(view) = &mut observation.view {
+            add(&mut view.free, &part.view_free)?;
+            add(&mut view.wall, &part.view_wall)?;
+        }
+        observation.parcels.extend(part.parcels.into_iter().map(|parcel| Received {
+            from: AgentId(parcel.agent),
+            kind: parcel.kind,
+            data: parcel.data,
+        }));
+    }
+    Ok(Collected { has_ended, observation })
+}
+
+/// A command as a message.
+#[must_use]
+pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Command {
+    maes_msgs::Command {
+        tick: tick.0,
+        agent: agent.0,
+        task: task(command.motion),
+        lidar: lidar_request(command.lidar),
+        want_view: command.want_view,
+        parcels: command
+            .parcels
+            .into_iter()
+            .map(|parcel| maes_msgs::Parcel {
+                agent: parcel.to.map_or(maes_msgs::Parcel::BROADCAST, |agent| agent.0),
+                kind: parcel.kind,
+                data: parcel.data,
+            })
+            .collect(),
+        wake: maes_msgs::Wake { at_tick: command.wake.at.0, events: command.wake.events },
+        info: command.info,
+    }
+}
+
+fn task(motion: Motion) -> maes_msgs::Task {
+    use maes_msgs::Task;
+    let bare = Task::default();
+    match motion {
+        Motion::Keep => Task { kind: Task::KEEP, ..bare },
+        Motion::Stop => Task { kind: Task::STOP, ..bare },
+        Motion::Move { pitch_rad, distance_m } => Task { kind: Task::MOVE, pitch_rad, distance_m, ..bare },
+        Motion::Turn { angle_rad } => Task { kind: Task::TURN, angle_rad, ..bare },
+        Motion::Path(way_points) => {
+            let message = |point: Point3<f64>| geometry_msgs::Point { x: point.x, y: point.y, z: point.z };
+            Task { kind: Task::PATH, path: way_points.into_iter().map(message).collect(), ..bare }
+        }
+        Motion::Velocity { linear_in_body_m_s: linear, yaw_rate_rad_s } => Task {
+            kind: Task::VELOCITY,
+            linear_m_s: geometry_msgs::Vector3 { x: linear.x, y: linear.y, z: linear.z },
+            yaw_rate_rad_s,
+            ..bare
+        },
+    }
+}
+
+fn lidar_request(request: LidarRequest) -> maes_msgs::LidarRequest {
+    use maes_msgs::LidarRequest as Message;
+    let (kind, period_ticks) = match request {
+        LidarRequest::Keep => (Message::KEEP, 0),
+        LidarRequest::Never => (Message::NEVER, 0),
+        LidarRequest::Once => (Message::ONCE, 0),
+        LidarRequest::Every(period_ticks) => (Message::EVERY, period_ticks),
+    };
+    Message { kind, period_ticks }
+}
+
+fn point(point: &geometry_msgs::Point) -> Point3<f64> {
+    Point3::new(point.x, point.y, point.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn part(tick: u64, part: u16, parts: u16, start: u32) -> Part {
+        let seen_free = CellRuns { start: vec![start], length: vec![2] };
+        Part { tick, part, parts, seen_free, ..Part::default() }
+    }
+
+    fn extent() -> Extent {
+        Extent::new([4, 4, 4], 1.0).unwrap()
+    }
+
+    #[test]
+    fn parts_fit_together_in_any_order_and_twice() {
+        let mut collector = Collector::default();
+        let extent = extent();
+        assert_eq!(collector.take(part(5, 1, 3, 10), &extent), Ok(None));
+        assert_eq!(collector.take(part(5, 1, 3, 10), &extent), Ok(None));
+        assert_eq!(collector.take(part(5, 2, 3, 20), &extent), Ok(None));
+        let whole = collector.take(part(5, 0, 3, 0), &extent).unwrap().unwrap();
+        assert_eq!(whole.observation.seen.free, [0, 1, 10, 11, 20, 21]);
+        assert!(!whole.has_ended);
+    }
+
+    #[test]
+    fn a_new_tick_drops_what_was_incomplete() {
+        let mut collector = Collector::default();
+        let extent = extent();
+        assert_eq!(collector.take(part(5, 0, 2, 0), &extent), Ok(None));
+        assert_eq!(collector.take(part(6, 1, 2, 10), &extent), Ok(None));
+        let whole = collector.take(part(6, 0, 2, 4), &extent).unwrap().unwrap();
+        assert_eq!(whole.observation.seen.free, [4, 5, 10, 11]);
+    }
+
+    #[test]
+    fn nonsense_is_an_error() {
+        let extent = extent();
+        assert!(matches!(Collector::default().take(part(5, 1, 1, 0), &extent), Err(WireError::Part { .. })));
+        assert!(matches!(Collector::default().take(part(5, 0, 1, 63), &extent), Err(WireError::Cells { .. })));
+        let scenario = maes_msgs::Scenario { size: [0, 1, 1], cell_m: 1.0, ..Default::default() };
+        assert!(briefing(&scenario).is_err());
+    }
+}

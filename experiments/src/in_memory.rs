@@ -1,0 +1,98 @@
+//! The in-memory link: the server and its agents in one process, over channels instead of a network.
+//!
+//! The same loops run over it as over ROS 2, on a thread for the server and one for each group of agents, so messages arrive in
+//! any order here as well. Nothing gets lost.
+
+use std::collections::BTreeMap;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+
+use agent_node::link::Inbound as ToAgents;
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
+use sim_server::link::{Inbound as ToServer, Incoming, SourceId};
+
+/// The server's end.
+pub struct ServerEnd {
+    inbox: Receiver<Incoming>,
+    groups: Vec<Sender<ToAgents>>,
+    group_of: BTreeMap<AgentId, usize>,
+}
+
+/// The end of the agents of one group, which are like the agents of one process.
+pub struct AgentsEnd {
+    inbox: Receiver<ToAgents>,
+    server: Sender<Incoming>,
+    source: SourceId,
+}
+
+/// Links a server with groups of agents.
+#[must_use]
+pub fn link(groups: &[Vec<AgentId>]) -> (ServerEnd, Vec<AgentsEnd>) {
+    let (to_server, server_inbox) = channel();
+    let mut senders = Vec::new();
+    let mut ends = Vec::new();
+    let mut group_of = BTreeMap::new();
+    for (number, agents) in groups.iter().enumerate() {
+        let (to_agents, inbox) = channel();
+        senders.push(to_agents);
+        group_of.extend(agents.iter().map(|&agent| (agent, number)));
+        let source = SourceId((number as u128).to_le_bytes());
+        ends.push(AgentsEnd { inbox, server: to_server.clone(), source });
+    }
+    (ServerEnd { inbox: server_inbox, groups: senders, group_of }, ends)
+}
+
+impl ServerEnd {
+    fn send_to_all(&self, message: &ToAgents) {
+        for group in &self.groups {
+            // A group that has ended needs no messages.
+            let _ = group.send(message.clone());
+        }
+    }
+}
+
+impl sim_server::link::Link for ServerEnd {
+    fn announce(&mut self, scenario: &Scenario) {
+        self.send_to_all(&ToAgents::Scenario(scenario.clone()));
+    }
+
+    fn reply_join(&mut self, reply: &JoinReply) {
+        self.send_to_all(&ToAgents::JoinReply(reply.clone()));
+    }
+
+    fn send(&mut self, agent: AgentId, part: &Observation) {
+        if let Some(&group) = self.group_of.get(&agent) {
+            let _ = self.groups[group].send(ToAgents::Observation(part.clone()));
+        }
+    }
+
+    fn clock(&mut self, _tick: Tick) {}
+
+    fn progress(&mut self, _progress: &Progress) {}
+
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        self.inbox.recv_timeout(timeout).ok()
+    }
+}
+
+impl AgentsEnd {
+    fn send(&self, agent: u32, message: ToServer) {
+        // A server that has ended needs no messages.
+        let _ = self.server.send(Incoming { topic_agent: AgentId(agent), source: self.source, message });
+    }
+}
+
+impl agent_node::link::Link for AgentsEnd {
+    fn join(&mut self, join: &Join) {
+        self.send(join.agent, ToServer::Join(join.clone()));
+    }
+
+    fn answer(&mut self, command: &Command) {
+        self.send(command.agent, ToServer::Command(command.clone()));
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<ToAgents> {
+        self.inbox.recv_timeout(timeout).ok()
+    }
+}

@@ -1,0 +1,6 @@
+//! Many runs, their statistics and their pictures: so far, one run in one process.
+//!
+//! [`in_memory`] carries messages between a server and its agents without a network; [`single`] is a run over it.
+
+pub mod in_memory;
+pub mod single;

@@ -1,0 +1,90 @@
+//! One run in one process, over the in-memory link.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use agent_node::run::{Options, RunError as AgentError};
+use msgs::ids::AgentId;
+use sim_server::recorder::RecordError;
+use sim_server::run::{Outcome, RunError, Watcher};
+use sim_server::scenario::Scenario;
+use sim_server::setup::{self, SetupError};
+use thiserror::Error;
+
+use crate::in_memory;
+
+/// Why a run has no result.
+#[derive(Debug, Error)]
+pub enum SingleError {
+    /// The scenario cannot be set up.
+    #[error(transparent)]
+    Setup(#[from] SetupError),
+    /// The recording cannot be made.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The server has given up.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// An agent has given up.
+    #[error(transparent)]
+    Agent(#[from] AgentError),
+}
+
+/// How the agents of a run are spread over threads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Grouping {
+    /// A thread for each.
+    Apart,
+    /// One thread for all.
+    Together,
+}
+
+/// Carries out a scenario. The recording goes where the scenario says. `stop` ends the run early once it is set, and is set if an
+/// agent gives up.
+///
+/// # Errors
+/// If the scenario cannot be set up or carried out; that of an agent comes first.
+pub fn run(
+    scenario: &Scenario,
+    grouping: Grouping,
+    chaos_delay: Duration,
+    watcher: &mut dyn Watcher,
+    stop: &AtomicBool,
+) -> Result<Outcome, SingleError> {
+    let (world, _report) = setup::build(scenario)?;
+    let recorder = match &scenario.execution.record {
+        Some(file) => Some(setup::record(file, scenario, &world)?),
+        None => None,
+    };
+    let agents = (0..scenario.agents.count).map(AgentId);
+    let groups: Vec<Vec<AgentId>> = match grouping {
+        Grouping::Apart => agents.map(|agent| vec![agent]).collect(),
+        Grouping::Together => vec![agents.collect()],
+    };
+    let (mut server_end, agents_ends) = in_memory::link(&groups);
+    let agents_stop = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let nodes: Vec<_> = (0..)
+            .zip(groups)
+            .zip(agents_ends)
+            .map(|((instance, agents), mut end)| {
+                let options = Options { agents, controller: None, settings: Vec::new(), instance, chaos_delay };
+                let agents_stop = &agents_stop;
+                scope.spawn(move || {
+                    let ended = agent_node::run::run(&mut end, &options, agents_stop);
+                    if ended.is_err() {
+                        stop.store(true, Ordering::Relaxed);
+                    }
+                    ended
+                })
+            })
+            .collect();
+        let outcome = sim_server::run::run(scenario, world, &mut server_end, recorder, watcher, stop);
+        agents_stop.store(true, Ordering::Relaxed);
+        for node in nodes {
+            node.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        }
+        Ok(outcome?)
+    })
+}

@@ -1,0 +1,389 @@
+//! The messages of the package `maes_msgs`, exactly as in the `.msg` files under `msgs/msg`.
+//!
+//! The `.msg` files are the source of truth: names, order and types of the fields, the constants and the comments are theirs.
+//! Each struct is one file, and serialises to the same CDR bytes as the type that ROS 2 builds from it. Numbers are raw here;
+//! whoever receives a message checks them and converts them to types of its own.
+//!
+//! "Sum of the constants" means a bit set. Sim time is counted in ticks, fixed updates of 20 ms.
+
+use serde::{Deserialize, Serialize};
+
+use crate::geometry_msgs::{Point, Vector3};
+use crate::std_msgs::Header;
+
+/// What the body of an agent can do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Body {
+    /// Radius of the body, a sphere.
+    pub radius_m: f64,
+    /// Highest speed along its path.
+    pub speed_max_m_s: f64,
+    /// How fast it gains speed.
+    pub acceleration_m_s2: f64,
+    /// How fast it brakes.
+    pub deceleration_m_s2: f64,
+    /// Highest rate of turning about the vertical.
+    pub turn_rate_max_rad_s: f64,
+    /// How fast it gains turning rate.
+    pub turn_acceleration_rad_s2: f64,
+    /// How fast it loses turning rate.
+    pub turn_deceleration_rad_s2: f64,
+}
+
+/// A set of map cells, as runs of consecutive cell indices.
+///
+/// The index of cell (x, y, z) in a map of size (sx, sy, sz) is `(z * sy + y) * sx + x`; a run may go on into the next
+/// row. Runs are disjoint and ascending; both arrays have the same length.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CellRuns {
+    /// Index of the first cell of each run.
+    pub start: Vec<u32>,
+    /// Number of cells of each run, at least 1.
+    pub length: Vec<u16>,
+}
+
+/// What an agent answers to an observation: exactly one for each.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Command {
+    /// The tick of the observation it answers.
+    pub tick: u64,
+    /// Who answers.
+    pub agent: u32,
+    /// What the body is to do from now on.
+    pub task: Task,
+    /// When the LiDAR is to scan.
+    pub lidar: LidarRequest,
+    /// Whether the next observation shall hold the view of the last scan.
+    pub want_view: bool,
+    /// What to send in this tick.
+    pub parcels: Vec<Parcel>,
+    /// When to ask again.
+    pub wake: Wake,
+    /// A text for people, at most 1024 bytes; empty: as before.
+    pub info: String,
+}
+
+/// An agent that is heard (and seen) now, by the communication model of the scenario.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Contact {
+    /// Its id.
+    pub agent: u32,
+    /// Centre of its body, metres, frame "map".
+    pub position: Point,
+}
+
+/// A named number of a result.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Counter {
+    /// What was counted.
+    pub name: String,
+    /// How many.
+    pub value: u64,
+}
+
+/// The digest of the run up to and including a tick: a chain over the state of the world, the observations and the
+/// commands.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Digest {
+    /// Sim time of the tick; frame "map".
+    pub header: Header,
+    /// The tick the chain has come to.
+    pub tick: u64,
+    /// The chain, a BLAKE3 hash.
+    pub digest: [u8; 32],
+}
+
+/// An agent's wish to take part, repeated until it is answered on `/sim/join_reply`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Join {
+    /// The id it claims.
+    pub agent: u32,
+    /// A number that tells this process from any other that claims the same id.
+    pub instance: u64,
+    /// Version of this protocol that it speaks.
+    pub protocol: u32,
+    /// Name of what it runs.
+    pub controller: String,
+    /// Last tick it has answered, or [`NONE`](Self::NONE).
+    pub last_tick: u64,
+}
+
+impl Join {
+    /// `last_tick`: none was answered.
+    pub const NONE: u64 = u64::MAX;
+}
+
+/// The server's answer to a join.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct JoinReply {
+    /// The id that was claimed.
+    pub agent: u32,
+    /// The process that is answered.
+    pub instance: u64,
+    /// Whether the agent takes part.
+    pub accepted: bool,
+    /// Why not; empty if accepted.
+    pub reason: String,
+}
+
+/// What the LiDAR of an agent can do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Lidar {
+    /// Rays of a scan.
+    pub rays: u32,
+    /// Range, metres; infinity: unlimited.
+    pub range_m: f64,
+    /// Full opening angle of the cone about the heading; 2 pi: all directions.
+    pub fov_rad: f64,
+    /// Ticks between scans if the agent does not ask otherwise.
+    pub period_ticks: u32,
+}
+
+/// When the LiDAR of an agent is to scan.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LidarRequest {
+    /// One of the constants.
+    pub kind: u8,
+    /// [`EVERY`](Self::EVERY): ticks between scans, at least 1.
+    pub period_ticks: u32,
+}
+
+impl LidarRequest {
+    /// As before; at the start: as the scenario says.
+    pub const KEEP: u8 = 0;
+    /// No scans from now on.
+    pub const NEVER: u8 = 1;
+    /// One scan in the next tick, none after it.
+    pub const ONCE: u8 = 2;
+    /// A scan every `period_ticks`, the next one in the next tick.
+    pub const EVERY: u8 = 3;
+}
+
+/// What an agent learns in a tick it is asked in.
+///
+/// A large observation comes in several parts, in order: the first part has all fields, later parts add cells and
+/// parcels to its lists. No part is larger than 60000 bytes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Observation {
+    /// Sim time of the tick; frame "map".
+    pub header: Header,
+    /// Fixed updates since the start.
+    pub tick: u64,
+    /// Whom this is for.
+    pub agent: u32,
+    /// Number of this part, 0 .. parts - 1.
+    pub part: u16,
+    /// How many parts, at least 1.
+    pub parts: u16,
+    /// [`RUNNING`](Self::RUNNING) or [`ENDED`](Self::ENDED).
+    pub phase: u8,
+    /// Centre of the body, metres, frame "map".
+    pub position: Point,
+    /// Heading, 0 along x, positive to the left, -pi < `yaw_rad` <= pi.
+    pub yaw_rad: f64,
+    /// Velocity of the centre of the body, frame "map".
+    pub velocity_m_s: Vector3,
+    /// Rate of turning about the vertical, positive to the left.
+    pub yaw_rate_rad_s: f64,
+    /// [`IDLE`](Self::IDLE) or [`ACTIVE`](Self::ACTIVE).
+    pub task_status: u8,
+    /// [`NONE`](Self::NONE), [`WALL`](Self::WALL), [`FLOOR`](Self::FLOOR) or [`CEILING`](Self::CEILING).
+    pub collision: u8,
+    /// Whether the collision was with another agent.
+    pub collision_with_agent: bool,
+    /// What has happened since the last observation: sum of the constants of [`Wake`].
+    pub events: u8,
+    /// Agents in contact now, ascending by id.
+    pub contacts: Vec<Contact>,
+    /// Parcels arrived since the last observation, by tick, then by sender.
+    pub parcels: Vec<Parcel>,
+    /// Tick of the last scan, or [`NEVER`](Self::NEVER).
+    pub scan_tick: u64,
+    /// Free cells this agent has seen for the first time since its last observation.
+    pub seen_free: CellRuns,
+    /// The same for walls.
+    pub seen_wall: CellRuns,
+    /// Whether the last command asked for the view and there has been a scan.
+    pub has_view: bool,
+    /// All free cells of the last scan.
+    pub view_free: CellRuns,
+    /// All walls of the last scan.
+    pub view_wall: CellRuns,
+}
+
+impl Observation {
+    /// `phase`: an answer is awaited.
+    pub const RUNNING: u8 = 0;
+    /// `phase`: the run is over; a last empty command with this tick is the receipt.
+    pub const ENDED: u8 = 1;
+    /// `task_status`: nothing to do.
+    pub const IDLE: u8 = 0;
+    /// `task_status`: a task is being carried out.
+    pub const ACTIVE: u8 = 1;
+    /// `collision`: none in the last motion that was tried.
+    pub const NONE: u8 = 0;
+    /// `collision`: something beside the body.
+    pub const WALL: u8 = 1;
+    /// `collision`: something below it.
+    pub const FLOOR: u8 = 2;
+    /// `collision`: something above it.
+    pub const CEILING: u8 = 3;
+    /// `scan_tick`: no scan yet.
+    pub const NEVER: u64 = u64::MAX;
+}
+
+/// Bytes from one agent to another.
+///
+/// The server delivers them in the phase "communicate" of the tick they were sent in, if the communication model lets
+/// the receiver hear the sender then; otherwise they are lost.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Parcel {
+    /// In a command the receiver (or [`BROADCAST`](Self::BROADCAST)), in an observation the sender.
+    pub agent: u32,
+    /// What the bytes are, for accounting; the sender's choice.
+    pub kind: u8,
+    /// The bytes: at most 57344, and so is the sum over the parcels of one command.
+    #[serde(with = "serde_bytes")]
+    pub data: Vec<u8>,
+}
+
+impl Parcel {
+    /// As receiver: everybody in contact.
+    pub const BROADCAST: u32 = u32::MAX;
+}
+
+/// How far the run has come.
+///
+/// Fractions are of the free cells of the true map, 0 .. 1.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    /// Sim time of the tick; frame "map".
+    pub header: Header,
+    /// Fixed updates carried out.
+    pub tick: u64,
+    /// The part seen by at least one agent.
+    pub explored: f64,
+    /// The part visited by at least one agent.
+    pub covered: f64,
+    /// The part seen by agent 0, 1, and so on.
+    pub explored_by: Vec<f64>,
+    /// The part visited by agent 0, 1, and so on.
+    pub covered_by: Vec<f64>,
+    /// Way travelled, metres, by agent 0, 1, and so on.
+    pub distance_m: Vec<f64>,
+}
+
+/// The outcome of a run: the last message of its recording.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Result {
+    /// Sim time of the end; frame "map".
+    pub header: Header,
+    /// Fixed updates carried out.
+    pub tick: u64,
+    /// Why it ended: "explored", "duration", or what ended it early.
+    pub reason: String,
+    /// The part seen by at least one agent; see [`Progress::explored`].
+    pub explored: f64,
+    /// The part visited by at least one agent; see [`Progress::covered`].
+    pub covered: f64,
+    /// The part seen by agent 0, 1, and so on.
+    pub explored_by: Vec<f64>,
+    /// The part visited by agent 0, 1, and so on.
+    pub covered_by: Vec<f64>,
+    /// Way travelled, metres, by agent 0, 1, and so on.
+    pub distance_m: Vec<f64>,
+    /// Decisions, scans, parcels, refusals, and so on.
+    pub counters: Vec<Counter>,
+    /// The digest of the whole run; see [`Digest`].
+    pub digest: [u8; 32],
+}
+
+/// What an agent may know of the run: neither the map nor the seed it was made from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Scenario {
+    /// Version of this protocol, [`limits::PROTOCOL`](crate::limits::PROTOCOL).
+    pub protocol: u32,
+    /// Sim time of one fixed update, nanoseconds.
+    pub tick_ns: u64,
+    /// The run ends at this tick at the latest.
+    pub duration_ticks: u64,
+    /// Cells of the map along x, y, z.
+    pub size: [u32; 3],
+    /// Edge of a cell, metres; the map spans 0 .. size * cell_m, frame "map".
+    pub cell_m: f64,
+    /// How many take part: ids 0 .. agents - 1.
+    pub agents: u32,
+    /// Seed of the agents' random numbers.
+    pub agents_seed: u64,
+    /// What an agent runs if it is not told otherwise.
+    pub controller: String,
+    /// Settings of that controller, each KEY=VALUE.
+    pub settings: Vec<String>,
+    /// What the bodies of the agents can do.
+    pub body: Body,
+    /// What the agents' LiDARs can do.
+    pub lidar: Lidar,
+    /// Range of communication, metres; infinity: as far as the line of sight.
+    pub communication_range_m: f64,
+}
+
+/// What a body does until it is told otherwise.
+///
+/// A task that replaces another starts from rest (a velocity task that replaces a velocity task goes on from the
+/// present velocity).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Task {
+    /// One of the constants.
+    pub kind: u8,
+    /// [`MOVE`](Self::MOVE): elevation above the horizontal, -pi/2 .. pi/2.
+    pub pitch_rad: f64,
+    /// [`MOVE`](Self::MOVE): at least 0; infinity: until a collision.
+    pub distance_m: f64,
+    /// [`TURN`](Self::TURN): positive to the left (counter-clockwise from above), -2 pi .. 2 pi.
+    pub angle_rad: f64,
+    /// [`PATH`](Self::PATH): way-points, metres, frame "map"; 1 to 1024.
+    pub path: Vec<Point>,
+    /// [`VELOCITY`](Self::VELOCITY): in the frame of the body (x forward, y left, z up); clamped to the body.
+    pub linear_m_s: Vector3,
+    /// [`VELOCITY`](Self::VELOCITY): positive to the left; clamped to the body.
+    pub yaw_rate_rad_s: f64,
+}
+
+impl Task {
+    /// Go on with the present task.
+    pub const KEEP: u8 = 0;
+    /// End the present task; at rest at once.
+    pub const STOP: u8 = 1;
+    /// Go straight along the heading, raised by `pitch_rad`, for `distance_m`.
+    pub const MOVE: u8 = 2;
+    /// Turn about the vertical by `angle_rad`.
+    pub const TURN: u8 = 3;
+    /// Go to each of the way-points in turn: turn towards it, then move straight.
+    pub const PATH: u8 = 4;
+    /// Hold a velocity until told otherwise.
+    pub const VELOCITY: u8 = 5;
+}
+
+/// When an agent wants to be asked again: in tick `at_tick` at the latest, and earlier after any of the events named.
+///
+/// Between these ticks the server does not ask it, and does not wait for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Wake {
+    /// The latest tick; one that is not after the present one means the next one.
+    pub at_tick: u64,
+    /// The events, as the sum of the constants.
+    pub events: u8,
+}
+
+impl Wake {
+    /// The task has ended, by itself or by a collision.
+    pub const TASK_DONE: u8 = 1;
+    /// A motion was refused because something is in the way.
+    pub const COLLISION: u8 = 2;
+    /// The centre of the body has entered another cell.
+    pub const NEW_CELL: u8 = 4;
+    /// The set of agents in contact has changed.
+    pub const CONTACTS: u8 = 8;
+    /// A parcel has arrived.
+    pub const PARCEL: u8 = 16;
+}

@@ -1,0 +1,139 @@
+//! Definitions that stand alone: the text that a recording keeps so that anybody can decode it.
+//!
+//! The form is the `ros2msg` schema encoding of MCAP: the definition of the type, then the definition of every type that it
+//! refers to, directly or not, once each. The order is that of rosbag2: depth first, alphabetically at each level.
+//! This module does not write recordings.
+
+use std::collections::BTreeSet;
+
+use crate::message::{ALL, MessageType};
+
+/// What stands between two definitions, before the name of the second.
+const SEPARATOR: &str = "================================================================================";
+
+/// Types that need no definition.
+const PRIMITIVES: [&str; 15] = [
+    "bool", "byte", "char", "float32", "float64", "int8", "int16", "int32", "int64", "string", "uint8", "uint16",
+    "uint32", "uint64", "wstring",
+];
+
+/// The definition of `message` followed by the definitions of all types it refers to.
+///
+/// ```
+/// use msgs::{message::Message, rosgraph_msgs::Clock, schema};
+///
+/// let rule = "=".repeat(80);
+/// let expected =
+///     format!("builtin_interfaces/Time clock\n\n{rule}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n");
+/// assert_eq!(schema::text(Clock::TYPE), expected);
+/// ```
+pub fn text(message: MessageType) -> String {
+    let mut text = message.definition.to_owned();
+    let mut seen = BTreeSet::new();
+    append_dependencies(message, &mut seen, &mut text);
+    text
+}
+
+fn append_dependencies(message: MessageType, seen: &mut BTreeSet<MessageType>, text: &mut String) {
+    for dependency in dependencies(message) {
+        if seen.insert(dependency) {
+            let MessageType { package, name, definition } = dependency;
+            text.push_str(&format!("\n{SEPARATOR}\nMSG: {package}/{name}\n{definition}"));
+            append_dependencies(dependency, seen, text);
+        }
+    }
+}
+
+/// The types that the fields of `message` have, without the primitive ones.
+fn dependencies(message: MessageType) -> BTreeSet<MessageType> {
+    let types = message.definition.lines().filter_map(|line| {
+        let code = line.split('#').next().unwrap_or_default();
+        code.split_whitespace().next()
+    });
+    let elements = types.map(|field| field.split(['[', '<']).next().unwrap_or_default());
+    elements.filter(|element| !PRIMITIVES.contains(element)).map(|element| find(element, message.package)).collect()
+}
+
+/// The type that a field of a message in `package` calls `reference`: a type of the same package needs no package name.
+fn find(reference: &str, package: &str) -> MessageType {
+    let (package, name) = reference.split_once('/').unwrap_or((package, reference));
+    *ALL.iter()
+        .find(|candidate| candidate.package == package && candidate.name == name)
+        .expect("the list of types is complete, and a test asks for the schema of each")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::maes_msgs::{Command, Observation};
+    use crate::message::Message;
+
+    /// The names after the separators, in order.
+    fn appended(message: MessageType) -> Vec<String> {
+        text(message).lines().filter_map(|line| line.strip_prefix("MSG: ")).map(str::to_owned).collect()
+    }
+
+    /// The names of all types that `message` refers to, found by comparing every line with every type there is.
+    fn referred(message: MessageType) -> BTreeSet<String> {
+        let mut found = BTreeSet::new();
+        let mut open = vec![message];
+        while let Some(user) = open.pop() {
+            for &other in ALL {
+                let full = format!("{}/{}", other.package, other.name);
+                let used = user
+                    .definition
+                    .lines()
+                    .map(|line| line.split([' ', '[']).next().unwrap())
+                    .any(|word| word == full || (word == other.name && user.package == other.package));
+                if used && found.insert(full) {
+                    open.push(other);
+                }
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn every_dependency_is_there_exactly_once() {
+        for &message in ALL {
+            let mut names = appended(message);
+            names.sort();
+            assert_eq!(names, referred(message).into_iter().collect::<Vec<_>>(), "{message}");
+        }
+    }
+
+    #[test]
+    fn the_order_is_depth_first_and_alphabetical() {
+        assert_eq!(
+            appended(Command::TYPE),
+            [
+                "maes_msgs/LidarRequest",
+                "maes_msgs/Parcel",
+                "maes_msgs/Task",
+                "geometry_msgs/Point",
+                "geometry_msgs/Vector3",
+                "maes_msgs/Wake"
+            ]
+        );
+        assert_eq!(
+            appended(Observation::TYPE),
+            [
+                "geometry_msgs/Point",
+                "geometry_msgs/Vector3",
+                "maes_msgs/CellRuns",
+                "maes_msgs/Contact",
+                "maes_msgs/Parcel",
+                "std_msgs/Header",
+                "builtin_interfaces/Time"
+            ]
+        );
+    }
+
+    #[test]
+    fn the_definition_itself_comes_first_and_unchanged() {
+        for &message in ALL {
+            assert!(text(message).starts_with(message.definition), "{message}");
+            assert!(message.definition.ends_with('\n'), "{message}");
+        }
+    }
+}

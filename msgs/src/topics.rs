@@ -1,0 +1,224 @@
+//! The topics: what each is called, what type it carries and with which quality of service.
+//!
+//! Invariant: this is the only list; who publishes, subscribes or records a topic asks here. Plain data: this module does not
+//! know the ROS client, and neither who publishes nor how often.
+//!
+//! Reliable topics may still lose samples to a reader that falls behind by more than the depth; in the protocol an answer is
+//! missing then, and what was not answered is sent again.
+
+use std::fmt;
+
+use crate::ids::AgentId;
+use crate::maes_msgs::{Command, Digest, Join, JoinReply, Observation, Progress, Result, Scenario};
+use crate::message::{Message, MessageType};
+use crate::rosgraph_msgs::Clock;
+use crate::tf2_msgs::TFMessage;
+
+/// Samples kept on the topics of the protocol. One is in flight at a time; a large observation has more parts, and a join is
+/// repeated until it is answered.
+const PROTOCOL_DEPTH: u32 = 16;
+
+/// Samples kept of the clock, as the clocks of other simulators do.
+const CLOCK_DEPTH: u32 = 10;
+
+/// Samples kept of the transforms, the value that tf2 uses.
+const TF_DEPTH: u32 = 100;
+
+/// Replies kept for agents that join late: one for each agent that a run may have, and as many refused ones.
+const JOIN_REPLY_DEPTH: u32 = 256;
+
+/// Samples kept of what is only looked at.
+const VIEW_DEPTH: u32 = 10;
+
+/// Whether what was lost on the way is sent again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reliability {
+    /// It is sent again while it is kept.
+    Reliable,
+    /// It is lost.
+    BestEffort,
+}
+
+/// Whether a reader that comes late gets what was sent before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Durability {
+    /// It gets what the writer still keeps.
+    TransientLocal,
+    /// It gets what is sent from then on.
+    Volatile,
+}
+
+/// The quality of service of a topic. The history is always "keep last"; deadline, lifespan and liveliness are not used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Qos {
+    /// Whether what was lost is sent again.
+    pub reliability: Reliability,
+    /// Whether late readers get what was sent before.
+    pub durability: Durability,
+    /// How many samples are kept.
+    pub depth: u32,
+}
+
+impl Qos {
+    const fn reliable(depth: u32) -> Self {
+        Qos { reliability: Reliability::Reliable, durability: Durability::Volatile, depth }
+    }
+
+    const fn latched(depth: u32) -> Self {
+        Qos { reliability: Reliability::Reliable, durability: Durability::TransientLocal, depth }
+    }
+
+    /// The value of `offered_qos_profiles` in a recording: the YAML list that rosbag2 reads, in the form with integers,
+    /// because the releases before Jazzy know no other.
+    pub fn offered_qos_profiles(&self) -> String {
+        let reliability = match self.reliability {
+            Reliability::Reliable => 1,
+            Reliability::BestEffort => 2,
+        };
+        let durability = match self.durability {
+            Durability::TransientLocal => 1,
+            Durability::Volatile => 2,
+        };
+        let depth = self.depth;
+        format!(
+            "- history: 1\n  depth: {depth}\n  reliability: {reliability}\n  durability: {durability}\n\
+             \x20 deadline:\n{INFINITE}  lifespan:\n{INFINITE}  liveliness: 1\n  liveliness_lease_duration:\n{INFINITE}\
+             \x20 avoid_ros_namespace_conventions: false\n"
+        )
+    }
+}
+
+/// The duration that means "none set" in a QoS profile.
+const INFINITE: &str = "    sec: 9223372036\n    nsec: 854775807\n";
+
+/// A topic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Topic {
+    /// Its name, absolute.
+    pub name: String,
+    /// The type of its messages.
+    pub message: MessageType,
+    /// Its quality of service, the same at both ends.
+    pub qos: Qos,
+}
+
+impl Topic {
+    fn new<M: Message>(name: impl Into<String>, qos: Qos) -> Self {
+        Topic { name: name.into(), message: M::TYPE, qos }
+    }
+}
+
+impl fmt::Display for Topic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} [{}]", self.name, self.message)
+    }
+}
+
+/// The lock-step clock, every fixed update.
+pub fn clock() -> Topic {
+    Topic::new::<Clock>("/clock", Qos::reliable(CLOCK_DEPTH))
+}
+
+/// What agents may know of the run; also for those that start later.
+pub fn scenario() -> Topic {
+    Topic::new::<Scenario>("/sim/scenario", Qos::latched(1))
+}
+
+/// The answers to joins, for all agents.
+pub fn join_reply() -> Topic {
+    Topic::new::<JoinReply>("/sim/join_reply", Qos::latched(JOIN_REPLY_DEPTH))
+}
+
+/// An agent's wish to take part.
+pub fn join(agent: AgentId) -> Topic {
+    Topic::new::<Join>(format!("/agent_{agent}/join"), Qos::reliable(PROTOCOL_DEPTH))
+}
+
+/// What an agent learns.
+pub fn observation(agent: AgentId) -> Topic {
+    Topic::new::<Observation>(format!("/agent_{agent}/observation"), Qos::reliable(PROTOCOL_DEPTH))
+}
+
+/// What an agent answers.
+pub fn command(agent: AgentId) -> Topic {
+    Topic::new::<Command>(format!("/agent_{agent}/command"), Qos::reliable(PROTOCOL_DEPTH))
+}
+
+/// The poses of the agents, as transforms from `map` to `agent_<id>/base_link`.
+pub fn tf() -> Topic {
+    Topic::new::<TFMessage>("/tf", Qos::reliable(TF_DEPTH))
+}
+
+/// How far the run has come; the last one also for those that look later.
+pub fn progress() -> Topic {
+    Topic::new::<Progress>("/sim/progress", Qos::latched(1))
+}
+
+/// The digest of the run, every second of sim time.
+pub fn digest() -> Topic {
+    Topic::new::<Digest>("/sim/digest", Qos::reliable(VIEW_DEPTH))
+}
+
+/// The outcome of the run; also for those that look later.
+pub fn result() -> Topic {
+    Topic::new::<Result>("/sim/result", Qos::latched(1))
+}
+
+/// All topics of a run with this many agents: those of the simulation, then those of agent 0, 1, and so on.
+///
+/// ```
+/// let topics = msgs::topics::all(2);
+/// assert_eq!(topics[0].to_string(), "/clock [rosgraph_msgs/msg/Clock]");
+/// assert_eq!(topics.last().unwrap().name, "/agent_1/command");
+/// ```
+pub fn all(agents: u32) -> Vec<Topic> {
+    let mut topics = vec![clock(), scenario(), join_reply(), tf(), progress(), digest(), result()];
+    for agent in (0..agents).map(AgentId) {
+        topics.extend([join(agent), observation(agent), command(agent)]);
+    }
+    topics
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_absolute() {
+        let mut names: Vec<String> = all(12).into_iter().map(|topic| topic.name).collect();
+        assert!(names.iter().all(|name| name.starts_with('/') && !name.contains("//")));
+        let count = names.len();
+        names.sort();
+        names.dedup();
+        assert_eq!((names.len(), count), (7 + 36, 7 + 36));
+    }
+
+    #[test]
+    fn qos_of_an_observation_as_rosbag2_writes_it() {
+        let expected = "\
+- history: 1
+  depth: 16
+  reliability: 1
+  durability: 2
+  deadline:
+    sec: 9223372036
+    nsec: 854775807
+  lifespan:
+    sec: 9223372036
+    nsec: 854775807
+  liveliness: 1
+  liveliness_lease_duration:
+    sec: 9223372036
+    nsec: 854775807
+  avoid_ros_namespace_conventions: false
+";
+        assert_eq!(observation(AgentId(3)).qos.offered_qos_profiles(), expected);
+    }
+
+    #[test]
+    fn latched_topics_say_so() {
+        for topic in [scenario(), join_reply(), progress(), result()] {
+            assert!(topic.qos.offered_qos_profiles().contains("  durability: 1\n"), "{topic}");
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! The interface package and the structs say the same.
+//!
+//! - `definitions`: the `.msg` files, as they are and as this test reads them, against the fields of the structs;
+//! - `fixtures`: the bytes that a real ROS 2 makes of each message, against ours;
+//! - `sample`: a message with another value in every field;
+//! - `shape`: the fields of a struct, as serde sees them.
+
+#![expect(clippy::unwrap_used, reason = "a test that finds what it does not expect has failed")]
+
+mod definitions;
+mod fixtures;
+mod sample;
+mod shape;
+
+use msgs::message::{Message, MessageType};
+
+/// A message type and what the tests do with it.
+struct Case {
+    message: MessageType,
+    record: fn(&mut shape::Shapes),
+    compare: fn(fixtures::Way, &[u8]),
+}
+
+impl Case {
+    fn new<M: Message + Default + PartialEq + std::fmt::Debug>() -> Self {
+        Case { message: M::TYPE, record: shape::record::<M>, compare: fixtures::compare::<M> }
+    }
+
+    /// The name as it stands in a `.msg` file: `maes_msgs/Task`.
+    fn name(&self) -> String {
+        format!("{}/{}", self.message.package, self.message.name)
+    }
+}
+
+/// One case for each type of the crate.
+fn cases() -> Vec<Case> {
+    macro_rules! cases {
+        ($($package:ident { $($name:ident)* })*) => { vec![$($(Case::new::<msgs::$package::$name>(),)*)*] };
+    }
+    cases! {
+        builtin_interfaces { Duration Time }
+        geometry_msgs { Point Quaternion Transform TransformStamped Vector3 }
+        maes_msgs {
+            Body CellRuns Command Contact Counter Digest Join JoinReply Lidar LidarRequest Observation Parcel Progress
+            Result Scenario Task Wake
+        }
+        rosgraph_msgs { Clock }
+        std_msgs { Header }
+        tf2_msgs { TFMessage }
+    }
+}
+
+#[test]
+fn no_type_is_left_out() {
+    let names: Vec<MessageType> = cases().into_iter().map(|case| case.message).collect();
+    assert_eq!(names, msgs::message::ALL);
+}

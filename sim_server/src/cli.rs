@@ -1,0 +1,205 @@
+//! What the user types: the arguments of the binary, and how they become overrides of the scenario.
+//!
+//! This module only declares; it opens nothing and runs nothing.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::map_cli::MapCommand;
+use crate::scenario::Override;
+
+/// World server of a deterministic simulator of 3-D multi-agent exploration.
+#[derive(Debug, Parser)]
+#[command(name = "sim_server", version, arg_required_else_help = true)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Serve a run over ROS 2
+    #[cfg(feature = "ros")]
+    Run(RunArgs),
+    /// Print a scenario with all its keys, or one of them
+    Scenario(ScenarioArgs),
+    /// Make, describe and convert maps
+    #[command(subcommand)]
+    Map(MapCommand),
+    /// Describe a recording: scenario, result, counters, digest
+    Info {
+        /// The recording (.mcap)
+        file: PathBuf,
+    },
+}
+
+/// Arguments of `run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// The scenario (.toml)
+    pub scenario: PathBuf,
+    /// Keys of the scenario that are to be different.
+    #[command(flatten)]
+    pub keys: KeyArgs,
+}
+
+/// Arguments of `scenario`.
+#[derive(Debug, Args)]
+pub struct ScenarioArgs {
+    /// The scenario (.toml)
+    pub scenario: PathBuf,
+    /// Print only the value of this key, for example agents.count
+    #[arg(long, value_name = "KEY")]
+    pub get: Option<String>,
+    /// Keys of the scenario that are to be different.
+    #[command(flatten)]
+    pub keys: KeyArgs,
+}
+
+/// Flags that override keys of the scenario.
+#[derive(Debug, Args, Default)]
+pub struct KeyArgs {
+    /// agents.count: how many agents take part
+    #[arg(long, value_name = "N")]
+    pub agents: Option<u32>,
+    /// agents.controller: what they run
+    #[arg(long, value_name = "NAME")]
+    pub controller: Option<String>,
+    /// map.kind: spheres, noise, or a map file (.m3dm, .txt)
+    #[arg(long, value_name = "spheres|noise|FILE")]
+    pub map: Option<String>,
+    /// map.size: cells along each axis, for example 100 or 100x80x30
+    #[arg(long, value_name = "S|XxYxZ", value_parser = size)]
+    pub size: Option<toml::Value>,
+    /// seed: of the map and of the agents
+    #[arg(long, value_name = "K")]
+    pub seed: Option<u64>,
+    /// duration_s: sim time after which the run ends
+    #[arg(long, value_name = "SECONDS")]
+    pub duration: Option<f64>,
+    /// execution.record: where the recording goes
+    #[arg(long, value_name = "FILE.mcap")]
+    pub record: Option<String>,
+    /// execution.rtf: sim seconds for each second of wall time, or max
+    #[arg(long, value_name = "X|max", value_parser = rtf)]
+    pub rtf: Option<toml::Value>,
+    /// execution.threads: threads that cast scans; 0: all cores
+    #[arg(long, value_name = "N")]
+    pub threads: Option<u32>,
+    /// execution.look_ahead: ask agents only when they are due
+    #[arg(long, value_name = "true|false")]
+    pub look_ahead: Option<bool>,
+    /// execution.join_timeout_s: how long to wait for all agents
+    #[arg(long, value_name = "SECONDS")]
+    pub join_timeout: Option<f64>,
+    /// execution.decision_timeout_s: how long to wait for a decision
+    #[arg(long, value_name = "SECONDS")]
+    pub decision_timeout: Option<f64>,
+    /// Any key of the scenario, for example lidar.range_m=20; can be given again
+    #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
+    pub set: Vec<(String, toml::Value)>,
+}
+
+impl KeyArgs {
+    /// The overrides that were typed; `--set` comes last.
+    #[must_use]
+    pub fn overrides(&self) -> Vec<Override> {
+        let mut overrides = Vec::new();
+        let mut set = |flag: &str, key: &str, value: Option<toml::Value>| {
+            overrides.extend(value.map(|value| Override {
+                origin: format!("{flag} {value}"),
+                key: key.to_owned(),
+                value,
+            }));
+        };
+        set("--agents", "agents.count", self.agents.map(Into::into));
+        set("--controller", "agents.controller", self.controller.clone().map(Into::into));
+        set("--size", "map.size", self.size.clone());
+        // A u64 beyond what TOML holds becomes a text, which the scenario then refuses with its name.
+        let seed = self.seed.map(|seed| i64::try_from(seed).map_or_else(|_| seed.to_string().into(), Into::into));
+        set("--seed", "seed", seed);
+        set("--duration", "duration_s", self.duration.map(Into::into));
+        set("--record", "execution.record", self.record.clone().map(Into::into));
+        set("--rtf", "execution.rtf", self.rtf.clone());
+        set("--threads", "execution.threads", self.threads.map(Into::into));
+        set("--look-ahead", "execution.look_ahead", self.look_ahead.map(Into::into));
+        set("--join-timeout", "execution.join_timeout_s", self.join_timeout.map(Into::into));
+        set("--decision-timeout", "execution.decision_timeout_s", self.decision_timeout.map(Into::into));
+        if let Some(map) = &self.map {
+            overrides.push(map_override(map));
+        }
+        overrides.extend(self.set.iter().map(|(key, value)| Override {
+            origin: format!("--set {key}={value}"),
+            key: key.clone(),
+            value: value.clone(),
+        }));
+        overrides
+    }
+}
+
+/// `--map` sets the table as a whole as far as a file and a generator exclude each other.
+fn map_override(map: &str) -> Override {
+    let origin = format!("--map {map}");
+    if matches!(map, "spheres" | "noise") {
+        return Override { origin, key: "map.kind".to_owned(), value: map.into() };
+    }
+    let table = toml::Table::from_iter([
+        ("kind".to_owned(), toml::Value::from("file")),
+        ("file".to_owned(), toml::Value::from(map)),
+    ]);
+    Override { origin, key: "map".to_owned(), value: table.into() }
+}
+
+fn size(text: &str) -> Result<toml::Value, String> {
+    let cells: Result<Vec<toml::Value>, _> =
+        text.split('x').map(|part| part.parse::<u32>().map(|cells| i64::from(cells).into())).collect();
+    match cells.as_deref() {
+        Ok([edge]) => Ok(edge.clone()),
+        Ok([_, _, _]) => Ok(toml::Value::Array(cells.unwrap_or_default())),
+        _ => Err("expected a number of cells, or three joined by x, such as 100x80x30".to_owned()),
+    }
+}
+
+fn rtf(text: &str) -> Result<toml::Value, String> {
+    match text.parse::<f64>() {
+        Ok(limit) => Ok(limit.into()),
+        Err(_) if text == "max" => Ok(text.into()),
+        Err(_) => Err("expected a number or max".to_owned()),
+    }
+}
+
+fn assignment(text: &str) -> Result<(String, toml::Value), String> {
+    let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE")?;
+    let parsed = toml::from_str::<toml::Table>(&format!("value = {value}"));
+    let value = parsed.ok().and_then(|mut table| table.remove("value")).unwrap_or_else(|| value.into());
+    Ok((key.trim().to_owned(), value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_declaration_is_consistent() {
+        use clap::CommandFactory;
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_rates_and_assignments() {
+        assert_eq!(size("50"), Ok(50.into()));
+        assert_eq!(size("50x40x30"), Ok(toml::Value::Array(vec![50.into(), 40.into(), 30.into()])));
+        assert!(size("50x40").is_err());
+        assert!(size("-1").is_err());
+        assert_eq!(rtf("max"), Ok("max".into()));
+        assert_eq!(rtf("2.5"), Ok(2.5.into()));
+        assert!(rtf("fast").is_err());
+        assert_eq!(assignment("lidar.range_m=20.5"), Ok(("lidar.range_m".into(), 20.5.into())));
+        assert_eq!(assignment("agents.controller=rbw"), Ok(("agents.controller".into(), "rbw".into())));
+        assert_eq!(assignment("a=[1, 2]").unwrap().1, toml::Value::Array(vec![1.into(), 2.into()]));
+        assert!(assignment("a").is_err());
+    }
+}

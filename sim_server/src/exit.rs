@@ -1,0 +1,32 @@
+//! The exit codes of a run, the same whatever carries it out.
+
+use std::process::ExitCode;
+
+use crate::run::{INTERRUPTED, Outcome, RunError};
+
+/// A failure of the system: no network, a full disk.
+pub const FAILED: u8 = 1;
+/// Bad input: a scenario, a map, a recording, an argument.
+pub const BAD_INPUT: u8 = 2;
+/// Agents were missing at the start.
+pub const AGENTS_MISSING: u8 = 3;
+/// An agent was lost and the scenario says `abort`.
+pub const AGENTS_LOST: u8 = 4;
+/// The run was interrupted by a signal: 128 + SIGINT.
+pub const BY_SIGNAL: u8 = 130;
+
+/// The exit code for a run with a result.
+#[must_use]
+pub fn of_outcome(outcome: &Outcome) -> ExitCode {
+    if outcome.result.reason == INTERRUPTED { ExitCode::from(BY_SIGNAL) } else { ExitCode::SUCCESS }
+}
+
+/// The exit code for a run without one.
+#[must_use]
+pub fn of_error(error: &RunError) -> ExitCode {
+    ExitCode::from(match error {
+        RunError::AgentsMissing { .. } => AGENTS_MISSING,
+        RunError::AgentsLost { .. } => AGENTS_LOST,
+        RunError::Record(_) | RunError::Threads(_) => FAILED,
+    })
+}

@@ -1,0 +1,25 @@
+//! The world server: owns the true world and the clock of a run.
+//!
+//! In reading order: [`scenario`] says what a run is; [`mapgen`] makes its terrain and [`world`] its physics; [`lockstep`] says
+//! who is asked when; [`run`] puts them together over a [`link`]; [`wire`] translates to messages, [`recorder`] and [`digest`]
+//! keep them; `ros` is the link over ROS 2.
+//!
+//! This crate knows nothing of what agents believe or how they decide.
+
+pub mod cli;
+pub mod digest;
+pub mod exit;
+pub mod info;
+pub mod link;
+pub mod lockstep;
+pub mod map_cli;
+pub mod mapgen;
+pub mod recorder;
+#[cfg(feature = "ros")]
+pub mod ros;
+pub mod run;
+pub mod scenario;
+pub mod setup;
+pub mod terminal;
+pub mod wire;
+pub mod world;

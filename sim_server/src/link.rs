@@ -1,0 +1,54 @@
+//! How the server meets its agents: the small trait that ROS 2 and the in-memory transport implement.
+//!
+//! Invariants: no method blocks on an agent, except [`Link::receive`] for at most its time-out; what is sent may get lost, and
+//! the run loop sends it again on silence; messages come out as they went in, in any order between agents.
+
+use std::time::Duration;
+
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
+
+/// Who sent a message, as far as the transport can tell: one value for each process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SourceId(pub [u8; 16]);
+
+/// A message from an agent process.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Inbound {
+    /// From the topic `join` of an agent.
+    Join(Join),
+    /// From the topic `command` of an agent.
+    Command(Command),
+    /// Bytes on one of these topics that are no such message.
+    Undecodable {
+        /// What is wrong with them.
+        reason: String,
+    },
+}
+
+/// A message and where it came from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Incoming {
+    /// Whose topic it came in on.
+    pub topic_agent: AgentId,
+    /// Which process sent it.
+    pub source: SourceId,
+    /// The message.
+    pub message: Inbound,
+}
+
+/// The server's side of a transport.
+pub trait Link {
+    /// Tells all agents, present and future, what they may know of the scenario.
+    fn announce(&mut self, scenario: &Scenario);
+    /// Answers a join.
+    fn reply_join(&mut self, reply: &JoinReply);
+    /// Sends one part of an observation.
+    fn send(&mut self, agent: AgentId, part: &Observation);
+    /// Publishes the lock-step clock for onlookers.
+    fn clock(&mut self, tick: Tick);
+    /// Publishes the progress for onlookers.
+    fn progress(&mut self, progress: &Progress);
+    /// The next message, or `None` if none came in time.
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming>;
+}

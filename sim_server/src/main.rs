@@ -1,0 +1,112 @@
+//! The world server. Start reading at [`run`]; every exit code is made here.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use sim_server::cli::{Cli, Command, ScenarioArgs};
+use sim_server::{exit, info, map_cli, setup};
+
+fn main() -> ExitCode {
+    match dispatch(Cli::parse().command) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(exit::BAD_INPUT)
+        }
+    }
+}
+
+fn dispatch(command: Command) -> anyhow::Result<ExitCode> {
+    match command {
+        #[cfg(feature = "ros")]
+        Command::Run(args) => serve::run(&args),
+        Command::Scenario(args) => scenario(&args),
+        Command::Map(command) => {
+            map_cli::run(command)?;
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Info { file } => {
+            print(&info::text(&info::read(&file)?));
+            Ok(ExitCode::SUCCESS)
+        }
+    }
+}
+
+fn scenario(args: &ScenarioArgs) -> anyhow::Result<ExitCode> {
+    let scenario = setup::load(&args.scenario, &args.keys.overrides())?;
+    let text = scenario.to_toml();
+    match &args.get {
+        None => print(text.trim_end()),
+        Some(key) => {
+            let table: toml::Table = toml::from_str(&text)?;
+            let value = key
+                .split('.')
+                .try_fold(&toml::Value::Table(table), |place, part| place.get(part))
+                .map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_owned));
+            print(&value.ok_or_else(|| anyhow::anyhow!("--get {key}: the scenario has no such key"))?);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+#[expect(clippy::print_stdout, reason = "stdout is for results, and this is where they go out")]
+fn print(text: &str) {
+    println!("{text}");
+}
+
+#[cfg(feature = "ros")]
+mod serve {
+    use std::process::ExitCode;
+    use std::sync::Arc;
+    use std::sync::atomic::AtomicBool;
+
+    use anyhow::Context;
+    use msgs::ros_env::RosEnv;
+    use sim_server::cli::RunArgs;
+    use sim_server::ros::RosLink;
+    use sim_server::terminal::{self, Terminal};
+    use sim_server::{exit, run, setup};
+
+    /// Serves a run over ROS 2.
+    pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
+        let scenario = setup::load(&args.scenario, &args.keys.overrides())?;
+        let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
+        let (world, map) = setup::build(&scenario)?;
+        eprintln!(
+            "map seed {}: {} free cells, {:.1} % of the volume",
+            map.seed,
+            map.free_cells,
+            map.free_fraction * 100.0
+        );
+        let stop = Arc::new(AtomicBool::new(false));
+        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+            signal_hook::flag::register_conditional_shutdown(signal, exit::BY_SIGNAL.into(), Arc::clone(&stop))
+                .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
+                .context("handling signals")?;
+        }
+        let recorder = match &scenario.execution.record {
+            Some(file) => Some(setup::record(file, &scenario, &world)?),
+            None => None,
+        };
+        let mut link = match RosLink::new(scenario.agents.count, &env) {
+            Ok(link) => link,
+            Err(error) => {
+                eprintln!("error: {error}");
+                return Ok(ExitCode::from(exit::FAILED));
+            }
+        };
+        let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count);
+        let ended = run::run(&scenario, world, &mut link, recorder, &mut terminal, &stop);
+        terminal.clear();
+        Ok(match ended {
+            Ok(outcome) => {
+                super::print(&terminal::result_text(&outcome));
+                exit::of_outcome(&outcome)
+            }
+            Err(error) => {
+                eprintln!("error: {error}");
+                exit::of_error(&error)
+            }
+        })
+    }
+}

@@ -1,0 +1,411 @@
+//! The commands `sim_server map generate|info|convert`.
+//!
+//! Results go to stdout. A command that fails has written no file: a file is complete under a temporary name before it
+//! takes its own. Maps themselves are made and read in [`mapgen`]; here are only files, options and
+//! words.
+
+use std::fmt::Display;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand, ValueEnum};
+use thiserror::Error;
+use voxels::{Cell, Extent, ExtentError, Grid, Terrain, close_shell, free_components, is_wall_at};
+
+use crate::mapgen::{self, FormatError, ImportSpec, MapError, MapFormat, MapReport, MapSpec, NoiseSpec, SpheresSpec};
+
+/// Make, describe and convert maps.
+#[derive(Debug, Clone, PartialEq, Subcommand)]
+pub enum MapCommand {
+    /// Make a map and write it to a file.
+    Generate(GenerateArgs),
+    /// Describe map files as they stand.
+    Info(InfoArgs),
+    /// Write a map in another format, with its shell closed and its pockets filled.
+    Convert(ConvertArgs),
+}
+
+/// Options of `map generate`.
+#[derive(Debug, Clone, PartialEq, Args)]
+pub struct GenerateArgs {
+    /// How the map is made.
+    #[arg(long, value_enum, default_value_t = Kind::Spheres)]
+    pub kind: Kind,
+    /// Cells along every axis, as one number or as XxYxZ.
+    #[arg(long, value_name = "S|XxYxZ", value_parser = parse_size)]
+    pub size: [u32; 3],
+    /// Length of a cell's edge in metres; only for the report, no map format stores it.
+    #[arg(long, value_name = "M", default_value_t = 1.0)]
+    pub cell_m: f64,
+    /// Seed of the map; without it one is drawn and printed.
+    #[arg(long, value_name = "K")]
+    pub seed: Option<u64>,
+    /// Spheres: share of the volume to free [default: 0.2]. Noise: probability of wall [default: 0.53].
+    #[arg(long, value_name = "SHARE")]
+    pub fill: Option<f64>,
+    /// Spheres: smallest radius and radius of tunnels, in cells [default: 3].
+    #[arg(long, value_name = "CELLS")]
+    pub radius_min: Option<u32>,
+    /// Spheres: largest radius in cells [default: 8].
+    #[arg(long, value_name = "CELLS")]
+    pub radius_max: Option<u32>,
+    /// Spheres: nearest spheres that each one is joined to [default: 3].
+    #[arg(long, value_name = "N")]
+    pub connections: Option<u32>,
+    /// Smoothing passes [default: 5].
+    #[arg(long, value_name = "N")]
+    pub smoothing: Option<u32>,
+    /// The file to write, .m3dm or .txt.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+/// The generators that need no file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Kind {
+    /// Random Connected Spheres.
+    Spheres,
+    /// Smoothed Noise.
+    Noise,
+}
+
+/// Options of `map info`.
+#[derive(Debug, Clone, PartialEq, Args)]
+pub struct InfoArgs {
+    /// Map files, .m3dm or .txt.
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Draw one layer of cells, for instance z=25.
+    #[arg(long, value_name = "AXIS=K", value_parser = parse_slice)]
+    pub slice: Option<Slice>,
+}
+
+/// Options of `map convert`.
+#[derive(Debug, Clone, PartialEq, Args)]
+pub struct ConvertArgs {
+    /// The map to read, .m3dm or .txt.
+    #[arg(value_name = "IN")]
+    pub input: PathBuf,
+    /// The file to write, .m3dm or .txt.
+    #[arg(value_name = "OUT")]
+    pub output: PathBuf,
+    /// Leave the shell open where it is open, and the pockets.
+    #[arg(long)]
+    pub as_is: bool,
+}
+
+/// One layer of cells: those whose coordinate along `axis` (0 is x, 2 is z) is `at`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Slice {
+    axis: usize,
+    at: u32,
+}
+
+/// Names of the axes, by index.
+const AXES: [char; 3] = ['x', 'y', 'z'];
+
+/// Why a map command failed; always one line.
+#[derive(Debug, Error)]
+pub enum MapCliError {
+    /// A file cannot be read.
+    #[error("{}: cannot be read: {reason}", .file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// The system's reason.
+        reason: io::Error,
+    },
+    /// A file cannot be written; it is as it was before.
+    #[error("{}: cannot be written: {reason}", .file.display())]
+    Write {
+        /// The file.
+        file: PathBuf,
+        /// The system's reason.
+        reason: io::Error,
+    },
+    /// A file's name or content does not fit a map format.
+    #[error("{}: {reason}", .file.display())]
+    Format {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong, and where.
+        reason: FormatError,
+    },
+    /// The size or the cell length is not usable.
+    #[error(transparent)]
+    Extent(#[from] ExtentError),
+    /// No map can be made from the options or the file.
+    #[error(transparent)]
+    Map(#[from] MapError),
+    /// An option that the chosen kind of map does not have.
+    #[error("--{option} is not an option of --kind noise, which has --fill and --smoothing")]
+    NotForNoise {
+        /// The option's name.
+        option: &'static str,
+    },
+    /// A slice outside the map.
+    #[error("{}: --slice {axis}={at} is outside the map, {axis} goes from 0 to {last}", .file.display())]
+    Slice {
+        /// The file.
+        file: PathBuf,
+        /// `x`, `y` or `z`.
+        axis: char,
+        /// The layer that was asked for.
+        at: u32,
+        /// The last layer of the map.
+        last: u32,
+    },
+    /// The operating system gives no random numbers.
+    #[error("no seed can be drawn ({0}); give one with --seed")]
+    Seed(getrandom::Error),
+    /// The report cannot be printed.
+    #[error("stdout: {0}")]
+    Print(#[from] io::Error),
+}
+
+/// Carries out one map command and prints its report on stdout.
+///
+/// # Errors
+/// For everything that is wrong with options and files; no file has been written or changed then.
+pub fn run(command: MapCommand) -> Result<(), MapCliError> {
+    match run_to(command, &mut io::stdout().lock()) {
+        // Whoever reads the report may stop reading it, like `head`.
+        Err(MapCliError::Print(error)) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        result => result,
+    }
+}
+
+fn run_to(command: MapCommand, out: &mut dyn Write) -> Result<(), MapCliError> {
+    match command {
+        MapCommand::Generate(args) => generate(&args, out),
+        MapCommand::Info(args) => info(&args, out),
+        MapCommand::Convert(args) => convert(&args, out),
+    }
+}
+
+fn generate(args: &GenerateArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
+    let format = format_of(&args.output)?;
+    let extent = Extent::new(args.size, args.cell_m)?;
+    let in_output = |reason| MapCliError::Format { file: args.output.clone(), reason };
+    format.check(extent).map_err(in_output)?;
+    let spec = spec_of(args)?;
+    spec.check(extent)?;
+    let seed = match args.seed {
+        Some(seed) => seed,
+        // 32 bits are enough for maps to differ, and short enough to be typed again.
+        None => getrandom::u32().map_err(MapCliError::Seed)?.into(),
+    };
+    let map = mapgen::generate(&spec, extent, seed)?;
+    write_file(&args.output, &format.write(&map.terrain).map_err(in_output)?)?;
+
+    let mut report = Report::new(out);
+    report.line("file", args.output.display())?;
+    report.line("seed", seed)?;
+    let [x_m, y_m, z_m] = extent.size().map(|cells| f64::from(cells) * extent.cell_m());
+    report.line("size", format_args!("{} ({x_m} m x {y_m} m x {z_m} m)", by(extent)))?;
+    report.cells(extent, map.report.free_cells)?;
+    if let Some(carved) = map.report.carved {
+        report.line("spheres", carved.spheres)?;
+        report.line("tunnels", carved.tunnels)?;
+    }
+    report.repairs(&map.report)?;
+    report.line("blake3", mapgen::terrain_hash(&map.terrain))
+}
+
+/// What the options say, with the generator's defaults for what they leave out.
+fn spec_of(args: &GenerateArgs) -> Result<MapSpec, MapCliError> {
+    match args.kind {
+        Kind::Spheres => {
+            let default = SpheresSpec::default();
+            Ok(MapSpec::Spheres(SpheresSpec {
+                fill_ratio: args.fill.unwrap_or(default.fill_ratio),
+                radius_min: args.radius_min.unwrap_or(default.radius_min),
+                radius_max: args.radius_max.unwrap_or(default.radius_max),
+                connections: args.connections.unwrap_or(default.connections),
+                smoothing: args.smoothing.unwrap_or(default.smoothing),
+            }))
+        }
+        Kind::Noise => {
+            let foreign =
+                [("radius-min", args.radius_min), ("radius-max", args.radius_max), ("connections", args.connections)];
+            if let Some((option, _)) = foreign.into_iter().find(|(_, value)| value.is_some()) {
+                return Err(MapCliError::NotForNoise { option });
+            }
+            let default = NoiseSpec::default();
+            Ok(MapSpec::Noise(NoiseSpec {
+                fill: args.fill.unwrap_or(default.fill),
+                smoothing: args.smoothing.unwrap_or(default.smoothing),
+            }))
+        }
+    }
+}
+
+fn info(args: &InfoArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
+    for (index, file) in args.files.iter().enumerate() {
+        if index > 0 {
+            writeln!(out)?;
+        }
+        let spec = ImportSpec { file: file.display().to_string(), bytes: read_bytes(file)? };
+        let terrain = spec.read()?;
+        let slice = args.slice.map(|slice| slice.draw(&terrain, file)).transpose()?;
+        describe(file, &terrain, out)?;
+        if let Some(slice) = slice {
+            write!(out, "\n{slice}")?;
+        }
+    }
+    Ok(())
+}
+
+fn describe(file: &Path, terrain: &Grid<Terrain>, out: &mut dyn Write) -> Result<(), MapCliError> {
+    let extent = terrain.extent();
+    let components = free_components(terrain);
+    let open = close_shell(&mut terrain.clone(), 1);
+    let mut report = Report::new(out);
+    report.line("file", file.display())?;
+    report.line("size", by(extent))?;
+    report.cells(extent, mapgen::free_cells(terrain))?;
+    match components.sizes.as_slice() {
+        sizes @ ([] | [_]) => report.line("components", sizes.len())?,
+        sizes => {
+            let largest = sizes.iter().max().copied().unwrap_or_default();
+            report.line("components", format_args!("{} (the largest has {largest} cells)", sizes.len()))?;
+        }
+    }
+    match open {
+        0 => report.line("shell", "closed")?,
+        _ => report.line("shell", format_args!("open ({open} free cells in the outermost layer)"))?,
+    }
+    report.line("blake3", mapgen::terrain_hash(terrain))
+}
+
+fn convert(args: &ConvertArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
+    let output = format_of(&args.output)?;
+    let bytes = read_bytes(&args.input)?;
+    let spec = ImportSpec { file: args.input.display().to_string(), bytes };
+    let as_read = spec.read()?;
+    let extent = as_read.extent();
+    let repaired = if args.as_is {
+        None
+    } else {
+        // No part of an import depends on the seed.
+        Some(mapgen::generate(&MapSpec::Import(spec), extent, 0)?)
+    };
+    let terrain = repaired.as_ref().map_or(&as_read, |map| &map.terrain);
+    let encoded = output.write(terrain).map_err(|reason| MapCliError::Format { file: args.output.clone(), reason })?;
+    write_file(&args.output, &encoded)?;
+
+    let mut report = Report::new(out);
+    report.line("file", args.output.display())?;
+    report.line("size", by(extent))?;
+    report.cells(extent, mapgen::free_cells(terrain))?;
+    match &repaired {
+        Some(map) => report.repairs(&map.report)?,
+        None => report.line("repairs", "none (--as-is)")?,
+    }
+    report.line("blake3", mapgen::terrain_hash(terrain))
+}
+
+impl Slice {
+    /// The layer as text: the higher of the two remaining axes grows upwards, the other one to the right.
+    fn draw(self, terrain: &Grid<Terrain>, file: &Path) -> Result<String, MapCliError> {
+        let size = terrain.extent().size();
+        let Self { axis, at } = self;
+        if at >= size[axis] {
+            let last = size[axis] - 1;
+            return Err(MapCliError::Slice { file: file.to_path_buf(), axis: AXES[axis], at, last });
+        }
+        let (right, up) = [(1, 2), (0, 2), (0, 1)][axis];
+        let mut text = format!("{} = {at}, {} to the right, {} upwards\n", AXES[axis], AXES[right], AXES[up]);
+        for row in (0..size[up]).rev() {
+            for column in 0..size[right] {
+                let mut cell = [0; 3];
+                (cell[axis], cell[right], cell[up]) = (at as i32, column as i32, row as i32);
+                let [x, y, z] = cell;
+                text.push(if is_wall_at(terrain, Cell::new(x, y, z)) { '#' } else { '.' });
+            }
+            text.push('\n');
+        }
+        Ok(text)
+    }
+}
+
+/// Aligned lines of a name and a value.
+struct Report<'a> {
+    out: &'a mut dyn Write,
+}
+
+impl<'a> Report<'a> {
+    fn new(out: &'a mut dyn Write) -> Self {
+        Self { out }
+    }
+
+    fn line(&mut self, name: &str, value: impl Display) -> Result<(), MapCliError> {
+        Ok(writeln!(self.out, "{name:<11}{value}")?)
+    }
+
+    fn cells(&mut self, extent: Extent, free: u64) -> Result<(), MapCliError> {
+        let volume = extent.volume();
+        self.line("cells", volume)?;
+        self.line("free", format_args!("{free} ({:.2} %)", 100.0 * free as f64 / volume as f64))
+    }
+
+    fn repairs(&mut self, map: &MapReport) -> Result<(), MapCliError> {
+        self.line("shell", format_args!("closed ({} free cells filled)", map.shell_cells_closed))?;
+        let MapReport { pockets_removed, pocket_cells_removed, .. } = map;
+        self.line("pockets", format_args!("{pockets_removed} filled ({pocket_cells_removed} cells)"))
+    }
+}
+
+fn by(extent: Extent) -> String {
+    let [x, y, z] = extent.size();
+    format!("{x}x{y}x{z}")
+}
+
+fn parse_size(text: &str) -> Result<[u32; 3], String> {
+    let sides: Result<Vec<u32>, _> = text.split('x').map(str::parse).collect();
+    match sides.as_deref() {
+        Ok(&[side]) => Ok([side; 3]),
+        Ok(&[x, y, z]) => Ok([x, y, z]),
+        _ => Err("a size is one number of cells, or three as in 50x40x30".to_owned()),
+    }
+}
+
+fn parse_slice(text: &str) -> Result<Slice, String> {
+    let parse = || {
+        let (axis, at) = text.split_once('=')?;
+        let axis = AXES.into_iter().position(|known| axis == known.to_string())?;
+        Some(Slice { axis, at: at.parse().ok()? })
+    };
+    parse().ok_or_else(|| "a slice is x=K, y=K or z=K with the coordinate K of a layer of cells".to_owned())
+}
+
+fn format_of(file: &Path) -> Result<MapFormat, MapCliError> {
+    MapFormat::of(file).map_err(|reason| MapCliError::Format { file: file.to_path_buf(), reason })
+}
+
+fn read_bytes(file: &Path) -> Result<Vec<u8>, MapCliError> {
+    fs::read(file).map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })
+}
+
+/// Writes a file under a temporary name beside it and then renames it, so that there is never half a file.
+fn write_file(file: &Path, bytes: &[u8]) -> Result<(), MapCliError> {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(file.file_name().unwrap_or_default());
+    name.push(format!(".{}.tmp", std::process::id()));
+    let temporary = file.with_file_name(name);
+    let write = || {
+        let mut handle = File::create_new(&temporary)?;
+        let written = handle.write_all(bytes).and_then(|()| handle.sync_all());
+        let moved = written.and_then(|()| fs::rename(&temporary, file));
+        if moved.is_err() {
+            // What matters to the user is why the file could not be written.
+            let _ = fs::remove_file(&temporary);
+        }
+        moved
+    };
+    write().map_err(|reason| MapCliError::Write { file: file.to_path_buf(), reason })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,279 @@
+//! The recording of a run: an MCAP file (profile `ros2`, `ros2msg` schemas, `cdr` messages) that the server writes itself.
+//!
+//! Invariants: equal runs give equal bytes, so every stamp is sim time and chunks end at set sim times or sizes; what was
+//! written before the last [`Recorder::save_provisionally`] can be read back even if the process is killed, because the chunk
+//! that is still open is put behind the last whole one, and overwritten when it is complete; a file that could not be begun
+//! does not exist.
+//!
+//! This module knows no world: it takes messages.
+
+mod sink;
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{Cursor, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use mcap::records::MessageHeader;
+use mcap::{Attachment, Compression, McapResult, WriteOptions, Writer};
+use msgs::ids::Tick;
+use msgs::schema;
+use msgs::topics::Topic;
+use thiserror::Error;
+
+use sink::Sink;
+
+/// Sim time between the ends of two chunks. Long chunks compress better; how much a crash may cost does not hang on it.
+const CHUNK_TICKS: u64 = 500;
+
+/// Bytes after which a chunk ends early, so that readers need little memory.
+const CHUNK_BYTES_MAX: usize = 1 << 20;
+
+/// Why a recording could not be written.
+#[derive(Debug, Error)]
+pub enum RecordError {
+    /// The file cannot be made or written.
+    #[error("recording {file}: {source}")]
+    File {
+        /// The file.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The MCAP writer refuses.
+    #[error("recording {file}: {source}")]
+    Mcap {
+        /// The file.
+        file: String,
+        /// What the writer says.
+        source: mcap::McapError,
+    },
+}
+
+/// Something a recording holds besides messages.
+#[derive(Debug, Clone, Copy)]
+pub struct Document<'a> {
+    /// Name of the attachment.
+    pub name: &'a str,
+    /// Its media type.
+    pub media_type: &'a str,
+    /// Its content.
+    pub data: &'a [u8],
+}
+
+/// A recording that is being written.
+pub struct Recorder {
+    file: PathBuf,
+    sink: Sink,
+    writer: Writer<Sink>,
+    channels: Vec<Topic>,
+    channel_of_topic: BTreeMap<String, usize>,
+    /// How many channels the writer knows: the others are announced in the chunk that is open.
+    channels_written: usize,
+    open: OpenChunk,
+}
+
+/// The messages of the chunk that is not written yet.
+#[derive(Debug, Default)]
+struct OpenChunk {
+    /// Channel, tick, and where in `bytes` the message ends.
+    messages: Vec<(usize, Tick, usize)>,
+    bytes: Vec<u8>,
+    /// How many of the messages have been saved provisionally.
+    saved: usize,
+}
+
+impl Recorder {
+    /// Begins a recording with its documents (scenario, map).
+    ///
+    /// # Errors
+    /// If the file cannot be made or written.
+    pub fn create(file: &Path, documents: &[Document<'_>]) -> Result<Self, RecordError> {
+        let handle = File::create(file).map_err(|source| RecordError::File {
+            file: file.display().to_string(),
+            source,
+        })?;
+        let sink = Sink::new(handle);
+        let begun = begin(sink.clone(), documents).and_then(|mut writer| writer.flush().map(|()| writer));
+        let writer = begun.map_err(|source| RecordError::Mcap { file: file.display().to_string(), source })?;
+        Ok(Self {
+            file: file.to_owned(),
+            sink,
+            writer,
+            channels: Vec::new(),
+            channel_of_topic: BTreeMap::new(),
+            channels_written: 0,
+            open: OpenChunk::default(),
+        })
+    }
+
+    /// Adds a message, as CDR with its encapsulation header.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write(
+        &mut self,
+        topic: &Topic,
+        tick: Tick,
+        cdr: &[u8],
+    ) -> Result<(), RecordError> {
+        if self.open.is_ended_by(tick, cdr.len()) {
+            self.end_chunk()?;
+        }
+        let channel = match self.channel_of_topic.get(&topic.name) {
+            Some(&channel) => channel,
+            None => {
+                let channel = self.channels.len();
+                self.channels.push(topic.clone());
+                self.channel_of_topic.insert(topic.name.clone(), channel);
+                channel
+            }
+        };
+        self.open.push(channel, tick, cdr);
+        Ok(())
+    }
+
+    /// Makes everything written so far readable from the file, without ending the chunk. To be called now and then in wall
+    /// time; it changes no byte of the finished file.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn save_provisionally(&mut self) -> Result<(), RecordError> {
+        if self.open.messages.len() == self.open.saved {
+            return Ok(());
+        }
+        let chunk = self
+            .provisional_chunk()
+            .map_err(|source| self.mcap_error(source))?;
+        self.sink
+            .write_provisionally(&chunk)
+            .map_err(|source| self.file_error(source))?;
+        self.open.saved = self.open.messages.len();
+        Ok(())
+    }
+
+    /// Ends the recording.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn finish(mut self) -> Result<(), RecordError> {
+        self.end_chunk()?;
+        let finished = self.writer.finish();
+        finished.map_err(|source| self.mcap_error(source))?;
+        self.sink.sync().map_err(|source| self.file_error(source))
+    }
+
+    fn end_chunk(&mut self) -> Result<(), RecordError> {
+        let open = std::mem::take(&mut self.open);
+        let ended = open
+            .write(&mut self.writer, &self.channels, self.channels_written)
+            .and_then(|()| self.writer.flush());
+        self.channels_written = self.channels.len();
+        ended.map_err(|source| self.mcap_error(source))
+    }
+
+    /// The records of the open chunk as they would stand in a file: written to a file in memory, with everything around cut
+    /// off. It announces every channel again, so that it can be read whatever came before it.
+    fn provisional_chunk(&self) -> McapResult<Vec<u8>> {
+        let mut bare = begin(Cursor::new(Vec::new()), &[])?;
+        bare.flush()?;
+        let bytes_before = bare.into_inner().into_inner().len();
+
+        let mut writer = begin(Cursor::new(Vec::new()), &[])?;
+        self.open.write(&mut writer, &self.channels, 0)?;
+        writer.flush()?;
+        let mut bytes = writer.into_inner().into_inner();
+        bytes.drain(..bytes_before);
+        Ok(bytes)
+    }
+
+    fn mcap_error(&self, source: mcap::McapError) -> RecordError {
+        RecordError::Mcap {
+            file: self.file.display().to_string(),
+            source,
+        }
+    }
+
+    fn file_error(&self, source: std::io::Error) -> RecordError {
+        RecordError::File {
+            file: self.file.display().to_string(),
+            source,
+        }
+    }
+}
+
+impl OpenChunk {
+    fn is_ended_by(&self, tick: Tick, bytes: usize) -> bool {
+        self.messages.first().is_some_and(|&(_, first, _)| {
+            tick.0 / CHUNK_TICKS != first.0 / CHUNK_TICKS
+                || self.bytes.len() + bytes > CHUNK_BYTES_MAX
+        })
+    }
+
+    fn push(&mut self, channel: usize, tick: Tick, cdr: &[u8]) {
+        self.bytes.extend_from_slice(cdr);
+        self.messages.push((channel, tick, self.bytes.len()));
+    }
+
+    /// Writes the messages, after announcing the channels from number `announced` on.
+    fn write<W: Write + Seek>(
+        &self,
+        writer: &mut Writer<W>,
+        channels: &[Topic],
+        announced: usize,
+    ) -> McapResult<()> {
+        for (number, channel) in channels.iter().enumerate().skip(announced) {
+            let id = announce(writer, channel)?;
+            assert_eq!(id, channel_id(number), "channels are numbered in order");
+        }
+        let mut start = 0;
+        for &(channel, tick, end) in &self.messages {
+            let header = MessageHeader {
+                channel_id: channel_id(channel),
+                sequence: 0,
+                log_time: tick.time_ns(),
+                publish_time: tick.time_ns(),
+            };
+            writer.write_to_known_channel(&header, &self.bytes[start..end])?;
+            start = end;
+        }
+        Ok(())
+    }
+}
+
+fn begin<W: Write + Seek>(stream: W, documents: &[Document<'_>]) -> McapResult<Writer<W>> {
+    let mut writer = WriteOptions::new()
+        .profile("ros2")
+        .library(concat!("maes sim_server ", env!("CARGO_PKG_VERSION")))
+        .compression(Some(Compression::Zstd))
+        // Chunks end where the recorder says; compression stays on this thread.
+        .chunk_size(None)
+        .compression_threads(0)
+        .create(stream)?;
+    for document in documents {
+        writer.attach(&Attachment {
+            log_time: 0,
+            create_time: 0,
+            name: document.name.to_owned(),
+            media_type: document.media_type.to_owned(),
+            data: Cow::Borrowed(document.data),
+        })?;
+    }
+    Ok(writer)
+}
+
+/// Channels are numbered from 1, in the order they are announced.
+fn channel_id(number: usize) -> u16 {
+    u16::try_from(number + 1).expect("a run has fewer than 65535 topics")
+}
+
+fn announce<W: Write + Seek>(writer: &mut Writer<W>, topic: &Topic) -> McapResult<u16> {
+    let definition = schema::text(topic.message);
+    let schema = writer.add_schema(&topic.message.to_string(), "ros2msg", definition.as_bytes())?;
+    let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), topic.qos.offered_qos_profiles())]);
+    writer.add_channel(schema, &topic.name, "cdr", &metadata)
+}
+
+#[cfg(test)]
+mod tests;

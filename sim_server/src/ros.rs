@@ -1,0 +1,158 @@
+//! The server's link over ROS 2: one participant with one node `sim_server`, and three topics for each agent.
+//!
+//! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`endpoints`]); every message
+//! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
+//! and its folder are the only ones here that know the ROS client.
+
+mod endpoints;
+
+use std::time::{Duration, Instant};
+
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
+use msgs::ros_env::RosEnv;
+use msgs::rosgraph_msgs::Clock;
+use msgs::topics;
+use ros2_client::{Context, Node};
+
+pub use endpoints::RosError;
+
+use crate::link::{Inbound, Incoming, Link, SourceId};
+use endpoints::{FIRST_IDS, Inbox, Outlet, Sample, Workshop, linger, now};
+
+/// Open files of a process with a participant, and some to spare.
+const FILES: u64 = 256;
+
+/// Open files for each agent: four for each of two subscriptions, two for a publisher, and as many again for a publisher
+/// that is being replaced.
+const FILES_PER_AGENT: u64 = 12;
+
+/// Wall time between two looks at who listens to the clock.
+const AUDIENCE_PERIOD: Duration = Duration::from_millis(200);
+
+/// The server in a ROS network.
+pub struct RosLink {
+    inbox: Inbox<Incoming>,
+    observations: Vec<Outlet<Observation>>,
+    scenario: Outlet<Scenario>,
+    join_reply: Outlet<JoinReply>,
+    clock: Outlet<Clock>,
+    progress: Outlet<Progress>,
+    audience: Audience,
+    node: Node,
+    context: Context,
+}
+
+impl RosLink {
+    /// Joins the network and offers the topics of a run with this many agents.
+    ///
+    /// # Errors
+    /// If the network cannot be joined, or the system has not enough of something.
+    pub fn new(agents: u32, env: &RosEnv) -> Result<Self, RosError> {
+        allow_open_files(FILES + FILES_PER_AGENT * u64::from(agents))?;
+        let context = endpoints::join(env, 0)?;
+        let number = context.domain_participant().participant_id();
+        if number >= FIRST_IDS {
+            eprintln!(
+                "{number} processes were in {env} before this one: agents that started after the first {FIRST_IDS} may \
+                 not find it; start the server first, or choose another ROS_DOMAIN_ID"
+            );
+        }
+        let mut node = endpoints::node(&context, "sim_server")?;
+        let mut workshop = Workshop::default();
+        let clock = workshop.outlet(&mut node, &topics::clock())?;
+        let scenario = workshop.outlet(&mut node, &topics::scenario())?;
+        let join_reply = workshop.outlet(&mut node, &topics::join_reply())?;
+        let progress = workshop.outlet(&mut node, &topics::progress())?;
+        let mut inbox = Inbox::new();
+        let mut observations = Vec::new();
+        for agent in (0..agents).map(AgentId) {
+            workshop.inlet(&mut node, &topics::join(agent), &mut inbox, move |sample: Sample<Join>| {
+                incoming(agent, sample, Inbound::Join)
+            })?;
+            workshop.inlet(&mut node, &topics::command(agent), &mut inbox, move |sample: Sample<Command>| {
+                incoming(agent, sample, Inbound::Command)
+            })?;
+            observations.push(workshop.outlet(&mut node, &topics::observation(agent))?);
+        }
+        let audience = Audience { topic: dds_name(&topics::clock()), listens: false, looked: None };
+        Ok(RosLink { inbox, observations, scenario, join_reply, clock, progress, audience, node, context })
+    }
+}
+
+impl Link for RosLink {
+    fn announce(&mut self, scenario: &Scenario) {
+        self.scenario.publish(&mut self.node, scenario);
+    }
+
+    fn reply_join(&mut self, reply: &JoinReply) {
+        self.join_reply.publish(&mut self.node, reply);
+    }
+
+    fn send(&mut self, agent: AgentId, part: &Observation) {
+        if let Some(observations) = self.observations.get_mut(agent.index()) {
+            observations.publish(&mut self.node, part);
+        }
+    }
+
+    fn clock(&mut self, tick: Tick) {
+        if self.audience.listens(&self.context) {
+            self.clock.publish(&mut self.node, &Clock { clock: tick.into() });
+        }
+    }
+
+    fn progress(&mut self, progress: &Progress) {
+        self.progress.publish(&mut self.node, progress);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        self.inbox.receive(timeout)
+    }
+}
+
+impl Drop for RosLink {
+    fn drop(&mut self) {
+        linger();
+    }
+}
+
+fn incoming<M>(topic_agent: AgentId, sample: Sample<M>, inbound: impl Fn(M) -> Inbound) -> Incoming {
+    let message = match sample.message {
+        Ok(message) => inbound(message),
+        Err(reason) => Inbound::Undecodable { reason },
+    };
+    Incoming { topic_agent, source: SourceId(sample.source), message }
+}
+
+/// Whether anybody listens to a topic. What nobody can hear need not be said: a fast run makes 10 000 clock messages a second,
+/// and each costs more than all else in a tick in which nobody is asked.
+struct Audience {
+    topic: String,
+    listens: bool,
+    looked: Option<Instant>,
+}
+
+impl Audience {
+    fn listens(&mut self, context: &Context) -> bool {
+        if self.looked.is_none_or(|looked| looked.elapsed() >= AUDIENCE_PERIOD) {
+            self.looked = Some(now());
+            let readers = context.domain_participant().discovered_readers();
+            self.listens = readers.iter().any(|reader| *reader.subscription_topic_data.topic_name() == self.topic);
+        }
+        self.listens
+    }
+}
+
+/// The name that ROS gives a topic in the middleware.
+fn dds_name(topic: &topics::Topic) -> String {
+    format!("rt{}", topic.name)
+}
+
+/// Raises the limit of open files of this process as far as it is needed and allowed.
+fn allow_open_files(wanted: u64) -> Result<(), RosError> {
+    match rlimit::increase_nofile_limit(wanted) {
+        Ok(allowed) if allowed < wanted => Err(RosError::OpenFiles { wanted, allowed }),
+        // A system that does not tell its limit says so when it is reached.
+        Ok(_) | Err(_) => Ok(()),
+    }
+}

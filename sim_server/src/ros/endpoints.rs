@@ -1,0 +1,381 @@
+//! The ROS client as the links use it: one participant, publishers that never wait, subscriptions that are waited for together.
+//!
+//! This file is the same in `sim_server` and in `agent_node`, which know nothing of each other; a test compares the two.
+//!
+//! Invariants: publishing returns at once, whatever readers do: a message that cannot be sent is counted, told about and
+//! dropped, for the protocol sends again; a reader that has died holds up its own topic for [`RENEWAL_PERIOD`] at the most;
+//! subscriptions take turns, so that one full topic does not hide the others; bytes that are no message come out as an error
+//! and stop nothing.
+//!
+//! Not done here: the client's own background task ("spinner") is never started, because it would subscribe `/clock` under a
+//! second type; so there are no parameter services either, and who is there is known from the protocol alone.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::net::{Ipv4Addr, UdpSocket};
+use std::pin::pin;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::task::{Context as TaskContext, Poll, Wake, Waker};
+use std::time::{Duration, Instant};
+
+use msgs::message::Message;
+use msgs::ros_env::{DiscoveryRange, RosEnv};
+use msgs::topics::{self, Durability, Reliability};
+use ros2_client::qos::{self, QosProfile, WhenFull};
+use ros2_client::{
+    Context, CreateError, MessageTypeName, Name, Node, NodeCreateError, NodeName, NodeOptions, Publisher, Subscription,
+    WriteError,
+};
+use rustdds::DomainParticipantBuilder;
+use serde::{Deserialize, Deserializer};
+use thiserror::Error;
+
+/// Participants of a machine that are told about every other one at its start: the middleware sends to the ports of the
+/// first twelve (`SPDP_LOCALHOST_PEER_COUNT`), besides multicast, which loopback does not have.
+pub(super) const FIRST_IDS: u16 = 12;
+
+/// Wall time after which the link may replace a publisher with a full window again.
+const RENEWAL_PERIOD: Duration = Duration::from_secs(1);
+
+/// Wall time between two reports about one topic.
+const REPORT_PERIOD: Duration = Duration::from_secs(5);
+
+/// Endpoints that are made in one go. The middleware announces them one by one and has bounded queues for what is to be
+/// announced; what does not fit is never announced.
+const ENDPOINTS_IN_A_ROW: usize = 32;
+
+/// Wall time that the middleware gets to announce them, several times what it needs.
+const ANNOUNCEMENT: Duration = Duration::from_millis(10);
+
+/// Wall time that messages under way are given at the end: some rounds of repair, which are 10 ms apart.
+const LINGER: Duration = Duration::from_millis(200);
+
+/// Why this process does not take part in a ROS network.
+#[derive(Debug, Error)]
+pub enum RosError {
+    /// It is told not to look for anybody.
+    #[error("{0}: without discovery nobody would be found; set ROS_AUTOMATIC_DISCOVERY_RANGE to LOCALHOST or SUBNET")]
+    DiscoveryOff(RosEnv),
+    /// The middleware does not start.
+    #[error("joining {env}: {source} (a machine has room for 120 processes in a domain)")]
+    Participant {
+        /// The network.
+        env: RosEnv,
+        /// What the middleware says.
+        source: CreateError,
+    },
+    /// A node cannot be made.
+    #[error("making the ROS node {name}: {source}")]
+    Node {
+        /// The node.
+        name: String,
+        /// What the middleware says.
+        source: NodeCreateError,
+    },
+    /// A publisher or a subscription cannot be made.
+    #[error("making an endpoint of {topic}: {source}")]
+    Endpoint {
+        /// The topic and its type.
+        topic: String,
+        /// What the middleware says.
+        source: CreateError,
+    },
+    /// The system does not allow as many open files as the endpoints need.
+    #[error("{wanted} open files are needed for so many agents, but the limit is {allowed}; see `ulimit -n`")]
+    OpenFiles {
+        /// How many are needed.
+        wanted: u64,
+        /// How many there may be.
+        allowed: u64,
+    },
+}
+
+/// Joins the network that the environment names.
+///
+/// On one machine, participants find each other at the addresses of the first twelve (see [`FIRST_IDS`]): who comes later is
+/// found by these and by what multicast reaches. `ids_left` of the first numbers are left to others.
+pub(super) fn join(env: &RosEnv, ids_left: u16) -> Result<Context, RosError> {
+    let participant = || {
+        let builder = DomainParticipantBuilder::new(env.domain_id);
+        match env.range {
+            DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
+            DiscoveryRange::Off | DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => builder,
+        }
+        .build()
+    };
+    if env.range == DiscoveryRange::Off {
+        return Err(RosError::DiscoveryOff(*env));
+    }
+    let held: Vec<UdpSocket> = (0..ids_left)
+        .filter_map(|id| UdpSocket::bind((Ipv4Addr::UNSPECIFIED, discovery_port(env.domain_id, id))).ok())
+        .collect();
+    let joined = participant();
+    drop(held);
+    let joined = if joined.is_err() && ids_left > 0 { participant() } else { joined };
+    joined
+        .map_err(CreateError::from)
+        .and_then(Context::from_domain_participant)
+        .map_err(|source| RosError::Participant { env: *env, source })
+}
+
+/// The UDP port at which a participant is told about others, as RTPS defines it.
+fn discovery_port(domain_id: u16, participant_id: u16) -> u16 {
+    7400 + 250 * domain_id + 10 + 2 * participant_id
+}
+
+/// A node without parameter services and without a log topic.
+pub(super) fn node(context: &Context, name: &str) -> Result<Node, RosError> {
+    let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
+    NodeName::new("/", name)
+        .map_err(|error| NodeCreateError::BadParameter(error.to_string()))
+        .and_then(|node_name| context.new_node(node_name, options))
+        .map_err(|source| RosError::Node { name: name.to_owned(), source })
+}
+
+/// Makes endpoints, not too many at a time.
+#[derive(Default)]
+pub(super) struct Workshop {
+    made: usize,
+}
+
+impl Workshop {
+    /// A publisher of this topic.
+    pub(super) fn outlet<M: Message + Clone>(
+        &mut self,
+        node: &mut Node,
+        topic: &topics::Topic,
+    ) -> Result<Outlet<M>, RosError> {
+        self.pause();
+        let dds_topic = dds_topic(node, topic)?;
+        let publisher = node.create_publisher(&dds_topic, None).map_err(|source| endpoint_error(topic, source))?;
+        let unsent = Tally::new(format!("{}: not sent", topic.name));
+        Ok(Outlet { publisher, topic: dds_topic, renewed: now(), unsent })
+    }
+
+    /// Adds a subscription of this topic to the inbox. `convert` makes of each sample what the inbox gives out.
+    pub(super) fn inlet<M: Message + 'static, T>(
+        &mut self,
+        node: &mut Node,
+        topic: &topics::Topic,
+        inbox: &mut Inbox<T>,
+        convert: impl Fn(Sample<M>) -> T + 'static,
+    ) -> Result<(), RosError> {
+        self.pause();
+        let dds_topic = dds_topic(node, topic)?;
+        let subscription: Subscription<Decoded<M>> =
+            node.create_subscription(&dds_topic, None).map_err(|source| endpoint_error(topic, source))?;
+        inbox.add(Box::new(move |context| take(&subscription, context).map(&convert)));
+        Ok(())
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "nothing tells when the middleware has announced an endpoint")]
+    fn pause(&mut self) {
+        self.made += 1;
+        if self.made.is_multiple_of(ENDPOINTS_IN_A_ROW) {
+            std::thread::sleep(ANNOUNCEMENT);
+        }
+    }
+}
+
+fn dds_topic(node: &Node, topic: &topics::Topic) -> Result<rustdds::Topic, RosError> {
+    let name = Name::parse(&topic.name)
+        .map_err(|error| endpoint_error(topic, CreateError::BadParameter { reason: error.to_string() }))?;
+    let type_name = MessageTypeName::new(topic.message.package, topic.message.name);
+    node.create_topic(&name, type_name, &qos_profile(&topic.qos)).map_err(|source| endpoint_error(topic, source))
+}
+
+fn endpoint_error(topic: &topics::Topic, source: CreateError) -> RosError {
+    RosError::Endpoint { topic: topic.to_string(), source }
+}
+
+fn qos_profile(qos: &topics::Qos) -> QosProfile {
+    QosProfile::publisher_default()
+        .reliability(match qos.reliability {
+            Reliability::Reliable => qos::Reliability::Reliable { when_full: WhenFull::Fail },
+            Reliability::BestEffort => qos::Reliability::BestEffort,
+        })
+        .durability(match qos.durability {
+            Durability::TransientLocal => qos::Durability::TransientLocal,
+            Durability::Volatile => qos::Durability::Volatile,
+        })
+        .history(qos::History::KeepLast { depth: qos.depth as usize })
+}
+
+/// A publisher that never waits.
+///
+/// The middleware keeps a sample until every reliable reader has acknowledged it, and refuses new ones when it keeps 8192. A
+/// reader that was killed or stopped acknowledges nothing, and the middleware believes in it for up to 50 s. So a publisher
+/// that is refused is replaced by a new one, with a window of its own; living readers find it in a moment.
+pub(super) struct Outlet<M: Message> {
+    publisher: Publisher<M>,
+    topic: rustdds::Topic,
+    renewed: Instant,
+    unsent: Tally,
+}
+
+impl<M: Message + Clone> Outlet<M> {
+    /// Publishes, or counts the message as not sent.
+    pub(super) fn publish(&mut self, node: &mut Node, message: &M) {
+        let Err(error) = self.publisher.publish(message.clone()) else { return };
+        let error = match error {
+            WriteError::WouldBlock { data } if self.renewed.elapsed() >= RENEWAL_PERIOD => {
+                match self.publish_anew(node, data) {
+                    Ok(()) => return,
+                    Err(error) => error,
+                }
+            }
+            WriteError::WouldBlock { .. } => "a reader does not acknowledge what it is sent".to_owned(),
+            other => other.to_string(),
+        };
+        self.unsent.add(&error);
+    }
+
+    fn publish_anew(&mut self, node: &mut Node, message: M) -> Result<(), String> {
+        self.renewed = now();
+        self.publisher = node.create_publisher(&self.topic, None).map_err(|error| error.to_string())?;
+        self.publisher.publish(message).map_err(|error| error.to_string())
+    }
+}
+
+/// A count that people are told about now and then.
+pub(super) struct Tally {
+    what: String,
+    count: u64,
+    reported: Option<Instant>,
+}
+
+impl Tally {
+    /// Counts what the words say.
+    pub(super) fn new(what: String) -> Self {
+        Tally { what, count: 0, reported: None }
+    }
+
+    /// Counts one more.
+    pub(super) fn add(&mut self, reason: &dyn fmt::Display) {
+        self.count += 1;
+        if self.reported.is_none_or(|reported| reported.elapsed() >= REPORT_PERIOD) {
+            self.reported = Some(now());
+            eprintln!("{} ({} so far): {reason}", self.what, self.count);
+        }
+    }
+}
+
+/// What came in on a topic.
+pub(super) struct Sample<M> {
+    /// The message, or why the bytes are none.
+    pub(super) message: Result<M, String>,
+    /// The participant that sent it: its GUID prefix and four zeros; all zeros if it is not known.
+    pub(super) source: [u8; 16],
+}
+
+/// Subscriptions that are waited for together.
+pub(super) struct Inbox<T> {
+    ready: Arc<Ready>,
+    inlets: Vec<Inlet<T>>,
+}
+
+struct Inlet<T> {
+    waker: Waker,
+    take: Take<T>,
+}
+
+/// Takes the next sample of a subscription, or leaves the waker with it.
+type Take<T> = Box<dyn Fn(&mut TaskContext<'_>) -> Poll<T>>;
+
+impl<T> Inbox<T> {
+    pub(super) fn new() -> Self {
+        Inbox { ready: Arc::default(), inlets: Vec::new() }
+    }
+
+    fn add(&mut self, take: Take<T>) {
+        let number = self.inlets.len();
+        let waker = Waker::from(Arc::new(Bell { inlet: number, ready: Arc::clone(&self.ready) }));
+        self.inlets.push(Inlet { waker, take });
+        self.ready.push(number);
+    }
+
+    /// What came in next, or `None` if nothing came in time.
+    pub(super) fn receive(&mut self, timeout: Duration) -> Option<T> {
+        let begun = now();
+        loop {
+            let number = self.ready.next(timeout.saturating_sub(begun.elapsed()))?;
+            let inlet = &self.inlets[number];
+            if let Poll::Ready(taken) = (inlet.take)(&mut TaskContext::from_waker(&inlet.waker)) {
+                self.ready.push(number);
+                return Some(taken);
+            }
+        }
+    }
+}
+
+/// The subscriptions that may have something, in the order in which they are to be asked.
+#[derive(Default)]
+struct Ready {
+    numbers: Mutex<VecDeque<usize>>,
+    rung: Condvar,
+}
+
+impl Ready {
+    fn push(&self, number: usize) {
+        self.lock().push_back(number);
+        self.rung.notify_one();
+    }
+
+    fn next(&self, timeout: Duration) -> Option<usize> {
+        let waited = self.rung.wait_timeout_while(self.lock(), timeout, |numbers| numbers.is_empty());
+        waited.unwrap_or_else(PoisonError::into_inner).0.pop_front()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, VecDeque<usize>> {
+        self.numbers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Wakes the inbox for one subscription.
+struct Bell {
+    inlet: usize,
+    ready: Arc<Ready>,
+}
+
+impl Wake for Bell {
+    fn wake(self: Arc<Self>) {
+        self.ready.push(self.inlet);
+    }
+}
+
+fn take<M: Message + 'static>(
+    subscription: &Subscription<Decoded<M>>,
+    context: &mut TaskContext<'_>,
+) -> Poll<Sample<M>> {
+    pin!(subscription.async_take()).poll(context).map(|taken| match taken {
+        Ok((Decoded(message), info)) => {
+            let mut source = info.publisher_gid().to_bytes16();
+            source[GUID_PREFIX_LENGTH..].fill(0);
+            Sample { message, source }
+        }
+        Err(error) => Sample { message: Err(error.to_string()), source: [0; 16] },
+    })
+}
+
+/// Bytes of a GUID that all endpoints of a participant share.
+const GUID_PREFIX_LENGTH: usize = 12;
+
+/// A message, or why the bytes are none: an error that the ROS client would give out alone loses who sent them.
+struct Decoded<M>(Result<M, String>);
+
+impl<'de, M: Deserialize<'de>> Deserialize<'de> for Decoded<M> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Ok(Decoded(M::deserialize(deserializer).map_err(|error| error.to_string())))
+    }
+}
+
+/// Gives messages under way a moment. Call it before the endpoints are dropped: what a dropped one has sent is not repaired.
+#[expect(clippy::disallowed_methods, reason = "the ROS client does not tell whether its messages have been acknowledged")]
+pub(super) fn linger() {
+    std::thread::sleep(LINGER);
+}
+
+#[expect(clippy::disallowed_methods, reason = "time-outs and reports are of wall time; no result hangs on them")]
+pub(super) fn now() -> Instant {
+    Instant::now()
+}

@@ -1,0 +1,405 @@
+//! The run of a scenario: admit the agents, then tick by tick look, ask, wait, step, record.
+//!
+//! The loop is the same over every [`Link`]. Wall time decides nothing but when to send again, when to give up, and how fast to
+//! go; a run that is not given up has one result.
+//!
+//! Asking every agent at every tick (`look_ahead = false`) is the same run for agents that act only when they are due: what an
+//! agent answers out of turn counts only if it does something, and only what counts is recorded and enters the digest.
+
+mod exchange;
+mod log;
+mod pace;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{self, Counter, Observation as Part};
+use thiserror::Error;
+
+use crate::digest::{Chain, Digest};
+use crate::link::Link;
+use crate::lockstep::{Wake, listed};
+use crate::recorder::{RecordError, Recorder};
+use crate::scenario::{OnAgentLoss, Scenario};
+use crate::wire;
+use crate::world::{Action, Since, World};
+
+use exchange::{Answer, Asked, Exchange, Silence};
+use log::{Kind, Log};
+use pace::Pace;
+
+/// Sim time between two digests in the recording: a second.
+const DIGEST_TICKS: u64 = 50;
+
+/// Sim time between two progress messages: ten seconds, as in the reference.
+const PROGRESS_TICKS: u64 = 500;
+
+/// Wall time after which an open chunk of the recording is saved provisionally, and people are told how far the run is.
+const REPORT_PERIOD: Duration = Duration::from_millis(500);
+
+/// Wall time that agents have to receive the end of the run.
+const FAREWELL: Duration = Duration::from_secs(2);
+
+/// Reason of a result: the run was stopped from outside.
+pub const INTERRUPTED: &str = "interrupted";
+
+/// Why a run has no full result.
+#[derive(Debug, Error)]
+pub enum RunError {
+    /// Not all agents have joined in time.
+    #[error("agents missing after {seconds} s: {}", listed(missing.iter().copied()))]
+    AgentsMissing {
+        /// Who.
+        missing: Vec<AgentId>,
+        /// How long they were waited for, wall time.
+        seconds: f64,
+    },
+    /// An agent has not answered in time, and the scenario says `abort`.
+    #[error("no answer within {seconds} s to tick {tick} from: {}", listed(lost.iter().copied()))]
+    AgentsLost {
+        /// Who.
+        lost: Vec<AgentId>,
+        /// The tick that was not answered.
+        tick: Tick,
+        /// How long they were waited for, wall time.
+        seconds: f64,
+    },
+    /// The recording cannot be written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The worker threads cannot be started.
+    #[error("starting worker threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+/// What became of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// The result as it stands in the recording.
+    pub result: maes_msgs::Result,
+    /// The digest.
+    pub digest: Digest,
+    /// Wall time of the ticks, without waiting for agents to join.
+    pub wall: Duration,
+}
+
+/// Something that wants to know how a run goes: a progress bar, a log.
+pub trait Watcher {
+    /// These agents are still awaited at the start.
+    fn waiting(&mut self, missing: &[AgentId]);
+    /// All agents are there, and the clock starts.
+    fn started(&mut self);
+    /// The run has come this far.
+    fn progress(&mut self, world: &World);
+    /// Something happened that a person should read.
+    fn note(&mut self, text: &str);
+}
+
+/// Carries out a scenario in a world that was made for it.
+///
+/// `stop` ends the run early, with a result, once it is set.
+///
+/// # Errors
+/// If agents are missing or lost, or the recording cannot be written.
+pub fn run(
+    scenario: &Scenario,
+    world: World,
+    link: &mut dyn Link,
+    recorder: Option<Recorder>,
+    watcher: &mut dyn Watcher,
+    stop: &AtomicBool,
+) -> Result<Outcome, RunError> {
+    let threads = scenario.execution.threads as usize;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    let announcement = wire::scenario(scenario, &world.terrain().extent(), world.rays());
+    let mut run = Run {
+        scenario,
+        chain: Chain::new(&scenario.identity(), &world),
+        wakes: vec![Wake::AT_ONCE; scenario.agents.count as usize],
+        lost: BTreeSet::new(),
+        log: Log::new(recorder, scenario.agents.count),
+        exchange: Exchange::new(link, scenario.agents.count),
+        world,
+        watcher,
+        stop,
+        pool,
+        decisions: 0,
+        reported: now(),
+    };
+    run.log.write(Kind::Scenario, Tick::ZERO, &announcement)?;
+    run.log.write(Kind::Progress, Tick::ZERO, &wire::progress(&run.world))?;
+    run.exchange.announce(&announcement);
+    let admitted = run.admit();
+    let started = now();
+    let ended = match admitted {
+        Ok(()) => run.ticks(),
+        Err(error) => Err(error),
+    };
+    let wall = started.elapsed();
+    let reason = match &ended {
+        Ok(reason) => (*reason).to_owned(),
+        Err(error) => error.to_string(),
+    };
+    let outcome = run.finish(reason, wall)?;
+    ended.map(|_| outcome)
+}
+
+/// A run under way.
+struct Run<'a> {
+    scenario: &'a Scenario,
+    world: World,
+    chain: Chain,
+    wakes: Vec<Wake>,
+    lost: BTreeSet<AgentId>,
+    log: Log,
+    exchange: Exchange<'a>,
+    watcher: &'a mut dyn Watcher,
+    stop: &'a AtomicBool,
+    pool: rayon::ThreadPool,
+    decisions: u64,
+    reported: Instant,
+}
+
+impl Run<'_> {
+    /// Waits until every id has been claimed.
+    fn admit(&mut self) -> Result<(), RunError> {
+        let seconds = self.scenario.execution.join_timeout_s;
+        let deadline = now() + Duration::from_secs_f64(seconds);
+        loop {
+            let missing = self.exchange.missing();
+            if missing.is_empty() || self.is_stopped() {
+                break;
+            }
+            if now() >= deadline {
+                return Err(RunError::AgentsMissing { missing, seconds });
+            }
+            self.watcher.waiting(&missing);
+            self.exchange.admit(self.watcher);
+        }
+        for (agent, join) in self.exchange.joins() {
+            self.log.write(Kind::Join(agent), Tick::ZERO, &join)?;
+        }
+        self.watcher.started();
+        Ok(())
+    }
+
+    /// Ticks until the run is over; says why it is.
+    fn ticks(&mut self) -> Result<&'static str, RunError> {
+        let end = self.scenario.duration_ticks();
+        let pace = Pace::new(self.scenario.execution.rtf, now());
+        loop {
+            if self.scenario.stop_when_explored && self.world.coverage().is_explored() {
+                return Ok("explored");
+            }
+            if self.world.tick() >= end {
+                return Ok("duration");
+            }
+            if self.is_stopped() {
+                return Ok(INTERRUPTED);
+            }
+            if self.tick()?.is_break() {
+                return Ok(INTERRUPTED);
+            }
+            self.exchange.clock(self.world.tick());
+            self.record_state()?;
+            if self.reported.elapsed() >= REPORT_PERIOD {
+                self.report()?;
+            }
+            pace.keep(self.world.tick(), |wait| self.exchange.idle(wait, self.watcher));
+        }
+    }
+
+    /// One fixed update, unless it is interrupted while agents are waited for: then the world stays as it is.
+    fn tick(&mut self) -> Result<ControlFlow<()>, RunError> {
+        self.world.look(&self.pool);
+        let asked = self.ask();
+        let actions = if asked.is_empty() {
+            BTreeMap::new()
+        } else {
+            match self.answers(&asked)? {
+                ControlFlow::Continue(answers) => self.take_in(asked, &answers)?,
+                ControlFlow::Break(()) => return Ok(ControlFlow::Break(())),
+            }
+        };
+        self.world.step(actions);
+        self.chain.close(&self.world);
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Who is asked in this tick, with the observations they get.
+    fn ask(&mut self) -> Vec<Asked> {
+        let mut asked = Vec::new();
+        for agent in self.world.agents() {
+            if self.lost.contains(&agent) {
+                continue;
+            }
+            let wake = self.wakes[agent.index()];
+            let happened = self.world.events(agent, wake.events);
+            let since = if wake.is_due(self.world.tick(), happened) {
+                Since::LastCounted
+            } else if self.scenario.execution.look_ahead {
+                continue;
+            } else {
+                Since::LastAsked
+            };
+            let observation = self.world.observe(agent, since);
+            asked.push(Asked { agent, since, parts: wire::observation_parts(&observation, Part::RUNNING) });
+        }
+        asked
+    }
+
+    /// Waits for the answers. Agents that do not give one are lost.
+    fn answers(&mut self, asked: &[Asked]) -> Result<ControlFlow<(), BTreeMap<AgentId, Answer>>, RunError> {
+        let tick = self.world.tick();
+        let limit = Duration::from_secs_f64(self.scenario.execution.decision_timeout_s);
+        let Silence { answers, silent } = match self.exchange.ask(tick, asked, limit, self.watcher, self.stop) {
+            Ok(answers) => return Ok(ControlFlow::Continue(answers)),
+            Err(silence) => silence,
+        };
+        if self.is_stopped() {
+            return Ok(ControlFlow::Break(()));
+        }
+        let lost = RunError::AgentsLost { lost: silent.clone(), tick, seconds: limit.as_secs_f64() };
+        match self.scenario.faults.on_agent_loss {
+            OnAgentLoss::Abort => Err(lost),
+            OnAgentLoss::Drop => {
+                self.watcher.note(&format!("{lost}; the run goes on without"));
+                self.lost.extend(silent);
+                Ok(ControlFlow::Continue(answers))
+            }
+        }
+    }
+
+    /// Records what counts of the answers, and says what the world is to do.
+    fn take_in(
+        &mut self,
+        asked: Vec<Asked>,
+        answers: &BTreeMap<AgentId, Answer>,
+    ) -> Result<BTreeMap<AgentId, Action>, RunError> {
+        let tick = self.world.tick();
+        let mut actions = BTreeMap::new();
+        for Asked { agent, since, parts } in asked {
+            let Some(answer) = answers.get(&agent) else {
+                actions.insert(agent, Action::LOST);
+                continue;
+            };
+            let parts = match since {
+                Since::LastCounted => parts,
+                Since::LastAsked if answer.does_nothing() => continue,
+                Since::LastAsked => {
+                    let whole = self.world.observe(agent, Since::LastCounted);
+                    wire::observation_parts(&whole, Part::RUNNING)
+                }
+            };
+            for part in &parts {
+                self.log.exchange(Kind::Observation(agent), tick, part, &mut self.chain)?;
+            }
+            self.log.exchange(Kind::Command(agent), tick, &answer.message, &mut self.chain)?;
+            self.wakes[agent.index()] = answer.wake;
+            self.decisions += 1;
+            actions.insert(agent, answer.action.clone());
+        }
+        Ok(actions)
+    }
+
+    fn record_state(&mut self) -> Result<(), RunError> {
+        let tick = self.world.tick();
+        let poses_period = u64::from(self.scenario.recording.poses_period_ticks);
+        if poses_period > 0 && tick.0.is_multiple_of(poses_period) && self.log.is_recording() {
+            self.log.write(Kind::Transforms, tick, &wire::transforms(&self.world))?;
+        }
+        if tick.0.is_multiple_of(DIGEST_TICKS) {
+            self.record_digest()?;
+        }
+        if tick.0.is_multiple_of(PROGRESS_TICKS) {
+            let progress = wire::progress(&self.world);
+            self.exchange.progress(&progress);
+            self.log.write(Kind::Progress, tick, &progress)?;
+        }
+        Ok(())
+    }
+
+    fn record_digest(&mut self) -> Result<(), RunError> {
+        let tick = self.world.tick();
+        let digest =
+            maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest: self.chain.digest().0 };
+        Ok(self.log.write(Kind::Digest, tick, &digest)?)
+    }
+
+    fn report(&mut self) -> Result<(), RunError> {
+        self.reported = now();
+        self.watcher.progress(&self.world);
+        self.log.save_provisionally()?;
+        Ok(())
+    }
+
+    /// Tells the agents, and ends the recording.
+    fn finish(mut self, reason: String, wall: Duration) -> Result<Outcome, RunError> {
+        let tick = self.world.tick();
+        let mut farewells = Vec::new();
+        for agent in self.world.agents() {
+            let observation = self.world.observe(agent, Since::LastCounted);
+            let parts = wire::observation_parts(&observation, Part::ENDED);
+            for part in &parts {
+                self.log.exchange(Kind::Observation(agent), tick, part, &mut self.chain)?;
+            }
+            if !self.lost.contains(&agent) {
+                farewells.push(Asked { agent, since: Since::LastCounted, parts });
+            }
+        }
+        self.exchange.farewell(tick, &farewells, FAREWELL, self.watcher);
+        self.chain.close(&self.world);
+        let digest = self.chain.digest();
+        let progress = wire::progress(&self.world);
+        self.exchange.progress(&progress);
+        let result = maes_msgs::Result {
+            header: progress.header.clone(),
+            tick: tick.0,
+            reason,
+            explored: progress.explored,
+            covered: progress.covered,
+            explored_by: progress.explored_by.clone(),
+            covered_by: progress.covered_by.clone(),
+            distance_m: progress.distance_m.clone(),
+            counters: self.counters(),
+            digest: digest.0,
+        };
+        self.record_digest()?;
+        self.log.write(Kind::Progress, tick, &progress)?;
+        self.log.write(Kind::Result, tick, &result)?;
+        self.log.finish()?;
+        Ok(Outcome { result, digest, wall })
+    }
+
+    fn counters(&self) -> Vec<Counter> {
+        let totals = self.world.totals();
+        let counter = |name: &str, value| Counter { name: name.to_owned(), value };
+        let mut counters = vec![
+            counter("decisions", self.decisions),
+            counter("scans", totals.scans),
+            counter("scans_cast", totals.scans_cast),
+            counter("collisions", totals.collisions),
+            counter("parcels_sent", totals.parcels_sent),
+            counter("parcels_delivered", totals.parcels_delivered),
+            counter("parcels_out_of_contact", totals.parcels_out_of_contact),
+            counter("parcels_inbox_full", totals.parcels_inbox_full),
+            counter("parcel_bytes_delivered", totals.parcel_bytes_delivered),
+            counter("agents_dropped", self.lost.len() as u64),
+        ];
+        counters.extend(self.exchange.refusals().map(|(name, value)| counter(name, value)));
+        counters
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// Wall time.
+#[expect(clippy::disallowed_methods, reason = "time-outs, pacing and reports are of wall time; no result hangs on them")]
+fn now() -> Instant {
+    Instant::now()
+}

@@ -1,0 +1,254 @@
+//! Questions and answers: sends observations, sends them again on silence, and takes in what is legal.
+//!
+//! Invariants: a refused message changes nothing but its counter; sending again changes nothing, because a tick has one answer;
+//! every wait is bounded.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use msgs::ids::{AgentId, Tick};
+use msgs::limits::PROTOCOL;
+use msgs::maes_msgs::{Command, Join, JoinReply, Observation as Part, Progress, Scenario};
+
+use super::{Watcher, now};
+use crate::link::{Inbound, Incoming, Link, SourceId};
+use crate::lockstep::{Barrier, Claim, Refusal, Roster, Seat, Wake};
+use crate::wire;
+use crate::world::body::Motion;
+use crate::world::{Action, LidarRequest, Since};
+
+/// Wall time of silence after which an observation is sent again the first time; it doubles from then on.
+const SEND_AGAIN_FIRST: Duration = Duration::from_millis(100);
+
+/// Wall time between two sendings at the most.
+const SEND_AGAIN_MAX: Duration = Duration::from_secs(1);
+
+/// Wall time for which the loop waits for a message before it looks at its other duties.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+/// Refusals of one kind that people are told about; the others are only counted, for an agent may flood.
+const NOTES_MAX: u64 = 5;
+
+/// An agent that is asked in a tick.
+#[derive(Debug, Clone)]
+pub(super) struct Asked {
+    /// Who.
+    pub(super) agent: AgentId,
+    /// Whether it is its turn, or it is asked all the same.
+    pub(super) since: Since,
+    /// What it is told.
+    pub(super) parts: Vec<Part>,
+}
+
+/// A legal answer.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Answer {
+    /// As it came.
+    pub(super) message: Command,
+    /// What it does.
+    pub(super) action: Action,
+    /// When to ask again.
+    pub(super) wake: Wake,
+}
+
+impl Answer {
+    /// Whether the run would be the same without it.
+    pub(super) fn does_nothing(&self) -> bool {
+        let Action { motion, lidar, want_view, parcels } = &self.action;
+        *motion == Motion::Keep
+            && *lidar == LidarRequest::Keep
+            && !want_view
+            && parcels.is_empty()
+            && self.message.info.is_empty()
+    }
+}
+
+/// Why not all answers are there.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Silence {
+    /// Those that are.
+    pub(super) answers: BTreeMap<AgentId, Answer>,
+    /// Who has not answered, ascending.
+    pub(super) silent: Vec<AgentId>,
+}
+
+/// The server's side of the protocol over a link.
+pub(super) struct Exchange<'a> {
+    link: &'a mut dyn Link,
+    agents: u32,
+    roster: Roster,
+    last: Vec<Option<Command>>,
+    /// How often a tick may be answered with the same words again, because it was asked again.
+    echoes: Vec<u32>,
+    refusals: BTreeMap<&'static str, u64>,
+}
+
+impl<'a> Exchange<'a> {
+    pub(super) fn new(link: &'a mut dyn Link, agents: u32) -> Self {
+        Self {
+            link,
+            agents,
+            roster: Roster::new(agents),
+            last: vec![None; agents as usize],
+            echoes: vec![0; agents as usize],
+            refusals: Refusal::COUNTERS.into_iter().map(|name| (name, 0)).collect(),
+        }
+    }
+
+    pub(super) fn announce(&mut self, scenario: &Scenario) {
+        self.link.announce(scenario);
+    }
+
+    pub(super) fn clock(&mut self, tick: Tick) {
+        self.link.clock(tick);
+    }
+
+    pub(super) fn progress(&mut self, progress: &Progress) {
+        self.link.progress(progress);
+    }
+
+    /// Ids that nobody has claimed, ascending.
+    pub(super) fn missing(&self) -> Vec<AgentId> {
+        self.roster.missing()
+    }
+
+    /// The joins that were granted, without what tells one process from another.
+    pub(super) fn joins(&self) -> impl Iterator<Item = (AgentId, Join)> + '_ {
+        (0..self.agents).map(AgentId).filter_map(|agent| {
+            let controller = self.roster.seat(agent)?.controller.clone();
+            Some((agent, Join { agent: agent.0, instance: 0, protocol: PROTOCOL, controller, last_tick: Join::NONE }))
+        })
+    }
+
+    /// Counters of refusals by name.
+    pub(super) fn refusals(&self) -> impl Iterator<Item = (&'static str, u64)> + '_ {
+        Refusal::COUNTERS.into_iter().map(|name| (name, self.refusals[name]))
+    }
+
+    /// Takes in messages of agents that join, for a moment.
+    pub(super) fn admit(&mut self, watcher: &mut dyn Watcher) {
+        self.idle(PATIENCE, watcher);
+    }
+
+    /// Takes in messages while nobody is asked, for this long.
+    pub(super) fn idle(&mut self, wait: Duration, watcher: &mut dyn Watcher) {
+        let mut nobody = Barrier::new(Tick::ZERO, Default::default());
+        let end = now() + wait;
+        while let Some(left) = end.checked_duration_since(now()) {
+            if let Some(incoming) = self.link.receive(left.min(PATIENCE)) {
+                self.handle(incoming, &mut nobody, watcher);
+            }
+        }
+    }
+
+    /// Asks, and waits for all answers; sends again on silence.
+    ///
+    /// # Errors
+    /// If someone has not answered within `limit` of wall time, or `stop` was set.
+    pub(super) fn ask(
+        &mut self,
+        tick: Tick,
+        asked: &[Asked],
+        limit: Duration,
+        watcher: &mut dyn Watcher,
+        stop: &AtomicBool,
+    ) -> Result<BTreeMap<AgentId, Answer>, Silence> {
+        let mut barrier = Barrier::new(tick, asked.iter().map(|asked| asked.agent).collect());
+        for asked in asked {
+            self.send(asked);
+        }
+        let start = now();
+        let mut patience = SEND_AGAIN_FIRST;
+        let mut send_again = start + patience;
+        while !barrier.is_complete() {
+            if let Some(incoming) = self.link.receive(PATIENCE) {
+                self.handle(incoming, &mut barrier, watcher);
+                continue;
+            }
+            let now = now();
+            if now.duration_since(start) >= limit || stop.load(Ordering::Relaxed) {
+                let silent = barrier.missing().collect();
+                return Err(Silence { answers: barrier.into_answers_so_far(), silent });
+            }
+            if now >= send_again {
+                patience = (patience * 2).min(SEND_AGAIN_MAX);
+                send_again = now + patience;
+                for asked in asked.iter().filter(|asked| barrier.awaits(asked.agent)) {
+                    self.echoes[asked.agent.index()] += 1;
+                    self.send(asked);
+                }
+            }
+        }
+        Ok(barrier.into_answers())
+    }
+
+    /// Tells agents that the run is over, and waits a while for their receipts.
+    pub(super) fn farewell(&mut self, tick: Tick, told: &[Asked], limit: Duration, watcher: &mut dyn Watcher) {
+        let told: Vec<Asked> =
+            told.iter().filter(|told| self.roster.seat(told.agent).is_some()).cloned().collect();
+        if let Err(Silence { silent, .. }) = self.ask(tick, &told, limit, watcher, &AtomicBool::new(false)) {
+            let silent = crate::lockstep::listed(silent);
+            watcher.note(&format!("no receipt for the end of the run from: {silent}"));
+        }
+    }
+
+    fn send(&mut self, asked: &Asked) {
+        for part in &asked.parts {
+            self.link.send(asked.agent, part);
+        }
+    }
+
+    fn handle(&mut self, incoming: Incoming, barrier: &mut Barrier<Answer>, watcher: &mut dyn Watcher) {
+        let Incoming { topic_agent, source, message } = incoming;
+        let handled = match message {
+            Inbound::Join(join) => self.handle_join(topic_agent, source, join),
+            Inbound::Command(command) => self.handle_command(topic_agent, source, command, barrier),
+            Inbound::Undecodable { reason } => Err(Refusal::Undecodable { topic: topic_agent, reason }),
+        };
+        if let Err(refusal) = handled {
+            let name = refusal.counter();
+            let count = self.refusals.entry(name).or_default();
+            *count += 1;
+            match *count {
+                ..NOTES_MAX => watcher.note(&format!("refused: {refusal}")),
+                NOTES_MAX => watcher.note(&format!("refused: {refusal} (more of this kind are only counted: {name})")),
+                _ => {}
+            }
+        }
+    }
+
+    fn handle_join(&mut self, topic: AgentId, source: SourceId, join: Join) -> Result<(), Refusal> {
+        let Join { agent, instance, protocol, controller, last_tick: _ } = join;
+        let seat = Seat { source, instance, controller };
+        let granted = self.roster.join(Claim { topic, agent: AgentId(agent), protocol, seat });
+        let reason = granted.as_ref().err().map_or_else(String::new, Refusal::to_string);
+        self.link.reply_join(&JoinReply { agent, instance, accepted: granted.is_ok(), reason });
+        granted
+    }
+
+    fn handle_command(
+        &mut self,
+        topic: AgentId,
+        source: SourceId,
+        command: Command,
+        barrier: &mut Barrier<Answer>,
+    ) -> Result<(), Refusal> {
+        let agent = AgentId(command.agent);
+        let tick = Tick(command.tick);
+        if agent != topic {
+            return Err(Refusal::WrongTopic { topic, named: agent });
+        }
+        self.roster.check(agent, source)?;
+        let echoes = &mut self.echoes[agent.index()];
+        if *echoes > 0 && !barrier.awaits(agent) && self.last[agent.index()].as_ref() == Some(&command) {
+            *echoes -= 1;
+            return Ok(());
+        }
+        barrier.expect(agent, tick)?;
+        let (action, wake) = wire::command(&command, self.agents)
+            .map_err(|reason| Refusal::IllegalCommand { agent, tick, reason })?;
+        self.last[agent.index()] = Some(command.clone());
+        barrier.accept(agent, tick, Answer { message: command, action, wake })
+    }
+}

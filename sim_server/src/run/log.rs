@@ -1,0 +1,99 @@
+//! What a run writes down: messages on their way to the digest and to the recording, if there is one.
+
+use msgs::cdr;
+use msgs::ids::{AgentId, Tick};
+use msgs::topics::{self, Topic};
+use serde::Serialize;
+
+use crate::digest::Chain;
+use crate::recorder::{RecordError, Recorder};
+
+/// What a message is.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Kind {
+    Scenario,
+    Progress,
+    Digest,
+    Result,
+    Transforms,
+    Join(AgentId),
+    Observation(AgentId),
+    Command(AgentId),
+}
+
+/// The recording and the encoding of messages, which the digest needs in any case.
+pub(super) struct Log {
+    recorder: Option<Recorder>,
+    sim_topics: [Topic; 5],
+    agent_topics: Vec<[Topic; 3]>,
+    bytes: Vec<u8>,
+}
+
+impl Log {
+    pub(super) fn new(recorder: Option<Recorder>, agents: u32) -> Self {
+        let of_agent = |agent| [topics::join(agent), topics::observation(agent), topics::command(agent)];
+        Self {
+            recorder,
+            sim_topics: [topics::scenario(), topics::progress(), topics::digest(), topics::result(), topics::tf()],
+            agent_topics: (0..agents).map(AgentId).map(of_agent).collect(),
+            bytes: Vec::new(),
+        }
+    }
+
+    pub(super) fn is_recording(&self) -> bool {
+        self.recorder.is_some()
+    }
+
+    /// Writes a message that the digest covers.
+    pub(super) fn exchange<M: Serialize>(
+        &mut self,
+        kind: Kind,
+        tick: Tick,
+        message: &M,
+        chain: &mut Chain,
+    ) -> Result<(), RecordError> {
+        self.encode(message);
+        chain.message(&self.bytes);
+        self.put(kind, tick)
+    }
+
+    /// Writes a message that only the recording holds.
+    pub(super) fn write<M: Serialize>(&mut self, kind: Kind, tick: Tick, message: &M) -> Result<(), RecordError> {
+        if self.is_recording() {
+            self.encode(message);
+            self.put(kind, tick)?;
+        }
+        Ok(())
+    }
+
+    /// See [`Recorder::save_provisionally`].
+    pub(super) fn save_provisionally(&mut self) -> Result<(), RecordError> {
+        self.recorder.as_mut().map_or(Ok(()), Recorder::save_provisionally)
+    }
+
+    pub(super) fn finish(self) -> Result<(), RecordError> {
+        self.recorder.map_or(Ok(()), Recorder::finish)
+    }
+
+    fn encode<M: Serialize>(&mut self, message: &M) {
+        self.bytes.clear();
+        cdr::encode_into(&mut self.bytes, message);
+    }
+
+    fn put(&mut self, kind: Kind, tick: Tick) -> Result<(), RecordError> {
+        let Some(recorder) = &mut self.recorder else {
+            return Ok(());
+        };
+        let topic = match kind {
+            Kind::Scenario => &self.sim_topics[0],
+            Kind::Progress => &self.sim_topics[1],
+            Kind::Digest => &self.sim_topics[2],
+            Kind::Result => &self.sim_topics[3],
+            Kind::Transforms => &self.sim_topics[4],
+            Kind::Join(agent) => &self.agent_topics[agent.index()][0],
+            Kind::Observation(agent) => &self.agent_topics[agent.index()][1],
+            Kind::Command(agent) => &self.agent_topics[agent.index()][2],
+        };
+        recorder.write(topic, tick, &self.bytes)
+    }
+}

@@ -1,0 +1,124 @@
+//! From a scenario to the world it describes, and to its recording.
+//!
+//! This is where files are read and made; what they mean is decided elsewhere.
+
+use std::path::Path;
+
+use thiserror::Error;
+use voxels::{Extent, ExtentError};
+
+use crate::mapgen::{self, GeneratedMap, ImportSpec, MapError, MapReport, MapSpec};
+use crate::recorder::{Document, RecordError, Recorder};
+use crate::scenario::{LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
+use crate::world::comms::CommsModel;
+use crate::world::lidar::{Pattern, Scanner};
+use crate::world::spawn::SpawnError;
+use crate::world::{ScanSchedule, World, WorldParams};
+
+/// Name of the attachment of a recording that holds the scenario.
+pub const SCENARIO_ATTACHMENT: &str = "scenario.toml";
+
+/// Why a scenario cannot be set up.
+#[derive(Debug, Error)]
+pub enum SetupError {
+    /// A file cannot be read.
+    #[error("{file}: {source}")]
+    Read {
+        /// The file.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The scenario is not legal.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The map has an impossible size.
+    #[error("map: {0}")]
+    Extent(#[from] ExtentError),
+    /// There is no such map.
+    #[error("map: {0}")]
+    Map(#[from] MapError),
+    /// There is no room for the team.
+    #[error(transparent)]
+    Spawn(#[from] SpawnError),
+}
+
+/// Reads a scenario file and sets the overridden keys.
+///
+/// # Errors
+/// If the file cannot be read or the scenario is not legal.
+pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError> {
+    let name = file.display().to_string();
+    let text = std::fs::read_to_string(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
+    Ok(Scenario::parse(&name, &text, overrides)?)
+}
+
+/// Makes the world of a scenario.
+///
+/// # Errors
+/// If there is no such map, or no room for the team.
+pub fn build(scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
+    let GeneratedMap { terrain, report } = map(scenario)?;
+    let agents = scenario.agents.count as usize;
+    let starts = scenario.spawn.poses(&terrain, agents, scenario.body.radius_m)?;
+    Ok((World::new(terrain, params(scenario), &starts), report))
+}
+
+/// Begins the recording of a run of `scenario` in `world`.
+///
+/// # Errors
+/// If the file cannot be made.
+pub fn record(file: &Path, scenario: &Scenario, world: &World) -> Result<Recorder, RecordError> {
+    let identity = scenario.identity();
+    let (name, map) = map_document(world);
+    let documents = [
+        Document { name: SCENARIO_ATTACHMENT, media_type: "application/toml", data: identity.as_bytes() },
+        Document { name, media_type: "application/octet-stream", data: &map },
+    ];
+    Recorder::create(file, &documents)
+}
+
+/// The terrain as the most compact file that can hold it.
+fn map_document(world: &World) -> (&'static str, Vec<u8>) {
+    match voxels::m3dm::write(world.terrain()) {
+        Ok(bytes) => ("map.m3dm", bytes),
+        Err(_too_large) => ("map.txt", world.terrain().to_text().into_bytes()),
+    }
+}
+
+fn map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
+    let section = &scenario.map;
+    let generated = |spec| {
+        let size = section.size.expect("a checked scenario has a size for a generated map").cells();
+        Ok(mapgen::generate(&spec, Extent::new(size, section.cell_m)?, scenario.map_seed())?)
+    };
+    match section.kind {
+        MapKind::Spheres => generated(MapSpec::Spheres(section.spheres.clone())),
+        MapKind::Noise => generated(MapSpec::Noise(section.noise.clone())),
+        MapKind::File => {
+            let file = section.file.as_deref().expect("a checked scenario has a file for a map from a file");
+            let name = file.display().to_string();
+            let bytes = std::fs::read(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
+            let import = ImportSpec { file: name, bytes };
+            let size = import.read()?.extent().size();
+            Ok(mapgen::generate(&MapSpec::Import(import), Extent::new(size, section.cell_m)?, scenario.map_seed())?)
+        }
+    }
+}
+
+fn params(scenario: &Scenario) -> WorldParams {
+    let lidar = &scenario.lidar;
+    let pattern = match lidar.pattern {
+        LidarPattern::Lattice => Pattern::Lattice { rays: lidar.rays },
+        LidarPattern::Shell => Pattern::Shell { radius_cells: lidar.shell_radius_cells },
+    };
+    WorldParams {
+        body: scenario.body.into(),
+        scanner: Scanner::new(pattern, lidar.range_m, lidar.fov_rad),
+        schedule: match lidar.schedule {
+            LidarSchedule::OnRequest => ScanSchedule::OnRequest { period_ticks: lidar.period_ticks },
+            LidarSchedule::Maes3d => ScanSchedule::TakeTurns,
+        },
+        comms: CommsModel { range_m: scenario.communication.range_m },
+    }
+}

@@ -1,0 +1,157 @@
+//! What a person sees of a run: a progress bar on a terminal, plain lines otherwise, and a table at the end.
+//!
+//! Progress and notes go to stderr; the result goes to stdout, its last line is the digest.
+
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use comfy_table::presets::UTF8_FULL_CONDENSED;
+use comfy_table::{Cell, CellAlignment, Table};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs;
+
+use crate::lockstep::listed;
+use crate::run::{Outcome, Watcher};
+use crate::world::World;
+
+/// Wall time between two plain lines.
+const LINE_PERIOD: Duration = Duration::from_secs(5);
+
+/// Shows the progress of a run on stderr.
+pub struct Terminal {
+    bar: Option<ProgressBar>,
+    duration: Tick,
+    agents: u32,
+    started: Option<Instant>,
+    line_written: Option<Instant>,
+    waiting_for: Vec<AgentId>,
+}
+
+impl Terminal {
+    /// For a run of so many agents that ends at `duration` at the latest.
+    #[must_use]
+    pub fn new(duration: Tick, agents: u32) -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::with_draw_target(Some(duration.0), ProgressDrawTarget::stderr());
+            let style = ProgressStyle::with_template("{bar:30} {msg}").expect("the template is right");
+            bar.set_style(style);
+            bar
+        });
+        Self { bar, duration, agents, started: None, line_written: None, waiting_for: Vec::new() }
+    }
+
+    /// Takes the bar away.
+    pub fn clear(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn line(&mut self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(text),
+            None => eprintln!("{text}"),
+        }
+    }
+}
+
+impl Watcher for Terminal {
+    fn waiting(&mut self, missing: &[AgentId]) {
+        if self.waiting_for != missing {
+            self.waiting_for = missing.to_vec();
+            let text = format!("waiting for agents: {}", listed(missing.iter().copied()));
+            self.line(&text);
+        }
+    }
+
+    fn progress(&mut self, world: &World) {
+        let now = now();
+        let started = *self.started.get_or_insert(now);
+        let sim_s = world.tick().time_ns() as f64 * 1e-9;
+        let wall_s = now.duration_since(started).as_secs_f64();
+        let text = format!(
+            "{} / {} | explored {:5.1} % | {:6.1} x real time | {} agents",
+            clock(sim_s),
+            clock(self.duration.time_ns() as f64 * 1e-9),
+            world.coverage().explored() * 100.0,
+            if wall_s > 0.0 { sim_s / wall_s } else { 0.0 },
+            self.agents,
+        );
+        match &self.bar {
+            Some(bar) => {
+                bar.set_position(world.tick().0);
+                bar.set_message(text);
+            }
+            None if self.line_written.is_none_or(|line| now.duration_since(line) >= LINE_PERIOD) => {
+                self.line_written = Some(now);
+                eprintln!("{text}");
+            }
+            None => {}
+        }
+    }
+
+    fn started(&mut self) {
+        self.started = Some(now());
+        let text = format!("all {} agents are there", self.agents);
+        self.line(&text);
+    }
+
+    fn note(&mut self, text: &str) {
+        self.line(text);
+    }
+}
+
+/// The result of a run as a text for people: a table, and the digest as the last line.
+#[must_use]
+pub fn result_text(outcome: &Outcome) -> String {
+    let result = &outcome.result;
+    let sim_s = Tick(result.tick).time_ns() as f64 * 1e-9;
+    let wall_s = outcome.wall.as_secs_f64();
+    let speed = if wall_s > 0.0 { sim_s / wall_s } else { 0.0 };
+    format!(
+        "{}\nwall time {wall_s:.2} s, {speed:.1} x real time\ndigest: {}",
+        result_table(result),
+        outcome.digest
+    )
+}
+
+/// The result of a run as a table.
+#[must_use]
+pub fn result_table(result: &maes_msgs::Result) -> String {
+    let percent = |share: f64| Cell::new(format!("{:.2} %", share * 100.0)).set_alignment(CellAlignment::Right);
+    let metres = |way: f64| Cell::new(format!("{way:.1} m")).set_alignment(CellAlignment::Right);
+    let mut table = Table::new();
+    table.load_style(UTF8_FULL_CONDENSED);
+    table.set_header(["", "explored", "covered", "distance"]);
+    let agents = result.explored_by.iter().zip(&result.covered_by).zip(&result.distance_m);
+    for (agent, ((&explored, &covered), &distance)) in agents.enumerate() {
+        table.add_row([Cell::new(format!("agent {agent}")), percent(explored), percent(covered), metres(distance)]);
+    }
+    let team_m = result.distance_m.iter().sum();
+    table.add_row([Cell::new("team"), percent(result.explored), percent(result.covered), metres(team_m)]);
+    let counted: Vec<String> = result
+        .counters
+        .iter()
+        .filter(|counter| counter.value > 0)
+        .map(|counter| format!("{} {}", counter.name, counter.value))
+        .collect();
+    let sim_s = Tick(result.tick).time_ns() as f64 * 1e-9;
+    format!(
+        "{table}\nended after {} of sim time (tick {}): {}\n{}",
+        clock(sim_s),
+        result.tick,
+        result.reason,
+        counted.join(", ")
+    )
+}
+
+/// Minutes and seconds.
+fn clock(seconds: f64) -> String {
+    format!("{:02}:{:05.2}", (seconds / 60.0) as u64, seconds % 60.0)
+}
+
+#[expect(clippy::disallowed_methods, reason = "people are told about wall time")]
+fn now() -> Instant {
+    Instant::now()
+}

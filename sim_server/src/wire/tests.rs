@@ -1,0 +1,153 @@
+use msgs::cdr;
+use msgs::maes_msgs::{Command, LidarRequest as LidarMessage, Parcel as ParcelMessage, Task, Wake as WakeMessage};
+use proptest::prelude::*;
+
+use super::*;
+use crate::world::body::Pose;
+use crate::world::lidar::View;
+
+fn observation() -> Observation {
+    Observation {
+        tick: Tick(50),
+        agent: AgentId(3),
+        pose: Pose { position: Point3::new(1.0, 2.0, 3.0), yaw_rad: 0.5 },
+        velocity_in_map_m_s: Vector3::zeros(),
+        yaw_rate_rad_s: 0.0,
+        is_active: true,
+        collision: None,
+        events: 0,
+        contacts: vec![(AgentId(1), Point3::new(4.0, 5.0, 6.0))],
+        parcels: Vec::new(),
+        scan_tick: None,
+        seen_free: Vec::new(),
+        seen_wall: Vec::new(),
+        view: None,
+    }
+}
+
+fn indices(runs: &CellRuns) -> impl Iterator<Item = u32> + '_ {
+    voxels::indices(&runs.start, &runs.length)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20))]
+    #[test]
+    fn large_observations_are_split_without_loss(
+        step in 1..4_u32,
+        cells in 0..80_000_u32,
+        parcel_bytes in prop::collection::vec(0..=PARCEL_BYTES_MAX, 0..6),
+        contacts in 0..1000_u32,
+    ) {
+        let list: Vec<u32> = (0..cells).map(|cell| cell * step).collect();
+        let whole = Observation {
+            contacts: (0..contacts).map(|agent| (AgentId(agent), Point3::origin())).collect(),
+            parcels: parcel_bytes
+                .iter()
+                .map(|&bytes| Parcel { peer: Peer::One(AgentId(1)), kind: 2, data: vec![7; bytes] })
+                .collect(),
+            seen_free: list.clone(),
+            seen_wall: list.clone(),
+            view: Some(View { free: list.clone(), wall: list.clone(), hits: Vec::new() }),
+            ..observation()
+        };
+        let parts = observation_parts(&whole, Part::RUNNING);
+        let mut joined: [Vec<u32>; 4] = Default::default();
+        let mut parcels = Vec::new();
+        for (number, part) in parts.iter().enumerate() {
+            prop_assert_eq!((usize::from(part.part), usize::from(part.parts)), (number, parts.len()));
+            prop_assert!(cdr::encode(part).len() <= OBSERVATION_BYTES_MAX);
+            prop_assert_eq!((part.tick, part.agent, part.has_view), (50, 3, true));
+            joined[0].extend(indices(&part.seen_free));
+            joined[1].extend(indices(&part.seen_wall));
+            joined[2].extend(indices(&part.view_free));
+            joined[3].extend(indices(&part.view_wall));
+            parcels.extend(part.parcels.iter().map(|parcel| parcel.data.len()));
+        }
+        for joined in joined {
+            prop_assert_eq!(&joined, &list);
+        }
+        prop_assert_eq!(parcels, parcel_bytes);
+        prop_assert_eq!(parts[0].contacts.len(), contacts as usize);
+        prop_assert!(parts[1..].iter().all(|part| part.contacts.is_empty()));
+    }
+
+    #[test]
+    fn whatever_is_sent_is_refused_or_legal(
+        kind in 0..8_u8,
+        numbers in prop::array::uniform4(any::<f64>()),
+        path in prop::collection::vec(any::<f64>(), 0..5),
+        lidar in (0..6_u8, any::<u32>()),
+        receiver in any::<u32>(),
+    ) {
+        let [pitch_rad, distance_m, angle_rad, other] = numbers;
+        let message = Command {
+            task: Task {
+                kind,
+                pitch_rad,
+                distance_m,
+                angle_rad,
+                path: path.iter().map(|&x| geometry_msgs::Point { x, y: 0.0, z: 0.0 }).collect(),
+                linear_m_s: geometry_msgs::Vector3 { x: other, y: 0.0, z: 0.0 },
+                yaw_rate_rad_s: other,
+            },
+            lidar: LidarMessage { kind: lidar.0, period_ticks: lidar.1 },
+            parcels: vec![ParcelMessage { agent: receiver, kind: 0, data: Vec::new() }],
+            ..Command::default()
+        };
+        if let Ok((action, _)) = command(&message, 5) {
+            match action.motion {
+                Motion::Move { pitch_rad, distance_m } => {
+                    prop_assert!(pitch_rad.abs() <= std::f64::consts::FRAC_PI_2 && distance_m >= 0.0);
+                }
+                Motion::Turn { angle_rad } => prop_assert!(angle_rad.abs() <= std::f64::consts::TAU),
+                Motion::Path(points) => {
+                    prop_assert!(!points.is_empty() && points.iter().all(|point| point.x.abs() <= 1e6));
+                }
+                Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s } => {
+                    prop_assert!(linear_in_body_m_s.x.is_finite() && yaw_rate_rad_s.is_finite());
+                }
+                Motion::Keep | Motion::Stop => {}
+            }
+            prop_assert!(action.lidar != LidarRequest::Every(0));
+        }
+    }
+}
+
+#[track_caller]
+fn refuses(message: &Command, expected: &str) {
+    let reason = command(message, 5).unwrap_err();
+    assert!(reason.contains(expected), "{reason}");
+}
+
+#[test]
+fn refusals_name_field_value_and_what_is_allowed() {
+    let task = |task: Task| Command { task, ..Command::default() };
+    let moving = Task { kind: Task::MOVE, ..Task::default() };
+    refuses(&task(Task { kind: 6, ..Task::default() }), "task.kind = 6, 0 to 5 are allowed");
+    refuses(&task(Task { distance_m: f64::NAN, ..moving.clone() }), "task.distance_m = NaN, 0 to inf is allowed");
+    refuses(&task(Task { distance_m: -1.0, ..moving.clone() }), "task.distance_m = -1");
+    refuses(&task(Task { pitch_rad: 2.0, ..moving }), "task.pitch_rad = 2");
+    refuses(&task(Task { kind: Task::PATH, ..Task::default() }), "task.path has 0 way-points, 1 to 1024 are allowed");
+    refuses(
+        &Command { lidar: LidarMessage { kind: LidarMessage::EVERY, period_ticks: 0 }, ..Command::default() },
+        "lidar.period_ticks = 0",
+    );
+    let parcel = |agent, bytes| ParcelMessage { agent, kind: 0, data: vec![0; bytes] };
+    refuses(&Command { parcels: vec![parcel(5, 1)], ..Command::default() }, "a parcel is for agent 5, 0 to 4");
+    refuses(
+        &Command { parcels: vec![parcel(1, 50_000), parcel(2, 50_000)], ..Command::default() },
+        "the parcels hold 100000 bytes, at most 57344 are allowed",
+    );
+    refuses(&Command { info: "x".repeat(2000), ..Command::default() }, "info has 2000 bytes");
+}
+
+#[test]
+fn asking_again_is_never_before_the_next_tick() {
+    let wake = |tick, at_tick| {
+        let message = Command { tick, wake: WakeMessage { at_tick, events: 3 }, ..Command::default() };
+        command(&message, 5).unwrap().1
+    };
+    assert_eq!(wake(7, 0).at, Tick(8));
+    assert_eq!(wake(7, 20), Wake { at: Tick(20), events: 3 });
+    assert_eq!(wake(u64::MAX, 0).at, Tick(u64::MAX));
+}

@@ -1,0 +1,562 @@
+//! The true world and its fixed update: look, (compute, outside), communicate, move.
+//!
+//! A tick goes like this: [`World::look`] casts the scans that are due; the caller asks the agents that are due for commands
+//! (with [`World::observe`]); [`World::step`] delivers the parcels, moves the bodies in the order of their ids, and ends the
+//! tick. Each body sees the others where they are at that moment: lower ids have moved already, higher ids not yet, so two
+//! bodies can never come to overlap.
+//!
+//! Invariants: no body leaves free space or overlaps another; the result depends on the arguments alone. Threads only share
+//! out scans, each of which writes to the memory of its own agent.
+//!
+//! This module knows no ROS, no file and no wall clock, and does not judge who is due: see [`crate::lockstep`].
+
+pub mod body;
+pub mod collision;
+pub mod comms;
+pub mod coverage;
+pub mod lidar;
+pub mod spawn;
+
+use std::collections::BTreeMap;
+
+use msgs::ids::{AgentId, Tick};
+use msgs::limits::PARCEL_BYTES_MAX;
+use nalgebra::{Point3, Vector3};
+use rayon::ThreadPool;
+use rayon::prelude::*;
+use voxels::{Cell, Grid, Terrain};
+
+use body::{Body, BodyModel, Collision, Motion, Pose};
+use collision::{Obstacles, Sphere};
+use comms::{CommsModel, ContactTable, Parcel, Peer};
+use coverage::Coverage;
+use lidar::{Scanner, SensorMemory, View};
+
+/// Bytes an inbox holds at the most; a parcel that does not fit is lost. 64 full parcels: an agent that never asks for its
+/// mail must not make the server grow.
+pub const INBOX_BYTES_MAX: usize = 64 * PARCEL_BYTES_MAX;
+
+/// Everything about a world that is not its terrain.
+#[derive(Debug, Clone)]
+pub struct WorldParams {
+    /// What bodies can do.
+    pub body: BodyModel,
+    /// What LiDARs see.
+    pub scanner: Scanner,
+    /// When LiDARs scan.
+    pub schedule: ScanSchedule,
+    /// Who hears whom.
+    pub comms: CommsModel,
+}
+
+/// When LiDARs scan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ScanSchedule {
+    /// Each as its agent asks; until it asks, every so many ticks, all in the same tick.
+    OnRequest {
+        /// At least 1.
+        period_ticks: u32,
+    },
+    /// The reference's way: one agent in each tick, in turn, whatever they ask.
+    TakeTurns,
+}
+
+/// What an agent asks of its LiDAR.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum LidarRequest {
+    /// As before.
+    #[default]
+    Keep,
+    /// No scans.
+    Never,
+    /// One scan in the next tick.
+    Once,
+    /// A scan every so many ticks (at least 1), the next one in the next tick.
+    Every(u32),
+}
+
+/// Things that can happen to an agent between two observations: a set of the bits of `maes_msgs/Wake`.
+pub type Events = u8;
+/// The task has ended.
+pub const TASK_DONE: Events = msgs::maes_msgs::Wake::TASK_DONE;
+/// A motion was refused.
+pub const COLLISION: Events = msgs::maes_msgs::Wake::COLLISION;
+/// The centre of the body has entered another cell.
+pub const NEW_CELL: Events = msgs::maes_msgs::Wake::NEW_CELL;
+/// The contacts differ from those of the last observation.
+pub const CONTACTS: Events = msgs::maes_msgs::Wake::CONTACTS;
+/// A parcel has arrived.
+pub const PARCEL: Events = msgs::maes_msgs::Wake::PARCEL;
+
+/// What the world does for an agent in one tick: a command, without its wake condition.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Action {
+    /// Task of the body.
+    pub motion: Motion,
+    /// Request to the LiDAR.
+    pub lidar: LidarRequest,
+    /// Whether the next observation is to hold the view of the last scan.
+    pub want_view: bool,
+    /// To send in this tick.
+    pub parcels: Vec<Parcel>,
+}
+
+impl Action {
+    /// What becomes of an agent that does not answer any more: its body stops, its LiDAR is off.
+    pub const LOST: Self =
+        Self { motion: Motion::Stop, lidar: LidarRequest::Never, want_view: false, parcels: Vec::new() };
+}
+
+/// What an agent learns. Cell lists are ascending indices.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observation {
+    /// The tick it is of.
+    pub tick: Tick,
+    /// Whom it is for.
+    pub agent: AgentId,
+    /// Own pose.
+    pub pose: Pose,
+    /// Own velocity, m/s, frame `map`.
+    pub velocity_in_map_m_s: Vector3<f64>,
+    /// Own turn rate, rad/s.
+    pub yaw_rate_rad_s: f64,
+    /// Whether a task is under way.
+    pub is_active: bool,
+    /// Collision of the last motion that was tried.
+    pub collision: Option<Collision>,
+    /// What has happened since the last observation.
+    pub events: Events,
+    /// Agents in contact and where they are, ascending.
+    pub contacts: Vec<(AgentId, Point3<f64>)>,
+    /// Arrived since the last observation.
+    pub parcels: Vec<Parcel>,
+    /// Tick of the last scan.
+    pub scan_tick: Option<Tick>,
+    /// Free cells seen for the first time since the last observation.
+    pub seen_free: Vec<u32>,
+    /// Walls seen for the first time since the last observation.
+    pub seen_wall: Vec<u32>,
+    /// The last scan as a whole, on request.
+    pub view: Option<View>,
+}
+
+/// How much of what an agent has not been told yet an observation takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Since {
+    /// Everything since the last observation that counted.
+    LastCounted,
+    /// Only what is new since the agent was last asked, for an agent that is asked out of turn.
+    LastAsked,
+}
+
+/// Running totals of a world, for the result of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Totals {
+    /// Scans that were due.
+    pub scans: u64,
+    /// Scans that were cast: the others were of a body that had not moved.
+    pub scans_cast: u64,
+    /// Motions refused.
+    pub collisions: u64,
+    /// Parcels sent, one for each receiver named or in contact.
+    pub parcels_sent: u64,
+    /// Parcels delivered.
+    pub parcels_delivered: u64,
+    /// Parcels lost because the receiver was out of contact.
+    pub parcels_out_of_contact: u64,
+    /// Parcels lost because the receiver's inbox was full.
+    pub parcels_inbox_full: u64,
+    /// Bytes delivered.
+    pub parcel_bytes_delivered: u64,
+}
+
+/// The true world.
+#[derive(Debug)]
+pub struct World {
+    tick: Tick,
+    terrain: Grid<Terrain>,
+    params: WorldParams,
+    agents: Vec<AgentState>,
+    spheres: Vec<Sphere>,
+    contacts: Option<ContactTable>,
+    coverage: Coverage,
+    totals: Totals,
+}
+
+/// One agent as the world sees it.
+#[derive(Debug)]
+struct AgentState {
+    body: Body,
+    cell: Cell,
+    distance_m: f64,
+    memory: SensorMemory,
+    next_scan: Option<Tick>,
+    scan_period_ticks: Option<u32>,
+    /// Where and when the last scan was cast.
+    last_scan: Option<(Pose, Tick)>,
+    want_view: bool,
+    untold: Untold,
+    reported_contacts: Vec<AgentId>,
+}
+
+/// What has happened since the last observation that counted; the `asked` lengths mark how much of it an agent that was asked
+/// out of turn has been told already.
+#[derive(Debug, Default)]
+struct Untold {
+    events: Events,
+    free: Vec<u32>,
+    wall: Vec<u32>,
+    parcels: Vec<Parcel>,
+    parcel_bytes: usize,
+    asked_events: Events,
+    asked_free: usize,
+    asked_wall: usize,
+    asked_parcels: usize,
+}
+
+impl World {
+    /// A world at tick 0 with a body at each of `starts`, which have room (see [`spawn`]).
+    #[must_use]
+    pub fn new(terrain: Grid<Terrain>, params: WorldParams, starts: &[Pose]) -> Self {
+        let memory = SensorMemory::new(&terrain);
+        let extent = terrain.extent();
+        let free_cells = terrain
+            .as_slice()
+            .iter()
+            .filter(|&&cell| cell == Terrain::Free)
+            .count();
+        let period_ticks = match params.schedule {
+            ScanSchedule::OnRequest { period_ticks } => Some(period_ticks),
+            ScanSchedule::TakeTurns => None,
+        };
+        let agents: Vec<AgentState> = starts
+            .iter()
+            .map(|&pose| AgentState {
+                body: Body::at_rest(pose),
+                cell: extent.cell_of(&pose.position),
+                distance_m: 0.0,
+                memory: memory.clone(),
+                next_scan: period_ticks.map(|_| Tick::ZERO),
+                scan_period_ticks: period_ticks,
+                last_scan: None,
+                want_view: false,
+                untold: Untold::default(),
+                reported_contacts: Vec::new(),
+            })
+            .collect();
+        let mut coverage = Coverage::new(extent.volume(), free_cells, agents.len());
+        for (agent, state) in ids().zip(&agents) {
+            coverage.cover(agent, index_of(&terrain, state.cell));
+        }
+        let spheres = starts
+            .iter()
+            .map(|pose| Sphere {
+                centre: pose.position,
+                radius_m: params.body.radius_m,
+            })
+            .collect();
+        Self {
+            tick: Tick::ZERO,
+            terrain,
+            params,
+            agents,
+            spheres,
+            contacts: None,
+            coverage,
+            totals: Totals::default(),
+        }
+    }
+
+    /// The present tick.
+    #[must_use]
+    pub fn tick(&self) -> Tick {
+        self.tick
+    }
+
+    /// The true map.
+    #[must_use]
+    pub fn terrain(&self) -> &Grid<Terrain> {
+        &self.terrain
+    }
+
+    /// The score so far.
+    #[must_use]
+    pub fn coverage(&self) -> &Coverage {
+        &self.coverage
+    }
+
+    /// Running totals.
+    #[must_use]
+    pub fn totals(&self) -> &Totals {
+        &self.totals
+    }
+
+    /// All agents, ascending.
+    pub fn agents(&self) -> impl Iterator<Item = AgentId> + use<> {
+        ids().take(self.agents.len())
+    }
+
+    /// The body of an agent.
+    #[must_use]
+    pub fn body(&self, agent: AgentId) -> &Body {
+        &self.agents[agent.index()].body
+    }
+
+    /// Way travelled by each agent in metres, by agent.
+    #[must_use]
+    pub fn distance_m(&self) -> Vec<f64> {
+        self.agents.iter().map(|state| state.distance_m).collect()
+    }
+
+    /// Rays of one scan.
+    #[must_use]
+    pub fn rays(&self) -> u32 {
+        self.params.scanner.rays()
+    }
+
+    /// Phase look: casts the scans that are due in this tick, of several agents at a time on the threads of `pool`.
+    pub fn look(&mut self, pool: &ThreadPool) {
+        let tick = self.tick;
+        let team = self.agents.len() as u64;
+        let scanner = &self.params.scanner;
+        if self.params.schedule == ScanSchedule::TakeTurns {
+            let turn = (tick.0 % team) as usize;
+            self.agents[turn].next_scan = Some(tick);
+        }
+        let mut due: Vec<(usize, &mut AgentState)> = self
+            .agents
+            .iter_mut()
+            .enumerate()
+            .filter(|(_, state)| state.next_scan == Some(tick))
+            .collect();
+        if due.is_empty() {
+            return;
+        }
+        self.totals.scans += due.len() as u64;
+        for (_, state) in &mut due {
+            state.next_scan = state.scan_period_ticks.map(|period| tick.after(period.into()));
+        }
+        let mut cast = Vec::with_capacity(due.len());
+        for (index, state) in due {
+            let pose = *state.body.pose();
+            let sees_the_same = state
+                .last_scan
+                .is_some_and(|(last, _)| scanner.sees_the_same(&last, &pose));
+            state.last_scan = Some((pose, tick));
+            if !sees_the_same {
+                cast.push((index, state));
+            }
+        }
+        self.totals.scans_cast += cast.len() as u64;
+        let scan = |(index, state): &mut (usize, &mut AgentState)| {
+            let first = state.untold.free.len();
+            let pose = *state.body.pose();
+            let untold = &mut state.untold;
+            scanner.scan(&mut state.memory, &pose, &mut untold.free, &mut untold.wall);
+            (*index, first)
+        };
+        let scanned: Vec<(usize, usize)> = if cast.len() > 1 && pool.current_num_threads() > 1 {
+            pool.install(|| cast.par_iter_mut().map(scan).collect())
+        } else {
+            cast.iter_mut().map(scan).collect()
+        };
+        for (index, first) in scanned {
+            let new_free = &self.agents[index].untold.free[first..];
+            self.coverage.explore(AgentId::from_index(index), new_free);
+        }
+    }
+
+    /// What has happened to an agent since its last observation that counted, as far as `asked` names it: a change of contacts
+    /// is looked for only if it is asked for.
+    pub fn events(&mut self, agent: AgentId, asked: Events) -> Events {
+        let mut events = self.agents[agent.index()].untold.events;
+        if asked & CONTACTS != 0 && self.contacts_of(agent) != self.agents[agent.index()].reported_contacts {
+            events |= CONTACTS;
+        }
+        events & asked
+    }
+
+    /// What an agent learns in this tick. With [`Since::LastCounted`] it counts as told afterwards.
+    pub fn observe(&mut self, agent: AgentId, since: Since) -> Observation {
+        let contacts = self.contacts_of(agent);
+        let contact_positions = contacts
+            .iter()
+            .map(|&other| (other, self.spheres[other.index()].centre))
+            .collect();
+        let scanner = &self.params.scanner;
+        let state = &mut self.agents[agent.index()];
+        let mut events = match since {
+            Since::LastCounted => state.untold.events,
+            Since::LastAsked => state.untold.events & !state.untold.asked_events,
+        };
+        if contacts != state.reported_contacts {
+            events |= CONTACTS;
+        }
+        let mut observation = Observation {
+            tick: self.tick,
+            agent,
+            pose: *state.body.pose(),
+            velocity_in_map_m_s: state.body.velocity_in_map_m_s(),
+            yaw_rate_rad_s: state.body.yaw_rate_rad_s(),
+            is_active: state.body.is_active(),
+            collision: state.body.collision(),
+            events,
+            contacts: contact_positions,
+            parcels: Vec::new(),
+            scan_tick: state.last_scan.map(|(_, tick)| tick),
+            seen_free: Vec::new(),
+            seen_wall: Vec::new(),
+            view: None,
+        };
+        if state.want_view
+            && let Some((pose, _)) = &state.last_scan
+        {
+            observation.view = Some(scanner.view(&state.memory, pose));
+        }
+        match since {
+            Since::LastCounted => {
+                let untold = std::mem::take(&mut state.untold);
+                observation.parcels = untold.parcels;
+                observation.seen_free = untold.free;
+                observation.seen_wall = untold.wall;
+                state.reported_contacts = contacts;
+            }
+            Since::LastAsked => {
+                let untold = &mut state.untold;
+                observation.parcels = untold.parcels[untold.asked_parcels..].to_vec();
+                observation.seen_free = untold.free[untold.asked_free..].to_vec();
+                observation.seen_wall = untold.wall[untold.asked_wall..].to_vec();
+                untold.asked_events = untold.events;
+                untold.asked_parcels = untold.parcels.len();
+                untold.asked_free = untold.free.len();
+                untold.asked_wall = untold.wall.len();
+            }
+        }
+        observation.seen_free.sort_unstable();
+        observation.seen_wall.sort_unstable();
+        observation
+    }
+
+    /// Phases communicate and move, and the end of the tick. Agents without an action go on as before.
+    pub fn step(&mut self, actions: BTreeMap<AgentId, Action>) {
+        self.communicate(&actions);
+        for (agent, action) in actions {
+            let next_tick = self.tick.after(1);
+            let state = &mut self.agents[agent.index()];
+            state.want_view = action.want_view;
+            state.body.take_up(action.motion);
+            match (action.lidar, self.params.schedule) {
+                (LidarRequest::Keep, _) | (_, ScanSchedule::TakeTurns) => {}
+                (LidarRequest::Never, _) => {
+                    state.scan_period_ticks = None;
+                    state.next_scan = None;
+                }
+                (LidarRequest::Once, _) => {
+                    state.scan_period_ticks = None;
+                    state.next_scan = Some(next_tick);
+                }
+                (LidarRequest::Every(period_ticks), _) => {
+                    state.scan_period_ticks = Some(period_ticks);
+                    state.next_scan = Some(next_tick);
+                }
+            }
+        }
+        self.move_bodies();
+        self.contacts = None;
+        self.tick = self.tick.after(1);
+    }
+
+    fn communicate(&mut self, actions: &BTreeMap<AgentId, Action>) {
+        for (&sender, action) in actions {
+            for parcel in &action.parcels {
+                let receivers = match parcel.peer {
+                    Peer::One(receiver) => vec![receiver],
+                    Peer::Everybody => self.contacts_of(sender),
+                };
+                for receiver in receivers {
+                    self.totals.parcels_sent += 1;
+                    if receiver == sender || !self.in_contact(sender, receiver) {
+                        self.totals.parcels_out_of_contact += 1;
+                        continue;
+                    }
+                    let untold = &mut self.agents[receiver.index()].untold;
+                    if untold.parcel_bytes + parcel.data.len() > INBOX_BYTES_MAX {
+                        self.totals.parcels_inbox_full += 1;
+                        continue;
+                    }
+                    self.totals.parcels_delivered += 1;
+                    self.totals.parcel_bytes_delivered += parcel.data.len() as u64;
+                    untold.parcel_bytes += parcel.data.len();
+                    untold.events |= PARCEL;
+                    untold.parcels.push(Parcel {
+                        peer: Peer::One(sender),
+                        ..parcel.clone()
+                    });
+                }
+            }
+        }
+    }
+
+    fn move_bodies(&mut self) {
+        for (index, state) in self.agents.iter_mut().enumerate() {
+            let obstacles = Obstacles::new(&self.terrain, &self.spheres, index);
+            let moved = state
+                .body
+                .advance(&self.params.body, &obstacles, Tick::TICK_S);
+            state.distance_m += moved.distance_m;
+            if moved.task_done {
+                state.untold.events |= TASK_DONE;
+            }
+            if moved.collided {
+                state.untold.events |= COLLISION;
+                self.totals.collisions += 1;
+            }
+            let position = state.body.pose().position;
+            self.spheres[index].centre = position;
+            let cell = self.terrain.extent().cell_of(&position);
+            if cell != state.cell {
+                assert_eq!(
+                    self.terrain.get(cell),
+                    Some(&Terrain::Free),
+                    "agent {index} has left free space"
+                );
+                state.cell = cell;
+                state.untold.events |= NEW_CELL;
+                self.coverage
+                    .cover(AgentId::from_index(index), index_of(&self.terrain, cell));
+            }
+        }
+    }
+
+    fn in_contact(&mut self, one: AgentId, other: AgentId) -> bool {
+        let (comms, terrain) = (self.params.comms, &self.terrain);
+        contact_table(&mut self.contacts, &self.spheres).in_contact(one, other, &comms, terrain)
+    }
+
+    fn contacts_of(&mut self, agent: AgentId) -> Vec<AgentId> {
+        let (comms, terrain) = (self.params.comms, &self.terrain);
+        contact_table(&mut self.contacts, &self.spheres).of(agent, &comms, terrain)
+    }
+}
+
+fn contact_table<'a>(
+    contacts: &'a mut Option<ContactTable>,
+    spheres: &[Sphere],
+) -> &'a mut ContactTable {
+    contacts.get_or_insert_with(|| {
+        ContactTable::new(spheres.iter().map(|sphere| sphere.centre).collect())
+    })
+}
+
+fn ids() -> impl Iterator<Item = AgentId> {
+    (0..).map(AgentId)
+}
+
+/// Index of a cell that lies inside the map.
+fn index_of(terrain: &Grid<Terrain>, cell: Cell) -> u32 {
+    let index = terrain.extent().index(cell).expect("bodies are inside the map");
+    u32::try_from(index).expect("an extent has at most 2^30 cells")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,519 @@
+//! The body of an agent: what a motion task does to a pose in one fixed update.
+//!
+//! The model is the reference's submarine: a sphere that turns about the vertical and moves along a line raised by a pitch
+//! angle, with bang-bang speed control. Every leg (a straight move or a turn) starts from rest; a task that replaces another
+//! ends it at once, except that a velocity task goes on from the velocity of a velocity task.
+//!
+//! Invariants: a body never comes nearer to a wall or to another body than its radius allows (see [`super::collision`]);
+//! a finished leg lands exactly on its target; all quantities stay finite.
+//!
+//! This module does not decide who moves first, and it knows no messages.
+
+use std::collections::VecDeque;
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Point3, Vector3};
+
+use super::collision::{Contact, Obstacles, Surface};
+
+/// A leg whose rest is below this is finished by one exact step. Reference: 0.001 voxel and 0.001 degree.
+const MOVE_REST_M: f64 = 1e-3;
+const TURN_REST_RAD: f64 = 1e-3 * PI / 180.0;
+
+/// What a body can do. Lengths in metres, angles in radians, times in seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyModel {
+    /// Radius of the sphere. Reference: 0.4.
+    pub radius_m: f64,
+    /// Top speed along the path. Reference: 1.5.
+    pub speed_max_m_s: f64,
+    /// Reference: 0.5.
+    pub acceleration_m_s2: f64,
+    /// Reference: 0.25.
+    pub deceleration_m_s2: f64,
+    /// Reference: 100 degrees per second.
+    pub turn_rate_max_rad_s: f64,
+    /// Reference: 50 degrees per second squared.
+    pub turn_acceleration_rad_s2: f64,
+    /// Reference: 25 degrees per second squared.
+    pub turn_deceleration_rad_s2: f64,
+}
+
+/// Where a body is and where it looks, in the frame `map`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Centre of the body, metres.
+    pub position: Point3<f64>,
+    /// Heading: 0 along x, positive to the left, in (-pi, pi].
+    pub yaw_rad: f64,
+}
+
+/// What an agent asks of its body.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Motion {
+    /// Go on with the present task.
+    Keep,
+    /// End the present task, at rest at once.
+    Stop,
+    /// Straight along the heading, raised by `pitch_rad`, for `distance_m` (infinity: until a collision).
+    Move {
+        /// Elevation above the horizontal, -pi/2 ..= pi/2.
+        pitch_rad: f64,
+        /// At least 0.
+        distance_m: f64,
+    },
+    /// Turn about the vertical, positive to the left, -2 pi ..= 2 pi.
+    Turn {
+        /// How far.
+        angle_rad: f64,
+    },
+    /// Visit way-points (frame `map`) in turn: turn towards each, then move straight.
+    Path(Vec<Point3<f64>>),
+    /// Hold a velocity, clamped to the body, until told otherwise.
+    Velocity {
+        /// In the frame of the body: x forward, y left, z up. This body cannot move sideways: y is taken as 0.
+        linear_in_body_m_s: Vector3<f64>,
+        /// Positive to the left.
+        yaw_rate_rad_s: f64,
+    },
+}
+
+/// Speed control along one leg: a distance still to go (metres or radians) and the present speed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Ramp {
+    rest: f64,
+    speed: f64,
+}
+
+/// Limits of a [`Ramp`] in units of its distance.
+struct RampLimits {
+    speed_max: f64,
+    acceleration: f64,
+    deceleration: f64,
+    rest_min: f64,
+}
+
+impl Ramp {
+    fn from_rest(rest: f64) -> Self {
+        Self { rest, speed: 0.0 }
+    }
+
+    /// The step of this tick and whether it is the last one.
+    ///
+    /// The reference's rule: brake while the braking distance reaches the target, speed up otherwise.
+    fn next_step(&mut self, limits: &RampLimits, dt_s: f64) -> (f64, bool) {
+        if self.rest < limits.rest_min {
+            return (self.rest, true);
+        }
+        if self.speed * self.speed / (2.0 * limits.deceleration) >= self.rest {
+            self.speed = (self.speed - limits.deceleration * dt_s).max(0.0);
+        } else {
+            self.speed = (self.speed + limits.acceleration * dt_s).min(limits.speed_max);
+        }
+        let step = (self.speed * dt_s).min(self.rest);
+        self.rest -= step;
+        (step, false)
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Task {
+    Idle,
+    Move {
+        direction_in_map: Vector3<f64>,
+        ramp: Ramp,
+    },
+    Turn {
+        sign: f64,
+        ramp: Ramp,
+    },
+    Path {
+        leg: PathLeg,
+        rest: VecDeque<Point3<f64>>,
+    },
+    Velocity {
+        target_in_body_m_s: Vector3<f64>,
+        target_yaw_rate_rad_s: f64,
+    },
+}
+
+/// The part of a path that is under way: towards `target`, turning first.
+#[derive(Debug, Clone, PartialEq)]
+struct PathLeg {
+    target: Point3<f64>,
+    turn: Option<(f64, Ramp)>,
+    go: Ramp,
+}
+
+/// What one fixed update did to a body.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Moved {
+    /// The task has ended, by itself or by a collision.
+    pub task_done: bool,
+    /// The motion of this tick was refused.
+    pub collided: bool,
+    /// Length of the way of this tick.
+    pub distance_m: f64,
+}
+
+/// The last refused motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Collision {
+    /// Which side of the body.
+    pub surface: Surface,
+    /// Whether another agent was in the way.
+    pub with_agent: bool,
+}
+
+/// A body and its present task.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    pose: Pose,
+    task: Task,
+    velocity_in_body_m_s: Vector3<f64>,
+    yaw_rate_rad_s: f64,
+    collision: Option<Collision>,
+}
+
+impl Body {
+    /// A body at rest.
+    #[must_use]
+    pub fn at_rest(pose: Pose) -> Self {
+        Self {
+            pose: Pose {
+                yaw_rad: wrapped(pose.yaw_rad),
+                ..pose
+            },
+            task: Task::Idle,
+            velocity_in_body_m_s: Vector3::zeros(),
+            yaw_rate_rad_s: 0.0,
+            collision: None,
+        }
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn pose(&self) -> &Pose {
+        &self.pose
+    }
+
+    /// Whether a task is being carried out.
+    #[must_use]
+    pub fn is_active(&self) -> bool {
+        self.task != Task::Idle
+    }
+
+    /// The collision of the last motion that was tried, if there was one.
+    #[must_use]
+    pub fn collision(&self) -> Option<Collision> {
+        self.collision
+    }
+
+    /// Velocity of the last fixed update, m/s, frame `map`.
+    #[must_use]
+    pub fn velocity_in_map_m_s(&self) -> Vector3<f64> {
+        turned(&self.velocity_in_body_m_s, self.pose.yaw_rad)
+    }
+
+    /// Turn rate of the last fixed update, rad/s.
+    #[must_use]
+    pub fn yaw_rate_rad_s(&self) -> f64 {
+        self.yaw_rate_rad_s
+    }
+
+    /// Takes up a task. The motion is legal: finite numbers (an infinite move distance apart) within the documented ranges.
+    pub fn take_up(&mut self, motion: Motion) {
+        let keeps_velocity = matches!(self.task, Task::Velocity { .. });
+        self.task = match motion {
+            Motion::Keep => return,
+            Motion::Stop => Task::Idle,
+            Motion::Move {
+                pitch_rad,
+                distance_m,
+            } => Task::Move {
+                direction_in_map: self.heading_raised_by(pitch_rad),
+                ramp: Ramp::from_rest(distance_m),
+            },
+            Motion::Turn { angle_rad } => Task::Turn {
+                sign: angle_rad.signum(),
+                ramp: Ramp::from_rest(angle_rad.abs()),
+            },
+            Motion::Path(way_points) => {
+                let mut rest = VecDeque::from(way_points);
+                match rest.pop_front() {
+                    Some(target) => Task::Path {
+                        leg: self.leg_to(target),
+                        rest,
+                    },
+                    None => Task::Idle,
+                }
+            }
+            Motion::Velocity {
+                linear_in_body_m_s,
+                yaw_rate_rad_s,
+            } => {
+                if !keeps_velocity {
+                    self.come_to_rest();
+                }
+                self.task = Task::Velocity {
+                    target_in_body_m_s: linear_in_body_m_s,
+                    target_yaw_rate_rad_s: yaw_rate_rad_s,
+                };
+                return;
+            }
+        };
+        self.come_to_rest();
+    }
+
+    /// Carries the task on by one fixed update of `dt_s` seconds.
+    pub fn advance(&mut self, model: &BodyModel, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
+        let mut task = std::mem::replace(&mut self.task, Task::Idle);
+        let moved = match &mut task {
+            Task::Idle => {
+                self.come_to_rest();
+                return Moved::default();
+            }
+            Task::Move {
+                direction_in_map,
+                ramp,
+            } => self.go_on(*direction_in_map, ramp, model, obstacles, dt_s),
+            Task::Turn { sign, ramp } => {
+                let done = self.turn_on(*sign, ramp, model, dt_s);
+                Moved {
+                    task_done: done,
+                    ..Moved::default()
+                }
+            }
+            Task::Path { leg, rest } => self.follow(leg, rest, model, obstacles, dt_s),
+            Task::Velocity {
+                target_in_body_m_s,
+                target_yaw_rate_rad_s,
+            } => {
+                let target = (*target_in_body_m_s, *target_yaw_rate_rad_s);
+                self.hold(target, model, obstacles, dt_s)
+            }
+        };
+        if moved.collided {
+            self.come_to_rest();
+        } else if !moved.task_done {
+            self.task = task;
+        }
+        moved
+    }
+
+    fn follow(
+        &mut self,
+        leg: &mut PathLeg,
+        rest: &mut VecDeque<Point3<f64>>,
+        model: &BodyModel,
+        obstacles: &Obstacles<'_>,
+        dt_s: f64,
+    ) -> Moved {
+        if let Some((sign, ramp)) = &mut leg.turn {
+            if self.turn_on(*sign, ramp, model, dt_s) {
+                leg.turn = None;
+            }
+            return Moved::default();
+        }
+        let way = leg.target - self.pose.position;
+        let direction = way.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+        let mut moved = self.go_on(direction, &mut leg.go, model, obstacles, dt_s);
+        if moved.task_done && !moved.collided {
+            // The exact target, so that rounding does not add up over the legs of a long path.
+            if !obstacles.blocks(&self.pose.position, &leg.target, model.radius_m) {
+                self.pose.position = leg.target;
+            }
+            if let Some(target) = rest.pop_front() {
+                *leg = self.leg_to(target);
+                moved.task_done = false;
+            }
+        }
+        moved
+    }
+
+    fn go_on(
+        &mut self,
+        direction_in_map: Vector3<f64>,
+        ramp: &mut Ramp,
+        model: &BodyModel,
+        obstacles: &Obstacles<'_>,
+        dt_s: f64,
+    ) -> Moved {
+        let limits = RampLimits {
+            speed_max: model.speed_max_m_s,
+            acceleration: model.acceleration_m_s2,
+            deceleration: model.deceleration_m_s2,
+            rest_min: MOVE_REST_M,
+        };
+        let (step_m, done) = ramp.next_step(&limits, dt_s);
+        let mut moved = self.shift(direction_in_map * step_m, model, obstacles, dt_s);
+        moved.task_done |= done;
+        moved
+    }
+
+    fn turn_on(&mut self, sign: f64, ramp: &mut Ramp, model: &BodyModel, dt_s: f64) -> bool {
+        let limits = RampLimits {
+            speed_max: model.turn_rate_max_rad_s,
+            acceleration: model.turn_acceleration_rad_s2,
+            deceleration: model.turn_deceleration_rad_s2,
+            rest_min: TURN_REST_RAD,
+        };
+        let (step_rad, done) = ramp.next_step(&limits, dt_s);
+        self.velocity_in_body_m_s = Vector3::zeros();
+        self.yaw_rate_rad_s = sign * step_rad / dt_s;
+        self.pose.yaw_rad = wrapped(self.pose.yaw_rad + sign * step_rad);
+        self.collision = None;
+        done
+    }
+
+    fn hold(
+        &mut self,
+        (target_in_body_m_s, target_yaw_rate_rad_s): (Vector3<f64>, f64),
+        model: &BodyModel,
+        obstacles: &Obstacles<'_>,
+        dt_s: f64,
+    ) -> Moved {
+        let mut target = Vector3::new(target_in_body_m_s.x, 0.0, target_in_body_m_s.z);
+        let speed = target.norm();
+        if speed > model.speed_max_m_s {
+            target *= model.speed_max_m_s / speed;
+        }
+        let target_rate =
+            target_yaw_rate_rad_s.clamp(-model.turn_rate_max_rad_s, model.turn_rate_max_rad_s);
+
+        let velocity = approached(
+            &self.velocity_in_body_m_s,
+            &target,
+            model.acceleration_m_s2 * dt_s,
+            model.deceleration_m_s2 * dt_s,
+        );
+        let rate = approached(
+            &Vector3::new(self.yaw_rate_rad_s, 0.0, 0.0),
+            &Vector3::new(target_rate, 0.0, 0.0),
+            model.turn_acceleration_rad_s2 * dt_s,
+            model.turn_deceleration_rad_s2 * dt_s,
+        )
+        .x;
+        let moved = self.shift(
+            turned(&velocity, self.pose.yaw_rad) * dt_s,
+            model,
+            obstacles,
+            dt_s,
+        );
+        if !moved.collided {
+            self.velocity_in_body_m_s = velocity;
+            self.yaw_rate_rad_s = rate;
+            self.pose.yaw_rad = wrapped(self.pose.yaw_rad + rate * dt_s);
+        }
+        moved
+    }
+
+    /// Moves the centre by `displacement` (metres, frame `map`) if nothing is in the way.
+    fn shift(
+        &mut self,
+        displacement: Vector3<f64>,
+        model: &BodyModel,
+        obstacles: &Obstacles<'_>,
+        dt_s: f64,
+    ) -> Moved {
+        if let Some(contact) =
+            obstacles.first_contact(&self.pose.position, &displacement, model.radius_m)
+        {
+            self.collision = Some(Collision::from(contact));
+            return Moved {
+                task_done: true,
+                collided: true,
+                distance_m: 0.0,
+            };
+        }
+        self.pose.position += displacement;
+        self.velocity_in_body_m_s = turned(&(displacement / dt_s), -self.pose.yaw_rad);
+        self.yaw_rate_rad_s = 0.0;
+        self.collision = None;
+        Moved {
+            task_done: false,
+            collided: false,
+            distance_m: displacement.norm(),
+        }
+    }
+
+    fn leg_to(&self, target: Point3<f64>) -> PathLeg {
+        let way = target - self.pose.position;
+        let is_vertical = libm::hypot(way.x, way.y) < MOVE_REST_M;
+        let turn_rad = if is_vertical {
+            0.0
+        } else {
+            wrapped(libm::atan2(way.y, way.x) - self.pose.yaw_rad)
+        };
+        PathLeg {
+            target,
+            turn: (turn_rad.abs() >= TURN_REST_RAD)
+                .then(|| (turn_rad.signum(), Ramp::from_rest(turn_rad.abs()))),
+            go: Ramp::from_rest(way.norm()),
+        }
+    }
+
+    fn heading_raised_by(&self, pitch_rad: f64) -> Vector3<f64> {
+        let (yaw_sin, yaw_cos) = libm::sincos(self.pose.yaw_rad);
+        let (pitch_sin, pitch_cos) = libm::sincos(pitch_rad);
+        Vector3::new(yaw_cos * pitch_cos, yaw_sin * pitch_cos, pitch_sin)
+    }
+
+    fn come_to_rest(&mut self) {
+        self.velocity_in_body_m_s = Vector3::zeros();
+        self.yaw_rate_rad_s = 0.0;
+    }
+}
+
+impl From<Contact> for Collision {
+    fn from(contact: Contact) -> Self {
+        Self {
+            surface: Surface::of_normal(&contact.normal),
+            with_agent: contact.with_agent,
+        }
+    }
+}
+
+/// `angle_rad` brought into (-pi, pi].
+#[must_use]
+pub fn wrapped(angle_rad: f64) -> f64 {
+    if angle_rad > -PI && angle_rad <= PI {
+        return angle_rad;
+    }
+    let turned = angle_rad - TAU * libm::floor((angle_rad + PI) / TAU);
+    if turned <= -PI { turned + TAU } else { turned }
+}
+
+/// `vector` turned about the vertical by `yaw_rad`.
+fn turned(vector: &Vector3<f64>, yaw_rad: f64) -> Vector3<f64> {
+    let (sin, cos) = libm::sincos(yaw_rad);
+    Vector3::new(
+        vector.x * cos - vector.y * sin,
+        vector.x * sin + vector.y * cos,
+        vector.z,
+    )
+}
+
+/// `present` brought towards `target` by at most `faster` where that speeds up, and at most `slower` where it brakes.
+fn approached(
+    present: &Vector3<f64>,
+    target: &Vector3<f64>,
+    faster: f64,
+    slower: f64,
+) -> Vector3<f64> {
+    let change = target - present;
+    let size = change.norm();
+    let limit = if target.norm_squared() >= present.norm_squared() {
+        faster
+    } else {
+        slower
+    };
+    if size <= limit {
+        *target
+    } else {
+        present + change * (limit / size)
+    }
+}
+
+#[cfg(test)]
+mod tests;

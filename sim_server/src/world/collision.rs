@@ -1,0 +1,248 @@
+//! Swept-sphere collision of a body against the walls of the terrain and against other bodies.
+//!
+//! A motion is refused as a whole: it is either free of contact or not carried out. It is in contact if the sphere would come
+//! nearer to a wall cell or to another sphere than its radius *while approaching it*; a motion that leaves or slides along a
+//! surface is free, so that rounding can never lock a body. The distance from a moving point to a box is a convex function of
+//! time, which makes the test exact.
+//!
+//! Everything outside the map is wall.
+
+use nalgebra::{Point3, Vector3};
+use voxels::{Cell, Grid, Terrain};
+
+/// Cosine of 45 degrees: a surface whose normal is nearer to the vertical than that is a floor or a ceiling (reference).
+const STEEP: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// What kind of surface a body has met.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Surface {
+    /// Beside the body.
+    Wall,
+    /// Below it.
+    Floor,
+    /// Above it.
+    Ceiling,
+}
+
+impl Surface {
+    /// The kind of a surface with this unit normal (pointing towards the body).
+    #[must_use]
+    pub fn of_normal(normal: &Vector3<f64>) -> Self {
+        if normal.z > STEEP {
+            Self::Floor
+        } else if normal.z < -STEEP {
+            Self::Ceiling
+        } else {
+            Self::Wall
+        }
+    }
+}
+
+/// The first thing a motion touches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// When, as a share of the motion, 0 ..= 1.
+    pub time: f64,
+    /// Unit normal of the surface at the point of contact, towards the body.
+    pub normal: Vector3<f64>,
+    /// Whether it is another body.
+    pub with_agent: bool,
+}
+
+/// What can be in the way of one body.
+pub struct Obstacles<'a> {
+    terrain: &'a Grid<Terrain>,
+    others: &'a [Sphere],
+    itself: usize,
+}
+
+/// Another body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sphere {
+    /// Centre, metres, frame `map`.
+    pub centre: Point3<f64>,
+    /// Radius in metres.
+    pub radius_m: f64,
+}
+
+impl<'a> Obstacles<'a> {
+    /// The terrain and all bodies but the one at index `itself`.
+    #[must_use]
+    pub fn new(terrain: &'a Grid<Terrain>, bodies: &'a [Sphere], itself: usize) -> Self {
+        Self {
+            terrain,
+            others: bodies,
+            itself,
+        }
+    }
+
+    /// The first contact of a sphere that is moved from `from` by `displacement` (metres, frame `map`); walls win over bodies
+    /// and lower cells over higher ones if several are met at the same time.
+    #[must_use]
+    pub fn first_contact(
+        &self,
+        from: &Point3<f64>,
+        displacement: &Vector3<f64>,
+        radius_m: f64,
+    ) -> Option<Contact> {
+        let mut first: Option<Contact> = None;
+        let mut consider = |contact: Option<Contact>| {
+            if let Some(contact) = contact
+                && first.is_none_or(|known| contact.time < known.time)
+            {
+                first = Some(contact);
+            }
+        };
+        let extent = self.terrain.extent();
+        let to = from + displacement;
+        let reach = Vector3::repeat(radius_m);
+        let low = extent.cell_of(&(from.inf(&to) - reach));
+        let high = extent.cell_of(&(from.sup(&to) + reach));
+        for z in low.z..=high.z {
+            for y in low.y..=high.y {
+                for x in low.x..=high.x {
+                    let cell = Cell::new(x, y, z);
+                    if self
+                        .terrain
+                        .get(cell)
+                        .is_none_or(|&terrain| terrain == Terrain::Wall)
+                    {
+                        let corner = Point3::new(f64::from(x), f64::from(y), f64::from(z));
+                        let cube = Cube {
+                            low: corner * extent.cell_m(),
+                            edge_m: extent.cell_m(),
+                        };
+                        consider(cube.first_contact(from, displacement, radius_m));
+                    }
+                }
+            }
+        }
+        for (index, other) in self.others.iter().enumerate() {
+            if index != self.itself {
+                consider(other.first_contact(from, displacement, radius_m));
+            }
+        }
+        first
+    }
+
+    /// Whether something is in the way between two centres.
+    #[must_use]
+    pub fn blocks(&self, from: &Point3<f64>, to: &Point3<f64>, radius_m: f64) -> bool {
+        self.first_contact(from, &(to - from), radius_m).is_some()
+    }
+}
+
+impl Sphere {
+    fn first_contact(
+        &self,
+        from: &Point3<f64>,
+        displacement: &Vector3<f64>,
+        radius_m: f64,
+    ) -> Option<Contact> {
+        let apart = from - self.centre;
+        let sum_m = radius_m + self.radius_m;
+        let time = first_time_within(
+            displacement.norm_squared(),
+            apart.dot(displacement),
+            apart.norm_squared(),
+            sum_m * sum_m,
+        )
+        .filter(|&time| time <= 1.0)?;
+        let normal = (apart + displacement * time).try_normalize(0.0)?;
+        Some(Contact {
+            time,
+            normal,
+            with_agent: true,
+        })
+    }
+}
+
+/// When `a t^2 + 2 b t + c` first falls below `limit` for t >= 0, if it is falling at 0 at all.
+fn first_time_within(a: f64, b: f64, c: f64, limit: f64) -> Option<f64> {
+    if b >= 0.0 {
+        return None;
+    }
+    if c < limit {
+        return Some(0.0);
+    }
+    let discriminant = b * b - a * (c - limit);
+    // Touching without entering is no contact.
+    if discriminant <= 0.0 {
+        return None;
+    }
+    Some((-b - discriminant.sqrt()) / a)
+}
+
+/// A wall cell.
+struct Cube {
+    low: Point3<f64>,
+    edge_m: f64,
+}
+
+impl Cube {
+    fn first_contact(
+        &self,
+        from: &Point3<f64>,
+        displacement: &Vector3<f64>,
+        radius_m: f64,
+    ) -> Option<Contact> {
+        let limit = radius_m * radius_m;
+        // Between the times at which the centre passes a face's plane, the distance to each axis' slab is linear in time.
+        let mut times = [0.0; 8];
+        let mut count = 1;
+        for axis in 0..3 {
+            for plane in [self.low[axis], self.low[axis] + self.edge_m] {
+                let time = (plane - from[axis]) / displacement[axis];
+                if time > 0.0 && time < 1.0 {
+                    times[count] = time;
+                    count += 1;
+                }
+            }
+        }
+        times[count] = 1.0;
+        let times = &mut times[..=count];
+        times.sort_by(f64::total_cmp);
+        for window in times.windows(2) {
+            let (start, end) = (window[0], window[1]);
+            let middle = from + displacement * (0.5 * (start + end));
+            let (mut a, mut b, mut c) = (0.0, 0.0, 0.0);
+            for axis in 0..3 {
+                let side = if middle[axis] < self.low[axis] {
+                    self.low[axis]
+                } else if middle[axis] > self.low[axis] + self.edge_m {
+                    self.low[axis] + self.edge_m
+                } else {
+                    continue;
+                };
+                let offset = from[axis] + displacement[axis] * start - side;
+                a += displacement[axis] * displacement[axis];
+                b += displacement[axis] * offset;
+                c += offset * offset;
+            }
+            if let Some(time) = first_time_within(a, b, c, limit)
+                && start + time <= end
+            {
+                let time = start + time;
+                return Some(Contact {
+                    time,
+                    normal: self.normal_at(&(from + displacement * time), displacement),
+                    with_agent: false,
+                });
+            }
+        }
+        None
+    }
+
+    /// Unit vector from the nearest point of the cube to `point`; against the motion if `point` is inside.
+    fn normal_at(&self, point: &Point3<f64>, displacement: &Vector3<f64>) -> Vector3<f64> {
+        let high = self.low + Vector3::repeat(self.edge_m);
+        let nearest = point.sup(&self.low).inf(&high);
+        (point - nearest)
+            .try_normalize(0.0)
+            .or_else(|| (-displacement).try_normalize(0.0))
+            .unwrap_or_else(Vector3::z)
+    }
+}
+
+#[cfg(test)]
+mod tests;

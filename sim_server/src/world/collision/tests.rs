@@ -1,0 +1,116 @@
+use proptest::prelude::*;
+use voxels::Extent;
+
+use super::*;
+
+const RADIUS_M: f64 = 0.4;
+
+/// Free but for the cell (2, 2, 2).
+fn one_block() -> Grid<Terrain> {
+    let mut terrain = Grid::new(Extent::new([5, 5, 5], 1.0).unwrap(), Terrain::Free);
+    terrain.set(Cell::new(2, 2, 2), Terrain::Wall);
+    terrain
+}
+
+fn contact(terrain: &Grid<Terrain>, from: [f64; 3], by: [f64; 3]) -> Option<Contact> {
+    Obstacles::new(terrain, &[], 0).first_contact(&Point3::from(from), &Vector3::from(by), RADIUS_M)
+}
+
+#[test]
+fn faces_are_met_at_the_radius() {
+    let terrain = one_block();
+    let cases = [
+        ([1.0, 2.5, 2.5], [1.0, 0.0, 0.0], Surface::Wall, [-1.0, 0.0, 0.0]),
+        ([2.5, 4.0, 2.5], [0.0, -1.0, 0.0], Surface::Wall, [0.0, 1.0, 0.0]),
+        ([2.5, 2.5, 4.0], [0.0, 0.0, -1.0], Surface::Floor, [0.0, 0.0, 1.0]),
+        ([2.5, 2.5, 1.0], [0.0, 0.0, 1.0], Surface::Ceiling, [0.0, 0.0, -1.0]),
+    ];
+    for (from, by, surface, normal) in cases {
+        let contact = contact(&terrain, from, by).unwrap();
+        assert!((contact.time - 0.6).abs() < 1e-12, "{contact:?}");
+        assert!((contact.normal - Vector3::from(normal)).norm() < 1e-12, "{contact:?}");
+        assert_eq!(Surface::of_normal(&contact.normal), surface);
+        assert!(!contact.with_agent);
+    }
+}
+
+#[test]
+fn edges_and_corners_are_round() {
+    let terrain = one_block();
+    // Past the edge at x = y = 2: clear by a hair's breadth, then not.
+    let beside = 2.0 - RADIUS_M;
+    assert!(contact(&terrain, [beside - 1e-6, 1.0, 2.5], [0.0, 1.0, 0.0]).is_none());
+    assert!(contact(&terrain, [beside + 1e-6, 1.0, 2.5], [0.0, 1.0, 0.0]).is_some());
+    let diagonal = RADIUS_M / 2.0_f64.sqrt();
+    assert!(contact(&terrain, [1.0, 2.0 - diagonal - 1e-6, 2.0 - diagonal - 1e-6], [3.0, 0.0, 0.0]).is_none());
+    assert!(contact(&terrain, [1.0, 2.0 - diagonal + 1e-6, 2.0 - diagonal + 1e-6], [3.0, 0.0, 0.0]).is_some());
+}
+
+#[test]
+fn leaving_and_sliding_are_free_even_when_touching() {
+    let terrain = one_block();
+    let touching = [2.0 - RADIUS_M, 2.5, 2.5];
+    assert!(contact(&terrain, touching, [-0.5, 0.0, 0.0]).is_none());
+    assert!(contact(&terrain, touching, [0.0, 0.5, 0.0]).is_none());
+    assert!(contact(&terrain, touching, [1e-9, 0.0, 0.0]).is_some());
+    let inside_by_rounding = [2.0 - RADIUS_M + 1e-12, 2.5, 2.5];
+    assert!(contact(&terrain, inside_by_rounding, [-0.5, 0.0, 0.0]).is_none());
+}
+
+#[test]
+fn beyond_the_map_is_wall() {
+    let terrain = one_block();
+    assert!(contact(&terrain, [0.5, 0.5, 0.5], [-0.2, 0.0, 0.0]).is_some());
+    assert!(contact(&terrain, [4.5, 4.5, 4.5], [0.0, 0.0, 0.2]).is_some());
+}
+
+#[test]
+fn other_bodies_are_in_the_way_and_itself_is_not() {
+    let terrain = Grid::new(Extent::new([9, 3, 3], 1.0).unwrap(), Terrain::Free);
+    let sphere = |x| Sphere { centre: Point3::new(x, 1.5, 1.5), radius_m: RADIUS_M };
+    let spheres = [sphere(1.0), sphere(4.0)];
+    let obstacles = Obstacles::new(&terrain, &spheres, 0);
+    let go = |by: f64| obstacles.first_contact(&spheres[0].centre, &Vector3::new(by, 0.0, 0.0), RADIUS_M);
+    assert!(go(2.1).is_none());
+    let contact = go(4.4).unwrap();
+    assert!(contact.with_agent);
+    assert!((contact.time - 0.5).abs() < 1e-12);
+    assert_eq!(contact.normal, Vector3::new(-1.0, 0.0, 0.0));
+}
+
+/// The least distance between a cube and points along a motion, by brute force.
+fn sampled_distance(from: &Point3<f64>, by: &Vector3<f64>) -> f64 {
+    let (low, high) = (Point3::new(2.0, 2.0, 2.0), Point3::new(3.0, 3.0, 3.0));
+    (0..=2000)
+        .map(|step| {
+            let point = from + by * (f64::from(step) / 2000.0);
+            (point - point.sup(&low).inf(&high)).norm()
+        })
+        .fold(f64::INFINITY, f64::min)
+}
+
+proptest! {
+    #[test]
+    fn agrees_with_brute_force(
+        from in prop::array::uniform3(0.45..4.55_f64),
+        by in prop::array::uniform3(-0.5..0.5_f64),
+    ) {
+        let (from_point, by_vector) = (Point3::from(from), Vector3::from(by));
+        let to = from_point + by_vector;
+        prop_assume!(to.iter().all(|&at| at > 0.45 && at < 4.55));
+        let start_m = sampled_distance(&from_point, &Vector3::zeros());
+        prop_assume!(start_m > RADIUS_M);
+        let least_m = sampled_distance(&from_point, &by_vector);
+        let met = contact(&one_block(), from, by);
+        if least_m < RADIUS_M - 1e-6 {
+            let met = met.expect("brute force finds a contact");
+            let there = from_point + by_vector * met.time;
+            let distance_m = sampled_distance(&there, &Vector3::zeros());
+            prop_assert!((distance_m - RADIUS_M).abs() < 1e-9, "contact at distance {distance_m}");
+            prop_assert!((met.normal.norm() - 1.0).abs() < 1e-9);
+            prop_assert!(met.normal.dot(&by_vector) < 0.0);
+        } else if least_m > RADIUS_M + 1e-6 {
+            prop_assert!(met.is_none(), "{met:?} at a distance of {least_m}");
+        }
+    }
+}

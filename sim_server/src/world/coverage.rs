@@ -1,0 +1,110 @@
+//! How much of the free space has been seen (explored) and visited (covered), by each agent and by the team.
+//!
+//! A free cell is explored once a scan has crossed it, and covered once the centre of a body has been in it. Fractions are of
+//! all free cells of the true map (reference: after pocket removal), as real numbers.
+
+use msgs::ids::AgentId;
+
+/// A set of cell indices.
+#[derive(Debug, Clone)]
+struct CellSet {
+    words: Vec<u64>,
+    len: usize,
+}
+
+impl CellSet {
+    fn new(volume: usize) -> Self {
+        Self {
+            words: vec![0; volume.div_ceil(64)],
+            len: 0,
+        }
+    }
+
+    fn insert(&mut self, index: u32) {
+        let word = &mut self.words[index as usize / 64];
+        let bit = 1 << (index % 64);
+        if *word & bit == 0 {
+            *word |= bit;
+            self.len += 1;
+        }
+    }
+}
+
+/// The score of a run.
+#[derive(Debug, Clone)]
+pub struct Coverage {
+    free_cells: usize,
+    explored: CellSet,
+    covered: CellSet,
+    explored_by: Vec<usize>,
+    covered_by: Vec<CellSet>,
+}
+
+impl Coverage {
+    /// Nothing seen yet. `free_cells` is at least 1.
+    #[must_use]
+    pub fn new(volume: usize, free_cells: usize, agents: usize) -> Self {
+        assert!(free_cells > 0, "a world has free cells");
+        Self {
+            free_cells,
+            explored: CellSet::new(volume),
+            covered: CellSet::new(volume),
+            explored_by: vec![0; agents],
+            covered_by: vec![CellSet::new(volume); agents],
+        }
+    }
+
+    /// Notes free cells that `agent` has seen for the first time.
+    pub fn explore(&mut self, agent: AgentId, new_free: &[u32]) {
+        self.explored_by[agent.index()] += new_free.len();
+        for &cell in new_free {
+            self.explored.insert(cell);
+        }
+    }
+
+    /// Notes that the centre of `agent` is in a cell.
+    pub fn cover(&mut self, agent: AgentId, cell: u32) {
+        self.covered.insert(cell);
+        self.covered_by[agent.index()].insert(cell);
+    }
+
+    /// Share of the free cells that at least one agent has seen, 0 ..= 1.
+    #[must_use]
+    pub fn explored(&self) -> f64 {
+        self.share(self.explored.len)
+    }
+
+    /// Whether every free cell has been seen.
+    #[must_use]
+    pub fn is_explored(&self) -> bool {
+        self.explored.len == self.free_cells
+    }
+
+    /// Share of the free cells that at least one agent has visited, 0 ..= 1.
+    #[must_use]
+    pub fn covered(&self) -> f64 {
+        self.share(self.covered.len)
+    }
+
+    /// Share of the free cells that each agent has seen, by agent.
+    #[must_use]
+    pub fn explored_by(&self) -> Vec<f64> {
+        self.explored_by
+            .iter()
+            .map(|&cells| self.share(cells))
+            .collect()
+    }
+
+    /// Share of the free cells that each agent has visited, by agent.
+    #[must_use]
+    pub fn covered_by(&self) -> Vec<f64> {
+        self.covered_by
+            .iter()
+            .map(|set| self.share(set.len))
+            .collect()
+    }
+
+    fn share(&self, cells: usize) -> f64 {
+        cells as f64 / self.free_cells as f64
+    }
+}

@@ -1,0 +1,238 @@
+//! The loop that follows rays through a sensor memory; most of a run's time is spent here.
+//!
+//! Amanatides and Woo with the rule of `voxels::traverse`, twice: ray by ray ([`cast_ray`]), which is the definition, and by
+//! bundles of rays side by side ([`bundles`]), which the compiler turns into vector code. The lanes of a bundle do the same
+//! `f64` operations as a single ray, so the processor decides nothing but the order of what is found.
+
+#[cfg(any(target_arch = "x86_64", test))]
+mod bundles;
+
+use voxels::Cell;
+
+use super::pattern::{Bundle, Cone};
+
+/// A free cell that has been seen: 0, because a ray meets hardly anything else.
+pub(super) const FREE_SEEN: u8 = 0;
+/// A free cell that has not been seen.
+pub(super) const FREE_NEW: u8 = FREE_SEEN | NEW;
+/// A wall that has been seen.
+const WALL_SEEN: u8 = 2;
+/// A wall that has not been seen.
+pub(super) const WALL_NEW: u8 = WALL_SEEN | NEW;
+/// Not a cell of the map.
+pub(super) const OUTSIDE: u8 = 4;
+/// The bit of what has not been seen.
+const NEW: u8 = 1;
+
+/// Whether a ray ends in a cell with this mark.
+pub(super) fn is_stop(mark: u8) -> bool {
+    mark & (WALL_SEEN | OUTSIDE) != 0
+}
+
+/// Whether this is the mark of a wall.
+pub(super) fn is_wall(mark: u8) -> bool {
+    mark & WALL_SEEN != 0
+}
+
+/// Slots of cells that were found; see [`super::SensorMemory`] for what a slot is.
+pub(super) struct Found<'a> {
+    pub(super) free: &'a mut Vec<u32>,
+    pub(super) wall: &'a mut Vec<u32>,
+}
+
+impl Found<'_> {
+    /// Marks a cell as seen and adds it if it is new.
+    pub(super) fn mark(&mut self, cells: &mut [u8], slot: usize) {
+        let mark = cells[slot];
+        if mark & NEW != 0 {
+            cells[slot] = mark & !NEW;
+            self.add(mark, slot);
+        }
+    }
+
+    /// Adds a cell with this mark to the list of its kind; the world outside to neither.
+    pub(super) fn add(&mut self, mark: u8, slot: usize) {
+        let slot = slot as u32;
+        match mark & !NEW {
+            FREE_SEEN => self.free.push(slot),
+            WALL_SEEN => self.wall.push(slot),
+            _ => {}
+        }
+    }
+}
+
+/// Where rays begin, and what all rays of a scan have in common.
+pub(super) struct Start {
+    slot: usize,
+    /// Distances along the axes, in cells, to the upper boundaries of the body's cell.
+    above: [f64; 3],
+    /// The same to the lower boundaries.
+    below: [f64; 3],
+    strides: [i64; 3],
+    /// How far rays go, in lengths of their directions.
+    limit: f64,
+    cone: Option<Cone>,
+}
+
+impl Start {
+    /// `position` in cells; `slot` is where its cell lies in the memory.
+    pub(super) fn new(
+        cell: Cell,
+        slot: usize,
+        strides: [usize; 3],
+        position: [f64; 3],
+        limit: f64,
+        cone: Option<Cone>,
+    ) -> Self {
+        let floor = [cell.x, cell.y, cell.z].map(f64::from);
+        Self {
+            slot,
+            above: [0, 1, 2].map(|axis| floor[axis] + 1.0 - position[axis]),
+            below: [0, 1, 2].map(|axis| position[axis] - floor[axis]),
+            strides: strides.map(|stride| stride as i64),
+            limit,
+            cone,
+        }
+    }
+
+    /// The slot of the body's own cell.
+    pub(super) fn slot(&self) -> usize {
+        self.slot
+    }
+
+    /// The field of view, if that is limited.
+    pub(super) fn cone(&self) -> Option<&Cone> {
+        self.cone.as_ref()
+    }
+
+    /// Distances to the boundaries that rays of this bundle meet first, and the steps in slots across them.
+    fn towards(&self, bundle: &Bundle) -> ([f64; 3], [i64; 3]) {
+        let pick = |axis: usize| if bundle.goes_down[axis] { self.below[axis] } else { self.above[axis] };
+        let step = |axis: usize| if bundle.goes_down[axis] { -self.strides[axis] } else { self.strides[axis] };
+        ([0, 1, 2].map(pick), [0, 1, 2].map(step))
+    }
+}
+
+/// Follows one ray until `enter` returns false for a slot, and returns that slot and the distance at which it was entered, in
+/// lengths of the ray's direction; `None` if the ray's length ends first. The start's own cell is not entered.
+#[inline(always)]
+pub(super) fn cast_ray(
+    start: &Start,
+    bundle: &Bundle,
+    lane: usize,
+    mut enter: impl FnMut(usize) -> bool,
+) -> Option<(usize, f64)> {
+    let (first, [step_x, step_y, step_z]) = start.towards(bundle);
+    let [x, y, z] = [0, 1, 2].map(|axis| bundle.inverse[axis][lane]);
+    let (mut next_x, mut next_y, mut next_z) = (first[0] * x, first[1] * y, first[2] * z);
+    let mut slot = start.slot as i64;
+    loop {
+        let entry;
+        if next_x <= next_y && next_x <= next_z {
+            entry = next_x;
+            next_x += x;
+            slot += step_x;
+        } else if next_y <= next_z {
+            entry = next_y;
+            next_y += y;
+            slot += step_y;
+        } else {
+            entry = next_z;
+            next_z += z;
+            slot += step_z;
+        }
+        if entry > start.limit {
+            return None;
+        }
+        if !enter(slot as usize) {
+            return Some((slot as usize, entry));
+        }
+    }
+}
+
+/// Ways to cast a scan. All of them see the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kernel {
+    /// Ray by ray, on any processor.
+    Single,
+    /// Bundle by bundle, in vector code for AVX2.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// Bundle by bundle, in vector code for AVX-512.
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl Kernel {
+    /// From the slowest to the fastest.
+    const ALL: &[Kernel] = &[
+        Kernel::Single,
+        #[cfg(target_arch = "x86_64")]
+        Kernel::Avx2,
+        #[cfg(target_arch = "x86_64")]
+        Kernel::Avx512,
+    ];
+
+    /// The fastest kernel that this processor can run.
+    pub(super) fn best() -> Kernel {
+        Self::available().next_back().unwrap_or(Kernel::Single)
+    }
+
+    /// The kernels that this processor can run, from the slowest to the fastest.
+    pub(super) fn available() -> impl DoubleEndedIterator<Item = Kernel> {
+        Self::ALL.iter().copied().filter(|kernel| kernel.is_available())
+    }
+
+    fn is_available(self) -> bool {
+        match self {
+            Kernel::Single => true,
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx2 => is_x86_feature_detected!("avx2"),
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512 => {
+                is_x86_feature_detected!("avx2")
+                    && is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512vl")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512bw")
+            }
+        }
+    }
+
+    /// Casts all rays of a scan, marks what they meet and adds what is new to `found`.
+    #[cfg_attr(
+        target_arch = "x86_64",
+        expect(
+            unsafe_code,
+            reason = "vector code is two to three times as fast; only the caller can know that it may run"
+        )
+    )]
+    pub(super) fn scan(self, cells: &mut [u8], start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+        assert!(self.is_available(), "{self:?} is for another processor");
+        match self {
+            Kernel::Single => scan_singly(cells, start, bundles, found),
+            // SAFETY: `scan_avx2` is a safe function but for the processor features that it demands, and `is_available` has
+            // just found all of them.
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx2 => unsafe { bundles::scan_avx2(cells, start, bundles, found) },
+            // SAFETY: as for `scan_avx2`.
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512 => unsafe { bundles::scan_avx512(cells, start, bundles, found) },
+        }
+    }
+}
+
+fn scan_singly(cells: &mut [u8], start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+    for bundle in bundles {
+        for lane in bundle.lanes(start.cone()) {
+            cast_ray(start, bundle, lane, |slot| {
+                let mark = cells[slot];
+                if mark == FREE_SEEN {
+                    return true;
+                }
+                found.mark(cells, slot);
+                !is_stop(mark)
+            });
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! Many rays side by side, written so that the compiler makes vector code of it where the processor has the registers.
+//!
+//! Every lane does what [`super::cast_ray`] does, operation by operation; multiplications and additions are never fused, as the
+//! language does not allow that. All lanes compute in every round, and those whose rays have ended stay where they are.
+
+use super::{Found, NEW, Start};
+use crate::world::lidar::pattern::{Bundle, Cone, LANES};
+
+/// Lanes in one word of marks.
+const WORD: usize = 8;
+
+/// The marks of a word with all lanes on.
+const EACH: u64 = 0x0101_0101_0101_0101;
+
+/// One byte per lane of a bundle, the lowest byte first: 1 if the lane is on.
+type LaneMarks = [u64; LANES / WORD];
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+pub(super) fn scan_avx2(cells: &mut [u8], start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+    scan(cells, start, bundles, found);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,avx512f,avx512vl,avx512dq,avx512bw")]
+pub(super) fn scan_avx512(cells: &mut [u8], start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+    scan(cells, start, bundles, found);
+}
+
+#[inline(always)]
+fn scan(cells: &mut [u8], start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+    let is_limited = start.limit < f64::INFINITY;
+    for bundle in bundles {
+        let on = lanes_on(bundle, start.cone());
+        if is_limited {
+            cast::<true>(cells, start, bundle, on, found);
+        } else {
+            cast::<false>(cells, start, bundle, on, found);
+        }
+    }
+}
+
+/// The lanes whose rays are used.
+fn lanes_on(bundle: &Bundle, cone: Option<&Cone>) -> LaneMarks {
+    if cone.is_none() && bundle.is_full() {
+        return [EACH; LANES / WORD];
+    }
+    let mut on = LaneMarks::default();
+    for lane in bundle.lanes(cone) {
+        on[lane / WORD] |= 1 << (8 * (lane % WORD));
+    }
+    on
+}
+
+/// Casts the rays of a bundle whose lanes are `on`.
+#[inline(always)]
+fn cast<const LIMITED: bool>(
+    cells: &mut [u8],
+    start: &Start,
+    bundle: &Bundle,
+    mut on: LaneMarks,
+    found: &mut Found<'_>,
+) {
+    let (first, [step_x, step_y, step_z]) = start.towards(bundle);
+    let [x, y, z] = bundle.inverse;
+    let mut next_x = x.map(|inverse| first[0] * inverse);
+    let mut next_y = y.map(|inverse| first[1] * inverse);
+    let mut next_z = z.map(|inverse| first[2] * inverse);
+    let mut slot = [start.slot as i64; LANES];
+    while on != LaneMarks::default() {
+        for lane in 0..LANES {
+            let is_x = next_x[lane] <= next_y[lane] && next_x[lane] <= next_z[lane];
+            let is_y = !is_x && next_y[lane] <= next_z[lane];
+            let is_z = !is_x && !is_y;
+            let (step, entry) = match (is_x, is_y) {
+                (true, _) => (step_x, next_x[lane]),
+                (_, true) => (step_y, next_y[lane]),
+                _ => (step_z, next_z[lane]),
+            };
+            next_x[lane] = if is_x { next_x[lane] + x[lane] } else { next_x[lane] };
+            next_y[lane] = if is_y { next_y[lane] + y[lane] } else { next_y[lane] };
+            next_z[lane] = if is_z { next_z[lane] + z[lane] } else { next_z[lane] };
+            let is_on = on[lane / WORD] & 1 << (8 * (lane % WORD)) != 0;
+            slot[lane] += if is_on { step } else { 0 };
+            // Slot 0 is a corner of the layer around the map, where every ray ends.
+            slot[lane] = if LIMITED && entry > start.limit { 0 } else { slot[lane] };
+        }
+        for (word, on) in on.iter_mut().enumerate() {
+            let slots = &slot[word * WORD..][..WORD];
+            let marks = u64::from_le_bytes(std::array::from_fn(|lane| cells[slots[lane] as usize]));
+            let new = marks & *on & (EACH * u64::from(NEW));
+            if new != 0 {
+                mark_lanes(cells, slots, new, found);
+            }
+            // The bits of walls and of the world outside, each moved to the place of the lane's mark.
+            *on &= !(marks >> 1 | marks >> 2);
+        }
+    }
+}
+
+/// Marks the cells of the lanes that have met something new. Several lanes may have met the same cell.
+#[cold]
+#[inline(never)]
+fn mark_lanes(cells: &mut [u8], slots: &[i64], mut new: u64, found: &mut Found<'_>) {
+    while new != 0 {
+        let lane = new.trailing_zeros() as usize / 8;
+        new &= new - 1;
+        found.mark(cells, slots[lane] as usize);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world::lidar::cast::{OUTSIDE, WALL_NEW};
+
+    #[test]
+    fn every_stop_ends_a_lane() {
+        for mark in [WALL_NEW, WALL_NEW & !NEW, OUTSIDE] {
+            let marks = EACH * u64::from(mark);
+            assert_eq!(EACH & !(marks >> 1 | marks >> 2), 0);
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Which way rays go, and the order in which they are cast: neighbours together, because they meet the same cells.
+
+use std::f64::consts::TAU;
+
+use nalgebra::Vector3;
+use voxels::{Cell, FACES};
+
+use super::Pattern;
+
+/// Rays that are cast side by side. Enough for two vector registers of the widest kind, which hides the time that a load takes.
+pub(super) const LANES: usize = 16;
+
+/// The largest radius of a shell; it sees the whole of the largest map.
+const RADIUS_CELLS_MAX: u32 = 1774;
+
+/// (1 + sqrt 5) / 2.
+const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
+
+/// A heading and the cosine of half the field of view.
+pub(super) type Cone = (Vector3<f64>, f64);
+
+impl Pattern {
+    /// The rays as directions in cell units; their length is the unit of the distances along them.
+    pub(super) fn directions(self) -> Vec<Vector3<f64>> {
+        match self {
+            Pattern::Lattice { rays } => (0..rays).map(|ray| lattice(ray, rays)).collect(),
+            Pattern::Shell { radius_cells } => shell(radius_cells),
+        }
+    }
+}
+
+fn lattice(ray: u32, rays: u32) -> Vector3<f64> {
+    let azimuth = TAU * f64::from(ray) / GOLDEN_RATIO;
+    let along = 1.0 - 2.0 * (f64::from(ray) + 0.5) / f64::from(rays);
+    let aside = (1.0 - along * along).sqrt();
+    Vector3::new(along, libm::cos(azimuth) * aside, libm::sin(azimuth) * aside)
+}
+
+fn shell(radius_cells: u32) -> Vec<Vector3<f64>> {
+    let radius = radius_cells.min(RADIUS_CELLS_MAX) as i32;
+    let inside = |cell: Cell| cell.x * cell.x + cell.y * cell.y + cell.z * cell.z <= radius * radius;
+    let mut directions = Vec::new();
+    for z in -radius..=radius {
+        for y in -radius..=radius {
+            for x in -radius..=radius {
+                let offset = Cell::new(x, y, z);
+                if inside(offset) && FACES.iter().any(|&face| !inside(offset + face)) {
+                    directions.push(Vector3::new(f64::from(x), f64::from(y), f64::from(z)));
+                }
+            }
+        }
+    }
+    directions
+}
+
+/// Up to [`LANES`] neighbouring rays of one octant; lanes without a ray are never on.
+#[derive(Clone)]
+pub(super) struct Bundle {
+    /// 1 / |component| per axis and lane: the distance between two crossings of cell boundaries.
+    pub(super) inverse: [[f64; LANES]; 3],
+    /// Per axis, whether the rays go down it. A ray that does not move along an axis counts as going up.
+    pub(super) goes_down: [bool; 3],
+    directions: [Vector3<f64>; LANES],
+    /// The same with length 1.
+    units: [Vector3<f64>; LANES],
+    rays: usize,
+}
+
+impl Bundle {
+    /// Sorts rays into bundles.
+    pub(super) fn pack(mut directions: Vec<Vector3<f64>>) -> Vec<Self> {
+        directions.sort_by_key(|direction| (octant(direction), neighbourhood(direction)));
+        let octants = directions.chunk_by(|a, b| octant(a) == octant(b));
+        octants.flat_map(|rays| rays.chunks(LANES)).map(Self::of).collect()
+    }
+
+    fn of(rays: &[Vector3<f64>]) -> Self {
+        let mut directions = [rays[0]; LANES];
+        directions[..rays.len()].copy_from_slice(rays);
+        Self {
+            inverse: [0, 1, 2].map(|axis| directions.map(|direction| 1.0 / direction[axis].abs())),
+            goes_down: octant(&rays[0]),
+            directions,
+            units: directions.map(|direction| direction.normalize()),
+            rays: rays.len(),
+        }
+    }
+
+    /// Whether every lane has a ray.
+    #[cfg(any(target_arch = "x86_64", test))]
+    pub(super) fn is_full(&self) -> bool {
+        self.rays == LANES
+    }
+
+    /// The direction of one ray; see [`Pattern::directions`].
+    pub(super) fn direction(&self, lane: usize) -> Vector3<f64> {
+        self.directions[lane]
+    }
+
+    /// The lanes whose rays are used.
+    pub(super) fn lanes(&self, cone: Option<&Cone>) -> impl Iterator<Item = usize> {
+        (0..self.rays).filter(move |&lane| match cone {
+            Some((heading, cone_cos)) => heading.dot(&self.units[lane]) > *cone_cos,
+            None => true,
+        })
+    }
+}
+
+fn octant(direction: &Vector3<f64>) -> [bool; 3] {
+    [0, 1, 2].map(|axis| direction[axis] < 0.0)
+}
+
+/// A number that is close for rays of one octant that are close: the place of the ray on the octant's triangle, its two
+/// coordinates interleaved bit by bit (Morton order).
+fn neighbourhood(direction: &Vector3<f64>) -> u32 {
+    let sum = direction.x.abs() + direction.y.abs() + direction.z.abs();
+    let [u, v] = [direction.x, direction.y].map(|component| (component.abs() / sum * 1023.0) as u32);
+    (0..10).fold(0, |code, bit| code | (u >> bit & 1) << (2 * bit) | (v >> bit & 1) << (2 * bit + 1))
+}

@@ -1,0 +1,285 @@
+use std::f64::consts::{PI, TAU};
+
+use proptest::prelude::*;
+use voxels::Extent;
+
+use super::lidar::Pattern;
+use super::*;
+
+fn pool(threads: usize) -> ThreadPool {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
+}
+
+fn params() -> WorldParams {
+    WorldParams {
+        body: BodyModel {
+            radius_m: 0.4,
+            speed_max_m_s: 1.5,
+            acceleration_m_s2: 0.5,
+            deceleration_m_s2: 0.25,
+            turn_rate_max_rad_s: 100.0 * PI / 180.0,
+            turn_acceleration_rad_s2: 50.0 * PI / 180.0,
+            turn_deceleration_rad_s2: 25.0 * PI / 180.0,
+        },
+        scanner: Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
+        schedule: ScanSchedule::OnRequest { period_ticks: 10 },
+        comms: CommsModel { range_m: f64::INFINITY },
+    }
+}
+
+/// A closed hall of the given inner size.
+fn hall(inner: [u32; 3]) -> Grid<Terrain> {
+    let extent = Extent::new(inner.map(|cells| cells + 2), 1.0).unwrap();
+    let mut terrain = Grid::new(extent, Terrain::Free);
+    voxels::close_shell(&mut terrain, 1);
+    terrain
+}
+
+/// Two rooms with a door (`.` in the middle of the wall).
+fn two_rooms() -> Grid<Terrain> {
+    let solid = "#########\n#########\n#########\n#########\n#########\n";
+    let layer = "#########\n#...#...#\n#.......#\n#...#...#\n#########\n";
+    Grid::from_text(&[solid, layer, solid].join("\n")).unwrap()
+}
+
+fn at(x: f64, y: f64, z: f64) -> Pose {
+    Pose { position: Point3::new(x, y, z), yaw_rad: 0.0 }
+}
+
+fn action(motion: Motion) -> Action {
+    Action { motion, lidar: LidarRequest::Keep, want_view: false, parcels: Vec::new() }
+}
+
+fn endless(pitch_rad: f64) -> Motion {
+    Motion::Move { pitch_rad, distance_m: f64::INFINITY }
+}
+
+const A: AgentId = AgentId(0);
+const B: AgentId = AgentId(1);
+
+#[test]
+fn a_hall_is_explored_at_the_first_look() {
+    let pool = pool(1);
+    let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
+    assert_eq!(world.coverage().explored(), 0.0);
+    assert_eq!(world.coverage().covered(), 1.0 / 60.0);
+    world.look(&pool);
+    assert!(world.coverage().is_explored());
+    assert_eq!(world.coverage().explored(), 1.0);
+    let observation = world.observe(A, Since::LastCounted);
+    assert_eq!(observation.seen_free.len(), 60);
+    assert!(observation.seen_free.is_sorted() && observation.seen_wall.is_sorted());
+    assert_eq!(observation.scan_tick, Some(Tick::ZERO));
+    let again = world.observe(A, Since::LastCounted);
+    assert!(again.seen_free.is_empty() && again.seen_wall.is_empty());
+}
+
+#[test]
+fn scans_come_as_the_scenario_or_the_agent_says() {
+    let pool = pool(1);
+    let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
+    let scan_ticks = |world: &mut World, request: Option<LidarRequest>, ticks: u64| -> Vec<u64> {
+        let first = world.tick().0;
+        (first..first + ticks)
+            .filter(|&tick| {
+                world.look(&pool);
+                let scanned = world.observe(A, Since::LastCounted).scan_tick == Some(Tick(tick));
+                let lidar = if tick == first { request.unwrap_or_default() } else { LidarRequest::Keep };
+                world.step([(A, Action { lidar, ..action(Motion::Keep) })].into());
+                scanned
+            })
+            .collect()
+    };
+    assert_eq!(scan_ticks(&mut world, None, 21), [0, 10, 20]);
+    assert_eq!(scan_ticks(&mut world, Some(LidarRequest::Every(4)), 9), [22, 26]);
+    assert_eq!(scan_ticks(&mut world, Some(LidarRequest::Never), 20), [30]);
+    assert_eq!(scan_ticks(&mut world, Some(LidarRequest::Once), 20), [51]);
+    // The body has not moved: only its first scan had to be cast.
+    assert_eq!((world.totals().scans, world.totals().scans_cast), (7, 1));
+}
+
+#[test]
+fn in_turns_one_agent_scans_in_each_tick() {
+    let pool = pool(1);
+    let turns = WorldParams { schedule: ScanSchedule::TakeTurns, ..params() };
+    let mut world = World::new(hall([5, 4, 3]), turns, &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
+    for tick in 0..6 {
+        world.look(&pool);
+        let scanned = [A, B].map(|agent| world.observe(agent, Since::LastCounted).scan_tick == Some(Tick(tick)));
+        assert_eq!(scanned, [tick % 2 == 0, tick % 2 == 1]);
+        world.step([(A, Action { lidar: LidarRequest::Never, ..action(Motion::Keep) })].into());
+    }
+}
+
+#[test]
+fn the_result_of_a_look_does_not_hang_on_threads() {
+    let starts = [at(1.5, 1.5, 1.5), at(3.5, 2.5, 1.5), at(7.5, 2.5, 1.5)];
+    let seen = |threads| {
+        let pool = pool(threads);
+        let mut world = World::new(two_rooms(), params(), &starts);
+        world.look(&pool);
+        [0, 1, 2].map(|agent| world.observe(AgentId(agent), Since::LastCounted))
+    };
+    assert_eq!(seen(1), seen(2));
+    assert_eq!(seen(1), seen(8));
+}
+
+#[test]
+fn walls_and_range_end_contact() {
+    let starts = [at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5), at(7.5, 3.5, 1.5)];
+    let contacts = |range_m| {
+        let params = WorldParams { comms: CommsModel { range_m }, ..params() };
+        let mut world = World::new(two_rooms(), params, &starts);
+        [0, 1, 2].map(|agent| {
+            let contacts = world.observe(AgentId(agent), Since::LastCounted).contacts;
+            contacts.into_iter().map(|(other, _)| other.0).collect::<Vec<_>>()
+        })
+    };
+    // Through the door only the third one is seen from the first.
+    assert_eq!(contacts(f64::INFINITY), [vec![2], vec![2], vec![0, 1]]);
+    assert_eq!(contacts(3.0), [vec![], vec![2], vec![1]]);
+}
+
+#[test]
+fn parcels_reach_those_in_contact_in_the_next_observation() {
+    let starts = [at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5), at(7.5, 3.5, 1.5)];
+    let mut world = World::new(two_rooms(), params(), &starts);
+    let parcel = |peer, data: &[u8]| Parcel { peer, kind: 7, data: data.to_vec() };
+    let parcels = vec![parcel(Peer::Everybody, b"all"), parcel(Peer::One(B), b"one"), parcel(Peer::One(A), b"self")];
+    world.step([(A, Action { parcels, ..action(Motion::Keep) })].into());
+    assert_eq!(world.observe(B, Since::LastCounted).parcels, []);
+    let third = world.observe(AgentId(2), Since::LastCounted);
+    assert_eq!(third.parcels, [parcel(Peer::One(A), b"all")]);
+    assert_eq!(third.events & PARCEL, PARCEL);
+    let totals = world.totals();
+    assert_eq!((totals.parcels_sent, totals.parcels_delivered, totals.parcels_out_of_contact), (3, 1, 2));
+    assert_eq!(totals.parcel_bytes_delivered, 3);
+}
+
+#[test]
+fn a_full_inbox_loses_what_comes_and_does_not_grow() {
+    let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
+    for _ in 0..70 {
+        let parcels = vec![Parcel { peer: Peer::One(B), kind: 0, data: vec![0; PARCEL_BYTES_MAX] }];
+        world.step([(A, Action { parcels, ..action(Motion::Keep) })].into());
+    }
+    assert_eq!((world.totals().parcels_delivered, world.totals().parcels_inbox_full), (64, 6));
+    assert_eq!(world.observe(B, Since::LastCounted).parcels.len(), 64);
+}
+
+#[test]
+fn events_are_told_once_and_named_ones_wake() {
+    let pool = pool(1);
+    let mut world = World::new(two_rooms(), params(), &[at(1.5, 1.5, 1.5), at(7.5, 1.5, 1.5)]);
+    world.observe(A, Since::LastCounted);
+    world.step([(A, action(Motion::Path(vec![Point3::new(1.5, 2.5, 1.5)])))].into());
+    let mut happened = 0;
+    for _ in 0..500 {
+        world.look(&pool);
+        happened |= world.events(A, TASK_DONE | COLLISION | NEW_CELL | CONTACTS | PARCEL);
+        world.step(BTreeMap::new());
+    }
+    assert_eq!(happened, TASK_DONE | NEW_CELL);
+    assert_eq!(world.events(A, TASK_DONE), TASK_DONE);
+    assert_eq!(world.events(A, COLLISION), 0);
+    assert_eq!(world.observe(A, Since::LastCounted).events, TASK_DONE | NEW_CELL);
+    assert_eq!(world.observe(A, Since::LastCounted).events, 0);
+    // Into the line of the door, then along it.
+    world.step([(B, action(Motion::Path(vec![Point3::new(7.5, 2.5, 1.5)])))].into());
+    for _ in 0..500 {
+        world.step(BTreeMap::new());
+    }
+    assert_eq!(world.events(A, CONTACTS), CONTACTS);
+    assert_eq!(world.observe(A, Since::LastCounted).contacts.len(), 1);
+    assert_eq!(world.events(A, CONTACTS), 0);
+}
+
+#[test]
+fn asked_out_of_turn_everything_is_told_once_and_counted_once() {
+    let pool = pool(1);
+    let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
+    world.look(&pool);
+    let first = world.observe(A, Since::LastAsked);
+    assert_eq!(first.seen_free.len(), 60);
+    let parcel = |data: &[u8]| Parcel { peer: Peer::One(A), kind: 0, data: data.to_vec() };
+    world.step([(B, Action { parcels: vec![parcel(b"x")], ..action(Motion::Keep) })].into());
+    let second = world.observe(A, Since::LastAsked);
+    assert_eq!((second.seen_free.len(), second.parcels.len(), second.events & PARCEL), (0, 1, PARCEL));
+    let third = world.observe(A, Since::LastAsked);
+    assert_eq!((third.parcels.len(), third.events & PARCEL), (0, 0));
+    let counted = world.observe(A, Since::LastCounted);
+    assert_eq!((counted.seen_free.len(), counted.parcels.len(), counted.events & PARCEL), (60, 1, PARCEL));
+}
+
+#[test]
+fn the_view_comes_on_request() {
+    let pool = pool(1);
+    let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
+    world.look(&pool);
+    assert_eq!(world.observe(A, Since::LastCounted).view, None);
+    world.step([(A, Action { want_view: true, ..action(Motion::Keep) })].into());
+    let view = world.observe(A, Since::LastCounted).view.unwrap();
+    assert_eq!(view.free.len(), 60);
+    world.step([(A, action(Motion::Keep))].into());
+    assert_eq!(world.observe(A, Since::LastCounted).view, None);
+}
+
+#[test]
+fn two_bodies_that_meet_head_on_stop_and_never_overlap() {
+    let mut world = World::new(
+        hall([20, 3, 3]),
+        params(),
+        &[at(2.5, 2.5, 2.5), Pose { yaw_rad: PI, ..at(19.5, 2.5, 2.5) }],
+    );
+    world.step([(A, action(endless(0.0))), (B, action(endless(0.0)))].into());
+    for _ in 0..2000 {
+        world.step(BTreeMap::new());
+        let gap = world.body(A).pose().position - world.body(B).pose().position;
+        assert!(gap.norm() >= 0.8 - 1e-12, "{gap}");
+    }
+    assert!([A, B].iter().all(|&agent| !world.body(agent).is_active()));
+    assert!(world.body(A).collision().unwrap().with_agent || world.body(B).collision().unwrap().with_agent);
+}
+
+fn any_motion() -> impl Strategy<Value = Motion> {
+    let point = prop::array::uniform3(-5.0..15.0_f64).prop_map(Point3::from);
+    prop_oneof![
+        Just(Motion::Keep),
+        Just(Motion::Stop),
+        (-1.6..1.6_f64, prop_oneof![Just(f64::INFINITY), 0.0..9.0_f64])
+            .prop_map(|(pitch_rad, distance_m)| Motion::Move { pitch_rad, distance_m }),
+        (-TAU..TAU).prop_map(|angle_rad| Motion::Turn { angle_rad }),
+        prop::collection::vec(point, 1..5).prop_map(Motion::Path),
+        (prop::array::uniform3(-9.0..9.0_f64), -9.0..9.0_f64).prop_map(|(linear, yaw_rate_rad_s)| {
+            Motion::Velocity { linear_in_body_m_s: Vector3::from(linear), yaw_rate_rad_s }
+        }),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn no_command_takes_a_body_out_of_free_space(
+        commands in prop::collection::vec((any_motion(), any_motion(), 1..200_usize), 1..30),
+    ) {
+        let terrain = two_rooms();
+        let mut world = World::new(terrain.clone(), params(), &[at(1.5, 1.5, 1.5), at(7.5, 3.5, 1.5)]);
+        for (of_a, of_b, ticks) in commands {
+            world.step([(A, action(of_a)), (B, action(of_b))].into());
+            for _ in 0..ticks {
+                world.step(BTreeMap::new());
+                let positions = [A, B].map(|agent| world.body(agent).pose().position);
+                prop_assert!((positions[0] - positions[1]).norm() >= 0.8 - 1e-9);
+                for position in positions {
+                    for (cell, &state) in terrain.iter() {
+                        if state == Terrain::Wall {
+                            let low = Point3::new(cell.x.into(), cell.y.into(), cell.z.into());
+                            let nearest = position.sup(&low).inf(&(low + Vector3::repeat(1.0)));
+                            prop_assert!((position - nearest).norm() >= 0.4 - 1e-9, "{position} is too near to {cell:?}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Geometry on a voxel grid: cells, extents, dense grids, ray traversal, map files.
+//!
+//! **Axes.** Right-handed, x forward, y left, z up; the map spans 0 to `size * cell_m` metres on
+//! each axis.
+//! **Rounding.** A point lies in the cell whose coordinates are the floor of the point's
+//! coordinates divided by `cell_m`; a point on the boundary of two cells belongs to the upper one.
+//! **Order.** The index of a cell is `(z * size_y + y) * size_x + x`. [`Cell`]'s `Ord` agrees with
+//! it, and every function here that returns several cells returns them in that order unless it
+//! says otherwise.
+//!
+//! Nothing here knows about agents, time or chance.
+
+pub mod cell;
+pub mod components;
+pub mod extent;
+pub mod grid;
+pub mod m3dm;
+pub mod runs;
+pub mod terrain;
+pub mod traverse;
+
+pub use cell::{Cell, FACES};
+pub use components::{Components, Pockets, close_shell, free_components, keep_largest_component};
+pub use extent::{Extent, ExtentError};
+pub use grid::{Grid, GridError};
+pub use m3dm::M3dmError;
+pub use runs::{RunsError, check_runs, indices, runs};
+pub use terrain::{Terrain, TextError, is_wall_at};
+pub use traverse::{line_of_sight, walk, walk_segment};
