@@ -1,6 +1,6 @@
 //! The agents' link over ROS 2: one participant for the process, and one node `agent_<id>` for each of its agents.
 //!
-//! Invariants: what is sent for one agent never waits for another one (see [`endpoints`]); what is on a topic of another agent,
+//! Invariants: what is sent for one agent never waits for another one (see `ros/endpoints.rs`); what is on a topic of another agent,
 //! or addressed to one, does not come out. When to say something is decided in `run.rs`. This file and its folder are the only
 //! ones here that know the ROS client. Agents do not listen to `/clock`: an observation says what time it is.
 
@@ -18,9 +18,6 @@ pub use endpoints::RosError;
 
 use crate::link::{Inbound, Link};
 use endpoints::{Inbox, Outlet, Sample, Tally, Workshop, linger, now};
-
-/// Of the first participants of a machine, who are found at once, these are left to a server that starts after its agents.
-const IDS_LEFT: u16 = 2;
 
 /// The agents of a process in a ROS network.
 pub struct RosLink {
@@ -43,7 +40,7 @@ impl RosLink {
     /// # Errors
     /// If the network cannot be joined, or the system has not enough of something.
     pub fn new(agents: &[AgentId], env: &RosEnv) -> Result<Self, RosError> {
-        let context = endpoints::join(env, IDS_LEFT)?;
+        let context = endpoints::join(env, false)?;
         let mut workshop = Workshop::default();
         let mut inbox = Inbox::new();
         let mut seats = Vec::new();
@@ -51,10 +48,10 @@ impl RosLink {
             let mut node = endpoints::node(&context, &format!("agent_{agent}"))?;
             if seats.is_empty() {
                 workshop.inlet(&mut node, &topics::scenario(), &mut inbox, |sample: Sample<Scenario>| {
-                    sample.message.map(Inbound::Scenario)
+                    message(sample).map(Inbound::Scenario)
                 })?;
                 workshop.inlet(&mut node, &topics::join_reply(), &mut inbox, |sample: Sample<JoinReply>| {
-                    sample.message.map(Inbound::JoinReply)
+                    message(sample).map(Inbound::JoinReply)
                 })?;
             }
             workshop.inlet(&mut node, &topics::observation(agent), &mut inbox, move |sample| {
@@ -88,10 +85,14 @@ impl Link for RosLink {
     fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
         let begun = now();
         loop {
-            match self.inbox.receive(timeout.saturating_sub(begun.elapsed()))? {
+            let left = timeout.saturating_sub(begun.elapsed());
+            match self.inbox.receive(left)? {
                 Ok(Inbound::JoinReply(reply)) if self.seat(reply.agent).is_none() => {}
                 Ok(message) => return Some(message),
                 Err(reason) => self.ignored.add(&reason),
+            }
+            if left.is_zero() {
+                return None;
             }
         }
     }
@@ -103,8 +104,13 @@ impl Drop for RosLink {
     }
 }
 
+/// The message of a sample, or whose bytes could not be read and why.
+fn message<M>(sample: Sample<M>) -> Result<M, String> {
+    sample.message.map_err(|reason| format!("{reason}, sent by participant {:02x?}", sample.source))
+}
+
 fn observation(agent: AgentId, sample: Sample<Observation>) -> Result<Observation, String> {
-    let observation = sample.message?;
+    let observation = message(sample)?;
     if observation.agent == agent.0 {
         Ok(observation)
     } else {

@@ -41,6 +41,9 @@ pub enum Command {
 pub struct RunArgs {
     /// The scenario (.toml)
     pub scenario: PathBuf,
+    /// Also write what is said about the run to this file
+    #[arg(long, value_name = "FILE")]
+    pub log: Option<PathBuf>,
     /// Keys of the scenario that are to be different.
     #[command(flatten)]
     pub keys: KeyArgs,

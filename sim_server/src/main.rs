@@ -56,6 +56,7 @@ fn print(text: &str) {
 
 #[cfg(feature = "ros")]
 mod serve {
+    use std::fs::File;
     use std::process::ExitCode;
     use std::sync::Arc;
     use std::sync::atomic::AtomicBool;
@@ -72,12 +73,6 @@ mod serve {
         let scenario = setup::load(&args.scenario, &args.keys.overrides())?;
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
         let (world, map) = setup::build(&scenario)?;
-        eprintln!(
-            "map seed {}: {} free cells, {:.1} % of the volume",
-            map.seed,
-            map.free_cells,
-            map.free_fraction * 100.0
-        );
         let stop = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register_conditional_shutdown(signal, exit::BY_SIGNAL.into(), Arc::clone(&stop))
@@ -95,16 +90,25 @@ mod serve {
                 return Ok(ExitCode::from(exit::FAILED));
             }
         };
-        let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count);
+        let log = args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
+        let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log);
+        terminal.say(&format!(
+            "map seed {}: {} free cells, {:.1} % of the volume",
+            map.seed,
+            map.free_cells,
+            map.free_fraction * 100.0
+        ));
         let ended = run::run(&scenario, world, &mut link, recorder, &mut terminal, &stop);
         terminal.clear();
         Ok(match ended {
             Ok(outcome) => {
-                super::print(&terminal::result_text(&outcome));
+                let text = terminal::result_text(&outcome);
+                terminal.keep(&text);
+                super::print(&text);
                 exit::of_outcome(&outcome)
             }
             Err(error) => {
-                eprintln!("error: {error}");
+                terminal.say(&format!("error: {error}"));
                 exit::of_error(&error)
             }
         })

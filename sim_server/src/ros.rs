@@ -1,6 +1,6 @@
 //! The server's link over ROS 2: one participant with one node `sim_server`, and three topics for each agent.
 //!
-//! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`endpoints`]); every message
+//! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see `ros/endpoints.rs`); every message
 //! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
 //! and its folder are the only ones here that know the ROS client.
 
@@ -18,7 +18,7 @@ use ros2_client::{Context, Node};
 pub use endpoints::RosError;
 
 use crate::link::{Inbound, Incoming, Link, SourceId};
-use endpoints::{FIRST_IDS, Inbox, Outlet, Sample, Workshop, linger, now};
+use endpoints::{Inbox, Outlet, Sample, Workshop, linger, now};
 
 /// Open files of a process with a participant, and some to spare.
 const FILES: u64 = 256;
@@ -27,8 +27,8 @@ const FILES: u64 = 256;
 /// that is being replaced.
 const FILES_PER_AGENT: u64 = 12;
 
-/// Wall time between two looks at who listens to the clock.
-const AUDIENCE_PERIOD: Duration = Duration::from_millis(200);
+/// Wall time between two looks at who listens to the clock; a look costs some ten microseconds.
+const AUDIENCE_PERIOD: Duration = Duration::from_millis(50);
 
 /// The server in a ROS network.
 pub struct RosLink {
@@ -50,14 +50,7 @@ impl RosLink {
     /// If the network cannot be joined, or the system has not enough of something.
     pub fn new(agents: u32, env: &RosEnv) -> Result<Self, RosError> {
         allow_open_files(FILES + FILES_PER_AGENT * u64::from(agents))?;
-        let context = endpoints::join(env, 0)?;
-        let number = context.domain_participant().participant_id();
-        if number >= FIRST_IDS {
-            eprintln!(
-                "{number} processes were in {env} before this one: agents that started after the first {FIRST_IDS} may \
-                 not find it; start the server first, or choose another ROS_DOMAIN_ID"
-            );
-        }
+        let context = endpoints::join(env, true)?;
         let mut node = endpoints::node(&context, "sim_server")?;
         let mut workshop = Workshop::default();
         let clock = workshop.outlet(&mut node, &topics::clock())?;
@@ -124,8 +117,8 @@ fn incoming<M>(topic_agent: AgentId, sample: Sample<M>, inbound: impl Fn(M) -> I
     Incoming { topic_agent, source: SourceId(sample.source), message }
 }
 
-/// Whether anybody listens to a topic. What nobody can hear need not be said: a fast run makes 10 000 clock messages a second,
-/// and each costs more than all else in a tick in which nobody is asked.
+/// Whether anybody listens to a topic. What nobody can hear need not be said: a fast run makes thousands of clock messages a
+/// second, and each costs more than ten microseconds even if it is sent to nobody.
 struct Audience {
     topic: String,
     listens: bool,

@@ -344,14 +344,13 @@ impl Run<'_> {
             let observation = self.world.observe(agent, Since::LastCounted);
             let parts = wire::observation_parts(&observation, Part::ENDED);
             for part in &parts {
-                self.log.exchange(Kind::Observation(agent), tick, part, &mut self.chain)?;
+                self.log.write(Kind::Observation(agent), tick, part)?;
             }
             if !self.lost.contains(&agent) {
                 farewells.push(Asked { agent, since: Since::LastCounted, parts });
             }
         }
         self.exchange.farewell(tick, &farewells, FAREWELL, self.watcher);
-        self.chain.close(&self.world);
         let digest = self.chain.digest();
         let progress = wire::progress(&self.world);
         self.exchange.progress(&progress);
@@ -367,8 +366,12 @@ impl Run<'_> {
             counters: self.counters(),
             digest: digest.0,
         };
-        self.record_digest()?;
-        self.log.write(Kind::Progress, tick, &progress)?;
+        if !tick.0.is_multiple_of(DIGEST_TICKS) {
+            self.record_digest()?;
+        }
+        if !tick.0.is_multiple_of(PROGRESS_TICKS) {
+            self.log.write(Kind::Progress, tick, &progress)?;
+        }
         self.log.write(Kind::Result, tick, &result)?;
         self.log.finish()?;
         Ok(Outcome { result, digest, wall })

@@ -320,7 +320,7 @@ impl Default for ExecutionSection {
             look_ahead: true,
             rtf: Rtf::Max(MaxWord::Max),
             join_timeout_s: 60.0,
-            decision_timeout_s: 60.0,
+            decision_timeout_s: 10.0,
             record: None,
         }
     }

@@ -2,7 +2,8 @@
 //!
 //! Progress and notes go to stderr; the result goes to stdout, its last line is the digest.
 
-use std::io::IsTerminal;
+use std::fs::File;
+use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
 use comfy_table::presets::UTF8_FULL_CONDENSED;
@@ -26,6 +27,7 @@ pub struct Terminal {
     started: Option<Instant>,
     line_written: Option<Instant>,
     waiting_for: Vec<AgentId>,
+    log: Option<File>,
 }
 
 impl Terminal {
@@ -38,7 +40,13 @@ impl Terminal {
             bar.set_style(style);
             bar
         });
-        Self { bar, duration, agents, started: None, line_written: None, waiting_for: Vec::new() }
+        Self { bar, duration, agents, started: None, line_written: None, waiting_for: Vec::new(), log: None }
+    }
+
+    /// Also writes what is said to a file.
+    #[must_use]
+    pub fn with_log(self, log: Option<File>) -> Self {
+        Self { log, ..self }
     }
 
     /// Takes the bar away.
@@ -48,10 +56,22 @@ impl Terminal {
         }
     }
 
-    fn line(&mut self, text: &str) {
+    /// Says something, above the bar if there is one.
+    pub fn say(&mut self, text: &str) {
         match &self.bar {
             Some(bar) => bar.println(text),
             None => eprintln!("{text}"),
+        }
+        self.keep(text);
+    }
+
+    /// Writes something to the log only.
+    pub fn keep(&mut self, text: &str) {
+        // A log that cannot be written must not end the run it is about.
+        if let Some(log) = &mut self.log
+            && writeln!(log, "{text}").is_err()
+        {
+            self.log = None;
         }
     }
 }
@@ -61,7 +81,7 @@ impl Watcher for Terminal {
         if self.waiting_for != missing {
             self.waiting_for = missing.to_vec();
             let text = format!("waiting for agents: {}", listed(missing.iter().copied()));
-            self.line(&text);
+            self.say(&text);
         }
     }
 
@@ -85,7 +105,7 @@ impl Watcher for Terminal {
             }
             None if self.line_written.is_none_or(|line| now.duration_since(line) >= LINE_PERIOD) => {
                 self.line_written = Some(now);
-                eprintln!("{text}");
+                self.say(&text);
             }
             None => {}
         }
@@ -94,11 +114,11 @@ impl Watcher for Terminal {
     fn started(&mut self) {
         self.started = Some(now());
         let text = format!("all {} agents are there", self.agents);
-        self.line(&text);
+        self.say(&text);
     }
 
     fn note(&mut self, text: &str) {
-        self.line(text);
+        self.say(text);
     }
 }
 

@@ -30,9 +30,13 @@ use rustdds::DomainParticipantBuilder;
 use serde::{Deserialize, Deserializer};
 use thiserror::Error;
 
-/// Participants of a machine that are told about every other one at its start: the middleware sends to the ports of the
-/// first twelve (`SPDP_LOCALHOST_PEER_COUNT`), besides multicast, which loopback does not have.
-pub(super) const FIRST_IDS: u16 = 12;
+/// Participants of a machine that are told of every other one at its start: besides multicast, which loopback does not have,
+/// the middleware sends to the ports of the first twelve (`SPDP_LOCALHOST_PEER_COUNT`). The others hear of each other only
+/// from these, or not at all.
+const FIRST_IDS: u16 = 12;
+
+/// How many of the first numbers are left to processes that must be found by all others, but may start after them.
+const FIRST_IDS_LEFT: u16 = 2;
 
 /// Wall time after which the link may replace a publisher with a full window again.
 const RENEWAL_PERIOD: Duration = Duration::from_secs(1);
@@ -92,9 +96,9 @@ pub enum RosError {
 
 /// Joins the network that the environment names.
 ///
-/// On one machine, participants find each other at the addresses of the first twelve (see [`FIRST_IDS`]): who comes later is
-/// found by these and by what multicast reaches. `ids_left` of the first numbers are left to others.
-pub(super) fn join(env: &RosEnv, ids_left: u16) -> Result<Context, RosError> {
+/// A process that `is_met_by_all` is one that every other process must find, whoever starts first: it takes one of the first
+/// numbers on its machine, and the others leave some of them free.
+pub(super) fn join(env: &RosEnv, is_met_by_all: bool) -> Result<Context, RosError> {
     let participant = || {
         let builder = DomainParticipantBuilder::new(env.domain_id);
         match env.range {
@@ -106,16 +110,29 @@ pub(super) fn join(env: &RosEnv, ids_left: u16) -> Result<Context, RosError> {
     if env.range == DiscoveryRange::Off {
         return Err(RosError::DiscoveryOff(*env));
     }
-    let held: Vec<UdpSocket> = (0..ids_left)
-        .filter_map(|id| UdpSocket::bind((Ipv4Addr::UNSPECIFIED, discovery_port(env.domain_id, id))).ok())
-        .collect();
-    let joined = participant();
-    drop(held);
-    let joined = if joined.is_err() && ids_left > 0 { participant() } else { joined };
-    joined
+    let joined = if is_met_by_all {
+        participant()
+    } else {
+        // A participant takes the first number whose port is free.
+        let taken: Vec<UdpSocket> = (0..FIRST_IDS_LEFT)
+            .filter_map(|id| UdpSocket::bind((Ipv4Addr::UNSPECIFIED, discovery_port(env.domain_id, id))).ok())
+            .collect();
+        let joined = participant();
+        drop(taken);
+        joined.or_else(|_| participant())
+    };
+    let context = joined
         .map_err(CreateError::from)
         .and_then(Context::from_domain_participant)
-        .map_err(|source| RosError::Participant { env: *env, source })
+        .map_err(|source| RosError::Participant { env: *env, source })?;
+    let number = context.domain_participant().participant_id();
+    if is_met_by_all && number >= FIRST_IDS {
+        eprintln!(
+            "{env}: {number} other processes were here first, so not all of them may find this one; start it before them, \
+             or set another ROS_DOMAIN_ID"
+        );
+    }
+    Ok(context)
 }
 
 /// The UDP port at which a participant is told about others, as RTPS defines it.
@@ -370,7 +387,10 @@ impl<'de, M: Deserialize<'de>> Deserialize<'de> for Decoded<M> {
 }
 
 /// Gives messages under way a moment. Call it before the endpoints are dropped: what a dropped one has sent is not repaired.
-#[expect(clippy::disallowed_methods, reason = "the ROS client does not tell whether its messages have been acknowledged")]
+#[expect(
+    clippy::disallowed_methods,
+    reason = "the ROS client does not tell whether its messages have been acknowledged"
+)]
 pub(super) fn linger() {
     std::thread::sleep(LINGER);
 }
@@ -378,4 +398,65 @@ pub(super) fn linger() {
 #[expect(clippy::disallowed_methods, reason = "time-outs and reports are of wall time; no result hangs on them")]
 pub(super) fn now() -> Instant {
     Instant::now()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use msgs::rosgraph_msgs::Clock;
+
+    fn inbox_of(numbers: impl IntoIterator<Item = usize>) -> Inbox<usize> {
+        let mut inbox = Inbox::new();
+        for number in numbers {
+            inbox.add(Box::new(move |_: &mut TaskContext<'_>| Poll::Ready(number)));
+        }
+        inbox
+    }
+
+    #[test]
+    fn full_topics_take_turns() {
+        let mut inbox = inbox_of(0..3);
+        let received: Vec<_> = (0..7).map(|_| inbox.receive(Duration::ZERO).unwrap()).collect();
+        assert_eq!(received, [0, 1, 2, 0, 1, 2, 0]);
+    }
+
+    #[test]
+    fn an_empty_topic_is_asked_again_when_it_rings() {
+        let mut inbox = Inbox::new();
+        let wakers = Arc::new(Mutex::new(Vec::new()));
+        let left = Arc::clone(&wakers);
+        inbox.add(Box::new(move |context: &mut TaskContext<'_>| {
+            let mut left = left.lock().unwrap();
+            left.push(context.waker().clone());
+            if left.len().is_multiple_of(2) { Poll::Ready(left.len()) } else { Poll::Pending }
+        }));
+        assert_eq!(inbox.receive(Duration::from_millis(1)), None);
+        assert_eq!(inbox.receive(Duration::from_millis(1)), None);
+        let waker = wakers.lock().unwrap()[0].clone();
+        std::thread::scope(|scope| {
+            scope.spawn(move || waker.wake());
+            assert_eq!(inbox.receive(Duration::from_secs(60)), Some(2));
+        });
+    }
+
+    #[test]
+    fn bytes_that_are_no_message_are_told_from_messages() {
+        let bytes = msgs::cdr::encode(&Clock::default());
+        assert!(msgs::cdr::decode::<Decoded<Clock>>(&bytes).unwrap().0.is_ok());
+        let broken = msgs::cdr::decode::<Decoded<Clock>>(&bytes[..9]).unwrap();
+        assert_eq!(broken.0.unwrap_err(), "unexpected end of input");
+    }
+
+    #[test]
+    fn ports_are_those_of_the_rtps_standard() {
+        assert_eq!(discovery_port(0, 0), 7410);
+        assert_eq!(discovery_port(232, FIRST_IDS_LEFT), 65414);
+    }
+
+    #[test]
+    fn without_discovery_there_is_no_network() {
+        let env = RosEnv { domain_id: 3, range: DiscoveryRange::Off };
+        let error = join(&env, true).err().unwrap();
+        assert!(error.to_string().starts_with("ROS domain 3, range OFF: "), "{error}");
+    }
 }

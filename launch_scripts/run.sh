@@ -1,0 +1,141 @@
+#!/usr/bin/env bash
+# One run: a world server, one process for each agent, one recording, one exit code.
+#
+#   launch_scripts/run.sh [SCENARIO.toml] [--agents N] [--controller C] [--map spheres|noise|FILE] [--size S] [--seed K]
+#                         [--duration SECONDS] [--record FILE.mcap] [any other flag of `sim_server run`]
+#   --agent-set KEY=VALUE     a setting of the agents' controllers; can be given again
+#   --agents-per-process M    run M agents in each process (default 1)
+#   --order forward|reverse|shuffle   in which order to start the agents (default forward)
+#   --chaos-delay-ms MS       let each agent wait up to so long, at random, before it answers
+#   --transport ros2|memory   over ROS 2 (default), or all in one process without a network
+#   --logs DIR                where the logs of the processes go (default out/logs/<time>-<pid>)
+#
+# Exit codes: 0 the run has a result; 1 a failure of the system; 2 bad input; 3 agents were missing at the start;
+# 4 an agent was lost; 5 an agent was refused; 130 interrupted.
+set -u
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+scenario=$root/launch_scripts/scenarios/default.toml
+transport=ros2
+per_process=1
+order=forward
+logs=
+agent_flags=()
+server_flags=()
+
+fail() {
+    printf 'error: %s\n' "$1" >&2
+    exit 2
+}
+
+# --help, and the checks of what this script reads itself; the binaries check everything else.
+if [[ $# -gt 0 && $1 != -* ]]; then
+    scenario=$1
+    shift
+fi
+while [[ $# -gt 0 ]]; do
+    case $1 in
+        -h | --help)
+            sed -n '2,/^set -u/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"
+            exit 0
+            ;;
+        --*=*) set -- "${1%%=*}" "${1#*=}" "${@:2}" ;;
+        --*) [[ $# -ge 2 ]] || fail "$1 needs a value" ;;
+        *) fail "unexpected argument: $1 (a scenario comes first; see --help)" ;;
+    esac
+    case $1 in
+        --transport) transport=$2 ;;
+        --agents-per-process) per_process=$2 ;;
+        --order) order=$2 ;;
+        --logs) logs=$2 ;;
+        --chaos-delay-ms) agent_flags+=(--chaos-delay-ms "$2") ;;
+        --agent-set) agent_flags+=(--set "$2") ;;
+        *) server_flags+=("$1" "$2") ;;
+    esac
+    shift 2
+done
+[[ $transport == ros2 || $transport == memory ]] || fail "--transport $transport: expected ros2 or memory"
+[[ $per_process =~ ^[1-9][0-9]{0,3}$ ]] || fail "--agents-per-process $per_process: expected a number from 1"
+[[ $order == forward || $order == reverse || $order == shuffle ]] ||
+    fail "--order $order: expected forward, reverse or shuffle"
+
+# The binaries: those of MAES_BIN_DIR, or built here if needed.
+bin=${MAES_BIN_DIR:-}
+if [[ -z $bin ]]; then
+    (cd "$root" && cargo build --release --quiet) || exit 1
+    bin=${CARGO_TARGET_DIR:-$root/target}/release
+fi
+
+if [[ $transport == memory ]]; then
+    exec "$bin/experiments" single "$scenario" "${server_flags[@]}" "${agent_flags[@]}"
+fi
+
+count=$("$bin/sim_server" scenario "$scenario" "${server_flags[@]}" --get agents.count) || exit $?
+
+# Two servers in one domain would share their agents.
+domain=${ROS_DOMAIN_ID:-0}
+exec {lock}>"${TMPDIR:-/tmp}/maes-domain-${domain//\//_}.lock"
+flock --nonblock "$lock" || fail "a run is under way in ROS domain $domain; choose another ROS_DOMAIN_ID"
+
+logs=${logs:-$root/out/logs/$(date +%Y%m%d-%H%M%S)-$$}
+mkdir -p "$logs" || exit 1
+
+"$bin/sim_server" run "$scenario" "${server_flags[@]}" --log "$logs/server.log" {lock}>&- &
+server=$!
+
+starts=$(for ((first = 0; first < count; first += per_process)); do echo "$first"; done)
+case $order in
+    reverse) starts=$(sort -rn <<<"$starts") ;;
+    shuffle) starts=$(shuf <<<"$starts") ;;
+esac
+declare -A agents=()
+for first in $starts; do
+    last=$((first + per_process < count ? first + per_process - 1 : count - 1))
+    "$bin/agent_node" --id "$first-$last" "${agent_flags[@]}" >"$logs/agent_$first.log" 2>&1 {lock}>&- &
+    agents[$!]=$first
+done
+
+# A signal goes to the server, which ends the run and tells the agents.
+interrupted=
+trap 'interrupted=1; kill -INT "$server" 2>/dev/null' INT TERM HUP
+
+code=
+refusal=0
+while [[ -z $code ]]; do
+    wait -n -p ended "$server" "${!agents[@]}"
+    status=$?
+    [[ -n ${ended:-} ]] || continue # a signal, not a process
+    if [[ $ended == "$server" ]]; then
+        code=$status
+    else
+        first=${agents[$ended]}
+        unset "agents[$ended]"
+        # An agent that cannot take part ends the run; one that dies is the server's affair.
+        if [[ $status == 2 || $status == 5 ]] && ((refusal == 0)); then
+            refusal=$status
+            cat "$logs/agent_$first.log" >&2
+            kill -INT "$server" 2>/dev/null
+        elif [[ $status != 0 && -z $interrupted ]]; then
+            printf 'agent process %s ended with exit code %s; its log: %s\n' "$first" "$status" "$logs/agent_$first.log" >&2
+        fi
+    fi
+    ended=
+done
+
+# Agents have been told that the run is over. Who does not go by itself has to.
+if ((${#agents[@]})); then
+    [[ $code == 0 ]] || kill -TERM "${!agents[@]}" 2>/dev/null
+    (
+        sleep 5
+        kill -KILL "${!agents[@]}" 2>/dev/null
+    ) {lock}>&- &
+    watchdog=$!
+    for agent in "${!agents[@]}"; do
+        while kill -0 "$agent" 2>/dev/null; do wait "$agent"; done
+    done 2>/dev/null
+    pkill -P "$watchdog" 2>/dev/null
+    kill "$watchdog" 2>/dev/null
+    wait "$watchdog" 2>/dev/null
+fi
+((refusal == 0)) || exit "$refusal"
+exit "$code"
