@@ -80,7 +80,8 @@ flock --nonblock "$lock" || fail "a run is under way in ROS domain $domain; choo
 logs=${logs:-$root/out/logs/$(date +%Y%m%d-%H%M%S)-$$}
 mkdir -p "$logs" || exit 1
 
-"$bin/sim_server" run "$scenario" "${server_flags[@]}" --log "$logs/server.log" {lock}>&- &
+# In sessions of their own, so that Ctrl-C reaches this script alone, which knows who has to be told in which order.
+setsid "$bin/sim_server" run "$scenario" "${server_flags[@]}" --log "$logs/server.log" {lock}>&- &
 server=$!
 
 starts=$(for ((first = 0; first < count; first += per_process)); do echo "$first"; done)
@@ -91,7 +92,7 @@ esac
 declare -A agents=()
 for first in $starts; do
     last=$((first + per_process < count ? first + per_process - 1 : count - 1))
-    "$bin/agent_node" --id "$first-$last" "${agent_flags[@]}" >"$logs/agent_$first.log" 2>&1 {lock}>&- &
+    setsid "$bin/agent_node" --id "$first-$last" "${agent_flags[@]}" >"$logs/agent_$first.log" 2>&1 {lock}>&- &
     agents[$!]=$first
 done
 
@@ -123,19 +124,10 @@ while [[ -z $code ]]; do
 done
 
 # Agents have been told that the run is over. Who does not go by itself has to.
-if ((${#agents[@]})); then
-    [[ $code == 0 ]] || kill -TERM "${!agents[@]}" 2>/dev/null
-    (
-        sleep 5
-        kill -KILL "${!agents[@]}" 2>/dev/null
-    ) {lock}>&- &
-    watchdog=$!
-    for agent in "${!agents[@]}"; do
-        while kill -0 "$agent" 2>/dev/null; do wait "$agent"; done
-    done 2>/dev/null
-    pkill -P "$watchdog" 2>/dev/null
-    kill "$watchdog" 2>/dev/null
-    wait "$watchdog" 2>/dev/null
-fi
+[[ $code == 0 || ${#agents[@]} == 0 ]] || kill -TERM "${!agents[@]}" 2>/dev/null
+for agent in "${!agents[@]}"; do
+    timeout 5 tail --pid="$agent" --sleep-interval=0.05 --follow /dev/null || kill -KILL "$agent" 2>/dev/null
+    wait "$agent" 2>/dev/null
+done
 ((refusal == 0)) || exit "$refusal"
 exit "$code"

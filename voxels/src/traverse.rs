@@ -49,26 +49,24 @@ impl Crossings {
         Self { cell, step, next, delta }
     }
 
-    /// The axis of the next step.
-    fn axis(&self) -> usize {
+    /// Enters the next cell; returns the axis of the step and the distance at which it was made.
+    #[inline(always)]
+    fn advance(&mut self) -> (usize, f64) {
+        // Constant indices keep the state in registers.
         let [x, y, z] = self.next;
         if x <= y && x <= z {
-            0
+            self.cell.x += self.step[0];
+            self.next[0] += self.delta[0];
+            (0, x)
         } else if y <= z {
-            1
+            self.cell.y += self.step[1];
+            self.next[1] += self.delta[1];
+            (1, y)
         } else {
-            2
+            self.cell.z += self.step[2];
+            self.next[2] += self.delta[2];
+            (2, z)
         }
-    }
-
-    /// Enters the next cell along `axis`.
-    fn advance(&mut self, axis: usize) {
-        match axis {
-            0 => self.cell.x += self.step[0],
-            1 => self.cell.y += self.step[1],
-            _ => self.cell.z += self.step[2],
-        }
-        self.next[axis] += self.delta[axis];
     }
 }
 
@@ -95,6 +93,7 @@ impl Crossings {
 /// assert_eq!(end, ControlFlow::Continue(()));
 /// # Ok::<(), voxels::ExtentError>(())
 /// ```
+#[inline]
 pub fn walk<B>(
     extent: Extent,
     origin: &Point3<f64>,
@@ -110,12 +109,10 @@ pub fn walk<B>(
     let mut entry = 0.0;
     while extent.contains(ray.cell) {
         visit(ray.cell, entry * cell_m)?;
-        let axis = ray.axis();
-        entry = ray.next[axis];
+        (_, entry) = ray.advance();
         if entry > limit || entry == f64::INFINITY {
             break;
         }
-        ray.advance(axis);
     }
     ControlFlow::Continue(())
 }
@@ -126,6 +123,7 @@ pub fn walk<B>(
 /// The segment is always walked from the end that is smaller in (x, y, z) order, so the cells do not
 /// depend on the order of the arguments. Cells outside the map are visited as well; points with
 /// coordinates that are not finite, or more than 2^29 cells from the origin, visit nothing.
+#[inline]
 pub fn walk_segment<B>(
     extent: Extent,
     a: &Point3<f64>,
@@ -162,8 +160,7 @@ pub fn walk_segment<B>(
     }
     visit(ray.cell)?;
     while steps_left != [0; 3] {
-        let axis = ray.axis();
-        ray.advance(axis);
+        let (axis, _) = ray.advance();
         steps_left[axis] -= 1;
         if steps_left[axis] == 0 {
             ray.next[axis] = f64::INFINITY;
