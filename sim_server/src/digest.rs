@@ -34,10 +34,7 @@ impl Chain {
         let mut hasher = blake3::Hasher::new();
         hasher.update(identity.as_bytes());
         hasher.update(crate::mapgen::terrain_hash(world.terrain()).as_bytes());
-        let mut chain = Self {
-            link: Digest([0; 32]),
-            hasher,
-        };
+        let mut chain = Self { link: Digest([0; 32]), hasher };
         chain.close(world);
         chain
     }
@@ -74,8 +71,7 @@ impl Chain {
                 Some(Surface::Ceiling) => 3,
             };
             let with_agent = body.collision().is_some_and(|hit| hit.with_agent);
-            self.hasher
-                .update(&[u8::from(body.is_active()), surface, u8::from(with_agent)]);
+            self.hasher.update(&[u8::from(body.is_active()), surface, u8::from(with_agent)]);
         }
         for share in [world.coverage().explored(), world.coverage().covered()] {
             self.hasher.update(&share.to_bits().to_le_bytes());

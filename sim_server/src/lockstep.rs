@@ -162,9 +162,7 @@ impl Roster {
     /// Nobody is there yet.
     #[must_use]
     pub fn new(agents: u32) -> Self {
-        Self {
-            seats: vec![None; agents as usize],
-        }
+        Self { seats: vec![None; agents as usize] }
     }
 
     /// Grants an id, or grants it again to the process that has it.
@@ -174,23 +172,13 @@ impl Roster {
     pub fn join(&mut self, claim: Claim) -> Result<(), Refusal> {
         let agent = claim.agent;
         if claim.topic != agent {
-            return Err(Refusal::WrongTopic {
-                topic: claim.topic,
-                named: agent,
-            });
+            return Err(Refusal::WrongTopic { topic: claim.topic, named: agent });
         }
         if claim.protocol != PROTOCOL {
-            return Err(Refusal::WrongProtocol {
-                agent,
-                got: claim.protocol,
-                expected: PROTOCOL,
-            });
+            return Err(Refusal::WrongProtocol { agent, got: claim.protocol, expected: PROTOCOL });
         }
         let agents = self.seats.len() as u32;
-        let seat = self
-            .seats
-            .get_mut(agent.index())
-            .ok_or(Refusal::UnknownAgent { agent, agents })?;
+        let seat = self.seats.get_mut(agent.index()).ok_or(Refusal::UnknownAgent { agent, agents })?;
         match seat {
             None => {
                 *seat = Some(claim.seat);
@@ -223,12 +211,7 @@ impl Roster {
     /// Ids nobody has claimed yet, ascending.
     #[must_use]
     pub fn missing(&self) -> Vec<AgentId> {
-        (0..)
-            .map(AgentId)
-            .zip(&self.seats)
-            .filter(|(_, seat)| seat.is_none())
-            .map(|(agent, _)| agent)
-            .collect()
+        (0..).map(AgentId).zip(&self.seats).filter(|(_, seat)| seat.is_none()).map(|(agent, _)| agent).collect()
     }
 }
 
@@ -243,10 +226,7 @@ pub struct Wake {
 
 impl Wake {
     /// As soon as possible: what holds before the first command.
-    pub const AT_ONCE: Self = Self {
-        at: Tick::ZERO,
-        events: 0,
-    };
+    pub const AT_ONCE: Self = Self { at: Tick::ZERO, events: 0 };
 
     /// Whether the agent is due at `tick`, given what has happened since its last observation.
     #[must_use]
@@ -267,11 +247,7 @@ impl<C: PartialEq> Barrier<C> {
     /// Awaits one answer for `tick` from each of `awaited`.
     #[must_use]
     pub fn new(tick: Tick, awaited: BTreeSet<AgentId>) -> Self {
-        Self {
-            tick,
-            awaited,
-            answers: BTreeMap::new(),
-        }
+        Self { tick, awaited, answers: BTreeMap::new() }
     }
 
     /// Takes an answer.
@@ -334,10 +310,7 @@ impl<C: PartialEq> Barrier<C> {
     /// If the barrier is not complete: the world must never advance with an answer missing.
     #[must_use]
     pub fn into_answers(self) -> BTreeMap<AgentId, C> {
-        assert!(
-            self.is_complete(),
-            "the world must not advance while answers are missing"
-        );
+        assert!(self.is_complete(), "the world must not advance while answers are missing");
         self.answers
     }
 }
@@ -358,11 +331,7 @@ mod tests {
             topic: AgentId(agent),
             agent: AgentId(agent),
             protocol: PROTOCOL,
-            seat: Seat {
-                source: SourceId([source; 16]),
-                instance,
-                controller: "rbw".into(),
-            },
+            seat: Seat { source: SourceId([source; 16]), instance, controller: "rbw".into() },
         }
     }
 
@@ -372,47 +341,29 @@ mod tests {
         assert_eq!(roster.missing(), [AgentId(0), AgentId(1)]);
         roster.join(claim(1, 7, 1)).unwrap();
         roster.join(claim(1, 7, 1)).unwrap();
-        assert_eq!(
-            roster.join(claim(1, 8, 2)),
-            Err(Refusal::IdTaken { agent: AgentId(1) })
-        );
+        assert_eq!(roster.join(claim(1, 8, 2)), Err(Refusal::IdTaken { agent: AgentId(1) }));
         assert_eq!(roster.missing(), [AgentId(0)]);
         assert_eq!(roster.seat(AgentId(1)).unwrap().instance, 7);
         assert!(roster.check(AgentId(1), SourceId([1; 16])).is_ok());
-        assert_eq!(
-            roster.check(AgentId(1), SourceId([2; 16])),
-            Err(Refusal::NotJoined { agent: AgentId(1) })
-        );
+        assert_eq!(roster.check(AgentId(1), SourceId([2; 16])), Err(Refusal::NotJoined { agent: AgentId(1) }));
     }
 
     #[test]
     fn a_stranger_is_refused() {
         let mut roster = Roster::new(2);
-        assert!(matches!(
-            roster.join(claim(2, 1, 1)),
-            Err(Refusal::UnknownAgent { agents: 2, .. })
-        ));
+        assert!(matches!(roster.join(claim(2, 1, 1)), Err(Refusal::UnknownAgent { agents: 2, .. })));
         let mut wrong = claim(0, 1, 1);
         wrong.protocol = 99;
-        assert!(matches!(
-            roster.join(wrong),
-            Err(Refusal::WrongProtocol { got: 99, .. })
-        ));
+        assert!(matches!(roster.join(wrong), Err(Refusal::WrongProtocol { got: 99, .. })));
         let mut wrong = claim(0, 1, 1);
         wrong.topic = AgentId(1);
-        assert!(matches!(
-            roster.join(wrong),
-            Err(Refusal::WrongTopic { .. })
-        ));
+        assert!(matches!(roster.join(wrong), Err(Refusal::WrongTopic { .. })));
         assert_eq!(roster.missing().len(), 2);
     }
 
     #[test]
     fn due_at_the_tick_or_at_an_event() {
-        let wake = Wake {
-            at: Tick(10),
-            events: 0b101,
-        };
+        let wake = Wake { at: Tick(10), events: 0b101 };
         assert!(!wake.is_due(Tick(9), 0b010));
         assert!(wake.is_due(Tick(9), 0b100));
         assert!(wake.is_due(Tick(10), 0));
@@ -431,10 +382,7 @@ mod tests {
             }
             assert!(barrier.is_complete());
             let answers: Vec<_> = barrier.into_answers().into_iter().collect();
-            assert_eq!(
-                answers,
-                [(AgentId(0), 0), (AgentId(2), 20), (AgentId(5), 50)]
-            );
+            assert_eq!(answers, [(AgentId(0), 0), (AgentId(2), 20), (AgentId(5), 50)]);
         }
     }
 
@@ -443,21 +391,11 @@ mod tests {
         let mut barrier = Barrier::new(Tick(3), [AgentId(0), AgentId(1)].into());
         assert!(matches!(
             barrier.accept(AgentId(0), Tick(2), 1),
-            Err(Refusal::WrongTick {
-                got: Tick(2),
-                expected: Tick(3),
-                ..
-            })
+            Err(Refusal::WrongTick { got: Tick(2), expected: Tick(3), .. })
         ));
-        assert!(matches!(
-            barrier.accept(AgentId(4), Tick(3), 1),
-            Err(Refusal::WrongTick { .. })
-        ));
+        assert!(matches!(barrier.accept(AgentId(4), Tick(3), 1), Err(Refusal::WrongTick { .. })));
         barrier.accept(AgentId(0), Tick(3), 1).unwrap();
-        assert!(matches!(
-            barrier.accept(AgentId(0), Tick(3), 2),
-            Err(Refusal::SecondAnswer { .. })
-        ));
+        assert!(matches!(barrier.accept(AgentId(0), Tick(3), 2), Err(Refusal::SecondAnswer { .. })));
         assert_eq!(barrier.answer(AgentId(0)), Some(&1));
         assert_eq!(barrier.missing().collect::<Vec<_>>(), [AgentId(1)]);
     }

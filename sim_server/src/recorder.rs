@@ -90,10 +90,8 @@ impl Recorder {
     /// # Errors
     /// If the file cannot be made or written.
     pub fn create(file: &Path, documents: &[Document<'_>]) -> Result<Self, RecordError> {
-        let handle = File::create(file).map_err(|source| RecordError::File {
-            file: file.display().to_string(),
-            source,
-        })?;
+        let handle =
+            File::create(file).map_err(|source| RecordError::File { file: file.display().to_string(), source })?;
         let sink = Sink::new(handle);
         let begun = begin(sink.clone(), documents).and_then(|mut writer| writer.flush().map(|()| writer));
         let writer = begun.map_err(|source| RecordError::Mcap { file: file.display().to_string(), source })?;
@@ -112,12 +110,7 @@ impl Recorder {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn write(
-        &mut self,
-        topic: &Topic,
-        tick: Tick,
-        cdr: &[u8],
-    ) -> Result<(), RecordError> {
+    pub fn write(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) -> Result<(), RecordError> {
         if self.open.is_ended_by(tick, cdr.len()) {
             self.end_chunk()?;
         }
@@ -143,12 +136,8 @@ impl Recorder {
         if self.open.messages.len() == self.open.saved {
             return Ok(());
         }
-        let chunk = self
-            .provisional_chunk()
-            .map_err(|source| self.mcap_error(source))?;
-        self.sink
-            .write_provisionally(&chunk)
-            .map_err(|source| self.file_error(source))?;
+        let chunk = self.provisional_chunk().map_err(|source| self.mcap_error(source))?;
+        self.sink.write_provisionally(&chunk).map_err(|source| self.file_error(source))?;
         self.open.saved = self.open.messages.len();
         Ok(())
     }
@@ -166,9 +155,8 @@ impl Recorder {
 
     fn end_chunk(&mut self) -> Result<(), RecordError> {
         let open = std::mem::take(&mut self.open);
-        let ended = open
-            .write(&mut self.writer, &self.channels, self.channels_written)
-            .and_then(|()| self.writer.flush());
+        let ended =
+            open.write(&mut self.writer, &self.channels, self.channels_written).and_then(|()| self.writer.flush());
         self.channels_written = self.channels.len();
         ended.map_err(|source| self.mcap_error(source))
     }
@@ -189,25 +177,18 @@ impl Recorder {
     }
 
     fn mcap_error(&self, source: mcap::McapError) -> RecordError {
-        RecordError::Mcap {
-            file: self.file.display().to_string(),
-            source,
-        }
+        RecordError::Mcap { file: self.file.display().to_string(), source }
     }
 
     fn file_error(&self, source: std::io::Error) -> RecordError {
-        RecordError::File {
-            file: self.file.display().to_string(),
-            source,
-        }
+        RecordError::File { file: self.file.display().to_string(), source }
     }
 }
 
 impl OpenChunk {
     fn is_ended_by(&self, tick: Tick, bytes: usize) -> bool {
         self.messages.first().is_some_and(|&(_, first, _)| {
-            tick.0 / CHUNK_TICKS != first.0 / CHUNK_TICKS
-                || self.bytes.len() + bytes > CHUNK_BYTES_MAX
+            tick.0 / CHUNK_TICKS != first.0 / CHUNK_TICKS || self.bytes.len() + bytes > CHUNK_BYTES_MAX
         })
     }
 
@@ -217,12 +198,7 @@ impl OpenChunk {
     }
 
     /// Writes the messages, after announcing the channels from number `announced` on.
-    fn write<W: Write + Seek>(
-        &self,
-        writer: &mut Writer<W>,
-        channels: &[Topic],
-        announced: usize,
-    ) -> McapResult<()> {
+    fn write<W: Write + Seek>(&self, writer: &mut Writer<W>, channels: &[Topic], announced: usize) -> McapResult<()> {
         for (number, channel) in channels.iter().enumerate().skip(announced) {
             let id = announce(writer, channel)?;
             assert_eq!(id, channel_id(number), "channels are numbered in order");

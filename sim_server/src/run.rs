@@ -170,8 +170,11 @@ impl Run<'_> {
         let deadline = now() + Duration::from_secs_f64(seconds);
         loop {
             let missing = self.exchange.missing();
-            if missing.is_empty() || self.is_stopped() {
+            if missing.is_empty() {
                 break;
+            }
+            if self.is_stopped() {
+                return Ok(());
             }
             if now() >= deadline {
                 return Err(RunError::AgentsMissing { missing, seconds });
@@ -191,6 +194,7 @@ impl Run<'_> {
         let end = self.scenario.duration_ticks();
         let pace = Pace::new(self.scenario.execution.rtf, now());
         loop {
+            self.exchange.clock(self.world.tick());
             if self.scenario.stop_when_explored && self.world.coverage().is_explored() {
                 return Ok("explored");
             }
@@ -203,12 +207,12 @@ impl Run<'_> {
             if self.tick()?.is_break() {
                 return Ok(INTERRUPTED);
             }
-            self.exchange.clock(self.world.tick());
             self.record_state()?;
             if self.reported.elapsed() >= REPORT_PERIOD {
                 self.report()?;
             }
-            pace.keep(self.world.tick(), |wait| self.exchange.idle(wait, self.watcher));
+            let tick = self.world.tick();
+            pace.keep(tick, |wait| self.exchange.idle(tick, wait, self.watcher));
         }
     }
 
@@ -324,8 +328,7 @@ impl Run<'_> {
 
     fn record_digest(&mut self) -> Result<(), RunError> {
         let tick = self.world.tick();
-        let digest =
-            maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest: self.chain.digest().0 };
+        let digest = maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest: self.chain.digest().0 };
         Ok(self.log.write(Kind::Digest, tick, &digest)?)
     }
 
@@ -402,7 +405,10 @@ impl Run<'_> {
 }
 
 /// Wall time.
-#[expect(clippy::disallowed_methods, reason = "time-outs, pacing and reports are of wall time; no result hangs on them")]
+#[expect(
+    clippy::disallowed_methods,
+    reason = "time-outs, pacing and reports are of wall time; no result hangs on them"
+)]
 fn now() -> Instant {
     Instant::now()
 }

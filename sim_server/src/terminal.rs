@@ -32,6 +32,9 @@ pub struct Terminal {
 
 impl Terminal {
     /// For a run of so many agents that ends at `duration` at the latest.
+    ///
+    /// # Panics
+    /// Never: the template of the bar is right.
     #[must_use]
     pub fn new(duration: Tick, agents: u32) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
@@ -129,11 +132,7 @@ pub fn result_text(outcome: &Outcome) -> String {
     let sim_s = Tick(result.tick).time_ns() as f64 * 1e-9;
     let wall_s = outcome.wall.as_secs_f64();
     let speed = if wall_s > 0.0 { sim_s / wall_s } else { 0.0 };
-    format!(
-        "{}\nwall time {wall_s:.2} s, {speed:.1} x real time\ndigest: {}",
-        result_table(result),
-        outcome.digest
-    )
+    format!("{}\nwall time {wall_s:.2} s, {speed:.1} x real time\ndigest: {}", result_table(result), outcome.digest)
 }
 
 /// The result of a run as a table.

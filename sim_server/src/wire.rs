@@ -34,10 +34,7 @@ const MAP_FRAME: &str = "map";
 /// The header of something of a tick in the frame `map`.
 #[must_use]
 pub fn header(tick: Tick) -> Header {
-    Header {
-        stamp: tick.into(),
-        frame_id: MAP_FRAME.to_owned(),
-    }
+    Header { stamp: tick.into(), frame_id: MAP_FRAME.to_owned() }
 }
 
 /// An observation as messages, in order. `phase` is [`Part::RUNNING`] or [`Part::ENDED`].
@@ -54,20 +51,14 @@ pub fn observation_parts(observation: &Observation, phase: u8) -> Vec<Part> {
         yaw_rad: observation.pose.yaw_rad,
         velocity_m_s: vector(&observation.velocity_in_map_m_s),
         yaw_rate_rad_s: observation.yaw_rate_rad_s,
-        task_status: if observation.is_active {
-            Part::ACTIVE
-        } else {
-            Part::IDLE
-        },
+        task_status: if observation.is_active { Part::ACTIVE } else { Part::IDLE },
         collision: match observation.collision.map(|collision| collision.surface) {
             None => Part::NONE,
             Some(Surface::Wall) => Part::WALL,
             Some(Surface::Floor) => Part::FLOOR,
             Some(Surface::Ceiling) => Part::CEILING,
         },
-        collision_with_agent: observation
-            .collision
-            .is_some_and(|collision| collision.with_agent),
+        collision_with_agent: observation.collision.is_some_and(|collision| collision.with_agent),
         events: observation.events,
         contacts: Vec::new(),
         parcels: Vec::new(),
@@ -87,10 +78,7 @@ pub fn observation_parts(observation: &Observation, phase: u8) -> Vec<Part> {
     parts.filling.contacts = observation
         .contacts
         .iter()
-        .map(|(agent, position)| maes_msgs::Contact {
-            agent: agent.0,
-            position: point(position),
-        })
+        .map(|(agent, position)| maes_msgs::Contact { agent: agent.0, position: point(position) })
         .collect();
     for parcel in &observation.parcels {
         parts.make_room(PARCEL_BYTES_BARE + parcel.data.len());
@@ -116,8 +104,7 @@ struct Parts {
 impl Parts {
     fn make_room(&mut self, bytes: usize) {
         if bytes > self.left {
-            self.done
-                .push(std::mem::replace(&mut self.filling, self.bare.clone()));
+            self.done.push(std::mem::replace(&mut self.filling, self.bare.clone()));
             self.left = OBSERVATION_BYTES_MAX - PART_BYTES_BARE;
         }
         self.left -= bytes;
@@ -150,15 +137,7 @@ impl Parts {
 /// The field, its value and what is allowed, if the command is not legal for a team of `agents`.
 pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Wake), String> {
     if message.info.len() > INFO_BYTES_MAX {
-        return Err(format!(
-            "info has {} bytes, at most {INFO_BYTES_MAX} are allowed",
-            message.info.len()
-        ));
-    }
-    let list_bytes = POINT_BYTES * message.task.path.len()
-        + message.parcels.iter().map(|parcel| PARCEL_BYTES_BARE + parcel.data.len()).sum::<usize>();
-    if list_bytes > OBSERVATION_BYTES_MAX - INFO_BYTES_MAX - PART_BYTES_BARE {
-        return Err(format!("path and parcels take {list_bytes} bytes, which does not fit into one sample"));
+        return Err(format!("info has {} bytes, at most {INFO_BYTES_MAX} are allowed", message.info.len()));
     }
     let action = Action {
         motion: motion(&message.task)?,
@@ -166,10 +145,12 @@ pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Wak
         want_view: message.want_view,
         parcels: parcels(&message.parcels, agents)?,
     };
-    let wake = Wake {
-        at: Tick(message.wake.at_tick.max(message.tick.saturating_add(1))),
-        events: message.wake.events,
-    };
+    let list_bytes = POINT_BYTES * message.task.path.len()
+        + message.parcels.iter().map(|parcel| PARCEL_BYTES_BARE + parcel.data.len()).sum::<usize>();
+    if list_bytes > OBSERVATION_BYTES_MAX - INFO_BYTES_MAX - PART_BYTES_BARE {
+        return Err(format!("path and parcels take {list_bytes} bytes, which does not fit into one sample"));
+    }
+    let wake = Wake { at: Tick(message.wake.at_tick.max(message.tick.saturating_add(1))), events: message.wake.events };
     Ok((action, wake))
 }
 
@@ -188,12 +169,7 @@ fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
             distance_m: within("task.distance_m", task.distance_m, 0.0, f64::INFINITY)?,
         },
         Task::TURN => Motion::Turn {
-            angle_rad: within(
-                "task.angle_rad",
-                task.angle_rad,
-                -std::f64::consts::TAU,
-                std::f64::consts::TAU,
-            )?,
+            angle_rad: within("task.angle_rad", task.angle_rad, -std::f64::consts::TAU, std::f64::consts::TAU)?,
         },
         Task::PATH => {
             if task.path.is_empty() || task.path.len() > PATH_POINTS_MAX {
@@ -233,9 +209,7 @@ fn lidar_request(request: maes_msgs::LidarRequest) -> Result<LidarRequest, Strin
         Message::KEEP => Ok(LidarRequest::Keep),
         Message::NEVER => Ok(LidarRequest::Never),
         Message::ONCE => Ok(LidarRequest::Once),
-        Message::EVERY if request.period_ticks >= 1 => {
-            Ok(LidarRequest::Every(request.period_ticks))
-        }
+        Message::EVERY if request.period_ticks >= 1 => Ok(LidarRequest::Every(request.period_ticks)),
         Message::EVERY => Err("lidar.period_ticks = 0, at least 1 is allowed".to_owned()),
         other => Err(format!("lidar.kind = {other}, 0 to 3 are allowed")),
     }
@@ -244,9 +218,7 @@ fn lidar_request(request: maes_msgs::LidarRequest) -> Result<LidarRequest, Strin
 fn parcels(messages: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<Parcel>, String> {
     let bytes: usize = messages.iter().map(|parcel| parcel.data.len()).sum();
     if bytes > PARCEL_BYTES_MAX {
-        return Err(format!(
-            "the parcels hold {bytes} bytes, at most {PARCEL_BYTES_MAX} are allowed"
-        ));
+        return Err(format!("the parcels hold {bytes} bytes, at most {PARCEL_BYTES_MAX} are allowed"));
     }
     messages
         .iter()
@@ -255,17 +227,10 @@ fn parcels(messages: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<Parcel>, S
                 maes_msgs::Parcel::BROADCAST => Peer::Everybody,
                 agent if agent < agents => Peer::One(AgentId(agent)),
                 other => {
-                    return Err(format!(
-                        "a parcel is for agent {other}, 0 to {} or BROADCAST are allowed",
-                        agents - 1
-                    ));
+                    return Err(format!("a parcel is for agent {other}, 0 to {} or BROADCAST are allowed", agents - 1));
                 }
             };
-            Ok(Parcel {
-                peer,
-                kind: parcel.kind,
-                data: parcel.data.clone(),
-            })
+            Ok(Parcel { peer, kind: parcel.kind, data: parcel.data.clone() })
         })
         .collect()
 }
@@ -371,12 +336,7 @@ pub fn transforms(world: &World) -> msgs::tf2_msgs::TFMessage {
                 child_frame_id: format!("agent_{agent}/base_link"),
                 transform: geometry_msgs::Transform {
                     translation: vector(&pose.position.coords),
-                    rotation: geometry_msgs::Quaternion {
-                        x: 0.0,
-                        y: 0.0,
-                        z: sin,
-                        w: cos,
-                    },
+                    rotation: geometry_msgs::Quaternion { x: 0.0, y: 0.0, z: sin, w: cos },
                 },
             }
         })
@@ -385,19 +345,11 @@ pub fn transforms(world: &World) -> msgs::tf2_msgs::TFMessage {
 }
 
 fn point(point: &Point3<f64>) -> geometry_msgs::Point {
-    geometry_msgs::Point {
-        x: point.x,
-        y: point.y,
-        z: point.z,
-    }
+    geometry_msgs::Point { x: point.x, y: point.y, z: point.z }
 }
 
 fn vector(vector: &Vector3<f64>) -> geometry_msgs::Vector3 {
-    geometry_msgs::Vector3 {
-        x: vector.x,
-        y: vector.y,
-        z: vector.z,
-    }
+    geometry_msgs::Vector3 { x: vector.x, y: vector.y, z: vector.z }
 }
 
 #[cfg(test)]

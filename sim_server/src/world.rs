@@ -16,11 +16,11 @@ pub mod comms;
 pub mod coverage;
 pub mod lidar;
 pub mod spawn;
+mod untold;
 
 use std::collections::BTreeMap;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::PARCEL_BYTES_MAX;
 use nalgebra::{Point3, Vector3};
 use rayon::ThreadPool;
 use rayon::prelude::*;
@@ -31,10 +31,7 @@ use collision::{Obstacles, Sphere};
 use comms::{CommsModel, ContactTable, Parcel, Peer};
 use coverage::Coverage;
 use lidar::{Scanner, SensorMemory, View};
-
-/// Bytes an inbox holds at the most; a parcel that does not fit is lost. 64 full parcels: an agent that never asks for its
-/// mail must not make the server grow.
-pub const INBOX_BYTES_MAX: usize = 64 * PARCEL_BYTES_MAX;
+use untold::Untold;
 
 /// Everything about a world that is not its terrain.
 #[derive(Debug, Clone)]
@@ -199,32 +196,13 @@ struct AgentState {
     reported_contacts: Vec<AgentId>,
 }
 
-/// What has happened since the last observation that counted; the `asked` lengths mark how much of it an agent that was asked
-/// out of turn has been told already.
-#[derive(Debug, Default)]
-struct Untold {
-    events: Events,
-    free: Vec<u32>,
-    wall: Vec<u32>,
-    parcels: Vec<Parcel>,
-    parcel_bytes: usize,
-    asked_events: Events,
-    asked_free: usize,
-    asked_wall: usize,
-    asked_parcels: usize,
-}
-
 impl World {
     /// A world at tick 0 with a body at each of `starts`, which have room (see [`spawn`]).
     #[must_use]
     pub fn new(terrain: Grid<Terrain>, params: WorldParams, starts: &[Pose]) -> Self {
         let memory = SensorMemory::new(&terrain);
         let extent = terrain.extent();
-        let free_cells = terrain
-            .as_slice()
-            .iter()
-            .filter(|&&cell| cell == Terrain::Free)
-            .count();
+        let free_cells = terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count();
         let period_ticks = match params.schedule {
             ScanSchedule::OnRequest { period_ticks } => Some(period_ticks),
             ScanSchedule::TakeTurns => None,
@@ -248,23 +226,9 @@ impl World {
         for (agent, state) in ids().zip(&agents) {
             coverage.cover(agent, index_of(&terrain, state.cell));
         }
-        let spheres = starts
-            .iter()
-            .map(|pose| Sphere {
-                centre: pose.position,
-                radius_m: params.body.radius_m,
-            })
-            .collect();
-        Self {
-            tick: Tick::ZERO,
-            terrain,
-            params,
-            agents,
-            spheres,
-            contacts: None,
-            coverage,
-            totals: Totals::default(),
-        }
+        let spheres =
+            starts.iter().map(|pose| Sphere { centre: pose.position, radius_m: params.body.radius_m }).collect();
+        Self { tick: Tick::ZERO, terrain, params, agents, spheres, contacts: None, coverage, totals: Totals::default() }
     }
 
     /// The present tick.
@@ -323,12 +287,8 @@ impl World {
             let turn = (tick.0 % team) as usize;
             self.agents[turn].next_scan = Some(tick);
         }
-        let mut due: Vec<(usize, &mut AgentState)> = self
-            .agents
-            .iter_mut()
-            .enumerate()
-            .filter(|(_, state)| state.next_scan == Some(tick))
-            .collect();
+        let mut due: Vec<(usize, &mut AgentState)> =
+            self.agents.iter_mut().enumerate().filter(|(_, state)| state.next_scan == Some(tick)).collect();
         if due.is_empty() {
             return;
         }
@@ -339,9 +299,7 @@ impl World {
         let mut cast = Vec::with_capacity(due.len());
         for (index, state) in due {
             let pose = *state.body.pose();
-            let sees_the_same = state
-                .last_scan
-                .is_some_and(|(last, _)| scanner.sees_the_same(&last, &pose));
+            let sees_the_same = state.last_scan.is_some_and(|(last, _)| scanner.sees_the_same(&last, &pose));
             state.last_scan = Some((pose, tick));
             if !sees_the_same {
                 cast.push((index, state));
@@ -379,16 +337,14 @@ impl World {
     /// What an agent learns in this tick. With [`Since::LastCounted`] it counts as told afterwards.
     pub fn observe(&mut self, agent: AgentId, since: Since) -> Observation {
         let contacts = self.contacts_of(agent);
-        let contact_positions = contacts
-            .iter()
-            .map(|&other| (other, self.spheres[other.index()].centre))
-            .collect();
+        let contact_positions = contacts.iter().map(|&other| (other, self.spheres[other.index()].centre)).collect();
         let scanner = &self.params.scanner;
         let state = &mut self.agents[agent.index()];
-        let mut events = match since {
-            Since::LastCounted => state.untold.events,
-            Since::LastAsked => state.untold.events & !state.untold.asked_events,
+        let news = match since {
+            Since::LastCounted => state.untold.take(),
+            Since::LastAsked => state.untold.take_unasked(),
         };
+        let mut events = news.events;
         if contacts != state.reported_contacts {
             events |= CONTACTS;
         }
@@ -402,10 +358,10 @@ impl World {
             collision: state.body.collision(),
             events,
             contacts: contact_positions,
-            parcels: Vec::new(),
+            parcels: news.parcels,
             scan_tick: state.last_scan.map(|(_, tick)| tick),
-            seen_free: Vec::new(),
-            seen_wall: Vec::new(),
+            seen_free: news.free,
+            seen_wall: news.wall,
             view: None,
         };
         if state.want_view
@@ -413,27 +369,9 @@ impl World {
         {
             observation.view = Some(scanner.view(&state.memory, pose));
         }
-        match since {
-            Since::LastCounted => {
-                let untold = std::mem::take(&mut state.untold);
-                observation.parcels = untold.parcels;
-                observation.seen_free = untold.free;
-                observation.seen_wall = untold.wall;
-                state.reported_contacts = contacts;
-            }
-            Since::LastAsked => {
-                let untold = &mut state.untold;
-                observation.parcels = untold.parcels[untold.asked_parcels..].to_vec();
-                observation.seen_free = untold.free[untold.asked_free..].to_vec();
-                observation.seen_wall = untold.wall[untold.asked_wall..].to_vec();
-                untold.asked_events = untold.events;
-                untold.asked_parcels = untold.parcels.len();
-                untold.asked_free = untold.free.len();
-                untold.asked_wall = untold.wall.len();
-            }
+        if since == Since::LastCounted {
+            state.reported_contacts = contacts;
         }
-        observation.seen_free.sort_unstable();
-        observation.seen_wall.sort_unstable();
         observation
     }
 
@@ -480,18 +418,12 @@ impl World {
                         continue;
                     }
                     let untold = &mut self.agents[receiver.index()].untold;
-                    if untold.parcel_bytes + parcel.data.len() > INBOX_BYTES_MAX {
+                    if !untold.post(Parcel { peer: Peer::One(sender), ..parcel.clone() }) {
                         self.totals.parcels_inbox_full += 1;
                         continue;
                     }
                     self.totals.parcels_delivered += 1;
                     self.totals.parcel_bytes_delivered += parcel.data.len() as u64;
-                    untold.parcel_bytes += parcel.data.len();
-                    untold.events |= PARCEL;
-                    untold.parcels.push(Parcel {
-                        peer: Peer::One(sender),
-                        ..parcel.clone()
-                    });
                 }
             }
         }
@@ -500,9 +432,7 @@ impl World {
     fn move_bodies(&mut self) {
         for (index, state) in self.agents.iter_mut().enumerate() {
             let obstacles = Obstacles::new(&self.terrain, &self.spheres, index);
-            let moved = state
-                .body
-                .advance(&self.params.body, &obstacles, Tick::TICK_S);
+            let moved = state.body.advance(&self.params.body, &obstacles, Tick::TICK_S);
             state.distance_m += moved.distance_m;
             if moved.task_done {
                 state.untold.events |= TASK_DONE;
@@ -515,15 +445,10 @@ impl World {
             self.spheres[index].centre = position;
             let cell = self.terrain.extent().cell_of(&position);
             if cell != state.cell {
-                assert_eq!(
-                    self.terrain.get(cell),
-                    Some(&Terrain::Free),
-                    "agent {index} has left free space"
-                );
+                assert_eq!(self.terrain.get(cell), Some(&Terrain::Free), "agent {index} has left free space");
                 state.cell = cell;
                 state.untold.events |= NEW_CELL;
-                self.coverage
-                    .cover(AgentId::from_index(index), index_of(&self.terrain, cell));
+                self.coverage.cover(AgentId::from_index(index), index_of(&self.terrain, cell));
             }
         }
     }
@@ -539,13 +464,8 @@ impl World {
     }
 }
 
-fn contact_table<'a>(
-    contacts: &'a mut Option<ContactTable>,
-    spheres: &[Sphere],
-) -> &'a mut ContactTable {
-    contacts.get_or_insert_with(|| {
-        ContactTable::new(spheres.iter().map(|sphere| sphere.centre).collect())
-    })
+fn contact_table<'a>(contacts: &'a mut Option<ContactTable>, spheres: &[Sphere]) -> &'a mut ContactTable {
+    contacts.get_or_insert_with(|| ContactTable::new(spheres.iter().map(|sphere| sphere.centre).collect()))
 }
 
 fn ids() -> impl Iterator<Item = AgentId> {

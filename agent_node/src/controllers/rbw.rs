@@ -36,7 +36,8 @@ impl Rbw {
     /// If a setting is not allowed.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let pitch_min_rad = settings.number("pitch_min_rad", PI / 12.0, 0.0, FRAC_PI_2)?;
-        let pitch_max_rad = settings.number("pitch_max_rad", (PI / 4.0).max(pitch_min_rad), pitch_min_rad, FRAC_PI_2)?;
+        let pitch_max_rad =
+            settings.number("pitch_max_rad", (PI / 4.0).max(pitch_min_rad), pitch_min_rad, FRAC_PI_2)?;
         let turn_min_rad = settings.number("turn_min_rad", FRAC_PI_2, 0.0, TAU)?;
         let turn_max_rad = settings.number("turn_max_rad", (3.0 * FRAC_PI_2).max(turn_min_rad), turn_min_rad, TAU)?;
         Ok(Self {

@@ -29,12 +29,7 @@ struct Tail {
 
 impl Sink {
     pub(super) fn new(file: File) -> Self {
-        Self(Rc::new(RefCell::new(Tail {
-            file,
-            flushed: 0,
-            unflushed: Cursor::default(),
-            provisional_end: 0,
-        })))
+        Self(Rc::new(RefCell::new(Tail { file, flushed: 0, unflushed: Cursor::default(), provisional_end: 0 })))
     }
 
     /// Puts bytes behind everything that was flushed; the next flush overwrites them.
@@ -77,11 +72,9 @@ impl Seek for Sink {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         let tail = &mut *self.0.borrow_mut();
         let to = match to {
-            SeekFrom::Start(position) => SeekFrom::Start(
-                position
-                    .checked_sub(tail.flushed)
-                    .ok_or(io::ErrorKind::InvalidInput)?,
-            ),
+            SeekFrom::Start(position) => {
+                SeekFrom::Start(position.checked_sub(tail.flushed).ok_or(io::ErrorKind::InvalidInput)?)
+            }
             relative => relative,
         };
         Ok(tail.flushed + tail.unflushed.seek(to)?)

@@ -78,7 +78,8 @@ fn everything_saved_provisionally_is_readable_at_once() {
         write(&mut recorder, start..end);
         recorder.save_provisionally().unwrap();
         let read = readable(&file);
-        let ticks: Vec<u64> = read.iter().filter(|(topic, _)| topic == "/sim/progress").map(|&(_, tick)| tick).collect();
+        let ticks: Vec<u64> =
+            read.iter().filter(|(topic, _)| topic == "/sim/progress").map(|&(_, tick)| tick).collect();
         assert_eq!(ticks, (0..end).collect::<Vec<_>>());
     }
     // Killed: nothing is finished, and all is still there.

@@ -3,7 +3,7 @@
 //! Invariants: a refused message changes nothing but its counter; sending again changes nothing, because a tick has one answer;
 //! every wait is bounded.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -128,12 +128,12 @@ impl<'a> Exchange<'a> {
 
     /// Takes in messages of agents that join, for a moment.
     pub(super) fn admit(&mut self, watcher: &mut dyn Watcher) {
-        self.idle(PATIENCE, watcher);
+        self.idle(Tick::ZERO, PATIENCE, watcher);
     }
 
-    /// Takes in messages while nobody is asked, for this long.
-    pub(super) fn idle(&mut self, wait: Duration, watcher: &mut dyn Watcher) {
-        let mut nobody = Barrier::new(Tick::ZERO, Default::default());
+    /// Takes in messages while nobody is asked, for this long; `tick` is the one that comes next.
+    pub(super) fn idle(&mut self, tick: Tick, wait: Duration, watcher: &mut dyn Watcher) {
+        let mut nobody = Barrier::new(tick, BTreeSet::new());
         let end = now() + wait;
         while let Some(left) = end.checked_duration_since(now()) {
             if let Some(incoming) = self.link.receive(left.min(PATIENCE)) {
@@ -164,9 +164,12 @@ impl<'a> Exchange<'a> {
         while !barrier.is_complete() {
             if let Some(incoming) = self.link.receive(PATIENCE) {
                 self.handle(incoming, &mut barrier, watcher);
-                continue;
             }
+            // Looked at after every message, so that a flood of them puts off neither the limit nor the other agents.
             let now = now();
+            if barrier.is_complete() {
+                break;
+            }
             if now.duration_since(start) >= limit || stop.load(Ordering::Relaxed) {
                 let silent = barrier.missing().collect();
                 return Err(Silence { answers: barrier.into_answers_so_far(), silent });
@@ -185,8 +188,7 @@ impl<'a> Exchange<'a> {
 
     /// Tells agents that the run is over, and waits a while for their receipts.
     pub(super) fn farewell(&mut self, tick: Tick, told: &[Asked], limit: Duration, watcher: &mut dyn Watcher) {
-        let told: Vec<Asked> =
-            told.iter().filter(|told| self.roster.seat(told.agent).is_some()).cloned().collect();
+        let told: Vec<Asked> = told.iter().filter(|told| self.roster.seat(told.agent).is_some()).cloned().collect();
         if let Err(Silence { silent, .. }) = self.ask(tick, &told, limit, watcher, &AtomicBool::new(false)) {
             let silent = crate::lockstep::listed(silent);
             watcher.note(&format!("no receipt for the end of the run from: {silent}"));
@@ -246,8 +248,8 @@ impl<'a> Exchange<'a> {
             return Ok(());
         }
         barrier.expect(agent, tick)?;
-        let (action, wake) = wire::command(&command, self.agents)
-            .map_err(|reason| Refusal::IllegalCommand { agent, tick, reason })?;
+        let (action, wake) =
+            wire::command(&command, self.agents).map_err(|reason| Refusal::IllegalCommand { agent, tick, reason })?;
         self.last[agent.index()] = Some(command.clone());
         barrier.accept(agent, tick, Answer { message: command, action, wake })
     }

@@ -119,22 +119,10 @@ impl Ramp {
 #[derive(Debug, Clone, PartialEq)]
 enum Task {
     Idle,
-    Move {
-        direction_in_map: Vector3<f64>,
-        ramp: Ramp,
-    },
-    Turn {
-        sign: f64,
-        ramp: Ramp,
-    },
-    Path {
-        leg: PathLeg,
-        rest: VecDeque<Point3<f64>>,
-    },
-    Velocity {
-        target_in_body_m_s: Vector3<f64>,
-        target_yaw_rate_rad_s: f64,
-    },
+    Move { direction_in_map: Vector3<f64>, ramp: Ramp },
+    Turn { sign: f64, ramp: Ramp },
+    Path { leg: PathLeg, rest: VecDeque<Point3<f64>> },
+    Velocity { target_in_body_m_s: Vector3<f64>, target_yaw_rate_rad_s: f64 },
 }
 
 /// The part of a path that is under way: towards `target`, turning first.
@@ -180,10 +168,7 @@ impl Body {
     #[must_use]
     pub fn at_rest(pose: Pose) -> Self {
         Self {
-            pose: Pose {
-                yaw_rad: wrapped(pose.yaw_rad),
-                ..pose
-            },
+            pose: Pose { yaw_rad: wrapped(pose.yaw_rad), ..pose },
             task: Task::Idle,
             velocity_in_body_m_s: Vector3::zeros(),
             yaw_rate_rad_s: 0.0,
@@ -227,38 +212,25 @@ impl Body {
         self.task = match motion {
             Motion::Keep => return,
             Motion::Stop => Task::Idle,
-            Motion::Move {
-                pitch_rad,
-                distance_m,
-            } => Task::Move {
-                direction_in_map: self.heading_raised_by(pitch_rad),
-                ramp: Ramp::from_rest(distance_m),
-            },
-            Motion::Turn { angle_rad } => Task::Turn {
-                sign: angle_rad.signum(),
-                ramp: Ramp::from_rest(angle_rad.abs()),
-            },
+            Motion::Move { pitch_rad, distance_m } => {
+                Task::Move { direction_in_map: self.heading_raised_by(pitch_rad), ramp: Ramp::from_rest(distance_m) }
+            }
+            Motion::Turn { angle_rad } => {
+                Task::Turn { sign: angle_rad.signum(), ramp: Ramp::from_rest(angle_rad.abs()) }
+            }
             Motion::Path(way_points) => {
                 let mut rest = VecDeque::from(way_points);
                 match rest.pop_front() {
-                    Some(target) => Task::Path {
-                        leg: self.leg_to(target),
-                        rest,
-                    },
+                    Some(target) => Task::Path { leg: self.leg_to(target), rest },
                     None => Task::Idle,
                 }
             }
-            Motion::Velocity {
-                linear_in_body_m_s,
-                yaw_rate_rad_s,
-            } => {
+            Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s } => {
                 if !keeps_velocity {
                     self.come_to_rest();
                 }
-                self.task = Task::Velocity {
-                    target_in_body_m_s: linear_in_body_m_s,
-                    target_yaw_rate_rad_s: yaw_rate_rad_s,
-                };
+                self.task =
+                    Task::Velocity { target_in_body_m_s: linear_in_body_m_s, target_yaw_rate_rad_s: yaw_rate_rad_s };
                 return;
             }
         };
@@ -273,22 +245,13 @@ impl Body {
                 self.come_to_rest();
                 return Moved::default();
             }
-            Task::Move {
-                direction_in_map,
-                ramp,
-            } => self.go_on(*direction_in_map, ramp, model, obstacles, dt_s),
+            Task::Move { direction_in_map, ramp } => self.go_on(*direction_in_map, ramp, model, obstacles, dt_s),
             Task::Turn { sign, ramp } => {
                 let done = self.turn_on(*sign, ramp, model, dt_s);
-                Moved {
-                    task_done: done,
-                    ..Moved::default()
-                }
+                Moved { task_done: done, ..Moved::default() }
             }
             Task::Path { leg, rest } => self.follow(leg, rest, model, obstacles, dt_s),
-            Task::Velocity {
-                target_in_body_m_s,
-                target_yaw_rate_rad_s,
-            } => {
+            Task::Velocity { target_in_body_m_s, target_yaw_rate_rad_s } => {
                 let target = (*target_in_body_m_s, *target_yaw_rate_rad_s);
                 self.hold(target, model, obstacles, dt_s)
             }
@@ -378,8 +341,7 @@ impl Body {
         if speed > model.speed_max_m_s {
             target *= model.speed_max_m_s / speed;
         }
-        let target_rate =
-            target_yaw_rate_rad_s.clamp(-model.turn_rate_max_rad_s, model.turn_rate_max_rad_s);
+        let target_rate = target_yaw_rate_rad_s.clamp(-model.turn_rate_max_rad_s, model.turn_rate_max_rad_s);
 
         let velocity = approached(
             &self.velocity_in_body_m_s,
@@ -394,12 +356,7 @@ impl Body {
             model.turn_deceleration_rad_s2 * dt_s,
         )
         .x;
-        let moved = self.shift(
-            turned(&velocity, self.pose.yaw_rad) * dt_s,
-            model,
-            obstacles,
-            dt_s,
-        );
+        let moved = self.shift(turned(&velocity, self.pose.yaw_rad) * dt_s, model, obstacles, dt_s);
         if !moved.collided {
             self.velocity_in_body_m_s = velocity;
             self.yaw_rate_rad_s = rate;
@@ -409,46 +366,25 @@ impl Body {
     }
 
     /// Moves the centre by `displacement` (metres, frame `map`) if nothing is in the way.
-    fn shift(
-        &mut self,
-        displacement: Vector3<f64>,
-        model: &BodyModel,
-        obstacles: &Obstacles<'_>,
-        dt_s: f64,
-    ) -> Moved {
-        if let Some(contact) =
-            obstacles.first_contact(&self.pose.position, &displacement, model.radius_m)
-        {
+    fn shift(&mut self, displacement: Vector3<f64>, model: &BodyModel, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
+        if let Some(contact) = obstacles.first_contact(&self.pose.position, &displacement, model.radius_m) {
             self.collision = Some(Collision::from(contact));
-            return Moved {
-                task_done: true,
-                collided: true,
-                distance_m: 0.0,
-            };
+            return Moved { task_done: true, collided: true, distance_m: 0.0 };
         }
         self.pose.position += displacement;
         self.velocity_in_body_m_s = turned(&(displacement / dt_s), -self.pose.yaw_rad);
         self.yaw_rate_rad_s = 0.0;
         self.collision = None;
-        Moved {
-            task_done: false,
-            collided: false,
-            distance_m: displacement.norm(),
-        }
+        Moved { task_done: false, collided: false, distance_m: displacement.norm() }
     }
 
     fn leg_to(&self, target: Point3<f64>) -> PathLeg {
         let way = target - self.pose.position;
         let is_vertical = libm::hypot(way.x, way.y) < MOVE_REST_M;
-        let turn_rad = if is_vertical {
-            0.0
-        } else {
-            wrapped(libm::atan2(way.y, way.x) - self.pose.yaw_rad)
-        };
+        let turn_rad = if is_vertical { 0.0 } else { wrapped(libm::atan2(way.y, way.x) - self.pose.yaw_rad) };
         PathLeg {
             target,
-            turn: (turn_rad.abs() >= TURN_REST_RAD)
-                .then(|| (turn_rad.signum(), Ramp::from_rest(turn_rad.abs()))),
+            turn: (turn_rad.abs() >= TURN_REST_RAD).then(|| (turn_rad.signum(), Ramp::from_rest(turn_rad.abs()))),
             go: Ramp::from_rest(way.norm()),
         }
     }
@@ -467,10 +403,7 @@ impl Body {
 
 impl From<Contact> for Collision {
     fn from(contact: Contact) -> Self {
-        Self {
-            surface: Surface::of_normal(&contact.normal),
-            with_agent: contact.with_agent,
-        }
+        Self { surface: Surface::of_normal(&contact.normal), with_agent: contact.with_agent }
     }
 }
 
@@ -487,32 +420,15 @@ pub fn wrapped(angle_rad: f64) -> f64 {
 /// `vector` turned about the vertical by `yaw_rad`.
 fn turned(vector: &Vector3<f64>, yaw_rad: f64) -> Vector3<f64> {
     let (sin, cos) = libm::sincos(yaw_rad);
-    Vector3::new(
-        vector.x * cos - vector.y * sin,
-        vector.x * sin + vector.y * cos,
-        vector.z,
-    )
+    Vector3::new(vector.x * cos - vector.y * sin, vector.x * sin + vector.y * cos, vector.z)
 }
 
 /// `present` brought towards `target` by at most `faster` where that speeds up, and at most `slower` where it brakes.
-fn approached(
-    present: &Vector3<f64>,
-    target: &Vector3<f64>,
-    faster: f64,
-    slower: f64,
-) -> Vector3<f64> {
+fn approached(present: &Vector3<f64>, target: &Vector3<f64>, faster: f64, slower: f64) -> Vector3<f64> {
     let change = target - present;
     let size = change.norm();
-    let limit = if target.norm_squared() >= present.norm_squared() {
-        faster
-    } else {
-        slower
-    };
-    if size <= limit {
-        *target
-    } else {
-        present + change * (limit / size)
-    }
+    let limit = if target.norm_squared() >= present.norm_squared() { faster } else { slower };
+    if size <= limit { *target } else { present + change * (limit / size) }
 }
 
 #[cfg(test)]

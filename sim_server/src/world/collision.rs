@@ -69,22 +69,13 @@ impl<'a> Obstacles<'a> {
     /// The terrain and all bodies but the one at index `itself`.
     #[must_use]
     pub fn new(terrain: &'a Grid<Terrain>, bodies: &'a [Sphere], itself: usize) -> Self {
-        Self {
-            terrain,
-            others: bodies,
-            itself,
-        }
+        Self { terrain, others: bodies, itself }
     }
 
     /// The first contact of a sphere that is moved from `from` by `displacement` (metres, frame `map`); walls win over bodies
     /// and lower cells over higher ones if several are met at the same time.
     #[must_use]
-    pub fn first_contact(
-        &self,
-        from: &Point3<f64>,
-        displacement: &Vector3<f64>,
-        radius_m: f64,
-    ) -> Option<Contact> {
+    pub fn first_contact(&self, from: &Point3<f64>, displacement: &Vector3<f64>, radius_m: f64) -> Option<Contact> {
         let mut first: Option<Contact> = None;
         let mut consider = |contact: Option<Contact>| {
             if let Some(contact) = contact
@@ -102,16 +93,9 @@ impl<'a> Obstacles<'a> {
             for y in low.y..=high.y {
                 for x in low.x..=high.x {
                     let cell = Cell::new(x, y, z);
-                    if self
-                        .terrain
-                        .get(cell)
-                        .is_none_or(|&terrain| terrain == Terrain::Wall)
-                    {
+                    if self.terrain.get(cell).is_none_or(|&terrain| terrain == Terrain::Wall) {
                         let corner = Point3::new(f64::from(x), f64::from(y), f64::from(z));
-                        let cube = Cube {
-                            low: corner * extent.cell_m(),
-                            edge_m: extent.cell_m(),
-                        };
+                        let cube = Cube { low: corner * extent.cell_m(), edge_m: extent.cell_m() };
                         consider(cube.first_contact(from, displacement, radius_m));
                     }
                 }
@@ -133,12 +117,7 @@ impl<'a> Obstacles<'a> {
 }
 
 impl Sphere {
-    fn first_contact(
-        &self,
-        from: &Point3<f64>,
-        displacement: &Vector3<f64>,
-        radius_m: f64,
-    ) -> Option<Contact> {
+    fn first_contact(&self, from: &Point3<f64>, displacement: &Vector3<f64>, radius_m: f64) -> Option<Contact> {
         let apart = from - self.centre;
         let sum_m = radius_m + self.radius_m;
         let time = first_time_within(
@@ -149,11 +128,7 @@ impl Sphere {
         )
         .filter(|&time| time <= 1.0)?;
         let normal = (apart + displacement * time).try_normalize(0.0)?;
-        Some(Contact {
-            time,
-            normal,
-            with_agent: true,
-        })
+        Some(Contact { time, normal, with_agent: true })
     }
 }
 
@@ -180,12 +155,7 @@ struct Cube {
 }
 
 impl Cube {
-    fn first_contact(
-        &self,
-        from: &Point3<f64>,
-        displacement: &Vector3<f64>,
-        radius_m: f64,
-    ) -> Option<Contact> {
+    fn first_contact(&self, from: &Point3<f64>, displacement: &Vector3<f64>, radius_m: f64) -> Option<Contact> {
         let limit = radius_m * radius_m;
         // Between the times at which the centre passes a face's plane, the distance to each axis' slab is linear in time.
         let mut times = [0.0; 8];
@@ -237,10 +207,7 @@ impl Cube {
     fn normal_at(&self, point: &Point3<f64>, displacement: &Vector3<f64>) -> Vector3<f64> {
         let high = self.low + Vector3::repeat(self.edge_m);
         let nearest = point.sup(&self.low).inf(&high);
-        (point - nearest)
-            .try_normalize(0.0)
-            .or_else(|| (-displacement).try_normalize(0.0))
-            .unwrap_or_else(Vector3::z)
+        (point - nearest).try_normalize(0.0).or_else(|| (-displacement).try_normalize(0.0)).unwrap_or_else(Vector3::z)
     }
 }
 

@@ -50,19 +50,11 @@ impl ContactTable {
     #[must_use]
     pub fn new(positions: Vec<Point3<f64>>) -> Self {
         let agents = positions.len();
-        Self {
-            positions,
-            known: vec![None; agents * agents],
-        }
+        Self { positions, known: vec![None; agents * agents] }
     }
 
     /// The agents in contact with `agent`, ascending.
-    pub fn of(
-        &mut self,
-        agent: AgentId,
-        model: &CommsModel,
-        terrain: &Grid<Terrain>,
-    ) -> Vec<AgentId> {
+    pub fn of(&mut self, agent: AgentId, model: &CommsModel, terrain: &Grid<Terrain>) -> Vec<AgentId> {
         (0..self.positions.len())
             .map(AgentId::from_index)
             .filter(|&other| other != agent && self.in_contact(agent, other, model, terrain))
@@ -70,25 +62,14 @@ impl ContactTable {
     }
 
     /// Whether two different agents are in contact.
-    pub fn in_contact(
-        &mut self,
-        one: AgentId,
-        other: AgentId,
-        model: &CommsModel,
-        terrain: &Grid<Terrain>,
-    ) -> bool {
-        let (low, high) = if one < other {
-            (one.index(), other.index())
-        } else {
-            (other.index(), one.index())
-        };
+    pub fn in_contact(&mut self, one: AgentId, other: AgentId, model: &CommsModel, terrain: &Grid<Terrain>) -> bool {
+        let (low, high) = if one < other { (one.index(), other.index()) } else { (other.index(), one.index()) };
         let slot = low * self.positions.len() + high;
         if let Some(known) = self.known[slot] {
             return known;
         }
         let (from, to) = (self.positions[low], self.positions[high]);
-        let heard =
-            (to - from).norm() <= model.range_m && line_of_sight(terrain, &from, &to);
+        let heard = (to - from).norm() <= model.range_m && line_of_sight(terrain, &from, &to);
         self.known[slot] = Some(heard);
         heard
     }

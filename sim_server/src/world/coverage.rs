@@ -14,10 +14,7 @@ struct CellSet {
 
 impl CellSet {
     fn new(volume: usize) -> Self {
-        Self {
-            words: vec![0; volume.div_ceil(64)],
-            len: 0,
-        }
+        Self { words: vec![0; volume.div_ceil(64)], len: 0 }
     }
 
     fn insert(&mut self, index: u32) {
@@ -41,7 +38,10 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// Nothing seen yet. `free_cells` is at least 1.
+    /// Nothing seen yet.
+    ///
+    /// # Panics
+    /// If there are no free cells: a share of nothing is no number.
     #[must_use]
     pub fn new(volume: usize, free_cells: usize, agents: usize) -> Self {
         assert!(free_cells > 0, "a world has free cells");
@@ -89,19 +89,13 @@ impl Coverage {
     /// Share of the free cells that each agent has seen, by agent.
     #[must_use]
     pub fn explored_by(&self) -> Vec<f64> {
-        self.explored_by
-            .iter()
-            .map(|&cells| self.share(cells))
-            .collect()
+        self.explored_by.iter().map(|&cells| self.share(cells)).collect()
     }
 
     /// Share of the free cells that each agent has visited, by agent.
     #[must_use]
     pub fn covered_by(&self) -> Vec<f64> {
-        self.covered_by
-            .iter()
-            .map(|set| self.share(set.len))
-            .collect()
+        self.covered_by.iter().map(|set| self.share(set.len)).collect()
     }
 
     fn share(&self, cells: usize) -> f64 {

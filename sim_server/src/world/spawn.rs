@@ -51,9 +51,7 @@ pub enum SpawnError {
         expected: usize,
     },
     /// An entry of the list is no pose.
-    #[error(
-        "spawn.poses[{index}]: expected [x, y, z] or [x, y, z, yaw] with finite numbers, got {got:?}"
-    )]
+    #[error("spawn.poses[{index}]: expected [x, y, z] or [x, y, z, yaw] with finite numbers, got {got:?}")]
     NotAPose {
         /// Position in the list.
         index: usize,
@@ -61,9 +59,7 @@ pub enum SpawnError {
         got: Vec<f64>,
     },
     /// There is no room for the body at an entry of the list.
-    #[error(
-        "spawn.poses[{index}]: a body of radius {radius_m} m does not fit at {position:?}: {reason}"
-    )]
+    #[error("spawn.poses[{index}]: a body of radius {radius_m} m does not fit at {position:?}: {reason}")]
     NoRoom {
         /// Position in the list.
         index: usize,
@@ -89,12 +85,7 @@ impl SpawnSpec {
     ///
     /// # Errors
     /// If there is no room for one of them.
-    pub fn poses(
-        &self,
-        terrain: &Grid<Terrain>,
-        agents: usize,
-        radius_m: f64,
-    ) -> Result<Vec<Pose>, SpawnError> {
+    pub fn poses(&self, terrain: &Grid<Terrain>, agents: usize, radius_m: f64) -> Result<Vec<Pose>, SpawnError> {
         match self {
             Self::NearestOrigin { yaw_rad } => {
                 let cell_m = terrain.extent().cell_m();
@@ -104,10 +95,7 @@ impl SpawnSpec {
                 let cells = nearest_cube(terrain, agents)?;
                 Ok(cells
                     .into_iter()
-                    .map(|cell| Pose {
-                        position: terrain.extent().centre(cell),
-                        yaw_rad: *yaw_rad,
-                    })
+                    .map(|cell| Pose { position: terrain.extent().centre(cell), yaw_rad: *yaw_rad })
                     .collect())
             }
             Self::List { poses } => listed(poses, terrain, agents, radius_m),
@@ -125,9 +113,7 @@ fn nearest_cube(terrain: &Grid<Terrain>, agents: usize) -> Result<Vec<Cell>, Spa
     }
     let is_free = |cell: Cell| terrain.get(cell) == Some(&Terrain::Free);
     let cube = |corner: Cell| {
-        (0..edge).flat_map(move |x| {
-            (0..edge).flat_map(move |z| (0..edge).map(move |y| corner + Cell::new(x, y, z)))
-        })
+        (0..edge).flat_map(move |x| (0..edge).flat_map(move |z| (0..edge).map(move |y| corner + Cell::new(x, y, z))))
     };
     let [size_x, size_y, size_z] = terrain.extent().size().map(u32::cast_signed);
     let mut nearest: Option<(i64, Cell)> = None;
@@ -153,10 +139,7 @@ fn listed(
     radius_m: f64,
 ) -> Result<Vec<Pose>, SpawnError> {
     if entries.len() != agents {
-        return Err(SpawnError::WrongCount {
-            got: entries.len(),
-            expected: agents,
-        });
+        return Err(SpawnError::WrongCount { got: entries.len(), expected: agents });
     }
     let mut poses = Vec::with_capacity(agents);
     let mut bodies: Vec<Sphere> = Vec::with_capacity(agents);
@@ -165,37 +148,21 @@ fn listed(
             [x, y, z] => (Point3::new(x, y, z), 0.0),
             [x, y, z, yaw_rad] => (Point3::new(x, y, z), yaw_rad),
             _ => {
-                return Err(SpawnError::NotAPose {
-                    index,
-                    got: entry.clone(),
-                });
+                return Err(SpawnError::NotAPose { index, got: entry.clone() });
             }
         };
         if !entry.iter().all(|number| number.is_finite()) {
-            return Err(SpawnError::NotAPose {
-                index,
-                got: entry.clone(),
-            });
+            return Err(SpawnError::NotAPose { index, got: entry.clone() });
         }
-        let no_room = |reason| SpawnError::NoRoom {
-            index,
-            position: [position.x, position.y, position.z],
-            radius_m,
-            reason,
-        };
+        let no_room =
+            |reason| SpawnError::NoRoom { index, position: [position.x, position.y, position.z], radius_m, reason };
         if !has_room_from_walls(terrain, &position, radius_m) {
             return Err(no_room("a wall or the end of the map is too near"));
         }
-        if bodies
-            .iter()
-            .any(|other| (other.centre - position).norm() < radius_m + other.radius_m)
-        {
+        if bodies.iter().any(|other| (other.centre - position).norm() < radius_m + other.radius_m) {
             return Err(no_room("an agent that comes before it in the list is too near"));
         }
-        bodies.push(Sphere {
-            centre: position,
-            radius_m,
-        });
+        bodies.push(Sphere { centre: position, radius_m });
         poses.push(Pose { position, yaw_rad });
     }
     Ok(poses)
@@ -208,16 +175,12 @@ fn has_room_from_walls(terrain: &Grid<Terrain>, position: &Point3<f64>, radius_m
         return false;
     }
     let reach = Vector3::repeat(radius_m);
-    let (low, high) = (
-        extent.cell_of(&(position - reach)),
-        extent.cell_of(&(position + reach)),
-    );
+    let (low, high) = (extent.cell_of(&(position - reach)), extent.cell_of(&(position + reach)));
     let edge = Vector3::repeat(extent.cell_m());
     (low.z..=high.z).all(|z| {
         (low.y..=high.y).all(|y| {
             (low.x..=high.x).all(|x| {
-                let corner =
-                    Point3::new(f64::from(x), f64::from(y), f64::from(z)) * extent.cell_m();
+                let corner = Point3::new(f64::from(x), f64::from(y), f64::from(z)) * extent.cell_m();
                 terrain.get(Cell::new(x, y, z)) == Some(&Terrain::Free)
                     || (position - position.sup(&corner).inf(&(corner + edge))).norm() >= radius_m
             })
@@ -255,27 +218,15 @@ mod tests {
     #[test]
     fn a_team_that_does_not_fit_is_told_so() {
         let spec = SpawnSpec::NearestOrigin { yaw_rad: 0.0 };
-        assert_eq!(
-            spec.poses(&hall(), 28, 0.4),
-            Err(SpawnError::NoCube {
-                edge: 4,
-                agents: 28
-            })
-        );
+        assert_eq!(spec.poses(&hall(), 28, 0.4), Err(SpawnError::NoCube { edge: 4, agents: 28 }));
     }
 
     #[test]
     fn a_list_is_checked_entry_by_entry() {
         let spec = |poses: Vec<Vec<f64>>| SpawnSpec::List { poses };
         let hall = hall();
-        assert!(matches!(
-            spec(vec![vec![1.5, 1.5, 1.5]]).poses(&hall, 2, 0.4),
-            Err(SpawnError::WrongCount { .. })
-        ));
-        assert!(matches!(
-            spec(vec![vec![1.5, 1.5]]).poses(&hall, 1, 0.4),
-            Err(SpawnError::NotAPose { index: 0, .. })
-        ));
+        assert!(matches!(spec(vec![vec![1.5, 1.5, 1.5]]).poses(&hall, 2, 0.4), Err(SpawnError::WrongCount { .. })));
+        assert!(matches!(spec(vec![vec![1.5, 1.5]]).poses(&hall, 1, 0.4), Err(SpawnError::NotAPose { index: 0, .. })));
         assert!(matches!(
             spec(vec![vec![1.5, f64::NAN, 1.0]]).poses(&hall, 1, 0.4),
             Err(SpawnError::NotAPose { index: 0, .. })
@@ -288,9 +239,7 @@ mod tests {
             spec(vec![vec![1.5, 1.5, 1.5], vec![2.0, 1.5, 1.5]]).poses(&hall, 2, 0.4),
             Err(SpawnError::NoRoom { index: 1, .. })
         ));
-        let poses = spec(vec![vec![1.5, 1.5, 1.5], vec![3.0, 1.5, 1.5, 2.0]])
-            .poses(&hall, 2, 0.4)
-            .unwrap();
+        let poses = spec(vec![vec![1.5, 1.5, 1.5], vec![3.0, 1.5, 1.5, 2.0]]).poses(&hall, 2, 0.4).unwrap();
         assert_eq!(poses[1].yaw_rad, 2.0);
     }
 }

@@ -4,6 +4,8 @@ use proptest::prelude::*;
 use voxels::Extent;
 
 use super::lidar::Pattern;
+use msgs::limits::PARCEL_BYTES_MAX;
+
 use super::*;
 
 fn pool(threads: usize) -> ThreadPool {
@@ -226,11 +228,8 @@ fn the_view_comes_on_request() {
 
 #[test]
 fn two_bodies_that_meet_head_on_stop_and_never_overlap() {
-    let mut world = World::new(
-        hall([20, 3, 3]),
-        params(),
-        &[at(2.5, 2.5, 2.5), Pose { yaw_rad: PI, ..at(19.5, 2.5, 2.5) }],
-    );
+    let mut world =
+        World::new(hall([20, 3, 3]), params(), &[at(2.5, 2.5, 2.5), Pose { yaw_rad: PI, ..at(19.5, 2.5, 2.5) }]);
     world.step([(A, action(endless(0.0))), (B, action(endless(0.0)))].into());
     for _ in 0..2000 {
         world.step(BTreeMap::new());

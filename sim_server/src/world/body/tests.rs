@@ -35,7 +35,17 @@ fn carry_out(body: &mut Body, motion: Motion) -> usize {
 #[test]
 fn moves_take_as_long_as_in_the_reference() {
     // maes3d: measured durations; the reference computes in single precision.
-    let durations = [(0.5, 2.28), (1.0, 3.22), (1.73, 4.46), (2.0, 4.56), (3.0, 5.94), (5.0, 7.26), (10.0, 10.6), (20.0, 17.6), (50.0, 37.6)];
+    let durations = [
+        (0.5, 2.28),
+        (1.0, 3.22),
+        (1.73, 4.46),
+        (2.0, 4.56),
+        (3.0, 5.94),
+        (5.0, 7.26),
+        (10.0, 10.6),
+        (20.0, 17.6),
+        (50.0, 37.6),
+    ];
     for (distance_m, expected_s) in durations {
         let mut body = body();
         let ticks = carry_out(&mut body, Motion::Move { pitch_rad: 0.0, distance_m });
@@ -53,7 +63,10 @@ fn turns_take_as_long_as_in_the_reference() {
             let mut body = body();
             let angle_rad: f64 = sign * angle_deg * PI / 180.0;
             let took_s = carry_out(&mut body, Motion::Turn { angle_rad }) as f64 * DT_S;
-            assert!((took_s - expected_s).abs() <= 0.021, "{angle_deg} degrees took {took_s} s instead of {expected_s} s");
+            assert!(
+                (took_s - expected_s).abs() <= 0.021,
+                "{angle_deg} degrees took {took_s} s instead of {expected_s} s"
+            );
             assert!(wrapped(body.pose().yaw_rad - angle_rad).abs() < 1e-9, "lands on the target");
         }
     }
@@ -94,8 +107,12 @@ fn an_endless_move_ends_at_a_wall() {
 #[test]
 fn a_path_is_followed_to_the_point() {
     let mut body = body();
-    let way_points =
-        vec![Point3::new(12.0, 10.0, 10.0), Point3::new(12.0, 13.0, 10.0), Point3::new(12.0, 13.0, 12.0), Point3::new(10.0, 13.0, 11.0)];
+    let way_points = vec![
+        Point3::new(12.0, 10.0, 10.0),
+        Point3::new(12.0, 13.0, 10.0),
+        Point3::new(12.0, 13.0, 12.0),
+        Point3::new(10.0, 13.0, 11.0),
+    ];
     carry_out(&mut body, Motion::Path(way_points.clone()));
     assert_eq!(body.pose().position, *way_points.last().unwrap());
     assert!(wrapped(body.pose().yaw_rad - PI).abs() < 1e-9, "{}", body.pose().yaw_rad);
@@ -105,7 +122,10 @@ fn a_path_is_followed_to_the_point() {
 fn a_vertical_leg_needs_no_turn() {
     let mut up = body();
     let above = Point3::new(10.0, 10.0, 12.0);
-    assert_eq!(carry_out(&mut up, Motion::Path(vec![above])), carry_out(&mut body(), Motion::Move { pitch_rad: PI / 2.0, distance_m: 2.0 }));
+    assert_eq!(
+        carry_out(&mut up, Motion::Path(vec![above])),
+        carry_out(&mut body(), Motion::Move { pitch_rad: PI / 2.0, distance_m: 2.0 })
+    );
     assert_eq!(up.pose().yaw_rad, 0.0);
 }
 
@@ -135,7 +155,8 @@ fn a_velocity_is_approached_held_and_clamped() {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut body = body();
-    let forwards = |x: f64, yaw_rate_rad_s| Motion::Velocity { linear_in_body_m_s: Vector3::new(x, 5.0, 0.0), yaw_rate_rad_s };
+    let forwards =
+        |x: f64, yaw_rate_rad_s| Motion::Velocity { linear_in_body_m_s: Vector3::new(x, 5.0, 0.0), yaw_rate_rad_s };
     body.take_up(forwards(1.0, 0.0));
     body.advance(&MODEL, &obstacles, DT_S);
     assert!((body.velocity_in_map_m_s().x - 0.01).abs() < 1e-12, "speeds up as it can, and never sideways");
@@ -156,7 +177,9 @@ fn a_velocity_is_approached_held_and_clamped() {
 
 #[test]
 fn angles_are_wrapped_into_one_turn() {
-    for (angle_rad, expected_rad) in [(0.0, 0.0), (PI, PI), (-PI, PI), (3.0 * PI, PI), (TAU, 0.0), (-TAU + 0.5, 0.5), (7.0, 7.0 - TAU)] {
+    for (angle_rad, expected_rad) in
+        [(0.0, 0.0), (PI, PI), (-PI, PI), (3.0 * PI, PI), (TAU, 0.0), (-TAU + 0.5, 0.5), (7.0, 7.0 - TAU)]
+    {
         assert!((wrapped(angle_rad) - expected_rad).abs() < 1e-12, "{angle_rad}");
     }
 }

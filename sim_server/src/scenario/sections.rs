@@ -1,0 +1,298 @@
+//! The tables of a scenario, with their defaults: the reference's constants where it has them.
+//!
+//! This module checks nothing: see [`super::Scenario::parse`].
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::mapgen::{NoiseSpec, SpheresSpec};
+use crate::world::body::BodyModel;
+
+/// `[map]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MapSection {
+    /// Which generator, or a file.
+    pub kind: MapKind,
+    /// Cells along each axis; one number for a cube. Not for `kind = "file"`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<Size>,
+    /// Edge of a cell, metres.
+    #[serde(default = "one")]
+    pub cell_m: f64,
+    /// Seed of the map, if it is not that of the run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+    /// The map file of `kind = "file"`, relative to where the server runs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// Parameters of `kind = "spheres"`.
+    #[serde(default)]
+    pub spheres: SpheresSpec,
+    /// Parameters of `kind = "noise"`.
+    #[serde(default)]
+    pub noise: NoiseSpec,
+}
+
+/// Where the terrain comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MapKind {
+    /// Random connected spheres.
+    Spheres,
+    /// Smoothed noise.
+    Noise,
+    /// A map file.
+    File,
+}
+
+/// Cells along each axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Size {
+    /// A cube.
+    Cube(u32),
+    /// x, y, z.
+    Box([u32; 3]),
+}
+
+impl Size {
+    /// x, y, z.
+    #[must_use]
+    pub fn cells(self) -> [u32; 3] {
+        match self {
+            Self::Cube(edge) => [edge; 3],
+            Self::Box(size) => size,
+        }
+    }
+}
+
+/// `[agents]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AgentsSection {
+    /// How many take part.
+    pub count: u32,
+    /// What an agent runs if its own command line does not say.
+    #[serde(default = "rbw")]
+    pub controller: String,
+    /// Settings of that controller.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub set: BTreeMap<String, toml::Value>,
+}
+
+/// `[body]`: the submarine of the reference.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BodySection {
+    /// Radius of the sphere.
+    pub radius_m: f64,
+    /// Top speed.
+    pub speed_max_m_s: f64,
+    /// Speeding up.
+    pub acceleration_m_s2: f64,
+    /// Braking.
+    pub deceleration_m_s2: f64,
+    /// Top turn rate.
+    pub turn_rate_max_rad_s: f64,
+    /// Speeding up a turn.
+    pub turn_acceleration_rad_s2: f64,
+    /// Braking a turn.
+    pub turn_deceleration_rad_s2: f64,
+}
+
+impl Default for BodySection {
+    /// The reference's constants (100, 50 and 25 degrees for the turn).
+    fn default() -> Self {
+        Self {
+            radius_m: 0.4,
+            speed_max_m_s: 1.5,
+            acceleration_m_s2: 0.5,
+            deceleration_m_s2: 0.25,
+            turn_rate_max_rad_s: TAU * 100.0 / 360.0,
+            turn_acceleration_rad_s2: TAU * 50.0 / 360.0,
+            turn_deceleration_rad_s2: TAU * 25.0 / 360.0,
+        }
+    }
+}
+
+impl From<BodySection> for BodyModel {
+    fn from(section: BodySection) -> Self {
+        Self {
+            radius_m: section.radius_m,
+            speed_max_m_s: section.speed_max_m_s,
+            acceleration_m_s2: section.acceleration_m_s2,
+            deceleration_m_s2: section.deceleration_m_s2,
+            turn_rate_max_rad_s: section.turn_rate_max_rad_s,
+            turn_acceleration_rad_s2: section.turn_acceleration_rad_s2,
+            turn_deceleration_rad_s2: section.turn_deceleration_rad_s2,
+        }
+    }
+}
+
+/// `[lidar]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LidarSection {
+    /// How rays are spread.
+    pub pattern: LidarPattern,
+    /// Rays of the lattice. Reference: 5124.
+    pub rays: u32,
+    /// Radius of the shell pattern, cells. Reference: 5.
+    pub shell_radius_cells: u32,
+    /// How far the lattice sees; `inf`: unlimited (reference).
+    pub range_m: f64,
+    /// Full opening angle of the cone about the heading. Reference: all directions.
+    pub fov_rad: f64,
+    /// Who decides when to scan.
+    pub schedule: LidarSchedule,
+    /// Ticks between scans until an agent asks otherwise. Reference: what each of ten agents gets.
+    pub period_ticks: u32,
+}
+
+/// How rays are spread.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LidarPattern {
+    /// A Fibonacci lattice of `rays` rays.
+    Lattice,
+    /// One ray to every cell on the edge of a sphere of `shell_radius_cells` (the reference's older sensing).
+    Shell,
+}
+
+/// Who decides when to scan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LidarSchedule {
+    /// Each agent; at the start every `period_ticks`.
+    OnRequest,
+    /// One agent in each tick, in turn, as in the reference.
+    Maes3d,
+}
+
+impl Default for LidarSection {
+    fn default() -> Self {
+        Self {
+            pattern: LidarPattern::Lattice,
+            rays: 5124,
+            shell_radius_cells: 5,
+            range_m: f64::INFINITY,
+            fov_rad: TAU,
+            schedule: LidarSchedule::OnRequest,
+            period_ticks: 10,
+        }
+    }
+}
+
+/// `[communication]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CommunicationSection {
+    /// Greatest distance between two agents in contact; `inf`: as far as the line of sight (reference).
+    pub range_m: f64,
+}
+
+impl Default for CommunicationSection {
+    fn default() -> Self {
+        Self { range_m: f64::INFINITY }
+    }
+}
+
+/// `[recording]`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RecordingSection {
+    /// Ticks between two recordings of the poses of all agents on `/tf`; 0: none.
+    pub poses_period_ticks: u32,
+}
+
+impl Default for RecordingSection {
+    fn default() -> Self {
+        Self { poses_period_ticks: 10 }
+    }
+}
+
+/// `[faults]`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FaultsSection {
+    /// When an agent does not answer within `execution.decision_timeout_s`.
+    pub on_agent_loss: OnAgentLoss,
+}
+
+/// What happens when an agent is lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OnAgentLoss {
+    /// The run ends with exit code 4.
+    Abort,
+    /// The body stops and the run goes on without the agent.
+    Drop,
+}
+
+impl Default for FaultsSection {
+    fn default() -> Self {
+        Self { on_agent_loss: OnAgentLoss::Abort }
+    }
+}
+
+/// `[execution]`: none of this changes a result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ExecutionSection {
+    /// Threads that cast scans; 0: as many as there are cores.
+    pub threads: u32,
+    /// Whether agents are asked only when they are due. Otherwise they are asked at every tick.
+    pub look_ahead: bool,
+    /// Sim seconds for each second of wall time.
+    pub rtf: Rtf,
+    /// How long to wait for all agents at the start, wall seconds.
+    pub join_timeout_s: f64,
+    /// How long to wait for a decision, wall seconds.
+    pub decision_timeout_s: f64,
+    /// Where the recording goes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub record: Option<PathBuf>,
+}
+
+impl Default for ExecutionSection {
+    fn default() -> Self {
+        Self {
+            threads: 0,
+            look_ahead: true,
+            rtf: Rtf::Max(MaxWord::Max),
+            join_timeout_s: 60.0,
+            decision_timeout_s: 10.0,
+            record: None,
+        }
+    }
+}
+
+/// Pace of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Rtf {
+    /// As fast as possible.
+    Max(MaxWord),
+    /// Sim seconds for each second of wall time, at the most.
+    Limit(f64),
+}
+
+/// The word `max`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MaxWord {
+    /// `max`.
+    Max,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn rbw() -> String {
+    "rbw".to_owned()
+}

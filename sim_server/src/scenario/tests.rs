@@ -1,0 +1,60 @@
+use super::*;
+
+const SMALL: &str = "seed = 7\nduration_s = 60.0\n[map]\nkind = \"spheres\"\nsize = 50\n[agents]\ncount = 3\n";
+
+fn set(key: &str, value: impl Into<toml::Value>) -> Override {
+    Override { origin: format!("--set {key}"), key: key.to_owned(), value: value.into() }
+}
+
+#[test]
+fn what_is_left_out_is_the_reference() {
+    let scenario = Scenario::parse("s.toml", SMALL, &[]).unwrap();
+    assert_eq!(scenario.lidar.rays, 5124);
+    assert_eq!(scenario.body.radius_m, 0.4);
+    assert_eq!(scenario.duration_ticks(), Tick(3000));
+    assert_eq!(scenario.map_seed(), 7);
+}
+
+#[test]
+fn the_identity_reads_back_and_leaves_the_execution_out() {
+    let text = format!("{SMALL}[execution]\nthreads = 3\n");
+    let one = Scenario::parse("s.toml", SMALL, &[]).unwrap();
+    let other = Scenario::parse("s.toml", &text, &[]).unwrap();
+    assert_ne!(one, other);
+    assert_eq!(one.identity(), other.identity());
+    assert_eq!(Scenario::parse("identity", &one.identity(), &[]).unwrap(), one);
+    assert_eq!(Scenario::parse("all", &other.to_toml(), &[]).unwrap(), other);
+}
+
+#[test]
+fn overrides_set_keys() {
+    let overrides =
+        [set("agents.count", 5), set("map.size", 30), set("execution.rtf", 2.0), set("lidar.range_m", f64::INFINITY)];
+    let scenario = Scenario::parse("s.toml", SMALL, &overrides).unwrap();
+    assert_eq!(scenario.agents.count, 5);
+    assert_eq!(scenario.map.size, Some(Size::Cube(30)));
+    assert_eq!(scenario.execution.rtf, Rtf::Limit(2.0));
+}
+
+#[track_caller]
+fn refuses(text: &str, overrides: &[Override], expected: &str) {
+    let error = Scenario::parse("s.toml", text, overrides).unwrap_err().to_string();
+    assert!(error.contains(expected), "{error}");
+    assert!(!error.contains('\n'), "{error}");
+}
+
+#[test]
+fn mistakes_are_named_with_their_place() {
+    refuses("seed = ", &[], "s.toml:1:");
+    refuses(&SMALL.replace("count", "cuont"), &[], "s.toml:7:1: unknown field `cuont`");
+    refuses(&SMALL.replace("seed = 7\n", ""), &[], "missing field `seed`");
+    refuses(&SMALL.replace("60.0", "0.03"), &[], "s.toml: duration_s = 0.03: expected a multiple of 0.02 s");
+    refuses(&SMALL.replace("size = 50", ""), &[], "map.size");
+    refuses(SMALL, &[set("agents.count", 0)], "agents.count = 0: expected 1 to 1000");
+    refuses(SMALL, &[set("agents.cuont", 1)], "--set agents.cuont: unknown field `cuont`");
+    refuses(SMALL, &[set("seed.x", 1)], "--set seed.x: `seed` in `seed.x` is not a table");
+    refuses(SMALL, &[set("execution.rtf", "fast")], "--set execution.rtf");
+    refuses(SMALL, &[set("lidar.fov_rad", 7.0)], "lidar.fov_rad = 7");
+    refuses(SMALL, &[set("lidar.range_m", f64::NAN)], "lidar.range_m = NaN");
+    refuses(SMALL, &[set("map.file", "x.m3dm")], "map.file");
+}
