@@ -72,6 +72,9 @@ fi
 
 count=$("$bin/sim_server" scenario "$scenario" "${server_flags[@]}" --get agents.count) || exit $?
 
+controller=$("$bin/sim_server" scenario "$scenario" "${server_flags[@]}" --get agents.controller) || exit $?
+"$bin/agent_node" --check --id 0 --controller "$controller" "${agent_flags[@]}" || exit $?
+
 # Two servers in one domain would share their agents.
 domain=${ROS_DOMAIN_ID:-0}
 exec {lock}>"${TMPDIR:-/tmp}/maes-domain-${domain//\//_}.lock"
@@ -80,9 +83,17 @@ flock --nonblock "$lock" || fail "a run is under way in ROS domain $domain; choo
 logs=${logs:-$root/out/logs/$(date +%Y%m%d-%H%M%S)-$$}
 mkdir -p "$logs" || exit 1
 
-# In sessions of their own, so that Ctrl-C reaches this script alone, which knows who has to be told in which order.
-setsid "$bin/sim_server" run "$scenario" "${server_flags[@]}" --log "$logs/server.log" {lock}>&- &
+# The server comes first: on one machine, the processes that start first are found by all others. All run in sessions of their
+# own, so that Ctrl-C reaches this script alone, which knows who has to be told in which order.
+mkfifo "$logs/ready" && exec {ready}<>"$logs/ready" || exit 1
+setsid "$bin/sim_server" run "$scenario" "${server_flags[@]}" --log "$logs/server.log" --ready "$logs/ready" \
+    {lock}>&- {ready}>&- &
 server=$!
+until read -r -t 0.1 -u "$ready"; do
+    kill -0 "$server" 2>/dev/null || { wait "$server"; exit $?; }
+done
+exec {ready}>&-
+rm "$logs/ready"
 
 starts=$(for ((first = 0; first < count; first += per_process)); do echo "$first"; done)
 case $order in

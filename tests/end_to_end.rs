@@ -1,1 +1,29 @@
+//! End-to-end tests: the binaries as people start them, and the libraries as the binaries put them together.
+//!
+//! No test hangs on how fast something is: whoever has to wait, waits for a line, a message or the end of a process, and a wall
+//! clock only turns a hang into a failure.
 
+/// Processes, ROS domains, recordings and runs in memory, for all of the others.
+mod support;
+
+/// The same scenario gives the same bytes: again, in another order, slower, faster, on more threads, over another transport.
+mod determinism;
+/// Asking agents at every tick changes nothing for those that act only when they are due, even if they talk and listen.
+mod look_ahead;
+
+/// Scenarios, maps, recordings and arguments that are wrong: one line that says where, exit code 2, and no file.
+mod bad_input;
+/// Commands that lie, and bytes that are no commands: refused, counted, and without effect.
+mod liars;
+/// Agents that are missing, die, hang, or claim an id that is taken.
+mod lost_agents;
+/// Runs that are interrupted, servers that are killed, disks that are full.
+mod interruptions;
+
+/// Recordings open with the Python packages that people use, and hold what they should.
+mod recordings;
+/// A real ROS 2 node looks on, and the run does not care.
+mod onlookers;
+
+/// Rules of the workspace that the compiler does not check.
+mod tidy;

@@ -21,6 +21,9 @@ pub struct Cli {
     /// Wait up to so many milliseconds, at random, before each answer: a test of the lock-step
     #[arg(long, value_name = "MS", default_value_t = 0)]
     pub chaos_delay_ms: u64,
+    /// Only check the controller and its settings
+    #[arg(long, requires = "controller")]
+    pub check: bool,
 }
 
 impl Cli {

@@ -54,6 +54,14 @@ pub enum ControllerError {
 /// The names of all controllers.
 pub const NAMES: [&str; 2] = ["rbw", "rbw-maes3d"];
 
+/// Whether there is such a controller, and its settings are allowed.
+///
+/// # Errors
+/// If the name or a setting is unknown, or a value is not allowed.
+pub fn check(name: &str, settings: &[String]) -> Result<(), ControllerError> {
+    build(name, settings, AgentId(0), 0).map(drop)
+}
+
 /// Makes a controller by name, with settings `KEY=VALUE`, for one agent of a run.
 ///
 /// # Errors
@@ -62,11 +70,11 @@ pub fn build(
     name: &str,
     settings: &[String],
     agent: AgentId,
-    briefing: &Briefing,
+    agents_seed: u64,
 ) -> Result<Box<dyn Controller>, ControllerError> {
     let unfit = |source| ControllerError::Setting { name: name.to_owned(), source };
     let mut settings = Settings::parse(settings).map_err(unfit)?;
-    let stream = |purpose| msgs::seed::stream(briefing.agents_seed, agent.0.into(), purpose);
+    let stream = |purpose| msgs::seed::stream(agents_seed, agent.0.into(), purpose);
     let controller: Box<dyn Controller> = match name {
         "rbw" => Box::new(rbw::Rbw::new(&mut settings, stream("rbw")).map_err(unfit)?),
         "rbw-maes3d" => Box::new(rbw_maes3d::RbwMaes3d::new(stream("rbw-maes3d"))),
@@ -137,13 +145,10 @@ pub(crate) mod tests {
 
     #[test]
     fn every_name_builds_and_others_are_refused() {
-        let stage = Stage::new();
         for name in NAMES {
-            assert!(build(name, &[], AgentId(0), &stage.briefing).is_ok(), "{name}");
+            assert!(check(name, &[]).is_ok(), "{name}");
         }
-        let refused = |name: &str, settings: &[String]| {
-            build(name, settings, AgentId(0), &stage.briefing).err().unwrap().to_string()
-        };
+        let refused = |name: &str, settings: &[String]| check(name, settings).unwrap_err().to_string();
         assert_eq!(refused("rwb", &[]), "controller rwb: unknown; known are rbw, rbw-maes3d");
         assert_eq!(
             refused("rbw", &["speed=1".to_owned()]),

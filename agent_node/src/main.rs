@@ -2,12 +2,25 @@
 
 use std::process::ExitCode;
 
+use agent_node::controllers;
 use clap::Parser;
 
 fn main() -> ExitCode {
     let cli = agent_node::cli::Cli::parse();
-    serve::run(cli)
+    match &cli.controller {
+        Some(name) if cli.check => match controllers::check(name, &cli.set) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                eprintln!("error: {error}");
+                ExitCode::from(BAD_INPUT)
+            }
+        },
+        _ => serve::run(cli),
+    }
 }
+
+/// Bad input: an argument, a controller, a setting.
+const BAD_INPUT: u8 = 2;
 
 #[cfg(feature = "ros")]
 mod serve {
@@ -22,8 +35,6 @@ mod serve {
 
     /// A failure of the system or of the protocol.
     const FAILED: u8 = 1;
-    /// Bad input: an argument, a controller, a setting.
-    const BAD_INPUT: u8 = 2;
     /// The server has refused the agent.
     const REFUSED: u8 = 5;
 
@@ -34,7 +45,7 @@ mod serve {
                 eprintln!("error: {error}");
                 ExitCode::from(match error.downcast_ref::<RunError>() {
                     Some(RunError::Refused { .. }) => REFUSED,
-                    Some(RunError::Controller(_)) => BAD_INPUT,
+                    Some(RunError::Controller(_)) => super::BAD_INPUT,
                     _ => FAILED,
                 })
             }

@@ -113,7 +113,7 @@ impl<'a> Process<'a> {
         settings.extend(options.settings.iter().cloned());
         let mut seats = BTreeMap::new();
         for &id in &options.agents {
-            let controller = controllers::build(name, &settings, id, &briefing)?;
+            let controller = controllers::build(name, &settings, id, briefing.agents_seed)?;
             let agent = Agent::new(id, briefing.clone(), controller);
             seats.insert(id, Seat { agent, is_accepted: false });
         }

@@ -44,6 +44,9 @@ pub struct RunArgs {
     /// Also write what is said about the run to this file
     #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,
+    /// Write a line to this file (or pipe) once agents may be started
+    #[arg(long, value_name = "FILE")]
+    pub ready: Option<PathBuf>,
     /// Keys of the scenario that are to be different.
     #[command(flatten)]
     pub keys: KeyArgs,

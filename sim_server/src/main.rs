@@ -90,6 +90,9 @@ mod serve {
                 return Ok(ExitCode::from(exit::FAILED));
             }
         };
+        if let Some(file) = &args.ready {
+            std::fs::write(file, "ready\n").context(file.display().to_string())?;
+        }
         let log = args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
         let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log);
         terminal.say(&format!(

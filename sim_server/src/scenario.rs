@@ -13,6 +13,7 @@ use msgs::ids::Tick;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::world::body::BodyModel;
 use crate::world::spawn::SpawnSpec;
 
 pub use sections::*;
@@ -41,7 +42,7 @@ pub struct Scenario {
     pub spawn: SpawnSpec,
     /// What bodies can do.
     #[serde(default)]
-    pub body: BodySection,
+    pub body: BodyModel,
     /// What LiDARs see.
     #[serde(default)]
     pub lidar: LidarSection,

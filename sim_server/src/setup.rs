@@ -113,7 +113,7 @@ fn params(scenario: &Scenario) -> WorldParams {
         LidarPattern::Shell => Pattern::Shell { radius_cells: lidar.shell_radius_cells },
     };
     WorldParams {
-        body: scenario.body.into(),
+        body: scenario.body,
         scanner: Scanner::new(pattern, lidar.range_m, lidar.fov_rad),
         schedule: match lidar.schedule {
             LidarSchedule::OnRequest => ScanSchedule::OnRequest { period_ticks: lidar.period_ticks },

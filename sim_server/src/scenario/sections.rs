@@ -9,7 +9,6 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::mapgen::{NoiseSpec, SpheresSpec};
-use crate::world::body::BodyModel;
 
 /// `[map]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -82,55 +81,6 @@ pub struct AgentsSection {
     /// Settings of that controller.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub set: BTreeMap<String, toml::Value>,
-}
-
-/// `[body]`: the submarine of the reference.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct BodySection {
-    /// Radius of the sphere.
-    pub radius_m: f64,
-    /// Top speed.
-    pub speed_max_m_s: f64,
-    /// Speeding up.
-    pub acceleration_m_s2: f64,
-    /// Braking.
-    pub deceleration_m_s2: f64,
-    /// Top turn rate.
-    pub turn_rate_max_rad_s: f64,
-    /// Speeding up a turn.
-    pub turn_acceleration_rad_s2: f64,
-    /// Braking a turn.
-    pub turn_deceleration_rad_s2: f64,
-}
-
-impl Default for BodySection {
-    /// The reference's constants (100, 50 and 25 degrees for the turn).
-    fn default() -> Self {
-        Self {
-            radius_m: 0.4,
-            speed_max_m_s: 1.5,
-            acceleration_m_s2: 0.5,
-            deceleration_m_s2: 0.25,
-            turn_rate_max_rad_s: TAU * 100.0 / 360.0,
-            turn_acceleration_rad_s2: TAU * 50.0 / 360.0,
-            turn_deceleration_rad_s2: TAU * 25.0 / 360.0,
-        }
-    }
-}
-
-impl From<BodySection> for BodyModel {
-    fn from(section: BodySection) -> Self {
-        Self {
-            radius_m: section.radius_m,
-            speed_max_m_s: section.speed_max_m_s,
-            acceleration_m_s2: section.acceleration_m_s2,
-            deceleration_m_s2: section.deceleration_m_s2,
-            turn_rate_max_rad_s: section.turn_rate_max_rad_s,
-            turn_acceleration_rad_s2: section.turn_acceleration_rad_s2,
-            turn_deceleration_rad_s2: section.turn_deceleration_rad_s2,
-        }
-    }
 }
 
 /// `[lidar]`.

@@ -13,6 +13,7 @@ use std::collections::VecDeque;
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::collision::{Contact, Obstacles, Surface};
 
@@ -20,23 +21,39 @@ use super::collision::{Contact, Obstacles, Surface};
 const MOVE_REST_M: f64 = 1e-3;
 const TURN_REST_RAD: f64 = 1e-3 * PI / 180.0;
 
-/// What a body can do. Lengths in metres, angles in radians, times in seconds.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// What a body can do: the table `[body]` of a scenario. Its defaults are the submarine of the reference.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct BodyModel {
-    /// Radius of the sphere. Reference: 0.4.
+    /// Radius of the sphere.
     pub radius_m: f64,
-    /// Top speed along the path. Reference: 1.5.
+    /// Top speed along the path.
     pub speed_max_m_s: f64,
-    /// Reference: 0.5.
+    /// How fast it speeds up.
     pub acceleration_m_s2: f64,
-    /// Reference: 0.25.
+    /// How fast it brakes.
     pub deceleration_m_s2: f64,
-    /// Reference: 100 degrees per second.
+    /// Top turn rate.
     pub turn_rate_max_rad_s: f64,
-    /// Reference: 50 degrees per second squared.
+    /// How fast a turn speeds up.
     pub turn_acceleration_rad_s2: f64,
-    /// Reference: 25 degrees per second squared.
+    /// How fast a turn brakes.
     pub turn_deceleration_rad_s2: f64,
+}
+
+impl Default for BodyModel {
+    /// The reference's constants; there the turn is 100, 50 and 25 degrees.
+    fn default() -> Self {
+        Self {
+            radius_m: 0.4,
+            speed_max_m_s: 1.5,
+            acceleration_m_s2: 0.5,
+            deceleration_m_s2: 0.25,
+            turn_rate_max_rad_s: TAU * 100.0 / 360.0,
+            turn_acceleration_rad_s2: TAU * 50.0 / 360.0,
+            turn_deceleration_rad_s2: TAU * 25.0 / 360.0,
+        }
+    }
 }
 
 /// Where a body is and where it looks, in the frame `map`.

@@ -14,15 +14,7 @@ fn pool(threads: usize) -> ThreadPool {
 
 fn params() -> WorldParams {
     WorldParams {
-        body: BodyModel {
-            radius_m: 0.4,
-            speed_max_m_s: 1.5,
-            acceleration_m_s2: 0.5,
-            deceleration_m_s2: 0.25,
-            turn_rate_max_rad_s: 100.0 * PI / 180.0,
-            turn_acceleration_rad_s2: 50.0 * PI / 180.0,
-            turn_deceleration_rad_s2: 25.0 * PI / 180.0,
-        },
+        body: BodyModel::default(),
         scanner: Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: CommsModel { range_m: f64::INFINITY },

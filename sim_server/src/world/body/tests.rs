@@ -4,16 +4,6 @@ use super::*;
 
 const DT_S: f64 = 0.02;
 
-const MODEL: BodyModel = BodyModel {
-    radius_m: 0.4,
-    speed_max_m_s: 1.5,
-    acceleration_m_s2: 0.5,
-    deceleration_m_s2: 0.25,
-    turn_rate_max_rad_s: 100.0 * PI / 180.0,
-    turn_acceleration_rad_s2: 50.0 * PI / 180.0,
-    turn_deceleration_rad_s2: 25.0 * PI / 180.0,
-};
-
 fn space() -> Grid<Terrain> {
     Grid::new(Extent::new([100, 20, 20], 1.0).unwrap(), Terrain::Free)
 }
@@ -28,7 +18,7 @@ fn carry_out(body: &mut Body, motion: Motion) -> usize {
     let obstacles = Obstacles::new(&terrain, &[], 0);
     body.take_up(motion);
     (1..100_000)
-        .find(|_| body.advance(&MODEL, &obstacles, DT_S).task_done)
+        .find(|_| body.advance(&BodyModel::default(), &obstacles, DT_S).task_done)
         .expect("every task that is tested here ends")
 }
 
@@ -79,7 +69,7 @@ fn never_faster_than_allowed() {
     let mut body = body();
     body.take_up(Motion::Move { pitch_rad: 0.0, distance_m: 60.0 });
     let mut top_m_s = 0.0_f64;
-    while !body.advance(&MODEL, &obstacles, DT_S).task_done {
+    while !body.advance(&BodyModel::default(), &obstacles, DT_S).task_done {
         top_m_s = top_m_s.max(body.velocity_in_map_m_s().norm());
     }
     assert!((top_m_s - 1.5).abs() < 1e-9, "{top_m_s}");
@@ -98,7 +88,7 @@ fn an_endless_move_ends_at_a_wall() {
     let mut body = body();
     carry_out(&mut body, Motion::Move { pitch_rad: 0.0, distance_m: f64::INFINITY });
     assert_eq!(body.collision(), Some(Collision { surface: Surface::Wall, with_agent: false }));
-    let gap_m = 100.0 - body.pose().position.x - MODEL.radius_m;
+    let gap_m = 100.0 - body.pose().position.x - BodyModel::default().radius_m;
     assert!((0.0..=0.03).contains(&gap_m), "{gap_m}");
     assert!(!body.is_active());
     assert_eq!(body.velocity_in_map_m_s(), Vector3::zeros());
@@ -136,14 +126,14 @@ fn a_new_task_starts_from_rest_and_stop_is_at_once() {
     let mut body = body();
     body.take_up(Motion::Move { pitch_rad: 0.0, distance_m: 50.0 });
     for _ in 0..100 {
-        body.advance(&MODEL, &obstacles, DT_S);
+        body.advance(&BodyModel::default(), &obstacles, DT_S);
     }
     assert!(body.velocity_in_map_m_s().norm() > 0.9);
     body.take_up(Motion::Keep);
-    body.advance(&MODEL, &obstacles, DT_S);
+    body.advance(&BodyModel::default(), &obstacles, DT_S);
     assert!(body.velocity_in_map_m_s().norm() > 0.9);
     body.take_up(Motion::Move { pitch_rad: 0.0, distance_m: 50.0 });
-    body.advance(&MODEL, &obstacles, DT_S);
+    body.advance(&BodyModel::default(), &obstacles, DT_S);
     assert!((body.velocity_in_map_m_s().norm() - 0.01).abs() < 1e-12);
     body.take_up(Motion::Stop);
     assert_eq!(body.velocity_in_map_m_s(), Vector3::zeros());
@@ -158,20 +148,20 @@ fn a_velocity_is_approached_held_and_clamped() {
     let forwards =
         |x: f64, yaw_rate_rad_s| Motion::Velocity { linear_in_body_m_s: Vector3::new(x, 5.0, 0.0), yaw_rate_rad_s };
     body.take_up(forwards(1.0, 0.0));
-    body.advance(&MODEL, &obstacles, DT_S);
+    body.advance(&BodyModel::default(), &obstacles, DT_S);
     assert!((body.velocity_in_map_m_s().x - 0.01).abs() < 1e-12, "speeds up as it can, and never sideways");
     for _ in 0..200 {
-        body.advance(&MODEL, &obstacles, DT_S);
+        body.advance(&BodyModel::default(), &obstacles, DT_S);
     }
     assert!((body.velocity_in_map_m_s() - Vector3::new(1.0, 0.0, 0.0)).norm() < 1e-12);
     body.take_up(forwards(9.0, 9.0));
-    body.advance(&MODEL, &obstacles, DT_S);
+    body.advance(&BodyModel::default(), &obstacles, DT_S);
     assert!(body.velocity_in_map_m_s().norm() > 1.0, "goes on from the present velocity");
     for _ in 0..200 {
-        body.advance(&MODEL, &obstacles, DT_S);
+        body.advance(&BodyModel::default(), &obstacles, DT_S);
     }
     assert!((body.velocity_in_map_m_s().norm() - 1.5).abs() < 1e-12);
-    assert!((body.yaw_rate_rad_s() - MODEL.turn_rate_max_rad_s).abs() < 1e-12);
+    assert!((body.yaw_rate_rad_s() - BodyModel::default().turn_rate_max_rad_s).abs() < 1e-12);
     assert!(body.is_active());
 }
 

@@ -1,0 +1,161 @@
+//! Same scenario, same bytes.
+//!
+//! Recordings are compared whole, so that a difference in any message, stamp, counter or order is one. The runs are those that
+//! the project promises this for: five agents in a cave of 50 cells along each edge, and the settings closest to the reference.
+
+use std::process::Command;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use crate::support::runs::{Outcome, Site, scenario, text};
+
+/// The run that most of these tests are about.
+const FIVE: [&str; 10] =
+    ["--agents", "5", "--controller", "rbw", "--size", "50", "--seed", "7", "--duration", "300"];
+
+/// A run that is short enough to be made slow.
+const SHORT: [&str; 8] = ["--agents", "3", "--size", "30", "--seed", "7", "--duration", "40"];
+
+/// The run [`FIVE`] over ROS 2, one process for each agent, carried out once for all tests.
+fn reference() -> &'static Outcome {
+    static REFERENCE: OnceLock<Outcome> = OnceLock::new();
+    REFERENCE.get_or_init(|| Site::new().record(&FIVE))
+}
+
+#[track_caller]
+fn assert_five_agents_give_the_same(variants: &[&[&str]]) {
+    let site = Site::new();
+    for variant in variants {
+        let arguments = [&FIVE, *variant].concat();
+        site.record(&arguments).assert_same(reference(), &variant.join(" "));
+    }
+}
+
+/// `experiments single`, the same as `run.sh --transport memory`.
+fn in_memory(site: &Site, name: &str, arguments: &[&str]) -> Command {
+    let mut command = site.binary("experiments");
+    command.arg("single").arg(scenario(name)).args(arguments);
+    command
+}
+
+#[test]
+fn again() {
+    assert_five_agents_give_the_same(&[&[]]);
+    let result = crate::support::recordings::Recording::from_bytes(&reference().bytes).result();
+    assert!(result.tick > 1000 && result.explored > 0.9, "the run that is compared is a run: {result:?}");
+}
+
+#[test]
+fn agents_started_in_another_order() {
+    assert_five_agents_give_the_same(&[&["--order", "reverse"], &["--order", "shuffle"], &["--order", "shuffle"]]);
+}
+
+#[test]
+fn agents_that_answer_late() {
+    assert_five_agents_give_the_same(&[&["--chaos-delay-ms", "20"]]);
+}
+
+#[test]
+fn worker_threads() {
+    assert_five_agents_give_the_same(&[&["--threads", "1"], &["--threads", "2"], &["--threads", "8"]]);
+}
+
+#[test]
+fn without_look_ahead() {
+    // Another way to ask; the decisions that count are the same.
+    assert_five_agents_give_the_same(&[&["--look-ahead", "false"]]);
+}
+
+#[test]
+fn several_agents_in_a_process() {
+    assert_five_agents_give_the_same(&[&["--agents-per-process", "5"], &["--agents-per-process", "2"]]);
+}
+
+#[test]
+fn without_a_network() {
+    assert_five_agents_give_the_same(&[&["--transport", "memory"]]);
+    let site = Site::new();
+    let together = site.record_with(in_memory(&site, "default.toml", &FIVE).arg("--together"));
+    together.assert_same(reference(), "--together");
+}
+
+#[test]
+fn at_a_set_pace() {
+    assert_five_agents_give_the_same(&[&["--rtf", "100"]]);
+}
+
+#[test]
+fn on_a_busy_machine() {
+    let is_over = AtomicBool::new(false);
+    thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                while !is_over.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
+        }
+        let same = std::panic::catch_unwind(|| assert_five_agents_give_the_same(&[&[], &["--threads", "8"]]));
+        is_over.store(true, Ordering::Relaxed);
+        if let Err(panic) = same {
+            std::panic::resume_unwind(panic);
+        }
+    });
+}
+
+#[test]
+fn answers_so_late_that_they_are_asked_for_again() {
+    let site = Site::new();
+    let prompt = site.record_with(&mut in_memory(&site, "default.toml", &SHORT));
+    for _ in 0..2 {
+        let late = site.record_with(in_memory(&site, "default.toml", &SHORT).args(["--chaos-delay-ms", "400"]));
+        late.assert_same(&prompt, "in memory");
+    }
+    let late = site.record(&[&SHORT[..], &["--chaos-delay-ms", "400"]].concat());
+    late.assert_same(&prompt, "over ROS 2");
+}
+
+#[test]
+fn the_settings_of_the_reference() {
+    let site = Site::new();
+    for (name, flags) in [
+        ("maes3d.toml", &["--duration", "60"][..]),
+        ("shell.toml", &["--duration", "300"]),
+        ("default.toml", &["--controller", "rbw-maes3d", "--duration", "60", "--seed", "3"]),
+    ] {
+        let first = site.record_with(&mut in_memory(&site, name, flags));
+        for variant in [&[][..], &["--together"], &["--threads", "1"], &["--threads", "8"], &["--look-ahead", "false"]] {
+            let again = site.record_with(in_memory(&site, name, flags).args(variant));
+            again.assert_same(&first, &format!("{name} {variant:?}"));
+        }
+        let path = scenario(name);
+        let over_ros = site.record(&[&[text(&path)], flags].concat());
+        over_ros.assert_same(&first, &format!("{name} over ROS 2"));
+    }
+}
+
+/// So that the tests above can fail.
+#[test]
+fn what_determines_a_run_changes_its_digest() {
+    let site = Site::new();
+    let digest = |flags: &[&str]| {
+        let arguments = [&["--transport", "memory"], &SHORT[..], flags].concat();
+        site.record(&arguments).digest()
+    };
+    let mut digests = vec![digest(&[])];
+    for flags in [
+        &["--set", "seed=8"][..],
+        &["--set", "agents.count=2"],
+        &["--set", "map.size=31"],
+        &["--set", "duration_s=39"],
+        &["--set", "map.seed=8"],
+        &["--set", "agents.controller=rbw-maes3d"],
+        &["--set", "agents.set.pitch_max_rad=0.7"],
+        &["--set", "lidar.rays=5123"],
+    ] {
+        let other = digest(flags);
+        assert!(!digests.contains(&other), "{flags:?} changes nothing");
+        digests.push(other);
+    }
+}

@@ -1,0 +1,193 @@
+//! Look-ahead is exact: agents that act only when they are due have the same run if they are asked at every tick.
+//!
+//! The agents here do everything that an agent can do, at random, and what they do hangs on everything they have learnt: they
+//! send parcels to each other, wait for every kind of event, and ask for scans and views.
+
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use agent_node::command::{Command, LidarRequest, Motion, Parcel, Wake};
+use agent_node::controllers::{Controller, Ctx};
+use agent_node::observation::Observation;
+use experiments::in_memory::AgentsEnd;
+use msgs::ids::{AgentId, Tick};
+use nalgebra::{Point3, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use crate::support::memory::{Play, Played, serve};
+use crate::support::recordings::counter;
+
+/// Four agents side by side, who lose sight of each other now and then.
+const SCENARIO: &str = "
+seed = 11
+duration_s = 60.0
+stop_when_explored = false
+[map]
+kind = \"spheres\"
+size = 30
+[agents]
+count = 4
+[communication]
+range_m = 5.0
+";
+
+/// Does something at random when it is due. Between, it either does nothing or turns a little.
+struct Gossip {
+    rng: ChaCha8Rng,
+    wake: Wake,
+    learnt: u64,
+    acts_between: bool,
+}
+
+impl Gossip {
+    fn new(agent: AgentId, acts_between: bool) -> Self {
+        let rng = msgs::seed::stream(5, agent.0.into(), "gossip");
+        Self { rng, wake: Wake::NEXT_TICK, learnt: 0, acts_between }
+    }
+
+    fn learn(&mut self, number: u64) {
+        self.learnt = (self.learnt.rotate_left(5) ^ number).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    }
+
+    fn learn_all(&mut self, observation: &Observation, ctx: Ctx<'_>) {
+        let Observation { tick, pose, events, .. } = observation;
+        self.learn(tick.0);
+        self.learn(u64::from(*events));
+        self.learn(pose.position.x.to_bits() ^ pose.yaw_rad.to_bits());
+        self.learn(u64::from(observation.is_active) + 2 * u64::from(observation.collision.is_some()));
+        self.learn(observation.scan_tick.map_or(0, |tick| tick.0));
+        self.learn((observation.seen.free.len() + 1000 * observation.seen.wall.len()) as u64);
+        self.learn(observation.view.as_ref().map_or(0, |view| view.free.iter().map(|&cell| u64::from(cell)).sum()));
+        self.learn((ctx.map.free() * 100_000 + ctx.map.wall()) as u64);
+        for contact in &observation.contacts {
+            self.learn(u64::from(contact.agent.0) ^ contact.position.y.to_bits());
+        }
+        for parcel in &observation.parcels {
+            self.learn(u64::from(parcel.from.0) + 100 * u64::from(parcel.kind));
+            parcel.data.iter().for_each(|&byte| self.learn(byte.into()));
+        }
+    }
+
+    fn motion(&mut self, observation: &Observation) -> Motion {
+        let rng = &mut self.rng;
+        let here = observation.pose.position;
+        let mut beside = || here + Vector3::new(0.0, 0.0, 0.0).map(|_: f64| rng.random_range(-3.0..3.0));
+        match self.learnt % 8 {
+            0 => Motion::Stop,
+            1 => Motion::Turn { angle_rad: rng.random_range(-3.0..3.0) },
+            2 => Motion::Path(vec![beside(), beside()]),
+            3 => Motion::Velocity {
+                linear_in_body_m_s: Vector3::new(rng.random_range(-1.0..2.0), 0.3, rng.random_range(-0.5..0.5)),
+                yaw_rate_rad_s: rng.random_range(-1.0..1.0),
+            },
+            4 | 5 => Motion::Move { pitch_rad: rng.random_range(-1.0..1.0), distance_m: rng.random_range(0.0..8.0) },
+            _ => Motion::Keep,
+        }
+    }
+
+    fn parcels(&mut self, ctx: Ctx<'_>) -> Vec<Parcel> {
+        let rng = &mut self.rng;
+        let count = rng.random_range(0..3);
+        let mut parcel = || Parcel {
+            to: rng.random_bool(0.5).then(|| AgentId(rng.random_range(0..ctx.briefing.agents))),
+            kind: rng.random(),
+            data: (0..rng.random_range(0..2000)).map(|_| rng.random()).collect(),
+        };
+        (0..count).map(|_| parcel()).collect()
+    }
+}
+
+impl Controller for Gossip {
+    fn decide(&mut self, observation: &Observation, ctx: Ctx<'_>) -> Command {
+        let is_due = observation.tick >= self.wake.at || observation.events & self.wake.events != 0;
+        if !is_due {
+            let turn = Motion::Turn { angle_rad: 0.1 };
+            return if self.acts_between { Command::new(turn, self.wake) } else { Command::keep(self.wake) };
+        }
+        self.learn_all(observation, ctx);
+        self.wake = Wake {
+            at: Tick(observation.tick.0 + self.rng.random_range(0..80)),
+            // Each of the five kinds of events, and all of their combinations.
+            events: self.rng.random_range(0..32),
+        };
+        Command {
+            motion: self.motion(observation),
+            lidar: match self.rng.random_range(0..12) {
+                0 => LidarRequest::Never,
+                1 => LidarRequest::Once,
+                2 => LidarRequest::Every(self.rng.random_range(1..20)),
+                _ => LidarRequest::Keep,
+            },
+            want_view: self.rng.random_bool(0.3),
+            parcels: self.parcels(ctx),
+            wake: self.wake,
+            info: if self.rng.random_bool(0.1) { format!("learnt {:x}", self.learnt) } else { String::new() },
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Setting {
+    look_ahead: bool,
+    groups: &'static [&'static [u32]],
+    threads: u32,
+    delays: bool,
+    acts_between: bool,
+}
+
+const APART: &[&[u32]] = &[&[0], &[1], &[2], &[3]];
+const PLAIN: Setting = Setting { look_ahead: true, groups: APART, threads: 1, delays: false, acts_between: false };
+
+fn play(setting: Setting) -> Played {
+    let mut play = Play::new(SCENARIO);
+    play.scenario.execution.look_ahead = setting.look_ahead;
+    play.scenario.execution.threads = setting.threads;
+    play.groups = setting.groups.iter().map(|group| group.to_vec()).collect();
+    play.with(move |end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
+        let controller = |id| Box::new(Gossip::new(id, setting.acts_between)) as Box<dyn Controller>;
+        let pause = || if setting.delays { disturb() };
+        serve(end, &ids, controller, pause, is_over);
+    })
+}
+
+/// Passes a random wall time of up to two milliseconds.
+#[expect(clippy::disallowed_methods, reason = "disturbing the wall time is what this is for")]
+fn disturb() {
+    std::thread::sleep(Duration::from_micros(rand::rng().random_range(0..2000)));
+}
+
+#[test]
+fn agents_that_talk_have_the_same_run_however_they_are_asked() {
+    let first = play(PLAIN);
+    let result = &first.outcome().result;
+    for name in ["collisions", "parcels_delivered", "parcels_out_of_contact", "scans_cast", "decisions"] {
+        assert!(counter(result, name) > 100, "the run has not enough {name}: {:?}", result.counters);
+    }
+    let ticks_of_all = 4 * result.tick;
+    assert!(counter(result, "decisions") < ticks_of_all / 2, "look-ahead leaves ticks out: {:?}", result.counters);
+
+    let together: &[&[u32]] = &[&[0, 1, 2, 3]];
+    let mixed: &[&[u32]] = &[&[3, 1], &[2, 0]];
+    for (what, setting) in [
+        ("again", PLAIN),
+        ("together", Setting { groups: together, ..PLAIN }),
+        ("mixed", Setting { groups: mixed, threads: 8, ..PLAIN }),
+        ("delays", Setting { delays: true, ..PLAIN }),
+        ("no look-ahead", Setting { look_ahead: false, ..PLAIN }),
+        ("no look-ahead, together", Setting { look_ahead: false, groups: together, threads: 2, ..PLAIN }),
+        ("would act, but is never asked", Setting { acts_between: true, ..PLAIN }),
+    ] {
+        let other = play(setting);
+        assert_eq!(&other.outcome().result, result, "{what}");
+        assert_eq!(other.digest(), first.digest(), "{what}");
+    }
+}
+
+#[test]
+fn an_agent_that_acts_when_it_is_not_due_has_another_run_without_look_ahead() {
+    let acting = Setting { acts_between: true, ..PLAIN };
+    let asked_always = play(Setting { look_ahead: false, ..acting });
+    assert_ne!(asked_always.digest(), play(acting).digest());
+    assert_eq!(asked_always.digest(), play(Setting { look_ahead: false, ..acting }).digest());
+}

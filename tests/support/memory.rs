@@ -1,0 +1,161 @@
+//! Runs in this process, over the in-memory link, with agents that the test brings along.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use agent_node::agent::{Agent, Reaction};
+use agent_node::controllers::Controller;
+use agent_node::link::{Inbound, Link as _};
+use agent_node::run::Options;
+use agent_node::wire;
+use experiments::in_memory::{self, AgentsEnd, ServerEnd};
+use msgs::ids::AgentId;
+use msgs::limits::PROTOCOL;
+use msgs::maes_msgs::Join;
+use sim_server::link::Link as ServerLink;
+use sim_server::run::{Outcome, RunError, Watcher};
+use sim_server::scenario::Scenario;
+use sim_server::setup;
+use sim_server::world::World;
+
+use super::bounded;
+
+/// A run with agents of the test.
+pub(crate) struct Play {
+    /// What is run.
+    pub(crate) scenario: Scenario,
+    /// Agents that share a thread.
+    pub(crate) groups: Vec<Vec<u32>>,
+    /// Where the recording goes.
+    pub(crate) record: Option<PathBuf>,
+    /// Called each time that people are told how far the run is.
+    pub(crate) watch: Box<dyn FnMut(&World) + Send>,
+    /// What stands between the server and the link.
+    pub(crate) server_link: fn(ServerEnd) -> Box<dyn ServerLink>,
+}
+
+/// What became of it.
+#[derive(Debug)]
+pub(crate) struct Played {
+    /// As the server says.
+    pub(crate) outcome: Result<Outcome, RunError>,
+    /// What people were told.
+    pub(crate) notes: Vec<String>,
+}
+
+impl Play {
+    /// A run with a thread for each agent, without a recording.
+    pub(crate) fn new(scenario: &str) -> Self {
+        let scenario = Scenario::parse("the test's scenario", scenario, &[]).expect("the scenario of a test is legal");
+        Self {
+            groups: (0..scenario.agents.count).map(|agent| vec![agent]).collect(),
+            scenario,
+            record: None,
+            watch: Box::new(|_| {}),
+            server_link: |end| Box::new(end),
+        }
+    }
+
+    /// Carries the run out. `node` is what a group does until the run is over or its flag is set.
+    #[track_caller]
+    pub(crate) fn with(self, node: impl Fn(AgentsEnd, Vec<AgentId>, &AtomicBool) + Send + Sync + 'static) -> Played {
+        bounded("a run in memory", move || {
+            let Self { scenario, groups, record, watch, server_link } = self;
+            let ids = |group: Vec<u32>| group.into_iter().map(AgentId).collect();
+            let groups: Vec<Vec<AgentId>> = groups.into_iter().map(ids).collect();
+            let (world, _) = setup::build(&scenario).expect("there is such a world");
+            let recorder = record.map(|file| setup::record(&file, &scenario, &world).expect("it can be recorded"));
+            let (server_end, agents_ends) = in_memory::link(&groups);
+            let mut link = server_link(server_end);
+            let mut watcher = Notes { notes: Vec::new(), watch };
+            let (stop, is_over) = (AtomicBool::new(false), AtomicBool::new(false));
+            let outcome = thread::scope(|scope| {
+                for (end, agents) in agents_ends.into_iter().zip(groups) {
+                    scope.spawn(|| node(end, agents, &is_over));
+                }
+                let outcome = sim_server::run::run(&scenario, world, &mut *link, recorder, &mut watcher, &stop);
+                is_over.store(true, Ordering::Relaxed);
+                outcome
+            });
+            Played { outcome, notes: watcher.notes }
+        })
+    }
+}
+
+impl Played {
+    /// The outcome.
+    #[track_caller]
+    pub(crate) fn outcome(&self) -> &Outcome {
+        self.outcome.as_ref().unwrap_or_else(|error| panic!("{error}\n{}", self.notes.join("\n")))
+    }
+
+    /// The digest.
+    #[track_caller]
+    pub(crate) fn digest(&self) -> String {
+        self.outcome().digest.to_string()
+    }
+}
+
+/// Keeps what people are told.
+struct Notes {
+    notes: Vec<String>,
+    watch: Box<dyn FnMut(&World) + Send>,
+}
+
+impl Watcher for Notes {
+    fn waiting(&mut self, _missing: &[AgentId]) {}
+
+    fn started(&mut self) {}
+
+    fn progress(&mut self, world: &World) {
+        (self.watch)(world);
+    }
+
+    fn note(&mut self, text: &str) {
+        self.notes.push(text.to_owned());
+    }
+}
+
+/// What a group does if it runs what the scenario says.
+pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
+    Options { agents, controller: None, settings: Vec::new(), instance, chaos_delay: Duration::ZERO }
+}
+
+/// Agents with controllers of the test: joins, and answers until the run is over. `pause` comes before each answer.
+pub(crate) fn serve(
+    mut link: AgentsEnd,
+    ids: &[AgentId],
+    controller: impl Fn(AgentId) -> Box<dyn Controller>,
+    mut pause: impl FnMut(),
+    is_over: &AtomicBool,
+) {
+    let mut agents = BTreeMap::new();
+    while !is_over.load(Ordering::Relaxed) {
+        let Some(message) = link.receive(Duration::from_millis(20)) else { continue };
+        match message {
+            Inbound::Scenario(scenario) => {
+                let briefing = wire::briefing(&scenario).expect("the server's scenario is legal");
+                for &id in ids {
+                    agents.insert(id.0, Agent::new(id, briefing.clone(), controller(id)));
+                    let controller = "of the test".to_owned();
+                    let last_tick = Join::NONE;
+                    link.join(&Join { agent: id.0, instance: 0, protocol: PROTOCOL, controller, last_tick });
+                }
+            }
+            Inbound::JoinReply(reply) => assert!(reply.accepted, "{}", reply.reason),
+            Inbound::Observation(part) => {
+                let agent = agents.get_mut(&part.agent).expect("the scenario comes first");
+                match agent.take(part).expect("the server's observations are legal") {
+                    Reaction::None => {}
+                    Reaction::Answer(command) | Reaction::Farewell(command) => {
+                        pause();
+                        link.answer(&command);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Recordings, as they are in the file.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use mcap::MessageStream;
+use mcap::read::Options;
+use msgs::cdr;
+use msgs::ids::Tick;
+use msgs::maes_msgs;
+use serde::de::DeserializeOwned;
+
+/// The messages of a recording, as far as it can be read.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Recording {
+    /// In the order of the file.
+    pub(crate) messages: Vec<Message>,
+}
+
+/// A message.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Message {
+    /// Its topic.
+    pub(crate) topic: String,
+    /// The tick that its stamp says.
+    pub(crate) tick: u64,
+    /// As CDR, with header.
+    pub(crate) data: Vec<u8>,
+}
+
+impl Recording {
+    /// Reads a file, whole or cut off.
+    #[track_caller]
+    pub(crate) fn read(file: &Path) -> Self {
+        let bytes = std::fs::read(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        Self::from_bytes(&bytes)
+    }
+
+    /// The same of bytes in memory.
+    #[track_caller]
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Self {
+        let stream = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into()).expect("it begins as MCAP");
+        let messages = stream.map_while(Result::ok).map(|message| {
+            assert_eq!(message.log_time % Tick::TICK_NS, 0, "stamps are sim time");
+            assert_eq!(message.log_time, message.publish_time);
+            Message {
+                topic: message.channel.topic.clone(),
+                tick: message.log_time / Tick::TICK_NS,
+                data: message.data.into_owned(),
+            }
+        });
+        Self { messages: messages.collect() }
+    }
+
+    /// The messages of a topic, decoded.
+    pub(crate) fn of<M: DeserializeOwned>(&self, topic: &str) -> Vec<M> {
+        let messages = self.messages.iter().filter(|message| message.topic == topic);
+        messages.map(|message| cdr::decode(&message.data).expect("a recorded message can be decoded")).collect()
+    }
+
+    /// The result, which is the last message.
+    #[track_caller]
+    pub(crate) fn result(&self) -> maes_msgs::Result {
+        let results = self.of("/sim/result");
+        let [result] = <[maes_msgs::Result; 1]>::try_from(results).expect("there is one result");
+        assert_eq!(self.messages.last().map(|message| message.topic.as_str()), Some("/sim/result"));
+        result
+    }
+
+    /// The digests of whole seconds, by tick.
+    pub(crate) fn digests(&self) -> BTreeMap<u64, [u8; 32]> {
+        let digests = self.of("/sim/digest").into_iter();
+        digests
+            .map(|digest: maes_msgs::Digest| (digest.tick, digest.digest))
+            .filter(|(tick, _)| tick.is_multiple_of(50))
+            .collect()
+    }
+
+    /// Fails unless this is the beginning of `whole`, at least `seconds` of sim time long.
+    #[track_caller]
+    pub(crate) fn assert_begins(&self, whole: &Self, seconds: usize) {
+        let (part, whole) = (self.digests(), whole.digests());
+        assert!(part.len() >= seconds, "{} digests, at least {seconds} were expected", part.len());
+        for (tick, digest) in part {
+            assert_eq!(Some(&digest), whole.get(&tick), "diverged at tick {tick}, or up to a second before");
+        }
+    }
+
+    /// Where two recordings part, for people.
+    pub(crate) fn first_difference(&self, other: &Self) -> String {
+        let number = self.messages.iter().zip(&other.messages).take_while(|(one, two)| one == two).count();
+        let name = |recording: &Self| {
+            let message = recording.messages.get(number)?;
+            let result = (message.topic == "/sim/result").then(|| recording.result());
+            Some(format!("{} of tick {} ({result:?})", message.topic, message.tick))
+        };
+        format!("message {number}: {:?} and {:?}", name(self), name(other))
+    }
+}
+
+/// The value of a counter.
+#[track_caller]
+pub(crate) fn counter(result: &maes_msgs::Result, name: &str) -> u64 {
+    let counter = result.counters.iter().find(|counter| counter.name == name);
+    counter.unwrap_or_else(|| panic!("no counter {name} in {:?}", result.counters)).value
+}
+
+/// All refusals that were counted, by name.
+pub(crate) fn refusals(result: &maes_msgs::Result) -> BTreeMap<&str, u64> {
+    let refusals = result.counters.iter().filter(|counter| counter.name.starts_with("refused_") && counter.value > 0);
+    refusals.map(|counter| (counter.name.as_str(), counter.value)).collect()
+}

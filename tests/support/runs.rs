@@ -1,0 +1,154 @@
+//! Runs as people start them: `run.sh`, the server, an agent, a run in memory.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use tempfile::TempDir;
+
+use super::domains::Domain;
+use super::processes::{Ended, Process};
+use super::recordings::Recording;
+use super::{Slot, binaries, root};
+
+/// A place for runs: a ROS domain and a folder. Dropping it removes the folder.
+pub(crate) struct Site {
+    domain: Domain,
+    folder: TempDir,
+}
+
+/// A run that is under way.
+pub(crate) struct Run {
+    process: Process,
+    _slot: Slot,
+}
+
+/// A run that came to its end, with its recording.
+pub(crate) struct Outcome {
+    /// How it ended.
+    pub(crate) ended: Ended,
+    /// The bytes of the recording.
+    pub(crate) bytes: Vec<u8>,
+}
+
+impl Site {
+    pub(crate) fn new() -> Self {
+        Self { domain: Domain::claim(), folder: tempfile::tempdir().expect("there is room for a folder") }
+    }
+
+    /// The domain.
+    pub(crate) fn domain(&self) -> &Domain {
+        &self.domain
+    }
+
+    /// A path in the folder.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// A text file in the folder.
+    pub(crate) fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.path(name);
+        std::fs::write(&path, content).expect("the folder can be written to");
+        path
+    }
+
+    /// The recording of that name.
+    #[track_caller]
+    pub(crate) fn recording(&self, name: &str) -> Recording {
+        Recording::read(&self.path(name))
+    }
+
+    /// A command in the domain and the folder, with nothing else of ROS in its environment.
+    pub(crate) fn command(&self, program: impl AsRef<OsStr>) -> Command {
+        let mut command = Command::new(program);
+        command
+            .current_dir(self.folder.path())
+            .env("ROS_DOMAIN_ID", self.domain.id().to_string())
+            .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+            .env_remove("ROS_LOCALHOST_ONLY")
+            .env("MAES_BIN_DIR", binaries::folder());
+        command
+    }
+
+    /// One of the binaries.
+    pub(crate) fn binary(&self, name: &str) -> Command {
+        self.command(binaries::folder().join(name))
+    }
+
+    /// `run.sh` with these arguments. Its logs go into the folder.
+    pub(crate) fn run_sh(&self, arguments: &[&str]) -> Command {
+        let mut command = self.command(root().join("launch_scripts/run.sh"));
+        command.args(arguments).arg("--logs").arg(self.path("logs"));
+        command
+    }
+
+    /// Starts a run when it is its turn.
+    pub(crate) fn start(&self, command: &mut Command) -> Run {
+        let slot = Slot::take();
+        Run { process: Process::start(command), _slot: slot }
+    }
+
+    /// Carries out `run.sh` with these arguments, and with a recording.
+    #[track_caller]
+    pub(crate) fn record(&self, arguments: &[&str]) -> Outcome {
+        self.record_with(&mut self.run_sh(arguments))
+    }
+
+    /// Carries out a command that is a run, with a recording.
+    #[track_caller]
+    pub(crate) fn record_with(&self, command: &mut Command) -> Outcome {
+        let file = self.path("run.mcap");
+        let ended = self.start(command.arg("--record").arg(&file)).ended().with_code(0);
+        let bytes = std::fs::read(&file).expect("there is a recording");
+        std::fs::remove_file(&file).expect("the recording can be removed");
+        Outcome { ended, bytes }
+    }
+}
+
+impl Outcome {
+    /// The digest as it was printed.
+    #[track_caller]
+    pub(crate) fn digest(&self) -> String {
+        self.ended.digest()
+    }
+
+    /// Fails if the other one is not the same run, byte for byte.
+    #[track_caller]
+    pub(crate) fn assert_same(&self, other: &Self, what: &str) {
+        assert_eq!(self.digest(), other.digest(), "{what}: digest");
+        if self.bytes != other.bytes {
+            let difference = Recording::from_bytes(&self.bytes).first_difference(&Recording::from_bytes(&other.bytes));
+            panic!("{what}: same digest, but other bytes: {difference}");
+        }
+    }
+}
+
+impl Run {
+    /// The process.
+    pub(crate) fn process(&mut self) -> &mut Process {
+        &mut self.process
+    }
+
+    /// Waits until the clock has started and the run is some way on.
+    #[track_caller]
+    pub(crate) fn is_under_way(&mut self) {
+        self.process.says("x real time");
+    }
+
+    /// Waits for the end.
+    #[track_caller]
+    pub(crate) fn ended(self) -> Ended {
+        self.process.ended()
+    }
+}
+
+/// A scenario that comes with the project.
+pub(crate) fn scenario(name: &str) -> PathBuf {
+    root().join("launch_scripts/scenarios").join(name)
+}
+
+/// Arguments of `run.sh` or `experiments single` for a scenario and flags.
+pub(crate) fn text(path: &Path) -> &str {
+    path.to_str().expect("paths of tests are texts")
+}
