@@ -27,7 +27,7 @@ fn reference() -> &'static Outcome {
 fn assert_five_agents_give_the_same(variants: &[&[&str]]) {
     let site = Site::new();
     for variant in variants {
-        let arguments = [&FIVE, *variant].concat();
+        let arguments = [&FIVE[..], variant].concat();
         site.record(&arguments).assert_same(reference(), &variant.join(" "));
     }
 }
@@ -130,7 +130,7 @@ fn the_settings_of_the_reference() {
             again.assert_same(&first, &format!("{name} {variant:?}"));
         }
         let path = scenario(name);
-        let over_ros = site.record(&[&[text(&path)], flags].concat());
+        let over_ros = site.record(&[&[text(&path)][..], flags].concat());
         over_ros.assert_same(&first, &format!("{name} over ROS 2"));
     }
 }
@@ -140,7 +140,7 @@ fn the_settings_of_the_reference() {
 fn what_determines_a_run_changes_its_digest() {
     let site = Site::new();
     let digest = |flags: &[&str]| {
-        let arguments = [&["--transport", "memory"], &SHORT[..], flags].concat();
+        let arguments = [&["--transport", "memory"][..], &SHORT, flags].concat();
         site.record(&arguments).digest()
     };
     let mut digests = vec![digest(&[])];

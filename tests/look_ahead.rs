@@ -3,6 +3,7 @@
 //! The agents here do everything that an agent can do, at random, and what they do hangs on everything they have learnt: they
 //! send parcels to each other, wait for every kind of event, and ask for scans and views.
 
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
@@ -14,6 +15,7 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::{Point3, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use sim_server::scenario::Scenario;
 
 use crate::support::memory::{Play, Played, serve};
 use crate::support::recordings::counter;
@@ -139,22 +141,43 @@ struct Setting {
 const APART: &[&[u32]] = &[&[0], &[1], &[2], &[3]];
 const PLAIN: Setting = Setting { look_ahead: true, groups: APART, threads: 1, delays: false, acts_between: false };
 
+/// Records a run of such agents, and says of which scenario.
+pub(crate) fn record(file: PathBuf) -> Scenario {
+    let mut play = prepare(PLAIN);
+    play.record = Some(file);
+    let scenario = play.scenario.clone();
+    carry_out(play, PLAIN).outcome();
+    scenario
+}
+
 fn play(setting: Setting) -> Played {
+    carry_out(prepare(setting), setting)
+}
+
+fn prepare(setting: Setting) -> Play {
     let mut play = Play::new(SCENARIO);
     play.scenario.execution.look_ahead = setting.look_ahead;
     play.scenario.execution.threads = setting.threads;
     play.groups = setting.groups.iter().map(|group| group.to_vec()).collect();
+    play
+}
+
+fn carry_out(play: Play, setting: Setting) -> Played {
     play.with(move |end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
         let controller = |id| Box::new(Gossip::new(id, setting.acts_between)) as Box<dyn Controller>;
-        let pause = || if setting.delays { disturb() };
+        let mut rng = msgs::seed::stream(5, ids[0].0.into(), "delays");
+        let pause = || {
+            if setting.delays {
+                disturb(Duration::from_micros(rng.random_range(0..2000)));
+            }
+        };
         serve(end, &ids, controller, pause, is_over);
     })
 }
 
-/// Passes a random wall time of up to two milliseconds.
 #[expect(clippy::disallowed_methods, reason = "disturbing the wall time is what this is for")]
-fn disturb() {
-    std::thread::sleep(Duration::from_micros(rand::rng().random_range(0..2000)));
+fn disturb(delay: Duration) {
+    std::thread::sleep(delay);
 }
 
 #[test]

@@ -1,23 +1,19 @@
 //! The agents' link over ROS 2: one participant for the process, and one node `agent_<id>` for each of its agents.
 //!
-//! Invariants: what is sent for one agent never waits for another one (see `ros/endpoints.rs`); what is on a topic of another agent,
-//! or addressed to one, does not come out. When to say something is decided in `run.rs`. This file and its folder are the only
-//! ones here that know the ROS client. Agents do not listen to `/clock`: an observation says what time it is.
-
-mod endpoints;
+//! Invariants: what is sent for one agent never waits for another one (see [`msgs::ros`]); what is on a topic of another agent,
+//! or addressed to one, does not come out. When to say something is decided in `run.rs`. This file is the only one here
+//! that knows the ROS client. Agents do not listen to `/clock`: an observation says what time it is.
 
 use std::time::Duration;
 
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
+use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Tally, Workshop, linger, now};
 use msgs::ros_env::RosEnv;
 use msgs::topics;
 use ros2_client::Node;
 
-pub use endpoints::RosError;
-
 use crate::link::{Inbound, Link};
-use endpoints::{Inbox, Outlet, Sample, Tally, Workshop, linger, now};
 
 /// The agents of a process in a ROS network.
 pub struct RosLink {
@@ -40,12 +36,13 @@ impl RosLink {
     /// # Errors
     /// If the network cannot be joined, or the system has not enough of something.
     pub fn new(agents: &[AgentId], env: &RosEnv) -> Result<Self, RosError> {
-        let context = endpoints::join(env, false)?;
+        ros::allow_open_files(u32::try_from(agents.len()).unwrap_or(u32::MAX))?;
+        let context = ros::join(env, false)?;
         let mut workshop = Workshop::default();
-        let mut inbox = Inbox::new();
+        let mut inbox = Inbox::default();
         let mut seats = Vec::new();
         for &agent in agents {
-            let mut node = endpoints::node(&context, &format!("agent_{agent}"))?;
+            let mut node = ros::node(&context, &format!("agent_{agent}"))?;
             if seats.is_empty() {
                 workshop.inlet(&mut node, &topics::scenario(), &mut inbox, |sample: Sample<Scenario>| {
                     message(sample).map(Inbound::Scenario)
@@ -115,13 +112,5 @@ fn observation(agent: AgentId, sample: Sample<Observation>) -> Result<Observatio
         Ok(observation)
     } else {
         Err(format!("an observation for agent {} on the topic of agent {agent}", observation.agent))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn both_binaries_have_the_same_endpoints() {
-        assert_eq!(include_str!("ros/endpoints.rs"), include_str!("../../sim_server/src/ros/endpoints.rs"));
     }
 }

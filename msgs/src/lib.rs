@@ -36,5 +36,7 @@ pub mod cdr;
 pub mod message;
 pub mod schema;
 
+#[cfg(feature = "ros")]
+pub mod ros;
 pub mod ros_env;
 pub mod seed;

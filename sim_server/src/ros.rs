@@ -1,31 +1,20 @@
 //! The server's link over ROS 2: one participant with one node `sim_server`, and three topics for each agent.
 //!
-//! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see `ros/endpoints.rs`); every message
+//! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`msgs::ros`]); every message
 //! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
-//! and its folder are the only ones here that know the ROS client.
-
-mod endpoints;
+//! is the only one here that knows the ROS client.
 
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
+use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Workshop, linger, now};
 use msgs::ros_env::RosEnv;
 use msgs::rosgraph_msgs::Clock;
 use msgs::topics;
 use ros2_client::{Context, Node};
 
-pub use endpoints::RosError;
-
 use crate::link::{Inbound, Incoming, Link, SourceId};
-use endpoints::{Inbox, Outlet, Sample, Workshop, linger, now};
-
-/// Open files of a process with a participant, and some to spare.
-const FILES: u64 = 256;
-
-/// Open files for each agent: four for each of two subscriptions, two for a publisher, and as many again for a publisher
-/// that is being replaced.
-const FILES_PER_AGENT: u64 = 12;
 
 /// Wall time between two looks at who listens to the clock; a look costs some ten microseconds.
 const AUDIENCE_PERIOD: Duration = Duration::from_millis(50);
@@ -49,15 +38,15 @@ impl RosLink {
     /// # Errors
     /// If the network cannot be joined, or the system has not enough of something.
     pub fn new(agents: u32, env: &RosEnv) -> Result<Self, RosError> {
-        allow_open_files(FILES + FILES_PER_AGENT * u64::from(agents))?;
-        let context = endpoints::join(env, true)?;
-        let mut node = endpoints::node(&context, "sim_server")?;
+        ros::allow_open_files(agents)?;
+        let context = ros::join(env, true)?;
+        let mut node = ros::node(&context, "sim_server")?;
         let mut workshop = Workshop::default();
         let clock = workshop.outlet(&mut node, &topics::clock())?;
         let scenario = workshop.outlet(&mut node, &topics::scenario())?;
         let join_reply = workshop.outlet(&mut node, &topics::join_reply())?;
         let progress = workshop.outlet(&mut node, &topics::progress())?;
-        let mut inbox = Inbox::new();
+        let mut inbox = Inbox::default();
         let mut observations = Vec::new();
         for agent in (0..agents).map(AgentId) {
             workshop.inlet(&mut node, &topics::join(agent), &mut inbox, move |sample: Sample<Join>| {
@@ -139,13 +128,4 @@ impl Audience {
 /// The name that ROS gives a topic in the middleware.
 fn dds_name(topic: &topics::Topic) -> String {
     format!("rt{}", topic.name)
-}
-
-/// Raises the limit of open files of this process as far as it is needed and allowed.
-fn allow_open_files(wanted: u64) -> Result<(), RosError> {
-    match rlimit::increase_nofile_limit(wanted) {
-        Ok(allowed) if allowed < wanted => Err(RosError::OpenFiles { wanted, allowed }),
-        // A system that does not tell its limit says so when it is reached.
-        Ok(_) | Err(_) => Ok(()),
-    }
 }

@@ -409,6 +409,6 @@ impl Run<'_> {
     clippy::disallowed_methods,
     reason = "time-outs, pacing and reports are of wall time; no result hangs on them"
 )]
-fn now() -> Instant {
+pub(crate) fn now() -> Instant {
     Instant::now()
 }

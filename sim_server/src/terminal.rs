@@ -13,7 +13,7 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs;
 
 use crate::lockstep::listed;
-use crate::run::{Outcome, Watcher};
+use crate::run::{Outcome, Watcher, now};
 use crate::world::World;
 
 /// Wall time between two plain lines.
@@ -168,9 +168,4 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
 /// Minutes and seconds.
 fn clock(seconds: f64) -> String {
     format!("{:02}:{:05.2}", (seconds / 60.0) as u64, seconds % 60.0)
-}
-
-#[expect(clippy::disallowed_methods, reason = "people are told about wall time")]
-fn now() -> Instant {
-    Instant::now()
 }

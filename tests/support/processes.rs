@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
+use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -11,6 +12,9 @@ use std::thread;
 use std::time::Duration;
 
 use super::HANG;
+
+/// Wall time between two looks at something that does not tell when it changes.
+const POLL: Duration = Duration::from_millis(20);
 
 /// Environment variable by which everything that a test has started can be found.
 const MARKER: &str = "MAES_END_TO_END";
@@ -41,6 +45,8 @@ impl Process {
     pub(crate) fn start(command: &mut Command) -> Self {
         static STARTED: AtomicU32 = AtomicU32::new(0);
         let marker = format!("{}-{}", std::process::id(), STARTED.fetch_add(1, Ordering::Relaxed));
+        // A group of its own, as a terminal makes it for each command.
+        command.process_group(0);
         command.env(MARKER, &marker).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let what = format!("{command:?}");
         let mut child = command.spawn().unwrap_or_else(|error| panic!("{what}: {error}"));
@@ -78,6 +84,34 @@ impl Process {
     pub(crate) fn prints(&mut self, text: &str) -> String {
         let found = self.stdout.find(text, HANG);
         found.unwrap_or_else(|| panic!("never printed on stdout: {text}\n{}", self.story()))
+    }
+
+    /// Waits, between the lines that it says, until `holds`.
+    #[track_caller]
+    pub(crate) fn waits_until(&mut self, holds: impl Fn() -> bool) {
+        for _ in 0..HANG.as_millis() / POLL.as_millis() {
+            if holds() {
+                return;
+            }
+            self.says_within("\u{0}", POLL);
+        }
+        panic!("it never came to that\n{}", self.story());
+    }
+
+    /// Waits until it handles a signal by itself.
+    #[track_caller]
+    pub(crate) fn handles(&mut self, name: &str) {
+        let bit = 1_u64 << (match name {
+            "INT" => 2,
+            "TERM" => 15,
+            other => panic!("{other} is not looked for"),
+        } - 1);
+        let pid = self.pid;
+        self.waits_until(|| {
+            let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+            let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+            caught.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & bit != 0)
+        });
     }
 
     /// This process and its descendants that are still there: command lines by process id.
@@ -199,7 +233,16 @@ impl Lines {
 
 /// Sends a signal, such as `INT`, to a process; that it is gone already is no failure.
 pub(crate) fn signal(pid: u32, name: &str) {
-    let kill = Command::new("bash").args(["-c", &format!("kill -s {name} -- {pid}")]).stderr(Stdio::null()).status();
+    kill(&pid.to_string(), name);
+}
+
+/// Sends a signal to the group of a process that was started here, as a terminal does.
+pub(crate) fn signal_group(pid: u32, name: &str) {
+    kill(&format!("-{pid}"), name);
+}
+
+fn kill(target: &str, name: &str) {
+    let kill = Command::new("bash").args(["-c", &format!("kill -s {name} -- {target}")]).stderr(Stdio::null()).status();
     kill.expect("bash runs");
 }
 

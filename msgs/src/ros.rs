@@ -1,6 +1,7 @@
 //! The ROS client as the links use it: one participant, publishers that never wait, subscriptions that are waited for together.
 //!
-//! This file is the same in `sim_server` and in `agent_node`, which know nothing of each other; a test compares the two.
+//! Behind the feature `ros`: what the links of `sim_server` and `agent_node` have in common. Those two files and this one are the
+//! only ones that know the ROS client.
 //!
 //! Invariants: publishing returns at once, whatever readers do: a message that cannot be sent is counted, told about and
 //! dropped, for the protocol sends again; a reader that has died holds up its own topic for [`RENEWAL_PERIOD`] at the most;
@@ -18,9 +19,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::task::{Context as TaskContext, Poll, Wake, Waker};
 use std::time::{Duration, Instant};
 
-use msgs::message::Message;
-use msgs::ros_env::{DiscoveryRange, RosEnv};
-use msgs::topics::{self, Durability, Reliability};
+use crate::message::Message;
+use crate::ros_env::{DiscoveryRange, RosEnv};
+use crate::topics::{self, Durability, Reliability};
 use ros2_client::qos::{self, QosProfile, WhenFull};
 use ros2_client::{
     Context, CreateError, MessageTypeName, Name, Node, NodeCreateError, NodeName, NodeOptions, Publisher, Subscription,
@@ -94,11 +95,34 @@ pub enum RosError {
     },
 }
 
+/// Open files of a process with a participant, and some to spare.
+const FILES: u64 = 256;
+
+/// Open files for each agent: four for each of two subscriptions, two for a publisher, and as many again for a publisher
+/// that is being replaced.
+const FILES_PER_AGENT: u64 = 12;
+
+/// Raises the limit of open files of this process as far as endpoints for this many agents need it.
+///
+/// # Errors
+/// If the system does not allow as many.
+pub fn allow_open_files(agents: u32) -> Result<(), RosError> {
+    let wanted = FILES + FILES_PER_AGENT * u64::from(agents);
+    match rlimit::increase_nofile_limit(wanted) {
+        Ok(allowed) if allowed < wanted => Err(RosError::OpenFiles { wanted, allowed }),
+        // A system that does not tell its limit says so when it is reached.
+        Ok(_) | Err(_) => Ok(()),
+    }
+}
+
 /// Joins the network that the environment names.
 ///
 /// A process that `is_met_by_all` is one that every other process must find, whoever starts first: it takes one of the first
 /// numbers on its machine, and the others leave some of them free.
-pub(super) fn join(env: &RosEnv, is_met_by_all: bool) -> Result<Context, RosError> {
+///
+/// # Errors
+/// If discovery is off, or the middleware does not start.
+pub fn join(env: &RosEnv, is_met_by_all: bool) -> Result<Context, RosError> {
     let participant = || {
         let builder = DomainParticipantBuilder::new(env.domain_id);
         match env.range {
@@ -141,7 +165,10 @@ fn discovery_port(domain_id: u16, participant_id: u16) -> u16 {
 }
 
 /// A node without parameter services and without a log topic.
-pub(super) fn node(context: &Context, name: &str) -> Result<Node, RosError> {
+///
+/// # Errors
+/// If the middleware refuses it.
+pub fn node(context: &Context, name: &str) -> Result<Node, RosError> {
     let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
     NodeName::new("/", name)
         .map_err(|error| NodeCreateError::BadParameter(error.to_string()))
@@ -151,13 +178,16 @@ pub(super) fn node(context: &Context, name: &str) -> Result<Node, RosError> {
 
 /// Makes endpoints, not too many at a time.
 #[derive(Default)]
-pub(super) struct Workshop {
+pub struct Workshop {
     made: usize,
 }
 
 impl Workshop {
     /// A publisher of this topic.
-    pub(super) fn outlet<M: Message + Clone>(
+    ///
+    /// # Errors
+    /// If the middleware refuses it.
+    pub fn outlet<M: Message + Clone>(
         &mut self,
         node: &mut Node,
         topic: &topics::Topic,
@@ -170,7 +200,10 @@ impl Workshop {
     }
 
     /// Adds a subscription of this topic to the inbox. `convert` makes of each sample what the inbox gives out.
-    pub(super) fn inlet<M: Message + 'static, T>(
+    ///
+    /// # Errors
+    /// If the middleware refuses it.
+    pub fn inlet<M: Message + 'static, T>(
         &mut self,
         node: &mut Node,
         topic: &topics::Topic,
@@ -223,7 +256,7 @@ fn qos_profile(qos: &topics::Qos) -> QosProfile {
 /// The middleware keeps a sample until every reliable reader has acknowledged it, and refuses new ones when it keeps 8192. A
 /// reader that was killed or stopped acknowledges nothing, and the middleware believes in it for up to 50 s. So a publisher
 /// that is refused is replaced by a new one, with a window of its own; living readers find it in a moment.
-pub(super) struct Outlet<M: Message> {
+pub struct Outlet<M: Message> {
     publisher: Publisher<M>,
     topic: rustdds::Topic,
     renewed: Instant,
@@ -232,7 +265,7 @@ pub(super) struct Outlet<M: Message> {
 
 impl<M: Message + Clone> Outlet<M> {
     /// Publishes, or counts the message as not sent.
-    pub(super) fn publish(&mut self, node: &mut Node, message: &M) {
+    pub fn publish(&mut self, node: &mut Node, message: &M) {
         let Err(error) = self.publisher.publish(message.clone()) else { return };
         let error = match error {
             WriteError::WouldBlock { data } if self.renewed.elapsed() >= RENEWAL_PERIOD => {
@@ -255,7 +288,7 @@ impl<M: Message + Clone> Outlet<M> {
 }
 
 /// A count that people are told about now and then.
-pub(super) struct Tally {
+pub struct Tally {
     what: String,
     count: u64,
     reported: Option<Instant>,
@@ -263,12 +296,12 @@ pub(super) struct Tally {
 
 impl Tally {
     /// Counts what the words say.
-    pub(super) fn new(what: String) -> Self {
+    pub fn new(what: String) -> Self {
         Tally { what, count: 0, reported: None }
     }
 
     /// Counts one more.
-    pub(super) fn add(&mut self, reason: &dyn fmt::Display) {
+    pub fn add(&mut self, reason: &dyn fmt::Display) {
         self.count += 1;
         if self.reported.is_none_or(|reported| reported.elapsed() >= REPORT_PERIOD) {
             self.reported = Some(now());
@@ -278,15 +311,15 @@ impl Tally {
 }
 
 /// What came in on a topic.
-pub(super) struct Sample<M> {
+pub struct Sample<M> {
     /// The message, or why the bytes are none.
-    pub(super) message: Result<M, String>,
+    pub message: Result<M, String>,
     /// The participant that sent it: its GUID prefix and four zeros; all zeros if it is not known.
-    pub(super) source: [u8; 16],
+    pub source: [u8; 16],
 }
 
 /// Subscriptions that are waited for together.
-pub(super) struct Inbox<T> {
+pub struct Inbox<T> {
     ready: Arc<Ready>,
     inlets: Vec<Inlet<T>>,
 }
@@ -299,11 +332,13 @@ struct Inlet<T> {
 /// Takes the next sample of a subscription, or leaves the waker with it.
 type Take<T> = Box<dyn Fn(&mut TaskContext<'_>) -> Poll<T>>;
 
-impl<T> Inbox<T> {
-    pub(super) fn new() -> Self {
+impl<T> Default for Inbox<T> {
+    fn default() -> Self {
         Inbox { ready: Arc::default(), inlets: Vec::new() }
     }
+}
 
+impl<T> Inbox<T> {
     fn add(&mut self, take: Take<T>) {
         let number = self.inlets.len();
         let waker = Waker::from(Arc::new(Bell { inlet: number, ready: Arc::clone(&self.ready) }));
@@ -312,7 +347,7 @@ impl<T> Inbox<T> {
     }
 
     /// What came in next, or `None` if nothing came in time.
-    pub(super) fn receive(&mut self, timeout: Duration) -> Option<T> {
+    pub fn receive(&mut self, timeout: Duration) -> Option<T> {
         let begun = now();
         loop {
             let number = self.ready.next(timeout.saturating_sub(begun.elapsed()))?;
@@ -391,22 +426,23 @@ impl<'de, M: Deserialize<'de>> Deserialize<'de> for Decoded<M> {
     clippy::disallowed_methods,
     reason = "the ROS client does not tell whether its messages have been acknowledged"
 )]
-pub(super) fn linger() {
+pub fn linger() {
     std::thread::sleep(LINGER);
 }
 
+/// Wall time.
 #[expect(clippy::disallowed_methods, reason = "time-outs and reports are of wall time; no result hangs on them")]
-pub(super) fn now() -> Instant {
+pub fn now() -> Instant {
     Instant::now()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use msgs::rosgraph_msgs::Clock;
+    use crate::rosgraph_msgs::Clock;
 
     fn inbox_of(numbers: impl IntoIterator<Item = usize>) -> Inbox<usize> {
-        let mut inbox = Inbox::new();
+        let mut inbox = Inbox::default();
         for number in numbers {
             inbox.add(Box::new(move |_: &mut TaskContext<'_>| Poll::Ready(number)));
         }
@@ -422,7 +458,7 @@ mod tests {
 
     #[test]
     fn an_empty_topic_is_asked_again_when_it_rings() {
-        let mut inbox = Inbox::new();
+        let mut inbox = Inbox::default();
         let wakers = Arc::new(Mutex::new(Vec::new()));
         let left = Arc::clone(&wakers);
         inbox.add(Box::new(move |context: &mut TaskContext<'_>| {
@@ -441,9 +477,9 @@ mod tests {
 
     #[test]
     fn bytes_that_are_no_message_are_told_from_messages() {
-        let bytes = msgs::cdr::encode(&Clock::default());
-        assert!(msgs::cdr::decode::<Decoded<Clock>>(&bytes).unwrap().0.is_ok());
-        let broken = msgs::cdr::decode::<Decoded<Clock>>(&bytes[..9]).unwrap();
+        let bytes = crate::cdr::encode(&Clock::default());
+        assert!(crate::cdr::decode::<Decoded<Clock>>(&bytes).unwrap().0.is_ok());
+        let broken = crate::cdr::decode::<Decoded<Clock>>(&bytes[..9]).unwrap();
         assert_eq!(broken.0.unwrap_err(), "unexpected end of input");
     }
 

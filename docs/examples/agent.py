@@ -1,0 +1,115 @@
+#!/usr/bin/env python3
+"""An agent in Python: straight on until something is in the way, then a random turn.
+
+    eval "$(launch_scripts/ros_env.sh)"
+    python docs/examples/agent.py 0 & target/release/agent_node --id 1 &
+    target/release/sim_server run launch_scripts/scenarios/default.toml --agents 2 --decision-timeout 60
+
+It speaks the protocol of docs/topics.md and nothing more; its decisions are in `decide`.
+"""
+
+import math
+import random
+import secrets
+import sys
+
+import rclpy
+from maes_msgs.msg import Command, Join, JoinReply, Observation, Scenario, Task, Wake
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+PROTOCOL = 1
+RELIABLE = QoSProfile(depth=16)
+LATCHED = QoSProfile(depth=256, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def decide(command, parts, rng):
+    """Fills in what the agent does about an observation."""
+    first = parts[0]
+    command.wake.at_tick = 2**64 - 1
+    command.wake.events = Wake.TASK_DONE
+    if first.task_status == Observation.ACTIVE:
+        command.task.kind = Task.KEEP
+    elif first.collision == Observation.NONE and first.tick > 0:
+        command.task.kind = Task.MOVE
+        command.task.pitch_rad = rng.uniform(-0.5, 0.5)
+        command.task.distance_m = math.inf
+    else:
+        command.task.kind = Task.TURN
+        command.task.angle_rad = rng.uniform(-math.pi, math.pi)
+
+
+class Agent:
+    def __init__(self, number):
+        self.number = number
+        self.instance = secrets.randbits(64)
+        self.rng = None  # from the scenario
+        self.is_accepted = False
+        self.parts = {}  # of the observation that is arriving, by number
+        self.answer = None  # the last one, to repeat it when the same tick is asked again
+        self.is_done = False
+        node = self.node = rclpy.create_node(f"agent_{number}")
+        self.join_topic = node.create_publisher(Join, f"/agent_{number}/join", RELIABLE)
+        self.command_topic = node.create_publisher(Command, f"/agent_{number}/command", RELIABLE)
+        node.create_subscription(Scenario, "/sim/scenario", self.on_scenario, LATCHED)
+        node.create_subscription(JoinReply, "/sim/join_reply", self.on_reply, LATCHED)
+        node.create_subscription(Observation, f"/agent_{number}/observation", self.on_observation, RELIABLE)
+        node.create_timer(0.2, self.join)
+
+    def on_scenario(self, scenario):
+        self.rng = random.Random(f"{scenario.agents_seed} {self.number}")
+
+    def join(self):
+        if self.rng is not None and not self.is_accepted:
+            self.join_topic.publish(
+                Join(
+                    agent=self.number,
+                    instance=self.instance,
+                    protocol=PROTOCOL,
+                    controller="example",
+                    last_tick=Join.NONE,
+                )
+            )
+
+    def on_reply(self, reply):
+        if (reply.agent, reply.instance) == (self.number, self.instance):
+            if not reply.accepted:
+                sys.exit(f"refused: {reply.reason}")
+            self.is_accepted = True
+
+    def on_observation(self, part):
+        if not self.is_accepted:
+            return
+        if part.phase == Observation.RUNNING and self.answer is not None and part.tick <= self.answer.tick:
+            if part.tick == self.answer.tick and part.part + 1 == part.parts:
+                self.command_topic.publish(self.answer)
+            return
+        present = next(iter(self.parts.values()), part)
+        if (present.tick, present.phase) != (part.tick, part.phase):
+            self.parts = {}
+        self.parts[part.part] = part
+        if len(self.parts) < part.parts:
+            return
+        parts = [self.parts[number] for number in range(part.parts)]
+        self.parts = {}
+        self.answer = Command(tick=part.tick, agent=self.number)
+        if part.phase == Observation.ENDED:
+            self.is_done = True
+        else:
+            decide(self.answer, parts, self.rng)
+        self.command_topic.publish(self.answer)
+
+
+def main():
+    if len(sys.argv) != 2:
+        sys.exit("usage: agent.py NUMBER")
+    rclpy.init()
+    agent = Agent(int(sys.argv[1]))
+    while not agent.is_done:
+        rclpy.spin_once(agent.node)
+    # A moment for the receipt to leave.
+    rclpy.spin_once(agent.node, timeout_sec=0.3)
+    rclpy.shutdown()
+
+
+if __name__ == "__main__":
+    main()

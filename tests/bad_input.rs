@@ -1,0 +1,234 @@
+//! What is wrong is named in one line, with exit code 2, and nothing is written.
+
+use std::path::Path;
+
+use crate::support::processes::{Ended, Process};
+use crate::support::recordings::Recording;
+use crate::support::runs::{Site, scenario, text};
+use crate::support::{bounded, root};
+
+/// A scenario without mistakes, for three agents.
+const LEGAL: &str = "seed = 7\nduration_s = 40.0\n[map]\nkind = \"spheres\"\nsize = 30\n[agents]\ncount = 3\n";
+
+/// Fails unless a process has ended because of bad input, with one line that holds all of `words`.
+#[track_caller]
+fn assert_bad_input(ended: &Ended, words: &[&str]) {
+    assert_eq!(ended.code, Some(2), "exit code\n{ended}");
+    assert_eq!(ended.stdout, "", "nothing on stdout\n{ended}");
+    assert_eq!(ended.stderr.lines().count(), 1, "one line on stderr\n{ended}");
+    assert!(ended.stderr.starts_with("error: "), "{ended}");
+    for word in words {
+        assert!(ended.stderr.contains(word), "no `{word}` in: {}", ended.stderr);
+    }
+}
+
+/// Whatever carries out a run refuses it, and leaves no recording.
+#[track_caller]
+fn assert_no_run(site: &Site, scenario: &Path, flags: &[&str], words: &[&str]) {
+    let file = site.path("run.mcap");
+    let flags = [flags, &["--record", text(&file)]].concat();
+    let mut server = site.binary("sim_server");
+    let mut single = site.binary("experiments");
+    for command in [
+        server.arg("run").arg(scenario).args(&flags),
+        single.arg("single").arg(scenario).args(&flags),
+        &mut site.run_sh(&[&[text(scenario)][..], &flags].concat()),
+    ] {
+        assert_bad_input(&Process::start(command).ended(), words);
+        assert!(!file.exists(), "{command:?} has left a recording");
+    }
+}
+
+#[test]
+fn scenarios() {
+    let site = Site::new();
+    let refuse = |content: &str, words: &[&str]| {
+        assert_no_run(&site, &site.file("s.toml", content), &[], words);
+    };
+    refuse("seed = 7\nduration_s = [\n", &["s.toml:2:15: "]);
+    refuse(&LEGAL.replace("count", "cuont"), &["s.toml:7:1: ", "unknown field `cuont`"]);
+    refuse(&format!("{LEGAL}[lidra]\n"), &["s.toml:8:2: ", "unknown field `lidra`"]);
+    refuse(&LEGAL.replace("count = 3", "count = \"three\""), &["s.toml:7:9: "]);
+    refuse(&LEGAL.replace("seed = 7\n", ""), &["s.toml", "missing field `seed`"]);
+    refuse(&LEGAL.replace("40.0", "0.03"), &["s.toml: duration_s = 0.03: expected a multiple of 0.02"]);
+    refuse(&LEGAL.replace("count = 3", "count = 0"), &["s.toml: agents.count = 0: expected 1 to"]);
+    refuse(&format!("{LEGAL}[body]\nradius_m = nan\n"), &["s.toml: body.radius_m = NaN: expected"]);
+    refuse(&LEGAL.replace("size = 30", "size = 2000"), &["map", "2000", "1 to 1024"]);
+    refuse(&LEGAL.replace("size = 30", "size = 5"), &["map", "radius_min is 3"]);
+    assert_no_run(&site, &site.path("nowhere.toml"), &[], &["nowhere.toml: No such file"]);
+}
+
+#[test]
+fn flags_that_change_a_scenario() {
+    let site = Site::new();
+    let legal = site.file("s.toml", LEGAL);
+    for (flags, words) in [
+        (&["--agents", "0"][..], &["agents.count = 0"][..]),
+        (&["--duration", "-1"], &["duration_s = -1"]),
+        (&["--set", "agents.cuont=1"], &["--set agents.cuont=1: unknown field `cuont`"]),
+        (&["--set", "seed.x=1"], &["--set seed.x=1: `seed` in `seed.x` is not a table"]),
+        (&["--set", "faults.on_agent_loss=panic"], &["--set faults.on_agent_loss=", "abort"]),
+    ] {
+        assert_no_run(&site, &legal, flags, words);
+    }
+}
+
+#[test]
+fn maps() {
+    let site = Site::new();
+    let legal = site.file("s.toml", LEGAL);
+    let refuse = |map: &str, words: &[&str]| assert_no_run(&site, &legal, &["--map", map], words);
+    refuse("nowhere.m3dm", &["nowhere.m3dm: No such file"]);
+
+    let made = site.path("good.m3dm");
+    let mut generate = site.binary("sim_server");
+    generate.args(["map", "generate", "--size", "20", "--seed", "1", "--output"]).arg(&made);
+    Process::start(&mut generate).ended().with_code(0);
+    let good = std::fs::read(&made).expect("the map was written");
+    assert_eq!(good.len(), 1003, "three bytes of header and a bit for each cell");
+
+    site.file("short.m3dm", &good[..100]);
+    refuse("short.m3dm", &["short.m3dm: byte 100: ", "expected length 1003 bytes"]);
+    site.file("long.m3dm", [&good[..], &[0]].concat());
+    refuse("long.m3dm", &["long.m3dm: ", "expected length 1003 bytes"]);
+    site.file("header.m3dm", b"no map at all");
+    refuse("header.m3dm", &["header.m3dm: byte ", "expected length"]);
+    site.file("empty.m3dm", b"");
+    refuse("empty.m3dm", &["empty.m3dm: byte 0"]);
+    site.file("solid.m3dm", [&good[..3], &[0xff; 1000]].concat());
+    refuse("solid.m3dm", &["solid.m3dm", "free"]);
+    site.file("letters.txt", "##\n#x\n");
+    refuse("letters.txt", &["letters.txt: line 2, column 2: 'x' is no cell"]);
+    site.file("map.bmp", &good);
+    refuse("map.bmp", &["map.bmp", ".m3dm", ".txt"]);
+}
+
+#[test]
+fn spawns() {
+    let site = Site::new();
+    let list = |poses: &str| site.file("s.toml", format!("{LEGAL}[spawn]\nkind = \"list\"\nposes = {poses}\n"));
+    let refuse = |poses: &str, words: &[&str]| assert_no_run(&site, &list(poses), &[], words);
+    refuse("[[0.5, 0.5, 0.5], [1, 2, 3], [1, 2, 3]]", &["spawn.poses[0]: a body of radius 0.4 m does not fit at [0.5"]);
+    refuse("[[15.5, 15.5, 15.5]]", &["spawn.poses: 1 poses for 3 agents"]);
+    refuse("[[1], [1], [1]]", &["spawn.poses[0]: expected [x, y, z]"]);
+    let legal = site.file("s.toml", LEGAL);
+    assert_no_run(&site, &legal, &["--agents", "1000"], &["spawn: no free cube of 10 x 10 x 10 cells for 1000 agents"]);
+    assert_no_run(&site, &legal, &["--set", "body.radius_m=0.6"], &["bodies of radius 0.6 m do not fit"]);
+}
+
+#[test]
+fn controllers_and_their_settings() {
+    let site = Site::new();
+    let legal = site.file("s.toml", LEGAL);
+    for transport in ["ros2", "memory"] {
+        let run = |flags: &[&str]| {
+            let flags = [&[text(&legal), "--transport", transport][..], flags].concat();
+            site.start(&mut site.run_sh(&flags)).ended().with_code(2)
+        };
+        let unknown = run(&["--controller", "rwb"]).stderr;
+        assert!(unknown.contains("error: controller rwb: unknown; known are rbw, rbw-maes3d"), "{transport}: {unknown}");
+        let setting = run(&["--set", "agents.set.pitch_max_rad=9"]).stderr;
+        assert!(setting.contains("error: controller rbw: setting pitch_max_rad = 9: expected"), "{transport}: {setting}");
+    }
+}
+
+#[test]
+fn an_unknown_controller_leaves_no_recording_of_a_run_in_memory() {
+    let site = Site::new();
+    let file = site.path("run.mcap");
+    let mut single = site.binary("experiments");
+    single.arg("single").arg(scenario("default.toml")).args(["--controller", "rwb", "--record"]).arg(&file);
+    assert_bad_input(&Process::start(&mut single).ended(), &["controller rwb: unknown"]);
+    assert!(!file.exists());
+}
+
+#[test]
+fn the_ros_environment() {
+    let site = Site::new();
+    let file = site.path("run.mcap");
+    let mut server = site.binary("sim_server");
+    server.arg("run").arg(scenario("default.toml")).arg("--record").arg(&file).env("ROS_DOMAIN_ID", "233");
+    assert_bad_input(&Process::start(&mut server).ended(), &["ROS_DOMAIN_ID is \"233\"; allowed are 0 to 232"]);
+    assert!(!file.exists());
+}
+
+#[test]
+fn arguments_of_the_script() {
+    let site = Site::new();
+    for (arguments, words) in [
+        (&["--order", "sideways"][..], "--order sideways: expected forward, reverse or shuffle"),
+        (&["--transport", "pigeon"], "--transport pigeon: expected ros2 or memory"),
+        (&["--agents-per-process", "0"], "--agents-per-process 0: expected a number from 1"),
+        (&["a.toml", "b.toml"], "unexpected argument: b.toml"),
+    ] {
+        let mut command = site.command(root().join("launch_scripts/run.sh"));
+        assert_bad_input(&Process::start(command.args(arguments)).ended(), &[words]);
+    }
+    let mut command = site.command(root().join("launch_scripts/run.sh"));
+    assert_bad_input(&Process::start(command.arg("--seed")).ended(), &["--seed needs a value"]);
+}
+
+/// A recording of a short run, in bytes.
+fn short_recording(site: &Site) -> Vec<u8> {
+    let flags = ["--agents", "2", "--size", "20", "--duration", "20", "--set", "stop_when_explored=false"];
+    site.record(&[&["--transport", "memory"][..], &flags].concat()).bytes
+}
+
+#[test]
+fn files_that_are_no_recordings() {
+    let site = Site::new();
+    let whole = short_recording(&site);
+    let info = |name: &str| Process::start(site.binary("sim_server").arg("info").arg(site.path(name))).ended();
+    assert_bad_input(&info("nowhere.mcap"), &["nowhere.mcap: No such file"]);
+    site.file("text.mcap", "not a recording");
+    assert_bad_input(&info("text.mcap"), &["text.mcap: no MCAP recording"]);
+    site.file("empty.mcap", "");
+    assert_bad_input(&info("empty.mcap"), &["empty.mcap: "]);
+    site.file("start.mcap", &whole[..40]);
+    assert_bad_input(&info("start.mcap"), &["start.mcap: "]);
+
+    let mut other = mcap::Writer::new(std::io::Cursor::new(Vec::new())).expect("memory can be written");
+    other.finish().expect("memory can be written");
+    site.file("other.mcap", other.into_inner().into_inner());
+    assert_bad_input(&info("other.mcap"), &["other.mcap: not a recording of this simulator"]);
+}
+
+#[test]
+fn recordings_that_are_cut_off_are_read_up_to_there() {
+    let site = Site::new();
+    let whole = short_recording(&site);
+    let all = Recording::from_bytes(&whole);
+    let file = site.path("cut.mcap");
+    bounded("reading recordings that are cut off", move || {
+        let mut most = 0;
+        for length in (0..whole.len()).step_by(31) {
+            std::fs::write(&file, &whole[..length]).expect("the folder can be written to");
+            let Ok(info) = sim_server::info::read(&file) else {
+                assert_eq!(most, 0, "a longer file is read no further");
+                continue;
+            };
+            let count: u64 = info.messages.values().sum();
+            assert!(count >= most, "a longer file is read no less far");
+            most = count;
+            assert!(sim_server::info::text(&info).lines().last().expect("a text").starts_with("digest: "));
+        }
+        assert_eq!(most, all.messages.len() as u64);
+    });
+}
+
+#[test]
+fn recordings_with_a_wrong_byte_are_no_panic() {
+    let site = Site::new();
+    let whole = short_recording(&site);
+    let file = site.path("wrong.mcap");
+    bounded("reading recordings with a wrong byte", move || {
+        for position in (0..whole.len()).step_by(29) {
+            let mut wrong = whole.clone();
+            wrong[position] ^= 0xff;
+            std::fs::write(&file, &wrong).expect("the folder can be written to");
+            if let Ok(info) = sim_server::info::read(&file) {
+                let _text = sim_server::info::text(&info);
+            }
+        }
+    });
+}

@@ -1,0 +1,356 @@
+//! Refused, counted, and without effect: the digest is that of honest agents.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::net::Ipv4Addr;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use agent_node::link::{Inbound as ToAgents, Link as AgentLink};
+use experiments::in_memory::{AgentsEnd, ServerEnd};
+use msgs::geometry_msgs::Point;
+use msgs::ids::{AgentId, Tick};
+use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
+use msgs::maes_msgs::{Command, Join, JoinReply, LidarRequest, Observation, Parcel, Progress, Scenario, Task};
+use msgs::topics::{self, Topic};
+use rand::RngExt;
+use ros2_client::{Context, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher};
+use rustdds::{DomainParticipantBuilder, QosPolicyBuilder, policy};
+use serde::ser::{Serialize, SerializeTuple, Serializer};
+use sim_server::link::{Inbound as ToServer, Incoming, Link as ServerLink, SourceId};
+use sim_server::run::RunError;
+
+use crate::support::domains::Domain;
+use crate::support::memory::{Play, honest};
+use crate::support::processes::signal;
+use crate::support::recordings::{Recording, refusals};
+use crate::support::runs::{Run, Site};
+use crate::support::{HANG, lock};
+
+/// Two agents that are asked at every tick, so that there is much to lie about.
+const SCENARIO: &str = "
+seed = 7
+duration_s = 4.0
+stop_when_explored = false
+[map]
+kind = \"spheres\"
+size = 20
+[agents]
+count = 2
+[execution]
+look_ahead = false
+";
+
+fn honest_digest() -> String {
+    let agents = |mut end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
+        agent_node::run::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("honest agents are welcome");
+    };
+    let played = Play::new(SCENARIO).with(agents);
+    assert_eq!(refusals(&played.outcome().result), BTreeMap::new());
+    played.digest()
+}
+
+/// Commands that no agent may give, made from one that it may.
+fn illegal(command: &Command) -> Vec<Command> {
+    let with = |change: &dyn Fn(&mut Command)| {
+        let mut changed = command.clone();
+        change(&mut changed);
+        changed
+    };
+    let task = |task: Task| with(&|command| command.task = task.clone());
+    let point = |x| Point { x, y: 1.0, z: 1.0 };
+    let mut commands = vec![
+        task(Task { kind: 6, ..Task::default() }),
+        task(Task { kind: 255, ..Task::default() }),
+        task(Task { kind: Task::PATH, path: Vec::new(), ..Task::default() }),
+        task(Task { kind: Task::PATH, path: vec![point(1.0); PATH_POINTS_MAX + 1], ..Task::default() }),
+        with(&|command| command.lidar = LidarRequest { kind: 4, period_ticks: 1 }),
+        with(&|command| command.lidar = LidarRequest { kind: LidarRequest::EVERY, period_ticks: 0 }),
+        with(&|command| command.info = "x".repeat(INFO_BYTES_MAX + 1)),
+        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: vec![0; PARCEL_BYTES_MAX + 1] }]),
+        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: vec![0; 20_000] }; 3]),
+        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: Vec::new() }; 10_000]),
+        with(&|command| command.parcels = vec![Parcel { agent: 2, kind: 0, data: vec![1] }]),
+    ];
+    for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300] {
+        commands.extend([
+            task(Task { kind: Task::MOVE, pitch_rad: wrong, distance_m: 1.0, ..Task::default() }),
+            task(Task { kind: Task::TURN, angle_rad: wrong, ..Task::default() }),
+            task(Task { kind: Task::VELOCITY, yaw_rate_rad_s: wrong, ..Task::default() }),
+            task(Task { kind: Task::PATH, path: vec![point(1.0), point(wrong)], ..Task::default() }),
+        ]);
+        let mut velocity = Task { kind: Task::VELOCITY, ..Task::default() };
+        velocity.linear_m_s.z = wrong;
+        commands.push(task(velocity));
+    }
+    for wrong in [f64::NAN, f64::NEG_INFINITY, -0.1] {
+        commands.push(task(Task { kind: Task::MOVE, distance_m: wrong, ..Task::default() }));
+    }
+    commands
+}
+
+/// The link of two agents that lie in every tick, once before they answer and once after.
+struct Liars {
+    inner: AgentsEnd,
+    lied: [Option<u64>; 2],
+    told: Arc<Mutex<BTreeMap<&'static str, u64>>>,
+}
+
+impl Liars {
+    fn tell(&mut self, counter: &'static str, command: &Command) {
+        *lock(&self.told).entry(counter).or_default() += 1;
+        self.inner.answer(command);
+    }
+
+    /// Lies that go out before the true answer, so that they are there while it is awaited.
+    fn lie(&mut self, command: &Command) {
+        // Unlike any true answer, which the server may get twice.
+        let info = "lie".to_owned();
+        let changed = |tick: u64, agent: u32| Command { tick, agent, info: info.clone(), ..command.clone() };
+        let Command { tick, agent, .. } = *command;
+        for wrong in [tick.wrapping_sub(1), tick + 1, tick + 1_000_000, u64::MAX] {
+            self.tell("refused_wrong_tick", &changed(wrong, agent));
+        }
+        for stranger in [2, 1000, u32::MAX] {
+            self.tell("refused_unknown_agent", &changed(tick, stranger));
+        }
+        if tick == 100 {
+            for _ in 0..10_000 {
+                self.tell("refused_wrong_tick", &changed(99, agent));
+            }
+        }
+        for command in illegal(command) {
+            self.tell("refused_illegal_command", &command);
+        }
+    }
+}
+
+impl AgentLink for Liars {
+    fn join(&mut self, join: &Join) {
+        self.inner.join(&Join { protocol: PROTOCOL + 1, ..join.clone() });
+        self.inner.join(&Join { agent: 7, ..join.clone() });
+        let mut told = lock(&self.told);
+        *told.entry("refused_wrong_protocol").or_default() += 1;
+        *told.entry("refused_unknown_agent").or_default() += 1;
+        drop(told);
+        self.inner.join(join);
+    }
+
+    fn answer(&mut self, command: &Command) {
+        let lied = &mut self.lied[command.agent as usize];
+        if *lied == Some(command.tick) {
+            // The server asks again, because this machine is slow: no reason for more lies than were counted.
+            return self.inner.answer(command);
+        }
+        *lied = Some(command.tick);
+        self.lie(command);
+        self.inner.answer(command);
+        // Agent 1 answers after agent 0, in the order of their observations, so that here the tick is not over yet.
+        if command.agent == 0 {
+            let stop = Task { kind: Task::STOP, ..Task::default() };
+            self.tell("refused_second_answer", &Command { task: stop, ..command.clone() });
+        }
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<ToAgents> {
+        // The refusals of this link's own false joins.
+        let is_true = |message: &ToAgents| !matches!(message, ToAgents::JoinReply(reply) if !reply.accepted);
+        self.inner.receive(timeout).filter(is_true)
+    }
+}
+
+#[test]
+fn lies_are_refused_and_counted_and_change_nothing() {
+    let told = Arc::new(Mutex::new(BTreeMap::new()));
+    let mut play = Play::new(SCENARIO);
+    play.groups = vec![vec![0, 1]];
+    let shared = Arc::clone(&told);
+    let played = play.with(move |inner, ids, is_over| {
+        let mut link = Liars { inner, lied: [None; 2], told: Arc::clone(&shared) };
+        agent_node::run::run(&mut link, &honest(0, ids), is_over).expect("the lies do not concern the agent");
+    });
+    let told = lock(&told).clone();
+    assert!(told["refused_illegal_command"] > 10_000 && told["refused_wrong_tick"] > 10_000, "{told:?}");
+    assert_eq!(refusals(&played.outcome().result), told);
+    assert_eq!(played.digest(), honest_digest());
+    assert!(played.notes.iter().any(|note| note.contains("agent 1, tick ")), "agent and tick are told");
+    assert!(played.notes.len() < 100, "a flood of lies is no flood of words: {} notes", played.notes.len());
+}
+
+/// A server's end where strangers put in a word.
+struct Strangers {
+    inner: ServerEnd,
+    waiting: VecDeque<Incoming>,
+}
+
+const STRANGER: SourceId = SourceId([0xee; 16]);
+
+impl Strangers {
+    fn say(&mut self, topic: u32, source: SourceId, message: ToServer) {
+        self.waiting.push_back(Incoming { topic_agent: AgentId(topic), source, message });
+    }
+}
+
+impl ServerLink for Strangers {
+    fn announce(&mut self, scenario: &Scenario) {
+        self.inner.announce(scenario);
+    }
+
+    fn reply_join(&mut self, reply: &JoinReply) {
+        self.inner.reply_join(reply);
+    }
+
+    fn send(&mut self, agent: AgentId, part: &Observation) {
+        let stop = Task { kind: Task::STOP, ..Task::default() };
+        let command = Command { tick: part.tick, agent: agent.0, task: stop, ..Command::default() };
+        let other = 1 - agent.0;
+        self.say(agent.0, STRANGER, ToServer::Command(command.clone()));
+        self.say(other, STRANGER, ToServer::Command(command));
+        self.say(agent.0, STRANGER, ToServer::Undecodable { reason: "noise".to_owned() });
+        let join = Join { agent: agent.0, instance: 1, protocol: PROTOCOL, controller: "x".to_owned(), last_tick: 0 };
+        self.say(agent.0, STRANGER, ToServer::Join(join.clone()));
+        self.say(other, STRANGER, ToServer::Join(join));
+        self.inner.send(agent, part);
+    }
+
+    fn clock(&mut self, tick: Tick) {
+        self.inner.clock(tick);
+    }
+
+    fn progress(&mut self, progress: &Progress) {
+        self.inner.progress(progress);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        self.waiting.pop_front().or_else(|| self.inner.receive(timeout))
+    }
+}
+
+#[test]
+fn strangers_are_refused_and_counted_and_change_nothing() {
+    let mut play = Play::new(SCENARIO);
+    play.server_link = |inner| Box::new(Strangers { inner, waiting: VecDeque::new() });
+    let played = play.with(|mut end, ids, is_over| {
+        // The refusals of what strangers wish concern them, not the agents: the instance tells.
+        agent_node::run::run(&mut end, &honest(u64::from(ids[0].0) + 10, ids), is_over).expect("agents are welcome");
+    });
+    let refusals = refusals(&played.outcome().result);
+    let asked = refusals["refused_not_joined"];
+    assert!(asked >= 2 * 200, "{refusals:?}");
+    let all = ["refused_id_taken", "refused_not_joined", "refused_undecodable", "refused_wrong_topic"];
+    assert_eq!(refusals.keys().copied().collect::<Vec<_>>(), all);
+    for (name, factor) in [("refused_id_taken", 1), ("refused_undecodable", 1), ("refused_wrong_topic", 2)] {
+        assert_eq!(refusals[name], factor * asked, "{name} in {refusals:?}");
+    }
+    assert_eq!(played.digest(), honest_digest());
+}
+
+/// Neither the time-out nor the end of a run may wait until an agent has no more to say.
+#[test]
+fn an_agent_that_talks_without_end_and_does_not_answer_is_lost() {
+    let mut play = Play::new(SCENARIO);
+    play.scenario.execution.decision_timeout_s = 0.5;
+    let played = play.with(move |mut end, ids, is_over| {
+        if ids[0] == AgentId(0) {
+            agent_node::run::run(&mut end, &honest(0, ids), is_over).expect("agent 0 is welcome");
+            return;
+        }
+        end.join(&Join { agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+        while !is_over.load(Ordering::Relaxed) {
+            for _ in 0..100 {
+                end.answer(&Command { tick: u64::MAX, agent: 1, ..Command::default() });
+            }
+            end.receive(Duration::from_millis(1));
+        }
+    });
+    match played.outcome {
+        Err(RunError::AgentsLost { lost, tick: Tick(0), .. }) => assert_eq!(lost, [AgentId(1)]),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Bytes as they are, whatever the type of the topic.
+struct Noise(Vec<u8>);
+
+impl Serialize for Noise {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut bytes = serializer.serialize_tuple(self.0.len())?;
+        self.0.iter().try_for_each(|byte| bytes.serialize_element(byte))?;
+        bytes.end()
+    }
+}
+
+/// A process in the domain of a run that has not joined it, with a publisher on a topic of agent 0.
+struct Rogue {
+    node: Node,
+    _context: Context,
+}
+
+impl Rogue {
+    fn new(domain: &Domain) -> Self {
+        let participant = DomainParticipantBuilder::new(domain.id()).with_only_networks([Ipv4Addr::LOCALHOST]);
+        let participant = participant.build().expect("the domain has room");
+        let context = Context::from_domain_participant(participant).expect("the domain has room");
+        let name = NodeName::new("/", "rogue").expect("a legal name");
+        let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
+        let node = context.new_node(name, options).expect("the domain has room");
+        Self { node, _context: context }
+    }
+
+    fn publisher<M: Serialize>(&mut self, topic: &Topic) -> Publisher<M> {
+        let qos = QosPolicyBuilder::new()
+            .reliability(policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::ZERO })
+            .history(policy::History::KeepLast { depth: 1 })
+            .build();
+        let name = Name::parse(&topic.name).expect("a legal name");
+        let kind = MessageTypeName::new(topic.message.package, topic.message.name);
+        let topic = self.node.create_topic(&name, kind, &qos).expect("a topic");
+        self.node.create_publisher(&topic, None).expect("a publisher")
+    }
+}
+
+#[test]
+fn noise_on_a_real_network_is_refused_and_counted_and_changes_nothing() {
+    let site = Site::new();
+    let flags = ["--agents", "2", "--size", "20", "--duration", "600", "--set", "stop_when_explored=false"];
+    let whole = site.record(&[&flags[..], &["--transport", "memory"]].concat());
+    let whole = Recording::from_bytes(&whole.bytes);
+
+    let mut run = site.start(&mut site.run_sh(&[&flags[..], &["--rtf", "10", "--record", "run.mcap"]].concat()));
+    run.is_under_way();
+    let mut rogue = Rogue::new(site.domain());
+    let noise_on_commands = rogue.publisher(&topics::command(AgentId(0)));
+    let noise_on_joins = rogue.publisher(&topics::join(AgentId(1)));
+    let mut rng = msgs::seed::stream(1, 0, "noise");
+    let mut noise = || Noise((0..rng.random_range(0..200)).map(|_| rng.random()).collect());
+    say_until(&mut run, "a message on a topic of agent 0 cannot be decoded", || noise_on_commands.publish(noise()));
+    say_until(&mut run, "a message on a topic of agent 1 cannot be decoded", || noise_on_joins.publish(noise()));
+
+    let commands = rogue.publisher(&topics::command(AgentId(0)));
+    let stop = Task { kind: Task::STOP, ..Task::default() };
+    let command = Command { task: stop, ..Command::default() };
+    say_until(&mut run, "a command for agent 0 came from a process that has not joined as it", || {
+        commands.publish(command.clone())
+    });
+
+    signal(run.process().pid(), "INT");
+    run.ended().with_code(130);
+    let recording = site.recording("run.mcap");
+    let result = recording.result();
+    let names: Vec<_> = refusals(&result).into_keys().collect();
+    assert_eq!(names, ["refused_not_joined", "refused_undecodable"]);
+    recording.assert_begins(&whole, 1);
+}
+
+/// Publishes again and again, because a publisher has to be found first, until the server has said `text`.
+#[track_caller]
+fn say_until<E: std::fmt::Debug>(run: &mut Run, text: &str, mut publish: impl FnMut() -> Result<(), E>) {
+    let pause = Duration::from_millis(50);
+    for _ in 0..HANG.as_millis() / pause.as_millis() {
+        publish().expect("a rogue is allowed to speak");
+        if run.process().says_within(text, pause) {
+            return;
+        }
+    }
+    panic!("the server never said: {text}");
+}

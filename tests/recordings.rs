@@ -1,0 +1,62 @@
+//! Recordings open with `rosbags`, `mcap` and `mcap-ros2-support` from PyPI, which the test installs.
+//!
+//! What a recording has to hold is said in `check_recording.py`, which knows nothing of this project's code.
+
+use std::path::Path;
+
+use sim_server::setup;
+use voxels::Terrain;
+
+use crate::look_ahead;
+use crate::support::processes::Process;
+use crate::support::python;
+use crate::support::runs::{Site, scenario, text};
+
+/// Fails unless Python finds everything in `file` that a run in a map with so many free cells has to leave there.
+#[track_caller]
+fn assert_opens(site: &Site, file: &Path, free_cells: usize) {
+    let info = Process::start(site.binary("sim_server").arg("info").arg(file)).ended().with_code(0);
+    let info_file = site.file("info.txt", &info.stdout);
+    let mut check = site.command(python::for_recordings());
+    check.arg(crate::support::root().join("tests/check_recording.py"));
+    check.arg(file).arg(info_file).arg(free_cells.to_string());
+    let checked = Process::start(&mut check).ended();
+    assert_eq!(checked.code, Some(0), "{checked}");
+    assert!(checked.stdout.ends_with("all right"), "{checked}");
+}
+
+#[test]
+fn a_run_over_ros() {
+    let site = Site::new();
+    let file = site.path("run.mcap");
+    let flags =
+        ["--agents", "5", "--controller", "rbw", "--size", "50", "--seed", "7", "--duration", "300", "--record"];
+    let run = site.start(&mut site.run_sh(&[&flags[..], &[text(&file)]].concat())).ended().with_code(0);
+    let told = run.stderr.lines().find_map(|line| line.strip_prefix("map seed 7: ")?.split_once(" free cells"));
+    let (free_cells, _) = told.expect("the server says what the map is like");
+    assert_opens(&site, &file, free_cells.parse().expect("a number of cells"));
+}
+
+#[test]
+fn a_run_of_agents_that_talk() {
+    let site = Site::new();
+    let file = site.path("run.mcap");
+    let scenario = look_ahead::record(file.clone());
+    let (world, report) = setup::build(&scenario).expect("there is such a world");
+    let free_cells = world.terrain().as_slice().iter().filter(|&&cell| cell == Terrain::Free).count();
+    assert_eq!(report.free_cells, free_cells, "the report counts the cells of the map");
+    assert_opens(&site, &file, free_cells);
+}
+
+#[test]
+fn the_settings_of_the_reference() {
+    let site = Site::new();
+    let file = site.path("run.mcap");
+    let path = scenario("maes3d.toml");
+    let flags = [text(&path), "--transport", "memory", "--duration", "60", "--record", text(&file)];
+    let run = site.start(&mut site.run_sh(&flags)).ended().with_code(0);
+    run.digest();
+    let loaded = setup::load(&path, &[]).expect("the scenario is legal");
+    let (_, report) = setup::build(&loaded).expect("there is such a world");
+    assert_opens(&site, &file, report.free_cells);
+}

@@ -1,0 +1,43 @@
+//! Python environments: made once by scripts, and kept.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use super::{binaries, root};
+
+/// Wall time that packages may take to be downloaded and built, as an argument of `timeout`.
+const INSTALLATION: &str = "1500";
+
+/// The interpreter with the packages that people open recordings with.
+pub(crate) fn for_recordings() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| {
+        let folder = binaries::target_folder().join("python-recording");
+        let script = root().join("tests/recording_env.sh");
+        let printed = prepared(Command::new("timeout").arg(INSTALLATION).arg(script).arg(folder));
+        PathBuf::from(printed.trim_end())
+    })
+}
+
+/// Makes a ROS 2 with our messages. A command of this environment begins with the words of [`in_ros`].
+pub(crate) fn prepare_ros() {
+    static PREPARED: OnceLock<()> = OnceLock::new();
+    PREPARED.get_or_init(|| {
+        prepared(Command::new("timeout").arg(INSTALLATION).arg(root().join("launch_scripts/ros_env.sh")));
+    });
+}
+
+/// A shell script that runs its arguments in the ROS 2 that [`prepare_ros`] has made.
+pub(crate) fn in_ros() -> [String; 3] {
+    let script = root().join("launch_scripts/ros_env.sh");
+    ["-c".to_owned(), format!("eval \"$({})\" && exec \"$@\"", script.display()), "bash".to_owned()]
+}
+
+/// What a command prints that has to succeed.
+fn prepared(command: &mut Command) -> String {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    let complaint = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?} ({}):\n{complaint}", output.status);
+    String::from_utf8(output.stdout).expect("paths are texts")
+}

@@ -1,0 +1,1 @@
+//! Rules of the workspace that the compiler does not check.
