@@ -27,6 +27,9 @@ const SEND_AGAIN_MAX: Duration = Duration::from_secs(1);
 /// Wall time for which the loop waits for a message before it looks at its other duties.
 const PATIENCE: Duration = Duration::from_millis(50);
 
+/// Wall time after the limit for which messages that have come in are still looked at.
+const OVERDUE_MAX: Duration = Duration::from_secs(1);
+
 /// Refusals of one kind that people are told about; the others are only counted, for an agent may flood.
 const NOTES_MAX: u64 = 5;
 
@@ -161,8 +164,11 @@ impl<'a> Exchange<'a> {
         let start = now();
         let mut patience = SEND_AGAIN_FIRST;
         let mut send_again = start + patience;
+        let mut overdue_since = None;
         while !barrier.is_complete() {
-            if let Some(incoming) = self.link.receive(PATIENCE) {
+            let incoming = self.link.receive(PATIENCE);
+            let is_silent = incoming.is_none();
+            if let Some(incoming) = incoming {
                 self.handle(incoming, &mut barrier, watcher);
             }
             // Looked at after every message, so that a flood of them puts off neither the limit nor the other agents.
@@ -170,7 +176,12 @@ impl<'a> Exchange<'a> {
             if barrier.is_complete() {
                 break;
             }
-            if now.duration_since(start) >= limit || stop.load(Ordering::Relaxed) {
+            // What came in time is still taken, if it was this process that could not look.
+            let is_overdue = now.duration_since(start) >= limit && {
+                let since = *overdue_since.get_or_insert(now);
+                is_silent || now.duration_since(since) >= OVERDUE_MAX
+            };
+            if is_overdue || stop.load(Ordering::Relaxed) {
                 let silent = barrier.missing().collect();
                 return Err(Silence { answers: barrier.into_answers_so_far(), silent });
             }
@@ -242,12 +253,14 @@ impl<'a> Exchange<'a> {
             return Err(Refusal::WrongTopic { topic, named: agent });
         }
         self.roster.check(agent, source)?;
-        let echoes = &mut self.echoes[agent.index()];
-        if *echoes > 0 && !barrier.awaits(agent) && self.last[agent.index()].as_ref() == Some(&command) {
-            *echoes -= 1;
-            return Ok(());
+        if let Err(refusal) = barrier.expect(agent, tick) {
+            let echoes = &mut self.echoes[agent.index()];
+            if *echoes > 0 && self.last[agent.index()].as_ref() == Some(&command) {
+                *echoes -= 1;
+                return Ok(());
+            }
+            return Err(refusal);
         }
-        barrier.expect(agent, tick)?;
         let (action, wake) =
             wire::command(&command, self.agents).map_err(|reason| Refusal::IllegalCommand { agent, tick, reason })?;
         self.last[agent.index()] = Some(command.clone());
