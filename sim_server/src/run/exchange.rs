@@ -27,8 +27,8 @@ const SEND_AGAIN_MAX: Duration = Duration::from_secs(1);
 /// Wall time for which the loop waits for a message before it looks at its other duties.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// Wall time after the limit for which messages that have come in are still looked at.
-const OVERDUE_MAX: Duration = Duration::from_secs(1);
+/// Wall time between two looks at the inbox that counts as waiting for an answer, at the most.
+const LOOK_MAX: Duration = Duration::from_millis(200);
 
 /// Refusals of one kind that people are told about; the others are only counted, for an agent may flood.
 const NOTES_MAX: u64 = 5;
@@ -161,33 +161,29 @@ impl<'a> Exchange<'a> {
         for asked in asked {
             self.send(asked);
         }
-        let start = now();
+        let mut last_looked = now();
+        let mut waited = Duration::ZERO;
         let mut patience = SEND_AGAIN_FIRST;
-        let mut send_again = start + patience;
-        let mut overdue_since = None;
+        let mut send_again = patience;
         while !barrier.is_complete() {
-            let incoming = self.link.receive(PATIENCE);
-            let is_silent = incoming.is_none();
-            if let Some(incoming) = incoming {
+            if let Some(incoming) = self.link.receive(PATIENCE) {
                 self.handle(incoming, &mut barrier, watcher);
             }
-            // Looked at after every message, so that a flood of them puts off neither the limit nor the other agents.
-            let now = now();
             if barrier.is_complete() {
                 break;
             }
-            // What came in time is still taken, if it was this process that could not look.
-            let is_overdue = now.duration_since(start) >= limit && {
-                let since = *overdue_since.get_or_insert(now);
-                is_silent || now.duration_since(since) >= OVERDUE_MAX
-            };
-            if is_overdue || stop.load(Ordering::Relaxed) {
+            // Looked at after every message, so that a flood of them puts off neither the limit nor the other agents. A time for
+            // which this process could not look, because it was stopped, is nobody's fault.
+            let looked = now();
+            waited += looked.duration_since(last_looked).min(LOOK_MAX);
+            last_looked = looked;
+            if waited >= limit || stop.load(Ordering::Relaxed) {
                 let silent = barrier.missing().collect();
                 return Err(Silence { answers: barrier.into_answers_so_far(), silent });
             }
-            if now >= send_again {
+            if waited >= send_again {
                 patience = (patience * 2).min(SEND_AGAIN_MAX);
-                send_again = now + patience;
+                send_again = waited + patience;
                 for asked in asked.iter().filter(|asked| barrier.awaits(asked.agent)) {
                     self.echoes[asked.agent.index()] += 1;
                     self.send(asked);
