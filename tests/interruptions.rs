@@ -235,3 +235,17 @@ fn a_recording_that_cannot_be_made_is_no_run() {
         }
     }
 }
+
+/// As when it is piped into `head`.
+#[test]
+fn a_run_that_nobody_listens_to_goes_on() {
+    let site = Site::new();
+    for transport in ["ros2", "memory"] {
+        let run_sh = site.run_sh(&[&LONG[..], &["--transport", transport, "--record", "run.mcap"]].concat());
+        let mut deaf = site.command("bash");
+        // A pipe whose reader has gone before anything is written to it.
+        deaf.arg("-c").arg("exec 3> >(:); wait $!; exec \"$@\" >&3 2>&3").arg("bash");
+        site.start(deaf.arg(run_sh.get_program()).args(run_sh.get_args())).ended().with_code(0);
+        assert_eq!(site.recording("run.mcap").result(), undisturbed(&site).result(), "{transport}");
+    }
+}

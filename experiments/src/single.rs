@@ -70,6 +70,7 @@ pub fn run(
     let (mut server_end, agents_ends) = in_memory::link(&groups);
     let agents_stop = AtomicBool::new(false);
     thread::scope(|scope| {
+        let server_ends = SetOnDrop(&agents_stop);
         let nodes: Vec<_> = (0..)
             .zip(groups)
             .zip(agents_ends)
@@ -86,10 +87,19 @@ pub fn run(
             })
             .collect();
         let outcome = sim_server::run::run(scenario, world, &mut server_end, recorder, watcher, stop);
-        agents_stop.store(true, Ordering::Relaxed);
+        drop(server_ends);
         for node in nodes {
             node.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
         }
         Ok(outcome?)
     })
+}
+
+/// Sets a flag at the end of a scope, even if that is a panic.
+struct SetOnDrop<'a>(&'a AtomicBool);
+
+impl Drop for SetOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
 }

@@ -4,7 +4,7 @@
 //! only ones that know the ROS client.
 //!
 //! Invariants: publishing returns at once, whatever readers do: a message that cannot be sent is counted, told about and
-//! dropped, for the protocol sends again; a reader that has died holds up its own topic for [`RENEWAL_PERIOD`] at the most;
+//! dropped, for the protocol sends again; a reader that has died holds up its own topic for `RENEWAL_PERIOD` at the most;
 //! subscriptions take turns, so that one full topic does not hide the others; bytes that are no message come out as an error
 //! and stop nothing.
 //!

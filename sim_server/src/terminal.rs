@@ -63,7 +63,8 @@ impl Terminal {
     pub fn say(&mut self, text: &str) {
         match &self.bar {
             Some(bar) => bar.println(text),
-            None => eprintln!("{text}"),
+            // A run does not end because nobody listens any more.
+            None => drop(writeln!(std::io::stderr(), "{text}")),
         }
         self.keep(text);
     }
