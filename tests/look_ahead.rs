@@ -23,7 +23,7 @@ use crate::support::recordings::counter;
 /// Four agents side by side, who lose sight of each other now and then.
 const SCENARIO: &str = "
 seed = 11
-duration_s = 60.0
+duration_s = 100.0
 stop_when_explored = false
 [map]
 kind = \"spheres\"

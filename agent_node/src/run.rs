@@ -14,6 +14,7 @@ use thiserror::Error;
 use crate::agent::{Agent, Reaction};
 use crate::controllers::{self, ControllerError};
 use crate::link::{Inbound, Link};
+use crate::sharing;
 use crate::wire::{self, WireError};
 
 /// Wall time between two attempts to join.
@@ -114,7 +115,7 @@ impl<'a> Process<'a> {
         let mut seats = BTreeMap::new();
         for &id in &options.agents {
             let controller = controllers::build(name, &settings, id, briefing.agents_seed)?;
-            let agent = Agent::new(id, briefing.clone(), controller);
+            let agent = Agent::new(id, briefing.clone(), controller, sharing::DEFAULT_PERIOD_TICKS);
             seats.insert(id, Seat { agent, is_accepted: false });
         }
         let label = if settings.is_empty() { name.clone() } else { format!("{name} {}", settings.join(" ")) };
