@@ -85,12 +85,27 @@ mkdir -p "$logs" || exit 1
 
 # The server comes first: on one machine, the processes that start first are found by all others. All run in sessions of their
 # own, so that Ctrl-C reaches this script alone, which knows who has to be told in which order.
+rm -f "$logs/ready"
 mkfifo "$logs/ready" && exec {ready}<>"$logs/ready" || exit 1
+
+# A signal goes to the server, which ends the run and tells the agents. It goes there as TERM, because what a script starts in
+# the background ignores INT until it says otherwise.
+server=
+interrupted=
+trap 'interrupted=1; [[ -z $server ]] || kill -TERM "$server" 2>/dev/null' INT TERM HUP
+
 setsid "$bin/sim_server" run "$scenario" "${server_flags[@]}" --log "$logs/server.log" --ready "$logs/ready" \
     {lock}>&- {ready}>&- &
 server=$!
+[[ -z $interrupted ]] || kill -TERM "$server"
 until read -r -t 0.1 -u "$ready"; do
-    kill -0 "$server" 2>/dev/null || { wait "$server"; exit $?; }
+    kill -0 "$server" 2>/dev/null && continue
+    wait "$server"
+    code=$?
+    rm -f "$logs/ready"
+    # It has not got as far as to handle the signal.
+    [[ -z $interrupted || $code != 143 ]] || code=130
+    exit "$code"
 done
 exec {ready}>&-
 rm "$logs/ready"
@@ -102,14 +117,11 @@ case $order in
 esac
 declare -A agents=()
 for first in $starts; do
+    [[ -z $interrupted ]] || break
     last=$((first + per_process < count ? first + per_process - 1 : count - 1))
     setsid "$bin/agent_node" --id "$first-$last" "${agent_flags[@]}" >"$logs/agent_$first.log" 2>&1 {lock}>&- &
     agents[$!]=$first
 done
-
-# A signal goes to the server, which ends the run and tells the agents.
-interrupted=
-trap 'interrupted=1; kill -INT "$server" 2>/dev/null' INT TERM HUP
 
 code=
 refusal=0

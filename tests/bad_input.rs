@@ -64,7 +64,7 @@ fn flags_that_change_a_scenario() {
     let legal = site.file("s.toml", LEGAL);
     for (flags, words) in [
         (&["--agents", "0"][..], &["agents.count = 0"][..]),
-        (&["--duration", "-1"], &["duration_s = -1"]),
+        (&["--set", "duration_s=-1.0"], &["duration_s = -1"]),
         (&["--set", "agents.cuont=1"], &["--set agents.cuont=1: unknown field `cuont`"]),
         (&["--set", "seed.x=1"], &["--set seed.x=1: `seed` in `seed.x` is not a table"]),
         (&["--set", "faults.on_agent_loss=panic"], &["--set faults.on_agent_loss=", "abort"]),
@@ -112,7 +112,12 @@ fn spawns() {
     refuse("[[15.5, 15.5, 15.5]]", &["spawn.poses: 1 poses for 3 agents"]);
     refuse("[[1], [1], [1]]", &["spawn.poses[0]: expected [x, y, z]"]);
     let legal = site.file("s.toml", LEGAL);
-    assert_no_run(&site, &legal, &["--agents", "1000"], &["spawn: no free cube of 10 x 10 x 10 cells for 1000 agents"]);
+    assert_no_run(
+        &site,
+        &legal,
+        &["--agents", "1000", "--size", "20", "--seed", "1"],
+        &["spawn: no free cube of 10 x 10 x 10 cells for 1000 agents"],
+    );
     assert_no_run(&site, &legal, &["--set", "body.radius_m=0.6"], &["bodies of radius 0.6 m do not fit"]);
 }
 
@@ -126,20 +131,28 @@ fn controllers_and_their_settings() {
             site.start(&mut site.run_sh(&flags)).ended().with_code(2)
         };
         let unknown = run(&["--controller", "rwb"]).stderr;
-        assert!(unknown.contains("error: controller rwb: unknown; known are rbw, rbw-maes3d"), "{transport}: {unknown}");
+        assert!(
+            unknown.contains("error: controller rwb: unknown; known are rbw, rbw-maes3d"),
+            "{transport}: {unknown}"
+        );
         let setting = run(&["--set", "agents.set.pitch_max_rad=9"]).stderr;
-        assert!(setting.contains("error: controller rbw: setting pitch_max_rad = 9: expected"), "{transport}: {setting}");
+        assert!(
+            setting.contains("error: controller rbw: setting pitch_max_rad = 9: expected"),
+            "{transport}: {setting}"
+        );
     }
 }
 
 #[test]
-fn an_unknown_controller_leaves_no_recording_of_a_run_in_memory() {
+fn an_unknown_controller_leaves_no_recording() {
     let site = Site::new();
     let file = site.path("run.mcap");
-    let mut single = site.binary("experiments");
-    single.arg("single").arg(scenario("default.toml")).args(["--controller", "rwb", "--record"]).arg(&file);
-    assert_bad_input(&Process::start(&mut single).ended(), &["controller rwb: unknown"]);
-    assert!(!file.exists());
+    for transport in ["ros2", "memory"] {
+        let flags = ["--transport", transport, "--controller", "rwb", "--record", text(&file)];
+        let ended = Process::start(&mut site.run_sh(&flags)).ended();
+        assert_bad_input(&ended, &["controller rwb: unknown; known are rbw, rbw-maes3d"]);
+        assert!(!file.exists(), "{transport}");
+    }
 }
 
 #[test]

@@ -11,8 +11,7 @@ use std::thread;
 use crate::support::runs::{Outcome, Site, scenario, text};
 
 /// The run that most of these tests are about.
-const FIVE: [&str; 10] =
-    ["--agents", "5", "--controller", "rbw", "--size", "50", "--seed", "7", "--duration", "300"];
+const FIVE: [&str; 10] = ["--agents", "5", "--controller", "rbw", "--size", "50", "--seed", "7", "--duration", "300"];
 
 /// A run that is short enough to be made slow.
 const SHORT: [&str; 8] = ["--agents", "3", "--size", "30", "--seed", "7", "--duration", "40"];
@@ -125,7 +124,8 @@ fn the_settings_of_the_reference() {
         ("default.toml", &["--controller", "rbw-maes3d", "--duration", "60", "--seed", "3"]),
     ] {
         let first = site.record_with(&mut in_memory(&site, name, flags));
-        for variant in [&[][..], &["--together"], &["--threads", "1"], &["--threads", "8"], &["--look-ahead", "false"]] {
+        for variant in [&[][..], &["--together"], &["--threads", "1"], &["--threads", "8"], &["--look-ahead", "false"]]
+        {
             let again = site.record_with(in_memory(&site, name, flags).args(variant));
             again.assert_same(&first, &format!("{name} {variant:?}"));
         }

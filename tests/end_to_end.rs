@@ -13,17 +13,17 @@ mod look_ahead;
 
 /// Scenarios, maps, recordings and arguments that are wrong: one line that says where, exit code 2, and no file.
 mod bad_input;
+/// Runs that are interrupted, servers that are killed, disks that are full.
+mod interruptions;
 /// Commands that lie, and bytes that are no commands: refused, counted, and without effect.
 mod liars;
 /// Agents that are missing, die, hang, or claim an id that is taken.
 mod lost_agents;
-/// Runs that are interrupted, servers that are killed, disks that are full.
-mod interruptions;
 
-/// Recordings open with the Python packages that people use, and hold what they should.
-mod recordings;
 /// A real ROS 2 node looks on, and the run does not care.
 mod onlookers;
+/// Recordings open with the Python packages that people use, and hold what they should.
+mod recordings;
 
 /// Rules of the workspace that the compiler does not check.
 mod tidy;

@@ -12,7 +12,7 @@ use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
 use experiments::in_memory::AgentsEnd;
 use msgs::ids::{AgentId, Tick};
-use nalgebra::{Point3, Vector3};
+use nalgebra::Vector3;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use sim_server::scenario::Scenario;
@@ -23,7 +23,7 @@ use crate::support::recordings::counter;
 /// Four agents side by side, who lose sight of each other now and then.
 const SCENARIO: &str = "
 seed = 11
-duration_s = 100.0
+duration_s = 120.0
 stop_when_explored = false
 [map]
 kind = \"spheres\"
@@ -74,7 +74,7 @@ impl Gossip {
     fn motion(&mut self, observation: &Observation) -> Motion {
         let rng = &mut self.rng;
         let here = observation.pose.position;
-        let mut beside = || here + Vector3::new(0.0, 0.0, 0.0).map(|_: f64| rng.random_range(-3.0..3.0));
+        let mut beside = || here + Vector3::from_fn(|_, _| rng.random_range(-3.0..3.0));
         match self.learnt % 8 {
             0 => Motion::Stop,
             1 => Motion::Turn { angle_rad: rng.random_range(-3.0..3.0) },
@@ -185,7 +185,7 @@ fn agents_that_talk_have_the_same_run_however_they_are_asked() {
     let first = play(PLAIN);
     let result = &first.outcome().result;
     for name in ["collisions", "parcels_delivered", "parcels_out_of_contact", "scans_cast", "decisions"] {
-        assert!(counter(result, name) > 100, "the run has not enough {name}: {:?}", result.counters);
+        assert!(counter(result, name) > 50, "the run has not enough {name}: {:?}", result.counters);
     }
     let ticks_of_all = 4 * result.tick;
     assert!(counter(result, "decisions") < ticks_of_all / 2, "look-ahead leaves ticks out: {:?}", result.counters);

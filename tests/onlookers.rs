@@ -8,7 +8,8 @@ use crate::support::runs::Site;
 use crate::support::{python, root};
 
 /// A run of two agents that are asked at every tick.
-const FLAGS: [&str; 8] = ["--agents", "2", "--size", "20", "--look-ahead", "false", "--set", "stop_when_explored=false"];
+const FLAGS: [&str; 8] =
+    ["--agents", "2", "--size", "20", "--look-ahead", "false", "--set", "stop_when_explored=false"];
 
 fn onlooker(site: &Site, arguments: &[&str]) -> Process {
     python::prepare_ros();

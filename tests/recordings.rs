@@ -14,7 +14,7 @@ use crate::support::runs::{Site, scenario, text};
 
 /// Fails unless Python finds everything in `file` that a run in a map with so many free cells has to leave there.
 #[track_caller]
-fn assert_opens(site: &Site, file: &Path, free_cells: usize) {
+fn assert_opens(site: &Site, file: &Path, free_cells: u64) {
     let info = Process::start(site.binary("sim_server").arg("info").arg(file)).ended().with_code(0);
     let info_file = site.file("info.txt", &info.stdout);
     let mut check = site.command(python::for_recordings());
@@ -44,8 +44,8 @@ fn a_run_of_agents_that_talk() {
     let scenario = look_ahead::record(file.clone());
     let (world, report) = setup::build(&scenario).expect("there is such a world");
     let free_cells = world.terrain().as_slice().iter().filter(|&&cell| cell == Terrain::Free).count();
-    assert_eq!(report.free_cells, free_cells, "the report counts the cells of the map");
-    assert_opens(&site, &file, free_cells);
+    assert_eq!(report.free_cells, free_cells as u64, "the report counts the cells of the map");
+    assert_opens(&site, &file, report.free_cells);
 }
 
 #[test]

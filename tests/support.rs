@@ -35,7 +35,8 @@ static SLOT_FREED: Condvar = Condvar::new();
 impl Slot {
     /// Waits for a place. Nobody who has one may wait for another.
     pub(crate) fn take() -> Self {
-        let mut free = SLOT_FREED.wait_while(lock(&SLOTS_FREE), |free| *free == 0).unwrap_or_else(PoisonError::into_inner);
+        let mut free =
+            SLOT_FREED.wait_while(lock(&SLOTS_FREE), |free| *free == 0).unwrap_or_else(PoisonError::into_inner);
         *free -= 1;
         Self(())
     }

@@ -1,1 +1,196 @@
 //! Rules of the workspace that the compiler does not check.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use sim_server::{scenario::Scenario, setup};
+
+use crate::support::binaries::cargo;
+use crate::support::root;
+
+/// The crates whose code is delivered.
+const CRATES: [&str; 5] = ["voxels", "msgs", "sim_server", "agent_node", "experiments"];
+
+/// Most lines of a file, its tests left out.
+const LINES_MAX: usize = 600;
+
+/// All files with this extension below a folder of the workspace, in order.
+fn files(folder: &str, extension: &str) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut open = vec![root().join(folder)];
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display())) {
+            let path = entry.expect("a folder can be listed").path();
+            if path.is_dir() {
+                open.push(path);
+            } else if path.extension().is_some_and(|found| found == extension) {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// A path as people write it.
+fn name(path: &Path) -> String {
+    path.strip_prefix(root()).unwrap_or(path).display().to_string()
+}
+
+/// Sources of a crate without their tests: files of tests, and what comes after the first `cfg(test)` of a file.
+fn sources(of: &str) -> Vec<(String, String)> {
+    let is_code = |path: &PathBuf| path.file_name().is_some_and(|name| name != "tests.rs");
+    let without_tests = |path: PathBuf| {
+        let text = read(&path);
+        let code = text.split("#[cfg(test)]").next().expect("a split has a first part").to_owned();
+        (name(&path), code)
+    };
+    let found: Vec<_> = files(&format!("{of}/src"), "rs").into_iter().filter(is_code).map(without_tests).collect();
+    assert!(!found.is_empty(), "{of} has sources");
+    found
+}
+
+/// Names of the packages that a crate is built from.
+fn dependencies(of: &str, flags: &[&str]) -> BTreeSet<String> {
+    let mut tree = cargo();
+    tree.args(["tree", "--locked", "-p", of, "-e", "normal,build", "--prefix", "none", "--format", "{p}"]).args(flags);
+    let output = tree.output().expect("cargo runs");
+    assert!(output.status.success(), "{tree:?}: {}", String::from_utf8_lossy(&output.stderr));
+    let lines = String::from_utf8(output.stdout).expect("names of packages are texts");
+    let names = lines.lines().filter_map(|line| line.split(' ').next()).filter(|name| *name != of);
+    names.map(str::to_owned).collect()
+}
+
+#[test]
+fn dependencies_point_one_way() {
+    let ours = |of: &str, flags: &[&str]| -> Vec<String> {
+        let all = dependencies(of, flags);
+        all.into_iter().filter(|name| CRATES.contains(&name.as_str())).collect()
+    };
+    assert_eq!(ours("voxels", &[]), [""; 0]);
+    assert_eq!(ours("msgs", &[]), [""; 0]);
+    assert_eq!(ours("sim_server", &[]), ["msgs", "voxels"]);
+    assert_eq!(ours("agent_node", &[]), ["msgs", "voxels"]);
+    assert_eq!(ours("experiments", &[]), ["agent_node", "msgs", "sim_server", "voxels"]);
+}
+
+#[test]
+fn only_the_binaries_know_the_ros_client() {
+    let knows = |of: &str, flags: &[&str]| dependencies(of, flags).contains("ros2-client");
+    for binary in ["sim_server", "agent_node"] {
+        assert!(knows(binary, &[]), "{binary} talks ROS 2");
+        assert!(!knows(binary, &["--no-default-features"]), "the feature `ros` of {binary} can be left out");
+    }
+    // What both binaries share of it is behind a feature of their messages.
+    assert!(!knows("voxels", &[]) && !knows("msgs", &[]));
+    assert!(knows("msgs", &["--features", "ros"]));
+}
+
+#[test]
+fn libraries_build_without_the_ros_client() {
+    let mut check = cargo();
+    check.args(["check", "--release", "--lib", "--no-default-features", "-p", "sim_server", "-p", "agent_node"]);
+    let output = check.output().expect("cargo runs");
+    assert!(output.status.success(), "{check:?}:\n{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn only_the_ros_files_name_the_ros_client() {
+    let mut naming = BTreeSet::new();
+    for (file, code) in CRATES.into_iter().flat_map(sources) {
+        if code.contains("ros2_client") || code.contains("rustdds") {
+            assert!(file.ends_with("src/ros.rs") || file.contains("/src/ros/"), "{file} names the ROS client");
+            naming.insert(file.split('/').next().unwrap_or_default().to_owned());
+        }
+    }
+    assert_eq!(naming.into_iter().collect::<Vec<_>>(), ["agent_node", "msgs", "sim_server"], "who has such files");
+}
+
+#[test]
+fn pure_modules_know_no_clock_no_files_no_network_and_no_threads() {
+    let pure = [
+        ("voxels", &[""][..]),
+        ("sim_server", &["world", "lockstep", "mapgen", "digest", "wire"]),
+        ("agent_node", &["agent", "controllers", "exploration_map", "command", "observation", "wire"]),
+    ];
+    for (of, modules) in pure {
+        for module in modules {
+            let is_of = |file: &str| {
+                let path = file.trim_start_matches(of).trim_start_matches("/src/").trim_end_matches(".rs");
+                module.is_empty() || path == *module || path.starts_with(&format!("{module}/"))
+            };
+            let files: Vec<_> = sources(of).into_iter().filter(|(file, _)| is_of(file)).collect();
+            assert!(!files.is_empty(), "{of} has a module {module}");
+            for (file, code) in files {
+                for word in ["std::time", "std::fs", "std::net", "std::thread", "std::process", "std::env", "std::{"] {
+                    assert!(!code.contains(word), "{file} names {word}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn files_are_short() {
+    for (file, code) in CRATES.into_iter().flat_map(sources) {
+        let lines = code.lines().count();
+        assert!(lines <= LINES_MAX, "{file} has {lines} lines, tests left out; {LINES_MAX} are allowed");
+    }
+}
+
+#[test]
+fn scenarios_can_be_run() {
+    let scenarios = files("launch_scripts/scenarios", "toml");
+    assert!(scenarios.len() >= 3, "{scenarios:?}");
+    for file in scenarios {
+        let scenario: Scenario = setup::load(&file, &[]).unwrap_or_else(|error| panic!("{error}"));
+        setup::build(&scenario).unwrap_or_else(|error| panic!("{}: {error}", name(&file)));
+    }
+}
+
+#[test]
+fn scripts_can_be_parsed() {
+    let parse = |program: &str, arguments: &[&str], file: &Path| {
+        let parsed = Command::new(program).args(arguments).arg(file).output().expect("the interpreter runs");
+        assert!(parsed.status.success(), "{}: {}", name(file), String::from_utf8_lossy(&parsed.stderr));
+    };
+    let mut shell = files("launch_scripts", "sh");
+    shell.extend(files("tests", "sh"));
+    shell.push(root().join(".ci/run"));
+    assert!(shell.iter().any(|file| file.ends_with("run.sh")));
+    for file in shell {
+        parse("bash", &["-n"], &file);
+    }
+    for file in files("tests", "py") {
+        parse("python3", &["-c", "import ast, sys; ast.parse(open(sys.argv[1], encoding='utf-8').read())"], &file);
+    }
+}
+
+/// Every path of the workspace that a document names is there.
+#[test]
+fn documents_name_files_that_exist() {
+    let folders: Vec<String> =
+        CRATES.into_iter().chain(["tests", "launch_scripts", "docs"]).map(str::to_owned).collect();
+    let mut documents = files("docs", "md");
+    documents.extend(files("launch_scripts/scenarios", "toml"));
+    documents.extend(["README.md", "ARCHITECTURE.md"].map(|document| root().join(document)));
+    let mut named = BTreeSet::new();
+    for document in documents {
+        let text = read(&document);
+        for word in text.split(|c: char| c.is_whitespace() || "`()[]<>,;:\"'|*{}".contains(c)) {
+            let path = word.trim_start_matches("./").trim_end_matches(['.', '/']);
+            let is_ours = path.split_once('/').is_some_and(|(folder, _)| folders.iter().any(|ours| ours == folder));
+            if is_ours {
+                assert!(root().join(path).exists(), "{} names {path}, which does not exist", name(&document));
+                named.insert(path.to_owned());
+            }
+        }
+    }
+    assert!(named.contains("launch_scripts/run.sh"), "the README says how to start a run: {named:?}");
+}

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws exploration.svg from a recording: the cave from above with the way of each agent, and the explored share over time.
+"""Draws exploration.svg from a recording: the cave from above with the agents' ways, and the explored share over time.
 
     python3 -m venv /tmp/maes-draw && /tmp/maes-draw/bin/pip install mcap mcap-ros2-support
     launch_scripts/run.sh --agents 5 --record run.mcap
@@ -50,7 +50,9 @@ def read(file):
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         documents = {attachment.name: attachment.data for attachment in reader.iter_attachments()}
         if "map.m3dm" not in documents:
-            sys.exit(f"{file}: no attachment map.m3dm, so the map is too large for this picture or the file is another one")
+            sys.exit(
+                f"{file}: no attachment map.m3dm, so the map is too large for this picture or the file is another one"
+            )
         ways, shares, cell_m, result = {}, [], 1.0, None
         for _schema, channel, message, content in reader.iter_decoded_messages(
             topics=["/sim/scenario", "/sim/progress", "/sim/result", "/tf"]
@@ -69,27 +71,32 @@ def read(file):
     return read_m3dm(documents["map.m3dm"]), cell_m, ways, shares, result
 
 
+def distance_squared(point, start, end):
+    """From a point to a segment."""
+    way = (end[0] - start[0], end[1] - start[1])
+    to_point = (point[0] - start[0], point[1] - start[1])
+    length_squared = way[0] ** 2 + way[1] ** 2
+    along = 0.0 if length_squared == 0 else (to_point[0] * way[0] + to_point[1] * way[1]) / length_squared
+    along = min(max(along, 0.0), 1.0)
+    return (to_point[0] - along * way[0]) ** 2 + (to_point[1] - along * way[1]) ** 2
+
+
 def simplified(points):
     """The points without those that hardly bend the line (Douglas and Peucker)."""
-    keep = [False] * len(points)
-    keep[0] = keep[-1] = True
+    keep = {0, len(points) - 1}
     spans = [(0, len(points) - 1)]
     while spans:
         first, last = spans.pop()
-        (ax, ay), (bx, by) = points[first], points[last]
-        length_squared = (bx - ax) ** 2 + (by - ay) ** 2
-
-        def off(point):
-            px, py = point[0] - ax, point[1] - ay
-            along = 0.0 if length_squared == 0 else (px * (bx - ax) + py * (by - ay)) / length_squared
-            along = min(max(along, 0.0), 1.0)
-            return (px - along * (bx - ax)) ** 2 + (py - along * (by - ay)) ** 2
-
-        farthest = max(range(first + 1, last), key=lambda i: off(points[i]), default=None)
-        if farthest is not None and off(points[farthest]) > TOLERANCE_M**2:
-            keep[farthest] = True
+        off = [distance_squared(point, points[first], points[last]) for point in points[first + 1 : last]]
+        if off and max(off) > TOLERANCE_M**2:
+            farthest = first + 1 + off.index(max(off))
+            keep.add(farthest)
             spans += [(first, farthest), (farthest, last)]
-    return [point for point, kept in zip(points, keep) if kept]
+    return [points[number] for number in sorted(keep)]
+
+
+def colour_of(agent):
+    return COLOURS[agent % len(COLOURS)]
 
 
 def polyline(points, colour, width, extra=""):
@@ -128,29 +135,35 @@ def draw_map(size, is_wall, cell_m, ways):
     x0, y0 = MAP["x"], MAP["y"]
     per_cell = MAP["size"] / max(size[0], size[1])
     width, height = size[0] * per_cell, size[1] * per_cell
-    at = lambda x, y: (x / cell_m * per_cell, height - y / cell_m * per_cell)
+
+    def at(x, y):
+        return x / cell_m * per_cell, height - y / cell_m * per_cell
+
     out = [text(x0, y0 - 24, "The cave from above and the way of each agent", extra='font-weight="600"')]
     out.append(f'<g transform="translate({x0} {y0})" shape-rendering="crispEdges">')
     out.append(f'<rect width="{width:.1f}" height="{height:.1f}" fill="{ROCK}"/>')
     out += draw_cave(size, is_wall, per_cell, height) + ["</g>"]
     out.append(f'<g transform="translate({x0} {y0})" fill="none" stroke-linejoin="round" stroke-linecap="round">')
     for agent, way in sorted(ways.items()):
-        out.append(polyline([at(*point) for point in simplified(way)], COLOURS[agent % len(COLOURS)], 1.6))
+        out.append(polyline([at(*point) for point in simplified(way)], colour_of(agent), 1.6))
     out.append("</g>")
     for agent, way in sorted(ways.items()):
         x, y = at(*way[-1])
-        out.append(f'<circle cx="{x0 + x:.1f}" cy="{y0 + y:.1f}" r="8" fill="{PAPER}" stroke="{COLOURS[agent % len(COLOURS)]}" stroke-width="2.2"/>')
+        ring = f'r="8" fill="{PAPER}" stroke="{colour_of(agent)}" stroke-width="2.2"'
+        out.append(f'<circle cx="{x0 + x:.1f}" cy="{y0 + y:.1f}" {ring}/>')
         out.append(text(x0 + x, y0 + y + 4, str(agent), "middle", extra='font-weight="600" font-size="11.5"'))
     starts = [at(*way[0]) for way in ways.values()]
     x, y = sum(x for x, _ in starts) / len(starts), sum(y for _, y in starts) / len(starts)
-    out.append(f'<path d="M{x0 + x - 5:.1f} {y0 + y:.1f}h10m-5 -5v10" stroke="{INK}" stroke-width="2.4" stroke-linecap="round"/>')
+    out.append(f'<path d="M{x0 + x - 5:.1f} {y0 + y:.1f}h10m-5 -5v10" stroke="{INK}" stroke-width="2.4"/>')
     step = 10 if max(size[0], size[1]) * cell_m <= 60 else 20
     for metres in range(0, int(size[0] * cell_m) + 1, step):
         out.append(text(x0 + metres / cell_m * per_cell, y0 + height + 18, str(metres), "middle", GREY))
     for metres in range(0, int(size[1] * cell_m) + 1, step):
         out.append(text(x0 - 8, y0 + height - metres / cell_m * per_cell + 4, str(metres), "end", GREY))
     out.append(text(x0 + width / 2, y0 + height + 36, "x, metres", "middle", GREY))
-    out.append(text(0, 0, "y, metres", "middle", GREY, f'transform="translate({x0 - 36} {y0 + height / 2:.1f}) rotate(-90)"'))
+    out.append(
+        text(0, 0, "y, metres", "middle", GREY, f'transform="translate({x0 - 36} {y0 + height / 2:.1f}) rotate(-90)"')
+    )
     return out
 
 
@@ -159,7 +172,10 @@ def draw_plot(shares, result):
     x0, y0, width, height = PLOT["x"], PLOT["y"], PLOT["width"], PLOT["height"]
     end_s = shares[-1][0]
     step_min = next(step for step in (1, 2, 5, 10, 20, 60) if end_s / 60 / step <= 8)
-    at = lambda t_s, share: (x0 + t_s / end_s * width, y0 + height - share * height)
+
+    def at(t_s, share):
+        return x0 + t_s / end_s * width, y0 + height - share * height
+
     out = [text(x0, y0 - 24, "Free cells seen, percent of the cave", extra='font-weight="600"')]
     for percent in range(0, 101, 20):
         x, y = at(0, percent / 100)
@@ -173,7 +189,7 @@ def draw_plot(shares, result):
     out.append('<g fill="none" stroke-linejoin="round" stroke-linecap="round">')
     for agent in range(len(shares[0][2])):
         points = [at(t_s, by[agent]) for t_s, _, by in shares]
-        out.append(polyline(points, COLOURS[agent % len(COLOURS)], 1.6))
+        out.append(polyline(points, colour_of(agent), 1.6))
     out.append(polyline([at(t_s, share) for t_s, share, _ in shares], INK, 3))
     out.append("</g>")
     # The key lies below on the right, where curves that only rise seldom come.
@@ -181,7 +197,7 @@ def draw_plot(shares, result):
     left, top = x0 + width - 126, y0 + height - 22 * rows
     out.append(f'<rect x="{left - 8}" y="{top - 34}" width="134" height="{22 * rows + 26}" fill="{PAPER}"/>')
     out.append(text(x0 + width - 2, top - 20, "at the end, percent", "end", GREY, 'font-size="12"'))
-    names = [("team", INK, 3)] + [(f"agent {a}", COLOURS[a % len(COLOURS)], 2) for a in range(len(shares[0][2]))]
+    names = [("team", INK, 3)] + [(f"agent {a}", colour_of(a), 2) for a in range(len(shares[0][2]))]
     for row, (name, colour, line) in enumerate(names):
         share = result.explored if row == 0 else result.explored_by[row - 1]
         y = top + 22 * row
@@ -200,11 +216,17 @@ def main():
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}"'
         ' font-family="system-ui, -apple-system, Segoe UI, Helvetica, Arial, sans-serif" font-size="13" role="img">',
-        "<title>A cave from above with the ways of its agents, and the share of it that they have seen over time</title>",
+        "<title>A cave from above with the ways of its agents, and the share of it that they have seen</title>",
         f'<rect x="0.5" y="0.5" width="{WIDTH - 1}" height="{HEIGHT - 1}" rx="8" fill="{PAPER}" stroke="{RULE}"/>',
         *draw_map(size, is_wall, cell_m, ways),
         *draw_plot(shares, result),
-        text(MAP["x"], HEIGHT - 14, "+ start  ·  numbered circles: last position  ·  lighter ground: more free cells above one another", colour=GREY, extra='font-size="12"'),
+        text(
+            MAP["x"],
+            HEIGHT - 14,
+            "+ start  ·  numbered circles: last position  ·  lighter ground: more free cells above one another",
+            colour=GREY,
+            extra='font-size="12"',
+        ),
         "</svg>",
     ]
     with open(sys.argv[2], "w", encoding="utf-8") as picture:

@@ -4,12 +4,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use agent_node::controllers;
 use agent_node::run::{Options, RunError as AgentError};
 use msgs::ids::AgentId;
 use sim_server::recorder::RecordError;
 use sim_server::run::{Outcome, RunError, Watcher};
 use sim_server::scenario::Scenario;
 use sim_server::setup::{self, SetupError};
+use sim_server::wire;
 use thiserror::Error;
 
 use crate::in_memory;
@@ -53,6 +55,9 @@ pub fn run(
     stop: &AtomicBool,
 ) -> Result<Outcome, SingleError> {
     let (world, _report) = setup::build(scenario)?;
+    let told = wire::scenario(scenario, &world.terrain().extent(), world.rays());
+    // Before a file is made for a run that there cannot be.
+    controllers::build(&told.controller, &told.settings, AgentId(0), told.agents_seed).map_err(AgentError::from)?;
     let recorder = match &scenario.execution.record {
         Some(file) => Some(setup::record(file, scenario, &world)?),
         None => None,

@@ -11,6 +11,9 @@ use thiserror::Error;
 
 use crate::setup::SCENARIO_ATTACHMENT;
 
+/// Longest record that is read, bytes, unless the file is longer: a damaged length must not fill the memory.
+const RECORD_BYTES_MAX: usize = 1 << 26;
+
 /// Why a recording cannot be described.
 #[derive(Debug, Error)]
 pub enum InfoError {
@@ -63,7 +66,10 @@ pub fn read(file: &Path) -> Result<Info, InfoError> {
     let mut info = Info::default();
     let mut has_scenario = false;
     let mut topics_by_channel = std::collections::BTreeMap::new();
-    let options = LinearReaderOptions::default().with_skip_end_magic(true);
+    let options = LinearReaderOptions::default()
+        .with_skip_end_magic(true)
+        .with_validate_chunk_crcs(true)
+        .with_record_length_limit(bytes.len().max(RECORD_BYTES_MAX));
     let mut reader = LinearReader::new_with_options(options);
     let mut position = 0;
     while let Some(event) = reader.next_event() {

@@ -79,16 +79,18 @@ mod serve {
                 .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
                 .context("handling signals")?;
         }
-        let recorder = match &scenario.execution.record {
-            Some(file) => Some(setup::record(file, &scenario, &world)?),
-            None => None,
+        let failed = |error: &dyn std::fmt::Display| {
+            eprintln!("error: {error}");
+            Ok(ExitCode::from(exit::FAILED))
+        };
+        let record = |file| setup::record(file, &scenario, &world);
+        let recorder = match scenario.execution.record.as_deref().map(record).transpose() {
+            Ok(recorder) => recorder,
+            Err(error) => return failed(&error),
         };
         let mut link = match RosLink::new(scenario.agents.count, &env) {
             Ok(link) => link,
-            Err(error) => {
-                eprintln!("error: {error}");
-                return Ok(ExitCode::from(exit::FAILED));
-            }
+            Err(error) => return failed(&error),
         };
         if let Some(file) = &args.ready {
             std::fs::write(file, "ready\n").context(file.display().to_string())?;

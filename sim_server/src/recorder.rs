@@ -94,7 +94,7 @@ impl Recorder {
             File::create(file).map_err(|source| RecordError::File { file: file.display().to_string(), source })?;
         let sink = Sink::new(handle);
         let begun = begin(sink.clone(), documents).and_then(|mut writer| writer.flush().map(|()| writer));
-        let writer = begun.map_err(|source| RecordError::Mcap { file: file.display().to_string(), source })?;
+        let writer = begun.map_err(|source| record_error(file, source))?;
         Ok(Self {
             file: file.to_owned(),
             sink,
@@ -177,7 +177,7 @@ impl Recorder {
     }
 
     fn mcap_error(&self, source: mcap::McapError) -> RecordError {
-        RecordError::Mcap { file: self.file.display().to_string(), source }
+        record_error(&self.file, source)
     }
 
     fn file_error(&self, source: std::io::Error) -> RecordError {
@@ -215,6 +215,15 @@ impl OpenChunk {
             start = end;
         }
         Ok(())
+    }
+}
+
+/// What the writer says, or what the system says if that is all it means.
+fn record_error(file: &Path, source: mcap::McapError) -> RecordError {
+    let file = file.display().to_string();
+    match source {
+        mcap::McapError::Io(source) => RecordError::File { file, source },
+        source => RecordError::Mcap { file, source },
     }
 }
 

@@ -127,10 +127,11 @@ pub fn run(
         stop,
         pool,
         decisions: 0,
+        digest_recorded: None,
+        progress_recorded: None,
         reported: now(),
     };
     run.log.write(Kind::Scenario, Tick::ZERO, &announcement)?;
-    run.log.write(Kind::Progress, Tick::ZERO, &wire::progress(&run.world))?;
     run.exchange.announce(&announcement);
     let admitted = run.admit();
     let started = now();
@@ -160,6 +161,8 @@ struct Run<'a> {
     stop: &'a AtomicBool,
     pool: rayon::ThreadPool,
     decisions: u64,
+    digest_recorded: Option<Tick>,
+    progress_recorded: Option<Tick>,
     reported: Instant,
 }
 
@@ -195,6 +198,7 @@ impl Run<'_> {
         let pace = Pace::new(self.scenario.execution.rtf, now());
         loop {
             self.exchange.clock(self.world.tick());
+            self.record_state()?;
             if self.scenario.stop_when_explored && self.world.coverage().is_explored() {
                 return Ok("explored");
             }
@@ -207,7 +211,6 @@ impl Run<'_> {
             if self.tick()?.is_break() {
                 return Ok(INTERRUPTED);
             }
-            self.record_state()?;
             if self.reported.elapsed() >= REPORT_PERIOD {
                 self.report()?;
             }
@@ -309,6 +312,7 @@ impl Run<'_> {
         Ok(actions)
     }
 
+    /// Records what is recorded of the state at the start of this tick.
     fn record_state(&mut self) -> Result<(), RunError> {
         let tick = self.world.tick();
         let poses_period = u64::from(self.scenario.recording.poses_period_ticks);
@@ -319,17 +323,30 @@ impl Run<'_> {
             self.record_digest()?;
         }
         if tick.0.is_multiple_of(PROGRESS_TICKS) {
-            let progress = wire::progress(&self.world);
-            self.exchange.progress(&progress);
-            self.log.write(Kind::Progress, tick, &progress)?;
+            self.record_progress()?;
         }
         Ok(())
     }
 
     fn record_digest(&mut self) -> Result<(), RunError> {
         let tick = self.world.tick();
-        let digest = maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest: self.chain.digest().0 };
-        Ok(self.log.write(Kind::Digest, tick, &digest)?)
+        if self.digest_recorded != Some(tick) {
+            self.digest_recorded = Some(tick);
+            let digest = maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest: self.chain.digest().0 };
+            self.log.write(Kind::Digest, tick, &digest)?;
+        }
+        Ok(())
+    }
+
+    fn record_progress(&mut self) -> Result<(), RunError> {
+        let tick = self.world.tick();
+        if self.progress_recorded != Some(tick) {
+            self.progress_recorded = Some(tick);
+            let progress = wire::progress(&self.world);
+            self.exchange.progress(&progress);
+            self.log.write(Kind::Progress, tick, &progress)?;
+        }
+        Ok(())
     }
 
     fn report(&mut self) -> Result<(), RunError> {
@@ -356,25 +373,20 @@ impl Run<'_> {
         self.exchange.farewell(tick, &farewells, FAREWELL, self.watcher);
         let digest = self.chain.digest();
         let progress = wire::progress(&self.world);
-        self.exchange.progress(&progress);
         let result = maes_msgs::Result {
-            header: progress.header.clone(),
+            header: progress.header,
             tick: tick.0,
             reason,
             explored: progress.explored,
             covered: progress.covered,
-            explored_by: progress.explored_by.clone(),
-            covered_by: progress.covered_by.clone(),
-            distance_m: progress.distance_m.clone(),
+            explored_by: progress.explored_by,
+            covered_by: progress.covered_by,
+            distance_m: progress.distance_m,
             counters: self.counters(),
             digest: digest.0,
         };
-        if !tick.0.is_multiple_of(DIGEST_TICKS) {
-            self.record_digest()?;
-        }
-        if !tick.0.is_multiple_of(PROGRESS_TICKS) {
-            self.log.write(Kind::Progress, tick, &progress)?;
-        }
+        self.record_digest()?;
+        self.record_progress()?;
         self.log.write(Kind::Result, tick, &result)?;
         self.log.finish()?;
         Ok(Outcome { result, digest, wall })

@@ -101,11 +101,12 @@ impl Process {
     /// Waits until it handles a signal by itself.
     #[track_caller]
     pub(crate) fn handles(&mut self, name: &str) {
-        let bit = 1_u64 << (match name {
-            "INT" => 2,
-            "TERM" => 15,
-            other => panic!("{other} is not looked for"),
-        } - 1);
+        let bit = 1_u64
+            << (match name {
+                "INT" => 2,
+                "TERM" => 15,
+                other => panic!("{other} is not looked for"),
+            } - 1);
         let pid = self.pid;
         self.waits_until(|| {
             let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
@@ -117,6 +118,14 @@ impl Process {
     /// This process and its descendants that are still there: command lines by process id.
     pub(crate) fn family(&self) -> BTreeMap<u32, String> {
         marked(&self.marker)
+    }
+
+    /// Waits until somebody in the family has a command line that holds all of `words`.
+    #[track_caller]
+    pub(crate) fn waits_for_member(&mut self, words: &[&str]) {
+        let marker = self.marker.clone();
+        let fits = |line: &String| words.iter().all(|word| line.contains(word));
+        self.waits_until(|| marked(&marker).values().any(fits));
     }
 
     /// The one member of the family whose command line holds all of `words`.

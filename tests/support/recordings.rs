@@ -1,6 +1,6 @@
 //! Recordings, as they are in the file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use mcap::MessageStream;
@@ -67,6 +67,12 @@ impl Recording {
         result
     }
 
+    /// The digest of the result, as it is printed.
+    #[track_caller]
+    pub(crate) fn result_digest(&self) -> String {
+        self.result().digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
     /// The digests of whole seconds, by tick.
     pub(crate) fn digests(&self) -> BTreeMap<u64, [u8; 32]> {
         let digests = self.of("/sim/digest").into_iter();
@@ -74,6 +80,11 @@ impl Recording {
             .map(|digest: maes_msgs::Digest| (digest.tick, digest.digest))
             .filter(|(tick, _)| tick.is_multiple_of(50))
             .collect()
+    }
+
+    /// Whether `whole` begins with exactly these messages.
+    pub(crate) fn is_beginning_of(&self, whole: &Self) -> bool {
+        whole.messages.starts_with(&self.messages)
     }
 
     /// Fails unless this is the beginning of `whole`, at least `seconds` of sim time long.
@@ -90,11 +101,17 @@ impl Recording {
     pub(crate) fn first_difference(&self, other: &Self) -> String {
         let number = self.messages.iter().zip(&other.messages).take_while(|(one, two)| one == two).count();
         let name = |recording: &Self| {
-            let message = recording.messages.get(number)?;
-            let result = (message.topic == "/sim/result").then(|| recording.result());
-            Some(format!("{} of tick {} ({result:?})", message.topic, message.tick))
+            let message = recording.messages.get(number);
+            message.map_or("nothing".to_owned(), |message| format!("{} of tick {}", message.topic, message.tick))
         };
-        format!("message {number}: {:?} and {:?}", name(self), name(other))
+        let counters = |recording: &Self| -> BTreeSet<(String, u64)> {
+            let results = recording.of("/sim/result").into_iter();
+            let counters = results.flat_map(|result: maes_msgs::Result| result.counters);
+            counters.map(|counter| (counter.name, counter.value)).collect()
+        };
+        let (one, two) = (counters(self), counters(other));
+        let (only_one, only_two): (Vec<_>, Vec<_>) = (one.difference(&two).collect(), two.difference(&one).collect());
+        format!("message {number}: {} or {}; counters: {only_one:?} or {only_two:?}", name(self), name(other))
     }
 }
 

@@ -98,7 +98,7 @@ impl Site {
     /// Carries out a command that is a run, with a recording.
     #[track_caller]
     pub(crate) fn record_with(&self, command: &mut Command) -> Outcome {
-        let file = self.path("run.mcap");
+        let file = self.path("compared.mcap");
         let ended = self.start(command.arg("--record").arg(&file)).ended().with_code(0);
         let bytes = std::fs::read(&file).expect("there is a recording");
         std::fs::remove_file(&file).expect("the recording can be removed");

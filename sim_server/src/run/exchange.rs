@@ -27,6 +27,9 @@ const SEND_AGAIN_MAX: Duration = Duration::from_secs(1);
 /// Wall time for which the loop waits for a message before it looks at its other duties.
 const PATIENCE: Duration = Duration::from_millis(50);
 
+/// Wall time between two looks at the inbox that counts as waiting for an answer, at the most.
+const LOOK_MAX: Duration = Duration::from_millis(200);
+
 /// Refusals of one kind that people are told about; the others are only counted, for an agent may flood.
 const NOTES_MAX: u64 = 5;
 
@@ -158,25 +161,29 @@ impl<'a> Exchange<'a> {
         for asked in asked {
             self.send(asked);
         }
-        let start = now();
+        let mut last_looked = now();
+        let mut waited = Duration::ZERO;
         let mut patience = SEND_AGAIN_FIRST;
-        let mut send_again = start + patience;
+        let mut send_again = patience;
         while !barrier.is_complete() {
             if let Some(incoming) = self.link.receive(PATIENCE) {
                 self.handle(incoming, &mut barrier, watcher);
             }
-            // Looked at after every message, so that a flood of them puts off neither the limit nor the other agents.
-            let now = now();
             if barrier.is_complete() {
                 break;
             }
-            if now.duration_since(start) >= limit || stop.load(Ordering::Relaxed) {
+            // Looked at after every message, so that a flood of them puts off neither the limit nor the other agents. A time for
+            // which this process could not look, because it was stopped, is nobody's fault.
+            let looked = now();
+            waited += looked.duration_since(last_looked).min(LOOK_MAX);
+            last_looked = looked;
+            if waited >= limit || stop.load(Ordering::Relaxed) {
                 let silent = barrier.missing().collect();
                 return Err(Silence { answers: barrier.into_answers_so_far(), silent });
             }
-            if now >= send_again {
+            if waited >= send_again {
                 patience = (patience * 2).min(SEND_AGAIN_MAX);
-                send_again = now + patience;
+                send_again = waited + patience;
                 for asked in asked.iter().filter(|asked| barrier.awaits(asked.agent)) {
                     self.echoes[asked.agent.index()] += 1;
                     self.send(asked);
@@ -242,12 +249,14 @@ impl<'a> Exchange<'a> {
             return Err(Refusal::WrongTopic { topic, named: agent });
         }
         self.roster.check(agent, source)?;
-        let echoes = &mut self.echoes[agent.index()];
-        if *echoes > 0 && !barrier.awaits(agent) && self.last[agent.index()].as_ref() == Some(&command) {
-            *echoes -= 1;
-            return Ok(());
+        if let Err(refusal) = barrier.expect(agent, tick) {
+            let echoes = &mut self.echoes[agent.index()];
+            if *echoes > 0 && self.last[agent.index()].as_ref() == Some(&command) {
+                *echoes -= 1;
+                return Ok(());
+            }
+            return Err(refusal);
         }
-        barrier.expect(agent, tick)?;
         let (action, wake) =
             wire::command(&command, self.agents).map_err(|reason| Refusal::IllegalCommand { agent, tick, reason })?;
         self.last[agent.index()] = Some(command.clone());

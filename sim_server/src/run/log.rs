@@ -68,7 +68,8 @@ impl Log {
 
     /// See [`Recorder::save_provisionally`].
     pub(super) fn save_provisionally(&mut self) -> Result<(), RecordError> {
-        self.recorder.as_mut().map_or(Ok(()), Recorder::save_provisionally)
+        let written = self.recorder.as_mut().map_or(Ok(()), Recorder::save_provisionally);
+        self.unless_failed(written)
     }
 
     pub(super) fn finish(self) -> Result<(), RecordError> {
@@ -94,6 +95,15 @@ impl Log {
             Kind::Observation(agent) => &self.agent_topics[agent.index()][1],
             Kind::Command(agent) => &self.agent_topics[agent.index()][2],
         };
-        recorder.write(topic, tick, &self.bytes)
+        let written = recorder.write(topic, tick, &self.bytes);
+        self.unless_failed(written)
+    }
+
+    /// A recording that could once not be written to ends there: what comes later must not stand beside a gap.
+    fn unless_failed(&mut self, written: Result<(), RecordError>) -> Result<(), RecordError> {
+        if written.is_err() {
+            self.recorder = None;
+        }
+        written
     }
 }
