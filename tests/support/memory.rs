@@ -122,7 +122,14 @@ impl Watcher for Notes {
 
 /// What a group does if it runs what the scenario says.
 pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
-    Options { agents, controller: None, settings: Vec::new(), instance, chaos_delay: Duration::ZERO }
+    Options {
+        agents,
+        controller: None,
+        settings: Vec::new(),
+        instance,
+        share_period_ticks: 0,
+        chaos_delay: Duration::ZERO,
+    }
 }
 
 /// Agents with controllers of the test: joins, and answers until the run is over. `pause` comes before each answer.
