@@ -4,6 +4,7 @@
 #   launch_scripts/run.sh [SCENARIO.toml] [--agents N] [--controller C] [--map spheres|noise|FILE] [--size S] [--seed K]
 #                         [--duration SECONDS] [--record FILE.mcap] [any other flag of `sim_server run`]
 #   --agent-set KEY=VALUE     a setting of the agents' controllers; can be given again
+#   --share-period TICKS      let agents tell those in contact what is new on their maps so often (reference: 251; default 0: never)
 #   --agents-per-process M    run M agents in each process (default 1)
 #   --order forward|reverse|shuffle   in which order to start the agents (default forward)
 #   --chaos-delay-ms MS       let each agent wait up to so long, at random, before it answers
@@ -49,6 +50,7 @@ while [[ $# -gt 0 ]]; do
         --order) order=$2 ;;
         --logs) logs=$2 ;;
         --chaos-delay-ms) agent_flags+=(--chaos-delay-ms "$2") ;;
+        --share-period) agent_flags+=(--share-period "$2") ;;
         --agent-set) agent_flags+=(--set "$2") ;;
         *) server_flags+=("$1" "$2") ;;
     esac

@@ -1,25 +1,53 @@
-//! An agent: takes in what it observes, lets its controller decide, and answers each tick once.
+//! An agent: takes in what it observes, shares its map, lets its controller decide, and answers each tick once.
 //!
-//! Invariants: the map holds everything that was observed before the controller is asked; a tick that was answered is answered
-//! in the same words when it is asked again.
+//! Invariants: in a tick that counts, the map holds everything that was observed and told before the controller is asked; a tick
+//! that was answered is answered in the same words when it is asked again.
+//!
+//! **In turn and out of turn.** A server that does not look ahead asks agents in every tick, and takes no notice of an answer
+//! before the wake condition of the last answer that counted, unless the answer does something. It tells everything again when
+//! the agent is due. So that asking changes nothing, an agent that is asked out of turn learns nothing and shares nothing: it
+//! keeps what it is told aside, for the case that its controller acts all the same, and the answer counts.
+//!
+//! **Whom a wake is for.** Map sharing has wake conditions of its own. In a tick that is due for sharing alone, the controller is
+//! not asked: the news wait for the tick that it has asked for, so that it need not know of sharing. It does not see map parcels.
 
 use msgs::ids::{AgentId, Tick};
+use msgs::limits::{INFO_BYTES_MAX, OBSERVATION_BYTES_MAX, PARCEL_BYTES_MAX};
 use msgs::maes_msgs::{self, Observation as Part};
 
-use crate::command::{Command, Wake};
+use crate::command::{Command, Motion, Wake};
 use crate::controllers::{Controller, Ctx};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::{Briefing, Observation};
+use crate::sharing::{MAP_PARCEL, PARCEL_BYTES_BARE, Sharing};
 use crate::wire::{self, Collected, Collector, WireError};
+
+/// Most bytes that the way-points and parcels of a command may take together, or the server refuses it: what fits into one sample
+/// beside the information text and the rest.
+const LIST_BYTES_MAX: usize = OBSERVATION_BYTES_MAX - INFO_BYTES_MAX - 512;
+
+/// Bytes of a way-point.
+const POINT_BYTES: usize = 24;
 
 /// One agent.
 pub struct Agent {
     id: AgentId,
     briefing: Briefing,
     map: ExplorationMap,
+    sharing: Sharing,
     controller: Box<dyn Controller>,
     collector: Collector,
     answered: Option<maes_msgs::Command>,
+    /// When the next observation counts: the wake of the last answer that counted.
+    due: Wake,
+    /// The controller's part of it.
+    controller_due: Wake,
+    /// Whether the controller wants the view in the next observation it gets.
+    controller_wants_view: bool,
+    /// What the controller was not asked about in ticks that were due for sharing alone.
+    untold: Option<Observation>,
+    /// What was told out of turn since the last observation that counted.
+    unlearnt: Option<Observation>,
 }
 
 /// What an agent does about a part of an observation.
@@ -34,16 +62,22 @@ pub enum Reaction {
 }
 
 impl Agent {
-    /// An agent that knows nothing but its briefing.
+    /// An agent that knows nothing but its briefing. It shares its map every `share_period_ticks`, see [`Sharing::new`].
     #[must_use]
-    pub fn new(id: AgentId, briefing: Briefing, controller: Box<dyn Controller>) -> Self {
+    pub fn new(id: AgentId, briefing: Briefing, controller: Box<dyn Controller>, share_period_ticks: u32) -> Self {
         Self {
             id,
             map: ExplorationMap::new(briefing.extent),
+            sharing: Sharing::new(share_period_ticks, briefing.agents),
             briefing,
             controller,
             collector: Collector::default(),
             answered: None,
+            due: Wake::NEXT_TICK,
+            controller_due: Wake::NEXT_TICK,
+            controller_wants_view: false,
+            untold: None,
+            unlearnt: None,
         }
     }
 
@@ -57,6 +91,12 @@ impl Agent {
     #[must_use]
     pub fn map(&self) -> &ExplorationMap {
         &self.map
+    }
+
+    /// How it shares its map.
+    #[must_use]
+    pub fn sharing(&self) -> &Sharing {
+        &self.sharing
     }
 
     /// The last tick it has answered.
@@ -77,79 +117,93 @@ impl Agent {
             let is_asked_again = part.tick == answered.tick && part.part + 1 == part.parts;
             return Ok(if is_asked_again { Reaction::Answer(answered.clone()) } else { Reaction::None });
         }
-        let Some(Collected { has_ended, observation }) = self.collector.take(part, &self.briefing.extent)? else {
+        let Some(Collected { has_ended, mut observation }) = self.collector.take(part, &self.briefing.extent)? else {
             return Ok(Reaction::None);
         };
         let tick = observation.tick;
-        self.learn(&observation);
         if has_ended {
+            self.learn(&mut observation);
             let receipt = wire::command(self.id, tick, Command::keep(Wake::NEXT_TICK));
             return Ok(Reaction::Farewell(receipt));
         }
-        let ctx = Ctx { agent: self.id, briefing: &self.briefing, map: &self.map };
-        let command = wire::command(self.id, tick, self.controller.decide(&observation, ctx));
+        let command = if self.due.is_due(tick, observation.events) {
+            self.answer_in_turn(observation)
+        } else {
+            self.answer_out_of_turn(observation)
+        };
+        let command = wire::command(self.id, tick, command);
         self.answered = Some(command.clone());
         Ok(Reaction::Answer(command))
     }
 
-    fn learn(&mut self, observation: &Observation) {
-        self.map.note_free(&observation.seen.free);
-        self.map.note_wall(&observation.seen.wall);
-        self.map.note_covered(self.briefing.extent.cell_of(&observation.pose.position));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use msgs::maes_msgs::CellRuns;
-
-    use super::*;
-    use crate::command::Motion;
-    use voxels::Extent;
-
-    /// Counts how often it is asked.
-    struct Counting(u32);
-
-    impl Controller for Counting {
-        fn decide(&mut self, _observation: &Observation, ctx: Ctx<'_>) -> Command {
-            self.0 += 1;
-            assert!(ctx.map.free() > 0, "the observation is in the map");
-            let distance_m = f64::from(self.0);
-            Command::new(Motion::Move { pitch_rad: 0.0, distance_m }, Wake::NEXT_TICK)
+    fn answer_in_turn(&mut self, mut observation: Observation) -> Command {
+        // The server tells it once more.
+        self.unlearnt = None;
+        self.learn(&mut observation);
+        if let Some(earlier) = self.untold.take() {
+            observation = observation.with_news_of(earlier);
+        }
+        if self.controller_due.is_due(observation.tick, observation.events) {
+            let command = self.decide(&observation);
+            self.count(command, &observation)
+        } else {
+            let command = Command { want_view: self.controller_wants_view, ..Command::keep(self.controller_due) };
+            let command = self.count(command, &observation);
+            self.untold = Some(observation);
+            command
         }
     }
 
-    fn agent() -> Agent {
-        let scenario = maes_msgs::Scenario { size: [4, 4, 4], cell_m: 1.0, ..Default::default() };
-        let mut briefing = wire::briefing(&scenario).unwrap();
-        briefing.extent = Extent::new([4, 4, 4], 1.0).unwrap();
-        Agent::new(AgentId(2), briefing, Box::new(Counting(0)))
+    fn answer_out_of_turn(&mut self, observation: Observation) -> Command {
+        let mut shown = observation.clone();
+        shown.parcels.retain(|parcel| parcel.kind != MAP_PARCEL);
+        let mut whole = match self.unlearnt.take() {
+            Some(earlier) => observation.with_news_of(earlier),
+            None => observation,
+        };
+        let command = self.decide(&shown);
+        if command.does_nothing() {
+            self.unlearnt = Some(whole);
+            return Command::keep(self.due);
+        }
+        self.learn(&mut whole);
+        self.count(command, &whole)
     }
 
-    fn part(tick: u64, phase: u8) -> Part {
-        let seen_free = CellRuns { start: vec![0], length: vec![3] };
-        Part { tick, parts: 1, phase, seen_free, ..Part::default() }
+    fn decide(&mut self, observation: &Observation) -> Command {
+        let ctx = Ctx { agent: self.id, briefing: &self.briefing, map: &self.map };
+        self.controller.decide(observation, ctx)
     }
 
-    #[test]
-    fn a_tick_that_is_asked_again_is_answered_in_the_same_words() {
-        let mut agent = agent();
-        let first = agent.take(part(3, Part::RUNNING)).unwrap();
-        assert_eq!(agent.take(part(3, Part::RUNNING)).unwrap(), first);
-        let Reaction::Answer(command) = first else { panic!("{first:?}") };
-        assert_eq!((command.agent, command.tick, command.task.distance_m), (2, 3, 1.0));
-        let Reaction::Answer(next) = agent.take(part(4, Part::RUNNING)).unwrap() else { panic!() };
-        assert_eq!(next.task.distance_m, 2.0);
-        assert_eq!(agent.take(part(3, Part::RUNNING)).unwrap(), Reaction::None);
-        assert_eq!(agent.last_tick(), Some(Tick(4)));
+    /// Learns what was seen and what other agents say; takes their map parcels out of the observation.
+    fn learn(&mut self, observation: &mut Observation) {
+        self.map.note_free(&observation.seen.free);
+        self.map.note_wall(&observation.seen.wall);
+        self.map.note_covered(self.briefing.extent.cell_of(&observation.pose.position));
+        self.sharing.incoming(&mut self.map, &observation.parcels);
+        observation.parcels.retain(|parcel| parcel.kind != MAP_PARCEL);
     }
 
-    #[test]
-    fn the_end_is_receipted_even_in_a_tick_that_was_answered() {
-        let mut agent = agent();
-        agent.take(part(3, Part::RUNNING)).unwrap();
-        let Reaction::Farewell(receipt) = agent.take(part(3, Part::ENDED)).unwrap() else { panic!() };
-        assert_eq!((receipt.tick, receipt.task.kind), (3, maes_msgs::Task::KEEP));
-        assert_eq!((agent.map().free(), agent.map().covered()), (3, 1));
+    /// Completes a command that counts with what there is to share.
+    fn count(&mut self, mut command: Command, observation: &Observation) -> Command {
+        self.controller_due = command.wake;
+        self.controller_wants_view = command.want_view;
+        let Observation { tick, contacts, .. } = observation;
+        let parcels = self.sharing.outgoing(&self.map, contacts, *tick, room_for_parcels(&command));
+        command.parcels.extend(parcels);
+        command.wake = command.wake.or(self.sharing.wants_to_be_asked_at(contacts, *tick));
+        self.due = command.wake;
+        command
     }
 }
+
+/// Bytes that are left in a command for more parcels.
+fn room_for_parcels(command: &Command) -> usize {
+    let data: usize = command.parcels.iter().map(|parcel| parcel.data.len()).sum();
+    let way_points = if let Motion::Path(way_points) = &command.motion { way_points.len() } else { 0 };
+    let lists = POINT_BYTES * way_points + PARCEL_BYTES_BARE * command.parcels.len() + data;
+    PARCEL_BYTES_MAX.saturating_sub(data).min(LIST_BYTES_MAX.saturating_sub(lists))
+}
+
+#[cfg(test)]
+mod tests;

@@ -77,6 +77,18 @@ impl Wake {
 
     /// Once the task has ended, by itself or by a collision.
     pub const TASK_DONE: Self = Self { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION };
+
+    /// Whether it is time to ask in a tick, after `events` (bits of `maes_msgs/Wake`) since the agent was last asked.
+    #[must_use]
+    pub fn is_due(&self, tick: Tick, events: u8) -> bool {
+        tick >= self.at || events & self.events != 0
+    }
+
+    /// When either of two wants to be asked.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        Self { at: self.at.min(other.at), events: self.events | other.events }
+    }
 }
 
 /// What an agent answers to an observation.
@@ -107,5 +119,15 @@ impl Command {
     #[must_use]
     pub fn new(motion: Motion, wake: Wake) -> Self {
         Self { motion, lidar: LidarRequest::Keep, want_view: false, parcels: Vec::new(), wake, info: String::new() }
+    }
+
+    /// Whether the run would be the same without it: out of turn the server takes no notice of it, its wake included.
+    #[must_use]
+    pub fn does_nothing(&self) -> bool {
+        self.motion == Motion::Keep
+            && self.lidar == LidarRequest::Keep
+            && !self.want_view
+            && self.parcels.is_empty()
+            && self.info.is_empty()
     }
 }

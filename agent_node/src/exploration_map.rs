@@ -1,10 +1,26 @@
 //! What an agent believes of the world: each cell unexplored, free or wall, and covered as a mark of its own.
 //!
-//! Invariants: a cell that is known stays as it is; only free cells are covered; the counts are those of the cells.
+//! Invariants: a cell that is known stays as it is; only free cells are covered; the counts and the frontier are those of the
+//! cells; the journal holds each change once, in the order in which it was learnt, and nothing else: two entries for a cell at
+//! the most.
 //!
-//! This module does not judge whether what it is told is true.
+//! A *frontier* is a free or covered cell with an unexplored face neighbour inside the map. The set of them is kept with every
+//! change; nothing here ever goes through the whole map.
+//!
+//! This module does not judge whether what it is told is true. What contradicts what is known is counted and left out.
 
+mod cell_set;
+mod delta;
+#[cfg(test)]
+mod tests;
+
+use std::ops::Range;
+
+use msgs::ids::AgentId;
 use voxels::{Cell, Extent, Grid};
+
+use cell_set::CellSet;
+pub use delta::Delta;
 
 /// What is known of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -21,32 +37,95 @@ pub enum CellState {
     Wall,
 }
 
+/// What can be learnt of a cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Finding {
+    /// It is free.
+    Free = CellState::Free as u8,
+    /// It has been visited, and so is free.
+    Covered = CellState::Covered as u8,
+    /// It is wall.
+    Wall = CellState::Wall as u8,
+}
+
+/// An entry of the journal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Change {
+    /// Index of the cell.
+    pub cell: u32,
+    /// What was learnt.
+    pub finding: Finding,
+    /// From whom; `None`: from the own sensor.
+    pub from: Option<AgentId>,
+}
+
+/// A change in 8 bytes: the cell in the upper 30 bits of `what`, the finding in the lower two.
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    what: u32,
+    from: u32,
+}
+
+/// As `from` of an entry: the own sensor. No agent has this id, because as a receiver it means everybody.
+const OWN: u32 = msgs::maes_msgs::Parcel::BROADCAST;
+
+/// One cell in one byte: the state in the lower two bits, above them how many face neighbours inside the map are unexplored.
+#[derive(Debug, Clone, Copy)]
+struct Packed(u8);
+
+impl Packed {
+    const ONE_OPEN: u8 = 4;
+
+    fn state(self) -> CellState {
+        match self.0 & 3 {
+            0 => CellState::Unexplored,
+            1 => CellState::Free,
+            2 => CellState::Covered,
+            _ => CellState::Wall,
+        }
+    }
+
+    fn has_open_neighbours(self) -> bool {
+        self.0 >= Self::ONE_OPEN
+    }
+}
+
 /// The map of one agent.
 #[derive(Debug, Clone)]
 pub struct ExplorationMap {
-    states: Grid<CellState>,
+    cells: Grid<Packed>,
+    frontier: CellSet,
+    journal: Vec<Entry>,
     free: usize,
     wall: usize,
     covered: usize,
+    contradictions: u64,
 }
 
 impl ExplorationMap {
     /// A map of which nothing is known.
     #[must_use]
     pub fn new(extent: Extent) -> Self {
-        Self { states: Grid::new(extent, CellState::Unexplored), free: 0, wall: 0, covered: 0 }
+        let mut cells = Grid::new(extent, Packed(0));
+        for (cell, packed) in extent.cells().zip(cells.as_mut_slice()) {
+            let inside = cell.neighbours6().into_iter().filter(|&neighbour| extent.contains(neighbour)).count() as u8;
+            packed.0 = Packed::ONE_OPEN * inside;
+        }
+        let frontier = CellSet::new(extent.volume());
+        Self { cells, frontier, journal: Vec::new(), free: 0, wall: 0, covered: 0, contradictions: 0 }
     }
 
     /// Where the map lies.
     #[must_use]
     pub fn extent(&self) -> Extent {
-        self.states.extent()
+        self.cells.extent()
     }
 
     /// What is known of a cell; outside the map all is wall.
     #[must_use]
     pub fn state(&self, cell: Cell) -> CellState {
-        self.states.get(cell).copied().unwrap_or(CellState::Wall)
+        self.cells.get(cell).map_or(CellState::Wall, |packed| packed.state())
     }
 
     /// Free cells known, covered ones included.
@@ -67,74 +146,146 @@ impl ExplorationMap {
         self.covered
     }
 
-    /// Notes that cells of the map (by index) are free.
+    /// How often something was learnt that contradicts what was known: a free cell as a wall, or a wall as a free cell.
+    #[must_use]
+    pub fn contradictions(&self) -> u64 {
+        self.contradictions
+    }
+
+    /// Whether a cell is a frontier.
+    #[must_use]
+    pub fn is_frontier(&self, cell: Cell) -> bool {
+        self.extent().index(cell).is_some_and(|index| self.frontier.contains(index))
+    }
+
+    /// The indices of all frontiers, ascending.
+    pub fn frontiers(&self) -> impl Iterator<Item = u32> + '_ {
+        self.frontier.iter().map(|index| index as u32)
+    }
+
+    /// How many frontiers there are.
+    #[must_use]
+    pub fn frontier_count(&self) -> usize {
+        self.frontier.len()
+    }
+
+    /// How many changes there have been, and so the position of the next one in the journal.
+    #[must_use]
+    pub fn journal_len(&self) -> usize {
+        self.journal.len()
+    }
+
+    /// The changes at these positions of the journal, in the order in which they were learnt. Positions that are not in the
+    /// journal yet are left out.
+    pub fn changes(&self, positions: Range<usize>) -> impl Iterator<Item = Change> + '_ {
+        let end = positions.end.min(self.journal.len());
+        let entries = self.journal.get(positions.start..end).unwrap_or_default();
+        entries.iter().map(|&Entry { what, from }| Change {
+            cell: what >> 2,
+            finding: match what & 3 {
+                1 => Finding::Free,
+                2 => Finding::Covered,
+                _ => Finding::Wall,
+            },
+            from: (from != OWN).then_some(AgentId(from)),
+        })
+    }
+
+    /// The changes from a position of the journal on.
+    pub fn changes_since(&self, position: usize) -> impl Iterator<Item = Change> + '_ {
+        self.changes(position..self.journal.len())
+    }
+
+    /// Notes that the own sensor found cells (by index) free. Indices outside the map are left out.
     pub fn note_free(&mut self, cells: &[u32]) {
-        let states = self.states.as_mut_slice();
         for &cell in cells {
-            let state = &mut states[cell as usize];
-            if *state == CellState::Unexplored {
-                *state = CellState::Free;
-                self.free += 1;
-            }
+            self.learn(cell, Finding::Free, OWN);
         }
     }
 
-    /// Notes that cells of the map (by index) are wall.
+    /// Notes that the own sensor found cells (by index) to be wall. Indices outside the map are left out.
     pub fn note_wall(&mut self, cells: &[u32]) {
-        let states = self.states.as_mut_slice();
         for &cell in cells {
-            let state = &mut states[cell as usize];
-            if *state == CellState::Unexplored {
-                *state = CellState::Wall;
-                self.wall += 1;
-            }
+            self.learn(cell, Finding::Wall, OWN);
         }
     }
 
     /// Notes that a cell has been visited, which makes it free as well. Outside the map nothing is noted, nor in a wall.
     pub fn note_covered(&mut self, cell: Cell) {
-        let Some(state) = self.states.get_mut(cell) else {
+        if let Some(index) = self.extent().index(cell) {
+            self.learn(index as u32, Finding::Covered, OWN);
+        }
+    }
+
+    /// Takes in what another agent says. Indices outside the map are left out.
+    pub fn merge(&mut self, delta: &Delta, from: AgentId) {
+        let volume = self.cells.as_slice().len() as u32;
+        for (runs, finding) in
+            [(&delta.free, Finding::Free), (&delta.wall, Finding::Wall), (&delta.covered, Finding::Covered)]
+        {
+            for cell in runs.iter().flat_map(|run| run.start..run.end.min(volume)) {
+                self.learn(cell, finding, from.0);
+            }
+        }
+    }
+
+    fn learn(&mut self, cell: u32, finding: Finding, from: u32) {
+        let index = cell as usize;
+        let Some(packed) = self.cells.as_mut_slice().get_mut(index) else {
             return;
         };
-        match *state {
-            CellState::Unexplored => self.free += 1,
-            CellState::Free => {}
-            CellState::Covered | CellState::Wall => return,
+        let known = packed.state();
+        match (known, finding) {
+            (CellState::Unexplored, _) | (CellState::Free, Finding::Covered) => {}
+            (CellState::Free | CellState::Covered, Finding::Free)
+            | (CellState::Covered, Finding::Covered)
+            | (CellState::Wall, Finding::Wall) => return,
+            (CellState::Free | CellState::Covered, Finding::Wall)
+            | (CellState::Wall, Finding::Free | Finding::Covered) => {
+                self.contradictions += 1;
+                return;
+            }
         }
-        *state = CellState::Covered;
-        self.covered += 1;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_known_stays_known() {
-        let extent = Extent::new([3, 2, 1], 1.0).unwrap();
-        let mut map = ExplorationMap::new(extent);
-        map.note_free(&[0, 1]);
-        map.note_wall(&[1, 2]);
-        map.note_free(&[2, 2]);
-        assert_eq!(map.state(Cell::new(0, 0, 0)), CellState::Free);
-        assert_eq!(map.state(Cell::new(1, 0, 0)), CellState::Free);
-        assert_eq!(map.state(Cell::new(2, 0, 0)), CellState::Wall);
-        assert_eq!(map.state(Cell::new(0, 1, 0)), CellState::Unexplored);
-        assert_eq!(map.state(Cell::new(0, 2, 0)), CellState::Wall);
-        assert_eq!((map.free(), map.wall(), map.covered()), (2, 1, 0));
+        packed.0 = packed.0 & !3 | finding as u8;
+        let has_open_neighbours = packed.has_open_neighbours();
+        self.journal.push(Entry { what: cell << 2 | finding as u32, from });
+        self.covered += usize::from(finding == Finding::Covered);
+        if known == CellState::Free {
+            return;
+        }
+        if finding == Finding::Wall {
+            self.wall += 1;
+        } else {
+            self.free += 1;
+            if has_open_neighbours {
+                self.frontier.insert(index);
+            }
+        }
+        self.close(index);
     }
 
-    #[test]
-    fn covered_is_kept_and_free() {
-        let mut map = ExplorationMap::new(Extent::new([2, 2, 1], 1.0).unwrap());
-        map.note_covered(Cell::new(1, 1, 0));
-        map.note_covered(Cell::new(1, 1, 0));
-        map.note_free(&[3]);
-        assert_eq!(map.state(Cell::new(1, 1, 0)), CellState::Covered);
-        map.note_wall(&[0]);
-        map.note_covered(Cell::new(0, 0, 0));
-        map.note_covered(Cell::new(-1, 0, 0));
-        assert_eq!((map.free(), map.wall(), map.covered()), (1, 1, 1));
+    /// Tells the neighbours of a cell that it is unexplored no more.
+    fn close(&mut self, index: usize) {
+        let [size_x, size_y, size_z] = self.extent().size().map(|cells| cells as usize);
+        let layer = size_x * size_y;
+        let (x, y, z) = (index % size_x, index / size_x % size_y, index / layer);
+        let cells = self.cells.as_mut_slice();
+        let mut close_one = |neighbour: usize| {
+            let packed = &mut cells[neighbour];
+            packed.0 -= Packed::ONE_OPEN;
+            if !packed.has_open_neighbours() {
+                self.frontier.remove(neighbour);
+            }
+        };
+        for (has_lower, has_upper, stride) in
+            [(x > 0, x + 1 < size_x, 1), (y > 0, y + 1 < size_y, size_x), (z > 0, z + 1 < size_z, layer)]
+        {
+            if has_lower {
+                close_one(index - stride);
+            }
+            if has_upper {
+                close_one(index + stride);
+            }
+        }
     }
 }

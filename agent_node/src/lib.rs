@@ -1,8 +1,9 @@
 //! One agent: what it believes and what it decides.
 //!
 //! In reading order: [`observation`] and [`command`] are what it learns and what it answers; [`exploration_map`] is what it
-//! believes of the world; [`controllers`] decide; [`agent`] puts these together; [`run`] does it for the agents of a process over
-//! a [`link`]; [`wire`] translates from and to messages; `ros` is the link over ROS 2.
+//! believes of the world, [`path`] finds ways through that, and [`sharing`] tells other agents of it; [`controllers`] decide;
+//! [`agent`] puts these together; [`run`] does it for the agents of a process over a [`link`]; [`wire`] translates from and to
+//! messages; `ros` is the link over ROS 2.
 //!
 //! This crate knows nothing of the true world: an agent has only what it sensed and what it was told.
 
@@ -13,7 +14,9 @@ pub mod controllers;
 pub mod exploration_map;
 pub mod link;
 pub mod observation;
+pub mod path;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod run;
+pub mod sharing;
 pub mod wire;

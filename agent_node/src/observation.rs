@@ -117,3 +117,31 @@ pub struct Observation {
     /// All cells of the last scan, if the last command asked for them.
     pub view: Option<Cells>,
 }
+
+impl Observation {
+    /// This observation, with the news of an earlier one that nobody has looked at.
+    #[must_use]
+    pub fn with_news_of(self, earlier: Self) -> Self {
+        let together = |earlier: Vec<u32>, later: Vec<u32>| {
+            if earlier.is_empty() {
+                return later;
+            }
+            let mut cells = earlier;
+            cells.extend(later);
+            // Both halves ascend, which the stable sort makes use of.
+            cells.sort();
+            cells
+        };
+        let mut parcels = earlier.parcels;
+        parcels.extend(self.parcels);
+        Self {
+            events: earlier.events | self.events,
+            parcels,
+            seen: Cells {
+                free: together(earlier.seen.free, self.seen.free),
+                wall: together(earlier.seen.wall, self.seen.wall),
+            },
+            ..self
+        }
+    }
+}

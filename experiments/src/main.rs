@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
-use experiments::single::{self, Grouping, SingleError};
+use experiments::single::{self, Grouping, SingleError, Team};
 use sim_server::cli::KeyArgs;
 use sim_server::terminal::{self, Terminal};
 use sim_server::{exit, setup};
@@ -36,6 +36,9 @@ struct SingleArgs {
     /// Run all agents on one thread
     #[arg(long)]
     together: bool,
+    /// Let agents tell those in contact what is new on their maps every so many ticks (the reference: 251); 0: never
+    #[arg(long, value_name = "TICKS", default_value_t = 0)]
+    share_period: u32,
     /// Wait up to so many milliseconds, at random, before each answer of an agent
     #[arg(long, value_name = "MS", default_value_t = 0)]
     chaos_delay_ms: u64,
@@ -66,7 +69,8 @@ fn run_single(args: &SingleArgs) -> anyhow::Result<ExitCode> {
     let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count);
     let grouping = if args.together { Grouping::Together } else { Grouping::Apart };
     let chaos_delay = Duration::from_millis(args.chaos_delay_ms);
-    let outcome = single::run(&scenario, grouping, chaos_delay, &mut terminal, &stop);
+    let team = Team { grouping, share_period_ticks: args.share_period, chaos_delay };
+    let outcome = single::run(&scenario, team, &mut terminal, &stop);
     terminal.clear();
     let outcome = outcome?;
     // Results go to stdout; that nobody listens is no failure.

@@ -42,6 +42,17 @@ pub enum Grouping {
     Together,
 }
 
+/// How the agents of a run are carried out, beside their controllers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Team {
+    /// On which threads.
+    pub grouping: Grouping,
+    /// Ticks between two tellings of what is new to agents in contact; 0: they only listen.
+    pub share_period_ticks: u32,
+    /// Each waits up to so long, at random, before each answer.
+    pub chaos_delay: Duration,
+}
+
 /// Carries out a scenario. The recording goes where the scenario says. `stop` ends the run early once it is set, and is set if an
 /// agent gives up.
 ///
@@ -49,8 +60,7 @@ pub enum Grouping {
 /// If the scenario cannot be set up or carried out; that of an agent comes first.
 pub fn run(
     scenario: &Scenario,
-    grouping: Grouping,
-    chaos_delay: Duration,
+    team: Team,
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
 ) -> Result<Outcome, SingleError> {
@@ -63,7 +73,7 @@ pub fn run(
         None => None,
     };
     let agents = (0..scenario.agents.count).map(AgentId);
-    let groups: Vec<Vec<AgentId>> = match grouping {
+    let groups: Vec<Vec<AgentId>> = match team.grouping {
         Grouping::Apart => agents.map(|agent| vec![agent]).collect(),
         Grouping::Together => vec![agents.collect()],
     };
@@ -75,7 +85,9 @@ pub fn run(
             .zip(groups)
             .zip(agents_ends)
             .map(|((instance, agents), mut end)| {
-                let options = Options { agents, controller: None, settings: Vec::new(), instance, chaos_delay };
+                let Team { share_period_ticks, chaos_delay, .. } = team;
+                let (controller, settings) = (None, Vec::new());
+                let options = Options { agents, controller, settings, instance, share_period_ticks, chaos_delay };
                 let agents_stop = &agents_stop;
                 scope.spawn(move || {
                     let ended = agent_node::run::run(&mut end, &options, agents_stop);

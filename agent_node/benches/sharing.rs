@@ -1,0 +1,163 @@
+//! How long one exchange of maps takes an agent: what all the others tell it is taken in, and what is new since the last exchange
+//! is told to all of them. 20 agents, all in contact, in a cave of 100^3 cells; run with
+//! `cargo bench -p agent_node --no-default-features --bench sharing`.
+//!
+//! An exchange is that of one agent with all 19 others. "First meeting": everybody tells everybody the first 5 scans. "In full
+//! swing": a period later, each with 5 scans along a way of 5 cells. Printed are also the bytes and cells that an agent tells in
+//! it.
+
+use std::collections::BTreeSet;
+use std::f64::consts::TAU;
+use std::hint::black_box;
+use std::ops::ControlFlow;
+
+use agent_node::exploration_map::ExplorationMap;
+use agent_node::observation::{Contact, Received};
+use agent_node::sharing::{DEFAULT_PERIOD_TICKS, Sharing};
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use msgs::ids::{AgentId, Tick};
+use msgs::limits::PARCEL_BYTES_MAX;
+use nalgebra::{Point3, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use voxels::{Cell, Extent, Grid, Terrain, keep_largest_component, walk};
+
+const SIDE: u32 = 100;
+const AGENTS: u32 = 20;
+const RAYS: u32 = 5124;
+const STEPS: usize = 5;
+
+/// Spheres of 3 to 8 cells in rock until a third of the map is free; only what hangs together.
+fn cave(rng: &mut ChaCha8Rng) -> Grid<Terrain> {
+    let extent = Extent::new([SIDE; 3], 1.0).expect("a legal size");
+    let mut terrain = Grid::new(extent, Terrain::Wall);
+    let mut free = 0;
+    while free * 3 < extent.volume() {
+        let radius = rng.random_range(3..=8);
+        let mut along = || rng.random_range(radius + 2..SIDE as i32 - radius - 2);
+        let centre = Cell::new(along(), along(), along());
+        let ball = (-radius..=radius)
+            .flat_map(|z| (-radius..=radius).flat_map(move |y| (-radius..=radius).map(move |x| Cell::new(x, y, z))));
+        for offset in ball.filter(|cell| cell.x * cell.x + cell.y * cell.y + cell.z * cell.z <= radius * radius) {
+            free += usize::from(terrain.set(centre + offset, Terrain::Free) == Some(Terrain::Wall));
+        }
+    }
+    keep_largest_component(&mut terrain);
+    terrain
+}
+
+/// Directions evenly over the sphere.
+fn directions() -> Vec<Vector3<f64>> {
+    let golden = 0.5 + 1.25f64.sqrt();
+    let direction = |ray: u32| {
+        let z = 1.0 - 2.0 * (f64::from(ray) + 0.5) / f64::from(RAYS);
+        let (sin, cos) = libm::sincos(TAU * f64::from(ray) / golden);
+        let flat = (1.0 - z * z).sqrt();
+        Vector3::new(cos * flat, sin * flat, z)
+    };
+    (0..RAYS).map(direction).collect()
+}
+
+fn scan(terrain: &Grid<Terrain>, from: Cell, directions: &[Vector3<f64>], map: &mut ExplorationMap) {
+    let extent = terrain.extent();
+    let (mut free, mut wall) = (BTreeSet::new(), BTreeSet::new());
+    for direction in directions {
+        let _ = walk(extent, &extent.centre(from), direction, f64::INFINITY, |cell, _| {
+            let Some(index) = extent.index(cell) else { return ControlFlow::Break(()) };
+            let is_wall = terrain[index] == Terrain::Wall;
+            if is_wall { &mut wall } else { &mut free }.insert(index as u32);
+            if is_wall { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+    }
+    map.note_free(&free.into_iter().collect::<Vec<_>>());
+    map.note_wall(&wall.into_iter().collect::<Vec<_>>());
+    map.note_covered(from);
+}
+
+#[derive(Clone)]
+struct Agent {
+    map: ExplorationMap,
+    sharing: Sharing,
+    received: Vec<Received>,
+}
+
+impl Agent {
+    fn exchange(&mut self, contacts: &[Contact], now: Tick) -> Vec<agent_node::command::Parcel> {
+        self.sharing.incoming(&mut self.map, &self.received);
+        self.sharing.outgoing(&self.map, contacts, now, PARCEL_BYTES_MAX)
+    }
+}
+
+fn contacts(agent: u32) -> Vec<Contact> {
+    let contact = |other| Contact { agent: AgentId(other), position: Point3::origin() };
+    (0..AGENTS).filter(|&other| other != agent).map(contact).collect()
+}
+
+/// Everybody tells everybody.
+fn round(agents: &mut [Agent], now: Tick) -> (usize, usize) {
+    let (mut bytes, mut parcels) = (0, 0);
+    let mut posted = Vec::new();
+    for (id, agent) in (0..).zip(&mut *agents) {
+        for parcel in agent.exchange(&contacts(id), now) {
+            assert_eq!(parcel.to, None, "all are told the same");
+            bytes += parcel.data.len();
+            parcels += 1;
+            posted.push(Received { from: AgentId(id), kind: parcel.kind, data: parcel.data });
+        }
+        agent.received.clear();
+    }
+    for (id, agent) in (0..).zip(agents) {
+        agent.received.extend(posted.iter().filter(|parcel| parcel.from != AgentId(id)).cloned());
+    }
+    (bytes, parcels)
+}
+
+fn explore(agents: &mut [Agent], terrain: &Grid<Terrain>, places: &mut [Cell], directions: &[Vector3<f64>]) -> usize {
+    let before: usize = agents.iter().map(|agent| agent.map.journal_len()).sum();
+    for step in 0..STEPS {
+        for (id, (agent, place)) in agents.iter_mut().zip(places.iter_mut()).enumerate() {
+            let faces = place.neighbours6();
+            let is_free = |cell: &&Cell| terrain.get(**cell) == Some(&Terrain::Free);
+            *place = faces.iter().cycle().skip((id + step) % 6).take(6).find(is_free).copied().unwrap_or(*place);
+            scan(terrain, *place, directions, &mut agent.map);
+        }
+    }
+    agents.iter().map(|agent| agent.map.journal_len()).sum::<usize>() - before
+}
+
+#[expect(clippy::print_stdout, reason = "the sizes belong to the times")]
+fn exchange(criterion: &mut Criterion) {
+    let mut rng = msgs::seed::stream(7, 0, "bench.cave");
+    let terrain = cave(&mut rng);
+    let directions = directions();
+    let free: Vec<Cell> = terrain.iter().filter(|&(_, &is)| is == Terrain::Free).map(|(cell, _)| cell).collect();
+    let mut places: Vec<Cell> = (0..AGENTS).map(|_| free[rng.random_range(0..free.len())]).collect();
+    let agent = || Agent {
+        map: ExplorationMap::new(terrain.extent()),
+        sharing: Sharing::new(DEFAULT_PERIOD_TICKS, AGENTS),
+        received: Vec::new(),
+    };
+    let mut agents: Vec<Agent> = (0..AGENTS).map(|_| agent()).collect();
+    let mut group = criterion.benchmark_group("exchange of one agent with 19 others");
+    for period in 0..8 {
+        let news = explore(&mut agents, &terrain, &mut places, &directions);
+        let now = Tick(period * u64::from(DEFAULT_PERIOD_TICKS));
+        if [1, 2, 4, 7].contains(&period) {
+            let mut one = agents[0].clone();
+            let told = one.map.journal_len();
+            one.sharing.incoming(&mut one.map, &one.received);
+            let name = format!("period {period}, {} cells told to it", one.map.journal_len() - told);
+            let contacts = contacts(0);
+            group.bench_function(name, |bencher| {
+                let start = || agents[0].clone();
+                let routine = |agent: &mut Agent| black_box(agent.exchange(&contacts, now));
+                bencher.iter_batched_ref(start, routine, BatchSize::PerIteration);
+            });
+        }
+        let (bytes, parcels) = round(&mut agents, now);
+        println!("period {period}: {news} cells found, {bytes} bytes in {parcels} parcels for each to hear");
+    }
+}
+
+criterion_group!(benches, exchange);
+criterion_main!(benches);

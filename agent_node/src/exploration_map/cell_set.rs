@@ -1,0 +1,99 @@
+//! A set of cells by index that is cheap to change and is read in ascending order.
+//!
+//! Invariants: a bit of `occupied` is set if and only if the word of `words` it stands for is not 0; `len` is the number of bits
+//! set in `words`.
+
+/// A set of cells, one bit each, with one more bit for each 64 of them to find those that are in it.
+#[derive(Debug, Clone)]
+pub(super) struct CellSet {
+    words: Vec<u64>,
+    occupied: Vec<u64>,
+    len: usize,
+}
+
+impl CellSet {
+    /// None of the cells `0 .. cells`.
+    pub(super) fn new(cells: usize) -> Self {
+        let words = cells.div_ceil(64);
+        Self { words: vec![0; words], occupied: vec![0; words.div_ceil(64)], len: 0 }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    pub(super) fn contains(&self, cell: usize) -> bool {
+        self.words[cell / 64] & bit(cell) != 0
+    }
+
+    pub(super) fn insert(&mut self, cell: usize) {
+        let word = cell / 64;
+        if self.words[word] & bit(cell) == 0 {
+            self.words[word] |= bit(cell);
+            self.occupied[word / 64] |= bit(word);
+            self.len += 1;
+        }
+    }
+
+    pub(super) fn remove(&mut self, cell: usize) {
+        let word = cell / 64;
+        if self.words[word] & bit(cell) != 0 {
+            self.words[word] &= !bit(cell);
+            if self.words[word] == 0 {
+                self.occupied[word / 64] &= !bit(word);
+            }
+            self.len -= 1;
+        }
+    }
+
+    /// The cells in it, ascending.
+    pub(super) fn iter(&self) -> impl Iterator<Item = usize> + '_ {
+        let words = bits(&self.occupied, 0..self.occupied.len());
+        words.flat_map(|word| bits(&self.words, word..word + 1))
+    }
+}
+
+fn bit(index: usize) -> u64 {
+    1 << (index % 64)
+}
+
+/// Indices of the bits set in some of the words, ascending.
+fn bits(words: &[u64], range: std::ops::Range<usize>) -> impl Iterator<Item = usize> + '_ {
+    range.flat_map(move |word| {
+        let mut left = words[word];
+        std::iter::from_fn(move || {
+            let index = (left != 0).then(|| word * 64 + left.trailing_zeros() as usize);
+            left &= left.wrapping_sub(1);
+            index
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn is_a_set(changes in prop::collection::vec((0usize..9000, any::<bool>()), 0..400)) {
+            let mut set = CellSet::new(9000);
+            let mut model = BTreeSet::new();
+            for (cell, is_added) in changes {
+                if is_added {
+                    set.insert(cell);
+                    model.insert(cell);
+                } else {
+                    set.remove(cell);
+                    model.remove(&cell);
+                }
+                prop_assert_eq!(set.contains(cell), is_added);
+            }
+            prop_assert_eq!(set.len(), model.len());
+            prop_assert!(set.iter().eq(model));
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! News of a map, as runs of cells.
+//!
+//! This module does not know how news travel, nor whether they are true.
+
+use std::ops::Range;
+
+use super::{Change, Finding};
+
+/// What is known of some cells. Each list holds runs of cell indices; those that [`Delta::of`] and the decoder of parcels make
+/// ascend, are disjoint, and are as long as they can be.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Delta {
+    /// Free cells.
+    pub free: Vec<Range<u32>>,
+    /// Walls.
+    pub wall: Vec<Range<u32>>,
+    /// Covered cells, which are free as well.
+    pub covered: Vec<Range<u32>>,
+}
+
+impl Delta {
+    /// Changes in any order. A cell that became free and then covered is covered.
+    #[must_use]
+    pub fn of(changes: impl IntoIterator<Item = Change>) -> Self {
+        // Cell and finding in one number: sorting takes them cell by cell, free before covered.
+        let mut sorted: Vec<u32> = changes.into_iter().map(|change| change.cell << 2 | change.finding as u32).collect();
+        // Stable, because what was learnt in one go is ascending already and the stable sort makes use of that.
+        sorted.sort();
+        let mut delta = Self::default();
+        for (at, &word) in sorted.iter().enumerate() {
+            let cell = word >> 2;
+            let list = match word & 3 {
+                free if free == Finding::Free as u32 => {
+                    if sorted.get(at + 1).is_some_and(|&next| next == (cell << 2 | Finding::Covered as u32)) {
+                        continue;
+                    }
+                    &mut delta.free
+                }
+                covered if covered == Finding::Covered as u32 => &mut delta.covered,
+                _ => &mut delta.wall,
+            };
+            match list.last_mut() {
+                Some(run) if run.end == cell => run.end += 1,
+                Some(run) if run.end > cell => {}
+                _ => list.push(cell..cell + 1),
+            }
+        }
+        delta
+    }
+
+    /// Whether it says nothing.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.free.is_empty() && self.wall.is_empty() && self.covered.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_in_any_order_become_runs() {
+        let change = |cell, finding| Change { cell, finding, from: None };
+        let delta = Delta::of([
+            change(5, Finding::Covered),
+            change(3, Finding::Free),
+            change(2, Finding::Free),
+            change(5, Finding::Free),
+            change(4, Finding::Free),
+            change(9, Finding::Wall),
+            change(8, Finding::Wall),
+            change(6, Finding::Free),
+            change(8, Finding::Wall),
+        ]);
+        assert_eq!(delta.free, [2..5, 6..7]);
+        assert_eq!(delta.covered, [5..6; 1]);
+        assert_eq!(delta.wall, [8..10; 1]);
+        assert!(!delta.is_empty() && Delta::of([]).is_empty());
+    }
+}

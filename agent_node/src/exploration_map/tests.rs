@@ -1,0 +1,162 @@
+use proptest::prelude::*;
+
+use super::*;
+
+const A: AgentId = AgentId(4);
+
+fn run(start: u32, end: u32) -> Range<u32> {
+    start..end
+}
+
+#[test]
+fn what_is_known_stays_known() {
+    let extent = Extent::new([3, 2, 1], 1.0).unwrap();
+    let mut map = ExplorationMap::new(extent);
+    map.note_free(&[0, 1]);
+    map.note_wall(&[1, 2]);
+    map.note_free(&[2, 2]);
+    assert_eq!(map.state(Cell::new(0, 0, 0)), CellState::Free);
+    assert_eq!(map.state(Cell::new(1, 0, 0)), CellState::Free);
+    assert_eq!(map.state(Cell::new(2, 0, 0)), CellState::Wall);
+    assert_eq!(map.state(Cell::new(0, 1, 0)), CellState::Unexplored);
+    assert_eq!(map.state(Cell::new(0, 2, 0)), CellState::Wall);
+    assert_eq!((map.free(), map.wall(), map.covered(), map.contradictions()), (2, 1, 0, 3));
+}
+
+#[test]
+fn covered_is_kept_and_free() {
+    let mut map = ExplorationMap::new(Extent::new([2, 2, 1], 1.0).unwrap());
+    map.note_covered(Cell::new(1, 1, 0));
+    map.note_covered(Cell::new(1, 1, 0));
+    map.note_free(&[3]);
+    map.merge(&Delta { free: vec![run(3, 4)], ..Delta::default() }, A);
+    assert_eq!(map.state(Cell::new(1, 1, 0)), CellState::Covered);
+    map.note_wall(&[0]);
+    map.note_covered(Cell::new(0, 0, 0));
+    map.note_covered(Cell::new(-1, 0, 0));
+    assert_eq!((map.free(), map.wall(), map.covered(), map.contradictions()), (1, 1, 1, 1));
+}
+
+#[test]
+fn the_journal_holds_changes_in_the_order_they_were_learnt() {
+    let mut map = ExplorationMap::new(Extent::new([3, 1, 1], 1.0).unwrap());
+    map.note_free(&[1, 1]);
+    let position = map.journal_len();
+    map.merge(&Delta { free: vec![run(0, 2)], wall: vec![run(2, 9)], covered: vec![run(1, 2)] }, A);
+    map.note_covered(Cell::new(1, 0, 0));
+    let change = |cell, finding, from| Change { cell, finding, from };
+    let told =
+        [change(0, Finding::Free, Some(A)), change(2, Finding::Wall, Some(A)), change(1, Finding::Covered, Some(A))];
+    assert!(map.changes_since(position).eq(told));
+    assert!(map.changes(0..1).eq([change(1, Finding::Free, None)]));
+    assert_eq!(map.changes_since(99).count() + map.changes(9..12).count(), 0);
+    assert_eq!(size_of::<Entry>(), 8);
+}
+
+#[test]
+fn cells_outside_the_map_are_left_out() {
+    let mut map = ExplorationMap::new(Extent::new([2, 2, 2], 1.0).unwrap());
+    map.note_free(&[8, u32::MAX]);
+    map.note_wall(&[8, u32::MAX]);
+    map.merge(
+        &Delta { free: vec![run(9, 5), run(8, u32::MAX)], wall: vec![run(7, 100)], covered: vec![run(100, 101)] },
+        A,
+    );
+    assert_eq!((map.free(), map.wall(), map.covered(), map.journal_len()), (0, 1, 0, 1));
+}
+
+fn state_at(map: &ExplorationMap, index: u32) -> CellState {
+    map.state(map.extent().cell_at(index as usize))
+}
+
+fn states(map: &ExplorationMap) -> Vec<CellState> {
+    map.extent().cells().map(|cell| map.state(cell)).collect()
+}
+
+/// The frontier by its definition.
+fn swept(map: &ExplorationMap) -> Vec<u32> {
+    let extent = map.extent();
+    let is_open = |cell| extent.contains(cell) && map.state(cell) == CellState::Unexplored;
+    let is_frontier = |&cell: &Cell| {
+        matches!(map.state(cell), CellState::Free | CellState::Covered) && cell.neighbours6().into_iter().any(is_open)
+    };
+    extent.cells().filter(is_frontier).map(|cell| extent.index(cell).unwrap() as u32).collect()
+}
+
+fn cells(volume: u32) -> impl Strategy<Value = Vec<u32>> {
+    prop::collection::vec(0..volume, 0..40)
+}
+
+fn delta_of(cells: &[u32], finding: Finding) -> Delta {
+    Delta::of(cells.iter().map(|&cell| Change { cell, finding, from: None }))
+}
+
+/// What is true of a cell, so that no two sayings contradict each other.
+fn truthful(cells: &[u32], extra: &[u32]) -> Delta {
+    let is_wall = |cell: &u32| cell.is_multiple_of(3);
+    let free: Vec<u32> = cells.iter().copied().filter(|cell| !is_wall(cell)).collect();
+    let wall: Vec<u32> = cells.iter().copied().filter(is_wall).collect();
+    let covered: Vec<u32> = extra.iter().copied().filter(|cell| !is_wall(cell)).collect();
+    Delta {
+        free: delta_of(&free, Finding::Free).free,
+        wall: delta_of(&wall, Finding::Wall).wall,
+        covered: delta_of(&covered, Finding::Covered).covered,
+    }
+}
+
+proptest! {
+    #[test]
+    fn frontier_counts_and_journal_are_those_of_the_cells(
+        size in [1u32..6, 1u32..6, 1u32..6],
+        updates in prop::collection::vec((0u8..4, prop::collection::vec(0u32..150, 0..12)), 0..30),
+    ) {
+        let extent = Extent::new(size, 1.0).unwrap();
+        let mut map = ExplorationMap::new(extent);
+        for (kind, cells) in updates {
+            match kind {
+                0 => map.note_free(&cells),
+                1 => map.note_wall(&cells),
+                2 => cells.iter().for_each(|&cell| map.note_covered(extent.cell_at(cell as usize))),
+                _ => map.merge(&truthful(&cells, &cells[..cells.len() / 2]), A),
+            }
+            prop_assert_eq!(map.frontiers().collect::<Vec<_>>(), swept(&map));
+            prop_assert_eq!(map.frontier_count(), map.frontiers().count());
+        }
+        for cell in extent.cells() {
+            let index = extent.index(cell).unwrap() as u32;
+            prop_assert_eq!(map.is_frontier(cell), map.frontiers().any(|frontier| frontier == index));
+        }
+        let count = |wanted: &[CellState]| states(&map).iter().filter(|state| wanted.contains(state)).count();
+        prop_assert_eq!(map.free(), count(&[CellState::Free, CellState::Covered]));
+        prop_assert_eq!(map.wall(), count(&[CellState::Wall]));
+        prop_assert_eq!(map.covered(), count(&[CellState::Covered]));
+        prop_assert!(map.journal_len() <= 2 * extent.volume());
+        let mut last_state = std::collections::BTreeMap::new();
+        for change in map.changes_since(0) {
+            let before = last_state.insert(change.cell, change.finding);
+            prop_assert!(before.is_none() || before == Some(Finding::Free) && change.finding == Finding::Covered);
+        }
+        for (cell, finding) in last_state {
+            prop_assert_eq!(state_at(&map, cell) as u8, finding as u8);
+        }
+    }
+
+    #[test]
+    fn merging_is_commutative_and_idempotent(a in cells(60), b in cells(60), c in cells(60)) {
+        let extent = Extent::new([5, 4, 3], 1.0).unwrap();
+        let (one, other) = (truthful(&a, &c), truthful(&b, &a));
+        let merged = |deltas: &[&Delta]| {
+            let mut map = ExplorationMap::new(extent);
+            deltas.iter().for_each(|delta| map.merge(delta, A));
+            map
+        };
+        let there = merged(&[&one, &other]);
+        let back = merged(&[&other, &one]);
+        let again = merged(&[&one, &other, &one, &other, &other]);
+        prop_assert_eq!(states(&there), states(&back));
+        prop_assert_eq!(states(&there), states(&again));
+        prop_assert_eq!(there.journal_len(), again.journal_len());
+        prop_assert!(there.frontiers().eq(back.frontiers()));
+        prop_assert_eq!(there.contradictions() + back.contradictions() + again.contradictions(), 0);
+    }
+}

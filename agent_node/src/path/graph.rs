@@ -1,0 +1,165 @@
+//! From which cell a body can go to which: the moves of a body, and these moves on a map.
+
+use voxels::{Cell, FACES};
+
+use super::EDGE_COST;
+use super::sweep::{centre, clearance, touched};
+use crate::exploration_map::{CellState, ExplorationMap};
+
+/// Which cells count as next to each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Neighbours {
+    /// Those that share a face: the moves of the reference.
+    #[default]
+    Six,
+    /// Those that share a face, an edge or a corner.
+    TwentySix,
+}
+
+/// A step to a neighbour.
+#[derive(Debug, Clone)]
+pub(super) struct Step {
+    pub(super) by: Cell,
+    pub(super) cost: u64,
+    /// What the body touches on the way, relative to the cell it comes from.
+    swept: Vec<Cell>,
+    /// The same as bits of the block of 27 cells around that cell, if they all lie in it.
+    mask: u32,
+}
+
+/// The moves that a body of a given size can make. To be made once and kept.
+#[derive(Debug, Clone)]
+pub struct Moves {
+    pub(super) steps: Vec<Step>,
+    neighbours: Neighbours,
+    /// What the body touches at rest, relative to its cell; empty if it fits nowhere.
+    sphere: Vec<Cell>,
+    is_small: bool,
+}
+
+impl Moves {
+    /// The moves of a sphere of `radius_m` metres on cells with edges of `cell_m` metres.
+    ///
+    /// A body fits nowhere, and so has no moves, if its radius is above 16 cells, negative or no number.
+    #[must_use]
+    pub fn new(radius_m: f64, cell_m: f64, neighbours: Neighbours) -> Self {
+        let Some(radius) = clearance(radius_m, cell_m) else {
+            return Self { steps: Vec::new(), neighbours, sphere: Vec::new(), is_small: false };
+        };
+        let home = Cell::default();
+        let step = |by: Cell| {
+            let swept = touched(centre(home), centre(by), radius);
+            let mask = swept.iter().filter_map(|&cell| bit(cell)).fold(0, |mask, bit| mask | bit);
+            Step { by, cost: cost_of(by), swept, mask }
+        };
+        let steps: Vec<Step> = match neighbours {
+            Neighbours::Six => FACES.into_iter().map(step).collect(),
+            Neighbours::TwentySix => home.neighbours26().into_iter().map(step).collect(),
+        };
+        let is_small = steps.iter().all(|step| step.swept.iter().all(|&cell| bit(cell).is_some()));
+        Self { steps, neighbours, sphere: touched(centre(home), centre(home), radius), is_small }
+    }
+
+    /// What is surely not more than the cost of the way between two cells, and never shrinks by more than a step costs.
+    pub(super) fn estimate(&self, a: Cell, b: Cell) -> u32 {
+        let mut apart = [a.x - b.x, a.y - b.y, a.z - b.z].map(|cells| u64::from(cells.unsigned_abs()));
+        let cost = match self.neighbours {
+            Neighbours::Six => apart.iter().sum::<u64>() * EDGE_COST,
+            Neighbours::TwentySix => {
+                apart.sort_unstable();
+                let [least, middle, most] = apart;
+                least * COSTS[3] + (middle - least) * COSTS[2] + (most - middle) * COSTS[1]
+            }
+        };
+        u32::try_from(cost).expect("three axes of 1024 cells cost less than 2^32")
+    }
+}
+
+/// Cost of a step that changes so many coordinates.
+const COSTS: [u64; 4] = [0, EDGE_COST, 1_414_214, 1_732_051];
+
+fn cost_of(by: Cell) -> u64 {
+    COSTS[[by.x, by.y, by.z].iter().filter(|&&along| along != 0).count()]
+}
+
+/// The bit of a cell in the block of 27 cells around the origin.
+fn bit(cell: Cell) -> Option<u32> {
+    let is_near = [cell.x, cell.y, cell.z].iter().all(|along| (-1..=1).contains(along));
+    is_near.then(|| 1 << ((cell.z + 1) * 9 + (cell.y + 1) * 3 + cell.x + 1))
+}
+
+/// The cells that are known to be free and the moves between them.
+#[derive(Debug, Clone, Copy)]
+pub struct Graph<'a> {
+    map: &'a ExplorationMap,
+    moves: &'a Moves,
+}
+
+impl<'a> Graph<'a> {
+    /// The moves of a body on what is known now.
+    #[must_use]
+    pub fn new(map: &'a ExplorationMap, moves: &'a Moves) -> Self {
+        Self { map, moves }
+    }
+
+    /// The map it is on.
+    #[must_use]
+    pub fn map(&self) -> &'a ExplorationMap {
+        self.map
+    }
+
+    pub(super) fn moves(&self) -> &'a Moves {
+        self.moves
+    }
+
+    /// Whether the body, at the centre of a cell, touches only cells that are known to be free.
+    #[must_use]
+    pub fn is_usable(&self, cell: Cell) -> bool {
+        !self.moves.sphere.is_empty() && self.moves.sphere.iter().all(|&offset| is_free(self.map, cell + offset))
+    }
+
+    /// The steps that can be made from a usable cell, as bits in the order of the moves.
+    pub(super) fn steps_from(&self, cell: Cell) -> u32 {
+        if !self.moves.is_small {
+            return self.steps_where(|step| step.swept.iter().all(|&offset| is_free(self.map, cell + offset)));
+        }
+        let mut free = 0;
+        match self.moves.neighbours {
+            Neighbours::Six => {
+                for offset in FACES {
+                    if is_free(self.map, cell + offset) {
+                        free |= bit(offset).unwrap_or_default();
+                    }
+                }
+            }
+            Neighbours::TwentySix => {
+                for (place, near) in cell.neighbours26().into_iter().enumerate() {
+                    // The cell itself comes between its neighbours.
+                    free |= u32::from(is_free(self.map, near)) << (place + usize::from(place >= 13));
+                }
+            }
+        }
+        // A body is only where it touches nothing, so the cell itself is free.
+        free |= 1 << 13;
+        self.steps_where(|step| step.mask & !free == 0)
+    }
+
+    /// The steps that can be made from a cell that need not be usable: what the body touches there does not count.
+    pub(super) fn steps_from_start(&self, cell: Cell) -> u32 {
+        self.steps_where(|step| {
+            let touched = |offset: &&Cell| self.moves.sphere.binary_search(offset).is_err();
+            self.is_usable(cell + step.by)
+                && step.swept.iter().filter(touched).all(|&offset| is_free(self.map, cell + offset))
+        })
+    }
+
+    fn steps_where(&self, can_be_made: impl Fn(&Step) -> bool) -> u32 {
+        let steps = self.moves.steps.iter().enumerate();
+        steps.fold(0, |bits, (number, step)| bits | u32::from(can_be_made(step)) << number)
+    }
+}
+
+/// Whether a cell is known to be free.
+pub(super) fn is_free(map: &ExplorationMap, cell: Cell) -> bool {
+    matches!(map.state(cell), CellState::Free | CellState::Covered)
+}

@@ -1,0 +1,67 @@
+//! Straight legs: whether the way to a cell is clear, and as few way-points as do for a path.
+
+use msgs::limits::PATH_POINTS_MAX;
+use nalgebra::Point3;
+use voxels::Cell;
+
+use super::Path;
+use super::graph::is_free;
+use super::sweep::{centre, clearance, in_cells, touches};
+use crate::exploration_map::ExplorationMap;
+
+/// So many cells of a path ahead, a shortcut is looked for; bounds the effort on long and winding paths.
+const AHEAD: usize = 256;
+
+/// Whether a body of `radius_m` metres, on the straight leg from a point (metres, frame `map`) to the centre of a cell, touches
+/// only cells that are known to be free, those at both ends included.
+///
+/// False if either end lies outside the map.
+#[must_use]
+pub fn direct(map: &ExplorationMap, from: &Point3<f64>, to: Cell, radius_m: f64) -> bool {
+    let extent = map.extent();
+    clearance(radius_m, extent.cell_m()).is_some_and(|radius| {
+        extent.contains(to) && is_clear(map, in_cells((*from).into(), extent.cell_m()), centre(to), radius)
+    })
+}
+
+/// Way-points (metres, frame `map`) for a body of `radius_m` metres that stands at the centre of the first cell of a path: its
+/// last cell, and before it the cells at which a straight leg must end because the next cells cannot be reached directly.
+///
+/// From each way-point the leg goes to the last cell of the path, within 256 cells, to which it is [`direct`]; a single step of
+/// the path is always taken for clear. The start is no way-point, so a path of one cell has none. A path that needs more than
+/// [`PATH_POINTS_MAX`] way-points is cut there: where it ends then, the rest must be asked for again.
+#[must_use]
+pub fn straighten(path: &Path, map: &ExplorationMap, radius_m: f64) -> Vec<Point3<f64>> {
+    path.cells.first().map_or_else(Vec::new, |&first| pull(path, map, radius_m, centre(first)))
+}
+
+/// As [`straighten`] for a body that stands anywhere in the first cell of the path (metres, frame `map`).
+///
+/// If it cannot get to the second cell or beyond directly, the centre of the first cell is its first way-point.
+#[must_use]
+pub fn straighten_from(from: &Point3<f64>, path: &Path, map: &ExplorationMap, radius_m: f64) -> Vec<Point3<f64>> {
+    pull(path, map, radius_m, in_cells((*from).into(), map.extent().cell_m()))
+}
+
+fn pull(path: &Path, map: &ExplorationMap, radius_m: f64, start: [f64; 3]) -> Vec<Point3<f64>> {
+    let extent = map.extent();
+    let radius = clearance(radius_m, extent.cell_m());
+    let mut points = Vec::new();
+    // Where the body is, the cell of the path that this is, and the first one after it that it can surely get to.
+    let (mut here, mut at) = (start, 0);
+    let mut next = usize::from(path.cells.first().is_some_and(|&first| start == centre(first)));
+    while next < path.cells.len() && points.len() < PATH_POINTS_MAX {
+        let farthest = (at + AHEAD).min(path.cells.len() - 1);
+        let clear = |&index: &usize| radius.is_some_and(|r| is_clear(map, here, centre(path.cells[index]), r));
+        at = (next + 1..=farthest).rev().find(clear).unwrap_or(next);
+        next = at + 1;
+        here = centre(path.cells[at]);
+        points.push(extent.centre(path.cells[at]));
+    }
+    points
+}
+
+fn is_clear(map: &ExplorationMap, from: [f64; 3], to: [f64; 3], radius: f64) -> bool {
+    let is_inside = |(along, size): (f64, u32)| (0.0..=f64::from(size)).contains(&along);
+    from.into_iter().zip(map.extent().size()).all(is_inside) && !touches(from, to, radius, |cell| !is_free(map, cell))
+}

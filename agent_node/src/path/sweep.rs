@@ -1,0 +1,225 @@
+//! Which cells a moving sphere touches. All lengths are in cells: the edge of a cell is 1.
+//!
+//! A cell is touched if the centre comes nearer to its cube than the radius. The distance from a point to a cube, squared, is
+//! convex and piecewise quadratic along a leg, which makes the test exact.
+
+use voxels::Cell;
+
+/// Added to the radius of a body, cells: the rounding of its motion must never be what makes it touch.
+const MARGIN: f64 = 1e-6;
+
+/// Coordinates so near to a multiple of a half are taken for that, cells.
+const SNAP: f64 = 1e-9;
+
+/// Bodies with a larger radius, cells, fit nowhere: the tables of their moves would grow without bound.
+const RADIUS_MAX: f64 = 16.0;
+
+/// The radius in cells to keep clear of for a body with this radius in metres, or `None` for a body that fits nowhere.
+///
+/// It is larger by a margin, but not beyond the next radius at which a sphere at the centre of a cell touches the faces of
+/// further cells: a body that fits between walls exactly still does.
+pub(super) fn clearance(radius_m: f64, cell_m: f64) -> Option<f64> {
+    let radius = (radius_m / cell_m).max(0.0);
+    if !(radius_m >= 0.0 && radius <= RADIUS_MAX) {
+        return None;
+    }
+    let to_faces = (radius - 0.5 - SNAP).ceil() + 0.5;
+    Some((radius + MARGIN).min(to_faces))
+}
+
+/// The centre of a cell.
+pub(super) fn centre(cell: Cell) -> [f64; 3] {
+    [cell.x, cell.y, cell.z].map(|along| f64::from(along) + 0.5)
+}
+
+/// A point in metres; rounding is taken back where a coordinate is that of a face or of a centre.
+pub(super) fn in_cells(point: [f64; 3], cell_m: f64) -> [f64; 3] {
+    point.map(|metres| {
+        let cells = metres / cell_m;
+        let halves = (2.0 * cells).round() / 2.0;
+        if (cells - halves).abs() < SNAP { halves } else { cells }
+    })
+}
+
+/// Whether a sphere that moves straight between two centres touches a cell that `blocks`.
+///
+/// The cells are asked for in layers along the leg, some of them although they are not touched; the test that is exact is
+/// made only for those that block.
+pub(super) fn touches(from: [f64; 3], to: [f64; 3], radius: f64, mut blocks: impl FnMut(Cell) -> bool) -> bool {
+    let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+    let along = [0, 1, 2].into_iter().fold(0, |best, axis| if by[axis].abs() > by[best].abs() { axis } else { best });
+    let (side_a, side_b) = ((along + 1) % 3, (along + 2) % 3);
+    let reach = radius + SNAP;
+    let (low, high) = range(from[along], to[along], reach);
+    for step in 0..=high - low {
+        let layer = if by[along] < 0.0 { high - step } else { low + step };
+        let (enter, leave) = within(from[along], by[along], f64::from(layer) - reach, f64::from(layer) + 1.0 + reach);
+        let at = |axis: usize, time: f64| from[axis] + by[axis] * time;
+        let (low_a, high_a) = range(at(side_a, enter), at(side_a, leave), reach);
+        let (low_b, high_b) = range(at(side_b, enter), at(side_b, leave), reach);
+        for b in low_b..=high_b {
+            for a in low_a..=high_a {
+                let mut corner = [layer; 3];
+                corner[side_a] = a;
+                corner[side_b] = b;
+                let cell = Cell::new(corner[0], corner[1], corner[2]);
+                if blocks(cell) && distance_squared(from, by, cell) < radius * radius {
+                    return true;
+                }
+            }
+        }
+    }
+    false
+}
+
+/// The cells that [`touches`] would find, in cell order.
+pub(super) fn touched(from: [f64; 3], to: [f64; 3], radius: f64) -> Vec<Cell> {
+    let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+    let mut cells = Vec::new();
+    touches(from, to, radius, |cell| {
+        if distance_squared(from, by, cell) < radius * radius {
+            cells.push(cell);
+        }
+        false
+    });
+    cells.sort_unstable();
+    cells
+}
+
+/// The cells, along one axis, that come within `reach` of an interval.
+fn range(a: f64, b: f64, reach: f64) -> (i32, i32) {
+    ((a.min(b) - reach).floor() as i32, (a.max(b) + reach).floor() as i32)
+}
+
+/// The times between 0 and 1 at which a coordinate is between two values.
+fn within(from: f64, by: f64, low: f64, high: f64) -> (f64, f64) {
+    if by == 0.0 {
+        return (0.0, 1.0);
+    }
+    let (a, b) = ((low - from) / by, (high - from) / by);
+    (a.min(b).clamp(0.0, 1.0), a.max(b).clamp(0.0, 1.0))
+}
+
+/// The least distance, squared, between a point that moves from `from` by `by` and the cube of a cell.
+fn distance_squared(from: [f64; 3], by: [f64; 3], cell: Cell) -> f64 {
+    let low = [cell.x, cell.y, cell.z].map(f64::from);
+    let offset = |axis: usize, time: f64| {
+        let at = from[axis] + by[axis] * time;
+        (at - low[axis]).min(0.0) + (at - low[axis] - 1.0).max(0.0)
+    };
+    let at = |time: f64| (0..3).map(|axis| offset(axis, time)).map(|apart| apart * apart).sum::<f64>();
+    // Between the times at which the point passes the plane of a face, the distance is quadratic.
+    let mut times = [0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
+    for (slot, time) in times[1..].iter_mut().enumerate().take(6) {
+        let (axis, plane) = (slot / 2, low[slot / 2] + (slot % 2) as f64);
+        let crossing = (plane - from[axis]) / by[axis];
+        if crossing > 0.0 && crossing < 1.0 {
+            *time = crossing;
+        }
+    }
+    times.sort_unstable_by(f64::total_cmp);
+    let mut least = at(0.0).min(at(1.0));
+    for window in times.windows(2) {
+        let middle = 0.5 * (window[0] + window[1]);
+        let (mut slope, mut curvature) = (0.0, 0.0);
+        for (axis, along) in by.into_iter().enumerate() {
+            let apart = offset(axis, middle);
+            if apart != 0.0 {
+                slope += apart * along;
+                curvature += along * along;
+            }
+        }
+        let time = if curvature > 0.0 { middle - slope / curvature } else { middle };
+        least = least.min(at(time.clamp(window[0], window[1])));
+    }
+    least
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn small_bodies_touch_what_a_step_passes() {
+        let home = centre(Cell::default());
+        let passed = |to: Cell, radius_m: f64| touched(home, centre(to), clearance(radius_m, 1.0).unwrap());
+        for radius_m in [0.0, 0.4, 0.5] {
+            assert_eq!(passed(Cell::default(), radius_m), [Cell::default()]);
+            assert_eq!(passed(Cell::new(0, 1, 0), radius_m), [Cell::default(), Cell::new(0, 1, 0)]);
+            let square = [Cell::new(-1, 0, 0), Cell::default(), Cell::new(-1, 0, 1), Cell::new(0, 0, 1)];
+            assert_eq!(passed(Cell::new(-1, 0, 1), radius_m), square);
+            assert_eq!(passed(Cell::new(1, -1, 1), radius_m).len(), 8);
+        }
+    }
+
+    #[test]
+    fn larger_bodies_touch_more() {
+        let home = centre(Cell::default());
+        let count = |radius_m: f64| touched(home, home, clearance(radius_m, 1.0).unwrap()).len();
+        assert_eq!(count(0.6), 7);
+        assert_eq!(count(0.71), 19);
+        assert_eq!(count(0.87), 27);
+        assert_eq!(count(1.5), 27);
+        assert_eq!(count(1.51), 33);
+    }
+
+    #[test]
+    fn a_body_that_fits_exactly_fits_whatever_the_cells_measure() {
+        for cell_m in [0.1, 0.3, 0.7, 1.0, 2.3] {
+            assert_eq!(clearance(cell_m * 0.5, cell_m), Some(0.5));
+            assert_eq!(clearance(cell_m * 1.5, cell_m), Some(1.5));
+            assert!(clearance(cell_m * 0.501, cell_m).unwrap() > 0.501);
+        }
+    }
+
+    #[test]
+    fn some_bodies_fit_nowhere() {
+        for radius_m in [f64::NAN, f64::INFINITY, -1.0, 17.0] {
+            assert_eq!(clearance(radius_m, 1.0), None);
+        }
+        assert!(clearance(16.0, 1.0).is_some());
+    }
+
+    fn sampled(from: [f64; 3], to: [f64; 3], cell: Cell) -> f64 {
+        let low = [cell.x, cell.y, cell.z].map(f64::from);
+        let at = |time: f64| {
+            let apart = |axis: usize| {
+                let here = from[axis] + (to[axis] - from[axis]) * time;
+                here - here.clamp(low[axis], low[axis] + 1.0)
+            };
+            (0..3).map(|axis| apart(axis) * apart(axis)).sum::<f64>()
+        };
+        (0..=1000).map(|i| at(f64::from(i) / 1000.0)).fold(f64::INFINITY, f64::min)
+    }
+
+    proptest! {
+        #[test]
+        fn the_distance_is_the_least_one(
+            from in prop::array::uniform3(-3.0..3.0), to in prop::array::uniform3(-3.0..3.0),
+        ) {
+            let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+            let (exact, sampled) = (distance_squared(from, by, Cell::default()), sampled(from, to, Cell::default()));
+            prop_assert!(exact <= sampled + 1e-12);
+            prop_assert!(sampled.sqrt() <= exact.sqrt() + 0.006, "{exact} {sampled}");
+        }
+
+        #[test]
+        fn no_cell_is_overlooked(
+            from in prop::array::uniform3(-3.0..3.0), to in prop::array::uniform3(-3.0..3.0), radius in 0.1..2.0,
+        ) {
+            let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+            let mut all = Vec::new();
+            for z in -6..6 {
+                for y in -6..6 {
+                    for x in -6..6 {
+                        if distance_squared(from, by, Cell::new(x, y, z)) < radius * radius {
+                            all.push(Cell::new(x, y, z));
+                        }
+                    }
+                }
+            }
+            prop_assert_eq!(touched(from, to, radius), all);
+        }
+    }
+}

@@ -1,0 +1,293 @@
+//! Agents tell each other what they know: the protocol by which maps are shared, over parcels.
+//!
+//! Each agent tells each peer, once, what is new since it last told it, its own findings and those it was told by others
+//! alike, but nothing that the peer told it, nor what others have told the peer in its hearing: a parcel names all who are told
+//! the same in the same tick, and what they were told then is not told to them again.
+//!
+//! Exchanges take place in the ticks that are multiples of the period, as in the reference, so that all agents in contact tell
+//! each other at once. A peer that is met for the first time is told at once, and so is one that was out of contact when its
+//! turn came. What does not fit into the parcels of a tick goes on in the next one.
+//!
+//! Delivery: a parcel to an agent that is a contact in the observation it answers arrives, since contact is judged for the same
+//! positions. Only an inbox that is full loses it: one exchange leaves room there for everybody else's (`INBOX_BYTES`), and
+//! goes on a period later if it must.
+//!
+//! Invariants: the cost of an exchange is that of the news; what is sent hangs on the order of nothing but the journal and the
+//! ids; a parcel that is refused changes nothing but the count of them.
+//!
+//! This module does not decide when an agent is asked; it says when it wants to be ([`Sharing::wants_to_be_asked_at`]). It must
+//! be called in ticks that count only.
+
+mod parcel;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use msgs::ids::{AgentId, Tick};
+use msgs::limits::PARCEL_BYTES_MAX;
+use msgs::maes_msgs::Wake as Events;
+
+use crate::command::{Parcel, Wake};
+use crate::exploration_map::{Delta, ExplorationMap};
+use crate::observation::{Contact, Received};
+pub use parcel::{ParcelError, VERSION};
+
+/// The mark of map parcels; all other marks are the controllers'.
+pub const MAP_PARCEL: u8 = 1;
+
+/// Ticks between exchanges in the reference: 5.02 s.
+pub const DEFAULT_PERIOD_TICKS: u32 = 251;
+
+/// What one parcel adds to a command beside its data; the budget of [`Sharing::outgoing`] counts it with the data.
+pub const PARCEL_BYTES_BARE: usize = 16;
+
+/// Bytes that lie in an inbox at the most; the server loses what does not fit.
+const INBOX_BYTES: usize = 64 * PARCEL_BYTES_MAX;
+
+/// Below this many bytes nothing is started: a tick later the runs are longer.
+const BUDGET_MIN: usize = 1024;
+
+/// What an agent remembers of the exchanges with its peers.
+#[derive(Debug, Clone)]
+pub struct Sharing {
+    period: u64,
+    agents: u32,
+    peers: BTreeMap<AgentId, Peer>,
+    hearings: Vec<Hearing>,
+    totals: Totals,
+}
+
+/// How far a peer has been told.
+#[derive(Debug, Clone, Default)]
+struct Peer {
+    /// The journal before this position has been told, or needs not be.
+    cursor: usize,
+    /// The present exchange ends at this position.
+    until: usize,
+    /// Bytes of the present exchange.
+    bytes: usize,
+    /// When the last exchange began.
+    last: Option<Tick>,
+}
+
+/// Who knows a part of the journal, because it was learnt from a parcel.
+#[derive(Debug, Clone)]
+struct Hearing {
+    positions: Range<usize>,
+    /// The sender, and all who were told the same.
+    knowing: Vec<AgentId>,
+}
+
+/// What came of the parcels of one observation.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Report {
+    /// Map parcels that were taken in.
+    pub parcels: usize,
+    /// Entries that they made in the journal.
+    pub news: usize,
+    /// Map parcels that were refused: from whom, and why.
+    pub refused: Vec<(AgentId, ParcelError)>,
+}
+
+/// Running totals of an agent's map parcels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Totals {
+    /// Sent; one to everybody in contact counts once.
+    pub parcels_sent: u64,
+    /// Bytes of data in them.
+    pub bytes_sent: u64,
+    /// Taken in.
+    pub parcels_taken: u64,
+    /// Bytes of data in them.
+    pub bytes_taken: u64,
+    /// Refused because they were malformed.
+    pub parcels_refused: u64,
+}
+
+/// Positions of the journal, and who is to be told them.
+type News = BTreeMap<Vec<AgentId>, Vec<Range<usize>>>;
+
+impl Sharing {
+    /// Nobody has been met. With a period of 0 the agent listens, but tells nobody anything.
+    #[must_use]
+    pub fn new(period_ticks: u32, agents: u32) -> Self {
+        Self {
+            period: period_ticks.into(),
+            agents,
+            peers: BTreeMap::new(),
+            hearings: Vec::new(),
+            totals: Totals::default(),
+        }
+    }
+
+    /// Running totals.
+    #[must_use]
+    pub fn totals(&self) -> &Totals {
+        &self.totals
+    }
+
+    /// Takes in the map parcels among those received; leaves all others alone.
+    ///
+    /// A parcel that is malformed is refused as a whole and reported.
+    pub fn incoming(&mut self, map: &mut ExplorationMap, parcels: &[Received]) -> Report {
+        let volume = map.extent().volume() as u32;
+        let mut report = Report::default();
+        for Received { from, data, .. } in parcels.iter().filter(|parcel| parcel.kind == MAP_PARCEL) {
+            let (receivers, delta) = match parcel::decode(data, volume, self.agents) {
+                Ok(content) => content,
+                Err(reason) => {
+                    self.totals.parcels_refused += 1;
+                    report.refused.push((*from, reason));
+                    continue;
+                }
+            };
+            let start = map.journal_len();
+            map.merge(&delta, *from);
+            let positions = start..map.journal_len();
+            self.totals.parcels_taken += 1;
+            self.totals.bytes_taken += data.len() as u64;
+            report.parcels += 1;
+            report.news += positions.len();
+            self.remember(Hearing { positions, knowing: receivers.into_iter().chain([*from]).collect() });
+        }
+        report
+    }
+
+    fn remember(&mut self, hearing: Hearing) {
+        match self.hearings.last_mut() {
+            _ if hearing.positions.is_empty() => {}
+            Some(last) if last.positions.end == hearing.positions.start && last.knowing == hearing.knowing => {
+                last.positions.end = hearing.positions.end;
+            }
+            _ => self.hearings.push(hearing),
+        }
+    }
+
+    /// What there is to tell in this tick to agents in contact (ascending by id), in parcels that take `budget` bytes at the
+    /// most, [`PARCEL_BYTES_BARE`] for each of them included.
+    pub fn outgoing(
+        &mut self,
+        map: &ExplorationMap,
+        contacts: &[Contact],
+        now: Tick,
+        mut budget: usize,
+    ) -> Vec<Parcel> {
+        let mut parcels = Vec::new();
+        if self.period == 0 {
+            return parcels;
+        }
+        for contact in contacts {
+            let peer = self.peers.entry(contact.agent).or_default();
+            let is_due = peer.last.is_none_or(|last| now.0 / self.period > last.0 / self.period);
+            if is_due {
+                *peer = Peer { cursor: peer.cursor, until: map.journal_len(), bytes: 0, last: Some(now) };
+            }
+        }
+        while budget >= BUDGET_MIN
+            && let Some((news, end)) = self.news(contacts, budget)
+        {
+            for (receivers, positions) in news {
+                let delta = Delta::of(positions.into_iter().flat_map(|range| map.changes(range)));
+                let data = parcel::encode(&receivers, &delta);
+                for receiver in &receivers {
+                    self.peers.entry(*receiver).or_default().bytes += data.len();
+                }
+                let mut send = |to, data: Vec<u8>| {
+                    budget -= data.len() + PARCEL_BYTES_BARE;
+                    self.totals.parcels_sent += 1;
+                    self.totals.bytes_sent += data.len() as u64;
+                    parcels.push(Parcel { to, kind: MAP_PARCEL, data });
+                };
+                if receivers.len() == contacts.len() {
+                    send(None, data);
+                } else {
+                    receivers.iter().for_each(|&receiver| send(Some(receiver), data.clone()));
+                }
+            }
+            self.told(contacts, end);
+        }
+        parcels
+    }
+
+    /// When the agent has something to do for its map parcels next, after [`Sharing::outgoing`] has been called in this tick:
+    /// in the next tick if something is left over, else when an exchange with a present contact is due, and when contacts
+    /// change.
+    #[must_use]
+    pub fn wants_to_be_asked_at(&self, contacts: &[Contact], now: Tick) -> Wake {
+        if self.period == 0 || self.agents < 2 {
+            return Wake { at: Tick(u64::MAX), events: 0 };
+        }
+        let due = |contact: &Contact| match self.peers.get(&contact.agent) {
+            Some(Peer { cursor, until, last: Some(last), .. }) if cursor == until => {
+                Tick((last.0 / self.period).saturating_add(1).saturating_mul(self.period))
+            }
+            _ => now.next(),
+        };
+        Wake { at: contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)), events: Events::CONTACTS }
+    }
+
+    /// From where the first of the contacts has been told, as many news as surely fit into the budget; where they end.
+    fn news(&self, contacts: &[Contact], mut budget: usize) -> Option<(News, usize)> {
+        let waiting: Vec<(AgentId, &Peer)> = contacts
+            .iter()
+            .filter_map(|contact| Some((contact.agent, self.peers.get(&contact.agent)?)))
+            .filter(|(_, peer)| peer.cursor < peer.until)
+            .collect();
+        let start = waiting.iter().map(|(_, peer)| peer.cursor).min()?;
+        let mut at = start;
+        let mut news = News::new();
+        let mut hearings = self.hearings[self.hearings.partition_point(|hearing| hearing.positions.end <= at)..].iter();
+        let mut hearing = hearings.next();
+        // Piece by piece of the journal; a piece is new to the same peers throughout.
+        loop {
+            if hearing.is_some_and(|hearing| hearing.positions.end <= at) {
+                hearing = hearings.next();
+            }
+            let heard = hearing.filter(|hearing| hearing.positions.start <= at);
+            let hearing_edge =
+                hearing.map(|hearing| if heard.is_some() { hearing.positions.end } else { hearing.positions.start });
+            let peer_edges = waiting.iter().flat_map(|(_, peer)| [peer.cursor, peer.until]);
+            let Some(end) = peer_edges.chain(hearing_edge).filter(|&edge| edge > at).min() else {
+                break;
+            };
+            let knows = |agent: &AgentId| heard.is_some_and(|hearing| hearing.knowing.contains(agent));
+            let receivers: Vec<AgentId> = waiting
+                .iter()
+                .filter(|(agent, peer)| peer.cursor <= at && at < peer.until && !knows(agent))
+                .map(|&(agent, _)| agent)
+                .collect();
+            if receivers.is_empty() {
+                at = end;
+                continue;
+            }
+            let copies = if receivers.len() == contacts.len() { 1 } else { receivers.len() };
+            let bare = match news.contains_key(&receivers) {
+                true => 0,
+                false => copies * (parcel::bare_bytes_max(receivers.len()) + PARCEL_BYTES_BARE),
+            };
+            let fitting = budget.saturating_sub(bare) / (copies * parcel::CELL_BYTES_MAX);
+            let taken = (end - at).min(fitting);
+            if taken == 0 {
+                break;
+            }
+            budget -= bare + taken * copies * parcel::CELL_BYTES_MAX;
+            news.entry(receivers).or_default().push(at..at + taken);
+            at += taken;
+        }
+        (at > start).then_some((news, at))
+    }
+
+    /// Notes that contacts have been told what is new to them before this position.
+    fn told(&mut self, contacts: &[Contact], end: usize) {
+        let bytes_max = INBOX_BYTES / (2 * self.agents.max(1) as usize);
+        for contact in contacts {
+            let peer = self.peers.entry(contact.agent).or_default();
+            peer.cursor = peer.cursor.max(end.min(peer.until));
+            if peer.bytes >= bytes_max {
+                peer.until = peer.cursor;
+            }
+        }
+    }
+}

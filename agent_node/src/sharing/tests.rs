@@ -1,0 +1,340 @@
+use nalgebra::Point3;
+use proptest::prelude::*;
+use voxels::{Cell, Extent};
+
+use super::*;
+use crate::exploration_map::CellState;
+
+const BUDGET: usize = PARCEL_BYTES_MAX;
+
+/// Agents with their maps, and a world that delivers.
+struct Team {
+    maps: Vec<ExplorationMap>,
+    sharings: Vec<Sharing>,
+    inboxes: Vec<Vec<Received>>,
+    /// Changes told so far: from, to, cell, finding.
+    told: Vec<(u32, u32, u32, u8)>,
+}
+
+impl Team {
+    fn new(agents: u32, extent: Extent, period: u32) -> Self {
+        let count = agents as usize;
+        Self {
+            maps: vec![ExplorationMap::new(extent); count],
+            sharings: vec![Sharing::new(period, agents); count],
+            inboxes: vec![Vec::new(); count],
+            told: Vec::new(),
+        }
+    }
+
+    /// One tick of agents who are in contact pairwise as `pairs` says; the bytes that each of them sent.
+    fn tick(&mut self, now: u64, pairs: &[(u32, u32)], budget: usize) -> Vec<usize> {
+        let mut sent = vec![0; self.maps.len()];
+        let mut posted = Vec::new();
+        for agent in 0..self.maps.len() as u32 {
+            let index = agent as usize;
+            let received = std::mem::take(&mut self.inboxes[index]);
+            let report = self.sharings[index].incoming(&mut self.maps[index], &received);
+            assert_eq!(report.refused, []);
+            let contacts = contacts(agent, pairs);
+            let parcels = self.sharings[index].outgoing(&self.maps[index], &contacts, Tick(now), budget);
+            sent[index] = parcels.iter().map(|parcel| parcel.data.len()).sum();
+            assert!(sent[index] + parcels.len() * PARCEL_BYTES_BARE <= budget);
+            for Parcel { to, kind, data } in parcels {
+                let everybody: Vec<AgentId> = contacts.iter().map(|contact| contact.agent).collect();
+                let receivers = to.map_or(everybody, |to| vec![to]);
+                let volume = self.maps[index].extent().volume() as u32;
+                let (named, delta) = parcel::decode(&data, volume, self.maps.len() as u32).unwrap();
+                for receiver in receivers {
+                    assert!(named.contains(&receiver));
+                    let lists = [(1, &delta.free), (2, &delta.covered), (3, &delta.wall)];
+                    for (finding, runs) in lists {
+                        let cells = runs.iter().cloned().flatten();
+                        self.told.extend(cells.map(|cell| (agent, receiver.0, cell, finding)));
+                    }
+                    posted.push((receiver, Received { from: AgentId(agent), kind, data: data.clone() }));
+                }
+            }
+        }
+        for (receiver, parcel) in posted {
+            self.inboxes[receiver.index()].push(parcel);
+        }
+        sent
+    }
+
+    fn told_cells(&self, from: u32, to: u32) -> Vec<u32> {
+        let of_pair = self.told.iter().filter(|told| (told.0, told.1) == (from, to));
+        of_pair.map(|told| told.2).collect()
+    }
+
+    fn states(&self, agent: usize) -> Vec<CellState> {
+        let map = &self.maps[agent];
+        map.extent().cells().map(|cell| map.state(cell)).collect()
+    }
+
+    fn wake(&self, agent: u32, pairs: &[(u32, u32)], now: u64) -> Wake {
+        self.sharings[agent as usize].wants_to_be_asked_at(&contacts(agent, pairs), Tick(now))
+    }
+}
+
+fn contacts(agent: u32, pairs: &[(u32, u32)]) -> Vec<Contact> {
+    let mut others: Vec<u32> = pairs
+        .iter()
+        .filter_map(|&(one, other)| match agent {
+            _ if agent == one => Some(other),
+            _ if agent == other => Some(one),
+            _ => None,
+        })
+        .collect();
+    others.sort_unstable();
+    others.into_iter().map(|agent| Contact { agent: AgentId(agent), position: Point3::origin() }).collect()
+}
+
+fn everybody(agents: u32) -> Vec<(u32, u32)> {
+    (0..agents).flat_map(|one| (one + 1..agents).map(move |other| (one, other))).collect()
+}
+
+fn extent(size: u32) -> Extent {
+    Extent::new([size; 3], 1.0).unwrap()
+}
+
+#[test]
+fn two_agents_tell_each_other_at_once_and_then_once_a_period() {
+    let mut team = Team::new(2, extent(10), 5);
+    let pair = [(0, 1)];
+    assert_eq!(team.wake(0, &[], 0), Wake { at: Tick(u64::MAX), events: Events::CONTACTS });
+    team.maps[0].note_free(&[1, 2, 3]);
+    team.maps[1].note_wall(&[7, 9]);
+    assert_eq!(team.tick(7, &pair, BUDGET), [8, 10]);
+    assert_eq!(team.wake(0, &pair, 7), Wake { at: Tick(10), events: Events::CONTACTS });
+    assert_eq!(team.tick(8, &pair, BUDGET), [0, 0]);
+    assert_eq!(team.states(0), team.states(1));
+    team.maps[0].note_covered(Cell::new(2, 0, 0));
+    assert_eq!(team.tick(9, &pair, BUDGET), [0, 0]);
+    // What came from the other is no news for it.
+    assert_eq!(team.tick(10, &pair, BUDGET), [8, 0]);
+    team.tick(11, &pair, BUDGET);
+    assert_eq!(team.states(0), team.states(1));
+    assert_eq!(team.maps[1].covered(), 1);
+    // A turn that was missed is made up for.
+    team.maps[1].note_free(&[100]);
+    assert_eq!(team.tick(15, &[], BUDGET), [0, 0]);
+    assert!(team.tick(17, &pair, BUDGET)[1] > 0);
+    assert_eq!(team.wake(1, &pair, 17).at, Tick(20));
+    let totals = team.sharings[0].totals();
+    assert_eq!((totals.parcels_sent, totals.bytes_sent, totals.parcels_taken, totals.bytes_taken), (2, 16, 1, 10));
+}
+
+#[test]
+fn what_one_was_told_it_tells_others_but_never_back() {
+    let mut team = Team::new(3, extent(10), 5);
+    team.maps[0].note_free(&[1, 2, 3]);
+    team.maps[1].note_free(&[20, 21]);
+    team.maps[2].note_wall(&[40]);
+    team.tick(1, &[(0, 1)], BUDGET);
+    team.tick(2, &[], BUDGET);
+    team.tick(3, &[(1, 2)], BUDGET);
+    team.tick(4, &[], BUDGET);
+    assert_eq!(team.states(1), team.states(2), "C knows what A saw");
+    assert_eq!(team.told_cells(1, 2), [1, 2, 3, 20, 21]);
+    assert_eq!(team.told_cells(2, 1), [40]);
+    for now in 5..30 {
+        team.tick(now, &[(0, 1), (1, 2)], BUDGET);
+    }
+    assert_eq!(team.told_cells(1, 0), [20, 21, 40], "nothing goes back, nothing is told twice");
+    assert_eq!(team.told_cells(1, 2), [1, 2, 3, 20, 21]);
+    assert_eq!(team.states(0), team.states(2));
+}
+
+#[test]
+fn what_all_have_heard_is_not_passed_on() {
+    let mut team = Team::new(4, extent(10), 5);
+    let all = everybody(4);
+    for (agent, map) in (0..).zip(&mut team.maps) {
+        map.note_free(&[10 * agent, 10 * agent + 1]);
+    }
+    for now in 0..20 {
+        let sent = team.tick(now, &all, BUDGET);
+        assert_eq!(sent.iter().any(|&bytes| bytes > 0), now == 0, "tick {now}");
+    }
+    assert_eq!(team.told.len(), 4 * 3 * 2);
+    assert!((1..4).all(|agent| team.states(agent) == team.states(0)));
+}
+
+#[test]
+fn what_does_not_fit_goes_on_in_the_next_ticks() {
+    let size = 40;
+    let mut team = Team::new(2, extent(size), 1000);
+    let pair = [(0, 1)];
+    let volume = size * size * size;
+    // Nothing is longer on the wire than cells without neighbours.
+    let scattered: Vec<u32> = (0..volume).filter(|cell| cell % 3 == 0).collect();
+    team.maps[0].note_free(&scattered);
+    let budget = 6000;
+    let mut ticks = 0;
+    loop {
+        let sent = team.tick(ticks, &pair, budget)[0];
+        let is_left_over = team.wake(0, &pair, ticks).at == Tick(ticks + 1);
+        assert!(sent > budget - 2 * BUDGET_MIN || !is_left_over, "{sent}");
+        // News of the meantime have to wait for the next exchange.
+        team.maps[0].note_free(&[1 + 3 * ticks as u32]);
+        ticks += 1;
+        if !is_left_over {
+            break;
+        }
+    }
+    assert!((7..12).contains(&ticks), "{ticks}");
+    team.tick(ticks, &pair, budget);
+    assert_eq!(team.told_cells(0, 1).len(), scattered.len());
+    assert_eq!(team.maps[1].free(), scattered.len());
+}
+
+#[test]
+fn an_exchange_that_is_cut_off_goes_on_at_the_next_meeting() {
+    let mut team = Team::new(2, extent(40), 1000);
+    team.maps[0].note_free(&(0..20_000).map(|cell| 3 * cell).collect::<Vec<_>>());
+    team.tick(3, &[(0, 1)], 2000);
+    assert_eq!(team.wake(0, &[(0, 1)], 3).at, Tick(4));
+    assert_eq!(team.wake(0, &[], 3).at, Tick(u64::MAX));
+    assert_eq!(team.tick(4, &[], BUDGET), [0, 0]);
+    team.tick(90, &[(0, 1)], BUDGET);
+    team.tick(91, &[], BUDGET);
+    assert_eq!(team.told_cells(0, 1).len(), 20_000);
+    assert_eq!(team.maps[1].free(), 20_000);
+}
+
+#[test]
+fn one_exchange_leaves_room_in_the_inbox_for_those_of_all_others() {
+    let agents = 20;
+    let mut team = Team::new(agents, extent(128), 251);
+    team.maps[0].note_free(&(0..600_000).map(|cell| 3 * cell).collect::<Vec<_>>());
+    let room = INBOX_BYTES / agents as usize;
+    let mut sent = 0;
+    for tick in 0..251 {
+        sent += team.tick(tick, &[(0, 1)], BUDGET)[0];
+    }
+    assert!(sent > room / 3 && sent < room, "{sent} of {room}");
+    for tick in 251..5000 {
+        team.tick(tick, &[(0, 1)], BUDGET);
+    }
+    assert_eq!(team.maps[1].free(), 600_000);
+}
+
+#[test]
+fn an_exchange_takes_few_bytes_for_a_cell() {
+    const HALLS_X: [i32; 3] = [14, 24, 34];
+    const RADIUS: f64 = 8.0;
+    let mut team = Team::new(2, extent(50), 5);
+    let distance =
+        |cell: Cell, x: i32| f64::from((cell.x - x).pow(2) + (cell.y - 25).pow(2) + (cell.z - 25).pow(2)).sqrt();
+    let is_free = |cell: Cell| HALLS_X.into_iter().any(|x| distance(cell, x) < RADIUS);
+    let mut told = 0;
+    // Three halls that open into each other; of the second and third, the part is news that is not in the one before.
+    for (exchange, x) in (0..).zip(HALLS_X) {
+        let map = &mut team.maps[0];
+        let seen: Vec<Cell> = map.extent().cells().filter(|&cell| distance(cell, x) < RADIUS + 1.0).collect();
+        let (free, wall): (Vec<Cell>, Vec<Cell>) = seen.into_iter().partition(|&cell| is_free(cell));
+        let indices = |cells: &[Cell]| -> Vec<u32> {
+            cells.iter().filter_map(|&cell| extent(50).index(cell)).map(|index| index as u32).collect()
+        };
+        map.note_free(&indices(&free));
+        map.note_wall(&indices(&wall));
+        let cells = map.journal_len() - told;
+        told = map.journal_len();
+        let bytes = team.tick(5 * exchange, &[(0, 1)], BUDGET)[0];
+        let bytes_per_100_cells = 100 * bytes / cells;
+        assert!((20..70).contains(&bytes_per_100_cells), "exchange {exchange}: {bytes} bytes for {cells} cells");
+    }
+    assert_eq!(team.told.len(), told);
+    assert_eq!(team.maps[0].contradictions(), 0);
+}
+
+#[test]
+fn with_a_period_of_0_it_only_listens() {
+    let mut team = Team::new(2, extent(10), 5);
+    team.sharings[1] = Sharing::new(0, 2);
+    team.maps.iter_mut().zip([3, 500]).for_each(|(map, cell)| map.note_free(&[cell]));
+    assert_eq!(team.wake(1, &[(0, 1)], 0), Wake { at: Tick(u64::MAX), events: 0 });
+    assert!(team.tick(0, &[(0, 1)], BUDGET)[0] > 0);
+    assert_eq!(team.tick(5, &[(0, 1)], BUDGET), [0, 0]);
+    assert_eq!((team.maps[0].free(), team.maps[1].free()), (1, 2));
+}
+
+#[test]
+fn malformed_parcels_are_refused_and_other_kinds_left_alone() {
+    let mut map = ExplorationMap::new(extent(4));
+    let mut sharing = Sharing::new(5, 3);
+    let parcel = |kind, data: &[u8]| Received { from: AgentId(2), kind, data: data.to_vec() };
+    let received = [
+        parcel(MAP_PARCEL, &[9]),
+        parcel(0, &[1, 2, 3]),
+        parcel(MAP_PARCEL, &[VERSION, 0, 1, 3, 0, 0, 0]),
+        parcel(MAP_PARCEL, &[VERSION, 0, 1, 64, 0, 0, 0]),
+    ];
+    let report = sharing.incoming(&mut map, &received);
+    let refused = [(AgentId(2), ParcelError::Version(9)), (AgentId(2), ParcelError::Outside { cell: 64, volume: 64 })];
+    assert_eq!(report, Report { parcels: 1, news: 1, refused: refused.to_vec() });
+    assert_eq!(sharing.totals().parcels_refused, 2);
+    assert_eq!((map.free(), map.state(Cell::new(3, 0, 0))), (1, CellState::Free));
+}
+
+proptest! {
+    #[test]
+    fn garbage_is_no_danger(mut datas in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..60), 0..8)) {
+        let mut map = ExplorationMap::new(extent(5));
+        let mut sharing = Sharing::new(5, 3);
+        let mut count = 0;
+        for (at, data) in datas.iter_mut().enumerate() {
+            if at % 2 == 0 && data.len() > 1 {
+                data[0] = VERSION;
+                data[1] %= 2;
+            }
+            let parcel = Received { from: AgentId(1), kind: MAP_PARCEL, data: data.clone() };
+            let report = sharing.incoming(&mut map, &[parcel]);
+            count += report.parcels + report.refused.len();
+        }
+        prop_assert_eq!(count, datas.len());
+        prop_assert!(map.changes_since(0).all(|change| change.cell < 125));
+        let contact = Contact { agent: AgentId(2), position: Point3::origin() };
+        sharing.outgoing(&map, &[contact], Tick(1), BUDGET);
+    }
+
+    #[test]
+    fn all_maps_are_equal_after_a_round_of_everybody_with_everybody(
+        agents in 2u32..6,
+        findings in prop::collection::vec((0u32..6, 0u32..1000, any::<bool>()), 0..150),
+        meetings in prop::collection::vec((0u32..6, 0u32..6), 0..25),
+        budget in 1100usize..4000,
+    ) {
+        let mut team = Team::new(agents, extent(10), 4);
+        let mut meetings = meetings.into_iter();
+        let mut now = 0;
+        for (at, (agent, cell, is_visit)) in findings.into_iter().enumerate() {
+            let map = &mut team.maps[(agent % agents) as usize];
+            match cell % 3 {
+                0 => map.note_wall(&[cell]),
+                _ if is_visit => map.note_covered(map.extent().cell_at(cell as usize)),
+                _ => map.note_free(&[cell]),
+            }
+            if at % 6 == 0 {
+                now += 1;
+                let pair = meetings.next().map(|(one, other)| (one % agents, other % agents));
+                let pair = pair.filter(|(one, other)| one != other);
+                team.tick(now, pair.as_slice(), budget);
+            }
+        }
+        let all = everybody(agents);
+        for _ in 0..16 {
+            now += 1;
+            team.tick(now, &all, budget);
+        }
+        for agent in 1..agents as usize {
+            prop_assert_eq!(team.states(agent), team.states(0));
+            prop_assert_eq!(team.maps[agent].contradictions(), 0);
+        }
+        let count = team.told.len();
+        team.told.sort_unstable();
+        team.told.dedup();
+        prop_assert_eq!(team.told.len(), count, "nothing is told twice");
+    }
+}
