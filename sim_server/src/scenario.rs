@@ -22,6 +22,9 @@ pub use sections::*;
 /// several agents may share one.
 pub const AGENTS_MAX: u32 = 1000;
 
+/// Radius of a body in cells at the most: what a motion may touch is looked for cell by cell.
+const BODY_CELLS_MAX: f64 = 16.0;
+
 /// A run. See docs/scenario.md for the keys.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -225,6 +228,18 @@ impl Scenario {
         ] {
             checker.positive(key, value)?;
         }
+        checker.require(
+            "body.radius_m",
+            body.radius_m,
+            body.radius_m <= BODY_CELLS_MAX * self.map.cell_m,
+            "expected at most the length of 16 cells",
+        )?;
+        checker.require(
+            "body.speed_max_m_s",
+            body.speed_max_m_s,
+            body.speed_max_m_s * Tick::TICK_S <= self.map.cell_m,
+            "expected at most one cell in a tick: the length of 50 cells in a second",
+        )?;
         checker.require(
             "lidar.rays",
             self.lidar.rays,
