@@ -25,6 +25,9 @@ pub const AGENTS_MAX: u32 = 1000;
 /// Radius of a body in cells at the most: what a motion may touch is looked for cell by cell.
 const BODY_CELLS_MAX: f64 = 16.0;
 
+/// Radius of a body in cells at the least: below it, rounding decides whether it touches a wall.
+const BODY_CELLS_MIN: f64 = 1e-3;
+
 /// A run. See docs/scenario.md for the keys.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -231,8 +234,8 @@ impl Scenario {
         checker.require(
             "body.radius_m",
             body.radius_m,
-            body.radius_m <= BODY_CELLS_MAX * self.map.cell_m,
-            "expected at most the length of 16 cells",
+            body.radius_m <= BODY_CELLS_MAX * self.map.cell_m && body.radius_m >= BODY_CELLS_MIN * self.map.cell_m,
+            "expected at least a thousandth of a cell and at most the length of 16 cells",
         )?;
         checker.require(
             "body.speed_max_m_s",
@@ -285,7 +288,10 @@ impl Scenario {
         checker.positive("execution.join_timeout_s", self.execution.join_timeout_s)?;
         checker.positive("execution.decision_timeout_s", self.execution.decision_timeout_s)?;
         if let Rtf::Limit(limit) = self.execution.rtf {
-            checker.positive("execution.rtf", limit)?;
+            checker.require("execution.rtf", limit, (1e-3..=1e6).contains(&limit), "expected 0.001 to 1e6, or max")?;
+        }
+        if let SpawnSpec::NearestOrigin { yaw_rad } = self.spawn {
+            checker.require("spawn.yaw_rad", yaw_rad, yaw_rad.abs() <= TAU, "expected -2 pi to 2 pi")?;
         }
         Ok(())
     }

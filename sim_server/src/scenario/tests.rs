@@ -54,8 +54,15 @@ fn mistakes_are_named_with_their_place() {
     refuses(SMALL, &[set("agents.cuont", 1)], "--set agents.cuont: unknown field `cuont`");
     refuses(SMALL, &[set("seed.x", 1)], "--set seed.x: `seed` in `seed.x` is not a table");
     refuses(SMALL, &[set("execution.rtf", "fast")], "--set execution.rtf");
-    refuses(SMALL, &[set("body.radius_m", 20.0)], "body.radius_m = 20: expected at most the length of 16 cells");
+    refuses(
+        SMALL,
+        &[set("body.radius_m", 20.0)],
+        "body.radius_m = 20: expected at least a thousandth of a cell and at most the length of 16 cells",
+    );
     refuses(SMALL, &[set("body.speed_max_m_s", 60.0)], "body.speed_max_m_s = 60: expected at most one cell in a tick");
+    refuses(SMALL, &[set("body.radius_m", 1e-9)], "body.radius_m = 0.000000001");
+    refuses(SMALL, &[set("execution.rtf", 1e-300)], "execution.rtf");
+    refuses(SMALL, &[set("spawn.kind", "nearest_origin"), set("spawn.yaw_rad", f64::NAN)], "spawn.yaw_rad = NaN");
     refuses(SMALL, &[set("lidar.fov_rad", 7.0)], "lidar.fov_rad = 7");
     refuses(SMALL, &[set("lidar.range_m", f64::NAN)], "lidar.range_m = NaN");
     refuses(SMALL, &[set("map.file", "x.m3dm")], "map.file");

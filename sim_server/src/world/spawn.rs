@@ -2,6 +2,8 @@
 //!
 //! Invariant: every start has room for the body (no wall and no other body within its radius) and lies inside the map.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -51,7 +53,9 @@ pub enum SpawnError {
         expected: usize,
     },
     /// An entry of the list is no pose.
-    #[error("spawn.poses[{index}]: expected [x, y, z] or [x, y, z, yaw] with finite numbers, got {got:?}")]
+    #[error(
+        "spawn.poses[{index}]: expected [x, y, z] or [x, y, z, yaw] with finite numbers and a yaw of -2 pi to 2 pi, got {got:?}"
+    )]
     NotAPose {
         /// Position in the list.
         index: usize,
@@ -151,7 +155,7 @@ fn listed(
                 return Err(SpawnError::NotAPose { index, got: entry.clone() });
             }
         };
-        if !entry.iter().all(|number| number.is_finite()) {
+        if !entry.iter().all(|number| number.is_finite()) || yaw_rad.abs() > TAU {
             return Err(SpawnError::NotAPose { index, got: entry.clone() });
         }
         let no_room =

@@ -8,9 +8,12 @@ use msgs::limits::PARCEL_BYTES_MAX;
 use super::comms::Parcel;
 use super::{Events, PARCEL};
 
+/// What a parcel takes beside its data, so that empty ones count as well.
+const PARCEL_BYTES_BARE: usize = 64;
+
 /// Bytes an inbox holds at the most; a parcel that does not fit is lost. 64 full parcels: an agent that never asks for its
 /// mail must not make the server grow.
-const INBOX_BYTES_MAX: usize = 64 * PARCEL_BYTES_MAX;
+const INBOX_BYTES_MAX: usize = 64 * (PARCEL_BYTES_MAX + PARCEL_BYTES_BARE);
 
 /// What an agent is told. Cells are indices.
 #[derive(Debug, Default)]
@@ -45,7 +48,7 @@ struct Asked {
 impl Untold {
     /// Puts a parcel into the inbox, unless that is full.
     pub(super) fn post(&mut self, parcel: Parcel) -> bool {
-        let bytes = self.parcel_bytes + parcel.data.len();
+        let bytes = self.parcel_bytes + PARCEL_BYTES_BARE + parcel.data.len();
         if bytes > INBOX_BYTES_MAX {
             return false;
         }
