@@ -61,7 +61,7 @@ impl Gossip {
         self.learn(observation.scan_tick.map_or(0, |tick| tick.0));
         self.learn((observation.seen.free.len() + 1000 * observation.seen.wall.len()) as u64);
         self.learn(observation.view.as_ref().map_or(0, |view| view.free.iter().map(|&cell| u64::from(cell)).sum()));
-        self.learn((ctx.map.free() * 100_000 + ctx.map.wall()) as u64);
+        self.learn((ctx.map.free() * 100_000 + ctx.map.wall()) as u64 + (ctx.map.covered() as u64) * 10_000_000_000);
         for contact in &observation.contacts {
             self.learn(u64::from(contact.agent.0) ^ contact.position.y.to_bits());
         }

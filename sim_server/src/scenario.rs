@@ -234,7 +234,7 @@ impl Scenario {
         checker.require(
             "body.radius_m",
             body.radius_m,
-            body.radius_m <= BODY_CELLS_MAX * self.map.cell_m && body.radius_m >= BODY_CELLS_MIN * self.map.cell_m,
+            (BODY_CELLS_MIN..=BODY_CELLS_MAX).contains(&(body.radius_m / self.map.cell_m)),
             "expected at least a thousandth of a cell and at most the length of 16 cells",
         )?;
         checker.require(
