@@ -42,7 +42,7 @@ pub struct Options {
 /// Why agents cannot go on.
 #[derive(Debug, Error)]
 pub enum RunError {
-    /// The server does not want them.
+    /// The run does not want them.
     #[error("agent {agent} was refused by the server: {reason}")]
     Refused {
         /// Who.
@@ -115,6 +115,10 @@ impl<'a> Process<'a> {
         settings.extend(options.settings.iter().cloned());
         let mut seats = BTreeMap::new();
         for &id in &options.agents {
+            if id.0 >= briefing.agents {
+                let reason = format!("this run has agents 0 to {}", briefing.agents.saturating_sub(1));
+                return Err(RunError::Refused { agent: id, reason });
+            }
             let controller = controllers::build(name, &settings, id, briefing.agents_seed)?;
             let agent = Agent::new(id, briefing.clone(), controller, options.share_period_ticks);
             seats.insert(id, Seat { agent, is_accepted: false });
