@@ -52,7 +52,7 @@ impl Gossip {
         self.learnt = (self.learnt.rotate_left(5) ^ number).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     }
 
-    fn learn_all(&mut self, observation: &Observation, ctx: Ctx<'_>) {
+    fn learn_all(&mut self, observation: &Observation, ctx: &Ctx<'_>) {
         let Observation { tick, pose, events, .. } = observation;
         self.learn(tick.0);
         self.learn(u64::from(*events));
@@ -61,7 +61,9 @@ impl Gossip {
         self.learn(observation.scan_tick.map_or(0, |tick| tick.0));
         self.learn((observation.seen.free.len() + 1000 * observation.seen.wall.len()) as u64);
         self.learn(observation.view.as_ref().map_or(0, |view| view.free.iter().map(|&cell| u64::from(cell)).sum()));
-        self.learn((ctx.map.free() * 100_000 + ctx.map.wall()) as u64 + (ctx.map.covered() as u64) * 10_000_000_000);
+        self.learn(
+            (ctx.map().free() * 100_000 + ctx.map().wall()) as u64 + (ctx.map().covered() as u64) * 10_000_000_000,
+        );
         for contact in &observation.contacts {
             self.learn(u64::from(contact.agent.0) ^ contact.position.y.to_bits());
         }
@@ -88,11 +90,11 @@ impl Gossip {
         }
     }
 
-    fn parcels(&mut self, ctx: Ctx<'_>) -> Vec<Parcel> {
+    fn parcels(&mut self, ctx: &Ctx<'_>) -> Vec<Parcel> {
         let rng = &mut self.rng;
         let count = rng.random_range(0..3);
         let mut parcel = || Parcel {
-            to: rng.random_bool(0.5).then(|| AgentId(rng.random_range(0..ctx.briefing.agents))),
+            to: rng.random_bool(0.5).then(|| AgentId(rng.random_range(0..ctx.briefing().agents))),
             kind: rng.random(),
             data: (0..rng.random_range(0..2000)).map(|_| rng.random()).collect(),
         };
@@ -101,7 +103,11 @@ impl Gossip {
 }
 
 impl Controller for Gossip {
-    fn decide(&mut self, observation: &Observation, ctx: Ctx<'_>) -> Command {
+    fn is_asked_between(&self) -> bool {
+        true
+    }
+
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let is_due = observation.tick >= self.wake.at || observation.events & self.wake.events != 0;
         if !is_due {
             let turn = Motion::Turn { angle_rad: 0.1 };

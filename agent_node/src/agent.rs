@@ -5,8 +5,9 @@
 //!
 //! **In turn and out of turn.** A server that does not look ahead asks agents in every tick, and takes no notice of an answer
 //! before the wake condition of the last answer that counted, unless the answer does something. It tells everything again when
-//! the agent is due. So that asking changes nothing, an agent that is asked out of turn learns nothing and shares nothing: it
-//! keeps what it is told aside, for the case that its controller acts all the same, and the answer counts.
+//! the agent is due. So that asking changes nothing, an agent that is asked out of turn learns nothing, shares nothing, and does
+//! not ask its controller, unless that wants to be asked in between: then it keeps what it is told aside, for the case that the
+//! controller acts all the same, and the answer counts.
 //!
 //! **Whom a wake is for.** Map sharing has wake conditions of its own. In a tick that is due for sharing alone, the controller is
 //! not asked: the news wait for the tick that it has asked for, so that it need not know of sharing. It does not see map parcels.
@@ -20,6 +21,7 @@ use crate::controllers::{Controller, Ctx};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::{Briefing, Observation};
 use crate::sharing::{MAP_PARCEL, PARCEL_BYTES_BARE, Sharing};
+use crate::travel::Travel;
 use crate::wire::{self, Collected, Collector, WireError};
 
 /// Most bytes that the way-points and parcels of a command may take together, or the server refuses it: what fits into one sample
@@ -35,6 +37,7 @@ pub struct Agent {
     briefing: Briefing,
     map: ExplorationMap,
     sharing: Sharing,
+    travel: Travel,
     controller: Box<dyn Controller>,
     collector: Collector,
     answered: Option<maes_msgs::Command>,
@@ -69,6 +72,7 @@ impl Agent {
             id,
             map: ExplorationMap::new(briefing.extent),
             sharing: Sharing::new(share_period_ticks, briefing.agents),
+            travel: Travel::new(briefing.body_radius_m, briefing.extent.cell_m()),
             briefing,
             controller,
             collector: Collector::default(),
@@ -128,8 +132,10 @@ impl Agent {
         }
         let command = if self.due.is_due(tick, observation.events) {
             self.answer_in_turn(observation)
-        } else {
+        } else if self.controller.is_asked_between() {
             self.answer_out_of_turn(observation)
+        } else {
+            Command::keep(self.due)
         };
         let command = wire::command(self.id, tick, command);
         self.answered = Some(command.clone());
@@ -171,8 +177,8 @@ impl Agent {
     }
 
     fn decide(&mut self, observation: &Observation) -> Command {
-        let ctx = Ctx { agent: self.id, briefing: &self.briefing, map: &self.map };
-        self.controller.decide(observation, ctx)
+        let mut ctx = Ctx::new(self.id, &self.briefing, observation, &mut self.map, &mut self.travel);
+        self.controller.decide(observation, &mut ctx)
     }
 
     /// Learns what was seen and what other agents say; takes their map parcels out of the observation.

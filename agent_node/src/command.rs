@@ -2,7 +2,10 @@
 //!
 //! Lengths in metres, angles in radians, frame `map` unless a name says otherwise.
 
+use std::f64::consts::{PI, TAU};
+
 use msgs::ids::{AgentId, Tick};
+use msgs::limits::INFO_BYTES_MAX;
 use msgs::maes_msgs::Wake as Events;
 use nalgebra::{Point3, Vector3};
 
@@ -35,6 +38,20 @@ pub enum Motion {
         /// Positive to the left.
         yaw_rate_rad_s: f64,
     },
+}
+
+impl Motion {
+    /// Straight along the heading, raised by `pitch_rad` (-pi/2 ..= pi/2), for `distance_m` (infinity: until a collision).
+    #[must_use]
+    pub fn straight(pitch_rad: f64, distance_m: f64) -> Self {
+        Self::Move { pitch_rad, distance_m }
+    }
+
+    /// Turn to where a turn by `angle_rad` ends, by the shorter way; half a turn goes to the right.
+    #[must_use]
+    pub fn turn(angle_rad: f64) -> Self {
+        Self::Turn { angle_rad: angle_rad - TAU * libm::floor((angle_rad + PI) / TAU) }
+    }
 }
 
 /// A request to the LiDAR.
@@ -77,6 +94,18 @@ impl Wake {
 
     /// Once the task has ended, by itself or by a collision.
     pub const TASK_DONE: Self = Self { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION };
+
+    /// In a tick at the latest.
+    #[must_use]
+    pub fn at(tick: Tick) -> Self {
+        Self { at: tick, events: 0 }
+    }
+
+    /// After any of these events, bits of `maes_msgs/Wake`.
+    #[must_use]
+    pub fn on(events: u8) -> Self {
+        Self { at: Tick(u64::MAX), events }
+    }
 
     /// Whether it is time to ask in a tick, after `events` (bits of `maes_msgs/Wake`) since the agent was last asked.
     #[must_use]
@@ -121,6 +150,30 @@ impl Command {
         Self { motion, lidar: LidarRequest::Keep, want_view: false, parcels: Vec::new(), wake, info: String::new() }
     }
 
+    /// The same, and sends bytes: `kind` is the sender's mark (not [`crate::sharing::MAP_PARCEL`]), `to` the receiver (`None`:
+    /// everybody in contact).
+    #[must_use]
+    pub fn sending(mut self, to: Option<AgentId>, kind: u8, data: Vec<u8>) -> Self {
+        self.parcels.push(Parcel { to, kind, data });
+        self
+    }
+
+    /// The same, with a text for people, of which as much is kept as fits ([`msgs::limits::INFO_BYTES_MAX`]).
+    #[must_use]
+    pub fn saying(mut self, info: impl Into<String>) -> Self {
+        self.info = info.into();
+        let end = (0..=INFO_BYTES_MAX.min(self.info.len())).rev().find(|&end| self.info.is_char_boundary(end));
+        self.info.truncate(end.unwrap_or(0));
+        self
+    }
+
+    /// The same, and asks for the view of the last scan in the next observation.
+    #[must_use]
+    pub fn asking_for_view(mut self) -> Self {
+        self.want_view = true;
+        self
+    }
+
     /// Whether the run would be the same without it: out of turn the server takes no notice of it, its wake included.
     #[must_use]
     pub fn does_nothing(&self) -> bool {
@@ -129,5 +182,28 @@ impl Command {
             && !self.want_view
             && self.parcels.is_empty()
             && self.info.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shorter_way_ends_at_the_same_heading() {
+        for degrees in -720..=720 {
+            let angle_rad = f64::from(degrees) * PI / 180.0;
+            let Motion::Turn { angle_rad: way } = Motion::turn(angle_rad) else { panic!() };
+            assert!(way.abs() <= PI + 1e-12);
+            let turns = (angle_rad - way) / TAU;
+            assert!((turns - turns.round()).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_text_for_people_is_cut_where_a_character_ends() {
+        let said = Command::keep(Wake::NEXT_TICK).saying("\u{e9}".repeat(INFO_BYTES_MAX));
+        assert_eq!(said.info.len(), INFO_BYTES_MAX / 2 * 2);
+        assert_eq!(Command::keep(Wake::NEXT_TICK).saying("short").info, "short");
     }
 }

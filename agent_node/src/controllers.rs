@@ -3,6 +3,7 @@
 //! Invariants: a controller decides from what it is given alone, draws from its own random stream, and ends; the same
 //! observations give the same commands. This module knows no transport and no wall clock.
 
+pub mod ctx;
 pub mod rbw;
 pub mod rbw_maes3d;
 pub mod settings;
@@ -11,25 +12,22 @@ use msgs::ids::AgentId;
 use thiserror::Error;
 
 use crate::command::Command;
-use crate::exploration_map::ExplorationMap;
-use crate::observation::{Briefing, Observation};
+use crate::observation::Observation;
+pub use ctx::Ctx;
 use settings::{SettingError, Settings};
 
-/// What a controller may look at besides the observation.
-#[derive(Debug, Clone, Copy)]
-pub struct Ctx<'a> {
-    /// The agent it controls.
-    pub agent: AgentId,
-    /// What is known of the run.
-    pub briefing: &'a Briefing,
-    /// What the agent believes of the world, the observation included.
-    pub map: &'a ExplorationMap,
-}
-
-/// An algorithm that controls one agent.
+/// An algorithm that controls one agent. How to write one: docs/controllers.md.
 pub trait Controller {
     /// Answers an observation.
-    fn decide(&mut self, observation: &Observation, ctx: Ctx<'_>) -> Command;
+    ///
+    /// It is asked when the wake condition of its last answer is met, whether the server looks ahead or not.
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command;
+
+    /// Whether a server that does not look ahead is to ask it in between as well, which makes for another run if it then acts.
+    /// An answer in between that does nothing ([`Command::does_nothing`]) must leave the controller and the map as they were.
+    fn is_asked_between(&self) -> bool {
+        false
+    }
 }
 
 /// Why there is no such controller.
@@ -90,13 +88,16 @@ pub(crate) mod tests {
     use voxels::Extent;
 
     use super::*;
-    use crate::observation::{Cells, Collision, Pose, Surface};
+    use crate::exploration_map::ExplorationMap;
+    use crate::observation::{Briefing, Cells, Collision, Pose, Surface};
+    use crate::travel::Travel;
     use msgs::ids::Tick;
 
     /// What a controller needs to be asked.
     pub(crate) struct Stage {
         briefing: Briefing,
         map: ExplorationMap,
+        travel: Travel,
     }
 
     impl Stage {
@@ -114,28 +115,30 @@ pub(crate) mod tests {
                 lidar_period_ticks: 10,
                 communication_range_m: f64::INFINITY,
             };
-            Self { briefing, map: ExplorationMap::new(extent) }
+            Self { briefing, map: ExplorationMap::new(extent), travel: Travel::new(0.4, 1.0) }
         }
 
-        pub(crate) fn ctx(&self) -> Ctx<'_> {
-            Ctx { agent: AgentId(0), briefing: &self.briefing, map: &self.map }
+        /// Asks a controller.
+        pub(crate) fn ask(&mut self, controller: &mut dyn Controller, observation: &Observation) -> Command {
+            let Self { briefing, map, travel } = self;
+            controller.decide(observation, &mut Ctx::new(AgentId(0), briefing, observation, map, travel))
         }
+    }
 
-        pub(crate) fn idle(&self) -> Observation {
-            Observation {
-                tick: Tick::ZERO,
-                pose: Pose { position: Point3::new(5.5, 5.5, 5.5), yaw_rad: 0.0 },
-                velocity_m_s: Vector3::zeros(),
-                yaw_rate_rad_s: 0.0,
-                is_active: false,
-                collision: None,
-                events: 0,
-                contacts: Vec::new(),
-                parcels: Vec::new(),
-                scan_tick: None,
-                seen: Cells::default(),
-                view: None,
-            }
+    pub(crate) fn idle() -> Observation {
+        Observation {
+            tick: Tick::ZERO,
+            pose: Pose { position: Point3::new(5.5, 5.5, 5.5), yaw_rad: 0.0 },
+            velocity_m_s: Vector3::zeros(),
+            yaw_rate_rad_s: 0.0,
+            is_active: false,
+            collision: None,
+            events: 0,
+            contacts: Vec::new(),
+            parcels: Vec::new(),
+            scan_tick: None,
+            seen: Cells::default(),
+            view: None,
         }
     }
 

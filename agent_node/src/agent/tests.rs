@@ -15,9 +15,9 @@ use crate::observation::Received;
 struct Counting(u32);
 
 impl Controller for Counting {
-    fn decide(&mut self, _observation: &Observation, ctx: Ctx<'_>) -> Command {
+    fn decide(&mut self, _observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         self.0 += 1;
-        assert!(ctx.map.free() > 0, "the observation is in the map");
+        assert!(ctx.map().free() > 0, "the observation is in the map");
         let distance_m = f64::from(self.0);
         Command::new(Motion::Move { pitch_rad: 0.0, distance_m }, Wake::NEXT_TICK)
     }
@@ -66,7 +66,11 @@ struct Whim {
 }
 
 impl Controller for Whim {
-    fn decide(&mut self, observation: &Observation, ctx: Ctx<'_>) -> Command {
+    fn is_asked_between(&self) -> bool {
+        true
+    }
+
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         assert!(observation.parcels.iter().all(|parcel| parcel.kind != MAP_PARCEL));
         if !self.wake.is_due(observation.tick, observation.events) {
             let is_acting = self.is_restless && observation.tick.0.is_multiple_of(7);
@@ -76,7 +80,7 @@ impl Controller for Whim {
         self.shown.borrow_mut().push(observation.clone());
         let rng = &mut self.rng;
         self.wake = Wake { at: observation.tick.after(rng.random_range(0..40)), events: rng.random_range(0..32) };
-        let angle_rad = (ctx.map.free() + 3 * ctx.map.covered() + 7 * ctx.map.wall()) as f64 / 1e3;
+        let angle_rad = (ctx.map().free() + 3 * ctx.map().covered() + 7 * ctx.map().wall()) as f64 / 1e3;
         let noise = |rng: &mut ChaCha8Rng| (0..rng.random_range(0..9)).map(|_| rng.random()).collect();
         Command {
             motion: if rng.random_bool(0.5) { Motion::Turn { angle_rad } } else { Motion::Keep },
@@ -222,7 +226,7 @@ struct Sleeper {
 }
 
 impl Controller for Sleeper {
-    fn decide(&mut self, observation: &Observation, _ctx: Ctx<'_>) -> Command {
+    fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         self.shown.borrow_mut().push(observation.clone());
         let wake = Wake { at: Tick(self.ticks.remove(0)), events: 0 };
         Command { want_view: true, ..Command::keep(wake) }

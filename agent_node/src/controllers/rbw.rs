@@ -53,12 +53,12 @@ impl Rbw {
 
     fn turn(&mut self, low_rad: f64, high_rad: f64) -> Motion {
         let angle_rad = self.rng.random_range(low_rad..=high_rad);
-        Motion::Turn { angle_rad: shorter_way(angle_rad) }
+        Motion::turn(angle_rad)
     }
 }
 
 impl Controller for Rbw {
-    fn decide(&mut self, observation: &Observation, _ctx: Ctx<'_>) -> Command {
+    fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         if observation.is_active {
             return Command::keep(Wake::TASK_DONE);
         }
@@ -79,15 +79,10 @@ impl Controller for Rbw {
     }
 }
 
-/// The turn that ends at the same heading by the shorter way, in [-pi, pi).
-pub(super) fn shorter_way(angle_rad: f64) -> f64 {
-    angle_rad - TAU * libm::floor((angle_rad + PI) / TAU)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::controllers::tests::{Stage, collided};
+    use crate::controllers::tests::{Stage, collided, idle};
 
     fn walk(settings: &[&str]) -> Result<Rbw, SettingError> {
         let texts: Vec<String> = settings.iter().map(ToString::to_string).collect();
@@ -96,34 +91,34 @@ mod tests {
 
     #[test]
     fn starts_with_a_random_turn_and_goes_on_for_ever() {
-        let stage = Stage::new();
+        let mut stage = Stage::new();
         let mut rbw = walk(&[]).unwrap();
-        let turn = rbw.decide(&stage.idle(), stage.ctx());
+        let turn = stage.ask(&mut rbw, &idle());
         assert!(matches!(turn.motion, Motion::Turn { angle_rad } if (-PI..PI).contains(&angle_rad)));
-        let go = rbw.decide(&stage.idle(), stage.ctx());
+        let go = stage.ask(&mut rbw, &idle());
         assert_eq!(go.motion, Motion::Move { pitch_rad: FIRST_PITCH_RAD, distance_m: f64::INFINITY });
     }
 
     #[test]
     fn keeps_while_active() {
-        let stage = Stage::new();
+        let mut stage = Stage::new();
         let mut rbw = walk(&[]).unwrap();
-        let mut observation = stage.idle();
+        let mut observation = idle();
         observation.is_active = true;
-        assert_eq!(rbw.decide(&observation, stage.ctx()), Command::keep(Wake::TASK_DONE));
+        assert_eq!(stage.ask(&mut rbw, &observation), Command::keep(Wake::TASK_DONE));
     }
 
     #[test]
     fn goes_up_at_a_floor_down_at_a_ceiling_and_turns_at_a_wall() {
-        let stage = Stage::new();
+        let mut stage = Stage::new();
         let mut rbw = walk(&["pitch_min_rad=0.1", "pitch_max_rad=0.2"]).unwrap();
-        rbw.decide(&stage.idle(), stage.ctx());
+        stage.ask(&mut rbw, &idle());
         for _ in 0..100 {
-            let up = rbw.decide(&collided(stage.idle(), Surface::Floor), stage.ctx());
+            let up = stage.ask(&mut rbw, &collided(idle(), Surface::Floor));
             assert!(matches!(up.motion, Motion::Move { pitch_rad, .. } if (0.1..=0.2).contains(&pitch_rad)));
-            let down = rbw.decide(&collided(stage.idle(), Surface::Ceiling), stage.ctx());
+            let down = stage.ask(&mut rbw, &collided(idle(), Surface::Ceiling));
             assert!(matches!(down.motion, Motion::Move { pitch_rad, .. } if (-0.2..=-0.1).contains(&pitch_rad)));
-            let turn = rbw.decide(&collided(stage.idle(), Surface::Wall), stage.ctx());
+            let turn = stage.ask(&mut rbw, &collided(idle(), Surface::Wall));
             assert!(matches!(turn.motion, Motion::Turn { angle_rad } if angle_rad.abs() >= FRAC_PI_2 - 1e-9));
         }
     }
@@ -134,16 +129,5 @@ mod tests {
         assert!(walk(&["pitch_max_rad=x"]).is_err());
         assert!(walk(&["turn_min_rad=3", "turn_max_rad=2"]).is_err());
         assert!(walk(&["turn_min_rad"]).is_err());
-    }
-
-    #[test]
-    fn the_shorter_way_ends_at_the_same_heading() {
-        for degrees in -720..=720 {
-            let angle_rad = f64::from(degrees) * PI / 180.0;
-            let way = shorter_way(angle_rad);
-            assert!(way.abs() <= PI + 1e-12);
-            let turns = (angle_rad - way) / TAU;
-            assert!((turns - turns.round()).abs() < 1e-9);
-        }
     }
 }

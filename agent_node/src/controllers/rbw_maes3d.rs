@@ -10,7 +10,6 @@ use msgs::ids::Tick;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::rbw::shorter_way;
 use super::{Controller, Ctx};
 use crate::command::{Command, Motion, Wake};
 use crate::observation::{Observation, Surface};
@@ -40,7 +39,7 @@ impl RbwMaes3d {
 }
 
 impl Controller for RbwMaes3d {
-    fn decide(&mut self, observation: &Observation, _ctx: Ctx<'_>) -> Command {
+    fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         if observation.is_active {
             return Command::keep(Wake::TASK_DONE);
         }
@@ -54,7 +53,7 @@ impl Controller for RbwMaes3d {
         match surface {
             Some(Surface::Wall) => {
                 let right_deg = self.rng.random_range(90..270);
-                return self.acts(Motion::Turn { angle_rad: shorter_way(-degrees(right_deg)) });
+                return self.acts(Motion::turn(-degrees(right_deg)));
             }
             Some(Surface::Floor) => self.pitch_deg = self.rng.random_range(15..45),
             Some(Surface::Ceiling) => self.pitch_deg = -self.rng.random_range(15..45),
@@ -72,7 +71,7 @@ fn degrees(angle_deg: i32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::controllers::tests::{Stage, collided};
+    use crate::controllers::tests::{Stage, collided, idle};
 
     fn walk() -> RbwMaes3d {
         RbwMaes3d::new(msgs::seed::stream(1, 0, "test"))
@@ -80,30 +79,30 @@ mod tests {
 
     #[test]
     fn waits_a_tick_then_goes_on_at_45_degrees() {
-        let stage = Stage::new();
+        let mut stage = Stage::new();
         let mut rbw = walk();
-        let mut observation = stage.idle();
-        let keep = rbw.decide(&observation, stage.ctx());
+        let mut observation = idle();
+        let keep = stage.ask(&mut rbw, &observation);
         assert_eq!(keep, Command::keep(Wake { at: Tick(1), events: 0 }));
         observation.tick = Tick(1);
-        let go = rbw.decide(&observation, stage.ctx());
+        let go = stage.ask(&mut rbw, &observation);
         assert_eq!(go.motion, Motion::Move { pitch_rad: degrees(45), distance_m: f64::INFINITY });
     }
 
     #[test]
     fn acts_at_once_after_a_collision_in_whole_degrees() {
-        let stage = Stage::new();
+        let mut stage = Stage::new();
         let mut rbw = walk();
         let mut seen = std::collections::BTreeSet::new();
         for _ in 0..2000 {
-            let up = rbw.decide(&collided(stage.idle(), Surface::Floor), stage.ctx());
+            let up = stage.ask(&mut rbw, &collided(idle(), Surface::Floor));
             let Motion::Move { pitch_rad, .. } = up.motion else { panic!("{up:?}") };
             seen.insert((pitch_rad * 180.0 / PI).round() as i32);
         }
         assert_eq!(seen, (15..45).collect());
         seen.clear();
         for _ in 0..5000 {
-            let turn = rbw.decide(&collided(stage.idle(), Surface::Wall), stage.ctx());
+            let turn = stage.ask(&mut rbw, &collided(idle(), Surface::Wall));
             let Motion::Turn { angle_rad } = turn.motion else { panic!("{turn:?}") };
             seen.insert((angle_rad * 180.0 / PI).round() as i32);
         }

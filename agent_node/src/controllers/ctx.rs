@@ -1,0 +1,117 @@
+//! What a controller may look at besides the observation, and what helps it to act.
+//!
+//! This module decides nothing.
+
+use msgs::ids::{AgentId, Tick};
+use nalgebra::Point3;
+use voxels::Cell;
+
+use crate::command::Motion;
+use crate::exploration_map::ExplorationMap;
+use crate::observation::{Briefing, Observation, Pose};
+use crate::path::{Moves, Neighbours, Scratch, direct};
+use crate::travel::{Journey, SearchTime, Travel};
+
+/// The agent as its controller sees it: who and where it is, what it believes, and how it gets to places.
+#[derive(Debug)]
+pub struct Ctx<'a> {
+    agent: AgentId,
+    briefing: &'a Briefing,
+    tick: Tick,
+    pose: Pose,
+    map: &'a mut ExplorationMap,
+    travel: &'a mut Travel,
+}
+
+impl<'a> Ctx<'a> {
+    /// For an observation that is in the map already.
+    #[must_use]
+    pub fn new(
+        agent: AgentId,
+        briefing: &'a Briefing,
+        observation: &Observation,
+        map: &'a mut ExplorationMap,
+        travel: &'a mut Travel,
+    ) -> Self {
+        Self { agent, briefing, tick: observation.tick, pose: observation.pose, map, travel }
+    }
+
+    /// The agent.
+    #[must_use]
+    pub fn agent(&self) -> AgentId {
+        self.agent
+    }
+
+    /// What is known of the run.
+    #[must_use]
+    pub fn briefing(&self) -> &'a Briefing {
+        self.briefing
+    }
+
+    /// The tick that is answered.
+    #[must_use]
+    pub fn tick(&self) -> Tick {
+        self.tick
+    }
+
+    /// Where the body is, metres, frame `map`.
+    #[must_use]
+    pub fn position(&self) -> Point3<f64> {
+        self.pose.position
+    }
+
+    /// Heading: 0 along x, positive to the left, in (-pi, pi].
+    #[must_use]
+    pub fn yaw_rad(&self) -> f64 {
+        self.pose.yaw_rad
+    }
+
+    /// The cell that the body is in.
+    #[must_use]
+    pub fn cell(&self) -> Cell {
+        self.map.extent().cell_of(&self.pose.position)
+    }
+
+    /// What the agent believes of the world: all it has sensed and been told.
+    #[must_use]
+    pub fn map(&self) -> &ExplorationMap {
+        self.map
+    }
+
+    /// Marks a free cell as covered on the agent's map; the mark is shared with the map. Nothing happens in a wall or outside the
+    /// map, and an unexplored cell becomes free by it.
+    pub fn mark_covered(&mut self, cell: Cell) {
+        self.map.note_covered(cell);
+    }
+
+    /// The turn by the shorter way to a heading (0 along x, positive to the left).
+    #[must_use]
+    pub fn turn_to(&self, yaw_rad: f64) -> Motion {
+        Motion::turn(yaw_rad - self.pose.yaw_rad)
+    }
+
+    /// How to get to the centre of a cell: straight if the agent knows that to be clear, else along the cheapest path through
+    /// cells that it knows to be free, of which neighbours share a face, an edge or a corner.
+    ///
+    /// If the search takes time, keep still, and ask for the same cell again when it says so.
+    pub fn go_to_cell(&mut self, goal: Cell, time: SearchTime) -> Journey {
+        self.go_to_cell_by(goal, Neighbours::TwentySix, time)
+    }
+
+    /// As [`Ctx::go_to_cell`], along a path with these neighbours.
+    pub fn go_to_cell_by(&mut self, goal: Cell, neighbours: Neighbours, time: SearchTime) -> Journey {
+        self.travel.to_cell(self.map, &self.pose.position, goal, neighbours, time, self.tick)
+    }
+
+    /// Whether the straight leg to the centre of a cell is known to be clear for the body.
+    #[must_use]
+    pub fn is_clear_to(&self, goal: Cell) -> bool {
+        direct(self.map, &self.pose.position, goal, self.briefing.body_radius_m)
+    }
+
+    /// For searches of one's own with [`crate::path`]: the map, the moves of the body, and what searches write on.
+    pub fn searching(&mut self, neighbours: Neighbours) -> (&ExplorationMap, &Moves, &mut Scratch) {
+        let (moves, scratch) = self.travel.searching(neighbours);
+        (self.map, moves, scratch)
+    }
+}

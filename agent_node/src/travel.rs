@@ -1,0 +1,184 @@
+//! Ways to cells for controllers: asks for a path, keeps the answer back until it may be used, and makes a motion of it.
+//!
+//! Invariants: an answer comes in the tick that was declared when it was asked for, whatever the machine; a motion that comes
+//! out of here leads only through cells that the agent knew to be free when it asked.
+//!
+//! This module keeps no goals: a controller that asks for another cell gives up the answer it was waiting for.
+
+use std::num::NonZeroU64;
+use std::task::Poll;
+
+use msgs::ids::Tick;
+use nalgebra::Point3;
+use voxels::Cell;
+
+use crate::command::{Motion, Wake};
+use crate::exploration_map::ExplorationMap;
+use crate::path::{
+    Background, Budgeted, Goal, Graph, Moves, Neighbours, Path, Scratch, Search, direct, straighten_from,
+};
+
+/// What a search for a path costs in sim time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SearchTime {
+    /// Nothing: the answer is there at once.
+    Instant,
+    /// A tick for every so many cells that are looked at; see [`SearchTime::BUDGETED`].
+    Budgeted(NonZeroU64),
+    /// So many ticks, however hard it is. Meanwhile it is searched for on another thread.
+    Background(u64),
+}
+
+impl SearchTime {
+    /// The reference's pace: 100 cells in a tick.
+    pub const BUDGETED: Self = Self::Budgeted(Budgeted::PER_TICK);
+}
+
+/// What came of the wish to go to a cell.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Journey {
+    /// There is a way: this motion leads there.
+    Go(Motion),
+    /// The search goes on; to be asked for again then.
+    Searching(Wake),
+    /// The agent knows of no way.
+    NoWay,
+}
+
+/// An answer that is kept back.
+#[derive(Debug)]
+enum Answer {
+    Budgeted(Budgeted),
+    Background(Background),
+}
+
+impl Answer {
+    fn poll(&mut self, now: Tick) -> Poll<Option<Path>> {
+        match self {
+            Self::Budgeted(search) => search.poll(now).map(Option::<&Path>::cloned),
+            Self::Background(search) => search.poll(now).map(Option::<&Path>::cloned),
+        }
+    }
+
+    fn usable_at(&self) -> Tick {
+        match self {
+            Self::Budgeted(search) => search.usable_at(),
+            Self::Background(search) => search.usable_at(),
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Pending {
+    question: (Cell, Cell, Neighbours, SearchTime),
+    answer: Answer,
+}
+
+/// The searches of one agent.
+#[derive(Debug)]
+pub struct Travel {
+    radius_m: f64,
+    to_faces: Moves,
+    to_all: Moves,
+    scratch: Scratch,
+    pending: Option<Pending>,
+}
+
+impl Travel {
+    /// For a body of `radius_m` metres on cells with edges of `cell_m` metres.
+    #[must_use]
+    pub fn new(radius_m: f64, cell_m: f64) -> Self {
+        Self {
+            radius_m,
+            to_faces: Moves::new(radius_m, cell_m, Neighbours::Six),
+            to_all: Moves::new(radius_m, cell_m, Neighbours::TwentySix),
+            scratch: Scratch::new(),
+            pending: None,
+        }
+    }
+
+    /// The moves of the body.
+    #[must_use]
+    pub fn moves(&self, neighbours: Neighbours) -> &Moves {
+        match neighbours {
+            Neighbours::Six => &self.to_faces,
+            Neighbours::TwentySix => &self.to_all,
+        }
+    }
+
+    /// The moves of the body, and what its searches write on.
+    pub fn searching(&mut self, neighbours: Neighbours) -> (&Moves, &mut Scratch) {
+        match neighbours {
+            Neighbours::Six => (&self.to_faces, &mut self.scratch),
+            Neighbours::TwentySix => (&self.to_all, &mut self.scratch),
+        }
+    }
+
+    /// How to get from a point (metres, frame `map`) to a cell: straight if that is clear, else along the cheapest path through
+    /// `neighbours`, with as few legs as do. If the search takes time, it goes on with the same question and the body at rest.
+    pub fn to_cell(
+        &mut self,
+        map: &ExplorationMap,
+        from: &Point3<f64>,
+        goal: Cell,
+        neighbours: Neighbours,
+        time: SearchTime,
+        now: Tick,
+    ) -> Journey {
+        if direct(map, from, goal, self.radius_m) {
+            self.pending = None;
+            return Journey::Go(Motion::Path(vec![map.extent().centre(goal)]));
+        }
+        let start = map.extent().cell_of(from);
+        let Poll::Ready(path) = self.search(map, start, goal, neighbours, time, now) else {
+            let at = self.pending.as_ref().map_or(Tick::ZERO, |pending| pending.answer.usable_at());
+            return Journey::Searching(Wake { at, events: 0 });
+        };
+        self.pending = None;
+        match path {
+            Some(path) => self.motion_along(map, from, &path),
+            None => Journey::NoWay,
+        }
+    }
+
+    /// The motion along a path that begins in the cell of the body.
+    #[must_use]
+    pub fn motion_along(&self, map: &ExplorationMap, from: &Point3<f64>, path: &Path) -> Journey {
+        let way_points = straighten_from(from, path, map, self.radius_m);
+        // A path of one cell whose centre cannot be reached straight: the body is as near as it can get.
+        if way_points.is_empty() { Journey::NoWay } else { Journey::Go(Motion::Path(way_points)) }
+    }
+
+    fn search(
+        &mut self,
+        map: &ExplorationMap,
+        start: Cell,
+        goal: Cell,
+        neighbours: Neighbours,
+        time: SearchTime,
+        now: Tick,
+    ) -> Poll<Option<Path>> {
+        let question = (start, goal, neighbours, time);
+        let pending = self.pending.take().filter(|pending| pending.question == question);
+        let mut answer = match (pending, time) {
+            (Some(pending), _) => pending.answer,
+            (None, SearchTime::Background(ticks)) => {
+                let moves = self.moves(neighbours);
+                Answer::Background(Background::start(map, moves, start, vec![goal], now.after(ticks)))
+            }
+            (None, SearchTime::Instant | SearchTime::Budgeted(_)) => {
+                let (moves, scratch) = self.searching(neighbours);
+                let mut search = Search::new(Graph::new(map, moves), scratch, start, Goal::Cell(goal));
+                match time {
+                    SearchTime::Budgeted(per_tick) => Answer::Budgeted(Budgeted::new(search, now, per_tick)),
+                    _ => return Poll::Ready(search.run()),
+                }
+            }
+        };
+        let polled = answer.poll(now);
+        if polled.is_pending() {
+            self.pending = Some(Pending { question, answer });
+        }
+        polled
+    }
+}
