@@ -1,7 +1,7 @@
 //! One agent: what it believes and what it decides.
 //!
 //! In reading order: [`observation`] and [`command`] are what it learns and what it answers; [`exploration_map`] is what it
-//! believes of the world, [`path`] finds ways through that and [`travel`] makes motions of them, and [`sharing`] tells other agents of it; [`controllers`] decide;
+//! believes of the world, [`path`] finds ways through that, [`regions`] does so in coarse, and [`travel`] makes motions of them, and [`sharing`] tells other agents of it; [`controllers`] decide;
 //! [`agent`] puts these together; [`run`] does it for the agents of a process over a [`link`]; [`wire`] translates from and to
 //! messages; `ros` is the link over ROS 2.
 //!
@@ -15,6 +15,7 @@ pub mod exploration_map;
 pub mod link;
 pub mod observation;
 pub mod path;
+pub mod regions;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod run;

@@ -14,6 +14,7 @@ pub mod cell;
 pub mod components;
 pub mod extent;
 pub mod grid;
+pub mod lattice;
 pub mod m3dm;
 pub mod runs;
 pub mod terrain;

@@ -9,7 +9,7 @@ use voxels::Cell;
 use crate::command::Motion;
 use crate::exploration_map::ExplorationMap;
 use crate::observation::{Briefing, Observation, Pose};
-use crate::path::{Moves, Neighbours, Scratch, direct};
+use crate::path::{Moves, Neighbours, Path, Scratch, direct};
 use crate::travel::{Journey, SearchTime, Travel};
 
 /// The agent as its controller sees it: who and where it is, what it believes, and how it gets to places.
@@ -101,6 +101,12 @@ impl<'a> Ctx<'a> {
     /// As [`Ctx::go_to_cell`], along a path with these neighbours.
     pub fn go_to_cell_by(&mut self, goal: Cell, neighbours: Neighbours, time: SearchTime) -> Journey {
         self.travel.to_cell(self.map, &self.pose.position, goal, neighbours, time, self.tick)
+    }
+
+    /// The motion along a path that begins in the cell of the body, with as few legs as do.
+    #[must_use]
+    pub fn follow(&self, path: &Path) -> Journey {
+        self.travel.motion_along(self.map, &self.pose.position, path)
     }
 
     /// Whether the straight leg to the centre of a cell is known to be clear for the body.

@@ -99,6 +99,8 @@ pub struct Search<'a> {
     /// Cells marked as goals.
     goals: usize,
     expansions: u64,
+    /// No other cells are entered.
+    is_open: Option<&'a dyn Fn(Cell) -> bool>,
 }
 
 impl<'a> Search<'a> {
@@ -112,8 +114,18 @@ impl<'a> Search<'a> {
         for (stride, step) in strides.iter_mut().zip(&graph.moves().steps) {
             *stride = (step.by.z as isize * size_y + step.by.y as isize) * size_x + step.by.x as isize;
         }
-        let mut search =
-            Self { graph, scratch, goal, start, strides, ahead: None, found: None, goals: 0, expansions: 0 };
+        let mut search = Self {
+            graph,
+            scratch,
+            goal,
+            start,
+            strides,
+            ahead: None,
+            found: None,
+            goals: 0,
+            expansions: 0,
+            is_open: None,
+        };
         let can_be_found = match goal {
             Goal::Cell(cell) => search.mark_goals(&[cell]),
             Goal::AnyOf(cells) => search.mark_goals(cells),
@@ -125,6 +137,13 @@ impl<'a> Search<'a> {
             search.scratch.queue.push(Reverse((u64::from(estimate), estimate, index as u32)));
         }
         search
+    }
+
+    /// The same search, through no other cells than those that are open; that the start is not does not matter.
+    #[must_use]
+    pub fn within(mut self, is_open: &'a dyn Fn(Cell) -> bool) -> Self {
+        self.is_open = Some(is_open);
+        self
     }
 
     fn mark_goals(&mut self, cells: &[Cell]) -> bool {
@@ -209,6 +228,9 @@ impl<'a> Search<'a> {
             open &= open - 1;
             let step = &self.graph.moves().steps[number];
             let to = index.wrapping_add_signed(self.strides[number]);
+            if self.is_open.is_some_and(|is_open| !is_open(cell + step.by)) {
+                continue;
+            }
             let cost = so_far + step.cost;
             let node = self.scratch.node(to);
             if cost < node[0] {

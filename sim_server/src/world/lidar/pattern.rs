@@ -1,9 +1,7 @@
 //! Which way rays go, and the order in which they are cast: neighbours together, because they meet the same cells.
 
-use std::f64::consts::TAU;
-
 use nalgebra::Vector3;
-use voxels::{Cell, FACES};
+use voxels::{Cell, FACES, lattice};
 
 use super::Pattern;
 
@@ -13,9 +11,6 @@ pub(super) const LANES: usize = 16;
 /// The largest radius of a shell; it sees the whole of the largest map.
 const RADIUS_CELLS_MAX: u32 = 1774;
 
-/// (1 + sqrt 5) / 2.
-const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
-
 /// A heading and the cosine of half the field of view.
 pub(super) type Cone = (Vector3<f64>, f64);
 
@@ -23,17 +18,10 @@ impl Pattern {
     /// The rays as directions in cell units; their length is the unit of the distances along them.
     pub(super) fn directions(self) -> Vec<Vector3<f64>> {
         match self {
-            Pattern::Lattice { rays } => (0..rays).map(|ray| lattice(ray, rays)).collect(),
+            Pattern::Lattice { rays } => (0..rays).map(|ray| lattice::direction(ray, rays)).collect(),
             Pattern::Shell { radius_cells } => shell(radius_cells),
         }
     }
-}
-
-fn lattice(ray: u32, rays: u32) -> Vector3<f64> {
-    let azimuth = TAU * f64::from(ray) / GOLDEN_RATIO;
-    let along = 1.0 - 2.0 * (f64::from(ray) + 0.5) / f64::from(rays);
-    let aside = (1.0 - along * along).sqrt();
-    Vector3::new(along, libm::cos(azimuth) * aside, libm::sin(azimuth) * aside)
 }
 
 fn shell(radius_cells: u32) -> Vec<Vector3<f64>> {

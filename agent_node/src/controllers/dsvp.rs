@@ -1,0 +1,367 @@
+//! Dual-Stage Viewpoint Planner (DSVP) in three dimensions, for many agents.
+//!
+//! Source: Zhu et al., IROS 2021 (see [`tree`]), and its use for several agents in the papers on MAES3D. In the *exploration*
+//! stage the agent grows a tree of viewpoints within its horizon and goes along the branch that is worth most; when no viewpoint
+//! is worth anything, the *relocation* stage takes it to the nearest frontier of all that it knows and can reach.
+//!
+//! Beyond the papers: the gain of a viewpoint is found by rays; the way of the relocation is the shortest one on a coarse graph
+//! of all known free space ([`crate::regions`]), which has the place of the global graph; a goal is given up as soon as what it
+//! was for has been seen, by whomever; an agent that knows of no frontier carries what it knows to the agent it has not met for
+//! longest, and explores again when news bring frontiers.
+//!
+//! **Frontiers of other agents.** A frontier is a fact about a map: what an agent learns of another's map brings the other's
+//! frontiers, less those that it knows better about. So the exchange of maps is the exchange of frontiers.
+//!
+//! Invariants: it goes only through cells that it knows to be free; it never waits for ever as long as it knows a frontier it can
+//! reach, or an agent it has met.
+
+mod dtw;
+mod gain;
+mod goal;
+mod params;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::Wake as Events;
+use nalgebra::{Point3, Vector3};
+use rand::RngExt;
+use rand::seq::{IndexedRandom, SliceRandom};
+use rand_chacha::ChaCha8Rng;
+use voxels::Cell;
+
+use super::settings::{SettingError, Settings};
+use super::{Controller, Ctx};
+use crate::command::{Command, LidarRequest, Motion, Wake};
+use crate::observation::Observation;
+use crate::path::{Neighbours, Path};
+use crate::regions::{RegionId, Regions, Ways};
+use crate::travel::Journey;
+use gain::Viewer;
+use goal::Goal;
+pub use params::Params;
+use tree::{Tree, vector};
+
+/// Longest wait after a collision with another agent, ticks: about the time in which the other one gets out of the way.
+const BACK_OFF_TICKS_MAX: u64 = 100;
+
+/// Ticks after which an agent without a goal thinks again, even without news.
+const IDLE_TICKS: u64 = 250;
+
+/// Ticks that an agent at rest waits for a scan, if it does not get the one it asked for in the next tick.
+const SCAN_PATIENCE_TICKS: u64 = 50;
+
+/// Distance from another agent's centre within which no way leads, in body radii.
+const BERTH_RADII: f64 = 2.25;
+
+/// Frontiers that are tried, nearest first, when there is no way to some because other agents are in it.
+const RELOCATION_TRIES: u32 = 4;
+
+/// The planner of one agent.
+#[derive(Debug)]
+pub struct Dsvp {
+    params: Params,
+    rng: ChaCha8Rng,
+    /// Made with the first observation, which says how large the map is.
+    sight: Option<Sight>,
+    /// The last local tree.
+    tree: Option<Tree>,
+    /// Where the last plan of the exploration stage led to, as seen from where it began; length 1.
+    direction: Option<Vector3<f64>>,
+    goal: Option<Goal>,
+    /// At rest until then, because another agent was in the way.
+    waits_until: Option<Tick>,
+    /// Since when it is at rest, for a scan that shows what there is to see from here.
+    rests_since: Option<Tick>,
+    peers: BTreeMap<AgentId, Peer>,
+    /// Frontiers that have been looked at from as near as can be, to no avail.
+    given_up: BTreeSet<Cell>,
+}
+
+/// What the planner knows of the map in its own way.
+#[derive(Debug)]
+struct Sight {
+    regions: Regions,
+    ways: Ways,
+    viewer: Viewer,
+}
+
+/// Where an agent was last.
+#[derive(Debug, Clone, Copy)]
+struct Peer {
+    cell: Cell,
+    met: Tick,
+    /// It has been looked for there since.
+    is_gone: bool,
+}
+
+impl Dsvp {
+    /// Settings: those of [`Params`].
+    ///
+    /// # Errors
+    /// If a setting is not allowed.
+    pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
+        Ok(Self {
+            params: Params::from_settings(settings)?,
+            rng,
+            sight: None,
+            tree: None,
+            direction: None,
+            goal: None,
+            waits_until: None,
+            rests_since: None,
+            peers: BTreeMap::new(),
+            given_up: BTreeSet::new(),
+        })
+    }
+
+    /// Takes in what is new.
+    fn look(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) {
+        let briefing = ctx.briefing();
+        let extent = briefing.extent;
+        let Params { gain_range_m, gain_rays, gain_depth, .. } = self.params;
+        let sight = self.sight.get_or_insert_with(|| Sight {
+            regions: Regions::new(extent, briefing.body_radius_m),
+            ways: Ways::default(),
+            viewer: Viewer::new(
+                gain_rays,
+                gain_range_m.min(briefing.lidar_range_m).min(100.0 * extent.cell_m()) / extent.cell_m(),
+                gain_depth,
+            ),
+        });
+        let (map, moves, _) = ctx.searching(Neighbours::TwentySix);
+        sight.regions.renew(map, moves);
+        for contact in &observation.contacts {
+            let cell = extent.cell_of(&contact.position);
+            self.peers.insert(contact.agent, Peer { cell, met: observation.tick, is_gone: false });
+        }
+    }
+
+    /// Whether there is still reason to go where it goes.
+    fn goes_on(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> bool {
+        let Some(sight) = &mut self.sight else { return false };
+        match self.goal {
+            Some(Goal::Viewpoint { cell, gain }) => {
+                let left = sight.viewer.gain(ctx.map(), cell);
+                left >= self.params.gain_min && f64::from(left) >= self.params.gain_left * f64::from(gain)
+            }
+            Some(Goal::Frontier { frontier, .. }) => ctx.map().is_frontier(frontier),
+            Some(Goal::Peer { agent, .. }) => {
+                !observation.contacts.iter().any(|contact| contact.agent == agent) && !self.knows_frontiers()
+            }
+            Some(Goal::Anywhere { .. }) => !self.knows_frontiers(),
+            None => false,
+        }
+    }
+
+    /// Whether there is any frontier, reachable or not, that has not been given up.
+    fn knows_frontiers(&self) -> bool {
+        let regions = self.sight.iter().flat_map(|sight| sight.regions.with_frontiers());
+        let mut frontiers = regions.flat_map(|(_, region)| &region.frontiers);
+        frontiers.any(|frontier| !self.given_up.contains(frontier))
+    }
+
+    /// At rest and with all seen that can be seen from here: where to?
+    fn plan(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let others: Vec<Point3<f64>> = observation.contacts.iter().map(|contact| contact.position).collect();
+        let berth_m = BERTH_RADII * ctx.briefing().body_radius_m;
+        let extent = ctx.map().extent();
+        let is_taken = move |cell: Cell| {
+            let centre = extent.centre(cell);
+            others.iter().any(|other| (other - centre).norm() < berth_m)
+        };
+        let next = self
+            .explore(ctx, &is_taken)
+            .or_else(|| self.relocate(ctx, &is_taken))
+            .or_else(|| self.carry(observation, ctx, &is_taken));
+        self.rests_since = None;
+        self.goal = next.as_ref().map(|(goal, _)| *goal);
+        match next {
+            Some((goal, motion)) => Command::new(motion, wake()).saying(goal.info()),
+            None => {
+                let wake = Wake::at(observation.tick.after(IDLE_TICKS));
+                let motion = if observation.is_active { Motion::Stop } else { Motion::Keep };
+                Command::new(motion, wake.or(Wake::on(Events::CONTACTS | Events::PARCEL))).saying("waiting for news")
+            }
+        }
+    }
+
+    /// The exploration stage.
+    fn explore(&mut self, ctx: &Ctx<'_>, is_taken: &dyn Fn(Cell) -> bool) -> Option<(Goal, Motion)> {
+        let sight = self.sight.as_mut()?;
+        let (map, here) = (ctx.map(), ctx.cell());
+        let growth = self.params.growth(map.extent().cell_m(), ctx.briefing().body_radius_m);
+        let frontiers = local_frontiers(&sight.regions, here, growth.horizon);
+        if frontiers.is_empty() {
+            self.tree = None;
+            return None;
+        }
+        let ahead = most_ahead(frontiers, here, self.direction, self.params.frontiers as usize, &mut self.rng);
+        let mut tree = match self.tree.take() {
+            Some(tree) => tree.moved_to(here, map, &growth),
+            None => Tree::new(here),
+        };
+        tree.grow(map, &growth, &ahead, is_taken, &mut self.rng);
+        let branch = tree.best(map, &mut sight.viewer, &self.params.valuation(), self.direction, &|_| 1.0);
+        self.tree = Some(tree);
+        let branch = branch?;
+        let end = *branch.cells.last()?;
+        let Journey::Go(motion) = ctx.follow(&Path { cells: branch.cells, cost: 0 }) else {
+            return None;
+        };
+        self.direction = vector(end - here).try_normalize(0.0);
+        Some((Goal::Viewpoint { cell: end, gain: branch.gain }, motion))
+    }
+
+    /// The relocation stage: to the nearest frontier of all.
+    fn relocate(&mut self, ctx: &mut Ctx<'_>, is_taken: &dyn Fn(Cell) -> bool) -> Option<(Goal, Motion)> {
+        let Sight { regions, ways, .. } = self.sight.as_mut()?;
+        let here = ctx.cell();
+        ways.begin(regions, here);
+        let mut tries = 0;
+        while tries < RELOCATION_TRIES
+            && let Some((id, region, _)) = ways.next(regions)
+        {
+            let given_up = &self.given_up;
+            let open = region.frontiers.iter().filter(|&frontier| !given_up.contains(frontier));
+            let Some(&frontier) = open.min_by(|a, b| {
+                let (a, b) = (tree::length_between(**a, here), tree::length_between(**b, here));
+                a.total_cmp(&b)
+            }) else {
+                continue;
+            };
+            let cell = viewpoint(regions, id, region.centre, frontier);
+            if cell == here {
+                self.given_up.extend(
+                    region.frontiers.iter().filter(|&&frontier| viewpoint(regions, id, here, frontier) == here),
+                );
+                continue;
+            }
+            tries += 1;
+            if let Some(motion) = way(ctx, regions, ways, cell, is_taken) {
+                return Some((Goal::Frontier { cell, frontier }, motion));
+            }
+        }
+        None
+    }
+
+    /// Nothing is left to explore as far as this agent knows: it takes what it knows to the agent that it has not met for longest.
+    fn carry(
+        &mut self,
+        observation: &Observation,
+        ctx: &mut Ctx<'_>,
+        is_taken: &dyn Fn(Cell) -> bool,
+    ) -> Option<(Goal, Motion)> {
+        let Sight { regions, ways, .. } = self.sight.as_mut()?;
+        if observation.contacts.len() + 1 >= ctx.briefing().agents as usize {
+            return None;
+        }
+        let here = ctx.cell();
+        if let Some(Goal::Peer { agent, cell }) = self.goal
+            && cell == here
+            && let Some(peer) = self.peers.get_mut(&agent)
+        {
+            peer.is_gone = true;
+        }
+        ways.begin(regions, here);
+        let mut reached = Vec::new();
+        while let Some((id, region, _)) = ways.next(regions) {
+            reached.push((id, region.centre));
+        }
+        let is_heard = |agent: AgentId| observation.contacts.iter().any(|contact| contact.agent == agent);
+        let away = self.peers.iter().filter(|(agent, peer)| !is_heard(**agent) && !peer.is_gone && peer.cell != here);
+        let mut away: Vec<(Tick, AgentId, Cell)> = away.map(|(&agent, peer)| (peer.met, agent, peer.cell)).collect();
+        away.sort_unstable();
+        for (_, agent, cell) in away {
+            if let Some(motion) = way(ctx, regions, ways, cell, is_taken) {
+                return Some((Goal::Peer { agent, cell }, motion));
+            }
+        }
+        let (_, cell) = *reached.choose(&mut self.rng)?;
+        let motion = way(ctx, regions, ways, cell, is_taken)?;
+        Some((Goal::Anywhere { cell }, motion))
+    }
+}
+
+impl Controller for Dsvp {
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        self.look(observation, ctx);
+        let now = observation.tick;
+        if observation.is_active {
+            return if self.goes_on(observation, ctx) { Command::keep(wake()) } else { self.plan(observation, ctx) };
+        }
+        if let Some(until) = self.waits_until.take_if(|until| now < *until) {
+            self.waits_until = Some(until);
+            return Command::keep(Wake::at(until));
+        }
+        let was_in_the_way = observation.collision.is_some_and(|collision| collision.with_agent);
+        if was_in_the_way && self.waits_until.take().is_none() && self.goal.take().is_some() {
+            let until = now.after(self.rng.random_range(1..=BACK_OFF_TICKS_MAX));
+            self.waits_until = Some(until);
+            return Command::keep(Wake::at(until));
+        }
+        self.waits_until = None;
+        let since = *self.rests_since.get_or_insert(now);
+        let is_seen = observation.scan_tick.is_some_and(|scan| scan >= since);
+        if !is_seen && now < since.after(SCAN_PATIENCE_TICKS) {
+            let lidar =
+                if now == since { LidarRequest::Every(ctx.briefing().lidar_period_ticks) } else { LidarRequest::Keep };
+            return Command { lidar, ..Command::keep(Wake::NEXT_TICK) };
+        }
+        self.plan(observation, ctx)
+    }
+}
+
+/// When to ask an agent that is on its way.
+fn wake() -> Wake {
+    Wake::TASK_DONE.or(Wake::on(Events::NEW_CELL))
+}
+
+/// One frontier of each region within the horizon: the one nearest to the agent.
+fn local_frontiers(regions: &Regions, here: Cell, horizon: i32) -> Vec<Cell> {
+    let nearest = |frontiers: &[Cell]| {
+        frontiers.iter().copied().min_by(|a, b| {
+            let (a, b) = (tree::length_between(*a, here), tree::length_between(*b, here));
+            a.total_cmp(&b)
+        })
+    };
+    regions.near(here, horizon).filter_map(|(_, region)| nearest(&region.frontiers)).collect()
+}
+
+/// The local frontiers that lie most in the direction of travel; without one yet, some at random.
+fn most_ahead(
+    mut frontiers: Vec<Cell>,
+    here: Cell,
+    direction: Option<Vector3<f64>>,
+    count: usize,
+    rng: &mut ChaCha8Rng,
+) -> Vec<Cell> {
+    match direction {
+        Some(direction) => {
+            let ahead = |cell: &Cell| vector(*cell - here).try_normalize(0.0).map_or(1.0, |to| to.dot(&direction));
+            frontiers.sort_by(|a, b| ahead(b).total_cmp(&ahead(a)).then(a.cmp(b)));
+        }
+        None => frontiers.shuffle(rng),
+    }
+    frontiers.truncate(count);
+    frontiers
+}
+
+/// From where to look at a frontier: it itself, or the centre of its region if the body does not fit into it.
+fn viewpoint(regions: &Regions, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
+    if regions.region_of(frontier) == Some(region) { frontier } else { centre }
+}
+
+/// The motion to a cell in a region that has been reached, if there is a way past the other agents.
+fn way(ctx: &mut Ctx<'_>, regions: &Regions, ways: &Ways, to: Cell, is_taken: &dyn Fn(Cell) -> bool) -> Option<Motion> {
+    let here = ctx.cell();
+    let (map, moves, scratch) = ctx.searching(Neighbours::TwentySix);
+    let path = ways.path(regions, map, moves, scratch, (here, to), is_taken)?;
+    match ctx.follow(&path) {
+        Journey::Go(motion) => Some(motion),
+        Journey::Searching(_) | Journey::NoWay => None,
+    }
+}

@@ -1,0 +1,117 @@
+//! The parameters of DSVP, with their defaults and sources.
+
+use super::super::settings::{SettingError, Settings};
+use super::tree::{Growth, Valuation};
+
+/// Parameters of the planner. Lengths in metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Params {
+    /// Half the side of the cube that the local tree stays in. Reference and original: 15.
+    pub horizon_m: f64,
+    /// Length of an edge of the tree. Reference: 1; original: 0.8 to 1.3 where the robot is 0.5 wide.
+    pub extension_m: f64,
+    /// Samples for each plan. Reference: 200.
+    pub samples: u32,
+    /// Share of the samples near local frontiers ahead. Reference: 0.3; original: 0.25.
+    pub bias: f64,
+    /// How far from those frontiers, along each axis. Reference: 1.
+    pub jitter_m: f64,
+    /// How many local frontiers ahead are chosen. Reference: 5; original: 3.
+    pub frontiers: u32,
+    /// Discount of a gain by the way to it, per metre: the papers' lambda 1. Reference: 0.01 for each edge of 1 m.
+    pub lambda_distance_per_m: f64,
+    /// Discount of a branch by its difference from the last direction, per metre: the papers' lambda 2.
+    pub lambda_direction_per_m: f64,
+    /// How far a viewpoint is thought to see; less if the LiDAR sees less. Original: 5.
+    pub gain_range_m: f64,
+    /// Rays of a viewpoint.
+    pub gain_rays: u32,
+    /// Unexplored cells that one ray counts at the most.
+    pub gain_depth: u32,
+    /// A viewpoint that would see fewer unexplored cells is worth nothing. Original: 5 to 10.
+    pub gain_min: u32,
+    /// A viewpoint is given up once its gain has fallen below this share of what it was.
+    pub gain_left: f64,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            horizon_m: 15.0,
+            extension_m: 3.0,
+            samples: 200,
+            bias: 0.3,
+            jitter_m: 1.0,
+            frontiers: 5,
+            lambda_distance_per_m: 0.1,
+            lambda_direction_per_m: 0.01,
+            gain_range_m: 10.0,
+            gain_rays: 200,
+            gain_depth: 3,
+            gain_min: 5,
+            gain_left: 0.25,
+        }
+    }
+}
+
+impl Params {
+    /// Takes them from settings of the same names.
+    ///
+    /// # Errors
+    /// If a value is not allowed.
+    pub fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
+        let default = Self::default();
+        let mut whole = |key, default: u32, low: u32, high: u32| {
+            settings.number(key, default.into(), low.into(), high.into()).map(|number| number.round() as u32)
+        };
+        let samples = whole("samples", default.samples, 1, 10_000)?;
+        let frontiers = whole("frontiers", default.frontiers, 1, 1000)?;
+        let gain_rays = whole("gain_rays", default.gain_rays, 6, 10_000)?;
+        let gain_depth = whole("gain_depth", default.gain_depth, 1, 1000)?;
+        let gain_min = whole("gain_min", default.gain_min, 1, 100_000)?;
+        Ok(Self {
+            horizon_m: settings.number("horizon_m", default.horizon_m, 1.0, 1000.0)?,
+            extension_m: settings.number("extension_m", default.extension_m, 0.1, 1000.0)?,
+            samples,
+            bias: settings.number("bias", default.bias, 0.0, 1.0)?,
+            jitter_m: settings.number("jitter_m", default.jitter_m, 0.0, 100.0)?,
+            frontiers,
+            lambda_distance_per_m: settings.number(
+                "lambda_distance_per_m",
+                default.lambda_distance_per_m,
+                0.0,
+                100.0,
+            )?,
+            lambda_direction_per_m: settings.number(
+                "lambda_direction_per_m",
+                default.lambda_direction_per_m,
+                0.0,
+                100.0,
+            )?,
+            gain_range_m: settings.number("gain_range_m", default.gain_range_m, 0.1, 100.0)?,
+            gain_rays,
+            gain_depth,
+            gain_min,
+            gain_left: settings.number("gain_left", default.gain_left, 0.0, 1.0)?,
+        })
+    }
+
+    pub(super) fn growth(&self, cell_m: f64, radius_m: f64) -> Growth {
+        Growth {
+            horizon: (self.horizon_m / cell_m).round().max(1.0) as i32,
+            extension: (self.extension_m / cell_m).max(1.0),
+            samples: self.samples,
+            bias: self.bias,
+            jitter: (self.jitter_m / cell_m).round() as i32,
+            radius_m,
+        }
+    }
+
+    pub(super) fn valuation(&self) -> Valuation {
+        Valuation {
+            lambda_distance: self.lambda_distance_per_m,
+            lambda_direction: self.lambda_direction_per_m,
+            gain_min: self.gain_min,
+        }
+    }
+}

@@ -1,0 +1,257 @@
+//! The local tree of DSVP: a rapidly-exploring random tree inside the planning horizon, whose nodes are viewpoints.
+//!
+//! Source: H. Zhu, C. Cao, Y. Xia, S. Scherer, J. Zhang, W. Wang, "DSVP: Dual-Stage Viewpoint Planner for Rapid Exploration by
+//! Dynamic Expansion", IROS 2021: dynamic expansion (III-B: what is left of the last tree is pruned and re-rooted, and grown on)
+//! and the gain of a branch (its equations for the gain of a node and of a branch), here in three dimensions.
+//!
+//! Invariants: every node is the centre of a cell within the horizon (a cube about the root); every edge is a straight leg on
+//! which the body touches only cells that are known to be free; no cell is two nodes.
+
+use nalgebra::{Point3, Vector3};
+use rand::{Rng, RngExt};
+use voxels::{Cell, Extent};
+
+use super::gain::Viewer;
+use crate::exploration_map::ExplorationMap;
+use crate::path::direct;
+
+/// How a tree grows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::controllers) struct Growth {
+    /// Half the side of the cube that the tree stays in, cells.
+    pub(in crate::controllers) horizon: i32,
+    /// Length of an edge at the most, cells.
+    pub(in crate::controllers) extension: f64,
+    /// Samples that are drawn.
+    pub(in crate::controllers) samples: u32,
+    /// Share of the samples that are drawn near the local frontiers of choice.
+    pub(in crate::controllers) bias: f64,
+    /// How far from them, cells along each axis.
+    pub(in crate::controllers) jitter: i32,
+    /// Radius of the body, metres.
+    pub(in crate::controllers) radius_m: f64,
+}
+
+/// How branches are valued.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::controllers) struct Valuation {
+    /// Per metre of way to a node.
+    pub(in crate::controllers) lambda_distance: f64,
+    /// Per metre of difference between a branch and the last direction.
+    pub(in crate::controllers) lambda_direction: f64,
+    /// A viewpoint that would see fewer unexplored cells counts as one that sees none.
+    pub(in crate::controllers) gain_min: u32,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Node {
+    cell: Cell,
+    parent: usize,
+    /// Length of the way from the root, cells.
+    length: f64,
+}
+
+/// A branch that is worth it.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::controllers) struct Branch {
+    /// From the root to its end.
+    pub(in crate::controllers) cells: Vec<Cell>,
+    /// Unexplored cells that its end would see.
+    pub(in crate::controllers) gain: u32,
+    /// What it is worth.
+    pub(in crate::controllers) value: f64,
+}
+
+/// The tree. Node 0 is its root and its own parent; every other node comes after its parent.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::controllers) struct Tree {
+    nodes: Vec<Node>,
+}
+
+impl Tree {
+    /// A root alone.
+    pub(in crate::controllers) fn new(root: Cell) -> Self {
+        Self { nodes: vec![Node { cell: root, parent: 0, length: 0.0 }] }
+    }
+
+    /// How many nodes there are, the root included.
+    #[cfg(test)]
+    pub(in crate::controllers) fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// The cells of the nodes, the root first.
+    #[cfg(test)]
+    pub(in crate::controllers) fn cells(&self) -> impl Iterator<Item = Cell> {
+        self.nodes.iter().map(|node| node.cell)
+    }
+
+    /// What is left of the tree around a new root: the part that hangs together within the horizon, if some node within an edge
+    /// can be reached straight; else the root alone.
+    pub(in crate::controllers) fn moved_to(&self, root: Cell, map: &ExplorationMap, growth: &Growth) -> Self {
+        let centre = map.extent().centre(root);
+        let mut near: Vec<(f64, usize)> = (0..self.nodes.len())
+            .map(|node| (length_between(self.nodes[node].cell, root), node))
+            .filter(|&(length, _)| length <= 2.0 * growth.extension)
+            .collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let link = near.into_iter().find(|&(_, node)| direct(map, &centre, self.nodes[node].cell, growth.radius_m));
+        let mut moved = Self::new(root);
+        let Some((length, link)) = link else {
+            return moved;
+        };
+        let mut beside: Vec<Vec<usize>> = vec![Vec::new(); self.nodes.len()];
+        for (node, Node { parent, .. }) in self.nodes.iter().enumerate().skip(1) {
+            beside[*parent].push(node);
+            beside[node].push(*parent);
+        }
+        // Nodes with the number that their parent has in the new tree.
+        let mut next = std::collections::VecDeque::new();
+        let mut is_taken = vec![false; self.nodes.len()];
+        is_taken[link] = true;
+        if length == 0.0 {
+            next.extend(beside[link].iter().map(|&node| (node, 0)));
+        } else {
+            next.push_back((link, 0));
+        }
+        while let Some((node, parent)) = next.pop_front() {
+            is_taken[node] = true;
+            let cell = self.nodes[node].cell;
+            if !is_within(cell, root, growth.horizon) || cell == root {
+                continue;
+            }
+            let number = moved.add(cell, parent);
+            next.extend(beside[node].iter().filter(|&&node| !is_taken[node]).map(|&node| (node, number)));
+        }
+        moved
+    }
+
+    fn root(&self) -> Cell {
+        self.nodes[0].cell
+    }
+
+    fn add(&mut self, cell: Cell, parent: usize) -> usize {
+        let length = self.nodes[parent].length + length_between(self.nodes[parent].cell, cell);
+        self.nodes.push(Node { cell, parent, length });
+        self.nodes.len() - 1
+    }
+
+    /// Grows by samples, some of them near `frontiers`, into cells that are not to be `avoided`.
+    pub(in crate::controllers) fn grow(
+        &mut self,
+        map: &ExplorationMap,
+        growth: &Growth,
+        frontiers: &[Cell],
+        avoided: &dyn Fn(Cell) -> bool,
+        rng: &mut impl Rng,
+    ) {
+        let root = self.root();
+        let extent = map.extent();
+        for _ in 0..growth.samples {
+            let (about, by) = if !frontiers.is_empty() && rng.random_bool(growth.bias) {
+                (frontiers[rng.random_range(0..frontiers.len())], growth.jitter)
+            } else {
+                (root, growth.horizon)
+            };
+            let mut along = |about: i32| about + rng.random_range(-by..=by);
+            let sample = Cell::new(along(about.x), along(about.y), along(about.z));
+            let nearest = self.nearest(sample);
+            let from = self.nodes[nearest].cell;
+            let cell = towards(from, sample, growth.extension, &extent);
+            let is_new = cell != from && is_within(cell, root, growth.horizon) && !avoided(cell) && !self.holds(cell);
+            if is_new && direct(map, &extent.centre(from), cell, growth.radius_m) {
+                self.add(cell, nearest);
+            }
+        }
+    }
+
+    fn nearest(&self, sample: Cell) -> usize {
+        let nodes = self.nodes.iter().enumerate();
+        nodes.min_by_key(|(_, node)| squared_between(node.cell, sample)).map_or(0, |(number, _)| number)
+    }
+
+    fn holds(&self, cell: Cell) -> bool {
+        self.nodes.iter().any(|node| node.cell == cell)
+    }
+
+    /// The branch that is worth most, if one is worth anything; of several equal ones the oldest. `worth` is by what the gain of a
+    /// viewpoint is multiplied.
+    pub(in crate::controllers) fn best(
+        &self,
+        map: &ExplorationMap,
+        viewer: &mut Viewer,
+        valuation: &Valuation,
+        direction: Option<Vector3<f64>>,
+        worth: &dyn Fn(Cell) -> f64,
+    ) -> Option<Branch> {
+        let cell_m = map.extent().cell_m();
+        let mut gains = vec![0; self.nodes.len()];
+        let mut sums = vec![0.0; self.nodes.len()];
+        let mut best: Option<(f64, usize)> = None;
+        for (number, node) in self.nodes.iter().enumerate().skip(1) {
+            let gain = viewer.gain(map, node.cell);
+            gains[number] = gain;
+            let counts = if gain < valuation.gain_min { 0.0 } else { f64::from(gain) * worth(node.cell) };
+            sums[number] = sums[node.parent] + counts * libm::exp(-valuation.lambda_distance * node.length * cell_m);
+            if counts == 0.0 {
+                continue;
+            }
+            let value = match direction {
+                Some(direction) if valuation.lambda_direction > 0.0 => {
+                    let apart_m = super::dtw::difference(&self.points(number), direction) * cell_m;
+                    sums[number] * libm::exp(-valuation.lambda_direction * apart_m)
+                }
+                _ => sums[number],
+            };
+            if best.is_none_or(|(most, _)| value > most) {
+                best = Some((value, number));
+            }
+        }
+        let (value, end) = best?;
+        Some(Branch { cells: self.way_to(end), gain: gains[end], value })
+    }
+
+    /// The cells from the root to a node.
+    fn way_to(&self, end: usize) -> Vec<Cell> {
+        let mut cells = vec![self.nodes[end].cell];
+        let mut node = end;
+        while node != 0 {
+            node = self.nodes[node].parent;
+            cells.push(self.nodes[node].cell);
+        }
+        cells.reverse();
+        cells
+    }
+
+    /// The way to a node relative to the root, in cells, without the root.
+    fn points(&self, end: usize) -> Vec<Vector3<f64>> {
+        let root = self.root();
+        self.way_to(end).into_iter().skip(1).map(|cell| vector(cell - root)).collect()
+    }
+}
+
+pub(in crate::controllers) fn vector(by: Cell) -> Vector3<f64> {
+    Vector3::new(f64::from(by.x), f64::from(by.y), f64::from(by.z))
+}
+
+fn squared_between(a: Cell, b: Cell) -> i64 {
+    [a.x - b.x, a.y - b.y, a.z - b.z].into_iter().map(|by| i64::from(by) * i64::from(by)).sum()
+}
+
+pub(in crate::controllers) fn length_between(a: Cell, b: Cell) -> f64 {
+    (squared_between(a, b) as f64).sqrt()
+}
+
+fn is_within(cell: Cell, about: Cell, horizon: i32) -> bool {
+    [cell.x - about.x, cell.y - about.y, cell.z - about.z].into_iter().all(|by| by.abs() <= horizon)
+}
+
+/// The cell at most so far from one cell on the way to another.
+fn towards(from: Cell, to: Cell, length: f64, extent: &Extent) -> Cell {
+    let whole = length_between(from, to);
+    if whole <= length {
+        return to;
+    }
+    let centre: Point3<f64> = extent.centre(from);
+    extent.cell_of(&(centre + vector(to - from) * (length / whole * extent.cell_m())))
+}

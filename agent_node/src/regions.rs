@@ -1,0 +1,337 @@
+//! The known free space in coarse: blocks of cells, the connected regions in each, and ways from region to region.
+//!
+//! It answers on a map of a million cells, in a millisecond or so, what is where and how far: a *region* is a set of cells of one
+//! block, all usable for the body and connected through faces within the block. Regions of neighbouring blocks are linked where
+//! a face leads from one to the other. It stands for the global graph of the planners that know one.
+//!
+//! Invariants: every usable cell lies in exactly one region; two regions are linked in both directions or not at all; a frontier
+//! of the map is listed with exactly one region, or with none if its block has none. All of it is renewed from the journal of the
+//! map, at a cost proportional to the news, and hangs on the map alone, not on when it was renewed.
+//!
+//! Lengths are estimates: from centre to centre through the best face. This module plans nothing.
+
+mod ways;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeSet;
+
+use voxels::{Cell, Extent, FACES};
+
+use crate::exploration_map::ExplorationMap;
+use crate::path::{Graph, Moves};
+
+pub use ways::Ways;
+
+/// Edge of a block, cells.
+pub const BLOCK_CELLS: i32 = 5;
+
+const CELLS: usize = (BLOCK_CELLS * BLOCK_CELLS * BLOCK_CELLS) as usize;
+
+/// A region: its block, and its number in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct RegionId {
+    block: u32,
+    number: u8,
+}
+
+/// What is known of a region.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    /// The cell of it that is nearest to its middle.
+    pub centre: Cell,
+    /// How many cells it has.
+    pub cells: u32,
+    /// The frontiers in it, ascending.
+    pub frontiers: Vec<Cell>,
+    links: Vec<Link>,
+    /// A number below [`Regions::slots`] that no other region has at the same time.
+    slot: u32,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Link {
+    to: RegionId,
+    /// Length of the way between the centres, cells.
+    length: f32,
+}
+
+#[derive(Debug, Clone)]
+struct Block {
+    /// Of each cell, x fastest: the number of its region and one, or 0.
+    labels: [u8; CELLS],
+    regions: Vec<Region>,
+}
+
+/// Regions of one map.
+#[derive(Debug, Clone)]
+pub struct Regions {
+    extent: Extent,
+    /// Blocks along each axis.
+    size: [i32; 3],
+    blocks: Vec<Option<Box<Block>>>,
+    /// The journal of the map is taken in up to here.
+    read: usize,
+    /// How far, in cells, a change can make a cell usable or not, and a frontier or not.
+    reach: i32,
+    /// How many slots there are, and those of them that no region has.
+    slots: u32,
+    free_slots: Vec<u32>,
+}
+
+impl Regions {
+    /// Nothing is known yet. `radius_m` is that of the body.
+    #[must_use]
+    pub fn new(extent: Extent, radius_m: f64) -> Self {
+        let size = extent.size().map(|cells| cells.div_ceil(BLOCK_CELLS as u32) as i32);
+        let blocks = size.iter().map(|&blocks| blocks as usize).product();
+        let reach = 1.max((radius_m / extent.cell_m() + 0.5).floor() as i32);
+        Self { extent, size, blocks: vec![None; blocks], read: 0, reach, slots: 0, free_slots: Vec::new() }
+    }
+
+    /// Takes in what is new on the map, which must be the same map each time; `moves` are those of the body.
+    pub fn renew(&mut self, map: &ExplorationMap, moves: &Moves) {
+        let mut changed = BTreeSet::new();
+        let mut last = None;
+        for change in map.changes_since(self.read) {
+            let cell = self.extent.cell_at(change.cell as usize);
+            if last
+                .replace(cell)
+                .is_some_and(|last| self.inner_block(last).is_some_and(|block| self.inner_block(cell) == Some(block)))
+            {
+                continue;
+            }
+            self.for_blocks_near(cell, |block| {
+                changed.insert(block);
+            });
+        }
+        self.read = map.journal_len();
+        let graph = Graph::new(map, moves);
+        for &block in &changed {
+            self.label(block, map, graph);
+        }
+        let mut linked = changed.clone();
+        for &block in &changed {
+            linked.extend(self.neighbours(block).into_iter().flatten());
+        }
+        for block in linked {
+            self.link(block);
+        }
+    }
+
+    /// The region that a cell lies in.
+    #[must_use]
+    pub fn region_of(&self, cell: Cell) -> Option<RegionId> {
+        let block = self.block_of(cell)?;
+        let number = self.blocks[block as usize].as_ref()?.labels[self.place(cell)].checked_sub(1)?;
+        Some(RegionId { block, number })
+    }
+
+    /// What is known of a region, unless it is no more.
+    #[must_use]
+    pub fn get(&self, region: RegionId) -> Option<&Region> {
+        self.blocks.get(region.block as usize)?.as_ref()?.regions.get(usize::from(region.number))
+    }
+
+    /// All regions with frontiers, ascending.
+    pub fn with_frontiers(&self) -> impl Iterator<Item = (RegionId, &Region)> {
+        let all = (0..).zip(&self.blocks).filter_map(|(block, regions)| Some((block, regions.as_ref()?)));
+        all.flat_map(|(block, regions)| {
+            let numbered = (0..).zip(&regions.regions).filter(|(_, region)| !region.frontiers.is_empty());
+            numbered.map(move |(number, region)| (RegionId { block, number }, region))
+        })
+    }
+
+    /// The regions of the blocks within so many cells of a cell along each axis, ascending.
+    pub fn near(&self, cell: Cell, cells: i32) -> impl Iterator<Item = (RegionId, &Region)> {
+        let axis = |at: i32, size: i32| {
+            ((at - cells).div_euclid(BLOCK_CELLS).max(0), (at + cells).div_euclid(BLOCK_CELLS).min(size - 1))
+        };
+        let [(x0, x1), (y0, y1), (z0, z1)] =
+            [axis(cell.x, self.size[0]), axis(cell.y, self.size[1]), axis(cell.z, self.size[2])];
+        let blocks = (z0..=z1).flat_map(move |z| (y0..=y1).flat_map(move |y| (x0..=x1).map(move |x| (x, y, z))));
+        blocks.flat_map(|(x, y, z)| {
+            let block = self.number_of(x, y, z);
+            let regions = self.blocks[block as usize].as_ref().map_or(&[][..], |block| &block.regions);
+            (0..).zip(regions).map(move |(number, region)| (RegionId { block, number }, region))
+        })
+    }
+
+    fn number_of(&self, x: i32, y: i32, z: i32) -> u32 {
+        ((z * self.size[1] + y) * self.size[0] + x) as u32
+    }
+
+    fn block_of(&self, cell: Cell) -> Option<u32> {
+        let inside = self.extent.contains(cell);
+        inside.then(|| self.number_of(cell.x / BLOCK_CELLS, cell.y / BLOCK_CELLS, cell.z / BLOCK_CELLS))
+    }
+
+    /// The block of a cell that is so far inside that a change of it concerns no other block.
+    fn inner_block(&self, cell: Cell) -> Option<u32> {
+        let is_inner = |at: i32| (self.reach..BLOCK_CELLS - self.reach).contains(&at.rem_euclid(BLOCK_CELLS));
+        (is_inner(cell.x) && is_inner(cell.y) && is_inner(cell.z)).then(|| self.block_of(cell)).flatten()
+    }
+
+    fn place(&self, cell: Cell) -> usize {
+        let [x, y, z] = [cell.x, cell.y, cell.z].map(|at| at.rem_euclid(BLOCK_CELLS));
+        ((z * BLOCK_CELLS + y) * BLOCK_CELLS + x) as usize
+    }
+
+    fn for_blocks_near(&self, cell: Cell, mut visit: impl FnMut(u32)) {
+        let axis = |at: i32, size: i32| {
+            ((at - self.reach).div_euclid(BLOCK_CELLS).max(0), (at + self.reach).div_euclid(BLOCK_CELLS).min(size - 1))
+        };
+        let [(x0, x1), (y0, y1), (z0, z1)] =
+            [axis(cell.x, self.size[0]), axis(cell.y, self.size[1]), axis(cell.z, self.size[2])];
+        for z in z0..=z1 {
+            for y in y0..=y1 {
+                for x in x0..=x1 {
+                    visit(self.number_of(x, y, z));
+                }
+            }
+        }
+    }
+
+    fn corner(&self, block: u32) -> Cell {
+        let block = block as i32;
+        let (x, y) = (block % self.size[0], block / self.size[0] % self.size[1]);
+        let z = block / self.size[0] / self.size[1];
+        Cell::new(x * BLOCK_CELLS, y * BLOCK_CELLS, z * BLOCK_CELLS)
+    }
+
+    fn neighbours(&self, block: u32) -> [Option<u32>; 6] {
+        let corner = self.corner(block);
+        FACES.map(|face| {
+            let by = Cell::new(face.x * BLOCK_CELLS, face.y * BLOCK_CELLS, face.z * BLOCK_CELLS);
+            self.block_of(corner + by)
+        })
+    }
+
+    fn label(&mut self, block: u32, map: &ExplorationMap, graph: Graph<'_>) {
+        let corner = self.corner(block);
+        let mut usable = [false; CELLS];
+        let mut frontiers = Vec::new();
+        let mut any = false;
+        for (place, is_usable) in usable.iter_mut().enumerate() {
+            let cell = corner + offset(place);
+            *is_usable = graph.is_usable(cell);
+            any |= *is_usable;
+            if map.is_frontier(cell) {
+                frontiers.push(cell);
+            }
+        }
+        if let Some(old) = self.blocks[block as usize].take() {
+            self.free_slots.extend(old.regions.iter().map(|region| region.slot));
+        }
+        if !any {
+            return;
+        }
+        let mut labels = [0u8; CELLS];
+        let mut regions: Vec<Region> = Vec::new();
+        let mut stack = Vec::new();
+        for first in 0..CELLS {
+            if !usable[first] || labels[first] != 0 {
+                continue;
+            }
+            let label = regions.len() as u8 + 1;
+            let mut members = Vec::new();
+            labels[first] = label;
+            stack.push(first);
+            while let Some(place) = stack.pop() {
+                members.push(offset(place));
+                for face in FACES {
+                    let next = offset(place) + face;
+                    if [next.x, next.y, next.z].iter().all(|at| (0..BLOCK_CELLS).contains(at)) {
+                        let next = place_of(next);
+                        if usable[next] && labels[next] == 0 {
+                            labels[next] = label;
+                            stack.push(next);
+                        }
+                    }
+                }
+            }
+            let centre = corner + middle(&mut members);
+            let slot = self.slot();
+            let cells = members.len() as u32;
+            regions.push(Region { centre, cells, frontiers: Vec::new(), links: Vec::new(), slot });
+        }
+        for cell in frontiers {
+            // A frontier that the body does not fit into is looked at from the first region of its block.
+            let number = labels[self.place(cell)].saturating_sub(1);
+            regions[usize::from(number)].frontiers.push(cell);
+        }
+        self.blocks[block as usize] = Some(Box::new(Block { labels, regions }));
+    }
+
+    fn slot(&mut self) -> u32 {
+        self.free_slots.pop().unwrap_or_else(|| {
+            self.slots += 1;
+            self.slots - 1
+        })
+    }
+
+    /// Renews the links that start in a block.
+    fn link(&mut self, block: u32) {
+        let Some(mut here) = self.blocks[block as usize].take() else {
+            return;
+        };
+        for region in &mut here.regions {
+            region.links.clear();
+        }
+        let corner = self.corner(block);
+        for (face, neighbour) in FACES.into_iter().zip(self.neighbours(block)) {
+            let Some((number, there)) = neighbour.and_then(|to| Some((to, self.blocks[to as usize].as_ref()?))) else {
+                continue;
+            };
+            for place in 0..CELLS {
+                let cell = offset(place);
+                let beyond = cell + face;
+                if [beyond.x, beyond.y, beyond.z].iter().all(|at| (0..BLOCK_CELLS).contains(at)) {
+                    continue;
+                }
+                let label = here.labels[place];
+                let other = there.labels[self.place(corner + beyond)];
+                if label == 0 || other == 0 {
+                    continue;
+                }
+                let region = &mut here.regions[usize::from(label - 1)];
+                let far = &there.regions[usize::from(other - 1)];
+                let to = RegionId { block: number, number: other - 1 };
+                let length = distance(region.centre, corner + cell) + 1.0 + distance(corner + beyond, far.centre);
+                match region.links.iter_mut().find(|link| link.to == to) {
+                    Some(link) => link.length = link.length.min(length),
+                    None => region.links.push(Link { to, length }),
+                }
+            }
+        }
+        self.blocks[block as usize] = Some(here);
+    }
+}
+
+fn offset(place: usize) -> Cell {
+    let place = place as i32;
+    Cell::new(place % BLOCK_CELLS, place / BLOCK_CELLS % BLOCK_CELLS, place / BLOCK_CELLS / BLOCK_CELLS)
+}
+
+fn place_of(offset: Cell) -> usize {
+    ((offset.z * BLOCK_CELLS + offset.y) * BLOCK_CELLS + offset.x) as usize
+}
+
+/// The cell that is nearest to the mean of all; sorts them.
+fn middle(cells: &mut [Cell]) -> Cell {
+    cells.sort_unstable();
+    let count = cells.len() as i32;
+    let sum = cells.iter().fold(Cell::default(), |sum, &cell| sum + cell);
+    let apart = |cell: &Cell| {
+        let [x, y, z] = [cell.x * count - sum.x, cell.y * count - sum.y, cell.z * count - sum.z];
+        x * x + y * y + z * z
+    };
+    cells.iter().min_by_key(|cell| apart(cell)).copied().unwrap_or_default()
+}
+
+/// Between the centres of two cells, in cells.
+fn distance(a: Cell, b: Cell) -> f32 {
+    let [x, y, z] = [a.x - b.x, a.y - b.y, a.z - b.z].map(|by| by as f32);
+    (x * x + y * y + z * z).sqrt()
+}

@@ -1,0 +1,98 @@
+//! Shortest ways from one region to all others.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeSet, BinaryHeap};
+
+use voxels::Cell;
+
+use super::{BLOCK_CELLS, Region, RegionId, Regions};
+use crate::exploration_map::ExplorationMap;
+use crate::path::{Goal, Graph, Moves, Path, Scratch, Search};
+
+/// Fractions of a cell that lengths are counted in, so that they have a total order.
+const PER_CELL: f32 = 1024.0;
+
+/// Ways from one cell to the regions, shortest first. They hold as long as the regions are not renewed.
+#[derive(Debug, Clone, Default)]
+pub struct Ways {
+    /// By slot of the region; an entry of another epoch means nothing.
+    reached: Vec<Reached>,
+    epoch: u32,
+    /// Length of the way, region, region before it.
+    queue: BinaryHeap<Reverse<(u32, RegionId, Option<RegionId>)>>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Reached {
+    epoch: u32,
+    length: u32,
+    from: Option<RegionId>,
+}
+
+impl Ways {
+    /// Begins at a cell; there are no ways from a cell that lies in no region.
+    pub fn begin(&mut self, regions: &Regions, from: Cell) {
+        self.epoch += 1;
+        self.reached.resize(regions.slots as usize, Reached::default());
+        self.queue.clear();
+        self.queue.extend(regions.region_of(from).map(|region| Reverse((0, region, None))));
+    }
+
+    /// The next region in the order of the length of the way, which is in cells. To be called until there is none, or as long as
+    /// one cares.
+    pub fn next<'r>(&mut self, regions: &'r Regions) -> Option<(RegionId, &'r Region, f64)> {
+        loop {
+            let Reverse((length, id, from)) = self.queue.pop()?;
+            let Some(region) = regions.get(id) else { continue };
+            let reached = &mut self.reached[region.slot as usize];
+            if reached.epoch == self.epoch {
+                continue;
+            }
+            *reached = Reached { epoch: self.epoch, length, from };
+            for link in &region.links {
+                let to = length + (link.length * PER_CELL) as u32;
+                self.queue.push(Reverse((to, link.to, Some(id))));
+            }
+            return Some((id, region, f64::from(length) / f64::from(PER_CELL)));
+        }
+    }
+
+    /// Length of the way to a region that has been reached, cells.
+    #[must_use]
+    pub fn length(&self, regions: &Regions, region: RegionId) -> Option<f64> {
+        self.reached(regions, region).map(|reached| f64::from(reached.length) / f64::from(PER_CELL))
+    }
+
+    fn reached(&self, regions: &Regions, region: RegionId) -> Option<&Reached> {
+        let reached = self.reached.get(regions.get(region)?.slot as usize)?;
+        (reached.epoch == self.epoch).then_some(reached)
+    }
+
+    /// The cheapest path from a cell to another one, in a region that has been reached, through the blocks of the way and those
+    /// beside them, and through no cell that `keeps_out`.
+    pub fn path(
+        &self,
+        regions: &Regions,
+        map: &ExplorationMap,
+        moves: &Moves,
+        scratch: &mut Scratch,
+        (from, to): (Cell, Cell),
+        keeps_out: &dyn Fn(Cell) -> bool,
+    ) -> Option<Path> {
+        let end = regions.region_of(to).filter(|&end| self.reached(regions, end).is_some())?;
+        let mut corridor = BTreeSet::new();
+        let back = std::iter::successors(Some(end), |&region| self.reached(regions, region)?.from);
+        for region in back {
+            let corner = regions.corner(region.block);
+            corridor.insert(region.block);
+            for beside in Cell::default().neighbours26() {
+                let by = Cell::new(beside.x * BLOCK_CELLS, beside.y * BLOCK_CELLS, beside.z * BLOCK_CELLS);
+                corridor.extend(regions.block_of(corner + by));
+            }
+        }
+        let is_open = |cell: Cell| {
+            regions.block_of(cell).is_some_and(|block| corridor.contains(&block)) && (cell == to || !keeps_out(cell))
+        };
+        Search::new(Graph::new(map, moves), scratch, from, Goal::Cell(to)).within(&is_open).run()
+    }
+}
