@@ -18,16 +18,18 @@
 mod dtw;
 mod gain;
 mod goal;
+mod others;
 mod params;
 #[cfg(test)]
 mod tests;
 mod tree;
 
+use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::Wake as Events;
-use nalgebra::{Point3, Vector3};
+use nalgebra::Vector3;
 use rand::RngExt;
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand_chacha::ChaCha8Rng;
@@ -42,6 +44,7 @@ use crate::regions::{RegionId, Regions, Ways};
 use crate::travel::Journey;
 use gain::Viewer;
 use goal::Goal;
+use others::Others;
 pub use params::Params;
 use tree::{Tree, vector};
 
@@ -54,11 +57,11 @@ const IDLE_TICKS: u64 = 250;
 /// Ticks that an agent at rest waits for a scan, if it does not get the one it asked for in the next tick.
 const SCAN_PATIENCE_TICKS: u64 = 50;
 
-/// Distance from another agent's centre within which no way leads, in body radii.
-const BERTH_RADII: f64 = 2.25;
+/// Goals that are tried when there is no way to some because other agents are in it.
+const TRIES: usize = 3;
 
-/// Frontiers that are tried, nearest first, when there is no way to some because other agents are in it.
-const RELOCATION_TRIES: u32 = 4;
+/// How far an agent goes out of the way of others, cells of way at the most.
+const ASIDE_CELLS_MAX: f64 = 15.0;
 
 /// The planner of one agent.
 #[derive(Debug)]
@@ -153,6 +156,7 @@ impl Dsvp {
                 !observation.contacts.iter().any(|contact| contact.agent == agent) && !self.knows_frontiers()
             }
             Some(Goal::Anywhere { .. }) => !self.knows_frontiers(),
+            Some(Goal::Aside { .. }) => true,
             None => false,
         }
     }
@@ -164,24 +168,23 @@ impl Dsvp {
         frontiers.any(|frontier| !self.given_up.contains(frontier))
     }
 
-    /// At rest and with all seen that can be seen from here: where to?
+    /// At rest and with all seen that can be seen from here, or its goal is none any more: where to?
     fn plan(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        let others: Vec<Point3<f64>> = observation.contacts.iter().map(|contact| contact.position).collect();
-        let berth_m = BERTH_RADII * ctx.briefing().body_radius_m;
-        let extent = ctx.map().extent();
-        let is_taken = move |cell: Cell| {
-            let centre = extent.centre(cell);
-            others.iter().any(|other| (other - centre).norm() < berth_m)
+        let radius_m = ctx.briefing().body_radius_m;
+        let others = Others::near(&observation.contacts, &ctx.position(), radius_m, ctx.map().extent());
+        let plan = match self.explore(ctx, &others) {
+            Plan::Nothing => match self.relocate(ctx, &others) {
+                Plan::Nothing => self.carry(observation, ctx, &others),
+                plan => plan,
+            },
+            plan => plan,
         };
-        let next = self
-            .explore(ctx, &is_taken)
-            .or_else(|| self.relocate(ctx, &is_taken))
-            .or_else(|| self.carry(observation, ctx, &is_taken));
         self.rests_since = None;
-        self.goal = next.as_ref().map(|(goal, _)| *goal);
-        match next {
-            Some((goal, motion)) => Command::new(motion, wake()).saying(goal.info()),
-            None => {
+        match plan {
+            Plan::Go(goal, motion) => self.go(goal, motion),
+            Plan::Blocked => self.give_way(observation, ctx, &others),
+            Plan::Nothing => {
+                self.goal = None;
                 let wake = Wake::at(observation.tick.after(IDLE_TICKS));
                 let motion = if observation.is_active { Motion::Stop } else { Motion::Keep };
                 Command::new(motion, wake.or(Wake::on(Events::CONTACTS | Events::PARCEL))).saying("waiting for news")
@@ -189,75 +192,111 @@ impl Dsvp {
         }
     }
 
+    fn go(&mut self, goal: Goal, motion: Motion) -> Command {
+        self.goal = Some(goal);
+        Command::new(motion, wake()).saying(goal.info())
+    }
+
+    /// Other agents are in the way. It waits for them to go on or goes aside, by chance, so that no two agents wait for each other
+    /// for ever.
+    fn give_way(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, others: &Others) -> Command {
+        if self.rng.random_bool(0.5)
+            && let Some((goal, motion)) = self.aside(ctx, others)
+        {
+            return self.go(goal, motion);
+        }
+        self.goal = None;
+        let until = observation.tick.after(self.rng.random_range(1..=BACK_OFF_TICKS_MAX));
+        self.waits_until = Some(until);
+        let motion = if observation.is_active { Motion::Stop } else { Motion::Keep };
+        Command::new(motion, Wake::at(until)).saying("gives way")
+    }
+
+    /// To a region nearby, at random.
+    fn aside(&mut self, ctx: &mut Ctx<'_>, others: &Others) -> Option<(Goal, Motion)> {
+        let Sight { regions, ways, .. } = self.sight.as_mut()?;
+        let here = ctx.cell();
+        ways.begin(regions, here);
+        let mut reached = Vec::new();
+        while let Some((_, region, length)) = ways.next(regions)
+            && length <= ASIDE_CELLS_MAX
+        {
+            reached.push(region.centre);
+        }
+        reached.retain(|&cell| cell != here && !others.take(cell));
+        reached.shuffle(&mut self.rng);
+        reached.into_iter().take(TRIES).find_map(|cell| {
+            let motion = way(ctx, regions, ways, cell, others)?;
+            Some((Goal::Aside { cell }, motion))
+        })
+    }
+
     /// The exploration stage.
-    fn explore(&mut self, ctx: &Ctx<'_>, is_taken: &dyn Fn(Cell) -> bool) -> Option<(Goal, Motion)> {
-        let sight = self.sight.as_mut()?;
+    fn explore(&mut self, ctx: &Ctx<'_>, others: &Others) -> Plan {
+        let Some(sight) = &mut self.sight else { return Plan::Nothing };
         let (map, here) = (ctx.map(), ctx.cell());
         let growth = self.params.growth(map.extent().cell_m(), ctx.briefing().body_radius_m);
         let frontiers = local_frontiers(&sight.regions, here, growth.horizon);
         if frontiers.is_empty() {
             self.tree = None;
-            return None;
+            return Plan::Nothing;
         }
         let ahead = most_ahead(frontiers, here, self.direction, self.params.frontiers as usize, &mut self.rng);
         let mut tree = match self.tree.take() {
             Some(tree) => tree.moved_to(here, map, &growth),
             None => Tree::new(here),
         };
-        tree.grow(map, &growth, &ahead, is_taken, &mut self.rng);
+        tree.grow(map, &growth, &ahead, others, &mut self.rng);
         let branch = tree.best(map, &mut sight.viewer, &self.params.valuation(), self.direction, &|_| 1.0);
         self.tree = Some(tree);
-        let branch = branch?;
-        let end = *branch.cells.last()?;
-        let Journey::Go(motion) = ctx.follow(&Path { cells: branch.cells, cost: 0 }) else {
-            return None;
+        let Some((branch, end)) = branch.and_then(|branch| branch.cells.last().copied().map(|end| (branch, end)))
+        else {
+            return Plan::Nothing;
         };
-        self.direction = vector(end - here).try_normalize(0.0);
-        Some((Goal::Viewpoint { cell: end, gain: branch.gain }, motion))
+        match ctx.follow(&Path { cells: branch.cells, cost: 0 }) {
+            Journey::Go(motion) if !others.block_motion(&ctx.position(), &motion) => {
+                self.direction = vector(end - here).try_normalize(0.0);
+                Plan::Go(Goal::Viewpoint { cell: end, gain: branch.gain }, motion)
+            }
+            _ => Plan::Blocked,
+        }
     }
 
     /// The relocation stage: to the nearest frontier of all.
-    fn relocate(&mut self, ctx: &mut Ctx<'_>, is_taken: &dyn Fn(Cell) -> bool) -> Option<(Goal, Motion)> {
-        let Sight { regions, ways, .. } = self.sight.as_mut()?;
+    fn relocate(&mut self, ctx: &mut Ctx<'_>, others: &Others) -> Plan {
+        let Some(Sight { regions, ways, .. }) = &mut self.sight else { return Plan::Nothing };
         let here = ctx.cell();
         ways.begin(regions, here);
         let mut tries = 0;
-        while tries < RELOCATION_TRIES
-            && let Some((id, region, _)) = ways.next(regions)
-        {
+        while let Some((id, region, _)) = ways.next(regions) {
             let given_up = &self.given_up;
             let open = region.frontiers.iter().filter(|&frontier| !given_up.contains(frontier));
-            let Some(&frontier) = open.min_by(|a, b| {
-                let (a, b) = (tree::length_between(**a, here), tree::length_between(**b, here));
-                a.total_cmp(&b)
-            }) else {
+            let Some(&frontier) = open.min_by(|a, b| by_distance(here, a, b)) else {
                 continue;
             };
             let cell = viewpoint(regions, id, region.centre, frontier);
             if cell == here {
-                self.given_up.extend(
-                    region.frontiers.iter().filter(|&&frontier| viewpoint(regions, id, here, frontier) == here),
-                );
+                let seen_from_here = |frontier: &&Cell| viewpoint(regions, id, region.centre, **frontier) == here;
+                self.given_up.extend(region.frontiers.iter().filter(seen_from_here));
                 continue;
             }
+            if let Some(motion) = way(ctx, regions, ways, cell, others) {
+                return Plan::Go(Goal::Frontier { cell, frontier }, motion);
+            }
             tries += 1;
-            if let Some(motion) = way(ctx, regions, ways, cell, is_taken) {
-                return Some((Goal::Frontier { cell, frontier }, motion));
+            if tries == TRIES {
+                break;
             }
         }
-        None
+        if tries == 0 { Plan::Nothing } else { Plan::Blocked }
     }
 
-    /// Nothing is left to explore as far as this agent knows: it takes what it knows to the agent that it has not met for longest.
-    fn carry(
-        &mut self,
-        observation: &Observation,
-        ctx: &mut Ctx<'_>,
-        is_taken: &dyn Fn(Cell) -> bool,
-    ) -> Option<(Goal, Motion)> {
-        let Sight { regions, ways, .. } = self.sight.as_mut()?;
+    /// Nothing is left to explore as far as this agent knows: it takes what it knows to the agent that it has not met for longest,
+    /// and once it has looked for all of them, to anywhere.
+    fn carry(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, others: &Others) -> Plan {
+        let Some(Sight { regions, ways, .. }) = &mut self.sight else { return Plan::Nothing };
         if observation.contacts.len() + 1 >= ctx.briefing().agents as usize {
-            return None;
+            return Plan::Nothing;
         }
         let here = ctx.cell();
         if let Some(Goal::Peer { agent, cell }) = self.goal
@@ -268,22 +307,34 @@ impl Dsvp {
         }
         ways.begin(regions, here);
         let mut reached = Vec::new();
-        while let Some((id, region, _)) = ways.next(regions) {
-            reached.push((id, region.centre));
+        while let Some((_, region, _)) = ways.next(regions) {
+            reached.push(region.centre);
         }
         let is_heard = |agent: AgentId| observation.contacts.iter().any(|contact| contact.agent == agent);
         let away = self.peers.iter().filter(|(agent, peer)| !is_heard(**agent) && !peer.is_gone && peer.cell != here);
         let mut away: Vec<(Tick, AgentId, Cell)> = away.map(|(&agent, peer)| (peer.met, agent, peer.cell)).collect();
         away.sort_unstable();
-        for (_, agent, cell) in away {
-            if let Some(motion) = way(ctx, regions, ways, cell, is_taken) {
-                return Some((Goal::Peer { agent, cell }, motion));
+        let to_peers = away.into_iter().map(|(_, agent, cell)| Goal::Peer { agent, cell });
+        let anywhere = reached.choose(&mut self.rng).map(|&cell| Goal::Anywhere { cell });
+        let goals: Vec<Goal> = to_peers.take(TRIES - 1).chain(anywhere).collect();
+        for goal in goals {
+            if let Some(motion) = way(ctx, regions, ways, goal.cell(), others) {
+                return Plan::Go(goal, motion);
             }
         }
-        let (_, cell) = *reached.choose(&mut self.rng)?;
-        let motion = way(ctx, regions, ways, cell, is_taken)?;
-        Some((Goal::Anywhere { cell }, motion))
+        Plan::Blocked
     }
+}
+
+/// What came of a stage.
+#[derive(Debug, Clone, PartialEq)]
+enum Plan {
+    /// There is something to go for.
+    Go(Goal, Motion),
+    /// There would be, but other agents are in the way.
+    Blocked,
+    /// There is not.
+    Nothing,
 }
 
 impl Controller for Dsvp {
@@ -293,17 +344,15 @@ impl Controller for Dsvp {
         if observation.is_active {
             return if self.goes_on(observation, ctx) { Command::keep(wake()) } else { self.plan(observation, ctx) };
         }
-        if let Some(until) = self.waits_until.take_if(|until| now < *until) {
-            self.waits_until = Some(until);
-            return Command::keep(Wake::at(until));
+        if self.waits_until.is_some_and(|until| now < until) {
+            return Command::keep(Wake::at(self.waits_until.unwrap_or(now)));
         }
-        let was_in_the_way = observation.collision.is_some_and(|collision| collision.with_agent);
-        if was_in_the_way && self.waits_until.take().is_none() && self.goal.take().is_some() {
-            let until = now.after(self.rng.random_range(1..=BACK_OFF_TICKS_MAX));
-            self.waits_until = Some(until);
-            return Command::keep(Wake::at(until));
+        let has_waited = self.waits_until.take().is_some();
+        if !has_waited && observation.collision.is_some_and(|collision| collision.with_agent) {
+            let radius_m = ctx.briefing().body_radius_m;
+            let others = Others::near(&observation.contacts, &ctx.position(), radius_m, ctx.map().extent());
+            return self.give_way(observation, ctx, &others);
         }
-        self.waits_until = None;
         let since = *self.rests_since.get_or_insert(now);
         let is_seen = observation.scan_tick.is_some_and(|scan| scan >= since);
         if !is_seen && now < since.after(SCAN_PATIENCE_TICKS) {
@@ -322,13 +371,12 @@ fn wake() -> Wake {
 
 /// One frontier of each region within the horizon: the one nearest to the agent.
 fn local_frontiers(regions: &Regions, here: Cell, horizon: i32) -> Vec<Cell> {
-    let nearest = |frontiers: &[Cell]| {
-        frontiers.iter().copied().min_by(|a, b| {
-            let (a, b) = (tree::length_between(*a, here), tree::length_between(*b, here));
-            a.total_cmp(&b)
-        })
-    };
+    let nearest = |frontiers: &[Cell]| frontiers.iter().copied().min_by(|a, b| by_distance(here, a, b));
     regions.near(here, horizon).filter_map(|(_, region)| nearest(&region.frontiers)).collect()
+}
+
+fn by_distance(here: Cell, a: &Cell, b: &Cell) -> Ordering {
+    tree::length_between(here, *a).total_cmp(&tree::length_between(here, *b)).then(a.cmp(b))
 }
 
 /// The local frontiers that lie most in the direction of travel; without one yet, some at random.
@@ -356,12 +404,12 @@ fn viewpoint(regions: &Regions, region: RegionId, centre: Cell, frontier: Cell) 
 }
 
 /// The motion to a cell in a region that has been reached, if there is a way past the other agents.
-fn way(ctx: &mut Ctx<'_>, regions: &Regions, ways: &Ways, to: Cell, is_taken: &dyn Fn(Cell) -> bool) -> Option<Motion> {
+fn way(ctx: &mut Ctx<'_>, regions: &Regions, ways: &Ways, to: Cell, others: &Others) -> Option<Motion> {
     let here = ctx.cell();
     let (map, moves, scratch) = ctx.searching(Neighbours::TwentySix);
-    let path = ways.path(regions, map, moves, scratch, (here, to), is_taken)?;
+    let path = ways.path(regions, map, moves, scratch, (here, to), &|cell| others.take(cell))?;
     match ctx.follow(&path) {
-        Journey::Go(motion) => Some(motion),
+        Journey::Go(motion) => (!others.block_motion(&ctx.position(), &motion)).then_some(motion),
         Journey::Searching(_) | Journey::NoWay => None,
     }
 }

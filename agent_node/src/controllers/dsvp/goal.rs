@@ -32,9 +32,25 @@ pub(super) enum Goal {
         /// Where.
         cell: Cell,
     },
+    /// Out of the way of others.
+    Aside {
+        /// Where.
+        cell: Cell,
+    },
 }
 
 impl Goal {
+    /// Where it leads.
+    pub(super) fn cell(self) -> Cell {
+        match self {
+            Self::Viewpoint { cell, .. }
+            | Self::Frontier { cell, .. }
+            | Self::Peer { cell, .. }
+            | Self::Anywhere { cell }
+            | Self::Aside { cell } => cell,
+        }
+    }
+
     /// For people.
     pub(super) fn info(self) -> String {
         let at = |cell: Cell| format!("({}, {}, {})", cell.x, cell.y, cell.z);
@@ -42,6 +58,7 @@ impl Goal {
             Self::Viewpoint { cell, gain } => format!("exploration to {}, {gain} unexplored cells", at(cell)),
             Self::Frontier { cell, .. } => format!("relocation to {}", at(cell)),
             Self::Peer { agent, cell } => format!("with news to agent {agent}, last at {}", at(cell)),
+            Self::Aside { cell } => format!("out of the way to {}", at(cell)),
             Self::Anywhere { cell } => format!("with news to {}", at(cell)),
         }
     }

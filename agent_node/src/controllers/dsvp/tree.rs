@@ -12,6 +12,7 @@ use rand::{Rng, RngExt};
 use voxels::{Cell, Extent};
 
 use super::gain::Viewer;
+use super::others::Others;
 use crate::exploration_map::ExplorationMap;
 use crate::path::direct;
 
@@ -136,13 +137,13 @@ impl Tree {
         self.nodes.len() - 1
     }
 
-    /// Grows by samples, some of them near `frontiers`, into cells that are not to be `avoided`.
+    /// Grows by samples, some of them near `frontiers`, clear of other bodies.
     pub(in crate::controllers) fn grow(
         &mut self,
         map: &ExplorationMap,
         growth: &Growth,
         frontiers: &[Cell],
-        avoided: &dyn Fn(Cell) -> bool,
+        others: &Others,
         rng: &mut impl Rng,
     ) {
         let root = self.root();
@@ -158,8 +159,9 @@ impl Tree {
             let nearest = self.nearest(sample);
             let from = self.nodes[nearest].cell;
             let cell = towards(from, sample, growth.extension, &extent);
-            let is_new = cell != from && is_within(cell, root, growth.horizon) && !avoided(cell) && !self.holds(cell);
-            if is_new && direct(map, &extent.centre(from), cell, growth.radius_m) {
+            let is_new = cell != from && is_within(cell, root, growth.horizon) && !self.holds(cell);
+            let is_open = || !others.block(&extent.centre(from), &extent.centre(cell));
+            if is_new && is_open() && direct(map, &extent.centre(from), cell, growth.radius_m) {
                 self.add(cell, nearest);
             }
         }
