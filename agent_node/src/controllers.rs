@@ -51,7 +51,7 @@ pub enum ControllerError {
 }
 
 /// The names of all controllers.
-pub const NAMES: [&str; 3] = ["rbw", "rbw-maes3d", "dsvp"];
+pub const NAMES: [&str; 4] = ["rbw", "rbw-maes3d", "dsvp", "dsvp-auction"];
 
 /// Whether there is such a controller, and its settings are allowed.
 ///
@@ -78,6 +78,7 @@ pub fn build(
         "rbw" => Box::new(rbw::Rbw::new(&mut settings, stream("rbw")).map_err(unfit)?),
         "rbw-maes3d" => Box::new(rbw_maes3d::RbwMaes3d::new(stream("rbw-maes3d"))),
         "dsvp" => Box::new(dsvp::Dsvp::new(&mut settings, stream("dsvp")).map_err(unfit)?),
+        "dsvp-auction" => Box::new(dsvp::Dsvp::with_auction(&mut settings, stream("dsvp")).map_err(unfit)?),
         _ => return Err(ControllerError::Unknown { name: name.to_owned() }),
     };
     settings.finish().map_err(unfit)?;
@@ -154,7 +155,7 @@ pub(crate) mod tests {
             assert!(check(name, &[]).is_ok(), "{name}");
         }
         let refused = |name: &str, settings: &[String]| check(name, settings).unwrap_err().to_string();
-        assert_eq!(refused("rwb", &[]), "controller rwb: unknown; known are rbw, rbw-maes3d, dsvp");
+        assert_eq!(refused("rwb", &[]), "controller rwb: unknown; known are rbw, rbw-maes3d, dsvp, dsvp-auction");
         assert_eq!(
             refused("rbw", &["speed=1".to_owned()]),
             "controller rbw: setting `speed`: unknown; known are pitch_min_rad, pitch_max_rad, turn_min_rad, turn_max_rad"

@@ -15,6 +15,7 @@
 //! Invariants: it goes only through cells that it knows to be free; it never waits for ever as long as it knows a frontier it can
 //! reach, or an agent it has met.
 
+mod auction;
 mod dtw;
 mod gain;
 mod goal;
@@ -29,7 +30,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::Wake as Events;
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use rand::RngExt;
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand_chacha::ChaCha8Rng;
@@ -42,6 +43,7 @@ use crate::observation::Observation;
 use crate::path::{Neighbours, Path};
 use crate::regions::{RegionId, Regions, Ways};
 use crate::travel::Journey;
+use auction::{Auction, CLAIMS_PARCEL, Terms};
 use gain::Viewer;
 use goal::Goal;
 use others::Others;
@@ -67,6 +69,8 @@ const ASIDE_CELLS_MAX: f64 = 15.0;
 #[derive(Debug)]
 pub struct Dsvp {
     params: Params,
+    /// Of the auction, if there is one.
+    terms: Option<Terms>,
     rng: ChaCha8Rng,
     /// Made with the first observation, which says how large the map is.
     sight: Option<Sight>,
@@ -75,6 +79,8 @@ pub struct Dsvp {
     /// Where the last plan of the exploration stage led to, as seen from where it began; length 1.
     direction: Option<Vector3<f64>>,
     goal: Option<Goal>,
+    /// There was nothing better to go for than what another agent is nearer to.
+    is_contested: bool,
     /// At rest until then, because another agent was in the way.
     waits_until: Option<Tick>,
     /// Since when it is at rest, for a scan that shows what there is to see from here.
@@ -90,6 +96,7 @@ struct Sight {
     regions: Regions,
     ways: Ways,
     viewer: Viewer,
+    auction: Option<Auction>,
 }
 
 /// Where an agent was last.
@@ -107,18 +114,33 @@ impl Dsvp {
     /// # Errors
     /// If a setting is not allowed.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        Ok(Self {
-            params: Params::from_settings(settings)?,
+        Ok(Self::with(Params::from_settings(settings)?, None, rng))
+    }
+
+    /// With an auction: agents share out what there is to explore. Settings: those of [`Params`], and `spread_m`, `discount`,
+    /// `trespass_m`, `detour`, `pace_m_s`, `lease_s` (see docs/controllers.md).
+    ///
+    /// # Errors
+    /// If a setting is not allowed.
+    pub fn with_auction(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
+        Ok(Self::with(Params::from_settings(settings)?, Some(Terms::from_settings(settings)?), rng))
+    }
+
+    fn with(params: Params, terms: Option<Terms>, rng: ChaCha8Rng) -> Self {
+        Self {
+            params,
+            terms,
             rng,
             sight: None,
             tree: None,
             direction: None,
             goal: None,
+            is_contested: false,
             waits_until: None,
             rests_since: None,
             peers: BTreeMap::new(),
             given_up: BTreeSet::new(),
-        })
+        }
     }
 
     /// Takes in what is new.
@@ -134,7 +156,11 @@ impl Dsvp {
                 gain_range_m.min(briefing.lidar_range_m).min(100.0 * extent.cell_m()) / extent.cell_m(),
                 gain_depth,
             ),
+            auction: self.terms.map(|terms| Auction::new(terms, ctx.agent())),
         });
+        if let Some(auction) = &mut sight.auction {
+            auction.hear(&observation.parcels, observation.tick, extent, briefing.agents);
+        }
         let (map, moves, _) = ctx.searching(Neighbours::TwentySix);
         sight.regions.renew(map, moves);
         for contact in &observation.contacts {
@@ -146,6 +172,12 @@ impl Dsvp {
     /// Whether there is still reason to go where it goes.
     fn goes_on(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> bool {
         let Some(sight) = &mut self.sight else { return false };
+        let cell_m = ctx.map().extent().cell_m();
+        if !self.is_contested
+            && sight.auction.as_ref().is_some_and(|auction| auction.is_outbid(observation.tick, cell_m))
+        {
+            return false;
+        }
         match self.goal {
             Some(Goal::Viewpoint { cell, gain }) => {
                 let left = sight.viewer.gain(ctx.map(), cell);
@@ -172,8 +204,8 @@ impl Dsvp {
     fn plan(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let radius_m = ctx.briefing().body_radius_m;
         let others = Others::near(&observation.contacts, &ctx.position(), radius_m, ctx.map().extent());
-        let plan = match self.explore(ctx, &others) {
-            Plan::Nothing => match self.relocate(ctx, &others) {
+        let plan = match self.explore(observation, ctx, &others) {
+            Plan::Nothing => match self.relocate(observation, ctx, &others) {
                 Plan::Nothing => self.carry(observation, ctx, &others),
                 plan => plan,
             },
@@ -181,7 +213,7 @@ impl Dsvp {
         };
         self.rests_since = None;
         match plan {
-            Plan::Go(goal, motion) => self.go(goal, motion),
+            Plan::Go(goal, motion) => self.go(goal, motion, observation, ctx),
             Plan::Blocked => self.give_way(observation, ctx, &others),
             Plan::Nothing => {
                 self.goal = None;
@@ -192,9 +224,35 @@ impl Dsvp {
         }
     }
 
-    fn go(&mut self, goal: Goal, motion: Motion) -> Command {
+    fn go(&mut self, goal: Goal, motion: Motion, observation: &Observation, ctx: &Ctx<'_>) -> Command {
         self.goal = Some(goal);
-        Command::new(motion, wake()).saying(goal.info())
+        if let Some(auction) = self.sight.as_mut().and_then(|sight| sight.auction.as_mut()) {
+            match goal {
+                Goal::Viewpoint { cell, .. } | Goal::Frontier { cell, .. } => {
+                    auction.claim(cell, length_m(&ctx.position(), &motion), observation.tick);
+                }
+                _ => auction.give_up(),
+            }
+            self.is_contested = auction.is_outbid(observation.tick, ctx.map().extent().cell_m());
+        }
+        let command = Command::new(motion, self.wake()).saying(goal.info());
+        self.telling(command, observation, ctx)
+    }
+
+    /// A command that also tells the agents in contact of the claims, if there is an auction.
+    fn telling(&self, command: Command, observation: &Observation, ctx: &Ctx<'_>) -> Command {
+        match self.sight.as_ref().and_then(|sight| sight.auction.as_ref()) {
+            Some(auction) if !observation.contacts.is_empty() => {
+                command.sending(None, CLAIMS_PARCEL, auction.parcel(ctx.map().extent()))
+            }
+            _ => command,
+        }
+    }
+
+    /// When to ask an agent that is on its way.
+    fn wake(&self) -> Wake {
+        let news = if self.terms.is_some() { Events::CONTACTS | Events::PARCEL } else { 0 };
+        Wake::TASK_DONE.or(Wake::on(Events::NEW_CELL | news))
     }
 
     /// Other agents are in the way. It waits for them to go on or goes aside, by chance, so that no two agents wait for each other
@@ -203,7 +261,7 @@ impl Dsvp {
         if self.rng.random_bool(0.5)
             && let Some((goal, motion)) = self.aside(ctx, others)
         {
-            return self.go(goal, motion);
+            return self.go(goal, motion, observation, ctx);
         }
         self.goal = None;
         let until = observation.tick.after(self.rng.random_range(1..=BACK_OFF_TICKS_MAX));
@@ -232,7 +290,7 @@ impl Dsvp {
     }
 
     /// The exploration stage.
-    fn explore(&mut self, ctx: &Ctx<'_>, others: &Others) -> Plan {
+    fn explore(&mut self, observation: &Observation, ctx: &Ctx<'_>, others: &Others) -> Plan {
         let Some(sight) = &mut self.sight else { return Plan::Nothing };
         let (map, here) = (ctx.map(), ctx.cell());
         let growth = self.params.growth(map.extent().cell_m(), ctx.briefing().body_radius_m);
@@ -247,7 +305,11 @@ impl Dsvp {
             None => Tree::new(here),
         };
         tree.grow(map, &growth, &ahead, others, &mut self.rng);
-        let branch = tree.best(map, &mut sight.viewer, &self.params.valuation(), self.direction, &|_| 1.0);
+        let (auction, cell_m) = (sight.auction.as_ref(), map.extent().cell_m());
+        let worth = |cell: Cell, way_m: f64| {
+            auction.map_or(1.0, |auction| auction.worth(cell, way_m, observation.tick, cell_m))
+        };
+        let branch = tree.best(map, &mut sight.viewer, &self.params.valuation(), self.direction, &worth);
         self.tree = Some(tree);
         let Some((branch, end)) = branch.and_then(|branch| branch.cells.last().copied().map(|end| (branch, end)))
         else {
@@ -262,13 +324,19 @@ impl Dsvp {
         }
     }
 
-    /// The relocation stage: to the nearest frontier of all.
-    fn relocate(&mut self, ctx: &mut Ctx<'_>, others: &Others) -> Plan {
-        let Some(Sight { regions, ways, .. }) = &mut self.sight else { return Plan::Nothing };
+    /// The relocation stage: to the nearest frontier of all, or with an auction to the one that costs least.
+    fn relocate(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, others: &Others) -> Plan {
+        let Some(Sight { regions, ways, auction, .. }) = &mut self.sight else { return Plan::Nothing };
         let here = ctx.cell();
+        let cell_m = ctx.map().extent().cell_m();
+        // The cheapest ones so far: what they cost, from where to look, at what.
+        let mut best: Vec<(f64, Cell, Cell)> = Vec::new();
         ways.begin(regions, here);
-        let mut tries = 0;
-        while let Some((id, region, _)) = ways.next(regions) {
+        while let Some((id, region, length)) = ways.next(regions) {
+            let way_m = length * cell_m;
+            if best.len() == TRIES && best.last().is_some_and(|&(most, ..)| most <= way_m) {
+                break;
+            }
             let given_up = &self.given_up;
             let open = region.frontiers.iter().filter(|&frontier| !given_up.contains(frontier));
             let Some(&frontier) = open.min_by(|a, b| by_distance(here, a, b)) else {
@@ -280,15 +348,19 @@ impl Dsvp {
                 self.given_up.extend(region.frontiers.iter().filter(seen_from_here));
                 continue;
             }
+            let penalty_m = auction
+                .as_ref()
+                .map_or(0.0, |auction| auction.penalty_m(cell, way_m, &observation.contacts, observation.tick, cell_m));
+            best.push((way_m + penalty_m, cell, frontier));
+            best.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+            best.truncate(TRIES);
+        }
+        for &(_, cell, frontier) in &best {
             if let Some(motion) = way(ctx, regions, ways, cell, others) {
                 return Plan::Go(Goal::Frontier { cell, frontier }, motion);
             }
-            tries += 1;
-            if tries == TRIES {
-                break;
-            }
         }
-        if tries == 0 { Plan::Nothing } else { Plan::Blocked }
+        if best.is_empty() { Plan::Nothing } else { Plan::Blocked }
     }
 
     /// Nothing is left to explore as far as this agent knows: it takes what it knows to the agent that it has not met for longest,
@@ -342,7 +414,12 @@ impl Controller for Dsvp {
         self.look(observation, ctx);
         let now = observation.tick;
         if observation.is_active {
-            return if self.goes_on(observation, ctx) { Command::keep(wake()) } else { self.plan(observation, ctx) };
+            if !self.goes_on(observation, ctx) {
+                return self.plan(observation, ctx);
+            }
+            let keep = Command::keep(self.wake());
+            let has_met = observation.events & Events::CONTACTS != 0;
+            return if has_met { self.telling(keep, observation, ctx) } else { keep };
         }
         if self.waits_until.is_some_and(|until| now < until) {
             return Command::keep(Wake::at(self.waits_until.unwrap_or(now)));
@@ -364,9 +441,9 @@ impl Controller for Dsvp {
     }
 }
 
-/// When to ask an agent that is on its way.
-fn wake() -> Wake {
-    Wake::TASK_DONE.or(Wake::on(Events::NEW_CELL))
+fn length_m(from: &Point3<f64>, motion: &Motion) -> f64 {
+    let Motion::Path(way_points) = motion else { return 0.0 };
+    std::iter::once(from).chain(way_points).zip(way_points).map(|(from, to)| (to - from).norm()).sum()
 }
 
 /// One frontier of each region within the horizon: the one nearest to the agent.

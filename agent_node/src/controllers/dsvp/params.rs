@@ -1,6 +1,9 @@
 //! The parameters of DSVP, with their defaults and sources.
 
+use msgs::ids::Tick;
+
 use super::super::settings::{SettingError, Settings};
+use super::auction::Terms;
 use super::tree::{Growth, Valuation};
 
 /// Parameters of the planner. Lengths in metres.
@@ -43,13 +46,13 @@ impl Default for Params {
             bias: 0.3,
             jitter_m: 1.0,
             frontiers: 5,
-            lambda_distance_per_m: 0.1,
+            lambda_distance_per_m: 0.03,
             lambda_direction_per_m: 0.01,
             gain_range_m: 10.0,
             gain_rays: 200,
             gain_depth: 3,
-            gain_min: 5,
-            gain_left: 0.25,
+            gain_min: 3,
+            gain_left: 0.1,
         }
     }
 }
@@ -113,5 +116,19 @@ impl Params {
             lambda_direction: self.lambda_direction_per_m,
             gain_min: self.gain_min,
         }
+    }
+}
+
+impl Terms {
+    /// Takes them from settings of the same names, the lease in seconds.
+    pub(super) fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
+        Ok(Self {
+            spread_m: settings.number("spread_m", 10.0, 0.1, 1000.0)?,
+            discount: settings.number("discount", 0.9, 0.0, 1.0)?,
+            trespass_m: settings.number("trespass_m", 40.0, 0.0, 10_000.0)?,
+            detour: settings.number("detour", 1.3, 1.0, 10.0)?,
+            pace_m_s: settings.number("pace_m_s", 0.8, 0.01, 100.0)?,
+            lease_ticks: (settings.number("lease_s", 30.0, 0.0, 600.0)? / Tick::TICK_S).round() as u64,
+        })
     }
 }

@@ -177,14 +177,14 @@ impl Tree {
     }
 
     /// The branch that is worth most, if one is worth anything; of several equal ones the oldest. `worth` is by what the gain of a
-    /// viewpoint is multiplied.
+    /// viewpoint, so many metres of way away, is multiplied.
     pub(in crate::controllers) fn best(
         &self,
         map: &ExplorationMap,
         viewer: &mut Viewer,
         valuation: &Valuation,
         direction: Option<Vector3<f64>>,
-        worth: &dyn Fn(Cell) -> f64,
+        worth: &dyn Fn(Cell, f64) -> f64,
     ) -> Option<Branch> {
         let cell_m = map.extent().cell_m();
         let mut gains = vec![0; self.nodes.len()];
@@ -193,7 +193,8 @@ impl Tree {
         for (number, node) in self.nodes.iter().enumerate().skip(1) {
             let gain = viewer.gain(map, node.cell);
             gains[number] = gain;
-            let counts = if gain < valuation.gain_min { 0.0 } else { f64::from(gain) * worth(node.cell) };
+            let counts =
+                if gain < valuation.gain_min { 0.0 } else { f64::from(gain) * worth(node.cell, node.length * cell_m) };
             sums[number] = sums[node.parent] + counts * libm::exp(-valuation.lambda_distance * node.length * cell_m);
             if counts == 0.0 {
                 continue;

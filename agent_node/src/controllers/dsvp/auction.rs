@@ -1,0 +1,191 @@
+//! Who goes where: agents tell each other what they are on their way for, and leave it to each other.
+//!
+//! An agent *claims* its goal, with the length of its way there as the bid, and tells the agents in contact, together with the
+//! claims that it knows of. Of two that claim about the same, the shorter way wins (then the lower id), and the other one looks
+//! for something else; as all of them know the same bids, all come to the same end, in as many rounds as there are conflicts. What
+//! others have claimed is worth less to everybody else, the less the nearer it is to the claim, and what another agent will get
+//! to sooner, once it is where it claims to go, is left to it.
+//!
+//! Source of the ideas: W. Burgard, M. Moors, C. Stachniss, F. Schneider, "Coordinated Multi-Robot Exploration", IEEE T-RO 2005
+//! (utility discounted by the goals of others); R. Zlot, A. Stentz, M. B. Dias, S. Thayer, "Multi-Robot Exploration Controlled by
+//! a Market Economy", ICRA 2002 (bids that need no connection at all times).
+//!
+//! Invariants: a claim is forgotten when its lease is over, so that an agent that is lost blocks nothing for long; a malformed
+//! parcel changes nothing; what is known hangs on the parcels alone, and of several claims of one agent the latest counts.
+
+use std::collections::BTreeMap;
+
+use msgs::ids::{AgentId, Tick};
+use voxels::{Cell, Extent};
+
+use super::tree::length_between;
+use crate::observation::{Contact, Received};
+
+/// The mark of the parcels that claims are told in.
+pub(super) const CLAIMS_PARCEL: u8 = 2;
+
+const VERSION: u8 = 1;
+
+/// Bytes of a claim in a parcel.
+const CLAIM_BYTES: usize = 28;
+
+/// No claim holds longer than this after it was heard: ten minutes.
+const LEASE_TICKS_MAX: u64 = 30_000;
+
+/// How claims weigh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Terms {
+    /// Distance from a claim at which its effect has fallen to about 0.4, metres.
+    pub(super) spread_m: f64,
+    /// Share of its worth that what is claimed loses to others.
+    pub(super) discount: f64,
+    /// What it costs to go where another agent will be sooner, metres of way.
+    pub(super) trespass_m: f64,
+    /// How much longer ways are than straight lines.
+    pub(super) detour: f64,
+    /// At what pace agents are reckoned to go, m/s.
+    pub(super) pace_m_s: f64,
+    /// How long a claim holds beyond the time the way takes, ticks.
+    pub(super) lease_ticks: u64,
+}
+
+/// What an agent is on its way for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Claim {
+    /// Where to.
+    pub(super) cell: Cell,
+    /// Length of the way when it was claimed, metres: the bid.
+    pub(super) way_m: f64,
+    pub(super) made: Tick,
+    pub(super) ends: Tick,
+}
+
+/// The claims that an agent knows of, its own included.
+#[derive(Debug, Clone)]
+pub(super) struct Auction {
+    terms: Terms,
+    own: AgentId,
+    claims: BTreeMap<AgentId, Claim>,
+}
+
+impl Auction {
+    pub(super) fn new(terms: Terms, own: AgentId) -> Self {
+        Self { terms, own, claims: BTreeMap::new() }
+    }
+
+    /// Takes in what has been told; forgets claims that are over.
+    pub(super) fn hear(&mut self, parcels: &[Received], now: Tick, extent: Extent, agents: u32) {
+        for parcel in parcels.iter().filter(|parcel| parcel.kind == CLAIMS_PARCEL) {
+            for (agent, claim) in decode(&parcel.data, extent, agents).into_iter().flatten() {
+                let is_newer = self.claims.get(&agent).is_none_or(|known| known.made < claim.made);
+                if agent != self.own && is_newer && claim.made <= now {
+                    let ends = claim.ends.min(now.after(LEASE_TICKS_MAX));
+                    self.claims.insert(agent, Claim { ends, ..claim });
+                }
+            }
+        }
+        self.claims.retain(|_, claim| now < claim.ends);
+    }
+
+    /// Claims a goal.
+    pub(super) fn claim(&mut self, cell: Cell, way_m: f64, now: Tick) {
+        let travel_ticks = (way_m / self.terms.pace_m_s / Tick::TICK_S) as u64;
+        let ends = now.after(travel_ticks).after(self.terms.lease_ticks);
+        self.claims.insert(self.own, Claim { cell, way_m, made: now, ends });
+    }
+
+    /// Gives up the own claim.
+    pub(super) fn give_up(&mut self) {
+        self.claims.remove(&self.own);
+    }
+
+    /// What to tell the agents in contact.
+    pub(super) fn parcel(&self, extent: Extent) -> Vec<u8> {
+        let mut bytes = vec![VERSION];
+        for (agent, claim) in &self.claims {
+            let Some(cell) = extent.index(claim.cell) else { continue };
+            bytes.extend(agent.0.to_le_bytes());
+            bytes.extend((cell as u32).to_le_bytes());
+            bytes.extend(((claim.way_m * 1000.0).min(f64::from(u32::MAX)) as u32).to_le_bytes());
+            bytes.extend(claim.made.0.to_le_bytes());
+            bytes.extend(claim.ends.0.to_le_bytes());
+        }
+        bytes
+    }
+
+    fn others(&self) -> impl Iterator<Item = (AgentId, &Claim)> {
+        self.claims.iter().map(|(&agent, claim)| (agent, claim)).filter(|&(agent, _)| agent != self.own)
+    }
+
+    /// Length of the way that an agent has left to its goal, metres.
+    fn left_m(&self, claim: &Claim, now: Tick) -> f64 {
+        let passed_s = now.0.saturating_sub(claim.made.0) as f64 * Tick::TICK_S;
+        (claim.way_m - passed_s * self.terms.pace_m_s).max(0.0)
+    }
+
+    /// Whether another agent claims about what this one claims, and is nearer to it.
+    pub(super) fn is_outbid(&self, now: Tick, cell_m: f64) -> bool {
+        let Some(own) = self.claims.get(&self.own) else { return false };
+        let bid = (self.left_m(own, now), self.own);
+        self.others().any(|(agent, claim)| {
+            let is_same = length_between(claim.cell, own.cell) * cell_m < 0.5 * self.terms.spread_m;
+            is_same && (self.left_m(claim, now), agent) < bid
+        })
+    }
+
+    /// By what the worth of a viewpoint is multiplied, as far as `way_m` metres away: 1 if nobody else goes near it.
+    pub(super) fn worth(&self, cell: Cell, way_m: f64, now: Tick, cell_m: f64) -> f64 {
+        self.others()
+            .filter(|(_, claim)| {
+                let apart_m = length_between(claim.cell, cell) * cell_m;
+                self.left_m(claim, now) + apart_m * self.terms.detour <= way_m || apart_m < 0.5 * self.terms.spread_m
+            })
+            .map(|(_, claim)| 1.0 - self.terms.discount * self.nearness(claim, cell, cell_m))
+            .product()
+    }
+
+    /// What to add to the length of the way to a frontier, metres: nothing if nobody else goes near it or will be there sooner.
+    pub(super) fn penalty_m(&self, cell: Cell, way_m: f64, contacts: &[Contact], now: Tick, cell_m: f64) -> f64 {
+        let Terms { trespass_m, detour, .. } = self.terms;
+        let sooner =
+            |claim: &Claim| self.left_m(claim, now) + length_between(claim.cell, cell) * cell_m * detour < way_m;
+        let without_goal = |contact: &&Contact| !self.claims.contains_key(&contact.agent);
+        let beside = |contact: &Contact| {
+            let centre_m = nalgebra::Vector3::new(f64::from(cell.x), f64::from(cell.y), f64::from(cell.z))
+                .add_scalar(0.5)
+                * cell_m;
+            (contact.position.coords - centre_m).norm() * detour < way_m
+        };
+        if self.others().any(|(_, claim)| sooner(claim)) || contacts.iter().filter(without_goal).any(beside) {
+            trespass_m
+        } else {
+            let nearest = self.others().map(|(_, claim)| self.nearness(claim, cell, cell_m)).fold(0.0, f64::max);
+            trespass_m * self.terms.discount * nearest
+        }
+    }
+
+    /// 1 at a claim, falling to 0 away from it.
+    fn nearness(&self, claim: &Claim, cell: Cell, cell_m: f64) -> f64 {
+        let apart = length_between(claim.cell, cell) * cell_m / self.terms.spread_m;
+        libm::exp(-apart * apart)
+    }
+}
+
+/// The claims in a parcel, if it is one.
+fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Option<Vec<(AgentId, Claim)>> {
+    let (version, claims) = bytes.split_first()?;
+    if *version != VERSION || claims.len() % CLAIM_BYTES != 0 || claims.len() / CLAIM_BYTES > agents as usize {
+        return None;
+    }
+    claims
+        .chunks_exact(CLAIM_BYTES)
+        .map(|bytes| {
+            let short = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+            let long = |at: usize| Tick(u64::from(short(at)) | u64::from(short(at + 4)) << 32);
+            let (agent, cell, way_m) = (short(0), short(4) as usize, f64::from(short(8)) / 1000.0);
+            let is_known = agent < agents && cell < extent.volume();
+            is_known
+                .then(|| (AgentId(agent), Claim { cell: extent.cell_at(cell), way_m, made: long(12), ends: long(20) }))
+        })
+        .collect()
+}
