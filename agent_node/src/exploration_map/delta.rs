@@ -19,29 +19,25 @@ pub struct Delta {
 }
 
 impl Delta {
-    /// Changes in any order. A cell that became free and then covered is covered.
+    /// Changes in the order in which they were learnt: the last one of a cell is what is said of it.
     #[must_use]
     pub fn of(changes: impl IntoIterator<Item = Change>) -> Self {
-        // Cell and finding in one number: sorting takes them cell by cell, free before covered.
         let mut sorted: Vec<u32> = changes.into_iter().map(|change| change.cell << 2 | change.finding as u32).collect();
-        // Stable, because what was learnt in one go is ascending already and the stable sort makes use of that.
-        sorted.sort();
+        // Stable, so that the changes of a cell stay in order.
+        sorted.sort_by_key(|word| word >> 2);
         let mut delta = Self::default();
         for (at, &word) in sorted.iter().enumerate() {
             let cell = word >> 2;
+            if sorted.get(at + 1).is_some_and(|next| next >> 2 == cell) {
+                continue;
+            }
             let list = match word & 3 {
-                free if free == Finding::Free as u32 => {
-                    if sorted.get(at + 1).is_some_and(|&next| next == (cell << 2 | Finding::Covered as u32)) {
-                        continue;
-                    }
-                    &mut delta.free
-                }
+                free if free == Finding::Free as u32 => &mut delta.free,
                 covered if covered == Finding::Covered as u32 => &mut delta.covered,
                 _ => &mut delta.wall,
             };
             match list.last_mut() {
                 Some(run) if run.end == cell => run.end += 1,
-                Some(run) if run.end > cell => {}
                 _ => list.push(cell..cell + 1),
             }
         }
@@ -60,16 +56,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn changes_in_any_order_become_runs() {
+    fn the_last_change_of_a_cell_counts_and_cells_become_runs() {
         let change = |cell, finding| Change { cell, finding, from: None };
         let delta = Delta::of([
-            change(5, Finding::Covered),
+            change(8, Finding::Free),
             change(3, Finding::Free),
             change(2, Finding::Free),
             change(5, Finding::Free),
             change(4, Finding::Free),
             change(9, Finding::Wall),
-            change(8, Finding::Wall),
+            change(5, Finding::Covered),
+            change(6, Finding::Wall),
             change(6, Finding::Free),
             change(8, Finding::Wall),
         ]);

@@ -147,6 +147,24 @@ fn what_one_was_told_it_tells_others_but_never_back() {
 }
 
 #[test]
+fn a_correction_is_told_to_all_who_heard_the_error() {
+    let mut team = Team::new(4, extent(10), 5);
+    let chain = [(0, 1), (1, 2), (2, 3)];
+    team.maps[0].note_wall(&[7, 8]);
+    (0..20).for_each(|now| drop(team.tick(now, &chain, BUDGET)));
+    assert_eq!(team.states(3)[7..9], [CellState::Wall; 2], "relayed twice");
+    team.maps[2].note_free(&[7]);
+    team.maps[3].note_wall(&[8]);
+    (20..40).for_each(|now| drop(team.tick(now, &chain, BUDGET)));
+    for agent in 1..4 {
+        assert_eq!(team.states(agent)[7..9], [CellState::Free, CellState::Wall], "agent {agent}");
+        assert_eq!((team.maps[agent].corrections(), team.maps[agent].contradictions()), (1, 0));
+    }
+    assert_eq!(team.states(0)[7], CellState::Wall, "it has seen it");
+    assert_eq!((team.maps[0].corrections(), team.maps[0].contradictions()), (0, 1));
+}
+
+#[test]
 fn what_all_have_heard_is_not_passed_on() {
     let mut team = Team::new(4, extent(10), 5);
     let all = everybody(4);
