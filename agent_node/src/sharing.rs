@@ -12,8 +12,12 @@
 //! positions. Only an inbox that is full loses it: one exchange leaves room there for everybody else's (`INBOX_BYTES`), and
 //! goes on a period later if it must.
 //!
+//! **Trust.** An agent that tells each entry of its journal once can tell a peer of no more cells than a journal can have entries:
+//! [`CHANGES_MAX`] for each cell of the map. Whoever tells of more is broken or wants to waste the time of others, and nothing is
+//! taken in from it any more. So all that one sender can cost an agent in a run is bounded, and so is each observation.
+//!
 //! Invariants: the cost of an exchange is that of the news; what is sent hangs on the order of nothing but the journal and the
-//! ids; a parcel that is refused changes nothing but the count of them.
+//! ids; a parcel that is refused changes nothing but what is counted.
 //!
 //! This module does not decide when an agent is asked; it says when it wants to be ([`Sharing::wants_to_be_asked_at`]). It must
 //! be called in ticks that count only.
@@ -30,7 +34,7 @@ use msgs::limits::PARCEL_BYTES_MAX;
 use msgs::maes_msgs::Wake as Events;
 
 use crate::command::{Parcel, Wake};
-use crate::exploration_map::{Delta, ExplorationMap};
+use crate::exploration_map::{CHANGES_MAX, Delta, ExplorationMap};
 use crate::observation::{Contact, Received};
 pub use parcel::{ParcelError, VERSION};
 
@@ -70,6 +74,10 @@ struct Peer {
     bytes: usize,
     /// When the last exchange began.
     last: Option<Tick>,
+    /// Cells that it has told of, each as often as it has.
+    claims: u64,
+    /// Whether it has told of more than it can know.
+    is_barred: bool,
 }
 
 /// Who knows a part of the journal, because it was learnt from a parcel.
@@ -102,8 +110,10 @@ pub struct Totals {
     pub parcels_taken: u64,
     /// Bytes of data in them.
     pub bytes_taken: u64,
-    /// Refused because they were malformed.
+    /// Refused because they were malformed, or their senders have told of more than they can know.
     pub parcels_refused: u64,
+    /// Cells that the parcels taken in told of, known or not: the work that they were.
+    pub cells_taken: u64,
 }
 
 /// Positions of the journal, and who is to be told them.
@@ -130,12 +140,12 @@ impl Sharing {
 
     /// Takes in the map parcels among those received; leaves all others alone.
     ///
-    /// A parcel that is malformed is refused as a whole and reported.
+    /// A parcel that is malformed is refused as a whole and reported, and so is all that comes from a sender that has told of more
+    /// cells than it can have news of.
     pub fn incoming(&mut self, map: &mut ExplorationMap, parcels: &[Received]) -> Report {
-        let volume = map.extent().volume() as u32;
         let mut report = Report::default();
         for Received { from, data, .. } in parcels.iter().filter(|parcel| parcel.kind == MAP_PARCEL) {
-            let (receivers, delta) = match parcel::decode(data, volume, self.agents) {
+            let (receivers, delta) = match self.admit(map, *from, data) {
                 Ok(content) => content,
                 Err(reason) => {
                     self.totals.parcels_refused += 1;
@@ -153,6 +163,30 @@ impl Sharing {
             self.remember(Hearing { positions, knowing: receivers.into_iter().chain([*from]).collect() });
         }
         report
+    }
+
+    /// What a parcel says, and to whom, unless it is to be refused. Of a sender that is barred, no byte is looked at.
+    fn admit(
+        &mut self,
+        map: &ExplorationMap,
+        from: AgentId,
+        data: &[u8],
+    ) -> Result<(Vec<AgentId>, Delta), ParcelError> {
+        let volume = map.extent().volume();
+        let allowance = (CHANGES_MAX * volume) as u64;
+        let sender = self.peers.entry(from).or_default();
+        if sender.is_barred {
+            return Err(ParcelError::Barred { allowance });
+        }
+        let (receivers, delta) = parcel::decode(data, volume as u32, self.agents)?;
+        let cells = delta.len() as u64;
+        if sender.claims + cells > allowance {
+            sender.is_barred = true;
+            return Err(ParcelError::Barred { allowance });
+        }
+        sender.claims += cells;
+        self.totals.cells_taken += cells;
+        Ok((receivers, delta))
     }
 
     fn remember(&mut self, hearing: Hearing) {
@@ -182,7 +216,7 @@ impl Sharing {
             let peer = self.peers.entry(contact.agent).or_default();
             let is_due = peer.last.is_none_or(|last| now.0 / self.period > last.0 / self.period);
             if is_due {
-                *peer = Peer { cursor: peer.cursor, until: map.journal_len(), bytes: 0, last: Some(now) };
+                *peer = Peer { until: map.journal_len(), bytes: 0, last: Some(now), ..*peer };
             }
         }
         while budget >= BUDGET_MIN

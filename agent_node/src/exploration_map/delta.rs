@@ -44,6 +44,13 @@ impl Delta {
         delta
     }
 
+    /// How many cells it says something of, each as often as it does.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        let lists = [&self.free, &self.wall, &self.covered];
+        lists.into_iter().flatten().map(|run| (run.end.saturating_sub(run.start)) as usize).sum()
+    }
+
     /// Whether it says nothing.
     #[must_use]
     pub fn is_empty(&self) -> bool {

@@ -65,6 +65,12 @@ pub enum ParcelError {
         /// Cells in the map.
         volume: u32,
     },
+    /// Its sender has told of more cells than an agent can have news of.
+    #[error("its sender has told of more than {allowance} cells, as often as there can be news")]
+    Barred {
+        /// How many cells one sender may tell of in a run.
+        allowance: u64,
+    },
     /// Something follows.
     #[error("{0} bytes follow its end")]
     Long(usize),

@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use voxels::{Cell, Extent};
 
 use super::*;
-use crate::exploration_map::CellState;
+use crate::exploration_map::{CellState, Change, Finding};
 
 const BUDGET: usize = PARCEL_BYTES_MAX;
 
@@ -294,6 +294,59 @@ fn malformed_parcels_are_refused_and_other_kinds_left_alone() {
     assert_eq!(report, Report { parcels: 1, news: 1, refused: refused.to_vec() });
     assert_eq!(sharing.totals().parcels_refused, 2);
     assert_eq!((map.free(), map.state(Cell::new(3, 0, 0))), (1, CellState::Free));
+}
+
+/// All that a liar can say in one parcel: the whole map is free, or all of it wall.
+fn whole_map(extent: Extent, finding: Finding) -> Received {
+    let all = (0..extent.volume() as u32).map(|cell| Change { cell, finding, from: None });
+    Received { from: AgentId(2), kind: MAP_PARCEL, data: parcel::encode(&[], &Delta::of(all)) }
+}
+
+#[test]
+fn a_flood_is_cut_off_and_costs_nothing_from_then_on() {
+    let extent = extent(12);
+    let volume = extent.volume() as u64;
+    let mut map = ExplorationMap::new(extent);
+    let mut sharing = Sharing::new(5, 4);
+    let lies = [whole_map(extent, Finding::Wall), whole_map(extent, Finding::Free)];
+    let mut taken = Vec::new();
+    for _ in 0..50 {
+        let flood: Vec<Received> = lies.iter().cycle().take(64).cloned().collect();
+        taken.push(sharing.incoming(&mut map, &flood).parcels);
+    }
+    assert_eq!((taken[0], taken.iter().sum()), (CHANGES_MAX, CHANGES_MAX));
+    let totals = *sharing.totals();
+    assert_eq!((totals.cells_taken, totals.parcels_refused), (CHANGES_MAX as u64 * volume, 50 * 64 - 4));
+    assert!(map.journal_len() as u64 <= CHANGES_MAX as u64 * volume);
+    // Even what is malformed gets the same answer, since nobody looks at it.
+    let refused = |sharing: &mut Sharing, map: &mut ExplorationMap, from: u32, data: &[u8]| {
+        let parcel = Received { from: AgentId(from), kind: MAP_PARCEL, data: data.to_vec() };
+        sharing.incoming(map, &[parcel]).refused
+    };
+    let barred = ParcelError::Barred { allowance: 4 * volume };
+    assert_eq!(refused(&mut sharing, &mut map, 2, &[9]), [(AgentId(2), barred)]);
+    // Others are heard as before, and the own sensor has the last word.
+    assert_eq!(refused(&mut sharing, &mut map, 1, &lies[0].data), []);
+    map.note_wall(&[5]);
+    assert_eq!(map.state(Cell::new(5, 0, 0)), CellState::Wall);
+}
+
+#[test]
+fn the_honest_bulk_of_a_first_meeting_of_all_is_no_flood() {
+    let agents = 6;
+    let extent = extent(30);
+    let mut team = Team::new(agents, extent, 50);
+    let volume = extent.volume() as u32;
+    // Each has seen all of the map and visited half of it: nobody can have more to say.
+    for (id, map) in (0..).zip(&mut team.maps) {
+        map.note_free(&(0..volume).collect::<Vec<_>>());
+        (0..volume).filter(|cell| cell % 2 == id % 2).for_each(|cell| map.note_covered(extent.cell_at(cell as usize)));
+    }
+    (0..250).for_each(|now| drop(team.tick(now, &everybody(agents), 3000)));
+    for agent in 0..agents as usize {
+        assert_eq!(team.maps[agent].covered(), volume as usize);
+        assert_eq!(team.sharings[agent].totals().parcels_refused, 0);
+    }
 }
 
 proptest! {
