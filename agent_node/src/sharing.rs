@@ -112,6 +112,8 @@ pub struct Totals {
     pub bytes_taken: u64,
     /// Refused because they were malformed, or their senders have told of more than they can know.
     pub parcels_refused: u64,
+    /// Bytes of data in them.
+    pub bytes_refused: u64,
     /// Cells that the parcels taken in told of, known or not: the work that they were.
     pub cells_taken: u64,
 }
@@ -149,6 +151,7 @@ impl Sharing {
                 Ok(content) => content,
                 Err(reason) => {
                     self.totals.parcels_refused += 1;
+                    self.totals.bytes_refused += data.len() as u64;
                     report.refused.push((*from, reason));
                     continue;
                 }

@@ -292,7 +292,11 @@ fn malformed_parcels_are_refused_and_other_kinds_left_alone() {
     let report = sharing.incoming(&mut map, &received);
     let refused = [(AgentId(2), ParcelError::Version(9)), (AgentId(2), ParcelError::Outside { cell: 64, volume: 64 })];
     assert_eq!(report, Report { parcels: 1, news: 1, refused: refused.to_vec() });
-    assert_eq!(sharing.totals().parcels_refused, 2);
+    let totals = *sharing.totals();
+    assert_eq!((totals.parcels_refused, totals.parcels_taken), (2, 1));
+    // Every byte of map parcels is one or the other; those of other kinds are none of its business.
+    let bytes: usize = received.iter().filter(|parcel| parcel.kind == MAP_PARCEL).map(|parcel| parcel.data.len()).sum();
+    assert_eq!(totals.bytes_refused + totals.bytes_taken, bytes as u64);
     assert_eq!((map.free(), map.state(Cell::new(3, 0, 0))), (1, CellState::Free));
 }
 
