@@ -26,7 +26,8 @@ use msgs::ids::AgentId;
 use voxels::{Cell, Extent, Grid};
 
 use cell_set::CellSet;
-pub use delta::Delta;
+pub use delta::{Block, Delta};
+pub(crate) use delta::{Layout, bits};
 
 /// What is known of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -242,14 +243,7 @@ impl ExplorationMap {
 
     /// Takes in what another agent says, as far as it does not contradict the own sensor. Indices outside the map are left out.
     pub fn merge(&mut self, delta: &Delta, from: AgentId) {
-        let volume = self.cells.as_slice().len() as u32;
-        for (runs, finding) in
-            [(&delta.free, Finding::Free), (&delta.wall, Finding::Wall), (&delta.covered, Finding::Covered)]
-        {
-            for cell in runs.iter().flat_map(|run| run.start..run.end.min(volume)) {
-                self.learn(cell, finding, from.0);
-            }
-        }
+        delta.findings(self.extent()).for_each(|(cell, finding)| self.learn(cell, finding, from.0));
     }
 
     fn learn(&mut self, cell: u32, finding: Finding, from: u32) {
@@ -291,15 +285,16 @@ impl ExplorationMap {
             self.frontier.insert(index);
         }
         if is_new {
-            self.close(index);
+            self.close(cell);
         }
     }
 
     /// Tells the neighbours of a cell that it is unexplored no more.
-    fn close(&mut self, index: usize) {
-        let [size_x, size_y, size_z] = self.extent().size().map(|cells| cells as usize);
-        let layer = size_x * size_y;
-        let (x, y, z) = (index % size_x, index / size_x % size_y, index / layer);
+    fn close(&mut self, cell: u32) {
+        let [size_x, size_y, size_z] = self.extent().size();
+        let row = cell / size_x;
+        let (x, y, z) = (cell % size_x, row % size_y, row / size_y);
+        let (index, layer) = (cell as usize, (size_x * size_y) as usize);
         let cells = self.cells.as_mut_slice();
         let mut close_one = |neighbour: usize| {
             let packed = &mut cells[neighbour];
@@ -309,7 +304,7 @@ impl ExplorationMap {
             }
         };
         for (has_lower, has_upper, stride) in
-            [(x > 0, x + 1 < size_x, 1), (y > 0, y + 1 < size_y, size_x), (z > 0, z + 1 < size_z, layer)]
+            [(x > 0, x + 1 < size_x, 1), (y > 0, y + 1 < size_y, size_x as usize), (z > 0, z + 1 < size_z, layer)]
         {
             if has_lower {
                 close_one(index - stride);

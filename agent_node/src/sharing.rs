@@ -22,6 +22,7 @@
 //! This module does not decide when an agent is asked; it says when it wants to be ([`Sharing::wants_to_be_asked_at`]). It must
 //! be called in ticks that count only.
 
+mod bits;
 mod parcel;
 #[cfg(test)]
 mod tests;
@@ -118,6 +119,12 @@ pub struct Totals {
     pub cells_taken: u64,
 }
 
+/// How many bits a cell is at first taken to need on the wire: about as many as what a LiDAR finds in the open does need.
+const CELL_BITS_USUAL: usize = 2;
+
+/// The data of parcels, and for whom each is.
+type Batch = Vec<(Vec<AgentId>, Vec<u8>)>;
+
 /// Positions of the journal, and who is to be told them.
 type News = BTreeMap<Vec<AgentId>, Vec<Range<usize>>>;
 
@@ -175,13 +182,12 @@ impl Sharing {
         from: AgentId,
         data: &[u8],
     ) -> Result<(Vec<AgentId>, Delta), ParcelError> {
-        let volume = map.extent().volume();
-        let allowance = (CHANGES_MAX * volume) as u64;
+        let allowance = (CHANGES_MAX * map.extent().volume()) as u64;
         let sender = self.peers.entry(from).or_default();
         if sender.is_barred {
             return Err(ParcelError::Barred { allowance });
         }
-        let (receivers, delta) = parcel::decode(data, volume as u32, self.agents)?;
+        let (receivers, delta) = parcel::decode(data, map.extent(), self.agents)?;
         let cells = delta.len() as u64;
         if sender.claims + cells > allowance {
             sender.is_barred = true;
@@ -223,11 +229,9 @@ impl Sharing {
             }
         }
         while budget >= BUDGET_MIN
-            && let Some((news, end)) = self.news(contacts, budget)
+            && let Some((batch, end)) = self.batch(map, contacts, budget)
         {
-            for (receivers, positions) in news {
-                let delta = Delta::of(positions.into_iter().flat_map(|range| map.changes(range)));
-                let data = parcel::encode(&receivers, &delta);
+            for (receivers, data) in batch {
                 for receiver in &receivers {
                     self.peers.entry(*receiver).or_default().bytes += data.len();
                 }
@@ -248,6 +252,30 @@ impl Sharing {
         parcels
     }
 
+    /// What the contacts are to be told next, as the data of parcels and for whom each is, and the position of the journal at which
+    /// it ends. It fits into the budget, and mostly fills a good part of it.
+    fn batch(&self, map: &ExplorationMap, contacts: &[Contact], budget: usize) -> Option<(Batch, usize)> {
+        // How long cells are on the wire is only known once they are written.
+        let mut cell_bits = CELL_BITS_USUAL;
+        loop {
+            let (news, end) = self.news(contacts, budget, cell_bits)?;
+            let mut bytes = 0;
+            let mut batch = Batch::new();
+            for (receivers, positions) in news {
+                let delta = Delta::of(map.extent(), positions.into_iter().flat_map(|range| map.changes(range)));
+                let data = parcel::encode(&receivers, &delta);
+                bytes += copies(&receivers, contacts) * (data.len() + PARCEL_BYTES_BARE);
+                batch.push((receivers, data));
+            }
+            if bytes <= budget {
+                return Some((batch, end));
+            }
+            let needed = (cell_bits * bytes).div_ceil(budget);
+            // With `CELL_BYTES_MAX` it surely fits.
+            cell_bits = needed.min(8 * parcel::CELL_BYTES_MAX).max(cell_bits + 1);
+        }
+    }
+
     /// When the agent has something to do for its map parcels next, after [`Sharing::outgoing`] has been called in this tick:
     /// in the next tick if something is left over, else when an exchange with a present contact is due, and when contacts
     /// change.
@@ -265,8 +293,9 @@ impl Sharing {
         Wake { at: contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)), events: Events::CONTACTS }
     }
 
-    /// From where the first of the contacts has been told, as many news as surely fit into the budget; where they end.
-    fn news(&self, contacts: &[Contact], mut budget: usize) -> Option<(News, usize)> {
+    /// From where the first of the contacts has been told, as many news as fit into the budget if they take so many bits a cell;
+    /// where they end.
+    fn news(&self, contacts: &[Contact], mut budget: usize, cell_bits: usize) -> Option<(News, usize)> {
         let waiting: Vec<(AgentId, &Peer)> = contacts
             .iter()
             .filter_map(|contact| Some((contact.agent, self.peers.get(&contact.agent)?)))
@@ -299,17 +328,17 @@ impl Sharing {
                 at = end;
                 continue;
             }
-            let copies = if receivers.len() == contacts.len() { 1 } else { receivers.len() };
+            let copies = copies(&receivers, contacts);
             let bare = match news.contains_key(&receivers) {
                 true => 0,
                 false => copies * (parcel::bare_bytes_max(receivers.len()) + PARCEL_BYTES_BARE),
             };
-            let fitting = budget.saturating_sub(bare) / (copies * parcel::CELL_BYTES_MAX);
+            let fitting = 8 * budget.saturating_sub(bare) / (copies * cell_bits);
             let taken = (end - at).min(fitting);
             if taken == 0 {
                 break;
             }
-            budget -= bare + taken * copies * parcel::CELL_BYTES_MAX;
+            budget -= bare + (taken * copies * cell_bits).div_ceil(8);
             news.entry(receivers).or_default().push(at..at + taken);
             at += taken;
         }
@@ -327,4 +356,9 @@ impl Sharing {
             }
         }
     }
+}
+
+/// How many parcels it takes to tell some of the contacts the same.
+fn copies(receivers: &[AgentId], contacts: &[Contact]) -> usize {
+    if receivers.len() == contacts.len() { 1 } else { receivers.len() }
 }
