@@ -3,15 +3,15 @@
 //! `cargo bench -p agent_node --no-default-features --bench sharing`.
 //!
 //! An exchange is that of one agent with all 19 others. "First meeting": everybody tells everybody the first 5 scans. "In full
-//! swing": a period later, each with 5 scans along a way of 5 cells. Printed are also the bytes and cells that an agent tells in
-//! it.
+//! swing": a period later, each with 5 scans along a way of 5 cells. Printed are also the bytes and cells that all agents
+//! tell in it, and how many bytes plain lists of runs of cell indices would take.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::hint::black_box;
 use std::ops::ControlFlow;
 
-use agent_node::exploration_map::ExplorationMap;
+use agent_node::exploration_map::{Change, ExplorationMap};
 use agent_node::observation::{Contact, Received};
 use agent_node::sharing::{DEFAULT_PERIOD_TICKS, Sharing};
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
@@ -125,6 +125,24 @@ fn explore(agents: &mut [Agent], terrain: &Grid<Terrain>, places: &mut [Cell], d
     agents.iter().map(|agent| agent.map.journal_len()).sum::<usize>() - before
 }
 
+/// What the news of an agent would take as plain lists of runs of cell indices, two numbers in LEB128 each.
+fn bytes_as_runs(changes: impl Iterator<Item = Change>) -> usize {
+    let mut lists = [const { Vec::new() }; 4];
+    changes.for_each(|change| lists[change.finding as usize].push(change.cell));
+    let number_bytes = |number: u32| (u32::BITS - number.leading_zeros()).div_ceil(7).max(1) as usize;
+    let list_bytes = |mut cells: Vec<u32>| {
+        cells.sort_unstable();
+        let mut next = 0;
+        let runs = cells.chunk_by(|one, other| one + 1 == *other).map(|run| {
+            let gap = run[0] - next;
+            next = run[0] + run.len() as u32;
+            number_bytes(gap) + number_bytes(run.len() as u32 - 1)
+        });
+        runs.sum::<usize>()
+    };
+    lists.into_iter().map(list_bytes).sum()
+}
+
 #[expect(clippy::print_stdout, reason = "the sizes belong to the times")]
 fn exchange(criterion: &mut Criterion) {
     let mut rng = msgs::seed::stream(7, 0, "bench.cave");
@@ -140,7 +158,10 @@ fn exchange(criterion: &mut Criterion) {
     let mut agents: Vec<Agent> = (0..AGENTS).map(|_| agent()).collect();
     let mut group = criterion.benchmark_group("exchange of one agent with 19 others");
     for period in 0..8 {
+        let known: Vec<usize> = agents.iter().map(|agent| agent.map.journal_len()).collect();
         let news = explore(&mut agents, &terrain, &mut places, &directions);
+        let own = agents.iter().zip(known).map(|(agent, known)| bytes_as_runs(agent.map.changes_since(known)));
+        let as_runs: usize = own.sum();
         let now = Tick(period * u64::from(DEFAULT_PERIOD_TICKS));
         if [1, 2, 4, 7].contains(&period) {
             let mut one = agents[0].clone();
@@ -155,7 +176,12 @@ fn exchange(criterion: &mut Criterion) {
             });
         }
         let (bytes, parcels) = round(&mut agents, now);
-        println!("period {period}: {news} cells found, {bytes} bytes in {parcels} parcels for each to hear");
+        println!(
+            "period {period}: {news} cells found, told in {bytes} bytes and {parcels} parcels; {:.1} bytes for 100 cells, as runs {:.1}: ratio {:.2}",
+            100.0 * bytes as f64 / news as f64,
+            100.0 * as_runs as f64 / news as f64,
+            as_runs as f64 / bytes as f64,
+        );
     }
 }
 

@@ -1,13 +1,19 @@
 //! What an agent believes of the world: each cell unexplored, free or wall, and covered as a mark of its own.
 //!
-//! Invariants: a cell that is known stays as it is; only free cells are covered; the counts and the frontier are those of the
-//! cells; the journal holds each change once, in the order in which it was learnt, and nothing else: two entries for a cell at
-//! the most.
+//! **Who is believed.** What the own sensor finds overrules what others say, and stays; what it found first, if it is at odds
+//! with itself. Among what others say, free overrules wall and covered overrules free, in whatever order it is heard: who saw
+//! through a cell or stood in it knows more than who was stopped by it, and a rule that knows no order lets all who heard the
+//! same believe the same. So a correction to free goes from agent to agent, and one to wall stays with those whose own sensor
+//! found the wall; a mark of coverage only goes where the own sensor finds wall.
+//!
+//! Invariants: a known cell stays known; only free cells are covered; the counts and the frontier are those of the cells; the
+//! journal holds each change once, in the order in which it was learnt, and nothing else: [`CHANGES_MAX`] entries for a cell at
+//! the most, the last of which is what is known of it.
 //!
 //! A *frontier* is a free or covered cell with an unexplored face neighbour inside the map. The set of them is kept with every
 //! change; nothing here ever goes through the whole map.
 //!
-//! This module does not judge whether what it is told is true. What contradicts what is known is counted and left out.
+//! This module does not judge beyond that whether what it is told is true.
 
 mod cell_set;
 mod delta;
@@ -20,7 +26,8 @@ use msgs::ids::AgentId;
 use voxels::{Cell, Extent, Grid};
 
 use cell_set::CellSet;
-pub use delta::Delta;
+pub use delta::{Block, Delta};
+pub(crate) use delta::{Layout, bits};
 
 /// What is known of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -70,12 +77,21 @@ struct Entry {
 /// As `from` of an entry: the own sensor. No agent has this id, because as a receiver it means everybody.
 const OWN: u32 = msgs::maes_msgs::Parcel::BROADCAST;
 
-/// One cell in one byte: the state in the lower two bits, above them how many face neighbours inside the map are unexplored.
+/// Entries of the journal for one cell at the most: wall, free and covered by hearsay, and wall by the own sensor.
+pub const CHANGES_MAX: usize = 4;
+
+/// One cell in one byte: the state in the lower two bits, above them whether the own sensor has found it so (apart from the
+/// mark of coverage), and above that how many face neighbours inside the map are unexplored.
 #[derive(Debug, Clone, Copy)]
 struct Packed(u8);
 
 impl Packed {
-    const ONE_OPEN: u8 = 4;
+    const OWN: u8 = 4;
+    const ONE_OPEN: u8 = 8;
+
+    fn is_own(self) -> bool {
+        self.0 & Self::OWN != 0
+    }
 
     fn state(self) -> CellState {
         match self.0 & 3 {
@@ -101,6 +117,7 @@ pub struct ExplorationMap {
     wall: usize,
     covered: usize,
     contradictions: u64,
+    corrections: u64,
 }
 
 impl ExplorationMap {
@@ -113,7 +130,7 @@ impl ExplorationMap {
             packed.0 = Packed::ONE_OPEN * inside;
         }
         let frontier = CellSet::new(extent.volume());
-        Self { cells, frontier, journal: Vec::new(), free: 0, wall: 0, covered: 0, contradictions: 0 }
+        Self { cells, frontier, journal: Vec::new(), free: 0, wall: 0, covered: 0, contradictions: 0, corrections: 0 }
     }
 
     /// Where the map lies.
@@ -146,10 +163,17 @@ impl ExplorationMap {
         self.covered
     }
 
-    /// How often something was learnt that contradicts what was known: a free cell as a wall, or a wall as a free cell.
+    /// How often something was learnt that contradicts what the own sensor had found, and was left out: a free cell as a wall,
+    /// or a wall as a free cell.
     #[must_use]
     pub fn contradictions(&self) -> u64 {
         self.contradictions
+    }
+
+    /// How often hearsay was overruled: a free cell became a wall, or a wall a free cell.
+    #[must_use]
+    pub fn corrections(&self) -> u64 {
+        self.corrections
     }
 
     /// Whether a cell is a frontier.
@@ -217,16 +241,9 @@ impl ExplorationMap {
         }
     }
 
-    /// Takes in what another agent says. Indices outside the map are left out.
+    /// Takes in what another agent says, as far as it does not contradict the own sensor. Indices outside the map are left out.
     pub fn merge(&mut self, delta: &Delta, from: AgentId) {
-        let volume = self.cells.as_slice().len() as u32;
-        for (runs, finding) in
-            [(&delta.free, Finding::Free), (&delta.wall, Finding::Wall), (&delta.covered, Finding::Covered)]
-        {
-            for cell in runs.iter().flat_map(|run| run.start..run.end.min(volume)) {
-                self.learn(cell, finding, from.0);
-            }
-        }
+        delta.findings(self.extent()).for_each(|(cell, finding)| self.learn(cell, finding, from.0));
     }
 
     fn learn(&mut self, cell: u32, finding: Finding, from: u32) {
@@ -235,40 +252,49 @@ impl ExplorationMap {
             return;
         };
         let known = packed.state();
-        match (known, finding) {
-            (CellState::Unexplored, _) | (CellState::Free, Finding::Covered) => {}
-            (CellState::Free | CellState::Covered, Finding::Free)
-            | (CellState::Covered, Finding::Covered)
-            | (CellState::Wall, Finding::Wall) => return,
-            (CellState::Free | CellState::Covered, Finding::Wall)
-            | (CellState::Wall, Finding::Free | Finding::Covered) => {
-                self.contradictions += 1;
-                return;
-            }
+        let is_new = known == CellState::Unexplored;
+        let is_at_odds = !is_new && (known == CellState::Wall) != (finding == Finding::Wall);
+        if is_at_odds && packed.is_own() {
+            self.contradictions += 1;
+            return;
+        }
+        packed.0 |= if from == OWN { Packed::OWN } else { 0 };
+        let is_corrected = is_at_odds && (from == OWN || known == CellState::Wall);
+        let is_visited = known == CellState::Free && finding == Finding::Covered;
+        if !(is_new || is_corrected || is_visited) {
+            return;
         }
         packed.0 = packed.0 & !3 | finding as u8;
         let has_open_neighbours = packed.has_open_neighbours();
         self.journal.push(Entry { what: cell << 2 | finding as u32, from });
-        self.covered += usize::from(finding == Finding::Covered);
-        if known == CellState::Free {
-            return;
+        self.corrections += u64::from(is_corrected);
+        match known {
+            CellState::Unexplored => {}
+            CellState::Free => self.free -= 1,
+            CellState::Covered => (self.free, self.covered) = (self.free - 1, self.covered - 1),
+            CellState::Wall => self.wall -= 1,
+        }
+        match finding {
+            Finding::Free => self.free += 1,
+            Finding::Covered => (self.free, self.covered) = (self.free + 1, self.covered + 1),
+            Finding::Wall => self.wall += 1,
         }
         if finding == Finding::Wall {
-            self.wall += 1;
-        } else {
-            self.free += 1;
-            if has_open_neighbours {
-                self.frontier.insert(index);
-            }
+            self.frontier.remove(index);
+        } else if has_open_neighbours {
+            self.frontier.insert(index);
         }
-        self.close(index);
+        if is_new {
+            self.close(cell);
+        }
     }
 
     /// Tells the neighbours of a cell that it is unexplored no more.
-    fn close(&mut self, index: usize) {
-        let [size_x, size_y, size_z] = self.extent().size().map(|cells| cells as usize);
-        let layer = size_x * size_y;
-        let (x, y, z) = (index % size_x, index / size_x % size_y, index / layer);
+    fn close(&mut self, cell: u32) {
+        let [size_x, size_y, size_z] = self.extent().size();
+        let row = cell / size_x;
+        let (x, y, z) = (cell % size_x, row % size_y, row / size_y);
+        let (index, layer) = (cell as usize, (size_x * size_y) as usize);
         let cells = self.cells.as_mut_slice();
         let mut close_one = |neighbour: usize| {
             let packed = &mut cells[neighbour];
@@ -278,7 +304,7 @@ impl ExplorationMap {
             }
         };
         for (has_lower, has_upper, stride) in
-            [(x > 0, x + 1 < size_x, 1), (y > 0, y + 1 < size_y, size_x), (z > 0, z + 1 < size_z, layer)]
+            [(x > 0, x + 1 < size_x, 1), (y > 0, y + 1 < size_y, size_x as usize), (z > 0, z + 1 < size_z, layer)]
         {
             if has_lower {
                 close_one(index - stride);

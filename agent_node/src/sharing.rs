@@ -12,12 +12,17 @@
 //! positions. Only an inbox that is full loses it: one exchange leaves room there for everybody else's (`INBOX_BYTES`), and
 //! goes on a period later if it must.
 //!
+//! **Trust.** An agent that tells each entry of its journal once can tell a peer of no more cells than a journal can have entries:
+//! [`CHANGES_MAX`] for each cell of the map. Whoever tells of more is broken or wants to waste the time of others, and nothing is
+//! taken in from it any more. So all that one sender can cost an agent in a run is bounded, and so is each observation.
+//!
 //! Invariants: the cost of an exchange is that of the news; what is sent hangs on the order of nothing but the journal and the
-//! ids; a parcel that is refused changes nothing but the count of them.
+//! ids; a parcel that is refused changes nothing but what is counted.
 //!
 //! This module does not decide when an agent is asked; it says when it wants to be ([`Sharing::wants_to_be_asked_at`]). It must
 //! be called in ticks that count only.
 
+mod bits;
 mod parcel;
 #[cfg(test)]
 mod tests;
@@ -30,7 +35,7 @@ use msgs::limits::PARCEL_BYTES_MAX;
 use msgs::maes_msgs::Wake as Events;
 
 use crate::command::{Parcel, Wake};
-use crate::exploration_map::{Delta, ExplorationMap};
+use crate::exploration_map::{CHANGES_MAX, Delta, ExplorationMap};
 use crate::observation::{Contact, Received};
 pub use parcel::{ParcelError, VERSION};
 
@@ -70,6 +75,10 @@ struct Peer {
     bytes: usize,
     /// When the last exchange began.
     last: Option<Tick>,
+    /// Cells that it has told of, each as often as it has.
+    claims: u64,
+    /// Whether it has told of more than it can know.
+    is_barred: bool,
 }
 
 /// Who knows a part of the journal, because it was learnt from a parcel.
@@ -102,9 +111,19 @@ pub struct Totals {
     pub parcels_taken: u64,
     /// Bytes of data in them.
     pub bytes_taken: u64,
-    /// Refused because they were malformed.
+    /// Refused because they were malformed, or their senders have told of more than they can know.
     pub parcels_refused: u64,
+    /// Bytes of data in them.
+    pub bytes_refused: u64,
+    /// Cells that the parcels taken in told of, known or not: the work that they were.
+    pub cells_taken: u64,
 }
+
+/// How many bits a cell is at first taken to need on the wire: about as many as what a LiDAR finds in the open does need.
+const CELL_BITS_USUAL: usize = 2;
+
+/// The data of parcels, and for whom each is.
+type Batch = Vec<(Vec<AgentId>, Vec<u8>)>;
 
 /// Positions of the journal, and who is to be told them.
 type News = BTreeMap<Vec<AgentId>, Vec<Range<usize>>>;
@@ -130,15 +149,16 @@ impl Sharing {
 
     /// Takes in the map parcels among those received; leaves all others alone.
     ///
-    /// A parcel that is malformed is refused as a whole and reported.
+    /// A parcel that is malformed is refused as a whole and reported, and so is all that comes from a sender that has told of more
+    /// cells than it can have news of.
     pub fn incoming(&mut self, map: &mut ExplorationMap, parcels: &[Received]) -> Report {
-        let volume = map.extent().volume() as u32;
         let mut report = Report::default();
         for Received { from, data, .. } in parcels.iter().filter(|parcel| parcel.kind == MAP_PARCEL) {
-            let (receivers, delta) = match parcel::decode(data, volume, self.agents) {
+            let (receivers, delta) = match self.admit(map, *from, data) {
                 Ok(content) => content,
                 Err(reason) => {
                     self.totals.parcels_refused += 1;
+                    self.totals.bytes_refused += data.len() as u64;
                     report.refused.push((*from, reason));
                     continue;
                 }
@@ -153,6 +173,29 @@ impl Sharing {
             self.remember(Hearing { positions, knowing: receivers.into_iter().chain([*from]).collect() });
         }
         report
+    }
+
+    /// What a parcel says, and to whom, unless it is to be refused. Of a sender that is barred, no byte is looked at.
+    fn admit(
+        &mut self,
+        map: &ExplorationMap,
+        from: AgentId,
+        data: &[u8],
+    ) -> Result<(Vec<AgentId>, Delta), ParcelError> {
+        let allowance = (CHANGES_MAX * map.extent().volume()) as u64;
+        let sender = self.peers.entry(from).or_default();
+        if sender.is_barred {
+            return Err(ParcelError::Barred { allowance });
+        }
+        let (receivers, delta) = parcel::decode(data, map.extent(), self.agents)?;
+        let cells = delta.len() as u64;
+        if sender.claims + cells > allowance {
+            sender.is_barred = true;
+            return Err(ParcelError::Barred { allowance });
+        }
+        sender.claims += cells;
+        self.totals.cells_taken += cells;
+        Ok((receivers, delta))
     }
 
     fn remember(&mut self, hearing: Hearing) {
@@ -182,15 +225,13 @@ impl Sharing {
             let peer = self.peers.entry(contact.agent).or_default();
             let is_due = peer.last.is_none_or(|last| now.0 / self.period > last.0 / self.period);
             if is_due {
-                *peer = Peer { cursor: peer.cursor, until: map.journal_len(), bytes: 0, last: Some(now) };
+                *peer = Peer { until: map.journal_len(), bytes: 0, last: Some(now), ..*peer };
             }
         }
         while budget >= BUDGET_MIN
-            && let Some((news, end)) = self.news(contacts, budget)
+            && let Some((batch, end)) = self.batch(map, contacts, budget)
         {
-            for (receivers, positions) in news {
-                let delta = Delta::of(positions.into_iter().flat_map(|range| map.changes(range)));
-                let data = parcel::encode(&receivers, &delta);
+            for (receivers, data) in batch {
                 for receiver in &receivers {
                     self.peers.entry(*receiver).or_default().bytes += data.len();
                 }
@@ -211,6 +252,30 @@ impl Sharing {
         parcels
     }
 
+    /// What the contacts are to be told next, as the data of parcels and for whom each is, and the position of the journal at which
+    /// it ends. It fits into the budget, and mostly fills a good part of it.
+    fn batch(&self, map: &ExplorationMap, contacts: &[Contact], budget: usize) -> Option<(Batch, usize)> {
+        // How long cells are on the wire is only known once they are written.
+        let mut cell_bits = CELL_BITS_USUAL;
+        loop {
+            let (news, end) = self.news(contacts, budget, cell_bits)?;
+            let mut bytes = 0;
+            let mut batch = Batch::new();
+            for (receivers, positions) in news {
+                let delta = Delta::of(map.extent(), positions.into_iter().flat_map(|range| map.changes(range)));
+                let data = parcel::encode(&receivers, &delta);
+                bytes += copies(&receivers, contacts) * (data.len() + PARCEL_BYTES_BARE);
+                batch.push((receivers, data));
+            }
+            if bytes <= budget {
+                return Some((batch, end));
+            }
+            let needed = (cell_bits * bytes).div_ceil(budget);
+            // With `CELL_BYTES_MAX` it surely fits.
+            cell_bits = needed.min(8 * parcel::CELL_BYTES_MAX).max(cell_bits + 1);
+        }
+    }
+
     /// When the agent has something to do for its map parcels next, after [`Sharing::outgoing`] has been called in this tick:
     /// in the next tick if something is left over, else when an exchange with a present contact is due, and when contacts
     /// change.
@@ -228,8 +293,9 @@ impl Sharing {
         Wake { at: contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)), events: Events::CONTACTS }
     }
 
-    /// From where the first of the contacts has been told, as many news as surely fit into the budget; where they end.
-    fn news(&self, contacts: &[Contact], mut budget: usize) -> Option<(News, usize)> {
+    /// From where the first of the contacts has been told, as many news as fit into the budget if they take so many bits a cell;
+    /// where they end.
+    fn news(&self, contacts: &[Contact], mut budget: usize, cell_bits: usize) -> Option<(News, usize)> {
         let waiting: Vec<(AgentId, &Peer)> = contacts
             .iter()
             .filter_map(|contact| Some((contact.agent, self.peers.get(&contact.agent)?)))
@@ -262,17 +328,17 @@ impl Sharing {
                 at = end;
                 continue;
             }
-            let copies = if receivers.len() == contacts.len() { 1 } else { receivers.len() };
+            let copies = copies(&receivers, contacts);
             let bare = match news.contains_key(&receivers) {
                 true => 0,
                 false => copies * (parcel::bare_bytes_max(receivers.len()) + PARCEL_BYTES_BARE),
             };
-            let fitting = budget.saturating_sub(bare) / (copies * parcel::CELL_BYTES_MAX);
+            let fitting = 8 * budget.saturating_sub(bare) / (copies * cell_bits);
             let taken = (end - at).min(fitting);
             if taken == 0 {
                 break;
             }
-            budget -= bare + taken * copies * parcel::CELL_BYTES_MAX;
+            budget -= bare + (taken * copies * cell_bits).div_ceil(8);
             news.entry(receivers).or_default().push(at..at + taken);
             at += taken;
         }
@@ -290,4 +356,9 @@ impl Sharing {
             }
         }
     }
+}
+
+/// How many parcels it takes to tell some of the contacts the same.
+fn copies(receivers: &[AgentId], contacts: &[Contact]) -> usize {
+    if receivers.len() == contacts.len() { 1 } else { receivers.len() }
 }

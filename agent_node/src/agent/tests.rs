@@ -248,7 +248,7 @@ fn a_controller_is_asked_when_it_wants_to_be_and_misses_nothing() {
     };
     let first = ask(5, 0, Vec::new());
     assert_eq!((first.wake.at_tick, first.wake.events, first.parcels.len()), (10, Events::CONTACTS, 1));
-    let map_parcel = Message { agent: 1, kind: MAP_PARCEL, data: vec![1, 1, 2, 1, 63, 0, 0, 0] };
+    let map_parcel = Message { agent: 1, kind: MAP_PARCEL, data: vec![2, 1, 2, 1, 0b1111_1000, 1] };
     let other_parcel = Message { agent: 1, kind: 7, data: vec![3] };
     let shared = ask(10, 9, vec![map_parcel, other_parcel.clone()]);
     assert_eq!((shared.wake.at_tick, shared.want_view, shared.parcels.len()), (20, true, 1));

@@ -1,81 +1,265 @@
-//! News of a map, as runs of cells.
+//! News of a map, in blocks of 4 x 4 x 4 cells.
+//!
+//! Blocks are numbered as cells are: x first, then y, then z. So that near cells have near numbers, the number of a cell in its
+//! block is made of the bits of its place in it: x0, y0, z0, x1, y1, z1 from the lowest; each eight cells in a row of numbers
+//! are an *octant*, a cube of 2 x 2 x 2. Blocks at the upper ends of the map may have cells that lie outside it.
 //!
 //! This module does not know how news travel, nor whether they are true.
 
-use std::ops::Range;
+use voxels::Extent;
 
 use super::{Change, Finding};
 
-/// What is known of some cells. Each list holds runs of cell indices; those that [`Delta::of`] and the decoder of parcels make
-/// ascend, are disjoint, and are as long as they can be.
+/// Cells along each axis of a block.
+const SIDE: u32 = 4;
+
+/// What is known of the cells of one block; each bit is one of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Block {
+    /// Its number.
+    pub index: u32,
+    /// Cells of which something is said.
+    pub known: u64,
+    /// Which of them are wall; the others are free.
+    pub wall: u64,
+    /// Which of them are covered, and so free.
+    pub covered: u64,
+}
+
+impl Block {
+    /// Says something of some of its cells, over what has been said before.
+    fn say(&mut self, later: Self) {
+        self.known |= later.known;
+        self.wall = self.wall & !later.known | later.wall;
+        self.covered = self.covered & !later.known | later.covered;
+    }
+}
+
+/// What is known of some cells.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Delta {
-    /// Free cells.
-    pub free: Vec<Range<u32>>,
-    /// Walls.
-    pub wall: Vec<Range<u32>>,
-    /// Covered cells, which are free as well.
-    pub covered: Vec<Range<u32>>,
+    /// Blocks of which something is said; those that [`Delta::of`] and the decoder of parcels make ascend strictly, say something
+    /// each, and nothing of cells outside the map.
+    pub blocks: Vec<Block>,
 }
 
 impl Delta {
-    /// Changes in any order. A cell that became free and then covered is covered.
+    /// Changes in the order in which they were learnt: the last one of a cell is what is said of it.
     #[must_use]
-    pub fn of(changes: impl IntoIterator<Item = Change>) -> Self {
-        // Cell and finding in one number: sorting takes them cell by cell, free before covered.
-        let mut sorted: Vec<u32> = changes.into_iter().map(|change| change.cell << 2 | change.finding as u32).collect();
-        // Stable, because what was learnt in one go is ascending already and the stable sort makes use of that.
-        sorted.sort();
-        let mut delta = Self::default();
-        for (at, &word) in sorted.iter().enumerate() {
-            let cell = word >> 2;
-            let list = match word & 3 {
-                free if free == Finding::Free as u32 => {
-                    if sorted.get(at + 1).is_some_and(|&next| next == (cell << 2 | Finding::Covered as u32)) {
-                        continue;
-                    }
-                    &mut delta.free
-                }
-                covered if covered == Finding::Covered as u32 => &mut delta.covered,
-                _ => &mut delta.wall,
+    pub fn of(extent: Extent, changes: impl IntoIterator<Item = Change>) -> Self {
+        let layout = Layout::new(extent);
+        let mut pieces: Vec<Block> = Vec::new();
+        for Change { cell, finding, .. } in changes {
+            let (index, number) = layout.place(cell);
+            let known = 1 << number;
+            let piece = Block {
+                index,
+                known,
+                wall: if finding == Finding::Wall { known } else { 0 },
+                covered: if finding == Finding::Covered { known } else { 0 },
             };
-            match list.last_mut() {
-                Some(run) if run.end == cell => run.end += 1,
-                Some(run) if run.end > cell => {}
-                _ => list.push(cell..cell + 1),
+            match pieces.last_mut() {
+                Some(last) if last.index == index => last.say(piece),
+                _ => pieces.push(piece),
             }
         }
-        delta
+        // Stable, so that what was learnt later of a cell stays later.
+        pieces.sort_by_key(|piece| piece.index);
+        pieces.dedup_by(|later, block| {
+            let is_same = later.index == block.index;
+            if is_same {
+                block.say(*later);
+            }
+            is_same
+        });
+        Self { blocks: pieces }
+    }
+
+    /// Of how many cells it says something.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.blocks.iter().map(|block| block.known.count_ones() as usize).sum()
     }
 
     /// Whether it says nothing.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.free.is_empty() && self.wall.is_empty() && self.covered.is_empty()
+        self.len() == 0
     }
+
+    /// The cells by index, block by block, and what is said of them; cells outside the map are left out.
+    pub fn findings(&self, extent: Extent) -> impl Iterator<Item = (u32, Finding)> + '_ {
+        let layout = Layout::new(extent);
+        let offsets = layout.offsets();
+        self.blocks.iter().flat_map(move |&Block { index, known, wall, covered }| {
+            let start = layout.start(index);
+            bits(known & layout.inside(index)).map(move |number| {
+                let finding = match () {
+                    () if wall >> number & 1 != 0 => Finding::Wall,
+                    () if covered >> number & 1 != 0 => Finding::Covered,
+                    () => Finding::Free,
+                };
+                (start + offsets[number as usize], finding)
+            })
+        })
+    }
+}
+
+/// Positions of the bits that are set, ascending.
+pub(crate) fn bits(mut left: u64) -> impl Iterator<Item = u32> {
+    std::iter::from_fn(move || {
+        let bit = (left != 0).then(|| left.trailing_zeros());
+        left &= left.wrapping_sub(1);
+        bit
+    })
+}
+
+/// Where the blocks of a map lie.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Layout {
+    size: [u32; 3],
+    blocks: [u32; 3],
+}
+
+impl Layout {
+    pub(crate) fn new(extent: Extent) -> Self {
+        let size = extent.size();
+        Self { size, blocks: size.map(|cells| cells.div_ceil(SIDE)) }
+    }
+
+    /// How many blocks there are.
+    pub(crate) fn count(&self) -> u32 {
+        self.blocks.iter().product()
+    }
+
+    /// The block of a cell, and its number in it.
+    fn place(&self, cell: u32) -> (u32, u32) {
+        const SPREAD: [u32; SIDE as usize] = [0, 1, 8, 9];
+        let spread = |at: u32| SPREAD[(at % SIDE) as usize];
+        let row = cell / self.size[0];
+        let (x, y, z) = (cell % self.size[0], row % self.size[1], row / self.size[1]);
+        let index = (z / SIDE * self.blocks[1] + y / SIDE) * self.blocks[0] + x / SIDE;
+        (index, spread(x) | spread(y) << 1 | spread(z) << 2)
+    }
+
+    /// The lowest cell of a block along each axis.
+    fn lowest(&self, block: u32) -> [u32; 3] {
+        let row = block / self.blocks[0];
+        [block % self.blocks[0], row % self.blocks[1], row / self.blocks[1]].map(|at| at * SIDE)
+    }
+
+    /// Index of the lowest cell of a block that the map has.
+    fn start(&self, block: u32) -> u32 {
+        if block >= self.count() {
+            return 0;
+        }
+        let [x, y, z] = self.lowest(block);
+        (z * self.size[1] + y) * self.size[0] + x
+    }
+
+    /// How far the cells of a block lie behind its lowest one, by index.
+    fn offsets(&self) -> [u32; 64] {
+        std::array::from_fn(|number| {
+            let [x, y, z] = place_in_block(number as u32);
+            (z * self.size[1] + y) * self.size[0] + x
+        })
+    }
+
+    /// Which cells of a block lie inside the map.
+    pub(crate) fn inside(&self, block: u32) -> u64 {
+        /// For each axis, the cells of a block that lie in the lowest 0 to 4 layers across it.
+        const LOWEST: [[u64; SIDE as usize + 1]; 3] = lowest_layers();
+        if block >= self.count() {
+            return 0;
+        }
+        let lowest = self.lowest(block);
+        (0..3).fold(u64::MAX, |inside, axis| {
+            let layers = (self.size[axis] - lowest[axis]).min(SIDE);
+            inside & LOWEST[axis][layers as usize]
+        })
+    }
+}
+
+/// Place of a cell in its block, along each axis.
+const fn place_in_block(number: u32) -> [u32; 3] {
+    [number & 1 | number >> 2 & 2, number >> 1 & 1 | number >> 3 & 2, number >> 2 & 1 | number >> 4 & 2]
+}
+
+const fn lowest_layers() -> [[u64; SIDE as usize + 1]; 3] {
+    let mut lowest = [[0; SIDE as usize + 1]; 3];
+    let mut at = 0;
+    while at < 64 * 3 * SIDE {
+        let (number, axis, layers) = (at % 64, (at / 64 % 3) as usize, at / 192 + 1);
+        if place_in_block(number)[axis] < layers {
+            lowest[axis][layers as usize] |= 1 << number;
+        }
+        at += 1;
+    }
+    lowest
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
+    use proptest::prelude::*;
+
     use super::*;
 
     #[test]
-    fn changes_in_any_order_become_runs() {
+    fn the_last_change_of_a_cell_counts() {
+        let extent = Extent::new([5, 4, 4], 1.0).unwrap();
         let change = |cell, finding| Change { cell, finding, from: None };
-        let delta = Delta::of([
-            change(5, Finding::Covered),
-            change(3, Finding::Free),
-            change(2, Finding::Free),
-            change(5, Finding::Free),
-            change(4, Finding::Free),
-            change(9, Finding::Wall),
-            change(8, Finding::Wall),
-            change(6, Finding::Free),
-            change(8, Finding::Wall),
-        ]);
-        assert_eq!(delta.free, [2..5, 6..7]);
-        assert_eq!(delta.covered, [5..6; 1]);
-        assert_eq!(delta.wall, [8..10; 1]);
-        assert!(!delta.is_empty() && Delta::of([]).is_empty());
+        let delta = Delta::of(
+            extent,
+            [
+                change(6, Finding::Wall),
+                change(4, Finding::Wall),
+                change(1, Finding::Free),
+                change(6, Finding::Free),
+                change(1, Finding::Covered),
+                change(79, Finding::Covered),
+                change(79, Finding::Wall),
+                change(20, Finding::Wall),
+            ],
+        );
+        let block = |index, known, wall, covered| Block { index, known, wall, covered };
+        let last = 1 << 0b11_0110;
+        assert_eq!(delta.blocks, [block(0, 0b1_1010, 0b1_0000, 0b10), block(1, 1 | last, 1 | last, 0)]);
+        assert_eq!(delta.len(), 5);
+        assert!(!delta.is_empty() && Delta::of(extent, []).is_empty());
+    }
+
+    #[test]
+    fn cells_outside_the_map_are_left_out() {
+        let extent = Extent::new([5, 2, 1], 1.0).unwrap();
+        let everything = |index| Block { index, known: u64::MAX, ..Block::default() };
+        let delta = Delta { blocks: (0..9).chain([u32::MAX]).map(everything).collect() };
+        let mut cells: Vec<u32> = delta.findings(extent).map(|(cell, _)| cell).collect();
+        cells.sort_unstable();
+        assert!(cells.into_iter().eq(0..10));
+    }
+
+    proptest! {
+        #[test]
+        fn says_what_it_was_made_of(
+            size in [1u32..11, 1u32..11, 1u32..11],
+            changes in prop::collection::vec((0u32..1000, 0usize..3), 0..80),
+        ) {
+            let extent = Extent::new(size, 1.0).unwrap();
+            let finding = |at: usize| [Finding::Free, Finding::Covered, Finding::Wall][at];
+            let changes: Vec<(u32, Finding)> =
+                changes.into_iter().map(|(cell, at)| (cell % extent.volume() as u32, finding(at))).collect();
+            let delta =
+                Delta::of(extent, changes.iter().map(|&(cell, finding)| Change { cell, finding, from: None }));
+            let model: BTreeMap<u32, Finding> = changes.into_iter().collect();
+            prop_assert_eq!(delta.findings(extent).collect::<BTreeMap<_, _>>(), model);
+            prop_assert!(delta.blocks.is_sorted_by(|a, b| a.index < b.index));
+            let layout = Layout::new(extent);
+            for block in &delta.blocks {
+                prop_assert_eq!(block.known & !layout.inside(block.index), 0);
+                prop_assert_eq!((block.wall | block.covered) & !block.known | block.wall & block.covered, 0);
+            }
+        }
     }
 }

@@ -4,10 +4,6 @@ use super::*;
 
 const A: AgentId = AgentId(4);
 
-fn run(start: u32, end: u32) -> Range<u32> {
-    start..end
-}
-
 #[test]
 fn what_is_known_stays_known() {
     let extent = Extent::new([3, 2, 1], 1.0).unwrap();
@@ -29,7 +25,7 @@ fn covered_is_kept_and_free() {
     map.note_covered(Cell::new(1, 1, 0));
     map.note_covered(Cell::new(1, 1, 0));
     map.note_free(&[3]);
-    map.merge(&Delta { free: vec![run(3, 4)], ..Delta::default() }, A);
+    map.merge(&saying(map.extent(), &[3], Finding::Free), A);
     assert_eq!(map.state(Cell::new(1, 1, 0)), CellState::Covered);
     map.note_wall(&[0]);
     map.note_covered(Cell::new(0, 0, 0));
@@ -42,11 +38,12 @@ fn the_journal_holds_changes_in_the_order_they_were_learnt() {
     let mut map = ExplorationMap::new(Extent::new([3, 1, 1], 1.0).unwrap());
     map.note_free(&[1, 1]);
     let position = map.journal_len();
-    map.merge(&Delta { free: vec![run(0, 2)], wall: vec![run(2, 9)], covered: vec![run(1, 2)] }, A);
+    let said = [(0, Finding::Free), (2, Finding::Wall), (1, Finding::Covered)];
+    map.merge(&Delta::of(map.extent(), said.map(|(cell, finding)| Change { cell, finding, from: None })), A);
     map.note_covered(Cell::new(1, 0, 0));
     let change = |cell, finding, from| Change { cell, finding, from };
     let told =
-        [change(0, Finding::Free, Some(A)), change(2, Finding::Wall, Some(A)), change(1, Finding::Covered, Some(A))];
+        [change(0, Finding::Free, Some(A)), change(1, Finding::Covered, Some(A)), change(2, Finding::Wall, Some(A))];
     assert!(map.changes_since(position).eq(told));
     assert!(map.changes(0..1).eq([change(1, Finding::Free, None)]));
     assert_eq!(map.changes_since(99).count() + map.changes(9..12).count(), 0);
@@ -58,11 +55,49 @@ fn cells_outside_the_map_are_left_out() {
     let mut map = ExplorationMap::new(Extent::new([2, 2, 2], 1.0).unwrap());
     map.note_free(&[8, u32::MAX]);
     map.note_wall(&[8, u32::MAX]);
-    map.merge(
-        &Delta { free: vec![run(9, 5), run(8, u32::MAX)], wall: vec![run(7, 100)], covered: vec![run(100, 101)] },
-        A,
-    );
+    let last = Block { index: 0, known: u64::MAX << 7, wall: u64::MAX, covered: 0 };
+    map.merge(&Delta { blocks: vec![last, Block { index: 1, ..last }, Block { index: u32::MAX, ..last }] }, A);
     assert_eq!((map.free(), map.wall(), map.covered(), map.journal_len()), (0, 1, 0, 1));
+}
+
+#[test]
+fn the_own_sensor_overrules_hearsay() {
+    let extent = Extent::new([5, 1, 1], 1.0).unwrap();
+    let mut map = ExplorationMap::new(extent);
+    map.merge(&saying(extent, &[0, 1], Finding::Wall), A);
+    map.merge(&saying(extent, &[2], Finding::Covered), A);
+    assert_eq!(map.frontiers().collect::<Vec<_>>(), [2]);
+    let position = map.journal_len();
+    map.note_free(&[1]);
+    map.note_wall(&[2]);
+    map.note_wall(&[0]);
+    assert_eq!(states(&map)[..3], [CellState::Wall, CellState::Free, CellState::Wall]);
+    assert_eq!((map.free(), map.wall(), map.covered(), map.frontier_count()), (1, 2, 0, 0));
+    assert_eq!((map.corrections(), map.contradictions()), (2, 0));
+    let change = |cell, finding| Change { cell, finding, from: None };
+    let corrections = [change(1, Finding::Free), change(2, Finding::Wall)];
+    assert!(map.changes_since(position).eq(corrections), "a confirmation is no change");
+    // From now on nobody can persuade it.
+    map.merge(&saying(extent, &[1], Finding::Wall), A);
+    map.merge(&saying(extent, &[0], Finding::Free), A);
+    map.merge(&saying(extent, &[2], Finding::Covered), A);
+    assert_eq!((map.corrections(), map.contradictions(), map.journal_len()), (2, 3, position + 2));
+    map.merge(&saying(extent, &[1], Finding::Covered), A);
+    assert_eq!(states(&map)[1], CellState::Covered, "a visit is no contradiction to a free cell");
+    map.note_wall(&[1]);
+    assert_eq!((states(&map)[1], map.contradictions()), (CellState::Covered, 4));
+}
+
+#[test]
+fn free_overrules_wall_among_hearsay_in_either_order() {
+    let extent = Extent::new([3, 1, 1], 1.0).unwrap();
+    let (free, wall) = (saying(extent, &[1], Finding::Free), saying(extent, &[1], Finding::Wall));
+    for said in [[&free, &wall], [&wall, &free]] {
+        let mut map = ExplorationMap::new(extent);
+        said.into_iter().for_each(|delta| map.merge(delta, A));
+        assert_eq!(states(&map)[1], CellState::Free);
+        assert_eq!((map.free(), map.wall(), map.frontier_count(), map.contradictions()), (1, 0, 1, 0));
+    }
 }
 
 fn state_at(map: &ExplorationMap, index: u32) -> CellState {
@@ -87,28 +122,26 @@ fn cells(volume: u32) -> impl Strategy<Value = Vec<u32>> {
     prop::collection::vec(0..volume, 0..40)
 }
 
-fn delta_of(cells: &[u32], finding: Finding) -> Delta {
-    Delta::of(cells.iter().map(|&cell| Change { cell, finding, from: None }))
+/// Says the same of some cells.
+fn saying(extent: Extent, cells: &[u32], finding: Finding) -> Delta {
+    let cells = cells.iter().filter(|&&cell| (cell as usize) < extent.volume());
+    Delta::of(extent, cells.map(|&cell| Change { cell, finding, from: None }))
 }
 
 /// What is true of a cell, so that no two sayings contradict each other.
-fn truthful(cells: &[u32], extra: &[u32]) -> Delta {
-    let is_wall = |cell: &u32| cell.is_multiple_of(3);
-    let free: Vec<u32> = cells.iter().copied().filter(|cell| !is_wall(cell)).collect();
-    let wall: Vec<u32> = cells.iter().copied().filter(is_wall).collect();
-    let covered: Vec<u32> = extra.iter().copied().filter(|cell| !is_wall(cell)).collect();
-    Delta {
-        free: delta_of(&free, Finding::Free).free,
-        wall: delta_of(&wall, Finding::Wall).wall,
-        covered: delta_of(&covered, Finding::Covered).covered,
-    }
+fn truthful(extent: Extent, cells: &[u32], visited: &[u32]) -> Delta {
+    let finding = |cell: u32, free| if cell.is_multiple_of(3) { Finding::Wall } else { free };
+    let seen = cells.iter().map(|&cell| (cell, finding(cell, Finding::Free)));
+    let visited = visited.iter().map(|&cell| (cell, finding(cell, Finding::Covered)));
+    let said = seen.chain(visited).filter(|&(cell, _)| (cell as usize) < extent.volume());
+    Delta::of(extent, said.map(|(cell, finding)| Change { cell, finding, from: None }))
 }
 
 proptest! {
     #[test]
     fn frontier_counts_and_journal_are_those_of_the_cells(
         size in [1u32..6, 1u32..6, 1u32..6],
-        updates in prop::collection::vec((0u8..4, prop::collection::vec(0u32..150, 0..12)), 0..30),
+        updates in prop::collection::vec((0u8..6, prop::collection::vec(0u32..150, 0..12)), 0..30),
     ) {
         let extent = Extent::new(size, 1.0).unwrap();
         let mut map = ExplorationMap::new(extent);
@@ -117,7 +150,9 @@ proptest! {
                 0 => map.note_free(&cells),
                 1 => map.note_wall(&cells),
                 2 => cells.iter().for_each(|&cell| map.note_covered(extent.cell_at(cell as usize))),
-                _ => map.merge(&truthful(&cells, &cells[..cells.len() / 2]), A),
+                3 => map.merge(&truthful(extent, &cells, &cells[..cells.len() / 2]), A),
+                4 => map.merge(&saying(extent, &cells, Finding::Free), A),
+                _ => map.merge(&saying(extent, &cells, Finding::Wall), AgentId(5)),
             }
             prop_assert_eq!(map.frontiers().collect::<Vec<_>>(), swept(&map));
             prop_assert_eq!(map.frontier_count(), map.frontiers().count());
@@ -130,11 +165,16 @@ proptest! {
         prop_assert_eq!(map.free(), count(&[CellState::Free, CellState::Covered]));
         prop_assert_eq!(map.wall(), count(&[CellState::Wall]));
         prop_assert_eq!(map.covered(), count(&[CellState::Covered]));
-        prop_assert!(map.journal_len() <= 2 * extent.volume());
+        prop_assert!(map.journal_len() <= CHANGES_MAX * extent.volume());
         let mut last_state = std::collections::BTreeMap::new();
         for change in map.changes_since(0) {
-            let before = last_state.insert(change.cell, change.finding);
-            prop_assert!(before.is_none() || before == Some(Finding::Free) && change.finding == Finding::Covered);
+            let is_legal = match (last_state.insert(change.cell, change.finding), change.finding) {
+                (None, _) | (Some(Finding::Wall), Finding::Free | Finding::Covered) => true,
+                (Some(Finding::Free), finding) => finding == Finding::Covered || change.from.is_none(),
+                (Some(Finding::Covered), Finding::Wall) => change.from.is_none(),
+                _ => false,
+            };
+            prop_assert!(is_legal, "{change:?}");
         }
         for (cell, finding) in last_state {
             prop_assert_eq!(state_at(&map, cell) as u8, finding as u8);
@@ -142,9 +182,41 @@ proptest! {
     }
 
     #[test]
+    fn the_order_of_what_is_heard_and_found_does_not_matter(
+        mut said in prop::collection::vec((0usize..4, 0u32..12), 0..40),
+        seed in any::<prop::sample::Index>(),
+    ) {
+        let extent = Extent::new([3, 2, 2], 1.0).unwrap();
+        // The own sensor is of one mind.
+        let own = |cell: u32| if cell.is_multiple_of(3) { Finding::Wall } else { Finding::Free };
+        let learnt = |said: &[(usize, u32)]| {
+            let mut map = ExplorationMap::new(extent);
+            for &(what, cell) in said {
+                match (what, own(cell)) {
+                    (3, Finding::Wall) => map.note_wall(&[cell]),
+                    (3, _) => map.note_free(&[cell]),
+                    _ => map.merge(&saying(extent, &[cell], [Finding::Free, Finding::Covered, Finding::Wall][what]), A),
+                }
+            }
+            map
+        };
+        let there = learnt(&said);
+        let again = learnt(&[said.as_slice(), said.as_slice()].concat());
+        said.reverse();
+        let half = seed.index(said.len() + 1);
+        said.rotate_left(half);
+        let back = learnt(&said);
+        prop_assert_eq!(states(&there), states(&back));
+        prop_assert_eq!(states(&there), states(&again));
+        prop_assert_eq!(there.journal_len(), again.journal_len());
+        prop_assert!(there.frontiers().eq(back.frontiers()));
+        prop_assert_eq!((there.free(), there.wall(), there.covered()), (back.free(), back.wall(), back.covered()));
+    }
+
+    #[test]
     fn merging_is_commutative_and_idempotent(a in cells(60), b in cells(60), c in cells(60)) {
         let extent = Extent::new([5, 4, 3], 1.0).unwrap();
-        let (one, other) = (truthful(&a, &c), truthful(&b, &a));
+        let (one, other) = (truthful(extent, &a, &c), truthful(extent, &b, &a));
         let merged = |deltas: &[&Delta]| {
             let mut map = ExplorationMap::new(extent);
             deltas.iter().for_each(|delta| map.merge(delta, A));
