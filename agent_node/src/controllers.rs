@@ -6,6 +6,8 @@
 pub mod ctx;
 pub mod rbw;
 pub mod rbw_maes3d;
+#[cfg(test)]
+pub(crate) mod scene;
 pub mod settings;
 
 use msgs::ids::AgentId;
