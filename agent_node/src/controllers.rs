@@ -4,6 +4,7 @@
 //! observations give the same commands. This module knows no transport and no wall clock.
 
 pub mod ctx;
+pub mod nearest_frontier;
 pub mod rbw;
 pub mod rbw_maes3d;
 #[cfg(test)]
@@ -52,7 +53,7 @@ pub enum ControllerError {
 }
 
 /// The names of all controllers.
-pub const NAMES: [&str; 2] = ["rbw", "rbw-maes3d"];
+pub const NAMES: [&str; 3] = ["rbw", "rbw-maes3d", "nearest-frontier"];
 
 /// Whether there is such a controller, and its settings are allowed.
 ///
@@ -78,6 +79,10 @@ pub fn build(
     let controller: Box<dyn Controller> = match name {
         "rbw" => Box::new(rbw::Rbw::new(&mut settings, stream("rbw")).map_err(unfit)?),
         "rbw-maes3d" => Box::new(rbw_maes3d::RbwMaes3d::new(stream("rbw-maes3d"))),
+        "nearest-frontier" => {
+            let stream = stream("nearest-frontier");
+            Box::new(nearest_frontier::NearestFrontier::new(&mut settings, stream).map_err(unfit)?)
+        }
         _ => return Err(ControllerError::Unknown { name: name.to_owned() }),
     };
     settings.finish().map_err(unfit)?;
@@ -154,7 +159,7 @@ pub(crate) mod tests {
             assert!(check(name, &[]).is_ok(), "{name}");
         }
         let refused = |name: &str, settings: &[String]| check(name, settings).unwrap_err().to_string();
-        assert_eq!(refused("rwb", &[]), "controller rwb: unknown; known are rbw, rbw-maes3d");
+        assert_eq!(refused("rwb", &[]), "controller rwb: unknown; known are rbw, rbw-maes3d, nearest-frontier");
         assert_eq!(
             refused("rbw", &["speed=1".to_owned()]),
             "controller rbw: setting `speed`: unknown; known are pitch_min_rad, pitch_max_rad, turn_min_rad, turn_max_rad"
