@@ -159,7 +159,8 @@ pub(crate) mod tests {
             assert!(check(name, &[]).is_ok(), "{name}");
         }
         let refused = |name: &str, settings: &[String]| check(name, settings).unwrap_err().to_string();
-        assert_eq!(refused("rwb", &[]), "controller rwb: unknown; known are rbw, rbw-maes3d, nearest-frontier");
+        let known = NAMES.join(", ");
+        assert_eq!(refused("rwb", &[]), format!("controller rwb: unknown; known are {known}"));
         assert_eq!(
             refused("rbw", &["speed=1".to_owned()]),
             "controller rbw: setting `speed`: unknown; known are pitch_min_rad, pitch_max_rad, turn_min_rad, turn_max_rad"
