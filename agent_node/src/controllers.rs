@@ -4,6 +4,9 @@
 //! observations give the same commands. This module knows no transport and no wall clock.
 
 pub mod ctx;
+pub mod dsvp_maes3d;
+#[cfg(test)]
+mod legal;
 pub mod nearest_frontier;
 pub mod rbw;
 pub mod rbw_maes3d;
@@ -53,7 +56,7 @@ pub enum ControllerError {
 }
 
 /// The names of all controllers.
-pub const NAMES: [&str; 3] = ["rbw", "rbw-maes3d", "nearest-frontier"];
+pub const NAMES: [&str; 4] = ["rbw", "rbw-maes3d", "nearest-frontier", "dsvp-maes3d"];
 
 /// Whether there is such a controller, and its settings are allowed.
 ///
@@ -83,6 +86,7 @@ pub fn build(
             let stream = stream("nearest-frontier");
             Box::new(nearest_frontier::NearestFrontier::new(&mut settings, stream).map_err(unfit)?)
         }
+        "dsvp-maes3d" => Box::new(dsvp_maes3d::DsvpMaes3d::new(stream("dsvp-maes3d"))),
         _ => return Err(ControllerError::Unknown { name: name.to_owned() }),
     };
     settings.finish().map_err(unfit)?;

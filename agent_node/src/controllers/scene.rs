@@ -95,6 +95,14 @@ impl Scene {
         self.observation.scan_tick = Some(self.observation.tick);
     }
 
+    /// Shows these cells as the last scan, and nothing else.
+    pub(crate) fn show(&mut self, cells: &[Cell]) {
+        let mut free: Vec<u32> = cells.iter().map(|&cell| self.map.extent().index(cell).unwrap() as u32).collect();
+        free.sort_unstable();
+        self.observation.view = Some(Cells { free, wall: Vec::new() });
+        self.observation.scan_tick = Some(self.observation.tick);
+    }
+
     /// A motion was refused because another agent is in the way.
     pub(crate) fn collide(&mut self) {
         self.observation.collision = Some(Collision { surface: Surface::Wall, with_agent: true });
