@@ -5,8 +5,14 @@
 
 pub mod ctx;
 pub mod dsvp;
+pub mod dsvp_maes3d;
+#[cfg(test)]
+mod legal;
+pub mod nearest_frontier;
 pub mod rbw;
 pub mod rbw_maes3d;
+#[cfg(test)]
+pub(crate) mod scene;
 pub mod settings;
 
 use msgs::ids::AgentId;
@@ -51,7 +57,16 @@ pub enum ControllerError {
 }
 
 /// The names of all controllers.
-pub const NAMES: [&str; 4] = ["rbw", "rbw-maes3d", "dsvp", "dsvp-auction"];
+pub const NAMES: [&str; 8] = [
+    "nearest-frontier",
+    "rbw",
+    "rbw-maes3d",
+    "lvd",
+    "lvd-maes3d",
+    "dsvp",
+    "dsvp-auction",
+    "dsvp-maes3d",
+];
 
 /// Whether there is such a controller, and its settings are allowed.
 ///
@@ -79,6 +94,11 @@ pub fn build(
         "rbw-maes3d" => Box::new(rbw_maes3d::RbwMaes3d::new(stream("rbw-maes3d"))),
         "dsvp" => Box::new(dsvp::Dsvp::new(&mut settings, stream("dsvp")).map_err(unfit)?),
         "dsvp-auction" => Box::new(dsvp::Dsvp::with_auction(&mut settings, stream("dsvp")).map_err(unfit)?),
+        "nearest-frontier" => {
+            let stream = stream("nearest-frontier");
+            Box::new(nearest_frontier::NearestFrontier::new(&mut settings, stream).map_err(unfit)?)
+        }
+        "dsvp-maes3d" => Box::new(dsvp_maes3d::DsvpMaes3d::new(stream("dsvp-maes3d"))),
         _ => return Err(ControllerError::Unknown { name: name.to_owned() }),
     };
     settings.finish().map_err(unfit)?;
@@ -155,7 +175,8 @@ pub(crate) mod tests {
             assert!(check(name, &[]).is_ok(), "{name}");
         }
         let refused = |name: &str, settings: &[String]| check(name, settings).unwrap_err().to_string();
-        assert_eq!(refused("rwb", &[]), "controller rwb: unknown; known are rbw, rbw-maes3d, dsvp, dsvp-auction");
+        let known = NAMES.join(", ");
+        assert_eq!(refused("rwb", &[]), format!("controller rwb: unknown; known are {known}"));
         assert_eq!(
             refused("rbw", &["speed=1".to_owned()]),
             "controller rbw: setting `speed`: unknown; known are pitch_min_rad, pitch_max_rad, turn_min_rad, turn_max_rad"

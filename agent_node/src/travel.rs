@@ -182,3 +182,6 @@ impl Travel {
         polled
     }
 }
+
+#[cfg(test)]
+mod tests;

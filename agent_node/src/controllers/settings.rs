@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use thiserror::Error;
 
+use crate::travel::SearchTime;
+
 /// Why a setting does not fit.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum SettingError {
@@ -32,6 +34,9 @@ pub enum SettingError {
         allowed: String,
     },
 }
+
+/// Ticks that a search takes in the background: 0.5 s.
+const BACKGROUND_TICKS: u64 = 25;
 
 /// The settings that have not been taken yet.
 #[derive(Debug, Clone, Default)]
@@ -75,6 +80,28 @@ impl Settings {
         }
     }
 
+    /// Takes `search_time`, what the search for a path costs: `instant` (nothing), `budgeted` (a tick for every 100 cells that are
+    /// looked at: the reference's default) or `background` (half a second); `instant` if it is not given.
+    ///
+    /// # Errors
+    /// If the value is another one.
+    pub fn search_time(&mut self) -> Result<SearchTime, SettingError> {
+        const KEY: &str = "search_time";
+        self.known.push(KEY);
+        let Some(value) = self.left.remove(KEY) else {
+            return Ok(SearchTime::Instant);
+        };
+        match value.as_str() {
+            "instant" => Ok(SearchTime::Instant),
+            "budgeted" => Ok(SearchTime::BUDGETED),
+            "background" => Ok(SearchTime::Background(BACKGROUND_TICKS)),
+            _ => {
+                let allowed = "expected instant, budgeted or background".to_owned();
+                Err(SettingError::Value { key: KEY.to_owned(), value, allowed })
+            }
+        }
+    }
+
     /// To be called when all known keys have been taken.
     ///
     /// # Errors
@@ -84,5 +111,24 @@ impl Settings {
             None => Ok(()),
             Some(key) => Err(SettingError::Unknown { key, known: self.known.join(", ") }),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_search_time_is_one_of_three_words() {
+        let taken = |texts: &[&str]| {
+            let texts: Vec<String> = texts.iter().map(ToString::to_string).collect();
+            Settings::parse(&texts).unwrap().search_time()
+        };
+        assert_eq!(taken(&[]), Ok(SearchTime::Instant));
+        assert_eq!(taken(&["search_time=instant"]), Ok(SearchTime::Instant));
+        assert_eq!(taken(&["search_time=budgeted"]), Ok(SearchTime::BUDGETED));
+        assert_eq!(taken(&["search_time = background"]), Ok(SearchTime::Background(25)));
+        let refused = taken(&["search_time=none"]).unwrap_err().to_string();
+        assert_eq!(refused, "setting search_time = none: expected instant, budgeted or background");
     }
 }

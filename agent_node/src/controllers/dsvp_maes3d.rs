@@ -1,0 +1,408 @@
+//! The dual-stage viewpoint planner as it is coded in MAES3D, slips included, for comparison with its results.
+//!
+//! **Exploration.** While there are free cells in view that are frontiers and that nobody has been in, a random tree grows from the
+//! place it went to last, and the agent goes to the node with the most gain. **Relocation.** Otherwise it goes to a frontier of its
+//! list, and once that is empty it never moves again.
+//!
+//! What is reproduced although it can hardly be meant so (docs/reference-differences.md lists it as well):
+//! - the direction of exploration, by which the frontiers are chosen that attract the tree, is the same for ever: along y;
+//! - frontiers that are not chosen go on the list at each stage, however often they are on it;
+//! - of the samples only the cell at the end is looked at, which must be free and not covered; nothing between counts;
+//! - the gain of a node looks at five of its six neighbours: the one towards +y is left out;
+//! - the end of a branch counts twice in its gain, and depth begins at -1;
+//! - relocation takes the last frontier of the list, and not the nearest; it goes on taking them as long as they can be reached
+//!   straight, and throws them away;
+//! - after the first relocation every stage begins with a copy of the global tree, whose root is the node nearest to the last
+//!   destination; what is outside the horizon is pruned while the list of nodes is gone through, which skips some;
+//! - the last destination becomes the root even if it was not reached;
+//! - who is done stays so, whatever it may be told;
+//! - the end of a task is noticed a tick late, as in [`super::rbw_maes3d`].
+//!
+//! The reference draws from the one random stream of its engine; this draws from its own. The reference throws if a stage finds no
+//! destination, which ends the tick for the whole team; here the agent tries again.
+//!
+//! Lengths are in cells. Axes: x is the reference's x, y its z, z its y.
+
+mod tree;
+
+use std::collections::BTreeSet;
+
+use msgs::ids::Tick;
+use msgs::maes_msgs::Wake as Events;
+use nalgebra::{Point3, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use voxels::{Cell, FACES};
+
+use super::{Controller, Ctx};
+use crate::command::{Command, Motion, Wake};
+use crate::exploration_map::{CellState, ExplorationMap};
+use crate::observation::{Cells, Observation};
+use crate::path::Neighbours;
+use crate::travel::{Journey, SearchTime};
+use tree::{Index, Tree};
+
+/// The direction of exploration: the reference's (0, 0, 1).
+const DIRECTION: Vector3<f64> = Vector3::new(0.0, 1.0, 0.0);
+
+/// Frontiers in view that attract the tree.
+const CHOSEN: usize = 5;
+
+/// Samples of a stage.
+const SAMPLES: usize = 200;
+
+/// Share of the samples that are near a chosen frontier.
+const BIAS: f64 = 0.3;
+
+/// How far from its centre, along each axis.
+const JITTER: f64 = 1.0;
+
+/// Half the side of the cube around the root in which the other samples lie, and beyond which the local tree is pruned.
+const HORIZON: f64 = 15.0;
+
+/// Longest edge of a tree.
+const STEP: f64 = 1.0;
+
+/// Gain for an unexplored neighbour.
+const GAIN_UNEXPLORED: f64 = 10.0;
+
+/// Gain for a wall as a neighbour.
+const GAIN_WALL: f64 = -1.0;
+
+/// The neighbour whose gain is left out: the reference's +z.
+const LEFT_OUT: Cell = Cell::new(0, 1, 0);
+
+/// The list is cleared of cells that are no frontiers any more when it has so many entries, and again each time it has doubled.
+const CLEARED_FROM: usize = 4096;
+
+/// The planner of one agent.
+#[derive(Debug, Clone)]
+pub struct DsvpMaes3d {
+    rng: ChaCha8Rng,
+    trees: Option<Trees>,
+    frontiers: Frontiers,
+    /// The cell it was in when it was last asked.
+    cell: Option<Cell>,
+    /// The tick in which the end of the present task is noticed.
+    notices_at: Option<Tick>,
+    /// The last stage found no destination.
+    is_trying_again: bool,
+    is_done: bool,
+}
+
+impl DsvpMaes3d {
+    /// It has no settings.
+    #[must_use]
+    pub fn new(rng: ChaCha8Rng) -> Self {
+        Self {
+            rng,
+            trees: None,
+            frontiers: Frontiers::default(),
+            cell: None,
+            notices_at: None,
+            is_trying_again: false,
+            is_done: false,
+        }
+    }
+
+    /// One stage: exploration if there are frontiers in view, else relocation.
+    fn stage(&mut self, view: &Cells, ctx: &mut Ctx<'_>) -> Command {
+        let here = in_cells(ctx.position(), ctx);
+        let map = ctx.map();
+        let trees = self.trees.get_or_insert_with(|| Trees::new(here));
+        trees.begin_stage();
+        let (chosen, others) = local_frontiers(view, map, here);
+        if !self.is_trying_again {
+            others.into_iter().for_each(|cell| self.frontiers.push(cell, map));
+        }
+        trees.grow(&mut self.rng, map, &chosen);
+        if chosen.is_empty() {
+            self.is_trying_again = false;
+            return self.relocate(ctx);
+        }
+        let best = trees.local.best_branch(|at| viewpoint_gain(map, cell_of(at)));
+        self.is_trying_again = best.is_none();
+        let Some(node) = best else {
+            let at = if trees.may_grow(map) { Tick::ZERO } else { ctx.tick().after(scan_period(ctx)) };
+            return Command::keep(Wake { at, events: Events::PARCEL }).saying("exploration: no destination");
+        };
+        let at = trees.local.at(node);
+        trees.destination = Some((at, node));
+        let cell = cell_of(at);
+        match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
+            Journey::Go(motion) => self.goes(motion, format!("exploration: to {}", text(cell))),
+            Journey::NoWay | Journey::Searching(_) => {
+                Command::keep(Wake::NEXT_TICK).saying(format!("exploration: no way to {}", text(cell)))
+            }
+        }
+    }
+
+    fn relocate(&mut self, ctx: &mut Ctx<'_>) -> Command {
+        self.frontiers.clear_of_others(ctx.map());
+        let mut command = Command::keep(NEVER);
+        while let Some(cell) = self.frontiers.take_last() {
+            if let Some(trees) = &mut self.trees {
+                trees.relocate_to(centre(cell));
+            }
+            // One that can be reached straight is given up for the next one in the same tick, and stays taken.
+            let goes_on = ctx.is_clear_to(cell) && !self.frontiers.list.is_empty();
+            if goes_on {
+                continue;
+            }
+            command = match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
+                Journey::Go(motion) => self.goes(motion, format!("relocation: to {}", text(cell))),
+                Journey::NoWay | Journey::Searching(_) => {
+                    Command::keep(Wake::NEXT_TICK).saying(format!("relocation: no way to {}", text(cell)))
+                }
+            };
+            break;
+        }
+        self.frontiers.list_again();
+        if self.frontiers.list.is_empty() {
+            self.is_done = true;
+            command.wake = NEVER;
+            command.info.push_str(if command.info.is_empty() { "no frontiers left" } else { "; no frontiers left" });
+        }
+        command
+    }
+
+    fn goes(&mut self, motion: Motion, info: String) -> Command {
+        self.notices_at = None;
+        Command::new(motion, UNDER_WAY).saying(info)
+    }
+}
+
+/// Under way the list of frontiers is kept up in each new cell.
+const UNDER_WAY: Wake = Wake { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL };
+
+const NEVER: Wake = Wake { at: Tick(u64::MAX), events: 0 };
+
+impl Controller for DsvpMaes3d {
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        if self.is_done {
+            return Command::keep(NEVER);
+        }
+        let mut acts_at = observation.tick;
+        if !observation.is_active && observation.collision.is_none() {
+            acts_at = *self.notices_at.get_or_insert(observation.tick.after(1));
+        }
+        let Some(view) = &observation.view else {
+            return Command::keep(Wake::NEXT_TICK).asking_for_view();
+        };
+        if self.cell.replace(ctx.cell()) != Some(ctx.cell()) {
+            self.frontiers.push_new(view, ctx.map());
+        }
+        let command = if observation.is_active {
+            Command::keep(UNDER_WAY)
+        } else if observation.tick < acts_at {
+            Command::keep(Wake::at(acts_at))
+        } else {
+            self.stage(view, ctx)
+        };
+        command.asking_for_view()
+    }
+}
+
+/// The list of frontiers to relocate to, which can hold a cell more than once.
+#[derive(Debug, Clone, Default)]
+struct Frontiers {
+    list: Vec<Cell>,
+    /// What is on it.
+    listed: BTreeSet<Cell>,
+    /// How long it was after it was last cleared.
+    cleared: usize,
+}
+
+impl Frontiers {
+    fn push(&mut self, cell: Cell, map: &ExplorationMap) {
+        // What is no frontier never becomes one again, and is never gone to: when it goes makes no difference.
+        if self.list.len() >= CLEARED_FROM.max(2 * self.cleared) {
+            self.clear_of_others(map);
+        }
+        self.list.push(cell);
+        self.listed.insert(cell);
+    }
+
+    /// Adds the frontiers in view that are not on it, in the order of their indices.
+    fn push_new(&mut self, view: &Cells, map: &ExplorationMap) {
+        for cell in cells(&view.free, map).filter(|&cell| map.is_frontier(cell)) {
+            if !self.listed.contains(&cell) {
+                self.push(cell, map);
+            }
+        }
+    }
+
+    fn take_last(&mut self) -> Option<Cell> {
+        self.list.pop()
+    }
+
+    /// To be called when cells have been taken.
+    fn list_again(&mut self) {
+        self.listed = self.list.iter().copied().collect();
+    }
+
+    fn clear_of_others(&mut self, map: &ExplorationMap) {
+        self.list.retain(|&cell| map.is_frontier(cell));
+        self.cleared = self.list.len();
+        self.list_again();
+    }
+}
+
+/// The frontiers in view that are not covered: those that lie most in the direction of exploration, best first, and the others in
+/// the order of their indices.
+fn local_frontiers(view: &Cells, map: &ExplorationMap, here: Point3<f64>) -> (Vec<Cell>, Vec<Cell>) {
+    let is_local = |&cell: &Cell| map.is_frontier(cell) && map.state(cell) == CellState::Free;
+    let mut others: Vec<Cell> = cells(&view.free, map).filter(is_local).collect();
+    let off = |cell: Cell| {
+        let towards = centre(cell) - here;
+        let length = towards.norm();
+        let unit = if length > 0.0 { towards / length } else { towards };
+        (unit - DIRECTION).norm_squared()
+    };
+    let mut by_direction: Vec<(f64, Cell)> = others.iter().map(|&cell| (off(cell), cell)).collect();
+    by_direction.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    by_direction.truncate(CHOSEN);
+    let chosen: Vec<Cell> = by_direction.into_iter().map(|(_, cell)| cell).collect();
+    others.retain(|cell| !chosen.contains(cell));
+    (chosen, others)
+}
+
+/// The local and the global tree.
+#[derive(Debug, Clone)]
+struct Trees {
+    local: Tree,
+    local_index: Index,
+    global: Tree,
+    global_index: Index,
+    /// Where it went last, and which node of the local tree that is if it has never relocated.
+    destination: Option<(Point3<f64>, u32)>,
+    has_relocated: bool,
+}
+
+impl Trees {
+    fn new(here: Point3<f64>) -> Self {
+        let tree = Tree::new(here);
+        let index = Index::of(&tree);
+        Self {
+            local: tree.clone(),
+            local_index: index.clone(),
+            global: tree,
+            global_index: index,
+            destination: None,
+            has_relocated: false,
+        }
+    }
+
+    /// Makes the last destination the root of the local tree, and prunes that.
+    fn begin_stage(&mut self) {
+        let Some((at, mut node)) = self.destination else {
+            return;
+        };
+        if self.has_relocated {
+            self.local = self.global.clone();
+            node = self.nearest_of_all(at);
+        }
+        self.local.reroot(node);
+        self.local.prune(HORIZON);
+        // The number of the root has changed; a stage that is tried again begins with it.
+        self.destination = Some((at, self.local.root()));
+        self.local_index = Index::of(&self.local);
+    }
+
+    fn nearest_of_all(&self, at: Point3<f64>) -> u32 {
+        self.global_index.nearest(at).unwrap_or_else(|| self.global.root())
+    }
+
+    fn relocate_to(&mut self, goal: Point3<f64>) {
+        self.has_relocated = true;
+        let node = self.nearest_of_all(goal);
+        self.destination = Some((self.global.at(node), node));
+    }
+
+    /// Grows both trees towards random places.
+    fn grow(&mut self, rng: &mut ChaCha8Rng, map: &ExplorationMap, chosen: &[Cell]) {
+        let root = self.local.at(self.local.root());
+        for _ in 0..SAMPLES {
+            let target = sample(rng, root, chosen);
+            let near = self.local_index.nearest(target).unwrap_or_else(|| self.local.root());
+            let near_at = self.local.at(near);
+            let near_global = self.nearest_of_all(near_at);
+            let new = step(near_at, target);
+            if is_open(map, new) {
+                let node = self.local.add(new, near);
+                self.local_index.insert(new, node);
+            }
+            let new = step(self.global.at(near_global), target);
+            if is_open(map, new) {
+                let node = self.global.add(new, near_global);
+                self.global_index.insert(new, node);
+            }
+        }
+    }
+
+    /// Whether any sample at all could add to a local tree that is but a root.
+    fn may_grow(&self, map: &ExplorationMap) -> bool {
+        let root = cell_of(self.local.at(self.local.root()));
+        root.neighbours26().into_iter().chain([root]).any(|cell| map.state(cell) == CellState::Free)
+    }
+}
+
+/// A random place, in this order of draws: whether it is near a chosen frontier (drawn even if there are none), which, and its
+/// coordinates x, y, z.
+fn sample(rng: &mut ChaCha8Rng, root: Point3<f64>, chosen: &[Cell]) -> Point3<f64> {
+    let is_biased = rng.random::<f64>() < BIAS;
+    let (middle, half_side) = if is_biased && !chosen.is_empty() {
+        (centre(chosen[rng.random_range(0..chosen.len())]), JITTER)
+    } else {
+        (root, HORIZON)
+    };
+    middle.map(|along| along + rng.random_range(-half_side..half_side))
+}
+
+/// Where a tree gets to from a node on the way to a place.
+fn step(from: Point3<f64>, to: Point3<f64>) -> Point3<f64> {
+    let distance = (to - from).norm();
+    if distance <= STEP { to } else { from + (to - from) * (STEP / distance) }
+}
+
+fn is_open(map: &ExplorationMap, at: Point3<f64>) -> bool {
+    map.state(cell_of(at)) == CellState::Free
+}
+
+fn viewpoint_gain(map: &ExplorationMap, cell: Cell) -> f64 {
+    let gain = |offset: Cell| match map.state(cell + offset) {
+        CellState::Unexplored => GAIN_UNEXPLORED,
+        CellState::Wall => GAIN_WALL,
+        CellState::Free | CellState::Covered => 0.0,
+    };
+    FACES.into_iter().filter(|&offset| offset != LEFT_OUT).map(gain).sum()
+}
+
+fn cells<'a>(indices: &'a [u32], map: &'a ExplorationMap) -> impl Iterator<Item = Cell> + 'a {
+    indices.iter().map(|&index| map.extent().cell_at(index as usize))
+}
+
+fn centre(cell: Cell) -> Point3<f64> {
+    Point3::new(f64::from(cell.x), f64::from(cell.y), f64::from(cell.z)).map(|along| along + 0.5)
+}
+
+fn cell_of(at: Point3<f64>) -> Cell {
+    let [x, y, z] = [at.x, at.y, at.z].map(|along| along.floor() as i32);
+    Cell::new(x, y, z)
+}
+
+fn in_cells(point: Point3<f64>, ctx: &Ctx<'_>) -> Point3<f64> {
+    point / ctx.map().extent().cell_m()
+}
+
+/// Ticks until a scan can have brought news to a body at rest.
+fn scan_period(ctx: &Ctx<'_>) -> u64 {
+    u64::from(ctx.briefing().lidar_period_ticks.max(1))
+}
+
+fn text(cell: Cell) -> String {
+    format!("{} {} {}", cell.x, cell.y, cell.z)
+}
+
+#[cfg(test)]
+mod tests;

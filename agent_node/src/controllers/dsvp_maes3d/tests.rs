@@ -1,0 +1,361 @@
+use super::*;
+use crate::controllers::scene::{Scene, drawn, flat};
+
+fn rng() -> ChaCha8Rng {
+    msgs::seed::stream(1, 0, "test")
+}
+
+fn planner() -> DsvpMaes3d {
+    DsvpMaes3d::new(rng())
+}
+
+/// Lets the tick go by in which the end of a task is not noticed yet, and asks.
+fn act(scene: &mut Scene, planner: &mut DsvpMaes3d) -> Command {
+    let late = scene.ask(planner);
+    assert_eq!(late.motion, Motion::Keep);
+    assert_eq!(late.wake, Wake::at(scene.observation.tick.next()));
+    scene.wait(1);
+    scene.ask(planner)
+}
+
+fn destination(scene: &Scene, command: &Command) -> Cell {
+    let Motion::Path(way_points) = &command.motion else { panic!("{command:?}") };
+    scene.map.extent().cell_of(way_points.last().unwrap())
+}
+
+/// A wide room whose right side is unknown.
+fn room() -> String {
+    [".........?"; 9].join("\n") + "\n"
+}
+
+/// In the room, with all of it that is known in view.
+fn in_room() -> Scene {
+    let mut scene = Scene::known(&room(), flat(4, 4));
+    scene.show(&(0..81).map(|number| flat(number % 9, number / 9)).collect::<Vec<_>>());
+    scene
+}
+
+/// A bent corridor with unknown ends: from the corner both are in sight, from an end only that one.
+const BENT: &str = "\
+    ?.....\n\
+    #####.\n\
+    #####.\n\
+    #####?\n";
+
+#[test]
+fn waits_for_a_scan_and_a_tick_and_always_asks_for_the_view() {
+    let mut scene = Scene::known(&room(), flat(4, 4));
+    let mut planner = planner();
+    assert_eq!(scene.ask(&mut planner), Command::keep(Wake::NEXT_TICK).asking_for_view());
+    scene.observation = Observation { tick: Tick(1), ..in_room().observation };
+    // One tick after the start the status becomes idle, scan or no scan.
+    let go = scene.ask(&mut planner);
+    assert!(matches!(go.motion, Motion::Path(_)) && go.want_view, "{go:?}");
+    assert_eq!(go.wake, UNDER_WAY);
+    assert_eq!(scene.ask(&mut planner), Command::keep(UNDER_WAY).asking_for_view());
+    // The end of a task is noticed a tick late; a collision at once.
+    scene.arrive(&go.motion);
+    let go = act(&mut scene, &mut planner);
+    assert!(matches!(go.motion, Motion::Path(_)));
+    scene.collide();
+    assert!(matches!(scene.ask(&mut planner).motion, Motion::Path(_)));
+}
+
+#[test]
+fn frontiers_along_y_are_chosen_for_ever() {
+    let map = drawn("?????\n.....\n.....\n.....\n?????\n");
+    let view = Cells { free: (0..25).collect(), wall: Vec::new() };
+    let here = Point3::new(2.5, 2.5, 0.5);
+    let (chosen, others) = local_frontiers(&view, &map, here);
+    // Straight ahead first; of two that are equally near the one with the lower index.
+    assert_eq!(chosen, [flat(2, 3), flat(1, 3), flat(3, 3), flat(0, 3), flat(4, 3)]);
+    assert_eq!(others, (0..5).map(|x| flat(x, 1)).collect::<Vec<_>>());
+    // Going the other way changes nothing.
+    let (chosen, _) = local_frontiers(&view, &map, Point3::new(2.5, 0.5, 0.5));
+    assert!(chosen.contains(&flat(2, 3)));
+}
+
+#[test]
+fn local_frontiers_are_not_covered() {
+    let mut map = drawn("....?\n");
+    let view = Cells { free: (0..4).collect(), wall: Vec::new() };
+    let here = Point3::new(0.5, 0.5, 0.5);
+    assert_eq!(local_frontiers(&view, &map, here), (vec![flat(3, 0)], Vec::new()));
+    map.note_covered(flat(3, 0));
+    assert!(map.is_frontier(flat(3, 0)));
+    assert_eq!(local_frontiers(&view, &map, here), (Vec::new(), Vec::new()));
+}
+
+#[test]
+fn the_list_takes_new_frontiers_once_and_others_again_and_again() {
+    let map = drawn("?.?.?.?.?\n");
+    let view = Cells { free: vec![1, 3, 5, 7], wall: Vec::new() };
+    let mut frontiers = Frontiers::default();
+    frontiers.push_new(&view, &map);
+    frontiers.push_new(&view, &map);
+    assert_eq!(frontiers.list, [1, 3, 5, 7].map(|x| flat(x, 0)));
+    frontiers.push(flat(1, 0), &map);
+    assert_eq!(frontiers.list.len(), 5);
+    assert_eq!(frontiers.take_last(), Some(flat(1, 0)));
+    frontiers.list_again();
+    assert!(frontiers.listed.contains(&flat(1, 0)), "it is on the list once more");
+}
+
+#[test]
+fn clearing_a_long_list_early_changes_only_its_length() {
+    let mut map = drawn(&room());
+    let mut frontiers = Frontiers::default();
+    for number in 0..20 * CLEARED_FROM {
+        frontiers.push(flat(8, number as i32 % 9), &map);
+        if number == 5 * CLEARED_FROM {
+            map.note_wall(&(0..4).map(|y| 10 * y + 9).collect::<Vec<_>>());
+        }
+    }
+    let all = (0..20 * CLEARED_FROM).map(|number| flat(8, number as i32 % 9)).filter(|&cell| map.is_frontier(cell));
+    frontiers.clear_of_others(&map);
+    assert!(frontiers.list.iter().copied().eq(all));
+    assert!(frontiers.cleared > CLEARED_FROM);
+}
+
+#[test]
+fn samples_are_biased_near_and_within_the_horizon() {
+    let mut rng = rng();
+    let root = Point3::new(100.5, 100.5, 100.5);
+    let chosen = [flat(500, 0), flat(500, 9)];
+    let mut near = [0; 2];
+    for _ in 0..10_000 {
+        let at = sample(&mut rng, root, &chosen);
+        if let Some(which) = chosen.iter().position(|&cell| (at - centre(cell)).amax() <= JITTER) {
+            near[which] += 1;
+        } else {
+            assert!((at - root).amax() <= HORIZON, "{at}");
+        }
+    }
+    let [first, second] = near;
+    assert!((2800..3200).contains(&(first + second)) && (1300..1700).contains(&first), "{near:?}");
+    for _ in 0..1000 {
+        assert!((sample(&mut rng, root, &[]) - root).amax() <= HORIZON);
+    }
+}
+
+#[test]
+fn only_the_end_of_an_edge_counts_and_covered_ends_are_refused() {
+    // A wall between two rooms that a step of a cell can only cross from side to side at its corner.
+    let mut map = drawn("..\n..\n");
+    assert!(is_open(&map, Point3::new(1.2, 1.2, 0.5)));
+    map.note_covered(flat(1, 1));
+    assert!(!is_open(&map, Point3::new(1.2, 1.2, 0.5)), "covered");
+    assert!(!is_open(&map, Point3::new(-0.1, 0.5, 0.5)), "outside");
+
+    // A body could not pass between the walls at a corner; an edge of the tree does.
+    let map = drawn("#.\n.#\n");
+    let mut trees = Trees::new(Point3::new(0.9, 0.9, 0.5));
+    for stage in 0..20 {
+        trees.grow(&mut msgs::seed::stream(1, stage, "test"), &map, &[flat(1, 1)]);
+    }
+    let has_crossed = |tree: &Tree| tree.post_order().into_iter().any(|node| cell_of(tree.at(node)) == flat(1, 1));
+    assert!(has_crossed(&trees.local) && has_crossed(&trees.global));
+}
+
+#[test]
+fn edges_are_one_cell_at_the_most() {
+    let from = Point3::new(1.0, 2.0, 3.0);
+    assert_eq!(step(from, Point3::new(1.0, 2.0, 9.0)), Point3::new(1.0, 2.0, 4.0));
+    assert_eq!(step(from, Point3::new(1.0, 2.5, 3.0)), Point3::new(1.0, 2.5, 3.0));
+    assert_eq!(step(from, from), from);
+}
+
+#[test]
+fn a_stage_draws_200_samples_whatever_comes_of_them() {
+    let map = drawn("....\n....\n");
+    let mut trees = Trees::new(Point3::new(0.5, 0.5, 0.5));
+    let mut drawn_by_stage = rng();
+    trees.grow(&mut drawn_by_stage, &map, &[]);
+    let mut drawn_here = rng();
+    for _ in 0..200 {
+        sample(&mut drawn_here, Point3::new(0.5, 0.5, 0.5), &[]);
+    }
+    assert_eq!(drawn_by_stage.random::<u64>(), drawn_here.random::<u64>());
+    assert!(trees.local.len() > 1 && trees.local.len() < 201);
+}
+
+#[test]
+fn a_neighbour_towards_y_is_no_gain() {
+    let with = |cell: Cell, is_wall: bool| {
+        let mut map = drawn(&["...\n...\n..."; 3].join("\n\n").replace('.', "?"));
+        for offset in FACES {
+            let neighbour = Cell::new(1, 1, 1) + offset;
+            let index = map.extent().index(neighbour).unwrap() as u32;
+            if neighbour != cell {
+                map.note_free(&[index]);
+            } else if is_wall {
+                map.note_wall(&[index]);
+            }
+        }
+        viewpoint_gain(&map, Cell::new(1, 1, 1))
+    };
+    for offset in FACES {
+        let counts = if offset == Cell::new(0, 1, 0) { 0.0 } else { 1.0 };
+        let neighbour = Cell::new(1, 1, 1) + offset;
+        assert_eq!(with(neighbour, false), 10.0 * counts, "{offset:?}");
+        assert_eq!(with(neighbour, true), -counts, "{offset:?}");
+    }
+}
+
+#[test]
+fn relocation_takes_the_last_of_the_list() {
+    // Both ends are round a corner; the list ends with the far one.
+    let corridor = "....?\n.####\n.####\n...?#\n".replace("...?#", "..?##");
+    let mut scene = Scene::known(&corridor, flat(0, 2));
+    scene.show(&[flat(0, 2)]);
+    let mut planner = planner();
+    for far_is_last in [true, false] {
+        planner.is_done = false;
+        planner.frontiers = Frontiers::default();
+        let (far, near) = (flat(3, 3), flat(1, 0));
+        for cell in if far_is_last { [near, far] } else { [far, near] } {
+            planner.frontiers.push(cell, &scene.map);
+        }
+        let go = act(&mut scene, &mut planner);
+        assert_eq!(destination(&scene, &go), if far_is_last { far } else { near });
+        assert_eq!(planner.frontiers.list.len(), 1);
+        scene.observation.is_active = false;
+    }
+}
+
+#[test]
+fn relocation_burns_what_can_be_reached_straight() {
+    let mut scene = Scene::known(BENT, flat(5, 3));
+    scene.show(&[flat(5, 3)]);
+    let mut planner = planner();
+    // Both ends are in straight reach of the corner: the last one left is gone to, and that is the end.
+    for cell in [flat(1, 3), flat(5, 1)] {
+        planner.frontiers.push(cell, &scene.map);
+    }
+    let go = act(&mut scene, &mut planner);
+    assert_eq!(destination(&scene, &go), flat(1, 3));
+    assert!(planner.is_done && planner.frontiers.list.is_empty());
+    assert_eq!(go.wake, NEVER);
+
+    // From the other end the last is reached straight and thrown away; the one round the corner stops the loop.
+    let mut scene = Scene::known(BENT, flat(3, 3));
+    scene.show(&[flat(3, 3)]);
+    let mut planner = self::planner();
+    for cell in [flat(1, 3), flat(5, 1), flat(1, 3)] {
+        planner.frontiers.push(cell, &scene.map);
+    }
+    let go = act(&mut scene, &mut planner);
+    assert_eq!(destination(&scene, &go), flat(5, 1));
+    assert!(!planner.is_done);
+    assert_eq!(planner.frontiers.list, [flat(1, 3)], "the first entry is another one");
+}
+
+#[test]
+fn relocation_leaves_out_what_is_no_frontier_any_more() {
+    let mut scene = Scene::known(BENT, flat(5, 3));
+    scene.show(&[flat(5, 3)]);
+    let mut planner = planner();
+    for cell in [flat(1, 3), flat(5, 1)] {
+        planner.frontiers.push(cell, &scene.map);
+    }
+    scene.map.note_wall(&[5]);
+    let go = act(&mut scene, &mut planner);
+    assert_eq!(destination(&scene, &go), flat(1, 3));
+}
+
+#[test]
+fn who_is_done_stays_so() {
+    let mut scene = Scene::known("...\n", flat(1, 0));
+    scene.show(&[flat(0, 0), flat(1, 0), flat(2, 0)]);
+    let mut planner = planner();
+    let end = act(&mut scene, &mut planner);
+    assert_eq!((end.motion, end.info.as_str(), end.wake), (Motion::Keep, "no frontiers left", NEVER));
+    let mut scene = in_room();
+    scene.observation.events = Events::PARCEL;
+    assert_eq!(scene.ask(&mut planner), Command::keep(NEVER));
+}
+
+#[test]
+fn the_last_destination_is_the_root_even_if_it_was_not_reached() {
+    let mut scene = in_room();
+    let mut planner = planner();
+    let first = act(&mut scene, &mut planner);
+    let (at, _) = planner.trees.as_ref().unwrap().destination.unwrap();
+    assert_eq!(cell_of(at), destination(&scene, &first));
+    scene.collide();
+    scene.ask(&mut planner);
+    let trees = planner.trees.unwrap();
+    assert_eq!(trees.local.at(trees.local.root()), at);
+    assert_eq!(trees.global.at(trees.global.root()), centre(flat(4, 4)), "the global tree keeps its root");
+}
+
+#[test]
+fn relocation_sticks() {
+    let map = drawn(&room());
+    let mut trees = Trees::new(Point3::new(4.5, 4.5, 0.5));
+    trees.grow(&mut rng(), &map, &[]);
+    let grown = trees.global.len();
+    trees.destination = Some((trees.local.at(3), 3));
+    trees.begin_stage();
+    trees.global.add(Point3::new(7.5, 7.5, 0.5), 0);
+    assert_ne!(trees.local.len(), trees.global.len());
+
+    trees.relocate_to(Point3::new(8.5, 8.5, 0.5));
+    let (at, _) = trees.destination.unwrap();
+    assert!((0..grown as u32).any(|node| trees.global.at(node) == at), "the nearest node, not the frontier itself");
+    for _ in 0..3 {
+        trees.begin_stage();
+        assert_eq!(
+            trees.local.len(),
+            trees.global.len(),
+            "a copy of the global tree, of which nothing is out of the cube"
+        );
+        assert_eq!(trees.local.at(trees.local.root()), at);
+        let node = trees.local.best_branch(|_| 1.0).unwrap();
+        trees.destination = Some((trees.local.at(node), node));
+        trees.begin_stage();
+        assert_eq!(
+            trees.local.at(trees.local.root()),
+            trees.destination.unwrap().0,
+            "of a destination of exploration, too"
+        );
+        trees.relocate_to(at);
+    }
+}
+
+#[test]
+fn the_global_tree_grows_with_every_stage() {
+    let mut scene = in_room();
+    let mut planner = planner();
+    let mut nodes = 1;
+    for _ in 0..5 {
+        let go = act(&mut scene, &mut planner);
+        let trees = planner.trees.as_ref().unwrap();
+        assert!(trees.global.len() > nodes);
+        nodes = trees.global.len();
+        scene.arrive(&go.motion);
+    }
+}
+
+#[test]
+fn without_a_destination_it_tries_again_and_lists_frontiers_once() {
+    // Nothing around is free, so no sample can be added; seven frontiers are in view.
+    let mut scene = Scene::known("?????????\n#.......#\n####?####\n####.####\n", flat(4, 0));
+    scene.show(&(1..8).map(|x| flat(x, 2)).collect::<Vec<_>>());
+    let mut planner = planner();
+    let first = act(&mut scene, &mut planner);
+    assert_eq!((&first.motion, first.info.as_str()), (&Motion::Keep, "exploration: no destination"));
+    // Nothing can come of it before there are news.
+    let wait = Wake { at: scene.observation.tick.after(10), events: Events::PARCEL };
+    assert_eq!(first.wake, wait);
+    let listed = planner.frontiers.list.len();
+    assert_eq!(listed, 7 + 2);
+    scene.wait(10);
+    scene.ask(&mut planner);
+    assert_eq!(planner.frontiers.list.len(), listed);
+    // A cell beside it, which the next stage finds.
+    scene.map.note_free(&[9 + 4]);
+    let go = scene.ask(&mut planner);
+    assert!(matches!(go.motion, Motion::Path(_)), "{go:?}");
+    assert!(!planner.is_trying_again);
+}

@@ -1,0 +1,278 @@
+//! Trees of places, and finding the nearest of many places.
+//!
+//! Lengths are in cells: the edge of a cell is 1.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Point3;
+
+/// In place of the number of a node: none.
+const NONE: u32 = u32::MAX;
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Node {
+    at: Point3<f64>,
+    parent: u32,
+}
+
+/// A tree, as the list of its nodes in the order in which they were added. The list can also hold nodes that were cut off from the
+/// root.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Tree {
+    nodes: Vec<Node>,
+    root: u32,
+}
+
+impl Tree {
+    pub(super) fn new(root: Point3<f64>) -> Self {
+        Self { nodes: vec![Node { at: root, parent: NONE }], root: 0 }
+    }
+
+    #[cfg(test)]
+    pub(super) fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    pub(super) fn root(&self) -> u32 {
+        self.root
+    }
+
+    pub(super) fn at(&self, node: u32) -> Point3<f64> {
+        self.nodes[node as usize].at
+    }
+
+    /// Hangs a new node on another.
+    pub(super) fn add(&mut self, at: Point3<f64>, parent: u32) -> u32 {
+        self.nodes.push(Node { at, parent });
+        self.nodes.len() as u32 - 1
+    }
+
+    /// Makes a node that hangs on the root the root.
+    pub(super) fn reroot(&mut self, root: u32) {
+        let (mut above, mut node) = (NONE, root);
+        while node != NONE {
+            let below = std::mem::replace(&mut self.nodes[node as usize].parent, above);
+            (above, node) = (node, below);
+        }
+        self.root = root;
+    }
+
+    /// Takes nodes outside a cube around the root off the list, in the reference's way: it goes through the list from the front,
+    /// and after each node that it takes off it skips the next. What hangs on such a node stays on the list, cut off from the root.
+    pub(super) fn prune(&mut self, half_side: f64) {
+        let centre = self.at(self.root);
+        let mut is_taken_off = false;
+        let mut left = 0;
+        let mut renumbered = Vec::with_capacity(self.nodes.len());
+        for node in &self.nodes {
+            let is_outside = (node.at - centre).iter().any(|along| along.abs() > half_side);
+            is_taken_off = is_outside && !is_taken_off;
+            renumbered.push(if is_taken_off { NONE } else { left });
+            left += u32::from(!is_taken_off);
+        }
+        let mut numbers = renumbered.iter();
+        self.nodes.retain(|_| numbers.next() != Some(&NONE));
+        for node in &mut self.nodes {
+            node.parent = renumbered.get(node.parent as usize).copied().unwrap_or(NONE);
+        }
+        self.root = renumbered[self.root as usize];
+    }
+
+    /// The nodes that hang on the root, and the root: each after those that hang on it, and these in the order of the list.
+    pub(super) fn post_order(&self) -> Vec<u32> {
+        let parents = || self.nodes.iter().map(|node| node.parent as usize);
+        // Where the children of each node begin in a list of all children.
+        let mut begin = vec![0; self.nodes.len() + 1];
+        for parent in parents().filter(|&parent| parent < self.nodes.len()) {
+            begin[parent + 1] += 1;
+        }
+        for node in 0..self.nodes.len() {
+            begin[node + 1] += begin[node];
+        }
+        let mut children = vec![0; begin[self.nodes.len()]];
+        let mut end = begin.clone();
+        for (node, parent) in (0..).zip(parents()).filter(|&(_, parent)| parent < self.nodes.len()) {
+            children[end[parent]] = node;
+            end[parent] += 1;
+        }
+        let mut order = Vec::new();
+        let mut open = vec![self.root];
+        while let Some(node) = open.pop() {
+            order.push(node);
+            open.extend(&children[begin[node as usize]..begin[node as usize + 1]]);
+        }
+        order.reverse();
+        order
+    }
+
+    /// The node at the end of the best branch, the root excepted; of equally good ones the first in post-order. The gain of a branch
+    /// is the sum of the gains of its nodes from the root on, each discounted by its depth, and that of its end a second time.
+    pub(super) fn best_branch(&self, gain: impl Fn(Point3<f64>) -> f64) -> Option<u32> {
+        let order = self.post_order();
+        // Depth, own discounted gain, and sum from the root on.
+        let mut branches = vec![(0, 0.0, 0.0); self.nodes.len()];
+        for &node in order.iter().rev() {
+            let Node { at, parent } = self.nodes[node as usize];
+            // The children of the root have depth 0.
+            let (depth, so_far) = branches.get(parent as usize).map_or((-1, 0.0), |above| (above.0 + 1, above.2));
+            let own = gain(at) * libm::exp(-DISCOUNT * f64::from(depth));
+            branches[node as usize] = (depth, own, so_far + own);
+        }
+        let mut best = None;
+        for &node in order.iter().filter(|&&node| node != self.root) {
+            let (_, own, sum) = branches[node as usize];
+            if best.is_none_or(|(most, _)| own + sum > most) {
+                best = Some((own + sum, node));
+            }
+        }
+        best.map(|(_, node)| node)
+    }
+}
+
+/// By how much the gain of a node falls with each edge between it and the root; the reference's value.
+const DISCOUNT: f64 = 0.01;
+
+/// Edge of a bucket, cells.
+const BUCKET: f64 = 4.0;
+
+/// Numbered places in buckets, to find the nearest without looking at all: the same that looking at all would find.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Index {
+    buckets: BTreeMap<[i32; 3], Vec<(Point3<f64>, u32)>>,
+}
+
+impl Index {
+    /// All nodes that hang on the root of a tree.
+    pub(super) fn of(tree: &Tree) -> Self {
+        let mut index = Self::default();
+        for node in tree.post_order() {
+            index.insert(tree.at(node), node);
+        }
+        index
+    }
+
+    pub(super) fn insert(&mut self, at: Point3<f64>, number: u32) {
+        self.buckets.entry(bucket_of(at)).or_default().push((at, number));
+    }
+
+    /// The number of the nearest place; of equally near ones the lowest. `None` if there are no places.
+    pub(super) fn nearest(&self, to: Point3<f64>) -> Option<u32> {
+        let mut best = (f64::INFINITY, NONE);
+        let look = |bucket: &Vec<(Point3<f64>, u32)>, best: &mut (f64, u32)| {
+            for &(at, number) in bucket {
+                let distance_squared = (at - to).norm_squared();
+                if (distance_squared, number) < *best {
+                    *best = (distance_squared, number);
+                }
+            }
+        };
+        if let Some(bucket) = self.buckets.get(&bucket_of(to)) {
+            look(bucket, &mut best);
+        }
+        let reach = best.0.sqrt();
+        let [low, high] = [to.x - reach, to.x + reach].map(|x| (x / BUCKET).floor() as i32);
+        for (&key, bucket) in self.buckets.range([low, i32::MIN, i32::MIN]..=[high, i32::MAX, i32::MAX]) {
+            if gap_squared(key, to) <= best.0 {
+                look(bucket, &mut best);
+            }
+        }
+        (best.1 != NONE).then_some(best.1)
+    }
+}
+
+fn bucket_of(at: Point3<f64>) -> [i32; 3] {
+    [at.x, at.y, at.z].map(|along| (along / BUCKET).floor() as i32)
+}
+
+/// The squared distance from a place to a bucket.
+fn gap_squared(key: [i32; 3], to: Point3<f64>) -> f64 {
+    let along = |axis: usize| {
+        let low = f64::from(key[axis]) * BUCKET;
+        to[axis] - to[axis].clamp(low, low + BUCKET)
+    };
+    let [x, y, z] = [0, 1, 2].map(along);
+    x * x + y * y + z * z
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn at(x: f64) -> Point3<f64> {
+        Point3::new(x, 0.0, 0.0)
+    }
+
+    #[test]
+    fn post_order_is_children_first_in_the_order_of_the_list() {
+        let mut tree = Tree::new(at(0.0));
+        let a = tree.add(at(1.0), 0);
+        let b = tree.add(at(2.0), 0);
+        let c = tree.add(at(3.0), a);
+        let d = tree.add(at(4.0), a);
+        assert_eq!(tree.post_order(), [c, d, a, b, 0]);
+        tree.reroot(a);
+        assert_eq!(tree.post_order(), [b, 0, c, d, a]);
+        assert_eq!(tree.root(), a);
+    }
+
+    #[test]
+    fn pruning_skips_the_next_and_cuts_off_what_hangs_below() {
+        // A chain that leaves the cube, and comes back into it with its last node.
+        let mut tree = Tree::new(at(0.0));
+        let inside = tree.add(at(14.0), 0);
+        let outside = tree.add(at(16.0), inside);
+        let skipped = tree.add(at(17.0), inside);
+        let below = tree.add(at(18.0), outside);
+        tree.add(at(15.0), below);
+        assert_eq!(skipped, 3);
+        tree.prune(15.0);
+        // 16 and 18 have gone; 17 was skipped; 15 stays on the list, but hangs on nothing.
+        let listed: Vec<f64> = tree.nodes.iter().map(|node| node.at.x).collect();
+        assert_eq!(listed, [0.0, 14.0, 17.0, 15.0]);
+        let found: Vec<f64> = tree.post_order().into_iter().map(|node| tree.at(node).x).collect();
+        assert_eq!(found, [17.0, 14.0, 0.0]);
+        assert_eq!(Index::of(&tree).nearest(at(15.0)), Some(1), "14, for 15 cannot be found any more");
+    }
+
+    #[test]
+    fn the_end_of_a_branch_counts_twice_and_depth_discounts() {
+        let gain_of = |tree: &Tree, gains: &[f64]| {
+            let gains = gains.to_vec();
+            tree.best_branch(move |at| gains[at.x as usize])
+        };
+        let mut tree = Tree::new(at(0.0));
+        assert_eq!(gain_of(&tree, &[5.0]), None, "the root is no destination");
+        let a = tree.add(at(1.0), 0);
+        let b = tree.add(at(2.0), a);
+        let c = tree.add(at(3.0), 0);
+        // Once: 10 + 6 against 15. Twice: 10 + 12 against 30.
+        assert_eq!(gain_of(&tree, &[0.0, 10.0, 6.0, 15.0]), Some(c));
+        // Without a discount it would be a tie, which b wins as the first in post-order.
+        assert_eq!(gain_of(&tree, &[0.0, 8.0, 4.0, 8.0]), Some(a));
+        assert_eq!(gain_of(&tree, &[0.0, 0.0, 8.0, 8.0]), Some(c));
+        assert_eq!(gain_of(&tree, &[0.0, 0.0, 0.0, 0.0]), Some(b), "all alike: the first in post-order");
+        // The root has depth -1: its gain counts in all branches alike, so it changes nothing.
+        assert_eq!(gain_of(&tree, &[1000.0, 0.0, 8.0, 8.0]), Some(c));
+        assert_eq!(gain_of(&tree, &[0.0, -1.0, -1.0, -2.0]), Some(a), "less than nothing is no hindrance");
+    }
+
+    proptest! {
+        #[test]
+        fn the_index_finds_what_looking_at_all_finds(
+            places in proptest::collection::vec([-9i32..9, -9..9, -9..9], 0..60),
+            to in [-200i32..200, -20..20, -20..20],
+        ) {
+            // A coarse raster, so that places are equally near.
+            let place = |[x, y, z]: [i32; 3]| Point3::new(f64::from(x), f64::from(y), f64::from(z)) * 1.5;
+            let mut index = Index::default();
+            for (number, &at) in (0..).zip(&places) {
+                index.insert(place(at), number);
+            }
+            let far = |number: &usize| (place(places[*number]) - place(to)).norm_squared();
+            let expected = (0..places.len()).min_by(|a, b| far(a).total_cmp(&far(b)));
+            prop_assert_eq!(index.nearest(place(to)).map(|number| number as usize), expected);
+        }
+    }
+}

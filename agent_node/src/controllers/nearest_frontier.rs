@@ -1,0 +1,251 @@
+//! Nearest frontier: goes where the nearest unexplored cells are, until there are none. The example to start a controller from.
+//!
+//! A *frontier* is a cell known to be free that has an unexplored cell next to it. The agent searches its own map for the frontier
+//! with the shortest way, goes there, and looks for the next one once that has become an ordinary cell, which mostly happens long
+//! before it arrives.
+//!
+//! It does not coordinate: agents that know the same go to the same places. It finds no way round an agent that stays for ever in
+//! a passage one cell wide.
+
+use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
+
+use msgs::maes_msgs::Wake as Events;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use voxels::Cell;
+
+use super::settings::{SettingError, Settings};
+use super::{Controller, Ctx};
+use crate::command::{Command, Motion, Wake};
+use crate::observation::Observation;
+use crate::path::{Goal, Graph, Neighbours, find};
+use crate::travel::{Journey, SearchTime};
+
+/// Ticks to keep out of the way after a collision: 0.5 to 4 s.
+const PATIENCE_TICKS: RangeInclusive<u64> = 25..=200;
+
+/// The controller of one agent: what it remembers from one decision to the next.
+#[derive(Debug, Clone)]
+pub struct NearestFrontier {
+    search_time: SearchTime,
+    /// Its own stream of random numbers. Nothing else may be random, or a run could not be repeated.
+    rng: ChaCha8Rng,
+    /// The frontier it goes to.
+    goal: Option<Cell>,
+    /// Frontiers it has been in without seeing what is beyond, because the sensor does not reach there. It leaves them alone.
+    given_up: BTreeSet<Cell>,
+}
+
+impl NearestFrontier {
+    /// Settings: `search_time`, see [`Settings::search_time`].
+    ///
+    /// # Errors
+    /// If a setting is not allowed.
+    pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
+        let search_time = settings.search_time()?;
+        Ok(Self { search_time, rng, goal: None, given_up: BTreeSet::new() })
+    }
+
+    /// The frontier with the shortest way to it.
+    fn nearest(&self, ctx: &mut Ctx<'_>) -> Option<Cell> {
+        let start = ctx.cell();
+        let (map, moves, scratch) = ctx.searching(Neighbours::TwentySix);
+        let is_wanted = |cell| map.is_frontier(cell) && !self.given_up.contains(&cell);
+        let path = find(Graph::new(map, moves), scratch, start, Goal::Where(&is_wanted))?;
+        path.cells.last().copied()
+    }
+
+    /// Something is in the way that the map does not have: another agent. A wait alone would not do, for both would go on against
+    /// each other; so the agent first goes to a cell beside it, if one is clear. Chance sees to it that two agents do not do
+    /// the same for ever.
+    fn make_way(&mut self, ctx: &mut Ctx<'_>) -> Command {
+        self.goal = None;
+        let here = ctx.cell();
+        let beside: Vec<Cell> = here.neighbours26().into_iter().filter(|&cell| ctx.is_clear_to(cell)).collect();
+        let motion = match beside.len() {
+            0 => Motion::Keep,
+            cells => Motion::Path(vec![ctx.map().extent().centre(beside[self.rng.random_range(0..cells)])]),
+        };
+        let until = ctx.tick().after(self.rng.random_range(PATIENCE_TICKS));
+        Command::new(motion, Wake::at(until)).saying("makes way")
+    }
+}
+
+impl Controller for NearestFrontier {
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        // Before the first scan it knows nothing but its own cell. The task of the body, here none, is left as it is.
+        if observation.scan_tick.is_none() {
+            return Command::keep(Wake::NEXT_TICK);
+        }
+        // Events tell what has happened since the last decision; `observation.collision` would tell of old collisions as well.
+        if self.goal.is_some() && observation.events & Events::COLLISION != 0 {
+            return self.make_way(ctx);
+        }
+        // Under way it wants to be asked in each new cell, because from there it may have seen what is beyond the frontier.
+        let under_way = Wake::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL);
+        let mut goal = self.goal.filter(|&goal| ctx.map().is_frontier(goal));
+        if goal.is_some() && observation.is_active {
+            return Command::keep(under_way);
+        }
+        if let Some(reached) = goal.filter(|&goal| goal == ctx.cell()) {
+            self.given_up.insert(reached);
+            goal = None;
+        }
+        // A goal that is still one is gone to again: a search that takes time is asked for its answer like this.
+        self.goal = goal.or_else(|| self.nearest(ctx));
+        let Some(goal) = self.goal else {
+            // All is explored that it can get to. What others know may change that: they are heard when they come into contact, and
+            // map parcels are in the map before the controller is asked.
+            return Command::new(Motion::Stop, Wake::on(Events::PARCEL | Events::CONTACTS)).saying("knows no frontier");
+        };
+        let Cell { x, y, z } = goal;
+        match ctx.go_to_cell(goal, self.search_time) {
+            Journey::Go(motion) => Command::new(motion, under_way).saying(format!("goes to the frontier {x} {y} {z}")),
+            // The body has to keep still, or the way would begin where it is no more.
+            Journey::Searching(wake) => {
+                Command::new(Motion::Stop, wake).saying(format!("searches a way to {x} {y} {z}"))
+            }
+            Journey::NoWay => {
+                self.given_up.insert(goal);
+                Command::new(Motion::Stop, Wake::NEXT_TICK)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use msgs::ids::Tick;
+
+    use super::*;
+    use crate::command::LidarRequest;
+    use crate::controllers::scene::{Scene, flat};
+
+    const CAVE: &str = "\
+        ############\n\
+        #....#.....#\n\
+        #....#.....#\n\
+        #..........#\n\
+        ####.#####.#\n\
+        #..#.#.....#\n\
+        #....#.##.##\n\
+        ############\n";
+
+    fn controller(search_time: &str) -> NearestFrontier {
+        let mut settings = Settings::parse(&[format!("search_time={search_time}")]).unwrap();
+        NearestFrontier::new(&mut settings, msgs::seed::stream(1, 0, "test")).unwrap()
+    }
+
+    fn destination(scene: &Scene, command: &Command) -> Cell {
+        let Motion::Path(way_points) = &command.motion else { panic!("{command:?}") };
+        scene.map.extent().cell_of(way_points.last().unwrap())
+    }
+
+    #[test]
+    fn explores_all_and_waits_for_news() {
+        for (search_time, goes_at_once) in [("instant", true), ("budgeted", false), ("background", false)] {
+            let mut scene = Scene::new(CAVE, flat(1, 6));
+            let mut controller = controller(search_time);
+            assert_eq!(scene.ask(&mut controller), Command::keep(Wake::NEXT_TICK), "nothing has been scanned");
+            let mut decisions = 0;
+            let mut searches = 0;
+            let last = loop {
+                decisions += 1;
+                assert!(decisions < 200);
+                scene.look();
+                let command = scene.ask(&mut controller);
+                match &command.motion {
+                    Motion::Path(_) => scene.arrive(&command.motion),
+                    Motion::Stop if command.wake.events != 0 => break command,
+                    Motion::Stop => {
+                        searches += 1;
+                        scene.observation.tick = command.wake.at.max(scene.observation.tick.next());
+                    }
+                    motion => panic!("{motion:?}"),
+                }
+            };
+            assert_eq!(last.wake, Wake::on(Events::PARCEL | Events::CONTACTS));
+            assert_eq!(scene.map.frontier_count(), 0);
+            assert_eq!(scene.map.free(), CAVE.matches('.').count());
+            assert_eq!(searches == 0, goes_at_once, "{search_time}");
+        }
+    }
+
+    #[test]
+    fn goes_to_the_nearest_by_way_and_not_by_distance() {
+        // The one to the right is two cells away, behind a wall.
+        let mut scene = Scene::known("?......\n#.####.\n#.#?#?.\n?.....#\n", flat(1, 2));
+        scene.observation.scan_tick = Some(Tick::ZERO);
+        let command = scene.ask(&mut controller("instant"));
+        assert_eq!(destination(&scene, &command), flat(1, 3));
+        assert_eq!(command.info, "goes to the frontier 1 3 0");
+    }
+
+    #[test]
+    fn looks_for_another_one_as_soon_as_the_goal_is_none() {
+        let mut scene = Scene::known("......?\n", flat(2, 0));
+        scene.observation.scan_tick = Some(Tick::ZERO);
+        let mut controller = controller("instant");
+        let go = scene.ask(&mut controller);
+        assert_eq!(destination(&scene, &go), flat(5, 0));
+        scene.put(flat(3, 0));
+        let keep = scene.ask(&mut controller);
+        assert_eq!(keep, Command::keep(Wake::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL)));
+        scene.map.note_wall(&[6]);
+        scene.put(flat(4, 0));
+        let stop = scene.ask(&mut controller);
+        assert_eq!((stop.motion, stop.info.as_str()), (Motion::Stop, "knows no frontier"));
+    }
+
+    #[test]
+    fn leaves_a_frontier_alone_that_it_cannot_look_beyond() {
+        let mut scene = Scene::known("?....?\n", flat(2, 0));
+        scene.observation.scan_tick = Some(Tick::ZERO);
+        let mut controller = controller("instant");
+        let first = scene.ask(&mut controller);
+        assert_eq!(destination(&scene, &first), flat(1, 0));
+        scene.arrive(&first.motion);
+        let second = scene.ask(&mut controller);
+        assert_eq!(destination(&scene, &second), flat(4, 0));
+        scene.arrive(&second.motion);
+        assert_eq!(scene.ask(&mut controller).info, "knows no frontier");
+        // News of another agent.
+        scene.map.note_free(&[5]);
+        scene.observation.events = Events::PARCEL;
+        assert_eq!(scene.ask(&mut controller).info, "knows no frontier", "nothing beyond");
+    }
+
+    #[test]
+    fn makes_way_at_random_and_goes_on() {
+        let mut waits = BTreeSet::new();
+        let mut places = BTreeSet::new();
+        let mut scene = Scene::known("........\n........\n.......?\n", flat(1, 1));
+        scene.observation.scan_tick = Some(Tick::ZERO);
+        let mut controller = controller("instant");
+        for _ in 0..100 {
+            let go = scene.ask(&mut controller);
+            assert_eq!(destination(&scene, &go), flat(6, 0));
+            scene.wait(10);
+            scene.collide();
+            let aside = scene.ask(&mut controller);
+            assert_eq!((aside.info.as_str(), aside.wake.events), ("makes way", 0));
+            let wait = aside.wake.at.0 - scene.observation.tick.0;
+            assert!(PATIENCE_TICKS.contains(&wait));
+            waits.insert(wait);
+            places.insert(destination(&scene, &aside));
+            // The step aside is refused as well: it waits all the same, and then goes on.
+            scene.collide();
+            scene.observation.tick = aside.wake.at;
+        }
+        assert!(waits.len() > 30 && places.len() == 8, "{waits:?} {places:?}");
+    }
+
+    #[test]
+    fn asks_for_nothing_but_motion() {
+        let mut scene = Scene::new(CAVE, flat(1, 6));
+        scene.look();
+        let command = scene.ask(&mut controller("instant"));
+        assert_eq!((command.lidar, command.want_view, command.parcels.len()), (LidarRequest::Keep, false, 0));
+    }
+}
