@@ -4,6 +4,7 @@
 //! observations give the same commands. This module knows no transport and no wall clock.
 
 pub mod ctx;
+pub mod lvd;
 pub mod rbw;
 pub mod rbw_maes3d;
 pub mod settings;
@@ -50,7 +51,7 @@ pub enum ControllerError {
 }
 
 /// The names of all controllers.
-pub const NAMES: [&str; 2] = ["rbw", "rbw-maes3d"];
+pub const NAMES: [&str; 3] = ["lvd", "rbw", "rbw-maes3d"];
 
 /// Whether there is such a controller, and its settings are allowed.
 ///
@@ -74,6 +75,7 @@ pub fn build(
     let mut settings = Settings::parse(settings).map_err(unfit)?;
     let stream = |purpose| msgs::seed::stream(agents_seed, agent.0.into(), purpose);
     let controller: Box<dyn Controller> = match name {
+        "lvd" => Box::new(lvd::Lvd::new(&mut settings, stream("lvd")).map_err(unfit)?),
         "rbw" => Box::new(rbw::Rbw::new(&mut settings, stream("rbw")).map_err(unfit)?),
         "rbw-maes3d" => Box::new(rbw_maes3d::RbwMaes3d::new(stream("rbw-maes3d"))),
         _ => return Err(ControllerError::Unknown { name: name.to_owned() }),
@@ -152,7 +154,7 @@ pub(crate) mod tests {
             assert!(check(name, &[]).is_ok(), "{name}");
         }
         let refused = |name: &str, settings: &[String]| check(name, settings).unwrap_err().to_string();
-        assert_eq!(refused("rwb", &[]), "controller rwb: unknown; known are rbw, rbw-maes3d");
+        assert_eq!(refused("rwb", &[]), "controller rwb: unknown; known are lvd, rbw, rbw-maes3d");
         assert_eq!(
             refused("rbw", &["speed=1".to_owned()]),
             "controller rbw: setting `speed`: unknown; known are pitch_min_rad, pitch_max_rad, turn_min_rad, turn_max_rad"

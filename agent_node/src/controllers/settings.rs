@@ -75,6 +75,41 @@ impl Settings {
         }
     }
 
+    /// Takes a whole number from `low` to `high`.
+    ///
+    /// # Errors
+    /// If the value is no such number.
+    pub fn integer(&mut self, key: &'static str, default: u64, low: u64, high: u64) -> Result<u64, SettingError> {
+        self.known.push(key);
+        let Some(value) = self.left.remove(key) else {
+            return Ok(default);
+        };
+        match value.parse::<u64>() {
+            Ok(number) if (low..=high).contains(&number) => Ok(number),
+            _ => Err(SettingError::Value {
+                key: key.to_owned(),
+                value,
+                allowed: format!("expected a whole number from {low} to {high}"),
+            }),
+        }
+    }
+
+    /// Takes one of several words, as its position among them. The default is the first one.
+    ///
+    /// # Errors
+    /// If the value is none of them.
+    pub fn word(&mut self, key: &'static str, allowed: &[&str]) -> Result<usize, SettingError> {
+        self.known.push(key);
+        let Some(value) = self.left.remove(key) else {
+            return Ok(0);
+        };
+        allowed.iter().position(|word| *word == value).ok_or_else(|| SettingError::Value {
+            key: key.to_owned(),
+            value,
+            allowed: format!("expected one of {}", allowed.join(", ")),
+        })
+    }
+
     /// To be called when all known keys have been taken.
     ///
     /// # Errors
@@ -84,5 +119,27 @@ impl Settings {
             None => Ok(()),
             Some(key) => Err(SettingError::Unknown { key, known: self.known.join(", ") }),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parsed(text: &str) -> Settings {
+        Settings::parse(&[text.to_owned()]).unwrap()
+    }
+
+    #[test]
+    fn whole_numbers_and_words_are_checked() {
+        assert_eq!(parsed("n=7").integer("n", 1, 0, 9), Ok(7));
+        assert_eq!(parsed("m=7").integer("n", 1, 0, 9), Ok(1));
+        let refused = parsed("n=1.5").integer("n", 1, 0, 9).unwrap_err();
+        assert_eq!(refused.to_string(), "setting n = 1.5: expected a whole number from 0 to 9");
+        assert!(parsed("n=10").integer("n", 1, 0, 9).is_err());
+        assert_eq!(parsed("w=b").word("w", &["a", "b"]), Ok(1));
+        assert_eq!(parsed("n=b").word("w", &["a", "b"]), Ok(0));
+        let refused = parsed("w=c").word("w", &["a", "b"]).unwrap_err();
+        assert_eq!(refused.to_string(), "setting w = c: expected one of a, b");
     }
 }
