@@ -5,9 +5,12 @@
 
 pub mod ctx;
 pub mod lvd;
+pub mod lvd_maes3d;
 pub mod rbw;
 pub mod rbw_maes3d;
 pub mod settings;
+#[cfg(test)]
+mod tests_world;
 
 use msgs::ids::AgentId;
 use thiserror::Error;
@@ -51,7 +54,7 @@ pub enum ControllerError {
 }
 
 /// The names of all controllers.
-pub const NAMES: [&str; 3] = ["lvd", "rbw", "rbw-maes3d"];
+pub const NAMES: [&str; 4] = ["lvd", "lvd-maes3d", "rbw", "rbw-maes3d"];
 
 /// Whether there is such a controller, and its settings are allowed.
 ///
@@ -76,6 +79,7 @@ pub fn build(
     let stream = |purpose| msgs::seed::stream(agents_seed, agent.0.into(), purpose);
     let controller: Box<dyn Controller> = match name {
         "lvd" => Box::new(lvd::Lvd::new(&mut settings, stream("lvd")).map_err(unfit)?),
+        "lvd-maes3d" => Box::new(lvd_maes3d::LvdMaes3d::new()),
         "rbw" => Box::new(rbw::Rbw::new(&mut settings, stream("rbw")).map_err(unfit)?),
         "rbw-maes3d" => Box::new(rbw_maes3d::RbwMaes3d::new(stream("rbw-maes3d"))),
         _ => return Err(ControllerError::Unknown { name: name.to_owned() }),
@@ -154,7 +158,7 @@ pub(crate) mod tests {
             assert!(check(name, &[]).is_ok(), "{name}");
         }
         let refused = |name: &str, settings: &[String]| check(name, settings).unwrap_err().to_string();
-        assert_eq!(refused("rwb", &[]), "controller rwb: unknown; known are lvd, rbw, rbw-maes3d");
+        assert_eq!(refused("rwb", &[]), "controller rwb: unknown; known are lvd, lvd-maes3d, rbw, rbw-maes3d");
         assert_eq!(
             refused("rbw", &["speed=1".to_owned()]),
             "controller rbw: setting `speed`: unknown; known are pitch_min_rad, pitch_max_rad, turn_min_rad, turn_max_rad"

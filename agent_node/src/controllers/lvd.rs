@@ -221,8 +221,9 @@ impl Lvd {
         if let Some((goal, _)) = self.errand.take() {
             self.refuse(goal, observation.tick);
         }
-        let aside = ctx.cell().neighbours26()[self.rng.random_range(0..26)];
-        if self.rng.random_bool(0.5) && ctx.is_clear_to(aside) {
+        let asides: Vec<Cell> = ctx.cell().neighbours26().into_iter().filter(|&cell| ctx.is_clear_to(cell)).collect();
+        if !asides.is_empty() && self.rng.random_bool(0.5) {
+            let aside = asides[self.rng.random_range(0..asides.len())];
             return self.goes_on(observation, ctx, aside, Purpose::Dodge);
         }
         self.waits_until = observation.tick.after(self.rng.random_range(DODGE_TICKS));
@@ -263,7 +264,8 @@ impl Lvd {
         let in_m = |squared_cells: i32| f64::from(squared_cells).sqrt() * extent.cell_m();
         let nearest_m = compass.iter().flatten().map(|&(distance, _)| in_m(distance)).min_by(f64::total_cmp)?;
         let near = compass.iter().flatten().filter(|&&(distance, _)| in_m(distance) <= nearest_m + self.near_m);
-        let legs = near.map(|&(_, cell)| exploring::leg_through(ctx, region, cell, self.leg_max_m, self.visit_radius_m));
+        let legs =
+            near.map(|&(_, cell)| exploring::leg_through(ctx, region, cell, self.leg_max_m, self.visit_radius_m));
         // Of several, the first one in the order of the compass.
         let longest = legs.fold(None, |best: Option<exploring::Leg>, leg| match best {
             Some(best) if best.length_m >= leg.length_m => Some(best),
@@ -321,3 +323,6 @@ impl Controller for Lvd {
         self.chooses(observation, ctx)
     }
 }
+
+#[cfg(test)]
+mod tests;

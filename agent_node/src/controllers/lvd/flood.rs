@@ -105,6 +105,13 @@ mod tests {
         let mut flood = Flood::default();
         let empty = ExplorationMap::new(Extent::new([1, 1, 1], 1.0).unwrap());
         assert_eq!(flood.nearest(&empty, Cell::default(), 9, |_| Verdict::Good), Some(Cell::default()));
-        assert_eq!(flood.nearest(&known("..\n"), Cell::new(1, 0, 0), 9, |cell| if cell.x == 0 { Verdict::Best } else { Verdict::No }), Some(Cell::default()));
+        assert_eq!(
+            flood.nearest(&known("..\n"), Cell::new(1, 0, 0), 9, |cell| if cell.x == 0 {
+                Verdict::Best
+            } else {
+                Verdict::No
+            }),
+            Some(Cell::default())
+        );
     }
 }
