@@ -51,6 +51,9 @@ const WAIT_TICKS: u64 = 250;
 /// How long a cell is left alone to which there was no way, or on the way to which something was hit: 30 s.
 const REFUSAL_TICKS: u64 = 1500;
 
+/// A goal among fewer cells that is cut off is found to be so without a search for a path.
+const POCKET_CELLS_MAX: usize = 4096;
+
 /// Waits after a collision are drawn from half a second to two and a half.
 const DODGE_TICKS: std::ops::Range<u64> = 25..125;
 
@@ -108,15 +111,16 @@ pub struct Lvd {
 
 impl Lvd {
     /// Settings:
-    /// - `visit_radius_m`: cells seen from so near are visited (reference: 3.75 cells; its papers' runs: 6.75 for a time);
-    /// - `near_m`: unvisited cells that are farther than the nearest one by no more than this are taken for as near, and the
-    ///   longest straight leg decides (ours; 0: the nearest alone);
-    /// - `leg_max_m`: how far a straight leg may go on through unvisited cells (ours; 0: to the nearest one, as the reference);
-    /// - `merge_m`: occlusion points so near to each other are one (paper: near ones are merged, without a number);
-    /// - `visits_max`: how often search mode goes to the same place (ours);
-    /// - `search_time`: `instant`, `budgeted` or `background`: what the search for a path costs in sim time (reference: on
-    ///   another thread, as long as it takes);
-    /// - `search_ticks`: ticks of a search in the background (ours);
+    /// - `visit_radius_m`: free cells seen from so near, and from at most 24 cells, are visited (reference: 3.75; in one of its
+    ///   branches 6.75);
+    /// - `leg_max_m`: how far a straight leg may go on through unvisited cells (ours, 20; reference, and 0: to the nearest one);
+    /// - `near_m`: of 26 directions, those whose nearest unvisited cell is farther than the nearest one of all by no more than
+    ///   this are as good, and the longest leg decides, then their order (ours, 4; reference, and 0: the nearest cell alone);
+    /// - `merge_m`: occlusion points so near to each other are one (ours, 3.75; the paper merges near ones, without a number);
+    /// - `visits_max`: how often search mode goes to the same place (ours, 3);
+    /// - `search_time`: `instant` (default), `budgeted` or `background`: what the search for a path costs in sim time
+    ///   (reference: on another thread, as long as it takes);
+    /// - `search_ticks`: ticks of a search in the background (ours, 10);
     /// - `search_cells_per_tick`: cells that a budgeted search looks at in a tick (reference: 10 to 250, 100).
     ///
     /// # Errors
@@ -126,7 +130,7 @@ impl Lvd {
         let near_m = settings.number("near_m", 4.0, 0.0, 1e6)?;
         let leg_max_m = settings.number("leg_max_m", 20.0, 0.0, 1e6)?;
         let merge_m = settings.number("merge_m", 3.75, 0.0, 1e6)?;
-        let visits_max = settings.integer("visits_max", 1, 1, u64::from(u32::MAX))?;
+        let visits_max = settings.integer("visits_max", 3, 1, u64::from(u32::MAX))?;
         let search_time = search_time(settings)?;
         Ok(Self {
             rng,
@@ -148,7 +152,9 @@ impl Lvd {
 
     fn goes_on(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, goal: Cell, purpose: Purpose) -> Command {
         self.errand = Some((goal, purpose));
-        match ctx.go_to_cell(goal, self.search_time) {
+        let is_cut_off = !ctx.is_clear_to(goal) && self.flood.is_cut_off(ctx.map(), goal, ctx.cell(), POCKET_CELLS_MAX);
+        let journey = if is_cut_off { Journey::NoWay } else { ctx.go_to_cell(goal, self.search_time) };
+        match journey {
             Journey::Go(motion) => {
                 let command = Command::new(motion, Wake::on(UNDER_WAY));
                 let centre = ctx.map().extent().centre(goal);
@@ -208,12 +214,10 @@ impl Lvd {
         let region = Region::new(observation, ctx);
         observation.seen.free.iter().any(|&index| {
             let cell = extent.cell_at(index as usize);
-            ctx.map().state(cell) == CellState::Free && region.holds(&extent.centre(cell)) && !self.is_refused(cell)
+            ctx.map().state(cell) == CellState::Free
+                && region.holds(&extent.centre(cell))
+                && !is_refused(&self.refused, cell)
         })
-    }
-
-    fn is_refused(&self, cell: Cell) -> bool {
-        self.refused.iter().any(|&(refused, _)| refused == cell)
     }
 
     /// Waits or steps aside at random, so that two agents in each other's way do not do the same for ever.
@@ -241,7 +245,7 @@ impl Lvd {
             region: &region,
             places: &self.places,
             visits_max: self.visits_max,
-            is_refused: &|cell| self.refused.iter().any(|&(refused, _)| refused == cell),
+            is_refused: &|cell| is_refused(&self.refused, cell),
         };
         let errand = search
             .occlusion_point()
@@ -252,14 +256,14 @@ impl Lvd {
             Some((goal, purpose)) => self.goes_on(observation, ctx, goal, purpose),
             None => {
                 self.errand = None;
-                let wake = Wake { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS };
+                let wake = Wake { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
                 self.saying(Command::keep(wake), "nothing left to do, waiting for news".to_owned())
             }
         }
     }
 
     fn nearest_unvisited(&self, ctx: &Ctx<'_>, region: &Region) -> Option<Cell> {
-        let compass = exploring::compass(ctx, &self.scan, region, |cell| self.is_refused(cell));
+        let compass = exploring::compass(ctx, &self.scan, region, |cell| is_refused(&self.refused, cell));
         let extent = ctx.map().extent();
         let in_m = |squared_cells: i32| f64::from(squared_cells).sqrt() * extent.cell_m();
         let nearest_m = compass.iter().flatten().map(|&(distance, _)| in_m(distance)).min_by(f64::total_cmp)?;
@@ -273,6 +277,10 @@ impl Lvd {
         });
         longest.map(|leg| leg.goal)
     }
+}
+
+fn is_refused(refused: &[(Cell, Tick)], cell: Cell) -> bool {
+    refused.iter().any(|&(other, _)| other == cell)
 }
 
 fn search_time(settings: &mut Settings) -> Result<SearchTime, SettingError> {
@@ -289,6 +297,9 @@ fn search_time(settings: &mut Settings) -> Result<SearchTime, SettingError> {
 impl Controller for Lvd {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let now = observation.tick;
+        if !ctx.map().extent().contains(ctx.cell()) {
+            return Command::keep(Wake::at(now.after(WAIT_TICKS)));
+        }
         self.refused.retain(|&(_, until)| until > now);
         if let Some(view) = &observation.view {
             self.scan.load(ctx.map().extent(), view);
@@ -316,7 +327,7 @@ impl Controller for Lvd {
                 self.refuse(goal, now);
             }
         }
-        if observation.view.is_none() && !self.has_asked_for_view {
+        if observation.view.is_none() && (observation.scan_tick.is_none() || !self.has_asked_for_view) {
             return self.asks_for_view(observation);
         }
         self.has_asked_for_view = false;

@@ -158,7 +158,8 @@ impl LvdMaes3d {
 
     fn chooses(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let extent = ctx.map().extent();
-        let others: Vec<Cell> = observation.contacts.iter().map(|contact| extent.cell_of(&contact.position)).collect();
+        let others = observation.contacts.iter().map(|contact| extent.cell_of(&contact.position));
+        let others: Vec<Cell> = others.filter(|&cell| extent.contains(cell)).collect();
         if let Some(cell) = self.nearest_unvisited(ctx, &others) {
             return self.goes_to(ctx, cell);
         }
@@ -182,17 +183,21 @@ fn is_own(own: Cell, others: &[Cell], cell: Cell) -> bool {
 
 impl Controller for LvdMaes3d {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        if let Some(view) = &observation.view {
-            self.scan.load(ctx.map().extent(), view);
-        }
         let now = observation.tick;
+        let extent = ctx.map().extent();
+        if !extent.contains(ctx.cell()) {
+            return looks_again(Wake::at(now.next()));
+        }
+        if let Some(view) = &observation.view {
+            self.scan.load(extent, view);
+        }
         let is_idle = !observation.is_active && {
             let notices_at = *self.notices_at.get_or_insert(now.next());
             observation.collision.is_some() || now >= notices_at
         };
         if is_idle || observation.events & Events::NEW_CELL != 0 {
             let is_any_unvisited = self.visits(ctx);
-            if self.is_in_search_mode && is_any_unvisited && ctx.map().extent().contains(ctx.cell()) {
+            if self.is_in_search_mode && is_any_unvisited {
                 self.is_in_search_mode = false;
                 // That changes no status, so who is idle goes on and chooses; who then has nowhere to go stays with it.
                 let chosen = if is_idle { self.chooses(observation, ctx) } else { looks_again(Wake::NEXT_TICK) };

@@ -66,6 +66,14 @@ impl Flood {
         }
         good
     }
+
+    /// Whether there is no way over faces from `from` to `to` through free cells, because the free cells around `from` end before
+    /// `cells_max` of them are counted. What was seen through a gap in what is known is often such a pocket, and a search that
+    /// begins outside of it would go through everything else first.
+    pub(crate) fn is_cut_off(&mut self, map: &ExplorationMap, from: Cell, to: Cell, cells_max: usize) -> bool {
+        let judge = |cell| if cell == to { Verdict::Best } else { Verdict::No };
+        self.nearest(map, from, cells_max, judge).is_none() && self.queue.is_empty()
+    }
 }
 
 #[cfg(test)]
@@ -98,6 +106,17 @@ mod tests {
         assert_eq!(flood.nearest(&map, Cell::new(0, 9, 0), 100, |_| Verdict::Best), None);
         let good = |cell: Cell| if cell.y == 2 { Verdict::Good } else { Verdict::No };
         assert_eq!(flood.nearest(&map, start, 100, good), Some(Cell::new(0, 2, 0)));
+    }
+
+    #[test]
+    fn a_pocket_is_cut_off() {
+        let map = known(".#....\n.#.##.\n");
+        let mut flood = Flood::default();
+        let (pocket, here, there) = (Cell::new(0, 0, 0), Cell::new(2, 0, 0), Cell::new(5, 0, 0));
+        assert!(flood.is_cut_off(&map, pocket, here, 9) && flood.is_cut_off(&map, here, pocket, 9));
+        assert!(!flood.is_cut_off(&map, there, here, 9));
+        // Nobody knows after so few.
+        assert!(!flood.is_cut_off(&map, pocket, here, 1));
     }
 
     #[test]

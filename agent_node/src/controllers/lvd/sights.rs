@@ -11,15 +11,12 @@ use crate::exploration_map::{CellState, ExplorationMap};
 /// Cells farther away than this count as not visited, whatever the radius in metres is: it bounds the effort.
 const REACH_MAX_CELLS: f64 = 24.0;
 
-/// Marks the free cells within `radius_m` (from centre to centre) of the agent's cell that it sees over free cells as covered.
+/// Marks, for an agent inside the map, the free cells within `radius_m` (from centre to centre) of the agent's cell that it sees over free cells as covered.
 pub(crate) fn mark_visited(ctx: &mut Ctx<'_>, radius_m: f64) {
     let own = ctx.cell();
     let extent = ctx.map().extent();
     let radius_cells = (radius_m / extent.cell_m()).min(REACH_MAX_CELLS);
     let reach = radius_cells as i32;
-    if !extent.contains(own) {
-        return;
-    }
     for z in -reach..=reach {
         for y in -reach..=reach {
             for x in -reach..=reach {
