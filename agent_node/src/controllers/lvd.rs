@@ -2,13 +2,13 @@
 //!
 //! After the papers on MAES3D (and Fu, Bandyopadhyay and Ang 2009, whom they follow), with the rules that their code leaves out.
 //! At each decision:
-//! 1. **Region.** A cell is the agent's own if no agent in contact is nearer to it ([`region`]).
+//! 1. **Region.** A cell is the agent's own if no agent in contact is nearer to it (`region`).
 //! 2. **Exploration mode.** A cell is *unvisited* if it is free and not covered; the agent covers the free cells that it sees
 //!    within a small radius, and shares the marks with its map. It goes to the nearest unvisited cell of its own region that the
-//!    last scan has seen ([`exploring`]).
+//!    last scan has seen (`exploring`).
 //! 3. **Search mode**, if there is none: it goes to an occlusion point, preferably one it has never visited, else the one it has
 //!    not visited for the longest time; else to the nearest boundary of its region; else to the nearest unvisited cell that it
-//!    knows a way to; else it waits for news ([`searching`]). It leaves search mode as soon as it sees an unvisited cell in its
+//!    knows a way to; else it waits for news (`searching`). It leaves search mode as soon as it sees an unvisited cell in its
 //!    own region.
 //!
 //! Invariants: it asks for nothing that is refused, whatever it observes; nothing it does takes longer than going through the

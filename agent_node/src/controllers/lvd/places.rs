@@ -45,6 +45,11 @@ impl Places {
         }
     }
 
+    /// Of some cells the first one that was never visited, else the one that was not visited for the longest time.
+    pub(crate) fn longest_ago(&self, cells: &[Cell]) -> Option<Cell> {
+        cells.iter().copied().min_by_key(|&cell| self.visits(cell).1)
+    }
+
     /// The nearest place that this is, of several the first one visited.
     fn find(&self, cell: Cell) -> Option<usize> {
         let same = (0..self.places.len()).filter(|&at| self.is_same(self.places[at].cell, cell));
@@ -72,5 +77,21 @@ mod tests {
         places.visit(Cell::new(5, 8, 5), Tick(9));
         assert_eq!(places.visits(Cell::new(5, 7, 5)), (1, Some(Tick(9))));
         assert_eq!(places.visits(Cell::new(9, 9, 9)), (0, None));
+    }
+
+    #[test]
+    fn the_place_not_visited_for_the_longest_time_comes_first() {
+        let mut places = Places::new(0.0);
+        let [first, second, third, fourth] = [1, 2, 3, 4].map(|x| Cell::new(x, 0, 0));
+        for (cell, tick) in [(first, 5), (second, 6), (first, 7)] {
+            places.visit(cell, Tick(tick));
+        }
+        assert_eq!(places.longest_ago(&[first, second, third, fourth]), Some(third));
+        // It was visited less often, but that is not what counts.
+        assert_eq!(places.longest_ago(&[first, second]), Some(second));
+        places.visit(second, Tick(8));
+        places.visit(second, Tick(9));
+        assert_eq!(places.longest_ago(&[second, first]), Some(first));
+        assert_eq!(places.longest_ago(&[]), None);
     }
 }

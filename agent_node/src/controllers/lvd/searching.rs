@@ -57,8 +57,7 @@ impl Search<'_, '_> {
                 merged.push(point);
             }
         }
-        // The first of several that are equal is the nearest one.
-        merged.into_iter().min_by_key(|&point| self.places.visits(point).1)
+        self.places.longest_ago(&merged)
     }
 
     fn may_be_chosen(&self, cell: Cell) -> bool {

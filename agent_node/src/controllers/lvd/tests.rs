@@ -141,19 +141,6 @@ fn two_in_each_others_way_do_not_stay_there() {
 }
 
 #[test]
-fn the_place_not_visited_for_the_longest_time_comes_first() {
-    let mut places = Places::new(0.0);
-    let (first, second, third) = (Cell::new(1, 0, 0), Cell::new(2, 0, 0), Cell::new(3, 0, 0));
-    for (cell, tick) in [(first, 5), (second, 6), (first, 7)] {
-        places.visit(cell, Tick(tick));
-    }
-    let order = |cells: &[Cell]| cells.iter().copied().min_by_key(|&cell| places.visits(cell).1);
-    assert_eq!(order(&[first, second, third]), Some(third));
-    // It was visited less often, but that is not what counts.
-    assert_eq!(order(&[first, second]), Some(second));
-}
-
-#[test]
 fn settings_are_checked() {
     for text in ["visit_radius_m=-1", "visits_max=0", "search_time=soon", "search_ticks=0", "merge_m=x"] {
         let mut settings = Settings::parse(&[text.to_owned()]).unwrap();
