@@ -8,12 +8,16 @@ pub mod dsvp;
 pub mod dsvp_maes3d;
 #[cfg(test)]
 mod legal;
+pub mod lvd;
+pub mod lvd_maes3d;
 pub mod nearest_frontier;
 pub mod rbw;
 pub mod rbw_maes3d;
 #[cfg(test)]
 pub(crate) mod scene;
 pub mod settings;
+#[cfg(test)]
+mod tests_world;
 
 use msgs::ids::AgentId;
 use thiserror::Error;
@@ -57,16 +61,8 @@ pub enum ControllerError {
 }
 
 /// The names of all controllers.
-pub const NAMES: [&str; 8] = [
-    "nearest-frontier",
-    "rbw",
-    "rbw-maes3d",
-    "lvd",
-    "lvd-maes3d",
-    "dsvp",
-    "dsvp-auction",
-    "dsvp-maes3d",
-];
+pub const NAMES: [&str; 8] =
+    ["nearest-frontier", "rbw", "rbw-maes3d", "lvd", "lvd-maes3d", "dsvp", "dsvp-auction", "dsvp-maes3d"];
 
 /// Whether there is such a controller, and its settings are allowed.
 ///
@@ -90,6 +86,8 @@ pub fn build(
     let mut settings = Settings::parse(settings).map_err(unfit)?;
     let stream = |purpose| msgs::seed::stream(agents_seed, agent.0.into(), purpose);
     let controller: Box<dyn Controller> = match name {
+        "lvd" => Box::new(lvd::Lvd::new(&mut settings, stream("lvd")).map_err(unfit)?),
+        "lvd-maes3d" => Box::new(lvd_maes3d::LvdMaes3d::new()),
         "rbw" => Box::new(rbw::Rbw::new(&mut settings, stream("rbw")).map_err(unfit)?),
         "rbw-maes3d" => Box::new(rbw_maes3d::RbwMaes3d::new(stream("rbw-maes3d"))),
         "dsvp" => Box::new(dsvp::Dsvp::new(&mut settings, stream("dsvp")).map_err(unfit)?),

@@ -1,9 +1,11 @@
 //! Settings of a controller: `KEY=VALUE` texts, each of which the controller takes once.
 
 use std::collections::BTreeMap;
+use std::num::NonZeroU64;
 
 use thiserror::Error;
 
+use crate::path::Budgeted;
 use crate::travel::SearchTime;
 
 /// Why a setting does not fit.
@@ -80,26 +82,56 @@ impl Settings {
         }
     }
 
-    /// Takes `search_time`, what the search for a path costs: `instant` (nothing), `budgeted` (a tick for every 100 cells that are
-    /// looked at: the reference's default) or `background` (half a second); `instant` if it is not given.
+    /// Takes `search_time`, what the search for a path costs: `instant` (nothing, the default), `budgeted` (a tick for every
+    /// `search_cells_per_tick` cells that are looked at, 100 if not given, as in the reference) or `background` (`search_ticks`
+    /// ticks, 25 if not given).
     ///
     /// # Errors
-    /// If the value is another one.
+    /// If a value is not allowed.
     pub fn search_time(&mut self) -> Result<SearchTime, SettingError> {
-        const KEY: &str = "search_time";
-        self.known.push(KEY);
-        let Some(value) = self.left.remove(KEY) else {
-            return Ok(SearchTime::Instant);
+        let per_tick = Budgeted::PER_TICK.get();
+        let per_tick = self.integer("search_cells_per_tick", per_tick, 1, 1_000_000_000)?;
+        let ticks = self.integer("search_ticks", BACKGROUND_TICKS, 1, 1_000_000)?;
+        Ok(match self.word("search_time", &["instant", "budgeted", "background"])? {
+            0 => SearchTime::Instant,
+            1 => SearchTime::Budgeted(NonZeroU64::new(per_tick).unwrap_or(Budgeted::PER_TICK)),
+            _ => SearchTime::Background(ticks),
+        })
+    }
+
+    /// Takes a whole number from `low` to `high`.
+    ///
+    /// # Errors
+    /// If the value is no such number.
+    pub fn integer(&mut self, key: &'static str, default: u64, low: u64, high: u64) -> Result<u64, SettingError> {
+        self.known.push(key);
+        let Some(value) = self.left.remove(key) else {
+            return Ok(default);
         };
-        match value.as_str() {
-            "instant" => Ok(SearchTime::Instant),
-            "budgeted" => Ok(SearchTime::BUDGETED),
-            "background" => Ok(SearchTime::Background(BACKGROUND_TICKS)),
-            _ => {
-                let allowed = "expected instant, budgeted or background".to_owned();
-                Err(SettingError::Value { key: KEY.to_owned(), value, allowed })
-            }
+        match value.parse::<u64>() {
+            Ok(number) if (low..=high).contains(&number) => Ok(number),
+            _ => Err(SettingError::Value {
+                key: key.to_owned(),
+                value,
+                allowed: format!("expected a whole number from {low} to {high}"),
+            }),
         }
+    }
+
+    /// Takes one of several words, as its position among them. The default is the first one.
+    ///
+    /// # Errors
+    /// If the value is none of them.
+    pub fn word(&mut self, key: &'static str, allowed: &[&str]) -> Result<usize, SettingError> {
+        self.known.push(key);
+        let Some(value) = self.left.remove(key) else {
+            return Ok(0);
+        };
+        allowed.iter().position(|word| *word == value).ok_or_else(|| SettingError::Value {
+            key: key.to_owned(),
+            value,
+            allowed: format!("expected one of {}", allowed.join(", ")),
+        })
     }
 
     /// To be called when all known keys have been taken.
@@ -129,6 +161,23 @@ mod tests {
         assert_eq!(taken(&["search_time=budgeted"]), Ok(SearchTime::BUDGETED));
         assert_eq!(taken(&["search_time = background"]), Ok(SearchTime::Background(25)));
         let refused = taken(&["search_time=none"]).unwrap_err().to_string();
-        assert_eq!(refused, "setting search_time = none: expected instant, budgeted or background");
+        assert_eq!(refused, "setting search_time = none: expected one of instant, budgeted, background");
+    }
+
+    fn parsed(text: &str) -> Settings {
+        Settings::parse(&[text.to_owned()]).unwrap()
+    }
+
+    #[test]
+    fn whole_numbers_and_words_are_checked() {
+        assert_eq!(parsed("n=7").integer("n", 1, 0, 9), Ok(7));
+        assert_eq!(parsed("m=7").integer("n", 1, 0, 9), Ok(1));
+        let refused = parsed("n=1.5").integer("n", 1, 0, 9).unwrap_err();
+        assert_eq!(refused.to_string(), "setting n = 1.5: expected a whole number from 0 to 9");
+        assert!(parsed("n=10").integer("n", 1, 0, 9).is_err());
+        assert_eq!(parsed("w=b").word("w", &["a", "b"]), Ok(1));
+        assert_eq!(parsed("n=b").word("w", &["a", "b"]), Ok(0));
+        let refused = parsed("w=c").word("w", &["a", "b"]).unwrap_err();
+        assert_eq!(refused.to_string(), "setting w = c: expected one of a, b");
     }
 }

@@ -65,7 +65,7 @@ impl Params {
     pub fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
         let default = Self::default();
         let mut whole = |key, default: u32, low: u32, high: u32| {
-            settings.number(key, default.into(), low.into(), high.into()).map(|number| number.round() as u32)
+            settings.integer(key, default.into(), low.into(), high.into()).map(|number| number as u32)
         };
         let samples = whole("samples", default.samples, 1, 10_000)?;
         let frontiers = whole("frontiers", default.frontiers, 1, 1000)?;

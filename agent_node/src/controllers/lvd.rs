@@ -1,0 +1,323 @@
+//! Local Voronoi Decomposition: each agent explores what is nearer to it than to those it hears.
+//!
+//! After the papers on MAES3D (and Fu, Bandyopadhyay and Ang 2009, whom they follow), with the rules that their code leaves out.
+//! At each decision:
+//! 1. **Region.** A cell is the agent's own if no agent in contact is nearer to it (`region`).
+//! 2. **Exploration mode.** A cell is *unvisited* if it is free and not covered; the agent covers the free cells that it sees
+//!    within a small radius, and shares the marks with its map. It goes to the nearest unvisited cell of its own region that the
+//!    last scan has seen (`exploring`).
+//! 3. **Search mode**, if there is none: it goes to an occlusion point, preferably one it has never visited, else the one it has
+//!    not visited for the longest time; else to the nearest boundary of its region; else to the nearest unvisited cell that it
+//!    knows a way to; else it waits for news (`searching`). It leaves search mode as soon as it sees an unvisited cell in its
+//!    own region.
+//!
+//! Invariants: it asks for nothing that is refused, whatever it observes; nothing it does takes longer than going through the
+//! known free cells once. What differs from the reference as coded: docs/reference-differences.md, and [`super::lvd_maes3d`].
+
+pub(crate) mod exploring;
+pub(crate) mod flood;
+pub(crate) mod last_scan;
+pub(crate) mod occlusion;
+pub(crate) mod places;
+pub(crate) mod region;
+pub(crate) mod searching;
+pub(crate) mod sights;
+
+use msgs::ids::Tick;
+use msgs::maes_msgs::Wake as Events;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use voxels::Cell;
+
+use super::settings::{SettingError, Settings};
+use super::{Controller, Ctx};
+use crate::command::{Command, Motion, Wake};
+use crate::exploration_map::CellState;
+use crate::observation::Observation;
+use crate::travel::{Journey, SearchTime};
+use flood::Flood;
+use last_scan::LastScan;
+use places::Places;
+use region::Region;
+
+/// What ends a leg, and what can change the mind of an agent under way.
+const UNDER_WAY: u8 = Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL;
+
+/// How long an agent without a goal waits for news at a time: 5 s, as the reference's map sharing.
+const WAIT_TICKS: u64 = 250;
+
+/// How long a cell is left alone to which there was no way, or on the way to which something was hit: 30 s.
+const REFUSAL_TICKS: u64 = 1500;
+
+/// A goal among fewer cells that is cut off is found to be so without a search for a path.
+const POCKET_CELLS_MAX: usize = 4096;
+
+/// Waits after a collision are drawn from half a second to two and a half.
+const DODGE_TICKS: std::ops::Range<u64> = 25..125;
+
+/// Why the agent goes where it goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    /// To an unvisited cell in sight.
+    Explore,
+    /// To an occlusion point.
+    LookBehind,
+    /// To the boundary of its region.
+    Boundary,
+    /// To an unvisited cell it knows of.
+    Remembered,
+    /// Out of somebody's way.
+    Dodge,
+}
+
+impl Purpose {
+    fn is_search(self) -> bool {
+        matches!(self, Self::LookBehind | Self::Boundary | Self::Remembered)
+    }
+
+    fn text(self) -> &'static str {
+        match self {
+            Self::Explore => "exploring",
+            Self::LookBehind => "search mode: looking behind a corner",
+            Self::Boundary => "search mode: to the boundary of the region",
+            Self::Remembered => "search mode: back to what is unvisited",
+            Self::Dodge => "making way",
+        }
+    }
+}
+
+/// One agent's exploration.
+#[derive(Debug)]
+pub struct Lvd {
+    rng: ChaCha8Rng,
+    visit_radius_m: f64,
+    near_m: f64,
+    leg_max_m: f64,
+    visits_max: u64,
+    search_time: SearchTime,
+    scan: LastScan,
+    flood: Flood,
+    places: Places,
+    /// Where the agent is going, and why.
+    errand: Option<(Cell, Purpose)>,
+    /// Cells it does not try until then.
+    refused: Vec<(Cell, Tick)>,
+    waits_until: Tick,
+    has_asked_for_view: bool,
+    said: String,
+}
+
+impl Lvd {
+    /// Settings:
+    /// - `visit_radius_m`: free cells seen from so near, and from at most 24 cells, are visited (reference: 3.75; in one of its
+    ///   branches 6.75);
+    /// - `leg_max_m`: how far a straight leg may go on through unvisited cells (ours, 20; reference, and 0: to the nearest one);
+    /// - `near_m`: of 26 directions, those whose nearest unvisited cell is farther than the nearest one of all by no more than
+    ///   this are as good, and the longest leg decides, then their order (ours, 4; reference, and 0: the nearest cell alone);
+    /// - `merge_m`: occlusion points so near to each other are one (ours, 3.75; the paper merges near ones, without a number);
+    /// - `visits_max`: how often search mode goes to the same place (ours, 3);
+    /// - `search_time`, `search_ticks`, `search_cells_per_tick`: see [`Settings::search_time`].
+    ///
+    /// # Errors
+    /// If a setting is not allowed.
+    pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
+        let visit_radius_m = settings.number("visit_radius_m", 3.75, 0.0, 1e6)?;
+        let near_m = settings.number("near_m", 4.0, 0.0, 1e6)?;
+        let leg_max_m = settings.number("leg_max_m", 20.0, 0.0, 1e6)?;
+        let merge_m = settings.number("merge_m", 3.75, 0.0, 1e6)?;
+        let visits_max = settings.integer("visits_max", 3, 1, u64::from(u32::MAX))?;
+        let search_time = settings.search_time()?;
+        Ok(Self {
+            rng,
+            visit_radius_m,
+            near_m,
+            leg_max_m,
+            visits_max,
+            search_time,
+            scan: LastScan::default(),
+            flood: Flood::default(),
+            places: Places::new(merge_m),
+            errand: None,
+            refused: Vec::new(),
+            waits_until: Tick::ZERO,
+            has_asked_for_view: false,
+            said: String::new(),
+        })
+    }
+
+    fn goes_on(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, goal: Cell, purpose: Purpose) -> Command {
+        self.errand = Some((goal, purpose));
+        let is_cut_off = !ctx.is_clear_to(goal) && self.flood.is_cut_off(ctx.map(), goal, ctx.cell(), POCKET_CELLS_MAX);
+        let journey = if is_cut_off { Journey::NoWay } else { ctx.go_to_cell(goal, self.search_time) };
+        match journey {
+            Journey::Go(motion) => {
+                let command = Command::new(motion, Wake::on(UNDER_WAY));
+                let centre = ctx.map().extent().centre(goal);
+                let text =
+                    format!("destination ({:.2}, {:.2}, {:.2}), {}", centre.x, centre.y, centre.z, purpose.text());
+                self.saying(command, text)
+            }
+            Journey::Searching(wake) => Command::keep(wake),
+            Journey::NoWay => {
+                self.refuse(goal, observation.tick);
+                self.errand = None;
+                self.asks_for_view(observation)
+            }
+        }
+    }
+
+    fn saying(&mut self, command: Command, text: String) -> Command {
+        if text == self.said {
+            return command;
+        }
+        self.said = text;
+        command.saying(self.said.clone())
+    }
+
+    fn asks_for_view(&mut self, observation: &Observation) -> Command {
+        self.has_asked_for_view = true;
+        Command::keep(Wake::at(observation.tick.next())).asking_for_view()
+    }
+
+    /// Ends the present task to choose again with the view of the last scan.
+    fn breaks_off(&mut self) -> Command {
+        self.errand = None;
+        self.has_asked_for_view = true;
+        Command::new(Motion::Stop, Wake::NEXT_TICK).asking_for_view()
+    }
+
+    fn refuse(&mut self, cell: Cell, now: Tick) {
+        self.refused.push((cell, now.after(REFUSAL_TICKS)));
+    }
+
+    fn while_active(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Command {
+        let keep = Command::keep(Wake::on(UNDER_WAY));
+        let Some((goal, purpose)) = self.errand else { return keep };
+        let is_done = match purpose {
+            Purpose::Explore | Purpose::Remembered => ctx.map().state(goal) == CellState::Covered,
+            Purpose::LookBehind | Purpose::Boundary | Purpose::Dodge => false,
+        };
+        if is_done || purpose.is_search() && self.sees_unvisited(observation, ctx) {
+            return self.breaks_off();
+        }
+        keep
+    }
+
+    /// Whether a cell that was seen for the first time since the last observation is unvisited and in the own region.
+    fn sees_unvisited(&self, observation: &Observation, ctx: &Ctx<'_>) -> bool {
+        let extent = ctx.map().extent();
+        let region = Region::new(observation, ctx);
+        observation.seen.free.iter().any(|&index| {
+            let cell = extent.cell_at(index as usize);
+            ctx.map().state(cell) == CellState::Free
+                && region.holds(&extent.centre(cell))
+                && !is_refused(&self.refused, cell)
+        })
+    }
+
+    /// Waits or steps aside at random, so that two agents in each other's way do not do the same for ever.
+    fn dodges(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        if let Some((goal, _)) = self.errand.take() {
+            self.refuse(goal, observation.tick);
+        }
+        let asides: Vec<Cell> = ctx.cell().neighbours26().into_iter().filter(|&cell| ctx.is_clear_to(cell)).collect();
+        if !asides.is_empty() && self.rng.random_bool(0.5) {
+            let aside = asides[self.rng.random_range(0..asides.len())];
+            return self.goes_on(observation, ctx, aside, Purpose::Dodge);
+        }
+        self.waits_until = observation.tick.after(self.rng.random_range(DODGE_TICKS));
+        Command::keep(Wake::at(self.waits_until))
+    }
+
+    fn chooses(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let region = Region::new(observation, ctx);
+        if let Some(goal) = self.nearest_unvisited(ctx, &region) {
+            return self.goes_on(observation, ctx, goal, Purpose::Explore);
+        }
+        let search = searching::Search {
+            ctx: &*ctx,
+            scan: &self.scan,
+            region: &region,
+            places: &self.places,
+            visits_max: self.visits_max,
+            is_refused: &|cell| is_refused(&self.refused, cell),
+        };
+        let errand = search
+            .occlusion_point()
+            .map(|goal| (goal, Purpose::LookBehind))
+            .or_else(|| search.boundary().map(|goal| (goal, Purpose::Boundary)))
+            .or_else(|| search.nearest_on_map(&mut self.flood).map(|goal| (goal, Purpose::Remembered)));
+        match errand {
+            Some((goal, purpose)) => self.goes_on(observation, ctx, goal, purpose),
+            None => {
+                self.errand = None;
+                let wake = Wake { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
+                self.saying(Command::keep(wake), "nothing left to do, waiting for news".to_owned())
+            }
+        }
+    }
+
+    fn nearest_unvisited(&self, ctx: &Ctx<'_>, region: &Region) -> Option<Cell> {
+        let compass = exploring::compass(ctx, &self.scan, region, |cell| is_refused(&self.refused, cell));
+        let extent = ctx.map().extent();
+        let in_m = |squared_cells: i32| f64::from(squared_cells).sqrt() * extent.cell_m();
+        let nearest_m = compass.iter().flatten().map(|&(distance, _)| in_m(distance)).min_by(f64::total_cmp)?;
+        let near = compass.iter().flatten().filter(|&&(distance, _)| in_m(distance) <= nearest_m + self.near_m);
+        let legs =
+            near.map(|&(_, cell)| exploring::leg_through(ctx, region, cell, self.leg_max_m, self.visit_radius_m));
+        // Of several, the first one in the order of the compass.
+        let longest = legs.fold(None, |best: Option<exploring::Leg>, leg| match best {
+            Some(best) if best.length_m >= leg.length_m => Some(best),
+            _ => Some(leg),
+        });
+        longest.map(|leg| leg.goal)
+    }
+}
+
+fn is_refused(refused: &[(Cell, Tick)], cell: Cell) -> bool {
+    refused.iter().any(|&(other, _)| other == cell)
+}
+
+impl Controller for Lvd {
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let now = observation.tick;
+        if !ctx.map().extent().contains(ctx.cell()) {
+            return Command::keep(Wake::at(now.after(WAIT_TICKS)));
+        }
+        self.refused.retain(|&(_, until)| until > now);
+        if let Some(view) = &observation.view {
+            self.scan.load(ctx.map().extent(), view);
+        }
+        sights::mark_visited(ctx, self.visit_radius_m);
+        if observation.is_active {
+            return self.while_active(observation, ctx);
+        }
+        if now < self.waits_until {
+            return Command::keep(Wake::at(self.waits_until));
+        }
+        if observation.events & Events::COLLISION != 0 {
+            return self.dodges(observation, ctx);
+        }
+        if let Some((goal, purpose)) = self.errand {
+            if observation.events & Events::TASK_DONE == 0 {
+                // The way there is being searched for.
+                return self.goes_on(observation, ctx, goal, purpose);
+            }
+            self.errand = None;
+            if purpose.is_search() {
+                self.places.visit(goal, now);
+            }
+            if purpose == Purpose::Explore && ctx.map().state(goal) == CellState::Free {
+                self.refuse(goal, now);
+            }
+        }
+        if observation.view.is_none() && (observation.scan_tick.is_none() || !self.has_asked_for_view) {
+            return self.asks_for_view(observation);
+        }
+        self.has_asked_for_view = false;
+        self.chooses(observation, ctx)
+    }
+}
+
+#[cfg(test)]
+mod tests;

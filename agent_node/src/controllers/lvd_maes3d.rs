@@ -1,0 +1,216 @@
+//! Local Voronoi Decomposition as it is coded in MAES3D, for comparison with its results.
+//!
+//! Axes: our x is its x, our y its z, our z its y. What it does that [`super::lvd`] does not:
+//! - it acts a tick late after a task that ended by itself, and at the start: there the status becomes idle only then;
+//! - it looks at the view of the last scan alone, which may be from another place, and goes to the single nearest cell;
+//! - of cells that are equally near, the first in ray order counts: rays go from the +z side (our +y) to the other;
+//! - the region is that of cell centres, and cells between two agents belong to both;
+//! - search mode ends with any visible cell that was not covered, in whosever region, by going to the centre of the own cell;
+//! - selections of an occlusion point are counted, not visits, and if all were selected before, the one listed last counts;
+//! - points near each other are not merged, and there is no other thing to do: it stays and tries again in each tick;
+//! - a wall at the edge of the map that is seen in search mode is an error, and the agent does nothing in that tick.
+//!
+//! What cannot be reproduced: the order of rays on the same circle about the pole (here: upwards, then along x), the walls that
+//! are listed once for each of their rays (here once), a look at the true map for a straight way (here the own map is asked), the
+//! time that a search on another thread takes (here none), and paths that are some cells longer than need be.
+
+use std::collections::BTreeMap;
+
+use msgs::ids::Tick;
+use msgs::maes_msgs::Wake as Events;
+use nalgebra::Point3;
+use voxels::{Cell, Extent};
+
+use super::lvd::last_scan::LastScan;
+use super::lvd::occlusion;
+use super::lvd::places::squared;
+use super::{Controller, Ctx};
+use crate::command::{Command, Motion, Wake};
+use crate::exploration_map::CellState;
+use crate::observation::Observation;
+use crate::path::Neighbours;
+use crate::travel::{Journey, SearchTime};
+
+/// Cells seen from so near are visited, in cells.
+const VISIT_RADIUS_CELLS: f64 = 3.75;
+
+const UNDER_WAY: u8 = Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL;
+
+/// The reference would have looked at a cell outside the map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct OutOfBounds;
+
+/// One agent's exploration.
+#[derive(Debug, Clone, Default)]
+pub struct LvdMaes3d {
+    scan: LastScan,
+    /// How often an occlusion point was selected.
+    selections: BTreeMap<Cell, u64>,
+    is_in_search_mode: bool,
+    destination: Option<Point3<f64>>,
+    /// The tick in which the end of the present task is noticed.
+    notices_at: Option<Tick>,
+    said: String,
+}
+
+impl LvdMaes3d {
+    /// It has no settings.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Marks what is near and in view as visited; gives whether anything in view was not.
+    fn visits(&self, ctx: &mut Ctx<'_>) -> bool {
+        let extent = ctx.map().extent();
+        let own = ctx.cell();
+        let mut is_any_unvisited = false;
+        for &index in self.scan.free() {
+            let cell = extent.cell_at(index as usize);
+            if ctx.map().state(cell) == CellState::Free {
+                is_any_unvisited = true;
+                if f64::from(squared(cell - own)) <= VISIT_RADIUS_CELLS * VISIT_RADIUS_CELLS {
+                    ctx.mark_covered(cell);
+                }
+            }
+        }
+        is_any_unvisited
+    }
+
+    fn nearest_unvisited(&self, ctx: &Ctx<'_>, others: &[Cell]) -> Option<Cell> {
+        let extent = ctx.map().extent();
+        let own = ctx.cell();
+        let cells = self.scan.free().iter().map(|&index| extent.cell_at(index as usize));
+        let unvisited = cells.filter(|&cell| ctx.map().state(cell) == CellState::Free);
+        unvisited.filter(|&cell| is_own(own, others, cell)).min_by_key(|&cell| {
+            let offset = cell - own;
+            (squared(offset), -offset.y, offset.z, offset.x)
+        })
+    }
+
+    /// The occlusion point to go to, which is counted as selected.
+    fn occlusion_point(&mut self, extent: Extent, own: Cell, others: &[Cell]) -> Result<Option<Cell>, OutOfBounds> {
+        let mut nearest: Option<(i32, Cell)> = None;
+        let mut last = None;
+        let inside = |cell: Cell| if extent.contains(cell) { Ok(cell) } else { Err(OutOfBounds) };
+        for wall in self.walls_in_ray_order(extent, own) {
+            let is_wall = |cell| Ok(self.scan.is_wall(extent, inside(cell)?));
+            occlusion::candidates(own, wall, is_wall, |cell| {
+                if !self.scan.is_free(extent, inside(cell)?) || !is_own(own, others, cell) {
+                    return Ok(());
+                }
+                let distance = squared(cell - own);
+                let was_selected = self.selections.get(&cell).is_some_and(|&selections| selections > 0);
+                if !was_selected && nearest.is_none_or(|(least, _)| distance < least) {
+                    nearest = Some((distance, cell));
+                } else {
+                    last = Some(cell);
+                }
+                Ok(())
+            })?;
+        }
+        let point = nearest.map(|(_, cell)| cell).or(last);
+        if let Some(point) = point {
+            *self.selections.entry(point).or_default() += 1;
+        }
+        Ok(point)
+    }
+
+    /// The walls in view by their angle from our +y, then upwards, then along x.
+    fn walls_in_ray_order(&self, extent: Extent, own: Cell) -> Vec<Cell> {
+        let along_pole = |cell: Cell| f64::from((cell - own).y) / f64::from(squared(cell - own).max(1)).sqrt();
+        let walls = self.scan.wall().iter().map(|&index| extent.cell_at(index as usize));
+        let mut walls: Vec<(f64, Cell)> = walls.map(|cell| (along_pole(cell), cell)).collect();
+        walls.sort_by(|(one, a), (other, b)| other.total_cmp(one).then(a.cmp(b)));
+        walls.into_iter().map(|(_, cell)| cell).collect()
+    }
+
+    fn goes_to(&mut self, ctx: &mut Ctx<'_>, cell: Cell) -> Command {
+        match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
+            Journey::Go(motion) => self.sets_out(ctx, cell, motion),
+            // It becomes idle again.
+            Journey::Searching(_) | Journey::NoWay => looks_again(Wake::NEXT_TICK),
+        }
+    }
+
+    fn sets_out(&mut self, ctx: &Ctx<'_>, cell: Cell, motion: Motion) -> Command {
+        self.notices_at = None;
+        self.destination = Some(ctx.map().extent().centre(cell));
+        let command = Command::new(motion, Wake::on(UNDER_WAY)).asking_for_view();
+        self.saying(command)
+    }
+
+    fn goes_to_own_centre(&mut self, ctx: &Ctx<'_>) -> Command {
+        let own = ctx.cell();
+        self.sets_out(ctx, own, Motion::Path(vec![ctx.map().extent().centre(own)]))
+    }
+
+    fn saying(&mut self, command: Command) -> Command {
+        let Some(to) = self.destination else { return command };
+        let mode = if self.is_in_search_mode { "search mode" } else { "exploration mode" };
+        let text = format!("destination ({:.1}, {:.1}, {:.1}), {mode}", to.x, to.y, to.z);
+        if text == self.said {
+            return command;
+        }
+        self.said.clone_from(&text);
+        command.saying(text)
+    }
+
+    fn chooses(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let extent = ctx.map().extent();
+        let others = observation.contacts.iter().map(|contact| extent.cell_of(&contact.position));
+        let others: Vec<Cell> = others.filter(|&cell| extent.contains(cell)).collect();
+        if let Some(cell) = self.nearest_unvisited(ctx, &others) {
+            return self.goes_to(ctx, cell);
+        }
+        self.is_in_search_mode = true;
+        match self.occlusion_point(extent, ctx.cell(), &others) {
+            Ok(Some(cell)) => self.goes_to(ctx, cell),
+            Ok(None) | Err(OutOfBounds) => looks_again(Wake::NEXT_TICK),
+        }
+    }
+}
+
+fn looks_again(wake: Wake) -> Command {
+    Command::keep(wake).asking_for_view()
+}
+
+/// Whether no other agent's cell is nearer to a cell than the own one.
+fn is_own(own: Cell, others: &[Cell], cell: Cell) -> bool {
+    let distance = squared(cell - own);
+    others.iter().all(|&other| squared(cell - other) >= distance)
+}
+
+impl Controller for LvdMaes3d {
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let now = observation.tick;
+        let extent = ctx.map().extent();
+        if !extent.contains(ctx.cell()) {
+            return looks_again(Wake::at(now.next()));
+        }
+        if let Some(view) = &observation.view {
+            self.scan.load(extent, view);
+        }
+        let is_idle = !observation.is_active && {
+            let notices_at = *self.notices_at.get_or_insert(now.next());
+            observation.collision.is_some() || now >= notices_at
+        };
+        if is_idle || observation.events & Events::NEW_CELL != 0 {
+            let is_any_unvisited = self.visits(ctx);
+            if self.is_in_search_mode && is_any_unvisited {
+                self.is_in_search_mode = false;
+                // That changes no status, so who is idle goes on and chooses; who then has nowhere to go stays with it.
+                let chosen = if is_idle { self.chooses(observation, ctx) } else { looks_again(Wake::NEXT_TICK) };
+                return if chosen.motion == Motion::Keep { self.goes_to_own_centre(ctx) } else { chosen };
+            }
+        }
+        match (observation.is_active, is_idle) {
+            (true, _) => looks_again(Wake::on(UNDER_WAY)),
+            (false, true) => self.chooses(observation, ctx),
+            (false, false) => looks_again(Wake::at(now.next())),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
