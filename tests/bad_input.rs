@@ -132,7 +132,7 @@ fn controllers_and_their_settings() {
         };
         let unknown = run(&["--controller", "rwb"]).stderr;
         assert!(
-            unknown.contains("error: controller rwb: unknown; known are lvd, lvd-maes3d, rbw, rbw-maes3d"),
+            unknown.contains("error: controller rwb: unknown; known are rbw, rbw-maes3d"),
             "{transport}: {unknown}"
         );
         let setting = run(&["--set", "agents.set.pitch_max_rad=9"]).stderr;
@@ -150,7 +150,7 @@ fn an_unknown_controller_leaves_no_recording() {
     for transport in ["ros2", "memory"] {
         let flags = ["--transport", transport, "--controller", "rwb", "--record", text(&file)];
         let ended = Process::start(&mut site.run_sh(&flags)).ended();
-        assert_bad_input(&ended, &["controller rwb: unknown; known are lvd, lvd-maes3d, rbw, rbw-maes3d"]);
+        assert_bad_input(&ended, &["controller rwb: unknown; known are rbw, rbw-maes3d"]);
         assert!(!file.exists(), "{transport}");
     }
 }

@@ -62,7 +62,7 @@ pub enum ControllerError {
 
 /// The names of all controllers.
 pub const NAMES: [&str; 8] =
-    ["nearest-frontier", "rbw", "rbw-maes3d", "lvd", "lvd-maes3d", "dsvp", "dsvp-auction", "dsvp-maes3d"];
+    ["rbw", "rbw-maes3d", "lvd", "lvd-maes3d", "dsvp", "dsvp-maes3d", "dsvp-auction", "nearest-frontier"];
 
 /// Whether there is such a controller, and its settings are allowed.
 ///

@@ -88,6 +88,8 @@ pub struct Dsvp {
     peers: BTreeMap<AgentId, Peer>,
     /// Frontiers that have been looked at from as near as can be, to no avail.
     given_up: BTreeSet<Cell>,
+    /// Viewpoints from which a scan did not show what they were chosen for.
+    barren: BTreeSet<Cell>,
 }
 
 /// What the planner knows of the map in its own way.
@@ -140,6 +142,7 @@ impl Dsvp {
             rests_since: None,
             peers: BTreeMap::new(),
             given_up: BTreeSet::new(),
+            barren: BTreeSet::new(),
         }
     }
 
@@ -306,7 +309,17 @@ impl Dsvp {
         };
         tree.grow(map, &growth, &ahead, others, &mut self.rng);
         let (auction, cell_m) = (sight.auction.as_ref(), map.extent().cell_m());
+        if let Some(Goal::Viewpoint { cell, .. }) = self.goal
+            && cell == here
+            && sight.viewer.gain(map, here) >= self.params.gain_min
+        {
+            self.barren.insert(here);
+        }
+        let barren = &self.barren;
         let worth = |cell: Cell, way_m: f64| {
+            if barren.contains(&cell) {
+                return 0.0;
+            }
             auction.map_or(1.0, |auction| auction.worth(cell, way_m, observation.tick, cell_m))
         };
         let branch = tree.best(map, &mut sight.viewer, &self.params.valuation(), self.direction, &worth);

@@ -189,3 +189,111 @@ fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Option<Vec<(AgentId, Cla
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+
+    const TERMS: Terms =
+        Terms { spread_m: 10.0, discount: 0.9, trespass_m: 40.0, detour: 1.3, pace_m_s: 0.8, lease_ticks: 1500 };
+
+    fn extent() -> Extent {
+        Extent::new([50; 3], 1.0).unwrap()
+    }
+
+    fn told(from: &Auction) -> Vec<Received> {
+        vec![Received { from: from.own, kind: CLAIMS_PARCEL, data: from.parcel(extent()) }]
+    }
+
+    /// Two agents that claim something; each has heard the other.
+    fn two(claims: [(Cell, f64); 2]) -> [Auction; 2] {
+        let mut pair = [AgentId(3), AgentId(1)].map(|agent| Auction::new(TERMS, agent));
+        for (auction, (cell, way_m)) in pair.iter_mut().zip(claims) {
+            auction.claim(cell, way_m, Tick(100));
+        }
+        let parcels = [told(&pair[1]), told(&pair[0])];
+        for (auction, parcels) in pair.iter_mut().zip(&parcels) {
+            auction.hear(parcels, Tick(101), extent(), 4);
+        }
+        pair
+    }
+
+    const GOAL: Cell = Cell { x: 20, y: 20, z: 20 };
+    const BESIDE: Cell = Cell { x: 22, y: 20, z: 20 };
+    const FAR: Cell = Cell { x: 45, y: 20, z: 20 };
+
+    #[test]
+    fn of_two_with_the_same_goal_the_nearer_one_keeps_it_and_the_lower_id_if_none_is() {
+        let is_outbid = |pair: [Auction; 2]| pair.map(|auction| auction.is_outbid(Tick(101), 1.0));
+        assert_eq!(is_outbid(two([(GOAL, 5.0), (BESIDE, 9.0)])), [false, true]);
+        assert_eq!(is_outbid(two([(GOAL, 9.0), (BESIDE, 5.0)])), [true, false]);
+        assert_eq!(is_outbid(two([(GOAL, 5.0), (GOAL, 5.0)])), [true, false]);
+        assert_eq!(is_outbid(two([(GOAL, 9.0), (FAR, 5.0)])), [false, false]);
+    }
+
+    #[test]
+    fn what_another_has_claimed_is_worth_less_and_costs_more_the_nearer_it_is() {
+        let [_, auction] = two([(GOAL, 5.0), (FAR, 9.0)]);
+        let worth = |cell| auction.worth(cell, 30.0, Tick(101), 1.0);
+        assert!(worth(GOAL) < 0.2 && worth(GOAL) < worth(BESIDE) && worth(BESIDE) < 0.2, "{}", worth(BESIDE));
+        assert!(worth(Cell::new(2, 2, 2)) > 0.9);
+        let penalty_m = |cell, way_m| auction.penalty_m(cell, way_m, &[], Tick(101), 1.0);
+        assert_eq!(penalty_m(GOAL, 30.0), 40.0);
+        assert_eq!(penalty_m(BESIDE, 30.0), 40.0, "it will be there sooner");
+        assert!(penalty_m(BESIDE, 1.0) < 40.0, "but not if this one is there at once");
+        assert!(penalty_m(FAR, 20.0) < 0.1);
+    }
+
+    #[test]
+    fn an_agent_without_a_goal_has_the_frontiers_beside_it() {
+        let auction = Auction::new(TERMS, AgentId(0));
+        let contact = Contact { agent: AgentId(1), position: Point3::new(20.5, 20.5, 20.5) };
+        assert_eq!(auction.penalty_m(BESIDE, 30.0, &[contact], Tick(1), 1.0), 40.0);
+        assert_eq!(auction.penalty_m(BESIDE, 1.0, &[contact], Tick(1), 1.0), 0.0);
+    }
+
+    #[test]
+    fn a_claim_is_remembered_without_contact_until_its_lease_is_over() {
+        let [mut auction, _] = two([(FAR, 5.0), (GOAL, 8.0)]);
+        // 8 m at 0.8 m/s are 10 s, and 30 s more: 2000 ticks.
+        auction.hear(&[], Tick(2099), extent(), 4);
+        assert!(auction.worth(GOAL, 30.0, Tick(2099), 1.0) < 0.2);
+        auction.hear(&[], Tick(2100), extent(), 4);
+        assert_eq!(auction.worth(GOAL, 30.0, Tick(2100), 1.0), 1.0);
+    }
+
+    #[test]
+    fn claims_are_passed_on_and_the_latest_counts() {
+        let [first, mut second] = two([(GOAL, 5.0), (FAR, 5.0)]);
+        let mut third = Auction::new(TERMS, AgentId(2));
+        third.hear(&told(&second), Tick(102), extent(), 4);
+        assert!(third.worth(GOAL, 30.0, Tick(102), 1.0) < 0.2, "the first one's, from the second one");
+        second.claim(BESIDE, 1.0, Tick(103));
+        third.hear(&told(&second), Tick(104), extent(), 4);
+        third.hear(&told(&first), Tick(105), extent(), 4);
+        assert_eq!(third.claims[&AgentId(1)].cell, BESIDE, "the older word of the first one changes nothing");
+    }
+
+    #[test]
+    fn malformed_parcels_and_endless_leases_change_little() {
+        let [auction, _] = two([(GOAL, 5.0), (FAR, 5.0)]);
+        let good = auction.parcel(extent());
+        let heard = |data: Vec<u8>| {
+            let mut listener = Auction::new(TERMS, AgentId(0));
+            listener.hear(&[Received { from: AgentId(1), kind: CLAIMS_PARCEL, data }], Tick(200), extent(), 4);
+            listener.claims
+        };
+        assert_eq!(heard(good.clone()).len(), 2);
+        assert!(heard(Vec::new()).is_empty());
+        assert!(heard(good[..good.len() - 1].to_vec()).is_empty());
+        assert!(heard([&[9], &good[1..]].concat()).is_empty());
+        let mut outside = good.clone();
+        outside[5..9].copy_from_slice(&u32::MAX.to_le_bytes());
+        assert!(heard(outside).is_empty());
+        let mut endless = good;
+        endless[21..29].copy_from_slice(&u64::MAX.to_le_bytes());
+        assert!(heard(endless).values().all(|claim| claim.ends <= Tick(200 + LEASE_TICKS_MAX)));
+    }
+}

@@ -1,1 +1,234 @@
+use msgs::ids::AgentId;
+use nalgebra::Point3;
+use proptest::prelude::*;
+use voxels::{Extent, Grid, Terrain};
 
+use super::super::tests_world::{TestWorld, briefing};
+use super::*;
+use crate::exploration_map::{CellState, Delta, ExplorationMap};
+use crate::observation::Contact;
+use crate::path::direct;
+use crate::travel::Travel;
+use tree::Growth;
+
+fn planner(settings: &[&str]) -> Dsvp {
+    let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
+    Dsvp::new(&mut Settings::parse(&settings).unwrap(), msgs::seed::stream(1, 0, "test")).unwrap()
+}
+
+fn bidder(agent: u32) -> Dsvp {
+    Dsvp::with_auction(&mut Settings::default(), msgs::seed::stream(1, agent.into(), "test")).unwrap()
+}
+
+const CORRIDOR: &str = "
+####################
+#..................#
+####################";
+
+const T: &str = "
+#############
+#...........#
+######.######
+######.######
+######.######
+######.######
+#############";
+
+const ROOMS: &str = "
+################
+#......#.......#
+#......#.......#
+#..............#
+#......#.......#
+#......#.......#
+################";
+
+const PIT: &str = "
+#########
+####.####
+#########
+
+#########
+####.####
+#########
+
+#########
+####.####
+#########
+
+#########
+#.......#
+#########";
+
+#[test]
+fn explores_all_there_is() {
+    let (low, in_the_middle) = (Cell::new(1, 1, 0), Cell::new(6, 1, 0));
+    for (name, drawing, start) in [
+        ("corridor", CORRIDOR, low),
+        ("corridor, from the middle", CORRIDOR, in_the_middle),
+        ("T", T, in_the_middle),
+        ("two rooms", ROOMS, low),
+        ("pit", PIT, Cell::new(1, 1, 3)),
+    ] {
+        for (kind, mut controller) in [("dsvp", planner(&[])), ("dsvp-auction", bidder(0))] {
+            let mut world = TestWorld::new(drawing.trim_start(), start);
+            world.run(&mut controller, 2000);
+            let left = world.left(&[CellState::Free, CellState::Covered]);
+            assert!(left.is_empty(), "{kind}, {name}: {left:?}, {:?}", world.said);
+        }
+    }
+}
+
+#[test]
+fn relocates_when_nothing_is_to_be_gained_nearby() {
+    let mut world = TestWorld::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
+    // No viewpoint is worth so much.
+    let mut controller = planner(&["gain_min=1000"]);
+    world.run(&mut controller, 2000);
+    assert_eq!(world.left(&[CellState::Free, CellState::Covered]), []);
+    let is_relocation = |said: &String| said.starts_with("relocation");
+    assert!(world.said.iter().any(is_relocation), "{:?}", world.said);
+    assert!(!world.said.iter().any(|said| said.starts_with("exploration")), "{:?}", world.said);
+}
+
+#[test]
+fn a_frontier_that_was_given_up_comes_back_to_life_with_news_from_beyond() {
+    // A corridor of which the sensor shows no more, although there is more.
+    let extent = Extent::new([12, 1, 1], 1.0).unwrap();
+    let mut map = ExplorationMap::new(extent);
+    map.note_free(&[0, 1, 2, 3, 4, 5]);
+    let mut observation = super::super::tests::idle();
+    observation.pose.position = extent.centre(Cell::new(5, 0, 0));
+    let briefing = briefing(extent);
+    let mut travel = Travel::new(0.4, 1.0);
+    let mut controller = planner(&[]);
+    let mut ask = |map: &mut ExplorationMap| {
+        observation.scan_tick = Some(observation.tick);
+        let mut ctx = Ctx::new(AgentId(1), &briefing, &observation, map, &mut travel);
+        let command = controller.decide(&observation, &mut ctx);
+        observation.tick = observation.tick.next();
+        command.info
+    };
+    let said = ask(&mut map);
+    assert!(!said.starts_with("relocation"), "it stands at the frontier: {said:?}");
+    let mut other = ExplorationMap::new(extent);
+    other.note_free(&[6, 7, 8]);
+    map.merge(&Delta::of(extent, other.changes_since(0)), AgentId(0));
+    let said = ask(&mut map);
+    assert!(["exploration to (7, 0, 0)", "exploration to (8, 0, 0)"].iter().any(|to| said.starts_with(to)), "{said}");
+}
+
+#[test]
+fn a_viewpoint_that_shows_less_than_was_hoped_is_not_chosen_again() {
+    // It has come there, and the scan has shown nothing.
+    let cell = Cell::new(6, 4, 0);
+    let extent = Extent::new([12, 12, 1], 1.0).unwrap();
+    let mut observation = super::super::tests::idle();
+    observation.pose.position = extent.centre(cell);
+    observation.scan_tick = Some(observation.tick);
+    let mut blind = Dsvp { goal: Some(Goal::Viewpoint { cell, gain: 9 }), ..planner(&["gain_min=1"]) };
+    let mut map = ExplorationMap::new(extent);
+    map.note_covered(cell);
+    let briefing = briefing(extent);
+    let mut travel = Travel::new(0.4, 1.0);
+    let mut ctx = Ctx::new(AgentId(1), &briefing, &observation, &mut map, &mut travel);
+    blind.decide(&observation, &mut ctx);
+    assert!(blind.barren.contains(&cell));
+}
+
+#[test]
+fn carries_its_news_to_the_agent_it_met_last_and_then_anywhere() {
+    let mut world = TestWorld::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
+    let met_at = Point3::new(13.5, 4.5, 0.5);
+    world.contacts = vec![Contact { agent: AgentId(2), position: met_at }];
+    let mut controller = planner(&[]);
+    world.ask(&mut controller);
+    world.contacts.clear();
+    world.run(&mut controller, 2000);
+    let with_news: Vec<&String> = world.said.iter().filter(|said| said.starts_with("with news")).collect();
+    assert_eq!(with_news[0], "with news to agent 2, last at (13, 4, 0)");
+    assert!(with_news[1].starts_with("with news to ("), "{with_news:?}");
+    assert!(world.been.contains(&Cell::new(13, 4, 0)));
+}
+
+#[test]
+fn agents_in_each_others_way_do_not_wait_for_ever() {
+    let mut world = TestWorld::new(CORRIDOR.trim_start(), Cell::new(4, 1, 0));
+    world.contacts = vec![Contact { agent: AgentId(2), position: Point3::new(6.5, 1.5, 0.5) }];
+    let mut controller = planner(&[]);
+    world.run(&mut controller, 400);
+    assert!(world.said.iter().any(|said| said == "gives way"), "{:?}", world.said);
+    assert!(world.said.iter().any(|said| said.starts_with("out of the way")), "{:?}", world.said);
+    assert_eq!(world.collisions, 0);
+    world.contacts.clear();
+    world.run(&mut controller, 2000);
+    assert_eq!(world.left(&[CellState::Free, CellState::Covered]), []);
+}
+
+const GROWTH: Growth = Growth { horizon: 6, extension: 3.0, samples: 150, bias: 0.3, jitter: 1, radius_m: 0.4 };
+
+fn check(tree: &Tree, map: &ExplorationMap, root: Cell) -> Result<(), TestCaseError> {
+    let cells: Vec<Cell> = tree.cells().collect();
+    prop_assert_eq!(cells[0], root);
+    prop_assert_eq!(cells.iter().collect::<BTreeSet<_>>().len(), tree.len(), "no cell is two nodes");
+    for &cell in &cells {
+        let by = cell - root;
+        prop_assert!([by.x, by.y, by.z].iter().all(|by| by.abs() <= GROWTH.horizon));
+    }
+    for (from, to) in tree.edges() {
+        prop_assert!(direct(map, &map.extent().centre(from), to, 0.4), "{from:?} {to:?}");
+    }
+    Ok(())
+}
+
+proptest! {
+    #[test]
+    fn a_tree_keeps_to_known_free_cells_within_its_horizon(
+        cells in prop::collection::vec(0u8..8, 12 * 12 * 4),
+        seed: u64,
+        steps in prop::collection::vec(0usize..100, 1..4),
+    ) {
+        let extent = Extent::new([12, 12, 4], 1.0).unwrap();
+        let mut map = ExplorationMap::new(extent);
+        let mut rng = msgs::seed::stream(seed, 0, "tree");
+        for (index, kind) in (0..).zip(&cells) {
+            match kind {
+                0 => map.note_wall(&[index]),
+                1 => {}
+                _ => map.note_free(&[index]),
+            }
+        }
+        let root = Cell::new(6, 6, 2);
+        map.note_covered(root);
+        prop_assume!(map.state(root) == CellState::Covered);
+        let others = Others::near(&[], &extent.centre(root), 0.4, extent);
+        let mut tree = Tree::new(root);
+        tree.grow(&map, &GROWTH, &[Cell::new(1, 1, 1)], &others, &mut rng);
+        check(&tree, &map, root)?;
+        for step in steps {
+            let cells: Vec<Cell> = tree.cells().collect();
+            let root = cells[step % cells.len()];
+            tree = tree.moved_to(root, &map, &GROWTH);
+            check(&tree, &map, root)?;
+            tree.grow(&map, &GROWTH, &[], &others, &mut rng);
+            check(&tree, &map, root)?;
+        }
+    }
+}
+
+#[test]
+fn a_moved_tree_keeps_what_hangs_together() {
+    let world = Grid::<Terrain>::from_text(CORRIDOR.trim_start()).unwrap();
+    let mut map = ExplorationMap::new(world.extent());
+    for (index, terrain) in (0..).zip(world.as_slice()) {
+        if *terrain == Terrain::Free { map.note_free(&[index]) } else { map.note_wall(&[index]) }
+    }
+    let others = Others::near(&[], &Point3::origin(), 0.4, world.extent());
+    let mut tree = Tree::new(Cell::new(5, 1, 0));
+    let growth = Growth { samples: 20_000, ..GROWTH };
+    tree.grow(&map, &growth, &[], &others, &mut msgs::seed::stream(1, 0, "tree"));
+    assert_eq!(tree.len(), 11, "x from 1 to 11");
+    let moved = tree.moved_to(Cell::new(8, 1, 0), &map, &GROWTH);
+    assert_eq!(moved.len(), 10, "x from 2 to 11: {moved:?}");
+    assert_eq!(moved.cells().next(), Some(Cell::new(8, 1, 0)));
+}

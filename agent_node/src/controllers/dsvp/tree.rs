@@ -127,6 +127,12 @@ impl Tree {
         moved
     }
 
+    /// The cells at both ends of each edge, the one nearer to the root first.
+    #[cfg(test)]
+    pub(in crate::controllers) fn edges(&self) -> impl Iterator<Item = (Cell, Cell)> {
+        self.nodes.iter().skip(1).map(|node| (self.nodes[node.parent].cell, node.cell))
+    }
+
     fn root(&self) -> Cell {
         self.nodes[0].cell
     }
