@@ -18,9 +18,6 @@ pub struct Cli {
     /// A setting of the controller; can be given again
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// Tell agents in contact what is new on the map every so many ticks (the reference: 251); 0: only listen
-    #[arg(long, value_name = "TICKS", default_value_t = 0)]
-    pub share_period: u32,
     /// Wait up to so many milliseconds, at random, before each answer: a test of the lock-step
     #[arg(long, value_name = "MS", default_value_t = 0)]
     pub chaos_delay_ms: u64,

@@ -33,8 +33,6 @@ pub struct Options {
     pub settings: Vec<String>,
     /// A number that no other process has.
     pub instance: u64,
-    /// Ticks between two tellings of what is new to agents in contact; 0: they only listen.
-    pub share_period_ticks: u32,
     /// Waits up to so long, at random, before each answer: a test of the lock-step.
     pub chaos_delay: Duration,
 }
@@ -120,7 +118,7 @@ impl<'a> Process<'a> {
                 return Err(RunError::Refused { agent: id, reason });
             }
             let controller = controllers::build(name, &settings, id, briefing.agents_seed)?;
-            let agent = Agent::new(id, briefing.clone(), controller, options.share_period_ticks);
+            let agent = Agent::new(id, briefing.clone(), controller);
             seats.insert(id, Seat { agent, is_accepted: false });
         }
         let label = if settings.is_empty() { name.clone() } else { format!("{name} {}", settings.join(" ")) };

@@ -58,6 +58,7 @@ pub fn briefing(scenario: &maes_msgs::Scenario) -> Result<Briefing, WireError> {
         lidar_range_m: scenario.lidar.range_m,
         lidar_period_ticks: scenario.lidar.period_ticks,
         communication_range_m: scenario.communication_range_m,
+        share_period_ticks: scenario.share_period_ticks,
     })
 }
 

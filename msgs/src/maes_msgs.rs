@@ -325,6 +325,8 @@ pub struct Scenario {
     pub lidar: Lidar,
     /// Range of communication, metres; infinity: as far as the line of sight.
     pub communication_range_m: f64,
+    /// Ticks between two tellings of what is new on the map to agents in contact; 0: none.
+    pub share_period_ticks: u32,
 }
 
 /// What a body does until it is told otherwise.

@@ -299,6 +299,7 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
             period_ticks: scenario.lidar.period_ticks,
         },
         communication_range_m: scenario.communication.range_m,
+        share_period_ticks: scenario.agents.share_period_ticks,
     }
 }
 

@@ -10,7 +10,6 @@ use agent_node::agent::{Agent, Reaction};
 use agent_node::controllers::Controller;
 use agent_node::link::{Inbound, Link as _};
 use agent_node::run::Options;
-use agent_node::sharing::DEFAULT_PERIOD_TICKS;
 use agent_node::wire;
 use experiments::in_memory::{self, AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
@@ -122,14 +121,7 @@ impl Watcher for Notes {
 
 /// What a group does if it runs what the scenario says.
 pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
-    Options {
-        agents,
-        controller: None,
-        settings: Vec::new(),
-        instance,
-        share_period_ticks: 0,
-        chaos_delay: Duration::ZERO,
-    }
+    Options { agents, controller: None, settings: Vec::new(), instance, chaos_delay: Duration::ZERO }
 }
 
 /// Agents with controllers of the test: joins, and answers until the run is over. `pause` comes before each answer.
@@ -147,7 +139,7 @@ pub(crate) fn serve(
             Inbound::Scenario(scenario) => {
                 let briefing = wire::briefing(&scenario).expect("the server's scenario is legal");
                 for &id in ids {
-                    agents.insert(id.0, Agent::new(id, briefing.clone(), controller(id), DEFAULT_PERIOD_TICKS));
+                    agents.insert(id.0, Agent::new(id, briefing.clone(), controller(id)));
                     let controller = "of the test".to_owned();
                     let last_tick = Join::NONE;
                     link.join(&Join { agent: id.0, instance: 0, protocol: PROTOCOL, controller, last_tick });
