@@ -75,6 +75,9 @@ if [[ -z $bin ]]; then
     bin=${CARGO_TARGET_DIR:-$root/target}/release
 fi
 
+# Until there is somebody to tell, a signal ends this script when the command that it waits for has ended.
+trap 'exit 130' INT TERM HUP
+
 # The server does not know the controllers: whether there is what the scenario asks for is found out before anything is begun.
 value_of() { "$bin/sim_server" scenario "$scenario" "${server_flags[@]}" --get "$1"; }
 count=$(value_of agents.count) || exit $?

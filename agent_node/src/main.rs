@@ -61,6 +61,7 @@ mod serve {
         let mut link = RosLink::new(&cli.id.0, &env)?;
         let options = Options {
             chaos_delay: cli.chaos_delay(),
+            server_timeout: cli.server_timeout(),
             agents: cli.id.0,
             controller: cli.controller,
             settings: cli.set,

@@ -153,11 +153,12 @@ fn collected(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<C
     Ok(Collected { has_ended, observation })
 }
 
-/// A command as a message.
+/// A command as a message, without the number of the run.
 #[must_use]
 pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Command {
     maes_msgs::Command {
         tick: tick.0,
+        run: 0,
         agent: agent.0,
         task: task(command.motion),
         lidar: lidar_request(command.lidar),

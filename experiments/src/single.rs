@@ -85,7 +85,9 @@ pub fn run(
             .map(|((instance, agents), mut end)| {
                 let (controller, settings) = (None, Vec::new());
                 let chaos_delay = team.chaos_delay;
-                let options = Options { agents, controller, settings, instance, chaos_delay };
+                // Nobody can end the server without the agents.
+                let server_timeout = Duration::MAX;
+                let options = Options { agents, controller, settings, instance, server_timeout, chaos_delay };
                 let agents_stop = &agents_stop;
                 scope.spawn(move || {
                     let ended = agent_node::run::run(&mut end, &options, agents_stop);

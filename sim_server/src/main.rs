@@ -92,13 +92,13 @@ mod serve {
             eprintln!("error: {error}");
             Ok(ExitCode::from(exit::FAILED))
         };
+        let mut link = match RosLink::new(scenario.agents.count, &env) {
+            Ok(link) => link,
+            Err(error) => return failed(&error),
+        };
         let record = |file| setup::record(file, &scenario, &world);
         let recorder = match scenario.execution.record.as_deref().map(record).transpose() {
             Ok(recorder) => recorder,
-            Err(error) => return failed(&error),
-        };
-        let mut link = match RosLink::new(scenario.agents.count, &env) {
-            Ok(link) => link,
             Err(error) => return failed(&error),
         };
         if let Some(file) = &args.ready {
