@@ -3,13 +3,12 @@
 #
 #   launch_scripts/run.sh [SCENARIO.toml] [--agents N] [--controller C] [--map spheres|noise|FILE] [--size S] [--seed K]
 #                         [--duration SECONDS] [--record FILE.mcap] [any other flag of `sim_server run`]
-#   --agent-set KEY=VALUE     a setting of the agents' controllers; can be given again
-#   --share-period TICKS      let agents tell those in contact what is new on their maps so often (reference: 251; default 0: never)
-#   --agents-per-process M    run M agents in each process (default 1)
-#   --order forward|reverse|shuffle   in which order to start the agents (default forward)
+#   --agent-set KEY=VALUE     a setting of the agents' controllers: the key agents.set.KEY; can be given again
+#   --agents-per-process M    run M agents in each process (default 1); not over memory
+#   --order forward|reverse|shuffle   in which order to start the agents (default forward); not over memory
 #   --chaos-delay-ms MS       let each agent wait up to so long, at random, before it answers
 #   --transport ros2|memory   over ROS 2 (default), or all in one process without a network
-#   --logs DIR                where the logs of the processes go (default out/logs/<time>-<pid>)
+#   --logs DIR                where the logs of the processes go (default out/logs/<time>-<pid>; over memory: nowhere)
 #
 # Exit codes: 0 the run has a result; 1 a failure of the system; 2 bad input; 3 agents were missing at the start;
 # 4 an agent was lost; 5 an agent was refused; 130 interrupted.
@@ -18,8 +17,8 @@ set -u
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 scenario=$root/launch_scripts/scenarios/default.toml
 transport=ros2
-per_process=1
-order=forward
+per_process=
+order=
 logs=
 agent_flags=()
 server_flags=()
@@ -50,13 +49,21 @@ while [[ $# -gt 0 ]]; do
         --order) order=$2 ;;
         --logs) logs=$2 ;;
         --chaos-delay-ms) agent_flags+=(--chaos-delay-ms "$2") ;;
-        --share-period) agent_flags+=(--share-period "$2") ;;
-        --agent-set) agent_flags+=(--set "$2") ;;
+        --agent-set)
+            [[ $2 == ?*=* ]] || fail "--agent-set $2: expected KEY=VALUE"
+            server_flags+=(--set "agents.set.$2")
+            ;;
         *) server_flags+=("$1" "$2") ;;
     esac
     shift 2
 done
 [[ $transport == ros2 || $transport == memory ]] || fail "--transport $transport: expected ros2 or memory"
+if [[ $transport == memory ]]; then
+    [[ -z $per_process ]] || fail "--agents-per-process $per_process: over memory there is one process; leave it out"
+    [[ -z $order ]] || fail "--order $order: over memory no processes are started; leave it out"
+fi
+per_process=${per_process:-1}
+order=${order:-forward}
 [[ $per_process =~ ^[1-9][0-9]{0,3}$ ]] || fail "--agents-per-process $per_process: expected a number from 1"
 [[ $order == forward || $order == reverse || $order == shuffle ]] ||
     fail "--order $order: expected forward, reverse or shuffle"
@@ -68,14 +75,27 @@ if [[ -z $bin ]]; then
     bin=${CARGO_TARGET_DIR:-$root/target}/release
 fi
 
+# Until there is somebody to tell, a signal ends this script when the command that it waits for has ended.
+trap 'exit 130' INT TERM HUP
+
+# The server does not know the controllers: whether there is what the scenario asks for is found out before anything is begun.
+value_of() { "$bin/sim_server" scenario "$scenario" "${server_flags[@]}" --get "$1"; }
+count=$(value_of agents.count) || exit $?
+controller=$(value_of agents.controller) || exit $?
+settings=$(value_of agents.set) || exit $?
+setting_flags=()
+while IFS= read -r setting; do
+    [[ -z $setting ]] || setting_flags+=(--set "$setting")
+done <<<"$settings"
+"$bin/agent_node" --check --id 0 --controller "$controller" "${setting_flags[@]}" || exit $?
+
 if [[ $transport == memory ]]; then
+    if [[ -n $logs ]]; then
+        mkdir -p "$logs" || exit 1
+        agent_flags+=(--log "$logs/server.log")
+    fi
     exec "$bin/experiments" single "$scenario" "${server_flags[@]}" "${agent_flags[@]}"
 fi
-
-count=$("$bin/sim_server" scenario "$scenario" "${server_flags[@]}" --get agents.count) || exit $?
-
-controller=$("$bin/sim_server" scenario "$scenario" "${server_flags[@]}" --get agents.controller) || exit $?
-"$bin/agent_node" --check --id 0 --controller "$controller" "${agent_flags[@]}" || exit $?
 
 # Two servers in one domain would share their agents.
 domain=${ROS_DOMAIN_ID:-0}

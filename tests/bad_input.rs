@@ -135,24 +135,51 @@ fn controllers_and_their_settings() {
             unknown.contains("error: controller rwb: unknown; known are rbw, rbw-maes3d"),
             "{transport}: {unknown}"
         );
-        let setting = run(&["--set", "agents.set.pitch_max_rad=9"]).stderr;
-        assert!(
-            setting.contains("error: controller rbw: setting pitch_max_rad = 9: expected"),
-            "{transport}: {setting}"
-        );
+        for setting in [["--set", "agents.set.pitch_max_rad=9"], ["--agent-set", "pitch_max_rad=9"]] {
+            let refused = run(&setting).stderr;
+            let expected = "error: controller rbw: setting pitch_max_rad = 9: expected";
+            assert!(refused.contains(expected), "{transport} {setting:?}: {refused}");
+        }
     }
 }
 
 #[test]
-fn an_unknown_controller_leaves_no_recording() {
+fn what_a_controller_does_not_have_leaves_nothing_behind() {
     let site = Site::new();
     let file = site.path("run.mcap");
+    let good = site.file("good.toml", LEGAL);
+    let bad = site.file("bad.toml", format!("{LEGAL}set = {{ pitch_max_rad = 1.5, mood = \"brisk\" }}\n"));
     for transport in ["ros2", "memory"] {
-        let flags = ["--transport", transport, "--controller", "rwb", "--record", text(&file)];
-        let ended = Process::start(&mut site.run_sh(&flags)).ended();
-        assert_bad_input(&ended, &["controller rwb: unknown; known are rbw, rbw-maes3d"]);
-        assert!(!file.exists(), "{transport}");
+        for (scenario, flags, words) in [
+            (&good, &["--controller", "rwb"][..], "controller rwb: unknown; known are rbw, rbw-maes3d"),
+            (&good, &["--agent-set", "speed=1"], "controller rbw: setting `speed`: unknown"),
+            (&good, &["--set", "agents.set.pitch_max_rad=9"], "controller rbw: setting pitch_max_rad = 9: expected"),
+            (&bad, &[], "controller rbw: setting `mood`: unknown"),
+        ] {
+            let common = [text(scenario), "--transport", transport, "--record", text(&file)];
+            let ended = Process::start(&mut site.run_sh(&[&common[..], flags].concat())).ended();
+            assert_bad_input(&ended, &[words]);
+            assert!(!file.exists() && !site.path("logs").exists(), "{transport} {words}");
+        }
     }
+}
+
+#[test]
+fn settings_of_the_agents_are_keys_of_the_scenario() {
+    let site = Site::new();
+    let digest = |flags: &[&str]| {
+        let short = ["--agents", "2", "--size", "20", "--duration", "20", "--set", "stop_when_explored=false"];
+        let outcome = site.record(&[&short[..], flags].concat());
+        assert!(site.path("logs/server.log").exists(), "{flags:?}");
+        outcome.digest()
+    };
+    let set = digest(&["--transport", "memory", "--set", "agents.set.pitch_max_rad=0.7"]);
+    assert_eq!(digest(&["--transport", "memory", "--agent-set", "pitch_max_rad=0.7"]), set);
+    assert_eq!(digest(&["--agent-set", "pitch_max_rad=0.7"]), set);
+    assert_ne!(digest(&["--transport", "memory"]), set);
+    let silent = digest(&["--transport", "memory", "--share-period", "0"]);
+    assert_eq!(digest(&["--transport", "memory", "--set", "agents.share_period_ticks=0"]), silent);
+    assert_eq!(digest(&["--share-period", "0"]), silent);
 }
 
 #[test]
@@ -172,6 +199,12 @@ fn arguments_of_the_script() {
         (&["--order", "sideways"][..], "--order sideways: expected forward, reverse or shuffle"),
         (&["--transport", "pigeon"], "--transport pigeon: expected ros2 or memory"),
         (&["--agents-per-process", "0"], "--agents-per-process 0: expected a number from 1"),
+        (
+            &["--transport", "memory", "--agents-per-process", "2"],
+            "--agents-per-process 2: over memory there is one process",
+        ),
+        (&["--order", "shuffle", "--transport", "memory"], "--order shuffle: over memory no processes are started"),
+        (&["--agent-set", "speed"], "--agent-set speed: expected KEY=VALUE"),
         (&["a.toml", "b.toml"], "unexpected argument: b.toml"),
     ] {
         let mut command = site.command(root().join("launch_scripts/run.sh"));

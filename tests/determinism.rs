@@ -152,6 +152,7 @@ fn what_determines_a_run_changes_its_digest() {
         &["--set", "map.seed=8"],
         &["--set", "agents.controller=rbw-maes3d"],
         &["--set", "agents.set.pitch_max_rad=0.7"],
+        &["--share-period", "100"],
         &["--set", "lidar.rays=5123"],
     ] {
         let other = digest(flags);

@@ -19,6 +19,8 @@ mod interruptions;
 mod liars;
 /// Agents that are missing, die, hang, or claim an id that is taken.
 mod lost_agents;
+/// While the server waits: recordings are saved, runs can be stopped, late and repeated answers are what they are.
+mod waiting;
 
 /// A real ROS 2 node looks on, and the run does not care.
 mod onlookers;

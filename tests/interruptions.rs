@@ -173,6 +173,21 @@ fn agents_whose_server_is_killed_can_be_ended() {
     agent.ended().with_code(0);
 }
 
+#[test]
+fn agents_whose_server_is_killed_end() {
+    let site = Site::new();
+    let mut server = site.binary("sim_server");
+    server.arg("run").arg(scenario("default.toml")).args(["--agents", "1", "--size", "30", "--rtf", "20"]);
+    let mut run = site.start(&mut server);
+    run.process().says("waiting for agents: 0");
+    let agent = Process::start(site.binary("agent_node").args(["--id", "0", "--server-timeout", "3"]));
+    run.is_under_way();
+    signal(run.process().pid(), "KILL");
+    assert_eq!(run.ended().code, None);
+    let ended = agent.ended().with_code(1);
+    assert!(ended.stderr.contains("has said nothing for 3 s; it seems to be gone"), "{ended}");
+}
+
 /// What was there when people were last told how far the run is, is in the file when they are told again.
 #[test]
 fn a_recording_follows_the_run_in_wall_time() {

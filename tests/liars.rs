@@ -203,12 +203,18 @@ impl ServerLink for Strangers {
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
         let stop = Task { kind: Task::STOP, ..Task::default() };
-        let command = Command { tick: part.tick, agent: agent.0, task: stop, ..Command::default() };
+        let run = part.run;
+        let command = Command { tick: part.tick, run, agent: agent.0, task: stop, ..Command::default() };
         let other = 1 - agent.0;
         self.say(agent.0, STRANGER, ToServer::Command(command.clone()));
-        self.say(other, STRANGER, ToServer::Command(command));
+        self.say(other, STRANGER, ToServer::Command(command.clone()));
         self.say(agent.0, STRANGER, ToServer::Undecodable { reason: "noise".to_owned() });
-        let join = Join { agent: agent.0, instance: 1, protocol: PROTOCOL, controller: "x".to_owned(), last_tick: 0 };
+        let controller = "x".to_owned();
+        let join = Join { run, agent: agent.0, instance: 1, protocol: PROTOCOL, controller, last_tick: 0 };
+        // The words of an agent that is welcome, in another run.
+        let welcome = SourceId(u128::from(agent.0).to_le_bytes());
+        self.say(agent.0, welcome, ToServer::Command(Command { run: run ^ 1, ..command }));
+        self.say(agent.0, welcome, ToServer::Join(Join { run: 0, ..join.clone() }));
         self.say(agent.0, STRANGER, ToServer::Join(join.clone()));
         self.say(other, STRANGER, ToServer::Join(join));
         self.inner.send(agent, part);
@@ -238,9 +244,12 @@ fn strangers_are_refused_and_counted_and_change_nothing() {
     let refusals = refusals(&played.outcome().result);
     let asked = refusals["refused_not_joined"];
     assert!(asked >= 2 * 200, "{refusals:?}");
-    let all = ["refused_id_taken", "refused_not_joined", "refused_undecodable", "refused_wrong_topic"];
+    let all =
+        ["refused_id_taken", "refused_not_joined", "refused_other_run", "refused_undecodable", "refused_wrong_topic"];
     assert_eq!(refusals.keys().copied().collect::<Vec<_>>(), all);
-    for (name, factor) in [("refused_id_taken", 1), ("refused_undecodable", 1), ("refused_wrong_topic", 2)] {
+    for (name, factor) in
+        [("refused_id_taken", 1), ("refused_other_run", 2), ("refused_undecodable", 1), ("refused_wrong_topic", 2)]
+    {
         assert_eq!(refusals[name], factor * asked, "{name} in {refusals:?}");
     }
     assert_eq!(played.digest(), honest_digest());
@@ -251,15 +260,19 @@ fn strangers_are_refused_and_counted_and_change_nothing() {
 fn an_agent_that_talks_without_end_and_does_not_answer_is_lost() {
     let mut play = Play::new(SCENARIO);
     play.scenario.execution.decision_timeout_s = 0.5;
+    play.scenario.execution.join_timeout_s = 0.5;
     let played = play.with(move |mut end, ids, is_over| {
         if ids[0] == AgentId(0) {
             agent_node::run::run(&mut end, &honest(0, ids), is_over).expect("agent 0 is welcome");
             return;
         }
-        end.join(&Join { agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+        let Some(ToAgents::Scenario(Scenario { run, .. })) = end.receive(HANG) else {
+            panic!("the scenario comes first")
+        };
+        end.join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
         while !is_over.load(Ordering::Relaxed) {
             for _ in 0..100 {
-                end.answer(&Command { tick: u64::MAX, agent: 1, ..Command::default() });
+                end.answer(&Command { tick: u64::MAX, run, agent: 1, ..Command::default() });
             }
             end.receive(Duration::from_millis(1));
         }
@@ -332,7 +345,7 @@ fn noise_on_a_real_network_is_refused_and_counted_and_changes_nothing() {
     let commands = rogue.publisher(&topics::command(AgentId(0)));
     let stop = Task { kind: Task::STOP, ..Task::default() };
     let command = Command { task: stop, ..Command::default() };
-    say_until(&mut run, "a command for agent 0 came from a process that has not joined as it", || {
+    say_until(&mut run, "a message on a topic of agent 0 is of another run", || {
         commands.publish(command.clone()).is_ok()
     });
 
@@ -341,7 +354,7 @@ fn noise_on_a_real_network_is_refused_and_counted_and_changes_nothing() {
     let recording = site.recording("run.mcap");
     let result = recording.result();
     let names: Vec<_> = refusals(&result).into_keys().collect();
-    assert_eq!(names, ["refused_not_joined", "refused_undecodable"]);
+    assert_eq!(names, ["refused_other_run", "refused_undecodable"]);
     recording.assert_begins(&whole, 1);
 }
 

@@ -150,3 +150,22 @@ fn an_id_that_does_not_take_part_is_refused() {
     signal(run.process().pid(), "INT");
     run.ended().with_code(130);
 }
+
+#[test]
+fn a_second_server_in_a_network_is_refused_and_disturbs_nobody() {
+    let site = Site::new();
+    let mut run = held_back(&site, &[]);
+    site.file("second.mcap", "an older recording");
+    let mut second = site.binary("sim_server");
+    second.arg("run").arg(scenario("default.toml")).args(["--agents", "3", "--record", "second.mcap"]);
+    let second = Process::start(&mut second).ended().with_code(1);
+    assert!(second.stderr.contains("error: another server is in this network, with run "), "{second}");
+    assert_eq!(second.stdout, "");
+    assert_eq!(std::fs::read_to_string(site.path("second.mcap")).expect("it is there"), "an older recording");
+
+    signal(run.process().pid(), "INT");
+    run.ended().with_code(130);
+    let recording = site.recording("run.mcap");
+    assert_eq!(refusals(&recording.result()).len(), 0, "{:?}", recording.result().counters);
+    recording.assert_begins(&undisturbed(&site, &[]), 1);
+}

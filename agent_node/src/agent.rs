@@ -65,13 +65,13 @@ pub enum Reaction {
 }
 
 impl Agent {
-    /// An agent that knows nothing but its briefing. It shares its map every `share_period_ticks`, see [`Sharing::new`].
+    /// An agent that knows nothing but its briefing.
     #[must_use]
-    pub fn new(id: AgentId, briefing: Briefing, controller: Box<dyn Controller>, share_period_ticks: u32) -> Self {
+    pub fn new(id: AgentId, briefing: Briefing, controller: Box<dyn Controller>) -> Self {
         Self {
             id,
             map: ExplorationMap::new(briefing.extent),
-            sharing: Sharing::new(share_period_ticks, briefing.agents),
+            sharing: Sharing::new(briefing.share_period_ticks, briefing.agents),
             travel: Travel::new(briefing.body_radius_m, briefing.extent.cell_m()),
             briefing,
             controller,

@@ -18,9 +18,9 @@ pub struct Cli {
     /// A setting of the controller; can be given again
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// Tell agents in contact what is new on the map every so many ticks (the reference: 251); 0: only listen
-    #[arg(long, value_name = "TICKS", default_value_t = 0)]
-    pub share_period: u32,
+    /// End, with exit code 1, when the server has said nothing for so long, not even that it is there
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds)]
+    pub server_timeout: f64,
     /// Wait up to so many milliseconds, at random, before each answer: a test of the lock-step
     #[arg(long, value_name = "MS", default_value_t = 0)]
     pub chaos_delay_ms: u64,
@@ -30,6 +30,12 @@ pub struct Cli {
 }
 
 impl Cli {
+    /// The silence after which the server is taken to be gone.
+    #[must_use]
+    pub fn server_timeout(&self) -> Duration {
+        Duration::from_secs_f64(self.server_timeout)
+    }
+
     /// The longest random delay before an answer.
     #[must_use]
     pub fn chaos_delay(&self) -> Duration {
@@ -43,6 +49,13 @@ pub struct Ids(pub Vec<AgentId>);
 
 /// Ids that may be given at the most, so that a slip of the key does not fill the memory.
 const IDS_MAX: u32 = 1000;
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds <= 1e6 => Ok(seconds),
+        _ => Err("expected a number of seconds above 0 and at most 1e6".to_owned()),
+    }
+}
 
 fn ids(text: &str) -> Result<Ids, String> {
     let number = |text: &str| {

@@ -135,6 +135,7 @@ pub(crate) mod tests {
                 lidar_range_m: f64::INFINITY,
                 lidar_period_ticks: 10,
                 communication_range_m: f64::INFINITY,
+                share_period_ticks: 251,
             };
             Self { briefing, map: ExplorationMap::new(extent), travel: Travel::new(0.4, 1.0) }
         }

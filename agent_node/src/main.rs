@@ -61,7 +61,7 @@ mod serve {
         let mut link = RosLink::new(&cli.id.0, &env)?;
         let options = Options {
             chaos_delay: cli.chaos_delay(),
-            share_period_ticks: cli.share_period,
+            server_timeout: cli.server_timeout(),
             agents: cli.id.0,
             controller: cli.controller,
             settings: cli.set,

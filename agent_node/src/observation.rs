@@ -29,6 +29,8 @@ pub struct Briefing {
     pub lidar_period_ticks: u32,
     /// Greatest distance of agents in contact; infinity: as far as the line of sight.
     pub communication_range_m: f64,
+    /// Ticks between two tellings of what is new on the map to agents in contact; 0: agents only listen.
+    pub share_period_ticks: u32,
 }
 
 /// Where a body is and where it looks.

@@ -1,6 +1,12 @@
 //! The agents of one process over a link: join, answer until the run is over.
 //!
-//! The loop is the same over every [`Link`]. Wall time decides nothing but when to ask again to take part.
+//! The loop is the same over every [`Link`]. Wall time decides nothing but when to ask again to take part, and when a process
+//! whose server is gone ends.
+//!
+//! **Whether the server is there.** A server answers a join of an agent that it has accepted once more, so a process that has heard
+//! nothing for a while asks in this way. Silence that lasts ends the process. So a server that is busy, or held back to a slow
+//! pace, is waited for, and one that was killed is not waited for until somebody looks after its agents. Messages of another run
+//! than the one that was joined have no effect.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,6 +25,16 @@ use crate::wire::{self, WireError};
 /// Wall time between two attempts to join.
 const JOIN_PERIOD: Duration = Duration::from_millis(200);
 
+/// Wall time of silence after which the server is asked for a sign of life, and between two such questions.
+const SIGN_PERIOD: Duration = Duration::from_secs(1);
+
+/// Wall time of silence, once a server has announced another run, after which the one that was joined is taken to be over; what
+/// servers allow for a decision by default.
+const OVERTAKEN: Duration = Duration::from_secs(10);
+
+/// Wall time between two looks at the link that counts as silence, at the most: more means that this process was busy or stopped.
+const LOOK_MAX: Duration = Duration::from_millis(200);
+
 /// Wall time for which the loop waits for a message before it looks at its other duties.
 const PATIENCE: Duration = Duration::from_millis(50);
 
@@ -33,8 +49,8 @@ pub struct Options {
     pub settings: Vec<String>,
     /// A number that no other process has.
     pub instance: u64,
-    /// Ticks between two tellings of what is new to agents in contact; 0: they only listen.
-    pub share_period_ticks: u32,
+    /// Wall time of silence after which the server is taken to be gone.
+    pub server_timeout: Duration,
     /// Waits up to so long, at random, before each answer: a test of the lock-step.
     pub chaos_delay: Duration,
 }
@@ -49,6 +65,24 @@ pub enum RunError {
         agent: AgentId,
         /// Why.
         reason: String,
+    },
+    /// The server does not even say that it is there.
+    #[error("the server of run {run:016x} has said nothing for {seconds} s; it seems to be gone")]
+    ServerSilent {
+        /// Number of the run.
+        run: u64,
+        /// How long, wall time.
+        seconds: f64,
+    },
+    /// The server does not even say that it is there, and there is another one.
+    #[error(
+        "a server has announced run {other:016x}, and that of run {run:016x}, which was joined, has not ended it and is silent"
+    )]
+    Overtaken {
+        /// Number of the run that was joined.
+        run: u64,
+        /// Number of the other one.
+        other: u64,
     },
     /// There is no such controller.
     #[error(transparent)]
@@ -66,7 +100,7 @@ pub enum RunError {
 /// Runs agents until the run is over or `stop` is set.
 ///
 /// # Errors
-/// If the server refuses an agent or breaks the protocol, or there is no such controller.
+/// If the server refuses an agent, breaks the protocol or is gone, or there is no such controller.
 pub fn run(link: &mut dyn Link, options: &Options, stop: &AtomicBool) -> Result<(), RunError> {
     let Some(scenario) = scenario(link, stop) else {
         return Ok(());
@@ -77,6 +111,7 @@ pub fn run(link: &mut dyn Link, options: &Options, stop: &AtomicBool) -> Result<
         if let Some(message) = process.link.receive(PATIENCE) {
             process.handle(message)?;
         }
+        process.listen_for_the_server()?;
     }
     Ok(())
 }
@@ -94,11 +129,18 @@ fn scenario(link: &mut dyn Link, stop: &AtomicBool) -> Option<Scenario> {
 /// The agents of this process that are not done.
 struct Process<'a> {
     link: &'a mut dyn Link,
+    run: u64,
+    /// Another run that a server has announced.
+    other_run: Option<u64>,
     instance: u64,
     chaos_delay: Duration,
+    server_timeout: Duration,
     label: String,
     seats: BTreeMap<AgentId, Seat>,
     joined_last: Option<Instant>,
+    /// For how long nothing has been heard of the server.
+    silence: Duration,
+    looked: Instant,
 }
 
 struct Seat {
@@ -120,21 +162,37 @@ impl<'a> Process<'a> {
                 return Err(RunError::Refused { agent: id, reason });
             }
             let controller = controllers::build(name, &settings, id, briefing.agents_seed)?;
-            let agent = Agent::new(id, briefing.clone(), controller, options.share_period_ticks);
+            let agent = Agent::new(id, briefing.clone(), controller);
             seats.insert(id, Seat { agent, is_accepted: false });
         }
         let label = if settings.is_empty() { name.clone() } else { format!("{name} {}", settings.join(" ")) };
-        let Options { instance, chaos_delay, .. } = *options;
-        Ok(Self { link, instance, chaos_delay, label, seats, joined_last: None })
+        let Options { instance, chaos_delay, server_timeout, .. } = *options;
+        Ok(Self {
+            link,
+            run: scenario.run,
+            other_run: None,
+            instance,
+            chaos_delay,
+            server_timeout,
+            label,
+            seats,
+            joined_last: None,
+            silence: Duration::ZERO,
+            looked: now(),
+        })
     }
 
-    /// Asks to take part, now and then, until all agents are accepted.
+    /// Asks to take part, now and then, until all agents are accepted; after that, asks a silent server for a sign of life.
     fn join(&mut self) {
-        if self.joined_last.is_some_and(|last| last.elapsed() < JOIN_PERIOD) {
+        let is_joining = self.seats.values().any(|seat| !seat.is_accepted);
+        let is_doubtful = self.silence >= SIGN_PERIOD || self.other_run.is_some();
+        let period = if is_joining { JOIN_PERIOD } else { SIGN_PERIOD };
+        if !(is_joining || is_doubtful) || self.joined_last.is_some_and(|last| last.elapsed() < period) {
             return;
         }
-        for (id, seat) in self.seats.iter().filter(|(_, seat)| !seat.is_accepted) {
+        for (id, seat) in self.seats.iter().filter(|(_, seat)| !(is_joining && seat.is_accepted)) {
             self.link.join(&Join {
+                run: self.run,
                 agent: id.0,
                 instance: self.instance,
                 protocol: PROTOCOL,
@@ -146,6 +204,18 @@ impl<'a> Process<'a> {
     }
 
     fn handle(&mut self, message: Inbound) -> Result<(), RunError> {
+        let run = match &message {
+            Inbound::Scenario(scenario) => scenario.run,
+            Inbound::JoinReply(reply) => reply.run,
+            Inbound::Observation(part) => part.run,
+        };
+        if run != self.run {
+            if matches!(message, Inbound::Scenario(_)) {
+                self.other_run = Some(run);
+            }
+            return Ok(());
+        }
+        self.silence = Duration::ZERO;
         match message {
             Inbound::Scenario(_) => Ok(()),
             Inbound::JoinReply(reply) => self.handle_reply(reply),
@@ -153,8 +223,24 @@ impl<'a> Process<'a> {
         }
     }
 
+    /// Counts the silence, and gives up if it has lasted too long.
+    fn listen_for_the_server(&mut self) -> Result<(), RunError> {
+        let looked = now();
+        self.silence += looked.duration_since(self.looked).min(LOOK_MAX);
+        self.looked = looked;
+        match self.other_run {
+            Some(other) if self.silence >= self.server_timeout.min(OVERTAKEN) => {
+                Err(RunError::Overtaken { run: self.run, other })
+            }
+            _ if self.silence >= self.server_timeout => {
+                Err(RunError::ServerSilent { run: self.run, seconds: self.server_timeout.as_secs_f64() })
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn handle_reply(&mut self, reply: JoinReply) -> Result<(), RunError> {
-        let JoinReply { agent, instance, accepted, reason } = reply;
+        let JoinReply { run: _, agent, instance, accepted, reason } = reply;
         let agent = AgentId(agent);
         if instance == self.instance
             && let Some(seat) = self.seats.get_mut(&agent)
@@ -174,20 +260,20 @@ impl<'a> Process<'a> {
         };
         match seat.agent.take(part).map_err(|source| RunError::Wire { agent: id, source })? {
             Reaction::None => {}
-            Reaction::Answer(command) => self.answer(&command),
+            Reaction::Answer(command) => self.answer(command),
             Reaction::Farewell(receipt) => {
-                self.answer(&receipt);
+                self.answer(receipt);
                 self.seats.remove(&id);
             }
         }
         Ok(())
     }
 
-    fn answer(&mut self, command: &Command) {
+    fn answer(&mut self, command: Command) {
         if !self.chaos_delay.is_zero() {
             wait_up_to(self.chaos_delay);
         }
-        self.link.answer(command);
+        self.link.answer(&Command { run: self.run, ..command });
     }
 }
 
@@ -201,4 +287,104 @@ fn wait_up_to(longest: Duration) {
 #[expect(clippy::disallowed_methods, reason = "joining again is a matter of wall time; no result hangs on it")]
 fn now() -> Instant {
     Instant::now()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OURS: u64 = 7;
+    const OTHER: u64 = 8;
+
+    fn scenario(run: u64) -> Inbound {
+        Inbound::Scenario(Scenario {
+            run,
+            size: [4, 4, 4],
+            cell_m: 1.0,
+            agents: 1,
+            controller: "rbw".to_owned(),
+            ..Scenario::default()
+        })
+    }
+
+    fn observation(run: u64, phase: u8) -> Inbound {
+        Inbound::Observation(Part { run, phase, parts: 1, ..Part::default() })
+    }
+
+    /// A server that says these things, and answers so many joins.
+    struct Server {
+        says: Vec<Inbound>,
+        replies: usize,
+        joins: Vec<Join>,
+        answers: Vec<Command>,
+    }
+
+    impl Server {
+        fn saying(says: Vec<Inbound>, replies: usize) -> Self {
+            Self { says: says.into_iter().rev().collect(), replies, joins: Vec::new(), answers: Vec::new() }
+        }
+
+        fn runs(&mut self) -> Result<(), RunError> {
+            let options = Options {
+                agents: vec![AgentId(0)],
+                controller: None,
+                settings: Vec::new(),
+                instance: 3,
+                server_timeout: Duration::from_millis(1),
+                chaos_delay: Duration::ZERO,
+            };
+            run(self, &options, &AtomicBool::new(false))
+        }
+    }
+
+    impl Link for Server {
+        fn join(&mut self, join: &Join) {
+            self.joins.push(join.clone());
+            if self.replies > 0 {
+                self.replies -= 1;
+                let Join { run, agent, instance, .. } = *join;
+                let reply = JoinReply { run, agent, instance, accepted: true, ..JoinReply::default() };
+                self.says.push(Inbound::JoinReply(reply));
+            }
+        }
+
+        fn answer(&mut self, command: &Command) {
+            self.answers.push(command.clone());
+        }
+
+        fn receive(&mut self, _timeout: Duration) -> Option<Inbound> {
+            self.says.pop()
+        }
+    }
+
+    #[test]
+    fn what_another_run_says_has_no_effect() {
+        let refusal = JoinReply { run: OTHER, instance: 3, ..JoinReply::default() };
+        let mut server = Server::saying(
+            vec![
+                scenario(OURS),
+                Inbound::JoinReply(refusal),
+                observation(OTHER, Part::ENDED),
+                scenario(OTHER),
+                observation(OTHER, Part::RUNNING),
+                observation(OURS, Part::RUNNING),
+                observation(OURS, Part::ENDED),
+            ],
+            1,
+        );
+        // Whatever the other run says is heard in no time.
+        server.runs().unwrap_or_else(|error| panic!("{error}"));
+        assert!(server.joins.iter().all(|join| join.run == OURS));
+        assert_eq!(server.answers.iter().map(|command| command.run).collect::<Vec<_>>(), [OURS; 2]);
+    }
+
+    #[test]
+    fn a_server_that_is_gone_is_not_waited_for() {
+        let mut server = Server::saying(vec![scenario(OURS), observation(OURS, Part::RUNNING)], 1);
+        let error = server.runs().unwrap_err();
+        assert!(matches!(error, RunError::ServerSilent { run: OURS, .. }), "{error}");
+        let mut server = Server::saying(vec![scenario(OURS), scenario(OTHER)], 1);
+        let error = server.runs().unwrap_err();
+        assert!(matches!(error, RunError::Overtaken { run: OURS, other: OTHER }), "{error}");
+    }
 }

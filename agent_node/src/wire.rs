@@ -58,6 +58,7 @@ pub fn briefing(scenario: &maes_msgs::Scenario) -> Result<Briefing, WireError> {
         lidar_range_m: scenario.lidar.range_m,
         lidar_period_ticks: scenario.lidar.period_ticks,
         communication_range_m: scenario.communication_range_m,
+        share_period_ticks: scenario.share_period_ticks,
     })
 }
 
@@ -152,11 +153,12 @@ fn collected(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<C
     Ok(Collected { has_ended, observation })
 }
 
-/// A command as a message.
+/// A command as a message, without the number of the run.
 #[must_use]
 pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Command {
     maes_msgs::Command {
         tick: tick.0,
+        run: 0,
         agent: agent.0,
         task: task(command.motion),
         lidar: lidar_request(command.lidar),

@@ -43,6 +43,7 @@ class Agent:
         self.number = number
         self.instance = secrets.randbits(64)
         self.rng = None  # from the scenario
+        self.run = None  # the same
         self.is_accepted = False
         self.parts = {}  # of the observation that is arriving, by number
         self.answer = None  # the last one, to repeat it when the same tick is asked again
@@ -56,12 +57,15 @@ class Agent:
         node.create_timer(0.2, self.join)
 
     def on_scenario(self, scenario):
-        self.rng = random.Random(f"{scenario.agents_seed} {self.number}")
+        if self.run is None:
+            self.run = scenario.run
+            self.rng = random.Random(f"{scenario.agents_seed} {self.number}")
 
     def join(self):
         if self.rng is not None and not self.is_accepted:
             self.join_topic.publish(
                 Join(
+                    run=self.run,
                     agent=self.number,
                     instance=self.instance,
                     protocol=PROTOCOL,
@@ -71,13 +75,13 @@ class Agent:
             )
 
     def on_reply(self, reply):
-        if (reply.agent, reply.instance) == (self.number, self.instance):
+        if (reply.run, reply.agent, reply.instance) == (self.run, self.number, self.instance):
             if not reply.accepted:
                 sys.exit(f"refused: {reply.reason}")
             self.is_accepted = True
 
     def on_observation(self, part):
-        if not self.is_accepted:
+        if not self.is_accepted or part.run != self.run:
             return
         if part.phase == Observation.RUNNING and self.answer is not None and part.tick <= self.answer.tick:
             if part.tick == self.answer.tick and part.part + 1 == part.parts:
@@ -91,7 +95,7 @@ class Agent:
             return
         parts = [self.parts[number] for number in range(part.parts)]
         self.parts = {}
-        self.answer = Command(tick=part.tick, agent=self.number)
+        self.answer = Command(tick=part.tick, run=self.run, agent=self.number)
         if part.phase == Observation.ENDED:
             self.is_done = True
         else:

@@ -1,5 +1,6 @@
 //! Runs without a network. Every exit code is made here.
 
+use std::fs::File;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -7,6 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use anyhow::Context;
 use clap::{Args, Parser, Subcommand};
 use experiments::single::{self, Grouping, SingleError, Team};
 use sim_server::cli::KeyArgs;
@@ -33,12 +35,12 @@ struct SingleArgs {
     scenario: PathBuf,
     #[command(flatten)]
     keys: KeyArgs,
+    /// Also write what is said about the run to this file
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
     /// Run all agents on one thread
     #[arg(long)]
     together: bool,
-    /// Let agents tell those in contact what is new on their maps every so many ticks (the reference: 251); 0: never
-    #[arg(long, value_name = "TICKS", default_value_t = 0)]
-    share_period: u32,
     /// Wait up to so many milliseconds, at random, before each answer of an agent
     #[arg(long, value_name = "MS", default_value_t = 0)]
     chaos_delay_ms: u64,
@@ -66,14 +68,17 @@ fn run_single(args: &SingleArgs) -> anyhow::Result<ExitCode> {
         signal_hook::flag::register_conditional_shutdown(signal, exit::BY_SIGNAL.into(), Arc::clone(&stop))?;
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
-    let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count);
+    let log = args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
+    let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log);
     let grouping = if args.together { Grouping::Together } else { Grouping::Apart };
     let chaos_delay = Duration::from_millis(args.chaos_delay_ms);
-    let team = Team { grouping, share_period_ticks: args.share_period, chaos_delay };
+    let team = Team { grouping, chaos_delay };
     let outcome = single::run(&scenario, team, &mut terminal, &stop);
     terminal.clear();
     let outcome = outcome?;
+    let text = terminal::result_text(&outcome);
+    terminal.keep(&text);
     // Results go to stdout; that nobody listens is no failure.
-    drop(writeln!(std::io::stdout(), "{}", terminal::result_text(&outcome)));
+    drop(writeln!(std::io::stdout(), "{text}"));
     Ok(exit::of_outcome(&outcome))
 }

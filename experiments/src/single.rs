@@ -47,8 +47,6 @@ pub enum Grouping {
 pub struct Team {
     /// On which threads.
     pub grouping: Grouping,
-    /// Ticks between two tellings of what is new to agents in contact; 0: they only listen.
-    pub share_period_ticks: u32,
     /// Each waits up to so long, at random, before each answer.
     pub chaos_delay: Duration,
 }
@@ -85,9 +83,11 @@ pub fn run(
             .zip(groups)
             .zip(agents_ends)
             .map(|((instance, agents), mut end)| {
-                let Team { share_period_ticks, chaos_delay, .. } = team;
                 let (controller, settings) = (None, Vec::new());
-                let options = Options { agents, controller, settings, instance, share_period_ticks, chaos_delay };
+                let chaos_delay = team.chaos_delay;
+                // Nobody can end the server without the agents.
+                let server_timeout = Duration::MAX;
+                let options = Options { agents, controller, settings, instance, server_timeout, chaos_delay };
                 let agents_stop = &agents_stop;
                 scope.spawn(move || {
                     let ended = agent_node::run::run(&mut end, &options, agents_stop);

@@ -155,8 +155,8 @@ mod tests {
         let header = [0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 0xff, 0xff, 0];
         assert!(message_of(decode::<Header>(&header)).starts_with("byte 19 of 19: UTF-8 error"));
         let mut reply = encode(&JoinReply::default());
-        reply[20] = 2;
-        assert_eq!(message_of(decode::<JoinReply>(&reply)), "byte 21 of 29: Expected 0 or 1 as Boolean, got: 2");
+        reply[28] = 2;
+        assert_eq!(message_of(decode::<JoinReply>(&reply)), "byte 29 of 37: Expected 0 or 1 as Boolean, got: 2");
     }
 
     #[test]

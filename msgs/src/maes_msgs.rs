@@ -47,6 +47,8 @@ pub struct CellRuns {
 pub struct Command {
     /// The tick of the observation it answers.
     pub tick: u64,
+    /// The run of that observation; 0 in a recording.
+    pub run: u64,
     /// Who answers.
     pub agent: u32,
     /// What the body is to do from now on.
@@ -96,6 +98,8 @@ pub struct Digest {
 /// An agent's wish to take part, repeated until it is answered on `/sim/join_reply`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Join {
+    /// The run of the scenario it has heard; 0 in a recording.
+    pub run: u64,
     /// The id it claims.
     pub agent: u32,
     /// A number that tells this process from any other that claims the same id.
@@ -116,6 +120,8 @@ impl Join {
 /// The server's answer to a join.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JoinReply {
+    /// The run of the server.
+    pub run: u64,
     /// The id that was claimed.
     pub agent: u32,
     /// The process that is answered.
@@ -169,6 +175,8 @@ pub struct Observation {
     pub header: Header,
     /// Fixed updates since the start.
     pub tick: u64,
+    /// The run it is part of; 0 in a recording.
+    pub run: u64,
     /// Whom this is for.
     pub agent: u32,
     /// Number of this part, 0 .. parts - 1.
@@ -303,6 +311,8 @@ pub struct Result {
 pub struct Scenario {
     /// Version of this protocol, [`limits::PROTOCOL`](crate::limits::PROTOCOL).
     pub protocol: u32,
+    /// A number that tells this run from any other; 0 in a recording.
+    pub run: u64,
     /// Sim time of one fixed update, nanoseconds.
     pub tick_ns: u64,
     /// The run ends at this tick at the latest.
@@ -325,6 +335,8 @@ pub struct Scenario {
     pub lidar: Lidar,
     /// Range of communication, metres; infinity: as far as the line of sight.
     pub communication_range_m: f64,
+    /// Ticks between two tellings of what is new on the map to agents in contact; 0: none.
+    pub share_period_ticks: u32,
 }
 
 /// What a body does until it is told otherwise.

@@ -57,7 +57,7 @@ pub struct RunArgs {
 pub struct ScenarioArgs {
     /// The scenario (.toml)
     pub scenario: PathBuf,
-    /// Print only the value of this key, for example agents.count
+    /// Print only the value of this key, for example agents.count; of a table, a line KEY=VALUE for each of its keys
     #[arg(long, value_name = "KEY")]
     pub get: Option<String>,
     /// Keys of the scenario that are to be different.
@@ -74,6 +74,9 @@ pub struct KeyArgs {
     /// agents.controller: what they run
     #[arg(long, value_name = "NAME")]
     pub controller: Option<String>,
+    /// agents.share_period_ticks: ticks between two tellings of what is new on the map; 0: agents only listen
+    #[arg(long, value_name = "TICKS")]
+    pub share_period: Option<u32>,
     /// map.kind: spheres, noise, or a map file (.m3dm, .txt)
     #[arg(long, value_name = "spheres|noise|FILE")]
     pub map: Option<String>,
@@ -123,6 +126,7 @@ impl KeyArgs {
         };
         set("--agents", "agents.count", self.agents.map(Into::into));
         set("--controller", "agents.controller", self.controller.clone().map(Into::into));
+        set("--share-period", "agents.share_period_ticks", self.share_period.map(Into::into));
         set("--size", "map.size", self.size.clone());
         // A u64 beyond what TOML holds becomes a text, which the scenario then refuses with its name.
         let seed = self.seed.map(|seed| i64::try_from(seed).map_or_else(|_| seed.to_string().into(), Into::into));

@@ -27,6 +27,6 @@ pub fn of_error(error: &RunError) -> ExitCode {
     ExitCode::from(match error {
         RunError::AgentsMissing { .. } => AGENTS_MISSING,
         RunError::AgentsLost { .. } => AGENTS_LOST,
-        RunError::Record(_) | RunError::Threads(_) => FAILED,
+        RunError::OtherServer { .. } | RunError::Random(_) | RunError::Record(_) | RunError::Threads(_) => FAILED,
     })
 }

@@ -51,4 +51,9 @@ pub trait Link {
     fn progress(&mut self, progress: &Progress);
     /// The next message, or `None` if none came in time.
     fn receive(&mut self, timeout: Duration) -> Option<Incoming>;
+    /// The number of another run whose server has been heard while messages were awaited. A transport that nobody else can use
+    /// has no other servers.
+    fn other_run(&self) -> Option<u64> {
+        None
+    }
 }

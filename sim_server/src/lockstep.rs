@@ -21,6 +21,12 @@ use crate::world::Events;
 /// Why a message was refused. Each kind has a counter in the result of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum Refusal {
+    /// The message belongs to another run.
+    #[error("a message on a topic of agent {topic} is of another run")]
+    OtherRun {
+        /// Whose topic.
+        topic: AgentId,
+    },
     /// The id is not one of the run's.
     #[error("agent {agent} does not take part: ids are 0 .. {agents}")]
     UnknownAgent {
@@ -102,6 +108,7 @@ impl Refusal {
     #[must_use]
     pub fn counter(&self) -> &'static str {
         match self {
+            Self::OtherRun { .. } => "refused_other_run",
             Self::UnknownAgent { .. } => "refused_unknown_agent",
             Self::WrongTopic { .. } => "refused_wrong_topic",
             Self::IdTaken { .. } => "refused_id_taken",
@@ -115,7 +122,8 @@ impl Refusal {
     }
 
     /// All counters of refusals, in the order of their definition.
-    pub const COUNTERS: [&'static str; 9] = [
+    pub const COUNTERS: [&'static str; 10] = [
+        "refused_other_run",
         "refused_unknown_agent",
         "refused_wrong_topic",
         "refused_id_taken",

@@ -40,14 +40,22 @@ fn scenario(args: &ScenarioArgs) -> anyhow::Result<ExitCode> {
         None => print(text.trim_end()),
         Some(key) => {
             let table: toml::Table = toml::from_str(&text)?;
-            let value = key
-                .split('.')
-                .try_fold(&toml::Value::Table(table), |place, part| place.get(part))
-                .map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_owned));
-            print(&value.ok_or_else(|| anyhow::anyhow!("--get {key}: the scenario has no such key"))?);
+            let table = toml::Value::Table(table);
+            let value = key.split('.').try_fold(&table, |place, part| place.get(part));
+            match value.ok_or_else(|| anyhow::anyhow!("--get {key}: the scenario has no such key"))? {
+                toml::Value::Table(table) => {
+                    table.iter().for_each(|(key, value)| print(&format!("{key}={}", word(value))));
+                }
+                value => print(&word(value)),
+            }
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// A value as an agent is told it: a text without its quotes.
+fn word(value: &toml::Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
 /// Results go to stdout; that nobody listens is no failure.
@@ -84,13 +92,13 @@ mod serve {
             eprintln!("error: {error}");
             Ok(ExitCode::from(exit::FAILED))
         };
+        let mut link = match RosLink::new(scenario.agents.count, &env) {
+            Ok(link) => link,
+            Err(error) => return failed(&error),
+        };
         let record = |file| setup::record(file, &scenario, &world);
         let recorder = match scenario.execution.record.as_deref().map(record).transpose() {
             Ok(recorder) => recorder,
-            Err(error) => return failed(&error),
-        };
-        let mut link = match RosLink::new(scenario.agents.count, &env) {
-            Ok(link) => link,
             Err(error) => return failed(&error),
         };
         if let Some(file) = &args.ready {

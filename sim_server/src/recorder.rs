@@ -2,8 +2,12 @@
 //!
 //! Invariants: equal runs give equal bytes, so every stamp is sim time and chunks end at set sim times or sizes; what was
 //! written before the last [`Recorder::save_provisionally`] can be read back even if the process is killed, because the chunk
-//! that is still open is put behind the last whole one, and overwritten when it is complete; a file that could not be begun
-//! does not exist.
+//! that is still open is put behind the last whole one, and overwritten when it is complete; a recording that fails or is given
+//! up gets no end that it has not come to.
+//!
+//! **Where it is written.** A recording has a temporary name in its folder until [`Recorder::publish`], which puts it in the
+//! place of an older one. One that is given up before leaves no file, and leaves the older one alone. What is no regular file,
+//! such as a device, is written to as it is.
 //!
 //! This module knows no world: it takes messages.
 
@@ -11,7 +15,7 @@ mod sink;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
 
@@ -64,7 +68,10 @@ pub struct Document<'a> {
 
 /// A recording that is being written.
 pub struct Recorder {
+    /// As the user calls it.
     file: PathBuf,
+    /// The present name and the final one, until it is published.
+    unpublished: Option<(PathBuf, PathBuf)>,
     sink: Sink,
     writer: Writer<Sink>,
     channels: Vec<Topic>,
@@ -85,25 +92,58 @@ struct OpenChunk {
 }
 
 impl Recorder {
-    /// Begins a recording with its documents (scenario, map).
+    /// Begins a recording with its documents (scenario, map), under a temporary name.
     ///
     /// # Errors
-    /// If the file cannot be made or written.
+    /// If the file cannot be made or written; then there is none.
     pub fn create(file: &Path, documents: &[Document<'_>]) -> Result<Self, RecordError> {
-        let handle =
-            File::create(file).map_err(|source| RecordError::File { file: file.display().to_string(), source })?;
-        let sink = Sink::new(handle);
-        let begun = begin(sink.clone(), documents).and_then(|mut writer| writer.flush().map(|()| writer));
-        let writer = begun.map_err(|source| record_error(file, source))?;
-        Ok(Self {
+        let unpublished = names(file).map_err(|source| file_error(file, source))?;
+        let present = unpublished.as_ref().map_or(file, |(temporary, _)| temporary);
+        let handle = File::create(present).map_err(|source| file_error(file, source))?;
+        let mut recorder = Self::begin(file, Sink::new(handle));
+        recorder.unpublished = unpublished;
+        recorder.attach(documents)?;
+        Ok(recorder)
+    }
+
+    fn begin(file: &Path, sink: Sink) -> Self {
+        let writer = begin(sink.clone()).expect("memory can be written");
+        Self {
             file: file.to_owned(),
+            unpublished: None,
             sink,
             writer,
             channels: Vec::new(),
             channel_of_topic: BTreeMap::new(),
             channels_written: 0,
             open: OpenChunk::default(),
-        })
+        }
+    }
+
+    fn attach(&mut self, documents: &[Document<'_>]) -> Result<(), RecordError> {
+        for document in documents {
+            let attachment = Attachment {
+                log_time: 0,
+                create_time: 0,
+                name: document.name.to_owned(),
+                media_type: document.media_type.to_owned(),
+                data: Cow::Borrowed(document.data),
+            };
+            self.writer.attach(&attachment).map_err(|source| self.mcap_error(source))?;
+        }
+        self.writer.flush().map_err(|source| self.mcap_error(source))
+    }
+
+    /// Takes its name, in the place of an older recording: the run has begun.
+    ///
+    /// # Errors
+    /// If the file cannot be renamed.
+    pub fn publish(&mut self) -> Result<(), RecordError> {
+        if let Some((temporary, file)) = &self.unpublished {
+            fs::rename(temporary, file).map_err(|source| self.file_error(source))?;
+            self.unpublished = None;
+        }
+        Ok(())
     }
 
     /// Adds a message, as CDR with its encapsulation header.
@@ -150,7 +190,8 @@ impl Recorder {
         self.end_chunk()?;
         let finished = self.writer.finish();
         finished.map_err(|source| self.mcap_error(source))?;
-        self.sink.sync().map_err(|source| self.file_error(source))
+        self.sink.sync().map_err(|source| self.file_error(source))?;
+        self.publish()
     }
 
     fn end_chunk(&mut self) -> Result<(), RecordError> {
@@ -164,11 +205,11 @@ impl Recorder {
     /// The records of the open chunk as they would stand in a file: written to a file in memory, with everything around cut
     /// off. It announces every channel again, so that it can be read whatever came before it.
     fn provisional_chunk(&self) -> McapResult<Vec<u8>> {
-        let mut bare = begin(Cursor::new(Vec::new()), &[])?;
+        let mut bare = begin(Cursor::new(Vec::new()))?;
         bare.flush()?;
         let bytes_before = bare.into_inner().into_inner().len();
 
-        let mut writer = begin(Cursor::new(Vec::new()), &[])?;
+        let mut writer = begin(Cursor::new(Vec::new()))?;
         self.open.write(&mut writer, &self.channels, 0)?;
         writer.flush()?;
         let mut bytes = writer.into_inner().into_inner();
@@ -181,8 +222,36 @@ impl Recorder {
     }
 
     fn file_error(&self, source: std::io::Error) -> RecordError {
-        RecordError::File { file: self.file.display().to_string(), source }
+        file_error(&self.file, source)
     }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        // The writer ends the file when it is dropped after this. One that has not come to its end must not have one.
+        self.sink.seal();
+        if let Some((temporary, _)) = &self.unpublished {
+            // Nobody needs it, and why it is given up is told elsewhere.
+            let _ = fs::remove_file(temporary);
+        }
+    }
+}
+
+/// The temporary and the final name of a recording, or `None` for what is no regular file.
+fn names(file: &Path) -> std::io::Result<Option<(PathBuf, PathBuf)>> {
+    let target = match fs::metadata(file) {
+        Ok(metadata) if metadata.is_file() => fs::canonicalize(file)?,
+        Ok(_) => return Ok(None),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => file.to_owned(),
+        Err(error) => return Err(error),
+    };
+    let Some(name) = target.file_name() else {
+        return Ok(None);
+    };
+    let mut temporary = std::ffi::OsString::from(".");
+    temporary.push(name);
+    temporary.push(format!(".{}.tmp", std::process::id()));
+    Ok(Some((target.with_file_name(temporary), target)))
 }
 
 impl OpenChunk {
@@ -218,34 +287,27 @@ impl OpenChunk {
     }
 }
 
+fn file_error(file: &Path, source: std::io::Error) -> RecordError {
+    RecordError::File { file: file.display().to_string(), source }
+}
+
 /// What the writer says, or what the system says if that is all it means.
 fn record_error(file: &Path, source: mcap::McapError) -> RecordError {
-    let file = file.display().to_string();
     match source {
-        mcap::McapError::Io(source) => RecordError::File { file, source },
-        source => RecordError::Mcap { file, source },
+        mcap::McapError::Io(source) => file_error(file, source),
+        source => RecordError::Mcap { file: file.display().to_string(), source },
     }
 }
 
-fn begin<W: Write + Seek>(stream: W, documents: &[Document<'_>]) -> McapResult<Writer<W>> {
-    let mut writer = WriteOptions::new()
+fn begin<W: Write + Seek>(stream: W) -> McapResult<Writer<W>> {
+    WriteOptions::new()
         .profile("ros2")
         .library(concat!("maes sim_server ", env!("CARGO_PKG_VERSION")))
         .compression(Some(Compression::Zstd))
         // Chunks end where the recorder says; compression stays on this thread.
         .chunk_size(None)
         .compression_threads(0)
-        .create(stream)?;
-    for document in documents {
-        writer.attach(&Attachment {
-            log_time: 0,
-            create_time: 0,
-            name: document.name.to_owned(),
-            media_type: document.media_type.to_owned(),
-            data: Cow::Borrowed(document.data),
-        })?;
-    }
-    Ok(writer)
+        .create(stream)
 }
 
 /// Channels are numbered from 1, in the order they are announced.

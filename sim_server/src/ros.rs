@@ -4,6 +4,8 @@
 //! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
 //! is the only one here that knows the ROS client.
 
+use std::cell::Cell;
+use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
@@ -16,12 +18,22 @@ use ros2_client::{Context, Node};
 
 use crate::link::{Inbound, Incoming, Link, SourceId};
 
+/// Wall time for which a new server listens before it says anything: enough, on a machine that is not busy, to find another
+/// server that was here first and to hear its scenario, so that the agents of that one do not hear of a second run. A server
+/// that is found later is refused all the same. Agents take as long to start.
+const LISTENING: Duration = Duration::from_millis(300);
+
 /// Wall time between two looks at who listens to the clock; a look costs some ten microseconds.
 const AUDIENCE_PERIOD: Duration = Duration::from_millis(50);
 
 /// The server in a ROS network.
 pub struct RosLink {
-    inbox: Inbox<Incoming>,
+    inbox: Inbox<Option<Incoming>>,
+    born: Instant,
+    /// What is to be announced when this server has listened long enough.
+    unannounced: Option<Scenario>,
+    own_run: Rc<Cell<Option<u64>>>,
+    other_run: Rc<Cell<Option<u64>>>,
     observations: Vec<Outlet<Observation>>,
     scenario: Outlet<Scenario>,
     join_reply: Outlet<JoinReply>,
@@ -47,24 +59,61 @@ impl RosLink {
         let join_reply = workshop.outlet(&mut node, &topics::join_reply())?;
         let progress = workshop.outlet(&mut node, &topics::progress())?;
         let mut inbox = Inbox::default();
+        let own_run = Rc::new(Cell::new(None));
+        let other_run = Rc::new(Cell::new(None));
+        let (own, other) = (Rc::clone(&own_run), Rc::clone(&other_run));
+        workshop.inlet(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
+            // What cannot be read is the scenario of another version.
+            let run = sample.message.map_or(0, |scenario| scenario.run);
+            if own.get() != Some(run) {
+                other.set(Some(run));
+            }
+            None
+        })?;
         let mut observations = Vec::new();
         for agent in (0..agents).map(AgentId) {
             workshop.inlet(&mut node, &topics::join(agent), &mut inbox, move |sample: Sample<Join>| {
-                incoming(agent, sample, Inbound::Join)
+                Some(incoming(agent, sample, Inbound::Join))
             })?;
             workshop.inlet(&mut node, &topics::command(agent), &mut inbox, move |sample: Sample<Command>| {
-                incoming(agent, sample, Inbound::Command)
+                Some(incoming(agent, sample, Inbound::Command))
             })?;
             observations.push(workshop.outlet(&mut node, &topics::observation(agent))?);
         }
         let audience = Audience { topic: dds_name(&topics::clock()), listens: false, looked: None };
-        Ok(RosLink { inbox, observations, scenario, join_reply, clock, progress, audience, node, context })
+        Ok(RosLink {
+            inbox,
+            born: now(),
+            unannounced: None,
+            own_run,
+            other_run,
+            observations,
+            scenario,
+            join_reply,
+            clock,
+            progress,
+            audience,
+            node,
+            context,
+        })
+    }
+
+    /// Says what is to be announced, once it may.
+    fn announce_in_time(&mut self) {
+        if self.other_run.get().is_none()
+            && self.born.elapsed() >= LISTENING
+            && let Some(scenario) = self.unannounced.take()
+        {
+            self.scenario.publish(&mut self.node, &scenario);
+        }
     }
 }
 
 impl Link for RosLink {
     fn announce(&mut self, scenario: &Scenario) {
-        self.scenario.publish(&mut self.node, scenario);
+        self.own_run.set(Some(scenario.run));
+        self.unannounced = Some(scenario.clone());
+        self.announce_in_time();
     }
 
     fn reply_join(&mut self, reply: &JoinReply) {
@@ -88,7 +137,12 @@ impl Link for RosLink {
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        self.inbox.receive(timeout)
+        self.announce_in_time();
+        self.inbox.receive(timeout).flatten()
+    }
+
+    fn other_run(&self) -> Option<u64> {
+        self.other_run.get()
     }
 }
 

@@ -27,7 +27,7 @@ use crate::scenario::{OnAgentLoss, Scenario};
 use crate::wire;
 use crate::world::{Action, Since, World};
 
-use exchange::{Answer, Asked, Exchange, Silence};
+use exchange::{Answer, Asked, Exchange, Meanwhile, Silence};
 use log::{Kind, Log};
 use pace::Pace;
 
@@ -37,7 +37,7 @@ const DIGEST_TICKS: u64 = 50;
 /// Sim time between two progress messages: ten seconds, as in the reference.
 const PROGRESS_TICKS: u64 = 500;
 
-/// Wall time after which an open chunk of the recording is saved provisionally, and people are told how far the run is.
+/// Wall time after which people are told how far the run is, and what they are told of is saved.
 const REPORT_PERIOD: Duration = Duration::from_millis(500);
 
 /// Wall time that agents have to receive the end of the run.
@@ -67,6 +67,15 @@ pub enum RunError {
         /// How long they were waited for, wall time.
         seconds: f64,
     },
+    /// Another server is there, and the agents could not tell whom to follow.
+    #[error("another server is in this network, with run {other:016x}: wait for its end, or set another ROS_DOMAIN_ID")]
+    OtherServer {
+        /// Number of its run.
+        other: u64,
+    },
+    /// The system has no random number for the run.
+    #[error("drawing a number for the run: {0}")]
+    Random(#[from] getrandom::Error),
     /// The recording cannot be written.
     #[error(transparent)]
     Record(#[from] RecordError),
@@ -103,7 +112,8 @@ pub trait Watcher {
 /// `stop` ends the run early, with a result, once it is set.
 ///
 /// # Errors
-/// If agents are missing or lost, or the recording cannot be written.
+/// If agents are missing or lost, the recording cannot be written, or another server is heard before the clock starts; then no
+/// recording is left.
 pub fn run(
     scenario: &Scenario,
     world: World,
@@ -114,6 +124,8 @@ pub fn run(
 ) -> Result<Outcome, RunError> {
     let threads = scenario.execution.threads as usize;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    // Not 0, which stands for no run in particular.
+    let number = getrandom::u64()?.max(1);
     let announcement = wire::scenario(scenario, &world.terrain().extent(), world.rays());
     let mut run = Run {
         scenario,
@@ -121,7 +133,7 @@ pub fn run(
         wakes: vec![Wake::AT_ONCE; scenario.agents.count as usize],
         lost: BTreeSet::new(),
         log: Log::new(recorder, scenario.agents.count),
-        exchange: Exchange::new(link, scenario.agents.count),
+        exchange: Exchange::new(link, number, scenario.agents.count),
         world,
         watcher,
         stop,
@@ -182,12 +194,17 @@ impl Run<'_> {
             if now() >= deadline {
                 return Err(RunError::AgentsMissing { missing, seconds });
             }
+            if let Some(other) = self.exchange.other_run() {
+                self.log.give_up();
+                return Err(RunError::OtherServer { other });
+            }
             self.watcher.waiting(&missing);
-            self.exchange.admit(self.watcher);
+            self.exchange.admit(Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop })?;
         }
         for (agent, join) in self.exchange.joins() {
             self.log.write(Kind::Join(agent), Tick::ZERO, &join)?;
         }
+        self.log.publish()?;
         self.watcher.started();
         Ok(())
     }
@@ -215,20 +232,27 @@ impl Run<'_> {
                 self.report()?;
             }
             let tick = self.world.tick();
-            pace.keep(tick, |wait| self.exchange.idle(tick, wait, self.watcher));
+            if let Some(wait) = pace.wait(tick) {
+                let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop };
+                self.exchange.idle(tick, wait, &mut meanwhile)?;
+            }
         }
     }
 
-    /// One fixed update, unless it is interrupted while agents are waited for: then the world stays as it is.
+    /// One fixed update, unless it is given up while agents are waited for: then the world stays as it is, and the recording
+    /// has what they were told.
     fn tick(&mut self) -> Result<ControlFlow<()>, RunError> {
         self.world.look(&self.pool);
         let asked = self.ask();
         let actions = if asked.is_empty() {
             BTreeMap::new()
         } else {
-            match self.answers(&asked)? {
-                ControlFlow::Continue(answers) => self.take_in(asked, &answers)?,
-                ControlFlow::Break(()) => return Ok(ControlFlow::Break(())),
+            match self.answers(&asked) {
+                Ok(ControlFlow::Continue(answers)) => self.take_in(asked, &answers)?,
+                given_up => {
+                    self.record_unanswered(&asked)?;
+                    return given_up.map(|_| ControlFlow::Break(()));
+                }
             }
         };
         self.world.step(actions);
@@ -261,8 +285,9 @@ impl Run<'_> {
     /// Waits for the answers. Agents that do not give one are lost.
     fn answers(&mut self, asked: &[Asked]) -> Result<ControlFlow<(), BTreeMap<AgentId, Answer>>, RunError> {
         let tick = self.world.tick();
-        let limit = Duration::from_secs_f64(self.scenario.execution.decision_timeout_s);
-        let Silence { answers, silent } = match self.exchange.ask(tick, asked, limit, self.watcher, self.stop) {
+        let limit = Duration::from_secs_f64(self.answer_timeout_s());
+        let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop };
+        let Silence { answers, silent } = match self.exchange.ask(tick, asked, limit, &mut meanwhile)? {
             Ok(answers) => return Ok(ControlFlow::Continue(answers)),
             Err(silence) => silence,
         };
@@ -278,6 +303,25 @@ impl Run<'_> {
                 Ok(ControlFlow::Continue(answers))
             }
         }
+    }
+
+    /// How long to wait for the answers of this tick. Processes that have just joined may still be looking for each other's topics,
+    /// which belongs to joining.
+    fn answer_timeout_s(&self) -> f64 {
+        let execution = &self.scenario.execution;
+        let joining_s = if self.world.tick() == Tick::ZERO { execution.join_timeout_s } else { 0.0 };
+        execution.decision_timeout_s.max(joining_s)
+    }
+
+    /// Records what agents were told in a tick that was given up. It is not part of the digest.
+    fn record_unanswered(&mut self, asked: &[Asked]) -> Result<(), RunError> {
+        let tick = self.world.tick();
+        for Asked { agent, parts, .. } in asked.iter().filter(|asked| asked.since == Since::LastCounted) {
+            for part in parts {
+                self.log.write(Kind::Observation(*agent), tick, part)?;
+            }
+        }
+        Ok(())
     }
 
     /// Records what counts of the answers, and says what the world is to do.
@@ -359,18 +403,21 @@ impl Run<'_> {
     /// Tells the agents, and ends the recording.
     fn finish(mut self, reason: String, wall: Duration) -> Result<Outcome, RunError> {
         let tick = self.world.tick();
-        let mut farewells = Vec::new();
+        let mut ends = Vec::new();
         for agent in self.world.agents() {
             let observation = self.world.observe(agent, Since::LastCounted);
             let parts = wire::observation_parts(&observation, Part::ENDED);
-            for part in &parts {
-                self.log.write(Kind::Observation(agent), tick, part)?;
-            }
-            if !self.lost.contains(&agent) {
-                farewells.push(Asked { agent, since: Since::LastCounted, parts });
+            ends.push(Asked { agent, since: Since::LastCounted, parts });
+        }
+        let told: Vec<Asked> = ends.iter().filter(|end| !self.lost.contains(&end.agent)).cloned().collect();
+        // The agents come first: what becomes of the recording is not their affair.
+        let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: &AtomicBool::new(false) };
+        self.exchange.farewell(tick, &told, FAREWELL, &mut meanwhile)?;
+        for Asked { agent, parts, .. } in &ends {
+            for part in parts {
+                self.log.write(Kind::Observation(*agent), tick, part)?;
             }
         }
-        self.exchange.farewell(tick, &farewells, FAREWELL, self.watcher);
         let digest = self.chain.digest();
         let progress = wire::progress(&self.world);
         let result = maes_msgs::Result {

@@ -37,12 +37,13 @@ pub fn header(tick: Tick) -> Header {
     Header { stamp: tick.into(), frame_id: MAP_FRAME.to_owned() }
 }
 
-/// An observation as messages, in order. `phase` is [`Part::RUNNING`] or [`Part::ENDED`].
+/// An observation as messages, in order, without the number of the run. `phase` is [`Part::RUNNING`] or [`Part::ENDED`].
 #[must_use]
 pub fn observation_parts(observation: &Observation, phase: u8) -> Vec<Part> {
     let first = Part {
         header: header(observation.tick),
         tick: observation.tick.0,
+        run: 0,
         agent: observation.agent.0,
         part: 0,
         parts: 1,
@@ -261,12 +262,13 @@ fn parcel_message(parcel: &Parcel) -> maes_msgs::Parcel {
     }
 }
 
-/// What agents may know of a scenario.
+/// What agents may know of a scenario, without the number of a run.
 #[must_use]
 pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::Scenario {
     let body = scenario.body;
     maes_msgs::Scenario {
         protocol: PROTOCOL,
+        run: 0,
         tick_ns: Tick::TICK_NS,
         duration_ticks: scenario.duration_ticks().0,
         size: extent.size(),
@@ -299,6 +301,7 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
             period_ticks: scenario.lidar.period_ticks,
         },
         communication_range_m: scenario.communication.range_m,
+        share_period_ticks: scenario.agents.share_period_ticks,
     }
 }
 

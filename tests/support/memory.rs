@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
@@ -10,19 +11,18 @@ use agent_node::agent::{Agent, Reaction};
 use agent_node::controllers::Controller;
 use agent_node::link::{Inbound, Link as _};
 use agent_node::run::Options;
-use agent_node::sharing::DEFAULT_PERIOD_TICKS;
 use agent_node::wire;
 use experiments::in_memory::{self, AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
 use msgs::limits::PROTOCOL;
-use msgs::maes_msgs::Join;
+use msgs::maes_msgs::{Command, Join};
 use sim_server::link::Link as ServerLink;
 use sim_server::run::{Outcome, RunError, Watcher};
 use sim_server::scenario::Scenario;
 use sim_server::setup;
 use sim_server::world::World;
 
-use super::bounded;
+use super::{HANG, bounded};
 
 /// A run with agents of the test.
 pub(crate) struct Play {
@@ -36,6 +36,8 @@ pub(crate) struct Play {
     pub(crate) watch: Box<dyn FnMut(&World) + Send>,
     /// What stands between the server and the link.
     pub(crate) server_link: fn(ServerEnd) -> Box<dyn ServerLink>,
+    /// Ends the run early once it is set.
+    pub(crate) stop: Arc<AtomicBool>,
 }
 
 /// What became of it.
@@ -57,6 +59,7 @@ impl Play {
             record: None,
             watch: Box::new(|_| {}),
             server_link: |end| Box::new(end),
+            stop: Arc::default(),
         }
     }
 
@@ -64,7 +67,7 @@ impl Play {
     #[track_caller]
     pub(crate) fn with(self, node: impl Fn(AgentsEnd, Vec<AgentId>, &AtomicBool) + Send + Sync + 'static) -> Played {
         bounded("a run in memory", move || {
-            let Self { scenario, groups, record, watch, server_link } = self;
+            let Self { scenario, groups, record, watch, server_link, stop } = self;
             let ids = |group: Vec<u32>| group.into_iter().map(AgentId).collect();
             let groups: Vec<Vec<AgentId>> = groups.into_iter().map(ids).collect();
             let (world, _) = setup::build(&scenario).expect("there is such a world");
@@ -72,7 +75,7 @@ impl Play {
             let (server_end, agents_ends) = in_memory::link(&groups);
             let mut link = server_link(server_end);
             let mut watcher = Notes { notes: Vec::new(), watch };
-            let (stop, is_over) = (AtomicBool::new(false), AtomicBool::new(false));
+            let is_over = AtomicBool::new(false);
             let outcome = thread::scope(|scope| {
                 for (end, agents) in agents_ends.into_iter().zip(groups) {
                     scope.spawn(|| node(end, agents, &is_over));
@@ -127,7 +130,7 @@ pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
         controller: None,
         settings: Vec::new(),
         instance,
-        share_period_ticks: 0,
+        server_timeout: HANG,
         chaos_delay: Duration::ZERO,
     }
 }
@@ -141,16 +144,18 @@ pub(crate) fn serve(
     is_over: &AtomicBool,
 ) {
     let mut agents = BTreeMap::new();
+    let mut run = 0;
     while !is_over.load(Ordering::Relaxed) {
         let Some(message) = link.receive(Duration::from_millis(20)) else { continue };
         match message {
             Inbound::Scenario(scenario) => {
+                run = scenario.run;
                 let briefing = wire::briefing(&scenario).expect("the server's scenario is legal");
                 for &id in ids {
-                    agents.insert(id.0, Agent::new(id, briefing.clone(), controller(id), DEFAULT_PERIOD_TICKS));
+                    agents.insert(id.0, Agent::new(id, briefing.clone(), controller(id)));
                     let controller = "of the test".to_owned();
                     let last_tick = Join::NONE;
-                    link.join(&Join { agent: id.0, instance: 0, protocol: PROTOCOL, controller, last_tick });
+                    link.join(&Join { run, agent: id.0, instance: 0, protocol: PROTOCOL, controller, last_tick });
                 }
             }
             Inbound::JoinReply(reply) => assert!(reply.accepted, "{}", reply.reason),
@@ -160,7 +165,7 @@ pub(crate) fn serve(
                     Reaction::None => {}
                     Reaction::Answer(command) | Reaction::Farewell(command) => {
                         pause();
-                        link.answer(&command);
+                        link.answer(&Command { run, ..command });
                     }
                 }
             }

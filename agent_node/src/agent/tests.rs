@@ -24,10 +24,10 @@ impl Controller for Counting {
 }
 
 fn agent() -> Agent {
-    let scenario = maes_msgs::Scenario { size: [4, 4, 4], cell_m: 1.0, ..Default::default() };
+    let scenario = maes_msgs::Scenario { size: [4, 4, 4], cell_m: 1.0, share_period_ticks: 10, ..Default::default() };
     let mut briefing = wire::briefing(&scenario).unwrap();
     briefing.extent = Extent::new([4, 4, 4], 1.0).unwrap();
-    Agent::new(AgentId(2), briefing, Box::new(Counting(0)), 10)
+    Agent::new(AgentId(2), briefing, Box::new(Counting(0)))
 }
 
 fn part(tick: u64, phase: u8) -> Part {
@@ -116,7 +116,13 @@ fn play(
     looks_ahead: bool,
     is_restless: bool,
 ) -> (Vec<Vec<maes_msgs::Command>>, Vec<Vec<Observation>>, bool) {
-    let scenario = maes_msgs::Scenario { size: [SIDE; 3], cell_m: 1.0, agents: AGENTS, ..Default::default() };
+    let scenario = maes_msgs::Scenario {
+        size: [SIDE; 3],
+        cell_m: 1.0,
+        agents: AGENTS,
+        share_period_ticks: 23,
+        ..Default::default()
+    };
     let briefing = wire::briefing(&scenario).unwrap();
     let mut rng = msgs::seed::stream(seed, 0, "world");
     let mut agents = Vec::new();
@@ -127,7 +133,7 @@ fn play(
         let rng = msgs::seed::stream(seed, id.into(), "whim");
         let shown = Rc::clone(&shown[id as usize]);
         let whim = Whim { rng, wake: Wake::NEXT_TICK, shown, is_restless };
-        agents.push(Agent::new(AgentId(id), briefing.clone(), Box::new(whim), 23));
+        agents.push(Agent::new(AgentId(id), briefing.clone(), Box::new(whim)));
         boxes.push(Mailbox::default());
     }
     let mut places = [0usize; AGENTS as usize];
@@ -237,8 +243,9 @@ impl Controller for Sleeper {
 fn a_controller_is_asked_when_it_wants_to_be_and_misses_nothing() {
     let shown = Rc::new(RefCell::new(Vec::new()));
     let sleeper = Sleeper { ticks: vec![30, 90], shown: Rc::clone(&shown) };
-    let scenario = maes_msgs::Scenario { size: [4, 4, 4], cell_m: 1.0, agents: 3, ..Default::default() };
-    let mut agent = Agent::new(AgentId(2), wire::briefing(&scenario).unwrap(), Box::new(sleeper), 10);
+    let scenario =
+        maes_msgs::Scenario { size: [4, 4, 4], cell_m: 1.0, agents: 3, share_period_ticks: 10, ..Default::default() };
+    let mut agent = Agent::new(AgentId(2), wire::briefing(&scenario).unwrap(), Box::new(sleeper));
     let mut ask = |tick: u64, cell: u32, parcels: Vec<Message>| {
         let seen_free = CellRuns { start: vec![cell], length: vec![1] };
         let contacts = vec![Contact { agent: 1, ..Contact::default() }];

@@ -57,6 +57,7 @@ impl Scene {
             lidar_range_m: f64::INFINITY,
             lidar_period_ticks: 10,
             communication_range_m: f64::INFINITY,
+            share_period_ticks: 251,
         };
         let mut observation = super::tests::idle();
         observation.pose.position = extent.centre(start);

@@ -36,6 +36,7 @@ pub(crate) fn briefing(extent: Extent) -> Briefing {
         lidar_range_m: f64::INFINITY,
         lidar_period_ticks: 10,
         communication_range_m: f64::INFINITY,
+        share_period_ticks: 251,
     }
 }
 

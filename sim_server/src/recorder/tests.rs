@@ -1,3 +1,6 @@
+use std::cell::RefCell;
+use std::rc::Rc;
+
 use mcap::MessageStream;
 use mcap::read::Options;
 use msgs::maes_msgs::{Digest, Progress};
@@ -73,6 +76,7 @@ fn everything_saved_provisionally_is_readable_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let mut recorder = Recorder::create(&file, &[SCENARIO]).unwrap();
+    recorder.publish().unwrap();
     for end in [3_u64, 400, 499, 500, 501, 730, 1500] {
         let start = readable(&file).iter().filter(|(topic, _)| topic == "/sim/progress").count() as u64;
         write(&mut recorder, start..end);
@@ -91,4 +95,116 @@ fn everything_saved_provisionally_is_readable_at_once() {
 fn a_file_that_cannot_be_made_is_named() {
     let error = Recorder::create(Path::new("/nowhere/a.mcap"), &[]).err().unwrap().to_string();
     assert!(error.contains("/nowhere/a.mcap"), "{error}");
+}
+
+/// Names in a folder.
+fn listed(folder: &Path) -> Vec<String> {
+    let mut names: Vec<_> =
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_recording_that_is_given_up_leaves_the_older_one_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    for (older, expected) in [(None, &[][..]), (Some("older"), &["a.mcap"][..])] {
+        if let Some(older) = older {
+            fs::write(&file, older).unwrap();
+        }
+        let mut recorder = Recorder::create(&file, &[SCENARIO]).unwrap();
+        write(&mut recorder, 0..600);
+        recorder.save_provisionally().unwrap();
+        assert_eq!(listed(folder.path()).len(), expected.len() + 1, "it has a temporary name");
+        drop(recorder);
+        assert_eq!(listed(folder.path()), expected);
+        assert_eq!(fs::read_to_string(&file).ok().as_deref(), older);
+    }
+    let mut recorder = Recorder::create(&file, &[SCENARIO]).unwrap();
+    write(&mut recorder, 0..600);
+    recorder.finish().unwrap();
+    assert_eq!(listed(folder.path()), ["a.mcap"]);
+    assert_eq!(readable(&file).len(), 601);
+}
+
+#[test]
+fn a_recording_behind_a_link_is_written_where_it_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, link] = ["a.mcap", "b.mcap"].map(|name| folder.path().join(name));
+    fs::write(&file, "older").unwrap();
+    std::os::unix::fs::symlink(&file, &link).unwrap();
+    Recorder::create(&link, &[SCENARIO]).unwrap().finish().unwrap();
+    assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    assert!(mcap::Summary::read(&fs::read(&file).unwrap()).unwrap().is_some());
+}
+
+/// A disk that has room for so many bytes, and takes what fits of the write that is too much.
+#[derive(Clone)]
+struct SmallDisk {
+    room: usize,
+    bytes: Rc<RefCell<Vec<u8>>>,
+}
+
+impl sink::Store for SmallDisk {
+    fn write_all_at(&self, bytes: &[u8], at: u64) -> std::io::Result<()> {
+        let mut disk = self.bytes.borrow_mut();
+        let end = at as usize + bytes.len();
+        let fits = end.min(self.room);
+        if disk.len() < fits {
+            disk.resize(fits, 0);
+        }
+        let at = (at as usize).min(fits);
+        disk[at..fits].copy_from_slice(&bytes[..fits - at]);
+        if end > self.room { Err(std::io::ErrorKind::StorageFull.into()) } else { Ok(()) }
+    }
+
+    fn set_len(&self, length: u64) -> std::io::Result<()> {
+        self.bytes.borrow_mut().truncate(length as usize);
+        Ok(())
+    }
+
+    fn sync(&self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Records on a small disk as long as it can be done; what is on the disk afterwards.
+fn record_on(room: usize) -> (Result<(), RecordError>, Vec<u8>) {
+    let disk = SmallDisk { room, bytes: Rc::default() };
+    let mut recorder = Recorder::begin(Path::new("a.mcap"), Sink::new(disk.clone()));
+    let record = |recorder: &mut Recorder| {
+        recorder.attach(&[SCENARIO])?;
+        for tick in 0..1700 {
+            recorder.write(&topics::progress(), Tick(tick), &progress(tick))?;
+            if tick % 90 == 0 {
+                recorder.save_provisionally()?;
+            }
+        }
+        Ok(())
+    };
+    let recorded = record(&mut recorder).and_then(|()| recorder.finish());
+    (recorded, disk.bytes.take())
+}
+
+#[test]
+fn a_disk_that_is_full_leaves_a_beginning_without_an_end() {
+    let (recorded, whole) = record_on(usize::MAX);
+    recorded.unwrap();
+    let read = |bytes: &[u8]| -> Vec<u64> {
+        let stream = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into());
+        stream.map_or(Vec::new(), |stream| stream.map_while(Result::ok).map(|message| message.log_time).collect())
+    };
+    let all = read(&whole);
+    let mut lengths = Vec::new();
+    for room in (0..whole.len()).step_by(37) {
+        let (recorded, left) = record_on(room);
+        recorded.unwrap_err();
+        assert!(whole.starts_with(&left), "room {room}: cut off behind whole chunks");
+        assert!(left.len() < mcap::MAGIC.len() * 2 || !left.ends_with(mcap::MAGIC), "room {room}: a false end");
+        assert!(all.starts_with(&read(&left)), "room {room}");
+        lengths.push(left.len());
+    }
+    lengths.dedup();
+    assert!(lengths.len() >= 5, "nothing, the documents, and each of the chunks: {lengths:?}");
 }

@@ -1,19 +1,22 @@
 //! Questions and answers: sends observations, sends them again on silence, and takes in what is legal.
 //!
 //! Invariants: a refused message changes nothing but its counter; sending again changes nothing, because a tick has one answer;
-//! every wait is bounded.
+//! every wait is bounded; what goes in and comes out has no number of a run: it is put on and taken off here.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation as Part, Progress, Scenario};
 
+use super::log::Log;
 use super::{Watcher, now};
 use crate::link::{Inbound, Incoming, Link, SourceId};
 use crate::lockstep::{Barrier, Claim, Refusal, Roster, Seat, Wake};
+use crate::recorder::RecordError;
 use crate::wire;
 use crate::world::body::Motion;
 use crate::world::{Action, LidarRequest, Since};
@@ -76,9 +79,29 @@ pub(super) struct Silence {
     pub(super) silent: Vec<AgentId>,
 }
 
+/// What goes on while messages are awaited.
+pub(super) struct Meanwhile<'a> {
+    /// Is told what a person should read.
+    pub(super) watcher: &'a mut dyn Watcher,
+    /// Is saved now and then.
+    pub(super) log: &'a mut Log,
+    /// Ends the waiting.
+    pub(super) stop: &'a AtomicBool,
+}
+
+impl Meanwhile<'_> {
+    /// To be called between two messages: whether to go on waiting.
+    fn goes_on(&mut self) -> Result<bool, RecordError> {
+        self.log.save_now_and_then()?;
+        Ok(!self.stop.load(Ordering::Relaxed))
+    }
+}
+
 /// The server's side of the protocol over a link.
 pub(super) struct Exchange<'a> {
     link: &'a mut dyn Link,
+    /// Tells the messages of this run from those of any other. It must not get into the recording or the digest.
+    run: u64,
     agents: u32,
     roster: Roster,
     last: Vec<Option<Command>>,
@@ -88,9 +111,10 @@ pub(super) struct Exchange<'a> {
 }
 
 impl<'a> Exchange<'a> {
-    pub(super) fn new(link: &'a mut dyn Link, agents: u32) -> Self {
+    pub(super) fn new(link: &'a mut dyn Link, run: u64, agents: u32) -> Self {
         Self {
             link,
+            run,
             agents,
             roster: Roster::new(agents),
             last: vec![None; agents as usize],
@@ -100,7 +124,7 @@ impl<'a> Exchange<'a> {
     }
 
     pub(super) fn announce(&mut self, scenario: &Scenario) {
-        self.link.announce(scenario);
+        self.link.announce(&Scenario { run: self.run, ..scenario.clone() });
     }
 
     pub(super) fn clock(&mut self, tick: Tick) {
@@ -109,6 +133,11 @@ impl<'a> Exchange<'a> {
 
     pub(super) fn progress(&mut self, progress: &Progress) {
         self.link.progress(progress);
+    }
+
+    /// See [`Link::other_run`].
+    pub(super) fn other_run(&self) -> Option<u64> {
+        self.link.other_run()
     }
 
     /// Ids that nobody has claimed, ascending.
@@ -120,7 +149,9 @@ impl<'a> Exchange<'a> {
     pub(super) fn joins(&self) -> impl Iterator<Item = (AgentId, Join)> + '_ {
         (0..self.agents).map(AgentId).filter_map(|agent| {
             let controller = self.roster.seat(agent)?.controller.clone();
-            Some((agent, Join { agent: agent.0, instance: 0, protocol: PROTOCOL, controller, last_tick: Join::NONE }))
+            let id = agent.0;
+            let join = Join { run: 0, agent: id, instance: 0, protocol: PROTOCOL, controller, last_tick: Join::NONE };
+            Some((agent, join))
         })
     }
 
@@ -130,33 +161,41 @@ impl<'a> Exchange<'a> {
     }
 
     /// Takes in messages of agents that join, for a moment.
-    pub(super) fn admit(&mut self, watcher: &mut dyn Watcher) {
-        self.idle(Tick::ZERO, PATIENCE, watcher);
+    pub(super) fn admit(&mut self, mut meanwhile: Meanwhile<'_>) -> Result<(), RecordError> {
+        self.idle(Tick::ZERO, PATIENCE, &mut meanwhile)
     }
 
-    /// Takes in messages while nobody is asked, for this long; `tick` is the one that comes next.
-    pub(super) fn idle(&mut self, tick: Tick, wait: Duration, watcher: &mut dyn Watcher) {
+    /// Takes in messages while nobody is asked, for this long or until it is stopped; `tick` is the one that comes next.
+    pub(super) fn idle(
+        &mut self,
+        tick: Tick,
+        wait: Duration,
+        meanwhile: &mut Meanwhile<'_>,
+    ) -> Result<(), RecordError> {
         let mut nobody = Barrier::new(tick, BTreeSet::new());
         let end = now() + wait;
-        while let Some(left) = end.checked_duration_since(now()) {
+        while let Some(left) = end.checked_duration_since(now())
+            && meanwhile.goes_on()?
+        {
             if let Some(incoming) = self.link.receive(left.min(PATIENCE)) {
-                self.handle(incoming, &mut nobody, watcher);
+                self.handle(incoming, &mut nobody, meanwhile.watcher);
             }
         }
+        Ok(())
     }
 
-    /// Asks, and waits for all answers; sends again on silence.
+    /// Asks, and waits for all answers; sends again on silence. There is silence in the end if someone has not answered within
+    /// `limit` of wall time, or the waiting was stopped.
     ///
     /// # Errors
-    /// If someone has not answered within `limit` of wall time, or `stop` was set.
+    /// If the recording cannot be saved meanwhile.
     pub(super) fn ask(
         &mut self,
         tick: Tick,
         asked: &[Asked],
         limit: Duration,
-        watcher: &mut dyn Watcher,
-        stop: &AtomicBool,
-    ) -> Result<BTreeMap<AgentId, Answer>, Silence> {
+        meanwhile: &mut Meanwhile<'_>,
+    ) -> Result<Result<BTreeMap<AgentId, Answer>, Silence>, RecordError> {
         let mut barrier = Barrier::new(tick, asked.iter().map(|asked| asked.agent).collect());
         for asked in asked {
             self.send(asked);
@@ -167,7 +206,7 @@ impl<'a> Exchange<'a> {
         let mut send_again = patience;
         while !barrier.is_complete() {
             if let Some(incoming) = self.link.receive(PATIENCE) {
-                self.handle(incoming, &mut barrier, watcher);
+                self.handle(incoming, &mut barrier, meanwhile.watcher);
             }
             if barrier.is_complete() {
                 break;
@@ -177,9 +216,9 @@ impl<'a> Exchange<'a> {
             let looked = now();
             waited += looked.duration_since(last_looked).min(LOOK_MAX);
             last_looked = looked;
-            if waited >= limit || stop.load(Ordering::Relaxed) {
+            if waited >= limit || !meanwhile.goes_on()? {
                 let silent = barrier.missing().collect();
-                return Err(Silence { answers: barrier.into_answers_so_far(), silent });
+                return Ok(Err(Silence { answers: barrier.into_answers_so_far(), silent }));
             }
             if waited >= send_again {
                 patience = (patience * 2).min(SEND_AGAIN_MAX);
@@ -190,21 +229,31 @@ impl<'a> Exchange<'a> {
                 }
             }
         }
-        Ok(barrier.into_answers())
+        Ok(Ok(barrier.into_answers()))
     }
 
     /// Tells agents that the run is over, and waits a while for their receipts.
-    pub(super) fn farewell(&mut self, tick: Tick, told: &[Asked], limit: Duration, watcher: &mut dyn Watcher) {
+    ///
+    /// # Errors
+    /// If the recording cannot be saved meanwhile.
+    pub(super) fn farewell(
+        &mut self,
+        tick: Tick,
+        told: &[Asked],
+        limit: Duration,
+        meanwhile: &mut Meanwhile<'_>,
+    ) -> Result<(), RecordError> {
         let told: Vec<Asked> = told.iter().filter(|told| self.roster.seat(told.agent).is_some()).cloned().collect();
-        if let Err(Silence { silent, .. }) = self.ask(tick, &told, limit, watcher, &AtomicBool::new(false)) {
+        if let Err(Silence { silent, .. }) = self.ask(tick, &told, limit, meanwhile)? {
             let silent = crate::lockstep::listed(silent);
-            watcher.note(&format!("no receipt for the end of the run from: {silent}"));
+            meanwhile.watcher.note(&format!("no receipt for the end of the run from: {silent}"));
         }
+        Ok(())
     }
 
     fn send(&mut self, asked: &Asked) {
         for part in &asked.parts {
-            self.link.send(asked.agent, part);
+            self.link.send(asked.agent, &Part { run: self.run, ..part.clone() });
         }
     }
 
@@ -228,11 +277,14 @@ impl<'a> Exchange<'a> {
     }
 
     fn handle_join(&mut self, topic: AgentId, source: SourceId, join: Join) -> Result<(), Refusal> {
-        let Join { agent, instance, protocol, controller, last_tick: _ } = join;
+        let Join { run, agent, instance, protocol, controller, last_tick: _ } = join;
+        if run != self.run {
+            return Err(Refusal::OtherRun { topic });
+        }
         let seat = Seat { source, instance, controller };
         let granted = self.roster.join(Claim { topic, agent: AgentId(agent), protocol, seat });
         let reason = granted.as_ref().err().map_or_else(String::new, Refusal::to_string);
-        self.link.reply_join(&JoinReply { agent, instance, accepted: granted.is_ok(), reason });
+        self.link.reply_join(&JoinReply { run, agent, instance, accepted: granted.is_ok(), reason });
         granted
     }
 
@@ -240,9 +292,12 @@ impl<'a> Exchange<'a> {
         &mut self,
         topic: AgentId,
         source: SourceId,
-        command: Command,
+        mut command: Command,
         barrier: &mut Barrier<Answer>,
     ) -> Result<(), Refusal> {
+        if std::mem::take(&mut command.run) != self.run {
+            return Err(Refusal::OtherRun { topic });
+        }
         let agent = AgentId(command.agent);
         let tick = Tick(command.tick);
         if agent != topic {
@@ -251,7 +306,9 @@ impl<'a> Exchange<'a> {
         self.roster.check(agent, source)?;
         if let Err(refusal) = barrier.expect(agent, tick) {
             let echoes = &mut self.echoes[agent.index()];
-            if *echoes > 0 && self.last[agent.index()].as_ref() == Some(&command) {
+            // The same bytes: numbers that nobody looks at may be NaN, which is not equal to itself.
+            let is_echo = |last: &Command| cdr::encode(last) == cdr::encode(&command);
+            if *echoes > 0 && self.last[agent.index()].as_ref().is_some_and(is_echo) {
                 *echoes -= 1;
                 return Ok(());
             }

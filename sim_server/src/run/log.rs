@@ -1,12 +1,18 @@
 //! What a run writes down: messages on their way to the digest and to the recording, if there is one.
 
+use std::time::{Duration, Instant};
+
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::topics::{self, Topic};
 use serde::Serialize;
 
+use super::now;
 use crate::digest::Chain;
 use crate::recorder::{RecordError, Recorder};
+
+/// Wall time after which the open chunk of the recording is saved provisionally.
+const SAVE_PERIOD: Duration = Duration::from_millis(500);
 
 /// What a message is.
 #[derive(Debug, Clone, Copy)]
@@ -27,6 +33,7 @@ pub(super) struct Log {
     sim_topics: [Topic; 5],
     agent_topics: Vec<[Topic; 3]>,
     bytes: Vec<u8>,
+    saved: Instant,
 }
 
 impl Log {
@@ -37,6 +44,7 @@ impl Log {
             sim_topics: [topics::scenario(), topics::progress(), topics::digest(), topics::result(), topics::tf()],
             agent_topics: (0..agents).map(AgentId).map(of_agent).collect(),
             bytes: Vec::new(),
+            saved: now(),
         }
     }
 
@@ -66,8 +74,25 @@ impl Log {
         Ok(())
     }
 
+    /// See [`Recorder::publish`].
+    pub(super) fn publish(&mut self) -> Result<(), RecordError> {
+        let published = self.recorder.as_mut().map_or(Ok(()), Recorder::publish);
+        self.unless_failed(published)
+    }
+
+    /// Gives up the recording; there is none unless it is published.
+    pub(super) fn give_up(&mut self) {
+        self.recorder = None;
+    }
+
+    /// Saves provisionally if it is time to. To be called while the loop waits, too.
+    pub(super) fn save_now_and_then(&mut self) -> Result<(), RecordError> {
+        if self.saved.elapsed() >= SAVE_PERIOD { self.save_provisionally() } else { Ok(()) }
+    }
+
     /// See [`Recorder::save_provisionally`].
     pub(super) fn save_provisionally(&mut self) -> Result<(), RecordError> {
+        self.saved = now();
         let written = self.recorder.as_mut().map_or(Ok(()), Recorder::save_provisionally);
         self.unless_failed(written)
     }

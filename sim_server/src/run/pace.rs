@@ -19,13 +19,12 @@ impl Pace {
         Self { rtf, start }
     }
 
-    /// Passes the wall time until `tick` may begin with `idle`.
-    pub(super) fn keep(&self, tick: Tick, idle: impl FnOnce(Duration)) {
-        if let Rtf::Limit(limit) = self.rtf {
-            let due = self.start + Duration::from_nanos(tick.time_ns()).div_f64(limit);
-            if let Some(wait) = due.checked_duration_since(now()) {
-                idle(wait);
-            }
-        }
+    /// Wall time until `tick` may begin, if it may not yet.
+    pub(super) fn wait(&self, tick: Tick) -> Option<Duration> {
+        let Rtf::Limit(limit) = self.rtf else {
+            return None;
+        };
+        let due = self.start + Duration::from_nanos(tick.time_ns()).div_f64(limit);
+        due.checked_duration_since(now())
     }
 }

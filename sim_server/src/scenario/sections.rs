@@ -78,8 +78,11 @@ pub struct AgentsSection {
     /// What an agent runs if its own command line does not say.
     #[serde(default = "rbw")]
     pub controller: String,
+    /// Ticks between two tellings of what is new on an agent's map to those in contact with it; 0: agents only listen.
+    #[serde(default = "share_period")]
+    pub share_period_ticks: u32,
     /// Settings of that controller.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(default)]
     pub set: BTreeMap<String, toml::Value>,
 }
 
@@ -245,4 +248,9 @@ fn one() -> f64 {
 
 fn rbw() -> String {
     "rbw".to_owned()
+}
+
+/// Reference: 5.02 s between two exchanges of maps.
+fn share_period() -> u32 {
+    251
 }
