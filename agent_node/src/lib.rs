@@ -20,5 +20,6 @@ pub mod regions;
 pub mod ros;
 pub mod run;
 pub mod sharing;
+pub mod stopwatch;
 pub mod travel;
 pub mod wire;

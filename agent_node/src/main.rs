@@ -64,6 +64,7 @@ mod serve {
             server_timeout: cli.server_timeout(),
             agents: cli.id.0,
             controller: cli.controller,
+            decision_times: None,
             settings: cli.set,
             instance: getrandom::u64()?,
         };

@@ -20,6 +20,7 @@ use thiserror::Error;
 use crate::agent::{Agent, Reaction};
 use crate::controllers::{self, ControllerError};
 use crate::link::{Inbound, Link};
+use crate::stopwatch::DecisionTimes;
 use crate::wire::{self, WireError};
 
 /// Wall time between two attempts to join.
@@ -39,7 +40,7 @@ const LOOK_MAX: Duration = Duration::from_millis(200);
 const PATIENCE: Duration = Duration::from_millis(50);
 
 /// What a process is to run.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Options {
     /// Its agents.
     pub agents: Vec<AgentId>,
@@ -53,6 +54,8 @@ pub struct Options {
     pub server_timeout: Duration,
     /// Waits up to so long, at random, before each answer: a test of the lock-step.
     pub chaos_delay: Duration,
+    /// Where to note how long decisions take.
+    pub decision_times: Option<DecisionTimes>,
 }
 
 /// Why agents cannot go on.
@@ -161,7 +164,10 @@ impl<'a> Process<'a> {
                 let reason = format!("this run has agents 0 to {}", briefing.agents.saturating_sub(1));
                 return Err(RunError::Refused { agent: id, reason });
             }
-            let controller = controllers::build(name, &settings, id, briefing.agents_seed)?;
+            let mut controller = controllers::build(name, &settings, id, briefing.agents_seed)?;
+            if let Some(times) = &options.decision_times {
+                controller = times.of(controller);
+            }
             let agent = Agent::new(id, briefing.clone(), controller);
             seats.insert(id, Seat { agent, is_accepted: false });
         }
@@ -332,6 +338,7 @@ mod tests {
                 instance: 3,
                 server_timeout: Duration::from_millis(1),
                 chaos_delay: Duration::ZERO,
+                decision_times: None,
             };
             run(self, &options, &AtomicBool::new(false))
         }

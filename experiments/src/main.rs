@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use agent_node::stopwatch::DecisionTimes;
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand};
 use experiments::single::{self, Grouping, SingleError, Team};
@@ -44,6 +45,9 @@ struct SingleArgs {
     /// Wait up to so many milliseconds, at random, before each answer of an agent
     #[arg(long, value_name = "MS", default_value_t = 0)]
     chaos_delay_ms: u64,
+    /// Say how much wall time the decisions of the agents have taken
+    #[arg(long)]
+    decision_times: bool,
 }
 
 fn main() -> ExitCode {
@@ -72,13 +76,27 @@ fn run_single(args: &SingleArgs) -> anyhow::Result<ExitCode> {
     let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log);
     let grouping = if args.together { Grouping::Together } else { Grouping::Apart };
     let chaos_delay = Duration::from_millis(args.chaos_delay_ms);
-    let team = Team { grouping, chaos_delay };
-    let outcome = single::run(&scenario, team, &mut terminal, &stop);
+    let decision_times = args.decision_times.then(DecisionTimes::default);
+    let team = Team { grouping, chaos_delay, decision_times: decision_times.clone() };
+    let outcome = single::run(&scenario, &team, &mut terminal, &stop);
     terminal.clear();
+    if let Some(times) = decision_times {
+        eprintln!("{}", summary(&times.sorted()));
+    }
     let outcome = outcome?;
     let text = terminal::result_text(&outcome);
     terminal.keep(&text);
     // Results go to stdout; that nobody listens is no failure.
     drop(writeln!(std::io::stdout(), "{text}"));
     Ok(exit::of_outcome(&outcome))
+}
+
+/// Of durations in ascending order.
+fn summary(times: &[Duration]) -> String {
+    let share = |permille: usize| {
+        let place = (times.len() * permille / 1000).min(times.len().saturating_sub(1));
+        times.get(place).copied().unwrap_or_default()
+    };
+    let (median, p99, longest) = (share(500), share(990), share(1000));
+    format!("{} decisions: median {median:.1?}, p99 {p99:.1?}, longest {longest:.1?}", times.len())
 }

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use agent_node::controllers;
 use agent_node::run::{Options, RunError as AgentError};
+use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::AgentId;
 use sim_server::recorder::RecordError;
 use sim_server::run::{Outcome, RunError, Watcher};
@@ -43,12 +44,14 @@ pub enum Grouping {
 }
 
 /// How the agents of a run are carried out, beside their controllers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct Team {
     /// On which threads.
     pub grouping: Grouping,
     /// Each waits up to so long, at random, before each answer.
     pub chaos_delay: Duration,
+    /// Where to note how long decisions take.
+    pub decision_times: Option<DecisionTimes>,
 }
 
 /// Carries out a scenario. The recording goes where the scenario says. `stop` ends the run early once it is set, and is set if an
@@ -58,7 +61,7 @@ pub struct Team {
 /// If the scenario cannot be set up or carried out; that of an agent comes first.
 pub fn run(
     scenario: &Scenario,
-    team: Team,
+    team: &Team,
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
 ) -> Result<Outcome, SingleError> {
@@ -84,10 +87,11 @@ pub fn run(
             .zip(agents_ends)
             .map(|((instance, agents), mut end)| {
                 let (controller, settings) = (None, Vec::new());
-                let chaos_delay = team.chaos_delay;
+                let Team { chaos_delay, decision_times, .. } = team.clone();
                 // Nobody can end the server without the agents.
                 let server_timeout = Duration::MAX;
-                let options = Options { agents, controller, settings, instance, server_timeout, chaos_delay };
+                let options =
+                    Options { agents, controller, settings, instance, server_timeout, chaos_delay, decision_times };
                 let agents_stop = &agents_stop;
                 scope.spawn(move || {
                     let ended = agent_node::run::run(&mut end, &options, agents_stop);

@@ -454,6 +454,11 @@ impl Run<'_> {
             counter("parcel_bytes_delivered", totals.parcel_bytes_delivered),
             counter("agents_dropped", self.lost.len() as u64),
         ];
+        let kinds = totals.parcel_bytes_by_kind.iter();
+        counters.extend(kinds.map(|(kind, &bytes)| counter(&format!("parcel_bytes_delivered_kind_{kind}"), bytes)));
+        let milestones = self.world.coverage().milestones();
+        counters
+            .extend(milestones.map(|(permille, tick)| counter(&format!("tick_explored_permille_{permille}"), tick.0)));
         counters.extend(self.exchange.refusals().map(|(name, value)| counter(name, value)));
         counters
     }

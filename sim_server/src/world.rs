@@ -147,7 +147,7 @@ pub enum Since {
 }
 
 /// Running totals of a world, for the result of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Totals {
     /// Scans that were due.
     pub scans: u64,
@@ -165,6 +165,8 @@ pub struct Totals {
     pub parcels_inbox_full: u64,
     /// Bytes delivered.
     pub parcel_bytes_delivered: u64,
+    /// The same by the sender's mark.
+    pub parcel_bytes_by_kind: BTreeMap<u8, u64>,
 }
 
 /// The true world.
@@ -322,6 +324,7 @@ impl World {
             let new_free = &self.agents[index].untold.free[first..];
             self.coverage.explore(AgentId::from_index(index), new_free);
         }
+        self.coverage.note_milestones(tick);
     }
 
     /// What has happened to an agent since its last observation that counted, as far as `asked` names it: a change of contacts
@@ -423,7 +426,9 @@ impl World {
                         continue;
                     }
                     self.totals.parcels_delivered += 1;
-                    self.totals.parcel_bytes_delivered += parcel.data.len() as u64;
+                    let bytes = parcel.data.len() as u64;
+                    self.totals.parcel_bytes_delivered += bytes;
+                    *self.totals.parcel_bytes_by_kind.entry(parcel.kind).or_default() += bytes;
                 }
             }
         }

@@ -3,7 +3,7 @@
 //! A free cell is explored once a scan has crossed it, and covered once the centre of a body has been in it. Fractions are of
 //! all free cells of the true map (reference: after pocket removal), as real numbers.
 
-use msgs::ids::AgentId;
+use msgs::ids::{AgentId, Tick};
 
 /// A set of cell indices.
 #[derive(Debug, Clone)]
@@ -27,6 +27,9 @@ impl CellSet {
     }
 }
 
+/// Shares of the free cells, in thousandths, of which it is noted when the team has seen so much.
+pub const MILESTONES_PERMILLE: [u64; 5] = [500, 900, 990, 999, 1000];
+
 /// The score of a run.
 #[derive(Debug, Clone)]
 pub struct Coverage {
@@ -35,6 +38,8 @@ pub struct Coverage {
     covered: CellSet,
     explored_by: Vec<usize>,
     covered_by: Vec<CellSet>,
+    /// When the milestones were reached, as far as they have been.
+    milestones: Vec<Tick>,
 }
 
 impl Coverage {
@@ -51,6 +56,7 @@ impl Coverage {
             covered: CellSet::new(volume),
             explored_by: vec![0; agents],
             covered_by: vec![CellSet::new(volume); agents],
+            milestones: Vec::new(),
         }
     }
 
@@ -66,6 +72,20 @@ impl Coverage {
     pub fn cover(&mut self, agent: AgentId, cell: u32) {
         self.covered.insert(cell);
         self.covered_by[agent.index()].insert(cell);
+    }
+
+    /// Notes which milestones have been reached by now.
+    pub fn note_milestones(&mut self, now: Tick) {
+        let (explored, free) = (self.explored.len as u64, self.free_cells as u64);
+        while MILESTONES_PERMILLE.get(self.milestones.len()).is_some_and(|&permille| explored * 1000 >= free * permille)
+        {
+            self.milestones.push(now);
+        }
+    }
+
+    /// The milestones that have been reached, in thousandths, and when.
+    pub fn milestones(&self) -> impl Iterator<Item = (u64, Tick)> {
+        MILESTONES_PERMILLE.into_iter().zip(self.milestones.iter().copied())
     }
 
     /// Share of the free cells that at least one agent has seen, 0 ..= 1.
@@ -100,5 +120,22 @@ impl Coverage {
 
     fn share(&self, cells: usize) -> f64 {
         cells as f64 / self.free_cells as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn milestones_are_noted_in_the_tick_in_which_they_are_reached() {
+        let mut coverage = Coverage::new(1000, 1000, 2);
+        let cells: Vec<u32> = (0..1000).collect();
+        for (tick, seen) in [(3, 499), (4, 500), (5, 950), (6, 1000), (7, 1000)] {
+            coverage.explore(AgentId((tick % 2) as u32), &cells[..seen]);
+            coverage.note_milestones(Tick(tick));
+        }
+        let reached: Vec<(u64, u64)> = coverage.milestones().map(|(permille, tick)| (permille, tick.0)).collect();
+        assert_eq!(reached, [(500, 4), (900, 5), (990, 6), (999, 6), (1000, 6)]);
     }
 }

@@ -1,0 +1,72 @@
+//! How long decisions take, in wall time: for people only. No result hangs on it.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use crate::command::Command;
+use crate::controllers::{Controller, Ctx};
+use crate::observation::Observation;
+
+/// The wall time of each decision of some agents, in no order. Its clones share it.
+#[derive(Debug, Clone, Default)]
+pub struct DecisionTimes(Arc<Mutex<Vec<Duration>>>);
+
+impl DecisionTimes {
+    /// The same controller, with its decisions timed.
+    #[must_use]
+    pub fn of(&self, controller: Box<dyn Controller>) -> Box<dyn Controller> {
+        Box::new(Timed { controller, times: self.clone() })
+    }
+
+    /// All of them, ascending.
+    #[must_use]
+    pub fn sorted(&self) -> Vec<Duration> {
+        let mut times = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        times.sort_unstable();
+        times
+    }
+}
+
+struct Timed {
+    controller: Box<dyn Controller>,
+    times: DecisionTimes,
+}
+
+impl Controller for Timed {
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let start = now();
+        let command = self.controller.decide(observation, ctx);
+        self.times.0.lock().unwrap_or_else(PoisonError::into_inner).push(start.elapsed());
+        command
+    }
+
+    fn is_asked_between(&self) -> bool {
+        self.controller.is_asked_between()
+    }
+}
+
+#[expect(clippy::disallowed_methods, reason = "measuring the wall time is what this is for")]
+fn now() -> Instant {
+    Instant::now()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controllers::build;
+    use crate::controllers::tests::{Stage, idle};
+    use msgs::ids::AgentId;
+
+    #[test]
+    fn times_every_decision_and_changes_none() {
+        let times = DecisionTimes::default();
+        let walk = || build("rbw", &[], AgentId(0), 7).unwrap();
+        let (mut plain, mut timed) = (walk(), times.of(walk()));
+        let mut stage = Stage::new();
+        for decisions in 1..4 {
+            assert_eq!(stage.ask(timed.as_mut(), &idle()), stage.ask(plain.as_mut(), &idle()));
+            assert_eq!(times.sorted().len(), decisions);
+        }
+        assert!(times.sorted().is_sorted());
+    }
+}
