@@ -75,7 +75,10 @@ fn run_single(args: &SingleArgs) -> anyhow::Result<ExitCode> {
     let team = Team { grouping, chaos_delay };
     let outcome = single::run(&scenario, team, &mut terminal, &stop);
     terminal.clear();
-    let outcome = outcome?;
+    let outcome = outcome.map_err(|error| match error {
+        SingleError::Setup(error) => anyhow::anyhow!("{}: {error}", args.scenario.display()),
+        other => other.into(),
+    })?;
     let text = terminal::result_text(&outcome);
     terminal.keep(&text);
     // Results go to stdout; that nobody listens is no failure.
