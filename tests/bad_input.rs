@@ -53,9 +53,29 @@ fn scenarios() {
     refuse(&LEGAL.replace("40.0", "0.03"), &["s.toml: duration_s = 0.03: expected a multiple of 0.02"]);
     refuse(&LEGAL.replace("count = 3", "count = 0"), &["s.toml: agents.count = 0: expected 1 to"]);
     refuse(&format!("{LEGAL}[body]\nradius_m = nan\n"), &["s.toml: body.radius_m = NaN: expected"]);
-    refuse(&LEGAL.replace("size = 30", "size = 2000"), &["map", "2000", "1 to 1024"]);
-    refuse(&LEGAL.replace("size = 30", "size = 5"), &["map", "radius_min is 3"]);
+    refuse(&LEGAL.replace("size = 30", "size = 2000"), &["s.toml: map.size: ", "2000", "1 to 1024"]);
+    refuse(&LEGAL.replace("size = 30", "size = 5"), &["s.toml: map.spheres: radius_min is 3"]);
+    refuse(&LEGAL.replace("size = 30", "size = -3"), &["s.toml:5:8: expected a number of cells from 1 to 1024"]);
+    let latin = site.file("s.toml", [LEGAL.as_bytes(), b"# caf\xe9\n"].concat());
+    assert_no_run(&site, &latin, &[], &["s.toml:8:6: a byte that is no UTF-8"]);
     assert_no_run(&site, &site.path("nowhere.toml"), &[], &["nowhere.toml: No such file"]);
+}
+
+#[test]
+fn maps_that_do_not_fit_into_the_memory() {
+    let site = Site::new();
+    let scenario = site.file("s.toml", LEGAL);
+    let mut server = site.binary("sim_server");
+    server.arg("run").arg(&scenario).args(["--size", "1024"]);
+    let mut generate = site.binary("sim_server");
+    generate.args(["map", "generate", "--size", "1024", "--output", "large.txt"]);
+    for command in [&server, &generate] {
+        let mut limited = site.command("bash");
+        limited.args(["-c", "ulimit -v 4000000; exec \"$@\"", "bash"]);
+        limited.arg(command.get_program()).args(command.get_args());
+        let words = ["a map of 1024x1024x1024 cells", "MiB of memory, which cannot be had"];
+        assert_bad_input(&Process::start(&mut limited).ended(), &words);
+    }
 }
 
 #[test]
@@ -65,6 +85,12 @@ fn flags_that_change_a_scenario() {
     for (flags, words) in [
         (&["--agents", "0"][..], &["agents.count = 0"][..]),
         (&["--set", "duration_s=-1.0"], &["duration_s = -1"]),
+        (&["--seed", "9223372036854775808"], &["--seed ", "expected a seed from 0 to 9223372036854775807"]),
+        (&["--set", "spawn=foo"], &["--set spawn=", "{ kind = \"nearest_origin\" }"]),
+        (
+            &["--map", "a.m3dm", "--size", "30"],
+            &["map.size = [30, 30, 30]: a map from a file has the size of the file"],
+        ),
         (&["--set", "agents.cuont=1"], &["--set agents.cuont=1: unknown field `cuont`"]),
         (&["--set", "seed.x=1"], &["--set seed.x=1: `seed` in `seed.x` is not a table"]),
         (&["--set", "faults.on_agent_loss=panic"], &["--set faults.on_agent_loss=", "abort"]),
@@ -78,7 +104,7 @@ fn maps() {
     let site = Site::new();
     let legal = site.file("s.toml", LEGAL);
     let refuse = |map: &str, words: &[&str]| assert_no_run(&site, &legal, &["--map", map], words);
-    refuse("nowhere.m3dm", &["nowhere.m3dm: No such file"]);
+    refuse("nowhere.m3dm", &["s.toml: nowhere.m3dm: No such file"]);
 
     let made = site.path("good.m3dm");
     let mut generate = site.binary("sim_server");
@@ -108,7 +134,10 @@ fn spawns() {
     let site = Site::new();
     let list = |poses: &str| site.file("s.toml", format!("{LEGAL}[spawn]\nkind = \"list\"\nposes = {poses}\n"));
     let refuse = |poses: &str, words: &[&str]| assert_no_run(&site, &list(poses), &[], words);
-    refuse("[[0.5, 0.5, 0.5], [1, 2, 3], [1, 2, 3]]", &["spawn.poses[0]: a body of radius 0.4 m does not fit at [0.5"]);
+    refuse(
+        "[[0.5, 0.5, 0.5], [1, 2, 3], [1, 2, 3]]",
+        &["s.toml: spawn.poses[0]: a body of radius 0.4 m does not fit at [0.5"],
+    );
     refuse("[[15.5, 15.5, 15.5]]", &["spawn.poses: 1 poses for 3 agents"]);
     refuse("[[1], [1], [1]]", &["spawn.poses[0]: expected [x, y, z]"]);
     let legal = site.file("s.toml", LEGAL);

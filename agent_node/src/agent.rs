@@ -13,23 +13,16 @@
 //! not asked: the news wait for the tick that it has asked for, so that it need not know of sharing. It does not see map parcels.
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{INFO_BYTES_MAX, OBSERVATION_BYTES_MAX, PARCEL_BYTES_MAX};
+use msgs::limits::{LIST_BYTES_MAX, PARCEL_BYTES_BARE, PARCEL_BYTES_MAX, POINT_BYTES};
 use msgs::maes_msgs::{self, Observation as Part};
 
 use crate::command::{Command, Motion, Wake};
 use crate::controllers::{Controller, Ctx};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::{Briefing, Observation};
-use crate::sharing::{MAP_PARCEL, PARCEL_BYTES_BARE, Sharing};
+use crate::sharing::{MAP_PARCEL, Sharing};
 use crate::travel::Travel;
 use crate::wire::{self, Collected, Collector, WireError};
-
-/// Most bytes that the way-points and parcels of a command may take together, or the server refuses it: what fits into one sample
-/// beside the information text and the rest.
-const LIST_BYTES_MAX: usize = OBSERVATION_BYTES_MAX - INFO_BYTES_MAX - 512;
-
-/// Bytes of a way-point.
-const POINT_BYTES: usize = 24;
 
 /// One agent.
 pub struct Agent {

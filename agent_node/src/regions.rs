@@ -15,11 +15,9 @@ mod ways;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeSet;
-
 use voxels::{Cell, Extent, FACES};
 
-use crate::exploration_map::ExplorationMap;
+use crate::exploration_map::{ExplorationMap, Finding};
 use crate::path::{Graph, Moves};
 
 pub use ways::Ways;
@@ -53,6 +51,8 @@ pub struct Region {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Link {
     to: RegionId,
+    /// Slot of that region.
+    slot: u32,
     /// Length of the way between the centres, cells.
     length: f32,
 }
@@ -73,7 +73,7 @@ pub struct Regions {
     blocks: Vec<Option<Box<Block>>>,
     /// The journal of the map is taken in up to here.
     read: usize,
-    /// How far, in cells, a change can make a cell usable or not, and a frontier or not.
+    /// How far, in cells, a change can make a cell usable or not.
     reach: i32,
     /// How many slots there are, and those of them that no region has.
     slots: u32,
@@ -92,29 +92,33 @@ impl Regions {
 
     /// Takes in what is new on the map, which must be the same map each time; `moves` are those of the body.
     pub fn renew(&mut self, map: &ExplorationMap, moves: &Moves) {
-        let mut changed = BTreeSet::new();
-        let mut last = None;
+        let mut changed = Vec::new();
+        let mut looked_at = Vec::new();
         for change in map.changes_since(self.read) {
             let cell = self.extent.cell_at(change.cell as usize);
-            if last
-                .replace(cell)
-                .is_some_and(|last| self.inner_block(last).is_some_and(|block| self.inner_block(cell) == Some(block)))
+            // What has become known concerns the frontiers beside it, and, if it is free, who can be there.
+            self.for_blocks_near(cell, 1, |block| push(&mut looked_at, block));
+            if self.reach > 1 {
+                self.for_blocks_near(cell, self.reach, |block| push(&mut changed, block));
+            } else if self.region_of(cell).is_some() != (change.finding != Finding::Wall)
+                && let Some(block) = self.block_of(cell)
             {
-                continue;
+                push(&mut changed, block);
             }
-            self.for_blocks_near(cell, |block| {
-                changed.insert(block);
-            });
         }
         self.read = map.journal_len();
+        let mut linked = changed.clone();
+        tidy(&mut changed);
+        tidy(&mut looked_at);
         let graph = Graph::new(map, moves);
         for &block in &changed {
-            self.label(block, map, graph);
-        }
-        let mut linked = changed.clone();
-        for &block in &changed {
+            self.label(block, graph);
             linked.extend(self.neighbours(block).into_iter().flatten());
         }
+        for &block in changed.iter().chain(looked_at.iter().filter(|block| changed.binary_search(block).is_err())) {
+            self.list_frontiers(block, map);
+        }
+        tidy(&mut linked);
         for block in linked {
             self.link(block);
         }
@@ -167,20 +171,14 @@ impl Regions {
         inside.then(|| self.number_of(cell.x / BLOCK_CELLS, cell.y / BLOCK_CELLS, cell.z / BLOCK_CELLS))
     }
 
-    /// The block of a cell that is so far inside that a change of it concerns no other block.
-    fn inner_block(&self, cell: Cell) -> Option<u32> {
-        let is_inner = |at: i32| (self.reach..BLOCK_CELLS - self.reach).contains(&at.rem_euclid(BLOCK_CELLS));
-        (is_inner(cell.x) && is_inner(cell.y) && is_inner(cell.z)).then(|| self.block_of(cell)).flatten()
-    }
-
     fn place(&self, cell: Cell) -> usize {
         let [x, y, z] = [cell.x, cell.y, cell.z].map(|at| at.rem_euclid(BLOCK_CELLS));
         ((z * BLOCK_CELLS + y) * BLOCK_CELLS + x) as usize
     }
 
-    fn for_blocks_near(&self, cell: Cell, mut visit: impl FnMut(u32)) {
+    fn for_blocks_near(&self, cell: Cell, reach: i32, mut visit: impl FnMut(u32)) {
         let axis = |at: i32, size: i32| {
-            ((at - self.reach).div_euclid(BLOCK_CELLS).max(0), (at + self.reach).div_euclid(BLOCK_CELLS).min(size - 1))
+            ((at - reach).div_euclid(BLOCK_CELLS).max(0), (at + reach).div_euclid(BLOCK_CELLS).min(size - 1))
         };
         let [(x0, x1), (y0, y1), (z0, z1)] =
             [axis(cell.x, self.size[0]), axis(cell.y, self.size[1]), axis(cell.z, self.size[2])];
@@ -208,18 +206,14 @@ impl Regions {
         })
     }
 
-    fn label(&mut self, block: u32, map: &ExplorationMap, graph: Graph<'_>) {
+    /// Finds the regions of a block anew.
+    fn label(&mut self, block: u32, graph: Graph<'_>) {
         let corner = self.corner(block);
         let mut usable = [false; CELLS];
-        let mut frontiers = Vec::new();
         let mut any = false;
         for (place, is_usable) in usable.iter_mut().enumerate() {
-            let cell = corner + offset(place);
-            *is_usable = graph.is_usable(cell);
+            *is_usable = graph.is_usable(corner + offset(place));
             any |= *is_usable;
-            if map.is_frontier(cell) {
-                frontiers.push(cell);
-            }
         }
         if let Some(old) = self.blocks[block as usize].take() {
             self.free_slots.extend(old.regions.iter().map(|region| region.slot));
@@ -230,12 +224,13 @@ impl Regions {
         let mut labels = [0u8; CELLS];
         let mut regions: Vec<Region> = Vec::new();
         let mut stack = Vec::new();
+        let mut members = Vec::new();
         for first in 0..CELLS {
             if !usable[first] || labels[first] != 0 {
                 continue;
             }
             let label = regions.len() as u8 + 1;
-            let mut members = Vec::new();
+            members.clear();
             labels[first] = label;
             stack.push(first);
             while let Some(place) = stack.pop() {
@@ -256,12 +251,25 @@ impl Regions {
             let cells = members.len() as u32;
             regions.push(Region { centre, cells, frontiers: Vec::new(), links: Vec::new(), slot });
         }
-        for cell in frontiers {
-            // A frontier that the body does not fit into is looked at from the first region of its block.
-            let number = labels[self.place(cell)].saturating_sub(1);
-            regions[usize::from(number)].frontiers.push(cell);
-        }
         self.blocks[block as usize] = Some(Box::new(Block { labels, regions }));
+    }
+
+    /// Lists the frontiers of a block anew.
+    fn list_frontiers(&mut self, block: u32, map: &ExplorationMap) {
+        let corner = self.corner(block);
+        let Some(Block { labels, regions }) = self.blocks[block as usize].as_deref_mut() else {
+            return;
+        };
+        for region in regions.iter_mut() {
+            region.frontiers.clear();
+        }
+        for (place, label) in labels.iter().enumerate() {
+            let cell = corner + offset(place);
+            if map.is_frontier(cell) {
+                // A frontier that the body does not fit into is looked at from the first region of its block.
+                regions[usize::from(label.saturating_sub(1))].frontiers.push(cell);
+            }
+        }
     }
 
     fn slot(&mut self) -> u32 {
@@ -284,12 +292,9 @@ impl Regions {
             let Some((number, there)) = neighbour.and_then(|to| Some((to, self.blocks[to as usize].as_ref()?))) else {
                 continue;
             };
-            for place in 0..CELLS {
-                let cell = offset(place);
+            for cell in side(face) {
+                let place = place_of(cell);
                 let beyond = cell + face;
-                if [beyond.x, beyond.y, beyond.z].iter().all(|at| (0..BLOCK_CELLS).contains(at)) {
-                    continue;
-                }
                 let label = here.labels[place];
                 let other = there.labels[self.place(corner + beyond)];
                 if label == 0 || other == 0 {
@@ -298,15 +303,38 @@ impl Regions {
                 let region = &mut here.regions[usize::from(label - 1)];
                 let far = &there.regions[usize::from(other - 1)];
                 let to = RegionId { block: number, number: other - 1 };
+                let slot = far.slot;
                 let length = distance(region.centre, corner + cell) + 1.0 + distance(corner + beyond, far.centre);
                 match region.links.iter_mut().find(|link| link.to == to) {
                     Some(link) => link.length = link.length.min(length),
-                    None => region.links.push(Link { to, length }),
+                    None => region.links.push(Link { to, slot, length }),
                 }
             }
         }
         self.blocks[block as usize] = Some(here);
     }
+}
+
+/// Adds a block, unless it was added last.
+fn push(blocks: &mut Vec<u32>, block: u32) {
+    if blocks.last() != Some(&block) {
+        blocks.push(block);
+    }
+}
+
+fn tidy(blocks: &mut Vec<u32>) {
+    blocks.sort_unstable();
+    blocks.dedup();
+}
+
+/// The cells of a block at one of its faces, relative to its corner.
+fn side(face: Cell) -> impl Iterator<Item = Cell> {
+    let along = |by: i32| match by {
+        0 => 0..BLOCK_CELLS,
+        1 => BLOCK_CELLS - 1..BLOCK_CELLS,
+        _ => 0..1,
+    };
+    along(face.z).flat_map(move |z| along(face.y).flat_map(move |y| along(face.x).map(move |x| Cell::new(x, y, z))))
 }
 
 fn offset(place: usize) -> Cell {

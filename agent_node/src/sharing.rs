@@ -31,7 +31,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::PARCEL_BYTES_MAX;
+use msgs::limits::{PARCEL_BYTES_BARE, PARCEL_BYTES_MAX};
 use msgs::maes_msgs::Wake as Events;
 
 use crate::command::{Parcel, Wake};
@@ -44,9 +44,6 @@ pub const MAP_PARCEL: u8 = 1;
 
 /// Ticks between exchanges in the reference: 5.02 s.
 pub const DEFAULT_PERIOD_TICKS: u32 = 251;
-
-/// What one parcel adds to a command beside its data; the budget of [`Sharing::outgoing`] counts it with the data.
-pub const PARCEL_BYTES_BARE: usize = 16;
 
 /// Bytes that lie in an inbox at the most; the server loses what does not fit.
 const INBOX_BYTES: usize = 64 * PARCEL_BYTES_MAX;

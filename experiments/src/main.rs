@@ -83,7 +83,10 @@ fn run_single(args: &SingleArgs) -> anyhow::Result<ExitCode> {
     if let Some(times) = decision_times {
         eprintln!("{}", summary(&times.sorted()));
     }
-    let outcome = outcome?;
+    let outcome = outcome.map_err(|error| match error {
+        SingleError::Setup(error) => anyhow::anyhow!("{}: {error}", args.scenario.display()),
+        other => other.into(),
+    })?;
     let text = terminal::result_text(&outcome);
     terminal.keep(&text);
     // Results go to stdout; that nobody listens is no failure.

@@ -8,10 +8,10 @@
 //! | `/sim/join_reply` | server -> all | `maes_msgs/JoinReply` | transient local, depth 256 |
 //! | `/agent_<id>/observation` | server -> agent | `maes_msgs/Observation` | volatile, depth 16 |
 //! | `/agent_<id>/command` | agent -> server | `maes_msgs/Command` | volatile, depth 16 |
-//! | `/tf` | server -> people | `tf2_msgs/TFMessage` | volatile, depth 100 |
+//! | `/tf` (so far in recordings only) | server -> people | `tf2_msgs/TFMessage` | volatile, depth 100 |
 //! | `/sim/progress` | server -> people | `maes_msgs/Progress` | transient local, depth 1 |
-//! | `/sim/digest` | server -> people | `maes_msgs/Digest` | volatile, depth 10 |
-//! | `/sim/result` | server -> people | `maes_msgs/Result` | transient local, depth 1 |
+//! | `/sim/digest` (so far in recordings only) | server -> people | `maes_msgs/Digest` | volatile, depth 10 |
+//! | `/sim/result` (so far in recordings only) | server -> people | `maes_msgs/Result` | transient local, depth 1 |
 //!
 //! The folder of this crate is also the interface package itself: `package.xml`, `CMakeLists.txt` and `msg/` build with colcon
 //! or ament. The `.msg` files are the source; a test compares the structs with them, and another compares the bytes with those

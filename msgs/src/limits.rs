@@ -18,9 +18,24 @@ pub const INFO_BYTES_MAX: usize = 1_024;
 /// Most way-points of a path.
 pub const PATH_POINTS_MAX: usize = 1_024;
 
+/// Bytes on the wire of a point, such as a way-point.
+pub const POINT_BYTES: usize = 24;
+
+/// Bytes on the wire of a parcel beside its data, with padding.
+pub const PARCEL_BYTES_BARE: usize = 16;
+
+/// Bytes on the wire of a command or of a part of an observation without its lists and texts, rounded up generously.
+pub const MESSAGE_BYTES_BARE: usize = 512;
+
+/// Most bytes that the way-points and the parcels of one command may take together: what fits into one sample of
+/// [`OBSERVATION_BYTES_MAX`] beside the information text and the rest.
+pub const LIST_BYTES_MAX: usize = OBSERVATION_BYTES_MAX - INFO_BYTES_MAX - MESSAGE_BYTES_BARE;
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cdr;
+    use crate::geometry_msgs::Point;
     use crate::maes_msgs::{Command, Observation, Parcel, Task};
     use crate::message::Message;
 
@@ -31,5 +46,21 @@ mod tests {
         states(Parcel::TYPE.definition, format!("at most {PARCEL_BYTES_MAX} bytes"));
         states(Command::TYPE.definition, format!("at most {INFO_BYTES_MAX} bytes"));
         states(Task::TYPE.definition, format!("1 to {PATH_POINTS_MAX}"));
+    }
+    #[test]
+    fn a_command_with_full_lists_fits_into_a_sample() {
+        let path = vec![Point::default(); PATH_POINTS_MAX];
+        for parcels in [1, 7, 500] {
+            let room = LIST_BYTES_MAX - POINT_BYTES * path.len() - PARCEL_BYTES_BARE * parcels;
+            let parcel = Parcel { agent: 1, kind: 1, data: vec![0; room / parcels] };
+            let command = Command {
+                task: Task { path: path.clone(), ..Task::default() },
+                parcels: vec![parcel; parcels],
+                info: "x".repeat(INFO_BYTES_MAX),
+                ..Command::default()
+            };
+            let bytes = cdr::encode(&command).len();
+            assert!(bytes <= OBSERVATION_BYTES_MAX, "{parcels} parcels: {bytes} bytes");
+        }
     }
 }

@@ -24,7 +24,8 @@ const CLOCK_DEPTH: u32 = 10;
 /// Samples kept of the transforms, the value that tf2 uses.
 const TF_DEPTH: u32 = 100;
 
-/// Replies kept for agents that join late: one for each agent that a run may have, and as many refused ones.
+/// Replies kept for agents that find the topic late. One for each agent of all but the largest teams; whose reply is not among
+/// them joins again and gets another one.
 const JOIN_REPLY_DEPTH: u32 = 256;
 
 /// Samples kept of what is only looked at.

@@ -116,12 +116,12 @@ impl KeyArgs {
     /// The overrides that were typed; `--set` comes last.
     #[must_use]
     pub fn overrides(&self) -> Vec<Override> {
-        let mut overrides = Vec::new();
+        let mut overrides = self.map.as_deref().map(map_overrides).unwrap_or_default();
         let mut set = |flag: &str, key: &str, value: Option<toml::Value>| {
             overrides.extend(value.map(|value| Override {
                 origin: format!("{flag} {value}"),
                 key: key.to_owned(),
-                value,
+                value: Some(value),
             }));
         };
         set("--agents", "agents.count", self.agents.map(Into::into));
@@ -138,29 +138,29 @@ impl KeyArgs {
         set("--look-ahead", "execution.look_ahead", self.look_ahead.map(Into::into));
         set("--join-timeout", "execution.join_timeout_s", self.join_timeout.map(Into::into));
         set("--decision-timeout", "execution.decision_timeout_s", self.decision_timeout.map(Into::into));
-        if let Some(map) = &self.map {
-            overrides.push(map_override(map));
-        }
         overrides.extend(self.set.iter().map(|(key, value)| Override {
             origin: format!("--set {key}={value}"),
             key: key.clone(),
-            value: value.clone(),
+            value: Some(value.clone()),
         }));
         overrides
     }
 }
 
-/// `--map` sets the table as a whole as far as a file and a generator exclude each other.
-fn map_override(map: &str) -> Override {
-    let origin = format!("--map {map}");
+/// `--map` changes what says which map, and leaves the length of a cell and the seed. Of a generator, a file has no use for the
+/// size and the parameters.
+fn map_overrides(map: &str) -> Vec<Override> {
+    let change = |key: &str, value: Option<&str>| Override {
+        origin: format!("--map {map}"),
+        key: key.to_owned(),
+        value: value.map(Into::into),
+    };
     if matches!(map, "spheres" | "noise") {
-        return Override { origin, key: "map.kind".to_owned(), value: map.into() };
+        return vec![change("map.kind", Some(map)), change("map.file", None)];
     }
-    let table = toml::Table::from_iter([
-        ("kind".to_owned(), toml::Value::from("file")),
-        ("file".to_owned(), toml::Value::from(map)),
-    ]);
-    Override { origin, key: "map".to_owned(), value: table.into() }
+    let mut overrides: Vec<_> = ["map.size", "map.spheres", "map.noise"].map(|key| change(key, None)).into();
+    overrides.extend([change("map.kind", Some("file")), change("map.file", Some(map))]);
+    overrides
 }
 
 fn size(text: &str) -> Result<toml::Value, String> {
@@ -196,6 +196,26 @@ mod tests {
     fn the_declaration_is_consistent() {
         use clap::CommandFactory;
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_map_file_takes_the_place_of_a_generator_and_nothing_else() {
+        const TEXT: &str = "seed = 7\nduration_s = 60.0\n[map]\nkind = \"spheres\"\nsize = 50\ncell_m = 0.5\nseed = 3\n\
+                            [map.spheres]\nsmoothing = 1\n[agents]\ncount = 3\n";
+        let parse = |text: &str, args: KeyArgs| crate::scenario::Scenario::parse("s.toml", text, &args.overrides());
+        let map = |map: &str, size: Option<i64>| KeyArgs {
+            map: Some(map.to_owned()),
+            size: size.map(Into::into),
+            ..KeyArgs::default()
+        };
+        let from_file = parse(TEXT, map("a.m3dm", None)).unwrap();
+        assert_eq!(from_file.map.file.as_deref(), Some(std::path::Path::new("a.m3dm")));
+        assert_eq!((from_file.map.cell_m, from_file.map.seed, from_file.map.size), (0.5, Some(3), None));
+        assert_eq!(from_file.map.spheres, crate::mapgen::SpheresSpec::default());
+        let refused = parse(TEXT, map("a.m3dm", Some(30))).unwrap_err().to_string();
+        assert!(refused.contains("map.size = [30, 30, 30]: a map from a file has the size of the file"), "{refused}");
+        let again = parse(&from_file.to_toml(), map("noise", Some(30))).unwrap();
+        assert_eq!((again.map.file, again.map.cell_m, again.map.seed), (None, 0.5, Some(3)));
     }
 
     #[test]

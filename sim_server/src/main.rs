@@ -81,7 +81,8 @@ mod serve {
     pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         let scenario = setup::load(&args.scenario, &args.keys.overrides())?;
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
-        let (world, map) = setup::build(&scenario)?;
+        let named = |error| anyhow::anyhow!("{}: {error}", args.scenario.display());
+        let (world, map) = setup::build(&scenario).map_err(named)?;
         let stop = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register_conditional_shutdown(signal, exit::BY_SIGNAL.into(), Arc::clone(&stop))

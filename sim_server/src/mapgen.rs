@@ -129,6 +129,14 @@ pub enum MapError {
         /// Largest radius of the spec, in cells.
         radius_max: u32,
     },
+    /// The system has not enough memory for a map of this size.
+    #[error("a map of {} cells and what is known of it take {mib} MiB of memory, which cannot be had; choose a smaller one", by(*size))]
+    Memory {
+        /// Cells along x, y and z.
+        size: [u32; 3],
+        /// How much would be needed.
+        mib: usize,
+    },
     /// Noise or smoothing has left nothing free.
     #[error("the map has no free cell left after smoothing; change its fill, radii or smoothing")]
     Empty,
@@ -173,9 +181,10 @@ pub enum MapError {
 /// ```
 ///
 /// # Errors
-/// Those of [`MapSpec::check`]; [`MapError::FillUnreachable`]; [`MapError::Empty`] or
+/// Those of [`MapSpec::check`]; [`MapError::Memory`]; [`MapError::FillUnreachable`]; [`MapError::Empty`] or
 /// [`MapError::ImportEmpty`] if nothing free is left.
 pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMap, MapError> {
+    check_memory(extent, GENERATION_CELL_BYTES)?;
     let Draft { mut terrain, carved, shell_cells_closed } = match spec {
         MapSpec::Spheres(spec) => spheres::draft(spec, extent, seed)?,
         MapSpec::Noise(spec) => noise::draft(spec, extent, seed)?,
@@ -198,6 +207,20 @@ pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMa
         pocket_cells_removed: pockets.filled_cells as u64,
     };
     Ok(GeneratedMap { terrain, report })
+}
+
+/// Bytes for each cell that generation takes at the most: the terrain, a copy, and the labels of its components.
+const GENERATION_CELL_BYTES: usize = 8;
+
+/// Whether the system would give so many bytes for each cell. It may promise more than it can hold to, but what it does not even
+/// promise is a clear error here, and the end of the process later on.
+///
+/// # Errors
+/// If it would not.
+pub fn check_memory(extent: Extent, cell_bytes: usize) -> Result<(), MapError> {
+    let bytes = extent.volume().saturating_mul(cell_bytes);
+    let error = |_| MapError::Memory { size: extent.size(), mib: bytes >> 20 };
+    Vec::<u8>::new().try_reserve_exact(bytes).map_err(error)
 }
 
 /// The number of free cells.

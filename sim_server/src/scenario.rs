@@ -33,6 +33,7 @@ const BODY_CELLS_MIN: f64 = 1e-3;
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
     /// Seed of everything random: the map (unless `map.seed` is given) and the agents.
+    #[serde(deserialize_with = "sections::seed")]
     pub seed: u64,
     /// Sim time after which the run ends, seconds; a whole number of fixed updates.
     pub duration_s: f64,
@@ -66,15 +67,15 @@ pub struct Scenario {
     pub execution: ExecutionSection,
 }
 
-/// A key of the scenario that the command line sets: `agents.count = 5`.
+/// A key of the scenario that the command line sets, such as `agents.count = 5`, or takes out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Override {
     /// What the user typed, for error messages.
     pub origin: String,
     /// Dotted path of the key.
     pub key: String,
-    /// The new value.
-    pub value: toml::Value,
+    /// The new value; `None`: the key is left out.
+    pub value: Option<toml::Value>,
 }
 
 /// Why a scenario is not legal.
@@ -136,7 +137,7 @@ impl Scenario {
             let mut table: toml::Table = toml::from_str(text).map_err(syntax)?;
             for change in overrides {
                 let unfit = |reason: String| ScenarioError::Override { origin: change.origin.clone(), reason };
-                set_key(&mut table, &change.key, change.value.clone()).map_err(unfit)?;
+                change_key(&mut table, &change.key, change.value.clone()).map_err(unfit)?;
                 scenario =
                     table.clone().try_into().map_err(|error: toml::de::Error| unfit(one_line(error.message())))?;
             }
@@ -192,15 +193,16 @@ impl Scenario {
             (MapKind::File, size, map_file) => {
                 checker.require(
                     "map.file",
-                    format!("{map_file:?}"),
+                    "nothing",
                     map_file.is_some(),
-                    "a map of kind \"file\" needs a file",
+                    "a map of kind \"file\" needs a file, .m3dm or .txt",
                 )?;
+                let size = size.map_or("nothing".to_owned(), |size| format!("{:?}", size.cells()));
                 checker.require(
                     "map.size",
-                    format!("{size:?}"),
+                    size,
                     false,
-                    "a map from a file has the size of the file: leave the key out",
+                    "a map from a file has the size of the file: leave this key out",
                 )?;
             }
             (_, None, _) => checker.require(
@@ -210,7 +212,8 @@ impl Scenario {
                 "a generated map needs a size: a number or [x, y, z], in cells",
             )?,
             (_, Some(_), map_file) => {
-                checker.require("map.file", format!("{map_file:?}"), false, "only a map of kind \"file\" has a file")?
+                let file = map_file.as_ref().map_or("nothing".to_owned(), |file| file.display().to_string());
+                checker.require("map.file", file, false, "only a map of kind \"file\" has a file")?
             }
         }
         checker.require(
@@ -330,8 +333,8 @@ impl Checker<'_> {
     }
 }
 
-/// Sets a dotted key; tables on the way are made.
-fn set_key(table: &mut toml::Table, key: &str, value: toml::Value) -> Result<(), String> {
+/// Sets a dotted key, or takes it out; tables on the way are made.
+fn change_key(table: &mut toml::Table, key: &str, value: Option<toml::Value>) -> Result<(), String> {
     let (path, last) = match key.rsplit_once('.') {
         Some((path, last)) => (Some(path), last),
         None => (None, key),
@@ -344,7 +347,10 @@ fn set_key(table: &mut toml::Table, key: &str, value: toml::Value) -> Result<(),
             .as_table_mut()
             .ok_or_else(|| format!("`{part}` in `{key}` is not a table"))?;
     }
-    place.insert(last.to_owned(), value);
+    match value {
+        Some(value) => place.insert(last.to_owned(), value),
+        None => place.remove(last),
+    };
     Ok(())
 }
 

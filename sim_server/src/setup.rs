@@ -15,6 +15,10 @@ use crate::world::lidar::{Pattern, Scanner};
 use crate::world::spawn::SpawnError;
 use crate::world::{ScanSchedule, World, WorldParams};
 
+/// Bytes for each cell of the map that a world takes, and each agent in it, rounded up.
+const WORLD_CELL_BYTES: usize = 2;
+const AGENT_CELL_BYTES: usize = 2;
+
 /// Name of the attachment of a recording that holds the scenario.
 pub const SCENARIO_ATTACHMENT: &str = "scenario.toml";
 
@@ -32,12 +36,27 @@ pub enum SetupError {
     /// The scenario is not legal.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
+    /// A file is no text.
+    #[error("{file}:{line}:{column}: a byte that is no UTF-8; a scenario is a TOML text in UTF-8")]
+    NoText {
+        /// The file.
+        file: String,
+        /// From 1.
+        line: usize,
+        /// From 1, in characters.
+        column: usize,
+    },
     /// The map has an impossible size.
-    #[error("map: {0}")]
+    #[error("map.size: {0}")]
     Extent(#[from] ExtentError),
     /// There is no such map.
-    #[error("map: {0}")]
-    Map(#[from] MapError),
+    #[error("{table}: {source}")]
+    Map {
+        /// Table or key of the scenario that says which map.
+        table: &'static str,
+        /// What is wrong with it.
+        source: MapError,
+    },
     /// There is no room for the team.
     #[error(transparent)]
     Spawn(#[from] SpawnError),
@@ -49,17 +68,25 @@ pub enum SetupError {
 /// If the file cannot be read or the scenario is not legal.
 pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError> {
     let name = file.display().to_string();
-    let text = std::fs::read_to_string(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
+    let bytes = std::fs::read(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let before = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]).into_owned();
+        let line = before.matches('\n').count() + 1;
+        let column = before.chars().rev().take_while(|&character| character != '\n').count() + 1;
+        SetupError::NoText { file: name.clone(), line, column }
+    })?;
     Ok(Scenario::parse(&name, &text, overrides)?)
 }
 
 /// Makes the world of a scenario.
 ///
 /// # Errors
-/// If there is no such map, or no room for the team.
+/// If there is no such map, no memory for it, or no room for the team. The error names the key, but not the file.
 pub fn build(scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
     let GeneratedMap { terrain, report } = map(scenario)?;
     let agents = scenario.agents.count as usize;
+    mapgen::check_memory(terrain.extent(), WORLD_CELL_BYTES + agents * AGENT_CELL_BYTES)
+        .map_err(map_error(scenario))?;
     let starts = scenario.spawn.poses(&terrain, agents, scenario.body.radius_m)?;
     Ok((World::new(terrain, params(scenario), &starts), report))
 }
@@ -90,7 +117,8 @@ fn map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
     let section = &scenario.map;
     let generated = |spec| {
         let size = section.size.expect("a checked scenario has a size for a generated map").cells();
-        Ok(mapgen::generate(&spec, Extent::new(size, section.cell_m)?, scenario.map_seed())?)
+        let extent = Extent::new(size, section.cell_m)?;
+        mapgen::generate(&spec, extent, scenario.map_seed()).map_err(map_error(scenario))
     };
     match section.kind {
         MapKind::Spheres => generated(MapSpec::Spheres(section.spheres.clone())),
@@ -100,9 +128,24 @@ fn map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
             let name = file.display().to_string();
             let bytes = std::fs::read(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
             let import = ImportSpec { file: name, bytes };
-            let size = import.read()?.extent().size();
-            Ok(mapgen::generate(&MapSpec::Import(import), Extent::new(size, section.cell_m)?, scenario.map_seed())?)
+            let size = import.read().map_err(map_error(scenario))?.extent().size();
+            let extent = Extent::new(size, section.cell_m)?;
+            mapgen::generate(&MapSpec::Import(import), extent, scenario.map_seed()).map_err(map_error(scenario))
         }
+    }
+}
+
+/// An error with the place in the scenario that it is about.
+fn map_error(scenario: &Scenario) -> impl Fn(MapError) -> SetupError {
+    let kind = scenario.map.kind;
+    move |source| {
+        let table = match (&source, kind) {
+            (MapError::SideTooShort { .. } | MapError::Memory { .. }, _) => "map.size",
+            (_, MapKind::Spheres) => "map.spheres",
+            (_, MapKind::Noise) => "map.noise",
+            (_, MapKind::File) => "map.file",
+        };
+        SetupError::Map { table, source }
     }
 }
 

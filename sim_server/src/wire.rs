@@ -7,7 +7,10 @@
 
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{INFO_BYTES_MAX, OBSERVATION_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
+use msgs::limits::{
+    INFO_BYTES_MAX, LIST_BYTES_MAX, MESSAGE_BYTES_BARE, OBSERVATION_BYTES_MAX, PARCEL_BYTES_BARE, PARCEL_BYTES_MAX,
+    PATH_POINTS_MAX, POINT_BYTES, PROTOCOL,
+};
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
 use msgs::std_msgs::Header;
 use nalgebra::{Point3, Vector3};
@@ -20,13 +23,10 @@ use crate::world::collision::Surface;
 use crate::world::comms::{Parcel, Peer};
 use crate::world::{Action, LidarRequest, Observation, World};
 
-/// Bytes on the wire of a part without lists, rounded up generously.
-const PART_BYTES_BARE: usize = 512;
+/// Bytes on the wire of a contact, with padding.
 const CONTACT_BYTES: usize = 32;
+/// Bytes on the wire of a run of cells.
 const RUN_BYTES: usize = 6;
-const POINT_BYTES: usize = 24;
-/// Of a parcel beside its data, with padding.
-const PARCEL_BYTES_BARE: usize = 16;
 
 /// The frame of the world.
 const MAP_FRAME: &str = "map";
@@ -72,7 +72,7 @@ pub fn observation_parts(observation: &Observation, phase: u8) -> Vec<Part> {
     };
     let mut parts = Parts {
         bare: first.clone(),
-        left: OBSERVATION_BYTES_MAX - PART_BYTES_BARE - CONTACT_BYTES * observation.contacts.len(),
+        left: OBSERVATION_BYTES_MAX - MESSAGE_BYTES_BARE - CONTACT_BYTES * observation.contacts.len(),
         done: Vec::new(),
         filling: first,
     };
@@ -106,7 +106,7 @@ impl Parts {
     fn make_room(&mut self, bytes: usize) {
         if bytes > self.left {
             self.done.push(std::mem::replace(&mut self.filling, self.bare.clone()));
-            self.left = OBSERVATION_BYTES_MAX - PART_BYTES_BARE;
+            self.left = OBSERVATION_BYTES_MAX - MESSAGE_BYTES_BARE;
         }
         self.left -= bytes;
     }
@@ -148,8 +148,8 @@ pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Wak
     };
     let list_bytes = POINT_BYTES * message.task.path.len()
         + message.parcels.iter().map(|parcel| PARCEL_BYTES_BARE + parcel.data.len()).sum::<usize>();
-    if list_bytes > OBSERVATION_BYTES_MAX - INFO_BYTES_MAX - PART_BYTES_BARE {
-        return Err(format!("path and parcels take {list_bytes} bytes, which does not fit into one sample"));
+    if list_bytes > LIST_BYTES_MAX {
+        return Err(format!("path and parcels take {list_bytes} bytes, at most {LIST_BYTES_MAX} are allowed"));
     }
     let wake = Wake { at: Tick(message.wake.at_tick.max(message.tick.saturating_add(1))), events: message.wake.events };
     Ok((action, wake))

@@ -99,7 +99,8 @@ pub struct Action {
 }
 
 impl Action {
-    /// What becomes of an agent that does not answer any more: its body stops, its LiDAR is off.
+    /// What becomes of an agent that does not answer any more: its body stops, and its LiDAR is off where agents decide about it;
+    /// a schedule that takes turns goes on scanning for it.
     pub const LOST: Self =
         Self { motion: Motion::Stop, lidar: LidarRequest::Never, want_view: false, parcels: Vec::new() };
 }

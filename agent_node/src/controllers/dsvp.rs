@@ -39,6 +39,7 @@ use voxels::Cell;
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
 use crate::command::{Command, LidarRequest, Motion, Wake};
+use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
 use crate::path::{Neighbours, Path};
 use crate::regions::{RegionId, Regions, Ways};
@@ -79,6 +80,8 @@ pub struct Dsvp {
     /// Where the last plan of the exploration stage led to, as seen from where it began; length 1.
     direction: Option<Vector3<f64>>,
     goal: Option<Goal>,
+    /// How many cells were known when it made its last plan.
+    known_cells: usize,
     /// There was nothing better to go for than what another agent is nearer to.
     is_contested: bool,
     /// At rest until then, because another agent was in the way.
@@ -137,6 +140,7 @@ impl Dsvp {
             tree: None,
             direction: None,
             goal: None,
+            known_cells: 0,
             is_contested: false,
             waits_until: None,
             rests_since: None,
@@ -188,19 +192,17 @@ impl Dsvp {
             }
             Some(Goal::Frontier { frontier, .. }) => ctx.map().is_frontier(frontier),
             Some(Goal::Peer { agent, .. }) => {
-                !observation.contacts.iter().any(|contact| contact.agent == agent) && !self.knows_frontiers()
+                !observation.contacts.iter().any(|contact| contact.agent == agent) && !self.has_news(ctx.map())
             }
-            Some(Goal::Anywhere { .. }) => !self.knows_frontiers(),
+            Some(Goal::Anywhere { .. }) => !self.has_news(ctx.map()),
             Some(Goal::Aside { .. }) => true,
             None => false,
         }
     }
 
-    /// Whether there is any frontier, reachable or not, that has not been given up.
-    fn knows_frontiers(&self) -> bool {
-        let regions = self.sight.iter().flat_map(|sight| sight.regions.with_frontiers());
-        let mut frontiers = regions.flat_map(|(_, region)| &region.frontiers);
-        frontiers.any(|frontier| !self.given_up.contains(frontier))
+    /// Whether the map has changed since the last plan in a way that may have brought something to explore.
+    fn has_news(&self, map: &ExplorationMap) -> bool {
+        map.free() + map.wall() != self.known_cells
     }
 
     /// At rest and with all seen that can be seen from here, or its goal is none any more: where to?
@@ -215,6 +217,7 @@ impl Dsvp {
             plan => plan,
         };
         self.rests_since = None;
+        self.known_cells = ctx.map().free() + ctx.map().wall();
         match plan {
             Plan::Go(goal, motion) => self.go(goal, motion, observation, ctx),
             Plan::Blocked => self.give_way(observation, ctx, &others),

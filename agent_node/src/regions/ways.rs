@@ -18,8 +18,8 @@ pub struct Ways {
     /// By slot of the region; an entry of another epoch means nothing.
     reached: Vec<Reached>,
     epoch: u32,
-    /// Length of the way, region, region before it.
-    queue: BinaryHeap<Reverse<(u32, RegionId, Option<RegionId>)>>,
+    /// Length of the way, region.
+    queue: BinaryHeap<Reverse<(u32, RegionId)>>,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -27,6 +27,8 @@ struct Reached {
     epoch: u32,
     length: u32,
     from: Option<RegionId>,
+    /// Whether no shorter way can be found any more.
+    is_done: bool,
 }
 
 impl Ways {
@@ -35,23 +37,33 @@ impl Ways {
         self.epoch += 1;
         self.reached.resize(regions.slots as usize, Reached::default());
         self.queue.clear();
-        self.queue.extend(regions.region_of(from).map(|region| Reverse((0, region, None))));
+        if let Some((start, region)) = regions.region_of(from).and_then(|start| Some((start, regions.get(start)?))) {
+            self.reached[region.slot as usize] = Reached { epoch: self.epoch, length: 0, from: None, is_done: false };
+            self.queue.push(Reverse((0, start)));
+        }
     }
 
     /// The next region in the order of the length of the way, which is in cells. To be called until there is none, or as long as
     /// one cares.
     pub fn next<'r>(&mut self, regions: &'r Regions) -> Option<(RegionId, &'r Region, f64)> {
         loop {
-            let Reverse((length, id, from)) = self.queue.pop()?;
+            let Reverse((length, id)) = self.queue.pop()?;
             let Some(region) = regions.get(id) else { continue };
-            let reached = &mut self.reached[region.slot as usize];
-            if reached.epoch == self.epoch {
+            let here = &mut self.reached[region.slot as usize];
+            if std::mem::replace(&mut here.is_done, true) {
                 continue;
             }
-            *reached = Reached { epoch: self.epoch, length, from };
             for link in &region.links {
                 let to = length + (link.length * PER_CELL) as u32;
-                self.queue.push(Reverse((to, link.to, Some(id))));
+                let there = &mut self.reached[link.slot as usize];
+                let is_new = there.epoch != self.epoch;
+                // Of equally long ways the one over the region with the lowest id, whichever is found first.
+                if is_new || !there.is_done && (to, Some(id)) < (there.length, there.from) {
+                    if is_new || to < there.length {
+                        self.queue.push(Reverse((to, link.to)));
+                    }
+                    *there = Reached { epoch: self.epoch, length: to, from: Some(id), is_done: false };
+                }
             }
             return Some((id, region, f64::from(length) / f64::from(PER_CELL)));
         }
@@ -65,7 +77,7 @@ impl Ways {
 
     fn reached(&self, regions: &Regions, region: RegionId) -> Option<&Reached> {
         let reached = self.reached.get(regions.get(region)?.slot as usize)?;
-        (reached.epoch == self.epoch).then_some(reached)
+        (reached.epoch == self.epoch && reached.is_done).then_some(reached)
     }
 
     /// The cheapest path from a cell to another one, in a region that has been reached, through the blocks of the way and those

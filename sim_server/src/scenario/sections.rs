@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, de};
 
 use crate::mapgen::{NoiseSpec, SpheresSpec};
 
@@ -23,7 +23,7 @@ pub struct MapSection {
     #[serde(default = "one")]
     pub cell_m: f64,
     /// Seed of the map, if it is not that of the run.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "some_seed")]
     pub seed: Option<u64>,
     /// The map file of `kind = "file"`, relative to where the server runs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -50,7 +50,7 @@ pub enum MapKind {
 
 /// Cells along each axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a number of cells from 1 to 1024, or three such as [100, 80, 30]")]
 pub enum Size {
     /// A cube.
     Cube(u32),
@@ -226,7 +226,7 @@ impl Default for ExecutionSection {
 
 /// Pace of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected 0.001 to 1e6, or \"max\"")]
 pub enum Rtf {
     /// As fast as possible.
     Max(MaxWord),
@@ -240,6 +240,26 @@ pub enum Rtf {
 pub enum MaxWord {
     /// `max`.
     Max,
+}
+
+/// What TOML has room for.
+const SEEDS: &str = "expected a seed from 0 to 9223372036854775807";
+
+/// A seed, or an error that says which there are.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected a seed from 0 to 9223372036854775807")]
+enum Seed {
+    Number(u64),
+}
+
+/// Reads a seed; an error says which there are.
+pub(super) fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    let Seed::Number(seed) = Seed::deserialize(deserializer)?;
+    if i64::try_from(seed).is_ok() { Ok(seed) } else { Err(de::Error::custom(SEEDS)) }
+}
+
+fn some_seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u64>, D::Error> {
+    seed(deserializer).map(Some)
 }
 
 fn one() -> f64 {

@@ -3,7 +3,7 @@ use super::*;
 const SMALL: &str = "seed = 7\nduration_s = 60.0\n[map]\nkind = \"spheres\"\nsize = 50\n[agents]\ncount = 3\n";
 
 fn set(key: &str, value: impl Into<toml::Value>) -> Override {
-    Override { origin: format!("--set {key}"), key: key.to_owned(), value: value.into() }
+    Override { origin: format!("--set {key}"), key: key.to_owned(), value: Some(value.into()) }
 }
 
 #[test]
@@ -53,7 +53,24 @@ fn mistakes_are_named_with_their_place() {
     refuses(SMALL, &[set("agents.count", 0)], "agents.count = 0: expected 1 to 1000");
     refuses(SMALL, &[set("agents.cuont", 1)], "--set agents.cuont: unknown field `cuont`");
     refuses(SMALL, &[set("seed.x", 1)], "--set seed.x: `seed` in `seed.x` is not a table");
-    refuses(SMALL, &[set("execution.rtf", "fast")], "--set execution.rtf");
+    refuses(SMALL, &[set("execution.rtf", "fast")], "--set execution.rtf: expected 0.001 to 1e6, or \"max\"");
+    let rtf = format!("{SMALL}[execution]\nrtf = \"fast\"\n");
+    refuses(&rtf, &[], "s.toml:9:7: expected 0.001 to 1e6, or \"max\"");
+    let size = "expected a number of cells from 1 to 1024, or three such as [100, 80, 30]";
+    refuses(&SMALL.replace("50", "-3"), &[], &format!("s.toml:5:8: {size}"));
+    refuses(SMALL, &[set("map.size", "big")], &format!("--set map.size: {size}"));
+    refuses(&format!("spawn = \"foo\"\n{SMALL}"), &[], "s.toml:1:9: ");
+    refuses(
+        &format!("spawn = \"foo\"\n{SMALL}"),
+        &[],
+        "{ kind = \"nearest_origin\" } or { kind = \"list\", poses = [...] }",
+    );
+    refuses(SMALL, &[set("spawn.kind", "foo")], "`nearest_origin` or `list`");
+    for seed in ["9223372036854775808", "-1", "1.5"] {
+        refuses(&SMALL.replace("seed = 7", &format!("seed = {seed}")), &[], "0 to 9223372036854775807");
+        refuses(SMALL, &[set("seed", seed)], "0 to 9223372036854775807");
+        refuses(SMALL, &[set("map.seed", seed)], "0 to 9223372036854775807");
+    }
     refuses(
         SMALL,
         &[set("body.radius_m", 20.0)],
@@ -65,5 +82,10 @@ fn mistakes_are_named_with_their_place() {
     refuses(SMALL, &[set("spawn.kind", "nearest_origin"), set("spawn.yaw_rad", f64::NAN)], "spawn.yaw_rad = NaN");
     refuses(SMALL, &[set("lidar.fov_rad", 7.0)], "lidar.fov_rad = 7");
     refuses(SMALL, &[set("lidar.range_m", f64::NAN)], "lidar.range_m = NaN");
-    refuses(SMALL, &[set("map.file", "x.m3dm")], "map.file");
+    refuses(SMALL, &[set("map.file", "x.m3dm")], "map.file = x.m3dm: only a map of kind \"file\" has a file");
+    refuses(
+        SMALL,
+        &[set("map.kind", "file"), set("map.file", "x.m3dm")],
+        "map.size = [50, 50, 50]: a map from a file has the size of the file",
+    );
 }

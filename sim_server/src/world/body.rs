@@ -5,7 +5,8 @@
 //! ends it at once, except that a velocity task goes on from the velocity of a velocity task.
 //!
 //! Invariants: a body never comes nearer to a wall or to another body than its radius allows (see [`super::collision`]);
-//! a finished leg lands exactly on its target; all quantities stay finite.
+//! a leg of a path that has come to its end lands exactly on its way-point, unless that is blocked; other legs end within
+//! `MOVE_REST_M` or `TURN_REST_RAD` of where they lead, as in the reference; all quantities stay finite.
 //!
 //! This module does not decide who moves first, and it knows no messages.
 
@@ -17,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::collision::{Contact, Obstacles, Surface};
 
-/// A leg whose rest is below this is finished by one exact step. Reference: 0.001 voxel and 0.001 degree.
+/// A leg whose rest is below this is finished. Reference: 0.001 voxel and 0.001 degree.
 const MOVE_REST_M: f64 = 1e-3;
 const TURN_REST_RAD: f64 = 1e-3 * PI / 180.0;
 

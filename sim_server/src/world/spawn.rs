@@ -14,7 +14,12 @@ use super::collision::Sphere;
 
 /// How starts are chosen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(
+    tag = "kind",
+    rename_all = "snake_case",
+    deny_unknown_fields,
+    expecting = "{ kind = \"nearest_origin\" } or { kind = \"list\", poses = [...] }"
+)]
 pub enum SpawnSpec {
     /// The reference's way: the cells of the free cube nearest to the origin of the map, one for each agent. The cube has
     /// three cells along each edge, or as many more as the team needs.

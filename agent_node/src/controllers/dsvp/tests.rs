@@ -5,7 +5,7 @@ use voxels::{Extent, Grid, Terrain};
 
 use super::super::tests_world::{TestWorld, briefing};
 use super::*;
-use crate::exploration_map::{CellState, Delta, ExplorationMap};
+use crate::exploration_map::{CellState, Delta};
 use crate::observation::Contact;
 use crate::path::direct;
 use crate::travel::Travel;
