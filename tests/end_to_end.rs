@@ -6,6 +6,8 @@
 /// Processes, ROS domains, recordings and runs in memory, for all of the others.
 mod support;
 
+/// Every controller: the same bytes however it is run, and sound on every kind of map.
+mod controllers;
 /// The same scenario gives the same bytes: again, in another order, slower, faster, on more threads, over another transport.
 mod determinism;
 /// Asking agents at every tick changes nothing for those that act only when they are due, even if they talk and listen.

@@ -1,0 +1,110 @@
+//! Every controller in whole runs: the same bytes however it is run, on every kind of map, and nothing it says is refused.
+
+use std::process::Command;
+
+use agent_node::controllers::NAMES;
+
+use crate::support::recordings::{Recording, counter, refusals};
+use crate::support::root;
+use crate::support::runs::{Outcome, Site, scenario, text};
+
+/// A team that meets, parts, shares maps and gets in its own way, in a cave that it does not get done with.
+const TEAM: [&str; 8] = ["--agents", "4", "--size", "45", "--seed", "3", "--duration", "60"];
+
+fn in_memory(site: &Site, arguments: &[&str]) -> Command {
+    let mut command = site.binary("experiments");
+    command.arg("single").arg(scenario("default.toml")).args(TEAM).args(arguments);
+    command
+}
+
+#[track_caller]
+fn assert_sound(outcome: &Outcome, what: &str) {
+    let result = Recording::from_bytes(&outcome.bytes).result();
+    assert!(refusals(&result).is_empty(), "{what}: {:?}", refusals(&result));
+    assert!(result.explored > 0.05, "{what}: {result:?}");
+    let by_kind = result.counters.iter().filter(|one| one.name.starts_with("parcel_bytes_delivered_kind_"));
+    assert_eq!(by_kind.map(|one| one.value).sum::<u64>(), counter(&result, "parcel_bytes_delivered"), "{what}");
+}
+
+#[track_caller]
+fn assert_same_however_it_is_run(flags: &[&str]) {
+    let site = Site::new();
+    let first = site.record_with(&mut in_memory(&site, flags));
+    assert_sound(&first, &flags.join(" "));
+    for variant in [
+        &["--together"][..],
+        &["--threads", "8"],
+        &["--look-ahead", "false"],
+        &["--look-ahead", "false", "--together"],
+        &["--chaos-delay-ms", "3"],
+    ] {
+        let again = site.record_with(in_memory(&site, flags).args(variant));
+        again.assert_same(&first, &format!("{} {}", flags.join(" "), variant.join(" ")));
+    }
+    let over_ros = site.record(&[&TEAM[..], flags, &["--order", "shuffle"]].concat());
+    over_ros.assert_same(&first, &format!("{} over ROS 2", flags.join(" ")));
+}
+
+#[test]
+fn every_controller_has_the_same_run_however_it_is_run() {
+    for name in NAMES {
+        assert_same_however_it_is_run(&["--controller", name]);
+    }
+}
+
+#[test]
+fn searches_that_take_time_take_the_same_time_everywhere() {
+    for time in ["budgeted", "background"] {
+        let setting = format!("agents.set.search_time={time}");
+        assert_same_however_it_is_run(&["--controller", "nearest-frontier", "--set", &setting]);
+    }
+}
+
+#[test]
+fn every_controller_explores_every_kind_of_map() {
+    let site = Site::new();
+    let imported = site.path("cave.m3dm");
+    let generate = ["map", "generate", "--size", "40", "--seed", "5", "-o", text(&imported)];
+    let made = site.binary("sim_server").args(generate).status().expect("the server is there");
+    assert!(made.success());
+    let run = |name: &str, map: &[&str]| {
+        let mut command = site.binary("experiments");
+        command.arg("single").arg(scenario("default.toml"));
+        command.args(["--controller", name, "--agents", "3", "--duration", "60"]).args(map);
+        site.record_with(&mut command)
+    };
+    for name in NAMES {
+        for map in [
+            &["--map", "spheres", "--size", "40"][..],
+            &["--map", "noise", "--size", "40"],
+            &["--map", text(&imported)],
+        ] {
+            assert_sound(&run(name, map), &format!("{name} {}", map.join(" ")));
+        }
+    }
+}
+
+/// What the algorithms are for; the figures are in docs/benchmarks.md.
+#[test]
+fn planners_explore_a_cave_sooner_than_a_walk() {
+    let site = Site::new();
+    let t99 = |name: &str| {
+        let mut command = site.binary("experiments");
+        command.arg("single").arg(scenario("default.toml"));
+        command.args(["--controller", name, "--agents", "5", "--size", "50", "--seed", "2", "--duration", "1800"]);
+        let outcome = site.record_with(&mut command);
+        let result = Recording::from_bytes(&outcome.bytes).result();
+        counter(&result, "tick_explored_permille_990")
+    };
+    let [walk, voronoi, viewpoints, auction] = ["rbw", "lvd", "dsvp", "dsvp-auction"].map(t99);
+    assert!(viewpoints < walk && voronoi < walk && auction < walk, "{walk} {voronoi} {viewpoints} {auction}");
+}
+
+/// The page on controllers lists them all.
+#[test]
+fn every_controller_is_documented() {
+    let page = std::fs::read_to_string(root().join("docs/controllers.md")).expect("there is such a page");
+    for name in NAMES {
+        assert!(page.contains(&format!("| `{name}` |")), "{name}");
+    }
+}
