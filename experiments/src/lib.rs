@@ -3,4 +3,5 @@
 //! [`in_memory`] carries messages between a server and its agents without a network; [`single`] is a run over it.
 
 pub mod in_memory;
+pub mod rows;
 pub mod single;
