@@ -1,0 +1,130 @@
+//! The report of a folder of runs: one page, figures and tables.
+//!
+//! [`write()`] reads `DIR/runs/*.json` and `DIR/plan.toml` and makes `DIR/report/report.html`, which refers to nothing outside of
+//! itself, `DIR/report/figures/*.{svg,png}` and `DIR/report/tables/*.{md,tex,csv}`. The same runs make the same bytes; figures of wall
+//! time have a section, a table and figures of their own. Plans that are only carried out in part are reported as they are, with a
+//! list of what is lacking. No run is left out of anything because of what it has come to.
+
+mod figures;
+#[cfg(test)]
+mod fixture;
+mod numbers;
+mod outcomes;
+mod page;
+mod pairs;
+mod plot;
+mod png;
+mod study;
+mod svg;
+mod table;
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use thiserror::Error;
+
+use self::figures::Figure;
+use self::png::{PngError, Renderer};
+use self::study::Study;
+pub use self::study::StudyError;
+use self::table::Table;
+use crate::statistics::StatisticsError;
+
+/// Why there is no report.
+#[derive(Debug, Error)]
+pub enum ReportError {
+    /// The runs cannot be read.
+    #[error(transparent)]
+    Study(#[from] StudyError),
+    /// A run has a figure that nothing can be reckoned with.
+    #[error("the runs have a figure that cannot be reckoned with: {0}")]
+    Statistics(#[from] StatisticsError),
+    /// A picture cannot be made.
+    #[error("figure {figure}: {error}")]
+    Png {
+        /// Which.
+        figure: String,
+        /// Why.
+        error: PngError,
+    },
+    /// A file cannot be written.
+    #[error("cannot write {path}: {error}", path = path.display())]
+    Write {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        error: io::Error,
+    },
+}
+
+/// What was reported on, and where.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Written {
+    /// The page.
+    pub page: PathBuf,
+    /// How many runs it is about.
+    pub runs: usize,
+    /// How many runs cells lack that others have.
+    pub lacking: usize,
+}
+
+/// Everything that a report shows.
+struct Contents {
+    figures: Vec<Figure>,
+    tables: Vec<Table>,
+    pairs: Vec<Table>,
+    cost_figures: Vec<Figure>,
+    cost: Table,
+}
+
+impl Contents {
+    fn of(study: &Study) -> Result<Self, StatisticsError> {
+        Ok(Self {
+            figures: figures::deterministic(study)?,
+            tables: outcomes::tables(study)?,
+            pairs: pairs::tables(study)?,
+            cost_figures: figures::of_wall_time(study)?,
+            cost: outcomes::cost(study)?,
+        })
+    }
+}
+
+/// Writes the report of a folder of runs into its folder `report`, over an earlier one.
+///
+/// # Errors
+/// If there are no runs, one cannot be read or has a figure that is not finite, or a file cannot be written.
+pub fn write(dir: &Path) -> Result<Written, ReportError> {
+    let study = Study::read(dir)?;
+    let contents = Contents::of(&study)?;
+    let report = dir.join("report");
+    for folder in ["figures", "tables"] {
+        let path = report.join(folder);
+        fs::create_dir_all(&path).map_err(|error| ReportError::Write { path, error })?;
+    }
+    let renderer = Renderer::new();
+    contents.figures.par_iter().chain(&contents.cost_figures).try_for_each(|figure| {
+        let Figure { name, svg, .. } = figure;
+        let png = renderer.png(svg).map_err(|error| ReportError::Png { figure: name.clone(), error })?;
+        write_file(&report.join(format!("figures/{name}.svg")), svg.as_bytes())?;
+        write_file(&report.join(format!("figures/{name}.png")), &png)
+    })?;
+    for table in contents.tables.iter().chain(&contents.pairs).chain([&contents.cost]) {
+        let name = table.name;
+        write_file(&report.join(format!("tables/{name}.md")), table.markdown().as_bytes())?;
+        write_file(&report.join(format!("tables/{name}.tex")), table.latex().as_bytes())?;
+        write_file(&report.join(format!("tables/{name}.csv")), table.csv().as_bytes())?;
+    }
+    let page = report.join("report.html");
+    write_file(&page, page::html(&study, &contents).as_bytes())?;
+    let lacking = study.lacking().iter().map(|(_, count)| count).sum();
+    Ok(Written { page, runs: study.runs.len(), lacking })
+}
+
+fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
+    fs::write(path, bytes).map_err(|error| ReportError::Write { path: path.to_owned(), error })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,226 @@
+//! The tables of a study: one row for each cell.
+
+use std::collections::BTreeMap;
+
+use super::numbers::{
+    AREA, BELIEVED, COLLISIONS, CONTACT, COVERED, DISTANCE, DISTANCE_MAX, EXPLORED, Estimate, FAILURES, IMBALANCE,
+    MARKS, Metric, Quartiles, REAL_TIME_FACTOR, REDUNDANCY, RESAMPLES, STALENESS, TRAFFIC, TimeUnit, Times, WALL,
+};
+use super::study::{Place, Study};
+use super::table::{Entry, Table, digits_for, mean_entry};
+use crate::rows::RunRecord;
+use crate::statistics::StatisticsError;
+
+/// Decimals of shares in per cent and of minutes.
+const DIGITS: usize = 1;
+
+/// All but the comparison of pairs.
+///
+/// # Errors
+/// If a figure of a run is not finite.
+pub(super) fn tables(study: &Study) -> Result<Vec<Table>, StatisticsError> {
+    Ok(vec![outcome(study)?, times(study)?, effort(study)?, communication(study)?, endings(study)])
+}
+
+/// What was explored.
+fn outcome(study: &Study) -> Result<Table, StatisticsError> {
+    let mut columns = place_columns(study);
+    columns.push(column("runs", "runs"));
+    for metric in [EXPLORED, AREA] {
+        columns.push(column(&format!("{}, mean [95 % CI]", metric.label()), metric.key));
+        columns.push(column(&format!("{}, median (quartiles)", metric.label()), metric.key));
+    }
+    for metric in [BELIEVED, COVERED] {
+        columns.push(column(&format!("{}, mean [95 % CI]", metric.label()), metric.key));
+    }
+    let rows = rows(study, |runs| {
+        let mut row = vec![Entry::Count(runs.len())];
+        for metric in [EXPLORED, AREA] {
+            let values = metric.values(runs);
+            row.push(Entry::Mean(Some(Estimate::of(&values, RESAMPLES)?), DIGITS));
+            row.push(Entry::Median(Quartiles::of(&values)?, DIGITS));
+        }
+        for metric in [BELIEVED, COVERED] {
+            row.push(Entry::Mean(Some(Estimate::of(&metric.values(runs), RESAMPLES)?), DIGITS));
+        }
+        Ok(row)
+    })?;
+    let caption = "Outcome: shares of the free cells, over the runs of a cell. The area under the curve is the mean of the explored \
+                   share over the whole duration; what the team has explored by the end of a run stays explored.";
+    Ok(Table { name: "outcome", caption: caption.to_owned(), columns, rows })
+}
+
+/// When how much was explored.
+fn times(study: &Study) -> Result<Table, StatisticsError> {
+    let unit = TimeUnit::of(&study.runs);
+    let mut columns = place_columns(study);
+    for mark in MARKS {
+        let (percent, symbol) = (mark.percent, unit.symbol);
+        columns.push(column(&format!("runs that reach {percent} %"), &format!("reached_{percent}")));
+        columns.push(column(&format!("share that reaches {percent} %"), &format!("success_{percent}")));
+        let title = format!("restricted mean time to {percent} % ({symbol}), [95 % CI]");
+        columns.push(column(&title, &format!("time_{percent}_{symbol}")));
+        let title = format!("median time to {percent} % ({symbol})");
+        columns.push(column(&title, &format!("time_{percent}_{symbol}_median")));
+    }
+    let rows = rows(study, |runs| {
+        let mut row = Vec::new();
+        for mark in MARKS {
+            let times = Times::of(runs, mark);
+            row.push(Entry::Share(times.reached(), runs.len()));
+            row.push(Entry::Number(Some(times.success()?), 2));
+            row.push(Entry::Mean(Some(unit.estimate(times.estimate()?)), DIGITS));
+            row.push(Entry::Number(times.median_s()?.map(|time| time / unit.seconds), DIGITS));
+        }
+        Ok(row)
+    })?;
+    let caption = "Time until the team has seen 90, 99 and 100 % of the free cells. A run that does not get there counts as one that \
+                   was watched for the whole duration: the restricted mean takes the duration in its place, and the median \
+                   (Kaplan-Meier) is missing where fewer than half of the runs get there.";
+    Ok(Table { name: "times", caption: caption.to_owned(), columns, rows })
+}
+
+/// What it cost the team.
+fn effort(study: &Study) -> Result<Table, StatisticsError> {
+    let metrics = [DISTANCE, DISTANCE_MAX, REDUNDANCY, IMBALANCE, COLLISIONS, FAILURES];
+    let caption = "Effort, mean [95 % CI]. Redundancy: what the agents have seen themselves, added up, over what the team has seen, \
+                   less 1. Imbalance: standard deviation over mean of what the agents have seen themselves.";
+    Ok(Table {
+        name: "effort",
+        caption: caption.to_owned(),
+        columns: mean_columns(study, &metrics),
+        rows: means(study, &metrics)?,
+    })
+}
+
+/// What was said.
+fn communication(study: &Study) -> Result<Table, StatisticsError> {
+    let metrics = [TRAFFIC, CONTACT, STALENESS];
+    let caption = "Communication, mean [95 % CI]. Pairs in contact: share of the pairs of agents, mean over the run. Staleness: how \
+                   much of what the team has seen an agent's map lacks, mean over agents and the run.";
+    let columns = mean_columns(study, &metrics);
+    Ok(Table { name: "communication", caption: caption.to_owned(), columns, rows: means(study, &metrics)? })
+}
+
+/// What depends on the machine.
+///
+/// # Errors
+/// If a figure of a run is not finite.
+pub(super) fn cost(study: &Study) -> Result<Table, StatisticsError> {
+    let mut columns = place_columns(study);
+    for metric in [REAL_TIME_FACTOR, WALL] {
+        columns.push(column(&format!("{}, median (quartiles)", metric.label()), metric.key));
+    }
+    for percent in ["50", "95", "99"] {
+        columns.push(column(&format!("decision, {percent}th percentile (ms)"), &format!("decision_p{percent}_ms")));
+    }
+    let rows = rows(study, |runs| {
+        let mut row = Vec::new();
+        for metric in [REAL_TIME_FACTOR, WALL] {
+            let quartiles = Quartiles::of(&metric.values(runs))?;
+            row.push(Entry::Median(quartiles, digits_for(quartiles.median)));
+        }
+        for time_us in DECISION_TIMES {
+            let median_ms = decision_ms(runs, time_us)?;
+            row.push(Entry::Number(median_ms, median_ms.map_or(0, digits_for)));
+        }
+        Ok(row)
+    })?;
+    let caption = "Cost of the simulation in wall time, over the runs of a cell; it depends on the machine and on what else ran there. \
+                   Of the decision times of a run, the median over the runs.";
+    Ok(Table { name: "cost", caption: caption.to_owned(), columns, rows })
+}
+
+/// Percentiles of the decision times of a run, microseconds.
+pub(super) const DECISION_TIMES: [fn(&RunRecord) -> Option<f64>; 3] =
+    [|run| run.row.wall.decision_p50_us, |run| run.row.wall.decision_p95_us, |run| run.row.wall.decision_p99_us];
+
+/// Median over the runs that have it, milliseconds.
+///
+/// # Errors
+/// If one is not finite.
+pub(super) fn decision_ms(
+    runs: &[&RunRecord],
+    time_us: fn(&RunRecord) -> Option<f64>,
+) -> Result<Option<f64>, StatisticsError> {
+    let times: Vec<f64> = runs.iter().filter_map(|run| time_us(run)).collect();
+    if times.is_empty() { Ok(None) } else { Ok(Some(Quartiles::of(&times)?.median / 1000.0)) }
+}
+
+/// Why runs have ended.
+fn endings(study: &Study) -> Table {
+    let mut columns = place_columns(study);
+    columns.push(column("reason of the end", "reason"));
+    columns.push(column("runs", "runs"));
+    let mut rows = Vec::new();
+    for (place, controller, runs) in study.cells() {
+        let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
+        for run in &runs {
+            *reasons.entry(&run.row.reason).or_default() += 1;
+        }
+        for (reason, count) in reasons {
+            let mut row = place_entries(study, place, controller);
+            row.extend([Entry::Text(reason.to_owned()), Entry::Share(count, runs.len())]);
+            rows.push(row);
+        }
+    }
+    Table { name: "endings", caption: "Why the runs ended.".to_owned(), columns, rows }
+}
+
+fn rows(
+    study: &Study,
+    entries: impl Fn(&[&RunRecord]) -> Result<Vec<Entry>, StatisticsError>,
+) -> Result<Vec<Vec<Entry>>, StatisticsError> {
+    let row = |(place, controller, runs): (&Place, usize, Vec<&RunRecord>)| {
+        let mut row = place_entries(study, place, controller);
+        row.extend(entries(&runs)?);
+        Ok(row)
+    };
+    study.cells().map(row).collect()
+}
+
+fn mean_columns(study: &Study, metrics: &[Metric]) -> Vec<(String, String)> {
+    let mut columns = place_columns(study);
+    columns.extend(metrics.iter().map(|metric| column(&metric.label(), metric.key)));
+    columns
+}
+
+fn means(study: &Study, metrics: &[Metric]) -> Result<Vec<Vec<Entry>>, StatisticsError> {
+    rows(study, |runs| {
+        metrics.iter().map(|metric| Ok(mean_entry(Estimate::of(&metric.values(runs), RESAMPLES)?))).collect()
+    })
+}
+
+/// Columns that say which cell a row is of, the controller last.
+fn place_columns(study: &Study) -> Vec<(String, String)> {
+    let mut columns = field_columns(study);
+    columns.push(column("controller", "controller"));
+    columns
+}
+
+/// Columns that say which place a row is of.
+pub(super) fn field_columns(study: &Study) -> Vec<(String, String)> {
+    let mut columns: Vec<_> = study.others.iter().map(|key| column(key, key)).collect();
+    columns.extend([column("map (cells)", "map"), column("agents", "agents")]);
+    columns
+}
+
+fn place_entries(study: &Study, place: &Place, controller: usize) -> Vec<Entry> {
+    let mut entries = field_entries(place);
+    entries.push(Entry::Text(study.controllers[controller].clone()));
+    entries
+}
+
+/// What stands in [`field_columns`].
+pub(super) fn field_entries(place: &Place) -> Vec<Entry> {
+    let [x, y, z] = place.size;
+    let size = if x == y && y == z { format!("{x}\u{b3}") } else { format!("{x} \u{d7} {y} \u{d7} {z}") };
+    let mut entries: Vec<_> = place.others.iter().map(|value| Entry::Text(value.0.clone())).collect();
+    entries.extend([Entry::Text(size), Entry::Count(place.agents as usize)]);
+    entries
+}
+
+/// A title for readers and a name for programs.
+pub(super) fn column(title: &str, key: &str) -> (String, String) {
+    (title.to_owned(), key.to_owned())
+}

@@ -1,0 +1,127 @@
+//! Comparison of controllers, two at a time and run by run: only runs with the same seed, and so on the same map, are held against
+//! each other.
+//!
+//! The p-values of one table are a family: each is adjusted for all of them (Holm).
+
+use super::numbers::{AREA, DISTANCE, EXPLORED, Estimate, LEVEL, MARKS, RESAMPLES, SEED, TimeUnit, Times};
+use super::outcomes::{column, field_columns, field_entries};
+use super::study::Study;
+use super::table::{Entry, Table, digits_for};
+use crate::rows::RunRecord;
+use crate::statistics::{Pairing, StatisticsError, a12, bootstrap_ratio, holm, mean, wilcoxon_signed_rank};
+
+/// One table for each figure that is compared; none for a study of one controller.
+///
+/// # Errors
+/// If a figure of a run is not finite.
+pub(super) fn tables(study: &Study) -> Result<Vec<Table>, StatisticsError> {
+    if study.controllers.len() < 2 {
+        return Ok(Vec::new());
+    }
+    let unit = TimeUnit::of(&study.runs);
+    let times = |runs: &[&RunRecord]| -> Vec<f64> {
+        Times::of(runs, MARKS[1]).restricted().iter().map(|time| time / unit.seconds).collect()
+    };
+    let compared: [Compared; 4] = [
+        ("pairs-time-99", format!("restricted time to 99 % ({}), less is better", unit.symbol), &times),
+        ("pairs-area", format!("{}, more is better", AREA.label()), &|runs| AREA.values(runs)),
+        ("pairs-explored", format!("{}, more is better", EXPLORED.label()), &|runs| EXPLORED.values(runs)),
+        ("pairs-distance", format!("{}, less is better", DISTANCE.label()), &|runs| DISTANCE.values(runs)),
+    ];
+    compared.into_iter().map(|compared| table(study, compared)).collect()
+}
+
+/// Name of the table, what is compared, and its values in runs.
+type Compared<'a> = (&'static str, String, &'a dyn Fn(&[&RunRecord]) -> Vec<f64>);
+
+fn table(study: &Study, (name, what, values): Compared) -> Result<Table, StatisticsError> {
+    let mut columns = field_columns(study);
+    let titles = [
+        ("A", "a"),
+        ("B", "b"),
+        ("pairs", "pairs"),
+        ("mean of A", "mean_a"),
+        ("mean of B", "mean_b"),
+        ("A / B [95 % CI]", "ratio"),
+        ("A12", "a12"),
+        ("p (Wilcoxon)", "p"),
+        ("p (Holm)", "p_holm"),
+    ];
+    columns.extend(titles.map(|(title, key)| column(title, key)));
+    let mut rows = Vec::new();
+    let mut p_values = Vec::new();
+    for place in &study.places {
+        for a in 0..study.controllers.len() {
+            for b in a + 1..study.controllers.len() {
+                let (runs_a, runs_b) = paired(&study.cell(place, a), &study.cell(place, b));
+                if runs_a.is_empty() {
+                    continue;
+                }
+                let (values_a, values_b) = (values(&runs_a), values(&runs_b));
+                let (mean_a, mean_b) = (mean(&values_a)?, mean(&values_b)?);
+                let test = wilcoxon_signed_rank(&values_a, &values_b)?;
+                let mut row = field_entries(place);
+                row.extend([a, b].map(|controller| Entry::Text(study.controllers[controller].clone())));
+                row.push(Entry::Count(runs_a.len()));
+                row.extend([mean_a, mean_b].map(|mean| Entry::Number(Some(mean), digits_for(mean))));
+                row.push(ratio(&values_a, &values_b)?);
+                row.push(Entry::Number(Some(a12(&values_a, &values_b)?), 2));
+                row.push(Entry::Probability(test.p_value));
+                p_values.push(test.p_value);
+                rows.push(row);
+            }
+        }
+    }
+    for (row, p) in rows.iter_mut().zip(holm(&p_values)?) {
+        row.push(Entry::Probability(p));
+    }
+    let caption = format!(
+        "Controllers A and B compared run by run with the same seed: {what}. A12: probability that A has the greater value, a tie \
+         counting half; 0.5 is no difference. p: Wilcoxon signed-rank test, two-sided; Holm: adjusted for all rows of this table."
+    );
+    Ok(Table { name, caption, columns, rows })
+}
+
+/// The ratio of the means, without an interval for a single pair, and without anything where there is none.
+fn ratio(a: &[f64], b: &[f64]) -> Result<Entry, StatisticsError> {
+    let (mean_a, mean_b) = (mean(a)?, mean(b)?);
+    if mean_b == 0.0 {
+        return Ok(Entry::Mean(None, 2));
+    }
+    let interval = match bootstrap_ratio(a, b, Pairing::Paired, LEVEL, RESAMPLES, SEED) {
+        Ok(interval) => Some(interval),
+        Err(StatisticsError::TooFew { .. } | StatisticsError::ZeroDenominator) => None,
+        Err(error) => return Err(error),
+    };
+    Ok(Entry::Mean(Some(Estimate { mean: mean_a / mean_b, interval }), 2))
+}
+
+/// The runs of two cells that have the same seed, in the same order. Both come in ascending order of the seed.
+fn paired<'a>(a: &[&'a RunRecord], b: &[&'a RunRecord]) -> (Vec<&'a RunRecord>, Vec<&'a RunRecord>) {
+    let other = |run: &&'a RunRecord| {
+        let place = b.binary_search_by_key(&run.row.seed, |other| other.row.seed).ok()?;
+        Some((*run, b[place]))
+    };
+    a.iter().filter_map(other).unzip()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixture;
+    use super::*;
+
+    #[test]
+    fn only_runs_with_the_same_seed_are_compared() {
+        let runs: Vec<_> = [1, 2, 5].map(|seed| fixture::run("dsvp", seed, 2)).into();
+        let others: Vec<_> = [2, 3, 5].map(|seed| fixture::run("lvd", seed, 2)).into();
+        let (a, b) = paired(&runs.iter().collect::<Vec<_>>(), &others.iter().collect::<Vec<_>>());
+        let seeds = |runs: Vec<&RunRecord>| runs.iter().map(|run| run.row.seed).collect::<Vec<_>>();
+        assert_eq!((seeds(a), seeds(b)), (vec![2, 5], vec![2, 5]));
+    }
+
+    #[test]
+    fn a_comparison_with_nothing_in_common_has_no_rows() {
+        let study = Study::new(vec![fixture::run("dsvp", 1, 2), fixture::run("lvd", 2, 2)], None);
+        assert!(tables(&study).unwrap().iter().all(|table| table.rows.is_empty()));
+    }
+}

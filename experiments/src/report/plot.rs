@@ -1,0 +1,397 @@
+//! Sheets of panels with axes, a title and a legend: what all figures have in common.
+//!
+//! A sheet is as many equal panels as asked for, in rows; the legend stands above them and so covers no data. This module knows
+//! nothing of runs.
+
+use super::svg::{Anchor, Area, GRID, INK, Label, Paint, Pen, SOFT, Svg, text_width};
+
+/// Size of the font of tick labels, pixels.
+pub(super) const SMALL: f64 = 10.5;
+/// Size of the font of axis labels and the legend, pixels.
+const NORMAL: f64 = 11.5;
+/// Size of the font of the title of a figure, pixels.
+const LARGE: f64 = 14.0;
+/// Space at the outer edges, pixels.
+const EDGE: f64 = 12.0;
+/// Space between a frame and its tick labels, pixels.
+const TICK_GAP: f64 = 6.0;
+/// Width of an upright axis label and the space to the tick labels, pixels.
+const LABEL: f64 = NORMAL + 10.0;
+/// How much wider bold text is.
+const BOLD: f64 = 1.12;
+/// Space to the right of a panel, pixels: half of its last tick label has to fit.
+const RIGHT_GAP: f64 = 22.0;
+/// Height of a title over a panel, pixels.
+const PANEL_TITLE: f64 = 24.0;
+/// Height of a line of the legend, pixels.
+const LEGEND_LINE: f64 = 20.0;
+/// Length of a piece of line in the legend, pixels.
+const SAMPLE: f64 = 34.0;
+
+/// Colours that readers with any colour vision tell apart (Okabe and Ito, "Color Universal Design", 2008), without their yellow,
+/// which is too light for lines on white; their black follows the background.
+const COLOURS: [Paint; 7] = [
+    Paint { colour: "#0072b2", class: "blue" },
+    Paint { colour: "#d55e00", class: "" },
+    Paint { colour: "#009e73", class: "" },
+    Paint { colour: "#cc79a7", class: "" },
+    Paint { colour: "#e69f00", class: "" },
+    Paint { colour: "#56b4e9", class: "" },
+    INK,
+];
+/// Dashes and gaps, pixels. Their number has no factor in common with that of the colours, so that 35 styles differ.
+const DASHES: [&str; 5] = ["", "7 3", "2 2.5", "9 3 2 3", "13 4"];
+
+/// Colour of a series.
+pub(super) fn colour(index: usize) -> Paint {
+    COLOURS[index % COLOURS.len()]
+}
+
+/// Line of a series.
+pub(super) fn pen(index: usize) -> Pen {
+    Pen { dash: DASHES[index % DASHES.len()], ..Pen::solid(colour(index), 2.0) }
+}
+
+/// What stands in the legend before a name.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Mark {
+    /// The line of a series, with a band around it.
+    Band(usize),
+    /// The line of a series.
+    Line(usize),
+    /// The colour of a series.
+    Box(usize),
+}
+
+/// An axis of a panel.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Axis {
+    low: f64,
+    high: f64,
+    logarithmic: bool,
+    ticks: Vec<(f64, String)>,
+    rules: bool,
+}
+
+impl Axis {
+    /// From `low` to at least `high`, with about `count` round ticks.
+    pub(super) fn linear(low: f64, high: f64, count: usize) -> Self {
+        let high = if high > low { high } else { low + 1.0 };
+        let step = round_step((high - low) / count as f64);
+        let digits = decimals(step);
+        let first = (low / step).ceil() as i64;
+        let last = (high / step * (1.0 + 1e-9)).floor() as i64;
+        let ticks = (first..=last).map(|i| (i as f64 * step, format!("{:.digits$}", i as f64 * step))).collect();
+        Self { low, high, logarithmic: false, ticks, rules: true }
+    }
+
+    /// Like [`Self::linear`], and ends a little above a tick: what is drawn there stays clear of the frame.
+    pub(super) fn rounded(low: f64, high: f64, count: usize) -> Self {
+        let high = if high > low { high } else { low + 1.0 };
+        let step = round_step((high - low) / count as f64);
+        let last = (high / step * (1.0 - 1e-9)).ceil() * step;
+        Self { high: last + 0.025 * (last - low), ..Self::linear(low, last, count) }
+    }
+
+    /// Shares in per cent, with room for lines at 0 and 100.
+    pub(super) fn shares() -> Self {
+        Self { low: -2.5, high: 102.5, ..Self::linear(0.0, 100.0, 5) }
+    }
+
+    /// Logarithmic around positive values, from tick to tick: 1, 2 and 5 in each decade, or decades alone if there are many.
+    pub(super) fn logarithmic(low: f64, high: f64) -> Self {
+        let (first, last) = (libm::log10(low).floor() as i32, libm::log10(high).ceil() as i32);
+        let factors: &[f64] = if last - first <= 3 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        let ticks = (first..=last).flat_map(|decade| factors.iter().map(move |factor| tick(decade, *factor)));
+        let ticks: Vec<_> = ticks.collect();
+        let from = ticks.iter().rposition(|(tick, _)| *tick <= low).unwrap_or(0);
+        let to = ticks.iter().position(|(tick, _)| *tick >= high).unwrap_or(ticks.len() - 1).max(from + 1);
+        let ticks = ticks[from..=to.min(ticks.len() - 1)].to_vec();
+        let (low, high) = (ticks[0].0, ticks[ticks.len() - 1].0);
+        Self { low, high, logarithmic: true, ticks, rules: true }
+    }
+
+    /// One place for each name, at 0, 1, 2, ...
+    pub(super) fn names(names: impl IntoIterator<Item = String>) -> Self {
+        let ticks: Vec<_> = names.into_iter().enumerate().map(|(i, name)| (i as f64, name)).collect();
+        Self { low: -0.5, high: ticks.len() as f64 - 0.5, logarithmic: false, ticks, rules: false }
+    }
+
+    /// From `low` to `high` with ticks at the given places.
+    pub(super) fn at(low: f64, high: f64, ticks: impl IntoIterator<Item = (f64, String)>) -> Self {
+        Self { low, high, logarithmic: false, ticks: ticks.into_iter().collect(), rules: true }
+    }
+
+    /// About how wide its longest tick label is, pixels.
+    fn label_width(&self) -> f64 {
+        self.ticks.iter().map(|(_, label)| text_width(label, SMALL)).fold(0.0, f64::max)
+    }
+
+    /// Place of a value, 0 at the low end to 1 at the high end.
+    fn place(&self, value: f64) -> f64 {
+        if self.logarithmic {
+            let (low, high) = (libm::log10(self.low), libm::log10(self.high));
+            (libm::log10(value.max(self.low)) - low) / (high - low)
+        } else {
+            (value - self.low) / (self.high - self.low)
+        }
+    }
+}
+
+/// What a sheet is made for.
+#[derive(Debug, Clone)]
+pub(super) struct Layout<'a> {
+    /// Stem of the file names.
+    pub(super) name: &'a str,
+    /// Stands at the top.
+    pub(super) title: &'a str,
+    /// Stands below it: how to read the figure.
+    pub(super) note: &'a str,
+    /// Name and unit along the horizontal axes.
+    pub(super) x_label: &'a str,
+    /// Names and units along the vertical axes, one for each panel, or one for all; told only where it is not that of the panel to
+    /// the left.
+    pub(super) y_labels: &'a [String],
+    /// Series by name.
+    pub(super) legend: &'a [(Mark, String)],
+    /// How many panels there are.
+    pub(super) panels: usize,
+    /// How many panels stand side by side.
+    pub(super) columns: usize,
+    /// Room for tick labels to the left of each panel, pixels.
+    pub(super) left: f64,
+    /// Height of a panel over that of others.
+    pub(super) tallness: f64,
+}
+
+/// Room to the left that the tick labels of an axis need, pixels.
+pub(super) fn room_for<'a>(axes: impl IntoIterator<Item = &'a Axis>) -> f64 {
+    axes.into_iter().map(Axis::label_width).fold(0.0, f64::max)
+}
+
+/// A figure in the making.
+#[derive(Debug)]
+pub(super) struct Sheet<'a> {
+    /// Where to draw.
+    pub(super) svg: Svg,
+    layout: Layout<'a>,
+    panel: (f64, f64),
+    head: f64,
+    width: f64,
+}
+
+impl<'a> Sheet<'a> {
+    /// An empty sheet with title and legend.
+    pub(super) fn new(layout: Layout<'a>) -> Self {
+        let panel = match layout.columns {
+            0 | 1 => (560.0, 300.0 * layout.tallness),
+            2 => (360.0, 230.0 * layout.tallness),
+            3 => (250.0, 180.0 * layout.tallness),
+            _ => (210.0, 170.0 * layout.tallness),
+        };
+        let columns = layout.columns.max(1) as f64;
+        let mut sheet = Self { svg: Svg::new(layout.name), layout, panel, head: 0.0, width: 0.0 };
+        let text = text_width(sheet.layout.title, LARGE * BOLD).max(text_width(sheet.layout.note, SMALL));
+        sheet.width = (2.0 * EDGE + sheet.outer_label() + columns * sheet.column_width()).max(2.0 * EDGE + text);
+        sheet.head = sheet.draw_head();
+        sheet
+    }
+
+    fn draw_head(&mut self) -> f64 {
+        let mut y = EDGE + LARGE;
+        let title = Label { bold: true, ..Label::new(self.layout.title, LARGE, Anchor::Start) };
+        self.svg.text((EDGE, y), &title);
+        if !self.layout.note.is_empty() {
+            y += SMALL + 7.0;
+            let note = Label { paint: SOFT, ..Label::new(self.layout.note, SMALL, Anchor::Start) };
+            self.svg.text((EDGE, y), &note);
+        }
+        y += 8.0;
+        let mut x = EDGE;
+        for (i, (mark, name)) in self.layout.legend.iter().enumerate() {
+            let width = SAMPLE + 6.0 + text_width(name, NORMAL) + 16.0;
+            if i > 0 && x + width > self.width {
+                x = EDGE;
+                y += LEGEND_LINE;
+            }
+            let middle = y + LEGEND_LINE / 2.0;
+            let place = Area { left: x, top: middle - 5.0, width: SAMPLE, height: 10.0 };
+            match *mark {
+                Mark::Box(series) => {
+                    self.svg.fill(place, colour(series), 0.35);
+                    self.svg.frame(place, &Pen::solid(colour(series), 1.5));
+                }
+                Mark::Line(series) => self.svg.line((x, middle), (x + SAMPLE, middle), &pen(series)),
+                Mark::Band(series) => {
+                    self.svg.fill(place, colour(series), 0.2);
+                    self.svg.line((x, middle), (x + SAMPLE, middle), &pen(series));
+                }
+            }
+            self.svg.text((x + SAMPLE + 6.0, middle + 4.0), &Label::new(name, NORMAL, Anchor::Start));
+            x += width;
+        }
+        y + if self.layout.legend.is_empty() { 0.0 } else { LEGEND_LINE + 6.0 }
+    }
+
+    /// Width of a panel and all that belongs to it, but for the labels of the first column.
+    fn column_width(&self) -> f64 {
+        let label = LABEL - self.outer_label();
+        label + self.layout.left + TICK_GAP + self.panel.0 + RIGHT_GAP
+    }
+
+    /// Room for the labels of the first column: none if all columns have it.
+    fn outer_label(&self) -> f64 {
+        let differs =
+            |index: usize| !index.is_multiple_of(self.layout.columns) && self.label(index) != self.label(index - 1);
+        if (0..self.layout.panels).any(differs) { 0.0 } else { LABEL }
+    }
+
+    fn label(&self, index: usize) -> Option<&'a String> {
+        let labels = self.layout.y_labels;
+        labels.get(index).or(labels.last())
+    }
+
+    fn area(&self, index: usize) -> Area {
+        let (column, row) = (index % self.layout.columns, index / self.layout.columns);
+        let (width, height) = self.panel;
+        Area {
+            left: EDGE + self.outer_label() + (column + 1) as f64 * self.column_width() - RIGHT_GAP - width,
+            top: self.head + PANEL_TITLE + row as f64 * (PANEL_TITLE + height + self.foot()),
+            width,
+            height,
+        }
+    }
+
+    fn foot(&self) -> f64 {
+        SMALL + NORMAL + 2.0 * TICK_GAP + 10.0
+    }
+
+    /// Draws the frame of a panel.
+    pub(super) fn panel(&mut self, index: usize, title: &str, x: &Axis, y: &Axis) -> Panel {
+        let area = self.area(index);
+        let panel = Panel { area, x: x.clone(), y: y.clone() };
+        let title_size = NORMAL.min(NORMAL * (area.width + RIGHT_GAP) / text_width(title, NORMAL * BOLD));
+        let title_label = Label { bold: true, ..Label::new(title, title_size, Anchor::Start) };
+        self.svg.text((area.left, area.top - 8.0), &title_label);
+        let (bottom, right) = (area.top + area.height, area.left + area.width);
+        let rule = Pen::solid(GRID, 1.0);
+        let tick = Pen::solid(INK, 1.0);
+        for (value, label) in &x.ticks {
+            let at = panel.at(*value, y.low).0;
+            if x.rules {
+                self.svg.line((at, area.top), (at, bottom), &rule);
+            }
+            self.svg.line((at, bottom), (at, bottom + 3.0), &tick);
+            self.svg.text((at, bottom + TICK_GAP + SMALL), &Label::new(label, SMALL, Anchor::Middle));
+        }
+        for (value, label) in &y.ticks {
+            let at = panel.at(x.low, *value).1;
+            if y.rules {
+                self.svg.line((area.left, at), (right, at), &rule);
+            }
+            self.svg.line((area.left - 3.0, at), (area.left, at), &tick);
+            self.svg.text((area.left - TICK_GAP, at + 0.36 * SMALL), &Label::new(label, SMALL, Anchor::End));
+        }
+        self.svg.frame(area, &Pen::solid(INK, 1.0));
+        if index + self.layout.columns >= self.layout.panels {
+            let place = (area.left + area.width / 2.0, bottom + 2.0 * TICK_GAP + SMALL + NORMAL);
+            self.svg.text(place, &Label::new(self.layout.x_label, NORMAL, Anchor::Middle));
+        }
+        let first = index.is_multiple_of(self.layout.columns);
+        if let Some(y_label) = self.label(index).filter(|label| first || self.label(index - 1) != Some(label)) {
+            let size = NORMAL.min(NORMAL * (area.height + PANEL_TITLE) / text_width(y_label, NORMAL));
+            let label = Label { upright: true, ..Label::new(y_label, size, Anchor::Middle) };
+            let x = area.left - TICK_GAP - self.layout.left - LABEL + NORMAL;
+            self.svg.text((x, area.top + area.height / 2.0), &label);
+        }
+        panel
+    }
+
+    /// Says in a panel that there is nothing to show.
+    pub(super) fn empty(&mut self, panel: &Panel, text: &str) {
+        let Area { left, top, width, height } = panel.area;
+        let label = Label { paint: SOFT, ..Label::new(text, NORMAL, Anchor::Middle) };
+        self.svg.text((left + width / 2.0, top + height / 2.0), &label);
+    }
+
+    /// The whole figure as SVG.
+    pub(super) fn finish(self) -> String {
+        let rows = self.layout.panels.div_ceil(self.layout.columns.max(1)) as f64;
+        let height = self.head + rows * (PANEL_TITLE + self.panel.1 + self.foot()) + EDGE;
+        self.svg.finish(self.width, height, self.layout.title)
+    }
+}
+
+/// Where a panel is and what its axes say.
+#[derive(Debug, Clone)]
+pub(super) struct Panel {
+    /// Inside of its frame.
+    pub(super) area: Area,
+    x: Axis,
+    y: Axis,
+}
+
+impl Panel {
+    /// Where a pair of values is on the sheet, pixels.
+    pub(super) fn at(&self, x: f64, y: f64) -> (f64, f64) {
+        let Area { left, top, width, height } = self.area;
+        (left + self.x.place(x) * width, top + (1.0 - self.y.place(y)) * height)
+    }
+
+    /// Its inside and so much around it, pixels: a line along an edge keeps its width.
+    pub(super) fn with_margin(&self, margin: f64) -> Area {
+        let Area { left, top, width, height } = self.area;
+        Area { left: left - margin, top: top - margin, width: width + 2.0 * margin, height: height + 2.0 * margin }
+    }
+}
+
+/// The step of 1, 2 or 5 times a power of ten that is at least as large.
+fn round_step(step: f64) -> f64 {
+    let power = libm::exp10(libm::log10(step).floor());
+    [1.0, 2.0, 5.0].iter().map(|factor| factor * power).find(|&round| round >= step * 0.999_999).unwrap_or(10.0 * power)
+}
+
+/// Decimals that show a step.
+fn decimals(step: f64) -> usize {
+    (-libm::log10(step * 1.000_001).floor()).max(0.0) as usize
+}
+
+/// So many times a power of ten, written out while that is short.
+fn tick(decade: i32, factor: f64) -> (f64, String) {
+    let value = factor * libm::exp10(decade.into());
+    let label = match decade {
+        0..=4 => format!("{value:.0}"),
+        -4..0 => format!("{value:.*}", decade.unsigned_abs() as usize),
+        _ => format!("{factor}e{decade}"),
+    };
+    (value, label)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round() {
+        let labels = |axis: Axis| axis.ticks.into_iter().map(|(_, label)| label).collect::<Vec<_>>();
+        assert_eq!(labels(Axis::linear(0.0, 30.0, 6)), ["0", "5", "10", "15", "20", "25", "30"]);
+        assert_eq!(labels(Axis::linear(0.0, 1.0, 5)), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(labels(Axis::rounded(0.0, 0.31, 4)), ["0.0", "0.1", "0.2", "0.3", "0.4"]);
+        assert_eq!(labels(Axis::logarithmic(0.3, 2500.0)), ["0.1", "1", "10", "100", "1000", "10000"]);
+        assert_eq!(labels(Axis::logarithmic(0.3, 4.0)), ["0.2", "0.5", "1", "2", "5"]);
+        assert_eq!(labels(Axis::logarithmic(100.0, 100.0)).len(), 2);
+        assert_eq!(labels(Axis::linear(5.0, 5.0, 2)), ["5.0", "5.5", "6.0"]);
+    }
+
+    #[test]
+    fn a_value_is_where_its_axis_says() {
+        assert_eq!(Axis::linear(10.0, 20.0, 5).place(12.5), 0.25);
+        assert!((Axis::logarithmic(1.0, 100.0).place(10.0) - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn thirty_five_series_look_different() {
+        let styles: std::collections::BTreeSet<_> = (0..35).map(|i| (colour(i).colour, pen(i).dash)).collect();
+        assert_eq!(styles.len(), 35);
+    }
+}

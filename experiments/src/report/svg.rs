@@ -1,0 +1,309 @@
+//! Writing SVG: shapes in pixels from the top left, appended in drawing order.
+//!
+//! Colours are attributes, so that a file looks the same everywhere; every neutral colour also has a class, which a page may
+//! override for a dark background. A picture has its own opaque background, refers to nothing outside and names its ids after
+//! itself, so that several may stand in one page.
+
+use std::fmt::Write;
+
+/// Colour of text, frames and neutral lines.
+pub(super) const INK: Paint = Paint { colour: "#1a1a1a", class: "ink" };
+/// Colour of secondary text.
+pub(super) const SOFT: Paint = Paint { colour: "#5a5a5a", class: "soft" };
+/// Colour of grid lines.
+pub(super) const GRID: Paint = Paint { colour: "#e3e3e3", class: "rule" };
+/// Background.
+pub(super) const PAPER: Paint = Paint { colour: "#ffffff", class: "paper" };
+/// Font of all text, first the one that the PNG files are made with.
+const FONT: &str = "'DejaVu Sans', Verdana, 'Noto Sans', sans-serif";
+
+/// A colour and the class by which a page may override it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Paint {
+    /// `#rrggbb`.
+    pub(super) colour: &'static str,
+    /// Class; empty for none.
+    pub(super) class: &'static str,
+}
+
+/// How a line is drawn.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pen {
+    /// Its colour.
+    pub(super) paint: Paint,
+    /// Width, pixels.
+    pub(super) width: f64,
+    /// Lengths of dashes and gaps, pixels; empty for a solid line.
+    pub(super) dash: &'static str,
+    /// 0 to 1.
+    pub(super) opacity: f64,
+}
+
+impl Pen {
+    /// A solid, opaque line.
+    pub(super) fn solid(paint: Paint, width: f64) -> Self {
+        Self { paint, width, dash: "", opacity: 1.0 }
+    }
+
+    fn attributes(&self) -> String {
+        let Self { paint, width, dash, opacity } = self;
+        let mut text = format!("{} stroke=\"{}\" stroke-width=\"{width}\"", class(paint, "-line"), paint.colour);
+        if !dash.is_empty() {
+            write!(text, " stroke-dasharray=\"{dash}\"").expect("a String takes all");
+        }
+        if *opacity < 1.0 {
+            write!(text, " stroke-opacity=\"{opacity}\"").expect("a String takes all");
+        }
+        text
+    }
+}
+
+/// Where the given place is in a line of text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Anchor {
+    /// At its start.
+    Start,
+    /// In its middle.
+    Middle,
+    /// At its end.
+    End,
+}
+
+/// A line of text.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Label<'a> {
+    /// What it says.
+    pub(super) text: &'a str,
+    /// Size of the font, pixels.
+    pub(super) size: f64,
+    /// Which part of it is at the given place.
+    pub(super) anchor: Anchor,
+    /// Bold instead of regular.
+    pub(super) bold: bool,
+    /// Its colour.
+    pub(super) paint: Paint,
+    /// Turned by a quarter, read upwards.
+    pub(super) upright: bool,
+}
+
+impl<'a> Label<'a> {
+    /// Regular text in ink.
+    pub(super) fn new(text: &'a str, size: f64, anchor: Anchor) -> Self {
+        Self { text, size, anchor, bold: false, paint: INK, upright: false }
+    }
+}
+
+/// An upright rectangle in pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Area {
+    /// Left edge.
+    pub(super) left: f64,
+    /// Upper edge.
+    pub(super) top: f64,
+    /// To the right.
+    pub(super) width: f64,
+    /// Downwards.
+    pub(super) height: f64,
+}
+
+/// A picture in the making.
+#[derive(Debug)]
+pub(super) struct Svg {
+    name: String,
+    body: String,
+    clips: usize,
+}
+
+impl Svg {
+    /// An empty picture; `name` is the stem of its ids.
+    pub(super) fn new(name: &str) -> Self {
+        Self { name: name.to_owned(), body: String::new(), clips: 0 }
+    }
+
+    /// A straight line.
+    pub(super) fn line(&mut self, from: (f64, f64), to: (f64, f64), pen: &Pen) {
+        self.push(format_args!(
+            "<line x1=\"{:.2}\" y1=\"{:.2}\" x2=\"{:.2}\" y2=\"{:.2}\"{}/>",
+            from.0,
+            from.1,
+            to.0,
+            to.1,
+            pen.attributes()
+        ));
+    }
+
+    /// A line through points.
+    pub(super) fn polyline(&mut self, points: &[(f64, f64)], pen: &Pen) {
+        let attributes = pen.attributes();
+        self.push(format_args!(
+            "<polyline points=\"{}\" fill=\"none\" stroke-linejoin=\"round\"{attributes}/>",
+            joined(points)
+        ));
+    }
+
+    /// A filled area with no outline.
+    pub(super) fn polygon(&mut self, points: &[(f64, f64)], paint: Paint, opacity: f64) {
+        self.push(format_args!(
+            "<polygon points=\"{}\"{} fill=\"{}\" fill-opacity=\"{opacity}\"/>",
+            joined(points),
+            class(&paint, ""),
+            paint.colour
+        ));
+    }
+
+    /// A filled rectangle with no outline.
+    pub(super) fn fill(&mut self, area: Area, paint: Paint, opacity: f64) {
+        let Area { left, top, width, height } = area;
+        self.push(format_args!(
+            "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" height=\"{height:.2}\"{} fill=\"{}\" \
+             fill-opacity=\"{opacity}\"/>",
+            class(&paint, ""),
+            paint.colour
+        ));
+    }
+
+    /// The outline of a rectangle.
+    pub(super) fn frame(&mut self, area: Area, pen: &Pen) {
+        let Area { left, top, width, height } = area;
+        let attributes = pen.attributes();
+        self.push(format_args!(
+            "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" fill=\"none\"{attributes}/>"
+        ));
+    }
+
+    /// A filled disc.
+    pub(super) fn disc(&mut self, centre: (f64, f64), radius: f64, paint: Paint, opacity: f64) {
+        self.push(format_args!(
+            "<circle cx=\"{:.2}\" cy=\"{:.2}\" r=\"{radius}\"{} fill=\"{}\" fill-opacity=\"{opacity}\"/>",
+            centre.0,
+            centre.1,
+            class(&paint, ""),
+            paint.colour
+        ));
+    }
+
+    /// A line of text with its base line at a place.
+    pub(super) fn text(&mut self, (x, y): (f64, f64), label: &Label) {
+        let Label { text, size, anchor, bold, paint, upright } = *label;
+        let anchor = match anchor {
+            Anchor::Start => "start",
+            Anchor::Middle => "middle",
+            Anchor::End => "end",
+        };
+        let weight = if bold { " font-weight=\"bold\"" } else { "" };
+        let turned = if upright { format!(" transform=\"rotate(-90 {x:.2} {y:.2})\"") } else { String::new() };
+        self.push(format_args!(
+            "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{weight}{turned}{} fill=\"{}\">{}</text>",
+            class(&paint, ""),
+            paint.colour,
+            escape(text)
+        ));
+    }
+
+    /// What follows, up to [`Self::end_clip`], is drawn inside an area only.
+    pub(super) fn begin_clip(&mut self, area: Area) {
+        let Area { left, top, width, height } = area;
+        let id = format!("{}-clip-{}", self.name, self.clips);
+        self.clips += 1;
+        self.push(format_args!(
+            "<clipPath id=\"{id}\"><rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" height=\"{height:.2}\"/></clipPath>"
+        ));
+        self.push(format_args!("<g clip-path=\"url(#{id})\">"));
+    }
+
+    /// Ends what [`Self::begin_clip`] has begun.
+    pub(super) fn end_clip(&mut self) {
+        self.push(format_args!("</g>"));
+    }
+
+    /// The whole picture; `title` is for those who cannot see it.
+    pub(super) fn finish(self, width: f64, height: f64, title: &str) -> String {
+        let background = format!(
+            "<rect width=\"{width:.0}\" height=\"{height:.0}\"{} fill=\"{}\"/>",
+            class(&PAPER, ""),
+            PAPER.colour
+        );
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" viewBox=\"0 0 {width:.0} \
+             {height:.0}\" font-family=\"{FONT}\" role=\"img\">\n<title>{}</title>\n{background}\n{}</svg>\n",
+            escape(title),
+            self.body
+        )
+    }
+
+    fn push(&mut self, element: std::fmt::Arguments) {
+        writeln!(self.body, "{element}").expect("a String takes all");
+    }
+}
+
+/// About how wide a line of text is, pixels; rather too wide than too narrow.
+pub(super) fn text_width(text: &str, size: f64) -> f64 {
+    text.chars().map(character_width).sum::<f64>() * size
+}
+
+/// About how wide a character of DejaVu Sans is over the size of the font.
+fn character_width(character: char) -> f64 {
+    match character {
+        'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ' ' | '\'' | '|' => 0.33,
+        'f' | 't' | 'r' | 's' | '-' | '(' | ')' | '/' | '\u{b3}' => 0.44,
+        'm' | 'w' | 'M' | 'W' | '%' => 0.97,
+        'A'..='Z' => 0.75,
+        _ => 0.64,
+    }
+}
+
+/// Text for XML, in an element or in a quoted attribute.
+pub(super) fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for character in text.chars() {
+        match character {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            // XML has no place for the others.
+            '\n' | '\t' | '\r' => escaped.push(character),
+            character if character.is_control() => escaped.push('\u{fffd}'),
+            character => escaped.push(character),
+        }
+    }
+    escaped
+}
+
+fn class(paint: &Paint, suffix: &str) -> String {
+    if paint.class.is_empty() { String::new() } else { format!(" class=\"{}{suffix}\"", paint.class) }
+}
+
+fn joined(points: &[(f64, f64)]) -> String {
+    let mut text = String::with_capacity(points.len() * 14);
+    for (x, y) in points {
+        let gap = if text.is_empty() { "" } else { " " };
+        write!(text, "{gap}{x:.2},{y:.2}").expect("a String takes all");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_xml_keeps_for_itself_is_escaped() {
+        assert_eq!(escape("a<b & \"c\">\u{1}\n"), "a&lt;b &amp; &quot;c&quot;&gt;\u{fffd}\n");
+    }
+
+    #[test]
+    fn a_picture_is_well_formed_with_ids_of_its_own() {
+        let mut svg = Svg::new("times");
+        let area = Area { left: 1.0, top: 2.0, width: 30.0, height: 40.0 };
+        svg.begin_clip(area);
+        svg.line((0.0, 0.0), (1.0, 1.0), &Pen::solid(INK, 1.0));
+        svg.polyline(&[(0.0, 1.0), (2.0, 3.0)], &Pen { dash: "3 2", opacity: 0.5, ..Pen::solid(GRID, 1.0) });
+        svg.end_clip();
+        svg.text((3.0, 4.0), &Label::new("a < b", 11.0, Anchor::End));
+        let text = svg.finish(100.0, 50.0, "Title & all");
+        let tree = resvg::usvg::roxmltree::Document::parse(&text).unwrap();
+        let clips: Vec<_> = tree.descendants().filter_map(|node| node.attribute("id")).collect();
+        assert_eq!(clips, ["times-clip-0"]);
+    }
+}
