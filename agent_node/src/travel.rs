@@ -82,6 +82,7 @@ pub struct Travel {
     to_all: Moves,
     scratch: Scratch,
     pending: Option<Pending>,
+    failures: u32,
 }
 
 impl Travel {
@@ -94,7 +95,14 @@ impl Travel {
             to_all: Moves::new(radius_m, cell_m, Neighbours::TwentySix),
             scratch: Scratch::new(),
             pending: None,
+            failures: 0,
         }
+    }
+
+    /// How often there was no way to a cell.
+    #[must_use]
+    pub fn failures(&self) -> u32 {
+        self.failures
     }
 
     /// The moves of the body.
@@ -135,10 +143,9 @@ impl Travel {
             return Journey::Searching(Wake { at, events: 0 });
         };
         self.pending = None;
-        match path {
-            Some(path) => self.motion_along(map, from, &path),
-            None => Journey::NoWay,
-        }
+        let journey = path.map_or(Journey::NoWay, |path| self.motion_along(map, from, &path));
+        self.failures += u32::from(journey == Journey::NoWay);
+        journey
     }
 
     /// The motion along a path that begins in the cell of the body.

@@ -313,7 +313,8 @@ fn agents_seed(seed: u64) -> u64 {
 
 /// How far a world has come.
 #[must_use]
-pub fn progress(world: &World) -> maes_msgs::Progress {
+pub fn progress(world: &mut World) -> maes_msgs::Progress {
+    let pairs_in_contact = world.pairs_in_contact();
     let coverage = world.coverage();
     maes_msgs::Progress {
         header: header(world.tick()),
@@ -323,6 +324,9 @@ pub fn progress(world: &World) -> maes_msgs::Progress {
         explored_by: coverage.explored_by(),
         covered_by: coverage.covered_by(),
         distance_m: world.distance_m(),
+        believed_by: coverage.believed_by(),
+        pairs_in_contact,
+        parcel_bytes: world.totals().parcel_bytes_delivered,
     }
 }
 
