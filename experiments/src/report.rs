@@ -125,6 +125,3 @@ pub fn write(dir: &Path) -> Result<Written, ReportError> {
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
     fs::write(path, bytes).map_err(|error| ReportError::Write { path: path.to_owned(), error })
 }
-
-#[cfg(test)]
-mod tests;

@@ -213,10 +213,8 @@ fn place_entries(study: &Study, place: &Place, controller: usize) -> Vec<Entry> 
 
 /// What stands in [`field_columns`].
 pub(super) fn field_entries(place: &Place) -> Vec<Entry> {
-    let [x, y, z] = place.size;
-    let size = if x == y && y == z { format!("{x}\u{b3}") } else { format!("{x} \u{d7} {y} \u{d7} {z}") };
     let mut entries: Vec<_> = place.others.iter().map(|value| Entry::Text(value.0.clone())).collect();
-    entries.extend([Entry::Text(size), Entry::Count(place.agents as usize)]);
+    entries.extend([Entry::Size(place.size), Entry::Count(place.agents as usize)]);
     entries
 }
 

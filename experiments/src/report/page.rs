@@ -140,7 +140,7 @@ fn runs(study: &Study) -> Table {
             let mut entries = vec![
                 Entry::Text(row.id.clone()),
                 Entry::Text(study.controllers[controller].clone()),
-                Entry::Text(size_name(row.size)),
+                Entry::Size(row.size),
             ];
             entries.extend(place.others.iter().map(|value| Entry::Text(value.0.clone())));
             entries.extend([

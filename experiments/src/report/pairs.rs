@@ -1,7 +1,8 @@
 //! Comparison of controllers, two at a time and run by run: only runs with the same seed, and so on the same map, are held against
 //! each other.
 //!
-//! The p-values of one table are a family: each is adjusted for all of them (Holm).
+//! The comparisons of all controllers at one place are a family: their p-values are adjusted for each other (Holm). Each place is a
+//! question of its own; an adjustment for all places as well would need more seeds than anybody has time for.
 
 use super::numbers::{AREA, DISTANCE, EXPLORED, Estimate, LEVEL, MARKS, RESAMPLES, SEED, TimeUnit, Times};
 use super::outcomes::{column, field_columns, field_entries};
@@ -49,8 +50,9 @@ fn table(study: &Study, (name, what, values): Compared) -> Result<Table, Statist
     ];
     columns.extend(titles.map(|(title, key)| column(title, key)));
     let mut rows = Vec::new();
-    let mut p_values = Vec::new();
     for place in &study.places {
+        let mut family = Vec::new();
+        let mut p_values = Vec::new();
         for a in 0..study.controllers.len() {
             for b in a + 1..study.controllers.len() {
                 let (runs_a, runs_b) = paired(&study.cell(place, a), &study.cell(place, b));
@@ -68,16 +70,18 @@ fn table(study: &Study, (name, what, values): Compared) -> Result<Table, Statist
                 row.push(Entry::Number(Some(a12(&values_a, &values_b)?), 2));
                 row.push(Entry::Probability(test.p_value));
                 p_values.push(test.p_value);
-                rows.push(row);
+                family.push(row);
             }
         }
-    }
-    for (row, p) in rows.iter_mut().zip(holm(&p_values)?) {
-        row.push(Entry::Probability(p));
+        for (row, p) in family.iter_mut().zip(holm(&p_values)?) {
+            row.push(Entry::Probability(p));
+        }
+        rows.append(&mut family);
     }
     let caption = format!(
         "Controllers A and B compared run by run with the same seed: {what}. A12: probability that A has the greater value, a tie \
-         counting half; 0.5 is no difference. p: Wilcoxon signed-rank test, two-sided; Holm: adjusted for all rows of this table."
+         counting half; 0.5 is no difference. p: Wilcoxon signed-rank test, two-sided; Holm: adjusted for all \
+         comparisons on the same kind of map with the same number of agents."
     );
     Ok(Table { name, caption, columns, rows })
 }

@@ -14,6 +14,8 @@ const NONE: &str = "\u{2013}";
 pub(super) enum Entry {
     /// A name.
     Text(String),
+    /// Size of a map in cells.
+    Size([u32; 3]),
     /// A whole number.
     Count(usize),
     /// A number with so many decimals; `None` if there is none.
@@ -33,6 +35,8 @@ impl Entry {
     fn shown(&self) -> String {
         match self {
             Self::Text(text) => text.clone(),
+            Self::Size([x, y, z]) if x == y && y == z => format!("{x}\u{b3}"),
+            Self::Size([x, y, z]) => format!("{x} \u{d7} {y} \u{d7} {z}"),
             Self::Count(count) => count.to_string(),
             Self::Number(None, _) => NONE.to_owned(),
             Self::Number(Some(number), digits) => fixed(*number, *digits),
@@ -55,6 +59,7 @@ impl Entry {
         let optional = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
         match self {
             Self::Text(text) => vec![text.clone()],
+            Self::Size([x, y, z]) => vec![format!("{x}x{y}x{z}")],
             Self::Count(count) => vec![count.to_string()],
             Self::Number(number, _) => vec![optional(*number)],
             Self::Share(some, all) => vec![some.to_string(), all.to_string()],
@@ -74,7 +79,7 @@ impl Entry {
     fn keys(&self, key: &str) -> Vec<String> {
         let with = |suffixes: &[&str]| suffixes.iter().map(|suffix| format!("{key}_{suffix}")).collect();
         match self {
-            Self::Text(_) | Self::Count(_) | Self::Number(..) | Self::Probability(_) => vec![key.to_owned()],
+            Self::Text(_) | Self::Size(_) | Self::Count(_) | Self::Number(..) | Self::Probability(_) => vec![key.to_owned()],
             Self::Share(..) => with(&["some", "all"]),
             Self::Mean(..) => with(&["mean", "low", "high"]),
             Self::Median(..) => with(&["median", "q1", "q3"]),
@@ -82,7 +87,7 @@ impl Entry {
     }
 
     fn is_text(&self) -> bool {
-        matches!(self, Self::Text(_))
+        matches!(self, Self::Text(_) | Self::Size(_))
     }
 }
 

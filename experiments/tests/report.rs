@@ -1,0 +1,186 @@
+//! The report of runs made by hand, against numbers reckoned by hand.
+//!
+//! `report/runs` holds eleven runs of 600 s at most: `dsvp` with seeds 1 to 4, `lvd` and `rbw` with seeds 1 to 3, five agents each,
+//! and one run of `dsvp` with ten agents. `report/expected` holds tables as they should be.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use experiments::report;
+use resvg::tiny_skia::Pixmap;
+use resvg::usvg::roxmltree::{Document, ParsingOptions};
+use tempfile::TempDir;
+
+fn fixture() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/report")
+}
+
+/// A copy of the runs and the plan.
+fn folder() -> TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    fs::create_dir(dir.path().join("runs")).unwrap();
+    for entry in fs::read_dir(fixture().join("runs")).unwrap() {
+        let path = entry.unwrap().path();
+        fs::copy(&path, dir.path().join("runs").join(path.file_name().unwrap())).unwrap();
+    }
+    fs::copy(fixture().join("plan.toml"), dir.path().join("plan.toml")).unwrap();
+    dir
+}
+
+/// All files of a report by name.
+fn files(dir: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    for folder in ["report", "report/figures", "report/tables"] {
+        for entry in fs::read_dir(dir.join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_file() {
+                files.insert(path.strip_prefix(dir).unwrap().display().to_string(), fs::read(&path).unwrap());
+            }
+        }
+    }
+    files
+}
+
+/// The value in a column of a table in the row of a number of agents and names.
+fn value(dir: &Path, table: &str, row: &[&str], column: &str) -> f64 {
+    let text = fs::read_to_string(dir.join(format!("report/tables/{table}.csv"))).unwrap();
+    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    let at = header.iter().position(|key| *key == column).unwrap_or_else(|| panic!("{column} in {header:?}"));
+    let line = lines.find(|line| line[1..].starts_with(row)).unwrap_or_else(|| panic!("{row:?} in {table}"));
+    line[at].parse().unwrap_or(f64::NAN)
+}
+
+#[test]
+fn numbers_are_those_reckoned_by_hand() {
+    let dir = folder();
+    report::write(dir.path()).unwrap();
+    let is = |table: &str, row: &[&str], column: &str, expected: f64| {
+        let got = value(dir.path(), table, row, column);
+        assert!((got - expected).abs() < 1e-9, "{table} {row:?} {column}: {got} instead of {expected}");
+    };
+    let dsvp: &[&str] = &["5", "dsvp"];
+    // 0.96, 0.98, 1, 1: the mean of four; the quartiles at places 0.75 and 2.25 of 0 to 3.
+    is("outcome", dsvp, "runs", 4.0);
+    is("outcome", dsvp, "explored_mean", 98.5);
+    is("outcome", dsvp, "explored_median", 99.0);
+    is("outcome", dsvp, "explored_q1", 97.5);
+    is("outcome", dsvp, "explored_q3", 100.0);
+    // (0.8 + 0.7 + 0.6 + 0.7) / 4.
+    is("outcome", dsvp, "area_mean", 70.0);
+    // 0.9, 0.8, 0.7.
+    is("outcome", &["5", "lvd"], "explored_median", 80.0);
+    is("outcome", &["5", "lvd"], "explored_q1", 75.0);
+    // 200, 250, 500 and 450 s.
+    is("times", dsvp, "success_90", 1.0);
+    is("times", dsvp, "time_90_min_mean", 1400.0 / 4.0 / 60.0);
+    // 300 and 400 s, and twice not at all: 600 s in their place; half of the runs have got there at 400 s.
+    is("times", dsvp, "reached_99_some", 2.0);
+    is("times", dsvp, "success_99", 0.5);
+    is("times", dsvp, "time_99_min_mean", (300.0 + 400.0 + 600.0 + 600.0) / 4.0 / 60.0);
+    is("times", dsvp, "time_99_min_median", 400.0 / 60.0);
+    is("times", dsvp, "time_100_min_mean", (330.0 + 480.0 + 600.0 + 600.0) / 4.0 / 60.0);
+    // 590 s, and twice not at all.
+    is("times", &["5", "lvd"], "success_90", 1.0 / 3.0);
+    is("times", &["5", "lvd"], "time_90_min_mean", (590.0 + 600.0 + 600.0) / 3.0 / 60.0);
+    is("times", &["5", "lvd"], "time_99_min_mean", 10.0);
+    assert!(value(dir.path(), "times", &["5", "lvd"], "time_90_min_median").is_nan());
+    // A single run has no interval.
+    is("times", &["10", "dsvp"], "time_99_min_mean", 2.5);
+    assert!(value(dir.path(), "times", &["10", "dsvp"], "time_99_min_low").is_nan());
+    // 0.4, 0.8, 1.2 and 1.6 MB.
+    is("communication", dsvp, "traffic_mean", 1.0);
+    is("effort", dsvp, "distance_mean", 1300.0);
+    is("cost", dsvp, "decision_p95_ms_median", 0.5);
+}
+
+#[test]
+fn pairs_are_those_reckoned_by_hand() {
+    let dir = folder();
+    report::write(dir.path()).unwrap();
+    let is = |table: &str, row: &[&str], column: &str, expected: f64| {
+        let got = value(dir.path(), table, row, column);
+        assert!((got - expected).abs() < 1e-9, "{table} {row:?} {column}: {got} instead of {expected}");
+    };
+    let row: &[&str] = &["5", "dsvp", "lvd"];
+    // Seeds 1 to 3: 300, 400 and 600 s against 600 s each. Two pairs differ, both in the same direction: p = 2 / 2^2.
+    is("pairs-time-99", row, "pairs", 3.0);
+    is("pairs-time-99", row, "mean_a", 1300.0 / 3.0 / 60.0);
+    is("pairs-time-99", row, "ratio_mean", 1300.0 / 1800.0);
+    is("pairs-time-99", row, "p", 0.5);
+    // Three of nine comparisons are ties, the others are lost.
+    is("pairs-time-99", row, "a12", 1.5 / 9.0);
+    // Three pairs in the same direction: p = 2 / 2^3, three times in the family.
+    is("pairs-area", row, "p", 0.25);
+    is("pairs-area", row, "p_holm", 0.75);
+    is("pairs-area", row, "a12", 1.0);
+    is("pairs-area", row, "ratio_mean", 0.7 / 0.4);
+}
+
+#[test]
+fn tables_are_as_they_should() {
+    let dir = folder();
+    report::write(dir.path()).unwrap();
+    for entry in fs::read_dir(fixture().join("expected")).unwrap() {
+        let expected = entry.unwrap().path();
+        let name = expected.file_name().unwrap();
+        let written = fs::read_to_string(dir.path().join("report/tables").join(name)).unwrap();
+        assert_eq!(written, fs::read_to_string(&expected).unwrap(), "{}", name.display());
+    }
+}
+
+#[test]
+fn the_page_is_well_formed_and_refers_to_nothing_outside() {
+    let dir = folder();
+    let written = report::write(dir.path()).unwrap();
+    // `lvd` and `rbw` lack one seed of four with five agents and have none with ten, where `dsvp` lacks three.
+    assert_eq!((written.runs, written.lacking), (11, 1 + 1 + 4 + 4 + 3));
+    let page = fs::read_to_string(&written.page).unwrap();
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+    let tree = Document::parse_with_options(&page, options).unwrap();
+    let mut ids = BTreeMap::new();
+    for node in tree.descendants().filter(|node| node.is_element()) {
+        let name = node.tag_name().name();
+        assert!(!["link", "script", "img", "image", "iframe", "use", "a"].contains(&name), "{name}");
+        for attribute in node.attributes() {
+            assert!(!["href", "src", "data"].contains(&attribute.name()), "{name} {attribute:?}");
+            let reference = attribute.value().strip_prefix("url(");
+            assert!(reference.is_none_or(|rest| rest.starts_with('#')), "{name} {attribute:?}");
+            if attribute.name() == "id" {
+                assert_eq!(ids.insert(attribute.value(), name), None, "{attribute:?} is there twice");
+            }
+        }
+    }
+    assert!(!page.contains("@import"));
+    let text: String = tree.descendants().filter(|node| node.is_text()).filter_map(|node| node.text()).collect();
+    for told in ["<every> seed & controller", "0.1.0", "a machine with 2 cores", "1\u{2013}4", "rbw: 5 agents, 50\u{b3} cells"] {
+        assert!(text.contains(told), "{told}");
+    }
+}
+
+#[test]
+fn figures_are_pictures_and_the_same_runs_make_the_same_bytes() {
+    let (one, other) = (folder(), folder());
+    report::write(one.path()).unwrap();
+    report::write(other.path()).unwrap();
+    let (one, other) = (files(one.path()), files(other.path()));
+    assert_eq!(one.keys().collect::<Vec<_>>(), other.keys().collect::<Vec<_>>());
+    for (name, bytes) in &one {
+        assert!(other[name] == *bytes, "{name} differs");
+    }
+    let figures: Vec<_> = one.keys().filter_map(|name| name.strip_prefix("report/figures/")?.strip_suffix(".png")).collect();
+    for name in ["exploration", "time-to-90", "time-to-99", "time-to-100", "box-explored", "scaling", "communication"] {
+        assert!(figures.contains(&name), "{name} in {figures:?}");
+    }
+    for name in figures {
+        let svg = std::str::from_utf8(&one[&format!("report/figures/{name}.svg")]).unwrap();
+        let tree = Document::parse(svg).unwrap();
+        let width: u32 = tree.root_element().attribute("width").unwrap().parse().unwrap();
+        let picture = Pixmap::decode_png(&one[&format!("report/figures/{name}.png")]).unwrap();
+        assert_eq!(picture.width(), 2 * width, "{name}");
+        // Text is in ink: without its font a picture would have next to none.
+        let ink = picture.pixels().iter().filter(|pixel| pixel.red() < 60 && pixel.green() < 60 && pixel.blue() < 60);
+        assert!(ink.count() > 5000, "{name} has no text");
+    }
+}
