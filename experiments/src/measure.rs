@@ -142,8 +142,9 @@ fn ratio(numerator: f64, denominator: f64) -> Option<f64> {
 /// Mean and standard deviation of the whole population; zeros of nothing.
 fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
     let count = values.len().max(1) as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let variance = values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count;
+    // Not `sum`, which makes -0 of nothing.
+    let mean = values.iter().fold(0.0, |sum, value| sum + value) / count;
+    let variance = values.iter().fold(0.0, |sum, value| sum + (value - mean) * (value - mean)) / count;
     (mean, variance.sqrt())
 }
 
