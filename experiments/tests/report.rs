@@ -154,7 +154,9 @@ fn the_page_is_well_formed_and_refers_to_nothing_outside() {
     }
     assert!(!page.contains("@import"));
     let text: String = tree.descendants().filter(|node| node.is_text()).filter_map(|node| node.text()).collect();
-    for told in ["<every> seed & controller", "0.1.0", "a machine with 2 cores", "1\u{2013}4", "rbw: 5 agents, 50\u{b3} cells"] {
+    for told in
+        ["<every> seed & controller", "0.1.0", "a machine with 2 cores", "1\u{2013}4", "rbw: 5 agents, 50\u{b3} cells"]
+    {
         assert!(text.contains(told), "{told}");
     }
 }
@@ -169,7 +171,8 @@ fn figures_are_pictures_and_the_same_runs_make_the_same_bytes() {
     for (name, bytes) in &one {
         assert!(other[name] == *bytes, "{name} differs");
     }
-    let figures: Vec<_> = one.keys().filter_map(|name| name.strip_prefix("report/figures/")?.strip_suffix(".png")).collect();
+    let figures: Vec<_> =
+        one.keys().filter_map(|name| name.strip_prefix("report/figures/")?.strip_suffix(".png")).collect();
     for name in ["exploration", "time-to-90", "time-to-99", "time-to-100", "box-explored", "scaling", "communication"] {
         assert!(figures.contains(&name), "{name} in {figures:?}");
     }

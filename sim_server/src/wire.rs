@@ -17,7 +17,7 @@ use nalgebra::{Point3, Vector3};
 use voxels::Extent;
 
 use crate::lockstep::Wake;
-use crate::scenario::Scenario;
+use crate::scenario::{AgentsSection, Scenario};
 use crate::world::body::Motion;
 use crate::world::collision::Surface;
 use crate::world::comms::{Parcel, Peer};
@@ -276,15 +276,7 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
         agents: scenario.agents.count,
         agents_seed: agents_seed(scenario.seed),
         controller: scenario.agents.controller.clone(),
-        settings: scenario
-            .agents
-            .set
-            .iter()
-            .map(|(key, value)| match value {
-                toml::Value::String(text) => format!("{key}={text}"),
-                other => format!("{key}={other}"),
-            })
-            .collect(),
+        settings: settings(&scenario.agents),
         body: maes_msgs::Body {
             radius_m: body.radius_m,
             speed_max_m_s: body.speed_max_m_s,
@@ -303,6 +295,16 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
         communication_range_m: scenario.communication.range_m,
         share_period_ticks: scenario.agents.share_period_ticks,
     }
+}
+
+/// The settings of controllers, each `KEY=VALUE`.
+#[must_use]
+pub fn settings(agents: &AgentsSection) -> Vec<String> {
+    let setting = |(key, value): (&String, &toml::Value)| match value {
+        toml::Value::String(text) => format!("{key}={text}"),
+        other => format!("{key}={other}"),
+    };
+    agents.set.iter().map(setting).collect()
 }
 
 /// The seed that agents may know: one that the seed of the map cannot be told from.

@@ -5,38 +5,24 @@
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
 use crate::rows::{RunRecord, RunRow};
+use crate::store::{PLAN, Store, StoreError};
 
 /// Why there is nothing to report on.
 #[derive(Debug, Error)]
 pub enum StudyError {
-    /// A file or a folder cannot be read.
-    #[error("cannot read {path}: {error}", path = path.display())]
-    Read {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        error: io::Error,
-    },
-    /// A file does not hold a run.
-    #[error("{path} is not the file of a run: {error}", path = path.display())]
-    NotARun {
-        /// Which.
-        path: PathBuf,
-        /// What is wrong with it.
-        error: serde_json::Error,
-    },
+    /// The folder cannot be read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
     /// There is no run.
-    #[error("{path} holds no runs (*.json): `experiments run` makes them", path = path.display())]
+    #[error("{folder}: no runs there; `experiments run` makes them", folder = folder.display())]
     Empty {
-        /// The folder of the runs.
-        path: PathBuf,
+        /// The folder.
+        folder: PathBuf,
     },
 }
 
@@ -101,38 +87,17 @@ pub(super) struct Study {
 }
 
 impl Study {
-    /// Reads `plan.toml` (if there is one) and `runs/*.json` of a folder.
+    /// Reads the runs of a folder, and its plan if there is one.
     ///
     /// # Errors
     /// If a file cannot be read or is not the file of a run, or if there is no run.
-    pub(super) fn read(dir: &Path) -> Result<Self, StudyError> {
-        let folder = dir.join("runs");
-        let failed = |path: &Path| {
-            let path = path.to_owned();
-            move |error| StudyError::Read { path, error }
-        };
-        let mut files = Vec::new();
-        for entry in fs::read_dir(&folder).map_err(failed(&folder))? {
-            let path = entry.map_err(failed(&folder))?.path();
-            if path.extension().is_some_and(|extension| extension == "json") {
-                files.push(path);
-            }
-        }
-        files.sort();
-        let mut runs = Vec::new();
-        for path in files {
-            let text = fs::read_to_string(&path).map_err(failed(&path))?;
-            runs.push(serde_json::from_str(&text).map_err(|error| StudyError::NotARun { path, error })?);
-        }
+    pub(super) fn read(folder: &Path) -> Result<Self, StudyError> {
+        let store = Store::open(folder)?;
+        let runs = store.records()?;
         if runs.is_empty() {
-            return Err(StudyError::Empty { path: folder });
+            return Err(StudyError::Empty { folder: folder.to_owned() });
         }
-        let plan = dir.join("plan.toml");
-        let plan = match fs::read_to_string(&plan) {
-            Ok(text) => Some(text),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
-            Err(error) => return Err(failed(&plan)(error)),
-        };
+        let plan = if folder.join(PLAN).exists() { Some(store.plan()?) } else { None };
         Ok(Self::new(runs, plan))
     }
 
@@ -291,9 +256,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let error = Study::read(dir.path()).unwrap_err().to_string();
         assert!(error.contains("runs"), "{error}");
-        fs::create_dir(dir.path().join("runs")).unwrap();
-        assert!(Study::read(dir.path()).unwrap_err().to_string().contains("holds no runs"));
-        fs::write(dir.path().join("runs/1.json"), "{}").unwrap();
-        assert!(Study::read(dir.path()).unwrap_err().to_string().contains("1.json is not the file of a run"));
+        Store::create(dir.path()).unwrap();
+        assert!(Study::read(dir.path()).unwrap_err().to_string().contains("no runs there"));
     }
 }

@@ -79,7 +79,9 @@ impl Entry {
     fn keys(&self, key: &str) -> Vec<String> {
         let with = |suffixes: &[&str]| suffixes.iter().map(|suffix| format!("{key}_{suffix}")).collect();
         match self {
-            Self::Text(_) | Self::Size(_) | Self::Count(_) | Self::Number(..) | Self::Probability(_) => vec![key.to_owned()],
+            Self::Text(_) | Self::Size(_) | Self::Count(_) | Self::Number(..) | Self::Probability(_) => {
+                vec![key.to_owned()]
+            }
             Self::Share(..) => with(&["some", "all"]),
             Self::Mean(..) => with(&["mean", "low", "high"]),
             Self::Median(..) => with(&["median", "q1", "q3"]),
