@@ -93,8 +93,11 @@ impl Entry {
     }
 }
 
-/// Decimals that show three digits of a number, at most three.
+/// Decimals that show three digits of a number, at most three; none for zero.
 pub(super) fn digits_for(number: f64) -> usize {
+    if number == 0.0 {
+        return 0;
+    }
     let magnitude = libm::log10(number.abs().max(1e-3)).floor();
     (2.0 - magnitude).clamp(0.0, 3.0) as usize
 }
@@ -271,6 +274,6 @@ mod tests {
 
     #[test]
     fn three_digits_are_shown() {
-        assert_eq!([1234.0, 123.4, 12.34, 1.2, 0.01, 0.0].map(digits_for), [0, 0, 1, 2, 3, 3]);
+        assert_eq!([1234.0, 123.4, 12.34, 1.2, 0.01, 0.0].map(digits_for), [0, 0, 1, 2, 3, 0]);
     }
 }

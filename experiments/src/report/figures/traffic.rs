@@ -2,14 +2,18 @@
 
 use std::collections::BTreeSet;
 
+use agent_node::sharing::MAP_PARCEL;
+
 use super::super::numbers::{Estimate, RESAMPLES, TRAFFIC};
 use super::super::plot::{Axis, Layout, Mark, SMALL, Sheet, colour, room_for};
 use super::super::study::{Place, Study};
-use super::super::svg::{Anchor, Area, INK, Label, Pen};
+use super::super::svg::{Anchor, Area, INK, Label, Pen, SOFT};
 use super::super::table::digits_for;
 use super::{Figure, Panels, runs_told};
 use crate::statistics::StatisticsError;
 
+/// What `dsvp-auction` marks its claims with.
+const CLAIMS_PARCEL: u8 = 2;
 /// Height of a bar over the room that it has.
 const BAR: f64 = 0.62;
 /// Room beyond the longest bar, for what stands there.
@@ -58,6 +62,11 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
             continue;
         };
         let room = panel.area.height / study.controllers.len() as f64;
+        for controller in (0..study.controllers.len()).filter(|i| totals.iter().all(|(there, _)| there != i)) {
+            let (x, y) = panel.at(0.0, (study.controllers.len() - 1 - controller) as f64);
+            let label = Label { paint: SOFT, ..Label::new("no runs", SMALL, Anchor::Start) };
+            sheet.svg.text((x + 6.0, y + 0.36 * SMALL), &label);
+        }
         for (controller, total) in totals {
             let line = (study.controllers.len() - 1 - controller) as f64;
             let runs = study.cell(place, controller);
@@ -108,8 +117,8 @@ fn swatch(place: usize) -> usize {
 /// What to call a kind of parcel.
 fn kind_name(kind: u8) -> String {
     match kind {
-        1 => "maps (kind 1)".to_owned(),
-        2 => "claims (kind 2)".to_owned(),
+        MAP_PARCEL => format!("maps (kind {kind})"),
+        CLAIMS_PARCEL => format!("claims (kind {kind})"),
         other => format!("kind {other}"),
     }
 }
