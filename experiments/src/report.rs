@@ -26,7 +26,8 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use self::figures::Figure;
-use self::png::{PngError, Renderer};
+pub use self::png::PngError;
+use self::png::Renderer;
 use self::study::Study;
 pub use self::study::StudyError;
 use self::table::Table;

@@ -32,6 +32,8 @@ pre { background: var(--head); padding: 0.8rem; overflow-x: auto; font-size: 0.8
   svg .paper { fill: #14161a; } svg .ink { fill: #e8e8e8; } svg .ink-line { stroke: #e8e8e8; }
   svg .soft { fill: #a8a8a8; } svg .rule-line { stroke: #30343b; }
   svg .blue { fill: #3f9bd8; } svg .blue-line { stroke: #3f9bd8; }
+  svg .vermillion { fill: #f0782a; } svg .vermillion-line { stroke: #f0782a; }
+  svg .green { fill: #1fc795; } svg .green-line { stroke: #1fc795; }
 }
 ";
 

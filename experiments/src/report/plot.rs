@@ -32,8 +32,8 @@ const SAMPLE: f64 = 34.0;
 /// which is too light for lines on white; their black follows the background.
 const COLOURS: [Paint; 7] = [
     Paint { colour: "#0072b2", class: "blue" },
-    Paint { colour: "#d55e00", class: "" },
-    Paint { colour: "#009e73", class: "" },
+    Paint { colour: "#d55e00", class: "vermillion" },
+    Paint { colour: "#009e73", class: "green" },
     Paint { colour: "#cc79a7", class: "" },
     Paint { colour: "#e69f00", class: "" },
     Paint { colour: "#56b4e9", class: "" },

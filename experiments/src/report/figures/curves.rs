@@ -50,9 +50,11 @@ pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
     Ok(Figure { name: "exploration".to_owned(), caption: caption.to_owned(), svg })
 }
 
-/// Mean over the runs, and the outline of its band, in seconds and shares.
-#[expect(clippy::type_complexity, reason = "two lists of points")]
-fn mean_and_band(runs: &[&RunRecord]) -> Result<(Vec<(f64, f64)>, Vec<(f64, f64)>), StatisticsError> {
+/// Seconds and shares.
+type Points = Vec<(f64, f64)>;
+
+/// Mean over the runs, and the outline of its band.
+fn mean_and_band(runs: &[&RunRecord]) -> Result<(Points, Points), StatisticsError> {
     let end_s = runs.iter().map(|run| run.row.duration_s).fold(0.0, f64::max);
     let mut mean = Vec::with_capacity(POINTS + 1);
     let (mut lower, mut upper) = (Vec::with_capacity(2 * POINTS + 2), Vec::with_capacity(POINTS + 1));
