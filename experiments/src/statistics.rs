@@ -62,15 +62,17 @@ pub enum StatisticsError {
         /// On the other.
         right: usize,
     },
-    /// Too few or too many bootstrap resamples.
+    /// Fewer or more bootstrap resamples than [`RESAMPLES`].
     #[error("{got} resamples, there must be {} to {}", RESAMPLES.start(), RESAMPLES.end())]
     Resamples {
         /// The number asked for.
         got: usize,
     },
-    /// A ratio whose denominator is zero, or is so in a resample.
-    #[error("the denominator is zero, or is so often zero that its share among the runs may be all of them")]
-    ZeroDenominator,
+    /// A figure that is not finite in all resamples.
+    #[error(
+        "the figure is not finite in every resample: the denominator of a ratio is zero in some, or values are too large"
+    )]
+    Unbounded,
 }
 
 /// From where to where a figure plausibly lies; `low` is at most `high`.
