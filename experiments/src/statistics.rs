@@ -68,11 +68,12 @@ pub enum StatisticsError {
         /// The number asked for.
         got: usize,
     },
-    /// A figure that is not finite in all resamples.
-    #[error(
-        "the figure is not finite in every resample: the denominator of a ratio is zero in some, or values are too large"
-    )]
-    Unbounded,
+    /// Values so large that their mean is not finite.
+    #[error("the values are too large: their mean is not finite")]
+    TooLarge,
+    /// A ratio that is not finite in all resamples.
+    #[error("the denominator of the ratio is zero, be it in one resample, or the ratio is too large")]
+    ZeroDenominator,
 }
 
 /// From where to where a figure plausibly lies; `low` is at most `high`.

@@ -39,7 +39,8 @@ pub enum Pairing {
 pub fn bootstrap_mean(xs: &[f64], level: f64, resamples: usize, seed: u64) -> Result<Interval, StatisticsError> {
     check_sample(xs, 2)?;
     let sample = Sample::new(xs);
-    interval(&[xs.len()], |drawn| sample.mean(&drawn[0]), level, resamples, seed)
+    let mean = |drawn: &[Vec<f64>]| finite(sample.mean(&drawn[0]), StatisticsError::TooLarge);
+    interval(&[xs.len()], mean, level, resamples, seed)
 }
 
 /// An interval for the ratio mean(`a`) / mean(`b`), for instance how many times as long `a` takes (Kalibera and Jones, 2013).
@@ -61,15 +62,16 @@ pub fn bootstrap_ratio(
         check_range("a value of the denominator", value, 0.0..=f64::MAX, "0 or more")?;
     }
     let (above, below) = (Sample::new(a), Sample::new(b));
+    let ratio = |a_drawn: &[f64], b_drawn: &[f64]| {
+        finite(above.mean(a_drawn) / below.mean(b_drawn), StatisticsError::ZeroDenominator)
+    };
     match pairing {
         Pairing::Paired => {
             check_pairs(a, b)?;
-            let ratio = |drawn: &[Vec<f64>]| above.mean(&drawn[0]) / below.mean(&drawn[0]);
-            interval(&[a.len()], ratio, level, resamples, seed)
+            interval(&[a.len()], |drawn| ratio(&drawn[0], &drawn[0]), level, resamples, seed)
         }
         Pairing::Independent => {
-            let ratio = |drawn: &[Vec<f64>]| above.mean(&drawn[0]) / below.mean(&drawn[1]);
-            interval(&[a.len(), b.len()], ratio, level, resamples, seed)
+            interval(&[a.len(), b.len()], |drawn| ratio(&drawn[0], &drawn[1]), level, resamples, seed)
         }
     }
 }
@@ -95,11 +97,15 @@ impl Sample {
     }
 }
 
+fn finite(value: f64, or: StatisticsError) -> Result<f64, StatisticsError> {
+    if value.is_finite() { Ok(value) } else { Err(or) }
+}
+
 /// The interval of a figure of samples with these sizes, none of them 0. The figure is given how often each value of each sample is
 /// drawn.
 fn interval(
     sizes: &[usize],
-    figure: impl Fn(&[Vec<f64>]) -> f64,
+    figure: impl Fn(&[Vec<f64>]) -> Result<f64, StatisticsError>,
     level: f64,
     resamples: usize,
     seed: u64,
@@ -108,15 +114,14 @@ fn interval(
     if !RESAMPLES.contains(&resamples) {
         return Err(StatisticsError::Resamples { got: resamples });
     }
-    let defined = |value: f64| if value.is_finite() { Ok(value) } else { Err(StatisticsError::Unbounded) };
     let mut drawn: Vec<Vec<f64>> = sizes.iter().map(|&size| vec![1.0; size]).collect();
-    let estimate = defined(figure(&drawn))?;
-    let acceleration = acceleration(&mut drawn, |drawn| defined(figure(drawn)))?;
+    let estimate = figure(&drawn)?;
+    let acceleration = acceleration(&mut drawn, &figure)?;
     let mut rng = seed::stream(seed, 0, "statistics.bootstrap");
     let mut figures = Vec::with_capacity(resamples);
     for _ in 0..resamples {
         drawn.iter_mut().for_each(|times| draw(times, &mut rng));
-        figures.push(defined(figure(&drawn))?);
+        figures.push(figure(&drawn)?);
     }
     figures.sort_unstable_by(f64::total_cmp);
     let tail = (1.0 - level) / 2.0;
