@@ -62,14 +62,17 @@ pub enum StatisticsError {
         /// On the other.
         right: usize,
     },
-    /// Too few or too many bootstrap resamples.
+    /// Fewer or more bootstrap resamples than [`RESAMPLES`].
     #[error("{got} resamples, there must be {} to {}", RESAMPLES.start(), RESAMPLES.end())]
     Resamples {
         /// The number asked for.
         got: usize,
     },
-    /// A ratio whose denominator is zero, or is so in a resample.
-    #[error("the denominator is zero, or is so often zero that its share among the runs may be all of them")]
+    /// Values so large that their mean is not finite.
+    #[error("the values are too large: their mean is not finite")]
+    TooLarge,
+    /// A ratio that is not finite in all resamples.
+    #[error("the denominator of the ratio is zero, be it in one resample, or the ratio is too large")]
     ZeroDenominator,
 }
 
