@@ -188,7 +188,7 @@ pub(super) const STALENESS: Metric =
     Metric { key: "staleness", title: "staleness", unit: "%", value: |row| 100.0 * row.staleness };
 /// Bytes that arrived.
 pub(super) const TRAFFIC: Metric =
-    Metric { key: "traffic", title: "data delivered", unit: "MB", value: |row| row.parcel_bytes as f64 / 1e6 };
+    Metric { key: "traffic", title: "data delivered", unit: "kB", value: |row| row.parcel_bytes as f64 / 1e3 };
 /// Collisions.
 pub(super) const COLLISIONS: Metric =
     Metric { key: "collisions", title: "collisions", unit: "", value: |row| row.collisions as f64 };

@@ -112,7 +112,7 @@ pub(super) fn cost(study: &Study) -> Result<Table, StatisticsError> {
         columns.push(column(&format!("{}, median (quartiles)", metric.label()), metric.key));
     }
     for percent in ["50", "95", "99"] {
-        columns.push(column(&format!("decision, {percent}th percentile (ms)"), &format!("decision_p{percent}_ms")));
+        columns.push(column(&format!("decision, {percent}th percentile (µs)"), &format!("decision_p{percent}_us")));
     }
     let rows = rows(study, |runs| {
         let mut row = Vec::new();
@@ -121,8 +121,8 @@ pub(super) fn cost(study: &Study) -> Result<Table, StatisticsError> {
             row.push(Entry::Median(quartiles, digits_for(quartiles.median)));
         }
         for time_us in DECISION_TIMES {
-            let median_ms = decision_ms(runs, time_us)?;
-            row.push(Entry::Number(median_ms, median_ms.map_or(0, digits_for)));
+            let median_us = decision_us(runs, time_us)?;
+            row.push(Entry::Number(median_us, median_us.map_or(0, digits_for)));
         }
         Ok(row)
     })?;
@@ -135,16 +135,16 @@ pub(super) fn cost(study: &Study) -> Result<Table, StatisticsError> {
 pub(super) const DECISION_TIMES: [fn(&RunRecord) -> Option<f64>; 3] =
     [|run| run.row.wall.decision_p50_us, |run| run.row.wall.decision_p95_us, |run| run.row.wall.decision_p99_us];
 
-/// Median over the runs that have it, milliseconds.
+/// Median over the runs that have it, microseconds.
 ///
 /// # Errors
 /// If one is not finite.
-pub(super) fn decision_ms(
+pub(super) fn decision_us(
     runs: &[&RunRecord],
     time_us: fn(&RunRecord) -> Option<f64>,
 ) -> Result<Option<f64>, StatisticsError> {
     let times: Vec<f64> = runs.iter().filter_map(|run| time_us(run)).collect();
-    if times.is_empty() { Ok(None) } else { Ok(Some(Quartiles::of(&times)?.median / 1000.0)) }
+    if times.is_empty() { Ok(None) } else { Ok(Some(Quartiles::of(&times)?.median)) }
 }
 
 /// Why runs have ended.

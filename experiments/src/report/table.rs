@@ -214,6 +214,7 @@ fn latex(text: &str) -> String {
             '>' => escaped.push_str("$>$"),
             '\u{d7}' => escaped.push_str("$\\times$"),
             '\u{b3}' => escaped.push_str("$^3$"),
+            '\u{b5}' => escaped.push_str("$\\mu$"),
             '\u{2013}' => escaped.push_str("--"),
             // A line that begins with a bracket would be the argument of the line break before.
             '[' => escaped.push_str("{[}"),

@@ -1,7 +1,7 @@
 //! What more agents bring, and how long their decisions take.
 
 use super::super::numbers::{DISTANCE, EXPLORED, Estimate, MARKS, RESAMPLES, TimeUnit, Times};
-use super::super::outcomes::{DECISION_TIMES, decision_ms};
+use super::super::outcomes::{DECISION_TIMES, decision_us};
 use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, pen, room_for};
 use super::super::study::{Field, Place, Study};
 use super::super::svg::Pen;
@@ -35,8 +35,8 @@ pub(super) fn scaling(study: &Study) -> Result<Option<Figure>, StatisticsError> 
         Scaled { label: DISTANCE.label(), estimate: &|runs| Estimate::of(&DISTANCE.values(runs), RESAMPLES) },
     ];
     let fields = study.fields();
-    // Fields side by side while they fit, else below each other.
-    let fields_across = fields.len() <= FIELDS_ACROSS_MAX;
+    // Fields side by side while there are several and they fit, else below each other.
+    let fields_across = (2..=FIELDS_ACROSS_MAX).contains(&fields.len());
     let panels: Vec<(usize, usize)> = if fields_across {
         (0..rows.len()).flat_map(|row| (0..fields.len()).map(move |field| (row, field))).collect()
     } else {
@@ -145,7 +145,7 @@ pub(super) fn decisions(study: &Study) -> Result<Option<Figure>, StatisticsError
         let mut ranges = Vec::new();
         for controller in 0..study.controllers.len() {
             for (place, runs) in team_cells(study, field, controller) {
-                let times: Result<Vec<_>, _> = DECISION_TIMES.iter().map(|&time| decision_ms(&runs, time)).collect();
+                let times: Result<Vec<_>, _> = DECISION_TIMES.iter().map(|&time| decision_us(&runs, time)).collect();
                 if let Some(times) = times?.into_iter().collect::<Option<Vec<f64>>>()
                     && times.iter().all(|&time| time > 0.0)
                 {
@@ -165,7 +165,7 @@ pub(super) fn decisions(study: &Study) -> Result<Option<Figure>, StatisticsError
         title: "Wall time of a decision",
         note: "dot: median; long bar: 95th percentile; short bar: 99th percentile; of each, the median over the runs",
         x_label: "agents",
-        y_labels: &["wall time of a decision (ms)".to_owned()],
+        y_labels: &["wall time of a decision (µs)".to_owned()],
         legend: &legend(study, Mark::Line),
         panels: fields.len(),
         columns: columns(fields.len()),

@@ -4,12 +4,13 @@ use std::collections::BTreeSet;
 
 use agent_node::sharing::MAP_PARCEL;
 
-use super::super::numbers::{Estimate, RESAMPLES, TRAFFIC};
-use super::super::plot::{Axis, Layout, Mark, SMALL, Sheet, colour, room_for};
+use super::super::numbers::{Estimate, RESAMPLES};
+use super::super::plot::{Axis, Layout, Mark, Panel, SMALL, Sheet, colour, room_for};
 use super::super::study::{Place, Study};
 use super::super::svg::{Anchor, Area, INK, Label, Pen, SOFT};
 use super::super::table::digits_for;
 use super::{Figure, Panels, runs_told};
+use crate::rows::RunRecord;
 use crate::statistics::StatisticsError;
 
 /// What `dsvp-auction` marks its claims with.
@@ -26,6 +27,7 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
     if study.runs.iter().all(|run| run.row.parcel_bytes == 0) {
         return Ok(None);
     }
+    let unit = Unit::of(&study.runs);
     let panels = Panels::of(study);
     let names = study.controllers.iter().rev().cloned();
     let y = Axis::names(names);
@@ -38,7 +40,7 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
             "mean, with the 95 % bootstrap interval of the sum; every panel has its own axis; {}",
             runs_told(study)
         ),
-        x_label: "data delivered in a run (MB)",
+        x_label: &format!("data delivered in a run ({})", unit.symbol),
         y_labels: &[],
         legend: &legend,
         panels: panels.places.len(),
@@ -50,7 +52,7 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
     for (i, (field, agents, place)) in panels.places.iter().enumerate() {
         let title = Panels::title(study, field, *agents);
         let totals = match place {
-            Some(place) => totals(study, place)?,
+            Some(place) => totals(study, place, unit)?,
             None => Vec::new(),
         };
         let ends = totals.iter().map(|(_, total)| total.interval.map_or(total.mean, |interval| interval.high));
@@ -69,27 +71,17 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
         }
         for (controller, total) in totals {
             let line = (study.controllers.len() - 1 - controller) as f64;
-            let runs = study.cell(place, controller);
-            let mut from = 0.0;
-            for (i, kind) in kinds.iter().enumerate() {
-                let bytes: u64 = runs.iter().map(|run| run.row.bytes_by_kind.get(kind).copied().unwrap_or(0)).sum();
-                let to = from + bytes as f64 / 1e6 / runs.len() as f64;
-                let ((left, middle), (right, _)) = (panel.at(from, line), panel.at(to, line));
-                let (top, height) = (middle - room * BAR / 2.0, room * BAR);
-                sheet.svg.fill(Area { left, top, width: right - left, height }, colour(swatch(i)), 0.75);
-                from = to;
-            }
-            let mut end = panel.at(total.mean, line);
-            if let Some(interval) = total.interval {
-                let (low, high) = (panel.at(interval.low, line), panel.at(interval.high, line));
-                sheet.svg.line(low, high, &Pen::solid(INK, 1.2));
-                for (x, y) in [low, high] {
-                    sheet.svg.line((x, y - 3.0), (x, y + 3.0), &Pen::solid(INK, 1.2));
-                }
-                end = high;
-            }
-            let text = format!("{:.*} MB", digits_for(total.mean), total.mean);
-            sheet.svg.text((end.0 + 6.0, end.1 + 0.36 * SMALL), &Label::new(&text, SMALL, Anchor::Start));
+            draw_bar(
+                &mut sheet,
+                &panel,
+                (line, room * BAR),
+                &shares(&study.cell(place, controller), &kinds, unit),
+                total,
+            );
+            let end = total.interval.map_or(total.mean, |interval| interval.high);
+            let (x, y) = panel.at(end, line);
+            let text = format!("{:.*} {}", digits_for(total.mean), total.mean, unit.symbol);
+            sheet.svg.text((x + 6.0, y + 0.36 * SMALL), &Label::new(&text, SMALL, Anchor::Start));
         }
     }
     let caption = "Data that reached other agents in a run, by kind of parcel: mean over the runs of a cell, with the 95 % bootstrap \
@@ -97,13 +89,53 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
     Ok(Some(Figure { name: "communication".to_owned(), caption: caption.to_owned(), svg: sheet.finish() }))
 }
 
-/// Megabytes in a run of each controller that has runs at a place.
-fn totals(study: &Study, place: &Place) -> Result<Vec<(usize, Estimate)>, StatisticsError> {
+/// A bar at a line of the panel, so many pixels high: what each kind takes, and the interval of the sum.
+fn draw_bar(sheet: &mut Sheet, panel: &Panel, (line, height): (f64, f64), shares: &[f64], total: Estimate) {
+    let mut from = 0.0;
+    for (i, share) in shares.iter().enumerate() {
+        let ((left, middle), (right, _)) = (panel.at(from, line), panel.at(from + share, line));
+        let area = Area { left, top: middle - height / 2.0, width: right - left, height };
+        sheet.svg.fill(area, colour(swatch(i)), 0.75);
+        from += share;
+    }
+    if let Some(interval) = total.interval {
+        let (low, high) = (panel.at(interval.low, line), panel.at(interval.high, line));
+        sheet.svg.line(low, high, &Pen::solid(INK, 1.2));
+        for (x, y) in [low, high] {
+            sheet.svg.line((x, y - 3.0), (x, y + 3.0), &Pen::solid(INK, 1.2));
+        }
+    }
+}
+
+/// What each kind takes in a run: mean over runs.
+fn shares(runs: &[&RunRecord], kinds: &[u8], unit: Unit) -> Vec<f64> {
+    let bytes = |kind| runs.iter().map(|run| run.row.bytes_by_kind.get(kind).copied().unwrap_or(0)).sum::<u64>();
+    kinds.iter().map(|kind| bytes(kind) as f64 / runs.len() as f64 / unit.bytes).collect()
+}
+
+/// Unit of data.
+#[derive(Debug, Clone, Copy)]
+struct Unit {
+    symbol: &'static str,
+    bytes: f64,
+}
+
+impl Unit {
+    /// Megabytes once there is one in a run.
+    fn of(runs: &[RunRecord]) -> Self {
+        let most = runs.iter().map(|run| run.row.parcel_bytes).max().unwrap_or(0);
+        if most >= 1_000_000 { Self { symbol: "MB", bytes: 1e6 } } else { Self { symbol: "kB", bytes: 1e3 } }
+    }
+}
+
+/// What is delivered in a run of each controller that has runs at a place.
+fn totals(study: &Study, place: &Place, unit: Unit) -> Result<Vec<(usize, Estimate)>, StatisticsError> {
     let mut totals = Vec::new();
     for controller in 0..study.controllers.len() {
         let runs = study.cell(place, controller);
         if !runs.is_empty() {
-            totals.push((controller, Estimate::of(&TRAFFIC.values(&runs), RESAMPLES)?));
+            let values: Vec<f64> = runs.iter().map(|run| run.row.parcel_bytes as f64 / unit.bytes).collect();
+            totals.push((controller, Estimate::of(&values, RESAMPLES)?));
         }
     }
     Ok(totals)
