@@ -21,14 +21,15 @@ mod gain;
 mod goal;
 mod others;
 mod params;
+mod peers;
 #[cfg(test)]
 mod tests;
 mod tree;
 
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use msgs::ids::{AgentId, Tick};
+use msgs::ids::Tick;
 use msgs::maes_msgs::Wake as Events;
 use nalgebra::{Point3, Vector3};
 use rand::RngExt;
@@ -49,6 +50,7 @@ use gain::Viewer;
 use goal::Goal;
 use others::Others;
 pub use params::Params;
+use peers::Peers;
 use tree::{Tree, vector};
 
 /// Longest wait after a collision with another agent, ticks: about the time in which the other one gets out of the way.
@@ -88,7 +90,7 @@ pub struct Dsvp {
     waits_until: Option<Tick>,
     /// Since when it is at rest, for a scan that shows what there is to see from here.
     rests_since: Option<Tick>,
-    peers: BTreeMap<AgentId, Peer>,
+    peers: Peers,
     /// Frontiers that have been looked at from as near as can be, to no avail.
     given_up: BTreeSet<Cell>,
     /// Viewpoints from which a scan did not show what they were chosen for.
@@ -102,15 +104,6 @@ struct Sight {
     ways: Ways,
     viewer: Viewer,
     auction: Option<Auction>,
-}
-
-/// Where an agent was last.
-#[derive(Debug, Clone, Copy)]
-struct Peer {
-    cell: Cell,
-    met: Tick,
-    /// It has been looked for there since.
-    is_gone: bool,
 }
 
 impl Dsvp {
@@ -144,7 +137,7 @@ impl Dsvp {
             is_contested: false,
             waits_until: None,
             rests_since: None,
-            peers: BTreeMap::new(),
+            peers: Peers::default(),
             given_up: BTreeSet::new(),
             barren: BTreeSet::new(),
         }
@@ -170,10 +163,7 @@ impl Dsvp {
         }
         let (map, moves, _) = ctx.searching(Neighbours::TwentySix);
         sight.regions.renew(map, moves);
-        for contact in &observation.contacts {
-            let cell = extent.cell_of(&contact.position);
-            self.peers.insert(contact.agent, Peer { cell, met: observation.tick, is_gone: false });
-        }
+        self.peers.meet(&observation.contacts, extent, observation.tick);
     }
 
     /// Whether there is still reason to go where it goes.
@@ -389,23 +379,16 @@ impl Dsvp {
         let here = ctx.cell();
         if let Some(Goal::Peer { agent, cell }) = self.goal
             && cell == here
-            && let Some(peer) = self.peers.get_mut(&agent)
         {
-            peer.is_gone = true;
+            self.peers.note_gone(agent);
         }
         ways.begin(regions, here);
         let mut reached = Vec::new();
         while let Some((_, region, _)) = ways.next(regions) {
             reached.push(region.centre);
         }
-        let is_heard = |agent: AgentId| observation.contacts.iter().any(|contact| contact.agent == agent);
-        let away = self.peers.iter().filter(|(agent, peer)| !is_heard(**agent) && !peer.is_gone && peer.cell != here);
-        let mut away: Vec<(Tick, AgentId, Cell)> = away.map(|(&agent, peer)| (peer.met, agent, peer.cell)).collect();
-        away.sort_unstable();
-        let to_peers = away.into_iter().map(|(_, agent, cell)| Goal::Peer { agent, cell });
         let anywhere = reached.choose(&mut self.rng).map(|&cell| Goal::Anywhere { cell });
-        let goals: Vec<Goal> = to_peers.take(TRIES - 1).chain(anywhere).collect();
-        for goal in goals {
+        for goal in self.peers.away(&observation.contacts, here).take(TRIES - 1).chain(anywhere) {
             if let Some(motion) = way(ctx, regions, ways, goal.cell(), others) {
                 return Plan::Go(goal, motion);
             }
