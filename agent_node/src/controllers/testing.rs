@@ -205,6 +205,11 @@ impl World {
         command
     }
 
+    /// What a controller would be given with the present observation.
+    pub(crate) fn ctx(&mut self) -> Ctx<'_> {
+        Ctx::new(AGENT, &self.briefing, &self.observation, &mut self.map, &mut self.travel)
+    }
+
     /// Asks a controller about an observation, whatever the world is like, and does nothing of what it says.
     pub(crate) fn ask_about(&mut self, controller: &mut dyn Controller, observation: &Observation) -> Command {
         self.decisions += 1;
@@ -306,7 +311,7 @@ impl World {
 }
 
 /// Cell of a flat world.
-pub(crate) fn flat(x: i32, y: i32) -> Cell {
+pub(crate) const fn flat(x: i32, y: i32) -> Cell {
     Cell::new(x, y, 0)
 }
 

@@ -3,7 +3,7 @@ use nalgebra::Point3;
 
 use super::*;
 use crate::controllers::testing::World;
-use crate::observation::Contact;
+use crate::observation::{Cells, Contact};
 
 const CORRIDOR: &str =
     "##############################\n#............................#\n##############################\n";
@@ -145,4 +145,21 @@ fn settings_are_checked() {
         let mut settings = Settings::parse(&[text.to_owned()]).unwrap();
         assert!(Lvd::new(&mut settings, msgs::seed::stream(1, 0, "test")).is_err(), "{text}");
     }
+}
+
+#[test]
+fn what_is_far_away_is_gone_to_in_stages() {
+    let wide = 150;
+    let drawing = format!("{0}\n#{1}#\n{0}\n", "#".repeat(wide + 2), ".".repeat(wide));
+    let mut world = World::known(&drawing, Cell::new(1, 1, 0));
+    for cell in world.left(&[]).into_iter().filter(|cell| cell.x != 150) {
+        world.map.note_covered(cell);
+    }
+    world.observation.scan_tick = Some(Tick::ZERO);
+    world.observation.view = Some(Cells::default());
+    let mut lvd = lvd(&[]);
+    world.ask(&mut lvd);
+    assert_eq!(world.said, ["destination (49.50, 1.50, 0.50), search mode: back to what is unvisited"]);
+    world.run(&mut lvd, 1000);
+    assert_eq!(world.left(&[CellState::Covered]), []);
 }
