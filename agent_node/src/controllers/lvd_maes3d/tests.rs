@@ -186,3 +186,16 @@ fn visits_a_hall_with_a_pillar() {
     assert!(world.said.iter().any(|said| said.ends_with("search mode")), "{:?}", world.said);
     assert_eq!(world.left(&[CellState::Covered]), []);
 }
+
+#[test]
+fn ways_are_searched_for_over_faces_and_take_no_time() {
+    let start = Cell::new(3, 7, 2);
+    let mut world = World::known(&hall(), start);
+    let far = world.left(&[]).into_iter().filter(|&cell| squared(cell - start) > 15);
+    let way = |world: &mut World, goal, by| world.ctx().go_to_cell_by(goal, by, SearchTime::Instant);
+    let mut both = far.map(|goal| (goal, [Neighbours::Six, Neighbours::TwentySix].map(|by| way(&mut world, goal, by))));
+    let (goal, [over_faces, _]) = both.find(|(_, [one, other])| one != other).unwrap();
+    world.observation.view = Some(Cells { free: vec![world.map.extent().index(goal).unwrap() as u32], wall: vec![] });
+    let mut lvd = LvdMaes3d { notices_at: Some(Tick::ZERO), ..LvdMaes3d::new() };
+    assert_eq!(Journey::Go(world.ask(&mut lvd).motion), over_faces);
+}
