@@ -54,8 +54,8 @@ const REFUSAL_TICKS: u64 = 1500;
 /// A goal among fewer cells that is cut off is found to be so without a search for a path.
 const POCKET_CELLS_MAX: usize = 4096;
 
-/// Searches for paths end after so many cells: one or two milliseconds.
-const WAY_CELLS_MAX: u64 = 1 << 13;
+/// Searches for paths end after so many cells: about a millisecond.
+const WAY_CELLS_MAX: u64 = 1 << 12;
 
 /// Goals farther away than so many steps from cell to cell are gone to in stages, each of which a search is sure to find.
 const STAGE_STEPS: usize = 48;
