@@ -11,8 +11,9 @@
 //!    knows a way to; else it waits for news (`searching`). It leaves search mode as soon as it sees an unvisited cell in its
 //!    own region.
 //!
-//! Invariants: it asks for nothing that is refused, whatever it observes; however large the map is, no
-//! decision goes through more than some ten thousand of its cells, and what takes longer goes on in the next tick. What differs from the reference as coded: docs/reference-differences.md, and [`super::lvd_maes3d`].
+//! Invariants: it asks for nothing that is refused, whatever it observes; however large the map is, no decision looks at more
+//! than 200 000 of its cells beside those in view, and what takes longer goes on in the next tick. What differs from the reference
+//! as coded: docs/reference-differences.md, and [`super::lvd_maes3d`].
 
 pub(crate) mod exploring;
 pub(crate) mod flood;
