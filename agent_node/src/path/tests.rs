@@ -257,7 +257,7 @@ fn the_background_finds_what_was_there_when_asked() {
     let mut map = comb(100);
     let moves = Moves::new(0.4, 1.0, Neighbours::TwentySix);
     let instant = find(Graph::new(&map, &moves), &mut Scratch::new(), flat(0, 2), Goal::Cell(flat(0, 6)));
-    let ask = |map: &ExplorationMap, goals| Background::start(map, &moves, flat(0, 2), goals, Tick(10));
+    let ask = |map: &ExplorationMap, goals| Background::start(map, &moves, flat(0, 2), goals, u64::MAX, Tick(10));
     let mut search = ask(&map, vec![flat(0, 6)]);
     let mut none = ask(&map, vec![flat(1, 1)]);
     let dropped = ask(&map, vec![flat(0, 6)]);
