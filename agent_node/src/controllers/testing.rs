@@ -17,6 +17,7 @@ use voxels::{Cell, Extent, Grid, Terrain, line_of_sight};
 
 use super::{Controller, Ctx};
 use crate::command::{Command, Motion, Wake};
+pub(crate) use crate::exploration_map::drawing::drawn;
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::observation::{Briefing, Cells, Collision, Contact, Observation, Pose, Surface};
 use crate::travel::Travel;
@@ -32,21 +33,6 @@ const NEAR_M: f64 = 2.0 * RADIUS_M;
 
 /// Radius of the body, metres.
 pub(crate) const RADIUS_M: f64 = 0.4;
-
-/// A map of which is known what is drawn: `.` free, `#` wall, `?` unexplored.
-pub(crate) fn drawn(text: &str) -> ExplorationMap {
-    let free = Grid::from_text(&text.replace('?', "#")).unwrap();
-    let unexplored = Grid::from_text(&text.replace('#', ".").replace('?', "#")).unwrap();
-    let mut map = ExplorationMap::new(free.extent());
-    for (index, (terrain, mark)) in (0..).zip(free.as_slice().iter().zip(unexplored.as_slice())) {
-        match (terrain, mark) {
-            (Terrain::Free, _) => map.note_free(&[index]),
-            (Terrain::Wall, Terrain::Free) => map.note_wall(&[index]),
-            (Terrain::Wall, Terrain::Wall) => {}
-        }
-    }
-    map
-}
 
 /// At rest in the middle of a cube of ten cells, in the first tick; nothing has happened and nothing was scanned.
 pub(crate) fn idle() -> Observation {
