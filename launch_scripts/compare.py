@@ -24,7 +24,7 @@ FIELDS = [
     "controller", "size", "agents", "map", "explored", "end_s", "t50_s", "t90_s", "t99_s", "t99_9_s", "t100_s", "redundancy",
     "distance_m", "decisions", "collisions", "parcel_bytes", "wall_s", "digest",
 ]
-MILESTONES = {"t50_s": 500, "t90_s": 900, "t99_s": 990, "t99_9_s": 999, "t100_s": 1000}
+MILESTONES = {"t50_s": "50", "t90_s": "90", "t99_s": "99", "t99_9_s": "99.9", "t100_s": "100"}
 
 
 def arguments():
@@ -51,19 +51,19 @@ def run(binary, args, controller, size, agents, seed):
         sys.exit(f"error: {controller}, {size} cells, {agents} agents, map {seed}: {ended.stderr.strip()}")
     text = ended.stdout
     value = lambda pattern: re.search(pattern, text)[1]
-    counter = lambda name: int(found[1]) if (found := re.search(rf"\b{name} (\d+)", text)) else None
+    counter = lambda name: int(found[1]) if (found := re.search(rf"\b{name} (\d+)", text)) else 0
     share = lambda who: [float(number) for number in re.findall(rf"{who} +┆ +([\d.]+) %", text)]
     team = share("team")[0]
     row = dict(controller=controller, size=size, agents=agents, map=seed, explored=team)
     row["end_s"] = round(int(value(r"\(tick (\d+)\)")) * TICK_S, 2)
-    for name, permille in MILESTONES.items():
-        tick = counter(f"tick_explored_permille_{permille}")
-        row[name] = "" if tick is None else round(tick * TICK_S, 2)
+    for name, percent in MILESTONES.items():
+        reached = re.search(rf"^time to see .*\b{re.escape(percent)} % (\d+):([\d.]+)", text, re.MULTILINE)
+        row[name] = "" if reached is None else round(60 * int(reached[1]) + float(reached[2]), 2)
     row["redundancy"] = round(sum(share(r"agent \d+")) / team - 1, 4)
     row["distance_m"] = value(r"team .*┆ +([\d.]+) m")
     row["decisions"] = counter("decisions")
-    row["collisions"] = counter("collisions") or 0
-    row["parcel_bytes"] = counter("parcel_bytes_delivered") or 0
+    row["collisions"] = counter("collisions")
+    row["parcel_bytes"] = counter("parcel_bytes_delivered")
     row["wall_s"] = value(r"wall time ([\d.]+) s")
     row["digest"] = value(r"digest: (\w+)")
     return row

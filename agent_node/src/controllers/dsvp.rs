@@ -30,6 +30,7 @@ use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
 use msgs::ids::Tick;
+use msgs::limits::PATH_POINTS_MAX;
 use msgs::maes_msgs::Wake as Events;
 use nalgebra::{Point3, Vector3};
 use rand::RngExt;
@@ -42,7 +43,7 @@ use super::{Controller, Ctx};
 use crate::command::{Command, LidarRequest, Motion, Wake};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
-use crate::path::{Neighbours, Path};
+use crate::path::{Neighbours, Path, straighten};
 use crate::regions::{RegionId, Regions, Ways};
 use crate::travel::Journey;
 use auction::{Auction, CLAIMS_PARCEL, Terms};
@@ -64,6 +65,9 @@ const SCAN_PATIENCE_TICKS: u64 = 50;
 
 /// Goals that are tried when there is no way to some because other agents are in it.
 const TRIES: usize = 3;
+
+/// Steps from cell to cell, or along edges of the tree, that an agent takes to get clear of others before it goes straight.
+const STEPS_PAST_OTHERS_MAX: usize = 4;
 
 /// How far an agent goes out of the way of others, cells of way at the most.
 const ASIDE_CELLS_MAX: f64 = 15.0;
@@ -321,12 +325,12 @@ impl Dsvp {
         else {
             return Plan::Nothing;
         };
-        match ctx.follow(&Path { cells: branch.cells, cost: 0 }) {
-            Journey::Go(motion) if !others.block_motion(&ctx.position(), &motion) => {
+        match past(ctx, &Path { cells: branch.cells, cost: 0 }, others) {
+            Some(motion) => {
                 self.direction = vector(end - here).try_normalize(0.0);
                 Plan::Go(Goal::Viewpoint { cell: end, gain: branch.gain }, motion)
             }
-            _ => Plan::Blocked,
+            None => Plan::Blocked,
         }
     }
 
@@ -484,8 +488,20 @@ fn way(ctx: &mut Ctx<'_>, regions: &Regions, ways: &Ways, to: Cell, others: &Oth
     let here = ctx.cell();
     let (map, moves, scratch) = ctx.searching(Neighbours::TwentySix);
     let path = ways.path(regions, map, moves, scratch, (here, to), &|cell| others.take(cell))?;
-    match ctx.follow(&path) {
-        Journey::Go(motion) => (!others.block_motion(&ctx.position(), &motion)).then_some(motion),
-        Journey::Searching(_) | Journey::NoWay => None,
-    }
+    past(ctx, &path, others)
+}
+
+/// The motion along a path, past the other agents: with as few legs as do, after as few steps from cell to cell as are needed to
+/// get clear of them.
+fn past(ctx: &Ctx<'_>, path: &Path, others: &Others) -> Option<Motion> {
+    let (map, radius_m) = (ctx.map(), ctx.briefing().body_radius_m);
+    let is_open = |motion: &Motion| !others.block_motion(&ctx.position(), motion);
+    let Journey::Go(straight) = ctx.follow(path) else { return None };
+    let after = |steps: usize| {
+        let rest = Path { cells: path.cells[steps..].to_vec(), cost: 0 };
+        let by_steps = path.cells[1..=steps].iter().map(|&cell| map.extent().centre(cell));
+        Motion::Path(by_steps.chain(straighten(&rest, map, radius_m)).take(PATH_POINTS_MAX).collect())
+    };
+    let steps_max = STEPS_PAST_OTHERS_MAX.min(path.cells.len() - 1);
+    std::iter::once(straight).chain((1..=steps_max).map(after)).find(is_open)
 }
