@@ -130,7 +130,11 @@ impl Agent {
         } else {
             Command::keep(self.due)
         };
-        let command = wire::command(self.id, tick, command);
+        let command = maes_msgs::Command {
+            known_free: u32::try_from(self.map.free()).expect("an extent has at most 2^30 cells"),
+            failed_searches: self.travel.failures(),
+            ..wire::command(self.id, tick, command)
+        };
         self.answered = Some(command.clone());
         Ok(Reaction::Answer(command))
     }

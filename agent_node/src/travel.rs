@@ -84,6 +84,7 @@ pub struct Travel {
     /// Searches give up after so many cells.
     cells_max: u64,
     pending: Option<Pending>,
+    failures: u32,
 }
 
 impl Travel {
@@ -97,7 +98,14 @@ impl Travel {
             scratch: Scratch::new(),
             cells_max: u64::MAX,
             pending: None,
+            failures: 0,
         }
+    }
+
+    /// How often there was no way to a cell.
+    #[must_use]
+    pub fn failures(&self) -> u32 {
+        self.failures
     }
 
     /// The moves of the body.
@@ -143,10 +151,9 @@ impl Travel {
             return Journey::Searching(Wake { at, events: 0 });
         };
         self.pending = None;
-        match path {
-            Some(path) => self.motion_along(map, from, &path),
-            None => Journey::NoWay,
-        }
+        let journey = path.map_or(Journey::NoWay, |path| self.motion_along(map, from, &path));
+        self.failures += u32::from(journey == Journey::NoWay);
+        journey
     }
 
     /// The motion along a path that begins in the cell of the body.

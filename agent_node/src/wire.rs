@@ -174,6 +174,8 @@ pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Comma
             .collect(),
         wake: maes_msgs::Wake { at_tick: command.wake.at.0, events: command.wake.events },
         info: command.info,
+        known_free: 0,
+        failed_searches: 0,
     }
 }
 

@@ -17,6 +17,7 @@ pub struct ServerEnd {
     inbox: Receiver<Incoming>,
     groups: Vec<Sender<ToAgents>>,
     group_of: BTreeMap<AgentId, usize>,
+    progress: Vec<Progress>,
 }
 
 /// The end of the agents of one group, which are like the agents of one process.
@@ -40,10 +41,16 @@ pub fn link(groups: &[Vec<AgentId>]) -> (ServerEnd, Vec<AgentsEnd>) {
         let source = SourceId((number as u128).to_le_bytes());
         ends.push(AgentsEnd { inbox, server: to_server.clone(), source });
     }
-    (ServerEnd { inbox: server_inbox, groups: senders, group_of }, ends)
+    (ServerEnd { inbox: server_inbox, groups: senders, group_of, progress: Vec::new() }, ends)
 }
 
 impl ServerEnd {
+    /// How far the run had come, from the start on.
+    #[must_use]
+    pub fn into_progress(self) -> Vec<Progress> {
+        self.progress
+    }
+
     fn send_to_all(&self, message: &ToAgents) {
         for group in &self.groups {
             // A group that has ended needs no messages.
@@ -69,7 +76,9 @@ impl sim_server::link::Link for ServerEnd {
 
     fn clock(&mut self, _tick: Tick) {}
 
-    fn progress(&mut self, _progress: &Progress) {}
+    fn progress(&mut self, progress: &Progress) {
+        self.progress.push(progress.clone());
+    }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         self.inbox.recv_timeout(timeout).ok()

@@ -1,6 +1,18 @@
-//! Many runs, their statistics and their pictures: so far, one run in one process.
+//! Many runs: from one plan file to a row of figures for each of its runs.
 //!
-//! [`in_memory`] carries messages between a server and its agents without a network; [`single`] is a run over it.
+//! [`in_memory`] carries messages between a server and its agents without a network; [`single`] is a run over it. A [`plan`] says
+//! which runs there are, [`execute`] carries out those that are not done, [`measure`] makes [`rows`] of them, [`store`] keeps these
+//! in a folder, and [`tables`] writes them as CSV and Parquet. [`merge`] joins folders; [`cluster`] writes jobs for other machines.
+//!
+//! Invariant: what is kept of a run is a function of scenario, seed and build, but for the figures of wall time.
 
+pub mod cluster;
+pub mod execute;
 pub mod in_memory;
+pub mod measure;
+pub mod merge;
+pub mod plan;
+pub mod rows;
 pub mod single;
+pub mod store;
+pub mod tables;

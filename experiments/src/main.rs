@@ -1,4 +1,6 @@
-//! Runs without a network. Every exit code is made here.
+//! Many runs, or one without a network. Every exit code is made here.
+
+mod commands;
 
 use std::fs::File;
 use std::io::Write;
@@ -11,12 +13,13 @@ use std::time::Duration;
 use agent_node::stopwatch::DecisionTimes;
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand};
+use commands::{MergeArgs, RunArgs};
 use experiments::single::{self, Grouping, SingleError, Team};
 use sim_server::cli::KeyArgs;
 use sim_server::terminal::{self, Terminal};
 use sim_server::{exit, setup};
 
-/// Runs without a network.
+/// Experiments: many runs, and what comes out of them.
 #[derive(Debug, Parser)]
 #[command(name = "experiments", version, arg_required_else_help = true)]
 struct Cli {
@@ -28,6 +31,10 @@ struct Cli {
 enum Command {
     /// Carry out one scenario in this process, over the in-memory link
     Single(SingleArgs),
+    /// Carry out what is left of a plan, and make its tables
+    Run(RunArgs),
+    /// Join the folders of one plan into one
+    Merge(MergeArgs),
 }
 
 #[derive(Debug, Args)]
@@ -51,14 +58,19 @@ struct SingleArgs {
 }
 
 fn main() -> ExitCode {
-    let Command::Single(args) = Cli::parse().command;
-    match run_single(&args) {
+    let done = match Cli::parse().command {
+        Command::Single(args) => run_single(&args),
+        Command::Run(args) => commands::run(&args),
+        Command::Merge(args) => commands::merge(&args),
+    };
+    match done {
         Ok(code) => code,
         Err(error) => {
             eprintln!("error: {error}");
             match error.downcast_ref::<SingleError>() {
                 Some(SingleError::Run(error)) => exit::of_error(error),
                 Some(SingleError::Record(_)) => ExitCode::from(exit::FAILED),
+                _ if commands::is_failure(&error) => ExitCode::from(exit::FAILED),
                 _ => ExitCode::from(exit::BAD_INPUT),
             }
         }
@@ -78,15 +90,17 @@ fn run_single(args: &SingleArgs) -> anyhow::Result<ExitCode> {
     let chaos_delay = Duration::from_millis(args.chaos_delay_ms);
     let decision_times = args.decision_times.then(DecisionTimes::default);
     let team = Team { grouping, chaos_delay, decision_times: decision_times.clone() };
-    let outcome = single::run(&scenario, &team, &mut terminal, &stop);
+    let finished = single::run(&scenario, &team, &mut terminal, &stop);
     terminal.clear();
     if let Some(times) = decision_times {
         eprintln!("{}", summary(&times.sorted()));
     }
-    let outcome = outcome.map_err(|error| match error {
-        SingleError::Setup(error) => anyhow::anyhow!("{}: {error}", args.scenario.display()),
-        other => other.into(),
-    })?;
+    let outcome = finished
+        .map_err(|error| match error {
+            SingleError::Setup(error) => anyhow::anyhow!("{}: {error}", args.scenario.display()),
+            other => other.into(),
+        })?
+        .outcome;
     let text = terminal::result_text(&outcome);
     terminal.keep(&text);
     // Results go to stdout; that nobody listens is no failure.

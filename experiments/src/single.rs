@@ -8,6 +8,7 @@ use agent_node::controllers;
 use agent_node::run::{Options, RunError as AgentError};
 use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::AgentId;
+use msgs::maes_msgs::Progress;
 use sim_server::recorder::RecordError;
 use sim_server::run::{Outcome, RunError, Watcher};
 use sim_server::scenario::Scenario;
@@ -54,6 +55,17 @@ pub struct Team {
     pub decision_times: Option<DecisionTimes>,
 }
 
+/// A run that has come to its end.
+#[derive(Debug, Clone)]
+pub struct Finished {
+    /// What became of it.
+    pub outcome: Outcome,
+    /// Cells of the map along x, y and z.
+    pub size: [u32; 3],
+    /// How far it had come, every ten seconds of sim time from the start on and at the end.
+    pub progress: Vec<Progress>,
+}
+
 /// Carries out a scenario. The recording goes where the scenario says. `stop` ends the run early once it is set, and is set if an
 /// agent gives up.
 ///
@@ -64,7 +76,7 @@ pub fn run(
     team: &Team,
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
-) -> Result<Outcome, SingleError> {
+) -> Result<Finished, SingleError> {
     let (world, _report) = setup::build(scenario)?;
     let told = wire::scenario(scenario, &world.terrain().extent(), world.rays());
     // Before a file is made for a run that there cannot be.
@@ -80,7 +92,7 @@ pub fn run(
     };
     let (mut server_end, agents_ends) = in_memory::link(&groups);
     let agents_stop = AtomicBool::new(false);
-    thread::scope(|scope| {
+    let outcome = thread::scope(|scope| -> Result<Outcome, SingleError> {
         let server_ends = SetOnDrop(&agents_stop);
         let nodes: Vec<_> = (0..)
             .zip(groups)
@@ -108,7 +120,8 @@ pub fn run(
             node.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
         }
         Ok(outcome?)
-    })
+    })?;
+    Ok(Finished { outcome, size: told.size, progress: server_end.into_progress() })
 }
 
 /// Sets a flag at the end of a scope, even if that is a panic.

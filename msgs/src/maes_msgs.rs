@@ -63,6 +63,10 @@ pub struct Command {
     pub wake: Wake,
     /// A text for people, at most 1024 bytes; empty: as before.
     pub info: String,
+    /// Free cells on its map, for the score; 0 if it keeps none.
+    pub known_free: u32,
+    /// Searches for a way that found none, since the start.
+    pub failed_searches: u32,
 }
 
 /// An agent that is heard (and seen) now, by the communication model of the scenario.
@@ -279,6 +283,12 @@ pub struct Progress {
     pub covered_by: Vec<f64>,
     /// Way travelled, metres, by agent 0, 1, and so on.
     pub distance_m: Vec<f64>,
+    /// The part that is on the map of agent 0, 1, and so on, as it said last.
+    pub believed_by: Vec<f64>,
+    /// Pairs of agents that hear each other now.
+    pub pairs_in_contact: u32,
+    /// Bytes of parcels delivered so far.
+    pub parcel_bytes: u64,
 }
 
 /// The outcome of a run: the last message of its recording.
@@ -300,6 +310,8 @@ pub struct Result {
     pub covered_by: Vec<f64>,
     /// Way travelled, metres, by agent 0, 1, and so on.
     pub distance_m: Vec<f64>,
+    /// The part that is on the map of agent 0, 1, and so on; see [`Progress::believed_by`].
+    pub believed_by: Vec<f64>,
     /// Decisions, scans, parcels, refusals, and so on.
     pub counters: Vec<Counter>,
     /// The digest of the whole run; see [`Digest`].

@@ -50,6 +50,10 @@ pub struct Info {
     pub messages: std::collections::BTreeMap<String, u64>,
     /// The last digest.
     pub digest: Option<maes_msgs::Digest>,
+    /// What agents were told of the run.
+    pub told: Option<maes_msgs::Scenario>,
+    /// How far it had come, from the start on.
+    pub progress: Vec<maes_msgs::Progress>,
     /// The result, if the run came to its end.
     pub result: Option<maes_msgs::Result>,
     /// Where and why reading ended, if it was not the end of the file.
@@ -100,6 +104,10 @@ pub fn read(file: &Path) -> Result<Info, InfoError> {
                         info.digest = cdr::decode(&data).ok();
                     } else if *topic == topics::result().name {
                         info.result = cdr::decode(&data).ok();
+                    } else if *topic == topics::progress().name {
+                        info.progress.extend(cdr::decode(&data));
+                    } else if *topic == topics::scenario().name {
+                        info.told = cdr::decode(&data).ok();
                     }
                 }
             }

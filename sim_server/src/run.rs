@@ -139,6 +139,7 @@ pub fn run(
         stop,
         pool,
         decisions: 0,
+        failed_searches: vec![0; scenario.agents.count as usize],
         digest_recorded: None,
         progress_recorded: None,
         reported: now(),
@@ -173,6 +174,7 @@ struct Run<'a> {
     stop: &'a AtomicBool,
     pool: rayon::ThreadPool,
     decisions: u64,
+    failed_searches: Vec<u32>,
     digest_recorded: Option<Tick>,
     progress_recorded: Option<Tick>,
     reported: Instant,
@@ -351,6 +353,8 @@ impl Run<'_> {
             self.log.exchange(Kind::Command(agent), tick, &answer.message, &mut self.chain)?;
             self.wakes[agent.index()] = answer.wake;
             self.decisions += 1;
+            self.world.note_belief(agent, answer.message.known_free);
+            self.failed_searches[agent.index()] = answer.message.failed_searches;
             actions.insert(agent, answer.action.clone());
         }
         Ok(actions)
@@ -386,7 +390,7 @@ impl Run<'_> {
         let tick = self.world.tick();
         if self.progress_recorded != Some(tick) {
             self.progress_recorded = Some(tick);
-            let progress = wire::progress(&self.world);
+            let progress = wire::progress(&mut self.world);
             self.exchange.progress(&progress);
             self.log.write(Kind::Progress, tick, &progress)?;
         }
@@ -419,7 +423,7 @@ impl Run<'_> {
             }
         }
         let digest = self.chain.digest();
-        let progress = wire::progress(&self.world);
+        let progress = wire::progress(&mut self.world);
         let result = maes_msgs::Result {
             header: progress.header,
             tick: tick.0,
@@ -429,6 +433,7 @@ impl Run<'_> {
             explored_by: progress.explored_by,
             covered_by: progress.covered_by,
             distance_m: progress.distance_m,
+            believed_by: progress.believed_by,
             counters: self.counters(),
             digest: digest.0,
         };
@@ -443,7 +448,9 @@ impl Run<'_> {
         let totals = self.world.totals();
         let counter = |name: &str, value| Counter { name: name.to_owned(), value };
         let mut counters = vec![
+            counter("free_cells", self.world.coverage().free_cells() as u64),
             counter("decisions", self.decisions),
+            counter("failed_searches", self.failed_searches.iter().copied().map(u64::from).sum()),
             counter("scans", totals.scans),
             counter("scans_cast", totals.scans_cast),
             counter("collisions", totals.collisions),

@@ -17,7 +17,7 @@ use nalgebra::{Point3, Vector3};
 use voxels::Extent;
 
 use crate::lockstep::Wake;
-use crate::scenario::Scenario;
+use crate::scenario::{AgentsSection, Scenario};
 use crate::world::body::Motion;
 use crate::world::collision::Surface;
 use crate::world::comms::{Parcel, Peer};
@@ -276,15 +276,7 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
         agents: scenario.agents.count,
         agents_seed: agents_seed(scenario.seed),
         controller: scenario.agents.controller.clone(),
-        settings: scenario
-            .agents
-            .set
-            .iter()
-            .map(|(key, value)| match value {
-                toml::Value::String(text) => format!("{key}={text}"),
-                other => format!("{key}={other}"),
-            })
-            .collect(),
+        settings: settings(&scenario.agents),
         body: maes_msgs::Body {
             radius_m: body.radius_m,
             speed_max_m_s: body.speed_max_m_s,
@@ -305,6 +297,16 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
     }
 }
 
+/// The settings of controllers, each `KEY=VALUE`.
+#[must_use]
+pub fn settings(agents: &AgentsSection) -> Vec<String> {
+    let setting = |(key, value): (&String, &toml::Value)| match value {
+        toml::Value::String(text) => format!("{key}={text}"),
+        other => format!("{key}={other}"),
+    };
+    agents.set.iter().map(setting).collect()
+}
+
 /// The seed that agents may know: one that the seed of the map cannot be told from.
 fn agents_seed(seed: u64) -> u64 {
     use rand_chacha::rand_core::Rng;
@@ -313,7 +315,8 @@ fn agents_seed(seed: u64) -> u64 {
 
 /// How far a world has come.
 #[must_use]
-pub fn progress(world: &World) -> maes_msgs::Progress {
+pub fn progress(world: &mut World) -> maes_msgs::Progress {
+    let pairs_in_contact = world.pairs_in_contact();
     let coverage = world.coverage();
     maes_msgs::Progress {
         header: header(world.tick()),
@@ -323,6 +326,9 @@ pub fn progress(world: &World) -> maes_msgs::Progress {
         explored_by: coverage.explored_by(),
         covered_by: coverage.covered_by(),
         distance_m: world.distance_m(),
+        believed_by: coverage.believed_by(),
+        pairs_in_contact,
+        parcel_bytes: world.totals().parcel_bytes_delivered,
     }
 }
 

@@ -269,6 +269,17 @@ impl World {
         &self.agents[agent.index()].body
     }
 
+    /// Notes how many free cells an agent says are on its map.
+    pub fn note_belief(&mut self, agent: AgentId, known_free: u32) {
+        self.coverage.believe(agent, known_free);
+    }
+
+    /// Pairs of agents in contact now.
+    pub fn pairs_in_contact(&mut self) -> u32 {
+        let pairs = self.agents().map(|agent| self.contacts_of(agent).iter().filter(|&&other| other > agent).count());
+        u32::try_from(pairs.sum::<usize>()).expect("1000 agents have less than a million pairs")
+    }
+
     /// Way travelled by each agent in metres, by agent.
     #[must_use]
     pub fn distance_m(&self) -> Vec<f64> {

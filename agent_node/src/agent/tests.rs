@@ -187,6 +187,8 @@ fn play(
                 tick,
                 agent: id,
                 wake: command.wake,
+                known_free: command.known_free,
+                failed_searches: command.failed_searches,
                 ..wire::command(AgentId(id), Tick(tick), Command::keep(Wake::NEXT_TICK))
             };
             if !is_due && command == nothing {

@@ -38,6 +38,8 @@ pub struct Coverage {
     covered: CellSet,
     explored_by: Vec<usize>,
     covered_by: Vec<CellSet>,
+    /// Free cells that are on each agent's map, as it says.
+    believed_by: Vec<usize>,
     /// When the milestones were reached, as far as they have been.
     milestones: Vec<Tick>,
 }
@@ -56,6 +58,7 @@ impl Coverage {
             covered: CellSet::new(volume),
             explored_by: vec![0; agents],
             covered_by: vec![CellSet::new(volume); agents],
+            believed_by: vec![0; agents],
             milestones: Vec::new(),
         }
     }
@@ -72,6 +75,11 @@ impl Coverage {
     pub fn cover(&mut self, agent: AgentId, cell: u32) {
         self.covered.insert(cell);
         self.covered_by[agent.index()].insert(cell);
+    }
+
+    /// Notes how many free cells `agent` says are on its map; more than there are count as all.
+    pub fn believe(&mut self, agent: AgentId, known_free: u32) {
+        self.believed_by[agent.index()] = self.free_cells.min(known_free as usize);
     }
 
     /// Notes which milestones have been reached by now.
@@ -116,6 +124,18 @@ impl Coverage {
     #[must_use]
     pub fn covered_by(&self) -> Vec<f64> {
         self.covered_by.iter().map(|set| self.share(set.len)).collect()
+    }
+
+    /// Share of the free cells that is on each agent's map, by agent, as they said last.
+    #[must_use]
+    pub fn believed_by(&self) -> Vec<f64> {
+        self.believed_by.iter().map(|&cells| self.share(cells)).collect()
+    }
+
+    /// Free cells of the map.
+    #[must_use]
+    pub fn free_cells(&self) -> usize {
+        self.free_cells
     }
 
     fn share(&self, cells: usize) -> f64 {

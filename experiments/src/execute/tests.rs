@@ -1,0 +1,95 @@
+use std::path::Path;
+
+use super::*;
+use crate::merge::{MergeError, is_same_run, merge};
+
+const PLAN_TEXT: &str = "seeds = \"1..3\"\n[axes]\n\"agents.controller\" = [\"rbw\", \"nearest-frontier\"]\n[scenario]\n\
+                         duration_s = 25.0\n[scenario.map]\nkind = \"spheres\"\nsize = 24\n[scenario.agents]\ncount = 2\n\
+                         [scenario.lidar]\nrange_m = 3.0\n";
+
+fn plan() -> Plan {
+    Plan::parse("p.toml", PLAN_TEXT, Path::new(".")).unwrap()
+}
+
+fn options(part: Part) -> Options {
+    Options { jobs: NonZero::new(2).unwrap(), transport: Transport::Memory, part, prune: false }
+}
+
+fn carry_out(folder: &Path, part: Part) -> Summary {
+    execute(&plan(), folder.to_owned(), &options(part), &Stop::default()).unwrap()
+}
+
+fn records(folder: &Path) -> Vec<RunRecord> {
+    Store::open(folder).unwrap().records().unwrap()
+}
+
+fn are_same(one: &Path, other: &Path) -> bool {
+    let (one, other) = (records(one), records(other));
+    one.len() == other.len() && one.iter().zip(&other).all(|(one, other)| is_same_run(one, other))
+}
+
+#[test]
+fn a_plan_run_twice_has_the_same_rows_and_one_ended_early_goes_on_to_them() {
+    let site = tempfile::tempdir().unwrap();
+    let [whole, again, cut] = ["whole", "again", "cut"].map(|name| site.path().join(name));
+    let done = Summary { done: 6, ..Summary::default() };
+    assert_eq!(carry_out(&whole, Part::WHOLE), done);
+    assert_eq!(carry_out(&again, Part::WHOLE), done);
+    assert!(are_same(&whole, &again));
+    // Only two runs are done, and one was cut off in the middle of writing.
+    let store = Store::create(&cut).unwrap();
+    for record in &records(&whole)[..2] {
+        store.keep(record).unwrap();
+    }
+    std::fs::write(cut.join("runs/.half.part"), "{").unwrap();
+    assert_eq!(carry_out(&cut, Part::WHOLE), Summary { done: 4, skipped: 2, ..Summary::default() });
+    assert!(are_same(&whole, &cut));
+    let series = |folder: &Path| std::fs::read(folder.join("series.csv")).unwrap();
+    assert_eq!(series(&whole), series(&cut));
+    let series = records(&whole).remove(0).series;
+    assert!(series.windows(2).all(|pair| pair[0].t_s < pair[1].t_s && pair[0].explored <= pair[1].explored));
+}
+
+#[test]
+fn a_stop_leaves_the_rest_for_later() {
+    let site = tempfile::tempdir().unwrap();
+    let stop = Stop { soon: AtomicBool::new(true), at_once: AtomicBool::new(false) };
+    let summary = execute(&plan(), site.path().to_owned(), &options(Part::WHOLE), &stop).unwrap();
+    assert_eq!(summary, Summary { left: 6, ..Summary::default() });
+    let run = &plan().runs[0];
+    let given_up = memory::carry_out(run, &AtomicBool::new(true));
+    assert!(matches!(given_up, Err(RunFailure::Interrupted)));
+}
+
+#[test]
+fn parts_are_merged_into_the_whole_and_contradictions_are_refused() {
+    let site = tempfile::tempdir().unwrap();
+    let [whole, first, second, joined] = ["whole", "first", "second", "joined"].map(|name| site.path().join(name));
+    carry_out(&whole, Part::WHOLE);
+    let parts = NonZero::new(2).unwrap();
+    carry_out(&first, Part { index: 0, parts });
+    carry_out(&second, Part { index: 1, parts });
+    assert_eq!(merge(&[first.clone(), second.clone()], &joined).unwrap(), 6);
+    assert!(are_same(&whole, &joined));
+    let mut lie = records(&second).remove(0);
+    lie.row.explored *= 0.5;
+    Store::open(&second).unwrap().keep(&lie).unwrap();
+    let refused = merge(&[joined.clone(), second], &site.path().join("other")).unwrap_err();
+    assert!(matches!(refused, MergeError::OtherOutcome { .. }), "{refused}");
+    std::fs::write(first.join(PLAN), "another").unwrap();
+    assert!(matches!(merge(&[joined, first], &site.path().join("third")), Err(MergeError::OtherPlan { .. })));
+}
+
+#[test]
+fn runs_of_another_plan_are_refused_or_taken_out() {
+    let site = tempfile::tempdir().unwrap();
+    let small = Plan { runs: plan().runs.split_off(5), ..plan() };
+    let begin = |plan: &Plan, prune: bool| {
+        let options = Options { prune, ..options(Part::WHOLE) };
+        execute(plan, site.path().to_owned(), &options, &Stop::default())
+    };
+    begin(&plan(), false).unwrap();
+    assert!(matches!(begin(&small, false), Err(ExecuteError::OtherRuns { count: 5, .. })));
+    assert_eq!(begin(&small, true).unwrap(), Summary { skipped: 1, ..Summary::default() });
+    assert_eq!(records(site.path()).len(), 1);
+}

@@ -1,0 +1,183 @@
+//! From a run to its row and its series.
+//!
+//! All of it comes from the messages that a recording has: progress every ten seconds of sim time, and the result. So the row of
+//! a run is the same whether it went over memory or over ROS 2.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use msgs::ids::Tick;
+use msgs::maes_msgs::{Progress, Result as RunResult};
+use sim_server::digest::Digest;
+
+use crate::plan::{BUILD, PlannedRun};
+use crate::rows::{RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallRow};
+
+/// Name before the kind in the counters of bytes.
+const BYTES_OF_KIND: &str = "parcel_bytes_delivered_kind_";
+
+/// What is known of a run that has ended.
+#[derive(Debug, Clone)]
+pub struct Trace<'a> {
+    /// Cells of the map along x, y and z.
+    pub size: [u32; 3],
+    /// Every ten seconds of sim time from the start on, and at the end.
+    pub progress: &'a [Progress],
+    /// The result.
+    pub result: &'a RunResult,
+    /// What the machine had to do with it.
+    pub wall: WallRow,
+}
+
+/// The row and the series of a run.
+#[must_use]
+pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
+    let Trace { size, progress, result, wall } = trace;
+    let scenario = &run.scenario;
+    let counters = Counters(result.counters.iter().map(|counter| (counter.name.as_str(), counter.value)).collect());
+    let reached = |permille: u32| {
+        let name = format!("tick_explored_permille_{permille}");
+        counters.0.get(name.as_str()).map(|&tick| seconds(tick))
+    };
+    let series: Vec<Sample> = progress.iter().map(sample).collect();
+    let (seen_mean, seen_deviation) = mean_and_deviation(&result.explored_by);
+    let seen_sum: f64 = result.explored_by.iter().sum();
+    let row = RunRow {
+        id: run.id.clone(),
+        build: BUILD.to_owned(),
+        controller: scenario.agents.controller.clone(),
+        seed: scenario.seed,
+        size,
+        agents: scenario.agents.count,
+        axes: run.axes.clone(),
+        duration_s: scenario.duration_s,
+        end_s: seconds(result.tick),
+        reason: result.reason.clone(),
+        free_cells: counters.of("free_cells"),
+        explored: result.explored,
+        covered: result.covered,
+        believed_mean: mean_and_deviation(&result.believed_by).0,
+        believed_min: result.believed_by.iter().copied().reduce(f64::min).unwrap_or(0.0),
+        t50_s: reached(500),
+        t90_s: reached(900),
+        t99_s: reached(990),
+        t99_9_s: reached(999),
+        t100_s: reached(1000),
+        area_under_explored: area_under(&series, scenario.duration_s),
+        distance_m: result.distance_m.iter().sum(),
+        distance_max_m: result.distance_m.iter().copied().fold(0.0, f64::max),
+        redundancy: ratio(seen_sum, result.explored).map_or(0.0, |times| times - 1.0),
+        imbalance: ratio(seen_deviation, seen_mean).unwrap_or(0.0),
+        contact_share: contact_share(progress, scenario.agents.count),
+        parcels: counters.of("parcels_delivered"),
+        parcel_bytes: counters.of("parcel_bytes_delivered"),
+        bytes_by_kind: counters.by_kind(),
+        staleness: staleness(progress),
+        decisions: counters.of("decisions"),
+        collisions: counters.of("collisions"),
+        search_failures: counters.of("failed_searches"),
+        refusals: counters.refusals(),
+        digest: Digest(result.digest).to_string(),
+        wall,
+    };
+    RunRecord { row, series }
+}
+
+/// What the machine had to do with a run, from its wall time and that of its decisions in ascending order.
+#[must_use]
+pub fn wall_row(end: Tick, wall: Duration, decisions: &[Duration], machine: &str) -> WallRow {
+    let quantile = |percent: usize| {
+        // The least value that so many per cent do not exceed.
+        let place = (decisions.len() * percent).div_ceil(100).max(1) - 1;
+        decisions.get(place).map(|time| time.as_secs_f64() * 1e6)
+    };
+    let wall_s = wall.as_secs_f64();
+    WallRow {
+        wall_s,
+        real_time_factor: ratio(seconds(end.0), wall_s).unwrap_or(0.0),
+        decision_p50_us: quantile(50),
+        decision_p95_us: quantile(95),
+        decision_p99_us: quantile(99),
+        machine: machine.to_owned(),
+    }
+}
+
+struct Counters<'a>(BTreeMap<&'a str, u64>);
+
+impl Counters<'_> {
+    fn of(&self, name: &str) -> u64 {
+        self.0.get(name).copied().unwrap_or(0)
+    }
+
+    fn by_kind(&self) -> BTreeMap<u8, u64> {
+        let kind = |name: &str| name.strip_prefix(BYTES_OF_KIND)?.parse().ok();
+        self.0.iter().filter_map(|(name, &bytes)| Some((kind(name)?, bytes))).collect()
+    }
+
+    fn refusals(&self) -> u64 {
+        self.0.iter().filter(|(name, _)| name.starts_with("refused_")).map(|(_, &count)| count).sum()
+    }
+}
+
+/// Sim time of a tick. Fifty to a second: a division has no rounding that shows.
+fn seconds(tick: u64) -> f64 {
+    tick as f64 / (1e9 / Tick::TICK_NS as f64)
+}
+
+fn sample(progress: &Progress) -> Sample {
+    Sample {
+        t_s: seconds(progress.tick),
+        explored: progress.explored,
+        covered: progress.covered,
+        believed_mean: mean_and_deviation(&progress.believed_by).0,
+        distance_m: progress.distance_m.iter().sum(),
+        parcel_bytes: progress.parcel_bytes,
+    }
+}
+
+fn ratio(numerator: f64, denominator: f64) -> Option<f64> {
+    (denominator > 0.0).then(|| numerator / denominator)
+}
+
+/// Mean and standard deviation of the whole population; zeros of nothing.
+fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
+    let count = values.len().max(1) as f64;
+    // Not `sum`, which makes -0 of nothing.
+    let mean = values.iter().fold(0.0, |sum, value| sum + value) / count;
+    let variance = values.iter().fold(0.0, |sum, value| sum + (value - mean) * (value - mean)) / count;
+    (mean, variance.sqrt())
+}
+
+/// Mean of the explored share over the duration: straight between samples, and as it was after the last.
+fn area_under(series: &[Sample], duration_s: f64) -> f64 {
+    let between: f64 =
+        series.windows(2).map(|pair| (pair[1].t_s - pair[0].t_s) * (pair[0].explored + pair[1].explored) * 0.5).sum();
+    let after = series.last().map_or(0.0, |last| (duration_s - last.t_s).max(0.0) * last.explored);
+    (between + after) / duration_s
+}
+
+/// The messages that are [`SAMPLE_PERIOD_S`] apart: the last one may be nearer.
+fn regular(progress: &[Progress]) -> impl Iterator<Item = &Progress> {
+    let period_ticks = (SAMPLE_PERIOD_S * 1e9) as u64 / Tick::TICK_NS;
+    progress.iter().filter(move |progress| progress.tick.is_multiple_of(period_ticks))
+}
+
+fn contact_share(progress: &[Progress], agents: u32) -> f64 {
+    let pairs = f64::from(agents) * (f64::from(agents) - 1.0) / 2.0;
+    let shares: Vec<f64> =
+        regular(progress).filter_map(|progress| ratio(f64::from(progress.pairs_in_contact), pairs)).collect();
+    mean_and_deviation(&shares).0
+}
+
+fn staleness(progress: &[Progress]) -> f64 {
+    let shares: Vec<f64> = regular(progress)
+        .flat_map(|progress| {
+            let union = progress.explored;
+            progress.believed_by.iter().filter_map(move |believed| ratio((union - believed).max(0.0), union))
+        })
+        .collect();
+    mean_and_deviation(&shares).0
+}
+
+#[cfg(test)]
+mod tests;

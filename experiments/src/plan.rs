@@ -1,0 +1,224 @@
+//! Plans: a base scenario, axes along which it is varied, and seeds, as a TOML file; and the runs that follow from it.
+//!
+//! Every combination of the axes meets the same seeds, so that runs can be compared map by map. The runs come seed by seed, and
+//! within a seed the largest first: whatever is done of a plan is comparable, and cores stay busy to the end.
+//!
+//! Invariant: whoever holds a [`Plan`] holds legal scenarios and known controllers; only whether a map can be made is found out
+//! by making it. This module runs nothing.
+
+mod read;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use agent_node::controllers;
+use sim_server::scenario::{MapKind, Override, Scenario, ScenarioError};
+use sim_server::wire;
+use thiserror::Error;
+
+pub use read::SEEDS_EXPECTED;
+
+/// Runs that a plan may have at the most.
+pub const RUNS_MAX: usize = 1_000_000;
+
+/// Tables that cannot be varied, with the reason.
+const FIXED: [(&str, &str); 2] = [
+    ("seed", "is given by `seeds`"),
+    ("execution", "cannot change a result; it is given in the base scenario or by the command line"),
+];
+
+/// The name of this build: its version, and a hash of the sources that decide what a run is.
+pub const BUILD: &str = concat!(env!("CARGO_PKG_VERSION"), "+", env!("MAES_BUILD"));
+
+/// Why a plan cannot be carried out.
+#[derive(Debug, Error)]
+pub enum PlanError {
+    /// A file cannot be read.
+    #[error("{file}: {source}")]
+    Read {
+        /// The file.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Something is wrong in a line of a plan.
+    #[error("{file}:{line}: {reason}")]
+    Line {
+        /// The plan.
+        file: String,
+        /// From 1.
+        line: usize,
+        /// The key, what is wrong with it, and what is allowed.
+        reason: String,
+    },
+    /// The base scenario, or what becomes of it, is not legal.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+}
+
+/// A key of the scenario that is varied.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// Dotted path of the key.
+    pub key: String,
+    /// Its values.
+    pub values: Vec<AxisValue>,
+}
+
+/// A value of an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AxisValue {
+    /// The value.
+    pub value: toml::Value,
+    /// Line of the plan in which it stands, from 1.
+    pub line: usize,
+}
+
+impl AxisValue {
+    /// The value as a text, without quotes.
+    #[must_use]
+    pub fn text(&self) -> String {
+        self.value.as_str().map_or_else(|| self.value.to_string(), str::to_owned)
+    }
+}
+
+/// A run of a plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedRun {
+    /// First 16 hexadecimal digits of the blake3 hash of the scenario, its map file if it has one, and the build.
+    pub id: String,
+    /// Every axis: key and value as text.
+    pub axes: BTreeMap<String, String>,
+    /// What is run.
+    pub scenario: Scenario,
+}
+
+/// A plan and its runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// The plan as a file that needs no other: the base scenario is in it.
+    pub text: String,
+    /// What is varied, in the order of the file.
+    pub axes: Vec<Axis>,
+    /// The seeds, in the order of the file.
+    pub seeds: Vec<u64>,
+    /// The runs, in the order in which they are carried out.
+    pub runs: Vec<PlannedRun>,
+}
+
+impl Plan {
+    /// Reads a plan and the scenario it is based on.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or the plan or one of its runs is not legal.
+    pub fn load(file: &Path) -> Result<Self, PlanError> {
+        let name = file.display().to_string();
+        let text = std::fs::read_to_string(file).map_err(|source| PlanError::Read { file: name.clone(), source })?;
+        Self::parse(&name, &text, file.parent().unwrap_or(Path::new("")))
+    }
+
+    /// Parses a plan; a scenario that it names is looked for from `folder`. `file` is the name for error messages.
+    ///
+    /// # Errors
+    /// See [`Plan::load`].
+    pub fn parse(file: &str, text: &str, folder: &Path) -> Result<Self, PlanError> {
+        let draft = read::read(file, text, folder)?;
+        for axis in &draft.axes {
+            let line = axis.values[0].line;
+            let fixed = FIXED.iter().find(|(table, _)| axis.key.split('.').next() == Some(table));
+            if let Some((table, why)) = fixed {
+                let reason = format!("axes.\"{}\": `{table}` {why}; any other key of a scenario is allowed", axis.key);
+                return Err(PlanError::Line { file: file.to_owned(), line, reason });
+            }
+        }
+        let mut runs = Vec::new();
+        let mut ids = BTreeSet::new();
+        for &seed in &draft.seeds {
+            let mut of_seed = Vec::new();
+            for choice in combinations(&draft.axes) {
+                let run = planned(file, &draft, &choice, seed)?;
+                if !ids.insert(run.id.clone()) {
+                    let line = choice.first().map_or(1, |(_, value)| value.line);
+                    let reason = format!("axes: two combinations are the same run, one of them {:?}", run.axes);
+                    return Err(PlanError::Line { file: file.to_owned(), line, reason });
+                }
+                of_seed.push(run);
+            }
+            of_seed.sort_by_key(|run| std::cmp::Reverse(cost(&run.scenario)));
+            runs.extend(of_seed);
+        }
+        let read::Draft { text, axes, seeds, .. } = draft;
+        Ok(Self { text, axes, seeds, runs })
+    }
+}
+
+/// How much work a run is likely to be, in no unit: a share of the remaining time, never of a result.
+#[must_use]
+pub fn cost(scenario: &Scenario) -> u64 {
+    let cells = scenario.map.size.map_or(1, |size| size.cells().into_iter().map(u64::from).product::<u64>());
+    u64::from(scenario.agents.count).saturating_mul(cells)
+}
+
+type Choice<'a> = Vec<(&'a str, &'a AxisValue)>;
+
+/// All choices of one value for each axis, the last axis varying fastest.
+fn combinations(axes: &[Axis]) -> Vec<Choice<'_>> {
+    let mut choices = vec![Vec::new()];
+    for axis in axes {
+        let values = |choice| axis.values.iter().map(move |value| with(&choice, &axis.key, value));
+        choices = choices.into_iter().flat_map(values).collect();
+    }
+    choices
+}
+
+fn with<'a>(choice: &Choice<'a>, key: &'a str, value: &'a AxisValue) -> Choice<'a> {
+    choice.iter().copied().chain([(key, value)]).collect()
+}
+
+fn planned(file: &str, draft: &read::Draft, choice: &Choice<'_>, seed: u64) -> Result<PlannedRun, PlanError> {
+    let mut overrides: Vec<Override> = choice
+        .iter()
+        .map(|(key, value)| Override {
+            origin: format!("{file}:{}: axes.\"{key}\" = {}", value.line, value.value),
+            key: (*key).to_owned(),
+            value: Some(value.value.clone()),
+        })
+        .collect();
+    let seed = i64::try_from(seed).expect("seeds of a plan are what TOML has room for");
+    overrides.push(Override { origin: format!("{file}: seeds"), key: "seed".to_owned(), value: Some(seed.into()) });
+    // What is wrong with a value is said with the line of the axis it comes from.
+    let line_of = |key: &str| {
+        let of_axis = |axis: &str| key == axis || key.starts_with(&format!("{axis}."));
+        choice.iter().find(|(axis, _)| of_axis(axis)).map_or(draft.scenario_line, |(_, value)| value.line)
+    };
+    let line_error = |key: &str, reason| PlanError::Line { file: file.to_owned(), line: line_of(key), reason };
+    let scenario =
+        Scenario::parse(&draft.scenario_name, &draft.scenario_text, &overrides).map_err(|error| match error {
+            ScenarioError::Value { key, value, allowed, .. } => line_error(key, format!("{key} = {value}: {allowed}")),
+            other => other.into(),
+        })?;
+    let settings = wire::settings(&scenario.agents);
+    controllers::check(&scenario.agents.controller, &settings)
+        .map_err(|error| line_error("agents.controller", format!("agents.controller: {error}")))?;
+    let id = id(&scenario).map_err(|source| {
+        line_error(
+            "map.file",
+            format!("map.file = {:?}: {source}", scenario.map.file.as_deref().unwrap_or(Path::new(""))),
+        )
+    })?;
+    let axes = choice.iter().map(|(key, value)| ((*key).to_owned(), value.text())).collect();
+    Ok(PlannedRun { id, axes, scenario })
+}
+
+/// See [`PlannedRun::id`].
+fn id(scenario: &Scenario) -> std::io::Result<String> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(scenario.identity().as_bytes()).update(&[0]).update(BUILD.as_bytes());
+    if let (MapKind::File, Some(map)) = (scenario.map.kind, &scenario.map.file) {
+        hasher.update(&[0]).update(&std::fs::read(map)?);
+    }
+    Ok(hasher.finalize().to_hex()[..16].to_owned())
+}
+
+#[cfg(test)]
+mod tests;

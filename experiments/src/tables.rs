@@ -1,0 +1,243 @@
+//! Runs and series as tables, and tables as CSV and Parquet.
+//!
+//! The columns of the deterministic figures come first; those of wall time begin with `wall_`. An axis is a column
+//! `axis.<key>`, the bytes of a kind of parcel `parcel_bytes_kind_<kind>`. Lengths in metres, times in seconds.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use parquet::basic::{LogicalType, Repetition, Type as Physical};
+use parquet::column::writer::ColumnWriter;
+use parquet::data_type::ByteArray;
+use parquet::errors::ParquetError;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::types::Type;
+
+use crate::rows::RunRecord;
+
+/// A table, column by column. A missing value is an empty field in CSV and null in Parquet.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Table {
+    /// Columns of the same length.
+    pub columns: Vec<Column>,
+}
+
+/// A column of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Its name.
+    pub name: String,
+    /// Its values.
+    pub values: Values,
+}
+
+/// Values of one type.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Values {
+    /// Texts.
+    Text(Vec<Option<String>>),
+    /// Whole numbers.
+    Whole(Vec<Option<u64>>),
+    /// Numbers.
+    Number(Vec<Option<f64>>),
+}
+
+impl Values {
+    fn len(&self) -> usize {
+        match self {
+            Self::Text(values) => values.len(),
+            Self::Whole(values) => values.len(),
+            Self::Number(values) => values.len(),
+        }
+    }
+
+    fn field(&self, row: usize) -> String {
+        match self {
+            Self::Text(values) => values[row].clone(),
+            Self::Whole(values) => values[row].map(|value| value.to_string()),
+            Self::Number(values) => values[row].map(|value| value.to_string()),
+        }
+        .unwrap_or_default()
+    }
+}
+
+/// The rows of runs.
+#[must_use]
+pub fn runs(records: &[RunRecord]) -> Table {
+    let mut table = Builder::new(records);
+    table.text("id", |record| record.row.id.clone());
+    table.text("build", |record| record.row.build.clone());
+    table.text("controller", |record| record.row.controller.clone());
+    table.whole("seed", |record| record.row.seed);
+    for (axis, name) in ["size_x", "size_y", "size_z"].into_iter().enumerate() {
+        table.whole(name, move |record| record.row.size[axis].into());
+    }
+    table.whole("agents", |record| record.row.agents.into());
+    for axis in records.iter().flat_map(|record| record.row.axes.keys()).collect::<BTreeSet<_>>() {
+        table.some_text(&format!("axis.{axis}"), |record| record.row.axes.get(axis).cloned());
+    }
+    table.number("duration_s", |record| record.row.duration_s);
+    table.number("end_s", |record| record.row.end_s);
+    table.text("reason", |record| record.row.reason.clone());
+    table.whole("free_cells", |record| record.row.free_cells);
+    table.number("explored", |record| record.row.explored);
+    table.number("covered", |record| record.row.covered);
+    table.number("believed_mean", |record| record.row.believed_mean);
+    table.number("believed_min", |record| record.row.believed_min);
+    table.some_number("t50_s", |record| record.row.t50_s);
+    table.some_number("t90_s", |record| record.row.t90_s);
+    table.some_number("t99_s", |record| record.row.t99_s);
+    table.some_number("t99_9_s", |record| record.row.t99_9_s);
+    table.some_number("t100_s", |record| record.row.t100_s);
+    table.number("area_under_explored", |record| record.row.area_under_explored);
+    table.number("distance_m", |record| record.row.distance_m);
+    table.number("distance_max_m", |record| record.row.distance_max_m);
+    table.number("redundancy", |record| record.row.redundancy);
+    table.number("imbalance", |record| record.row.imbalance);
+    table.number("contact_share", |record| record.row.contact_share);
+    table.whole("parcels", |record| record.row.parcels);
+    table.whole("parcel_bytes", |record| record.row.parcel_bytes);
+    for kind in records.iter().flat_map(|record| record.row.bytes_by_kind.keys()).collect::<BTreeSet<_>>() {
+        let bytes = move |record: &RunRecord| record.row.bytes_by_kind.get(kind).copied().unwrap_or(0);
+        table.whole(&format!("parcel_bytes_kind_{kind}"), bytes);
+    }
+    table.number("staleness", |record| record.row.staleness);
+    table.whole("decisions", |record| record.row.decisions);
+    table.whole("collisions", |record| record.row.collisions);
+    table.whole("search_failures", |record| record.row.search_failures);
+    table.whole("refusals", |record| record.row.refusals);
+    table.text("digest", |record| record.row.digest.clone());
+    table.number("wall_s", |record| record.row.wall.wall_s);
+    table.number("wall_real_time_factor", |record| record.row.wall.real_time_factor);
+    table.some_number("wall_decision_p50_us", |record| record.row.wall.decision_p50_us);
+    table.some_number("wall_decision_p95_us", |record| record.row.wall.decision_p95_us);
+    table.some_number("wall_decision_p99_us", |record| record.row.wall.decision_p99_us);
+    table.text("wall_machine", |record| record.row.wall.machine.clone());
+    table.done
+}
+
+/// The series of runs, one below the other; `id` says of which run a sample is.
+#[must_use]
+pub fn series(records: &[RunRecord]) -> Table {
+    let samples: Vec<_> =
+        records.iter().flat_map(|record| record.series.iter().map(|sample| (&record.row.id, sample))).collect();
+    let mut table = Builder::new(&samples);
+    table.text("id", |(id, _)| (*id).clone());
+    table.number("t_s", |(_, sample)| sample.t_s);
+    table.number("explored", |(_, sample)| sample.explored);
+    table.number("covered", |(_, sample)| sample.covered);
+    table.number("believed_mean", |(_, sample)| sample.believed_mean);
+    table.number("distance_m", |(_, sample)| sample.distance_m);
+    table.whole("parcel_bytes", |(_, sample)| sample.parcel_bytes);
+    table.done
+}
+
+/// A table that grows column by column.
+struct Builder<'a, R> {
+    rows: &'a [R],
+    done: Table,
+}
+
+impl<'a, R> Builder<'a, R> {
+    fn new(rows: &'a [R]) -> Self {
+        Self { rows, done: Table::default() }
+    }
+
+    fn add(&mut self, name: &str, values: Values) {
+        self.done.columns.push(Column { name: name.to_owned(), values });
+    }
+
+    fn text(&mut self, name: &str, value: impl Fn(&R) -> String) {
+        self.some_text(name, |row| Some(value(row)));
+    }
+
+    fn some_text(&mut self, name: &str, value: impl Fn(&R) -> Option<String>) {
+        self.add(name, Values::Text(self.rows.iter().map(value).collect()));
+    }
+
+    fn whole(&mut self, name: &str, value: impl Fn(&R) -> u64) {
+        self.add(name, Values::Whole(self.rows.iter().map(|row| Some(value(row))).collect()));
+    }
+
+    fn number(&mut self, name: &str, value: impl Fn(&R) -> f64) {
+        self.some_number(name, |row| Some(value(row)));
+    }
+
+    fn some_number(&mut self, name: &str, value: impl Fn(&R) -> Option<f64>) {
+        self.add(name, Values::Number(self.rows.iter().map(value).collect()));
+    }
+}
+
+/// A table as CSV with a line of names. Numbers have as many digits as tell them apart.
+///
+/// # Errors
+/// What the writer says.
+pub fn csv(table: &Table) -> Result<Vec<u8>, String> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let rows = table.columns.first().map_or(0, |column| column.values.len());
+    writer.write_record(table.columns.iter().map(|column| &column.name)).map_err(|error| error.to_string())?;
+    for row in 0..rows {
+        let fields = table.columns.iter().map(|column| column.values.field(row));
+        writer.write_record(fields).map_err(|error| error.to_string())?;
+    }
+    writer.into_inner().map_err(|error| error.to_string())
+}
+
+/// A table as a Parquet file.
+///
+/// # Errors
+/// What the writer says.
+pub fn parquet(table: &Table) -> Result<Vec<u8>, String> {
+    write_parquet(table).map_err(|error| error.to_string())
+}
+
+fn write_parquet(table: &Table) -> Result<Vec<u8>, ParquetError> {
+    let mut fields = Vec::new();
+    for column in &table.columns {
+        let (kind, meaning) = match column.values {
+            Values::Text(_) => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+            Values::Whole(_) => (Physical::INT64, Some(LogicalType::integer(64, false))),
+            Values::Number(_) => (Physical::DOUBLE, None),
+        };
+        let field = Type::primitive_type_builder(&column.name, kind)
+            .with_repetition(Repetition::OPTIONAL)
+            .with_logical_type(meaning)
+            .build()?;
+        fields.push(Arc::new(field));
+    }
+    let schema = Arc::new(Type::group_type_builder("schema").with_fields(fields).build()?);
+    let mut bytes = Vec::new();
+    let mut file = SerializedFileWriter::new(&mut bytes, schema, Arc::new(WriterProperties::builder().build()))?;
+    let mut group = file.next_row_group()?;
+    for column in &table.columns {
+        let mut place = group.next_column()?.expect("the schema has a column for each");
+        match (place.untyped(), &column.values) {
+            (ColumnWriter::ByteArrayColumnWriter(writer), Values::Text(values)) => {
+                let there: Vec<ByteArray> = values.iter().flatten().map(|text| text.as_str().into()).collect();
+                writer.write_batch(&there, Some(&levels(values)), None)?;
+            }
+            (ColumnWriter::Int64ColumnWriter(writer), Values::Whole(values)) => {
+                let there: Vec<i64> = values.iter().flatten().map(|value| value.cast_signed()).collect();
+                writer.write_batch(&there, Some(&levels(values)), None)?;
+            }
+            (ColumnWriter::DoubleColumnWriter(writer), Values::Number(values)) => {
+                let there: Vec<f64> = values.iter().flatten().copied().collect();
+                writer.write_batch(&there, Some(&levels(values)), None)?;
+            }
+            _ => unreachable!("the schema was made from the columns"),
+        }
+        place.close()?;
+    }
+    group.close()?;
+    file.close()?;
+    Ok(bytes)
+}
+
+/// Which values are there, as Parquet says it.
+fn levels<V>(values: &[Option<V>]) -> Vec<i16> {
+    values.iter().map(|value| i16::from(value.is_some())).collect()
+}
+
+#[cfg(test)]
+mod tests;
