@@ -3,6 +3,7 @@
 //! [`in_memory`] carries messages between a server and its agents without a network; [`single`] is a run over it. A [`plan`] says
 //! which runs there are, [`execute`] carries out those that are not done, [`measure`] makes [`rows`] of them, [`store`] keeps these
 //! in a folder, and [`tables`] writes them as CSV and Parquet. [`merge`] joins folders; [`cluster`] writes jobs for other machines.
+//! [`statistics`] is what can be said about many runs.
 //!
 //! Invariant: what is kept of a run is a function of scenario, seed and build, but for the figures of wall time.
 
@@ -14,5 +15,6 @@ pub mod merge;
 pub mod plan;
 pub mod rows;
 pub mod single;
+pub mod statistics;
 pub mod store;
 pub mod tables;
