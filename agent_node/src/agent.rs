@@ -106,6 +106,9 @@ impl Agent {
     ///
     /// # Errors
     /// If the server does not keep to the protocol.
+    ///
+    /// # Panics
+    /// Never: a map has fewer cells than a number of 32 bits can say.
     pub fn take(&mut self, part: Part) -> Result<Reaction, WireError> {
         if part.phase != Part::ENDED
             && let Some(answered) = &self.answered

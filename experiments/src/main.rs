@@ -30,7 +30,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Carry out one scenario in this process, over the in-memory link
-    Single(SingleArgs),
+    Single(Box<SingleArgs>),
     /// Carry out what is left of a plan, and make its tables
     Run(RunArgs),
     /// Join the folders of one plan into one

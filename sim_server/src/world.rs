@@ -276,8 +276,9 @@ impl World {
 
     /// Pairs of agents in contact now.
     pub fn pairs_in_contact(&mut self) -> u32 {
-        let pairs = self.agents().map(|agent| self.contacts_of(agent).iter().filter(|&&other| other > agent).count());
-        u32::try_from(pairs.sum::<usize>()).expect("1000 agents have less than a million pairs")
+        let higher =
+            |agent, others: Vec<AgentId>| others.iter().filter(|&&other| other > agent).map(|_| 1).sum::<u32>();
+        self.agents().map(|agent| higher(agent, self.contacts_of(agent))).sum()
     }
 
     /// Way travelled by each agent in metres, by agent.

@@ -1,6 +1,7 @@
 //! A run of a plan over ROS 2: the launch script in a domain of its own, and the row from its recording.
 
 use std::fs::File;
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -51,6 +52,8 @@ impl Launcher {
             .arg(folder.path().join("logs"))
             .env("MAES_BIN_DIR", &self.binaries)
             .env("ROS_DOMAIN_ID", (self.first_domain as usize + job).to_string())
+            // Ctrl-C is for this process, which lets runs in flight come to their end.
+            .process_group(0)
             .stdin(Stdio::null())
             .stdout(put(&said)?)
             .stderr(put(&complaints)?)

@@ -90,3 +90,11 @@ fn mistakes_are_named_with_key_line_and_what_is_allowed() {
     let error = with_base("seeds = [1]\nscenario = \"no.toml\"\n");
     assert!(error.contains("p.toml:2: scenario = \"no.toml\": /nowhere/no.toml: "), "{error}");
 }
+
+#[test]
+fn the_plans_of_the_repository_are_legal() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("plans");
+    let runs = |name: &str| Plan::load(&folder.join(name)).unwrap_or_else(|error| panic!("{error}")).runs.len();
+    let plans = ["quick.toml", "paper-figures.toml", "paper-table-1.toml", "report-2022.toml"];
+    assert_eq!(plans.map(runs), [48, 270, 12, 40]);
+}
