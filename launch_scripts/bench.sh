@@ -57,6 +57,7 @@ watch_memory agent_node "$out/agent" &
 half_hour=(--size 100 --seed 1 --duration 1800 --set stop_when_explored=false --record "$out/run.mcap")
 measure "rbw, 10 agents, 100^3, 90 000 ticks, recorded: wall time" "s" "w" --agents 10 "${half_hour[@]}"
 measure "rbw, 20 agents, 100^3, 90 000 ticks, recorded: wall time" "s" "w" --agents 20 "${half_hour[@]}"
+measure "dsvp, 10 agents, 100^3, 90 000 ticks, recorded: wall time" "s" "w" --agents 10 "${half_hour[@]}" --controller dsvp
 rm "$out/running"
 wait
 ls -l "$out/run.mcap" | awk '{printf "recording of the last run: %.1f MB\n", $5 / 1e6}'

@@ -6,18 +6,14 @@
 pub mod ctx;
 pub mod dsvp;
 pub mod dsvp_maes3d;
-#[cfg(test)]
-mod legal;
 pub mod lvd;
 pub mod lvd_maes3d;
 pub mod nearest_frontier;
 pub mod rbw;
 pub mod rbw_maes3d;
-#[cfg(test)]
-pub(crate) mod scene;
 pub mod settings;
 #[cfg(test)]
-mod tests_world;
+pub(crate) mod testing;
 
 use msgs::ids::AgentId;
 use thiserror::Error;
@@ -104,69 +100,8 @@ pub fn build(
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
-    use nalgebra::{Point3, Vector3};
-    use voxels::Extent;
-
+mod tests {
     use super::*;
-    use crate::exploration_map::ExplorationMap;
-    use crate::observation::{Briefing, Cells, Collision, Pose, Surface};
-    use crate::travel::Travel;
-    use msgs::ids::Tick;
-
-    /// What a controller needs to be asked.
-    pub(crate) struct Stage {
-        briefing: Briefing,
-        map: ExplorationMap,
-        travel: Travel,
-    }
-
-    impl Stage {
-        pub(crate) fn new() -> Self {
-            let extent = Extent::new([10, 10, 10], 1.0).unwrap();
-            let briefing = Briefing {
-                duration: Tick(1000),
-                extent,
-                agents: 2,
-                agents_seed: 1,
-                controller: "rbw".to_owned(),
-                settings: Vec::new(),
-                body_radius_m: 0.4,
-                lidar_range_m: f64::INFINITY,
-                lidar_period_ticks: 10,
-                communication_range_m: f64::INFINITY,
-                share_period_ticks: 251,
-            };
-            Self { briefing, map: ExplorationMap::new(extent), travel: Travel::new(0.4, 1.0) }
-        }
-
-        /// Asks a controller.
-        pub(crate) fn ask(&mut self, controller: &mut dyn Controller, observation: &Observation) -> Command {
-            let Self { briefing, map, travel } = self;
-            controller.decide(observation, &mut Ctx::new(AgentId(0), briefing, observation, map, travel))
-        }
-    }
-
-    pub(crate) fn idle() -> Observation {
-        Observation {
-            tick: Tick::ZERO,
-            pose: Pose { position: Point3::new(5.5, 5.5, 5.5), yaw_rad: 0.0 },
-            velocity_m_s: Vector3::zeros(),
-            yaw_rate_rad_s: 0.0,
-            is_active: false,
-            collision: None,
-            events: 0,
-            contacts: Vec::new(),
-            parcels: Vec::new(),
-            scan_tick: None,
-            seen: Cells::default(),
-            view: None,
-        }
-    }
-
-    pub(crate) fn collided(observation: Observation, surface: Surface) -> Observation {
-        Observation { collision: Some(Collision { surface, with_agent: false }), ..observation }
-    }
 
     #[test]
     fn every_name_builds_and_others_are_refused() {

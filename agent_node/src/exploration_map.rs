@@ -18,6 +18,8 @@
 mod cell_set;
 mod delta;
 #[cfg(test)]
+pub(crate) mod drawing;
+#[cfg(test)]
 mod tests;
 
 use std::ops::Range;

@@ -54,7 +54,7 @@ fn now() -> Instant {
 mod tests {
     use super::*;
     use crate::controllers::build;
-    use crate::controllers::tests::{Stage, idle};
+    use crate::controllers::testing::{World, idle};
     use msgs::ids::AgentId;
 
     #[test]
@@ -62,9 +62,9 @@ mod tests {
         let times = DecisionTimes::default();
         let walk = || build("rbw", &[], AgentId(0), 7).unwrap();
         let (mut plain, mut timed) = (walk(), times.of(walk()));
-        let mut stage = Stage::new();
+        let mut world = World::empty();
         for decisions in 1..4 {
-            assert_eq!(stage.ask(timed.as_mut(), &idle()), stage.ask(plain.as_mut(), &idle()));
+            assert_eq!(world.ask_about(timed.as_mut(), &idle()), world.ask_about(plain.as_mut(), &idle()));
             assert_eq!(times.sorted().len(), decisions);
         }
         assert!(times.sorted().is_sorted());

@@ -81,6 +81,8 @@ pub struct Travel {
     to_faces: Moves,
     to_all: Moves,
     scratch: Scratch,
+    /// Searches give up after so many cells.
+    cells_max: u64,
     pending: Option<Pending>,
     failures: u32,
 }
@@ -94,6 +96,7 @@ impl Travel {
             to_faces: Moves::new(radius_m, cell_m, Neighbours::Six),
             to_all: Moves::new(radius_m, cell_m, Neighbours::TwentySix),
             scratch: Scratch::new(),
+            cells_max: u64::MAX,
             pending: None,
             failures: 0,
         }
@@ -112,6 +115,11 @@ impl Travel {
             Neighbours::Six => &self.to_faces,
             Neighbours::TwentySix => &self.to_all,
         }
+    }
+
+    /// From now on searches find no way if they would have to look at more cells than so many, whatever they cost in sim time.
+    pub fn give_up_after(&mut self, cells_max: u64) {
+        self.cells_max = cells_max;
     }
 
     /// The moves of the body, and what its searches write on.
@@ -171,11 +179,13 @@ impl Travel {
             (Some(pending), _) => pending.answer,
             (None, SearchTime::Background(ticks)) => {
                 let moves = self.moves(neighbours);
-                Answer::Background(Background::start(map, moves, start, vec![goal], now.after(ticks)))
+                Answer::Background(Background::start(map, moves, start, vec![goal], self.cells_max, now.after(ticks)))
             }
             (None, SearchTime::Instant | SearchTime::Budgeted(_)) => {
+                let cells_max = self.cells_max;
                 let (moves, scratch) = self.searching(neighbours);
-                let mut search = Search::new(Graph::new(map, moves), scratch, start, Goal::Cell(goal));
+                let mut search =
+                    Search::new(Graph::new(map, moves), scratch, start, Goal::Cell(goal)).at_most(cells_max);
                 match time {
                     SearchTime::Budgeted(per_tick) => Answer::Budgeted(Budgeted::new(search, now, per_tick)),
                     _ => return Poll::Ready(search.run()),

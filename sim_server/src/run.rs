@@ -464,8 +464,7 @@ impl Run<'_> {
         let kinds = totals.parcel_bytes_by_kind.iter();
         counters.extend(kinds.map(|(kind, &bytes)| counter(&format!("parcel_bytes_delivered_kind_{kind}"), bytes)));
         let milestones = self.world.coverage().milestones();
-        counters
-            .extend(milestones.map(|(permille, tick)| counter(&format!("tick_explored_permille_{permille}"), tick.0)));
+        counters.extend(milestones.map(|(permille, tick)| counter(&format!("{MILESTONE_COUNTER}{permille}"), tick.0)));
         counters.extend(self.exchange.refusals().map(|(name, value)| counter(name, value)));
         counters
     }
@@ -474,6 +473,9 @@ impl Run<'_> {
         self.stop.load(Ordering::Relaxed)
     }
 }
+
+/// The counter of the tick in which the team had seen so many thousandths of the free cells, up to that number.
+pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
 
 /// Wall time.
 #[expect(

@@ -10,10 +10,10 @@ use comfy_table::presets::UTF8_FULL_CONDENSED;
 use comfy_table::{Cell, CellAlignment, Table};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs;
+use msgs::maes_msgs::{self, Counter};
 
 use crate::lockstep::listed;
-use crate::run::{Outcome, Watcher, now};
+use crate::run::{self, Outcome, Watcher, now};
 use crate::world::World;
 
 /// Wall time between two plain lines.
@@ -96,8 +96,8 @@ impl Watcher for Terminal {
         let wall_s = now.duration_since(started).as_secs_f64();
         let text = format!(
             "{} / {} | explored {:5.1} % | {:6.1} x real time | {} agents",
-            clock(sim_s),
-            clock(self.duration.time_ns() as f64 * 1e-9),
+            clock(world.tick()),
+            clock(self.duration),
             world.coverage().explored() * 100.0,
             if wall_s > 0.0 { sim_s / wall_s } else { 0.0 },
             self.agents,
@@ -150,23 +150,28 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
     }
     let team_m = result.distance_m.iter().sum();
     table.add_row([Cell::new("team"), percent(result.explored), percent(result.covered), metres(team_m)]);
-    let counted: Vec<String> = result
-        .counters
-        .iter()
-        .filter(|counter| counter.value > 0)
-        .map(|counter| format!("{} {}", counter.name, counter.value))
-        .collect();
-    let sim_s = Tick(result.tick).time_ns() as f64 * 1e-9;
+    let mut times = Vec::new();
+    let mut counted = Vec::new();
+    for Counter { name, value } in &result.counters {
+        let permille = name.strip_prefix(run::MILESTONE_COUNTER).and_then(|permille| permille.parse::<u32>().ok());
+        match permille {
+            Some(permille) => times.push(format!("{} % {}", f64::from(permille) / 10.0, clock(Tick(*value)))),
+            None if *value > 0 => counted.push(format!("{name} {value}")),
+            None => {}
+        }
+    }
+    let times = if times.is_empty() { String::new() } else { format!("time to see {}\n", times.join(", ")) };
     format!(
-        "{table}\nended after {} of sim time (tick {}): {}\n{}",
-        clock(sim_s),
+        "{table}\nended after {} of sim time (tick {}): {}\n{times}{}",
+        clock(Tick(result.tick)),
         result.tick,
         result.reason,
         counted.join(", ")
     )
 }
 
-/// Minutes and seconds.
-fn clock(seconds: f64) -> String {
+/// Minutes and seconds of sim time.
+fn clock(tick: Tick) -> String {
+    let seconds = tick.time_ns() as f64 * 1e-9;
     format!("{:02}:{:05.2}", (seconds / 60.0) as u64, seconds % 60.0)
 }

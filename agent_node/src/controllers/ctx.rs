@@ -103,6 +103,12 @@ impl<'a> Ctx<'a> {
         self.travel.to_cell(self.map, &self.pose.position, goal, neighbours, time, self.tick)
     }
 
+    /// From now on [`Ctx::go_to_cell`] finds no way if its search would have to look at more cells than so many. It bounds how
+    /// long a decision takes: 10 000 cells are some milliseconds.
+    pub fn give_up_after(&mut self, cells_max: u64) {
+        self.travel.give_up_after(cells_max);
+    }
+
     /// The motion along a path that begins in the cell of the body, with as few legs as do.
     #[must_use]
     pub fn follow(&self, path: &Path) -> Journey {

@@ -21,14 +21,16 @@ mod gain;
 mod goal;
 mod others;
 mod params;
+mod peers;
 #[cfg(test)]
 mod tests;
 mod tree;
 
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use msgs::ids::{AgentId, Tick};
+use msgs::ids::Tick;
+use msgs::limits::PATH_POINTS_MAX;
 use msgs::maes_msgs::Wake as Events;
 use nalgebra::{Point3, Vector3};
 use rand::RngExt;
@@ -41,7 +43,7 @@ use super::{Controller, Ctx};
 use crate::command::{Command, LidarRequest, Motion, Wake};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
-use crate::path::{Neighbours, Path};
+use crate::path::{Neighbours, Path, straighten};
 use crate::regions::{RegionId, Regions, Ways};
 use crate::travel::Journey;
 use auction::{Auction, CLAIMS_PARCEL, Terms};
@@ -49,6 +51,7 @@ use gain::Viewer;
 use goal::Goal;
 use others::Others;
 pub use params::Params;
+use peers::Peers;
 use tree::{Tree, vector};
 
 /// Longest wait after a collision with another agent, ticks: about the time in which the other one gets out of the way.
@@ -62,6 +65,9 @@ const SCAN_PATIENCE_TICKS: u64 = 50;
 
 /// Goals that are tried when there is no way to some because other agents are in it.
 const TRIES: usize = 3;
+
+/// Steps from cell to cell, or along edges of the tree, that an agent takes to get clear of others before it goes straight.
+const STEPS_PAST_OTHERS_MAX: usize = 4;
 
 /// How far an agent goes out of the way of others, cells of way at the most.
 const ASIDE_CELLS_MAX: f64 = 15.0;
@@ -88,7 +94,7 @@ pub struct Dsvp {
     waits_until: Option<Tick>,
     /// Since when it is at rest, for a scan that shows what there is to see from here.
     rests_since: Option<Tick>,
-    peers: BTreeMap<AgentId, Peer>,
+    peers: Peers,
     /// Frontiers that have been looked at from as near as can be, to no avail.
     given_up: BTreeSet<Cell>,
     /// Viewpoints from which a scan did not show what they were chosen for.
@@ -102,15 +108,6 @@ struct Sight {
     ways: Ways,
     viewer: Viewer,
     auction: Option<Auction>,
-}
-
-/// Where an agent was last.
-#[derive(Debug, Clone, Copy)]
-struct Peer {
-    cell: Cell,
-    met: Tick,
-    /// It has been looked for there since.
-    is_gone: bool,
 }
 
 impl Dsvp {
@@ -144,7 +141,7 @@ impl Dsvp {
             is_contested: false,
             waits_until: None,
             rests_since: None,
-            peers: BTreeMap::new(),
+            peers: Peers::default(),
             given_up: BTreeSet::new(),
             barren: BTreeSet::new(),
         }
@@ -170,10 +167,7 @@ impl Dsvp {
         }
         let (map, moves, _) = ctx.searching(Neighbours::TwentySix);
         sight.regions.renew(map, moves);
-        for contact in &observation.contacts {
-            let cell = extent.cell_of(&contact.position);
-            self.peers.insert(contact.agent, Peer { cell, met: observation.tick, is_gone: false });
-        }
+        self.peers.meet(&observation.contacts, extent, observation.tick);
     }
 
     /// Whether there is still reason to go where it goes.
@@ -331,12 +325,12 @@ impl Dsvp {
         else {
             return Plan::Nothing;
         };
-        match ctx.follow(&Path { cells: branch.cells, cost: 0 }) {
-            Journey::Go(motion) if !others.block_motion(&ctx.position(), &motion) => {
+        match past(ctx, &Path { cells: branch.cells, cost: 0 }, others) {
+            Some(motion) => {
                 self.direction = vector(end - here).try_normalize(0.0);
                 Plan::Go(Goal::Viewpoint { cell: end, gain: branch.gain }, motion)
             }
-            _ => Plan::Blocked,
+            None => Plan::Blocked,
         }
     }
 
@@ -389,23 +383,16 @@ impl Dsvp {
         let here = ctx.cell();
         if let Some(Goal::Peer { agent, cell }) = self.goal
             && cell == here
-            && let Some(peer) = self.peers.get_mut(&agent)
         {
-            peer.is_gone = true;
+            self.peers.note_gone(agent);
         }
         ways.begin(regions, here);
         let mut reached = Vec::new();
         while let Some((_, region, _)) = ways.next(regions) {
             reached.push(region.centre);
         }
-        let is_heard = |agent: AgentId| observation.contacts.iter().any(|contact| contact.agent == agent);
-        let away = self.peers.iter().filter(|(agent, peer)| !is_heard(**agent) && !peer.is_gone && peer.cell != here);
-        let mut away: Vec<(Tick, AgentId, Cell)> = away.map(|(&agent, peer)| (peer.met, agent, peer.cell)).collect();
-        away.sort_unstable();
-        let to_peers = away.into_iter().map(|(_, agent, cell)| Goal::Peer { agent, cell });
         let anywhere = reached.choose(&mut self.rng).map(|&cell| Goal::Anywhere { cell });
-        let goals: Vec<Goal> = to_peers.take(TRIES - 1).chain(anywhere).collect();
-        for goal in goals {
+        for goal in self.peers.away(&observation.contacts, here).take(TRIES - 1).chain(anywhere) {
             if let Some(motion) = way(ctx, regions, ways, goal.cell(), others) {
                 return Plan::Go(goal, motion);
             }
@@ -501,8 +488,20 @@ fn way(ctx: &mut Ctx<'_>, regions: &Regions, ways: &Ways, to: Cell, others: &Oth
     let here = ctx.cell();
     let (map, moves, scratch) = ctx.searching(Neighbours::TwentySix);
     let path = ways.path(regions, map, moves, scratch, (here, to), &|cell| others.take(cell))?;
-    match ctx.follow(&path) {
-        Journey::Go(motion) => (!others.block_motion(&ctx.position(), &motion)).then_some(motion),
-        Journey::Searching(_) | Journey::NoWay => None,
-    }
+    past(ctx, &path, others)
+}
+
+/// The motion along a path, past the other agents: with as few legs as do, after as few steps from cell to cell as are needed to
+/// get clear of them.
+fn past(ctx: &Ctx<'_>, path: &Path, others: &Others) -> Option<Motion> {
+    let (map, radius_m) = (ctx.map(), ctx.briefing().body_radius_m);
+    let is_open = |motion: &Motion| !others.block_motion(&ctx.position(), motion);
+    let Journey::Go(straight) = ctx.follow(path) else { return None };
+    let after = |steps: usize| {
+        let rest = Path { cells: path.cells[steps..].to_vec(), cost: 0 };
+        let by_steps = path.cells[1..=steps].iter().map(|&cell| map.extent().centre(cell));
+        Motion::Path(by_steps.chain(straighten(&rest, map, radius_m)).take(PATH_POINTS_MAX).collect())
+    };
+    let steps_max = STEPS_PAST_OTHERS_MAX.min(path.cells.len() - 1);
+    std::iter::once(straight).chain((1..=steps_max).map(after)).find(is_open)
 }

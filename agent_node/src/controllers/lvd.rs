@@ -11,8 +11,9 @@
 //!    knows a way to; else it waits for news (`searching`). It leaves search mode as soon as it sees an unvisited cell in its
 //!    own region.
 //!
-//! Invariants: it asks for nothing that is refused, whatever it observes; nothing it does takes longer than going through the
-//! known free cells once. What differs from the reference as coded: docs/reference-differences.md, and [`super::lvd_maes3d`].
+//! Invariants: it asks for nothing that is refused, whatever it observes; however large the map is, no decision looks at more
+//! than 200 000 of its cells beside those in view, and what takes longer goes on in the next tick. What differs from the reference
+//! as coded: docs/reference-differences.md, and [`super::lvd_maes3d`].
 
 pub(crate) mod exploring;
 pub(crate) mod flood;
@@ -22,6 +23,8 @@ pub(crate) mod places;
 pub(crate) mod region;
 pub(crate) mod searching;
 pub(crate) mod sights;
+
+use std::task::Poll;
 
 use msgs::ids::Tick;
 use msgs::maes_msgs::Wake as Events;
@@ -52,6 +55,12 @@ const REFUSAL_TICKS: u64 = 1500;
 /// A goal among fewer cells that is cut off is found to be so without a search for a path.
 const POCKET_CELLS_MAX: usize = 4096;
 
+/// Searches for paths end after so many cells: about a millisecond.
+const WAY_CELLS_MAX: u64 = 1 << 12;
+
+/// Goals farther away than so many steps from cell to cell are gone to in stages, each of which a search is sure to find.
+const STAGE_STEPS: usize = 48;
+
 /// Waits after a collision are drawn from half a second to two and a half.
 const DODGE_TICKS: std::ops::Range<u64> = 25..125;
 
@@ -66,13 +75,20 @@ enum Purpose {
     Boundary,
     /// To an unvisited cell it knows of.
     Remembered,
+    /// To a place on the way to one of these, which is the cell.
+    Towards(Cell),
     /// Out of somebody's way.
     Dodge,
 }
 
 impl Purpose {
     fn is_search(self) -> bool {
-        matches!(self, Self::LookBehind | Self::Boundary | Self::Remembered)
+        matches!(self, Self::LookBehind | Self::Boundary | Self::Remembered | Self::Towards(_))
+    }
+
+    /// What is meant by going to a cell.
+    fn aim(self, goal: Cell) -> Cell {
+        if let Self::Towards(aim) = self { aim } else { goal }
     }
 
     fn text(self) -> &'static str {
@@ -80,7 +96,7 @@ impl Purpose {
             Self::Explore => "exploring",
             Self::LookBehind => "search mode: looking behind a corner",
             Self::Boundary => "search mode: to the boundary of the region",
-            Self::Remembered => "search mode: back to what is unvisited",
+            Self::Remembered | Self::Towards(_) => "search mode: back to what is unvisited",
             Self::Dodge => "making way",
         }
     }
@@ -147,6 +163,7 @@ impl Lvd {
 
     fn goes_on(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, goal: Cell, purpose: Purpose) -> Command {
         self.errand = Some((goal, purpose));
+        ctx.give_up_after(WAY_CELLS_MAX);
         let is_cut_off = !ctx.is_clear_to(goal) && self.flood.is_cut_off(ctx.map(), goal, ctx.cell(), POCKET_CELLS_MAX);
         let journey = if is_cut_off { Journey::NoWay } else { ctx.go_to_cell(goal, self.search_time) };
         match journey {
@@ -159,7 +176,7 @@ impl Lvd {
             }
             Journey::Searching(wake) => Command::keep(wake),
             Journey::NoWay => {
-                self.refuse(goal, observation.tick);
+                self.refuse(purpose.aim(goal), observation.tick);
                 self.errand = None;
                 self.asks_for_view(observation)
             }
@@ -195,6 +212,7 @@ impl Lvd {
         let Some((goal, purpose)) = self.errand else { return keep };
         let is_done = match purpose {
             Purpose::Explore | Purpose::Remembered => ctx.map().state(goal) == CellState::Covered,
+            Purpose::Towards(goal) => ctx.map().state(goal) == CellState::Covered,
             Purpose::LookBehind | Purpose::Boundary | Purpose::Dodge => false,
         };
         if is_done || purpose.is_search() && self.sees_unvisited(observation, ctx) {
@@ -217,8 +235,8 @@ impl Lvd {
 
     /// Waits or steps aside at random, so that two agents in each other's way do not do the same for ever.
     fn dodges(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        if let Some((goal, _)) = self.errand.take() {
-            self.refuse(goal, observation.tick);
+        if let Some((goal, purpose)) = self.errand.take() {
+            self.refuse(purpose.aim(goal), observation.tick);
         }
         let asides: Vec<Cell> = ctx.cell().neighbours26().into_iter().filter(|&cell| ctx.is_clear_to(cell)).collect();
         if !asides.is_empty() && self.rng.random_bool(0.5) {
@@ -242,14 +260,21 @@ impl Lvd {
             visits_max: self.visits_max,
             is_refused: &|cell| is_refused(&self.refused, cell),
         };
-        let errand = search
+        let in_sight = search
             .occlusion_point()
             .map(|goal| (goal, Purpose::LookBehind))
-            .or_else(|| search.boundary().map(|goal| (goal, Purpose::Boundary)))
-            .or_else(|| search.nearest_on_map(&mut self.flood).map(|goal| (goal, Purpose::Remembered)));
-        match errand {
-            Some((goal, purpose)) => self.goes_on(observation, ctx, goal, purpose),
-            None => {
+            .or_else(|| search.boundary().map(|goal| (goal, Purpose::Boundary)));
+        if let Some((goal, purpose)) = in_sight {
+            return self.goes_on(observation, ctx, goal, purpose);
+        }
+        match search.nearest_on_map(&mut self.flood) {
+            Poll::Ready(Some(goal)) => {
+                let stage = self.flood.towards(ctx.map(), goal, STAGE_STEPS);
+                let purpose = if stage == goal { Purpose::Remembered } else { Purpose::Towards(goal) };
+                self.goes_on(observation, ctx, stage, purpose)
+            }
+            Poll::Pending => self.asks_for_view(observation),
+            Poll::Ready(None) => {
                 self.errand = None;
                 let wake = Wake { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
                 self.saying(Command::keep(wake), "nothing left to do, waiting for news".to_owned())
@@ -304,7 +329,7 @@ impl Controller for Lvd {
                 return self.goes_on(observation, ctx, goal, purpose);
             }
             self.errand = None;
-            if purpose.is_search() {
+            if purpose.is_search() && purpose.aim(goal) == goal {
                 self.places.visit(goal, now);
             }
             if purpose == Purpose::Explore && ctx.map().state(goal) == CellState::Free {

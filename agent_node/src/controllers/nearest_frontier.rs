@@ -120,7 +120,7 @@ mod tests {
 
     use super::*;
     use crate::command::LidarRequest;
-    use crate::controllers::scene::{Scene, flat};
+    use crate::controllers::testing::{World, flat};
 
     const CAVE: &str = "\
         ############\n\
@@ -137,37 +137,37 @@ mod tests {
         NearestFrontier::new(&mut settings, msgs::seed::stream(1, 0, "test")).unwrap()
     }
 
-    fn destination(scene: &Scene, command: &Command) -> Cell {
+    fn destination(world: &World, command: &Command) -> Cell {
         let Motion::Path(way_points) = &command.motion else { panic!("{command:?}") };
-        scene.map.extent().cell_of(way_points.last().unwrap())
+        world.map.extent().cell_of(way_points.last().unwrap())
     }
 
     #[test]
     fn explores_all_and_waits_for_news() {
         for (search_time, goes_at_once) in [("instant", true), ("budgeted", false), ("background", false)] {
-            let mut scene = Scene::new(CAVE, flat(1, 6));
+            let mut world = World::new(CAVE, flat(1, 6));
             let mut controller = controller(search_time);
-            assert_eq!(scene.ask(&mut controller), Command::keep(Wake::NEXT_TICK), "nothing has been scanned");
+            assert_eq!(world.ask(&mut controller), Command::keep(Wake::NEXT_TICK), "nothing has been scanned");
             let mut decisions = 0;
             let mut searches = 0;
             let last = loop {
                 decisions += 1;
                 assert!(decisions < 200);
-                scene.look();
-                let command = scene.ask(&mut controller);
+                world.look();
+                let command = world.ask(&mut controller);
                 match &command.motion {
-                    Motion::Path(_) => scene.arrive(&command.motion),
+                    Motion::Path(_) => world.arrive(&command.motion),
                     Motion::Stop if command.wake.events != 0 => break command,
                     Motion::Stop => {
                         searches += 1;
-                        scene.observation.tick = command.wake.at.max(scene.observation.tick.next());
+                        world.observation.tick = command.wake.at.max(world.observation.tick.next());
                     }
                     motion => panic!("{motion:?}"),
                 }
             };
             assert_eq!(last.wake, Wake::on(Events::PARCEL | Events::CONTACTS));
-            assert_eq!(scene.map.frontier_count(), 0);
-            assert_eq!(scene.map.free(), CAVE.matches('.').count());
+            assert_eq!(world.map.frontier_count(), 0);
+            assert_eq!(world.map.free(), CAVE.matches('.').count());
             assert_eq!(searches == 0, goes_at_once, "{search_time}");
         }
     }
@@ -175,77 +175,77 @@ mod tests {
     #[test]
     fn goes_to_the_nearest_by_way_and_not_by_distance() {
         // The one to the right is two cells away, behind a wall.
-        let mut scene = Scene::known("?......\n#.####.\n#.#?#?.\n?.....#\n", flat(1, 2));
-        scene.observation.scan_tick = Some(Tick::ZERO);
-        let command = scene.ask(&mut controller("instant"));
-        assert_eq!(destination(&scene, &command), flat(1, 3));
+        let mut world = World::known("?......\n#.####.\n#.#?#?.\n?.....#\n", flat(1, 2));
+        world.observation.scan_tick = Some(Tick::ZERO);
+        let command = world.ask(&mut controller("instant"));
+        assert_eq!(destination(&world, &command), flat(1, 3));
         assert_eq!(command.info, "goes to the frontier 1 3 0");
     }
 
     #[test]
     fn looks_for_another_one_as_soon_as_the_goal_is_none() {
-        let mut scene = Scene::known("......?\n", flat(2, 0));
-        scene.observation.scan_tick = Some(Tick::ZERO);
+        let mut world = World::known("......?\n", flat(2, 0));
+        world.observation.scan_tick = Some(Tick::ZERO);
         let mut controller = controller("instant");
-        let go = scene.ask(&mut controller);
-        assert_eq!(destination(&scene, &go), flat(5, 0));
-        scene.put(flat(3, 0));
-        let keep = scene.ask(&mut controller);
+        let go = world.ask(&mut controller);
+        assert_eq!(destination(&world, &go), flat(5, 0));
+        world.put(flat(3, 0));
+        let keep = world.ask(&mut controller);
         assert_eq!(keep, Command::keep(Wake::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL)));
-        scene.map.note_wall(&[6]);
-        scene.put(flat(4, 0));
-        let stop = scene.ask(&mut controller);
+        world.map.note_wall(&[6]);
+        world.put(flat(4, 0));
+        let stop = world.ask(&mut controller);
         assert_eq!((stop.motion, stop.info.as_str()), (Motion::Stop, "knows no frontier"));
     }
 
     #[test]
     fn leaves_a_frontier_alone_that_it_cannot_look_beyond() {
-        let mut scene = Scene::known("?....?\n", flat(2, 0));
-        scene.observation.scan_tick = Some(Tick::ZERO);
+        let mut world = World::known("?....?\n", flat(2, 0));
+        world.observation.scan_tick = Some(Tick::ZERO);
         let mut controller = controller("instant");
-        let first = scene.ask(&mut controller);
-        assert_eq!(destination(&scene, &first), flat(1, 0));
-        scene.arrive(&first.motion);
-        let second = scene.ask(&mut controller);
-        assert_eq!(destination(&scene, &second), flat(4, 0));
-        scene.arrive(&second.motion);
-        assert_eq!(scene.ask(&mut controller).info, "knows no frontier");
+        let first = world.ask(&mut controller);
+        assert_eq!(destination(&world, &first), flat(1, 0));
+        world.arrive(&first.motion);
+        let second = world.ask(&mut controller);
+        assert_eq!(destination(&world, &second), flat(4, 0));
+        world.arrive(&second.motion);
+        assert_eq!(world.ask(&mut controller).info, "knows no frontier");
         // News of another agent.
-        scene.map.note_free(&[5]);
-        scene.observation.events = Events::PARCEL;
-        assert_eq!(scene.ask(&mut controller).info, "knows no frontier", "nothing beyond");
+        world.map.note_free(&[5]);
+        world.observation.events = Events::PARCEL;
+        assert_eq!(world.ask(&mut controller).info, "knows no frontier", "nothing beyond");
     }
 
     #[test]
     fn makes_way_at_random_and_goes_on() {
         let mut waits = BTreeSet::new();
         let mut places = BTreeSet::new();
-        let mut scene = Scene::known("........\n........\n.......?\n", flat(1, 1));
-        scene.observation.scan_tick = Some(Tick::ZERO);
+        let mut world = World::known("........\n........\n.......?\n", flat(1, 1));
+        world.observation.scan_tick = Some(Tick::ZERO);
         let mut controller = controller("instant");
         for _ in 0..100 {
-            let go = scene.ask(&mut controller);
-            assert_eq!(destination(&scene, &go), flat(6, 0));
-            scene.wait(10);
-            scene.collide();
-            let aside = scene.ask(&mut controller);
+            let go = world.ask(&mut controller);
+            assert_eq!(destination(&world, &go), flat(6, 0));
+            world.wait(10);
+            world.collide();
+            let aside = world.ask(&mut controller);
             assert_eq!((aside.info.as_str(), aside.wake.events), ("makes way", 0));
-            let wait = aside.wake.at.0 - scene.observation.tick.0;
+            let wait = aside.wake.at.0 - world.observation.tick.0;
             assert!(PATIENCE_TICKS.contains(&wait));
             waits.insert(wait);
-            places.insert(destination(&scene, &aside));
+            places.insert(destination(&world, &aside));
             // The step aside is refused as well: it waits all the same, and then goes on.
-            scene.collide();
-            scene.observation.tick = aside.wake.at;
+            world.collide();
+            world.observation.tick = aside.wake.at;
         }
         assert!(waits.len() > 30 && places.len() == 8, "{waits:?} {places:?}");
     }
 
     #[test]
     fn asks_for_nothing_but_motion() {
-        let mut scene = Scene::new(CAVE, flat(1, 6));
-        scene.look();
-        let command = scene.ask(&mut controller("instant"));
+        let mut world = World::new(CAVE, flat(1, 6));
+        world.look();
+        let command = world.ask(&mut controller("instant"));
         assert_eq!((command.lidar, command.want_view, command.parcels.len()), (LidarRequest::Keep, false, 0));
     }
 }

@@ -82,7 +82,7 @@ impl Controller for Rbw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::controllers::tests::{Stage, collided, idle};
+    use crate::controllers::testing::{World, collided, idle};
 
     fn walk(settings: &[&str]) -> Result<Rbw, SettingError> {
         let texts: Vec<String> = settings.iter().map(ToString::to_string).collect();
@@ -91,34 +91,34 @@ mod tests {
 
     #[test]
     fn starts_with_a_random_turn_and_goes_on_for_ever() {
-        let mut stage = Stage::new();
+        let mut world = World::empty();
         let mut rbw = walk(&[]).unwrap();
-        let turn = stage.ask(&mut rbw, &idle());
+        let turn = world.ask_about(&mut rbw, &idle());
         assert!(matches!(turn.motion, Motion::Turn { angle_rad } if (-PI..PI).contains(&angle_rad)));
-        let go = stage.ask(&mut rbw, &idle());
+        let go = world.ask_about(&mut rbw, &idle());
         assert_eq!(go.motion, Motion::Move { pitch_rad: FIRST_PITCH_RAD, distance_m: f64::INFINITY });
     }
 
     #[test]
     fn keeps_while_active() {
-        let mut stage = Stage::new();
+        let mut world = World::empty();
         let mut rbw = walk(&[]).unwrap();
         let mut observation = idle();
         observation.is_active = true;
-        assert_eq!(stage.ask(&mut rbw, &observation), Command::keep(Wake::TASK_DONE));
+        assert_eq!(world.ask_about(&mut rbw, &observation), Command::keep(Wake::TASK_DONE));
     }
 
     #[test]
     fn goes_up_at_a_floor_down_at_a_ceiling_and_turns_at_a_wall() {
-        let mut stage = Stage::new();
+        let mut world = World::empty();
         let mut rbw = walk(&["pitch_min_rad=0.1", "pitch_max_rad=0.2"]).unwrap();
-        stage.ask(&mut rbw, &idle());
+        world.ask_about(&mut rbw, &idle());
         for _ in 0..100 {
-            let up = stage.ask(&mut rbw, &collided(idle(), Surface::Floor));
+            let up = world.ask_about(&mut rbw, &collided(idle(), Surface::Floor));
             assert!(matches!(up.motion, Motion::Move { pitch_rad, .. } if (0.1..=0.2).contains(&pitch_rad)));
-            let down = stage.ask(&mut rbw, &collided(idle(), Surface::Ceiling));
+            let down = world.ask_about(&mut rbw, &collided(idle(), Surface::Ceiling));
             assert!(matches!(down.motion, Motion::Move { pitch_rad, .. } if (-0.2..=-0.1).contains(&pitch_rad)));
-            let turn = stage.ask(&mut rbw, &collided(idle(), Surface::Wall));
+            let turn = world.ask_about(&mut rbw, &collided(idle(), Surface::Wall));
             assert!(matches!(turn.motion, Motion::Turn { angle_rad } if angle_rad.abs() >= FRAC_PI_2 - 1e-9));
         }
     }

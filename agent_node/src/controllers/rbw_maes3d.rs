@@ -71,7 +71,7 @@ fn degrees(angle_deg: i32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::controllers::tests::{Stage, collided, idle};
+    use crate::controllers::testing::{World, collided, idle};
 
     fn walk() -> RbwMaes3d {
         RbwMaes3d::new(msgs::seed::stream(1, 0, "test"))
@@ -79,30 +79,30 @@ mod tests {
 
     #[test]
     fn waits_a_tick_then_goes_on_at_45_degrees() {
-        let mut stage = Stage::new();
+        let mut world = World::empty();
         let mut rbw = walk();
         let mut observation = idle();
-        let keep = stage.ask(&mut rbw, &observation);
+        let keep = world.ask_about(&mut rbw, &observation);
         assert_eq!(keep, Command::keep(Wake { at: Tick(1), events: 0 }));
         observation.tick = Tick(1);
-        let go = stage.ask(&mut rbw, &observation);
+        let go = world.ask_about(&mut rbw, &observation);
         assert_eq!(go.motion, Motion::Move { pitch_rad: degrees(45), distance_m: f64::INFINITY });
     }
 
     #[test]
     fn acts_at_once_after_a_collision_in_whole_degrees() {
-        let mut stage = Stage::new();
+        let mut world = World::empty();
         let mut rbw = walk();
         let mut seen = std::collections::BTreeSet::new();
         for _ in 0..2000 {
-            let up = stage.ask(&mut rbw, &collided(idle(), Surface::Floor));
+            let up = world.ask_about(&mut rbw, &collided(idle(), Surface::Floor));
             let Motion::Move { pitch_rad, .. } = up.motion else { panic!("{up:?}") };
             seen.insert((pitch_rad * 180.0 / PI).round() as i32);
         }
         assert_eq!(seen, (15..45).collect());
         seen.clear();
         for _ in 0..5000 {
-            let turn = stage.ask(&mut rbw, &collided(idle(), Surface::Wall));
+            let turn = world.ask_about(&mut rbw, &collided(idle(), Surface::Wall));
             let Motion::Turn { angle_rad } = turn.motion else { panic!("{turn:?}") };
             seen.insert((angle_rad * 180.0 / PI).round() as i32);
         }

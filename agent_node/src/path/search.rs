@@ -99,6 +99,8 @@ pub struct Search<'a> {
     /// Cells marked as goals.
     goals: usize,
     expansions: u64,
+    /// After so many it gives up.
+    expansions_max: u64,
     /// No other cells are entered.
     is_open: Option<&'a dyn Fn(Cell) -> bool>,
 }
@@ -124,6 +126,7 @@ impl<'a> Search<'a> {
             found: None,
             goals: 0,
             expansions: 0,
+            expansions_max: u64::MAX,
             is_open: None,
         };
         let can_be_found = match goal {
@@ -143,6 +146,13 @@ impl<'a> Search<'a> {
     #[must_use]
     pub fn within(mut self, is_open: &'a dyn Fn(Cell) -> bool) -> Self {
         self.is_open = Some(is_open);
+        self
+    }
+
+    /// The same search, which finds no way if it would have to expand more cells than so many.
+    #[must_use]
+    pub fn at_most(mut self, expansions_max: u64) -> Self {
+        self.expansions_max = expansions_max;
         self
     }
 
@@ -207,7 +217,9 @@ impl<'a> Search<'a> {
 
     /// The next cell to expand, with its index.
     fn next(&mut self) -> Option<(Cell, usize)> {
-        while let Some(Reverse((_, _, index))) = self.scratch.queue.pop() {
+        while self.expansions < self.expansions_max
+            && let Some(Reverse((_, _, index))) = self.scratch.queue.pop()
+        {
             let index = index as usize;
             let mark = &mut self.scratch.nodes[index][1];
             // A cell is in the queue once for every way that was the best one to it for a time.

@@ -5,26 +5,12 @@ use msgs::ids::Tick;
 use msgs::limits::PATH_POINTS_MAX;
 use nalgebra::Point3;
 use proptest::prelude::*;
-use voxels::{Cell, Extent, Grid, Terrain};
+use voxels::{Cell, Extent};
 
 use super::sweep::{centre, clearance, touched};
 use super::*;
+use crate::exploration_map::drawing::drawn;
 use crate::exploration_map::{CellState, ExplorationMap};
-
-/// A map of which is known what is drawn; `?` is unexplored.
-fn drawn(text: &str) -> ExplorationMap {
-    let free = Grid::from_text(&text.replace('?', "#")).unwrap();
-    let unexplored = Grid::from_text(&text.replace('#', ".").replace('?', "#")).unwrap();
-    let mut map = ExplorationMap::new(free.extent());
-    for (index, (terrain, mark)) in (0..).zip(free.as_slice().iter().zip(unexplored.as_slice())) {
-        match (terrain, mark) {
-            (Terrain::Free, _) => map.note_free(&[index]),
-            (Terrain::Wall, Terrain::Free) => map.note_wall(&[index]),
-            (Terrain::Wall, Terrain::Wall) => {}
-        }
-    }
-    map
-}
 
 fn search(map: &ExplorationMap, neighbours: Neighbours, radius_m: f64, start: Cell, goal: Cell) -> Option<Path> {
     let moves = Moves::new(radius_m, map.extent().cell_m(), neighbours);
@@ -232,6 +218,22 @@ fn long_paths_are_cut() {
 }
 
 #[test]
+fn a_search_that_may_not_go_everywhere_or_on_for_ever() {
+    let map = drawn(".......\n.#####.\n.......\n");
+    let moves = Moves::new(0.4, 1.0, Neighbours::Six);
+    let mut scratch = Scratch::new();
+    let mut search = |is_open: &dyn Fn(Cell) -> bool, expansions_max| {
+        let search = Search::new(Graph::new(&map, &moves), &mut scratch, flat(0, 0), Goal::Cell(flat(6, 0)));
+        search.within(is_open).at_most(expansions_max).run().map(|path| path.cost / EDGE_COST)
+    };
+    assert_eq!(search(&|_| true, 7), Some(6));
+    assert_eq!(search(&|_| true, 6), None, "the goal is the seventh cell");
+    assert_eq!(search(&|cell| cell != flat(3, 0), 99), Some(10), "the other way round");
+    assert_eq!(search(&|cell| cell.x != 3, 99), None);
+    assert_eq!(search(&|cell| cell != flat(0, 0), 99), Some(6), "it starts there, whatever is said of it");
+}
+
+#[test]
 fn the_budget_says_when() {
     let map = comb(50);
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
@@ -257,7 +259,7 @@ fn the_background_finds_what_was_there_when_asked() {
     let mut map = comb(100);
     let moves = Moves::new(0.4, 1.0, Neighbours::TwentySix);
     let instant = find(Graph::new(&map, &moves), &mut Scratch::new(), flat(0, 2), Goal::Cell(flat(0, 6)));
-    let ask = |map: &ExplorationMap, goals| Background::start(map, &moves, flat(0, 2), goals, Tick(10));
+    let ask = |map: &ExplorationMap, goals| Background::start(map, &moves, flat(0, 2), goals, u64::MAX, Tick(10));
     let mut search = ask(&map, vec![flat(0, 6)]);
     let mut none = ask(&map, vec![flat(1, 1)]);
     let dropped = ask(&map, vec![flat(0, 6)]);

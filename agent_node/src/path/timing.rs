@@ -64,21 +64,29 @@ pub struct Background {
 const EXPANSIONS_PER_LOOK: u64 = 1024;
 
 impl Background {
-    /// Starts to search for the nearest of `goals` on a copy of the map; the answer may be used at `usable_at`.
+    /// Starts to search for the nearest of `goals` on a copy of the map, with at most `cells_max` expansions; the answer may be
+    /// used at `usable_at`.
     ///
     /// If the system grants no thread the search is carried out here and now: the answer is the same.
     #[must_use]
-    pub fn start(map: &ExplorationMap, moves: &Moves, start: Cell, goals: Vec<Cell>, usable_at: Tick) -> Self {
+    pub fn start(
+        map: &ExplorationMap,
+        moves: &Moves,
+        start: Cell,
+        goals: Vec<Cell>,
+        cells_max: u64,
+        usable_at: Tick,
+    ) -> Self {
         let is_dropped = Arc::new(AtomicBool::new(false));
         let job = {
             let (map, moves, is_dropped) = (map.clone(), moves.clone(), Arc::clone(&is_dropped));
             let goals = goals.clone();
-            move || search_unless(&is_dropped, Graph::new(&map, &moves), start, &goals)
+            move || search_unless(&is_dropped, Graph::new(&map, &moves), start, &goals, cells_max)
         };
         let thread = std::thread::Builder::new().name("path".to_owned()).spawn(job).ok();
         let path = match thread {
             Some(_) => None,
-            None => search_unless(&is_dropped, Graph::new(map, moves), start, &goals),
+            None => search_unless(&is_dropped, Graph::new(map, moves), start, &goals, cells_max),
         };
         Self { usable_at, is_dropped, thread, path }
     }
@@ -113,9 +121,15 @@ impl Drop for Background {
     }
 }
 
-fn search_unless(is_dropped: &AtomicBool, graph: Graph<'_>, start: Cell, goals: &[Cell]) -> Option<Path> {
+fn search_unless(
+    is_dropped: &AtomicBool,
+    graph: Graph<'_>,
+    start: Cell,
+    goals: &[Cell],
+    cells_max: u64,
+) -> Option<Path> {
     let mut scratch = Scratch::new();
-    let mut search = Search::new(graph, &mut scratch, start, Goal::AnyOf(goals));
+    let mut search = Search::new(graph, &mut scratch, start, Goal::AnyOf(goals)).at_most(cells_max);
     while !is_dropped.load(Ordering::Relaxed) {
         match search.step(EXPANSIONS_PER_LOOK) {
             Progress::Searching => {}
@@ -140,12 +154,12 @@ mod tests {
         map.note_free(&(0..extent.volume() as u32).collect::<Vec<_>>());
         let moves = Moves::new(0.4, 1.0, Neighbours::TwentySix);
         let goals = vec![Cell::new(59, 59, 59), Cell::new(59, 58, 59)];
-        let search = Background::start(&map, &moves, Cell::new(0, 0, 0), goals.clone(), Tick(10));
+        let search = Background::start(&map, &moves, Cell::new(0, 0, 0), goals.clone(), u64::MAX, Tick(10));
         let is_dropped = Arc::clone(&search.is_dropped);
         drop(search);
         // The thread holds the other half until it ends.
         assert_eq!(Arc::strong_count(&is_dropped), 1);
         let graph = Graph::new(&map, &moves);
-        assert_eq!(search_unless(&is_dropped, graph, Cell::new(0, 0, 0), &goals), None);
+        assert_eq!(search_unless(&is_dropped, graph, Cell::new(0, 0, 0), &goals, u64::MAX), None);
     }
 }

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::controllers::scene::{RADIUS_M, drawn, flat, is_through_free_cells};
+use crate::controllers::testing::{RADIUS_M, drawn, flat, is_through_free_cells};
 
 const FIVE: NonZeroU64 = NonZeroU64::new(5).unwrap();
 

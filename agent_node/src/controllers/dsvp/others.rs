@@ -9,7 +9,7 @@ use crate::command::Motion;
 use crate::observation::Contact;
 
 /// Distance between the centres of two bodies below which a way is blocked, in body radii: they touch at 2.
-const BERTH_RADII: f64 = 2.25;
+const BERTH_RADII: f64 = 2.05;
 
 /// Bodies farther away than this will have moved on before one gets there, in body radii.
 const NEAR_RADII: f64 = 12.0;

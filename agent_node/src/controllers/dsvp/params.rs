@@ -41,14 +41,14 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             horizon_m: 15.0,
-            extension_m: 3.0,
+            extension_m: 5.0,
             samples: 200,
             bias: 0.3,
             jitter_m: 1.0,
             frontiers: 5,
             lambda_distance_per_m: 0.03,
-            lambda_direction_per_m: 0.01,
-            gain_range_m: 10.0,
+            lambda_direction_per_m: 0.003,
+            gain_range_m: 15.0,
             gain_rays: 200,
             gain_depth: 3,
             gain_min: 3,

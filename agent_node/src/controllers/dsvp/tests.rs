@@ -3,12 +3,11 @@ use nalgebra::Point3;
 use proptest::prelude::*;
 use voxels::{Extent, Grid, Terrain};
 
-use super::super::tests_world::{TestWorld, briefing};
+use super::super::testing::World;
 use super::*;
 use crate::exploration_map::{CellState, Delta};
 use crate::observation::Contact;
 use crate::path::direct;
-use crate::travel::Travel;
 use tree::Growth;
 
 fn planner(settings: &[&str]) -> Dsvp {
@@ -71,7 +70,7 @@ fn explores_all_there_is() {
         ("pit", PIT, Cell::new(1, 1, 3)),
     ] {
         for (kind, mut controller) in [("dsvp", planner(&[])), ("dsvp-auction", bidder(0))] {
-            let mut world = TestWorld::new(drawing.trim_start(), start);
+            let mut world = World::new(drawing.trim_start(), start);
             world.run(&mut controller, 2000);
             let left = world.left(&[CellState::Free, CellState::Covered]);
             assert!(left.is_empty(), "{kind}, {name}: {left:?}, {:?}", world.said);
@@ -81,7 +80,7 @@ fn explores_all_there_is() {
 
 #[test]
 fn relocates_when_nothing_is_to_be_gained_nearby() {
-    let mut world = TestWorld::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
+    let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
     // No viewpoint is worth so much.
     let mut controller = planner(&["gain_min=1000"]);
     world.run(&mut controller, 2000);
@@ -93,57 +92,44 @@ fn relocates_when_nothing_is_to_be_gained_nearby() {
 
 #[test]
 fn a_frontier_that_was_given_up_comes_back_to_life_with_news_from_beyond() {
-    // A corridor of which the sensor shows no more, although there is more.
-    let extent = Extent::new([12, 1, 1], 1.0).unwrap();
-    let mut map = ExplorationMap::new(extent);
-    map.note_free(&[0, 1, 2, 3, 4, 5]);
-    let mut observation = super::super::tests::idle();
-    observation.pose.position = extent.centre(Cell::new(5, 0, 0));
-    let briefing = briefing(extent);
-    let mut travel = Travel::new(0.4, 1.0);
+    // The sensor shows no more of the corridor, although there is more.
+    let mut world = World::known("......??????", Cell::new(5, 0, 0));
+    let extent = world.map.extent();
     let mut controller = planner(&[]);
-    let mut ask = |map: &mut ExplorationMap| {
-        observation.scan_tick = Some(observation.tick);
-        let mut ctx = Ctx::new(AgentId(1), &briefing, &observation, map, &mut travel);
-        let command = controller.decide(&observation, &mut ctx);
-        observation.tick = observation.tick.next();
-        command.info
+    let mut ask = |world: &mut World| {
+        world.observation.tick = world.observation.tick.next();
+        world.observation.scan_tick = Some(world.observation.tick);
+        world.observation.is_active = false;
+        world.ask(&mut controller).info
     };
-    let said = ask(&mut map);
+    let said = ask(&mut world);
     assert!(!said.starts_with("relocation"), "it stands at the frontier: {said:?}");
     let mut other = ExplorationMap::new(extent);
     other.note_free(&[6, 7, 8]);
-    map.merge(&Delta::of(extent, other.changes_since(0)), AgentId(0));
-    let said = ask(&mut map);
+    world.map.merge(&Delta::of(extent, other.changes_since(0)), AgentId(0));
+    let said = ask(&mut world);
     assert!(["exploration to (7, 0, 0)", "exploration to (8, 0, 0)"].iter().any(|to| said.starts_with(to)), "{said}");
 }
 
 #[test]
 fn a_viewpoint_that_shows_less_than_was_hoped_is_not_chosen_again() {
     // It has come there, and the scan has shown nothing.
-    let cell = Cell::new(6, 4, 0);
-    let extent = Extent::new([12, 12, 1], 1.0).unwrap();
-    let mut observation = super::super::tests::idle();
-    observation.pose.position = extent.centre(cell);
-    observation.scan_tick = Some(observation.tick);
+    let cell = Cell::new(4, 0, 0);
+    let mut world = World::known("????.????", cell);
+    world.observation.scan_tick = Some(world.observation.tick);
     let mut blind = Dsvp { goal: Some(Goal::Viewpoint { cell, gain: 9 }), ..planner(&["gain_min=1"]) };
-    let mut map = ExplorationMap::new(extent);
-    map.note_covered(cell);
-    let briefing = briefing(extent);
-    let mut travel = Travel::new(0.4, 1.0);
-    let mut ctx = Ctx::new(AgentId(1), &briefing, &observation, &mut map, &mut travel);
-    blind.decide(&observation, &mut ctx);
+    world.ask(&mut blind);
     assert!(blind.barren.contains(&cell));
 }
 
 #[test]
 fn carries_its_news_to_the_agent_it_met_last_and_then_anywhere() {
-    let mut world = TestWorld::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
+    let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
     let met_at = Point3::new(13.5, 4.5, 0.5);
-    world.contacts = vec![Contact { agent: AgentId(2), position: met_at }];
+    world.observation.contacts = vec![Contact { agent: AgentId(2), position: met_at }];
     let mut controller = planner(&[]);
     world.ask(&mut controller);
-    world.contacts.clear();
+    world.observation.contacts.clear();
     world.run(&mut controller, 2000);
     let with_news: Vec<&String> = world.said.iter().filter(|said| said.starts_with("with news")).collect();
     assert_eq!(with_news[0], "with news to agent 2, last at (13, 4, 0)");
@@ -153,14 +139,14 @@ fn carries_its_news_to_the_agent_it_met_last_and_then_anywhere() {
 
 #[test]
 fn agents_in_each_others_way_do_not_wait_for_ever() {
-    let mut world = TestWorld::new(CORRIDOR.trim_start(), Cell::new(4, 1, 0));
-    world.contacts = vec![Contact { agent: AgentId(2), position: Point3::new(6.5, 1.5, 0.5) }];
+    let mut world = World::new(CORRIDOR.trim_start(), Cell::new(4, 1, 0));
+    world.observation.contacts = vec![Contact { agent: AgentId(2), position: Point3::new(6.5, 1.5, 0.5) }];
     let mut controller = planner(&[]);
     world.run(&mut controller, 400);
     assert!(world.said.iter().any(|said| said == "gives way"), "{:?}", world.said);
     assert!(world.said.iter().any(|said| said.starts_with("out of the way")), "{:?}", world.said);
     assert_eq!(world.collisions, 0);
-    world.contacts.clear();
+    world.observation.contacts.clear();
     world.run(&mut controller, 2000);
     assert_eq!(world.left(&[CellState::Free, CellState::Covered]), []);
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::controllers::scene::{Scene, drawn, flat};
+use crate::controllers::testing::{World, drawn, flat};
 
 fn rng() -> ChaCha8Rng {
     msgs::seed::stream(1, 0, "test")
@@ -10,17 +10,17 @@ fn planner() -> DsvpMaes3d {
 }
 
 /// Lets the tick go by in which the end of a task is not noticed yet, and asks.
-fn act(scene: &mut Scene, planner: &mut DsvpMaes3d) -> Command {
-    let late = scene.ask(planner);
+fn act(world: &mut World, planner: &mut DsvpMaes3d) -> Command {
+    let late = world.ask(planner);
     assert_eq!(late.motion, Motion::Keep);
-    assert_eq!(late.wake, Wake::at(scene.observation.tick.next()));
-    scene.wait(1);
-    scene.ask(planner)
+    assert_eq!(late.wake, Wake::at(world.observation.tick.next()));
+    world.wait(1);
+    world.ask(planner)
 }
 
-fn destination(scene: &Scene, command: &Command) -> Cell {
+fn destination(world: &World, command: &Command) -> Cell {
     let Motion::Path(way_points) = &command.motion else { panic!("{command:?}") };
-    scene.map.extent().cell_of(way_points.last().unwrap())
+    world.map.extent().cell_of(way_points.last().unwrap())
 }
 
 /// A wide room whose right side is unknown.
@@ -29,10 +29,10 @@ fn room() -> String {
 }
 
 /// In the room, with all of it that is known in view.
-fn in_room() -> Scene {
-    let mut scene = Scene::known(&room(), flat(4, 4));
-    scene.show(&(0..81).map(|number| flat(number % 9, number / 9)).collect::<Vec<_>>());
-    scene
+fn in_room() -> World {
+    let mut world = World::known(&room(), flat(4, 4));
+    world.show(&(0..81).map(|number| flat(number % 9, number / 9)).collect::<Vec<_>>());
+    world
 }
 
 /// A bent corridor with unknown ends: from the corner both are in sight, from an end only that one.
@@ -44,21 +44,21 @@ const BENT: &str = "\
 
 #[test]
 fn waits_for_a_scan_and_a_tick_and_always_asks_for_the_view() {
-    let mut scene = Scene::known(&room(), flat(4, 4));
+    let mut world = World::known(&room(), flat(4, 4));
     let mut planner = planner();
-    assert_eq!(scene.ask(&mut planner), Command::keep(Wake::NEXT_TICK).asking_for_view());
-    scene.observation = Observation { tick: Tick(1), ..in_room().observation };
+    assert_eq!(world.ask(&mut planner), Command::keep(Wake::NEXT_TICK).asking_for_view());
+    world.observation = Observation { tick: Tick(1), ..in_room().observation };
     // One tick after the start the status becomes idle, scan or no scan.
-    let go = scene.ask(&mut planner);
+    let go = world.ask(&mut planner);
     assert!(matches!(go.motion, Motion::Path(_)) && go.want_view, "{go:?}");
     assert_eq!(go.wake, UNDER_WAY);
-    assert_eq!(scene.ask(&mut planner), Command::keep(UNDER_WAY).asking_for_view());
+    assert_eq!(world.ask(&mut planner), Command::keep(UNDER_WAY).asking_for_view());
     // The end of a task is noticed a tick late; a collision at once.
-    scene.arrive(&go.motion);
-    let go = act(&mut scene, &mut planner);
+    world.arrive(&go.motion);
+    let go = act(&mut world, &mut planner);
     assert!(matches!(go.motion, Motion::Path(_)));
-    scene.collide();
-    assert!(matches!(scene.ask(&mut planner).motion, Motion::Path(_)));
+    world.collide();
+    assert!(matches!(world.ask(&mut planner).motion, Motion::Path(_)));
 }
 
 #[test]
@@ -206,84 +206,84 @@ fn a_neighbour_towards_y_is_no_gain() {
 fn relocation_takes_the_last_of_the_list() {
     // Both ends are round a corner; the list ends with the far one.
     let corridor = "....?\n.####\n.####\n...?#\n".replace("...?#", "..?##");
-    let mut scene = Scene::known(&corridor, flat(0, 2));
-    scene.show(&[flat(0, 2)]);
+    let mut world = World::known(&corridor, flat(0, 2));
+    world.show(&[flat(0, 2)]);
     let mut planner = planner();
     for far_is_last in [true, false] {
         planner.is_done = false;
         planner.frontiers = Frontiers::default();
         let (far, near) = (flat(3, 3), flat(1, 0));
         for cell in if far_is_last { [near, far] } else { [far, near] } {
-            planner.frontiers.push(cell, &scene.map);
+            planner.frontiers.push(cell, &world.map);
         }
-        let go = act(&mut scene, &mut planner);
-        assert_eq!(destination(&scene, &go), if far_is_last { far } else { near });
+        let go = act(&mut world, &mut planner);
+        assert_eq!(destination(&world, &go), if far_is_last { far } else { near });
         assert_eq!(planner.frontiers.list.len(), 1);
-        scene.observation.is_active = false;
+        world.observation.is_active = false;
     }
 }
 
 #[test]
 fn relocation_burns_what_can_be_reached_straight() {
-    let mut scene = Scene::known(BENT, flat(5, 3));
-    scene.show(&[flat(5, 3)]);
+    let mut world = World::known(BENT, flat(5, 3));
+    world.show(&[flat(5, 3)]);
     let mut planner = planner();
     // Both ends are in straight reach of the corner: the last one left is gone to, and that is the end.
     for cell in [flat(1, 3), flat(5, 1)] {
-        planner.frontiers.push(cell, &scene.map);
+        planner.frontiers.push(cell, &world.map);
     }
-    let go = act(&mut scene, &mut planner);
-    assert_eq!(destination(&scene, &go), flat(1, 3));
+    let go = act(&mut world, &mut planner);
+    assert_eq!(destination(&world, &go), flat(1, 3));
     assert!(planner.is_done && planner.frontiers.list.is_empty());
     assert_eq!(go.wake, NEVER);
 
     // From the other end the last is reached straight and thrown away; the one round the corner stops the loop.
-    let mut scene = Scene::known(BENT, flat(3, 3));
-    scene.show(&[flat(3, 3)]);
+    let mut world = World::known(BENT, flat(3, 3));
+    world.show(&[flat(3, 3)]);
     let mut planner = self::planner();
     for cell in [flat(1, 3), flat(5, 1), flat(1, 3)] {
-        planner.frontiers.push(cell, &scene.map);
+        planner.frontiers.push(cell, &world.map);
     }
-    let go = act(&mut scene, &mut planner);
-    assert_eq!(destination(&scene, &go), flat(5, 1));
+    let go = act(&mut world, &mut planner);
+    assert_eq!(destination(&world, &go), flat(5, 1));
     assert!(!planner.is_done);
     assert_eq!(planner.frontiers.list, [flat(1, 3)], "the first entry is another one");
 }
 
 #[test]
 fn relocation_leaves_out_what_is_no_frontier_any_more() {
-    let mut scene = Scene::known(BENT, flat(5, 3));
-    scene.show(&[flat(5, 3)]);
+    let mut world = World::known(BENT, flat(5, 3));
+    world.show(&[flat(5, 3)]);
     let mut planner = planner();
     for cell in [flat(1, 3), flat(5, 1)] {
-        planner.frontiers.push(cell, &scene.map);
+        planner.frontiers.push(cell, &world.map);
     }
-    scene.map.note_wall(&[5]);
-    let go = act(&mut scene, &mut planner);
-    assert_eq!(destination(&scene, &go), flat(1, 3));
+    world.map.note_wall(&[5]);
+    let go = act(&mut world, &mut planner);
+    assert_eq!(destination(&world, &go), flat(1, 3));
 }
 
 #[test]
 fn who_is_done_stays_so() {
-    let mut scene = Scene::known("...\n", flat(1, 0));
-    scene.show(&[flat(0, 0), flat(1, 0), flat(2, 0)]);
+    let mut world = World::known("...\n", flat(1, 0));
+    world.show(&[flat(0, 0), flat(1, 0), flat(2, 0)]);
     let mut planner = planner();
-    let end = act(&mut scene, &mut planner);
+    let end = act(&mut world, &mut planner);
     assert_eq!((end.motion, end.info.as_str(), end.wake), (Motion::Keep, "no frontiers left", NEVER));
-    let mut scene = in_room();
-    scene.observation.events = Events::PARCEL;
-    assert_eq!(scene.ask(&mut planner), Command::keep(NEVER));
+    let mut world = in_room();
+    world.observation.events = Events::PARCEL;
+    assert_eq!(world.ask(&mut planner), Command::keep(NEVER));
 }
 
 #[test]
 fn the_last_destination_is_the_root_even_if_it_was_not_reached() {
-    let mut scene = in_room();
+    let mut world = in_room();
     let mut planner = planner();
-    let first = act(&mut scene, &mut planner);
+    let first = act(&mut world, &mut planner);
     let (at, _) = planner.trees.as_ref().unwrap().destination.unwrap();
-    assert_eq!(cell_of(at), destination(&scene, &first));
-    scene.collide();
-    scene.ask(&mut planner);
+    assert_eq!(cell_of(at), destination(&world, &first));
+    world.collide();
+    world.ask(&mut planner);
     let trees = planner.trees.unwrap();
     assert_eq!(trees.local.at(trees.local.root()), at);
     assert_eq!(trees.global.at(trees.global.root()), centre(flat(4, 4)), "the global tree keeps its root");
@@ -325,37 +325,37 @@ fn relocation_sticks() {
 
 #[test]
 fn the_global_tree_grows_with_every_stage() {
-    let mut scene = in_room();
+    let mut world = in_room();
     let mut planner = planner();
     let mut nodes = 1;
     for _ in 0..5 {
-        let go = act(&mut scene, &mut planner);
+        let go = act(&mut world, &mut planner);
         let trees = planner.trees.as_ref().unwrap();
         assert!(trees.global.len() > nodes);
         nodes = trees.global.len();
-        scene.arrive(&go.motion);
+        world.arrive(&go.motion);
     }
 }
 
 #[test]
 fn without_a_destination_it_tries_again_and_lists_frontiers_once() {
     // Nothing around is free, so no sample can be added; seven frontiers are in view.
-    let mut scene = Scene::known("?????????\n#.......#\n####?####\n####.####\n", flat(4, 0));
-    scene.show(&(1..8).map(|x| flat(x, 2)).collect::<Vec<_>>());
+    let mut world = World::known("?????????\n#.......#\n####?####\n####.####\n", flat(4, 0));
+    world.show(&(1..8).map(|x| flat(x, 2)).collect::<Vec<_>>());
     let mut planner = planner();
-    let first = act(&mut scene, &mut planner);
+    let first = act(&mut world, &mut planner);
     assert_eq!((&first.motion, first.info.as_str()), (&Motion::Keep, "exploration: no destination"));
     // Nothing can come of it before there are news.
-    let wait = Wake { at: scene.observation.tick.after(10), events: Events::PARCEL };
+    let wait = Wake { at: world.observation.tick.after(10), events: Events::PARCEL };
     assert_eq!(first.wake, wait);
     let listed = planner.frontiers.list.len();
     assert_eq!(listed, 7 + 2);
-    scene.wait(10);
-    scene.ask(&mut planner);
+    world.wait(10);
+    world.ask(&mut planner);
     assert_eq!(planner.frontiers.list.len(), listed);
     // A cell beside it, which the next stage finds.
-    scene.map.note_free(&[9 + 4]);
-    let go = scene.ask(&mut planner);
+    world.map.note_free(&[9 + 4]);
+    let go = world.ask(&mut planner);
     assert!(matches!(go.motion, Motion::Path(_)), "{go:?}");
     assert!(!planner.is_trying_again);
 }

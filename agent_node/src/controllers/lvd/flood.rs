@@ -2,10 +2,14 @@
 //!
 //! Cells at equal distances come in the order of [`voxels::FACES`] from their predecessors, so the answer depends on the map
 //! and the question alone.
+//!
+//! A flood that is too large for one decision goes on in the next tick, on the map as it is then.
 
 use std::collections::VecDeque;
+use std::task::Poll;
 
-use voxels::Cell;
+use msgs::ids::Tick;
+use voxels::{Cell, FACES};
 
 use crate::exploration_map::{CellState, ExplorationMap};
 
@@ -16,6 +20,8 @@ pub(crate) enum Verdict {
     Best,
     /// It will do if there is nothing better.
     Good,
+    /// It will do if there is nothing good.
+    Fair,
     /// It is not.
     No,
 }
@@ -23,48 +29,101 @@ pub(crate) enum Verdict {
 /// What floods write on: one word per cell of the map, provided by the system page by page where floods get to.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Flood {
+    /// Of cells that were reached, the epoch, and in the lowest bits the number of the face that it was entered over.
     marks: Vec<u32>,
     epoch: u32,
     queue: VecDeque<Cell>,
+    good: Option<Cell>,
+    fair: Option<Cell>,
+    /// Where the present flood began, and in which tick it was carried on last.
+    began: Option<(Cell, Tick)>,
 }
 
+const FACE_BITS: u32 = 3;
+
+/// The face number of the cell that a flood begins in.
+const START: u32 = FACES.len() as u32;
+
 impl Flood {
-    /// The first cell that is best, else the first one that is good, among at most `cells_max` cells around `start`, in steps
-    /// over faces. The start itself need not be free.
+    /// The first cell that is best, else the first one that is good or fair, of the cells around `start`, in steps over faces. The
+    /// start itself need not be free.
+    ///
+    /// It looks at no more than `cells_max` cells. If there are more, it is pending, and goes on if it is asked for the same start
+    /// in the next tick.
     pub(crate) fn nearest(
         &mut self,
         map: &ExplorationMap,
         start: Cell,
         cells_max: usize,
-        mut judge: impl FnMut(Cell) -> Verdict,
-    ) -> Option<Cell> {
+        now: Tick,
+        judge: impl FnMut(Cell) -> Verdict,
+    ) -> Poll<Option<Cell>> {
+        let goes_on = self.began.is_some_and(|(cell, tick)| cell == start && tick.next() == now);
+        if !(goes_on && self.marks.len() == map.extent().volume()) {
+            self.begin(map, start);
+        }
+        let answer = self.spread(map, cells_max, judge);
+        self.began = answer.is_pending().then_some((start, now));
+        answer
+    }
+
+    fn begin(&mut self, map: &ExplorationMap, start: Cell) {
         let extent = map.extent();
-        if self.marks.len() != extent.volume() || self.epoch == u32::MAX {
+        if self.marks.len() != extent.volume() || self.epoch == u32::MAX >> FACE_BITS {
             *self = Self { marks: vec![0; extent.volume()], ..Self::default() };
         }
         self.epoch += 1;
+        (self.good, self.fair, self.began) = (None, None, None);
         self.queue.clear();
-        self.marks[extent.index(start)?] = self.epoch;
-        self.queue.push_back(start);
-        let mut good = None;
+        if let Some(index) = extent.index(start) {
+            self.marks[index] = self.epoch << FACE_BITS | START;
+            self.queue.push_back(start);
+        }
+    }
+
+    fn spread(
+        &mut self,
+        map: &ExplorationMap,
+        cells_max: usize,
+        mut judge: impl FnMut(Cell) -> Verdict,
+    ) -> Poll<Option<Cell>> {
+        let extent = map.extent();
         for _ in 0..cells_max {
             let Some(cell) = self.queue.pop_front() else { break };
             match judge(cell) {
-                Verdict::Best => return Some(cell),
-                Verdict::Good => good = good.or(Some(cell)),
+                Verdict::Best => return Poll::Ready(Some(cell)),
+                Verdict::Good => self.good = self.good.or(Some(cell)),
+                Verdict::Fair => self.fair = self.fair.or(Some(cell)),
                 Verdict::No => {}
             }
-            for next in cell.neighbours6() {
+            for (face, next) in (0..).zip(cell.neighbours6()) {
                 if let Some(index) = extent.index(next)
-                    && self.marks[index] != self.epoch
+                    && self.marks[index] >> FACE_BITS != self.epoch
                     && matches!(map.state(next), CellState::Free | CellState::Covered)
                 {
-                    self.marks[index] = self.epoch;
+                    self.marks[index] = self.epoch << FACE_BITS | face;
                     self.queue.push_back(next);
                 }
             }
         }
-        good
+        if self.queue.is_empty() { Poll::Ready(self.good.or(self.fair)) } else { Poll::Pending }
+    }
+
+    /// Where the way of the last flood to a cell that it has reached has got to after `steps` steps; the cell itself if that is
+    /// nearer.
+    pub(crate) fn towards(&self, map: &ExplorationMap, goal: Cell, steps: usize) -> Cell {
+        let mut way = VecDeque::from([goal]);
+        let mut cell = goal;
+        while let Some(index) = map.extent().index(cell)
+            && let Some(&mark) = self.marks.get(index)
+            && mark >> FACE_BITS == self.epoch
+            && let Some(&entered_by) = FACES.get((mark & ((1 << FACE_BITS) - 1)) as usize)
+        {
+            cell = cell - entered_by;
+            way.push_front(cell);
+            way.truncate(steps + 1);
+        }
+        way.back().copied().unwrap_or(goal)
     }
 
     /// Whether there is no way over faces from `from` to `to` through free cells, because the free cells around `from` end before
@@ -72,7 +131,8 @@ impl Flood {
     /// begins outside of it would go through everything else first.
     pub(crate) fn is_cut_off(&mut self, map: &ExplorationMap, from: Cell, to: Cell, cells_max: usize) -> bool {
         let judge = |cell| if cell == to { Verdict::Best } else { Verdict::No };
-        self.nearest(map, from, cells_max, judge).is_none() && self.queue.is_empty()
+        self.begin(map, from);
+        self.spread(map, cells_max, judge) == Poll::Ready(None)
     }
 }
 
@@ -93,19 +153,47 @@ mod tests {
         map
     }
 
+    fn at(cell: Cell) -> impl Fn(Cell) -> Verdict {
+        move |found| if found == cell { Verdict::Best } else { Verdict::No }
+    }
+
     #[test]
     fn finds_the_nearest_on_the_way_through_free_cells() {
         let map = known("...\n.#.\n.#.\n");
         let mut flood = Flood::default();
-        let at = |cell| move |found| if found == cell { Verdict::Best } else { Verdict::No };
         let start = Cell::new(0, 0, 0);
         let goal = Cell::new(2, 0, 0);
-        assert_eq!(flood.nearest(&map, start, 100, at(goal)), Some(goal));
-        assert_eq!(flood.nearest(&map, start, 6, at(goal)), None);
-        assert_eq!(flood.nearest(&map, start, 100, at(Cell::new(1, 1, 0))), None);
-        assert_eq!(flood.nearest(&map, Cell::new(0, 9, 0), 100, |_| Verdict::Best), None);
-        let good = |cell: Cell| if cell.y == 2 { Verdict::Good } else { Verdict::No };
-        assert_eq!(flood.nearest(&map, start, 100, good), Some(Cell::new(0, 2, 0)));
+        let mut nearest = |start, judge: &dyn Fn(Cell) -> Verdict| flood.nearest(&map, start, 100, Tick(1), judge);
+        assert_eq!(nearest(start, &at(goal)), Poll::Ready(Some(goal)));
+        assert_eq!(nearest(start, &at(Cell::new(1, 1, 0))), Poll::Ready(None));
+        assert_eq!(nearest(Cell::new(0, 9, 0), &|_| Verdict::Best), Poll::Ready(None));
+        let good = |cell: Cell| if cell.y == 2 { Verdict::Good } else { Verdict::Fair };
+        assert_eq!(nearest(start, &good), Poll::Ready(Some(Cell::new(0, 2, 0))));
+        let fair = |cell: Cell| if cell.y == 2 { Verdict::Fair } else { Verdict::No };
+        assert_eq!(nearest(start, &fair), Poll::Ready(Some(Cell::new(0, 2, 0))));
+    }
+
+    #[test]
+    fn goes_on_in_the_next_tick_and_else_begins_again() {
+        let map = known("......\n");
+        let [start, goal] = [0, 5].map(|x| Cell::new(x, 0, 0));
+        let mut flood = Flood::default();
+        let mut nearest = |tick, start| flood.nearest(&map, start, 2, Tick(tick), at(goal));
+        assert_eq!([1, 2, 3].map(|tick| nearest(tick, start)), [Poll::Pending, Poll::Pending, Poll::Ready(Some(goal))]);
+        // A tick too late, and from elsewhere.
+        assert_eq!([5, 6, 8, 9].map(|tick| nearest(tick, start)), [Poll::Pending; 4]);
+        assert_eq!(nearest(10, Cell::new(1, 0, 0)), Poll::Pending);
+    }
+
+    #[test]
+    fn knows_the_way_it_came() {
+        let map = known("...\n.#.\n.#.\n");
+        let mut flood = Flood::default();
+        let [start, goal] = [0, 2].map(|x| Cell::new(x, 0, 0));
+        assert_eq!(flood.nearest(&map, start, 100, Tick(1), at(goal)), Poll::Ready(Some(goal)));
+        let after = [0, 1, 2, 3, 5, 6, 9].map(|steps| flood.towards(&map, goal, steps));
+        let way = [(0, 0), (0, 1), (0, 2), (1, 2), (2, 1), (2, 0), (2, 0)].map(|(x, y)| Cell::new(x, y, 0));
+        assert_eq!(after, way);
     }
 
     #[test]
@@ -123,14 +211,13 @@ mod tests {
     fn can_be_used_for_another_map() {
         let mut flood = Flood::default();
         let empty = ExplorationMap::new(Extent::new([1, 1, 1], 1.0).unwrap());
-        assert_eq!(flood.nearest(&empty, Cell::default(), 9, |_| Verdict::Good), Some(Cell::default()));
-        assert_eq!(
-            flood.nearest(&known("..\n"), Cell::new(1, 0, 0), 9, |cell| if cell.x == 0 {
-                Verdict::Best
-            } else {
-                Verdict::No
-            }),
-            Some(Cell::default())
-        );
+        let mut nearest =
+            |map: &ExplorationMap, x| {
+                flood.nearest(map, Cell::new(x, 0, 0), 9, Tick(1), |cell| {
+                    if cell.x == 0 { Verdict::Best } else { Verdict::No }
+                })
+            };
+        assert_eq!(nearest(&empty, 0), Poll::Ready(Some(Cell::default())));
+        assert_eq!(nearest(&known("..\n"), 1), Poll::Ready(Some(Cell::default())));
     }
 }

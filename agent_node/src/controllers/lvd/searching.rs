@@ -1,6 +1,7 @@
 //! Search mode: where to go when no unvisited cell of the own region is in sight.
 
 use std::convert::Infallible;
+use std::task::Poll;
 
 use voxels::Cell;
 
@@ -12,8 +13,8 @@ use super::region::Region;
 use crate::controllers::Ctx;
 use crate::exploration_map::CellState;
 
-/// Most cells that one look around for the nearest unvisited one goes through: some milliseconds.
-const FLOOD_CELLS_MAX: usize = 1 << 18;
+/// Most cells that a look around for the nearest unvisited one goes through in a tick: a millisecond or two.
+const FLOOD_CELLS_MAX: usize = 1 << 16;
 
 /// What search mode knows when it has to choose.
 pub(crate) struct Search<'a, 'b> {
@@ -98,21 +99,98 @@ impl Search<'_, '_> {
     }
 
     /// The unvisited cell with the shortest way through free cells, in the region if there is one there, else anywhere; then a
-    /// cell at the edge of what is known.
-    pub(crate) fn nearest_on_map(&self, flood: &mut Flood) -> Option<Cell> {
+    /// cell at the edge of what is known. If the map is large that takes some ticks.
+    pub(crate) fn nearest_on_map(&self, flood: &mut Flood) -> Poll<Option<Cell>> {
         let map = self.ctx.map();
-        let mut edge = None;
         let own = self.ctx.cell();
-        let unvisited = flood.nearest(map, own, FLOOD_CELLS_MAX, |cell| {
+        flood.nearest(map, own, FLOOD_CELLS_MAX, self.ctx.tick(), |cell| {
             if map.state(cell) == CellState::Free && !(self.is_refused)(cell) {
                 if self.region.holds(&map.extent().centre(cell)) { Verdict::Best } else { Verdict::Good }
+            } else if cell != own && map.is_frontier(cell) && self.may_be_chosen(cell) {
+                Verdict::Fair
             } else {
-                if edge.is_none() && cell != own && map.is_frontier(cell) && self.may_be_chosen(cell) {
-                    edge = Some(cell);
-                }
                 Verdict::No
             }
-        });
-        unvisited.or(edge)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use msgs::ids::{AgentId, Tick};
+
+    use super::*;
+    use crate::controllers::testing::{World, flat};
+    use crate::observation::Contact;
+
+    /// A corridor with two side corridors, of which one sees the mouths alone.
+    const MOUTHS: &str = "\
+        ###########\n\
+        #.........#\n\
+        ####.##.###\n\
+        ####.##.###\n\
+        ###########\n";
+
+    const NEAR: Cell = flat(4, 3);
+    const FAR: Cell = flat(7, 3);
+
+    /// At the left end, after a scan.
+    fn at_the_left() -> World {
+        let mut world = World::new(MOUTHS, flat(1, 3));
+        world.look();
+        world
+    }
+
+    /// What `ask` gets from a search in a world.
+    fn search<T>(world: &mut World, places: &Places, refused: &[Cell], ask: impl FnOnce(&Search<'_, '_>) -> T) -> T {
+        let mut scan = LastScan::default();
+        scan.load(world.map.extent(), &world.view());
+        let observation = world.observation.clone();
+        let ctx = world.ctx();
+        let region = Region::new(&observation, &ctx);
+        let is_refused = &|cell| refused.contains(&cell);
+        ask(&Search { ctx: &ctx, scan: &scan, region: &region, places, visits_max: 2, is_refused })
+    }
+
+    #[test]
+    fn occlusion_points_are_looked_from_in_turn_until_they_were_visited_too_often() {
+        let mut world = at_the_left();
+        let mut places = Places::new(0.0);
+        let mut looked_from = Vec::new();
+        for tick in 1.. {
+            let Some(point) = search(&mut world, &places, &[], |search| search.occlusion_point()) else { break };
+            places.visit(point, Tick(tick));
+            looked_from.push(point);
+        }
+        assert_eq!(looked_from, [NEAR, FAR, NEAR, FAR]);
+    }
+
+    #[test]
+    fn near_occlusion_points_are_one() {
+        let mut world = at_the_left();
+        let mut places = Places::new(3.0);
+        places.visit(NEAR, Tick(1));
+        assert_eq!(search(&mut world, &places, &[], |search| search.occlusion_point()), Some(NEAR));
+        places.visit(NEAR, Tick(2));
+        assert_eq!(search(&mut world, &places, &[], |search| search.occlusion_point()), None);
+    }
+
+    #[test]
+    fn occlusion_points_that_are_refused_or_hide_nothing_or_are_anothers_do_not_count() {
+        let mut world = at_the_left();
+        let places = Places::new(0.0);
+        assert_eq!(search(&mut world, &places, &[NEAR], |search| search.occlusion_point()), Some(FAR));
+        // Both mouths are nearer to the other.
+        world.observation.contacts =
+            vec![Contact { agent: AgentId(0), position: world.map.extent().centre(flat(6, 3)) }];
+        assert_eq!(search(&mut world, &places, &[], |search| search.occlusion_point()), None);
+        assert_eq!(search(&mut world, &places, &[], |search| search.boundary()), Some(flat(3, 3)));
+        world.observation.contacts.clear();
+        assert_eq!(search(&mut world, &places, &[], |search| search.boundary()), None);
+        for y in 1..3 {
+            world.map.note_covered(flat(4, y));
+        }
+        world.map.note_wall(&[flat(3, 2), flat(5, 2)].map(|cell| world.map.extent().index(cell).unwrap() as u32));
+        assert_eq!(search(&mut world, &places, &[], |search| search.occlusion_point()), Some(FAR));
     }
 }

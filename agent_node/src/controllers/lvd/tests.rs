@@ -1,10 +1,9 @@
 use msgs::ids::AgentId;
 use nalgebra::Point3;
-use proptest::prelude::*;
 
 use super::*;
-use crate::controllers::tests_world::{TestWorld, any_observation, assert_always_legal};
-use crate::observation::Contact;
+use crate::controllers::testing::World;
+use crate::observation::{Cells, Contact};
 
 const CORRIDOR: &str =
     "##############################\n#............................#\n##############################\n";
@@ -45,8 +44,8 @@ fn lvd(settings: &[&str]) -> Lvd {
 }
 
 /// Whether it visits everything, and then waits.
-fn visits_all(drawing: &str, start: Cell, settings: &[&str]) -> TestWorld {
-    let mut world = TestWorld::new(drawing, start);
+fn visits_all(drawing: &str, start: Cell, settings: &[&str]) -> World {
+    let mut world = World::new(drawing, start);
     world.run(&mut lvd(settings), 3000);
     assert_eq!(world.left(&[CellState::Covered]), [], "{settings:?}");
     assert_eq!(world.said.last().unwrap(), "nothing left to do, waiting for news", "{settings:?}");
@@ -84,18 +83,18 @@ fn asks_only_when_there_is_something_to_decide() {
 
 #[test]
 fn goes_straight_on_through_what_is_unvisited() {
-    let mut world = TestWorld::new(CORRIDOR, Cell::new(1, 1, 0));
+    let mut world = World::new(CORRIDOR, Cell::new(1, 1, 0));
     let mut near = lvd(&["leg_max_m=0"]);
     world.run(&mut near, 2);
     assert_eq!(world.said, ["destination (5.50, 1.50, 0.50), exploring"]);
-    let mut world = TestWorld::new(CORRIDOR, Cell::new(1, 1, 0));
+    let mut world = World::new(CORRIDOR, Cell::new(1, 1, 0));
     world.run(&mut lvd(&["leg_max_m=10"]), 2);
     assert_eq!(world.said, ["destination (11.50, 1.50, 0.50), exploring"]);
 }
 
 #[test]
 fn of_directions_that_are_equally_good_the_compass_takes_the_first() {
-    let mut world = TestWorld::new(CORRIDOR, Cell::new(14, 1, 0));
+    let mut world = World::new(CORRIDOR, Cell::new(14, 1, 0));
     world.run(&mut lvd(&["leg_max_m=0", "near_m=0"]), 2);
     // West comes before east.
     assert_eq!(world.said, ["destination (10.50, 1.50, 0.50), exploring"]);
@@ -103,23 +102,23 @@ fn of_directions_that_are_equally_good_the_compass_takes_the_first() {
 
 #[test]
 fn leaves_what_is_nearer_to_another_to_it() {
-    let mut world = TestWorld::new(CORRIDOR, Cell::new(14, 1, 0));
-    world.contacts = vec![Contact { agent: AgentId(0), position: Point3::new(10.5, 1.5, 0.5) }];
+    let mut world = World::new(CORRIDOR, Cell::new(14, 1, 0));
+    world.observation.contacts = vec![Contact { agent: AgentId(0), position: Point3::new(10.5, 1.5, 0.5) }];
     world.run(&mut lvd(&["leg_max_m=0", "near_m=0"]), 2);
     assert_eq!(world.said, ["destination (18.50, 1.50, 0.50), exploring"]);
 }
 
 #[test]
 fn goes_to_the_boundary_when_its_region_is_done() {
-    let mut world = TestWorld::new(CORRIDOR, Cell::new(1, 1, 0));
-    world.contacts = vec![Contact { agent: AgentId(0), position: Point3::new(9.5, 1.5, 0.5) }];
+    let mut world = World::new(CORRIDOR, Cell::new(1, 1, 0));
+    world.observation.contacts = vec![Contact { agent: AgentId(0), position: Point3::new(9.5, 1.5, 0.5) }];
     world.run(&mut lvd(&["visit_radius_m=5"]), 2);
     assert_eq!(world.said, ["destination (4.50, 1.50, 0.50), search mode: to the boundary of the region"]);
 }
 
 #[test]
 fn leaves_search_mode_once_it_sees_something_unvisited() {
-    let mut world = TestWorld::new(ROOMS, Cell::new(2, 2, 0));
+    let mut world = World::new(ROOMS, Cell::new(2, 2, 0));
     let mut lvd = lvd(&["visit_radius_m=24"]);
     world.run(&mut lvd, 3000);
     let searched = world.said.iter().position(|said| said.contains("search mode"));
@@ -131,9 +130,9 @@ fn leaves_search_mode_once_it_sees_something_unvisited() {
 #[test]
 fn two_in_each_others_way_do_not_stay_there() {
     let wide = "##############\n#............#\n#............#\n##############\n";
-    let mut world = TestWorld::new(wide, Cell::new(1, 1, 0));
+    let mut world = World::new(wide, Cell::new(1, 1, 0));
     // Stands in the way and is silent about it as far as regions go: nothing is nearer to it.
-    world.contacts = vec![Contact { agent: AgentId(2), position: Point3::new(6.5, 1.5, 0.5) }];
+    world.observation.contacts = vec![Contact { agent: AgentId(2), position: Point3::new(6.5, 1.5, 0.5) }];
     let mut lvd = lvd(&["leg_max_m=0"]);
     world.run(&mut lvd, 20_000);
     assert!(world.been.iter().any(|cell| cell.x > 8), "{:?}", world.been);
@@ -148,10 +147,19 @@ fn settings_are_checked() {
     }
 }
 
-proptest! {
-    #[test]
-    fn every_command_is_legal_whatever_is_observed(observations in prop::collection::vec(any_observation(), 1..12)) {
-        assert_always_legal(&mut lvd(&[]), &observations);
-        assert_always_legal(&mut lvd(&["search_time=budgeted", "search_cells_per_tick=1"]), &observations);
+#[test]
+fn what_is_far_away_is_gone_to_in_stages() {
+    let wide = 150;
+    let drawing = format!("{0}\n#{1}#\n{0}\n", "#".repeat(wide + 2), ".".repeat(wide));
+    let mut world = World::known(&drawing, Cell::new(1, 1, 0));
+    for cell in world.left(&[]).into_iter().filter(|cell| cell.x != 150) {
+        world.map.note_covered(cell);
     }
+    world.observation.scan_tick = Some(Tick::ZERO);
+    world.observation.view = Some(Cells::default());
+    let mut lvd = lvd(&[]);
+    world.ask(&mut lvd);
+    assert_eq!(world.said, ["destination (49.50, 1.50, 0.50), search mode: back to what is unvisited"]);
+    world.run(&mut lvd, 1000);
+    assert_eq!(world.left(&[CellState::Covered]), []);
 }

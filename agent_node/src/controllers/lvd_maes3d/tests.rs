@@ -1,8 +1,7 @@
 use msgs::ids::AgentId;
-use proptest::prelude::*;
 
 use super::*;
-use crate::controllers::tests_world::{TestWorld, any_observation, assert_always_legal};
+use crate::controllers::testing::World;
 use crate::observation::{Cells, Contact};
 
 const FIELD: &str = "\
@@ -41,14 +40,14 @@ fn contact(x: i32, y: i32, z: i32) -> Contact {
 }
 
 /// An agent in search mode whose last scan is that from where it stands.
-fn searching_in(world: &mut TestWorld) -> LvdMaes3d {
-    world.observe();
+fn searching_in(world: &mut World) -> LvdMaes3d {
+    world.look();
     let mut lvd = LvdMaes3d { is_in_search_mode: true, ..LvdMaes3d::new() };
     lvd.scan.load(world.map.extent(), &world.view());
     lvd
 }
 
-fn cover_all(world: &mut TestWorld) {
+fn cover_all(world: &mut World) {
     for cell in world.left(&[CellState::Covered]) {
         world.map.note_covered(cell);
     }
@@ -60,23 +59,25 @@ fn to(cell: Cell) -> Motion {
 
 #[test]
 fn acts_a_tick_late_at_the_start_and_after_each_task() {
-    let mut world = TestWorld::new(FIELD, MIDDLE);
+    let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = LvdMaes3d::new();
+    world.look();
     assert_eq!(world.ask(&mut lvd).wake, Wake::at(Tick(1)));
-    world.tick = Tick(1);
+    world.observation.tick = Tick(1);
+    world.look();
     assert_eq!(world.ask(&mut lvd).motion, to(Cell::new(7, 11, 0)));
     world.run(&mut lvd, 3);
-    let mut observation = world.observe();
-    observation.is_active = false;
-    observation.tick = Tick(50);
-    assert_eq!(world.ask_about(&mut lvd, &observation).wake, Wake::at(Tick(51)));
-    observation.tick = Tick(51);
-    assert_ne!(world.ask_about(&mut lvd, &observation).motion, Motion::Keep);
+    world.look();
+    world.observation.is_active = false;
+    world.observation.tick = Tick(50);
+    assert_eq!(world.ask(&mut lvd).wake, Wake::at(Tick(51)));
+    world.observation.tick = Tick(51);
+    assert_ne!(world.ask(&mut lvd).motion, Motion::Keep);
 }
 
 #[test]
 fn of_cells_equally_near_the_one_on_its_plus_z_side_counts_and_cells_within_3_75_are_visited() {
-    let mut world = TestWorld::new(FIELD, MIDDLE);
+    let mut world = World::new(FIELD, MIDDLE);
     world.run(&mut LvdMaes3d::new(), 2);
     assert_eq!(world.said, ["destination (7.5, 11.5, 0.5), exploration mode"]);
     assert_eq!(world.map.state(Cell::new(9, 4, 0)), CellState::Covered);
@@ -88,19 +89,20 @@ fn cells_between_two_agents_belong_to_both() {
     let (own, other) = (Cell::new(0, 0, 0), Cell::new(4, 0, 0));
     assert!(is_own(own, &[other], Cell::new(2, 0, 0)) && is_own(other, &[own], Cell::new(2, 0, 0)));
     assert!(!is_own(own, &[other], Cell::new(3, 0, 0)));
-    let mut world = TestWorld::new(FIELD, MIDDLE);
-    world.contacts = vec![contact(7, 9, 0)];
+    let mut world = World::new(FIELD, MIDDLE);
+    world.observation.contacts = vec![contact(7, 9, 0)];
     world.run(&mut LvdMaes3d::new(), 2);
     assert_eq!(world.said, ["destination (3.5, 7.5, 0.5), exploration mode"]);
 }
 
 #[test]
 fn looks_at_the_last_scan_even_if_it_is_from_another_place() {
-    let mut world = TestWorld::new(FIELD, MIDDLE);
-    world.observe();
+    let mut world = World::new(FIELD, MIDDLE);
+    world.look();
     let extent = world.map.extent();
     let far = extent.index(Cell::new(13, 1, 0)).unwrap() as u32;
-    let mut observation = world.observe();
+    world.look();
+    let mut observation = world.observation.clone();
     observation.tick = Tick(9);
     observation.view = Some(Cells { free: vec![far], wall: vec![] });
     let mut lvd = LvdMaes3d { notices_at: Some(Tick(9)), ..LvdMaes3d::new() };
@@ -109,7 +111,7 @@ fn looks_at_the_last_scan_even_if_it_is_from_another_place() {
 
 #[test]
 fn selections_count_neighbours_are_not_merged_and_the_last_one_listed_is_left() {
-    let mut world = TestWorld::new(&hall(), Cell::new(3, 7, 2));
+    let mut world = World::new(&hall(), Cell::new(3, 7, 2));
     let mut lvd = searching_in(&mut world);
     let extent = world.map.extent();
     let mut select = || lvd.occlusion_point(extent, Cell::new(3, 7, 2), &[]).unwrap();
@@ -131,15 +133,16 @@ fn selections_count_neighbours_are_not_merged_and_the_last_one_listed_is_left() 
 
 #[test]
 fn anything_unvisited_in_view_ends_search_mode_at_the_centre_of_the_own_cell() {
-    let mut world = TestWorld::new(FIELD, MIDDLE);
+    let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = searching_in(&mut world);
     cover_all(&mut world);
-    let mut observation = world.observe();
+    world.look();
+    let mut observation = world.observation.clone();
     observation.is_active = true;
     observation.events = Events::NEW_CELL;
     assert_eq!(world.ask_about(&mut lvd, &observation).motion, Motion::Keep);
     // Another map, of which one cell is not visited; it is somebody else's.
-    let mut world = TestWorld::new(FIELD, MIDDLE);
+    let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = searching_in(&mut world);
     for cell in world.left(&[CellState::Covered]).into_iter().filter(|&cell| cell != Cell::new(13, 13, 0)) {
         world.map.note_covered(cell);
@@ -153,11 +156,12 @@ fn anything_unvisited_in_view_ends_search_mode_at_the_centre_of_the_own_cell() {
 
 #[test]
 fn a_wall_at_the_edge_of_the_map_is_an_error() {
-    let mut world = TestWorld::new(FIELD, MIDDLE);
+    let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = searching_in(&mut world);
     cover_all(&mut world);
     assert_eq!(lvd.occlusion_point(world.map.extent(), MIDDLE, &[]), Err(OutOfBounds));
-    let mut observation = world.observe();
+    world.look();
+    let mut observation = world.observation.clone();
     observation.tick = Tick(5);
     lvd.notices_at = Some(Tick(5));
     assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Wake::NEXT_TICK));
@@ -166,9 +170,10 @@ fn a_wall_at_the_edge_of_the_map_is_an_error() {
 
 #[test]
 fn with_nothing_to_do_it_tries_again_in_each_tick() {
-    let mut world = TestWorld::new(FIELD, MIDDLE);
+    let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = LvdMaes3d { notices_at: Some(Tick(5)), ..LvdMaes3d::new() };
-    let mut observation = world.observe();
+    world.look();
+    let mut observation = world.observation.clone();
     observation.tick = Tick(5);
     assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Wake::NEXT_TICK));
     assert!(lvd.is_in_search_mode);
@@ -176,15 +181,21 @@ fn with_nothing_to_do_it_tries_again_in_each_tick() {
 
 #[test]
 fn visits_a_hall_with_a_pillar() {
-    let mut world = TestWorld::new(&hall(), Cell::new(3, 7, 2));
+    let mut world = World::new(&hall(), Cell::new(3, 7, 2));
     world.run(&mut LvdMaes3d::new(), 2000);
     assert!(world.said.iter().any(|said| said.ends_with("search mode")), "{:?}", world.said);
     assert_eq!(world.left(&[CellState::Covered]), []);
 }
 
-proptest! {
-    #[test]
-    fn every_command_is_legal_whatever_is_observed(observations in prop::collection::vec(any_observation(), 1..12)) {
-        assert_always_legal(&mut LvdMaes3d::new(), &observations);
-    }
+#[test]
+fn ways_are_searched_for_over_faces_and_take_no_time() {
+    let start = Cell::new(3, 7, 2);
+    let mut world = World::known(&hall(), start);
+    let far = world.left(&[]).into_iter().filter(|&cell| squared(cell - start) > 15);
+    let way = |world: &mut World, goal, by| world.ctx().go_to_cell_by(goal, by, SearchTime::Instant);
+    let mut both = far.map(|goal| (goal, [Neighbours::Six, Neighbours::TwentySix].map(|by| way(&mut world, goal, by))));
+    let (goal, [over_faces, _]) = both.find(|(_, [one, other])| one != other).unwrap();
+    world.observation.view = Some(Cells { free: vec![world.map.extent().index(goal).unwrap() as u32], wall: vec![] });
+    let mut lvd = LvdMaes3d { notices_at: Some(Tick::ZERO), ..LvdMaes3d::new() };
+    assert_eq!(Journey::Go(world.ask(&mut lvd).motion), over_faces);
 }

@@ -1,0 +1,325 @@
+//! For tests of controllers: a small world drawn as text, with one agent that learns by looking around.
+//!
+//! There are two ways to drive it. Step by step: [`World::look`], [`World::ask`], and then [`World::arrive`] or [`World::collide`],
+//! which end a motion at once and as a whole. Or in ticks: [`World::run`], in which the agent scans whenever it is asked, and moves
+//! along its way-points. The body is a point that moves half a metre in a tick and turns at once; the real one is the server's.
+//!
+//! Invariant: every command that a controller gives here is legal, or the test fails (`legal`).
+
+mod legal;
+
+use std::collections::VecDeque;
+
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::Wake as Events;
+use nalgebra::{Point3, Vector3};
+use voxels::{Cell, Extent, Grid, Terrain, line_of_sight};
+
+use super::{Controller, Ctx};
+use crate::command::{Command, Motion, Wake};
+pub(crate) use crate::exploration_map::drawing::drawn;
+use crate::exploration_map::{CellState, ExplorationMap};
+use crate::observation::{Briefing, Cells, Collision, Contact, Observation, Pose, Surface};
+use crate::travel::Travel;
+
+/// The agent.
+const AGENT: AgentId = AgentId(1);
+
+/// How far the body gets in a tick.
+const STEP_M: f64 = 0.5;
+
+/// Two bodies that come nearer than this collide.
+const NEAR_M: f64 = 2.0 * RADIUS_M;
+
+/// Radius of the body, metres.
+pub(crate) const RADIUS_M: f64 = 0.4;
+
+/// At rest in the middle of a cube of ten cells, in the first tick; nothing has happened and nothing was scanned.
+pub(crate) fn idle() -> Observation {
+    Observation {
+        tick: Tick::ZERO,
+        pose: Pose { position: Point3::new(5.5, 5.5, 5.5), yaw_rad: 0.0 },
+        velocity_m_s: Vector3::zeros(),
+        yaw_rate_rad_s: 0.0,
+        is_active: false,
+        collision: None,
+        events: 0,
+        contacts: Vec::new(),
+        parcels: Vec::new(),
+        scan_tick: None,
+        seen: Cells::default(),
+        view: None,
+    }
+}
+
+/// The same after a collision with rock.
+pub(crate) fn collided(observation: Observation, surface: Surface) -> Observation {
+    Observation { collision: Some(Collision { surface, with_agent: false }), ..observation }
+}
+
+/// One agent in a world.
+pub(crate) struct World {
+    terrain: Grid<Terrain>,
+    briefing: Briefing,
+    travel: Travel,
+    pub(crate) map: ExplorationMap,
+    /// What it is told next. Those in contact stand in its way when it moves in ticks.
+    pub(crate) observation: Observation,
+    way: VecDeque<Point3<f64>>,
+    wake: Wake,
+    wants_view: bool,
+    /// What it has said.
+    pub(crate) said: Vec<String>,
+    pub(crate) decisions: u32,
+    pub(crate) collisions: u32,
+    /// Cells that the body has been in, in order, as far as it has moved in ticks.
+    pub(crate) been: Vec<Cell>,
+}
+
+impl World {
+    /// At the centre of a free cell of a world that is drawn; `?` is wall there, and nothing is known.
+    pub(crate) fn new(text: &str, start: Cell) -> Self {
+        let terrain = Grid::from_text(&text.replace('?', "#")).unwrap();
+        assert_eq!(terrain.get(start), Some(&Terrain::Free));
+        Self::of(terrain, start)
+    }
+
+    /// The same, and all that is drawn but `?` is known; no scan has been made.
+    pub(crate) fn known(text: &str, start: Cell) -> Self {
+        Self { map: drawn(text), ..Self::new(text, start) }
+    }
+
+    /// The empty cube of [`idle`], of which nothing is known.
+    pub(crate) fn empty() -> Self {
+        Self::of(Grid::new(Extent::new([10; 3], 1.0).unwrap(), Terrain::Free), Cell::new(5, 5, 5))
+    }
+
+    fn of(terrain: Grid<Terrain>, start: Cell) -> Self {
+        let extent = terrain.extent();
+        let briefing = Briefing {
+            duration: Tick(90_000),
+            extent,
+            agents: 3,
+            agents_seed: 1,
+            controller: String::new(),
+            settings: Vec::new(),
+            body_radius_m: RADIUS_M,
+            lidar_range_m: f64::INFINITY,
+            lidar_period_ticks: 10,
+            communication_range_m: f64::INFINITY,
+            share_period_ticks: 251,
+        };
+        let pose = Pose { position: extent.centre(start), yaw_rad: 0.0 };
+        Self {
+            terrain,
+            briefing,
+            travel: Travel::new(RADIUS_M, 1.0),
+            map: ExplorationMap::new(extent),
+            observation: Observation { pose, ..idle() },
+            way: VecDeque::new(),
+            wake: Wake::NEXT_TICK,
+            wants_view: false,
+            said: Vec::new(),
+            decisions: 0,
+            collisions: 0,
+            been: vec![start],
+        }
+    }
+
+    /// All free cells in line of sight, and the walls beside them.
+    pub(crate) fn view(&self) -> Cells {
+        let extent = self.terrain.extent();
+        let here = self.observation.pose.position;
+        let is_free = |cell: Cell| self.terrain.get(cell) == Some(&Terrain::Free);
+        let is_seen = |cell: Cell| is_free(cell) && line_of_sight(&self.terrain, &here, &extent.centre(cell));
+        let free: Vec<Cell> = extent.cells().filter(|&cell| is_seen(cell)).collect();
+        let mut wall: Vec<Cell> = free.iter().flat_map(|cell| cell.neighbours6()).collect();
+        wall.retain(|&cell| extent.contains(cell) && !is_free(cell));
+        let indices = |cells: Vec<Cell>| {
+            let mut indices: Vec<u32> = cells.into_iter().map(|cell| extent.index(cell).unwrap() as u32).collect();
+            indices.sort_unstable();
+            indices.dedup();
+            indices
+        };
+        Cells { free: indices(free), wall: indices(wall) }
+    }
+
+    /// A scan: learns all that can be seen from here, and has it in the view if the controller has asked for it.
+    pub(crate) fn look(&mut self) {
+        let view = self.view();
+        let extent = self.map.extent();
+        let is_new = |&cell: &u32| self.map.state(extent.cell_at(cell as usize)) == CellState::Unexplored;
+        let of_new = |cells: &[u32]| cells.iter().copied().filter(is_new).collect();
+        let seen = Cells { free: of_new(&view.free), wall: of_new(&view.wall) };
+        self.map.note_free(&seen.free);
+        self.map.note_wall(&seen.wall);
+        self.map.note_covered(extent.cell_of(&self.observation.pose.position));
+        self.observation.seen = seen;
+        self.observation.view = self.wants_view.then_some(view);
+        self.observation.scan_tick = Some(self.observation.tick);
+    }
+
+    /// Shows these cells as the last scan, and nothing else.
+    pub(crate) fn show(&mut self, cells: &[Cell]) {
+        let mut free: Vec<u32> = cells.iter().map(|&cell| self.map.extent().index(cell).unwrap() as u32).collect();
+        free.sort_unstable();
+        self.observation.view = Some(Cells { free, wall: Vec::new() });
+        self.observation.scan_tick = Some(self.observation.tick);
+    }
+
+    /// Asks a controller now; the task it sets is under way then, and what was told is old.
+    pub(crate) fn ask(&mut self, controller: &mut dyn Controller) -> Command {
+        let observation = self.observation.clone();
+        let command = self.ask_about(controller, &observation);
+        self.observation.events = 0;
+        self.observation.seen = Cells::default();
+        match &command.motion {
+            Motion::Keep => {}
+            Motion::Stop => self.ends(),
+            motion => {
+                self.ends();
+                self.observation.is_active = true;
+                if let Motion::Path(points) = motion {
+                    self.way = points.iter().copied().collect();
+                }
+            }
+        }
+        self.wake = command.wake;
+        self.wants_view = command.want_view;
+        if !command.info.is_empty() {
+            self.said.push(command.info.clone());
+        }
+        command
+    }
+
+    /// What a controller would be given with the present observation.
+    pub(crate) fn ctx(&mut self) -> Ctx<'_> {
+        Ctx::new(AGENT, &self.briefing, &self.observation, &mut self.map, &mut self.travel)
+    }
+
+    /// Asks a controller about an observation, whatever the world is like, and does nothing of what it says.
+    pub(crate) fn ask_about(&mut self, controller: &mut dyn Controller, observation: &Observation) -> Command {
+        self.decisions += 1;
+        let Self { briefing, map, travel, .. } = self;
+        map.note_covered(map.extent().cell_of(&observation.pose.position));
+        let command = controller.decide(observation, &mut Ctx::new(AGENT, briefing, observation, map, travel));
+        legal::assert_legal(&command);
+        command
+    }
+
+    /// Runs so many ticks, asking the controller when it wants to be asked. It may only go along paths.
+    pub(crate) fn run(&mut self, controller: &mut dyn Controller, ticks: u64) {
+        let end = self.observation.tick.after(ticks);
+        while self.observation.tick < end {
+            if self.wake.is_due(self.observation.tick, self.observation.events) {
+                self.look();
+                let motion = self.ask(controller).motion;
+                assert!(
+                    matches!(motion, Motion::Keep | Motion::Stop | Motion::Path(_)),
+                    "this world has no {motion:?}"
+                );
+            }
+            self.advance();
+            self.wait(1);
+        }
+    }
+
+    fn advance(&mut self) {
+        let Some(&target) = self.way.front() else { return };
+        let here = self.observation.pose.position;
+        let way = target - here;
+        let next = if way.norm() <= STEP_M { target } else { here + way.normalize() * STEP_M };
+        let is_hit = |other: &Contact| {
+            let (before, after) = ((other.position - here).norm(), (other.position - next).norm());
+            after < NEAR_M && after < before
+        };
+        if self.observation.contacts.iter().any(is_hit) {
+            self.collisions += 1;
+            self.collide();
+            self.observation.events |= Events::TASK_DONE;
+            return;
+        }
+        self.observation.collision = None;
+        self.observation.pose.position = next;
+        let cell = self.terrain.extent().cell_of(&next);
+        assert_eq!(self.terrain.get(cell), Some(&Terrain::Free), "the agent ran into a wall");
+        if self.been.last() != Some(&cell) {
+            self.been.push(cell);
+            self.observation.events |= Events::NEW_CELL;
+        }
+        if next == target {
+            self.way.pop_front();
+            if self.way.is_empty() {
+                self.observation.is_active = false;
+                self.observation.events |= Events::TASK_DONE;
+            }
+        }
+    }
+
+    fn ends(&mut self) {
+        self.way.clear();
+        self.observation.is_active = false;
+    }
+
+    /// Lets ticks go by, in which nothing moves.
+    pub(crate) fn wait(&mut self, ticks: u64) {
+        self.observation.tick = self.observation.tick.after(ticks);
+    }
+
+    /// The end of a task; a path ends at its last way-point.
+    pub(crate) fn arrive(&mut self, motion: &Motion) {
+        if let Motion::Path(way_points) = motion {
+            self.observation.pose.position = *way_points.last().unwrap();
+            self.observation.events |= Events::NEW_CELL;
+        }
+        self.observation.collision = None;
+        self.observation.events |= Events::TASK_DONE;
+        self.ends();
+    }
+
+    /// A motion was refused because another agent is in the way.
+    pub(crate) fn collide(&mut self) {
+        self.observation.collision = Some(Collision { surface: Surface::Wall, with_agent: true });
+        self.observation.events |= Events::COLLISION;
+        self.ends();
+    }
+
+    /// Puts the body somewhere else.
+    pub(crate) fn put(&mut self, cell: Cell) {
+        self.observation.pose.position = self.map.extent().centre(cell);
+        self.observation.events |= Events::NEW_CELL;
+    }
+
+    /// Free cells of the world that are not in one of these states on the agent's map.
+    pub(crate) fn left(&self, states: &[CellState]) -> Vec<Cell> {
+        let free = self.terrain.iter().filter(|(_, terrain)| **terrain == Terrain::Free);
+        free.map(|(cell, _)| cell).filter(|&cell| !states.contains(&self.map.state(cell))).collect()
+    }
+}
+
+/// Cell of a flat world.
+pub(crate) const fn flat(x: i32, y: i32) -> Cell {
+    Cell::new(x, y, 0)
+}
+
+/// Whether a body of [`RADIUS_M`] that goes through these points, in a map with cells of 1 m, comes near to nothing but cells that
+/// are known to be free. Looked up point by point along the way, unlike what it is to check.
+pub(crate) fn is_through_free_cells(map: &ExplorationMap, from: &Point3<f64>, way_points: &[Point3<f64>]) -> bool {
+    let mut from = *from;
+    way_points.iter().all(|to| {
+        let steps = ((to - from).norm() / 0.02).ceil().max(1.0);
+        let is_clear_at = |step: usize| {
+            let centre = from + (to - from) * (step as f64 / steps);
+            let here = map.extent().cell_of(&centre);
+            here.neighbours26().into_iter().chain([here]).all(|cell| {
+                let low = Point3::new(f64::from(cell.x), f64::from(cell.y), f64::from(cell.z));
+                let nearest = centre.coords.sup(&low.coords).inf(&low.coords.add_scalar(1.0));
+                let is_touched = (nearest - centre.coords).norm() < RADIUS_M - 1e-9;
+                !is_touched || matches!(map.state(cell), CellState::Free | CellState::Covered)
+            })
+        };
+        let is_clear = (0..=steps as usize).all(is_clear_at);
+        from = *to;
+        is_clear
+    })
+}

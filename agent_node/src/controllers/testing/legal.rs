@@ -1,0 +1,130 @@
+//! What is a legal command, and that controllers give no others, whatever they are told.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use msgs::ids::{AgentId, Tick};
+use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX};
+use nalgebra::{Point3, Vector3};
+use proptest::collection::{btree_set, vec};
+use proptest::prelude::*;
+use voxels::{Cell, Extent, Grid, Terrain};
+
+use super::{AGENT, World};
+use crate::command::{Command, LidarRequest, Motion};
+use crate::controllers::{NAMES, build};
+use crate::observation::{Cells, Collision, Contact, Observation, Pose, Received, Surface};
+
+/// The world that observations are of, cells.
+const SIZE: [u32; 3] = [6, 5, 6];
+
+/// Settings that lead to other decisions than the ones that are not given.
+const OTHER_SETTINGS: [(&str, &[&str]); 5] = [
+    ("lvd", &["search_time=budgeted", "search_cells_per_tick=1"]),
+    ("lvd", &["search_time=background", "search_ticks=3", "visit_radius_m=1"]),
+    ("lvd", &["leg_max_m=0", "near_m=0", "merge_m=0", "visits_max=1", "visit_radius_m=0"]),
+    ("nearest-frontier", &["search_time=budgeted", "search_cells_per_tick=1"]),
+    ("nearest-frontier", &["search_time=background", "search_ticks=3"]),
+];
+
+/// As `msgs/msg/Task.msg` and its like have it.
+pub(super) fn assert_legal(command: &Command) {
+    let is_coordinate = |along: f64| along.abs() <= 1e6;
+    let is_legal_motion = match &command.motion {
+        Motion::Keep | Motion::Stop => true,
+        Motion::Move { pitch_rad, distance_m } => pitch_rad.abs() <= FRAC_PI_2 && *distance_m >= 0.0,
+        Motion::Turn { angle_rad } => angle_rad.abs() <= TAU,
+        Motion::Path(points) => {
+            (1..=PATH_POINTS_MAX).contains(&points.len())
+                && points.iter().all(|point| point.iter().all(|&along| is_coordinate(along)))
+        }
+        Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s } => {
+            linear_in_body_m_s.iter().all(|&along| is_coordinate(along)) && is_coordinate(*yaw_rate_rad_s)
+        }
+    };
+    assert!(is_legal_motion, "{command:?}");
+    assert_ne!(command.lidar, LidarRequest::Every(0), "{command:?}");
+    assert!(command.info.len() <= INFO_BYTES_MAX, "{command:?}");
+    assert!(command.parcels.iter().map(|parcel| parcel.data.len()).sum::<usize>() <= PARCEL_BYTES_MAX, "{command:?}");
+}
+
+/// Mostly in the map, else on its edges, outside, or nowhere.
+fn place() -> impl Strategy<Value = Point3<f64>> {
+    let wild = || prop_oneof![4 => -2.0..8.0, 1 => Just(f64::NAN), 1 => Just(f64::INFINITY), 1 => -1e300..1e300];
+    let coordinates = prop_oneof![
+        3 => (0.0..6.0, 0.0..5.0, 0.0..6.0),
+        2 => (-2.0..8.0, -2.0..8.0, -2.0..8.0),
+        1 => (wild(), wild(), wild()),
+    ];
+    (coordinates, any::<bool>()).prop_map(|((x, y, z), is_at_centre)| {
+        let place = Point3::new(x, y, z);
+        if is_at_centre { place.map(|along: f64| along.floor() + 0.5) } else { place }
+    })
+}
+
+fn cells() -> impl Strategy<Value = Cells> {
+    let some = || btree_set(0..SIZE.iter().product(), 0..120).prop_map(|cells| cells.into_iter().collect());
+    (some(), some()).prop_map(|(free, wall)| Cells { free, wall })
+}
+
+fn collision() -> impl Strategy<Value = Collision> {
+    let surface = prop_oneof![Just(Surface::Wall), Just(Surface::Floor), Just(Surface::Ceiling)];
+    (surface, any::<bool>()).prop_map(|(surface, with_agent)| Collision { surface, with_agent })
+}
+
+prop_compose! {
+    /// What is said need not be true, nor be possible.
+    fn observation()(
+        (tick, position, yaw_rad) in (0u64..2000, place(), -3.2..3.2),
+        (is_active, collision, events) in (any::<bool>(), prop::option::of(collision()), any::<u8>()),
+        contacts in vec((0u32..4, place()), 0..3),
+        parcels in vec((0u32..4, any::<u8>(), vec(any::<u8>(), 0..40)), 0..3),
+        (has_scanned, seen, view) in (prop::bool::weighted(0.8), cells(), prop::option::of(cells())),
+    ) -> Observation {
+        Observation {
+            tick: Tick(tick),
+            pose: Pose { position, yaw_rad },
+            velocity_m_s: Vector3::zeros(),
+            yaw_rate_rad_s: 0.0,
+            is_active,
+            collision,
+            events,
+            contacts: contacts.into_iter().map(|(agent, position)| Contact { agent: AgentId(agent), position }).collect(),
+            parcels: parcels.into_iter().map(|(from, kind, data)| Received { from: AgentId(from), kind, data }).collect(),
+            scan_tick: has_scanned.then_some(Tick(tick)),
+            seen,
+            view,
+        }
+    }
+}
+
+/// Observations one after the other, mostly in the order of their ticks.
+fn observations() -> impl Strategy<Value = Vec<Observation>> {
+    (vec(observation(), 1..12), prop::bool::weighted(0.75)).prop_map(|(mut observations, are_in_order)| {
+        let mut now = Tick::ZERO;
+        for observation in observations.iter_mut().filter(|_| are_in_order) {
+            now = now.after(observation.tick.0);
+            observation.tick = now;
+            observation.scan_tick = observation.scan_tick.map(|_| now);
+        }
+        observations
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(512))]
+
+    #[test]
+    fn whatever_is_observed_the_answer_is_legal(observations in observations(), seed: u64) {
+        let extent = Extent::new(SIZE, 1.0).unwrap();
+        for (name, settings) in NAMES.into_iter().map(|name| (name, &[][..])).chain(OTHER_SETTINGS) {
+            let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
+            let mut controller = build(name, &settings, AGENT, seed).unwrap();
+            let mut world = World::of(Grid::new(extent, Terrain::Free), Cell::default());
+            for observation in &observations {
+                world.map.note_free(&observation.seen.free);
+                world.map.note_wall(&observation.seen.wall);
+                world.ask_about(controller.as_mut(), observation);
+            }
+        }
+    }
+}
