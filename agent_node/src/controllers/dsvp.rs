@@ -1,6 +1,6 @@
 //! Dual-Stage Viewpoint Planner (DSVP) in three dimensions, for many agents.
 //!
-//! Source: Zhu et al., IROS 2021 (see [`tree`]), and its use for several agents in the papers on MAES3D. In the *exploration*
+//! Source: Zhu et al., IROS 2021 (see `dsvp/tree.rs`), and its use for several agents in the papers on MAES3D. In the *exploration*
 //! stage the agent grows a tree of viewpoints within its horizon and goes along the branch that is worth most; when no viewpoint
 //! is worth anything, the *relocation* stage takes it to the nearest frontier of all that it knows and can reach.
 //!
