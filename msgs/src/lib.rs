@@ -27,10 +27,15 @@ pub mod topics;
 pub mod maes_msgs;
 
 pub mod builtin_interfaces;
+pub mod diagnostic_msgs;
 pub mod geometry_msgs;
+pub mod nav_msgs;
+pub mod rcl_interfaces;
 pub mod rosgraph_msgs;
+pub mod sensor_msgs;
 pub mod std_msgs;
 pub mod tf2_msgs;
+pub mod visualization_msgs;
 
 pub mod cdr;
 pub mod message;

@@ -52,14 +52,21 @@ macro_rules! messages {
 
 messages! {
     "standard/builtin_interfaces/": builtin_interfaces { Duration Time }
-    "standard/geometry_msgs/": geometry_msgs { Point Quaternion Transform TransformStamped Vector3 }
+    "standard/diagnostic_msgs/": diagnostic_msgs { DiagnosticArray DiagnosticStatus KeyValue }
+    "standard/geometry_msgs/": geometry_msgs {
+        Point Pose PoseStamped PoseWithCovariance Quaternion Transform TransformStamped Twist TwistWithCovariance Vector3
+    }
     "../msg/": maes_msgs {
         Body CellRuns Command Contact Counter Digest Join JoinReply Lidar LidarRequest Observation Parcel Progress Result
         Scenario Task Wake
     }
+    "standard/nav_msgs/": nav_msgs { Odometry Path }
+    "standard/rcl_interfaces/": rcl_interfaces { Log }
     "standard/rosgraph_msgs/": rosgraph_msgs { Clock }
-    "standard/std_msgs/": std_msgs { Header }
+    "standard/sensor_msgs/": sensor_msgs { CompressedImage PointCloud2 PointField }
+    "standard/std_msgs/": std_msgs { ColorRGBA Header }
     "standard/tf2_msgs/": tf2_msgs { TFMessage }
+    "standard/visualization_msgs/": visualization_msgs { Marker MarkerArray MeshFile UVCoordinate }
 }
 
 #[cfg(test)]

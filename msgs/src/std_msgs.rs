@@ -1,4 +1,4 @@
-//! The package `std_msgs`: the header that stamped messages begin with.
+//! The package `std_msgs`: the header that stamped messages begin with, and colours.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,4 +11,17 @@ pub struct Header {
     pub stamp: Time,
     /// Name of the frame that coordinates are given in.
     pub frame_id: String,
+}
+
+/// A colour; each part from 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ColorRGBA {
+    /// Red.
+    pub r: f32,
+    /// Green.
+    pub g: f32,
+    /// Blue.
+    pub b: f32,
+    /// 0: not to be seen; 1: opaque.
+    pub a: f32,
 }

@@ -28,14 +28,33 @@ M_PERTURB = -6
 STANDARD = [
     "builtin_interfaces/Duration",
     "builtin_interfaces/Time",
+    "diagnostic_msgs/DiagnosticArray",
+    "diagnostic_msgs/DiagnosticStatus",
+    "diagnostic_msgs/KeyValue",
     "geometry_msgs/Point",
+    "geometry_msgs/Pose",
+    "geometry_msgs/PoseStamped",
+    "geometry_msgs/PoseWithCovariance",
     "geometry_msgs/Quaternion",
     "geometry_msgs/Transform",
     "geometry_msgs/TransformStamped",
+    "geometry_msgs/Twist",
+    "geometry_msgs/TwistWithCovariance",
     "geometry_msgs/Vector3",
+    "nav_msgs/Odometry",
+    "nav_msgs/Path",
+    "rcl_interfaces/Log",
     "rosgraph_msgs/Clock",
+    "sensor_msgs/CompressedImage",
+    "sensor_msgs/PointCloud2",
+    "sensor_msgs/PointField",
+    "std_msgs/ColorRGBA",
     "std_msgs/Header",
     "tf2_msgs/TFMessage",
+    "visualization_msgs/Marker",
+    "visualization_msgs/MarkerArray",
+    "visualization_msgs/MeshFile",
+    "visualization_msgs/UVCoordinate",
 ]
 
 
@@ -54,7 +73,9 @@ class Sample:
         n = self.n
         if kind == "boolean":
             return n % 2 == 1
-        if kind == "double":
+        if kind == "octet":
+            return bytes([n * 0x9E3779B97F4A7C15 % 256])
+        if kind in ("double", "float"):
             return n / 8
         if kind == "string":
             return "é" * (n % 4) + str(n)

@@ -28,7 +28,11 @@ fn parse(message: MessageType) -> Definition {
             continue;
         };
         if let Some((name, value)) = rest.split_once('=') {
-            definition.constants.push((kind.to_owned(), name.trim().to_owned(), value.trim().parse().unwrap()));
+            definition.constants.push((
+                in_full(kind, message.package),
+                name.trim().to_owned(),
+                value.trim().parse().unwrap(),
+            ));
         } else {
             // After the name comes a default value, if there is one.
             let name = rest.split_whitespace().next().unwrap();
@@ -38,10 +42,10 @@ fn parse(message: MessageType) -> Definition {
     definition
 }
 
-/// A type of the same package may stand without the name of the package.
+/// A type of the same package may stand without the name of the package; a `byte` is eight bits that Rust has no other name for.
 fn in_full(kind: &str, package: &str) -> String {
     let own = kind.starts_with(|first: char| first.is_ascii_uppercase());
-    if own { format!("{package}/{kind}") } else { kind.to_owned() }
+    if own { format!("{package}/{kind}") } else { kind.replace("byte", "uint8") }
 }
 
 /// The constants of each `impl` block in a source text, by the name of the type.
@@ -60,7 +64,8 @@ fn constants_in(source: &str) -> BTreeMap<String, Vec<Constant>> {
             "u64::MAX" => u64::MAX,
             number => number.parse().unwrap(),
         };
-        found.entry(owner.clone()).or_default().push((kind.replace('u', "uint"), name.to_owned(), value));
+        let kind = if kind.starts_with('i') { kind.replace('i', "int") } else { kind.replace('u', "uint") };
+        found.entry(owner.clone()).or_default().push((kind, name.to_owned(), value));
     }
     found
 }
@@ -78,8 +83,17 @@ fn fields_are_those_of_the_structs() {
 
 #[test]
 fn constants_are_those_of_the_structs() {
-    let mut in_source = constants_in(include_str!("../../src/maes_msgs.rs"));
-    for case in cases().iter().filter(|case| case.message.package == "maes_msgs") {
+    let mut in_source = constants_in(
+        &[
+            include_str!("../../src/maes_msgs.rs"),
+            include_str!("../../src/sensor_msgs.rs"),
+            include_str!("../../src/visualization_msgs.rs"),
+            include_str!("../../src/diagnostic_msgs.rs"),
+            include_str!("../../src/rcl_interfaces.rs"),
+        ]
+        .concat(),
+    );
+    for case in cases() {
         let in_source = in_source.remove(case.message.name).unwrap_or_default();
         assert_eq!(in_source, parse(case.message).constants, "{}", case.name());
     }

@@ -39,14 +39,22 @@ fn cases() -> Vec<Case> {
     }
     cases! {
         builtin_interfaces { Duration Time }
-        geometry_msgs { Point Quaternion Transform TransformStamped Vector3 }
+        diagnostic_msgs { DiagnosticArray DiagnosticStatus KeyValue }
+        geometry_msgs {
+            Point Pose PoseStamped PoseWithCovariance Quaternion Transform TransformStamped Twist TwistWithCovariance
+            Vector3
+        }
         maes_msgs {
             Body CellRuns Command Contact Counter Digest Join JoinReply Lidar LidarRequest Observation Parcel Progress
             Result Scenario Task Wake
         }
+        nav_msgs { Odometry Path }
+        rcl_interfaces { Log }
         rosgraph_msgs { Clock }
-        std_msgs { Header }
+        sensor_msgs { CompressedImage PointCloud2 PointField }
+        std_msgs { ColorRGBA Header }
         tf2_msgs { TFMessage }
+        visualization_msgs { Marker MarkerArray MeshFile UVCoordinate }
     }
 }
 

@@ -78,6 +78,10 @@ impl<'de> de::Deserializer<'de> for &mut Sampler {
         visitor.visit_bool(self.count() % 2 == 1)
     }
 
+    fn deserialize_f32<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, NotInMessages> {
+        visitor.visit_f32(self.count() as f32 / 8.0)
+    }
+
     fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, NotInMessages> {
         visitor.visit_f64(self.count() as f64 / 8.0)
     }
@@ -114,7 +118,7 @@ impl<'de> de::Deserializer<'de> for &mut Sampler {
     }
 
     forward_to_deserialize_any! {
-        i8 i16 i64 i128 u128 f32 char str bytes option unit unit_struct newtype_struct tuple_struct map enum identifier
+        i8 i16 i64 i128 u128 char str bytes option unit unit_struct newtype_struct tuple_struct map enum identifier
         ignored_any
     }
 }
