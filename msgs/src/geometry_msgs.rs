@@ -96,6 +96,15 @@ pub struct Twist {
     pub angular: Vector3,
 }
 
+/// A twist at a time.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TwistStamped {
+    /// Sim time, and the frame that the twist is given in.
+    pub header: Header,
+    /// The twist.
+    pub twist: Twist,
+}
+
 /// A pose and how sure it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PoseWithCovariance {

@@ -54,7 +54,8 @@ messages! {
     "standard/builtin_interfaces/": builtin_interfaces { Duration Time }
     "standard/diagnostic_msgs/": diagnostic_msgs { DiagnosticArray DiagnosticStatus KeyValue }
     "standard/geometry_msgs/": geometry_msgs {
-        Point Pose PoseStamped PoseWithCovariance Quaternion Transform TransformStamped Twist TwistWithCovariance Vector3
+        Point Pose PoseStamped PoseWithCovariance Quaternion Transform TransformStamped Twist TwistStamped
+        TwistWithCovariance Vector3
     }
     "../msg/": maes_msgs {
         Body CellRuns Command Contact Counter Digest Join JoinReply Lidar LidarRequest Observation Parcel Progress Result

@@ -401,12 +401,20 @@ fn take<M: Message + 'static>(
 ) -> Poll<Sample<M>> {
     pin!(subscription.async_take()).poll(context).map(|taken| match taken {
         Ok((Decoded(message), info)) => {
-            let mut source = info.publisher_gid().to_bytes16();
-            source[GUID_PREFIX_LENGTH..].fill(0);
-            Sample { message, source }
+            Sample { message, source: participant_of(info.publisher_gid().to_bytes16()) }
         }
         Err(error) => Sample { message: Err(error.to_string()), source: [0; 16] },
     })
+}
+
+/// The participant of an endpoint, as samples name it.
+pub fn source_of(endpoint: rustdds::GUID) -> [u8; 16] {
+    participant_of(endpoint.to_bytes())
+}
+
+fn participant_of(mut guid: [u8; 16]) -> [u8; 16] {
+    guid[GUID_PREFIX_LENGTH..].fill(0);
+    guid
 }
 
 /// Bytes of a GUID that all endpoints of a participant share.

@@ -8,10 +8,13 @@
 
 use std::fmt;
 
+use crate::geometry_msgs::TwistStamped;
 use crate::ids::AgentId;
 use crate::maes_msgs::{Command, Digest, Join, JoinReply, Observation, Progress, Result, Scenario};
 use crate::message::{Message, MessageType};
+use crate::nav_msgs::Odometry;
 use crate::rosgraph_msgs::Clock;
+use crate::sensor_msgs::PointCloud2;
 use crate::tf2_msgs::TFMessage;
 
 /// Samples kept on the topics of the protocol. One is in flight at a time; a large observation has more parts, and a join is
@@ -30,6 +33,9 @@ const JOIN_REPLY_DEPTH: u32 = 256;
 
 /// Samples kept of what is only looked at.
 const VIEW_DEPTH: u32 = 10;
+
+/// Samples kept of sensors, as the sensor data profile of ROS 2 has it.
+const SENSOR_DEPTH: u32 = 5;
 
 /// Whether what was lost on the way is sent again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +69,10 @@ pub struct Qos {
 impl Qos {
     const fn reliable(depth: u32) -> Self {
         Qos { reliability: Reliability::Reliable, durability: Durability::Volatile, depth }
+    }
+
+    const fn best_effort(depth: u32) -> Self {
+        Qos { reliability: Reliability::BestEffort, durability: Durability::Volatile, depth }
     }
 
     const fn latched(depth: u32) -> Self {
@@ -143,6 +153,21 @@ pub fn observation(agent: AgentId) -> Topic {
 /// What an agent answers.
 pub fn command(agent: AgentId) -> Topic {
     Topic::new::<Command>(format!("/agent_{agent}/command"), Qos::reliable(PROTOCOL_DEPTH))
+}
+
+/// The velocity that an agent without a controller is to hold, in each tick: from a node that speaks standard messages only.
+pub fn cmd_vel(agent: AgentId) -> Topic {
+    Topic::new::<TwistStamped>(format!("/agent_{agent}/cmd_vel"), Qos::reliable(PROTOCOL_DEPTH))
+}
+
+/// Where an agent is and how it moves.
+pub fn odom(agent: AgentId) -> Topic {
+    Topic::new::<Odometry>(format!("/agent_{agent}/odom"), Qos::reliable(VIEW_DEPTH))
+}
+
+/// What the last scan of an agent has hit.
+pub fn points(agent: AgentId) -> Topic {
+    Topic::new::<PointCloud2>(format!("/agent_{agent}/points"), Qos::best_effort(SENSOR_DEPTH))
 }
 
 /// The poses of the agents, as transforms from `map` to `agent_<id>/base_link`.

@@ -21,5 +21,6 @@ pub mod run;
 pub mod scenario;
 pub mod setup;
 pub mod terminal;
+pub mod twist;
 pub mod wire;
 pub mod world;

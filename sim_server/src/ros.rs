@@ -4,7 +4,10 @@
 //! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
 //! is the only one here that knows the ROS client.
 
+mod driven;
+
 use std::cell::Cell;
+use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
@@ -17,6 +20,8 @@ use msgs::topics;
 use ros2_client::{Context, Node};
 
 use crate::link::{Inbound, Incoming, Link, SourceId};
+use crate::twist::Driver;
+use driven::Driven;
 
 /// Wall time for which a new server listens before it says anything: enough, on a machine that is not busy, to find another
 /// server that was here first and to hear its scenario, so that the agents of that one do not hear of a second run. A server
@@ -34,7 +39,9 @@ pub struct RosLink {
     unannounced: Option<Scenario>,
     own_run: Rc<Cell<Option<u64>>>,
     other_run: Rc<Cell<Option<u64>>>,
-    observations: Vec<Outlet<Observation>>,
+    /// One for each agent that is a process of ours.
+    observations: BTreeMap<AgentId, Outlet<Observation>>,
+    driven: Driven,
     scenario: Outlet<Scenario>,
     join_reply: Outlet<JoinReply>,
     clock: Outlet<Clock>,
@@ -45,11 +52,11 @@ pub struct RosLink {
 }
 
 impl RosLink {
-    /// Joins the network and offers the topics of a run with this many agents.
+    /// Joins the network and offers the topics of a run with this many agents, of which some are driven by standard messages.
     ///
     /// # Errors
     /// If the network cannot be joined, or the system has not enough of something.
-    pub fn new(agents: u32, env: &RosEnv) -> Result<Self, RosError> {
+    pub fn new(agents: u32, drivers: Vec<(AgentId, Driver)>, env: &RosEnv) -> Result<Self, RosError> {
         ros::allow_open_files(agents)?;
         let context = ros::join(env, true)?;
         let mut node = ros::node(&context, "sim_server")?;
@@ -70,15 +77,16 @@ impl RosLink {
             }
             None
         })?;
-        let mut observations = Vec::new();
-        for agent in (0..agents).map(AgentId) {
+        let driven = Driven::new(drivers, &mut workshop, &mut node, &mut inbox, &own_run)?;
+        let mut observations = BTreeMap::new();
+        for agent in (0..agents).map(AgentId).filter(|&agent| !driven.has(agent)) {
             workshop.inlet(&mut node, &topics::join(agent), &mut inbox, move |sample: Sample<Join>| {
                 Some(incoming(agent, sample, Inbound::Join))
             })?;
             workshop.inlet(&mut node, &topics::command(agent), &mut inbox, move |sample: Sample<Command>| {
                 Some(incoming(agent, sample, Inbound::Command))
             })?;
-            observations.push(workshop.outlet(&mut node, &topics::observation(agent))?);
+            observations.insert(agent, workshop.outlet(&mut node, &topics::observation(agent))?);
         }
         let audience = Audience { topic: dds_name(&topics::clock()), listens: false, looked: None };
         Ok(RosLink {
@@ -88,6 +96,7 @@ impl RosLink {
             own_run,
             other_run,
             observations,
+            driven,
             scenario,
             join_reply,
             clock,
@@ -117,17 +126,19 @@ impl Link for RosLink {
     }
 
     fn reply_join(&mut self, reply: &JoinReply) {
+        self.driven.note_reply(reply);
         self.join_reply.publish(&mut self.node, reply);
     }
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
-        if let Some(observations) = self.observations.get_mut(agent.index()) {
-            observations.publish(&mut self.node, part);
+        match self.observations.get_mut(&agent) {
+            Some(observations) => observations.publish(&mut self.node, part),
+            None => self.driven.tell(&mut self.node, &mut self.clock, agent, part),
         }
     }
 
     fn clock(&mut self, tick: Tick) {
-        if self.audience.listens(&self.context) {
+        if self.driven.are_any() || self.audience.listens(&self.context) {
             self.clock.publish(&mut self.node, &Clock { clock: tick.into() });
         }
     }
@@ -138,7 +149,10 @@ impl Link for RosLink {
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         self.announce_in_time();
-        self.inbox.receive(timeout).flatten()
+        match self.driven.next(&self.context, self.own_run.get()) {
+            None => self.inbox.receive(timeout).flatten(),
+            said => said,
+        }
     }
 
     fn other_run(&self) -> Option<u64> {

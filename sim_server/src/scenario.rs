@@ -222,6 +222,11 @@ impl Scenario {
             (1..=AGENTS_MAX).contains(&self.agents.count),
             &format!("expected 1 to {AGENTS_MAX}"),
         )?;
+        let Self { agents: AgentsSection { count, cmd_vel, .. }, .. } = self;
+        for (place, &id) in cmd_vel.iter().enumerate() {
+            checker.require("agents.cmd_vel", id, id < *count, &format!("expected ids of agents, 0 to {}", count - 1))?;
+            checker.require("agents.cmd_vel", id, !cmd_vel[..place].contains(&id), "expected each id once")?;
+        }
         let body = &self.body;
         for (key, value) in [
             ("body.radius_m", body.radius_m),

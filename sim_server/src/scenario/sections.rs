@@ -84,6 +84,9 @@ pub struct AgentsSection {
     /// Settings of that controller.
     #[serde(default)]
     pub set: BTreeMap<String, toml::Value>,
+    /// Ids of those that run no controller but are driven by standard messages, over ROS 2: a velocity for each tick.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cmd_vel: Vec<u32>,
 }
 
 /// `[lidar]`.

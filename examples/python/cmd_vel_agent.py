@@ -1,0 +1,120 @@
+#!/usr/bin/env python3
+"""An agent that speaks standard messages only: a LiDAR and odometry in, a velocity out, as for any robot.
+
+    eval "$(launch_scripts/ros_env.sh)"
+    python examples/python/cmd_vel_agent.py 0 & target/release/agent_node --id 1 &
+    target/release/sim_server run launch_scripts/scenarios/default.toml --agents 2 --set agents.cmd_vel=[0]
+
+It flies straight on until the cave comes near, and then turns to where there is most room. For each stamp on /clock it answers once,
+with that stamp, when it has the odometry of that stamp, and in every tenth tick (lidar.period_ticks) the scan of that stamp as well: so
+what it does hangs on what it sees, and on nothing else.
+"""
+
+import math
+import random
+import struct
+import sys
+
+import rclpy
+from geometry_msgs.msg import TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+
+TICK_NS = 20_000_000
+SCAN_TICKS = 10
+SPEED_M_S = 1.5
+NEAR_M = 2.0
+CONE = 0.9  # cosine of the angle about the heading in which walls are in the way
+
+
+def ns(stamp):
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def points_of(cloud):
+    """The points of a cloud: (x, y, z) in metres, in the frame of the body."""
+    return [struct.unpack_from("<fff", cloud.data, at) for at in range(0, len(cloud.data), cloud.point_step)]
+
+
+class Agent:
+    def __init__(self, number):
+        self.number = number
+        self.rng = random.Random(number)
+        self.clock = None  # the last stamp that was asked for
+        self.odom = {}  # odometry that is not answered yet, by stamp
+        self.points = {}  # the same for scans
+        self.scan = []  # the last one
+        self.turn_until = 0
+        self.answer = None  # the last one, to repeat it when the same tick is asked again
+        node = self.node = rclpy.create_node(f"cmd_vel_agent_{number}")
+        own = f"/agent_{number}"
+        self.cmd_vel = node.create_publisher(TwistStamped, f"{own}/cmd_vel", QoSProfile(depth=10))
+        node.create_subscription(Clock, "/clock", self.on_clock, QoSProfile(depth=10))
+        node.create_subscription(Odometry, f"{own}/odom", self.on_odom, QoSProfile(depth=10))
+        node.create_subscription(PointCloud2, f"{own}/points", self.on_points, qos_profile_sensor_data)
+
+    def on_clock(self, message):
+        self.clock = ns(message.clock)
+        if self.answer is not None and ns(self.answer.header.stamp) == self.clock:
+            self.cmd_vel.publish(self.answer)
+        self.answer_in_time()
+
+    def on_odom(self, message):
+        self.odom[ns(message.header.stamp)] = message
+        self.answer_in_time()
+
+    def on_points(self, message):
+        self.points[ns(message.header.stamp)] = message
+        self.answer_in_time()
+
+    def answer_in_time(self):
+        now = self.clock
+        if now not in self.odom or (now // TICK_NS % SCAN_TICKS == 0 and now not in self.points):
+            return
+        if now in self.points:
+            self.scan = points_of(self.points[now])
+        self.answer = TwistStamped()
+        self.answer.header.stamp = self.odom[now].header.stamp
+        self.answer.header.frame_id = f"agent_{self.number}/base_link"
+        self.decide(now, self.answer.twist)
+        self.odom = {stamp: message for stamp, message in self.odom.items() if stamp > now}
+        self.points = {stamp: message for stamp, message in self.points.items() if stamp > now}
+        self.cmd_vel.publish(self.answer)
+
+    def decide(self, now, twist):
+        """Fills in the velocity in the frame of the body: x forward, y left, z up."""
+        if now < self.turn_until:
+            twist.angular.z = self.rate
+            return
+        ahead = [math.hypot(*point) for point in self.scan if point[0] > CONE * math.hypot(*point)]
+        if min(ahead, default=0.0) > NEAR_M:
+            twist.linear.x = SPEED_M_S
+            # Towards the middle between floor and ceiling.
+            column = [z for x, y, z in self.scan if math.hypot(x, y) < 1.5]
+            twist.linear.z = 0.2 * (max(column, default=0.0) + min(column, default=0.0))
+            return
+        # Away from what is near, by a bit more or less each time.
+        room = max(self.scan, key=lambda point: math.hypot(*point), default=(1.0, 0.0, 0.0))
+        angle = math.atan2(room[1], room[0]) + self.rng.uniform(-0.5, 0.5)
+        self.rate = math.copysign(1.0, angle)
+        self.turn_until = now + int(abs(angle) / abs(self.rate) * 1e9)
+        twist.angular.z = self.rate
+
+
+def main():
+    if len(sys.argv) != 2:
+        sys.exit("usage: cmd_vel_agent.py NUMBER")
+    rclpy.init()
+    agent = Agent(int(sys.argv[1]))
+    # There is no word for the end of a run in these messages: it is over when nobody asks any more.
+    try:
+        rclpy.spin(agent.node)
+    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+        pass
+    rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""One run for `ros2 launch`: a world server, a process for each agent and, if asked for, RViz 2.
+
+    ros2 launch launch_scripts/maes.launch.py agents:=5 controller:=dsvp size:=100 rviz:=true
+    ros2 launch launch_scripts/maes.launch.py --show-args
+
+The launch ends with the run. launch_scripts/run.sh does the same without ROS, and has more flags; build the binaries first
+(`cargo build --release`).
+"""
+
+import os
+import shlex
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, RegisterEventHandler, Shutdown
+from launch.conditions import IfCondition
+from launch.event_handlers import OnProcessExit
+from launch.substitutions import LaunchConfiguration
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+ROOT = os.path.dirname(HERE)
+
+# Name, value if none is given, what it is. Those without a value are left to the scenario.
+ARGUMENTS = [
+    ("scenario", os.path.join(HERE, "scenarios", "default.toml"), "the scenario (.toml)"),
+    ("agents", "5", "how many agents take part"),
+    ("controller", "", "what they run: rbw, lvd, dsvp, ..."),
+    ("map", "", "spheres, noise or a map file"),
+    ("size", "", "cells along each axis"),
+    ("seed", "", "of the map and of the agents"),
+    ("duration", "", "sim time after which the run ends, seconds"),
+    ("rtf", "1", "sim seconds for each second of wall time, or max"),
+    ("record", "", "where the recording goes (.mcap)"),
+    ("flags", "", "any other flags of `sim_server run`, in one string"),
+    ("external", "", "ids of agents that are started elsewhere, for example 0,3"),
+    ("rviz", "false", "whether to start RViz 2 with launch_scripts/maes.rviz"),
+    ("bin_dir", os.environ.get("MAES_BIN_DIR", os.path.join(ROOT, "target", "release")), "where the binaries are"),
+]
+SERVER_FLAGS = ["agents", "controller", "map", "size", "seed", "duration", "rtf", "record"]
+
+
+def processes(context):
+    values = {name: LaunchConfiguration(name).perform(context) for name, _, _ in ARGUMENTS}
+    flags = [text for name in SERVER_FLAGS if values[name] for text in (f"--{name}", values[name])]
+    server = ExecuteProcess(
+        cmd=[
+            os.path.join(values["bin_dir"], "sim_server"),
+            "run",
+            values["scenario"],
+            *flags,
+            *shlex.split(values["flags"]),
+        ],
+        name="sim_server",
+        output="screen",
+    )
+    external = {int(number) for number in values["external"].replace(",", " ").split()}
+    agents = [
+        ExecuteProcess(
+            cmd=[os.path.join(values["bin_dir"], "agent_node"), "--id", str(number)],
+            name=f"agent_{number}",
+            output="log",
+        )
+        for number in range(int(values["agents"]))
+        if number not in external
+    ]
+    end = RegisterEventHandler(OnProcessExit(target_action=server, on_exit=[Shutdown(reason="the run is over")]))
+    return [end, server, *agents]
+
+
+def generate_launch_description():
+    rviz = ExecuteProcess(
+        cmd=["rviz2", "-d", os.path.join(HERE, "maes.rviz"), "--ros-args", "-p", "use_sim_time:=true"],
+        condition=IfCondition(LaunchConfiguration("rviz")),
+        output="log",
+    )
+    arguments = [DeclareLaunchArgument(name, default_value=value, description=text) for name, value, text in ARGUMENTS]
+    return LaunchDescription([*arguments, OpaqueFunction(function=processes), rviz])
