@@ -46,7 +46,8 @@ use crate::observation::Observation;
 use crate::path::{Neighbours, Path, straighten};
 use crate::regions::{RegionId, Regions, Ways};
 use crate::travel::Journey;
-use auction::{Auction, CLAIMS_PARCEL, Terms};
+pub use auction::CLAIMS_PARCEL;
+use auction::{Auction, Terms};
 use gain::Viewer;
 use goal::Goal;
 use others::Others;
@@ -160,10 +161,10 @@ impl Dsvp {
                 gain_range_m.min(briefing.lidar_range_m).min(100.0 * extent.cell_m()) / extent.cell_m(),
                 gain_depth,
             ),
-            auction: self.terms.map(|terms| Auction::new(terms, ctx.agent())),
+            auction: self.terms.map(|terms| Auction::new(terms, ctx.agent(), extent)),
         });
         if let Some(auction) = &mut sight.auction {
-            auction.hear(&observation.parcels, observation.tick, extent, briefing.agents);
+            auction.hear(&observation.parcels, observation.tick, briefing.agents);
         }
         let (map, moves, _) = ctx.searching(Neighbours::TwentySix);
         sight.regions.renew(map, moves);
@@ -173,10 +174,8 @@ impl Dsvp {
     /// Whether there is still reason to go where it goes.
     fn goes_on(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> bool {
         let Some(sight) = &mut self.sight else { return false };
-        let cell_m = ctx.map().extent().cell_m();
-        if !self.is_contested
-            && sight.auction.as_ref().is_some_and(|auction| auction.is_outbid(observation.tick, cell_m))
-        {
+        let is_outbid = || sight.auction.as_ref().is_some_and(|auction| auction.is_outbid(observation.tick));
+        if !self.is_contested && is_outbid() {
             return false;
         }
         match self.goal {
@@ -233,18 +232,16 @@ impl Dsvp {
                 }
                 _ => auction.give_up(),
             }
-            self.is_contested = auction.is_outbid(observation.tick, ctx.map().extent().cell_m());
+            self.is_contested = auction.is_outbid(observation.tick);
         }
         let command = Command::new(motion, self.wake()).saying(goal.info());
-        self.telling(command, observation, ctx)
+        self.telling(command, observation)
     }
 
     /// A command that also tells the agents in contact of the claims, if there is an auction.
-    fn telling(&self, command: Command, observation: &Observation, ctx: &Ctx<'_>) -> Command {
+    fn telling(&self, command: Command, observation: &Observation) -> Command {
         match self.sight.as_ref().and_then(|sight| sight.auction.as_ref()) {
-            Some(auction) if !observation.contacts.is_empty() => {
-                command.sending(None, CLAIMS_PARCEL, auction.parcel(ctx.map().extent()))
-            }
+            Some(auction) if !observation.contacts.is_empty() => command.sending(None, CLAIMS_PARCEL, auction.parcel()),
             _ => command,
         }
     }
@@ -305,7 +302,7 @@ impl Dsvp {
             None => Tree::new(here),
         };
         tree.grow(map, &growth, &ahead, others, &mut self.rng);
-        let (auction, cell_m) = (sight.auction.as_ref(), map.extent().cell_m());
+        let auction = sight.auction.as_ref();
         if let Some(Goal::Viewpoint { cell, .. }) = self.goal
             && cell == here
             && sight.viewer.gain(map, here) >= self.params.gain_min
@@ -317,7 +314,7 @@ impl Dsvp {
             if barren.contains(&cell) {
                 return 0.0;
             }
-            auction.map_or(1.0, |auction| auction.worth(cell, way_m, observation.tick, cell_m))
+            auction.map_or(1.0, |auction| auction.worth(cell, way_m, observation.tick))
         };
         let branch = tree.best(map, &mut sight.viewer, &self.params.valuation(), self.direction, &worth);
         self.tree = Some(tree);
@@ -360,7 +357,7 @@ impl Dsvp {
             }
             let penalty_m = auction
                 .as_ref()
-                .map_or(0.0, |auction| auction.penalty_m(cell, way_m, &observation.contacts, observation.tick, cell_m));
+                .map_or(0.0, |auction| auction.penalty_m(cell, way_m, &observation.contacts, observation.tick));
             best.push((way_m + penalty_m, cell, frontier));
             best.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
             best.truncate(TRIES);
@@ -422,7 +419,7 @@ impl Controller for Dsvp {
             }
             let keep = Command::keep(self.wake());
             let has_met = observation.events & Events::CONTACTS != 0;
-            return if has_met { self.telling(keep, observation, ctx) } else { keep };
+            return if has_met { self.telling(keep, observation) } else { keep };
         }
         if self.waits_until.is_some_and(|until| now < until) {
             return Command::keep(Wake::at(self.waits_until.unwrap_or(now)));
