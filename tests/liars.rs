@@ -28,25 +28,14 @@ use crate::support::recordings::{Recording, refusals};
 use crate::support::runs::{Run, Site};
 use crate::support::{HANG, lock};
 
-/// Two agents that are asked at every tick, so that there is much to lie about.
-const SCENARIO: &str = "
-seed = 7
-duration_s = 4.0
-stop_when_explored = false
-[map]
-kind = \"spheres\"
-size = 20
-[agents]
-count = 2
-[execution]
-look_ahead = false
-";
+/// How long a run lasts, seconds of sim time.
+const DURATION_S: f64 = 4.0;
 
 fn honest_digest() -> String {
     let agents = |mut end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
         agent_node::run::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("honest agents are welcome");
     };
-    let played = Play::new(SCENARIO).with(agents);
+    let played = Play::of_two(DURATION_S).with(agents);
     assert_eq!(refusals(&played.outcome().result), BTreeMap::new());
     played.digest()
 }
@@ -163,7 +152,7 @@ impl AgentLink for Liars {
 #[test]
 fn lies_are_refused_and_counted_and_change_nothing() {
     let told = Arc::new(Mutex::new(BTreeMap::new()));
-    let mut play = Play::new(SCENARIO);
+    let mut play = Play::of_two(DURATION_S);
     play.groups = vec![vec![0, 1]];
     let shared = Arc::clone(&told);
     let played = play.with(move |inner, ids, is_over| {
@@ -235,7 +224,7 @@ impl ServerLink for Strangers {
 
 #[test]
 fn strangers_are_refused_and_counted_and_change_nothing() {
-    let mut play = Play::new(SCENARIO);
+    let mut play = Play::of_two(DURATION_S);
     play.server_link = |inner| Box::new(Strangers { inner, waiting: VecDeque::new() });
     let played = play.with(|mut end, ids, is_over| {
         // The refusals of what strangers wish concern them, not the agents: the instance tells.
@@ -258,7 +247,7 @@ fn strangers_are_refused_and_counted_and_change_nothing() {
 /// Neither the time-out nor the end of a run may wait until an agent has no more to say.
 #[test]
 fn an_agent_that_talks_without_end_and_does_not_answer_is_lost() {
-    let mut play = Play::new(SCENARIO);
+    let mut play = Play::of_two(DURATION_S);
     play.scenario.execution.decision_timeout_s = 0.5;
     play.scenario.execution.join_timeout_s = 0.5;
     let played = play.with(move |mut end, ids, is_over| {

@@ -16,19 +16,8 @@ use crate::support::processes::{Process, signal};
 use crate::support::recordings::{Recording, refusals};
 use crate::support::runs::{Site, scenario};
 
-/// Two agents that are asked at every tick.
-const SCENARIO: &str = "
-seed = 7
-duration_s = 1.0
-stop_when_explored = false
-[map]
-kind = \"spheres\"
-size = 20
-[agents]
-count = 2
-[execution]
-look_ahead = false
-";
+/// How long a run lasts, seconds of sim time.
+const DURATION_S: f64 = 1.0;
 
 /// The link of an agent with a way of its own to answer.
 struct Slow<F> {
@@ -76,7 +65,7 @@ fn play(play: Play, answer: impl Fn(&mut AgentsEnd, &Command, u32) + Send + Sync
 
 #[test]
 fn the_first_answers_may_take_as_long_as_joining() {
-    let mut impatient = Play::new(SCENARIO);
+    let mut impatient = Play::of_two(DURATION_S);
     impatient.scenario.execution.decision_timeout_s = 0.2;
     // It is asked for the third time after 0.3 s at the earliest.
     let late = play(impatient, |end, command, asked| {
@@ -84,7 +73,7 @@ fn the_first_answers_may_take_as_long_as_joining() {
             end.answer(command);
         }
     });
-    assert_eq!(late, play(Play::new(SCENARIO), |end, command, _| end.answer(command)));
+    assert_eq!(late, play(Play::of_two(DURATION_S), |end, command, _| end.answer(command)));
 }
 
 #[test]
@@ -94,9 +83,9 @@ fn words_said_twice_are_known_again_though_a_number_is_none() {
         command.task.yaw_rate_rad_s = f64::NAN;
         end.answer(&command);
     };
-    let once = play(Play::new(SCENARIO), said_once);
+    let once = play(Play::of_two(DURATION_S), said_once);
     // Asked again, it says the same twice: once more than the server needs.
-    let twice = play(Play::new(SCENARIO), move |end, command, asked| {
+    let twice = play(Play::of_two(DURATION_S), move |end, command, asked| {
         let times = if command.tick != 10 { 1 } else { [0, 0, 2, 1][asked.min(3) as usize] };
         (0..times).for_each(|_| said_once(end, command, asked));
     });
@@ -107,7 +96,7 @@ fn words_said_twice_are_known_again_though_a_number_is_none() {
 fn the_recording_is_saved_while_an_answer_is_awaited() {
     let site = Site::new();
     let file = site.path("run.mcap");
-    let mut recorded = Play::new(SCENARIO);
+    let mut recorded = Play::of_two(DURATION_S);
     recorded.record = Some(file.clone());
     recorded.scenario.execution.decision_timeout_s = 1000.0;
     play(recorded, move |end, command, _| {
@@ -126,7 +115,7 @@ fn last_tick(file: &Path) -> u64 {
 
 #[test]
 fn a_run_that_is_held_back_for_hours_can_be_stopped() {
-    let mut held_back = Play::new(SCENARIO);
+    let mut held_back = Play::of_two(DURATION_S);
     held_back.scenario.execution.rtf = Rtf::Limit(1e-6);
     let stop = Arc::clone(&held_back.stop);
     let played = with_answers(held_back, move |end, command, _| {

@@ -39,8 +39,6 @@ pub struct RegionId {
 pub struct Region {
     /// The cell of it that is nearest to its middle.
     pub centre: Cell,
-    /// How many cells it has.
-    pub cells: u32,
     /// The frontiers in it, ascending.
     pub frontiers: Vec<Cell>,
     links: Vec<Link>,
@@ -136,15 +134,6 @@ impl Regions {
     #[must_use]
     pub fn get(&self, region: RegionId) -> Option<&Region> {
         self.blocks.get(region.block as usize)?.as_ref()?.regions.get(usize::from(region.number))
-    }
-
-    /// All regions with frontiers, ascending.
-    pub fn with_frontiers(&self) -> impl Iterator<Item = (RegionId, &Region)> {
-        let all = (0..).zip(&self.blocks).filter_map(|(block, regions)| Some((block, regions.as_ref()?)));
-        all.flat_map(|(block, regions)| {
-            let numbered = (0..).zip(&regions.regions).filter(|(_, region)| !region.frontiers.is_empty());
-            numbered.map(move |(number, region)| (RegionId { block, number }, region))
-        })
     }
 
     /// The regions of the blocks within so many cells of a cell along each axis, ascending.
@@ -248,8 +237,7 @@ impl Regions {
             }
             let centre = corner + middle(&mut members);
             let slot = self.slot();
-            let cells = members.len() as u32;
-            regions.push(Region { centre, cells, frontiers: Vec::new(), links: Vec::new(), slot });
+            regions.push(Region { centre, frontiers: Vec::new(), links: Vec::new(), slot });
         }
         self.blocks[block as usize] = Some(Box::new(Block { labels, regions }));
     }

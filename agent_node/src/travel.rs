@@ -108,9 +108,7 @@ impl Travel {
         self.failures
     }
 
-    /// The moves of the body.
-    #[must_use]
-    pub fn moves(&self, neighbours: Neighbours) -> &Moves {
+    fn moves(&self, neighbours: Neighbours) -> &Moves {
         match neighbours {
             Neighbours::Six => &self.to_faces,
             Neighbours::TwentySix => &self.to_all,

@@ -63,6 +63,25 @@ impl Play {
         }
     }
 
+    /// Two agents in a small cave that are asked at every tick, for so many seconds of sim time, so that there is much to
+    /// interfere with.
+    pub(crate) fn of_two(duration_s: f64) -> Self {
+        Self::new(&format!(
+            r#"
+            seed = 7
+            duration_s = {duration_s:?}
+            stop_when_explored = false
+            [map]
+            kind = "spheres"
+            size = 20
+            [agents]
+            count = 2
+            [execution]
+            look_ahead = false
+            "#
+        ))
+    }
+
     /// Carries the run out. `node` is what a group does until the run is over or its flag is set.
     #[track_caller]
     pub(crate) fn with(self, node: impl Fn(AgentsEnd, Vec<AgentId>, &AtomicBool) + Send + Sync + 'static) -> Played {

@@ -121,6 +121,13 @@ impl<'a> Ctx<'a> {
         direct(self.map, &self.pose.position, goal, self.briefing.body_radius_m)
     }
 
+    /// The cells beside the body's, across a face, an edge or a corner, that [`Ctx::is_clear_to`] holds for: where it can step
+    /// aside to.
+    #[must_use]
+    pub fn clear_beside(&self) -> Vec<Cell> {
+        self.cell().neighbours26().into_iter().filter(|&cell| self.is_clear_to(cell)).collect()
+    }
+
     /// For searches of one's own with [`crate::path`]: the map, the moves of the body, and what searches write on.
     pub fn searching(&mut self, neighbours: Neighbours) -> (&ExplorationMap, &Moves, &mut Scratch) {
         let (moves, scratch) = self.travel.searching(neighbours);

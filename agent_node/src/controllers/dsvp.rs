@@ -21,6 +21,7 @@ mod gain;
 mod goal;
 mod others;
 mod params;
+mod passing;
 mod peers;
 #[cfg(test)]
 mod tests;
@@ -30,9 +31,8 @@ use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
 use msgs::ids::Tick;
-use msgs::limits::PATH_POINTS_MAX;
 use msgs::maes_msgs::Wake as Events;
-use nalgebra::{Point3, Vector3};
+use nalgebra::Vector3;
 use rand::RngExt;
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand_chacha::ChaCha8Rng;
@@ -43,14 +43,15 @@ use super::{Controller, Ctx};
 use crate::command::{Command, LidarRequest, Motion, Wake};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
-use crate::path::{Neighbours, Path, straighten};
+use crate::path::{Neighbours, Path};
 use crate::regions::{RegionId, Regions, Ways};
-use crate::travel::Journey;
-use auction::{Auction, CLAIMS_PARCEL, Terms};
+pub use auction::CLAIMS_PARCEL;
+use auction::{Auction, Terms};
 use gain::Viewer;
 use goal::Goal;
 use others::Others;
 pub use params::Params;
+use passing::{length_m, others_near, past, rest, way};
 use peers::Peers;
 use tree::{Tree, vector};
 
@@ -65,9 +66,6 @@ const SCAN_PATIENCE_TICKS: u64 = 50;
 
 /// Goals that are tried when there is no way to some because other agents are in it.
 const TRIES: usize = 3;
-
-/// Steps from cell to cell, or along edges of the tree, that an agent takes to get clear of others before it goes straight.
-const STEPS_PAST_OTHERS_MAX: usize = 4;
 
 /// How far an agent goes out of the way of others, cells of way at the most.
 const ASIDE_CELLS_MAX: f64 = 15.0;
@@ -160,10 +158,10 @@ impl Dsvp {
                 gain_range_m.min(briefing.lidar_range_m).min(100.0 * extent.cell_m()) / extent.cell_m(),
                 gain_depth,
             ),
-            auction: self.terms.map(|terms| Auction::new(terms, ctx.agent())),
+            auction: self.terms.map(|terms| Auction::new(terms, ctx.agent(), extent)),
         });
         if let Some(auction) = &mut sight.auction {
-            auction.hear(&observation.parcels, observation.tick, extent, briefing.agents);
+            auction.hear(&observation.parcels, observation.tick, briefing.agents);
         }
         let (map, moves, _) = ctx.searching(Neighbours::TwentySix);
         sight.regions.renew(map, moves);
@@ -173,10 +171,8 @@ impl Dsvp {
     /// Whether there is still reason to go where it goes.
     fn goes_on(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> bool {
         let Some(sight) = &mut self.sight else { return false };
-        let cell_m = ctx.map().extent().cell_m();
-        if !self.is_contested
-            && sight.auction.as_ref().is_some_and(|auction| auction.is_outbid(observation.tick, cell_m))
-        {
+        let is_outbid = || sight.auction.as_ref().is_some_and(|auction| auction.is_outbid(observation.tick));
+        if !self.is_contested && is_outbid() {
             return false;
         }
         match self.goal {
@@ -201,8 +197,7 @@ impl Dsvp {
 
     /// At rest and with all seen that can be seen from here, or its goal is none any more: where to?
     fn plan(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        let radius_m = ctx.briefing().body_radius_m;
-        let others = Others::near(&observation.contacts, &ctx.position(), radius_m, ctx.map().extent());
+        let others = others_near(observation, ctx);
         let plan = match self.explore(observation, ctx, &others) {
             Plan::Nothing => match self.relocate(observation, ctx, &others) {
                 Plan::Nothing => self.carry(observation, ctx, &others),
@@ -218,8 +213,8 @@ impl Dsvp {
             Plan::Nothing => {
                 self.goal = None;
                 let wake = Wake::at(observation.tick.after(IDLE_TICKS));
-                let motion = if observation.is_active { Motion::Stop } else { Motion::Keep };
-                Command::new(motion, wake.or(Wake::on(Events::CONTACTS | Events::PARCEL))).saying("waiting for news")
+                Command::new(rest(observation), wake.or(Wake::on(Events::CONTACTS | Events::PARCEL)))
+                    .saying("waiting for news")
             }
         }
     }
@@ -233,18 +228,16 @@ impl Dsvp {
                 }
                 _ => auction.give_up(),
             }
-            self.is_contested = auction.is_outbid(observation.tick, ctx.map().extent().cell_m());
+            self.is_contested = auction.is_outbid(observation.tick);
         }
         let command = Command::new(motion, self.wake()).saying(goal.info());
-        self.telling(command, observation, ctx)
+        self.telling(command, observation)
     }
 
     /// A command that also tells the agents in contact of the claims, if there is an auction.
-    fn telling(&self, command: Command, observation: &Observation, ctx: &Ctx<'_>) -> Command {
+    fn telling(&self, command: Command, observation: &Observation) -> Command {
         match self.sight.as_ref().and_then(|sight| sight.auction.as_ref()) {
-            Some(auction) if !observation.contacts.is_empty() => {
-                command.sending(None, CLAIMS_PARCEL, auction.parcel(ctx.map().extent()))
-            }
+            Some(auction) if !observation.contacts.is_empty() => command.sending(None, CLAIMS_PARCEL, auction.parcel()),
             _ => command,
         }
     }
@@ -266,8 +259,7 @@ impl Dsvp {
         self.goal = None;
         let until = observation.tick.after(self.rng.random_range(1..=BACK_OFF_TICKS_MAX));
         self.waits_until = Some(until);
-        let motion = if observation.is_active { Motion::Stop } else { Motion::Keep };
-        Command::new(motion, Wake::at(until)).saying("gives way")
+        Command::new(rest(observation), Wake::at(until)).saying("gives way")
     }
 
     /// To a region nearby, at random.
@@ -305,7 +297,7 @@ impl Dsvp {
             None => Tree::new(here),
         };
         tree.grow(map, &growth, &ahead, others, &mut self.rng);
-        let (auction, cell_m) = (sight.auction.as_ref(), map.extent().cell_m());
+        let auction = sight.auction.as_ref();
         if let Some(Goal::Viewpoint { cell, .. }) = self.goal
             && cell == here
             && sight.viewer.gain(map, here) >= self.params.gain_min
@@ -317,7 +309,7 @@ impl Dsvp {
             if barren.contains(&cell) {
                 return 0.0;
             }
-            auction.map_or(1.0, |auction| auction.worth(cell, way_m, observation.tick, cell_m))
+            auction.map_or(1.0, |auction| auction.worth(cell, way_m, observation.tick))
         };
         let branch = tree.best(map, &mut sight.viewer, &self.params.valuation(), self.direction, &worth);
         self.tree = Some(tree);
@@ -360,7 +352,7 @@ impl Dsvp {
             }
             let penalty_m = auction
                 .as_ref()
-                .map_or(0.0, |auction| auction.penalty_m(cell, way_m, &observation.contacts, observation.tick, cell_m));
+                .map_or(0.0, |auction| auction.penalty_m(cell, way_m, &observation.contacts, observation.tick));
             best.push((way_m + penalty_m, cell, frontier));
             best.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
             best.truncate(TRIES);
@@ -422,15 +414,16 @@ impl Controller for Dsvp {
             }
             let keep = Command::keep(self.wake());
             let has_met = observation.events & Events::CONTACTS != 0;
-            return if has_met { self.telling(keep, observation, ctx) } else { keep };
+            return if has_met { self.telling(keep, observation) } else { keep };
         }
-        if self.waits_until.is_some_and(|until| now < until) {
-            return Command::keep(Wake::at(self.waits_until.unwrap_or(now)));
+        if let Some(until) = self.waits_until
+            && now < until
+        {
+            return Command::keep(Wake::at(until));
         }
         let has_waited = self.waits_until.take().is_some();
         if !has_waited && observation.collision.is_some_and(|collision| collision.with_agent) {
-            let radius_m = ctx.briefing().body_radius_m;
-            let others = Others::near(&observation.contacts, &ctx.position(), radius_m, ctx.map().extent());
+            let others = others_near(observation, ctx);
             return self.give_way(observation, ctx, &others);
         }
         let since = *self.rests_since.get_or_insert(now);
@@ -442,11 +435,6 @@ impl Controller for Dsvp {
         }
         self.plan(observation, ctx)
     }
-}
-
-fn length_m(from: &Point3<f64>, motion: &Motion) -> f64 {
-    let Motion::Path(way_points) = motion else { return 0.0 };
-    std::iter::once(from).chain(way_points).zip(way_points).map(|(from, to)| (to - from).norm()).sum()
 }
 
 /// One frontier of each region within the horizon: the one nearest to the agent.
@@ -481,27 +469,4 @@ fn most_ahead(
 /// From where to look at a frontier: it itself, or the centre of its region if the body does not fit into it.
 fn viewpoint(regions: &Regions, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
     if regions.region_of(frontier) == Some(region) { frontier } else { centre }
-}
-
-/// The motion to a cell in a region that has been reached, if there is a way past the other agents.
-fn way(ctx: &mut Ctx<'_>, regions: &Regions, ways: &Ways, to: Cell, others: &Others) -> Option<Motion> {
-    let here = ctx.cell();
-    let (map, moves, scratch) = ctx.searching(Neighbours::TwentySix);
-    let path = ways.path(regions, map, moves, scratch, (here, to), &|cell| others.take(cell))?;
-    past(ctx, &path, others)
-}
-
-/// The motion along a path, past the other agents: with as few legs as do, after as few steps from cell to cell as are needed to
-/// get clear of them.
-fn past(ctx: &Ctx<'_>, path: &Path, others: &Others) -> Option<Motion> {
-    let (map, radius_m) = (ctx.map(), ctx.briefing().body_radius_m);
-    let is_open = |motion: &Motion| !others.block_motion(&ctx.position(), motion);
-    let Journey::Go(straight) = ctx.follow(path) else { return None };
-    let after = |steps: usize| {
-        let rest = Path { cells: path.cells[steps..].to_vec(), cost: 0 };
-        let by_steps = path.cells[1..=steps].iter().map(|&cell| map.extent().centre(cell));
-        Motion::Path(by_steps.chain(straighten(&rest, map, radius_m)).take(PATH_POINTS_MAX).collect())
-    };
-    let steps_max = STEPS_PAST_OTHERS_MAX.min(path.cells.len() - 1);
-    std::iter::once(straight).chain((1..=steps_max).map(after)).find(is_open)
 }

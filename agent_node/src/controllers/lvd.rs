@@ -238,7 +238,7 @@ impl Lvd {
         if let Some((goal, purpose)) = self.errand.take() {
             self.refuse(purpose.aim(goal), observation.tick);
         }
-        let asides: Vec<Cell> = ctx.cell().neighbours26().into_iter().filter(|&cell| ctx.is_clear_to(cell)).collect();
+        let asides = ctx.clear_beside();
         if !asides.is_empty() && self.rng.random_bool(0.5) {
             let aside = asides[self.rng.random_range(0..asides.len())];
             return self.goes_on(observation, ctx, aside, Purpose::Dodge);

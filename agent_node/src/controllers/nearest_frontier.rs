@@ -61,8 +61,7 @@ impl NearestFrontier {
     /// the same for ever.
     fn make_way(&mut self, ctx: &mut Ctx<'_>) -> Command {
         self.goal = None;
-        let here = ctx.cell();
-        let beside: Vec<Cell> = here.neighbours26().into_iter().filter(|&cell| ctx.is_clear_to(cell)).collect();
+        let beside = ctx.clear_beside();
         let motion = match beside.len() {
             0 => Motion::Keep,
             cells => Motion::Path(vec![ctx.map().extent().centre(beside[self.rng.random_range(0..cells)])]),

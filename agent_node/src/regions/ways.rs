@@ -69,12 +69,6 @@ impl Ways {
         }
     }
 
-    /// Length of the way to a region that has been reached, cells.
-    #[must_use]
-    pub fn length(&self, regions: &Regions, region: RegionId) -> Option<f64> {
-        self.reached(regions, region).map(|reached| f64::from(reached.length) / f64::from(PER_CELL))
-    }
-
     fn reached(&self, regions: &Regions, region: RegionId) -> Option<&Reached> {
         let reached = self.reached.get(regions.get(region)?.slot as usize)?;
         (reached.epoch == self.epoch && reached.is_done).then_some(reached)

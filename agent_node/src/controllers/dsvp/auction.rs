@@ -21,8 +21,8 @@ use voxels::{Cell, Extent};
 use super::tree::length_between;
 use crate::observation::{Contact, Received};
 
-/// The mark of the parcels that claims are told in.
-pub(super) const CLAIMS_PARCEL: u8 = 2;
+/// The mark of the parcels in which agents with an auction tell each other of their claims.
+pub const CLAIMS_PARCEL: u8 = 2;
 
 const VERSION: u8 = 1;
 
@@ -65,18 +65,20 @@ pub(super) struct Claim {
 pub(super) struct Auction {
     terms: Terms,
     own: AgentId,
+    extent: Extent,
     claims: BTreeMap<AgentId, Claim>,
 }
 
 impl Auction {
-    pub(super) fn new(terms: Terms, own: AgentId) -> Self {
-        Self { terms, own, claims: BTreeMap::new() }
+    /// The auction as `own` knows it, on a map of this extent: there are no claims yet.
+    pub(super) fn new(terms: Terms, own: AgentId, extent: Extent) -> Self {
+        Self { terms, own, extent, claims: BTreeMap::new() }
     }
 
-    /// Takes in what has been told; forgets claims that are over.
-    pub(super) fn hear(&mut self, parcels: &[Received], now: Tick, extent: Extent, agents: u32) {
+    /// Takes in what has been told; forgets claims that are over. `agents` is how many there are in the run.
+    pub(super) fn hear(&mut self, parcels: &[Received], now: Tick, agents: u32) {
         for parcel in parcels.iter().filter(|parcel| parcel.kind == CLAIMS_PARCEL) {
-            for (agent, claim) in decode(&parcel.data, extent, agents).into_iter().flatten() {
+            for (agent, claim) in decode(&parcel.data, self.extent, agents).into_iter().flatten() {
                 let is_newer = self.claims.get(&agent).is_none_or(|known| known.made < claim.made);
                 if agent != self.own && is_newer && claim.made <= now {
                     let ends = claim.ends.min(now.after(LEASE_TICKS_MAX));
@@ -100,10 +102,10 @@ impl Auction {
     }
 
     /// What to tell the agents in contact.
-    pub(super) fn parcel(&self, extent: Extent) -> Vec<u8> {
+    pub(super) fn parcel(&self) -> Vec<u8> {
         let mut bytes = vec![VERSION];
         for (agent, claim) in &self.claims {
-            let Some(cell) = extent.index(claim.cell) else { continue };
+            let Some(cell) = self.extent.index(claim.cell) else { continue };
             bytes.extend(agent.0.to_le_bytes());
             bytes.extend((cell as u32).to_le_bytes());
             bytes.extend(((claim.way_m * 1000.0).min(f64::from(u32::MAX)) as u32).to_le_bytes());
@@ -123,50 +125,50 @@ impl Auction {
         (claim.way_m - passed_s * self.terms.pace_m_s).max(0.0)
     }
 
+    /// Between the centres of two cells, metres.
+    fn apart_m(&self, a: Cell, b: Cell) -> f64 {
+        length_between(a, b) * self.extent.cell_m()
+    }
+
     /// Whether another agent claims about what this one claims, and is nearer to it.
-    pub(super) fn is_outbid(&self, now: Tick, cell_m: f64) -> bool {
+    pub(super) fn is_outbid(&self, now: Tick) -> bool {
         let Some(own) = self.claims.get(&self.own) else { return false };
         let bid = (self.left_m(own, now), self.own);
         self.others().any(|(agent, claim)| {
-            let is_same = length_between(claim.cell, own.cell) * cell_m < 0.5 * self.terms.spread_m;
+            let is_same = self.apart_m(claim.cell, own.cell) < 0.5 * self.terms.spread_m;
             is_same && (self.left_m(claim, now), agent) < bid
         })
     }
 
     /// By what the worth of a viewpoint is multiplied, as far as `way_m` metres away: 1 if nobody else goes near it.
-    pub(super) fn worth(&self, cell: Cell, way_m: f64, now: Tick, cell_m: f64) -> f64 {
+    pub(super) fn worth(&self, cell: Cell, way_m: f64, now: Tick) -> f64 {
         self.others()
             .filter(|(_, claim)| {
-                let apart_m = length_between(claim.cell, cell) * cell_m;
+                let apart_m = self.apart_m(claim.cell, cell);
                 self.left_m(claim, now) + apart_m * self.terms.detour <= way_m || apart_m < 0.5 * self.terms.spread_m
             })
-            .map(|(_, claim)| 1.0 - self.terms.discount * self.nearness(claim, cell, cell_m))
+            .map(|(_, claim)| 1.0 - self.terms.discount * self.nearness(claim, cell))
             .product()
     }
 
     /// What to add to the length of the way to a frontier, metres: nothing if nobody else goes near it or will be there sooner.
-    pub(super) fn penalty_m(&self, cell: Cell, way_m: f64, contacts: &[Contact], now: Tick, cell_m: f64) -> f64 {
+    pub(super) fn penalty_m(&self, cell: Cell, way_m: f64, contacts: &[Contact], now: Tick) -> f64 {
         let Terms { trespass_m, detour, .. } = self.terms;
-        let sooner =
-            |claim: &Claim| self.left_m(claim, now) + length_between(claim.cell, cell) * cell_m * detour < way_m;
+        let sooner = |claim: &Claim| self.left_m(claim, now) + self.apart_m(claim.cell, cell) * detour < way_m;
         let without_goal = |contact: &&Contact| !self.claims.contains_key(&contact.agent);
-        let beside = |contact: &Contact| {
-            let centre_m = nalgebra::Vector3::new(f64::from(cell.x), f64::from(cell.y), f64::from(cell.z))
-                .add_scalar(0.5)
-                * cell_m;
-            (contact.position.coords - centre_m).norm() * detour < way_m
-        };
+        let centre = self.extent.centre(cell);
+        let beside = |contact: &Contact| (contact.position - centre).norm() * detour < way_m;
         if self.others().any(|(_, claim)| sooner(claim)) || contacts.iter().filter(without_goal).any(beside) {
             trespass_m
         } else {
-            let nearest = self.others().map(|(_, claim)| self.nearness(claim, cell, cell_m)).fold(0.0, f64::max);
+            let nearest = self.others().map(|(_, claim)| self.nearness(claim, cell)).fold(0.0, f64::max);
             trespass_m * self.terms.discount * nearest
         }
     }
 
     /// 1 at a claim, falling to 0 away from it.
-    fn nearness(&self, claim: &Claim, cell: Cell, cell_m: f64) -> f64 {
-        let apart = length_between(claim.cell, cell) * cell_m / self.terms.spread_m;
+    fn nearness(&self, claim: &Claim, cell: Cell) -> f64 {
+        let apart = self.apart_m(claim.cell, cell) / self.terms.spread_m;
         libm::exp(-apart * apart)
     }
 }
@@ -204,18 +206,18 @@ mod tests {
     }
 
     fn told(from: &Auction) -> Vec<Received> {
-        vec![Received { from: from.own, kind: CLAIMS_PARCEL, data: from.parcel(extent()) }]
+        vec![Received { from: from.own, kind: CLAIMS_PARCEL, data: from.parcel() }]
     }
 
     /// Two agents that claim something; each has heard the other.
     fn two(claims: [(Cell, f64); 2]) -> [Auction; 2] {
-        let mut pair = [AgentId(3), AgentId(1)].map(|agent| Auction::new(TERMS, agent));
+        let mut pair = [AgentId(3), AgentId(1)].map(|agent| Auction::new(TERMS, agent, extent()));
         for (auction, (cell, way_m)) in pair.iter_mut().zip(claims) {
             auction.claim(cell, way_m, Tick(100));
         }
         let parcels = [told(&pair[1]), told(&pair[0])];
         for (auction, parcels) in pair.iter_mut().zip(&parcels) {
-            auction.hear(parcels, Tick(101), extent(), 4);
+            auction.hear(parcels, Tick(101), 4);
         }
         pair
     }
@@ -226,7 +228,7 @@ mod tests {
 
     #[test]
     fn of_two_with_the_same_goal_the_nearer_one_keeps_it_and_the_lower_id_if_none_is() {
-        let is_outbid = |pair: [Auction; 2]| pair.map(|auction| auction.is_outbid(Tick(101), 1.0));
+        let is_outbid = |pair: [Auction; 2]| pair.map(|auction| auction.is_outbid(Tick(101)));
         assert_eq!(is_outbid(two([(GOAL, 5.0), (BESIDE, 9.0)])), [false, true]);
         assert_eq!(is_outbid(two([(GOAL, 9.0), (BESIDE, 5.0)])), [true, false]);
         assert_eq!(is_outbid(two([(GOAL, 5.0), (GOAL, 5.0)])), [true, false]);
@@ -236,10 +238,10 @@ mod tests {
     #[test]
     fn what_another_has_claimed_is_worth_less_and_costs_more_the_nearer_it_is() {
         let [_, auction] = two([(GOAL, 5.0), (FAR, 9.0)]);
-        let worth = |cell| auction.worth(cell, 30.0, Tick(101), 1.0);
+        let worth = |cell| auction.worth(cell, 30.0, Tick(101));
         assert!(worth(GOAL) < 0.2 && worth(GOAL) < worth(BESIDE) && worth(BESIDE) < 0.2, "{}", worth(BESIDE));
         assert!(worth(Cell::new(2, 2, 2)) > 0.9);
-        let penalty_m = |cell, way_m| auction.penalty_m(cell, way_m, &[], Tick(101), 1.0);
+        let penalty_m = |cell, way_m| auction.penalty_m(cell, way_m, &[], Tick(101));
         assert_eq!(penalty_m(GOAL, 30.0), 40.0);
         assert_eq!(penalty_m(BESIDE, 30.0), 40.0, "it will be there sooner");
         assert!(penalty_m(BESIDE, 1.0) < 40.0, "but not if this one is there at once");
@@ -248,41 +250,41 @@ mod tests {
 
     #[test]
     fn an_agent_without_a_goal_has_the_frontiers_beside_it() {
-        let auction = Auction::new(TERMS, AgentId(0));
+        let auction = Auction::new(TERMS, AgentId(0), extent());
         let contact = Contact { agent: AgentId(1), position: Point3::new(20.5, 20.5, 20.5) };
-        assert_eq!(auction.penalty_m(BESIDE, 30.0, &[contact], Tick(1), 1.0), 40.0);
-        assert_eq!(auction.penalty_m(BESIDE, 1.0, &[contact], Tick(1), 1.0), 0.0);
+        assert_eq!(auction.penalty_m(BESIDE, 30.0, &[contact], Tick(1)), 40.0);
+        assert_eq!(auction.penalty_m(BESIDE, 1.0, &[contact], Tick(1)), 0.0);
     }
 
     #[test]
     fn a_claim_is_remembered_without_contact_until_its_lease_is_over() {
         let [mut auction, _] = two([(FAR, 5.0), (GOAL, 8.0)]);
         // 8 m at 0.8 m/s are 10 s, and 30 s more: 2000 ticks.
-        auction.hear(&[], Tick(2099), extent(), 4);
-        assert!(auction.worth(GOAL, 30.0, Tick(2099), 1.0) < 0.2);
-        auction.hear(&[], Tick(2100), extent(), 4);
-        assert_eq!(auction.worth(GOAL, 30.0, Tick(2100), 1.0), 1.0);
+        auction.hear(&[], Tick(2099), 4);
+        assert!(auction.worth(GOAL, 30.0, Tick(2099)) < 0.2);
+        auction.hear(&[], Tick(2100), 4);
+        assert_eq!(auction.worth(GOAL, 30.0, Tick(2100)), 1.0);
     }
 
     #[test]
     fn claims_are_passed_on_and_the_latest_counts() {
         let [first, mut second] = two([(GOAL, 5.0), (FAR, 5.0)]);
-        let mut third = Auction::new(TERMS, AgentId(2));
-        third.hear(&told(&second), Tick(102), extent(), 4);
-        assert!(third.worth(GOAL, 30.0, Tick(102), 1.0) < 0.2, "the first one's, from the second one");
+        let mut third = Auction::new(TERMS, AgentId(2), extent());
+        third.hear(&told(&second), Tick(102), 4);
+        assert!(third.worth(GOAL, 30.0, Tick(102)) < 0.2, "the first one's, from the second one");
         second.claim(BESIDE, 1.0, Tick(103));
-        third.hear(&told(&second), Tick(104), extent(), 4);
-        third.hear(&told(&first), Tick(105), extent(), 4);
+        third.hear(&told(&second), Tick(104), 4);
+        third.hear(&told(&first), Tick(105), 4);
         assert_eq!(third.claims[&AgentId(1)].cell, BESIDE, "the older word of the first one changes nothing");
     }
 
     #[test]
     fn malformed_parcels_and_endless_leases_change_little() {
         let [auction, _] = two([(GOAL, 5.0), (FAR, 5.0)]);
-        let good = auction.parcel(extent());
+        let good = auction.parcel();
         let heard = |data: Vec<u8>| {
-            let mut listener = Auction::new(TERMS, AgentId(0));
-            listener.hear(&[Received { from: AgentId(1), kind: CLAIMS_PARCEL, data }], Tick(200), extent(), 4);
+            let mut listener = Auction::new(TERMS, AgentId(0), extent());
+            listener.hear(&[Received { from: AgentId(1), kind: CLAIMS_PARCEL, data }], Tick(200), 4);
             listener.claims
         };
         assert_eq!(heard(good.clone()).len(), 2);

@@ -1,14 +1,10 @@
 use msgs::ids::AgentId;
 use nalgebra::Point3;
-use proptest::prelude::*;
-use voxels::{Extent, Grid, Terrain};
 
 use super::super::testing::World;
 use super::*;
 use crate::exploration_map::{CellState, Delta};
 use crate::observation::Contact;
-use crate::path::direct;
-use tree::Growth;
 
 fn planner(settings: &[&str]) -> Dsvp {
     let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
@@ -149,72 +145,4 @@ fn agents_in_each_others_way_do_not_wait_for_ever() {
     world.observation.contacts.clear();
     world.run(&mut controller, 2000);
     assert_eq!(world.left(&[CellState::Free, CellState::Covered]), []);
-}
-
-const GROWTH: Growth = Growth { horizon: 6, extension: 3.0, samples: 150, bias: 0.3, jitter: 1, radius_m: 0.4 };
-
-fn check(tree: &Tree, map: &ExplorationMap, root: Cell) -> Result<(), TestCaseError> {
-    let cells: Vec<Cell> = tree.cells().collect();
-    prop_assert_eq!(cells[0], root);
-    prop_assert_eq!(cells.iter().collect::<BTreeSet<_>>().len(), tree.len(), "no cell is two nodes");
-    for &cell in &cells {
-        let by = cell - root;
-        prop_assert!([by.x, by.y, by.z].iter().all(|by| by.abs() <= GROWTH.horizon));
-    }
-    for (from, to) in tree.edges() {
-        prop_assert!(direct(map, &map.extent().centre(from), to, 0.4), "{from:?} {to:?}");
-    }
-    Ok(())
-}
-
-proptest! {
-    #[test]
-    fn a_tree_keeps_to_known_free_cells_within_its_horizon(
-        cells in prop::collection::vec(0u8..8, 12 * 12 * 4),
-        seed: u64,
-        steps in prop::collection::vec(0usize..100, 1..4),
-    ) {
-        let extent = Extent::new([12, 12, 4], 1.0).unwrap();
-        let mut map = ExplorationMap::new(extent);
-        let mut rng = msgs::seed::stream(seed, 0, "tree");
-        for (index, kind) in (0..).zip(&cells) {
-            match kind {
-                0 => map.note_wall(&[index]),
-                1 => {}
-                _ => map.note_free(&[index]),
-            }
-        }
-        let root = Cell::new(6, 6, 2);
-        map.note_covered(root);
-        prop_assume!(map.state(root) == CellState::Covered);
-        let others = Others::near(&[], &extent.centre(root), 0.4, extent);
-        let mut tree = Tree::new(root);
-        tree.grow(&map, &GROWTH, &[Cell::new(1, 1, 1)], &others, &mut rng);
-        check(&tree, &map, root)?;
-        for step in steps {
-            let cells: Vec<Cell> = tree.cells().collect();
-            let root = cells[step % cells.len()];
-            tree = tree.moved_to(root, &map, &GROWTH);
-            check(&tree, &map, root)?;
-            tree.grow(&map, &GROWTH, &[], &others, &mut rng);
-            check(&tree, &map, root)?;
-        }
-    }
-}
-
-#[test]
-fn a_moved_tree_keeps_what_hangs_together() {
-    let world = Grid::<Terrain>::from_text(CORRIDOR.trim_start()).unwrap();
-    let mut map = ExplorationMap::new(world.extent());
-    for (index, terrain) in (0..).zip(world.as_slice()) {
-        if *terrain == Terrain::Free { map.note_free(&[index]) } else { map.note_wall(&[index]) }
-    }
-    let others = Others::near(&[], &Point3::origin(), 0.4, world.extent());
-    let mut tree = Tree::new(Cell::new(5, 1, 0));
-    let growth = Growth { samples: 20_000, ..GROWTH };
-    tree.grow(&map, &growth, &[], &others, &mut msgs::seed::stream(1, 0, "tree"));
-    assert_eq!(tree.len(), 11, "x from 1 to 11");
-    let moved = tree.moved_to(Cell::new(8, 1, 0), &map, &GROWTH);
-    assert_eq!(moved.len(), 10, "x from 2 to 11: {moved:?}");
-    assert_eq!(moved.cells().next(), Some(Cell::new(8, 1, 0)));
 }

@@ -59,8 +59,6 @@ pub(in crate::controllers) struct Branch {
     pub(in crate::controllers) cells: Vec<Cell>,
     /// Unexplored cells that its end would see.
     pub(in crate::controllers) gain: u32,
-    /// What it is worth.
-    pub(in crate::controllers) value: f64,
 }
 
 /// The tree. Node 0 is its root and its own parent; every other node comes after its parent.
@@ -73,18 +71,6 @@ impl Tree {
     /// A root alone.
     pub(in crate::controllers) fn new(root: Cell) -> Self {
         Self { nodes: vec![Node { cell: root, parent: 0, length: 0.0 }] }
-    }
-
-    /// How many nodes there are, the root included.
-    #[cfg(test)]
-    pub(in crate::controllers) fn len(&self) -> usize {
-        self.nodes.len()
-    }
-
-    /// The cells of the nodes, the root first.
-    #[cfg(test)]
-    pub(in crate::controllers) fn cells(&self) -> impl Iterator<Item = Cell> {
-        self.nodes.iter().map(|node| node.cell)
     }
 
     /// What is left of the tree around a new root: the part that hangs together within the horizon, if some node within an edge
@@ -125,12 +111,6 @@ impl Tree {
             next.extend(beside[node].iter().filter(|&&node| !is_taken[node]).map(|&node| (node, number)));
         }
         moved
-    }
-
-    /// The cells at both ends of each edge, the one nearer to the root first.
-    #[cfg(test)]
-    pub(in crate::controllers) fn edges(&self) -> impl Iterator<Item = (Cell, Cell)> {
-        self.nodes.iter().skip(1).map(|node| (self.nodes[node.parent].cell, node.cell))
     }
 
     fn root(&self) -> Cell {
@@ -216,8 +196,8 @@ impl Tree {
                 best = Some((value, number));
             }
         }
-        let (value, end) = best?;
-        Some(Branch { cells: self.way_to(end), gain: gains[end], value })
+        let (_, end) = best?;
+        Some(Branch { cells: self.way_to(end), gain: gains[end] })
     }
 
     /// The cells from the root to a node.
@@ -264,3 +244,6 @@ fn towards(from: Cell, to: Cell, length: f64, extent: &Extent) -> Cell {
     let centre: Point3<f64> = extent.centre(from);
     extent.cell_of(&(centre + vector(to - from) * (length / whole * extent.cell_m())))
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use agent_node::controllers::dsvp::CLAIMS_PARCEL;
 use agent_node::sharing::MAP_PARCEL;
 
 use super::super::numbers::{Estimate, RESAMPLES};
@@ -13,8 +14,6 @@ use super::{Figure, Panels, runs_told};
 use crate::rows::RunRecord;
 use crate::statistics::StatisticsError;
 
-/// What `dsvp-auction` marks its claims with.
-const CLAIMS_PARCEL: u8 = 2;
 /// Height of a bar over the room that it has.
 const BAR: f64 = 0.62;
 /// Room beyond the longest bar, for what stands there.
