@@ -4,6 +4,8 @@
 #   launch_scripts/run.sh [SCENARIO.toml] [--agents N] [--controller C] [--map spheres|noise|FILE] [--size S] [--seed K]
 #                         [--duration SECONDS] [--record FILE.mcap] [any other flag of `sim_server run`]
 #   --agent-set KEY=VALUE     a setting of the agents' controllers: the key agents.set.KEY; can be given again
+#   --external ID[,ID...]     agents that somebody else starts, each a process of its own; not over memory. Those of the key
+#                             agents.cmd_vel are among them
 #   --agents-per-process M    run M agents in each process (default 1); not over memory
 #   --order forward|reverse|shuffle   in which order to start the agents (default forward); not over memory
 #   --chaos-delay-ms MS       let each agent wait up to so long, at random, before it answers
@@ -18,6 +20,7 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 scenario=$root/launch_scripts/scenarios/default.toml
 transport=ros2
 per_process=
+external=
 order=
 logs=
 agent_flags=()
@@ -46,6 +49,7 @@ while [[ $# -gt 0 ]]; do
     case $1 in
         --transport) transport=$2 ;;
         --agents-per-process) per_process=$2 ;;
+        --external) external=$2 ;;
         --order) order=$2 ;;
         --logs) logs=$2 ;;
         --chaos-delay-ms) agent_flags+=(--chaos-delay-ms "$2") ;;
@@ -60,11 +64,13 @@ done
 [[ $transport == ros2 || $transport == memory ]] || fail "--transport $transport: expected ros2 or memory"
 if [[ $transport == memory ]]; then
     [[ -z $per_process ]] || fail "--agents-per-process $per_process: over memory there is one process; leave it out"
+    [[ -z $external ]] || fail "--external $external: over memory no processes take part; leave it out"
     [[ -z $order ]] || fail "--order $order: over memory no processes are started; leave it out"
 fi
 per_process=${per_process:-1}
 order=${order:-forward}
 [[ $per_process =~ ^[1-9][0-9]{0,3}$ ]] || fail "--agents-per-process $per_process: expected a number from 1"
+[[ $external =~ ^([0-9]{1,4}(,[0-9]{1,4})*)?$ ]] || fail "--external $external: expected ids of agents, such as 0,3"
 [[ $order == forward || $order == reverse || $order == shuffle ]] ||
     fail "--order $order: expected forward, reverse or shuffle"
 
@@ -83,6 +89,15 @@ value_of() { "$bin/sim_server" scenario "$scenario" "${server_flags[@]}" --get "
 count=$(value_of agents.count) || exit $?
 controller=$(value_of agents.controller) || exit $?
 settings=$(value_of agents.set) || exit $?
+# The key is left out where there are none.
+driven=$(value_of agents.cmd_vel 2>/dev/null)
+declare -A is_external=()
+for id in ${external//,/ } ${driven//[^0-9]/ }; do
+    ((10#$id < count)) || fail "--external $external: agent $id does not take part: ids are 0 to $((count - 1))"
+    is_external[$((10#$id))]=1
+done
+((${#is_external[@]} == 0 || per_process == 1)) ||
+    fail "--agents-per-process $per_process: expected 1 where some agents are started by somebody else"
 setting_flags=()
 while IFS= read -r setting; do
     [[ -z $setting ]] || setting_flags+=(--set "$setting")
@@ -132,7 +147,7 @@ done
 exec {ready}>&-
 rm "$logs/ready"
 
-starts=$(for ((first = 0; first < count; first += per_process)); do echo "$first"; done)
+starts=$(for ((first = 0; first < count; first += per_process)); do [[ ${is_external[$first]:-} ]] || echo "$first"; done)
 case $order in
     reverse) starts=$(sort -rn <<<"$starts") ;;
     shuffle) starts=$(shuf <<<"$starts") ;;

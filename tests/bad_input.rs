@@ -225,7 +225,10 @@ fn the_ros_environment() {
 fn arguments_of_the_script() {
     let site = Site::new();
     for (arguments, words) in [
-        (&["--order", "sideways"][..], "--order sideways: expected forward, reverse or shuffle"),
+        (&["--external", "two"][..], "--external two: expected ids of agents, such as 0,3"),
+        (&["--external", "7", "--agents", "2"], "agent 7 does not take part: ids are 0 to 1"),
+        (&["--external", "0", "--agents-per-process", "2"], "--agents-per-process 2: expected 1"),
+        (&["--order", "sideways"], "--order sideways: expected forward, reverse or shuffle"),
         (&["--transport", "pigeon"], "--transport pigeon: expected ros2 or memory"),
         (&["--agents-per-process", "0"], "--agents-per-process 0: expected a number from 1"),
         (

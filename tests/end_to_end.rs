@@ -26,6 +26,8 @@ mod waiting;
 
 /// A real ROS 2 node looks on, and the run does not care.
 mod onlookers;
+/// Nodes of somebody else take part as agents.
+mod own_nodes;
 /// Recordings open with the Python packages that people use, and hold what they should.
 mod recordings;
 

@@ -2,8 +2,8 @@
 """An agent in Python: straight on until something is in the way, then a random turn.
 
     eval "$(launch_scripts/ros_env.sh)"
-    python examples/python/agent.py 0 & target/release/agent_node --id 1 &
-    target/release/sim_server run launch_scripts/scenarios/default.toml --agents 2 --decision-timeout 60
+    python examples/python/agent.py 0 &
+    launch_scripts/run.sh --agents 2 --external 0
 
 It speaks the protocol of docs/topics.md and nothing more; its decisions are in `decide`.
 """

@@ -2,10 +2,10 @@
 """An agent that speaks standard messages only: a LiDAR and odometry in, a velocity out, as for any robot.
 
     eval "$(launch_scripts/ros_env.sh)"
-    python examples/python/cmd_vel_agent.py 0 & target/release/agent_node --id 1 &
-    target/release/sim_server run launch_scripts/scenarios/default.toml --agents 2 --set agents.cmd_vel=[0]
+    python examples/python/cmd_vel_agent.py 0 &
+    launch_scripts/run.sh --agents 2 --set 'agents.cmd_vel=[0]'
 
-It flies straight on until the cave comes near, and then turns to where there is most room. For each stamp on /clock it answers once,
+It flies straight on until a wall comes near, and then turns to where there is most room. For each stamp on /clock it answers once,
 with that stamp, when it has the odometry of that stamp, and in every tenth tick (lidar.period_ticks) the scan of that stamp as well: so
 what it does hangs on what it sees, and on nothing else.
 """
@@ -25,8 +25,10 @@ from sensor_msgs.msg import PointCloud2
 TICK_NS = 20_000_000
 SCAN_TICKS = 10
 SPEED_M_S = 1.5
-NEAR_M = 2.0
-CONE = 0.9  # cosine of the angle about the heading in which walls are in the way
+TURN_RATE_RAD_S = 1.0
+NEAR_M = 2.5  # walls are in the way up to here
+BESIDE_M = 1.0  # and so far beside the line of flight
+DIRECTIONS = 20
 
 
 def ns(stamp):
@@ -47,7 +49,10 @@ class Agent:
         self.points = {}  # the same for scans
         self.scan = []  # the last one
         self.turn_until = 0
+        self.rate_rad_s = 0.0
+        self.pitch_rad = 0.0
         self.answer = None  # the last one, to repeat it when the same tick is asked again
+        self.answered = None  # its stamp
         node = self.node = rclpy.create_node(f"cmd_vel_agent_{number}")
         own = f"/agent_{number}"
         self.cmd_vel = node.create_publisher(TwistStamped, f"{own}/cmd_vel", QoSProfile(depth=10))
@@ -57,7 +62,7 @@ class Agent:
 
     def on_clock(self, message):
         self.clock = ns(message.clock)
-        if self.answer is not None and ns(self.answer.header.stamp) == self.clock:
+        if self.clock == self.answered:
             self.cmd_vel.publish(self.answer)
         self.answer_in_time()
 
@@ -71,7 +76,7 @@ class Agent:
 
     def answer_in_time(self):
         now = self.clock
-        if now not in self.odom or (now // TICK_NS % SCAN_TICKS == 0 and now not in self.points):
+        if now == self.answered or now not in self.odom or (now // TICK_NS % SCAN_TICKS == 0 and now not in self.points):
             return
         if now in self.points:
             self.scan = points_of(self.points[now])
@@ -81,26 +86,32 @@ class Agent:
         self.decide(now, self.answer.twist)
         self.odom = {stamp: message for stamp, message in self.odom.items() if stamp > now}
         self.points = {stamp: message for stamp, message in self.points.items() if stamp > now}
+        self.answered = now
         self.cmd_vel.publish(self.answer)
 
     def decide(self, now, twist):
         """Fills in the velocity in the frame of the body: x forward, y left, z up."""
         if now < self.turn_until:
-            twist.angular.z = self.rate
-            return
-        ahead = [math.hypot(*point) for point in self.scan if point[0] > CONE * math.hypot(*point)]
-        if min(ahead, default=0.0) > NEAR_M:
-            twist.linear.x = SPEED_M_S
-            # Towards the middle between floor and ceiling.
-            column = [z for x, y, z in self.scan if math.hypot(x, y) < 1.5]
-            twist.linear.z = 0.2 * (max(column, default=0.0) + min(column, default=0.0))
-            return
-        # Away from what is near, by a bit more or less each time.
-        room = max(self.scan, key=lambda point: math.hypot(*point), default=(1.0, 0.0, 0.0))
-        angle = math.atan2(room[1], room[0]) + self.rng.uniform(-0.5, 0.5)
-        self.rate = math.copysign(1.0, angle)
-        self.turn_until = now + int(abs(angle) / abs(self.rate) * 1e9)
-        twist.angular.z = self.rate
+            twist.angular.z = self.rate_rad_s
+        elif now > self.turn_until and not self.is_blocked():
+            twist.linear.x = SPEED_M_S * math.cos(self.pitch_rad)
+            twist.linear.z = SPEED_M_S * math.sin(self.pitch_rad)
+        elif self.scan:
+            # To where there is most room, among some directions at random.
+            x, y, z = max(self.rng.choices(self.scan, k=DIRECTIONS), key=lambda point: math.hypot(*point))
+            self.pitch_rad = math.atan2(z, math.hypot(x, y))
+            angle_rad = math.atan2(y, x)
+            self.rate_rad_s = twist.angular.z = math.copysign(TURN_RATE_RAD_S, angle_rad)
+            self.turn_until = now + int(abs(angle_rad) / TURN_RATE_RAD_S * 1e9)
+
+    def is_blocked(self):
+        """Whether a wall is near, in the direction of flight."""
+        along_x, along_z = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
+        for x, y, z in self.scan:
+            ahead = x * along_x + z * along_z
+            if 0.0 < ahead < NEAR_M and math.hypot(y, z * along_x - x * along_z) < BESIDE_M:
+                return True
+        return False
 
 
 def main():

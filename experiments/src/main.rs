@@ -100,7 +100,9 @@ fn run_single(args: &SingleArgs) -> anyhow::Result<ExitCode> {
     }
     let outcome = finished
         .map_err(|error| match error {
-            SingleError::Setup(error) => anyhow::anyhow!("{}: {error}", args.scenario.display()),
+            SingleError::Setup(_) | SingleError::OverRosOnly(_) => {
+                anyhow::anyhow!("{}: {error}", args.scenario.display())
+            }
             other => other.into(),
         })?
         .outcome;

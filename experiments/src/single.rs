@@ -24,6 +24,9 @@ pub enum SingleError {
     /// The scenario cannot be set up.
     #[error(transparent)]
     Setup(#[from] SetupError),
+    /// Some agents are driven by standard messages, which there are over ROS 2 only.
+    #[error("agents.cmd_vel = {0:?}: expected [] without a network; nodes of somebody else take part over ROS 2 only")]
+    OverRosOnly(Vec<u32>),
     /// The recording cannot be made.
     #[error(transparent)]
     Record(#[from] RecordError),
@@ -77,6 +80,9 @@ pub fn run(
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
 ) -> Result<Finished, SingleError> {
+    if !scenario.agents.cmd_vel.is_empty() {
+        return Err(SingleError::OverRosOnly(scenario.agents.cmd_vel.clone()));
+    }
     let (world, _report) = setup::build(scenario)?;
     let told = wire::scenario(scenario, &world.terrain().extent(), world.rays());
     // Before a file is made for a run that there cannot be.

@@ -400,9 +400,7 @@ fn take<M: Message + 'static>(
     context: &mut TaskContext<'_>,
 ) -> Poll<Sample<M>> {
     pin!(subscription.async_take()).poll(context).map(|taken| match taken {
-        Ok((Decoded(message), info)) => {
-            Sample { message, source: participant_of(info.publisher_gid().to_bytes16()) }
-        }
+        Ok((Decoded(message), info)) => Sample { message, source: participant_of(info.publisher_gid().to_bytes16()) },
         Err(error) => Sample { message: Err(error.to_string()), source: [0; 16] },
     })
 }

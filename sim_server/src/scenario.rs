@@ -224,7 +224,12 @@ impl Scenario {
         )?;
         let Self { agents: AgentsSection { count, cmd_vel, .. }, .. } = self;
         for (place, &id) in cmd_vel.iter().enumerate() {
-            checker.require("agents.cmd_vel", id, id < *count, &format!("expected ids of agents, 0 to {}", count - 1))?;
+            checker.require(
+                "agents.cmd_vel",
+                id,
+                id < *count,
+                &format!("expected ids of agents, 0 to {}", count - 1),
+            )?;
             checker.require("agents.cmd_vel", id, !cmd_vel[..place].contains(&id), "expected each id once")?;
         }
         let body = &self.body;

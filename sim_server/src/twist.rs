@@ -103,8 +103,7 @@ impl Driver {
         let velocity = &observation.velocity_m_s;
         let in_body = heading(observation).inverse() * Vector3::new(velocity.x, velocity.y, velocity.z);
         let (sin, cos) = libm::sincos(observation.yaw_rad * 0.5);
-        let pose =
-            Pose { position: observation.position, orientation: Quaternion { x: 0.0, y: 0.0, z: sin, w: cos } };
+        let pose = Pose { position: observation.position, orientation: Quaternion { x: 0.0, y: 0.0, z: sin, w: cos } };
         let twist = Twist {
             linear: geometry_msgs::Vector3 { x: in_body.x, y: in_body.y, z: in_body.z },
             angular: geometry_msgs::Vector3 { x: 0.0, y: 0.0, z: observation.yaw_rate_rad_s },
@@ -130,12 +129,8 @@ impl Driver {
             let point = into_body * (self.extent.centre(self.extent.cell_at(cell as usize)) - from);
             data.extend(point.iter().flat_map(|&along| (along as f32).to_le_bytes()));
         }
-        let field = |name: &str, offset| PointField {
-            name: name.to_owned(),
-            offset,
-            datatype: PointField::FLOAT32,
-            count: 1,
-        };
+        let field =
+            |name: &str, offset| PointField { name: name.to_owned(), offset, datatype: PointField::FLOAT32, count: 1 };
         PointCloud2 {
             header: Header { stamp: observation.header.stamp, frame_id: self.frame() },
             height: 1,

@@ -1,7 +1,7 @@
 // An agent in C++: straight on until something is in the way, then a random turn.
 //
-//     ros2 run maes_example_agent agent 0 & target/release/agent_node --id 1 &
-//     target/release/sim_server run launch_scripts/scenarios/default.toml --agents 2 --decision-timeout 60
+//     ros2 run maes_example_agent agent 0 &
+//     launch_scripts/run.sh --agents 2 --external 0
 //
 // It speaks the protocol of docs/topics.md and nothing more; its decisions are in `decide`. examples/python/agent.py is the same
 // in Python, with the same names.
