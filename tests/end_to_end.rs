@@ -15,6 +15,8 @@ mod look_ahead;
 
 /// Scenarios, maps, recordings and arguments that are wrong: one line that says where, exit code 2, and no file.
 mod bad_input;
+/// Plans of many runs, and their reports.
+mod experiments;
 /// Runs that are interrupted, servers that are killed, disks that are full.
 mod interruptions;
 /// Commands that lie, and bytes that are no commands: refused, counted, and without effect.

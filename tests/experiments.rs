@@ -1,0 +1,146 @@
+//! Plans of many runs, by the command that people type: ended and gone on with, on a cluster, over ROS 2, and reported.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::support::processes::signal;
+use crate::support::root;
+use crate::support::runs::{Run, Site, text};
+
+/// Runs of the plan `quick`.
+const QUICK_RUNS: usize = 48;
+
+const SMALL: &str = r#"
+seeds = "1..3"
+[axes]
+"agents.controller" = ["rbw", "dsvp"]
+[scenario]
+duration_s = 60.0
+map = { kind = "spheres", size = 20 }
+agents = { count = 2 }
+"#;
+
+/// A table of a report or of a folder of runs.
+struct Table {
+    heads: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    fn read(file: &Path) -> Self {
+        let content = fs::read_to_string(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        // The only quoted cell is that of the machine, which is the last one.
+        let cells = |line: &str| line.split(',').map(str::to_owned).collect::<Vec<_>>();
+        let mut lines = content.lines();
+        let heads = cells(lines.next().expect("a table has a head"));
+        Self { heads, rows: lines.map(cells).collect() }
+    }
+
+    fn place(&self, head: &str) -> usize {
+        self.heads.iter().position(|is| is == head).unwrap_or_else(|| panic!("no column {head}"))
+    }
+
+    /// What is in some columns, row by row, sorted.
+    fn columns(&self, heads: &[&str]) -> Vec<Vec<&str>> {
+        let places: Vec<usize> = heads.iter().map(|head| self.place(head)).collect();
+        let mut rows: Vec<Vec<&str>> =
+            self.rows.iter().map(|row| places.iter().map(|&place| row[place].as_str()).collect()).collect();
+        rows.sort();
+        rows
+    }
+
+    /// All that does not hang on the machine.
+    fn deterministic(&self) -> Vec<Vec<&str>> {
+        let heads: Vec<&str> =
+            self.heads.iter().map(String::as_str).filter(|head| !head.starts_with("wall_")).collect();
+        self.columns(&heads)
+    }
+}
+
+fn experiments(site: &Site, arguments: &[&str]) -> Run {
+    site.start(site.binary("experiments").args(arguments))
+}
+
+/// Carries out a plan to its end.
+fn carried_out(site: &Site, plan: &Path, folder: &str, flags: &[&str]) -> Table {
+    let arguments = [&["run", text(plan), "--out", folder][..], flags].concat();
+    experiments(site, &arguments).ended().with_code(0);
+    Table::read(&site.path(folder).join("runs.csv"))
+}
+
+fn files_of(folder: &Path) -> usize {
+    fs::read_dir(folder).map_or(0, |files| {
+        files
+            .filter(|file| file.as_ref().is_ok_and(|file| file.path().extension().is_some_and(|is| is == "json")))
+            .count()
+    })
+}
+
+fn quick() -> PathBuf {
+    root().join("experiments/plans/quick.toml")
+}
+
+#[test]
+fn quick_is_the_same_if_it_is_killed_and_stopped_and_its_report_has_the_means_of_its_rows() {
+    let site = Site::new();
+    let whole = carried_out(&site, &quick(), "whole", &[]);
+    assert_eq!(whole.rows.len(), QUICK_RUNS);
+
+    let plan = quick();
+    let arguments = ["run", text(&plan), "--out", "pieces"];
+    let runs = site.path("pieces").join("runs");
+    for (end, done) in [("KILL", 3), ("INT", 8)] {
+        let mut run = experiments(&site, &arguments);
+        run.process().waits_until(|| files_of(&runs) >= done);
+        signal(run.process().pid(), end);
+        let code = run.ended().code;
+        assert_eq!(code, (end == "INT").then_some(130), "{end}");
+        let kept = files_of(&runs);
+        assert!((done..QUICK_RUNS).contains(&kept), "{kept} runs are there after {end}");
+    }
+    let pieces = carried_out(&site, &plan, "pieces", &[]);
+    assert_eq!(pieces.deterministic(), whole.deterministic());
+
+    experiments(&site, &["report", "whole"]).ended().with_code(0);
+    let outcome = Table::read(&site.path("whole/report/tables/outcome.csv"));
+    assert_eq!(outcome.rows.len(), 6);
+    for cell in outcome.columns(&["agents", "controller", "runs", "explored_mean", "area_mean"]) {
+        let [agents, controller, runs, explored, area] = cell[..] else { unreachable!("five columns were asked for") };
+        let rows = whole.columns(&["agents", "controller", "explored", "area_under_explored"]);
+        let rows: Vec<_> = rows.into_iter().filter(|row| row[..2] == [agents, controller]).collect();
+        assert_eq!(runs, rows.len().to_string());
+        let number = |text: &str| text.parse::<f64>().unwrap_or_else(|error| panic!("{text}: {error}"));
+        for (place, mean) in [(2, explored), (3, area)] {
+            let expected = 100.0 * rows.iter().map(|row| number(row[place])).sum::<f64>() / rows.len() as f64;
+            assert!((number(mean) - expected).abs() < 1e-9, "{controller}, {agents} agents: {mean}, not {expected}");
+        }
+    }
+    for name in ["report.html", "figures/exploration.svg", "figures/exploration.png", "tables/times.tex"] {
+        assert!(fs::metadata(site.path("whole/report").join(name)).is_ok_and(|file| file.len() > 1000), "{name}");
+    }
+}
+
+#[test]
+fn the_jobs_of_a_cluster_and_real_processes_make_the_same_rows() {
+    let site = Site::new();
+    let plan = site.file("small.toml", SMALL);
+    let whole = carried_out(&site, &plan, "whole", &[]);
+
+    let emit = ["run", text(&plan), "--out", "cluster", "--emit", "slurm", "--parts", "4"];
+    experiments(&site, &emit).ended().with_code(0);
+    assert_eq!(files_of(&site.path("cluster/runs")), 0);
+    // As Slurm does it, one after the other.
+    for job in ["0", "1", "2", "3"] {
+        let mut script = site.command("bash");
+        script.arg(site.path("cluster/plan.slurm.sh")).env("SLURM_ARRAY_TASK_ID", job);
+        site.start(&mut script).ended().with_code(0);
+    }
+    let cluster = Table::read(&site.path("cluster/runs.csv"));
+    assert_eq!(cluster.deterministic(), whole.deterministic());
+
+    let domain = site.domain().id().to_string();
+    let launcher = root().join("launch_scripts/run.sh");
+    let flags = ["--transport", "ros2", "--first-domain", &domain, "--launcher", text(&launcher)];
+    let over_ros = carried_out(&site, &plan, "over-ros", &flags);
+    assert_eq!(over_ros.deterministic(), whole.deterministic());
+}
