@@ -2,7 +2,9 @@
 //!
 //! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`msgs::ros`]); every message
 //! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
-//! is the only one here that knows the ROS client.
+//! and its folder are the only ones here that know the ROS client.
+
+mod views;
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -10,21 +12,26 @@ use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
+use msgs::rcl_interfaces::Log;
+use msgs::ros::rosout::Rosout;
 use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Workshop, linger, now};
 use msgs::ros_env::RosEnv;
 use msgs::rosgraph_msgs::Clock;
 use msgs::topics;
 use ros2_client::{Context, Node};
 
-use crate::link::{Inbound, Incoming, Link, SourceId};
+use crate::link::{Inbound, Incoming, Level, Link, SourceId};
+use crate::views::{Listeners, Picture, View};
+
+use views::Gallery;
 
 /// Wall time for which a new server listens before it says anything: enough, on a machine that is not busy, to find another
 /// server that was here first and to hear its scenario, so that the agents of that one do not hear of a second run. A server
 /// that is found later is refused all the same. Agents take as long to start.
 const LISTENING: Duration = Duration::from_millis(300);
 
-/// Wall time between two looks at who listens to the clock; a look costs some ten microseconds.
-const AUDIENCE_PERIOD: Duration = Duration::from_millis(50);
+/// The name of the node.
+const NODE: &str = "sim_server";
 
 /// The server in a ROS network.
 pub struct RosLink {
@@ -39,7 +46,8 @@ pub struct RosLink {
     join_reply: Outlet<JoinReply>,
     clock: Outlet<Clock>,
     progress: Outlet<Progress>,
-    audience: Audience,
+    gallery: Gallery,
+    rosout: Rosout,
     node: Node,
     context: Context,
 }
@@ -52,7 +60,7 @@ impl RosLink {
     pub fn new(agents: u32, env: &RosEnv) -> Result<Self, RosError> {
         ros::allow_open_files(agents)?;
         let context = ros::join(env, true)?;
-        let mut node = ros::node(&context, "sim_server")?;
+        let mut node = ros::node(&context, NODE)?;
         let mut workshop = Workshop::default();
         let clock = workshop.outlet(&mut node, &topics::clock())?;
         let scenario = workshop.outlet(&mut node, &topics::scenario())?;
@@ -80,7 +88,9 @@ impl RosLink {
             })?;
             observations.push(workshop.outlet(&mut node, &topics::observation(agent))?);
         }
-        let audience = Audience { topic: dds_name(&topics::clock()), listens: false, looked: None };
+        let rosout = Rosout::new(&mut workshop, &mut node, NODE)?;
+        // What is needed comes first, so that nobody waits for what is only looked at.
+        let gallery = Gallery::new(&mut workshop, &mut node, agents)?;
         Ok(RosLink {
             inbox,
             born: now(),
@@ -92,7 +102,8 @@ impl RosLink {
             join_reply,
             clock,
             progress,
-            audience,
+            gallery,
+            rosout,
             node,
             context,
         })
@@ -127,7 +138,7 @@ impl Link for RosLink {
     }
 
     fn clock(&mut self, tick: Tick) {
-        if self.audience.listens(&self.context) {
+        if self.gallery.hears_the_clock(&self.context) {
             self.clock.publish(&mut self.node, &Clock { clock: tick.into() });
         }
     }
@@ -139,6 +150,23 @@ impl Link for RosLink {
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         self.announce_in_time();
         self.inbox.receive(timeout).flatten()
+    }
+
+    fn listeners(&mut self) -> Option<&Listeners> {
+        self.gallery.listeners(&self.context)
+    }
+
+    fn show(&mut self, view: View, picture: &Picture) {
+        self.gallery.show(&mut self.node, view, picture);
+    }
+
+    fn log(&mut self, level: Level, text: &str) {
+        let level = match level {
+            Level::Info => Log::INFO,
+            Level::Warn => Log::WARN,
+            Level::Error => Log::ERROR,
+        };
+        self.rosout.say(&mut self.node, level, text);
     }
 
     fn other_run(&self) -> Option<u64> {
@@ -158,28 +186,4 @@ fn incoming<M>(topic_agent: AgentId, sample: Sample<M>, inbound: impl Fn(M) -> I
         Err(reason) => Inbound::Undecodable { reason },
     };
     Incoming { topic_agent, source: SourceId(sample.source), message }
-}
-
-/// Whether anybody listens to a topic. What nobody can hear need not be said: a fast run makes thousands of clock messages a
-/// second, and each costs more than ten microseconds even if it is sent to nobody.
-struct Audience {
-    topic: String,
-    listens: bool,
-    looked: Option<Instant>,
-}
-
-impl Audience {
-    fn listens(&mut self, context: &Context) -> bool {
-        if self.looked.is_none_or(|looked| looked.elapsed() >= AUDIENCE_PERIOD) {
-            self.looked = Some(now());
-            let readers = context.domain_participant().discovered_readers();
-            self.listens = readers.iter().any(|reader| *reader.subscription_topic_data.topic_name() == self.topic);
-        }
-        self.listens
-    }
-}
-
-/// The name that ROS gives a topic in the middleware.
-fn dds_name(topic: &topics::Topic) -> String {
-    format!("rt{}", topic.name)
 }
