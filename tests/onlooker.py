@@ -163,7 +163,7 @@ class Onlooker:
             check(len(unexpected) <= 4, f"{topic} comes every 5 ticks, but at {unexpected} ns")
         for odometry in self.received["/agent_0/odom"]:
             check((odometry.header.frame_id, odometry.child_frame_id) == ("map", "agent_0/base_link"), "frames of odometry")
-            check(odometry.twist.twist.linear.y == 0.0, "the twist is in the frame of the body, which cannot go sideways")
+            check(abs(odometry.twist.twist.linear.y) < 1e-9, "the twist is in the frame of the body, which cannot go sideways")
         for path in self.received["/agent_0/path"]:
             check(path.header.frame_id == "map", "a path is in the map")
             check(all(0.0 < pose.pose.position.x < self.size for pose in path.poses), "a path stays in the map")
@@ -213,15 +213,18 @@ class Onlooker:
                 continue
             compared += 1
             sin, cos = math.sin(at.yaw_rad), math.cos(at.yaw_rad)
+            missed = 0
             for x, y, z in struct.iter_unpack("<fff", bytes(cloud.data)):
                 # A little beyond the surface, which is a face of the wall.
-                far = 1.0 + 1e-3 / math.sqrt(x * x + y * y + z * z)
+                far = 1.0 + 1e-4 / math.sqrt(x * x + y * y + z * z)
                 hit = (
                     at.position.x + (cos * x - sin * y) * far,
                     at.position.y + (sin * x + cos * y) * far,
                     at.position.z + z * far,
                 )
-                check(tuple(math.floor(along) for along in hit) in self.walls, f"a ray has met a wall at {hit}")
+                missed += tuple(math.floor(along) for along in hit) not in self.walls
+            # Beyond an edge there may be another cell.
+            check(missed <= cloud.width // 100, f"{missed} of {cloud.width} rays have not met a wall")
         check(compared > 0 or self.wanted["/agent_0/observation"] == 1, "a scan was in a tick that was observed")
 
 
