@@ -3,11 +3,13 @@
 //! Recordings are compared whole, so that a difference in any message, stamp, counter or order is one. The runs are those that
 //! the project promises this for: five agents in a cave of 50 cells along each edge, and the settings closest to the reference.
 
+use std::collections::BTreeSet;
 use std::process::Command;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
+use crate::support::recordings::Recording;
 use crate::support::runs::{Outcome, Site, scenario, text};
 
 /// The run that most of these tests are about.
@@ -69,6 +71,29 @@ fn without_look_ahead() {
 #[test]
 fn several_agents_in_a_process() {
     assert_five_agents_give_the_same(&[&["--agents-per-process", "5"], &["--agents-per-process", "2"]]);
+}
+
+#[test]
+fn recorded_views() {
+    let site = Site::new();
+    let record = r#"views.record=["tf_static", "odom", "points", "path", "map", "unexplored", "contacts", "info"]"#;
+    let flags = [&SHORT[..], &["--set", record]].concat();
+    let over_ros = site.record(&flags);
+    for variant in
+        [&["--transport", "memory"][..], &["--look-ahead", "false", "--threads", "1"], &["--set", "views.max_hz=0.5"]]
+    {
+        site.record(&[&flags[..], variant].concat()).assert_same(&over_ros, &variant.join(" "));
+    }
+    let bare = site.record(&[&SHORT[..], &["--transport", "memory"]].concat());
+    assert_eq!(bare.digest(), over_ros.digest());
+    let mut recording = Recording::from_bytes(&over_ros.bytes);
+    let topics: BTreeSet<String> = recording.messages.iter().map(|message| message.topic.clone()).collect();
+    let bare = Recording::from_bytes(&bare.bytes);
+    let protocol: BTreeSet<String> = bare.messages.iter().map(|message| message.topic.clone()).collect();
+    // Five views of the run, and three of each agent.
+    assert_eq!(topics.difference(&protocol).count(), 5 + 3 * 3, "{topics:?}");
+    recording.messages.retain(|message| protocol.contains(&message.topic));
+    assert!(recording == bare, "apart from the views it is the same: {}", recording.first_difference(&bare));
 }
 
 #[test]

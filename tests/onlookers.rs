@@ -1,6 +1,7 @@
-//! A node of a real ROS 2 (rclpy on Fast DDS, from `launch_scripts/ros_env.sh`) looks on.
+//! A node of a real ROS 2 (rclpy on Fast DDS, from `launch_scripts/ros_env.sh`) looks on, and a participant of a third DDS.
 //!
-//! What it has to see is said in `onlooker.py`. It cannot see the seed of the map, and the run is the same without it.
+//! What they have to see is said in `onlooker.py` and `cyclone_onlooker.py`. They cannot see the seed of the map, and the run is the
+//! same without them.
 
 use crate::support::processes::{Process, signal};
 use crate::support::recordings::Recording;
@@ -20,16 +21,27 @@ fn onlooker(site: &Site, arguments: &[&str]) -> Process {
     onlooker
 }
 
+/// A participant of Cyclone DDS.
+fn cyclone_onlooker(site: &Site) -> Process {
+    let mut command = site.command(python::for_cyclone());
+    let mut onlooker = Process::start(command.arg(root().join("tests/cyclone_onlooker.py")));
+    onlooker.prints("ready");
+    onlooker
+}
+
 #[test]
-fn a_ros_2_node_sees_the_run_and_does_not_change_it() {
+fn onlookers_of_three_kinds_see_the_run_and_do_not_change_it() {
     let site = Site::new();
     let mut onlooker = onlooker(&site, &[]);
+    let mut cyclone_onlooker = cyclone_onlooker(&site);
     let whole = site.record(&[&["--transport", "memory", "--duration", "600"][..], &FLAGS].concat());
 
     let mut run_sh = site.run_sh(&[&["--duration", "600", "--rtf", "4", "--record", "run.mcap"][..], &FLAGS].concat());
     let mut run = site.start(&mut run_sh);
     onlooker.prints("seen everything");
     onlooker.ended().with_code(0);
+    cyclone_onlooker.prints("seen everything");
+    cyclone_onlooker.ended().with_code(0);
     signal(run.process().pid(), "INT");
     run.ended().with_code(130);
     let interrupted = site.recording("run.mcap");
@@ -44,11 +56,37 @@ fn a_ros_2_node_that_is_killed_does_not_hold_the_run_back() {
     let flags = [&["--duration", "600"][..], &FLAGS].concat();
     let undisturbed = site.record(&[&["--transport", "memory"][..], &flags].concat());
 
-    let mut onlooker = onlooker(&site, &["FOREVER"]);
+    let mut onlooker = onlooker(&site, &["--then", "forever"]);
     let mut run_sh = site.run_sh(&[&["--record", "run.mcap", "--decision-timeout", "30"][..], &flags].concat());
     let run = site.start(&mut run_sh);
     onlooker.prints("seen everything");
     drop(onlooker);
     let ended = run.ended().with_code(0);
     assert_eq!(ended.digest(), undisturbed.digest());
+}
+
+#[test]
+fn twenty_agents_are_not_disturbed_by_onlookers_that_come_and_go() {
+    let site = Site::new();
+    let flags = ["--agents", "20", "--size", "30", "--duration", "240", "--set", "stop_when_explored=false"];
+    let undisturbed = site.record(&[&["--transport", "memory"][..], &flags].concat());
+
+    let looks_on = ["--agents", "20", "--size", "30", "--look-ahead"];
+    let mut early = onlooker(&site, &[&looks_on[..], &["--then", "forever"]].concat());
+    // Slow enough for an onlooker to come when the run is under way, and to see it end.
+    let paced = ["--record", "run.mcap", "--rtf", "12", "--agents-per-process", "5", "--decision-timeout", "30"];
+    let mut run_sh = site.run_sh(&[&paced[..], &flags].concat());
+    let mut run = site.start(&mut run_sh);
+    run.is_under_way();
+    let mut late = onlooker(&site, &[&looks_on[..], &["--then", "result"]].concat());
+    early.prints("seen everything");
+    drop(early);
+    late.prints("seen everything");
+    let result = late.prints("result ");
+    late.ended().with_code(0);
+    let ended = run.ended().with_code(0);
+    assert_eq!(ended.digest(), undisturbed.digest());
+    assert_eq!(result, format!("result {}", undisturbed.digest()));
+    let recorded = std::fs::read(site.path("run.mcap")).expect("there is a recording");
+    assert!(recorded == undisturbed.bytes, "the recording is the same, byte for byte");
 }

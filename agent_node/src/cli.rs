@@ -24,6 +24,9 @@ pub struct Cli {
     /// Wait up to so many milliseconds, at random, before each answer: a test of the lock-step
     #[arg(long, value_name = "MS", default_value_t = 0)]
     pub chaos_delay_ms: u64,
+    /// Show on /agent_<id>/map what has changed of the map so many times a second at the most, while somebody listens
+    #[arg(long, value_name = "HZ", default_value_t = 5.0, value_parser = hertz)]
+    pub map_hz: f64,
     /// Only check the controller and its settings
     #[arg(long, requires = "controller")]
     pub check: bool,
@@ -54,6 +57,13 @@ fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if seconds > 0.0 && seconds <= 1e6 => Ok(seconds),
         _ => Err("expected a number of seconds above 0 and at most 1e6".to_owned()),
+    }
+}
+
+fn hertz(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(rate) if (0.1..=1000.0).contains(&rate) => Ok(rate),
+        _ => Err("expected a rate from 0.1 to 1000 in hertz".to_owned()),
     }
 }
 

@@ -3,9 +3,12 @@
 //! Invariants: no method blocks on the server, except [`Link::receive`] for at most its time-out; what is sent may get lost, and
 //! is sent again when the other side asks again.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
+use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
+use msgs::visualization_msgs::Marker;
 
 /// A message from the server.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,12 +21,30 @@ pub enum Inbound {
     Observation(Observation),
 }
 
+/// How bad something is that people are told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// As expected.
+    Info,
+    /// The agent ends of it.
+    Error,
+}
+
 /// The side of a transport that serves the agents of one process.
 pub trait Link {
     /// Asks to take part.
     fn join(&mut self, join: &Join);
     /// Answers an observation.
     fn answer(&mut self, command: &Command);
+    /// The agents whose maps somebody looks at, each with how many people have ever come to do so; `None` if there are none. A
+    /// transport that nobody else can use has no onlookers.
+    fn onlookers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
+        None
+    }
+    /// Shows them a part of it.
+    fn show(&mut self, _agent: AgentId, _part: &Marker) {}
+    /// Tells people something of an agent.
+    fn log(&mut self, _agent: AgentId, _level: Level, _text: &str) {}
     /// The next message, or `None` if none came in time.
     fn receive(&mut self, timeout: Duration) -> Option<Inbound>;
 }

@@ -62,6 +62,7 @@ mod serve {
         let options = Options {
             chaos_delay: cli.chaos_delay(),
             server_timeout: cli.server_timeout(),
+            map_hz: cli.map_hz,
             agents: cli.id.0,
             controller: cli.controller,
             decision_times: None,

@@ -4,22 +4,31 @@
 //! or addressed to one, does not come out. When to say something is decided in `run.rs`. This file is the only one here
 //! that knows the ROS client. Agents do not listen to `/clock`: an observation says what time it is.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
+use msgs::rcl_interfaces::Log;
+use msgs::ros::audience::Audience;
+use msgs::ros::rosout::Rosout;
 use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Tally, Workshop, linger, now};
 use msgs::ros_env::RosEnv;
 use msgs::topics;
-use ros2_client::Node;
+use msgs::visualization_msgs::Marker;
+use ros2_client::{Context, Node};
 
-use crate::link::{Inbound, Link};
+use crate::link::{Inbound, Level, Link};
 
 /// The agents of a process in a ROS network.
 pub struct RosLink {
     inbox: Inbox<Result<Inbound, String>>,
     seats: Vec<Seat>,
     ignored: Tally,
+    /// Who looks at what the agents believe, by seat.
+    audience: Audience,
+    onlookers: BTreeMap<AgentId, u64>,
+    context: Context,
 }
 
 /// An agent of this process.
@@ -27,6 +36,8 @@ struct Seat {
     agent: AgentId,
     join: Outlet<Join>,
     command: Outlet<Command>,
+    belief: Outlet<Marker>,
+    rosout: Rosout,
     node: Node,
 }
 
@@ -42,7 +53,8 @@ impl RosLink {
         let mut inbox = Inbox::default();
         let mut seats = Vec::new();
         for &agent in agents {
-            let mut node = ros::node(&context, &format!("agent_{agent}"))?;
+            let name = format!("agent_{agent}");
+            let mut node = ros::node(&context, &name)?;
             if seats.is_empty() {
                 workshop.inlet(&mut node, &topics::scenario(), &mut inbox, |sample: Sample<Scenario>| {
                     message(sample).map(Inbound::Scenario)
@@ -56,26 +68,56 @@ impl RosLink {
             })?;
             let join = workshop.outlet(&mut node, &topics::join(agent))?;
             let command = workshop.outlet(&mut node, &topics::command(agent))?;
-            seats.push(Seat { agent, join, command, node });
+            let belief = workshop.outlet(&mut node, &topics::belief(agent))?;
+            let rosout = Rosout::new(&mut workshop, &mut node, &name)?;
+            seats.push(Seat { agent, join, command, belief, rosout, node });
         }
-        Ok(RosLink { inbox, seats, ignored: Tally::new("message ignored".to_owned()) })
+        let beliefs: Vec<_> = agents.iter().map(|&agent| topics::belief(agent)).collect();
+        let audience = Audience::new(&beliefs);
+        let ignored = Tally::new("message ignored".to_owned());
+        Ok(RosLink { inbox, seats, ignored, audience, onlookers: BTreeMap::new(), context })
     }
 
-    fn seat(&mut self, agent: u32) -> Option<&mut Seat> {
-        self.seats.iter_mut().find(|seat| seat.agent == AgentId(agent))
+    fn seat(&mut self, agent: AgentId) -> Option<&mut Seat> {
+        self.seats.iter_mut().find(|seat| seat.agent == agent)
     }
 }
 
 impl Link for RosLink {
     fn join(&mut self, join: &Join) {
-        if let Some(seat) = self.seat(join.agent) {
+        if let Some(seat) = self.seat(AgentId(join.agent)) {
             seat.join.publish(&mut seat.node, join);
         }
     }
 
     fn answer(&mut self, command: &Command) {
-        if let Some(seat) = self.seat(command.agent) {
+        if let Some(seat) = self.seat(AgentId(command.agent)) {
             seat.command.publish(&mut seat.node, command);
+        }
+    }
+
+    fn onlookers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
+        if self.audience.look(&self.context) {
+            let numbered = self.seats.iter().enumerate();
+            self.onlookers =
+                numbered.filter_map(|(number, seat)| Some((seat.agent, self.audience.arrivals(number)?))).collect();
+        }
+        (!self.onlookers.is_empty()).then_some(&self.onlookers)
+    }
+
+    fn show(&mut self, agent: AgentId, part: &Marker) {
+        if let Some(seat) = self.seat(agent) {
+            seat.belief.publish(&mut seat.node, part);
+        }
+    }
+
+    fn log(&mut self, agent: AgentId, level: Level, text: &str) {
+        let level = match level {
+            Level::Info => Log::INFO,
+            Level::Error => Log::ERROR,
+        };
+        if let Some(seat) = self.seat(agent) {
+            seat.rosout.say(&mut seat.node, level, text);
         }
     }
 
@@ -84,7 +126,7 @@ impl Link for RosLink {
         loop {
             let left = timeout.saturating_sub(begun.elapsed());
             match self.inbox.receive(left)? {
-                Ok(Inbound::JoinReply(reply)) if self.seat(reply.agent).is_none() => {}
+                Ok(Inbound::JoinReply(reply)) if self.seat(AgentId(reply.agent)).is_none() => {}
                 Ok(message) => return Some(message),
                 Err(reason) => self.ignored.add(&reason),
             }

@@ -8,6 +8,8 @@
 //! pace, is waited for, and one that was killed is not waited for until somebody looks after its agents. Messages of another run
 //! than the one that was joined have no effect.
 
+mod show;
+
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -19,9 +21,11 @@ use thiserror::Error;
 
 use crate::agent::{Agent, Reaction};
 use crate::controllers::{self, ControllerError};
-use crate::link::{Inbound, Link};
+use crate::link::{Inbound, Level, Link};
 use crate::stopwatch::DecisionTimes;
 use crate::wire::{self, WireError};
+
+use show::Shown;
 
 /// Wall time between two attempts to join.
 const JOIN_PERIOD: Duration = Duration::from_millis(200);
@@ -54,6 +58,8 @@ pub struct Options {
     pub server_timeout: Duration,
     /// Waits up to so long, at random, before each answer: a test of the lock-step.
     pub chaos_delay: Duration,
+    /// Looks at what has changed of a map in a second of wall time at the most, while somebody wants to see it.
+    pub map_hz: f64,
     /// Where to note how long decisions take.
     pub decision_times: Option<DecisionTimes>,
 }
@@ -109,14 +115,11 @@ pub fn run(link: &mut dyn Link, options: &Options, stop: &AtomicBool) -> Result<
         return Ok(());
     };
     let mut process = Process::new(link, options, &scenario)?;
-    while !process.seats.is_empty() && !stop.load(Ordering::Relaxed) {
-        process.join();
-        if let Some(message) = process.link.receive(PATIENCE) {
-            process.handle(message)?;
-        }
-        process.listen_for_the_server()?;
+    let ended = process.serve(stop);
+    if let Err(error) = &ended {
+        process.tell_all(Level::Error, &error.to_string());
     }
-    Ok(())
+    ended
 }
 
 /// Waits for the scenario.
@@ -144,11 +147,13 @@ struct Process<'a> {
     /// For how long nothing has been heard of the server.
     silence: Duration,
     looked: Instant,
+    map_hz: f64,
 }
 
 struct Seat {
     agent: Agent,
     is_accepted: bool,
+    shown: Shown,
 }
 
 impl<'a> Process<'a> {
@@ -168,8 +173,9 @@ impl<'a> Process<'a> {
             if let Some(times) = &options.decision_times {
                 controller = times.of(controller);
             }
+            let shown = Shown::new(briefing.extent);
             let agent = Agent::new(id, briefing.clone(), controller);
-            seats.insert(id, Seat { agent, is_accepted: false });
+            seats.insert(id, Seat { agent, is_accepted: false, shown });
         }
         let label = if settings.is_empty() { name.clone() } else { format!("{name} {}", settings.join(" ")) };
         let Options { instance, chaos_delay, server_timeout, .. } = *options;
@@ -185,7 +191,22 @@ impl<'a> Process<'a> {
             joined_last: None,
             silence: Duration::ZERO,
             looked: now(),
+            map_hz: options.map_hz,
         })
+    }
+
+    /// Takes part until the run is over or `stop` is set.
+    fn serve(&mut self, stop: &AtomicBool) -> Result<(), RunError> {
+        let mut patience = PATIENCE;
+        while !self.seats.is_empty() && !stop.load(Ordering::Relaxed) {
+            self.join();
+            if let Some(message) = self.link.receive(patience) {
+                self.handle(message)?;
+            }
+            patience = self.show_beliefs();
+            self.listen_for_the_server()?;
+        }
+        Ok(())
     }
 
     /// Asks to take part, now and then, until all agents are accepted; after that, asks a silent server for a sign of life.
@@ -254,7 +275,9 @@ impl<'a> Process<'a> {
             if !accepted {
                 return Err(RunError::Refused { agent, reason });
             }
-            seat.is_accepted = true;
+            if !std::mem::replace(&mut seat.is_accepted, true) {
+                self.link.log(agent, Level::Info, &format!("takes part with {}", self.label));
+            }
         }
         Ok(())
     }
@@ -269,6 +292,8 @@ impl<'a> Process<'a> {
             Reaction::Answer(command) => self.answer(command),
             Reaction::Farewell(receipt) => {
                 self.answer(receipt);
+                self.show_last(id);
+                self.link.log(id, Level::Info, "the run is over");
                 self.seats.remove(&id);
             }
         }
@@ -338,6 +363,7 @@ mod tests {
                 instance: 3,
                 server_timeout: Duration::from_millis(1),
                 chaos_delay: Duration::ZERO,
+                map_hz: 5.0,
                 decision_times: None,
             };
             run(self, &options, &AtomicBool::new(false))

@@ -108,8 +108,17 @@ pub fn run(
                 let Team { chaos_delay, decision_times, .. } = team.clone();
                 // Nobody can end the server without the agents.
                 let server_timeout = Duration::MAX;
-                let options =
-                    Options { agents, controller, settings, instance, server_timeout, chaos_delay, decision_times };
+                let options = Options {
+                    agents,
+                    controller,
+                    settings,
+                    instance,
+                    server_timeout,
+                    chaos_delay,
+                    // Nobody looks on.
+                    map_hz: 1.0,
+                    decision_times,
+                };
                 let agents_stop = &agents_stop;
                 scope.spawn(move || {
                     let ended = agent_node::run::run(&mut end, &options, agents_stop);

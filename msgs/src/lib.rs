@@ -1,17 +1,7 @@
-//! What goes over the wire: the messages of the ROS 2 package `maes_msgs` as serde structs, and the topics that carry them.
+//! What goes over the wire: the messages of the ROS 2 package `maes_msgs`, and those of the packages that come with ROS 2, as serde
+//! structs, and the topics that carry them.
 //!
-//! | topic | from -> to | type | QoS: reliable, keep last, and |
-//! |---|---|---|---|
-//! | `/clock` | server -> all | `rosgraph_msgs/Clock` | volatile, depth 10 |
-//! | `/sim/scenario` | server -> all | `maes_msgs/Scenario` | transient local, depth 1 |
-//! | `/agent_<id>/join` | agent -> server | `maes_msgs/Join` | volatile, depth 16 |
-//! | `/sim/join_reply` | server -> all | `maes_msgs/JoinReply` | transient local, depth 256 |
-//! | `/agent_<id>/observation` | server -> agent | `maes_msgs/Observation` | volatile, depth 16 |
-//! | `/agent_<id>/command` | agent -> server | `maes_msgs/Command` | volatile, depth 16 |
-//! | `/tf` (so far in recordings only) | server -> people | `tf2_msgs/TFMessage` | volatile, depth 100 |
-//! | `/sim/progress` | server -> people | `maes_msgs/Progress` | transient local, depth 1 |
-//! | `/sim/digest` (so far in recordings only) | server -> people | `maes_msgs/Digest` | volatile, depth 10 |
-//! | `/sim/result` (so far in recordings only) | server -> people | `maes_msgs/Result` | transient local, depth 1 |
+//! The list of topics is in [`topics`], and in words in `docs/topics.md` and `docs/ros2.md`.
 //!
 //! The folder of this crate is also the interface package itself: `package.xml`, `CMakeLists.txt` and `msg/` build with colcon
 //! or ament. The `.msg` files are the source; a test compares the structs with them, and another compares the bytes with those

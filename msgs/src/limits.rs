@@ -9,6 +9,9 @@ pub const PROTOCOL: u32 = 2;
 /// Longest CDR encoding of one part of an observation, bytes.
 pub const OBSERVATION_BYTES_MAX: usize = 60_000;
 
+/// Longest CDR encoding of a message that is only looked at, bytes.
+pub const VIEW_BYTES_MAX: usize = OBSERVATION_BYTES_MAX;
+
 /// Most bytes of data in the parcels of one command taken together, and so in each of them.
 pub const PARCEL_BYTES_MAX: usize = 57_344;
 

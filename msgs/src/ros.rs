@@ -1,7 +1,7 @@
 //! The ROS client as the links use it: one participant, publishers that never wait, subscriptions that are waited for together.
 //!
-//! Behind the feature `ros`: what the links of `sim_server` and `agent_node` have in common. Those two files and this one are the
-//! only ones that know the ROS client.
+//! Behind the feature `ros`: what the links of `sim_server` and `agent_node` have in common. Those and this one, with the folders
+//! beside them, are the only ones that know the ROS client.
 //!
 //! Invariants: publishing returns at once, whatever readers do: a message that cannot be sent is counted, told about and
 //! dropped, for the protocol sends again; a reader that has died holds up its own topic for `RENEWAL_PERIOD` at the most;
@@ -10,6 +10,9 @@
 //!
 //! Not done here: the client's own background task ("spinner") is never started, because it would subscribe `/clock` under a
 //! second type; so there are no parameter services either, and who is there is known from the protocol alone.
+
+pub mod audience;
+pub mod rosout;
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -98,9 +101,9 @@ pub enum RosError {
 /// Open files of a process with a participant, and some to spare.
 const FILES: u64 = 256;
 
-/// Open files for each agent: four for each of two subscriptions, two for a publisher, and as many again for a publisher
-/// that is being replaced.
-const FILES_PER_AGENT: u64 = 12;
+/// Open files for each agent: four for each of two subscriptions, two for each of four publishers, and as many again for
+/// publishers that are being replaced.
+const FILES_PER_AGENT: u64 = 24;
 
 /// Raises the limit of open files of this process as far as endpoints for this many agents need it.
 ///
@@ -164,7 +167,7 @@ fn discovery_port(domain_id: u16, participant_id: u16) -> u16 {
     7400 + 250 * domain_id + 10 + 2 * participant_id
 }
 
-/// A node without parameter services and without a log topic.
+/// A node without parameter services; its log is [`rosout::Rosout`].
 ///
 /// # Errors
 /// If the middleware refuses it.

@@ -8,14 +8,17 @@
 
 use std::fmt;
 
+use crate::diagnostic_msgs::DiagnosticArray;
 use crate::geometry_msgs::TwistStamped;
 use crate::ids::AgentId;
 use crate::maes_msgs::{Command, Digest, Join, JoinReply, Observation, Progress, Result, Scenario};
 use crate::message::{Message, MessageType};
-use crate::nav_msgs::Odometry;
+use crate::nav_msgs::{Odometry, Path};
+use crate::rcl_interfaces::Log;
 use crate::rosgraph_msgs::Clock;
 use crate::sensor_msgs::PointCloud2;
 use crate::tf2_msgs::TFMessage;
+use crate::visualization_msgs::Marker;
 
 /// Samples kept on the topics of the protocol. One is in flight at a time; a large observation has more parts, and a join is
 /// repeated until it is answered.
@@ -34,8 +37,21 @@ const JOIN_REPLY_DEPTH: u32 = 256;
 /// Samples kept of what is only looked at.
 const VIEW_DEPTH: u32 = 10;
 
-/// Samples kept of sensors, as the sensor data profile of ROS 2 has it.
+/// Samples kept of point clouds: the "sensor data" of ROS.
 const SENSOR_DEPTH: u32 = 5;
+
+/// Samples kept of the transforms that do not change: one holds those of [`TRANSFORMS_MAX`] frames, so these are of as many agents as there may
+/// be.
+const TF_STATIC_DEPTH: u32 = 4;
+
+/// Transforms in one message at the most, so that it is not too large for a sample.
+pub const TRANSFORMS_MAX: usize = 400;
+
+/// Samples kept of what comes in pieces.
+const PIECES_DEPTH: u32 = 256;
+
+/// Samples kept of what nodes say to people, as rcl does.
+const LOG_DEPTH: u32 = 1000;
 
 /// Whether what was lost on the way is sent again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,12 +87,12 @@ impl Qos {
         Qos { reliability: Reliability::Reliable, durability: Durability::Volatile, depth }
     }
 
-    const fn best_effort(depth: u32) -> Self {
-        Qos { reliability: Reliability::BestEffort, durability: Durability::Volatile, depth }
-    }
-
     const fn latched(depth: u32) -> Self {
         Qos { reliability: Reliability::Reliable, durability: Durability::TransientLocal, depth }
+    }
+
+    const fn sensor_data(depth: u32) -> Self {
+        Qos { reliability: Reliability::BestEffort, durability: Durability::Volatile, depth }
     }
 
     /// The value of `offered_qos_profiles` in a recording: the YAML list that rosbag2 reads, in the form with integers,
@@ -160,19 +176,59 @@ pub fn cmd_vel(agent: AgentId) -> Topic {
     Topic::new::<TwistStamped>(format!("/agent_{agent}/cmd_vel"), Qos::reliable(PROTOCOL_DEPTH))
 }
 
-/// Where an agent is and how it moves.
-pub fn odom(agent: AgentId) -> Topic {
-    Topic::new::<Odometry>(format!("/agent_{agent}/odom"), Qos::reliable(VIEW_DEPTH))
-}
-
-/// What the last scan of an agent has hit.
-pub fn points(agent: AgentId) -> Topic {
-    Topic::new::<PointCloud2>(format!("/agent_{agent}/points"), Qos::best_effort(SENSOR_DEPTH))
-}
-
 /// The poses of the agents, as transforms from `map` to `agent_<id>/base_link`.
 pub fn tf() -> Topic {
     Topic::new::<TFMessage>("/tf", Qos::reliable(TF_DEPTH))
+}
+
+/// The transforms that do not change: where the LiDAR of each agent is on its body.
+pub fn tf_static() -> Topic {
+    Topic::new::<TFMessage>("/tf_static", Qos::latched(TF_STATIC_DEPTH))
+}
+
+/// Where an agent is and how it moves: the truth.
+pub fn odometry(agent: AgentId) -> Topic {
+    Topic::new::<Odometry>(format!("/agent_{agent}/odom"), Qos::reliable(VIEW_DEPTH))
+}
+
+/// Where the rays of an agent's last scan met walls.
+pub fn points(agent: AgentId) -> Topic {
+    Topic::new::<PointCloud2>(format!("/agent_{agent}/points"), Qos::sensor_data(SENSOR_DEPTH))
+}
+
+/// Where an agent's body is going.
+pub fn path(agent: AgentId) -> Topic {
+    Topic::new::<Path>(format!("/agent_{agent}/path"), Qos::latched(1))
+}
+
+/// What an agent believes of the map, in pieces.
+pub fn belief(agent: AgentId) -> Topic {
+    Topic::new::<Marker>(format!("/agent_{agent}/map"), Qos::latched(PIECES_DEPTH))
+}
+
+/// The walls, in pieces.
+pub fn map() -> Topic {
+    Topic::new::<Marker>("/sim/map", Qos::latched(PIECES_DEPTH))
+}
+
+/// The free cells that no agent has seen, in pieces.
+pub fn unexplored() -> Topic {
+    Topic::new::<Marker>("/sim/unexplored", Qos::latched(PIECES_DEPTH))
+}
+
+/// Lines between agents in contact.
+pub fn contacts() -> Topic {
+    Topic::new::<Marker>("/sim/contacts", Qos::latched(1))
+}
+
+/// How the run and each agent are doing, in words.
+pub fn info() -> Topic {
+    Topic::new::<DiagnosticArray>("/sim/info", Qos::reliable(VIEW_DEPTH))
+}
+
+/// What nodes say to people.
+pub fn rosout() -> Topic {
+    Topic::new::<Log>("/rosout", Qos::latched(LOG_DEPTH))
 }
 
 /// How far the run has come; the last one also for those that look later.
@@ -190,17 +246,20 @@ pub fn result() -> Topic {
     Topic::new::<Result>("/sim/result", Qos::latched(1))
 }
 
-/// All topics of a run with this many agents: those of the simulation, then those of agent 0, 1, and so on.
+/// All topics of a run with this many agents: those of the simulation, then those of agent 0, 1, and so on; first what the
+/// protocol needs, then what is only looked at.
 ///
 /// ```
 /// let topics = msgs::topics::all(2);
 /// assert_eq!(topics[0].to_string(), "/clock [rosgraph_msgs/msg/Clock]");
-/// assert_eq!(topics.last().unwrap().name, "/agent_1/command");
+/// assert_eq!(topics.last().unwrap().name, "/agent_1/map");
 /// ```
 pub fn all(agents: u32) -> Vec<Topic> {
     let mut topics = vec![clock(), scenario(), join_reply(), tf(), progress(), digest(), result()];
+    topics.extend([tf_static(), map(), unexplored(), contacts(), info(), rosout()]);
     for agent in (0..agents).map(AgentId) {
-        topics.extend([join(agent), observation(agent), command(agent)]);
+        topics.extend([join(agent), observation(agent), command(agent), cmd_vel(agent)]);
+        topics.extend([odometry(agent), points(agent), path(agent), belief(agent)]);
     }
     topics
 }
@@ -216,7 +275,7 @@ mod tests {
         let count = names.len();
         names.sort();
         names.dedup();
-        assert_eq!((names.len(), count), (7 + 36, 7 + 36));
+        assert_eq!((names.len(), count), (13 + 84, 13 + 84));
     }
 
     #[test]
@@ -243,7 +302,7 @@ mod tests {
 
     #[test]
     fn latched_topics_say_so() {
-        for topic in [scenario(), join_reply(), progress(), result()] {
+        for topic in [scenario(), join_reply(), progress(), result(), map(), unexplored(), tf_static(), rosout()] {
             assert!(topic.qos.offered_qos_profiles().contains("  durability: 1\n"), "{topic}");
         }
     }

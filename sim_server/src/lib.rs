@@ -2,7 +2,7 @@
 //!
 //! In reading order: [`scenario`] says what a run is; [`mapgen`] makes its terrain and [`world`] its physics; [`lockstep`] says
 //! who is asked when; [`run`] puts them together over a [`link`]; [`wire`] translates to messages, [`recorder`] and [`digest`]
-//! keep them; `ros` is the link over ROS 2.
+//! keep them; [`views`] are what people look at; `ros` is the link over ROS 2.
 //!
 //! This crate knows nothing of what agents believe or how they decide.
 
@@ -22,5 +22,6 @@ pub mod scenario;
 pub mod setup;
 pub mod terminal;
 pub mod twist;
+pub mod views;
 pub mod wire;
 pub mod world;

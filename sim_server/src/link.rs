@@ -8,6 +8,11 @@ use std::time::Duration;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
 
+use msgs::nav_msgs::Odometry;
+use msgs::sensor_msgs::PointCloud2;
+
+use crate::views::{Listeners, Picture, View};
+
 /// Who sent a message, as far as the transport can tell: one value for each process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct SourceId(pub [u8; 16]);
@@ -37,6 +42,17 @@ pub struct Incoming {
     pub message: Inbound,
 }
 
+/// How bad something is that people are told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// As expected.
+    Info,
+    /// Not as expected.
+    Warn,
+    /// The run or a part of it has failed.
+    Error,
+}
+
 /// The server's side of a transport.
 pub trait Link {
     /// Tells all agents, present and future, what they may know of the scenario.
@@ -51,6 +67,16 @@ pub trait Link {
     fn progress(&mut self, progress: &Progress);
     /// The next message, or `None` if none came in time.
     fn receive(&mut self, timeout: Duration) -> Option<Incoming>;
+    /// Keeps what an agent that is driven by standard messages is told in this tick; it is sent with its observation.
+    fn drive(&mut self, _agent: AgentId, _odometry: Odometry, _points: Option<PointCloud2>) {}
+    /// What somebody listens to now, or `None` if that is nothing. A transport that nobody else can use has no onlookers.
+    fn listeners(&mut self) -> Option<&Listeners> {
+        None
+    }
+    /// Shows something to those who listen.
+    fn show(&mut self, _view: View, _picture: &Picture) {}
+    /// Tells people something that was told on the terminal.
+    fn log(&mut self, _level: Level, _text: &str) {}
     /// The number of another run whose server has been heard while messages were awaited. A transport that nobody else can use
     /// has no other servers.
     fn other_run(&self) -> Option<u64> {

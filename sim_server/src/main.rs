@@ -71,12 +71,10 @@ mod serve {
     use std::sync::atomic::AtomicBool;
 
     use anyhow::Context;
-    use msgs::ids::AgentId;
     use msgs::ros_env::RosEnv;
     use sim_server::cli::RunArgs;
     use sim_server::ros::RosLink;
     use sim_server::terminal::{self, Terminal};
-    use sim_server::twist::Driver;
     use sim_server::{exit, run, setup};
 
     /// Serves a run over ROS 2.
@@ -95,10 +93,7 @@ mod serve {
             eprintln!("error: {error}");
             Ok(ExitCode::from(exit::FAILED))
         };
-        let extent = world.terrain().extent();
-        let drivers = scenario.agents.cmd_vel.iter().map(|&id| AgentId(id));
-        let drivers = drivers.map(|agent| (agent, Driver::new(agent, &scenario, extent))).collect();
-        let mut link = match RosLink::new(scenario.agents.count, drivers, &env) {
+        let mut link = match RosLink::new(scenario.agents.count, &scenario.driven(), &env) {
             Ok(link) => link,
             Err(error) => return failed(&error),
         };

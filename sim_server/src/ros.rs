@@ -2,34 +2,41 @@
 //!
 //! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`msgs::ros`]); every message
 //! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
-//! is the only one here that knows the ROS client.
+//! and its folder are the only ones here that know the ROS client.
 
 mod driven;
+mod views;
 
 use std::cell::Cell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
+use msgs::nav_msgs::Odometry;
+use msgs::rcl_interfaces::Log;
+use msgs::ros::rosout::Rosout;
 use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Workshop, linger, now};
 use msgs::ros_env::RosEnv;
 use msgs::rosgraph_msgs::Clock;
+use msgs::sensor_msgs::PointCloud2;
 use msgs::topics;
 use ros2_client::{Context, Node};
 
-use crate::link::{Inbound, Incoming, Link, SourceId};
-use crate::twist::Driver;
+use crate::link::{Inbound, Incoming, Level, Link, SourceId};
+use crate::views::{Listeners, Picture, View};
+
 use driven::Driven;
+use views::Gallery;
 
 /// Wall time for which a new server listens before it says anything: enough, on a machine that is not busy, to find another
 /// server that was here first and to hear its scenario, so that the agents of that one do not hear of a second run. A server
 /// that is found later is refused all the same. Agents take as long to start.
 const LISTENING: Duration = Duration::from_millis(300);
 
-/// Wall time between two looks at who listens to the clock; a look costs some ten microseconds.
-const AUDIENCE_PERIOD: Duration = Duration::from_millis(50);
+/// The name of the node.
+const NODE: &str = "sim_server";
 
 /// The server in a ROS network.
 pub struct RosLink {
@@ -41,12 +48,14 @@ pub struct RosLink {
     other_run: Rc<Cell<Option<u64>>>,
     /// One for each agent that is a process of ours.
     observations: BTreeMap<AgentId, Outlet<Observation>>,
-    driven: Driven,
+    /// Those of the agents that are driven by standard messages.
+    nodes: Driven,
     scenario: Outlet<Scenario>,
     join_reply: Outlet<JoinReply>,
     clock: Outlet<Clock>,
     progress: Outlet<Progress>,
-    audience: Audience,
+    gallery: Gallery,
+    rosout: Rosout,
     node: Node,
     context: Context,
 }
@@ -56,10 +65,10 @@ impl RosLink {
     ///
     /// # Errors
     /// If the network cannot be joined, or the system has not enough of something.
-    pub fn new(agents: u32, drivers: Vec<(AgentId, Driver)>, env: &RosEnv) -> Result<Self, RosError> {
+    pub fn new(agents: u32, driven: &BTreeSet<AgentId>, env: &RosEnv) -> Result<Self, RosError> {
         ros::allow_open_files(agents)?;
         let context = ros::join(env, true)?;
-        let mut node = ros::node(&context, "sim_server")?;
+        let mut node = ros::node(&context, NODE)?;
         let mut workshop = Workshop::default();
         let clock = workshop.outlet(&mut node, &topics::clock())?;
         let scenario = workshop.outlet(&mut node, &topics::scenario())?;
@@ -77,9 +86,9 @@ impl RosLink {
             }
             None
         })?;
-        let driven = Driven::new(drivers, &mut workshop, &mut node, &mut inbox, &own_run)?;
+        let nodes = Driven::new(driven, &mut workshop, &mut node, &mut inbox, &own_run)?;
         let mut observations = BTreeMap::new();
-        for agent in (0..agents).map(AgentId).filter(|&agent| !driven.has(agent)) {
+        for agent in (0..agents).map(AgentId).filter(|agent| !driven.contains(agent)) {
             workshop.inlet(&mut node, &topics::join(agent), &mut inbox, move |sample: Sample<Join>| {
                 Some(incoming(agent, sample, Inbound::Join))
             })?;
@@ -88,7 +97,9 @@ impl RosLink {
             })?;
             observations.insert(agent, workshop.outlet(&mut node, &topics::observation(agent))?);
         }
-        let audience = Audience { topic: dds_name(&topics::clock()), listens: false, looked: None };
+        let rosout = Rosout::new(&mut workshop, &mut node, NODE)?;
+        // What is needed comes first, so that nobody waits for what is only looked at.
+        let gallery = Gallery::new(&mut workshop, &mut node, agents, driven)?;
         Ok(RosLink {
             inbox,
             born: now(),
@@ -96,12 +107,13 @@ impl RosLink {
             own_run,
             other_run,
             observations,
-            driven,
+            nodes,
             scenario,
             join_reply,
             clock,
             progress,
-            audience,
+            gallery,
+            rosout,
             node,
             context,
         })
@@ -126,19 +138,19 @@ impl Link for RosLink {
     }
 
     fn reply_join(&mut self, reply: &JoinReply) {
-        self.driven.note_reply(reply);
+        self.nodes.note_reply(reply);
         self.join_reply.publish(&mut self.node, reply);
     }
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
         match self.observations.get_mut(&agent) {
             Some(observations) => observations.publish(&mut self.node, part),
-            None => self.driven.tell(&mut self.node, &mut self.clock, agent, part),
+            None => self.nodes.ask(&mut self.node, &mut self.clock, &mut self.gallery, agent, part),
         }
     }
 
     fn clock(&mut self, tick: Tick) {
-        if self.driven.are_any() || self.audience.listens(&self.context) {
+        if self.nodes.are_any() || self.gallery.hears_the_clock(&self.context) {
             self.clock.publish(&mut self.node, &Clock { clock: tick.into() });
         }
     }
@@ -149,10 +161,31 @@ impl Link for RosLink {
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         self.announce_in_time();
-        match self.driven.next(&self.context, self.own_run.get()) {
+        match self.nodes.next(&self.context, self.own_run.get()) {
             None => self.inbox.receive(timeout).flatten(),
             said => said,
         }
+    }
+
+    fn listeners(&mut self) -> Option<&Listeners> {
+        self.gallery.listeners(&self.context)
+    }
+
+    fn show(&mut self, view: View, picture: &Picture) {
+        self.gallery.show(&mut self.node, view, picture);
+    }
+
+    fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
+        self.nodes.drive(agent, odometry, points);
+    }
+
+    fn log(&mut self, level: Level, text: &str) {
+        let level = match level {
+            Level::Info => Log::INFO,
+            Level::Warn => Log::WARN,
+            Level::Error => Log::ERROR,
+        };
+        self.rosout.say(&mut self.node, level, text);
     }
 
     fn other_run(&self) -> Option<u64> {
@@ -172,28 +205,4 @@ fn incoming<M>(topic_agent: AgentId, sample: Sample<M>, inbound: impl Fn(M) -> I
         Err(reason) => Inbound::Undecodable { reason },
     };
     Incoming { topic_agent, source: SourceId(sample.source), message }
-}
-
-/// Whether anybody listens to a topic. What nobody can hear need not be said: a fast run makes thousands of clock messages a
-/// second, and each costs more than ten microseconds even if it is sent to nobody.
-struct Audience {
-    topic: String,
-    listens: bool,
-    looked: Option<Instant>,
-}
-
-impl Audience {
-    fn listens(&mut self, context: &Context) -> bool {
-        if self.looked.is_none_or(|looked| looked.elapsed() >= AUDIENCE_PERIOD) {
-            self.looked = Some(now());
-            let readers = context.domain_participant().discovered_readers();
-            self.listens = readers.iter().any(|reader| *reader.subscription_topic_data.topic_name() == self.topic);
-        }
-        self.listens
-    }
-}
-
-/// The name that ROS gives a topic in the middleware.
-fn dds_name(topic: &topics::Topic) -> String {
-    format!("rt{}", topic.name)
 }

@@ -9,6 +9,7 @@
 mod exchange;
 mod log;
 mod pace;
+mod show;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
@@ -20,10 +21,11 @@ use msgs::maes_msgs::{self, Counter, Observation as Part};
 use thiserror::Error;
 
 use crate::digest::{Chain, Digest};
-use crate::link::Link;
+use crate::link::{Level, Link};
 use crate::lockstep::{Wake, listed};
 use crate::recorder::{RecordError, Recorder};
 use crate::scenario::{OnAgentLoss, Scenario};
+use crate::views::{Picture, View, Views};
 use crate::wire;
 use crate::world::{Action, Since, World};
 
@@ -131,6 +133,7 @@ pub fn run(
         scenario,
         chain: Chain::new(&scenario.identity(), &world),
         wakes: vec![Wake::AT_ONCE; scenario.agents.count as usize],
+        driven: scenario.driven(),
         lost: BTreeSet::new(),
         log: Log::new(recorder, scenario.agents.count),
         exchange: Exchange::new(link, number, scenario.agents.count),
@@ -143,21 +146,24 @@ pub fn run(
         digest_recorded: None,
         progress_recorded: None,
         reported: now(),
+        views: Views::new(scenario.views.clone(), scenario.agents.count),
+        infos: vec![String::new(); scenario.agents.count as usize],
+        started: now(),
     };
     run.log.write(Kind::Scenario, Tick::ZERO, &announcement)?;
     run.exchange.announce(&announcement);
     let admitted = run.admit();
-    let started = now();
+    run.start_clock();
     let ended = match admitted {
         Ok(()) => run.ticks(),
         Err(error) => Err(error),
     };
-    let wall = started.elapsed();
+    let wall = run.started.elapsed();
     let reason = match &ended {
         Ok(reason) => (*reason).to_owned(),
         Err(error) => error.to_string(),
     };
-    let outcome = run.finish(reason, wall)?;
+    let outcome = run.finish(reason, ended.is_ok(), wall)?;
     ended.map(|_| outcome)
 }
 
@@ -167,6 +173,7 @@ struct Run<'a> {
     world: World,
     chain: Chain,
     wakes: Vec<Wake>,
+    driven: BTreeSet<AgentId>,
     lost: BTreeSet<AgentId>,
     log: Log,
     exchange: Exchange<'a>,
@@ -178,6 +185,11 @@ struct Run<'a> {
     digest_recorded: Option<Tick>,
     progress_recorded: Option<Tick>,
     reported: Instant,
+    views: Views,
+    /// The last information text of each agent.
+    infos: Vec<String>,
+    /// When the ticks began, wall time.
+    started: Instant,
 }
 
 impl Run<'_> {
@@ -208,6 +220,7 @@ impl Run<'_> {
         }
         self.log.publish()?;
         self.watcher.started();
+        self.exchange.log(Level::Info, &format!("the run begins with {} agents", self.scenario.agents.count));
         Ok(())
     }
 
@@ -218,6 +231,7 @@ impl Run<'_> {
         loop {
             self.exchange.clock(self.world.tick());
             self.record_state()?;
+            self.show();
             if self.scenario.stop_when_explored && self.world.coverage().is_explored() {
                 return Ok("explored");
             }
@@ -234,9 +248,10 @@ impl Run<'_> {
                 self.report()?;
             }
             let tick = self.world.tick();
-            if let Some(wait) = pace.wait(tick) {
-                let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop };
-                self.exchange.idle(tick, wait, &mut meanwhile)?;
+            while let Some(wait) = pace.wait(tick)
+                && !self.is_stopped()
+            {
+                self.idle(wait)?;
             }
         }
     }
@@ -278,6 +293,9 @@ impl Run<'_> {
             } else {
                 Since::LastAsked
             };
+            if self.driven.contains(&agent) {
+                self.drive(agent);
+            }
             let observation = self.world.observe(agent, since);
             asked.push(Asked { agent, since, parts: wire::observation_parts(&observation, Part::RUNNING) });
         }
@@ -300,7 +318,7 @@ impl Run<'_> {
         match self.scenario.faults.on_agent_loss {
             OnAgentLoss::Abort => Err(lost),
             OnAgentLoss::Drop => {
-                self.watcher.note(&format!("{lost}; the run goes on without"));
+                self.note(Level::Error, &format!("{lost}; the run goes on without"));
                 self.lost.extend(silent);
                 Ok(ControlFlow::Continue(answers))
             }
@@ -355,6 +373,9 @@ impl Run<'_> {
             self.decisions += 1;
             self.world.note_belief(agent, answer.message.known_free);
             self.failed_searches[agent.index()] = answer.message.failed_searches;
+            if !answer.message.info.is_empty() {
+                self.infos[agent.index()].clone_from(&answer.message.info);
+            }
             actions.insert(agent, answer.action.clone());
         }
         Ok(actions)
@@ -373,7 +394,7 @@ impl Run<'_> {
         if tick.0.is_multiple_of(PROGRESS_TICKS) {
             self.record_progress()?;
         }
-        Ok(())
+        self.record_views()
     }
 
     fn record_digest(&mut self) -> Result<(), RunError> {
@@ -382,6 +403,7 @@ impl Run<'_> {
             self.digest_recorded = Some(tick);
             let digest = maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest: self.chain.digest().0 };
             self.log.write(Kind::Digest, tick, &digest)?;
+            self.show_own(View::Digest, Picture::Digest(digest));
         }
         Ok(())
     }
@@ -405,7 +427,7 @@ impl Run<'_> {
     }
 
     /// Tells the agents, and ends the recording.
-    fn finish(mut self, reason: String, wall: Duration) -> Result<Outcome, RunError> {
+    fn finish(mut self, reason: String, ended_well: bool, wall: Duration) -> Result<Outcome, RunError> {
         let tick = self.world.tick();
         let mut ends = Vec::new();
         for agent in self.world.agents() {
@@ -440,6 +462,7 @@ impl Run<'_> {
         self.record_digest()?;
         self.record_progress()?;
         self.log.write(Kind::Result, tick, &result)?;
+        self.show_end(&result, ended_well);
         self.log.finish()?;
         Ok(Outcome { result, digest, wall })
     }

@@ -1,15 +1,17 @@
 //! The scenario: everything that determines a run, as a TOML file that says it.
 //!
 //! Parsed once and checked; whoever holds a [`Scenario`] holds a legal one. Two tables stand apart: `[execution]` says how a run
-//! is carried out (threads, pacing, time-outs) and can never change its result, so it is not part of a recording.
+//! is carried out (threads, pacing, time-outs) and `[views]` what is shown of it. They can never change its result, so they are
+//! not part of its identity.
 //!
 //! This module reads no map files and knows no command line; flags arrive as [`Override`]s of keys.
 
 mod sections;
 
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
-use msgs::ids::Tick;
+use msgs::ids::{AgentId, Tick};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -62,6 +64,9 @@ pub struct Scenario {
     /// What happens when an agent fails.
     #[serde(default)]
     pub faults: FaultsSection,
+    /// What is shown of the run.
+    #[serde(default)]
+    pub views: ViewsSection,
     /// How the run is carried out.
     #[serde(default)]
     pub execution: ExecutionSection,
@@ -146,7 +151,7 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// The scenario as a recording holds it: all keys, without `[execution]`.
+    /// The scenario as a recording holds it: all keys, without `[views]` and `[execution]`.
     ///
     /// # Panics
     /// Never: its keys are strings and its values plain.
@@ -154,6 +159,7 @@ impl Scenario {
     pub fn identity(&self) -> String {
         let mut table = toml::Table::try_from(self).expect("a scenario has string keys and plain values");
         table.remove("execution");
+        table.remove("views");
         toml::to_string(&table).expect("a table can be written")
     }
 
@@ -164,6 +170,12 @@ impl Scenario {
     #[must_use]
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("a scenario has string keys and plain values")
+    }
+
+    /// The agents that are driven by standard messages.
+    #[must_use]
+    pub fn driven(&self) -> BTreeSet<AgentId> {
+        self.agents.cmd_vel.iter().map(|&id| AgentId(id)).collect()
     }
 
     /// The tick at which the run ends at the latest.
@@ -300,6 +312,15 @@ impl Scenario {
         )?;
         checker.positive("execution.join_timeout_s", self.execution.join_timeout_s)?;
         checker.positive("execution.decision_timeout_s", self.execution.decision_timeout_s)?;
+        checker.require(
+            "views.max_hz",
+            self.views.max_hz,
+            (0.1..=1000.0).contains(&self.views.max_hz),
+            "expected 0.1 to 1000",
+        )?;
+        for (key, ticks) in self.views.periods() {
+            checker.require(key, ticks, ticks >= 1, "expected at least 1")?;
+        }
         if let Rtf::Limit(limit) = self.execution.rtf {
             checker.require("execution.rtf", limit, (1e-3..=1e6).contains(&limit), "expected 0.001 to 1e6, or max")?;
         }

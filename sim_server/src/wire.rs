@@ -1,4 +1,5 @@
-//! Domain types to and from messages: the only place of the server that knows both.
+//! Domain types to and from the messages of the protocol: the only place of the server that knows both. What is only looked at is
+//! made in [`crate::views`].
 //!
 //! Invariants: no part of an observation is larger than [`OBSERVATION_BYTES_MAX`] on the wire; what comes out of [`command`] is legal
 //! for the world, whatever was sent.
@@ -339,13 +340,12 @@ pub fn transforms(world: &World) -> msgs::tf2_msgs::TFMessage {
         .agents()
         .map(|agent| {
             let pose = world.body(agent).pose();
-            let (sin, cos) = libm::sincos(pose.yaw_rad * 0.5);
             geometry_msgs::TransformStamped {
                 header: header(world.tick()),
-                child_frame_id: format!("agent_{agent}/base_link"),
+                child_frame_id: body_frame(agent),
                 transform: geometry_msgs::Transform {
                     translation: vector(&pose.position.coords),
-                    rotation: geometry_msgs::Quaternion { x: 0.0, y: 0.0, z: sin, w: cos },
+                    rotation: rotation(pose.yaw_rad),
                 },
             }
         })
@@ -353,11 +353,22 @@ pub fn transforms(world: &World) -> msgs::tf2_msgs::TFMessage {
     msgs::tf2_msgs::TFMessage { transforms }
 }
 
-fn point(point: &Point3<f64>) -> geometry_msgs::Point {
+/// The frame of an agent's body: x forward, y left, z up, the origin in its centre.
+pub(crate) fn body_frame(agent: AgentId) -> String {
+    format!("agent_{agent}/base_link")
+}
+
+/// The rotation about the vertical.
+pub(crate) fn rotation(yaw_rad: f64) -> geometry_msgs::Quaternion {
+    let (sin, cos) = libm::sincos(yaw_rad * 0.5);
+    geometry_msgs::Quaternion { x: 0.0, y: 0.0, z: sin, w: cos }
+}
+
+pub(crate) fn point(point: &Point3<f64>) -> geometry_msgs::Point {
     geometry_msgs::Point { x: point.x, y: point.y, z: point.z }
 }
 
-fn vector(vector: &Vector3<f64>) -> geometry_msgs::Vector3 {
+pub(crate) fn vector(vector: &Vector3<f64>) -> geometry_msgs::Vector3 {
     geometry_msgs::Vector3 { x: vector.x, y: vector.y, z: vector.z }
 }
 

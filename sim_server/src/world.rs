@@ -287,6 +287,23 @@ impl World {
         self.agents.iter().map(|state| state.distance_m).collect()
     }
 
+    /// Agents in contact with an agent now, ascending.
+    pub fn in_contact_with(&mut self, agent: AgentId) -> Vec<AgentId> {
+        self.contacts_of(agent)
+    }
+
+    /// From where and when the last scan of an agent was.
+    #[must_use]
+    pub fn last_scan(&self, agent: AgentId) -> Option<(Pose, Tick)> {
+        self.agents[agent.index()].last_scan
+    }
+
+    /// Where the rays of a scan of an agent from a pose meet walls, metres, frame `map`, in the scanner's own fixed order.
+    #[must_use]
+    pub fn hits_from(&self, agent: AgentId, pose: &Pose) -> Vec<Point3<f64>> {
+        self.params.scanner.hits(&self.agents[agent.index()].memory, pose)
+    }
+
     /// Rays of one scan.
     #[must_use]
     pub fn rays(&self) -> u32 {

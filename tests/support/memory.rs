@@ -151,6 +151,7 @@ pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
         instance,
         server_timeout: HANG,
         chaos_delay: Duration::ZERO,
+        map_hz: 5.0,
         decision_times: None,
     }
 }

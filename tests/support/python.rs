@@ -12,12 +12,23 @@ const INSTALLATION: &str = "1500";
 /// The interpreter with the packages that people open recordings with.
 pub(crate) fn for_recordings() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();
-    PYTHON.get_or_init(|| {
-        let folder = binaries::target_folder().join("python-recording");
-        let script = root().join("tests/recording_env.sh");
-        let printed = prepared(Command::new("timeout").arg(INSTALLATION).arg(script).arg(folder));
-        PathBuf::from(printed.trim_end())
-    })
+    PYTHON.get_or_init(|| environment("recording"))
+}
+
+/// The interpreter with a second DDS.
+pub(crate) fn for_cyclone() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| environment("cyclone"))
+}
+
+/// The interpreter with the packages of a requirements file.
+fn environment(name: &str) -> PathBuf {
+    let folder = binaries::target_folder().join(format!("python-{name}"));
+    let tests = root().join("tests");
+    let mut command = Command::new("timeout");
+    command.arg(INSTALLATION).arg(tests.join("python_env.sh"));
+    command.arg(tests.join(format!("{name}_requirements.txt"))).arg(folder);
+    PathBuf::from(prepared(&mut command).trim_end())
 }
 
 /// Makes a ROS 2 with our messages. A command of this environment begins with the words of [`in_ros`].

@@ -10,6 +10,7 @@
 //!
 //! Nothing here knows about agents, time or chance.
 
+pub mod blocks;
 pub mod cell;
 pub mod components;
 pub mod extent;
@@ -20,6 +21,7 @@ pub mod runs;
 pub mod terrain;
 pub mod traverse;
 
+pub use blocks::Blocks;
 pub use cell::{Cell, FACES};
 pub use components::{Components, Pockets, close_shell, free_components, keep_largest_component};
 pub use extent::{Extent, ExtentError};

@@ -1,26 +1,31 @@
-//! Agents that are driven by standard messages, at the edge to ROS: their topics, and who drives them.
+//! Agents that are driven by standard messages, at the edge to ROS: who drives them, and what they are told.
 //!
 //! The first process that is found to publish velocities for such an agent drives it for the whole run; it is not asked whether it
-//! wants to. What is said and heard is made in [`crate::twist`].
+//! wants to. Of its twists, commands are made in [`crate::twist`].
 
-use std::cell::{Cell, RefCell};
-use std::collections::{BTreeMap, VecDeque};
+use std::cell::Cell;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use msgs::geometry_msgs::TwistStamped;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{JoinReply, Observation as Part};
 use msgs::nav_msgs::Odometry;
+use msgs::ros::audience::dds_name;
 use msgs::ros::{Inbox, Outlet, RosError, Sample, Workshop, now, source_of};
 use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::topics;
 use ros2_client::{Context, Node};
 
-use super::{AUDIENCE_PERIOD, dds_name};
+use super::views::Gallery;
 use crate::link::{Inbound, Incoming, SourceId};
-use crate::twist::Driver;
+use crate::twist;
+use crate::views::{Picture, View};
+
+/// Wall time between two looks for a process that drives an agent.
+const LOOK_PERIOD: Duration = Duration::from_millis(50);
 
 /// The agents of a run that are driven by standard messages.
 pub(super) struct Driven {
@@ -30,10 +35,10 @@ pub(super) struct Driven {
     looked: Option<Instant>,
 }
 
+#[derive(Default)]
 struct DrivenAgent {
-    driver: Rc<RefCell<Driver>>,
-    odom: Outlet<Odometry>,
-    points: Outlet<PointCloud2>,
+    /// What it is told in this tick.
+    pictures: Vec<(View, Picture)>,
     /// Who drives it, once that is known.
     source: Option<SourceId>,
     is_accepted: bool,
@@ -42,43 +47,42 @@ struct DrivenAgent {
 }
 
 impl Driven {
-    /// Makes the topics of these agents. `own_run` will have the number of the run once it is known.
+    /// Listens to the velocities for these agents. `own_run` will have the number of the run once it is known.
     ///
     /// # Errors
     /// If the middleware refuses an endpoint.
     pub(super) fn new(
-        drivers: Vec<(AgentId, Driver)>,
+        agents: &BTreeSet<AgentId>,
         workshop: &mut Workshop,
         node: &mut Node,
         inbox: &mut Inbox<Option<Incoming>>,
         own_run: &Rc<Cell<Option<u64>>>,
     ) -> Result<Self, RosError> {
-        let mut agents = BTreeMap::new();
-        for (agent, driver) in drivers {
-            let odom = workshop.outlet(node, &topics::odom(agent))?;
-            let points = workshop.outlet(node, &topics::points(agent))?;
-            let driver = Rc::new(RefCell::new(driver));
-            let asked = Rc::new(Cell::new(None));
-            let heard = (Rc::clone(&driver), Rc::clone(&asked), Rc::clone(own_run));
+        let mut driven = BTreeMap::new();
+        for &agent in agents {
+            let entry = DrivenAgent::default();
+            let (asked, own_run) = (Rc::clone(&entry.asked), Rc::clone(own_run));
             workshop.inlet(node, &topics::cmd_vel(agent), inbox, move |sample: Sample<TwistStamped>| {
-                let (driver, asked, own_run) = &heard;
                 let run = own_run.get().filter(|_| asked.get().is_some())?;
-                let command = sample.message.and_then(|twist| driver.borrow().command(run, &twist));
-                let message =
-                    command.map_or_else(|reason| Inbound::Undecodable { reason }, |command| Inbound::Command(command));
+                let command = sample.message.and_then(|twist| twist::command(run, agent, &twist));
+                let message = command.map_or_else(|reason| Inbound::Undecodable { reason }, Inbound::Command);
                 Some(Incoming { topic_agent: agent, source: SourceId(sample.source), message })
             })?;
-            let (source, is_accepted) = (None, false);
-            agents.insert(agent, DrivenAgent { driver, odom, points, source, is_accepted, asked });
+            driven.insert(agent, entry);
         }
-        Ok(Self { agents, said: VecDeque::new(), looked: None })
+        Ok(Self { agents: driven, said: VecDeque::new(), looked: None })
+    }
+
+    /// Whether there are any: they need the clock, whether it is heard already or not.
+    pub(super) fn are_any(&self) -> bool {
+        !self.agents.is_empty()
     }
 
     /// What is said on behalf of a node: a join once it has been found, and a receipt at the end.
     pub(super) fn next(&mut self, context: &Context, run: Option<u64>) -> Option<Incoming> {
         if let Some(run) = run
             && self.agents.values().any(|agent| !agent.is_accepted)
-            && self.looked.is_none_or(|looked| looked.elapsed() >= AUDIENCE_PERIOD)
+            && self.looked.is_none_or(|looked| looked.elapsed() >= LOOK_PERIOD)
         {
             self.looked = Some(now());
             self.find(context, run);
@@ -94,7 +98,7 @@ impl Driven {
             let sources = of_agent.map(|writer| SourceId(source_of(writer.publication_topic_data.key)));
             driven.source = driven.source.or(sources.min());
             if let Some(source) = driven.source {
-                let message = Inbound::Join(driven.driver.borrow().join(run));
+                let message = Inbound::Join(twist::join(run, agent));
                 self.said.push_back(Incoming { topic_agent: agent, source, message });
             }
         }
@@ -107,33 +111,39 @@ impl Driven {
         }
     }
 
-    /// Whether there are any: they need the clock, whether it is heard already or not.
-    pub(super) fn are_any(&self) -> bool {
-        !self.agents.is_empty()
+    /// Keeps what an agent is told in this tick.
+    pub(super) fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
+        if let Some(driven) = self.agents.get_mut(&agent) {
+            let points = points.map(|points| (View::Points(agent), Picture::Points(points)));
+            let odometry = (View::Odometry(agent), Picture::Odometry(Box::new(odometry)));
+            driven.pictures = points.into_iter().chain([odometry]).collect();
+        }
     }
 
-    /// Whether an agent is driven so.
-    pub(super) fn has(&self, agent: AgentId) -> bool {
-        self.agents.contains_key(&agent)
-    }
-
-    /// Tells the node of an agent what is in a part of an observation, once it has the last one.
-    pub(super) fn tell(&mut self, node: &mut Node, clock: &mut Outlet<Clock>, agent: AgentId, part: &Part) {
-        let Some(driven) = self.agents.get_mut(&agent) else { return };
-        let Some(told) = driven.driver.borrow_mut().tell(part) else { return };
-        if let Some(points) = &told.points {
-            driven.points.publish(node, points);
+    /// Asks an agent, or asks it again, with what was kept, once its observation is complete.
+    pub(super) fn ask(
+        &mut self,
+        node: &mut Node,
+        clock: &mut Outlet<Clock>,
+        gallery: &mut Gallery,
+        agent: AgentId,
+        part: &Part,
+    ) {
+        let Some(driven) = self.agents.get_mut(&agent).filter(|_| part.part + 1 == part.parts) else { return };
+        let tick = Tick(part.tick);
+        if part.phase == Part::ENDED {
+            if let Some(source) = driven.source {
+                let message = Inbound::Command(twist::receipt(part.run, agent, tick));
+                self.said.push_back(Incoming { topic_agent: agent, source, message });
+            }
+            return;
         }
-        driven.odom.publish(node, &told.odom);
-        if driven.asked.replace(Some(told.tick)) == Some(told.tick) {
-            // Asked again: something of it may have been lost, perhaps the clock.
-            clock.publish(node, &Clock { clock: told.tick.into() });
+        for (view, picture) in &driven.pictures {
+            gallery.show(node, *view, picture);
         }
-        if part.phase == Part::ENDED
-            && let Some(source) = driven.source
-        {
-            let message = Inbound::Command(driven.driver.borrow().receipt(part.run, Tick(part.tick)));
-            self.said.push_back(Incoming { topic_agent: agent, source, message });
+        if driven.asked.replace(Some(tick)) == Some(tick) {
+            // Something of it may have been lost, perhaps the clock.
+            clock.publish(node, &Clock { clock: tick.into() });
         }
     }
 }

@@ -12,11 +12,15 @@ use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation as Part, Progress, Scenario};
 
+use msgs::nav_msgs::Odometry;
+use msgs::sensor_msgs::PointCloud2;
+
 use super::log::Log;
 use super::{Watcher, now};
-use crate::link::{Inbound, Incoming, Link, SourceId};
+use crate::link::{Inbound, Incoming, Level, Link, SourceId};
 use crate::lockstep::{Barrier, Claim, Refusal, Roster, Seat, Wake};
 use crate::recorder::RecordError;
+use crate::views::{Listeners, Picture, View};
 use crate::wire;
 use crate::world::body::Motion;
 use crate::world::{Action, LidarRequest, Since};
@@ -135,6 +139,32 @@ impl<'a> Exchange<'a> {
         self.link.progress(progress);
     }
 
+    /// See [`Link::drive`].
+    pub(super) fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
+        self.link.drive(agent, odometry, points);
+    }
+
+    /// See [`Link::listeners`].
+    pub(super) fn listeners(&mut self) -> Option<&Listeners> {
+        self.link.listeners()
+    }
+
+    /// See [`Link::show`].
+    pub(super) fn show(&mut self, view: View, picture: &Picture) {
+        self.link.show(view, picture);
+    }
+
+    /// See [`Link::log`].
+    pub(super) fn log(&mut self, level: Level, text: &str) {
+        self.link.log(level, text);
+    }
+
+    /// Tells people that something is not as expected.
+    fn warn(&mut self, watcher: &mut dyn Watcher, text: &str) {
+        watcher.note(text);
+        self.link.log(Level::Warn, text);
+    }
+
     /// See [`Link::other_run`].
     pub(super) fn other_run(&self) -> Option<u64> {
         self.link.other_run()
@@ -246,7 +276,7 @@ impl<'a> Exchange<'a> {
         let told: Vec<Asked> = told.iter().filter(|told| self.roster.seat(told.agent).is_some()).cloned().collect();
         if let Err(Silence { silent, .. }) = self.ask(tick, &told, limit, meanwhile)? {
             let silent = crate::lockstep::listed(silent);
-            meanwhile.watcher.note(&format!("no receipt for the end of the run from: {silent}"));
+            self.warn(meanwhile.watcher, &format!("no receipt for the end of the run from: {silent}"));
         }
         Ok(())
     }
@@ -269,8 +299,10 @@ impl<'a> Exchange<'a> {
             let count = self.refusals.entry(name).or_default();
             *count += 1;
             match *count {
-                ..NOTES_MAX => watcher.note(&format!("refused: {refusal}")),
-                NOTES_MAX => watcher.note(&format!("refused: {refusal} (more of this kind are only counted: {name})")),
+                ..NOTES_MAX => self.warn(watcher, &format!("refused: {refusal}")),
+                NOTES_MAX => {
+                    self.warn(watcher, &format!("refused: {refusal} (more of this kind are only counted: {name})"));
+                }
                 _ => {}
             }
         }

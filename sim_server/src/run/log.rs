@@ -1,5 +1,6 @@
 //! What a run writes down: messages on their way to the digest and to the recording, if there is one.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use msgs::cdr;
@@ -10,6 +11,7 @@ use serde::Serialize;
 use super::now;
 use crate::digest::Chain;
 use crate::recorder::{RecordError, Recorder};
+use crate::views::{Picture, View};
 
 /// Wall time after which the open chunk of the recording is saved provisionally.
 const SAVE_PERIOD: Duration = Duration::from_millis(500);
@@ -32,6 +34,8 @@ pub(super) struct Log {
     recorder: Option<Recorder>,
     sim_topics: [Topic; 5],
     agent_topics: Vec<[Topic; 3]>,
+    /// Of the views that have been recorded so far.
+    view_topics: BTreeMap<View, Topic>,
     bytes: Vec<u8>,
     saved: Instant,
 }
@@ -43,6 +47,7 @@ impl Log {
             recorder,
             sim_topics: [topics::scenario(), topics::progress(), topics::digest(), topics::result(), topics::tf()],
             agent_topics: (0..agents).map(AgentId).map(of_agent).collect(),
+            view_topics: BTreeMap::new(),
             bytes: Vec::new(),
             saved: now(),
         }
@@ -72,6 +77,17 @@ impl Log {
             self.put(kind, tick)?;
         }
         Ok(())
+    }
+
+    /// Writes a message of a view.
+    pub(super) fn write_view(&mut self, view: View, tick: Tick, picture: &Picture) -> Result<(), RecordError> {
+        self.encode(picture);
+        let Some(recorder) = &mut self.recorder else {
+            return Ok(());
+        };
+        let topic = self.view_topics.entry(view).or_insert_with(|| view.topic());
+        let written = recorder.write(topic, tick, &self.bytes);
+        self.unless_failed(written)
     }
 
     /// See [`Recorder::publish`].

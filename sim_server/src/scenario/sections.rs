@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Deserializer, Serialize, de};
 
 use crate::mapgen::{NoiseSpec, SpheresSpec};
+use crate::views::View;
 
 /// `[map]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -225,6 +226,105 @@ impl Default for ExecutionSection {
             record: None,
         }
     }
+}
+
+/// `[views]`: what people look at. None of this changes a result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ViewsSection {
+    /// Messages of one topic in a second of wall time at the most, while somebody listens.
+    pub max_hz: f64,
+    /// Ticks between two messages on `/tf`.
+    pub tf_period_ticks: u32,
+    /// Ticks between two odometries of an agent.
+    pub odom_period_ticks: u32,
+    /// Ticks between two scans of an agent that are shown, at the least.
+    pub points_period_ticks: u32,
+    /// Ticks between two looks at where an agent is going.
+    pub path_period_ticks: u32,
+    /// Ticks between two looks at what nobody has seen.
+    pub unexplored_period_ticks: u32,
+    /// Ticks between two looks at who is in contact.
+    pub contacts_period_ticks: u32,
+    /// Ticks between two messages on how things are.
+    pub info_period_ticks: u32,
+    /// What is recorded, too.
+    pub record: Vec<RecordedView>,
+}
+
+impl Default for ViewsSection {
+    fn default() -> Self {
+        Self {
+            max_hz: 30.0,
+            tf_period_ticks: 5,
+            odom_period_ticks: 5,
+            points_period_ticks: 1,
+            path_period_ticks: 5,
+            unexplored_period_ticks: 50,
+            contacts_period_ticks: 50,
+            info_period_ticks: 50,
+            record: Vec::new(),
+        }
+    }
+}
+
+impl ViewsSection {
+    /// The keys of the periods and their values, at least 1 in a checked scenario.
+    pub(super) fn periods(&self) -> [(&'static str, u32); 7] {
+        [
+            ("views.tf_period_ticks", self.tf_period_ticks),
+            ("views.odom_period_ticks", self.odom_period_ticks),
+            ("views.points_period_ticks", self.points_period_ticks),
+            ("views.path_period_ticks", self.path_period_ticks),
+            ("views.unexplored_period_ticks", self.unexplored_period_ticks),
+            ("views.contacts_period_ticks", self.contacts_period_ticks),
+            ("views.info_period_ticks", self.info_period_ticks),
+        ]
+    }
+
+    /// Ticks between two messages of a view, or two looks at what it shows.
+    #[must_use]
+    pub fn period_ticks(&self, view: View) -> u64 {
+        let ticks = match view {
+            View::Transforms => self.tf_period_ticks,
+            View::Odometry(_) => self.odom_period_ticks,
+            View::Points(_) => self.points_period_ticks,
+            View::Path(_) => self.path_period_ticks,
+            View::Unexplored => self.unexplored_period_ticks,
+            View::Contacts => self.contacts_period_ticks,
+            View::Info => self.info_period_ticks,
+            View::StaticTransforms | View::Map | View::Digest | View::Result => 1,
+        };
+        u64::from(ticks.max(1))
+    }
+
+    /// Nanoseconds of wall time between two messages of one topic at the least.
+    #[must_use]
+    pub fn pause_ns(&self) -> u64 {
+        (1e9 / self.max_hz) as u64
+    }
+}
+
+/// A view that can be recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RecordedView {
+    /// `/tf_static`.
+    TfStatic,
+    /// `/agent_<id>/odom`.
+    Odom,
+    /// `/agent_<id>/points`.
+    Points,
+    /// `/agent_<id>/path`.
+    Path,
+    /// `/sim/map`.
+    Map,
+    /// `/sim/unexplored`.
+    Unexplored,
+    /// `/sim/contacts`.
+    Contacts,
+    /// `/sim/info`.
+    Info,
 }
 
 /// Pace of a run.

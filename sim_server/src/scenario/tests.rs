@@ -17,12 +17,13 @@ fn what_is_left_out_is_the_reference() {
 
 #[test]
 fn the_identity_reads_back_and_leaves_the_execution_out() {
-    let text = format!("{SMALL}[execution]\nthreads = 3\n");
+    let text = format!("{SMALL}[execution]\nthreads = 3\n[views]\nmax_hz = 1.0\nrecord = [\"odom\"]\n");
     let one = Scenario::parse("s.toml", SMALL, &[]).unwrap();
     let other = Scenario::parse("s.toml", &text, &[]).unwrap();
     assert_ne!(one, other);
     assert_eq!(one.identity(), other.identity());
     assert_eq!(Scenario::parse("identity", &one.identity(), &[]).unwrap(), one);
+    assert!(!other.identity().contains("views"));
     assert_eq!(Scenario::parse("all", &other.to_toml(), &[]).unwrap(), other);
 }
 
@@ -81,6 +82,9 @@ fn mistakes_are_named_with_their_place() {
     refuses(SMALL, &[set("execution.rtf", 1e-300)], "execution.rtf");
     refuses(SMALL, &[set("spawn.kind", "nearest_origin"), set("spawn.yaw_rad", f64::NAN)], "spawn.yaw_rad = NaN");
     refuses(SMALL, &[set("lidar.fov_rad", 7.0)], "lidar.fov_rad = 7");
+    refuses(SMALL, &[set("views.max_hz", 0.0)], "views.max_hz = 0: expected 0.1 to 1000");
+    refuses(SMALL, &[set("views.odom_period_ticks", 0)], "views.odom_period_ticks = 0: expected at least 1");
+    refuses(SMALL, &[set("views.record", vec!["tf"])], "unknown variant `tf`, expected one of `tf_static`, `odom`");
     refuses(SMALL, &[set("lidar.range_m", f64::NAN)], "lidar.range_m = NaN");
     refuses(SMALL, &[set("map.file", "x.m3dm")], "map.file = x.m3dm: only a map of kind \"file\" has a file");
     refuses(

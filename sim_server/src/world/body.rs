@@ -206,6 +206,19 @@ impl Body {
         self.task != Task::Idle
     }
 
+    /// The points that the present task still leads to, in order, frame `map`: the way-points of a path, or the end of a move
+    /// that has one.
+    #[must_use]
+    pub fn way_points(&self) -> Vec<Point3<f64>> {
+        match &self.task {
+            Task::Path { leg, rest } => std::iter::once(leg.target).chain(rest.iter().copied()).collect(),
+            Task::Move { direction_in_map, ramp } if ramp.rest.is_finite() => {
+                vec![self.pose.position + direction_in_map * ramp.rest]
+            }
+            Task::Idle | Task::Move { .. } | Task::Turn { .. } | Task::Velocity { .. } => Vec::new(),
+        }
+    }
+
     /// The collision of the last motion that was tried, if there was one.
     #[must_use]
     pub fn collision(&self) -> Option<Collision> {
@@ -216,6 +229,12 @@ impl Body {
     #[must_use]
     pub fn velocity_in_map_m_s(&self) -> Vector3<f64> {
         turned(&self.velocity_in_body_m_s, self.pose.yaw_rad)
+    }
+
+    /// Velocity of the last fixed update, m/s, in the frame of the body: x forward, y left, z up.
+    #[must_use]
+    pub fn velocity_in_body_m_s(&self) -> Vector3<f64> {
+        self.velocity_in_body_m_s
     }
 
     /// Turn rate of the last fixed update, rad/s.

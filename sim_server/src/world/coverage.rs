@@ -132,6 +132,12 @@ impl Coverage {
         self.believed_by.iter().map(|&cells| self.share(cells)).collect()
     }
 
+    /// The free cells that at least one agent has seen: a bit for each cell of the map, by index, 64 to a word.
+    #[must_use]
+    pub fn explored_cells(&self) -> &[u64] {
+        &self.explored.words
+    }
+
     /// Free cells of the map.
     #[must_use]
     pub fn free_cells(&self) -> usize {

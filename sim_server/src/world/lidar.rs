@@ -142,6 +142,24 @@ impl Scanner {
         view
     }
 
+    /// Where the rays of a scan from `pose` meet walls: the hits of its [`Scanner::view`].
+    pub fn hits(&self, memory: &SensorMemory, pose: &Pose) -> Vec<Point3<f64>> {
+        let mut hits = Vec::new();
+        let Some(start) = self.start(memory, pose) else { return hits };
+        let cell_m = memory.extent.cell_m();
+        for bundle in &self.bundles {
+            for lane in bundle.lanes(start.cone()) {
+                let end = cast::cast_ray(&start, bundle, lane, |slot| !cast::is_stop(memory.cells[slot]));
+                if let Some((slot, entry)) = end
+                    && cast::is_wall(memory.cells[slot])
+                {
+                    hits.push(pose.position + bundle.direction(lane) * (entry * cell_m));
+                }
+            }
+        }
+        hits
+    }
+
     fn start(&self, memory: &SensorMemory, pose: &Pose) -> Option<Start> {
         let cell_m = memory.extent.cell_m();
         let cell = memory.extent.cell_of(&pose.position);

@@ -1,18 +1,18 @@
 #!/usr/bin/env bash
-# Makes a Python environment with the packages that people open recordings with, and prints its interpreter.
+# Makes a Python environment with the packages of a requirements file, and prints its interpreter.
 #
-#   tests/recording_env.sh DIR
+#   tests/python_env.sh REQUIREMENTS.txt DIR
 #
 # What is there and up to date is kept. Needs Python 3.10 or later with venv, and PyPI or an index that pip is set to. Progress
 # goes to stderr.
 
 set -euo pipefail
 
-requirements=$(dirname "${BASH_SOURCE[0]}")/recording_requirements.txt
-dir=$1
+requirements=$1
+dir=$2
 
 fail() {
-    printf 'recording_env: %s\n' "$1" >&2
+    printf 'python_env: %s\n' "$1" >&2
     exit 1
 }
 
@@ -22,7 +22,7 @@ flock 9
 
 stamp="$(python3 --version) $(sha256sum <"$requirements")"
 if [[ ! -f $dir/stamp || $(cat "$dir/stamp") != "$stamp" ]]; then
-    printf 'recording_env: installing %s into %s\n' "$requirements" "$dir" >&2
+    printf 'python_env: installing %s into %s\n' "$requirements" "$dir" >&2
     rm -rf "$dir"
     python3 -m venv "$dir" || fail "python3 cannot make environments; install its venv module (Debian: apt install python3-venv)"
     "$dir/bin/python" -m pip install --quiet --disable-pip-version-check -r "$requirements" >&2 ||

@@ -1,0 +1,178 @@
+//! What an agent believes of the map, as cubes for viewers: only what has changed, block by block.
+//!
+//! Three groups: `walls`, `frontiers`, and `free` for all other free cells. The journal of the map says which blocks may look
+//! different; a frontier may come and go with a change next door, so the blocks of the neighbours count as changed, too.
+//!
+//! Invariants: looking changes nothing of the map; no message is larger than [`msgs::limits::VIEW_BYTES_MAX`]. This module
+//! knows no transport and no clock.
+
+use std::collections::BTreeSet;
+
+use msgs::geometry_msgs::Point;
+use msgs::ids::Tick;
+use msgs::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
+use msgs::std_msgs::{ColorRGBA, Header};
+use msgs::visualization_msgs::Marker;
+use voxels::{Blocks, Cell, Extent};
+
+use crate::exploration_map::{CellState, ExplorationMap};
+
+/// Cells along each axis of a block: as many as fit into a message.
+const BLOCK_SIDE: u32 = 13;
+const _: () =
+    assert!((BLOCK_SIDE * BLOCK_SIDE * BLOCK_SIDE) as usize <= (VIEW_BYTES_MAX - MESSAGE_BYTES_BARE) / POINT_BYTES);
+
+/// The groups and their colours.
+const GROUPS: [(Group, &str, ColorRGBA); 3] = [
+    (Group::Wall, "walls", ColorRGBA { r: 0.6, g: 0.6, b: 0.55, a: 1.0 }),
+    (Group::Free, "free", ColorRGBA { r: 0.2, g: 0.6, b: 0.9, a: 0.08 }),
+    (Group::Frontier, "frontiers", ColorRGBA { r: 1.0, g: 0.7, b: 0.1, a: 0.5 }),
+];
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Group {
+    Wall,
+    Free,
+    Frontier,
+}
+
+/// What has been shown of one agent's map.
+#[derive(Debug)]
+pub struct BeliefView {
+    blocks: Blocks,
+    /// Position in the journal of the map up to which changes have been looked at.
+    position: usize,
+    changed: BTreeSet<u32>,
+    /// Groups of blocks that something was shown of.
+    shown: BTreeSet<(u32, usize)>,
+    /// Messages of the block that is being shown, the last one first.
+    waiting: Vec<Marker>,
+}
+
+impl BeliefView {
+    /// Nothing shown yet of a map of this extent.
+    #[must_use]
+    pub fn new(extent: Extent) -> Self {
+        Self {
+            blocks: Blocks::new(extent, BLOCK_SIDE),
+            position: 0,
+            changed: BTreeSet::new(),
+            shown: BTreeSet::new(),
+            waiting: Vec::new(),
+        }
+    }
+
+    /// Shows everything again, for a reader that has just come.
+    pub fn show_again(&mut self) {
+        self.changed.extend(self.shown.iter().map(|&(block, _)| block));
+    }
+
+    /// Finds out what has changed since it was last looked.
+    pub fn look(&mut self, map: &ExplorationMap) {
+        let extent = map.extent();
+        for change in map.changes_since(self.position) {
+            let cell = extent.cell_at(change.cell as usize);
+            let around = cell.neighbours6().into_iter().chain([cell]);
+            self.changed.extend(around.filter_map(|cell| extent.index(cell)).map(|index| self.blocks.of(index)));
+        }
+        self.position = map.journal_len();
+    }
+
+    /// The next message that is to be shown, with the sim time of `tick`.
+    pub fn next(&mut self, map: &ExplorationMap, tick: Tick) -> Option<Marker> {
+        loop {
+            if let Some(marker) = self.waiting.pop() {
+                return Some(marker);
+            }
+            let block = self.changed.pop_first()?;
+            self.make(block, map, tick);
+        }
+    }
+
+    /// Makes the messages of a block. A group that there was and is no more is deleted; one that there never was is not mentioned.
+    fn make(&mut self, block: u32, map: &ExplorationMap, tick: Tick) {
+        let extent = map.extent();
+        let mut cells: [Vec<Point>; GROUPS.len()] = Default::default();
+        for cell in self.blocks.cells(block) {
+            if let Some(group) = group_of(map, cell)
+                && let Some(number) = GROUPS.iter().position(|(other, _, _)| *other == group)
+            {
+                let centre = extent.centre(cell);
+                cells[number].push(Point { x: centre.x, y: centre.y, z: centre.z });
+            }
+        }
+        let header = Header { stamp: tick.into(), frame_id: "map".to_owned() };
+        let id = i32::try_from(block).expect("an extent has at most 2^30 cells");
+        for (number, points) in cells.into_iter().enumerate() {
+            let was_shown = !self.shown.insert((block, number));
+            if points.is_empty() {
+                self.shown.remove(&(block, number));
+                if !was_shown {
+                    continue;
+                }
+            }
+            let (_, ns, colour) = GROUPS[number];
+            self.waiting.push(Marker::cubes(header.clone(), ns, id, extent.cell_m(), colour, points));
+        }
+        self.waiting.reverse();
+    }
+}
+
+fn group_of(map: &ExplorationMap, cell: Cell) -> Option<Group> {
+    match map.state(cell) {
+        CellState::Unexplored => None,
+        CellState::Wall => Some(Group::Wall),
+        CellState::Free | CellState::Covered if map.is_frontier(cell) => Some(Group::Frontier),
+        CellState::Free | CellState::Covered => Some(Group::Free),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What there is to show: block, group and number of cells.
+    fn shown(view: &mut BeliefView, map: &ExplorationMap) -> Vec<(i32, String, usize)> {
+        view.look(map);
+        std::iter::from_fn(|| view.next(map, Tick(7)))
+            .map(|marker| {
+                assert_eq!(marker.action == Marker::DELETE, marker.points.is_empty());
+                assert!(msgs::cdr::encode(&marker).len() <= VIEW_BYTES_MAX);
+                (marker.id, marker.ns, marker.points.len())
+            })
+            .collect()
+    }
+
+    fn named(expected: &[(i32, &str, usize)]) -> Vec<(i32, String, usize)> {
+        expected.iter().map(|&(id, ns, cells)| (id, ns.to_owned(), cells)).collect()
+    }
+
+    #[test]
+    fn what_changes_is_shown_and_nothing_else() {
+        // Two blocks along x: cells 0 to 12, and 13 to 19.
+        let extent = Extent::new([20, 1, 1], 0.5).unwrap();
+        let mut map = ExplorationMap::new(extent);
+        let mut view = BeliefView::new(extent);
+        assert_eq!(shown(&mut view, &map), []);
+        map.note_free(&[11, 12]);
+        map.note_wall(&[10]);
+        // Only cell 12 has an unexplored neighbour, which lies in the other block.
+        assert_eq!(shown(&mut view, &map), named(&[(0, "walls", 1), (0, "free", 1), (0, "frontiers", 1)]));
+        assert_eq!(shown(&mut view, &map), []);
+        map.note_wall(&[13]);
+        let closed = named(&[(0, "walls", 1), (0, "free", 2), (0, "frontiers", 0), (1, "walls", 1)]);
+        assert_eq!(shown(&mut view, &map), closed);
+        view.show_again();
+        let again = named(&[(0, "walls", 1), (0, "free", 2), (1, "walls", 1)]);
+        assert_eq!(shown(&mut view, &map), again);
+    }
+
+    #[test]
+    fn full_blocks_fit_into_messages() {
+        let extent = Extent::new([13, 13, 13], 1.0).unwrap();
+        let mut map = ExplorationMap::new(extent);
+        map.note_wall(&(0..extent.volume() as u32).collect::<Vec<_>>());
+        let mut view = BeliefView::new(extent);
+        assert_eq!(shown(&mut view, &map), named(&[(0, "walls", 2197)]));
+    }
+}

@@ -1,0 +1,93 @@
+#!/usr/bin/env bash
+# Measures by how much onlookers slow a run of 20 agents down, and prints ratios.
+#
+#   launch_scripts/bench_views.sh [ROUNDS]      rounds (default 5), each of a run of every kind, after one that is not counted
+#
+# The kinds take turns, because a machine is not the same all day; what counts is the ratio within a round. The onlooker is a node in
+# Python (rclpy on Fast DDS, see ros_env.sh) on the same machine, so its own work is in the figures. The machine should have nothing
+# else to do. Every run has the same digest, or the script fails.
+set -u
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+rounds=${1:-5}
+out=$(mktemp -d "${TMPDIR:-/tmp}/maes-bench-views-XXXXXX")
+onlooker=
+trap '[[ -z $onlooker ]] || kill "$onlooker" 2>/dev/null; rm -rf "$out"' EXIT
+export ROS_DOMAIN_ID=${ROS_DOMAIN_ID:-78} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
+(cd "$root" && cargo build --release --quiet) || exit 1
+export MAES_BIN_DIR=${CARGO_TARGET_DIR:-$root/target}/release
+eval "$("$root/launch_scripts/ros_env.sh")" || exit 1
+
+cat >"$out/onlooker.py" <<'END'
+import signal, sys
+import rclpy
+from nav_msgs.msg import Odometry
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import PointCloud2
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker
+
+latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+topics = [("/agent_0/points", PointCloud2, qos_profile_sensor_data)]
+if sys.argv[1] == "all":
+    topics += [("/tf", TFMessage, 100), ("/agent_0/odom", Odometry, 10), ("/sim/map", Marker, latched)]
+    topics += [("/sim/unexplored", Marker, latched), ("/agent_0/map", Marker, latched)]
+rclpy.init(signal_handler_options=rclpy.SignalHandlerOptions.NO)
+node = rclpy.create_node("onlooker")
+counts = {topic: 0 for topic, _, _ in topics}
+
+def count(topic):
+    counts[topic] += 1
+
+for topic, kind, qos in topics:
+    # Raw: what is measured is the run, not how Python unpacks messages.
+    node.create_subscription(kind, topic, lambda _, topic=topic: count(topic), qos, raw=True)
+stopped = []
+signal.signal(signal.SIGTERM, lambda *_: stopped.append(True))
+executor = SingleThreadedExecutor()
+executor.add_node(node)
+print("ready", flush=True)
+while not stopped:
+    executor.spin_once(timeout_sec=0.2)
+print(" ".join(f"{topic}:{number}" for topic, number in counts.items()), flush=True)
+END
+
+flags=(--agents 20 --size 100 --seed 1 --duration 1800 --set stop_when_explored=false)
+
+# One run; prints its wall seconds and what the onlooker has received.
+run() { # none | points | all
+    local heard=nobody
+    if [[ $1 != none ]]; then
+        python3 "$out/onlooker.py" "$1" >"$out/said" &
+        onlooker=$!
+        exec 5<"$out/said"
+        read -r _ <&5
+    fi
+    "$root/launch_scripts/run.sh" "${flags[@]}" --logs "$out/logs" 2>"$out/stderr" >"$out/stdout" ||
+        { cat "$out/stderr" >&2; exit 1; }
+    if [[ $1 != none ]]; then
+        kill -TERM "$onlooker"
+        read -r heard <&5
+        exec 5<&-
+        wait "$onlooker" 2>/dev/null
+        onlooker=
+    fi
+    tail -n 1 "$out/stdout" >>"$out/digests"
+    echo "$(sed -n 's/^wall time \([0-9.]*\) s.*/\1/p' "$out/stdout") $heard"
+}
+
+mkfifo "$out/said"
+echo "$(date -u +%Y-%m-%d), $(nproc) cores, $(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -1), load $(cut -d' ' -f1 /proc/loadavg)"
+run none >/dev/null
+for ((round = 1; round <= rounds; round++)); do
+    for kind in none points all; do
+        read -r seconds heard <<<"$(run "$kind")"
+        echo "$kind $seconds" >>"$out/seconds"
+        echo "round $round, $kind: $seconds s ($heard)"
+    done
+done
+[[ $(sort -u "$out/digests" | wc -l) == 1 ]] || { echo "error: the digests differ" >&2; exit 1; }
+awk '$1 == "none" {base = $2} $1 != "none" {print $1, $2 / base}' "$out/seconds" | sort -k1,1 -k2,2g | awk '
+    {values[$1, ++count[$1]] = $2}
+    END {for (kind in count) {n = count[kind]; printf "%-8s wall time by that without onlookers: least %.3f, median %.3f, greatest %.3f\n",
+        kind, values[kind, 1], values[kind, int((n + 1) / 2)], values[kind, n]}}'

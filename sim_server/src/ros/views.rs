@@ -1,0 +1,123 @@
+//! The publishers of what people look at.
+//!
+//! They are there from the start, so that people find the topics; but nothing is published that nobody listens to.
+
+use std::collections::BTreeSet;
+
+use msgs::diagnostic_msgs::DiagnosticArray;
+use msgs::ids::AgentId;
+use msgs::maes_msgs::{Digest, Result as Outcome};
+use msgs::nav_msgs::{Odometry, Path};
+use msgs::ros::audience::Audience;
+use msgs::ros::{Outlet, RosError, Workshop};
+use msgs::sensor_msgs::PointCloud2;
+use msgs::tf2_msgs::TFMessage;
+use msgs::topics;
+use msgs::visualization_msgs::Marker;
+use ros2_client::{Context, Node};
+
+use crate::views::{Listeners, Picture, View};
+
+/// The number of `/clock` in the audience; the views come after it.
+const CLOCK: usize = 0;
+
+/// The views, and who looks at them.
+pub(super) struct Gallery {
+    driven: BTreeSet<AgentId>,
+    stages: Vec<(View, Stage)>,
+    audience: Audience,
+    listeners: Listeners,
+}
+
+/// The publisher of a view.
+enum Stage {
+    Transforms(Outlet<TFMessage>),
+    Odometry(Outlet<Odometry>),
+    Points(Outlet<PointCloud2>),
+    Path(Outlet<Path>),
+    Marker(Outlet<Marker>),
+    Info(Outlet<DiagnosticArray>),
+    Digest(Outlet<Digest>),
+    Result(Outlet<Outcome>),
+}
+
+impl Gallery {
+    /// Offers the views of a run with this many agents. Those that drive an agent are shown in their own time: who listens to them
+    /// does not matter.
+    ///
+    /// # Errors
+    /// If the middleware refuses a publisher.
+    pub(super) fn new(
+        workshop: &mut Workshop,
+        node: &mut Node,
+        agents: u32,
+        driven: &BTreeSet<AgentId>,
+    ) -> Result<Self, RosError> {
+        let mut stages = Vec::new();
+        let mut looked_at = vec![topics::clock()];
+        for view in View::all(agents) {
+            let topic = view.topic();
+            let stage = match view {
+                View::Transforms | View::StaticTransforms => Stage::Transforms(workshop.outlet(node, &topic)?),
+                View::Odometry(_) => Stage::Odometry(workshop.outlet(node, &topic)?),
+                View::Points(_) => Stage::Points(workshop.outlet(node, &topic)?),
+                View::Path(_) => Stage::Path(workshop.outlet(node, &topic)?),
+                View::Map | View::Unexplored | View::Contacts => Stage::Marker(workshop.outlet(node, &topic)?),
+                View::Info => Stage::Info(workshop.outlet(node, &topic)?),
+                View::Digest => Stage::Digest(workshop.outlet(node, &topic)?),
+                View::Result => Stage::Result(workshop.outlet(node, &topic)?),
+            };
+            stages.push((view, stage));
+            looked_at.push(topic);
+        }
+        // In the order of the views, so that a stage can be found.
+        let mut numbered: Vec<_> = stages.into_iter().zip(looked_at.split_off(1)).collect();
+        numbered.sort_by_key(|((view, _), _)| *view);
+        let (stages, view_topics): (Vec<_>, Vec<_>) = numbered.into_iter().unzip();
+        looked_at.extend(view_topics);
+        let driven = driven.clone();
+        Ok(Self { driven, stages, audience: Audience::new(&looked_at), listeners: Listeners::new() })
+    }
+
+    /// What somebody listens to.
+    pub(super) fn listeners(&mut self, context: &Context) -> Option<&Listeners> {
+        self.look(context);
+        (!self.listeners.is_empty()).then_some(&self.listeners)
+    }
+
+    /// Whether somebody listens to the clock.
+    pub(super) fn hears_the_clock(&mut self, context: &Context) -> bool {
+        self.look(context);
+        self.audience.listens(CLOCK)
+    }
+
+    fn look(&mut self, context: &Context) {
+        if self.audience.look(context) {
+            let arrivals = |(number, (view, _)): (usize, &(View, Stage))| {
+                let (View::Odometry(agent) | View::Points(agent)) = *view else { return self.arrivals(number, *view) };
+                if self.driven.contains(&agent) { None } else { self.arrivals(number, *view) }
+            };
+            self.listeners = self.stages.iter().enumerate().filter_map(arrivals).collect();
+        }
+    }
+
+    fn arrivals(&self, number: usize, view: View) -> Option<(View, u64)> {
+        Some((view, self.audience.arrivals(CLOCK + 1 + number)?))
+    }
+
+    /// Publishes something.
+    pub(super) fn show(&mut self, node: &mut Node, view: View, picture: &Picture) {
+        let Ok(number) = self.stages.binary_search_by_key(&view, |(view, _)| *view) else { return };
+        match (&mut self.stages[number].1, picture) {
+            (Stage::Transforms(outlet), Picture::Transforms(message)) => outlet.publish(node, message),
+            (Stage::Odometry(outlet), Picture::Odometry(message)) => outlet.publish(node, message),
+            (Stage::Points(outlet), Picture::Points(message)) => outlet.publish(node, message),
+            (Stage::Path(outlet), Picture::Path(message)) => outlet.publish(node, message),
+            (Stage::Marker(outlet), Picture::Marker(message)) => outlet.publish(node, message),
+            (Stage::Info(outlet), Picture::Info(message)) => outlet.publish(node, message),
+            (Stage::Digest(outlet), Picture::Digest(message)) => outlet.publish(node, message),
+            (Stage::Result(outlet), Picture::Result(message)) => outlet.publish(node, message),
+            (_, picture) => unreachable!("a view has pictures of one type, not {picture:?}"),
+        }
+    }
+}
