@@ -3,15 +3,15 @@
 #
 #   launch_scripts/bench_views.sh [ROUNDS]      rounds (default 5), each of a run of every kind, after one that is not counted
 #
-# The kinds take turns, because a machine is not the same all day; what counts is the ratio within a round. The onlooker is a node in
-# Python (rclpy on Fast DDS, see ros_env.sh) on the same machine, so its own work is in the figures. The machine should have nothing
-# else to do. Every run has the same digest, or the script fails.
+# The kinds take turns, because a machine is not the same all day; what counts is the ratio within a round: of wall time, and of the
+# processor time of the run, which tells more where others are at work. The onlooker is a node in Python (rclpy on Fast DDS, see
+# ros_env.sh) on the same machine; its own work is in the wall time alone. Every run has the same digest, or the script fails.
 set -u
+TIMEFORMAT='%U %S'
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 rounds=${1:-5}
 out=$(mktemp -d "${TMPDIR:-/tmp}/maes-bench-views-XXXXXX")
-onlooker=
-trap '[[ -z $onlooker ]] || kill "$onlooker" 2>/dev/null; rm -rf "$out"' EXIT
+trap 'rm -rf "$out"' EXIT
 export ROS_DOMAIN_ID=${ROS_DOMAIN_ID:-78} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
 (cd "$root" && cargo build --release --quiet) || exit 1
 export MAES_BIN_DIR=${CARGO_TARGET_DIR:-$root/target}/release
@@ -54,16 +54,18 @@ END
 
 flags=(--agents 20 --size 100 --seed 1 --duration 1800 --set stop_when_explored=false)
 
-# One run; prints its wall seconds and what the onlooker has received.
+# One run; prints its wall seconds, its processor seconds, and what the onlooker has received.
 run() { # none | points | all
     local heard=nobody
+    onlooker=
+    trap '[[ -z $onlooker ]] || kill "$onlooker"' EXIT
     if [[ $1 != none ]]; then
         python3 "$out/onlooker.py" "$1" >"$out/said" &
         onlooker=$!
         exec 5<"$out/said"
         read -r _ <&5
     fi
-    "$root/launch_scripts/run.sh" "${flags[@]}" --logs "$out/logs" 2>"$out/stderr" >"$out/stdout" ||
+    { time "$root/launch_scripts/run.sh" "${flags[@]}" --logs "$out/logs" 2>"$out/stderr" >"$out/stdout"; } 2>"$out/time" ||
         { cat "$out/stderr" >&2; exit 1; }
     if [[ $1 != none ]]; then
         kill -TERM "$onlooker"
@@ -73,7 +75,7 @@ run() { # none | points | all
         onlooker=
     fi
     tail -n 1 "$out/stdout" >>"$out/digests"
-    echo "$(sed -n 's/^wall time \([0-9.]*\) s.*/\1/p' "$out/stdout") $heard"
+    echo "$(sed -n 's/^wall time \([0-9.]*\) s.*/\1/p' "$out/stdout") $(awk '{print $1 + $2}' "$out/time") $heard"
 }
 
 mkfifo "$out/said"
@@ -81,13 +83,15 @@ echo "$(date -u +%Y-%m-%d), $(nproc) cores, $(sed -n 's/^model name[^:]*: //p' /
 run none >/dev/null
 for ((round = 1; round <= rounds; round++)); do
     for kind in none points all; do
-        read -r seconds heard <<<"$(run "$kind")"
-        echo "$kind $seconds" >>"$out/seconds"
-        echo "round $round, $kind: $seconds s ($heard)"
+        read -r seconds busy heard <<<"$(run "$kind")"
+        [[ -n $heard ]] || exit 1
+        echo "$kind $seconds $busy" >>"$out/seconds"
+        echo "round $round, $kind: $seconds s, processor $busy s ($heard)"
     done
 done
 [[ $(sort -u "$out/digests" | wc -l) == 1 ]] || { echo "error: the digests differ" >&2; exit 1; }
-awk '$1 == "none" {base = $2} $1 != "none" {print $1, $2 / base}' "$out/seconds" | sort -k1,1 -k2,2g | awk '
-    {values[$1, ++count[$1]] = $2}
-    END {for (kind in count) {n = count[kind]; printf "%-8s wall time by that without onlookers: least %.3f, median %.3f, greatest %.3f\n",
-        kind, values[kind, 1], values[kind, int((n + 1) / 2)], values[kind, n]}}'
+awk '$1 == "none" {wall = $2; busy = $3} $1 != "none" {print $1, "wall", $2 / wall; print $1, "processor", $3 / busy}' \
+    "$out/seconds" | sort -k1,2 -k3,3g | awk '
+    {what = $1 ", " $2 " time"; values[what, ++count[what]] = $3}
+    END {for (what in count) {n = count[what]; printf "%-24s by that without onlookers: least %.3f, median %.3f, greatest %.3f\n",
+        what, values[what, 1], values[what, int((n + 1) / 2)], values[what, n]}}' | sort
