@@ -24,7 +24,7 @@ pub struct Cli {
     /// Wait up to so many milliseconds, at random, before each answer: a test of the lock-step
     #[arg(long, value_name = "MS", default_value_t = 0)]
     pub chaos_delay_ms: u64,
-    /// Show on /agent_<id>/map what has changed of the map so many times a second at the most, while somebody listens
+    /// Show what has changed of an agent's map on its topic `map` so many times a second at the most, while somebody listens
     #[arg(long, value_name = "HZ", default_value_t = 5.0, value_parser = hertz)]
     pub map_hz: f64,
     /// Only check the controller and its settings
