@@ -28,6 +28,7 @@ mod waiting;
 mod onlookers;
 /// Recordings open with the Python packages that people use, and hold what they should.
 mod recordings;
+mod services;
 
 /// Rules of the workspace that the compiler does not check.
 mod tidy;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use clap::Parser;
+use clap::{ArgAction, Parser};
 use msgs::ids::AgentId;
 
 /// Agents of a deterministic simulator of 3-D multi-agent exploration: one process for one agent or several.
@@ -21,6 +21,9 @@ pub struct Cli {
     /// End, with exit code 1, when the server has said nothing for so long, not even that it is there
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds)]
     pub server_timeout: f64,
+    /// Offer what each agent is as parameters of its node; it takes time at the start (docs/ros2.md)
+    #[arg(long, value_name = "true|false", default_value_t = false, action = ArgAction::Set)]
+    pub parameters: bool,
     /// Wait up to so many milliseconds, at random, before each answer: a test of the lock-step
     #[arg(long, value_name = "MS", default_value_t = 0)]
     pub chaos_delay_ms: u64,

@@ -5,7 +5,9 @@
 
 use std::time::Duration;
 
+use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
+use msgs::parameters::Parameter;
 
 /// A message from the server.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,6 +26,8 @@ pub trait Link {
     fn join(&mut self, join: &Join);
     /// Answers an observation.
     fn answer(&mut self, command: &Command);
+    /// Tells people what an agent is, where they can ask.
+    fn describe(&mut self, _agent: AgentId, _parameters: Vec<Parameter>) {}
     /// The next message, or `None` if none came in time.
     fn receive(&mut self, timeout: Duration) -> Option<Inbound>;
 }

@@ -8,16 +8,19 @@ use std::time::Duration;
 
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
-use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Tally, Workshop, linger, now};
+use msgs::parameters::{Named, Parameter};
+use msgs::ros::{self, Inbox, Outlet, RosError, Sample, SharedParameters, Tally, Workshop, linger, now};
 use msgs::ros_env::RosEnv;
 use msgs::topics;
 use ros2_client::Node;
 
 use crate::link::{Inbound, Link};
+use crate::parameters;
 
 /// The agents of a process in a ROS network.
 pub struct RosLink {
-    inbox: Inbox<Result<Inbound, String>>,
+    /// Messages, and `None` for what has been dealt with.
+    inbox: Inbox<Result<Option<Inbound>, String>>,
     seats: Vec<Seat>,
     ignored: Tally,
 }
@@ -27,15 +30,16 @@ struct Seat {
     agent: AgentId,
     join: Outlet<Join>,
     command: Outlet<Command>,
+    parameters: SharedParameters,
     node: Node,
 }
 
 impl RosLink {
-    /// Joins the network as these agents.
+    /// Joins the network as these agents, with services by which people read their parameters, or without.
     ///
     /// # Errors
     /// If the network cannot be joined, or the system has not enough of something.
-    pub fn new(agents: &[AgentId], env: &RosEnv) -> Result<Self, RosError> {
+    pub fn new(agents: &[AgentId], has_parameters: bool, env: &RosEnv) -> Result<Self, RosError> {
         ros::allow_open_files(u32::try_from(agents.len()).unwrap_or(u32::MAX))?;
         let context = ros::join(env, false)?;
         let mut workshop = Workshop::default();
@@ -45,18 +49,28 @@ impl RosLink {
             let mut node = ros::node(&context, &format!("agent_{agent}"))?;
             if seats.is_empty() {
                 workshop.inlet(&mut node, &topics::scenario(), &mut inbox, |sample: Sample<Scenario>| {
-                    message(sample).map(Inbound::Scenario)
+                    message(sample).map(Inbound::Scenario).map(Some)
                 })?;
                 workshop.inlet(&mut node, &topics::join_reply(), &mut inbox, |sample: Sample<JoinReply>| {
-                    message(sample).map(Inbound::JoinReply)
+                    message(sample).map(Inbound::JoinReply).map(Some)
                 })?;
             }
             workshop.inlet(&mut node, &topics::observation(agent), &mut inbox, move |sample| {
-                observation(agent, sample).map(Inbound::Observation)
+                observation(agent, sample).map(Inbound::Observation).map(Some)
             })?;
             let join = workshop.outlet(&mut node, &topics::join(agent))?;
             let command = workshop.outlet(&mut node, &topics::command(agent))?;
-            seats.push(Seat { agent, join, command, node });
+            let parameters = SharedParameters::default();
+            parameters.borrow_mut().declare(parameters::of_agent(agent));
+            if has_parameters {
+                let name = format!("/agent_{agent}");
+                let nothing_to_check = |_: &Named| Ok(());
+                workshop.parameters(&mut node, &name, &mut inbox, &parameters, nothing_to_check, |set| match set {
+                    Ok(_) => Ok(None),
+                    Err(reason) => Err(reason),
+                })?;
+            }
+            seats.push(Seat { agent, join, command, parameters, node });
         }
         Ok(RosLink { inbox, seats, ignored: Tally::new("message ignored".to_owned()) })
     }
@@ -79,13 +93,20 @@ impl Link for RosLink {
         }
     }
 
+    fn describe(&mut self, agent: AgentId, parameters: Vec<Parameter>) {
+        if let Some(seat) = self.seat(agent.0) {
+            seat.parameters.borrow_mut().declare(parameters);
+        }
+    }
+
     fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
         let begun = now();
         loop {
             let left = timeout.saturating_sub(begun.elapsed());
             match self.inbox.receive(left)? {
-                Ok(Inbound::JoinReply(reply)) if self.seat(reply.agent).is_none() => {}
-                Ok(message) => return Some(message),
+                Ok(None) => {}
+                Ok(Some(Inbound::JoinReply(reply))) if self.seat(reply.agent).is_none() => {}
+                Ok(Some(message)) => return Some(message),
                 Err(reason) => self.ignored.add(&reason),
             }
             if left.is_zero() {

@@ -64,3 +64,39 @@ pub struct TransformStamped {
     /// Its place in the parent frame.
     pub transform: Transform,
 }
+
+/// Where a body is and how it is turned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Pose {
+    /// Its place, metres.
+    pub position: Point,
+    /// How it is turned.
+    pub orientation: Quaternion,
+}
+
+/// A pose at a time.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PoseStamped {
+    /// When, and in which frame.
+    pub header: Header,
+    /// The pose.
+    pub pose: Pose,
+}
+
+/// How a body moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Twist {
+    /// Velocity, m/s.
+    pub linear: Vector3,
+    /// Rate of turning, rad/s about each axis.
+    pub angular: Vector3,
+}
+
+/// How the motion of a body changes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Accel {
+    /// m/s^2.
+    pub linear: Vector3,
+    /// rad/s^2 about each axis.
+    pub angular: Vector3,
+}

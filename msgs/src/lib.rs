@@ -11,6 +11,7 @@
 //! | `/tf` (so far in recordings only) | server -> people | `tf2_msgs/TFMessage` | volatile, depth 100 |
 //! | `/sim/progress` | server -> people | `maes_msgs/Progress` | transient local, depth 1 |
 //! | `/sim/digest` (so far in recordings only) | server -> people | `maes_msgs/Digest` | volatile, depth 10 |
+//! | `/sim/intervention` (in recordings only) | server -> people | `maes_msgs/Intervention` | volatile, depth 10 |
 //! | `/sim/result` (so far in recordings only) | server -> people | `maes_msgs/Result` | transient local, depth 1 |
 //!
 //! The folder of this crate is also the interface package itself: `package.xml`, `CMakeLists.txt` and `msg/` build with colcon
@@ -29,12 +30,15 @@ pub mod maes_msgs;
 pub mod builtin_interfaces;
 pub mod geometry_msgs;
 pub mod rosgraph_msgs;
+pub mod simulation_interfaces;
 pub mod std_msgs;
 pub mod tf2_msgs;
 
 pub mod cdr;
 pub mod message;
+pub mod parameters;
 pub mod schema;
+pub mod service;
 
 #[cfg(feature = "ros")]
 pub mod ros;

@@ -54,8 +54,8 @@ messages! {
     "standard/builtin_interfaces/": builtin_interfaces { Duration Time }
     "standard/geometry_msgs/": geometry_msgs { Point Quaternion Transform TransformStamped Vector3 }
     "../msg/": maes_msgs {
-        Body CellRuns Command Contact Counter Digest Join JoinReply Lidar LidarRequest Observation Parcel Progress Result
-        Scenario Task Wake
+        Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar LidarRequest Observation Parcel Progress
+        Result Scenario Task Wake
     }
     "standard/rosgraph_msgs/": rosgraph_msgs { Clock }
     "standard/std_msgs/": std_msgs { Header }

@@ -9,7 +9,11 @@
 //! and stop nothing.
 //!
 //! Not done here: the client's own background task ("spinner") is never started, because it would subscribe `/clock` under a
-//! second type; so there are no parameter services either, and who is there is known from the protocol alone.
+//! second type; so the services of parameters are our own, and who is there is known from the protocol alone.
+
+mod action;
+mod parameters;
+mod services;
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -30,6 +34,9 @@ use ros2_client::{
 use rustdds::DomainParticipantBuilder;
 use serde::{Deserialize, Deserializer};
 use thiserror::Error;
+
+pub use action::{Goal, StepsEvent};
+pub use parameters::Shared as SharedParameters;
 
 /// Participants of a machine that are told of every other one at its start: besides multicast, which loopback does not have,
 /// the middleware sends to the ports of the first twelve (`SPDP_LOCALHOST_PEER_COUNT`). The others hear of each other only
@@ -164,7 +171,7 @@ fn discovery_port(domain_id: u16, participant_id: u16) -> u16 {
     7400 + 250 * domain_id + 10 + 2 * participant_id
 }
 
-/// A node without parameter services and without a log topic.
+/// A node without a log topic, and without the parameter services of the client.
 ///
 /// # Errors
 /// If the middleware refuses it.

@@ -8,6 +8,8 @@ use std::time::Duration;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
 
+use crate::control::Request;
+
 /// Who sent a message, as far as the transport can tell: one value for each process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct SourceId(pub [u8; 16]);
@@ -51,6 +53,15 @@ pub trait Link {
     fn progress(&mut self, progress: &Progress);
     /// The next message, or `None` if none came in time.
     fn receive(&mut self, timeout: Duration) -> Option<Incoming>;
+    /// The next thing that somebody asks of the server, if there is one. It takes no time to find out; what comes in while
+    /// messages are awaited ends the waiting. Nobody can ask anything over a transport of the agents alone.
+    fn request(&mut self) -> Option<Request> {
+        None
+    }
+    /// Whether there can be requests at all: without them, nobody could resume what is paused.
+    fn takes_requests(&self) -> bool {
+        false
+    }
     /// The number of another run whose server has been heard while messages were awaited. A transport that nobody else can use
     /// has no other servers.
     fn other_run(&self) -> Option<u64> {

@@ -1,10 +1,13 @@
-//! The server's link over ROS 2: one participant with one node `sim_server`, and three topics for each agent.
+//! The server's link over ROS 2: one participant with one node `sim_server`, its services, and three topics for each agent.
 //!
 //! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`msgs::ros`]); every message
 //! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
 //! is the only one here that knows the ROS client.
 
+mod services;
+
 use std::cell::Cell;
+use std::collections::VecDeque;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
@@ -16,7 +19,10 @@ use msgs::rosgraph_msgs::Clock;
 use msgs::topics;
 use ros2_client::{Context, Node};
 
+use crate::control::Request;
 use crate::link::{Inbound, Incoming, Link, SourceId};
+use crate::{parameters, scenario};
+use services::{Asked, Services};
 
 /// Wall time for which a new server listens before it says anything: enough, on a machine that is not busy, to find another
 /// server that was here first and to hear its scenario, so that the agents of that one do not hear of a second run. A server
@@ -26,9 +32,35 @@ const LISTENING: Duration = Duration::from_millis(300);
 /// Wall time between two looks at who listens to the clock; a look costs some ten microseconds.
 const AUDIENCE_PERIOD: Duration = Duration::from_millis(50);
 
+/// Wall time between two looks for requests while a run does not wait for anything.
+const REQUEST_PERIOD: Duration = Duration::from_millis(5);
+
+/// Messages of agents that are kept at the most while requests are looked for; more stay where they are.
+const KEPT_MAX: usize = 256;
+
+/// What comes in.
+enum Item {
+    /// From an agent.
+    Agent(Incoming),
+    /// From somebody else.
+    Asked(Asked),
+    /// Something that has been dealt with.
+    Nothing,
+}
+
+impl From<Asked> for Item {
+    fn from(asked: Asked) -> Self {
+        Item::Asked(asked)
+    }
+}
+
 /// The server in a ROS network.
 pub struct RosLink {
-    inbox: Inbox<Option<Incoming>>,
+    inbox: Inbox<Item>,
+    /// Messages of agents that came in while requests were looked for.
+    kept: VecDeque<Incoming>,
+    services: Services,
+    asked_last: Instant,
     born: Instant,
     /// What is to be announced when this server has listened long enough.
     unannounced: Option<Scenario>,
@@ -45,11 +77,12 @@ pub struct RosLink {
 }
 
 impl RosLink {
-    /// Joins the network and offers the topics of a run with this many agents.
+    /// Joins the network and offers the topics, services and parameters of a run.
     ///
     /// # Errors
     /// If the network cannot be joined, or the system has not enough of something.
-    pub fn new(agents: u32, env: &RosEnv) -> Result<Self, RosError> {
+    pub fn new(run: &scenario::Scenario, env: &RosEnv) -> Result<Self, RosError> {
+        let agents = run.agents.count;
         ros::allow_open_files(agents)?;
         let context = ros::join(env, true)?;
         let mut node = ros::node(&context, "sim_server")?;
@@ -68,21 +101,25 @@ impl RosLink {
             if own.get() != Some(run) {
                 other.set(Some(run));
             }
-            None
+            Item::Nothing
         })?;
         let mut observations = Vec::new();
         for agent in (0..agents).map(AgentId) {
             workshop.inlet(&mut node, &topics::join(agent), &mut inbox, move |sample: Sample<Join>| {
-                Some(incoming(agent, sample, Inbound::Join))
+                Item::Agent(incoming(agent, sample, Inbound::Join))
             })?;
             workshop.inlet(&mut node, &topics::command(agent), &mut inbox, move |sample: Sample<Command>| {
-                Some(incoming(agent, sample, Inbound::Command))
+                Item::Agent(incoming(agent, sample, Inbound::Command))
             })?;
             observations.push(workshop.outlet(&mut node, &topics::observation(agent))?);
         }
+        let services = Services::new(&mut node, &mut workshop, &mut inbox, parameters::of(run))?;
         let audience = Audience { topic: dds_name(&topics::clock()), listens: false, looked: None };
         Ok(RosLink {
             inbox,
+            kept: VecDeque::new(),
+            services,
+            asked_last: now(),
             born: now(),
             unannounced: None,
             own_run,
@@ -138,7 +175,37 @@ impl Link for RosLink {
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         self.announce_in_time();
-        self.inbox.receive(timeout).flatten()
+        if let Some(kept) = self.kept.pop_front() {
+            return Some(kept);
+        }
+        match self.inbox.receive(timeout)? {
+            Item::Agent(incoming) => Some(incoming),
+            Item::Asked(asked) => {
+                self.services.take_in(&mut self.node, asked);
+                None
+            }
+            Item::Nothing => None,
+        }
+    }
+
+    fn request(&mut self) -> Option<Request> {
+        if self.asked_last.elapsed() >= REQUEST_PERIOD {
+            while self.kept.len() < KEPT_MAX
+                && let Some(item) = self.inbox.receive(Duration::ZERO)
+            {
+                match item {
+                    Item::Agent(incoming) => self.kept.push_back(incoming),
+                    Item::Asked(asked) => self.services.take_in(&mut self.node, asked),
+                    Item::Nothing => {}
+                }
+            }
+            self.asked_last = now();
+        }
+        self.services.next()
+    }
+
+    fn takes_requests(&self) -> bool {
+        true
     }
 
     fn other_run(&self) -> Option<u64> {

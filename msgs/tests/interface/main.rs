@@ -41,8 +41,8 @@ fn cases() -> Vec<Case> {
         builtin_interfaces { Duration Time }
         geometry_msgs { Point Quaternion Transform TransformStamped Vector3 }
         maes_msgs {
-            Body CellRuns Command Contact Counter Digest Join JoinReply Lidar LidarRequest Observation Parcel Progress
-            Result Scenario Task Wake
+            Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar LidarRequest Observation Parcel
+            Progress Result Scenario Task Wake
         }
         rosgraph_msgs { Clock }
         std_msgs { Header }
