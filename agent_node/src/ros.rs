@@ -42,7 +42,7 @@ impl RosLink {
     pub fn new(agents: &[AgentId], has_parameters: bool, env: &RosEnv) -> Result<Self, RosError> {
         ros::allow_open_files(u32::try_from(agents.len()).unwrap_or(u32::MAX))?;
         let context = ros::join(env, false)?;
-        let mut workshop = Workshop::default();
+        let mut workshop = Workshop::of(&context);
         let mut inbox = Inbox::default();
         let mut seats = Vec::new();
         for &agent in agents {

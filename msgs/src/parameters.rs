@@ -9,11 +9,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 
 use crate::builtin_interfaces::Time;
+use crate::cdr;
+use crate::limits::ANSWER_BYTES_MAX;
 use crate::message::{Message, MessageType};
 use crate::service::services;
 
-/// Names in one request at the most: an answer has to fit into a sample.
-pub const NAMES_MAX: usize = 256;
+/// Names in one request that are looked at, at the most.
+const NAMES_MAX: usize = 64;
 
 /// What stands between the parts of a name.
 const SEPARATOR: char = '.';
@@ -241,25 +243,25 @@ impl Parameters {
         self.by_name.extend(parameters.into_iter().map(|parameter| (parameter.descriptor.name.clone(), parameter)));
     }
 
-    /// The values of these, in this order; of what there is not, [`Value::NOT_SET`].
+    /// The values of these, in this order, as many as fit into an answer; of what there is not, [`Value::NOT_SET`].
     #[must_use]
     pub fn values(&self, names: &[String]) -> Vec<Value> {
         let value = |name: &String| self.by_name.get(name).map(|known| known.value.clone()).unwrap_or_default();
-        names.iter().take(NAMES_MAX).map(value).collect()
+        fitting(names.iter().take(NAMES_MAX).map(value))
     }
 
-    /// What there is to know of these, in this order; of what there is not, its name.
+    /// What there is to know of these, in this order, as many as fit into an answer; of what there is not, its name.
     #[must_use]
     pub fn descriptors(&self, names: &[String]) -> Vec<Descriptor> {
         let descriptor = |name: &String| match self.by_name.get(name) {
             Some(known) => known.descriptor.clone(),
             None => Descriptor { name: name.clone(), ..Descriptor::default() },
         };
-        names.iter().take(NAMES_MAX).map(descriptor).collect()
+        fitting(names.iter().take(NAMES_MAX).map(descriptor))
     }
 
-    /// The names that begin with one of the prefixes (none: all), and have at most `depth` parts more than it (0: any), with the
-    /// prefixes that lead to them.
+    /// The names that begin with one of the prefixes (none: all), and have at most `depth` parts more than it (0: any), as many
+    /// as fit into an answer; if there is room, with the prefixes that lead to them.
     #[must_use]
     pub fn list(&self, prefixes: &[String], depth: u64) -> Listed {
         let is_shallow = |rest: &str| depth == 0 || (rest.matches(SEPARATOR).count() as u64) < depth;
@@ -274,7 +276,8 @@ impl Parameters {
         let names: Vec<String> = self.by_name.keys().filter(|name| is_meant(name)).cloned().collect();
         let leading = names.iter().filter_map(|name| name.rsplit_once(SEPARATOR)).map(|(before, _)| before.to_owned());
         let prefixes: BTreeSet<String> = leading.collect();
-        Listed { prefixes: prefixes.into_iter().collect(), names }
+        let listed = Listed { prefixes: prefixes.into_iter().collect(), names };
+        if fits(&listed) { listed } else { Listed { prefixes: Vec::new(), names: fitting(listed.names) } }
     }
 
     /// Sets one.
@@ -301,6 +304,23 @@ impl Parameters {
     fn check(&self, Named { name, value }: &Named) -> Result<(), String> {
         self.by_name.get(name).ok_or_else(|| format!("there is no parameter {name}"))?.check(value)
     }
+}
+
+fn fits(answer: &impl Serialize) -> bool {
+    cdr::encode(answer).len() <= ANSWER_BYTES_MAX
+}
+
+/// As many of the first parts of an answer as fit into it.
+fn fitting<V: Serialize>(parts: impl IntoIterator<Item = V>) -> Vec<V> {
+    let mut taken = Vec::new();
+    for part in parts {
+        taken.push(part);
+        if !fits(&taken) {
+            taken.pop();
+            break;
+        }
+    }
+    taken
 }
 
 /// Names of parameters, and what leads to them.
@@ -408,6 +428,14 @@ pub struct SetResponse {
     pub results: Vec<SetOutcome>,
 }
 
+impl SetResponse {
+    /// What became of these, as many as fit into an answer.
+    #[must_use]
+    pub fn of(outcomes: impl IntoIterator<Item = Result<(), String>>) -> Self {
+        SetResponse { results: fitting(outcomes.into_iter().map(SetOutcome::from)) }
+    }
+}
+
 /// What became of all together.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SetAtomicallyResponse {
@@ -484,6 +512,16 @@ mod tests {
         let described = parameters().descriptors(&texts(&["seed", "nothing"]));
         assert_eq!((described[0].kind, described[0].integer_range[0].to_value), (Value::INTEGER, 9));
         assert_eq!((described[1].name.as_str(), described[1].kind), ("nothing", Value::NOT_SET));
-        assert_eq!(parameters().values(&vec!["seed".to_owned(); 1000]).len(), NAMES_MAX);
+    }
+
+    #[test]
+    fn answers_fit_into_a_datagram() {
+        let many = vec!["seed".to_owned(); 1000];
+        let values = parameters().values(&many);
+        assert!(fits(&values) && values.len() >= 16, "{}", values.len());
+        assert!(fits(&parameters().descriptors(&many)));
+        let mut crowd = Parameters::default();
+        crowd.declare((0..1000).map(|number| Parameter::fixed(&format!("a.{number}"), number, "")));
+        assert!(fits(&crowd.list(&[], 0)) && crowd.list(&[], 0).names.len() >= 64);
     }
 }

@@ -31,7 +31,7 @@ use ros2_client::{
     Context, CreateError, MessageTypeName, Name, Node, NodeCreateError, NodeName, NodeOptions, Publisher, Subscription,
     WriteError,
 };
-use rustdds::DomainParticipantBuilder;
+use rustdds::{DomainParticipant, DomainParticipantBuilder};
 use serde::{Deserialize, Deserializer};
 use thiserror::Error;
 
@@ -187,9 +187,16 @@ pub fn node(context: &Context, name: &str) -> Result<Node, RosError> {
 #[derive(Default)]
 pub struct Workshop {
     made: usize,
+    /// Who tells which callers of services hear the answers.
+    participant: Option<DomainParticipant>,
 }
 
 impl Workshop {
+    /// For a process that offers services.
+    pub fn of(context: &Context) -> Self {
+        Workshop { made: 0, participant: Some(context.domain_participant()) }
+    }
+
     /// A publisher of this topic.
     ///
     /// # Errors

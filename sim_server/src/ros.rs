@@ -86,7 +86,7 @@ impl RosLink {
         ros::allow_open_files(agents)?;
         let context = ros::join(env, true)?;
         let mut node = ros::node(&context, "sim_server")?;
-        let mut workshop = Workshop::default();
+        let mut workshop = Workshop::of(&context);
         let clock = workshop.outlet(&mut node, &topics::clock())?;
         let scenario = workshop.outlet(&mut node, &topics::scenario())?;
         let join_reply = workshop.outlet(&mut node, &topics::join_reply())?;
@@ -191,6 +191,7 @@ impl Link for RosLink {
     fn request(&mut self) -> Option<Request> {
         if self.asked_last.elapsed() >= REQUEST_PERIOD {
             while self.kept.len() < KEPT_MAX
+                && self.services.has_room()
                 && let Some(item) = self.inbox.receive(Duration::ZERO)
             {
                 match item {

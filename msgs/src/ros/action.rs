@@ -17,7 +17,7 @@ use ros2_client::builtin_interfaces::Time;
 use ros2_client::{ActionTypeName, CreateError, Name, Node, RmwRequestId};
 use serde::Deserialize;
 
-use super::services::{Wire, mapping, qos};
+use super::services::{Hearing, Wire, mapping, qos};
 use super::{Inbox, RosError, Tally, Workshop, qos_profile};
 use crate::cdr;
 use crate::simulation_interfaces::{Result as Outcome, ResultResponse, StepRequest, StepsFeedback};
@@ -62,6 +62,10 @@ struct Shared {
     active: Option<(GoalId, bool)>,
     ended: VecDeque<(GoalId, GoalStatusEnum, Outcome)>,
     waiting: VecDeque<(GoalId, RmwRequestId)>,
+    /// Of the answers to goals, to cancellations and to those who want a result.
+    hearing: [Hearing; 3],
+    /// Of the feedback.
+    hearing_feedback: Hearing,
     unsent: Tally,
 }
 
@@ -106,6 +110,9 @@ impl Workshop {
             active: None,
             ended: VecDeque::new(),
             waiting: VecDeque::new(),
+            hearing: ["send_goal", "cancel_goal", "get_result"]
+                .map(|service| Hearing::new(self.participant.as_ref(), &format!("{name}/_action/{service}"))),
+            hearing_feedback: Hearing::of_topic(self.participant.as_ref(), format!("rt{name}/_action/feedback")),
             unsent: Tally::new(format!("{name}: not sent")),
         }));
         let convert = Rc::new(convert);
@@ -147,6 +154,8 @@ fn accept(
     let mut inner = shared.borrow_mut();
     let is_new = inner.active.is_none() && inner.ended.iter().all(|(known, ..)| *known != request.goal_id);
     let response = SendGoalResponse { accepted: is_new, stamp: Time::ZERO };
+    inner.hearing[0].wait(&id);
+    inner.hearing_feedback.wait(&id);
     if let Err(error) = inner.server.send_goal_response(id, response) {
         inner.unsent.add(&error);
     }
@@ -203,6 +212,7 @@ impl Shared {
                 .map(|(goal_id, _)| GoalInfo { goal_id: *goal_id, stamp: Time::ZERO })
                 .collect(),
         };
+        self.hearing[1].wait(&id);
         if let Err(error) = self.server.send_cancel_response(id, response) {
             self.unsent.add(&error);
         }
@@ -227,6 +237,7 @@ impl Shared {
         let unknown = || (GoalStatusEnum::Unknown, Outcome::failure(Outcome::NOT_FOUND, "no such goal"));
         let (status, result) = ended.map_or_else(unknown, |(_, status, outcome)| (*status, outcome.clone()));
         let response = GetResultResponse { status, result: Wire(ResultResponse { result }) };
+        self.hearing[2].wait(&request);
         if let Err(error) = self.server.send_result(request, response) {
             self.unsent.add(&error);
         }

@@ -69,7 +69,7 @@ impl Workshop {
                     request.parameters.iter().map(|named| check(named).and_then(|()| shared.set(named))).collect();
                 let set = request.parameters.into_iter().zip(&outcomes).filter(|(_, outcome)| outcome.is_ok());
                 let set = set.map(|(parameter, _)| parameter).collect();
-                reply.send(SetResponse { results: outcomes.into_iter().map(Into::into).collect() });
+                reply.send(SetResponse::of(outcomes));
                 set
             });
             made(set)

@@ -2,12 +2,12 @@
 //!
 //! Entity `agent_3` is agent 3: category `ROBOT`, with a tag that is its controller. Its state is the truth, in the frame `map`.
 //!
-//! Invariant: whatever is asked for, an answer fits into a sample.
+//! Invariant: whatever is asked for, an answer fits into a datagram ([`ANSWER_BYTES_MAX`]); what does not is refused.
 
 use msgs::cdr;
 use msgs::geometry_msgs::{Accel, Quaternion, Twist, Vector3 as Triple};
 use msgs::ids::AgentId;
-use msgs::limits::OBSERVATION_BYTES_MAX;
+use msgs::limits::ANSWER_BYTES_MAX;
 use msgs::simulation_interfaces::{
     Bounds, EntitiesResponse, EntitiesStatesResponse, EntityBoundsResponse, EntityCategory, EntityFilters, EntityInfo,
     EntityInfoResponse, EntityState, EntityStateResponse, INVALID_POSE, Result as Outcome, SetEntityStateRequest,
@@ -24,6 +24,9 @@ use crate::world::body::Pose;
 /// Bytes of a regular expression at the most, and of what it is compiled to.
 const FILTER_BYTES_MAX: usize = 1024;
 const FILTER_SIZE_MAX: usize = 1 << 20;
+
+/// Characters of a text of somebody else that are told.
+const TEXT_CHARS_MAX: usize = 200;
 
 /// How far an orientation may be from upright, and its length from 1.
 const TILT_MAX: f64 = 1e-3;
@@ -95,14 +98,20 @@ impl Team<'_> {
     /// The name of the controller, without its settings.
     fn tags(&self, agent: AgentId) -> Vec<String> {
         let controller = self.controllers.get(agent.index()).and_then(|label| label.split_whitespace().next());
-        controller.into_iter().map(str::to_owned).collect()
+        controller.into_iter().map(|name| name.chars().take(TEXT_CHARS_MAX).collect()).collect()
     }
 
     /// The answer to `GetEntities`.
     #[must_use]
     pub fn entities(&self, filters: &EntityFilters) -> EntitiesResponse {
         match self.filtered(filters) {
-            Ok(agents) => EntitiesResponse { result: Outcome::ok(), entities: agents.into_iter().map(name).collect() },
+            Ok(agents) => {
+                let count = agents.len();
+                let entities = agents.into_iter().map(name).collect();
+                let response = EntitiesResponse { result: Outcome::ok(), entities };
+                let refused = || EntitiesResponse { result: too_many("names", count), entities: Vec::new() };
+                if fits(&response) { response } else { refused() }
+            }
             Err(result) => EntitiesResponse { result, entities: Vec::new() },
         }
     }
@@ -116,15 +125,8 @@ impl Team<'_> {
                 let states = agents.iter().map(|&agent| self.state_of(agent)).collect();
                 let entities = agents.into_iter().map(name).collect();
                 let response = EntitiesStatesResponse { result: Outcome::ok(), entities, states };
-                if fits(&response) {
-                    response
-                } else {
-                    refused(failed(format!(
-                        "the states of {} entities do not fit into an answer of {OBSERVATION_BYTES_MAX} bytes: filter for \
-                         fewer",
-                        response.entities.len()
-                    )))
-                }
+                let count = response.entities.len();
+                if fits(&response) { response } else { refused(too_many("states", count)) }
             }
             Err(result) => refused(result),
         }
@@ -158,7 +160,8 @@ impl Team<'_> {
         match self.find(entity) {
             Ok(agent) => {
                 let tags = self.tags(agent);
-                let controller = self.controllers.get(agent.index()).map_or("", String::as_str);
+                let label = self.controllers.get(agent.index()).map_or("", String::as_str);
+                let controller: String = label.chars().take(TEXT_CHARS_MAX).collect();
                 let description = format!("agent {agent}, controller {controller}");
                 let info =
                     EntityInfo { category: EntityCategory { category: EntityCategory::ROBOT }, description, tags };
@@ -229,7 +232,8 @@ fn pattern(filter: &str) -> Result<Option<Regex>, Outcome> {
         return Err(failed(format!("filters.filter has {length} bytes, at most {FILTER_BYTES_MAX} are allowed")));
     }
     let built = RegexBuilder::new(filter).size_limit(FILTER_SIZE_MAX).build();
-    built.map(Some).map_err(|error| failed(format!("filters.filter: {error}")))
+    let shortened = |error: regex::Error| error.to_string().chars().take(TEXT_CHARS_MAX).collect::<String>();
+    built.map(Some).map_err(|error| failed(format!("filters.filter: {}", shortened(error))))
 }
 
 /// A part of space.
@@ -273,12 +277,18 @@ impl Region {
     }
 }
 
+fn too_many(what: &str, count: usize) -> Outcome {
+    failed(format!(
+        "the {what} of {count} entities do not fit into an answer of {ANSWER_BYTES_MAX} bytes: filter for fewer"
+    ))
+}
+
 fn failed(reason: impl Into<String>) -> Outcome {
     Outcome::failure(Outcome::OPERATION_FAILED, reason)
 }
 
 fn fits(response: &impl Serialize) -> bool {
-    cdr::encode(response).len() <= OBSERVATION_BYTES_MAX
+    cdr::encode(response).len() <= ANSWER_BYTES_MAX
 }
 
 #[cfg(test)]

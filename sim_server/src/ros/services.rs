@@ -108,6 +108,11 @@ impl Services {
         }
     }
 
+    /// Whether more may come in. What does not stays with the middleware, which keeps the latest ones of each service.
+    pub(super) fn has_room(&self) -> bool {
+        self.requests.len() < REQUESTS_MAX / 2
+    }
+
     /// The next request for the run.
     pub(super) fn next(&mut self) -> Option<Request> {
         self.pace.take().map(Request::Rtf).or_else(|| self.requests.pop_front())

@@ -174,7 +174,9 @@ impl Run<'_> {
                     None => return Ok(ControlFlow::Continue(())),
                 }
             };
-            self.listen(wait)?;
+            if !self.exchange.is_asked() {
+                self.listen(wait)?;
+            }
         }
     }
 
