@@ -7,7 +7,8 @@
 #   --agents-per-process M    run M agents in each process (default 1); not over memory
 #   --order forward|reverse|shuffle   in which order to start the agents (default forward); not over memory
 #   --chaos-delay-ms MS       let each agent wait up to so long, at random, before it answers
-#   --agent-parameters true|false     offer what each agent is as ROS parameters (default false); not over memory
+#   --agent-parameters true|false     offer what each agent is as ROS parameters (default: if a process runs no more than
+#                             8 agents); not over memory
 #   --transport ros2|memory   over ROS 2 (default), or all in one process without a network
 #   --logs DIR                where the logs of the processes go (default out/logs/<time>-<pid>; over memory: nowhere)
 #

@@ -97,7 +97,7 @@ fn interventions_are_part_of_a_run_and_pauses_are_not() {
 #[test]
 fn parameters_are_read_and_set() {
     let site = Site::new();
-    controlled(&site, "600", &["--agent-parameters", "true"], &["parameters"]).with_code(130);
+    controlled(&site, "600", &[], &["parameters"]).with_code(130);
 }
 
 #[test]

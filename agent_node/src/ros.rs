@@ -40,7 +40,9 @@ impl RosLink {
     /// # Errors
     /// If the network cannot be joined, or the system has not enough of something.
     pub fn new(agents: &[AgentId], has_parameters: bool, env: &RosEnv) -> Result<Self, RosError> {
-        ros::allow_open_files(u32::try_from(agents.len()).unwrap_or(u32::MAX))?;
+        // Six services need three times what the protocol needs.
+        let share = if has_parameters { 4 } else { 1 };
+        ros::allow_open_files(u32::try_from(agents.len() * share).unwrap_or(u32::MAX))?;
         let context = ros::join(env, false)?;
         let mut workshop = Workshop::of(&context);
         let mut inbox = Inbox::default();
