@@ -4,7 +4,7 @@
 #   eval "$(launch_scripts/ros_env.sh [DIR])"
 #
 # DIR (default: ${XDG_CACHE_HOME:-$HOME/.cache}/maes-ros) then holds a Python environment with rclpy on Fast DDS, the common
-# interfaces, and maes_msgs as built from msgs/; the printed lines put it into the environment of the shell. What is there and
+# interfaces, maes_msgs as built from msgs/, and stand-ins for tf2_msgs and simulation_interfaces; the printed lines put it into the environment of the shell. What is there and
 # up to date is kept: a second call takes no time, and a changed .msg file rebuilds the messages only.
 #
 # Needs: Linux on x86_64 (glibc 2.28 or later), Python 3.10 to 3.13 with venv and headers, a C and a C++ compiler, PyPI within
@@ -50,7 +50,7 @@ sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.
 
 # One line that changes when any of the files does, or the way they are built.
 fingerprint() {
-    { declare -f install_wheels build_interfaces write_tf2_msgs && cat "$@"; } | sha256sum | cut -d ' ' -f 1
+    { declare -f install_wheels build_interfaces write_stand_in && cat "$@"; } | sha256sum | cut -d ' ' -f 1
 }
 
 # Whether the stamp file $1 holds $2.
@@ -99,25 +99,41 @@ build_interfaces() {
 
 in_environment() { env -u PYTHONPATH AMENT_PREFIX_PATH="$venv" PATH="$venv/bin:$PATH" "$@"; }
 
-# There is no wheel of tf2_msgs: a package of that name with the one message that /tf needs.
-write_tf2_msgs() {
-    local source=$1
+# There are no wheels of some packages: stand-ins with the interfaces that this project uses, from its own interface files.
+# Package $1 in folder $2, with dependencies $3, of all interface files below $4.
+write_stand_in() {
+    local name=$1 source=$2 dependencies=$3 files=$4 dependency
     rm -rf "$source"
-    mkdir -p "$source/msg"
-    cp "$repo/msgs/src/standard/tf2_msgs/TFMessage.msg" "$source/msg/"
-    cat >"$source/CMakeLists.txt" <<'EOF'
-cmake_minimum_required(VERSION 3.14)
-project(tf2_msgs)
-find_package(ament_cmake REQUIRED)
-find_package(rosidl_default_generators REQUIRED)
-find_package(geometry_msgs REQUIRED)
-rosidl_generate_interfaces(tf2_msgs "msg/TFMessage.msg" DEPENDENCIES geometry_msgs)
-ament_export_dependencies(rosidl_default_runtime)
-ament_package()
-EOF
-    sed -e 's#<name>.*</name>#<name>tf2_msgs</name>#' \
-        -e 's#<description>.*</description>#<description>Stand-in with TFMessage only.</description>#' \
-        -e '/<depend>std_msgs/d' "$repo/msgs/package.xml" >"$source/package.xml"
+    mkdir -p "$source"
+    cp -r "$files/." "$source/"
+    # Those of a single kind may lie side by side.
+    if compgen -G "$source/*.msg" >/dev/null; then mkdir -p "$source/msg" && mv "$source"/*.msg "$source/msg/"; fi
+    {
+        printf 'cmake_minimum_required(VERSION 3.14)\nproject(%s)\nfind_package(ament_cmake REQUIRED)\n' "$name"
+        printf 'find_package(rosidl_default_generators REQUIRED)\n'
+        for dependency in $dependencies; do printf 'find_package(%s REQUIRED)\n' "$dependency"; done
+        printf 'rosidl_generate_interfaces(%s\n' "$name"
+        (cd "$source" && find . -mindepth 2 -type f | LC_ALL=C sort | sed 's#^\./\(.*\)$#  "\1"#')
+        printf '  DEPENDENCIES %s)\n' "$dependencies"
+        printf 'ament_export_dependencies(rosidl_default_runtime)\nament_package()\n'
+    } >"$source/CMakeLists.txt"
+    sed -e "s#<name>.*</name>#<name>$name</name>#" \
+        -e 's#<description>.*</description>#<description>Stand-in with what is needed only.</description>#' \
+        "$repo/msgs/package.xml" >"$source/package.xml"
+    for dependency in $dependencies; do
+        grep -q "<depend>$dependency</depend>" "$source/package.xml" ||
+            sed -i "s#^\( *\)<exec_depend>#\1<depend>$dependency</depend>\n&#" "$source/package.xml"
+    done
+}
+
+# Builds the stand-in $1 with dependencies $2, unless it is there.
+prepare_stand_in() {
+    local name=$1 dependencies=$2 files=$repo/msgs/src/standard/$1 stamp
+    stamp=$(find "$files" -type f | LC_ALL=C sort | tr '\n' '\0' | xargs -0 cat "$repo/msgs/package.xml" | fingerprint -)
+    if ! is_stamped "$venv/maes_built_$name" "$stamp"; then
+        write_stand_in "$name" "$dir/build/${name}_source" "$dependencies" "$files"
+        build_interfaces "$name" "$dir/build/${name}_source" "$stamp"
+    fi
 }
 
 prepare() {
@@ -133,11 +149,8 @@ prepare() {
         echo "$stamp" >"$venv/maes_wheels"
     fi
 
-    stamp=$(fingerprint "$repo/msgs/src/standard/tf2_msgs/TFMessage.msg")
-    if ! is_stamped "$venv/maes_built_tf2_msgs" "$stamp"; then
-        write_tf2_msgs "$dir/build/tf2_msgs_source"
-        build_interfaces tf2_msgs "$dir/build/tf2_msgs_source" "$stamp"
-    fi
+    prepare_stand_in tf2_msgs "geometry_msgs std_msgs"
+    prepare_stand_in simulation_interfaces "action_msgs builtin_interfaces geometry_msgs std_msgs unique_identifier_msgs"
 
     stamp=$(fingerprint "$repo/msgs/package.xml" "$repo/msgs/CMakeLists.txt" "$repo"/msgs/msg/*.msg)
     if ! is_stamped "$venv/maes_built_maes_msgs" "$stamp"; then

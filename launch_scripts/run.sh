@@ -9,11 +9,13 @@
 #   --agents-per-process M    run M agents in each process (default 1); not over memory
 #   --order forward|reverse|shuffle   in which order to start the agents (default forward); not over memory
 #   --chaos-delay-ms MS       let each agent wait up to so long, at random, before it answers
+#   --agent-parameters true|false     offer what each agent is as ROS parameters (default: if a process runs no more than
+#                             8 agents); not over memory
 #   --transport ros2|memory   over ROS 2 (default), or all in one process without a network
 #   --logs DIR                where the logs of the processes go (default out/logs/<time>-<pid>; over memory: nowhere)
 #
 # Exit codes: 0 the run has a result; 1 a failure of the system; 2 bad input; 3 agents were missing at the start;
-# 4 an agent was lost; 5 an agent was refused; 130 interrupted.
+# 4 an agent was lost; 5 an agent was refused; 130 interrupted, or told to quit.
 set -u
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -22,6 +24,7 @@ transport=ros2
 per_process=
 external=
 order=
+parameters=
 logs=
 agent_flags=()
 server_flags=()
@@ -53,6 +56,7 @@ while [[ $# -gt 0 ]]; do
         --order) order=$2 ;;
         --logs) logs=$2 ;;
         --chaos-delay-ms) agent_flags+=(--chaos-delay-ms "$2") ;;
+        --agent-parameters) parameters=$2 ;;
         --agent-set)
             [[ $2 == ?*=* ]] || fail "--agent-set $2: expected KEY=VALUE"
             server_flags+=(--set "agents.set.$2")
@@ -66,7 +70,9 @@ if [[ $transport == memory ]]; then
     [[ -z $per_process ]] || fail "--agents-per-process $per_process: over memory there is one process; leave it out"
     [[ -z $external ]] || fail "--external $external: over memory no processes take part; leave it out"
     [[ -z $order ]] || fail "--order $order: over memory no processes are started; leave it out"
+    [[ -z $parameters ]] || fail "--agent-parameters $parameters: over memory there are no nodes; leave it out"
 fi
+[[ -z $parameters ]] || agent_flags+=(--parameters "$parameters")
 per_process=${per_process:-1}
 order=${order:-forward}
 [[ $per_process =~ ^[1-9][0-9]{0,3}$ ]] || fail "--agents-per-process $per_process: expected a number from 1"

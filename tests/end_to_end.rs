@@ -32,6 +32,8 @@ mod onlookers;
 mod own_nodes;
 /// Recordings open with the Python packages that people use, and hold what they should.
 mod recordings;
+/// A real ROS 2 node controls a run: pauses, steps, entities, parameters.
+mod services;
 
 /// Rules of the workspace that the compiler does not check.
 mod tidy;

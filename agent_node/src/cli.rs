@@ -21,6 +21,9 @@ pub struct Cli {
     /// End, with exit code 1, when the server has said nothing for so long, not even that it is there
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds)]
     pub server_timeout: f64,
+    /// Offer what each agent is as parameters of its node [default: if this process runs no more than 8 agents]
+    #[arg(long, value_name = "true|false")]
+    pub parameters: Option<bool>,
     /// Wait up to so many milliseconds, at random, before each answer: a test of the lock-step
     #[arg(long, value_name = "MS", default_value_t = 0)]
     pub chaos_delay_ms: u64,
@@ -33,6 +36,12 @@ pub struct Cli {
 }
 
 impl Cli {
+    /// Whether the agents offer their parameters.
+    #[must_use]
+    pub fn has_parameters(&self) -> bool {
+        self.parameters.unwrap_or(self.id.0.len() <= PARAMETERS_AGENTS_MAX)
+    }
+
     /// The silence after which the server is taken to be gone.
     #[must_use]
     pub fn server_timeout(&self) -> Duration {
@@ -45,6 +54,9 @@ impl Cli {
         Duration::from_millis(self.chaos_delay_ms)
     }
 }
+
+/// Agents of a process that offer their parameters unless they are told to: each needs twelve endpoints more for it.
+const PARAMETERS_AGENTS_MAX: usize = 8;
 
 /// Ids of agents, ascending.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -21,7 +21,7 @@ use thiserror::Error;
 use crate::command::Command;
 use crate::observation::Observation;
 pub use ctx::Ctx;
-use settings::{SettingError, Settings};
+use settings::{SettingError, Settings, Taken};
 
 /// An algorithm that controls one agent. How to write one: docs/controllers.md.
 pub trait Controller {
@@ -65,7 +65,15 @@ pub const NAMES: [&str; 8] =
 /// # Errors
 /// If the name or a setting is unknown, or a value is not allowed.
 pub fn check(name: &str, settings: &[String]) -> Result<(), ControllerError> {
-    build(name, settings, AgentId(0), 0).map(drop)
+    taken(name, settings).map(drop)
+}
+
+/// The settings of a controller with their values, be they given or not.
+///
+/// # Errors
+/// If the name or a setting is unknown, or a value is not allowed.
+pub fn taken(name: &str, settings: &[String]) -> Result<Vec<Taken>, ControllerError> {
+    build_and_list(name, settings, AgentId(0), 0).map(|(_, taken)| taken)
 }
 
 /// Makes a controller by name, with settings `KEY=VALUE`, for one agent of a run.
@@ -78,6 +86,16 @@ pub fn build(
     agent: AgentId,
     agents_seed: u64,
 ) -> Result<Box<dyn Controller>, ControllerError> {
+    build_and_list(name, settings, agent, agents_seed).map(|(controller, _)| controller)
+}
+
+/// A controller, and the settings that it has taken.
+fn build_and_list(
+    name: &str,
+    settings: &[String],
+    agent: AgentId,
+    agents_seed: u64,
+) -> Result<(Box<dyn Controller>, Vec<Taken>), ControllerError> {
     let unfit = |source| ControllerError::Setting { name: name.to_owned(), source };
     let mut settings = Settings::parse(settings).map_err(unfit)?;
     let stream = |purpose| msgs::seed::stream(agents_seed, agent.0.into(), purpose);
@@ -95,8 +113,8 @@ pub fn build(
         "dsvp-maes3d" => Box::new(dsvp_maes3d::DsvpMaes3d::new(stream("dsvp-maes3d"))),
         _ => return Err(ControllerError::Unknown { name: name.to_owned() }),
     };
-    settings.finish().map_err(unfit)?;
-    Ok(controller)
+    let taken = settings.finish().map_err(unfit)?;
+    Ok((controller, taken))
 }
 
 #[cfg(test)]

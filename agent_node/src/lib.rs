@@ -15,6 +15,7 @@ pub mod controllers;
 pub mod exploration_map;
 pub mod link;
 pub mod observation;
+pub mod parameters;
 pub mod path;
 pub mod regions;
 #[cfg(feature = "ros")]

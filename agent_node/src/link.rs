@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
+use msgs::parameters::Parameter;
 use msgs::visualization_msgs::Marker;
 
 /// A message from the server.
@@ -45,6 +46,8 @@ pub trait Link {
     fn show(&mut self, _agent: AgentId, _part: &Marker) {}
     /// Tells people something of an agent.
     fn log(&mut self, _agent: AgentId, _level: Level, _text: &str) {}
+    /// Tells people what an agent is, where they can ask.
+    fn describe(&mut self, _agent: AgentId, _parameters: Vec<Parameter>) {}
     /// The next message, or `None` if none came in time.
     fn receive(&mut self, timeout: Duration) -> Option<Inbound>;
 }

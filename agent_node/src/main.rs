@@ -58,7 +58,7 @@ mod serve {
             signal_hook::flag::register(signal, Arc::clone(&stop))?;
         }
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
-        let mut link = RosLink::new(&cli.id.0, &env)?;
+        let mut link = RosLink::new(&cli.id.0, cli.has_parameters(), &env)?;
         let options = Options {
             chaos_delay: cli.chaos_delay(),
             server_timeout: cli.server_timeout(),

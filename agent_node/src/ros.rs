@@ -9,20 +9,23 @@ use std::time::Duration;
 
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
+use msgs::parameters::{Named, Parameter};
 use msgs::rcl_interfaces::Log;
 use msgs::ros::audience::Audience;
 use msgs::ros::rosout::Rosout;
-use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Tally, Workshop, linger, now};
+use msgs::ros::{self, Inbox, Outlet, RosError, Sample, SharedParameters, Tally, Workshop, linger, now};
 use msgs::ros_env::RosEnv;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
 use ros2_client::{Context, Node};
 
 use crate::link::{Inbound, Level, Link};
+use crate::parameters;
 
 /// The agents of a process in a ROS network.
 pub struct RosLink {
-    inbox: Inbox<Result<Inbound, String>>,
+    /// Messages, and `None` for what has been dealt with.
+    inbox: Inbox<Result<Option<Inbound>, String>>,
     seats: Vec<Seat>,
     ignored: Tally,
     /// Who looks at what the agents believe, by seat.
@@ -38,18 +41,21 @@ struct Seat {
     command: Outlet<Command>,
     belief: Outlet<Marker>,
     rosout: Rosout,
+    parameters: SharedParameters,
     node: Node,
 }
 
 impl RosLink {
-    /// Joins the network as these agents.
+    /// Joins the network as these agents, with services by which people read their parameters, or without.
     ///
     /// # Errors
     /// If the network cannot be joined, or the system has not enough of something.
-    pub fn new(agents: &[AgentId], env: &RosEnv) -> Result<Self, RosError> {
-        ros::allow_open_files(u32::try_from(agents.len()).unwrap_or(u32::MAX))?;
+    pub fn new(agents: &[AgentId], has_parameters: bool, env: &RosEnv) -> Result<Self, RosError> {
+        // Six services need three times what the protocol needs.
+        let share = if has_parameters { 4 } else { 1 };
+        ros::allow_open_files(u32::try_from(agents.len() * share).unwrap_or(u32::MAX))?;
         let context = ros::join(env, false)?;
-        let mut workshop = Workshop::default();
+        let mut workshop = Workshop::of(&context);
         let mut inbox = Inbox::default();
         let mut seats = Vec::new();
         for &agent in agents {
@@ -57,20 +63,30 @@ impl RosLink {
             let mut node = ros::node(&context, &name)?;
             if seats.is_empty() {
                 workshop.inlet(&mut node, &topics::scenario(), &mut inbox, |sample: Sample<Scenario>| {
-                    message(sample).map(Inbound::Scenario)
+                    message(sample).map(Inbound::Scenario).map(Some)
                 })?;
                 workshop.inlet(&mut node, &topics::join_reply(), &mut inbox, |sample: Sample<JoinReply>| {
-                    message(sample).map(Inbound::JoinReply)
+                    message(sample).map(Inbound::JoinReply).map(Some)
                 })?;
             }
             workshop.inlet(&mut node, &topics::observation(agent), &mut inbox, move |sample| {
-                observation(agent, sample).map(Inbound::Observation)
+                observation(agent, sample).map(Inbound::Observation).map(Some)
             })?;
             let join = workshop.outlet(&mut node, &topics::join(agent))?;
             let command = workshop.outlet(&mut node, &topics::command(agent))?;
             let belief = workshop.outlet(&mut node, &topics::belief(agent))?;
             let rosout = Rosout::new(&mut workshop, &mut node, &name)?;
-            seats.push(Seat { agent, join, command, belief, rosout, node });
+            let parameters = SharedParameters::default();
+            parameters.borrow_mut().declare(parameters::of_agent(agent));
+            if has_parameters {
+                let name = format!("/agent_{agent}");
+                let nothing_to_check = |_: &Named| Ok(());
+                workshop.parameters(&mut node, &name, &mut inbox, &parameters, nothing_to_check, |set| match set {
+                    Ok(_) => Ok(None),
+                    Err(reason) => Err(reason),
+                })?;
+            }
+            seats.push(Seat { agent, join, command, belief, rosout, parameters, node });
         }
         let beliefs: Vec<_> = agents.iter().map(|&agent| topics::belief(agent)).collect();
         let audience = Audience::new(&beliefs);
@@ -121,13 +137,20 @@ impl Link for RosLink {
         }
     }
 
+    fn describe(&mut self, agent: AgentId, parameters: Vec<Parameter>) {
+        if let Some(seat) = self.seat(agent) {
+            seat.parameters.borrow_mut().declare(parameters);
+        }
+    }
+
     fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
         let begun = now();
         loop {
             let left = timeout.saturating_sub(begun.elapsed());
             match self.inbox.receive(left)? {
-                Ok(Inbound::JoinReply(reply)) if self.seat(AgentId(reply.agent)).is_none() => {}
-                Ok(message) => return Some(message),
+                Ok(None) => {}
+                Ok(Some(Inbound::JoinReply(reply))) if self.seat(AgentId(reply.agent)).is_none() => {}
+                Ok(Some(message)) => return Some(message),
                 Err(reason) => self.ignored.add(&reason),
             }
             if left.is_zero() {

@@ -22,6 +22,7 @@ use thiserror::Error;
 use crate::agent::{Agent, Reaction};
 use crate::controllers::{self, ControllerError};
 use crate::link::{Inbound, Level, Link};
+use crate::parameters;
 use crate::stopwatch::DecisionTimes;
 use crate::wire::{self, WireError};
 
@@ -163,6 +164,7 @@ impl<'a> Process<'a> {
         let name = options.controller.as_ref().unwrap_or(&briefing.controller);
         let mut settings = if *name == briefing.controller { briefing.settings.clone() } else { Vec::new() };
         settings.extend(options.settings.iter().cloned());
+        let taken = controllers::taken(name, &settings)?;
         let mut seats = BTreeMap::new();
         for &id in &options.agents {
             if id.0 >= briefing.agents {
@@ -176,6 +178,7 @@ impl<'a> Process<'a> {
             let shown = Shown::new(briefing.extent);
             let agent = Agent::new(id, briefing.clone(), controller);
             seats.insert(id, Seat { agent, is_accepted: false, shown });
+            link.describe(id, parameters::of_controller(name, &taken));
         }
         let label = if settings.is_empty() { name.clone() } else { format!("{name} {}", settings.join(" ")) };
         let Options { instance, chaos_delay, server_timeout, .. } = *options;

@@ -168,3 +168,12 @@ impl<'de> Deserialize<'de> for Covariance {
         deserializer.deserialize_tuple(COVARIANCE_LENGTH, Elements)
     }
 }
+
+/// How a motion changes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Accel {
+    /// m/s^2.
+    pub linear: Vector3,
+    /// rad/s^2 about each axis.
+    pub angular: Vector3,
+}

@@ -23,13 +23,16 @@ pub mod nav_msgs;
 pub mod rcl_interfaces;
 pub mod rosgraph_msgs;
 pub mod sensor_msgs;
+pub mod simulation_interfaces;
 pub mod std_msgs;
 pub mod tf2_msgs;
 pub mod visualization_msgs;
 
 pub mod cdr;
 pub mod message;
+pub mod parameters;
 pub mod schema;
+pub mod service;
 
 #[cfg(feature = "ros")]
 pub mod ros;

@@ -99,6 +99,32 @@ pub struct Digest {
     pub digest: [u8; 32],
 }
 
+/// What somebody did to the run from outside.
+///
+/// It is part of the run: it takes effect at the beginning of its tick, before the scans, and is covered by the digest.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Intervention {
+    /// Sim time.
+    pub header: Header,
+    /// The tick before which it was done.
+    pub tick: u64,
+    /// One of the constants.
+    pub kind: u8,
+    /// To which agent.
+    pub agent: u32,
+    /// Where its centre was put, for `PLACE`.
+    pub position: Point,
+    /// Its heading there, for `PLACE`.
+    pub yaw_rad: f64,
+}
+
+impl Intervention {
+    /// The body was put at a pose, at rest; its task has ended.
+    pub const PLACE: u8 = 0;
+    /// The agent has left the run: its body stops and stays.
+    pub const REMOVE: u8 = 1;
+}
+
 /// An agent's wish to take part, repeated until it is answered on `/sim/join_reply`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Join {

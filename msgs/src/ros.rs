@@ -9,7 +9,11 @@
 //! and stop nothing.
 //!
 //! Not done here: the client's own background task ("spinner") is never started, because it would subscribe `/clock` under a
-//! second type; so there are no parameter services either, and who is there is known from the protocol alone.
+//! second type; so the services of parameters are our own, and who is there is known from the protocol alone.
+
+mod action;
+mod parameters;
+mod services;
 
 pub mod audience;
 pub mod rosout;
@@ -30,9 +34,12 @@ use ros2_client::{
     Context, CreateError, MessageTypeName, Name, Node, NodeCreateError, NodeName, NodeOptions, Publisher, Subscription,
     WriteError,
 };
-use rustdds::DomainParticipantBuilder;
+use rustdds::{DomainParticipant, DomainParticipantBuilder};
 use serde::{Deserialize, Deserializer};
 use thiserror::Error;
+
+pub use action::{Goal, StepsEvent};
+pub use parameters::Shared as SharedParameters;
 
 /// Participants of a machine that are told of every other one at its start: besides multicast, which loopback does not have,
 /// the middleware sends to the ports of the first twelve (`SPDP_LOCALHOST_PEER_COUNT`). The others hear of each other only
@@ -167,7 +174,7 @@ fn discovery_port(domain_id: u16, participant_id: u16) -> u16 {
     7400 + 250 * domain_id + 10 + 2 * participant_id
 }
 
-/// A node without parameter services; its log is [`rosout::Rosout`].
+/// A node without the parameter services of the client; its log is [`rosout::Rosout`].
 ///
 /// # Errors
 /// If the middleware refuses it.
@@ -183,9 +190,16 @@ pub fn node(context: &Context, name: &str) -> Result<Node, RosError> {
 #[derive(Default)]
 pub struct Workshop {
     made: usize,
+    /// Who tells which callers of services hear the answers.
+    participant: Option<DomainParticipant>,
 }
 
 impl Workshop {
+    /// For a process that offers services.
+    pub fn of(context: &Context) -> Self {
+        Workshop { made: 0, participant: Some(context.domain_participant()) }
+    }
+
     /// A publisher of this topic.
     ///
     /// # Errors

@@ -11,9 +11,10 @@ use std::fmt;
 use crate::diagnostic_msgs::DiagnosticArray;
 use crate::geometry_msgs::TwistStamped;
 use crate::ids::AgentId;
-use crate::maes_msgs::{Command, Digest, Join, JoinReply, Observation, Progress, Result, Scenario};
+use crate::maes_msgs::{Command, Digest, Intervention, Join, JoinReply, Observation, Progress, Result, Scenario};
 use crate::message::{Message, MessageType};
 use crate::nav_msgs::{Odometry, Path};
+use crate::parameters::ParameterEvent;
 use crate::rcl_interfaces::Log;
 use crate::rosgraph_msgs::Clock;
 use crate::sensor_msgs::PointCloud2;
@@ -83,11 +84,11 @@ pub struct Qos {
 }
 
 impl Qos {
-    const fn reliable(depth: u32) -> Self {
+    pub(crate) const fn reliable(depth: u32) -> Self {
         Qos { reliability: Reliability::Reliable, durability: Durability::Volatile, depth }
     }
 
-    const fn latched(depth: u32) -> Self {
+    pub(crate) const fn latched(depth: u32) -> Self {
         Qos { reliability: Reliability::Reliable, durability: Durability::TransientLocal, depth }
     }
 
@@ -246,6 +247,16 @@ pub fn result() -> Topic {
     Topic::new::<Result>("/sim/result", Qos::latched(1))
 }
 
+/// What was done to the run from outside; in recordings only.
+pub fn intervention() -> Topic {
+    Topic::new::<Intervention>("/sim/intervention", Qos::reliable(VIEW_DEPTH))
+}
+
+/// What has changed at the parameters of nodes. A topic of ROS itself, and not one of a run.
+pub fn parameter_events() -> Topic {
+    Topic::new::<ParameterEvent>("/parameter_events", Qos::reliable(1000))
+}
+
 /// All topics of a run with this many agents: those of the simulation, then those of agent 0, 1, and so on; first what the
 /// protocol needs, then what is only looked at.
 ///
@@ -255,7 +266,7 @@ pub fn result() -> Topic {
 /// assert_eq!(topics.last().unwrap().name, "/agent_1/map");
 /// ```
 pub fn all(agents: u32) -> Vec<Topic> {
-    let mut topics = vec![clock(), scenario(), join_reply(), tf(), progress(), digest(), result()];
+    let mut topics = vec![clock(), scenario(), join_reply(), tf(), progress(), digest(), result(), intervention()];
     topics.extend([tf_static(), map(), unexplored(), contacts(), info(), rosout()]);
     for agent in (0..agents).map(AgentId) {
         topics.extend([join(agent), observation(agent), command(agent), cmd_vel(agent)]);
@@ -275,7 +286,7 @@ mod tests {
         let count = names.len();
         names.sort();
         names.dedup();
-        assert_eq!((names.len(), count), (13 + 84, 13 + 84));
+        assert_eq!((names.len(), count), (14 + 96, 14 + 96));
     }
 
     #[test]

@@ -101,6 +101,9 @@ pub struct KeyArgs {
     /// execution.look_ahead: ask agents only when they are due
     #[arg(long, value_name = "true|false")]
     pub look_ahead: Option<bool>,
+    /// execution.paused: begin paused, until somebody lets the run go on through a service
+    #[arg(long, value_name = "true|false", num_args = 0..=1, default_missing_value = "true")]
+    pub paused: Option<bool>,
     /// execution.join_timeout_s: how long to wait for all agents
     #[arg(long, value_name = "SECONDS")]
     pub join_timeout: Option<f64>,
@@ -136,6 +139,7 @@ impl KeyArgs {
         set("--rtf", "execution.rtf", self.rtf.clone());
         set("--threads", "execution.threads", self.threads.map(Into::into));
         set("--look-ahead", "execution.look_ahead", self.look_ahead.map(Into::into));
+        set("--paused", "execution.paused", self.paused.map(Into::into));
         set("--join-timeout", "execution.join_timeout_s", self.join_timeout.map(Into::into));
         set("--decision-timeout", "execution.decision_timeout_s", self.decision_timeout.map(Into::into));
         overrides.extend(self.set.iter().map(|(key, value)| Override {

@@ -1,7 +1,7 @@
 //! The digest of a run: a chain over every tick that two equal runs share and two different runs do not.
 //!
-//! The link of a tick is the blake3 hash of the link before it, the tick, the messages exchanged in the tick (observations and
-//! commands that counted, as CDR, in the order of the agents), and the state of the world at the end of the tick, bit by bit.
+//! The link of a tick is the blake3 hash of the link before it, the tick, what was done to the run from outside before it, the
+//! messages exchanged in the tick (observations and commands that counted, as CDR, in the order of the agents), and the state of the world at the end of the tick, bit by bit.
 //!
 //! This module decides nothing and writes nothing.
 

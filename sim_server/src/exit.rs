@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use crate::run::{INTERRUPTED, Outcome, RunError};
+use crate::run::{INTERRUPTED, Outcome, QUIT, RunError};
 
 /// A failure of the system: no network, a full disk.
 pub const FAILED: u8 = 1;
@@ -12,13 +12,17 @@ pub const BAD_INPUT: u8 = 2;
 pub const AGENTS_MISSING: u8 = 3;
 /// An agent was lost and the scenario says `abort`.
 pub const AGENTS_LOST: u8 = 4;
-/// The run was interrupted by a signal: 128 + SIGINT.
+/// The run was interrupted by a signal, 128 + SIGINT, or ended early by a service.
 pub const BY_SIGNAL: u8 = 130;
 
 /// The exit code for a run with a result.
 #[must_use]
 pub fn of_outcome(outcome: &Outcome) -> ExitCode {
-    if outcome.result.reason == INTERRUPTED { ExitCode::from(BY_SIGNAL) } else { ExitCode::SUCCESS }
+    if [INTERRUPTED, QUIT].contains(&outcome.result.reason.as_str()) {
+        ExitCode::from(BY_SIGNAL)
+    } else {
+        ExitCode::SUCCESS
+    }
 }
 
 /// The exit code for a run without one.
@@ -27,6 +31,7 @@ pub fn of_error(error: &RunError) -> ExitCode {
     ExitCode::from(match error {
         RunError::AgentsMissing { .. } => AGENTS_MISSING,
         RunError::AgentsLost { .. } => AGENTS_LOST,
+        RunError::NobodyResumes => BAD_INPUT,
         RunError::OtherServer { .. } | RunError::Random(_) | RunError::Record(_) | RunError::Threads(_) => FAILED,
     })
 }

@@ -7,6 +7,7 @@
 //! This crate knows nothing of what agents believe or how they decide.
 
 pub mod cli;
+pub mod control;
 pub mod digest;
 pub mod exit;
 pub mod info;
@@ -14,6 +15,7 @@ pub mod link;
 pub mod lockstep;
 pub mod map_cli;
 pub mod mapgen;
+pub mod parameters;
 pub mod recorder;
 #[cfg(feature = "ros")]
 pub mod ros;

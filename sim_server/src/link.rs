@@ -11,6 +11,7 @@ use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario}
 use msgs::nav_msgs::Odometry;
 use msgs::sensor_msgs::PointCloud2;
 
+use crate::control::Request;
 use crate::views::{Listeners, Picture, View};
 
 /// Who sent a message, as far as the transport can tell: one value for each process.
@@ -77,6 +78,15 @@ pub trait Link {
     fn show(&mut self, _view: View, _picture: &Picture) {}
     /// Tells people something that was told on the terminal.
     fn log(&mut self, _level: Level, _text: &str) {}
+    /// The next thing that somebody asks of the server, if there is one. It takes no time to find out; what comes in while
+    /// messages are awaited ends the waiting. Nobody can ask anything over a transport of the agents alone.
+    fn request(&mut self) -> Option<Request> {
+        None
+    }
+    /// Whether there can be requests at all: without them, nobody could resume what is paused.
+    fn takes_requests(&self) -> bool {
+        false
+    }
     /// The number of another run whose server has been heard while messages were awaited. A transport that nobody else can use
     /// has no other servers.
     fn other_run(&self) -> Option<u64> {

@@ -93,7 +93,7 @@ mod serve {
             eprintln!("error: {error}");
             Ok(ExitCode::from(exit::FAILED))
         };
-        let mut link = match RosLink::new(scenario.agents.count, &scenario.driven(), &env) {
+        let mut link = match RosLink::new(&scenario, &env) {
             Ok(link) => link,
             Err(error) => return failed(&error),
         };

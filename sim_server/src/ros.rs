@@ -1,4 +1,4 @@
-//! The server's link over ROS 2: one participant with one node `sim_server`, and three topics for each agent.
+//! The server's link over ROS 2: one participant with one node `sim_server`, its services, and three topics for each agent.
 //!
 //! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`msgs::ros`]); every message
 //! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
@@ -7,8 +7,10 @@
 mod driven;
 mod views;
 
+mod services;
+
 use std::cell::Cell;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, VecDeque};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
@@ -24,10 +26,13 @@ use msgs::sensor_msgs::PointCloud2;
 use msgs::topics;
 use ros2_client::{Context, Node};
 
+use crate::control::Request;
 use crate::link::{Inbound, Incoming, Level, Link, SourceId};
 use crate::views::{Listeners, Picture, View};
+use crate::{parameters, scenario};
 
 use driven::Driven;
+use services::{Asked, Services};
 use views::Gallery;
 
 /// Wall time for which a new server listens before it says anything: enough, on a machine that is not busy, to find another
@@ -38,9 +43,35 @@ const LISTENING: Duration = Duration::from_millis(300);
 /// The name of the node.
 const NODE: &str = "sim_server";
 
+/// Wall time between two looks for requests while a run does not wait for anything.
+const REQUEST_PERIOD: Duration = Duration::from_millis(5);
+
+/// Messages of agents that are kept at the most while requests are looked for; more stay where they are.
+const KEPT_MAX: usize = 256;
+
+/// What comes in.
+enum Item {
+    /// From an agent.
+    Agent(Incoming),
+    /// From somebody else.
+    Asked(Asked),
+    /// Something that has been dealt with.
+    Nothing,
+}
+
+impl From<Asked> for Item {
+    fn from(asked: Asked) -> Self {
+        Item::Asked(asked)
+    }
+}
+
 /// The server in a ROS network.
 pub struct RosLink {
-    inbox: Inbox<Option<Incoming>>,
+    inbox: Inbox<Item>,
+    /// Messages of agents that came in while requests were looked for.
+    kept: VecDeque<Incoming>,
+    services: Services,
+    asked_last: Instant,
     born: Instant,
     /// What is to be announced when this server has listened long enough.
     unannounced: Option<Scenario>,
@@ -61,15 +92,16 @@ pub struct RosLink {
 }
 
 impl RosLink {
-    /// Joins the network and offers the topics of a run with this many agents, of which some are driven by standard messages.
+    /// Joins the network and offers the topics, services and parameters of a run.
     ///
     /// # Errors
     /// If the network cannot be joined, or the system has not enough of something.
-    pub fn new(agents: u32, driven: &BTreeSet<AgentId>, env: &RosEnv) -> Result<Self, RosError> {
+    pub fn new(run: &scenario::Scenario, env: &RosEnv) -> Result<Self, RosError> {
+        let (agents, driven) = (run.agents.count, run.driven());
         ros::allow_open_files(agents)?;
         let context = ros::join(env, true)?;
         let mut node = ros::node(&context, NODE)?;
-        let mut workshop = Workshop::default();
+        let mut workshop = Workshop::of(&context);
         let clock = workshop.outlet(&mut node, &topics::clock())?;
         let scenario = workshop.outlet(&mut node, &topics::scenario())?;
         let join_reply = workshop.outlet(&mut node, &topics::join_reply())?;
@@ -84,24 +116,28 @@ impl RosLink {
             if own.get() != Some(run) {
                 other.set(Some(run));
             }
-            None
+            Item::Nothing
         })?;
-        let nodes = Driven::new(driven, &mut workshop, &mut node, &mut inbox, &own_run)?;
+        let nodes = Driven::new(&driven, &mut workshop, &mut node, &mut inbox, &own_run)?;
         let mut observations = BTreeMap::new();
         for agent in (0..agents).map(AgentId).filter(|agent| !driven.contains(agent)) {
             workshop.inlet(&mut node, &topics::join(agent), &mut inbox, move |sample: Sample<Join>| {
-                Some(incoming(agent, sample, Inbound::Join))
+                Item::Agent(incoming(agent, sample, Inbound::Join))
             })?;
             workshop.inlet(&mut node, &topics::command(agent), &mut inbox, move |sample: Sample<Command>| {
-                Some(incoming(agent, sample, Inbound::Command))
+                Item::Agent(incoming(agent, sample, Inbound::Command))
             })?;
             observations.insert(agent, workshop.outlet(&mut node, &topics::observation(agent))?);
         }
         let rosout = Rosout::new(&mut workshop, &mut node, NODE)?;
         // What is needed comes first, so that nobody waits for what is only looked at.
-        let gallery = Gallery::new(&mut workshop, &mut node, agents, driven)?;
+        let gallery = Gallery::new(&mut workshop, &mut node, agents, &driven)?;
+        let services = Services::new(&mut node, &mut workshop, &mut inbox, parameters::of(run))?;
         Ok(RosLink {
             inbox,
+            kept: VecDeque::new(),
+            services,
+            asked_last: now(),
             born: now(),
             unannounced: None,
             own_run,
@@ -161,9 +197,19 @@ impl Link for RosLink {
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         self.announce_in_time();
-        match self.nodes.next(&self.context, self.own_run.get()) {
-            None => self.inbox.receive(timeout).flatten(),
-            said => said,
+        if let Some(said) = self.nodes.next(&self.context, self.own_run.get()) {
+            return Some(said);
+        }
+        if let Some(kept) = self.kept.pop_front() {
+            return Some(kept);
+        }
+        match self.inbox.receive(timeout)? {
+            Item::Agent(incoming) => Some(incoming),
+            Item::Asked(asked) => {
+                self.services.take_in(&mut self.node, asked);
+                None
+            }
+            Item::Nothing => None,
         }
     }
 
@@ -186,6 +232,27 @@ impl Link for RosLink {
             Level::Error => Log::ERROR,
         };
         self.rosout.say(&mut self.node, level, text);
+    }
+
+    fn request(&mut self) -> Option<Request> {
+        if self.asked_last.elapsed() >= REQUEST_PERIOD {
+            while self.kept.len() < KEPT_MAX
+                && self.services.has_room()
+                && let Some(item) = self.inbox.receive(Duration::ZERO)
+            {
+                match item {
+                    Item::Agent(incoming) => self.kept.push_back(incoming),
+                    Item::Asked(asked) => self.services.take_in(&mut self.node, asked),
+                    Item::Nothing => {}
+                }
+            }
+            self.asked_last = now();
+        }
+        self.services.next()
+    }
+
+    fn takes_requests(&self) -> bool {
+        true
     }
 
     fn other_run(&self) -> Option<u64> {

@@ -6,9 +6,11 @@
 //! Asking every agent at every tick (`look_ahead = false`) is the same run for agents that act only when they are due: what an
 //! agent answers out of turn counts only if it does something, and only what counts is recorded and enters the digest.
 
+mod control;
 mod exchange;
 mod log;
 mod pace;
+mod result;
 mod show;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,7 +19,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{self, Counter, Observation as Part};
+use msgs::maes_msgs::{self, Observation as Part};
 use thiserror::Error;
 
 use crate::digest::{Chain, Digest};
@@ -29,9 +31,9 @@ use crate::views::{Picture, View, Views};
 use crate::wire;
 use crate::world::{Action, Since, World};
 
-use exchange::{Answer, Asked, Exchange, Meanwhile, Silence};
+use control::{Desk, Phase};
+use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Silence};
 use log::{Kind, Log};
-use pace::Pace;
 
 /// Sim time between two digests in the recording: a second.
 const DIGEST_TICKS: u64 = 50;
@@ -45,8 +47,14 @@ const REPORT_PERIOD: Duration = Duration::from_millis(500);
 /// Wall time that agents have to receive the end of the run.
 const FAREWELL: Duration = Duration::from_secs(2);
 
+/// The counter of the tick in which the team had seen so many thousandths of the free cells, up to that number.
+pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
+
 /// Reason of a result: the run was stopped from outside.
 pub const INTERRUPTED: &str = "interrupted";
+
+/// Reason of a result: somebody has asked the server to end the run.
+pub const QUIT: &str = "quit";
 
 /// Why a run has no full result.
 #[derive(Debug, Error)]
@@ -75,6 +83,9 @@ pub enum RunError {
         /// Number of its run.
         other: u64,
     },
+    /// The run is to begin paused, and nobody could resume it.
+    #[error("execution.paused = true: over this transport nobody could resume the run; it needs ROS 2")]
+    NobodyResumes,
     /// The system has no random number for the run.
     #[error("drawing a number for the run: {0}")]
     Random(#[from] getrandom::Error),
@@ -124,6 +135,9 @@ pub fn run(
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
 ) -> Result<Outcome, RunError> {
+    if scenario.execution.paused && !link.takes_requests() {
+        return Err(RunError::NobodyResumes);
+    }
     let threads = scenario.execution.threads as usize;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     // Not 0, which stands for no run in particular.
@@ -135,6 +149,7 @@ pub fn run(
         wakes: vec![Wake::AT_ONCE; scenario.agents.count as usize],
         driven: scenario.driven(),
         lost: BTreeSet::new(),
+        desk: Desk::new(&scenario.execution),
         log: Log::new(recorder, scenario.agents.count),
         exchange: Exchange::new(link, number, scenario.agents.count),
         world,
@@ -175,6 +190,7 @@ struct Run<'a> {
     wakes: Vec<Wake>,
     driven: BTreeSet<AgentId>,
     lost: BTreeSet<AgentId>,
+    desk: Desk,
     log: Log,
     exchange: Exchange<'a>,
     watcher: &'a mut dyn Watcher,
@@ -213,7 +229,11 @@ impl Run<'_> {
                 return Err(RunError::OtherServer { other });
             }
             self.watcher.waiting(&missing);
-            self.exchange.admit(Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop })?;
+            if self.answer_requests(Phase::Admission)?.is_break() {
+                return Ok(());
+            }
+            let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop };
+            self.exchange.listen(Tick::ZERO, PATIENCE, &mut meanwhile)?;
         }
         for (agent, join) in self.exchange.joins() {
             self.log.write(Kind::Join(agent), Tick::ZERO, &join)?;
@@ -227,10 +247,12 @@ impl Run<'_> {
     /// Ticks until the run is over; says why it is.
     fn ticks(&mut self) -> Result<&'static str, RunError> {
         let end = self.scenario.duration_ticks();
-        let pace = Pace::new(self.scenario.execution.rtf, now());
+        self.desk.start();
         loop {
+            self.hold_pace()?;
             self.exchange.clock(self.world.tick());
             self.record_state()?;
+            self.desk.steps_are_visible();
             self.show();
             if self.scenario.stop_when_explored && self.world.coverage().is_explored() {
                 return Ok("explored");
@@ -241,17 +263,15 @@ impl Run<'_> {
             if self.is_stopped() {
                 return Ok(INTERRUPTED);
             }
+            if self.wait_for_turn()?.is_break() {
+                return Ok(if self.is_stopped() { INTERRUPTED } else { QUIT });
+            }
             if self.tick()?.is_break() {
                 return Ok(INTERRUPTED);
             }
+            self.desk.ticked();
             if self.reported.elapsed() >= REPORT_PERIOD {
                 self.report()?;
-            }
-            let tick = self.world.tick();
-            while let Some(wait) = pace.wait(tick)
-                && !self.is_stopped()
-            {
-                self.idle(wait)?;
             }
         }
     }
@@ -261,7 +281,7 @@ impl Run<'_> {
     fn tick(&mut self) -> Result<ControlFlow<()>, RunError> {
         self.world.look(&self.pool);
         let asked = self.ask();
-        let actions = if asked.is_empty() {
+        let mut actions = if asked.is_empty() {
             BTreeMap::new()
         } else {
             match self.answers(&asked) {
@@ -272,6 +292,7 @@ impl Run<'_> {
                 }
             }
         };
+        actions.extend(self.desk.take_leaving().into_iter().map(|agent| (agent, Action::LOST)));
         self.world.step(actions);
         self.chain.close(&self.world);
         Ok(ControlFlow::Continue(()))
@@ -426,79 +447,10 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Tells the agents, and ends the recording.
-    fn finish(mut self, reason: String, ended_well: bool, wall: Duration) -> Result<Outcome, RunError> {
-        let tick = self.world.tick();
-        let mut ends = Vec::new();
-        for agent in self.world.agents() {
-            let observation = self.world.observe(agent, Since::LastCounted);
-            let parts = wire::observation_parts(&observation, Part::ENDED);
-            ends.push(Asked { agent, since: Since::LastCounted, parts });
-        }
-        let told: Vec<Asked> = ends.iter().filter(|end| !self.lost.contains(&end.agent)).cloned().collect();
-        // The agents come first: what becomes of the recording is not their affair.
-        let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: &AtomicBool::new(false) };
-        self.exchange.farewell(tick, &told, FAREWELL, &mut meanwhile)?;
-        for Asked { agent, parts, .. } in &ends {
-            for part in parts {
-                self.log.write(Kind::Observation(*agent), tick, part)?;
-            }
-        }
-        let digest = self.chain.digest();
-        let progress = wire::progress(&mut self.world);
-        let result = maes_msgs::Result {
-            header: progress.header,
-            tick: tick.0,
-            reason,
-            explored: progress.explored,
-            covered: progress.covered,
-            explored_by: progress.explored_by,
-            covered_by: progress.covered_by,
-            distance_m: progress.distance_m,
-            believed_by: progress.believed_by,
-            counters: self.counters(),
-            digest: digest.0,
-        };
-        self.record_digest()?;
-        self.record_progress()?;
-        self.log.write(Kind::Result, tick, &result)?;
-        self.show_end(&result, ended_well);
-        self.log.finish()?;
-        Ok(Outcome { result, digest, wall })
-    }
-
-    fn counters(&self) -> Vec<Counter> {
-        let totals = self.world.totals();
-        let counter = |name: &str, value| Counter { name: name.to_owned(), value };
-        let mut counters = vec![
-            counter("free_cells", self.world.coverage().free_cells() as u64),
-            counter("decisions", self.decisions),
-            counter("failed_searches", self.failed_searches.iter().copied().map(u64::from).sum()),
-            counter("scans", totals.scans),
-            counter("scans_cast", totals.scans_cast),
-            counter("collisions", totals.collisions),
-            counter("parcels_sent", totals.parcels_sent),
-            counter("parcels_delivered", totals.parcels_delivered),
-            counter("parcels_out_of_contact", totals.parcels_out_of_contact),
-            counter("parcels_inbox_full", totals.parcels_inbox_full),
-            counter("parcel_bytes_delivered", totals.parcel_bytes_delivered),
-            counter("agents_dropped", self.lost.len() as u64),
-        ];
-        let kinds = totals.parcel_bytes_by_kind.iter();
-        counters.extend(kinds.map(|(kind, &bytes)| counter(&format!("parcel_bytes_delivered_kind_{kind}"), bytes)));
-        let milestones = self.world.coverage().milestones();
-        counters.extend(milestones.map(|(permille, tick)| counter(&format!("{MILESTONE_COUNTER}{permille}"), tick.0)));
-        counters.extend(self.exchange.refusals().map(|(name, value)| counter(name, value)));
-        counters
-    }
-
     fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 }
-
-/// The counter of the tick in which the team had seen so many thousandths of the free cells, up to that number.
-pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
 
 /// Wall time.
 #[expect(

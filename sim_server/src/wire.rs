@@ -19,7 +19,7 @@ use voxels::Extent;
 
 use crate::lockstep::Wake;
 use crate::scenario::{AgentsSection, Scenario};
-use crate::world::body::Motion;
+use crate::world::body::{Motion, Pose};
 use crate::world::collision::Surface;
 use crate::world::comms::{Parcel, Peer};
 use crate::world::{Action, LidarRequest, Observation, World};
@@ -30,7 +30,7 @@ const CONTACT_BYTES: usize = 32;
 const RUN_BYTES: usize = 6;
 
 /// The frame of the world.
-const MAP_FRAME: &str = "map";
+pub const MAP_FRAME: &str = "map";
 
 /// The header of something of a tick in the frame `map`.
 #[must_use]
@@ -358,17 +358,38 @@ pub(crate) fn body_frame(agent: AgentId) -> String {
     format!("agent_{agent}/base_link")
 }
 
+/// A pose as it is sent.
+#[must_use]
+pub fn pose(pose: &Pose) -> geometry_msgs::Pose {
+    geometry_msgs::Pose { position: point(&pose.position), orientation: rotation(pose.yaw_rad) }
+}
+
 /// The rotation about the vertical.
 pub(crate) fn rotation(yaw_rad: f64) -> geometry_msgs::Quaternion {
     let (sin, cos) = libm::sincos(yaw_rad * 0.5);
     geometry_msgs::Quaternion { x: 0.0, y: 0.0, z: sin, w: cos }
 }
 
+/// What was done to an agent before this tick: its body was put at a pose, or it was taken out of the run.
+#[must_use]
+pub fn intervention(tick: Tick, agent: AgentId, placed: Option<&Pose>) -> maes_msgs::Intervention {
+    maes_msgs::Intervention {
+        header: header(tick),
+        tick: tick.0,
+        kind: if placed.is_some() { maes_msgs::Intervention::PLACE } else { maes_msgs::Intervention::REMOVE },
+        agent: agent.0,
+        position: placed.map(|pose| point(&pose.position)).unwrap_or_default(),
+        yaw_rad: placed.map_or(0.0, |pose| pose.yaw_rad),
+    }
+}
+
 pub(crate) fn point(point: &Point3<f64>) -> geometry_msgs::Point {
     geometry_msgs::Point { x: point.x, y: point.y, z: point.z }
 }
 
-pub(crate) fn vector(vector: &Vector3<f64>) -> geometry_msgs::Vector3 {
+/// A vector as it is sent.
+#[must_use]
+pub fn vector(vector: &Vector3<f64>) -> geometry_msgs::Vector3 {
     geometry_msgs::Vector3 { x: vector.x, y: vector.y, z: vector.z }
 }
 

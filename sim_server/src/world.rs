@@ -269,6 +269,22 @@ impl World {
         &self.agents[agent.index()].body
     }
 
+    /// Puts a body somewhere, at rest. Its task has ended, as its agent is told.
+    ///
+    /// # Errors
+    /// What is in the way, if there is no room; then nothing changes.
+    pub fn place(&mut self, agent: AgentId, pose: Pose) -> Result<(), &'static str> {
+        let radius_m = self.params.body.radius_m;
+        let others = self.spheres.iter().enumerate().filter(|(other, _)| *other != agent.index());
+        spawn::check_room(&self.terrain, others.map(|(_, sphere)| sphere), &pose.position, radius_m)?;
+        let state = &mut self.agents[agent.index()];
+        state.body = Body::at_rest(pose);
+        state.untold.events |= TASK_DONE;
+        self.contacts = None;
+        self.settle(agent.index());
+        Ok(())
+    }
+
     /// Notes how many free cells an agent says are on its map.
     pub fn note_belief(&mut self, agent: AgentId, known_free: u32) {
         self.coverage.believe(agent, known_free);
@@ -465,7 +481,8 @@ impl World {
     }
 
     fn move_bodies(&mut self) {
-        for (index, state) in self.agents.iter_mut().enumerate() {
+        for index in 0..self.agents.len() {
+            let state = &mut self.agents[index];
             let obstacles = Obstacles::new(&self.terrain, &self.spheres, index);
             let moved = state.body.advance(&self.params.body, &obstacles, Tick::TICK_S);
             state.distance_m += moved.distance_m;
@@ -476,15 +493,21 @@ impl World {
                 state.untold.events |= COLLISION;
                 self.totals.collisions += 1;
             }
-            let position = state.body.pose().position;
-            self.spheres[index].centre = position;
-            let cell = self.terrain.extent().cell_of(&position);
-            if cell != state.cell {
-                assert_eq!(self.terrain.get(cell), Some(&Terrain::Free), "agent {index} has left free space");
-                state.cell = cell;
-                state.untold.events |= NEW_CELL;
-                self.coverage.cover(AgentId::from_index(index), index_of(&self.terrain, cell));
-            }
+            self.settle(index);
+        }
+    }
+
+    /// Takes note of where a body has come to.
+    fn settle(&mut self, index: usize) {
+        let state = &mut self.agents[index];
+        let position = state.body.pose().position;
+        self.spheres[index].centre = position;
+        let cell = self.terrain.extent().cell_of(&position);
+        if cell != state.cell {
+            assert_eq!(self.terrain.get(cell), Some(&Terrain::Free), "agent {index} has left free space");
+            state.cell = cell;
+            state.untold.events |= NEW_CELL;
+            self.coverage.cover(AgentId::from_index(index), index_of(&self.terrain, cell));
         }
     }
 

@@ -40,11 +40,33 @@ pub enum SettingError {
 /// Ticks that a search takes in the background: 0.5 s.
 const BACKGROUND_TICKS: u64 = 25;
 
+/// A setting that a controller has taken.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Taken {
+    /// Its key.
+    pub key: &'static str,
+    /// What it is: given, or the default.
+    pub value: TakenValue,
+    /// What is allowed, in words.
+    pub allowed: String,
+}
+
+/// The value of a setting.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TakenValue {
+    /// A number, and the least and the greatest that is allowed.
+    Number(f64, f64, f64),
+    /// A whole number, and the least and the greatest that is allowed.
+    Integer(u64, u64, u64),
+    /// One of several words.
+    Word(String),
+}
+
 /// The settings that have not been taken yet.
 #[derive(Debug, Clone, Default)]
 pub struct Settings {
     left: BTreeMap<String, String>,
-    known: Vec<&'static str>,
+    taken: Vec<Taken>,
 }
 
 impl Settings {
@@ -60,7 +82,7 @@ impl Settings {
                 assignment.map(|(key, value)| (key.trim().to_owned(), value.trim().to_owned()))
             })
             .collect::<Result<_, _>>()?;
-        Ok(Self { left, known: Vec::new() })
+        Ok(Self { left, taken: Vec::new() })
     }
 
     /// Takes a number from `low` to `high`.
@@ -68,18 +90,12 @@ impl Settings {
     /// # Errors
     /// If the value is no such number.
     pub fn number(&mut self, key: &'static str, default: f64, low: f64, high: f64) -> Result<f64, SettingError> {
-        self.known.push(key);
-        let Some(value) = self.left.remove(key) else {
-            return Ok(default);
-        };
-        match value.parse::<f64>() {
-            Ok(number) if number >= low && number <= high => Ok(number),
-            _ => Err(SettingError::Value {
-                key: key.to_owned(),
-                value,
-                allowed: format!("expected a number from {low} to {high}"),
-            }),
-        }
+        let allowed = format!("expected a number from {low} to {high}");
+        let number = self.parsed(key, default, &allowed, |text| {
+            text.parse().ok().filter(|number: &f64| *number >= low && *number <= high)
+        })?;
+        self.taken.push(Taken { key, value: TakenValue::Number(number, low, high), allowed });
+        Ok(number)
     }
 
     /// Takes `search_time`, what the search for a path costs: `instant` (nothing, the default), `budgeted` (a tick for every
@@ -104,44 +120,50 @@ impl Settings {
     /// # Errors
     /// If the value is no such number.
     pub fn integer(&mut self, key: &'static str, default: u64, low: u64, high: u64) -> Result<u64, SettingError> {
-        self.known.push(key);
-        let Some(value) = self.left.remove(key) else {
-            return Ok(default);
-        };
-        match value.parse::<u64>() {
-            Ok(number) if (low..=high).contains(&number) => Ok(number),
-            _ => Err(SettingError::Value {
-                key: key.to_owned(),
-                value,
-                allowed: format!("expected a whole number from {low} to {high}"),
-            }),
-        }
+        let allowed = format!("expected a whole number from {low} to {high}");
+        let number = self
+            .parsed(key, default, &allowed, |text| text.parse().ok().filter(|number| (low..=high).contains(number)))?;
+        self.taken.push(Taken { key, value: TakenValue::Integer(number, low, high), allowed });
+        Ok(number)
     }
 
     /// Takes one of several words, as its position among them. The default is the first one.
     ///
     /// # Errors
     /// If the value is none of them.
-    pub fn word(&mut self, key: &'static str, allowed: &[&str]) -> Result<usize, SettingError> {
-        self.known.push(key);
-        let Some(value) = self.left.remove(key) else {
-            return Ok(0);
-        };
-        allowed.iter().position(|word| *word == value).ok_or_else(|| SettingError::Value {
-            key: key.to_owned(),
-            value,
-            allowed: format!("expected one of {}", allowed.join(", ")),
-        })
+    pub fn word(&mut self, key: &'static str, words: &[&str]) -> Result<usize, SettingError> {
+        let allowed = format!("expected one of {}", words.join(", "));
+        let position = self.parsed(key, 0, &allowed, |text| words.iter().position(|word| *word == text))?;
+        let value = words.get(position).map(ToString::to_string).unwrap_or_default();
+        self.taken.push(Taken { key, value: TakenValue::Word(value), allowed });
+        Ok(position)
     }
 
-    /// To be called when all known keys have been taken.
+    /// Takes what `parse` makes of a value, or the default if there is none.
+    fn parsed<V>(
+        &mut self,
+        key: &'static str,
+        default: V,
+        allowed: &str,
+        parse: impl FnOnce(&str) -> Option<V>,
+    ) -> Result<V, SettingError> {
+        let Some(value) = self.left.remove(key) else {
+            return Ok(default);
+        };
+        parse(&value).ok_or_else(|| SettingError::Value { key: key.to_owned(), value, allowed: allowed.to_owned() })
+    }
+
+    /// To be called when all known keys have been taken: which they were.
     ///
     /// # Errors
     /// If there are others.
-    pub fn finish(self) -> Result<(), SettingError> {
+    pub fn finish(self) -> Result<Vec<Taken>, SettingError> {
         match self.left.into_keys().next() {
-            None => Ok(()),
-            Some(key) => Err(SettingError::Unknown { key, known: self.known.join(", ") }),
+            None => Ok(self.taken),
+            Some(key) => {
+                let known: Vec<&str> = self.taken.iter().map(|taken| taken.key).collect();
+                Err(SettingError::Unknown { key, known: known.join(", ") })
+            }
         }
     }
 }

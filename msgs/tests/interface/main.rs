@@ -45,8 +45,8 @@ fn cases() -> Vec<Case> {
             Vector3
         }
         maes_msgs {
-            Body CellRuns Command Contact Counter Digest Join JoinReply Lidar LidarRequest Observation Parcel Progress
-            Result Scenario Task Wake
+            Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar LidarRequest Observation Parcel
+            Progress Result Scenario Task Wake
         }
         nav_msgs { Odometry Path }
         rcl_interfaces { Log }

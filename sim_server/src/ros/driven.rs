@@ -19,6 +19,7 @@ use msgs::sensor_msgs::PointCloud2;
 use msgs::topics;
 use ros2_client::{Context, Node};
 
+use super::Item;
 use super::views::Gallery;
 use crate::link::{Inbound, Incoming, SourceId};
 use crate::twist;
@@ -55,7 +56,7 @@ impl Driven {
         agents: &BTreeSet<AgentId>,
         workshop: &mut Workshop,
         node: &mut Node,
-        inbox: &mut Inbox<Option<Incoming>>,
+        inbox: &mut Inbox<Item>,
         own_run: &Rc<Cell<Option<u64>>>,
     ) -> Result<Self, RosError> {
         let mut driven = BTreeMap::new();
@@ -63,10 +64,10 @@ impl Driven {
             let entry = DrivenAgent::default();
             let (asked, own_run) = (Rc::clone(&entry.asked), Rc::clone(own_run));
             workshop.inlet(node, &topics::cmd_vel(agent), inbox, move |sample: Sample<TwistStamped>| {
-                let run = own_run.get().filter(|_| asked.get().is_some())?;
+                let Some(run) = own_run.get().filter(|_| asked.get().is_some()) else { return Item::Nothing };
                 let command = sample.message.and_then(|twist| twist::command(run, agent, &twist));
                 let message = command.map_or_else(|reason| Inbound::Undecodable { reason }, Inbound::Command);
-                Some(Incoming { topic_agent: agent, source: SourceId(sample.source), message })
+                Item::Agent(Incoming { topic_agent: agent, source: SourceId(sample.source), message })
             })?;
             driven.insert(agent, entry);
         }

@@ -17,6 +17,7 @@ use msgs::sensor_msgs::PointCloud2;
 
 use super::log::Log;
 use super::{Watcher, now};
+use crate::control::Request;
 use crate::link::{Inbound, Incoming, Level, Link, SourceId};
 use crate::lockstep::{Barrier, Claim, Refusal, Roster, Seat, Wake};
 use crate::recorder::RecordError;
@@ -32,7 +33,7 @@ const SEND_AGAIN_FIRST: Duration = Duration::from_millis(100);
 const SEND_AGAIN_MAX: Duration = Duration::from_secs(1);
 
 /// Wall time for which the loop waits for a message before it looks at its other duties.
-const PATIENCE: Duration = Duration::from_millis(50);
+pub(super) const PATIENCE: Duration = Duration::from_millis(50);
 
 /// Wall time between two looks at the inbox that counts as waiting for an answer, at the most.
 const LOOK_MAX: Duration = Duration::from_millis(200);
@@ -104,6 +105,8 @@ impl Meanwhile<'_> {
 /// The server's side of the protocol over a link.
 pub(super) struct Exchange<'a> {
     link: &'a mut dyn Link,
+    /// One that has come and was not taken yet.
+    request: Option<Request>,
     /// Tells the messages of this run from those of any other. It must not get into the recording or the digest.
     run: u64,
     agents: u32,
@@ -118,6 +121,7 @@ impl<'a> Exchange<'a> {
     pub(super) fn new(link: &'a mut dyn Link, run: u64, agents: u32) -> Self {
         Self {
             link,
+            request: None,
             run,
             agents,
             roster: Roster::new(agents),
@@ -170,6 +174,23 @@ impl<'a> Exchange<'a> {
         self.link.other_run()
     }
 
+    /// See [`Link::request`].
+    pub(super) fn request(&mut self) -> Option<Request> {
+        self.request.take().or_else(|| self.link.request())
+    }
+
+    /// Whether there is a request.
+    pub(super) fn is_asked(&mut self) -> bool {
+        self.request = self.request();
+        self.request.is_some()
+    }
+
+    /// What an agent runs, by agent, as far as they have joined.
+    pub(super) fn controllers(&self) -> Vec<String> {
+        let label = |agent| self.roster.seat(AgentId(agent)).map(|seat| seat.controller.clone()).unwrap_or_default();
+        (0..self.agents).map(label).collect()
+    }
+
     /// Ids that nobody has claimed, ascending.
     pub(super) fn missing(&self) -> Vec<AgentId> {
         self.roster.missing()
@@ -190,26 +211,18 @@ impl<'a> Exchange<'a> {
         Refusal::COUNTERS.into_iter().map(|name| (name, self.refusals[name]))
     }
 
-    /// Takes in messages of agents that join, for a moment.
-    pub(super) fn admit(&mut self, mut meanwhile: Meanwhile<'_>) -> Result<(), RecordError> {
-        self.idle(Tick::ZERO, PATIENCE, &mut meanwhile)
-    }
-
-    /// Takes in messages while nobody is asked, for this long or until it is stopped; `tick` is the one that comes next.
-    pub(super) fn idle(
+    /// Takes in a message while nobody is asked, or waits so long for one, or until somebody asks something; `tick` is the one
+    /// that comes next.
+    pub(super) fn listen(
         &mut self,
         tick: Tick,
         wait: Duration,
         meanwhile: &mut Meanwhile<'_>,
     ) -> Result<(), RecordError> {
-        let mut nobody = Barrier::new(tick, BTreeSet::new());
-        let end = now() + wait;
-        while let Some(left) = end.checked_duration_since(now())
-            && meanwhile.goes_on()?
+        if meanwhile.goes_on()?
+            && let Some(incoming) = self.link.receive(wait.min(PATIENCE))
         {
-            if let Some(incoming) = self.link.receive(left.min(PATIENCE)) {
-                self.handle(incoming, &mut nobody, meanwhile.watcher);
-            }
+            self.handle(incoming, &mut Barrier::new(tick, BTreeSet::new()), meanwhile.watcher);
         }
         Ok(())
     }

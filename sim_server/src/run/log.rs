@@ -24,6 +24,7 @@ pub(super) enum Kind {
     Digest,
     Result,
     Transforms,
+    Intervention,
     Join(AgentId),
     Observation(AgentId),
     Command(AgentId),
@@ -32,7 +33,7 @@ pub(super) enum Kind {
 /// The recording and the encoding of messages, which the digest needs in any case.
 pub(super) struct Log {
     recorder: Option<Recorder>,
-    sim_topics: [Topic; 5],
+    sim_topics: [Topic; 6],
     agent_topics: Vec<[Topic; 3]>,
     /// Of the views that have been recorded so far.
     view_topics: BTreeMap<View, Topic>,
@@ -45,7 +46,14 @@ impl Log {
         let of_agent = |agent| [topics::join(agent), topics::observation(agent), topics::command(agent)];
         Self {
             recorder,
-            sim_topics: [topics::scenario(), topics::progress(), topics::digest(), topics::result(), topics::tf()],
+            sim_topics: [
+                topics::scenario(),
+                topics::progress(),
+                topics::digest(),
+                topics::result(),
+                topics::tf(),
+                topics::intervention(),
+            ],
             agent_topics: (0..agents).map(AgentId).map(of_agent).collect(),
             view_topics: BTreeMap::new(),
             bytes: Vec::new(),
@@ -132,6 +140,7 @@ impl Log {
             Kind::Digest => &self.sim_topics[2],
             Kind::Result => &self.sim_topics[3],
             Kind::Transforms => &self.sim_topics[4],
+            Kind::Intervention => &self.sim_topics[5],
             Kind::Join(agent) => &self.agent_topics[agent.index()][0],
             Kind::Observation(agent) => &self.agent_topics[agent.index()][1],
             Kind::Command(agent) => &self.agent_topics[agent.index()][2],

@@ -7,14 +7,10 @@ use std::time::Duration;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs;
 
-use super::exchange::Meanwhile;
 use super::{Run, RunError, now};
 use crate::digest::Digest;
 use crate::link::Level;
 use crate::views::{self, Facts, Picture, View};
-
-/// Wall time between two looks at who wants to see what, while a run is held back.
-const PERIOD: Duration = Duration::from_millis(20);
 
 impl Run<'_> {
     /// Records the views that the scenario has recorded, at the start of a tick.
@@ -55,14 +51,6 @@ impl Run<'_> {
         if self.views.may_show(view, listeners, nanoseconds(self.started.elapsed())) {
             self.exchange.show(view, &picture);
         }
-    }
-
-    /// Shows what there is while the loop has nothing to do, for a moment: at most this long.
-    pub(super) fn idle(&mut self, longest: Duration) -> Result<(), RunError> {
-        let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop };
-        self.exchange.idle(self.world.tick(), longest.min(PERIOD), &mut meanwhile)?;
-        self.show();
-        Ok(())
     }
 
     /// Shows how the run has ended.

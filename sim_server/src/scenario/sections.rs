@@ -206,6 +206,8 @@ pub struct ExecutionSection {
     pub look_ahead: bool,
     /// Sim seconds for each second of wall time.
     pub rtf: Rtf,
+    /// Whether the run begins paused, at tick 0, until somebody lets it go on through a service.
+    pub paused: bool,
     /// How long to wait for all agents at the start, wall seconds.
     pub join_timeout_s: f64,
     /// How long to wait for a decision, wall seconds.
@@ -220,7 +222,8 @@ impl Default for ExecutionSection {
         Self {
             threads: 0,
             look_ahead: true,
-            rtf: Rtf::Max(MaxWord::Max),
+            rtf: Rtf::MAX,
+            paused: false,
             join_timeout_s: 60.0,
             decision_timeout_s: 10.0,
             record: None,
@@ -335,6 +338,11 @@ pub enum Rtf {
     Max(MaxWord),
     /// Sim seconds for each second of wall time, at the most.
     Limit(f64),
+}
+
+impl Rtf {
+    /// As fast as possible.
+    pub const MAX: Self = Self::Max(MaxWord::Max);
 }
 
 /// The word `max`.

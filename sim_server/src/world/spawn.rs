@@ -165,16 +165,30 @@ fn listed(
         }
         let no_room =
             |reason| SpawnError::NoRoom { index, position: [position.x, position.y, position.z], radius_m, reason };
-        if !has_room_from_walls(terrain, &position, radius_m) {
-            return Err(no_room("a wall or the end of the map is too near"));
-        }
-        if bodies.iter().any(|other| (other.centre - position).norm() < radius_m + other.radius_m) {
-            return Err(no_room("an agent that comes before it in the list is too near"));
-        }
+        check_room(terrain, &bodies, &position, radius_m).map_err(no_room)?;
         bodies.push(Sphere { centre: position, radius_m });
         poses.push(Pose { position, yaw_rad });
     }
     Ok(poses)
+}
+
+/// Whether a body can be there.
+///
+/// # Errors
+/// What is in the way.
+pub(super) fn check_room<'a>(
+    terrain: &Grid<Terrain>,
+    others: impl IntoIterator<Item = &'a Sphere>,
+    position: &Point3<f64>,
+    radius_m: f64,
+) -> Result<(), &'static str> {
+    if !has_room_from_walls(terrain, position, radius_m) {
+        return Err("a wall or the end of the map is too near");
+    }
+    if others.into_iter().any(|other| (other.centre - position).norm() < radius_m + other.radius_m) {
+        return Err("another agent is too near");
+    }
+    Ok(())
 }
 
 /// Whether a sphere at rest keeps clear of every wall and of the end of the map.

@@ -274,3 +274,24 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_body_is_put_where_there_is_room_and_its_agent_is_told() {
+    let mut world = World::new(two_rooms(), params(), &[at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5)]);
+    world.step(BTreeMap::from([(A, action(endless(0.0)))]));
+    assert!(world.body(A).is_active());
+    let moved = world.body(A).pose().position;
+    for (x, y) in [(4.5, 1.5), (3.7, 1.5), (6.0, 1.5), (100.0, 1.5), (f64::MAX, 1.5)] {
+        assert!(world.place(A, at(x, y, 1.5)).is_err(), "{x}, {y}");
+    }
+    assert_eq!(world.body(A).pose().position, moved);
+    world.observe(A, Since::LastCounted);
+    let pairs = world.pairs_in_contact();
+    world.place(A, at(2.5, 3.5, 1.5)).unwrap();
+    assert_eq!((world.body(A).is_active(), world.body(A).pose().position.x), (false, 2.5));
+    assert_eq!(world.events(A, TASK_DONE | NEW_CELL), TASK_DONE | NEW_CELL);
+    assert_eq!((pairs, world.pairs_in_contact()), (0, 0));
+    world.place(B, at(5.5, 2.5, 1.5)).unwrap();
+    world.place(A, at(2.5, 2.5, 1.5)).unwrap();
+    assert_eq!(world.pairs_in_contact(), 1, "they see each other through the door");
+}

@@ -1,0 +1,332 @@
+//! What people may ask of a run, and what it does about it: the state of the simulation by the standard.
+//!
+//! [`Control`] is a pure state machine: which states there are, which way leads from one to another, how many steps are to be
+//! made. It is asked before each tick whether there is to be one. [`entities`] finds agents and tells of them.
+//!
+//! Invariants: time passes only in `PLAYING`; after the last of the steps that were asked for the state is `PAUSED`; a request
+//! that is refused changes nothing.
+//!
+//! | from, to | `STOPPED` | `PLAYING` | `PAUSED` | `QUITTING` |
+//! |---|---|---|---|---|
+//! | `STOPPED` | 101 | yes | yes | yes |
+//! | `PLAYING` | unsupported | 101 | yes; ends steps under way | yes |
+//! | `PAUSED` | unsupported | yes | 101 | yes |
+//! | `QUITTING` | 103 | 103 | 103 | 101 |
+//!
+//! This module knows no transport and no wall time, and carries out nothing: `run/control.rs` does.
+
+pub mod entities;
+
+use msgs::service::Ask;
+use msgs::simulation_interfaces::{
+    self as standard, ALREADY_IN_TARGET_STATE, DeleteEntity, GetEntities, GetEntitiesStates, GetEntityBounds,
+    GetEntityInfo, GetEntityState, GetSimulationState, GetSimulatorFeatures, INCORRECT_TRANSITION, ResetSimulation,
+    Result as Outcome, SetEntityState, SetSimulationState, SimulationState, SimulatorFeatures, SpawnEntity,
+    StepSimulation,
+};
+
+use crate::scenario::Rtf;
+
+/// A request with the way to answer it.
+pub enum Request {
+    /// What the server can do.
+    Features(Ask<GetSimulatorFeatures>),
+    /// The state of the simulation.
+    State(Ask<GetSimulationState>),
+    /// To be in that state.
+    SetState(Ask<SetSimulationState>),
+    /// To make steps, and answer then.
+    Step(Ask<StepSimulation>),
+    /// To make steps, and tell after each.
+    Steps(Box<dyn Steps>),
+    /// To end the steps of which it tells after each.
+    CancelSteps,
+    /// To begin again.
+    Reset(Ask<ResetSimulation>),
+    /// Which agents there are.
+    Entities(Ask<GetEntities>),
+    /// Where one is.
+    EntityState(Ask<GetEntityState>),
+    /// Where some are.
+    EntitiesStates(Ask<GetEntitiesStates>),
+    /// What one is.
+    EntityInfo(Ask<GetEntityInfo>),
+    /// How large one is.
+    EntityBounds(Ask<GetEntityBounds>),
+    /// To put one somewhere.
+    SetEntityState(Ask<SetEntityState>),
+    /// To take one out of the run.
+    Delete(Ask<DeleteEntity>),
+    /// To add one.
+    Spawn(Ask<SpawnEntity>),
+    /// To go at this pace.
+    Rtf(Rtf),
+}
+
+/// Somebody who wants steps and is told after each one.
+pub trait Steps {
+    /// How many.
+    fn steps(&self) -> u64;
+    /// So many are done, and so many are not.
+    fn tell(&self, done: u64, left: u64);
+    /// That is all.
+    fn end(self: Box<Self>, outcome: Outcome);
+}
+
+/// What the server can do, and nothing else.
+#[must_use]
+pub fn features() -> SimulatorFeatures {
+    SimulatorFeatures {
+        features: vec![
+            SimulatorFeatures::DELETING,
+            SimulatorFeatures::ENTITY_TAGS,
+            SimulatorFeatures::ENTITY_BOUNDS,
+            SimulatorFeatures::ENTITY_BOUNDS_BOX,
+            SimulatorFeatures::ENTITY_CATEGORIES,
+            SimulatorFeatures::ENTITY_STATE_GETTING,
+            SimulatorFeatures::ENTITY_STATE_SETTING,
+            SimulatorFeatures::ENTITY_INFO_GETTING,
+            SimulatorFeatures::SIMULATION_STATE_GETTING,
+            SimulatorFeatures::SIMULATION_STATE_SETTING,
+            SimulatorFeatures::SIMULATION_STATE_PAUSE,
+            SimulatorFeatures::STEP_SIMULATION_SINGLE,
+            SimulatorFeatures::STEP_SIMULATION_MULTIPLE,
+            SimulatorFeatures::STEP_SIMULATION_ACTION,
+        ],
+        spawn_formats: Vec::new(),
+        custom_info:
+            "lock-step: a step is a fixed update of 20 ms; entities are the agents; states can be set in a paused \
+                      simulation"
+                .to_owned(),
+    }
+}
+
+/// The state of a simulation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum State {
+    /// At tick 0, and not begun.
+    Stopped,
+    /// Time passes.
+    Playing,
+    /// Time stands still.
+    Paused,
+    /// The run ends.
+    Quitting,
+}
+
+impl State {
+    /// As the standard numbers it.
+    #[must_use]
+    pub fn number(self) -> u8 {
+        match self {
+            Self::Stopped => SimulationState::STOPPED,
+            Self::Playing => SimulationState::PLAYING,
+            Self::Paused => SimulationState::PAUSED,
+            Self::Quitting => SimulationState::QUITTING,
+        }
+    }
+}
+
+/// Steps that were asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Stepping {
+    done: u64,
+    left: u64,
+}
+
+/// The state machine.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Control {
+    state: State,
+    stepping: Option<Stepping>,
+}
+
+impl Control {
+    /// At tick 0; one that is not paused plays as soon as it can.
+    #[must_use]
+    pub fn new(is_paused: bool) -> Self {
+        Self { state: if is_paused { State::Stopped } else { State::Playing }, stepping: None }
+    }
+
+    /// The state. While steps are made, time passes.
+    #[must_use]
+    pub fn state(&self) -> State {
+        if self.stepping.is_some() { State::Playing } else { self.state }
+    }
+
+    /// Whether there is to be a tick now.
+    #[must_use]
+    pub fn may_tick(&self) -> bool {
+        self.state() == State::Playing
+    }
+
+    /// Whether ticks are made because they were asked for one by one: no pace holds them back.
+    #[must_use]
+    pub fn is_stepping(&self) -> bool {
+        self.stepping.is_some()
+    }
+
+    /// Whether the world may be changed by hand: it stands still, and does not end.
+    #[must_use]
+    pub fn is_at_rest(&self) -> bool {
+        matches!(self.state(), State::Stopped | State::Paused)
+    }
+
+    /// Goes to a state by its number.
+    ///
+    /// # Errors
+    /// The answer that says why not.
+    pub fn set_state(&mut self, number: u8) -> Result<(), Outcome> {
+        let state = self.state();
+        if number == state.number() {
+            return Err(Outcome::failure(ALREADY_IN_TARGET_STATE, format!("the simulation is {state:?} already")));
+        }
+        if state == State::Quitting {
+            return Err(Outcome::failure(INCORRECT_TRANSITION, "the simulation is about to end"));
+        }
+        self.state = match number {
+            SimulationState::PLAYING => State::Playing,
+            SimulationState::PAUSED => State::Paused,
+            SimulationState::QUITTING => State::Quitting,
+            SimulationState::STOPPED => return Err(no_way_back()),
+            other => {
+                return Err(Outcome::failure(
+                    INCORRECT_TRANSITION,
+                    format!("state = {other}: expected 1 (PLAYING), 2 (PAUSED) or 3 (QUITTING)"),
+                ));
+            }
+        };
+        self.stepping = None;
+        Ok(())
+    }
+
+    /// Begins to make steps.
+    ///
+    /// # Errors
+    /// The answer that says why not.
+    pub fn step(&mut self, steps: u64) -> Result<(), Outcome> {
+        if !self.is_at_rest() {
+            let reason = format!("the simulation is {:?}: pause it before steps", self.state());
+            return Err(Outcome::failure(Outcome::INCORRECT_STATE, reason));
+        }
+        if steps == 0 {
+            return Err(Outcome::failure(Outcome::OPERATION_FAILED, "steps = 0: expected at least 1"));
+        }
+        self.state = State::Paused;
+        self.stepping = Some(Stepping { done: 0, left: steps });
+        Ok(())
+    }
+
+    /// A tick has been made: how many of the steps are done and how many are not, if it was one of them.
+    pub fn ticked(&mut self) -> Option<(u64, u64)> {
+        let stepping = self.stepping.as_mut()?;
+        stepping.done += 1;
+        stepping.left -= 1;
+        let Stepping { done, left } = *stepping;
+        if left == 0 {
+            self.stepping = None;
+        }
+        Some((done, left))
+    }
+
+    /// Makes no more steps.
+    pub fn end_steps(&mut self) {
+        self.stepping = None;
+    }
+}
+
+/// A run begins once.
+fn no_way_back() -> Outcome {
+    Outcome::failure(
+        Outcome::FEATURE_UNSUPPORTED,
+        "a run cannot begin again: end it with state 3 (QUITTING) and start the same scenario anew",
+    )
+}
+
+/// The answer to `ResetSimulation`.
+#[must_use]
+pub fn reset() -> standard::ResultResponse {
+    standard::ResultResponse { result: no_way_back() }
+}
+
+/// The answer to `SpawnEntity`.
+#[must_use]
+pub fn spawn() -> standard::SpawnEntityResponse {
+    let reason = "the team is set by the scenario: agents.count";
+    standard::SpawnEntityResponse {
+        result: Outcome::failure(Outcome::FEATURE_UNSUPPORTED, reason),
+        entity_name: String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn in_state(state: State) -> Control {
+        Control { state, stepping: None }
+    }
+
+    /// The code of an answer.
+    fn code(done: Result<(), Outcome>) -> u8 {
+        done.map_or_else(|outcome| outcome.result, |()| Outcome::OK)
+    }
+
+    #[test]
+    fn every_way_from_every_state() {
+        let to =
+            [SimulationState::STOPPED, SimulationState::PLAYING, SimulationState::PAUSED, SimulationState::QUITTING];
+        for (from, codes) in [
+            (State::Stopped, [101, 1, 1, 1]),
+            (State::Playing, [0, 101, 1, 1]),
+            (State::Paused, [0, 1, 101, 1]),
+            (State::Quitting, [103, 103, 103, 101]),
+        ] {
+            for (target, expected) in to.into_iter().zip(codes) {
+                let mut control = in_state(from);
+                assert_eq!(code(control.set_state(target)), expected, "{from:?} to {target}");
+                let reached = if expected == 1 { target } else { from.number() };
+                assert_eq!(control.state().number(), reached, "{from:?} to {target}");
+            }
+            for nonsense in [4, 5, 200] {
+                assert_eq!(code(in_state(from).set_state(nonsense)), 103);
+            }
+        }
+    }
+
+    #[test]
+    fn steps_are_counted_and_end_in_a_pause() {
+        for from in [State::Stopped, State::Paused] {
+            let mut control = in_state(from);
+            assert!(!control.may_tick());
+            control.step(2).unwrap();
+            assert!(control.may_tick() && control.is_stepping() && !control.is_at_rest());
+            assert_eq!(code(control.step(1)), Outcome::INCORRECT_STATE);
+            assert_eq!(control.ticked(), Some((1, 1)));
+            assert_eq!(control.ticked(), Some((2, 0)));
+            assert_eq!((control.state(), control.may_tick()), (State::Paused, false));
+        }
+        assert_eq!(code(in_state(State::Playing).step(1)), Outcome::INCORRECT_STATE);
+        assert_eq!(code(in_state(State::Paused).step(0)), Outcome::OPERATION_FAILED);
+        assert_eq!(in_state(State::Playing).ticked(), None);
+    }
+
+    #[test]
+    fn steps_under_way_can_be_ended() {
+        for (target, reached) in
+            [(SimulationState::PAUSED, State::Paused), (SimulationState::QUITTING, State::Quitting)]
+        {
+            let mut control = in_state(State::Paused);
+            control.step(u64::MAX).unwrap();
+            assert_eq!(control.ticked(), Some((1, u64::MAX - 1)));
+            control.set_state(target).unwrap();
+            assert_eq!((control.state(), control.is_stepping()), (reached, false));
+        }
+    }
+
+    #[test]
+    fn a_run_plays_unless_it_is_to_begin_paused() {
+        assert_eq!(Control::new(false).state(), State::Playing);
+        assert_eq!(Control::new(true).state(), State::Stopped);
+    }
+}

@@ -1,0 +1,295 @@
+//! The agents as the entities of the standard: which there are, where they are, and where they can be put.
+//!
+//! Entity `agent_3` is agent 3: category `ROBOT`, with a tag that is its controller. Its state is the truth, in the frame `map`.
+//!
+//! Invariant: whatever is asked for, an answer fits into a datagram ([`ANSWER_BYTES_MAX`]); what does not is refused.
+
+use msgs::cdr;
+use msgs::geometry_msgs::{Accel, Quaternion, Twist, Vector3 as Triple};
+use msgs::ids::AgentId;
+use msgs::limits::ANSWER_BYTES_MAX;
+use msgs::simulation_interfaces::{
+    Bounds, EntitiesResponse, EntitiesStatesResponse, EntityBoundsResponse, EntityCategory, EntityFilters, EntityInfo,
+    EntityInfoResponse, EntityState, EntityStateResponse, INVALID_POSE, Result as Outcome, SetEntityStateRequest,
+    TagsFilter,
+};
+use nalgebra::{Point3, Vector3};
+use regex::{Regex, RegexBuilder};
+use serde::Serialize;
+
+use crate::wire;
+use crate::world::World;
+use crate::world::body::Pose;
+
+/// Bytes of a regular expression at the most, and of what it is compiled to.
+const FILTER_BYTES_MAX: usize = 1024;
+const FILTER_SIZE_MAX: usize = 1 << 20;
+
+/// Characters of a text of somebody else that are told.
+const TEXT_CHARS_MAX: usize = 200;
+
+/// How far an orientation may be from upright, and its length from 1.
+const TILT_MAX: f64 = 1e-3;
+
+/// What there is to know of the agents beside the world.
+#[derive(Debug, Clone, Copy)]
+pub struct Team<'a> {
+    /// The true world.
+    pub world: &'a World,
+    /// What each agent runs, by agent.
+    pub controllers: &'a [String],
+    /// Whether an agent has left the run, by agent.
+    pub has_left: &'a [bool],
+    /// Radius of a body, metres.
+    pub radius_m: f64,
+}
+
+/// The name of an agent as an entity.
+#[must_use]
+pub fn name(agent: AgentId) -> String {
+    format!("agent_{agent}")
+}
+
+impl Team<'_> {
+    /// The agents that take part, ascending.
+    fn agents(&self) -> impl Iterator<Item = AgentId> {
+        self.world.agents().filter(|agent| !self.has_left.get(agent.index()).copied().unwrap_or(false))
+    }
+
+    /// The agent with this name.
+    ///
+    /// # Errors
+    /// The answer that says that there is none.
+    pub fn find(&self, entity: &str) -> Result<AgentId, Outcome> {
+        self.agents().find(|&agent| name(agent) == entity).ok_or_else(|| {
+            let shown: String = entity.chars().take(64).collect();
+            Outcome::failure(
+                Outcome::NOT_FOUND,
+                format!("there is no entity `{shown}`; agents are agent_0, agent_1 ..."),
+            )
+        })
+    }
+
+    /// The agents that pass a filter, ascending.
+    ///
+    /// # Errors
+    /// The answer that says what is wrong with it.
+    pub fn filtered(&self, filters: &EntityFilters) -> Result<Vec<AgentId>, Outcome> {
+        let EntityFilters { filter, categories, tags, bounds } = filters;
+        let pattern = pattern(filter)?;
+        let region = Region::new(bounds)?;
+        if tags.filter_mode > TagsFilter::ALL {
+            return Err(failed(format!("filters.tags.filter_mode = {}: expected 0 or 1", tags.filter_mode)));
+        }
+        let is_meant = |&agent: &AgentId| {
+            let has = |tag: &String| self.tags(agent).contains(tag);
+            let are_there = match tags.filter_mode {
+                TagsFilter::ALL => tags.tags.iter().all(has),
+                _ => tags.tags.is_empty() || tags.tags.iter().any(has),
+            };
+            (categories.is_empty() || categories.contains(&EntityCategory { category: EntityCategory::ROBOT }))
+                && are_there
+                && pattern.as_ref().is_none_or(|pattern| pattern.is_match(&name(agent)))
+                && region.touches(&self.world.body(agent).pose().position, self.radius_m)
+        };
+        Ok(self.agents().filter(is_meant).collect())
+    }
+
+    /// The name of the controller, without its settings.
+    fn tags(&self, agent: AgentId) -> Vec<String> {
+        let controller = self.controllers.get(agent.index()).and_then(|label| label.split_whitespace().next());
+        controller.into_iter().map(|name| name.chars().take(TEXT_CHARS_MAX).collect()).collect()
+    }
+
+    /// The answer to `GetEntities`.
+    #[must_use]
+    pub fn entities(&self, filters: &EntityFilters) -> EntitiesResponse {
+        match self.filtered(filters) {
+            Ok(agents) => {
+                let count = agents.len();
+                let entities = agents.into_iter().map(name).collect();
+                let response = EntitiesResponse { result: Outcome::ok(), entities };
+                let refused = || EntitiesResponse { result: too_many("names", count), entities: Vec::new() };
+                if fits(&response) { response } else { refused() }
+            }
+            Err(result) => EntitiesResponse { result, entities: Vec::new() },
+        }
+    }
+
+    /// The answer to `GetEntitiesStates`.
+    #[must_use]
+    pub fn states(&self, filters: &EntityFilters) -> EntitiesStatesResponse {
+        let refused = |result| EntitiesStatesResponse { result, ..EntitiesStatesResponse::default() };
+        match self.filtered(filters) {
+            Ok(agents) => {
+                let states = agents.iter().map(|&agent| self.state_of(agent)).collect();
+                let entities = agents.into_iter().map(name).collect();
+                let response = EntitiesStatesResponse { result: Outcome::ok(), entities, states };
+                let count = response.entities.len();
+                if fits(&response) { response } else { refused(too_many("states", count)) }
+            }
+            Err(result) => refused(result),
+        }
+    }
+
+    /// The answer to `GetEntityState`.
+    #[must_use]
+    pub fn state(&self, entity: &str) -> EntityStateResponse {
+        match self.find(entity) {
+            Ok(agent) => EntityStateResponse { result: Outcome::ok(), state: self.state_of(agent) },
+            Err(result) => EntityStateResponse { result, state: EntityState::default() },
+        }
+    }
+
+    fn state_of(&self, agent: AgentId) -> EntityState {
+        let body = self.world.body(agent);
+        EntityState {
+            header: wire::header(self.world.tick()),
+            pose: wire::pose(body.pose()),
+            twist: Twist {
+                linear: wire::vector(&body.velocity_in_map_m_s()),
+                angular: Triple { x: 0.0, y: 0.0, z: body.yaw_rate_rad_s() },
+            },
+            acceleration: Accel::default(),
+        }
+    }
+
+    /// The answer to `GetEntityInfo`.
+    #[must_use]
+    pub fn info(&self, entity: &str) -> EntityInfoResponse {
+        match self.find(entity) {
+            Ok(agent) => {
+                let tags = self.tags(agent);
+                let label = self.controllers.get(agent.index()).map_or("", String::as_str);
+                let controller: String = label.chars().take(TEXT_CHARS_MAX).collect();
+                let description = format!("agent {agent}, controller {controller}");
+                let info =
+                    EntityInfo { category: EntityCategory { category: EntityCategory::ROBOT }, description, tags };
+                EntityInfoResponse { result: Outcome::ok(), info }
+            }
+            Err(result) => EntityInfoResponse { result, info: EntityInfo::default() },
+        }
+    }
+
+    /// The answer to `GetEntityBounds`: the box about the sphere that a body is.
+    #[must_use]
+    pub fn bounds(&self, entity: &str) -> EntityBoundsResponse {
+        match self.find(entity) {
+            Ok(_) => {
+                let corner = |length| Triple { x: length, y: length, z: length };
+                let points = vec![corner(self.radius_m), corner(-self.radius_m)];
+                EntityBoundsResponse { result: Outcome::ok(), bounds: Bounds { r#type: Bounds::BOX, points } }
+            }
+            Err(result) => EntityBoundsResponse { result, bounds: Bounds::default() },
+        }
+    }
+
+    /// Which agent is to be put where.
+    ///
+    /// # Errors
+    /// The answer that says why this cannot be. Whether there is room is not looked at.
+    pub fn placement(&self, request: &SetEntityStateRequest) -> Result<(AgentId, Pose), Outcome> {
+        let SetEntityStateRequest { entity, state, set_pose, set_twist, set_acceleration } = request;
+        let agent = self.find(entity)?;
+        if *set_twist || *set_acceleration {
+            return Err(Outcome::failure(
+                Outcome::FEATURE_UNSUPPORTED,
+                "a body moves as its agent's task says: only the pose can be set",
+            ));
+        }
+        if !set_pose {
+            return Err(failed("nothing is to be set: expected set_pose = true"));
+        }
+        let invalid = |reason: String| Outcome::failure(INVALID_POSE, reason);
+        if !matches!(state.header.frame_id.as_str(), "" | wire::MAP_FRAME) {
+            return Err(invalid(format!("state.header.frame_id: expected {} or nothing", wire::MAP_FRAME)));
+        }
+        let position = state.pose.position;
+        if ![position.x, position.y, position.z].iter().all(|number| number.is_finite()) {
+            return Err(invalid(format!("state.pose.position = {position:?}: expected numbers")));
+        }
+        let yaw_rad = yaw(&state.pose.orientation).ok_or_else(|| {
+            invalid(format!("{:?}: expected a unit quaternion that turns about z only", state.pose.orientation))
+        })?;
+        Ok((agent, Pose { position: Point3::new(position.x, position.y, position.z), yaw_rad }))
+    }
+}
+
+/// The heading of an upright body; `None` for a rotation that is none or tilts it.
+fn yaw(rotation: &Quaternion) -> Option<f64> {
+    let Quaternion { x, y, z, w } = *rotation;
+    let length = (x * x + y * y + z * z + w * w).sqrt();
+    let is_upright = x.abs() <= TILT_MAX && y.abs() <= TILT_MAX;
+    ((length - 1.0).abs() <= TILT_MAX && is_upright).then(|| 2.0 * libm::atan2(z, w))
+}
+
+fn pattern(filter: &str) -> Result<Option<Regex>, Outcome> {
+    if filter.is_empty() {
+        return Ok(None);
+    }
+    if filter.len() > FILTER_BYTES_MAX {
+        let length = filter.len();
+        return Err(failed(format!("filters.filter has {length} bytes, at most {FILTER_BYTES_MAX} are allowed")));
+    }
+    let built = RegexBuilder::new(filter).size_limit(FILTER_SIZE_MAX).build();
+    let shortened = |error: regex::Error| error.to_string().chars().take(TEXT_CHARS_MAX).collect::<String>();
+    built.map(Some).map_err(|error| failed(format!("filters.filter: {}", shortened(error))))
+}
+
+/// A part of space.
+enum Region {
+    Everywhere,
+    Sphere { centre: Point3<f64>, radius_m: f64 },
+    Box { low: Point3<f64>, high: Point3<f64> },
+}
+
+impl Region {
+    fn new(bounds: &Bounds) -> Result<Self, Outcome> {
+        let point = |point: &Triple| Point3::new(point.x, point.y, point.z);
+        let is_finite = |point: &Triple| [point.x, point.y, point.z].iter().all(|number| number.is_finite());
+        let legal = |expected: &str| failed(format!("filters.bounds: expected {expected}"));
+        match (bounds.r#type, &bounds.points[..]) {
+            (Bounds::EMPTY, _) => Ok(Self::Everywhere),
+            (Bounds::SPHERE, [centre, radius]) if is_finite(centre) && radius.x >= 0.0 => {
+                Ok(Self::Sphere { centre: point(centre), radius_m: radius.x })
+            }
+            (Bounds::SPHERE, _) => Err(legal("a centre and a point whose x is a radius of at least 0")),
+            (Bounds::BOX, [one, other]) if is_finite(one) && is_finite(other) => {
+                Ok(Self::Box { low: point(one).inf(&point(other)), high: point(one).sup(&point(other)) })
+            }
+            (Bounds::BOX, _) => Err(legal("two opposite corners")),
+            (Bounds::CONVEX_HULL, _) => {
+                Err(Outcome::failure(Outcome::FEATURE_UNSUPPORTED, "filters.bounds: a box or a sphere is understood"))
+            }
+            (other, _) => Err(legal(&format!("type 0, 1 or 3, got {other}"))),
+        }
+    }
+
+    fn touches(&self, position: &Point3<f64>, radius_m: f64) -> bool {
+        match self {
+            Self::Everywhere => true,
+            Self::Sphere { centre, radius_m: own } => (position - centre).norm() <= own + radius_m,
+            Self::Box { low, high } => {
+                let apart: Vector3<f64> = position - position.sup(low).inf(high);
+                apart.norm() <= radius_m
+            }
+        }
+    }
+}
+
+fn too_many(what: &str, count: usize) -> Outcome {
+    failed(format!(
+        "the {what} of {count} entities do not fit into an answer of {ANSWER_BYTES_MAX} bytes: filter for fewer"
+    ))
+}
+
+fn failed(reason: impl Into<String>) -> Outcome {
+    Outcome::failure(Outcome::OPERATION_FAILED, reason)
+}
+
+fn fits(response: &impl Serialize) -> bool {
+    cdr::encode(response).len() <= ANSWER_BYTES_MAX
+}
+
+#[cfg(test)]
+mod tests;

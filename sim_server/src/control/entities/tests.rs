@@ -1,0 +1,138 @@
+use msgs::std_msgs::Header;
+use voxels::{Grid, Terrain};
+
+use super::*;
+use crate::world::body::BodyModel;
+use crate::world::comms::CommsModel;
+use crate::world::lidar::{Pattern, Scanner};
+use crate::world::{ScanSchedule, WorldParams};
+
+const RADIUS_M: f64 = 0.4;
+
+/// A hall with agents 0, 1 and 2 in a row, two metres apart.
+fn world() -> World {
+    let layer = "#########\n#.......#\n#.......#\n#########\n";
+    let solid = "#########\n#########\n#########\n#########\n";
+    let terrain: Grid<Terrain> = Grid::from_text(&[solid, layer, layer, solid].join("\n")).unwrap();
+    let params = WorldParams {
+        body: BodyModel { radius_m: RADIUS_M, ..BodyModel::default() },
+        scanner: Scanner::new(Pattern::Lattice { rays: 16 }, f64::INFINITY, std::f64::consts::TAU),
+        schedule: ScanSchedule::OnRequest { period_ticks: 10 },
+        comms: CommsModel { range_m: f64::INFINITY },
+    };
+    let start = |x| Pose { position: Point3::new(x, 1.5, 1.5), yaw_rad: 0.5 };
+    World::new(terrain, params, &[start(1.5), start(3.5), start(5.5)])
+}
+
+fn with_team<T>(has_left: [bool; 3], look: impl FnOnce(&Team<'_>) -> T) -> T {
+    let world = world();
+    let controllers = ["rbw", "lvd", "rbw"].map(str::to_owned);
+    look(&Team { world: &world, controllers: &controllers, has_left: &has_left, radius_m: RADIUS_M })
+}
+
+fn found(filters: &EntityFilters) -> Result<Vec<u32>, u8> {
+    with_team([false; 3], |team| {
+        let agents = team.filtered(filters).map_err(|outcome| outcome.result)?;
+        Ok(agents.into_iter().map(|agent| agent.0).collect())
+    })
+}
+
+fn bounds(r#type: u8, points: &[[f64; 3]]) -> EntityFilters {
+    let points = points.iter().map(|&[x, y, z]| Triple { x, y, z }).collect();
+    EntityFilters { bounds: Bounds { r#type, points }, ..EntityFilters::default() }
+}
+
+#[test]
+fn names_are_filtered_by_regular_expressions() {
+    let named = |filter: &str| found(&EntityFilters { filter: filter.to_owned(), ..EntityFilters::default() });
+    assert_eq!(named(""), Ok(vec![0, 1, 2]));
+    assert_eq!(named("agent_[12]"), Ok(vec![1, 2]));
+    assert_eq!(named("^agent_1$|_0"), Ok(vec![0, 1]));
+    assert_eq!(named("nobody"), Ok(vec![]));
+    assert_eq!(named("("), Err(Outcome::OPERATION_FAILED));
+    assert_eq!(named(&"a".repeat(FILTER_BYTES_MAX + 1)), Err(Outcome::OPERATION_FAILED));
+    assert_eq!(named("((a{99}){99}){99}"), Err(Outcome::OPERATION_FAILED));
+}
+
+#[test]
+fn tags_and_categories_are_filtered() {
+    let tagged = |tags: &[&str], filter_mode| {
+        let tags = TagsFilter { tags: tags.iter().map(ToString::to_string).collect(), filter_mode };
+        found(&EntityFilters { tags, ..EntityFilters::default() })
+    };
+    assert_eq!(tagged(&["rbw", "dsvp"], TagsFilter::ANY), Ok(vec![0, 2]));
+    assert_eq!(tagged(&["rbw", "dsvp"], TagsFilter::ALL), Ok(vec![]));
+    assert_eq!(tagged(&[], TagsFilter::ALL), Ok(vec![0, 1, 2]));
+    assert_eq!(tagged(&[], 2), Err(Outcome::OPERATION_FAILED));
+    let of = |categories: &[u8]| {
+        let categories = categories.iter().map(|&category| EntityCategory { category }).collect();
+        found(&EntityFilters { categories, ..EntityFilters::default() })
+    };
+    assert_eq!(of(&[0, 1]), Ok(vec![0, 1, 2]));
+    assert_eq!(of(&[0, 5]), Ok(vec![]));
+}
+
+#[test]
+fn what_touches_a_sphere_or_a_box_is_found() {
+    assert_eq!(found(&bounds(Bounds::SPHERE, &[[1.5, 1.5, 1.5], [1.7, 0.0, 0.0]])), Ok(vec![0, 1]));
+    assert_eq!(found(&bounds(Bounds::SPHERE, &[[1.5, 1.5, 1.5], [1.5, 0.0, 0.0]])), Ok(vec![0]));
+    assert_eq!(found(&bounds(Bounds::BOX, &[[9.0, 9.0, 9.0], [3.8, 0.0, 0.0]])), Ok(vec![1, 2]));
+    assert_eq!(found(&bounds(Bounds::BOX, &[[4.0, 0.0, 0.0], [5.0, 9.0, 9.0]])), Ok(vec![]));
+    assert_eq!(found(&bounds(Bounds::CONVEX_HULL, &[])), Err(Outcome::FEATURE_UNSUPPORTED));
+    for wrong in [
+        bounds(Bounds::BOX, &[[0.0; 3]]),
+        bounds(Bounds::SPHERE, &[]),
+        bounds(Bounds::SPHERE, &[[f64::NAN; 3], [1.0; 3]]),
+        bounds(Bounds::SPHERE, &[[0.0; 3], [f64::NAN; 3]]),
+        bounds(9, &[]),
+    ] {
+        assert_eq!(found(&wrong), Err(Outcome::OPERATION_FAILED), "{wrong:?}");
+    }
+}
+
+#[test]
+fn who_has_left_is_no_entity() {
+    with_team([false, true, false], |team| {
+        assert_eq!(team.entities(&EntityFilters::default()).entities, ["agent_0", "agent_2"]);
+        assert_eq!(team.state("agent_1").result.result, Outcome::NOT_FOUND);
+        assert_eq!(team.info("agent_1").result.result, Outcome::NOT_FOUND);
+        assert_eq!(team.info("agent_2").info.tags, ["rbw"]);
+        assert_eq!(team.bounds("agent_2").bounds.points[1].z, -RADIUS_M);
+        let state = team.state("agent_2").state;
+        assert_eq!((state.pose.position.x, state.header.frame_id.as_str()), (5.5, "map"));
+        assert_eq!(team.states(&EntityFilters::default()).states[1], state);
+    });
+}
+
+#[test]
+fn only_upright_poses_with_numbers_can_be_set() {
+    let request = SetEntityStateRequest {
+        entity: "agent_1".to_owned(),
+        state: EntityState::default(),
+        set_pose: true,
+        set_twist: false,
+        set_acceleration: false,
+    };
+    let placed = |change: &dyn Fn(&mut SetEntityStateRequest)| {
+        let mut request = request.clone();
+        change(&mut request);
+        with_team([false; 3], |team| team.placement(&request).map_err(|outcome| outcome.result))
+    };
+    let turned = |yaw_rad: f64| Quaternion { x: 0.0, y: 0.0, z: libm::sin(yaw_rad / 2.0), w: libm::cos(yaw_rad / 2.0) };
+    let (agent, pose) = placed(&|request| request.state.pose.orientation = turned(-2.5)).unwrap();
+    assert_eq!((agent, pose.position), (AgentId(1), Point3::origin()));
+    assert!((pose.yaw_rad + 2.5).abs() < 1e-12);
+    assert!(
+        placed(&|request| request.state.header = Header { frame_id: "map".to_owned(), ..Header::default() }).is_ok()
+    );
+    let code = |change: &dyn Fn(&mut SetEntityStateRequest)| placed(change).unwrap_err();
+    assert_eq!(code(&|request| request.entity = "agent_9".to_owned()), Outcome::NOT_FOUND);
+    assert_eq!(code(&|request| request.set_pose = false), Outcome::OPERATION_FAILED);
+    assert_eq!(code(&|request| request.set_twist = true), Outcome::FEATURE_UNSUPPORTED);
+    assert_eq!(code(&|request| request.state.header.frame_id = "odom".to_owned()), INVALID_POSE);
+    assert_eq!(code(&|request| request.state.pose.position.z = f64::NAN), INVALID_POSE);
+    assert_eq!(code(&|request| request.state.pose.orientation.w = f64::NAN), INVALID_POSE);
+    assert_eq!(code(&|request| request.state.pose.orientation.w = 0.0), INVALID_POSE);
+    let lying = Quaternion { x: 0.6, y: 0.0, z: 0.0, w: 0.8 };
+    assert_eq!(code(&|request| request.state.pose.orientation = lying), INVALID_POSE);
+}

@@ -1,0 +1,145 @@
+//! A node of a real ROS 2 (rclpy on Fast DDS, from `launch_scripts/ros_env.sh`) controls a run by the services of
+//! `simulation_interfaces`, reads and sets its parameters, and talks nonsense. What it does is in `services.py`.
+
+use std::net::Ipv4Addr;
+use std::time::Duration;
+
+use msgs::maes_msgs::Intervention;
+use ros2_client::{Context, NodeName, NodeOptions};
+use rustdds::{DomainParticipantBuilder, QosPolicyBuilder, TopicKind, policy};
+
+use crate::support::processes::{Ended, Process};
+use crate::support::recordings::{Recording, counter};
+use crate::support::runs::{Run, Site};
+use crate::support::{python, root};
+
+/// A run of two agents that are asked at every tick.
+const FLAGS: [&str; 10] = [
+    "--agents",
+    "2",
+    "--size",
+    "20",
+    "--look-ahead",
+    "false",
+    "--set",
+    "stop_when_explored=false",
+    "--decision-timeout",
+    "30",
+];
+
+/// A run of this length that begins paused.
+fn begun(site: &Site, duration_s: &str, flags: &[&str]) -> Run {
+    python::prepare_ros();
+    let paused = ["--paused", "true", "--record", "run.mcap", "--duration", duration_s];
+    site.start(&mut site.run_sh(&[&paused[..], &FLAGS, flags].concat()))
+}
+
+/// Carries out a play of `services.py`.
+fn play(site: &Site, play: &[&str]) {
+    let mut command = site.command("bash");
+    command.args(python::in_ros()).arg("python3").arg(root().join("tests/services.py")).args(play);
+    let player = Process::start(&mut command).ended().with_code(0);
+    assert!(player.stdout.contains("done"), "{player}");
+}
+
+/// How a run has ended that was begun paused and then played with.
+fn controlled(site: &Site, duration_s: &str, flags: &[&str], words: &[&str]) -> Ended {
+    let run = begun(site, duration_s, flags);
+    play(site, words);
+    run.ended()
+}
+
+/// The recording of the same run when nobody looks.
+fn undisturbed(site: &Site, duration_s: &str) -> Recording {
+    Recording::from_bytes(
+        &site.record(&[&["--transport", "memory", "--duration", duration_s][..], &FLAGS].concat()).bytes,
+    )
+}
+
+#[test]
+fn a_run_is_paused_stepped_and_ended_by_services() {
+    let site = Site::new();
+    controlled(&site, "600", &[], &["states"]).with_code(130);
+    let recording = site.recording("run.mcap");
+    assert_eq!(recording.result().reason, "quit");
+    recording.assert_begins(&undisturbed(&site, "600"), 1);
+}
+
+#[test]
+fn agents_are_entities() {
+    let site = Site::new();
+    controlled(&site, "600", &[], &["entities"]).with_code(130);
+    let recording = site.recording("run.mcap");
+    let interventions: Vec<Intervention> = recording.of("/sim/intervention");
+    let done: Vec<_> = interventions.iter().map(|done| (done.tick, done.kind, done.agent)).collect();
+    assert_eq!(done, [(1, Intervention::PLACE, 1), (1, Intervention::REMOVE, 1)]);
+    let result = recording.result();
+    assert_eq!((counter(&result, "interventions"), counter(&result, "agents_dropped"), result.tick), (2, 1, 11));
+}
+
+#[test]
+fn interventions_are_part_of_a_run_and_pauses_are_not() {
+    let site = Site::new();
+    let run = |distance: &str| {
+        controlled(&site, "2", &[], &["intervention", distance]).with_code(0);
+        std::fs::read(site.path("run.mcap")).expect("there is a recording")
+    };
+    let (paused, moved, again) = (run("0"), run("0.05"), run("0.05"));
+    assert!(moved == again, "the same interventions at the same ticks make the same bytes");
+    let whole = undisturbed(&site, "2");
+    let paused = Recording::from_bytes(&paused);
+    assert_eq!(paused, whole, "{}", paused.first_difference(&whole));
+    let moved = Recording::from_bytes(&moved);
+    assert_ne!(moved.result_digest(), whole.result_digest());
+    assert_eq!(moved.of::<Intervention>("/sim/intervention").len(), 1);
+}
+
+#[test]
+fn parameters_are_read_and_set() {
+    let site = Site::new();
+    controlled(&site, "600", &[], &["parameters"]).with_code(130);
+}
+
+#[test]
+fn a_client_that_talks_nonsense_changes_nothing() {
+    let site = Site::new();
+    let mut run = begun(&site, "20", &[]);
+    run.process().says("waiting for agents");
+    noise(&site, &mut run);
+    play(&site, &["nonsense"]);
+    run.ended().with_code(0);
+    let (recording, whole) = (site.recording("run.mcap"), undisturbed(&site, "20"));
+    assert_eq!(recording, whole, "{}", recording.first_difference(&whole));
+}
+
+/// Bytes that are no request, where requests come in, until the server has told of them.
+fn noise(site: &Site, run: &mut Run) {
+    let participant = DomainParticipantBuilder::new(site.domain().id()).with_only_networks([Ipv4Addr::LOCALHOST]);
+    let participant = participant.build().expect("the domain has room");
+    let context = Context::from_domain_participant(participant.clone()).expect("the domain has room");
+    let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
+    let mut node = context.new_node(NodeName::new("/", "rogue").expect("legal"), options).expect("there is room");
+    let qos = QosPolicyBuilder::new()
+        .reliability(policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::ZERO })
+        .history(policy::History::KeepLast { depth: 16 })
+        .build();
+    let topics = [
+        "get_entities",
+        "step_simulation",
+        "set_parameters",
+        "simulate_steps/_action/send_goal",
+        "simulate_steps/_action/cancel_goal",
+    ];
+    let publishers = topics.map(|name| {
+        let name = format!("rq/sim_server/{name}Request");
+        let topic = participant.create_topic(name, "noise".to_owned(), &qos, TopicKind::NoKey).expect("a topic");
+        node.create_publisher::<u8>(&topic, None).expect("a publisher")
+    });
+    for _ in 0..1000 {
+        publishers.iter().for_each(|publisher| publisher.publish(7).expect("a rogue is allowed to speak"));
+        if run.process().says_within("request ignored", Duration::from_millis(50)) {
+            return;
+        }
+    }
+    panic!("the server never told of the noise");
+}
