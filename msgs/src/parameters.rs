@@ -315,7 +315,8 @@ fn fitting<V: Serialize>(parts: impl IntoIterator<Item = V>) -> Vec<V> {
     let mut taken = Vec::new();
     for part in parts {
         taken.push(part);
-        if !fits(&taken) {
+        // With room for what the answer has beside them.
+        if !fits(&(&taken, 0_u64)) {
             taken.pop();
             break;
         }

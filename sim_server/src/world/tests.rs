@@ -287,7 +287,7 @@ fn a_body_is_put_where_there_is_room_and_its_agent_is_told() {
     assert_eq!(world.body(A).pose().position, moved);
     world.observe(A, Since::LastCounted);
     let pairs = world.pairs_in_contact();
-    world.place(A, at(2.5, 3.5, 1.5)).unwrap();
+    world.place(A, at(2.5, 1.5, 1.5)).unwrap();
     assert_eq!((world.body(A).is_active(), world.body(A).pose().position.x), (false, 2.5));
     assert_eq!(world.events(A, TASK_DONE | NEW_CELL), TASK_DONE | NEW_CELL);
     assert_eq!((pairs, world.pairs_in_contact()), (0, 0));
