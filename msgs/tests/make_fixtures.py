@@ -39,6 +39,7 @@ STANDARD = [
     "geometry_msgs/Transform",
     "geometry_msgs/TransformStamped",
     "geometry_msgs/Twist",
+    "geometry_msgs/TwistStamped",
     "geometry_msgs/TwistWithCovariance",
     "geometry_msgs/Vector3",
     "nav_msgs/Odometry",

@@ -41,7 +41,7 @@ fn cases() -> Vec<Case> {
         builtin_interfaces { Duration Time }
         diagnostic_msgs { DiagnosticArray DiagnosticStatus KeyValue }
         geometry_msgs {
-            Point Pose PoseStamped PoseWithCovariance Quaternion Transform TransformStamped Twist TwistWithCovariance
+            Point Pose PoseStamped PoseWithCovariance Quaternion Transform TransformStamped Twist TwistStamped TwistWithCovariance
             Vector3
         }
         maes_msgs {
