@@ -19,8 +19,11 @@ type Key = (&'static str, &'static str, Option<(f64, f64)>);
 /// What a number of metres, seconds or the like may be.
 const POSITIVE: Option<(f64, f64)> = Some((0.0, 1e6));
 
+/// What a number of ticks between two events may be.
+const PERIOD: Option<(f64, f64)> = Some((1.0, 4_294_967_295.0));
+
 /// The keys of a scenario. Those of tables that are free, such as `agents.set`, are not among them.
-const KEYS: [Key; 46] = [
+const KEYS: [Key; 56] = [
     ("seed", "seed of everything random", Some((0.0, 9_223_372_036_854_775_807.0))),
     ("duration_s", "sim time after which the run ends, s", Some((0.02, 2e8))),
     ("stop_when_explored", "whether the run ends once every free cell has been seen", None),
@@ -43,6 +46,7 @@ const KEYS: [Key; 46] = [
         "ticks between two tellings of what is new on a map; 0: never",
         Some((0.0, 4_294_967_295.0)),
     ),
+    ("agents.cmd_vel", "agents that are driven by standard messages", Some((0.0, 999.0))),
     ("spawn.kind", "how starts are chosen", None),
     ("spawn.yaw_rad", "heading of all agents, rad", Some((-std::f64::consts::TAU, std::f64::consts::TAU))),
     ("spawn.poses", "one start for each agent, m and rad", None),
@@ -59,7 +63,7 @@ const KEYS: [Key; 46] = [
     ("lidar.range_m", "how far the lattice sees, m", Some((0.0, f64::INFINITY))),
     ("lidar.fov_rad", "full opening angle of the cone about the heading, rad", Some((0.0, std::f64::consts::TAU))),
     ("lidar.schedule", "who decides when to scan", None),
-    ("lidar.period_ticks", "ticks between scans until an agent asks otherwise", Some((1.0, 4_294_967_295.0))),
+    ("lidar.period_ticks", "ticks between scans until an agent asks otherwise", PERIOD),
     ("communication.range_m", "greatest distance between two agents in contact, m", Some((0.0, f64::INFINITY))),
     (
         "recording.poses_period_ticks",
@@ -74,6 +78,15 @@ const KEYS: [Key; 46] = [
     ("execution.join_timeout_s", "wall time to wait for all agents at the start, s", POSITIVE),
     ("execution.decision_timeout_s", "wall time to wait for an answer, s", POSITIVE),
     ("execution.record", "where the recording goes", None),
+    ("views.max_hz", "messages of one topic in a second of wall time, at the most", Some((0.1, 1000.0))),
+    ("views.tf_period_ticks", "ticks between two messages on /tf", PERIOD),
+    ("views.odom_period_ticks", "ticks between two odometries of an agent", PERIOD),
+    ("views.points_period_ticks", "ticks between two scans of an agent that are shown, at the least", PERIOD),
+    ("views.path_period_ticks", "ticks between two looks at where an agent is going", PERIOD),
+    ("views.unexplored_period_ticks", "ticks between two looks at what nobody has seen", PERIOD),
+    ("views.contacts_period_ticks", "ticks between two looks at who is in contact", PERIOD),
+    ("views.info_period_ticks", "ticks between two messages on how things are", PERIOD),
+    ("views.record", "views that are recorded, too", None),
     ("use_sim_time", "whether this node goes by /clock: it makes it", None),
 ];
 
@@ -151,7 +164,8 @@ mod tests {
     use super::*;
 
     fn scenario(rest: &str) -> Scenario {
-        let text = format!("seed = 1\nduration_s = 1.0\n{rest}\n[agents]\ncount = 2\nset = {{ x = 1 }}\n");
+        let text =
+            format!("seed = 1\nduration_s = 1.0\n{rest}\n[agents]\ncount = 2\ncmd_vel = [1]\nset = {{ x = 1 }}\n");
         Scenario::parse("s.toml", &text, &[]).unwrap()
     }
 

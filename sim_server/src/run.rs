@@ -254,6 +254,9 @@ impl Run<'_> {
             self.record_state()?;
             self.desk.steps_are_visible();
             self.show();
+            if self.reported.elapsed() >= REPORT_PERIOD {
+                self.report()?;
+            }
             if self.scenario.stop_when_explored && self.world.coverage().is_explored() {
                 return Ok("explored");
             }
@@ -270,9 +273,6 @@ impl Run<'_> {
                 return Ok(INTERRUPTED);
             }
             self.desk.ticked();
-            if self.reported.elapsed() >= REPORT_PERIOD {
-                self.report()?;
-            }
         }
     }
 
@@ -442,8 +442,8 @@ impl Run<'_> {
 
     fn report(&mut self) -> Result<(), RunError> {
         self.reported = now();
-        self.watcher.progress(&self.world);
         self.log.save_provisionally()?;
+        self.watcher.progress(&self.world);
         Ok(())
     }
 
