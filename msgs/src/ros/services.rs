@@ -35,10 +35,13 @@ const RMW_IMPLEMENTATION: &str = "RMW_IMPLEMENTATION";
 
 /// Wall time for which an answer waits for a caller that is not known to listen yet: its request may arrive before the news that
 /// it listens, and what is sent then is lost.
-const HEARING: Duration = Duration::from_millis(100);
+const HEARING: Duration = Duration::from_secs(1);
 
-/// Wall time between two looks, and from the news to when it has got about here.
+/// Wall time between two looks.
 const HEARING_PERIOD: Duration = Duration::from_millis(2);
+
+/// Wall time from the news to when it has got about in the middleware, several times what it needs on a machine that is not busy.
+const HEARING_SPREADS: Duration = Duration::from_millis(25);
 
 /// Callers that are remembered.
 const CALLERS_MAX: usize = 1024;
@@ -80,7 +83,7 @@ impl Hearing {
         while !self.hears(&process) && begun.elapsed() < HEARING {
             std::thread::sleep(HEARING_PERIOD);
         }
-        std::thread::sleep(HEARING_PERIOD);
+        std::thread::sleep(HEARING_SPREADS);
     }
 
     fn hears(&self, caller: &[u8; PROCESS_BYTES]) -> bool {
