@@ -11,7 +11,7 @@ use msgs::maes_msgs::{Progress, Result as RunResult};
 use sim_server::digest::Digest;
 
 use crate::plan::{BUILD, PlannedRun};
-use crate::rows::{RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallRow};
+use crate::rows::{AgentSample, RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallRow};
 
 /// Name before the kind in the counters of bytes.
 const BYTES_OF_KIND: &str = "parcel_bytes_delivered_kind_";
@@ -132,7 +132,22 @@ fn sample(progress: &Progress) -> Sample {
         believed_mean: mean_and_deviation(&progress.believed_by).0,
         distance_m: progress.distance_m.iter().sum(),
         parcel_bytes: progress.parcel_bytes,
+        pairs_in_contact: progress.pairs_in_contact,
+        agents: agents(progress),
     }
+}
+
+fn agents(progress: &Progress) -> Vec<AgentSample> {
+    let Progress { explored_by, covered_by, believed_by, distance_m, .. } = progress;
+    let figures = explored_by.iter().zip(covered_by).zip(believed_by).zip(distance_m);
+    figures
+        .map(|(((&explored, &covered), &believed), &distance_m)| AgentSample {
+            explored,
+            covered,
+            believed,
+            distance_m,
+        })
+        .collect()
 }
 
 fn ratio(numerator: f64, denominator: f64) -> Option<f64> {

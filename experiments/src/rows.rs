@@ -117,7 +117,7 @@ pub struct WallRow {
 }
 
 /// A run at one time.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sample {
     /// Sim time, seconds.
@@ -132,4 +132,24 @@ pub struct Sample {
     pub distance_m: f64,
     /// See [`RunRow::parcel_bytes`].
     pub parcel_bytes: u64,
+    /// Pairs of agents in contact.
+    #[serde(default)]
+    pub pairs_in_contact: u32,
+    /// Agent 0, 1, and so on.
+    #[serde(default)]
+    pub agents: Vec<AgentSample>,
+}
+
+/// An agent at one time. Shares are of the free cells of the true map, 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AgentSample {
+    /// Seen by itself.
+    pub explored: f64,
+    /// Visited by itself.
+    pub covered: f64,
+    /// On its map, as it has said last.
+    pub believed: f64,
+    /// Its way, metres.
+    pub distance_m: f64,
 }

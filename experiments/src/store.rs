@@ -153,14 +153,15 @@ impl Store {
         Ok(file)
     }
 
-    /// Makes `runs.csv`, `series.csv` and the same as Parquet from the files of the runs.
+    /// Makes `runs.csv`, `series.csv`, `agents.csv` and the same as Parquet from the files of the runs.
     ///
     /// # Errors
     /// If a file cannot be read or written.
     pub fn write_tables(&self) -> Result<(), StoreError> {
         let records = self.records()?;
         self.write_table("runs", &tables::runs(&records))?;
-        self.write_table("series", &tables::series(&records))
+        self.write_table("series", &tables::series(&records))?;
+        self.write_table("agents", &tables::agents(&records))
     }
 
     fn write_table(&self, stem: &str, table: &Table) -> Result<(), StoreError> {

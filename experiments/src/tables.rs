@@ -14,7 +14,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
-use crate::rows::RunRecord;
+use crate::rows::{RunRecord, Sample};
 
 /// A table, column by column. A missing value is an empty field in CSV and null in Parquet.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -130,6 +130,31 @@ pub fn series(records: &[RunRecord]) -> Table {
     table.number("believed_mean", |(_, sample)| sample.believed_mean);
     table.number("distance_m", |(_, sample)| sample.distance_m);
     table.whole("parcel_bytes", |(_, sample)| sample.parcel_bytes);
+    table.whole("pairs_in_contact", |(_, sample)| sample.pairs_in_contact.into());
+    table.done
+}
+
+/// The series of each agent of runs, one below the other.
+#[must_use]
+pub fn agents(records: &[RunRecord]) -> Table {
+    let of_sample = |(record, sample): (&RunRecord, &Sample)| {
+        let (id, t_s) = (record.row.id.clone(), sample.t_s);
+        let numbered: Vec<_> = (0_u64..).zip(sample.agents.iter().copied()).collect();
+        numbered.into_iter().map(move |(number, agent)| (id.clone(), t_s, number, agent))
+    };
+    let samples: Vec<_> = records
+        .iter()
+        .flat_map(|record| record.series.iter().map(move |sample| (record, sample)))
+        .flat_map(of_sample)
+        .collect();
+    let mut table = Builder::new(&samples);
+    table.text("id", |(id, ..)| id.clone());
+    table.number("t_s", |&(_, t_s, ..)| t_s);
+    table.whole("agent", |&(_, _, number, _)| number);
+    table.number("explored", |(.., agent)| agent.explored);
+    table.number("covered", |(.., agent)| agent.covered);
+    table.number("believed", |(.., agent)| agent.believed);
+    table.number("distance_m", |(.., agent)| agent.distance_m);
     table.done
 }
 

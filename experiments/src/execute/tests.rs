@@ -44,8 +44,10 @@ fn a_plan_run_twice_has_the_same_rows_and_one_ended_early_goes_on_to_them() {
     std::fs::write(cut.join("runs/.half.part"), "{").unwrap();
     assert_eq!(carry_out(&cut, Part::WHOLE), Summary { done: 4, skipped: 2, ..Summary::default() });
     assert!(are_same(&whole, &cut));
-    let series = |folder: &Path| std::fs::read(folder.join("series.csv")).unwrap();
-    assert_eq!(series(&whole), series(&cut));
+    for name in ["series.csv", "agents.csv"] {
+        let table = |folder: &Path| std::fs::read(folder.join(name)).unwrap();
+        assert_eq!(table(&whole), table(&cut), "{name}");
+    }
     let series = records(&whole).remove(0).series;
     assert!(series.windows(2).all(|pair| pair[0].t_s < pair[1].t_s && pair[0].explored <= pair[1].explored));
 }

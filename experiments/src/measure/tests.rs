@@ -12,6 +12,8 @@ fn figures_of_a_run_are_those_worked_out_by_hand() {
     let at = |tick, explored, believed_by: [f64; 2], pairs_in_contact| Progress {
         tick,
         explored,
+        explored_by: vec![explored, 0.25],
+        covered_by: vec![0.0, 0.125],
         believed_by: believed_by.to_vec(),
         distance_m: vec![1.0, 2.0],
         pairs_in_contact,
@@ -56,4 +58,6 @@ fn figures_of_a_run_are_those_worked_out_by_hand() {
     assert_eq!((row.distance_m, row.distance_max_m, row.refusals, row.free_cells), (8.0, 5.0, 3, 100));
     assert_eq!(row.bytes_by_kind, BTreeMap::from([(1, 7)]));
     assert_eq!(series.iter().map(|sample| sample.t_s).collect::<Vec<_>>(), [0.0, 10.0, 20.0, 24.0]);
+    let second = AgentSample { explored: 0.25, covered: 0.125, believed: 0.5, distance_m: 2.0 };
+    assert_eq!((series[2].agents.len(), series[2].agents[1], series[2].pairs_in_contact), (2, second, 1));
 }

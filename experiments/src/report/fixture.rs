@@ -13,6 +13,8 @@ pub(super) fn run(controller: &str, seed: u64, agents: u32) -> RunRecord {
         believed_mean: explored / 2.0,
         distance_m: 2.0 * t_s,
         parcel_bytes: (1000.0 * t_s) as u64,
+        pairs_in_contact: 0,
+        agents: Vec::new(),
     };
     let row = RunRow {
         id: format!("{controller}-{seed}-{agents}"),

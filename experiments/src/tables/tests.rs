@@ -35,7 +35,7 @@ fn parquet_is_read_back() {
 
 #[test]
 fn tables_of_no_runs_have_their_columns() {
-    for table in [runs(&[]), series(&[])] {
+    for table in [runs(&[]), series(&[]), agents(&[])] {
         assert!(String::from_utf8(csv(&table).unwrap()).unwrap().starts_with("id,"));
         assert!(!parquet(&table).unwrap().is_empty());
     }
