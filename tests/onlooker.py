@@ -104,12 +104,14 @@ class Onlooker:
         left = {topic: count - len(self.received[topic]) for topic, count in self.wanted.items()}
         return {topic: count for topic, count in left.items() if count > 0}
 
-    def has_seen_everything(self):
-        if self.missing():
-            return False
-        topics = dict(self.node.get_topic_names_and_types())
+    def unseen(self):
+        """Nodes and topics that are not in the graph."""
         nodes = {(name, "/") for name in ["sim_server"] + [f"agent_{agent}" for agent in range(self.agents)]}
-        return nodes <= set(self.node.get_node_names_and_namespaces()) and TYPES.keys() <= topics.keys()
+        topics = dict(self.node.get_topic_names_and_types())
+        return sorted(nodes - set(self.node.get_node_names_and_namespaces())) + sorted(TYPES.keys() - topics.keys())
+
+    def has_seen_everything(self):
+        return not self.missing() and not self.unseen()
 
     def check(self):
         self.check_graph()
@@ -246,7 +248,7 @@ def main():
         executor.spin_once(timeout_sec=0.2)
         if time.monotonic() - told > 10.0:
             told = time.monotonic()
-            print(f"still missing: {onlooker.missing()}", file=sys.stderr, flush=True)
+            print(f"still missing: {onlooker.missing()} {onlooker.unseen()}", file=sys.stderr, flush=True)
     onlooker.check()
     print("seen everything", flush=True)
     while arguments.then == "forever" or (arguments.then == "result" and not onlooker.received["/sim/result"]):

@@ -3,6 +3,7 @@
 //! What they have to see is said in `onlooker.py` and `cyclone_onlooker.py`. They cannot see the seed of the map, and the run is the
 //! same without them.
 
+use crate::services;
 use crate::support::processes::{Process, signal};
 use crate::support::recordings::Recording;
 use crate::support::runs::Site;
@@ -57,10 +58,13 @@ fn a_ros_2_node_that_is_killed_does_not_hold_the_run_back() {
     let undisturbed = site.record(&[&["--transport", "memory"][..], &flags].concat());
 
     let mut onlooker = onlooker(&site, &["--then", "forever"]);
-    let mut run_sh = site.run_sh(&[&["--record", "run.mcap", "--decision-timeout", "30"][..], &flags].concat());
+    // So slow that it does not end before everything has been seen, and as fast as possible from then on.
+    let paced = ["--record", "run.mcap", "--rtf", "4", "--decision-timeout", "30"];
+    let mut run_sh = site.run_sh(&[&paced[..], &flags].concat());
     let run = site.start(&mut run_sh);
     onlooker.prints("seen everything");
     drop(onlooker);
+    services::play(&site, &["hurry"]);
     let ended = run.ended().with_code(0);
     assert_eq!(ended.digest(), undisturbed.digest());
 }

@@ -3,7 +3,8 @@
     services.py PLAY [ARGUMENT]
 
 Needs rclpy, maes_msgs and simulation_interfaces (see launch_scripts/ros_env.sh). What each play does is said at its function; the
-server has been started paused, with two agents. Ends with exit code 0; what is wrong goes to stderr, with exit code 1.
+server has been started paused, with two agents, if a play does not say otherwise. Ends with exit code 0; what is wrong goes to
+stderr, with exit code 1.
 """
 
 import math
@@ -355,9 +356,15 @@ def nonsense(_argument):
     equal(caller.set_state(PLAYING), OK, "play")
 
 
+def hurry(_argument):
+    """Lets the run, which need not be paused, go on as fast as possible."""
+    caller = Caller("sim_server", {"set_parameters": SetParameters})
+    equal(caller.set("execution.rtf", number(0.0)).successful, True, "as fast as possible")
+
+
 def main():
     rclpy.init()
-    plays = {play.__name__: play for play in (states, entities, intervention, parameters, nonsense)}
+    plays = {play.__name__: play for play in (states, entities, intervention, parameters, nonsense, hurry)}
     plays[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else None)
     print("done", flush=True)
     rclpy.shutdown()

@@ -35,7 +35,7 @@ fn begun(site: &Site, duration_s: &str, flags: &[&str]) -> Run {
 }
 
 /// Carries out a play of `services.py`.
-fn play(site: &Site, play: &[&str]) {
+pub(crate) fn play(site: &Site, play: &[&str]) {
     let mut command = site.command("bash");
     command.args(python::in_ros()).arg("python3").arg(root().join("tests/services.py")).args(play);
     let player = Process::start(&mut command).ended().with_code(0);

@@ -12,6 +12,7 @@
 //! second type; so the services of parameters are our own, and who is there is known from the protocol alone.
 
 mod action;
+mod meeting;
 mod parameters;
 mod services;
 
@@ -157,6 +158,7 @@ pub fn join(env: &RosEnv, is_met_by_all: bool) -> Result<Context, RosError> {
     };
     let context = joined
         .map_err(CreateError::from)
+        .inspect(meeting::meet)
         .and_then(Context::from_domain_participant)
         .map_err(|source| RosError::Participant { env: *env, source })?;
     let number = context.domain_participant().participant_id();

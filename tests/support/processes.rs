@@ -156,7 +156,7 @@ impl Process {
     /// Everything it has said so far, for people.
     fn story(&self) -> String {
         let Self { what, stdout, stderr, .. } = self;
-        format!("{what}\nstdout:\n{}\nstderr:\n{}", stdout.seen.join("\n"), stderr.seen.join("\n"))
+        format!("{what}\nstdout:\n{}\nstderr:\n{}", stdout.so_far(), stderr.so_far())
     }
 }
 
@@ -226,6 +226,12 @@ impl Lines {
                 return Some(line);
             }
         }
+    }
+
+    /// All lines that have come, for people.
+    fn so_far(&self) -> String {
+        let coming: Vec<String> = self.coming.try_iter().collect();
+        [&self.seen[..], &coming].concat().join("\n")
     }
 
     /// All lines, to the end of the stream.
