@@ -4,42 +4,9 @@
 
 use std::path::Path;
 
-use mcap::records::Record;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use msgs::{cdr, maes_msgs, topics};
-use thiserror::Error;
+use msgs::{maes_msgs, topics};
 
-use crate::setup::SCENARIO_ATTACHMENT;
-
-/// Longest record that is read, bytes, unless the file is longer: a damaged length must not fill the memory.
-const RECORD_BYTES_MAX: usize = 1 << 26;
-
-/// Why a recording cannot be described.
-#[derive(Debug, Error)]
-pub enum InfoError {
-    /// The file cannot be read.
-    #[error("{file}: {source}")]
-    Read {
-        /// The file.
-        file: String,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// The file is no MCAP file.
-    #[error("{file}: no MCAP recording: {source}")]
-    NoMcap {
-        /// The file.
-        file: String,
-        /// What the reader says.
-        source: mcap::McapError,
-    },
-    /// The file is an MCAP file of something else.
-    #[error("{file}: not a recording of this simulator: it has no attachment {SCENARIO_ATTACHMENT}")]
-    OtherRecording {
-        /// The file.
-        file: String,
-    },
-}
+use crate::recording::{End, Recording, RecordingError};
 
 /// What a recording holds, as far as it can be read.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -64,65 +31,25 @@ pub struct Info {
 ///
 /// # Errors
 /// If it cannot be opened or is no recording.
-pub fn read(file: &Path) -> Result<Info, InfoError> {
-    let name = file.display().to_string();
-    let bytes = std::fs::read(file).map_err(|source| InfoError::Read { file: name.clone(), source })?;
-    let mut info = Info::default();
-    let mut has_scenario = false;
-    let mut topics_by_channel = std::collections::BTreeMap::new();
-    let options = LinearReaderOptions::default()
-        .with_skip_end_magic(true)
-        .with_validate_chunk_crcs(true)
-        .with_record_length_limit(bytes.len().max(RECORD_BYTES_MAX));
-    let mut reader = LinearReader::new_with_options(options);
-    let mut position = 0;
-    while let Some(event) = reader.next_event() {
-        let record = match event {
-            Ok(LinearReadEvent::ReadRequest(wanted)) => {
-                let end = bytes.len().min(position + wanted);
-                let part = &bytes[position..end];
-                reader.insert(part.len()).copy_from_slice(part);
-                reader.notify_read(part.len());
-                position = end;
-                continue;
-            }
-            Ok(LinearReadEvent::Record { data, opcode }) => mcap::parse_record(opcode, data),
-            Err(source) => Err(source),
-        };
-        match record {
-            Ok(Record::Attachment { header, data, .. }) if header.name == SCENARIO_ATTACHMENT => {
-                has_scenario = true;
-                info.scenario = String::from_utf8_lossy(&data).into_owned();
-            }
-            Ok(Record::Channel(channel)) => {
-                topics_by_channel.insert(channel.id, channel.topic);
-            }
-            Ok(Record::Message { header, data }) => {
-                if let Some(topic) = topics_by_channel.get(&header.channel_id) {
-                    *info.messages.entry(topic.clone()).or_default() += 1;
-                    if *topic == topics::digest().name {
-                        info.digest = cdr::decode(&data).ok();
-                    } else if *topic == topics::result().name {
-                        info.result = cdr::decode(&data).ok();
-                    } else if *topic == topics::progress().name {
-                        info.progress.extend(cdr::decode(&data));
-                    } else if *topic == topics::scenario().name {
-                        info.told = cdr::decode(&data).ok();
-                    }
-                }
-            }
-            Ok(_) => {}
-            Err(source) if position == 0 || info == Info::default() => {
-                return Err(InfoError::NoMcap { file: name, source });
-            }
-            Err(source) => {
-                info.damage = Some(format!("damaged or cut off before byte {position}: {source}"));
-                break;
-            }
+pub fn read(file: &Path) -> Result<Info, RecordingError> {
+    let recording = Recording::open(file)?;
+    let mut info = Info { scenario: recording.scenario().into_owned(), ..Info::default() };
+    let mut messages = recording.messages();
+    for message in &mut messages {
+        let topic = &message.channel.topic;
+        *info.messages.entry(topic.clone()).or_default() += 1;
+        if *topic == topics::digest().name {
+            info.digest = message.decode().ok();
+        } else if *topic == topics::result().name {
+            info.result = message.decode().ok();
+        } else if *topic == topics::progress().name {
+            info.progress.extend(message.decode());
+        } else if *topic == topics::scenario().name {
+            info.told = message.decode().ok();
         }
     }
-    if !has_scenario {
-        return Err(InfoError::OtherRecording { file: name });
+    if let Some(End::Damage { before_byte, reason }) = messages.end() {
+        info.damage = Some(format!("damaged or cut off before byte {before_byte}: {reason}"));
     }
     Ok(info)
 }

@@ -2,7 +2,7 @@
 //!
 //! In reading order: [`scenario`] says what a run is; [`mapgen`] makes its terrain and [`world`] its physics; [`lockstep`] says
 //! who is asked when; [`run`] puts them together over a [`link`]; [`wire`] translates to messages, [`recorder`] and [`digest`]
-//! keep them; [`views`] are what people look at; `ros` is the link over ROS 2.
+//! keep them, and [`recording`] reads them again; [`views`] are what people look at; `ros` is the link over ROS 2.
 //!
 //! This crate knows nothing of what agents believe or how they decide.
 
@@ -17,6 +17,7 @@ pub mod map_cli;
 pub mod mapgen;
 pub mod parameters;
 pub mod recorder;
+pub mod recording;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod run;

@@ -1,0 +1,264 @@
+//! Reading a recording, from its first record to its last or to where it is damaged.
+//!
+//! Invariants: nothing behind damage is given out; a recording without its end gives out every message up to there; a file that is
+//! no recording of this simulator is refused when it is opened. No content of a file makes this panic or fill the memory.
+//!
+//! This module says what stands in a file, and not what it means.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use mcap::records::Record;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use msgs::cdr::{self, CdrError};
+use msgs::ids::{AgentId, Tick};
+use serde::de::DeserializeOwned;
+use thiserror::Error;
+
+use crate::setup::SCENARIO_ATTACHMENT;
+
+/// Longest record that is read, bytes, unless the file is longer: a damaged length must not fill the memory.
+const RECORD_BYTES_MAX: usize = 1 << 26;
+
+/// Why a file cannot be read as a recording.
+#[derive(Debug, Error)]
+pub enum RecordingError {
+    /// The file cannot be read.
+    #[error("{file}: {source}")]
+    Read {
+        /// The file.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file is no MCAP file.
+    #[error("{file}: no MCAP recording: {source}")]
+    NoMcap {
+        /// The file.
+        file: String,
+        /// What the reader says.
+        source: mcap::McapError,
+    },
+    /// The file is an MCAP file of something else.
+    #[error("{file}: not a recording of this simulator: it has no attachment {SCENARIO_ATTACHMENT}")]
+    OtherRecording {
+        /// The file.
+        file: String,
+    },
+}
+
+/// A recording in memory.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    file: String,
+    bytes: Vec<u8>,
+    attachments: BTreeMap<String, Vec<u8>>,
+}
+
+/// A topic of a recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Channel {
+    /// Its name.
+    pub topic: String,
+    /// Its type, such as `maes_msgs/msg/Command`.
+    pub type_name: String,
+}
+
+/// A message of a recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Message {
+    /// Where it was said.
+    pub channel: Arc<Channel>,
+    /// When, sim time.
+    pub time_ns: u64,
+    /// CDR with its encapsulation header.
+    pub data: Vec<u8>,
+}
+
+impl Message {
+    /// The message, if it is one of this type.
+    ///
+    /// # Errors
+    /// If it is not.
+    pub fn decode<M: DeserializeOwned>(&self) -> Result<M, CdrError> {
+        cdr::decode(&self.data)
+    }
+
+    /// The tick in which it was said.
+    #[must_use]
+    pub fn tick(&self) -> Tick {
+        Tick(self.time_ns / Tick(1).time_ns())
+    }
+
+    /// The agent and the rest of the topic, of a topic of an agent.
+    #[must_use]
+    pub fn of_agent(&self) -> Option<(AgentId, &str)> {
+        let (agent, rest) = self.channel.topic.strip_prefix("/agent_")?.split_once('/')?;
+        Some((AgentId(agent.parse().ok()?), rest))
+    }
+}
+
+/// Where the messages of a recording ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum End {
+    /// At its end.
+    Whole,
+    /// Without an end: its server was killed, or is still at work.
+    Missing,
+    /// Where it cannot be read any further.
+    Damage {
+        /// Bytes from the start of the file before which the damage lies.
+        before_byte: usize,
+        /// What the reader says.
+        reason: String,
+    },
+}
+
+impl Recording {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// If it cannot be read or is no recording of this simulator.
+    pub fn open(file: &Path) -> Result<Self, RecordingError> {
+        let name = file.display().to_string();
+        let bytes = std::fs::read(file).map_err(|source| RecordingError::Read { file: name.clone(), source })?;
+        Self::from_bytes(name, bytes)
+    }
+
+    /// The same of bytes in memory; `file` is what errors call them.
+    ///
+    /// # Errors
+    /// If they are no recording of this simulator.
+    pub fn from_bytes(file: String, bytes: Vec<u8>) -> Result<Self, RecordingError> {
+        let mut records = Records::new(&bytes);
+        let mut attachments = BTreeMap::new();
+        // The documents come before everything that is said.
+        loop {
+            match records.next() {
+                Some(Ok(Record::Attachment { header, data, .. })) => {
+                    attachments.insert(header.name, data.into_owned());
+                }
+                Some(Ok(Record::Message { .. })) | None => break,
+                Some(Ok(_)) => {}
+                Some(Err(source)) if attachments.is_empty() => return Err(RecordingError::NoMcap { file, source }),
+                Some(Err(_)) => break,
+            }
+        }
+        if !attachments.contains_key(SCENARIO_ATTACHMENT) {
+            return Err(RecordingError::OtherRecording { file });
+        }
+        Ok(Self { file, bytes, attachments })
+    }
+
+    /// What errors call it.
+    #[must_use]
+    pub fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// The scenario, as text.
+    #[must_use]
+    pub fn scenario(&self) -> Cow<'_, str> {
+        String::from_utf8_lossy(&self.attachments[SCENARIO_ATTACHMENT])
+    }
+
+    /// A document of it.
+    #[must_use]
+    pub fn attachment(&self, name: &str) -> Option<&[u8]> {
+        self.attachments.get(name).map(Vec::as_slice)
+    }
+
+    /// All messages, in the order in which they stand there.
+    #[must_use]
+    pub fn messages(&self) -> Messages<'_> {
+        Messages { records: Records::new(&self.bytes), schemas: BTreeMap::new(), channels: BTreeMap::new(), end: None }
+    }
+}
+
+/// The messages of a recording, up to its end or to its damage.
+pub struct Messages<'a> {
+    records: Records<'a>,
+    schemas: BTreeMap<u16, String>,
+    channels: BTreeMap<u16, Arc<Channel>>,
+    end: Option<End>,
+}
+
+impl Messages<'_> {
+    /// Where they ended, once they have.
+    #[must_use]
+    pub fn end(&self) -> Option<&End> {
+        self.end.as_ref()
+    }
+}
+
+impl Iterator for Messages<'_> {
+    type Item = Message;
+
+    fn next(&mut self) -> Option<Message> {
+        while self.end.is_none() {
+            match self.records.next() {
+                Some(Ok(Record::Schema { header, .. })) => {
+                    self.schemas.insert(header.id, header.name);
+                }
+                Some(Ok(Record::Channel(channel))) => {
+                    let type_name = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                    let known = Arc::new(Channel { topic: channel.topic, type_name });
+                    self.channels.insert(channel.id, known);
+                }
+                Some(Ok(Record::Message { header, data })) => {
+                    if let Some(channel) = self.channels.get(&header.channel_id) {
+                        let channel = Arc::clone(channel);
+                        return Some(Message { channel, time_ns: header.log_time, data: data.into_owned() });
+                    }
+                }
+                // What comes behind is a summary.
+                Some(Ok(Record::DataEnd(_))) => self.end = Some(End::Whole),
+                Some(Ok(_)) => {}
+                None => self.end = Some(End::Missing),
+                Some(Err(source)) => {
+                    let before_byte = self.records.position;
+                    self.end = Some(End::Damage { before_byte, reason: source.to_string() });
+                }
+            }
+        }
+        None
+    }
+}
+
+/// The records of an MCAP file.
+struct Records<'a> {
+    bytes: &'a [u8],
+    reader: LinearReader,
+    position: usize,
+}
+
+impl<'a> Records<'a> {
+    fn new(bytes: &'a [u8]) -> Self {
+        let options = LinearReaderOptions::default()
+            .with_skip_end_magic(true)
+            .with_validate_chunk_crcs(true)
+            .with_record_length_limit(bytes.len().max(RECORD_BYTES_MAX));
+        Self { bytes, reader: LinearReader::new_with_options(options), position: 0 }
+    }
+
+    fn next(&mut self) -> Option<mcap::McapResult<Record<'static>>> {
+        loop {
+            match self.reader.next_event() {
+                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
+                    let end = self.bytes.len().min(self.position + wanted);
+                    let part = &self.bytes[self.position..end];
+                    self.reader.insert(part.len()).copy_from_slice(part);
+                    self.reader.notify_read(part.len());
+                    self.position = end;
+                }
+                Some(Ok(LinearReadEvent::Record { data, opcode })) => {
+                    return Some(mcap::parse_record(opcode, data).map(Record::into_owned));
+                }
+                Some(Err(error)) => return Some(Err(error)),
+                None => return None,
+            }
+        }
+    }
+}
