@@ -3,6 +3,7 @@
 #
 #   launch_scripts/run.sh [SCENARIO.toml] [--agents N] [--controller C] [--map spheres|noise|FILE] [--size S] [--seed K]
 #                         [--duration SECONDS] [--record FILE.mcap] [any other flag of `sim_server run`]
+#   --resume FILE.mcap        go on with a run whose server was killed, and complete its recording; not over memory
 #   --agent-set KEY=VALUE     a setting of the agents' controllers: the key agents.set.KEY; can be given again
 #   --external ID[,ID...]     agents that somebody else starts, each a process of its own; not over memory. Those of the key
 #                             agents.cmd_vel are among them
@@ -14,13 +15,18 @@
 #   --transport ros2|memory   over ROS 2 (default), or all in one process without a network
 #   --logs DIR                where the logs of the processes go (default out/logs/<time>-<pid>; over memory: nowhere)
 #
+# Where the scenario has lost agents waited for (faults.on_agent_loss = "wait"), agent processes that die are started again, each
+# three times at the most.
+#
 # Exit codes: 0 the run has a result; 1 a failure of the system; 2 bad input; 3 agents were missing at the start;
 # 4 an agent was lost; 5 an agent was refused; 130 interrupted, or told to quit.
 set -u
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 scenario=$root/launch_scripts/scenarios/default.toml
+resume=
 transport=ros2
+restarts_max=3
 per_process=
 external=
 order=
@@ -35,8 +41,10 @@ fail() {
 }
 
 # --help, and the checks of what this script reads itself; the binaries check everything else.
+named=
 if [[ $# -gt 0 && $1 != -* ]]; then
     scenario=$1
+    named=1
     shift
 fi
 while [[ $# -gt 0 ]]; do
@@ -51,6 +59,7 @@ while [[ $# -gt 0 ]]; do
     esac
     case $1 in
         --transport) transport=$2 ;;
+        --resume) resume=$2 ;;
         --agents-per-process) per_process=$2 ;;
         --external) external=$2 ;;
         --order) order=$2 ;;
@@ -70,9 +79,16 @@ if [[ $transport == memory ]]; then
     [[ -z $per_process ]] || fail "--agents-per-process $per_process: over memory there is one process; leave it out"
     [[ -z $external ]] || fail "--external $external: over memory no processes take part; leave it out"
     [[ -z $order ]] || fail "--order $order: over memory no processes are started; leave it out"
+    [[ -z $resume ]] || fail "--resume $resume: over memory all ends together; leave out --transport"
     [[ -z $parameters ]] || fail "--agent-parameters $parameters: over memory there are no nodes; leave it out"
 fi
 [[ -z $parameters ]] || agent_flags+=(--parameters "$parameters")
+server_scenario=("$scenario")
+if [[ -n $resume ]]; then
+    [[ -n $named ]] || server_scenario=()
+    scenario=$resume
+    server_scenario+=(--resume "$resume")
+fi
 per_process=${per_process:-1}
 order=${order:-forward}
 [[ $per_process =~ ^[1-9][0-9]{0,3}$ ]] || fail "--agents-per-process $per_process: expected a number from 1"
@@ -95,6 +111,7 @@ value_of() { "$bin/sim_server" scenario "$scenario" "${server_flags[@]}" --get "
 count=$(value_of agents.count) || exit $?
 controller=$(value_of agents.controller) || exit $?
 settings=$(value_of agents.set) || exit $?
+on_loss=$(value_of faults.on_agent_loss) || exit $?
 # The key is left out where there are none.
 driven=$(value_of agents.cmd_vel 2>/dev/null)
 declare -A is_external=()
@@ -137,7 +154,7 @@ server=
 interrupted=
 trap 'interrupted=1; [[ -z $server ]] || kill -TERM "$server" 2>/dev/null' INT TERM HUP
 
-setsid "$bin/sim_server" run "$scenario" "${server_flags[@]}" --log "$logs/server.log" --ready "$logs/ready" \
+setsid "$bin/sim_server" run "${server_scenario[@]}" "${server_flags[@]}" --log "$logs/server.log" --ready "$logs/ready" \
     {lock}>&- {ready}>&- &
 server=$!
 [[ -z $interrupted ]] || kill -TERM "$server"
@@ -158,12 +175,17 @@ case $order in
     reverse) starts=$(sort -rn <<<"$starts") ;;
     shuffle) starts=$(shuf <<<"$starts") ;;
 esac
-declare -A agents=()
+declare -A agents=() restarts=()
+start_agents() {
+    local first=$1 last
+    last=$((first + per_process < count ? first + per_process - 1 : count - 1))
+    setsid "$bin/agent_node" --id "$first-$last" "${agent_flags[@]}" >>"$logs/agent_$first.log" 2>&1 {lock}>&- &
+    agents[$!]=$first
+}
 for first in $starts; do
     [[ -z $interrupted ]] || break
-    last=$((first + per_process < count ? first + per_process - 1 : count - 1))
-    setsid "$bin/agent_node" --id "$first-$last" "${agent_flags[@]}" >"$logs/agent_$first.log" 2>&1 {lock}>&- &
-    agents[$!]=$first
+    rm -f "$logs/agent_$first.log"
+    start_agents "$first"
 done
 
 code=
@@ -184,6 +206,17 @@ while [[ -z $code ]]; do
             kill -INT "$server" 2>/dev/null
         elif [[ $status != 0 && -z $interrupted ]]; then
             printf 'agent process %s ended with exit code %s; its log: %s\n' "$first" "$status" "$logs/agent_$first.log" >&2
+            # Where the clock is held for agents that are lost, somebody has to start them again.
+            if [[ $on_loss == wait ]]; then
+                restarts[$first]=$((${restarts[$first]:-0} + 1))
+                if ((restarts[$first] <= restarts_max)); then
+                    start_agents "$first"
+                elif ((refusal == 0)); then
+                    printf 'agent process %s is given up after %s restarts\n' "$first" "$restarts_max" >&2
+                    refusal=4
+                    kill -INT "$server" 2>/dev/null
+                fi
+            fi
         fi
     fi
     ended=

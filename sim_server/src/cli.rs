@@ -39,8 +39,12 @@ pub enum Command {
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// The scenario (.toml)
-    pub scenario: PathBuf,
+    /// The scenario (.toml), or a recording of it (.mcap); a run that goes on has one
+    #[arg(required_unless_present = "resume")]
+    pub scenario: Option<PathBuf>,
+    /// Go on with the run of this recording, whose server was killed, and complete it, or the file that --record names
+    #[arg(long, value_name = "FILE.mcap")]
+    pub resume: Option<PathBuf>,
     /// Also write what is said about the run to this file
     #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,
@@ -55,7 +59,7 @@ pub struct RunArgs {
 /// Arguments of `scenario`.
 #[derive(Debug, Args)]
 pub struct ScenarioArgs {
-    /// The scenario (.toml)
+    /// The scenario (.toml), or a recording of it (.mcap)
     pub scenario: PathBuf,
     /// Print only the value of this key, for example agents.count; of a table, a line KEY=VALUE for each of its keys
     #[arg(long, value_name = "KEY")]

@@ -30,8 +30,11 @@ pub fn of_outcome(outcome: &Outcome) -> ExitCode {
 pub fn of_error(error: &RunError) -> ExitCode {
     ExitCode::from(match error {
         RunError::AgentsMissing { .. } => AGENTS_MISSING,
-        RunError::AgentsLost { .. } => AGENTS_LOST,
-        RunError::NobodyResumes => BAD_INPUT,
+        RunError::AgentsLost { .. } | RunError::Diverged { .. } => AGENTS_LOST,
+        RunError::NobodyResumes
+        | RunError::OtherController { .. }
+        | RunError::Playback(_)
+        | RunError::OtherRun { .. } => BAD_INPUT,
         RunError::OtherServer { .. } | RunError::Random(_) | RunError::Record(_) | RunError::Threads(_) => FAILED,
     })
 }

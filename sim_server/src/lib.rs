@@ -2,12 +2,14 @@
 //!
 //! In reading order: [`scenario`] says what a run is; [`mapgen`] makes its terrain and [`world`] its physics; [`lockstep`] says
 //! who is asked when; [`run`] puts them together over a [`link`]; [`wire`] translates to messages, [`recorder`] and [`digest`]
-//! keep them, and [`recording`] reads them again; [`views`] are what people look at; `ros` is the link over ROS 2.
+//! keep them, [`recording`] reads them again, and
+//! [`playback`] says what was said when; [`views`] are what people look at; `ros` is the link over ROS 2.
 //!
 //! This crate knows nothing of what agents believe or how they decide.
 
 pub mod cli;
 pub mod control;
+pub mod difference;
 pub mod digest;
 pub mod exit;
 pub mod info;
@@ -16,6 +18,7 @@ pub mod lockstep;
 pub mod map_cli;
 pub mod mapgen;
 pub mod parameters;
+pub mod playback;
 pub mod recorder;
 pub mod recording;
 #[cfg(feature = "ros")]

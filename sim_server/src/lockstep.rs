@@ -49,6 +49,16 @@ pub enum Refusal {
         /// Claimed id.
         agent: AgentId,
     },
+    /// A process that would take the place of another one runs something else.
+    #[error("agent {agent} is to be run again by {before:?}, and not by {got:?}")]
+    OtherController {
+        /// Claimed id.
+        agent: AgentId,
+        /// What the process runs.
+        got: String,
+        /// What its predecessor ran.
+        before: String,
+    },
     /// The process speaks another version of the protocol.
     #[error("agent {agent} speaks protocol {got}, the server speaks {expected}")]
     WrongProtocol {
@@ -112,6 +122,7 @@ impl Refusal {
             Self::UnknownAgent { .. } => "refused_unknown_agent",
             Self::WrongTopic { .. } => "refused_wrong_topic",
             Self::IdTaken { .. } => "refused_id_taken",
+            Self::OtherController { .. } => "refused_other_controller",
             Self::WrongProtocol { .. } => "refused_wrong_protocol",
             Self::NotJoined { .. } => "refused_not_joined",
             Self::WrongTick { .. } => "refused_wrong_tick",
@@ -122,11 +133,12 @@ impl Refusal {
     }
 
     /// All counters of refusals, in the order of their definition.
-    pub const COUNTERS: [&'static str; 10] = [
+    pub const COUNTERS: [&'static str; 11] = [
         "refused_other_run",
         "refused_unknown_agent",
         "refused_wrong_topic",
         "refused_id_taken",
+        "refused_other_controller",
         "refused_wrong_protocol",
         "refused_not_joined",
         "refused_wrong_tick",
@@ -197,6 +209,25 @@ impl Roster {
         }
     }
 
+    /// Grants an id that belongs to a process which is given up.
+    ///
+    /// # Errors
+    /// If the new one runs something else.
+    pub fn replace(&mut self, agent: AgentId, seat: Seat) -> Result<(), Refusal> {
+        let taken = &mut self.seats[agent.index()];
+        if let Some(before) = taken.as_ref().map(|seat| seat.controller.clone()).filter(|it| *it != seat.controller) {
+            return Err(Refusal::OtherController { agent, got: seat.controller, before });
+        }
+        *taken = Some(seat);
+        Ok(())
+    }
+
+    /// All agents of a process, ascending.
+    pub fn agents_of(&self, source: SourceId) -> impl Iterator<Item = AgentId> + '_ {
+        let is_of = move |seat: &Option<Seat>| seat.as_ref().is_some_and(|seat| seat.source == source);
+        (0..).map(AgentId).zip(&self.seats).filter(move |(_, seat)| is_of(seat)).map(|(agent, _)| agent)
+    }
+
     /// Whether `source` has been granted `agent`.
     ///
     /// # Errors
@@ -256,6 +287,12 @@ impl<C: PartialEq> Barrier<C> {
     #[must_use]
     pub fn new(tick: Tick, awaited: BTreeSet<AgentId>) -> Self {
         Self { tick, awaited, answers: BTreeMap::new() }
+    }
+
+    /// The tick.
+    #[must_use]
+    pub fn tick(&self) -> Tick {
+        self.tick
     }
 
     /// Takes an answer.

@@ -66,6 +66,7 @@ fn print(text: &str) {
 #[cfg(feature = "ros")]
 mod serve {
     use std::fs::File;
+    use std::path::{Path, PathBuf};
     use std::process::ExitCode;
     use std::sync::Arc;
     use std::sync::atomic::AtomicBool;
@@ -73,16 +74,56 @@ mod serve {
     use anyhow::Context;
     use msgs::ros_env::RosEnv;
     use sim_server::cli::RunArgs;
+    use sim_server::playback::{Horizon, Playback};
+    use sim_server::recording::Recording;
     use sim_server::ros::RosLink;
+    use sim_server::scenario::{Override, Scenario};
     use sim_server::terminal::{self, Terminal};
     use sim_server::{exit, run, setup};
 
+    /// A recording whose run goes on.
+    struct Resumed {
+        file: PathBuf,
+        recording: Recording,
+    }
+
+    impl Resumed {
+        fn open(file: &Path) -> anyhow::Result<Self> {
+            let recording = Recording::open(file)?;
+            if let Horizon::Ended(tick) = Playback::new(&recording)?.horizon() {
+                anyhow::bail!("{}: its run has ended in tick {tick}; there is nothing to go on with", file.display());
+            }
+            Ok(Self { file: file.to_owned(), recording })
+        }
+
+        /// What the run is to be; it completes the recording unless another one is named.
+        fn scenario(&self, file: Option<&Path>, overrides: &[Override]) -> anyhow::Result<Scenario> {
+            let mut scenario = setup::load_recorded(&self.recording, file, overrides)?;
+            scenario.execution.record.get_or_insert_with(|| self.file.clone());
+            Ok(scenario)
+        }
+    }
+
     /// Serves a run over ROS 2.
     pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
-        let scenario = setup::load(&args.scenario, &args.keys.overrides())?;
+        let resumed = args.resume.as_deref().map(Resumed::open).transpose()?;
+        let overrides = args.keys.overrides();
+        let (scenario, built) = match (&resumed, args.scenario.as_deref()) {
+            (Some(resumed), file) => {
+                let scenario = resumed.scenario(file, &overrides)?;
+                let built = setup::rebuild(&resumed.recording, &scenario);
+                (scenario, built)
+            }
+            (None, Some(file)) => {
+                let scenario = setup::load(file, &overrides)?;
+                let built = setup::build(&scenario);
+                (scenario, built)
+            }
+            (None, None) => unreachable!("one of the two is required"),
+        };
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
-        let named = |error| anyhow::anyhow!("{}: {error}", args.scenario.display());
-        let (world, map) = setup::build(&scenario).map_err(named)?;
+        let source = args.scenario.as_deref().or(args.resume.as_deref()).unwrap_or(Path::new(""));
+        let (world, map) = built.map_err(|error| anyhow::anyhow!("{}: {error}", source.display()))?;
         let stop = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register_conditional_shutdown(signal, exit::BY_SIGNAL.into(), Arc::clone(&stop))
@@ -113,7 +154,13 @@ mod serve {
             map.free_cells,
             map.free_fraction * 100.0
         ));
-        let ended = run::run(&scenario, world, &mut link, recorder, &mut terminal, &stop);
+        let ended = match &resumed {
+            None => run::run(&scenario, world, &mut link, recorder, &mut terminal, &stop),
+            Some(resumed) => {
+                let playback = Playback::new(&resumed.recording)?;
+                run::resume(&scenario, world, &mut link, recorder, &mut terminal, &stop, playback)
+            }
+        };
         terminal.clear();
         Ok(match ended {
             Ok(outcome) => {

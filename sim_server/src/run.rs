@@ -3,13 +3,19 @@
 //! The loop is the same over every [`Link`]. Wall time decides nothing but when to send again, when to give up, and how fast to
 //! go; a run that is not given up has one result.
 //!
+//! A run that is resumed begins with what a recording says of it: until then nobody is asked, and afterwards the agents are told
+//! their past. It is the same loop, so that it writes the same recording.
+//!
 //! Asking every agent at every tick (`look_ahead = false`) is the same run for agents that act only when they are due: what an
 //! agent answers out of turn counts only if it does something, and only what counts is recorded and enters the digest.
 
 mod control;
 mod exchange;
+mod history;
 mod log;
 mod pace;
+mod record;
+mod replay;
 mod result;
 mod show;
 
@@ -25,21 +31,16 @@ use thiserror::Error;
 use crate::digest::{Chain, Digest};
 use crate::link::{Level, Link};
 use crate::lockstep::{Wake, listed};
+use crate::playback::{Playback, PlaybackError, Said};
 use crate::recorder::{RecordError, Recorder};
 use crate::scenario::{OnAgentLoss, Scenario};
-use crate::views::{Picture, View, Views};
+use crate::views::Views;
 use crate::wire;
 use crate::world::{Action, Since, World};
 
 use control::{Desk, Phase};
-use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Silence};
+use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Patience, Silence};
 use log::{Kind, Log};
-
-/// Sim time between two digests in the recording: a second.
-const DIGEST_TICKS: u64 = 50;
-
-/// Sim time between two progress messages: ten seconds, as in the reference.
-const PROGRESS_TICKS: u64 = 500;
 
 /// Wall time after which people are told how far the run is, and what they are told of is saved.
 const REPORT_PERIOD: Duration = Duration::from_millis(500);
@@ -89,6 +90,37 @@ pub enum RunError {
     /// The system has no random number for the run.
     #[error("drawing a number for the run: {0}")]
     Random(#[from] getrandom::Error),
+    /// An agent that was told its past gave another answer than before.
+    #[error("agent {agent} does not decide the same way again: in tick {tick} {what}")]
+    Diverged {
+        /// Who.
+        agent: AgentId,
+        /// When.
+        tick: Tick,
+        /// Field, and both values.
+        what: String,
+    },
+    /// An agent of a run that goes on runs something else than before.
+    #[error("agent {agent} runs {now}, and {before} in the run that is to go on")]
+    OtherController {
+        /// Who.
+        agent: AgentId,
+        /// What it ran.
+        before: String,
+        /// What it runs.
+        now: String,
+    },
+    /// The recording of the run that is to go on cannot be carried out again.
+    #[error(transparent)]
+    Playback(#[from] PlaybackError),
+    /// The recording of the run that is to go on has something else than what comes of it here.
+    #[error("tick {tick}: {reason}")]
+    OtherRun {
+        /// When.
+        tick: Tick,
+        /// What is different.
+        reason: String,
+    },
     /// The recording cannot be written.
     #[error(transparent)]
     Record(#[from] RecordError),
@@ -135,6 +167,34 @@ pub fn run(
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
 ) -> Result<Outcome, RunError> {
+    carry_out(scenario, world, link, recorder, watcher, stop, None)
+}
+
+/// Goes on with a run: carries out again what a recording says of it, then tells the agents their past and goes on with them.
+///
+/// # Errors
+/// As [`run`], and if the recording or an agent does not keep to what comes of the scenario here.
+pub fn resume(
+    scenario: &Scenario,
+    world: World,
+    link: &mut dyn Link,
+    recorder: Option<Recorder>,
+    watcher: &mut dyn Watcher,
+    stop: &AtomicBool,
+    playback: Playback<'_>,
+) -> Result<Outcome, RunError> {
+    carry_out(scenario, world, link, recorder, watcher, stop, Some(playback))
+}
+
+fn carry_out<'a>(
+    scenario: &'a Scenario,
+    world: World,
+    link: &'a mut dyn Link,
+    recorder: Option<Recorder>,
+    watcher: &'a mut dyn Watcher,
+    stop: &'a AtomicBool,
+    playback: Option<Playback<'a>>,
+) -> Result<Outcome, RunError> {
     if scenario.execution.paused && !link.takes_requests() {
         return Err(RunError::NobodyResumes);
     }
@@ -143,15 +203,18 @@ pub fn run(
     // Not 0, which stands for no run in particular.
     let number = getrandom::u64()?.max(1);
     let announcement = wire::scenario(scenario, &world.terrain().extent(), world.rays());
+    let keeps_history = playback.is_some() || scenario.faults.on_agent_loss == OnAgentLoss::Wait;
     let mut run = Run {
         scenario,
+        playback,
+        said: None,
         chain: Chain::new(&scenario.identity(), &world),
         wakes: vec![Wake::AT_ONCE; scenario.agents.count as usize],
         driven: scenario.driven(),
         lost: BTreeSet::new(),
         desk: Desk::new(&scenario.execution),
         log: Log::new(recorder, scenario.agents.count),
-        exchange: Exchange::new(link, number, scenario.agents.count),
+        exchange: Exchange::new(link, number, scenario.agents.count, keeps_history),
         world,
         watcher,
         stop,
@@ -185,6 +248,10 @@ pub fn run(
 /// A run under way.
 struct Run<'a> {
     scenario: &'a Scenario,
+    /// What is still to be carried out again.
+    playback: Option<Playback<'a>>,
+    /// What was said in this tick.
+    said: Option<Said>,
     world: World,
     chain: Chain,
     wakes: Vec<Wake>,
@@ -235,10 +302,14 @@ impl Run<'_> {
             let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop };
             self.exchange.listen(Tick::ZERO, PATIENCE, &mut meanwhile)?;
         }
+        self.check_controllers()?;
         for (agent, join) in self.exchange.joins() {
             self.log.write(Kind::Join(agent), Tick::ZERO, &join)?;
         }
-        self.log.publish()?;
+        if !self.is_replaying() {
+            self.log.publish()?;
+        }
+        self.exchange.has_begun(self.scenario.faults.on_agent_loss == OnAgentLoss::Wait);
         self.watcher.started();
         self.exchange.log(Level::Info, &format!("the run begins with {} agents", self.scenario.agents.count));
         Ok(())
@@ -247,13 +318,17 @@ impl Run<'_> {
     /// Ticks until the run is over; says why it is.
     fn ticks(&mut self) -> Result<&'static str, RunError> {
         let end = self.scenario.duration_ticks();
-        self.desk.start();
+        self.desk.start(self.world.tick());
         loop {
-            self.hold_pace()?;
-            self.exchange.clock(self.world.tick());
+            if !self.is_replaying() {
+                self.hold_pace()?;
+                self.exchange.clock(self.world.tick());
+            }
             self.record_state()?;
-            self.desk.steps_are_visible();
-            self.show();
+            if !self.is_replaying() {
+                self.desk.steps_are_visible();
+                self.show();
+            }
             if self.reported.elapsed() >= REPORT_PERIOD {
                 self.report()?;
             }
@@ -266,7 +341,7 @@ impl Run<'_> {
             if self.is_stopped() {
                 return Ok(INTERRUPTED);
             }
-            if self.wait_for_turn()?.is_break() {
+            if self.replay()?.is_break() || (!self.is_replaying() && self.wait_for_turn()?.is_break()) {
                 return Ok(if self.is_stopped() { INTERRUPTED } else { QUIT });
             }
             if self.tick()?.is_break() {
@@ -281,7 +356,7 @@ impl Run<'_> {
     fn tick(&mut self) -> Result<ControlFlow<()>, RunError> {
         self.world.look(&self.pool);
         let asked = self.ask();
-        let mut actions = if asked.is_empty() {
+        let mut actions = if asked.is_empty() && self.said.is_none() {
             BTreeMap::new()
         } else {
             match self.answers(&asked) {
@@ -309,12 +384,18 @@ impl Run<'_> {
             let happened = self.world.events(agent, wake.events);
             let since = if wake.is_due(self.world.tick(), happened) {
                 Since::LastCounted
+            } else if let Some(said) = &self.said {
+                // Out of turn only those have counted who have done something.
+                if !said.commands.contains_key(&agent) {
+                    continue;
+                }
+                Since::LastAsked
             } else if self.scenario.execution.look_ahead {
                 continue;
             } else {
                 Since::LastAsked
             };
-            if self.driven.contains(&agent) {
+            if self.driven.contains(&agent) && !self.is_replaying() {
                 self.drive(agent);
             }
             let observation = self.world.observe(agent, since);
@@ -325,10 +406,14 @@ impl Run<'_> {
 
     /// Waits for the answers. Agents that do not give one are lost.
     fn answers(&mut self, asked: &[Asked]) -> Result<ControlFlow<(), BTreeMap<AgentId, Answer>>, RunError> {
+        if let Some(said) = self.said.take() {
+            return self.answers_again(asked, said).map(ControlFlow::Continue);
+        }
         let tick = self.world.tick();
         let limit = Duration::from_secs_f64(self.answer_timeout_s());
         let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop };
-        let Silence { answers, silent } = match self.exchange.ask(tick, asked, limit, &mut meanwhile)? {
+        let patience = Patience::of(self.scenario.faults.on_agent_loss);
+        let Silence { answers, silent } = match self.exchange.ask(tick, asked, limit, patience, &mut meanwhile)? {
             Ok(answers) => return Ok(ControlFlow::Continue(answers)),
             Err(silence) => silence,
         };
@@ -337,7 +422,7 @@ impl Run<'_> {
         }
         let lost = RunError::AgentsLost { lost: silent.clone(), tick, seconds: limit.as_secs_f64() };
         match self.scenario.faults.on_agent_loss {
-            OnAgentLoss::Abort => Err(lost),
+            OnAgentLoss::Abort | OnAgentLoss::Wait => Err(lost),
             OnAgentLoss::Drop => {
                 self.note(Level::Error, &format!("{lost}; the run goes on without"));
                 self.lost.extend(silent);
@@ -352,17 +437,6 @@ impl Run<'_> {
         let execution = &self.scenario.execution;
         let joining_s = if self.world.tick() == Tick::ZERO { execution.join_timeout_s } else { 0.0 };
         execution.decision_timeout_s.max(joining_s)
-    }
-
-    /// Records what agents were told in a tick that was given up. It is not part of the digest.
-    fn record_unanswered(&mut self, asked: &[Asked]) -> Result<(), RunError> {
-        let tick = self.world.tick();
-        for Asked { agent, parts, .. } in asked.iter().filter(|asked| asked.since == Since::LastCounted) {
-            for part in parts {
-                self.log.write(Kind::Observation(*agent), tick, part)?;
-            }
-        }
-        Ok(())
     }
 
     /// Records what counts of the answers, and says what the world is to do.
@@ -398,46 +472,9 @@ impl Run<'_> {
                 self.infos[agent.index()].clone_from(&answer.message.info);
             }
             actions.insert(agent, answer.action.clone());
+            self.exchange.keep(agent, parts, &answer.message, !self.is_replaying());
         }
         Ok(actions)
-    }
-
-    /// Records what is recorded of the state at the start of this tick.
-    fn record_state(&mut self) -> Result<(), RunError> {
-        let tick = self.world.tick();
-        let poses_period = u64::from(self.scenario.recording.poses_period_ticks);
-        if poses_period > 0 && tick.0.is_multiple_of(poses_period) && self.log.is_recording() {
-            self.log.write(Kind::Transforms, tick, &wire::transforms(&self.world))?;
-        }
-        if tick.0.is_multiple_of(DIGEST_TICKS) {
-            self.record_digest()?;
-        }
-        if tick.0.is_multiple_of(PROGRESS_TICKS) {
-            self.record_progress()?;
-        }
-        self.record_views()
-    }
-
-    fn record_digest(&mut self) -> Result<(), RunError> {
-        let tick = self.world.tick();
-        if self.digest_recorded != Some(tick) {
-            self.digest_recorded = Some(tick);
-            let digest = maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest: self.chain.digest().0 };
-            self.log.write(Kind::Digest, tick, &digest)?;
-            self.show_own(View::Digest, Picture::Digest(digest));
-        }
-        Ok(())
-    }
-
-    fn record_progress(&mut self) -> Result<(), RunError> {
-        let tick = self.world.tick();
-        if self.progress_recorded != Some(tick) {
-            self.progress_recorded = Some(tick);
-            let progress = wire::progress(&mut self.world);
-            self.exchange.progress(&progress);
-            self.log.write(Kind::Progress, tick, &progress)?;
-        }
-        Ok(())
     }
 
     fn report(&mut self) -> Result<(), RunError> {

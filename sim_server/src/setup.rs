@@ -9,6 +9,7 @@ use voxels::{Extent, ExtentError};
 
 use crate::mapgen::{self, GeneratedMap, ImportSpec, MapError, MapReport, MapSpec};
 use crate::recorder::{Document, RecordError, Recorder};
+use crate::recording::{Recording, RecordingError};
 use crate::scenario::{LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
 use crate::world::comms::CommsModel;
 use crate::world::lidar::{Pattern, Scanner};
@@ -22,6 +23,10 @@ const AGENT_CELL_BYTES: usize = 2;
 /// Name of the attachment of a recording that holds the scenario.
 pub const SCENARIO_ATTACHMENT: &str = "scenario.toml";
 
+/// Names of the attachment that holds the map, for small maps and for all others.
+const COMPACT_MAP: &str = "map.m3dm";
+const TEXT_MAP: &str = "map.txt";
+
 /// Why a scenario cannot be set up.
 #[derive(Debug, Error)]
 pub enum SetupError {
@@ -33,6 +38,9 @@ pub enum SetupError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// The recording that it is to come from cannot be read.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
     /// The scenario is not legal.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
@@ -49,6 +57,20 @@ pub enum SetupError {
     /// The map has an impossible size.
     #[error("map.size: {0}")]
     Extent(#[from] ExtentError),
+    /// The scenario is not that of the recording.
+    #[error("{file}: the scenario of a recorded run stays as it is, only [execution] and [views] may be set: {what}")]
+    OtherScenario {
+        /// The recording.
+        file: String,
+        /// What would be different.
+        what: String,
+    },
+    /// The recording has no map.
+    #[error("{file}: the recording has no attachment map.m3dm or map.txt")]
+    NoMap {
+        /// The recording.
+        file: String,
+    },
     /// There is no such map.
     #[error("{table}: {source}")]
     Map {
@@ -62,12 +84,15 @@ pub enum SetupError {
     Spawn(#[from] SpawnError),
 }
 
-/// Reads a scenario file and sets the overridden keys.
+/// Reads a scenario file, or the scenario of a recording (`.mcap`), and sets the overridden keys.
 ///
 /// # Errors
 /// If the file cannot be read or the scenario is not legal.
 pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError> {
     let name = file.display().to_string();
+    if file.extension().is_some_and(|extension| extension == "mcap") {
+        return Ok(Scenario::parse(&name, &Recording::open(file)?.scenario(), overrides)?);
+    }
     let bytes = std::fs::read(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
     let text = String::from_utf8(bytes).map_err(|error| {
         let before = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]).into_owned();
@@ -78,12 +103,53 @@ pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError>
     Ok(Scenario::parse(&name, &text, overrides)?)
 }
 
+/// The scenario of a recorded run, with the sections that do not change it from a scenario file, if there is one, and from the
+/// overridden keys.
+///
+/// # Errors
+/// If it cannot be read, or would be another run.
+pub fn load_recorded(
+    recording: &Recording,
+    file: Option<&Path>,
+    overrides: &[Override],
+) -> Result<Scenario, SetupError> {
+    let text = recording.scenario();
+    let scenario = match file {
+        Some(file) => load(file, overrides)?,
+        None => Scenario::parse(recording.file(), &text, overrides)?,
+    };
+    let identity = scenario.identity();
+    if identity != *text {
+        let lines = text.lines().zip(identity.lines()).find(|(before, now)| before != now);
+        let what = lines.map_or_else(|| "other keys".to_owned(), |(before, now)| format!("{before} would be {now}"));
+        return Err(SetupError::OtherScenario { file: recording.file().to_owned(), what });
+    }
+    Ok(scenario)
+}
+
+/// Makes the world of a recorded run, with the map of the recording.
+///
+/// # Errors
+/// If the recording has no map, or no memory or no room is there for the world.
+pub fn rebuild(recording: &Recording, scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
+    let names = [COMPACT_MAP, TEXT_MAP];
+    let map = names.into_iter().find_map(|name| Some((name, recording.attachment(name)?)));
+    let (name, bytes) = map.ok_or_else(|| SetupError::NoMap { file: recording.file().to_owned() })?;
+    let file = format!("{}: {name}", recording.file());
+    inhabit(imported(ImportSpec { file, bytes: bytes.to_vec() }, scenario)?, scenario)
+}
+
 /// Makes the world of a scenario.
 ///
 /// # Errors
 /// If there is no such map, no memory for it, or no room for the team. The error names the key, but not the file.
 pub fn build(scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
-    let GeneratedMap { terrain, report } = map(scenario)?;
+    inhabit(map(scenario)?, scenario)
+}
+
+/// Puts the team on a map.
+fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
+    let GeneratedMap { terrain, report } = map;
     let agents = scenario.agents.count as usize;
     mapgen::check_memory(terrain.extent(), WORLD_CELL_BYTES + agents * AGENT_CELL_BYTES)
         .map_err(map_error(scenario))?;
@@ -108,8 +174,8 @@ pub fn record(file: &Path, scenario: &Scenario, world: &World) -> Result<Recorde
 /// The terrain as the most compact file that can hold it.
 fn map_document(world: &World) -> (&'static str, Vec<u8>) {
     match voxels::m3dm::write(world.terrain()) {
-        Ok(bytes) => ("map.m3dm", bytes),
-        Err(_too_large) => ("map.txt", world.terrain().to_text().into_bytes()),
+        Ok(bytes) => (COMPACT_MAP, bytes),
+        Err(_too_large) => (TEXT_MAP, world.terrain().to_text().into_bytes()),
     }
 }
 
@@ -127,12 +193,15 @@ fn map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
             let file = section.file.as_deref().expect("a checked scenario has a file for a map from a file");
             let name = file.display().to_string();
             let bytes = std::fs::read(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
-            let import = ImportSpec { file: name, bytes };
-            let size = import.read().map_err(map_error(scenario))?.extent().size();
-            let extent = Extent::new(size, section.cell_m)?;
-            mapgen::generate(&MapSpec::Import(import), extent, scenario.map_seed()).map_err(map_error(scenario))
+            imported(ImportSpec { file: name, bytes }, scenario)
         }
     }
+}
+
+fn imported(import: ImportSpec, scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
+    let size = import.read().map_err(map_error(scenario))?.extent().size();
+    let extent = Extent::new(size, scenario.map.cell_m)?;
+    mapgen::generate(&MapSpec::Import(import), extent, scenario.map_seed()).map_err(map_error(scenario))
 }
 
 /// An error with the place in the scenario that it is about.

@@ -383,6 +383,15 @@ pub fn intervention(tick: Tick, agent: AgentId, placed: Option<&Pose>) -> maes_m
     }
 }
 
+/// Where an intervention has put an agent; nowhere if it has taken it out of the run.
+#[must_use]
+pub fn placement(intervention: &maes_msgs::Intervention) -> Option<Pose> {
+    (intervention.kind == maes_msgs::Intervention::PLACE).then(|| Pose {
+        position: Point3::new(intervention.position.x, intervention.position.y, intervention.position.z),
+        yaw_rad: intervention.yaw_rad,
+    })
+}
+
 pub(crate) fn point(point: &Point3<f64>) -> geometry_msgs::Point {
     geometry_msgs::Point { x: point.x, y: point.y, z: point.z }
 }

@@ -80,9 +80,9 @@ impl Desk {
         }
     }
 
-    /// The clock starts.
-    pub(super) fn start(&mut self) {
-        self.pace.go_on(Tick::ZERO);
+    /// The clock starts in a tick.
+    pub(super) fn start(&mut self, tick: Tick) {
+        self.pace.go_on(tick);
     }
 
     /// A tick has been made.
@@ -257,13 +257,25 @@ impl Run<'_> {
         if phase == Phase::Admission || !self.desk.control.is_at_rest() {
             return Ok(not_now("pause the simulation before a state is set"));
         }
-        if let Err(reason) = self.world.place(agent, pose) {
-            return Ok(Outcome::failure(INVALID_POSE, reason));
+        Ok(self.place(agent, pose)?.map_or_else(|reason| Outcome::failure(INVALID_POSE, reason), |()| Outcome::ok()))
+    }
+
+    /// Puts an agent somewhere, or says why not.
+    pub(super) fn place(&mut self, agent: AgentId, pose: Pose) -> Result<Result<(), &'static str>, RunError> {
+        let placed = self.world.place(agent, pose);
+        if placed.is_ok() {
+            // It is somewhere else, whatever it has wanted to wait for.
+            self.wakes[agent.index()] = Wake::AT_ONCE;
+            self.intervene(agent, Some(&pose))?;
         }
-        // It is somewhere else, whatever it has wanted to wait for.
-        self.wakes[agent.index()] = Wake::AT_ONCE;
-        self.intervene(agent, Some(&pose))?;
-        Ok(Outcome::ok())
+        Ok(placed)
+    }
+
+    /// Takes an agent out of the run.
+    pub(super) fn remove(&mut self, agent: AgentId) -> Result<(), RunError> {
+        self.lost.insert(agent);
+        self.desk.leaving.push(agent);
+        self.intervene(agent, None)
     }
 
     fn delete(&mut self, entity: &str, phase: Phase) -> Result<Outcome, RunError> {
@@ -280,9 +292,7 @@ impl Run<'_> {
         let told = [Asked { agent, since: Since::LastAsked, parts }];
         let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop };
         self.exchange.farewell(self.world.tick(), &told, FAREWELL, &mut meanwhile)?;
-        self.lost.insert(agent);
-        self.desk.leaving.push(agent);
-        self.intervene(agent, None)?;
+        self.remove(agent)?;
         Ok(Outcome::ok())
     }
 

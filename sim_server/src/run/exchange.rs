@@ -1,28 +1,30 @@
 //! Questions and answers: sends observations, sends them again on silence, and takes in what is legal.
 //!
 //! Invariants: a refused message changes nothing but its counter; sending again changes nothing, because a tick has one answer;
-//! every wait is bounded; what goes in and comes out has no number of a run: it is put on and taken off here.
+//! every wait is bounded or can be stopped; what goes in and comes out has no number of a run: it is put on and taken off here.
+
+mod inbound;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
-use msgs::maes_msgs::{Command, Join, JoinReply, Observation as Part, Progress, Scenario};
+use msgs::maes_msgs::{Command, Join, Observation as Part, Progress, Scenario};
 
 use msgs::nav_msgs::Odometry;
 use msgs::sensor_msgs::PointCloud2;
 
+use super::history::History;
 use super::log::Log;
-use super::{Watcher, now};
+use super::{RunError, Watcher, now};
 use crate::control::Request;
-use crate::link::{Inbound, Incoming, Level, Link, SourceId};
-use crate::lockstep::{Barrier, Claim, Refusal, Roster, Seat, Wake};
+use crate::link::{Level, Link};
+use crate::lockstep::{Barrier, Refusal, Roster, Wake, listed};
 use crate::recorder::RecordError;
+use crate::scenario::OnAgentLoss;
 use crate::views::{Listeners, Picture, View};
-use crate::wire;
 use crate::world::body::Motion;
 use crate::world::{Action, LidarRequest, Since};
 
@@ -75,6 +77,24 @@ impl Answer {
     }
 }
 
+/// What to do about silence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Patience {
+    /// To give up.
+    Limited,
+    /// To wait until somebody else takes the place of who is silent.
+    Endless,
+}
+
+impl Patience {
+    pub(super) fn of(on_agent_loss: OnAgentLoss) -> Self {
+        match on_agent_loss {
+            OnAgentLoss::Wait => Self::Endless,
+            OnAgentLoss::Abort | OnAgentLoss::Drop => Self::Limited,
+        }
+    }
+}
+
 /// Why not all answers are there.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Silence {
@@ -115,11 +135,28 @@ pub(super) struct Exchange<'a> {
     /// How often a tick may be answered with the same words again, because it was asked again.
     echoes: Vec<u32>,
     refusals: BTreeMap<&'static str, u64>,
+    history: History,
+    /// Whether processes can take the place of others by now.
+    has_successors: bool,
+    /// Whose process is given up.
+    silent: BTreeSet<AgentId>,
+    /// Who claims the id of another process, and the tick in which that was.
+    contenders: BTreeMap<AgentId, (Tick, Join)>,
+    /// To whom there may be something to say.
+    prompts: BTreeSet<AgentId>,
+    /// Who has given another answer than before, when, and which.
+    diverged: Option<(AgentId, Tick, String)>,
 }
 
 impl<'a> Exchange<'a> {
-    pub(super) fn new(link: &'a mut dyn Link, run: u64, agents: u32) -> Self {
+    pub(super) fn new(link: &'a mut dyn Link, run: u64, agents: u32, keeps_history: bool) -> Self {
         Self {
+            history: History::new(agents, keeps_history),
+            has_successors: false,
+            silent: BTreeSet::new(),
+            contenders: BTreeMap::new(),
+            prompts: BTreeSet::new(),
+            diverged: None,
             link,
             request: None,
             run,
@@ -227,31 +264,55 @@ impl<'a> Exchange<'a> {
         Ok(())
     }
 
-    /// Asks, and waits for all answers; sends again on silence. There is silence in the end if someone has not answered within
-    /// `limit` of wall time, or the waiting was stopped.
+    /// The clock starts; from now on processes may be given up.
+    pub(super) fn has_begun(&mut self, has_successors: bool) {
+        self.has_successors = has_successors;
+    }
+
+    /// See [`History::keep`].
+    pub(super) fn keep(&mut self, agent: AgentId, parts: Vec<Part>, answer: &Command, is_known: bool) {
+        self.history.keep(agent, parts, answer.clone(), is_known);
+    }
+
+    /// See [`History::excuse`].
+    pub(super) fn excuse(&mut self, agent: AgentId) {
+        self.history.excuse(agent);
+    }
+
+    /// Asks, and waits for all answers and until everybody knows its past; sends again on silence. There is silence in the end if
+    /// someone has not answered within `limit` of wall time and patience is limited, or the waiting was stopped.
     ///
     /// # Errors
-    /// If the recording cannot be saved meanwhile.
+    /// If the recording cannot be saved meanwhile, or an agent gives another answer than before.
     pub(super) fn ask(
         &mut self,
         tick: Tick,
         asked: &[Asked],
         limit: Duration,
+        patience: Patience,
         meanwhile: &mut Meanwhile<'_>,
-    ) -> Result<Result<BTreeMap<AgentId, Answer>, Silence>, RecordError> {
+    ) -> Result<Result<BTreeMap<AgentId, Answer>, Silence>, RunError> {
         let mut barrier = Barrier::new(tick, asked.iter().map(|asked| asked.agent).collect());
-        for asked in asked {
-            self.send(asked);
-        }
+        self.prompts = self.waited_for(&barrier);
+        self.prompt(asked, &barrier);
         let mut last_looked = now();
         let mut waited = Duration::ZERO;
-        let mut patience = SEND_AGAIN_FIRST;
-        let mut send_again = patience;
-        while !barrier.is_complete() {
+        let mut interval = SEND_AGAIN_FIRST;
+        let mut send_again = interval;
+        while self.is_waiting(&barrier) {
             if let Some(incoming) = self.link.receive(PATIENCE) {
                 self.handle(incoming, &mut barrier, meanwhile.watcher);
             }
-            if barrier.is_complete() {
+            if let Some((agent, tick, what)) = self.diverged.take() {
+                return Err(RunError::Diverged { agent, tick, what });
+            }
+            if !self.prompts.is_empty() {
+                // Somebody has come further: the others have not been silent for longer than before that.
+                (waited, interval) = (Duration::ZERO, SEND_AGAIN_FIRST);
+                send_again = interval;
+                self.prompt(asked, &barrier);
+            }
+            if !self.is_waiting(&barrier) {
                 break;
             }
             // Looked at after every message, so that a flood of them puts off neither the limit nor the other agents. A time for
@@ -259,20 +320,68 @@ impl<'a> Exchange<'a> {
             let looked = now();
             waited += looked.duration_since(last_looked).min(LOOK_MAX);
             last_looked = looked;
-            if waited >= limit || !meanwhile.goes_on()? {
-                let silent = barrier.missing().collect();
+            let is_over = waited >= limit && patience == Patience::Limited;
+            if is_over || !meanwhile.goes_on()? {
+                let silent = self.waited_for(&barrier).into_iter().collect();
                 return Ok(Err(Silence { answers: barrier.into_answers_so_far(), silent }));
             }
+            if waited >= limit {
+                self.give_up(&self.waited_for(&barrier), limit, meanwhile.watcher);
+            }
             if waited >= send_again {
-                patience = (patience * 2).min(SEND_AGAIN_MAX);
-                send_again = waited + patience;
-                for asked in asked.iter().filter(|asked| barrier.awaits(asked.agent)) {
-                    self.echoes[asked.agent.index()] += 1;
-                    self.send(asked);
+                interval = (interval * 2).min(SEND_AGAIN_MAX);
+                send_again = waited + interval;
+                self.prompts = self.waited_for(&barrier);
+                for agent in &self.prompts {
+                    self.echoes[agent.index()] += 1;
                 }
+                self.prompt(asked, &barrier);
             }
         }
         Ok(Ok(barrier.into_answers()))
+    }
+
+    /// Whether somebody has still to say something.
+    fn is_waiting(&self, barrier: &Barrier<Answer>) -> bool {
+        !barrier.is_complete() || self.history.behind().next().is_some()
+    }
+
+    /// Who has.
+    fn waited_for(&self, barrier: &Barrier<Answer>) -> BTreeSet<AgentId> {
+        barrier.missing().chain(self.history.behind()).collect()
+    }
+
+    /// Says what there is to say to those who may have to be told something: their past first.
+    fn prompt(&mut self, asked: &[Asked], barrier: &Barrier<Answer>) {
+        for agent in std::mem::take(&mut self.prompts) {
+            let present = || asked.iter().find(|asked| asked.agent == agent && barrier.awaits(agent));
+            if let Some(parts) = self.history.next(agent) {
+                send(self.link, self.run, agent, parts);
+            } else if let Some(asked) = present() {
+                send(self.link, self.run, agent, &asked.parts);
+            }
+        }
+    }
+
+    /// Lets others take the place of processes that are silent. A process is silent with all its agents.
+    fn give_up(&mut self, missing: &BTreeSet<AgentId>, limit: Duration, watcher: &mut dyn Watcher) {
+        let news: Vec<AgentId> = missing.difference(&self.silent).copied().collect();
+        if news.is_empty() {
+            return;
+        }
+        for &agent in &news {
+            let source = self.roster.seat(agent).map(|seat| seat.source);
+            self.silent.insert(agent);
+            self.silent.extend(source.into_iter().flat_map(|source| self.roster.agents_of(source)));
+        }
+        let seconds = limit.as_secs_f64();
+        self.warn(
+            watcher,
+            &format!(
+                "no answer within {seconds} s from: {}; the clock is held until they are started again",
+                listed(news)
+            ),
+        );
     }
 
     /// Tells agents that the run is over, and waits a while for their receipts.
@@ -285,83 +394,20 @@ impl<'a> Exchange<'a> {
         told: &[Asked],
         limit: Duration,
         meanwhile: &mut Meanwhile<'_>,
-    ) -> Result<(), RecordError> {
+    ) -> Result<(), RunError> {
+        // What has not been told by now is told no more.
+        (0..self.agents).map(AgentId).for_each(|agent| self.history.excuse(agent));
         let told: Vec<Asked> = told.iter().filter(|told| self.roster.seat(told.agent).is_some()).cloned().collect();
-        if let Err(Silence { silent, .. }) = self.ask(tick, &told, limit, meanwhile)? {
-            let silent = crate::lockstep::listed(silent);
+        if let Err(Silence { silent, .. }) = self.ask(tick, &told, limit, Patience::Limited, meanwhile)? {
+            let silent = listed(silent);
             self.warn(meanwhile.watcher, &format!("no receipt for the end of the run from: {silent}"));
         }
         Ok(())
     }
+}
 
-    fn send(&mut self, asked: &Asked) {
-        for part in &asked.parts {
-            self.link.send(asked.agent, &Part { run: self.run, ..part.clone() });
-        }
-    }
-
-    fn handle(&mut self, incoming: Incoming, barrier: &mut Barrier<Answer>, watcher: &mut dyn Watcher) {
-        let Incoming { topic_agent, source, message } = incoming;
-        let handled = match message {
-            Inbound::Join(join) => self.handle_join(topic_agent, source, join),
-            Inbound::Command(command) => self.handle_command(topic_agent, source, command, barrier),
-            Inbound::Undecodable { reason } => Err(Refusal::Undecodable { topic: topic_agent, reason }),
-        };
-        if let Err(refusal) = handled {
-            let name = refusal.counter();
-            let count = self.refusals.entry(name).or_default();
-            *count += 1;
-            match *count {
-                ..NOTES_MAX => self.warn(watcher, &format!("refused: {refusal}")),
-                NOTES_MAX => {
-                    self.warn(watcher, &format!("refused: {refusal} (more of this kind are only counted: {name})"));
-                }
-                _ => {}
-            }
-        }
-    }
-
-    fn handle_join(&mut self, topic: AgentId, source: SourceId, join: Join) -> Result<(), Refusal> {
-        let Join { run, agent, instance, protocol, controller, last_tick: _ } = join;
-        if run != self.run {
-            return Err(Refusal::OtherRun { topic });
-        }
-        let seat = Seat { source, instance, controller };
-        let granted = self.roster.join(Claim { topic, agent: AgentId(agent), protocol, seat });
-        let reason = granted.as_ref().err().map_or_else(String::new, Refusal::to_string);
-        self.link.reply_join(&JoinReply { run, agent, instance, accepted: granted.is_ok(), reason });
-        granted
-    }
-
-    fn handle_command(
-        &mut self,
-        topic: AgentId,
-        source: SourceId,
-        mut command: Command,
-        barrier: &mut Barrier<Answer>,
-    ) -> Result<(), Refusal> {
-        if std::mem::take(&mut command.run) != self.run {
-            return Err(Refusal::OtherRun { topic });
-        }
-        let agent = AgentId(command.agent);
-        let tick = Tick(command.tick);
-        if agent != topic {
-            return Err(Refusal::WrongTopic { topic, named: agent });
-        }
-        self.roster.check(agent, source)?;
-        if let Err(refusal) = barrier.expect(agent, tick) {
-            let echoes = &mut self.echoes[agent.index()];
-            // The same bytes: numbers that nobody looks at may be NaN, which is not equal to itself.
-            let is_echo = |last: &Command| cdr::encode(last) == cdr::encode(&command);
-            if *echoes > 0 && self.last[agent.index()].as_ref().is_some_and(is_echo) {
-                *echoes -= 1;
-                return Ok(());
-            }
-            return Err(refusal);
-        }
-        let (action, wake) =
-            wire::command(&command, self.agents).map_err(|reason| Refusal::IllegalCommand { agent, tick, reason })?;
-        self.last[agent.index()] = Some(command.clone());
-        barrier.accept(agent, tick, Answer { message: command, action, wake })
+fn send(link: &mut dyn Link, run: u64, agent: AgentId, parts: &[Part]) {
+    for part in parts {
+        link.send(agent, &Part { run, ..part.clone() });
     }
 }

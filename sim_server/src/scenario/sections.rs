@@ -188,6 +188,8 @@ pub enum OnAgentLoss {
     Abort,
     /// The body stops and the run goes on without the agent.
     Drop,
+    /// The clock is held until the agent answers, or another process takes its place and has been told its past.
+    Wait,
 }
 
 impl Default for FaultsSection {
