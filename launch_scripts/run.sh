@@ -199,15 +199,15 @@ while [[ -z $code ]]; do
     else
         first=${agents[$ended]}
         unset "agents[$ended]"
-        # An agent that cannot take part ends the run; one that dies is the server's affair.
-        if [[ $status == 2 || $status == 5 ]] && ((refusal == 0)); then
+        # An agent that cannot take part ends the run, unless another one has taken its place; one that dies is the server's affair.
+        if [[ $status == 2 || ($status == 5 && $on_loss != wait) ]] && ((refusal == 0)); then
             refusal=$status
             cat "$logs/agent_$first.log" >&2
             kill -INT "$server" 2>/dev/null
         elif [[ $status != 0 && -z $interrupted ]]; then
             printf 'agent process %s ended with exit code %s; its log: %s\n' "$first" "$status" "$logs/agent_$first.log" >&2
             # Where the clock is held for agents that are lost, somebody has to start them again.
-            if [[ $on_loss == wait ]]; then
+            if [[ $on_loss == wait && $status != 5 ]]; then
                 restarts[$first]=$((${restarts[$first]:-0} + 1))
                 if ((restarts[$first] <= restarts_max)); then
                     start_agents "$first"

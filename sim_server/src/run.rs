@@ -10,6 +10,7 @@
 //! agent answers out of turn counts only if it does something, and only what counts is recorded and enters the digest.
 
 mod control;
+mod error;
 mod exchange;
 mod history;
 mod log;
@@ -26,13 +27,12 @@ use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Part};
-use thiserror::Error;
 
 use crate::digest::{Chain, Digest};
 use crate::link::{Level, Link};
-use crate::lockstep::{Wake, listed};
-use crate::playback::{Playback, PlaybackError, Said};
-use crate::recorder::{RecordError, Recorder};
+use crate::lockstep::Wake;
+use crate::playback::{Playback, Said};
+use crate::recorder::Recorder;
 use crate::scenario::{OnAgentLoss, Scenario};
 use crate::views::Views;
 use crate::wire;
@@ -41,6 +41,8 @@ use crate::world::{Action, Since, World};
 use control::{Desk, Phase};
 use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Patience, Silence};
 use log::{Kind, Log};
+
+pub use error::RunError;
 
 /// Wall time after which people are told how far the run is, and what they are told of is saved.
 const REPORT_PERIOD: Duration = Duration::from_millis(500);
@@ -51,83 +53,17 @@ const FAREWELL: Duration = Duration::from_secs(2);
 /// The counter of the tick in which the team had seen so many thousandths of the free cells, up to that number.
 pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
 
+/// Reason of a result: everything that is free has been seen.
+const EXPLORED: &str = "explored";
+
+/// Reason of a result: the time of the scenario is over.
+const DURATION: &str = "duration";
+
 /// Reason of a result: the run was stopped from outside.
 pub const INTERRUPTED: &str = "interrupted";
 
 /// Reason of a result: somebody has asked the server to end the run.
 pub const QUIT: &str = "quit";
-
-/// Why a run has no full result.
-#[derive(Debug, Error)]
-pub enum RunError {
-    /// Not all agents have joined in time.
-    #[error("agents missing after {seconds} s: {}", listed(missing.iter().copied()))]
-    AgentsMissing {
-        /// Who.
-        missing: Vec<AgentId>,
-        /// How long they were waited for, wall time.
-        seconds: f64,
-    },
-    /// An agent has not answered in time, and the scenario says `abort`.
-    #[error("no answer within {seconds} s to tick {tick} from: {}", listed(lost.iter().copied()))]
-    AgentsLost {
-        /// Who.
-        lost: Vec<AgentId>,
-        /// The tick that was not answered.
-        tick: Tick,
-        /// How long they were waited for, wall time.
-        seconds: f64,
-    },
-    /// Another server is there, and the agents could not tell whom to follow.
-    #[error("another server is in this network, with run {other:016x}: wait for its end, or set another ROS_DOMAIN_ID")]
-    OtherServer {
-        /// Number of its run.
-        other: u64,
-    },
-    /// The run is to begin paused, and nobody could resume it.
-    #[error("execution.paused = true: over this transport nobody could resume the run; it needs ROS 2")]
-    NobodyResumes,
-    /// The system has no random number for the run.
-    #[error("drawing a number for the run: {0}")]
-    Random(#[from] getrandom::Error),
-    /// An agent that was told its past gave another answer than before.
-    #[error("agent {agent} does not decide the same way again: in tick {tick} {what}")]
-    Diverged {
-        /// Who.
-        agent: AgentId,
-        /// When.
-        tick: Tick,
-        /// Field, and both values.
-        what: String,
-    },
-    /// An agent of a run that goes on runs something else than before.
-    #[error("agent {agent} runs {now}, and {before} in the run that is to go on")]
-    OtherController {
-        /// Who.
-        agent: AgentId,
-        /// What it ran.
-        before: String,
-        /// What it runs.
-        now: String,
-    },
-    /// The recording of the run that is to go on cannot be carried out again.
-    #[error(transparent)]
-    Playback(#[from] PlaybackError),
-    /// The recording of the run that is to go on has something else than what comes of it here.
-    #[error("tick {tick}: {reason}")]
-    OtherRun {
-        /// When.
-        tick: Tick,
-        /// What is different.
-        reason: String,
-    },
-    /// The recording cannot be written.
-    #[error(transparent)]
-    Record(#[from] RecordError),
-    /// The worker threads cannot be started.
-    #[error("starting worker threads: {0}")]
-    Threads(#[from] rayon::ThreadPoolBuildError),
-}
 
 /// What became of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -236,6 +172,10 @@ fn carry_out<'a>(
         Ok(()) => run.ticks(),
         Err(error) => Err(error),
     };
+    if run.is_replaying() && !matches!(ended, Ok(EXPLORED | DURATION)) {
+        // The recording that was read has more.
+        run.log.give_up();
+    }
     let wall = run.started.elapsed();
     let reason = match &ended {
         Ok(reason) => (*reason).to_owned(),
@@ -333,10 +273,10 @@ impl Run<'_> {
                 self.report()?;
             }
             if self.scenario.stop_when_explored && self.world.coverage().is_explored() {
-                return Ok("explored");
+                return Ok(EXPLORED);
             }
             if self.world.tick() >= end {
-                return Ok("duration");
+                return Ok(DURATION);
             }
             if self.is_stopped() {
                 return Ok(INTERRUPTED);
