@@ -1,14 +1,16 @@
 """Opens a recording with the packages that people use, and checks it against itself and against `sim_server info`.
 
-    check_recording.py RECORDING.mcap INFO.txt FREE_CELLS
+    check_recording.py RECORDING.mcap INFO.txt METADATA.yaml FREE_CELLS
 
-INFO.txt is what `sim_server info RECORDING.mcap` has printed, FREE_CELLS the number of free cells of the true map. Prints what it
+INFO.txt is what `sim_server info RECORDING.mcap` has printed, METADATA.yaml the same with `--metadata`, FREE_CELLS the number of free cells of the true map. Prints what it
 has found; exit code 1 with the reason if something is wrong.
 """
 
 import math
 import re
+import shutil
 import sys
+import tempfile
 import tomllib
 from collections import Counter, defaultdict
 from pathlib import Path
@@ -99,10 +101,10 @@ def check_counts(recording, info):
     check(told == found, f"`info` counts {told}, there are {found}")
 
 
-def check_rosbags(recording, file):
+def check_rosbags(recording, bag):
     counts = Counter()
     ticks = defaultdict(list)
-    with AnyReader([Path(file)]) as reader:
+    with AnyReader([Path(bag)]) as reader:
         for connection, time_ns, raw in reader.messages():
             message = reader.deserialize(raw, connection.msgtype)
             counts[connection.topic] += 1
@@ -111,6 +113,22 @@ def check_rosbags(recording, file):
     for topic, messages in recording.messages.items():
         expected = [(time_ns, getattr(message, "tick", None)) for time_ns, message in messages]
         check(sorted(ticks[topic], key=str) == sorted(expected, key=str), f"rosbags reads the same in {topic}")
+
+
+def check_folder(recording, file, metadata_file):
+    """With its metadata beside it, the recording is a bag of rosbag2, which is a folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        shutil.copy(file, folder)
+        shutil.copy(metadata_file, Path(folder, "metadata.yaml"))
+        check_rosbags(recording, folder)
+        with AnyReader([Path(folder)]) as reader:
+            total = sum(map(len, recording.messages.values()))
+            check(reader.message_count == total, f"the metadata counts {reader.message_count} messages, there are {total}")
+            times = [time_ns for messages in recording.messages.values() for time_ns, _ in messages]
+            span = (min(times), max(times) - min(times))
+            # rosbags has the end of a bag behind its last message.
+            found = (reader.start_time, reader.duration - 1)
+            check(found == span, f"the metadata says {found}, there is {span}")
 
 
 def check_stamps(recording):
@@ -210,7 +228,7 @@ def check_transforms(recording, scenario, result):
             check(abs(math.hypot(q.x, q.y, q.z, q.w) - 1.0) < 1e-12, "rotations are unit quaternions")
 
 
-def main(file, info_file, free_cells):
+def main(file, info_file, metadata_file, free_cells):
     recording = Recording(file)
     info = Path(info_file).read_text(encoding="utf-8")
     check(set(recording.attachments) == {"scenario.toml", "map.m3dm"}, "scenario and map are attached")
@@ -226,6 +244,7 @@ def main(file, info_file, free_cells):
     check_formats(recording)
     check_counts(recording, info)
     check_rosbags(recording, file)
+    check_folder(recording, file, metadata_file)
     check_stamps(recording)
     check_agents(recording, scenario, result, free, size)
     check_progress(recording, scenario, result)
@@ -236,4 +255,4 @@ def main(file, info_file, free_cells):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2], int(sys.argv[3]))
+    main(sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4]))

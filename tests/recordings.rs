@@ -17,9 +17,12 @@ use crate::support::runs::{Site, scenario, text};
 fn assert_opens(site: &Site, file: &Path, free_cells: u64) {
     let info = Process::start(site.binary("sim_server").arg("info").arg(file)).ended().with_code(0);
     let info_file = site.file("info.txt", &info.stdout);
+    let metadata =
+        Process::start(site.binary("sim_server").arg("info").arg(file).arg("--metadata")).ended().with_code(0);
+    let metadata_file = site.file("metadata.yaml", &metadata.stdout);
     let mut check = site.command(python::for_recordings());
     check.arg(crate::support::root().join("tests/check_recording.py"));
-    check.arg(file).arg(info_file).arg(free_cells.to_string());
+    check.arg(file).arg(info_file).arg(metadata_file).arg(free_cells.to_string());
     let checked = Process::start(&mut check).ended();
     assert_eq!(checked.code, Some(0), "{checked}");
     assert!(checked.stdout.ends_with("all right"), "{checked}");

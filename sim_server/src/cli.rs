@@ -33,6 +33,9 @@ pub enum Command {
     Info {
         /// The recording (.mcap)
         file: PathBuf,
+        /// Print the metadata.yaml of a rosbag2 folder with this recording instead
+        #[arg(long)]
+        metadata: bool,
     },
 }
 
@@ -96,6 +99,9 @@ pub struct KeyArgs {
     /// execution.record: where the recording goes
     #[arg(long, value_name = "FILE.mcap")]
     pub record: Option<String>,
+    /// views.record: what the recording is to hold besides the protocol, for example map,odom,points
+    #[arg(long, value_name = "WORD,...", value_delimiter = ',')]
+    pub record_topics: Vec<String>,
     /// execution.rtf: sim seconds for each second of wall time, or max
     #[arg(long, value_name = "X|max", value_parser = rtf)]
     pub rtf: Option<toml::Value>,
@@ -140,6 +146,8 @@ impl KeyArgs {
         set("--seed", "seed", seed);
         set("--duration", "duration_s", self.duration.map(Into::into));
         set("--record", "execution.record", self.record.clone().map(Into::into));
+        let topics = (!self.record_topics.is_empty()).then(|| self.record_topics.clone().into());
+        set("--record-topics", "views.record", topics);
         set("--rtf", "execution.rtf", self.rtf.clone());
         set("--threads", "execution.threads", self.threads.map(Into::into));
         set("--look-ahead", "execution.look_ahead", self.look_ahead.map(Into::into));

@@ -7,6 +7,7 @@
 //!
 //! This crate knows nothing of what agents believe or how they decide.
 
+pub mod bag;
 pub mod cli;
 pub mod control;
 pub mod difference;

@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use sim_server::cli::{Cli, Command, ScenarioArgs};
-use sim_server::{exit, info, map_cli, setup};
+use sim_server::recording::Recording;
+use sim_server::{bag, exit, info, map_cli, setup};
 
 fn main() -> ExitCode {
     match dispatch(Cli::parse().command) {
@@ -26,7 +27,12 @@ fn dispatch(command: Command) -> anyhow::Result<ExitCode> {
             map_cli::run(command)?;
             Ok(ExitCode::SUCCESS)
         }
-        Command::Info { file } => {
+        Command::Info { file, metadata: true } => {
+            let name = file.file_name().unwrap_or_default().to_string_lossy();
+            print(&bag::metadata(&Recording::open(&file)?, &name));
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Info { file, metadata: false } => {
             print(&info::text(&info::read(&file)?));
             Ok(ExitCode::SUCCESS)
         }

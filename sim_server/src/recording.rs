@@ -64,6 +64,8 @@ pub struct Channel {
     pub topic: String,
     /// Its type, such as `maes_msgs/msg/Command`.
     pub type_name: String,
+    /// How it was offered, as rosbag2 writes it.
+    pub offered_qos: String,
 }
 
 /// A message of a recording.
@@ -204,7 +206,8 @@ impl Iterator for Messages<'_> {
                 }
                 Some(Ok(Record::Channel(channel))) => {
                     let type_name = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
-                    let known = Arc::new(Channel { topic: channel.topic, type_name });
+                    let offered_qos = channel.metadata.get("offered_qos_profiles").cloned().unwrap_or_default();
+                    let known = Arc::new(Channel { topic: channel.topic, type_name, offered_qos });
                     self.channels.insert(channel.id, known);
                 }
                 Some(Ok(Record::Message { header, data })) => {
