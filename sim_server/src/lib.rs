@@ -15,6 +15,7 @@ pub mod link;
 pub mod lockstep;
 pub mod map_cli;
 pub mod mapgen;
+pub mod pace;
 pub mod parameters;
 pub mod recorder;
 pub mod recording;

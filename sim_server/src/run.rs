@@ -9,7 +9,6 @@
 mod control;
 mod exchange;
 mod log;
-mod pace;
 mod result;
 mod show;
 
@@ -22,6 +21,7 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Part};
 use thiserror::Error;
 
+use crate::control::desk::Desk;
 use crate::digest::{Chain, Digest};
 use crate::link::{Level, Link};
 use crate::lockstep::{Wake, listed};
@@ -31,7 +31,7 @@ use crate::views::{Picture, View, Views};
 use crate::wire;
 use crate::world::{Action, Since, World};
 
-use control::{Desk, Phase};
+use control::Phase;
 use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Silence};
 use log::{Kind, Log};
 
@@ -149,7 +149,9 @@ pub fn run(
         wakes: vec![Wake::AT_ONCE; scenario.agents.count as usize],
         driven: scenario.driven(),
         lost: BTreeSet::new(),
-        desk: Desk::new(&scenario.execution),
+        desk: Desk::new(scenario.execution.paused, scenario.execution.rtf, crate::control::features()),
+        interventions: 0,
+        leaving: Vec::new(),
         log: Log::new(recorder, scenario.agents.count),
         exchange: Exchange::new(link, number, scenario.agents.count),
         world,
@@ -191,6 +193,10 @@ struct Run<'a> {
     driven: BTreeSet<AgentId>,
     lost: BTreeSet<AgentId>,
     desk: Desk,
+    /// How often something was done to the run from outside.
+    interventions: u64,
+    /// Who has left the run since the last tick, and does nothing from now on.
+    leaving: Vec<AgentId>,
     log: Log,
     exchange: Exchange<'a>,
     watcher: &'a mut dyn Watcher,
@@ -247,7 +253,7 @@ impl Run<'_> {
     /// Ticks until the run is over; says why it is.
     fn ticks(&mut self) -> Result<&'static str, RunError> {
         let end = self.scenario.duration_ticks();
-        self.desk.start();
+        self.desk.go_on(Tick::ZERO, self.wall_ns());
         loop {
             self.hold_pace()?;
             self.exchange.clock(self.world.tick());
@@ -292,7 +298,7 @@ impl Run<'_> {
                 }
             }
         };
-        actions.extend(self.desk.take_leaving().into_iter().map(|agent| (agent, Action::LOST)));
+        actions.extend(std::mem::take(&mut self.leaving).into_iter().map(|agent| (agent, Action::LOST)));
         self.world.step(actions);
         self.chain.close(&self.world);
         Ok(ControlFlow::Continue(()))
