@@ -2,7 +2,7 @@
 //!
 //! In reading order: [`scenario`] says what a run is; [`mapgen`] makes its terrain and [`world`] its physics; [`lockstep`] says
 //! who is asked when; [`run`] puts them together over a [`link`]; [`wire`] translates to messages, [`recorder`] and [`digest`]
-//! keep them, and [`recording`] reads them again; [`views`] are what people look at; `ros` is the link over ROS 2.
+//! keep them, [`recording`] reads them again, and [`replay`] says when each of its messages is due; [`views`] are what people look at; `ros` is the link over ROS 2.
 //!
 //! This crate knows nothing of what agents believe or how they decide.
 
@@ -19,6 +19,7 @@ pub mod pace;
 pub mod parameters;
 pub mod recorder;
 pub mod recording;
+pub mod replay;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod run;

@@ -5,10 +5,11 @@
 use std::path::Path;
 
 use thiserror::Error;
-use voxels::{Extent, ExtentError};
+use voxels::{Extent, ExtentError, Grid, Terrain};
 
 use crate::mapgen::{self, GeneratedMap, ImportSpec, MapError, MapReport, MapSpec};
 use crate::recorder::{Document, RecordError, Recorder};
+use crate::recording::Recording;
 use crate::scenario::{LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
 use crate::world::comms::CommsModel;
 use crate::world::lidar::{Pattern, Scanner};
@@ -21,6 +22,9 @@ const AGENT_CELL_BYTES: usize = 2;
 
 /// Name of the attachment of a recording that holds the scenario.
 pub const SCENARIO_ATTACHMENT: &str = "scenario.toml";
+
+/// Names of the attachment that holds the true map, by its format.
+const MAP_ATTACHMENTS: [&str; 2] = ["map.m3dm", "map.txt"];
 
 /// Why a scenario cannot be set up.
 #[derive(Debug, Error)]
@@ -105,11 +109,29 @@ pub fn record(file: &Path, scenario: &Scenario, world: &World) -> Result<Recorde
     Recorder::create(file, &documents)
 }
 
+/// The map of a recording, if it has one.
+///
+/// # Errors
+/// If the attachment is no map.
+///
+/// # Panics
+/// Never: the terrain has the size that it says.
+pub fn recorded_map(recording: &Recording, scenario: &Scenario) -> Result<Option<Grid<Terrain>>, SetupError> {
+    let attached = MAP_ATTACHMENTS.iter().find_map(|name| Some((*name, recording.attachment(name)?)));
+    let Some((name, bytes)) = attached else {
+        return Ok(None);
+    };
+    let import = ImportSpec { file: name.to_owned(), bytes: bytes.to_vec() };
+    let terrain = import.read().map_err(|source| SetupError::Map { table: name, source })?;
+    let extent = Extent::new(terrain.extent().size(), scenario.map.cell_m)?;
+    Ok(Some(Grid::from_vec(extent, terrain.into_vec()).expect("the size is its own")))
+}
+
 /// The terrain as the most compact file that can hold it.
 fn map_document(world: &World) -> (&'static str, Vec<u8>) {
     match voxels::m3dm::write(world.terrain()) {
-        Ok(bytes) => ("map.m3dm", bytes),
-        Err(_too_large) => ("map.txt", world.terrain().to_text().into_bytes()),
+        Ok(bytes) => (MAP_ATTACHMENTS[0], bytes),
+        Err(_too_large) => (MAP_ATTACHMENTS[1], world.terrain().to_text().into_bytes()),
     }
 }
 
