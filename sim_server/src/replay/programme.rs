@@ -101,7 +101,7 @@ impl Programme {
         let first = Tick(nanoseconds(start_s).div_ceil(Tick::TICK_NS));
         let last = wishes.end_s.map_or(last_there, |end_s| Tick(nanoseconds(end_s) / Tick::TICK_NS).min(last_there));
         if first > last {
-            let (end_s, last_s) = (wishes.end_s, last_there.time_ns() as f64 * 1e-9);
+            let (end_s, last_s) = (wishes.end_s, seconds(last_there));
             return Err(ReplayError::NoTick { file: recording.file().to_owned(), start_s, end_s, last_s });
         }
         let made = found.add_scenery(recording);
@@ -143,6 +143,10 @@ impl Programme {
     pub(super) fn scenery(&self) -> &[Cue] {
         &self.scenery
     }
+}
+
+fn seconds(tick: Tick) -> f64 {
+    tick.time_ns() as f64 / 1e9
 }
 
 fn nanoseconds(seconds: f64) -> u64 {
@@ -187,7 +191,7 @@ impl Found {
         let told = refused.iter().map(|(name, (count, wrong))| format!("{name}: {count} not played: {wrong}"));
         found.notes.extend(told);
         if let Some(end @ (End::Missing | End::Damage { .. })) = messages.end() {
-            let last_s = found.last.unwrap_or_default().time_ns() as f64 * 1e-9;
+            let last_s = seconds(found.last.unwrap_or_default());
             found.notes.push(format!("{} is {end}; it can be played up to {last_s} s", recording.file()));
         }
         found
