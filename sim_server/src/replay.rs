@@ -101,6 +101,10 @@ impl Player {
         }
         if self.next > self.last {
             if self.is_loop {
+                // The last tick lasts as long as any other.
+                if let Some(wait_ns) = self.desk.wait_ns(self.next, wall_ns) {
+                    return Turn::Wait(wait_ns);
+                }
                 self.next = self.first;
                 self.desk.go_on(self.first, wall_ns);
                 return Turn::Rewind;
@@ -135,10 +139,10 @@ impl Player {
         self.desk.end_steps("the replay has ended");
     }
 
-    /// The tick that comes next.
+    /// How far it is: the tick that was played last, or the first one.
     #[must_use]
-    pub fn next(&self) -> Tick {
-        self.next
+    pub fn position(&self) -> Tick {
+        Tick(self.next.0.saturating_sub(1)).max(self.first)
     }
 
     /// Whether somebody has asked for the end.

@@ -81,7 +81,7 @@ pub fn play(
         stage.look(&mut player, Duration::ZERO);
         if reported.is_none_or(|reported: Instant| reported.elapsed() >= REPORT_PERIOD) {
             reported = Some(now());
-            terminal.status(player.next(), stage.status(&player));
+            terminal.status(player.position(), stage.status(&player));
         }
         match player.turn(stage.wall_ns()) {
             Turn::Play(tick) => {
@@ -271,7 +271,7 @@ impl Stage {
         let wall_s = self.begun.elapsed().as_secs_f64();
         format!(
             "{} | {:6.1} x real time | {} messages",
-            terminal::clock(player.next()),
+            terminal::clock(player.position()),
             if wall_s > 0.0 { passed_s / wall_s } else { 0.0 },
             self.messages
         )
