@@ -34,6 +34,8 @@ mod onlookers;
 mod own_nodes;
 /// Recordings open with the Python packages that people use, and hold what they should.
 mod recordings;
+/// Recordings are played on ROS 2 topics: everything comes, late readers see what holds, and runs take no notice.
+mod replay;
 /// A real ROS 2 node controls a run: pauses, steps, entities, parameters.
 mod services;
 

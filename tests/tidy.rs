@@ -116,7 +116,7 @@ fn only_the_ros_files_name_the_ros_client() {
 fn pure_modules_know_no_clock_no_files_no_network_and_no_threads() {
     let pure = [
         ("voxels", &[""][..]),
-        ("sim_server", &["world", "lockstep", "mapgen", "digest", "wire", "views"]),
+        ("sim_server", &["world", "lockstep", "mapgen", "digest", "wire", "views", "control", "pace", "replay"]),
         ("agent_node", &["agent", "controllers", "exploration_map", "command", "observation", "wire", "belief_view"]),
     ];
     for (of, modules) in pure {

@@ -123,10 +123,12 @@ pub fn run(link: &mut dyn Link, options: &Options, stop: &AtomicBool) -> Result<
     ended
 }
 
-/// Waits for the scenario.
+/// Waits for the scenario of a run; that of a recording which is played is none.
 fn scenario(link: &mut dyn Link, stop: &AtomicBool) -> Option<Scenario> {
     while !stop.load(Ordering::Relaxed) {
-        if let Some(Inbound::Scenario(scenario)) = link.receive(PATIENCE) {
+        if let Some(Inbound::Scenario(scenario)) = link.receive(PATIENCE)
+            && scenario.run != Scenario::NO_RUN
+        {
             return Some(scenario);
         }
     }
@@ -240,7 +242,7 @@ impl<'a> Process<'a> {
             Inbound::Observation(part) => part.run,
         };
         if run != self.run {
-            if matches!(message, Inbound::Scenario(_)) {
+            if matches!(message, Inbound::Scenario(_)) && run != Scenario::NO_RUN {
                 self.other_run = Some(run);
             }
             return Ok(());
@@ -398,7 +400,11 @@ mod tests {
         let refusal = JoinReply { run: OTHER, instance: 3, ..JoinReply::default() };
         let mut server = Server::saying(
             vec![
+                scenario(Scenario::NO_RUN),
+                observation(Scenario::NO_RUN, Part::RUNNING),
                 scenario(OURS),
+                scenario(Scenario::NO_RUN),
+                observation(Scenario::NO_RUN, Part::ENDED),
                 Inbound::JoinReply(refusal),
                 observation(OTHER, Part::ENDED),
                 scenario(OTHER),

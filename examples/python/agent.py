@@ -57,7 +57,8 @@ class Agent:
         node.create_timer(0.2, self.join)
 
     def on_scenario(self, scenario):
-        if self.run is None:
+        # A recording that is played has the number 0, and is no run.
+        if self.run is None and scenario.run != 0:
             self.run = scenario.run
             self.rng = random.Random(f"{scenario.agents_seed} {self.number}")
 

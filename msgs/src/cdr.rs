@@ -7,10 +7,12 @@
 //! Other writers do not give equal bytes for equal values: Fast DDS leaves the padding between fields as it finds it in memory.
 //! So what came in is decoded and encoded again before it is recorded, compared or hashed.
 
+use std::sync::Arc;
+
 use byteorder::{BigEndian, ByteOrder, LittleEndian};
 use cdr_encoding::CdrDeserializer;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::ser::{Serialize, SerializeTuple, Serializer};
 use thiserror::Error;
 
 /// Plain CDR, little-endian, no options.
@@ -38,6 +40,9 @@ pub enum CdrError {
         /// What is wrong there.
         source: cdr_encoding::Error,
     },
+    /// The header names the byte order in which nothing is sent.
+    #[error("the message is big-endian, and can be passed on as it stands only if it is little-endian")]
+    BigEndian,
     /// Something follows the message.
     #[error("the message ends at byte {end}, but there are {length} bytes")]
     Trailing {
@@ -109,6 +114,59 @@ fn decode_body<T: DeserializeOwned, Order: ByteOrder>(body: &[u8]) -> Result<T, 
     Ok(message)
 }
 
+/// A message that is passed on as it stands, whatever its type. Encoding it gives the bytes that it was made of.
+///
+/// ```
+/// use msgs::cdr::{self, Encoded};
+/// use msgs::rosgraph_msgs::Clock;
+///
+/// let bytes = cdr::encode(&Clock::default());
+/// assert_eq!(cdr::encode(&Encoded::new(&bytes).unwrap()), bytes);
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Encoded(Arc<[u8]>);
+
+impl Encoded {
+    /// The message in `bytes`, which begin with the header.
+    ///
+    /// # Errors
+    /// If there is no header, or one of another encoding than the one in which everything is sent here.
+    pub fn new(bytes: &[u8]) -> Result<Self, CdrError> {
+        let (header, body) = bytes.split_first_chunk::<4>().ok_or(CdrError::NoHeader(bytes.len()))?;
+        match header[..2] {
+            [0, 1] => Ok(Self(body.into())),
+            [0, 0] => Err(CdrError::BigEndian),
+            _ => Err(CdrError::Encoding(*header)),
+        }
+    }
+
+    /// A message of a known type.
+    ///
+    /// # Panics
+    /// As [`encode_into`].
+    #[must_use]
+    pub fn of<T: Serialize>(message: &T) -> Self {
+        Self(encode(message)[HEADER_LE.len()..].into())
+    }
+
+    /// The message, if it is one of this type.
+    ///
+    /// # Errors
+    /// As [`decode`].
+    pub fn decode<T: DeserializeOwned>(&self) -> Result<T, CdrError> {
+        decode_body::<T, LittleEndian>(&self.0)
+    }
+}
+
+/// The bytes one by one, as a tuple, which has neither a length nor padding.
+impl Serialize for Encoded {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut tuple = serializer.serialize_tuple(self.0.len())?;
+        self.0.iter().try_for_each(|byte| tuple.serialize_element(byte))?;
+        tuple.end()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -137,6 +195,18 @@ mod tests {
     fn big_endian_and_padding_are_understood() {
         let time: Time = decode(&[0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 2, 0, 0, 0]).unwrap();
         assert_eq!(time, Time { sec: 256, nanosec: 2 });
+    }
+
+    #[test]
+    fn what_is_passed_on_stands_as_it_was() {
+        let bytes = encode(&Parcel { agent: 1, kind: 2, data: vec![8, 9, 10] });
+        let passed_on = Encoded::new(&bytes).unwrap();
+        assert_eq!(encode(&passed_on), bytes);
+        assert_eq!(passed_on, Encoded::of(&Parcel { agent: 1, kind: 2, data: vec![8, 9, 10] }));
+        assert_eq!(passed_on.decode::<Parcel>().unwrap().data, [8, 9, 10]);
+        assert!(matches!(Encoded::new(&[0, 0, 0, 0, 1]), Err(CdrError::BigEndian)));
+        assert!(matches!(Encoded::new(&[0, 3, 0, 0, 1]), Err(CdrError::Encoding(_))));
+        assert!(matches!(Encoded::new(&[0, 1]), Err(CdrError::NoHeader(2))));
     }
 
     #[test]

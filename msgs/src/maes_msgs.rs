@@ -344,12 +344,17 @@ pub struct Result {
     pub digest: [u8; 32],
 }
 
+impl Scenario {
+    /// `run`: none. The server takes the number of the run off what it records, so this is what a replay says.
+    pub const NO_RUN: u64 = 0;
+}
+
 /// What an agent may know of the run: neither the map nor the seed it was made from.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scenario {
     /// Version of this protocol, [`limits::PROTOCOL`](crate::limits::PROTOCOL).
     pub protocol: u32,
-    /// A number that tells this run from any other; 0 in a recording.
+    /// A number that tells this run from any other, or [`NO_RUN`](Self::NO_RUN) in a recording.
     pub run: u64,
     /// Sim time of one fixed update, nanoseconds.
     pub tick_ns: u64,

@@ -14,6 +14,7 @@
 mod action;
 mod meeting;
 mod parameters;
+mod patient;
 mod services;
 
 pub mod audience;
@@ -36,11 +37,12 @@ use ros2_client::{
     WriteError,
 };
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
 pub use action::{Goal, StepsEvent};
 pub use parameters::Shared as SharedParameters;
+pub use patient::{PatientOutlet, Sent};
 
 /// Participants of a machine that are told of every other one at its start: besides multicast, which loopback does not have,
 /// the middleware sends to the ports of the first twelve (`SPDP_LOCALHOST_PEER_COUNT`). The others hear of each other only
@@ -275,14 +277,14 @@ fn qos_profile(qos: &topics::Qos) -> QosProfile {
 /// The middleware keeps a sample until every reliable reader has acknowledged it, and refuses new ones when it keeps 8192. A
 /// reader that was killed or stopped acknowledges nothing, and the middleware believes in it for up to 50 s. So a publisher
 /// that is refused is replaced by a new one, with a window of its own; living readers find it in a moment.
-pub struct Outlet<M: Message> {
+pub struct Outlet<M: Serialize> {
     publisher: Publisher<M>,
     topic: rustdds::Topic,
     renewed: Instant,
     unsent: Tally,
 }
 
-impl<M: Message + Clone> Outlet<M> {
+impl<M: Serialize + Clone> Outlet<M> {
     /// Publishes, or counts the message as not sent.
     pub fn publish(&mut self, node: &mut Node, message: &M) {
         let Err(error) = self.publisher.publish(message.clone()) else { return };

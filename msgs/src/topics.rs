@@ -266,13 +266,55 @@ pub fn parameter_events() -> Topic {
 /// assert_eq!(topics.last().unwrap().name, "/agent_1/map");
 /// ```
 pub fn all(agents: u32) -> Vec<Topic> {
-    let mut topics = vec![clock(), scenario(), join_reply(), tf(), progress(), digest(), result(), intervention()];
-    topics.extend([tf_static(), map(), unexplored(), contacts(), info(), rosout()]);
-    for agent in (0..agents).map(AgentId) {
-        topics.extend([join(agent), observation(agent), command(agent), cmd_vel(agent)]);
-        topics.extend([odometry(agent), points(agent), path(agent), belief(agent)]);
-    }
+    let mut topics = Vec::from(of_simulation());
+    topics.extend((0..agents).map(AgentId).flat_map(of_agent));
     topics
+}
+
+/// The topic of this name, if runs have one.
+///
+/// ```
+/// use msgs::{ids::AgentId, topics};
+///
+/// assert_eq!(topics::named("/agent_7/odom"), Some(topics::odometry(AgentId(7))));
+/// assert_eq!(topics::named("/chatter"), None);
+/// ```
+pub fn named(name: &str) -> Option<Topic> {
+    let agent = name.strip_prefix("/agent_").and_then(|rest| rest.split_once('/')?.0.parse().ok());
+    let topics = agent.map_or_else(|| Vec::from(of_simulation()), |agent| Vec::from(of_agent(AgentId(agent))));
+    topics.into_iter().find(|topic| topic.name == name)
+}
+
+fn of_simulation() -> [Topic; 14] {
+    [
+        clock(),
+        scenario(),
+        join_reply(),
+        tf(),
+        progress(),
+        digest(),
+        result(),
+        intervention(),
+        tf_static(),
+        map(),
+        unexplored(),
+        contacts(),
+        info(),
+        rosout(),
+    ]
+}
+
+fn of_agent(agent: AgentId) -> [Topic; 8] {
+    [
+        join(agent),
+        observation(agent),
+        command(agent),
+        cmd_vel(agent),
+        odometry(agent),
+        points(agent),
+        path(agent),
+        belief(agent),
+    ]
 }
 
 #[cfg(test)]
@@ -287,6 +329,16 @@ mod tests {
         names.sort();
         names.dedup();
         assert_eq!((names.len(), count), (14 + 96, 14 + 96));
+    }
+
+    #[test]
+    fn every_topic_is_found_by_its_name() {
+        for topic in all(12) {
+            assert_eq!(named(&topic.name), Some(topic));
+        }
+        for wrong in ["", "/agent_x/odom", "/agent_1", "/agent_1/", "/agent_01/odom", "sim/map"] {
+            assert_eq!(named(wrong), None, "{wrong}");
+        }
     }
 
     #[test]

@@ -7,7 +7,11 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 use crate::map_cli::MapCommand;
+#[cfg(feature = "ros")]
+use crate::replay::{Manner, Wishes};
 use crate::scenario::Override;
+#[cfg(feature = "ros")]
+use crate::scenario::Rtf;
 
 /// World server of a deterministic simulator of 3-D multi-agent exploration.
 #[derive(Debug, Parser)]
@@ -24,6 +28,9 @@ pub enum Command {
     /// Serve a run over ROS 2
     #[cfg(feature = "ros")]
     Run(RunArgs),
+    /// Play a recording on its ROS 2 topics
+    #[cfg(feature = "ros")]
+    Replay(ReplayArgs),
     /// Print a scenario with all its keys, or one of them
     Scenario(ScenarioArgs),
     /// Make, describe and convert maps
@@ -37,6 +44,50 @@ pub enum Command {
         #[arg(long)]
         metadata: bool,
     },
+}
+
+/// Arguments of `replay`.
+#[cfg(feature = "ros")]
+#[derive(Debug, Args)]
+pub struct ReplayArgs {
+    /// The recording (.mcap)
+    pub file: PathBuf,
+    /// Sim seconds for each second of wall time, at the most; max: as fast as possible
+    #[arg(long, value_name = "X|max", value_parser = rate, default_value = "1")]
+    pub rate: Rtf,
+    /// Sim time from which on it is played
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub start: f64,
+    /// Sim time up to which it is played, if not to its end
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    pub end: Option<f64>,
+    /// Begin again at the end
+    #[arg(long = "loop")]
+    pub is_loop: bool,
+    /// Begin paused, until somebody lets it go on through a service
+    #[arg(long)]
+    pub paused: bool,
+    /// Play only these topics; a * at the end stands for any rest
+    #[arg(long, value_name = "NAME[,NAME...]", value_delimiter = ',')]
+    pub topics: Vec<String>,
+    /// Leave these topics out; a * at the end stands for any rest
+    #[arg(long, value_name = "NAME[,NAME...]", value_delimiter = ',')]
+    pub exclude: Vec<String>,
+}
+
+#[cfg(feature = "ros")]
+impl ReplayArgs {
+    /// How it is to be played.
+    #[must_use]
+    pub fn manner(&self) -> Manner {
+        Manner { rate: self.rate, is_loop: self.is_loop, is_paused: self.paused }
+    }
+
+    /// What is to be played.
+    #[must_use]
+    pub fn wishes(&self) -> Wishes {
+        Wishes { only: self.topics.clone(), exclude: self.exclude.clone(), start_s: self.start, end_s: self.end }
+    }
 }
 
 /// Arguments of `run`.
@@ -197,6 +248,15 @@ fn rtf(text: &str) -> Result<toml::Value, String> {
     }
 }
 
+#[cfg(feature = "ros")]
+fn rate(text: &str) -> Result<Rtf, String> {
+    if text == "max" {
+        return Ok(Rtf::MAX);
+    }
+    let limit = text.parse().map_err(|_| "expected a number or max".to_owned())?;
+    crate::parameters::pace(crate::parameters::RATE, limit)
+}
+
 fn assignment(text: &str) -> Result<(String, toml::Value), String> {
     let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE")?;
     let parsed = toml::from_str::<toml::Table>(&format!("value = {value}"));
@@ -243,6 +303,9 @@ mod tests {
         assert_eq!(rtf("max"), Ok("max".into()));
         assert_eq!(rtf("2.5"), Ok(2.5.into()));
         assert!(rtf("fast").is_err());
+        assert_eq!(rate("max"), Ok(Rtf::MAX));
+        assert_eq!(rate("0.5"), Ok(Rtf::Limit(0.5)));
+        assert!(rate("fast").is_err() && rate("-1").is_err() && rate("inf").is_err());
         assert_eq!(assignment("lidar.range_m=20.5"), Ok(("lidar.range_m".into(), 20.5.into())));
         assert_eq!(assignment("agents.controller=rbw"), Ok(("agents.controller".into(), "rbw".into())));
         assert_eq!(assignment("a=[1, 2]").unwrap().1, toml::Value::Array(vec![1.into(), 2.into()]));

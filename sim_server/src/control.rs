@@ -1,7 +1,8 @@
 //! What people may ask of a run, and what it does about it: the state of the simulation by the standard.
 //!
 //! [`Control`] is a pure state machine: which states there are, which way leads from one to another, how many steps are to be
-//! made. It is asked before each tick whether there is to be one. [`entities`] finds agents and tells of them.
+//! made. It is asked before each tick whether there is to be one. [`desk`] answers with it what is about time alone, also for what is
+//! no run; [`entities`] finds agents and tells of them.
 //!
 //! Invariants: time passes only in `PLAYING`; after the last of the steps that were asked for the state is `PAUSED`; a request
 //! that is refused changes nothing.
@@ -13,8 +14,9 @@
 //! | `PAUSED` | unsupported | yes | 101 | yes |
 //! | `QUITTING` | 103 | 103 | 103 | 101 |
 //!
-//! This module knows no transport and no wall time, and carries out nothing: `run/control.rs` does.
+//! This module knows no transport and no clock, and carries out nothing: `run/control.rs` does.
 
+pub mod desk;
 pub mod entities;
 
 use msgs::service::Ask;
@@ -235,11 +237,11 @@ impl Control {
     }
 }
 
-/// A run begins once.
+/// What has begun begins once.
 fn no_way_back() -> Outcome {
     Outcome::failure(
         Outcome::FEATURE_UNSUPPORTED,
-        "a run cannot begin again: end it with state 3 (QUITTING) and start the same scenario anew",
+        "it cannot begin again: end it with state 3 (QUITTING) and start the same anew",
     )
 }
 

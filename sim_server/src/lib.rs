@@ -2,8 +2,8 @@
 //!
 //! In reading order: [`scenario`] says what a run is; [`mapgen`] makes its terrain and [`world`] its physics; [`lockstep`] says
 //! who is asked when; [`run`] puts them together over a [`link`]; [`wire`] translates to messages, [`recorder`] and [`digest`]
-//! keep them, [`recording`] reads them again, and
-//! [`playback`] says what was said when; [`views`] are what people look at; `ros` is the link over ROS 2.
+//! keep them; [`recording`] reads them again, [`playback`] says what was said when, and [`replay`] when each message is due;
+//! [`views`] are what people look at; `ros` is the link over ROS 2.
 //!
 //! This crate knows nothing of what agents believe or how they decide.
 
@@ -18,10 +18,12 @@ pub mod link;
 pub mod lockstep;
 pub mod map_cli;
 pub mod mapgen;
+pub mod pace;
 pub mod parameters;
 pub mod playback;
 pub mod recorder;
 pub mod recording;
+pub mod replay;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod run;

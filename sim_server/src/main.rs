@@ -22,6 +22,8 @@ fn dispatch(command: Command) -> anyhow::Result<ExitCode> {
     match command {
         #[cfg(feature = "ros")]
         Command::Run(args) => serve::run(&args),
+        #[cfg(feature = "ros")]
+        Command::Replay(args) => serve::replay(&args),
         Command::Scenario(args) => scenario(&args),
         Command::Map(command) => {
             map_cli::run(command)?;
@@ -78,11 +80,13 @@ mod serve {
     use std::sync::atomic::AtomicBool;
 
     use anyhow::Context;
+    use msgs::ids::Tick;
     use msgs::ros_env::RosEnv;
-    use sim_server::cli::RunArgs;
+    use sim_server::cli::{ReplayArgs, RunArgs};
     use sim_server::playback::{Horizon, Playback};
     use sim_server::recording::Recording;
-    use sim_server::ros::RosLink;
+    use sim_server::replay::Programme;
+    use sim_server::ros::{RosLink, replay};
     use sim_server::scenario::{Override, Scenario};
     use sim_server::terminal::{self, Terminal};
     use sim_server::{exit, run, setup};
@@ -110,6 +114,42 @@ mod serve {
         }
     }
 
+    /// Plays a recording over ROS 2.
+    pub(super) fn replay(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
+        let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
+        let recording = Recording::open(&args.file)?;
+        let programme = Programme::new(&recording, &args.wishes())?;
+        let stop = stopped_by_signals()?;
+        let mut terminal = Terminal::new(programme.ticks().1, 0);
+        programme.notes().iter().for_each(|note| terminal.say(&format!("warning: {note}")));
+        let played = replay::play(&recording, &programme, args.manner(), &env, &mut terminal, &stop);
+        terminal.clear();
+        let played = match played {
+            Ok(played) => played,
+            Err(error) => return failed(&error),
+        };
+        let sim_s = Tick(played.sim_ticks).time_ns() as f64 * 1e-9;
+        super::print(&format!("replayed {} messages, {sim_s:.2} s", played.messages));
+        Ok(ExitCode::from(if played.is_interrupted { exit::BY_SIGNAL } else { 0 }))
+    }
+
+    /// A flag that SIGINT and SIGTERM set; a second signal ends the process.
+    fn stopped_by_signals() -> anyhow::Result<Arc<AtomicBool>> {
+        let stop = Arc::new(AtomicBool::new(false));
+        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+            signal_hook::flag::register_conditional_shutdown(signal, exit::BY_SIGNAL.into(), Arc::clone(&stop))
+                .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
+                .context("handling signals")?;
+        }
+        Ok(stop)
+    }
+
+    /// The end of what the system does not allow.
+    fn failed(error: &dyn std::fmt::Display) -> anyhow::Result<ExitCode> {
+        eprintln!("error: {error}");
+        Ok(ExitCode::from(exit::FAILED))
+    }
+
     /// Serves a run over ROS 2.
     pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         let resumed = args.resume.as_deref().map(Resumed::open).transpose()?;
@@ -130,16 +170,7 @@ mod serve {
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
         let source = args.scenario.as_deref().or(args.resume.as_deref()).unwrap_or(Path::new(""));
         let (world, map) = built.map_err(|error| anyhow::anyhow!("{}: {error}", source.display()))?;
-        let stop = Arc::new(AtomicBool::new(false));
-        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-            signal_hook::flag::register_conditional_shutdown(signal, exit::BY_SIGNAL.into(), Arc::clone(&stop))
-                .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
-                .context("handling signals")?;
-        }
-        let failed = |error: &dyn std::fmt::Display| {
-            eprintln!("error: {error}");
-            Ok(ExitCode::from(exit::FAILED))
-        };
+        let stop = stopped_by_signals()?;
         let mut link = match RosLink::new(&scenario, &env) {
             Ok(link) => link,
             Err(error) => return failed(&error),

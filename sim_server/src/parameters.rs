@@ -1,4 +1,4 @@
-//! The keys of the scenario as parameters of the node `sim_server`, as `docs/scenario.md` describes them.
+//! The keys of the scenario as parameters of the node `sim_server`, as `docs/scenario.md` describes them, and those of a replay.
 //!
 //! All are read-only, save the pace: it changes no result. Nothing here decides anything.
 
@@ -8,6 +8,9 @@ use crate::scenario::{Rtf, Scenario};
 
 /// The parameter that people may set.
 pub const RTF: &str = "execution.rtf";
+
+/// The same of a replay.
+pub const RATE: &str = "rate";
 
 /// The least pace that is not "as fast as possible", and the greatest.
 const RTF_MIN: f64 = 1e-3;
@@ -102,6 +105,19 @@ pub fn of(scenario: &Scenario) -> Vec<Parameter> {
     parameters
 }
 
+/// The parameters of a replay at this pace.
+#[must_use]
+pub fn of_replay(rate: Rtf) -> Vec<Parameter> {
+    let value = match rate {
+        Rtf::Limit(limit) => limit,
+        Rtf::Max(_) => 0.0,
+    };
+    let words = "sim seconds for each second of wall time, at the most; 0: as fast as possible";
+    let rate = Parameter::fixed(RATE, value, words).with_range(0.0, RTF_MAX);
+    let rate = rate.with_constraints("0, or 0.001 to 1e6; it may be set while the recording is played").settable();
+    vec![described("use_sim_time", false.into()), rate]
+}
+
 fn flatten(prefix: &str, table: &toml::Table, parameters: &mut Vec<Parameter>) {
     for (key, value) in table {
         let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
@@ -143,17 +159,23 @@ fn converted(value: &toml::Value) -> Value {
     }
 }
 
-/// The pace that a value of the parameter means.
+/// Whether a parameter is the pace of its node.
+#[must_use]
+pub fn is_pace(name: &str) -> bool {
+    [RTF, RATE].contains(&name)
+}
+
+/// The pace that a value of the parameter `name` means.
 ///
 /// # Errors
 /// If there is no such pace.
-pub fn rtf(value: f64) -> Result<Rtf, String> {
+pub fn pace(name: &str, value: f64) -> Result<Rtf, String> {
     if value == 0.0 {
         Ok(Rtf::MAX)
     } else if (RTF_MIN..=RTF_MAX).contains(&value) {
         Ok(Rtf::Limit(value))
     } else {
-        Err(format!("{RTF} = {value}: expected 0 (as fast as possible), or {RTF_MIN} to {RTF_MAX}"))
+        Err(format!("{name} = {value}: expected 0 (as fast as possible), or {RTF_MIN} to {RTF_MAX}"))
     }
 }
 
@@ -203,10 +225,10 @@ mod tests {
 
     #[test]
     fn paces() {
-        assert_eq!(rtf(0.0), Ok(Rtf::MAX));
-        assert_eq!(rtf(2.5), Ok(Rtf::Limit(2.5)));
+        assert_eq!(pace(RTF, 0.0), Ok(Rtf::MAX));
+        assert_eq!(pace(RATE, 2.5), Ok(Rtf::Limit(2.5)));
         for wrong in [-1.0, 1e-4, 1e7, f64::NAN] {
-            assert!(rtf(wrong).is_err(), "{wrong}");
+            assert!(pace(RTF, wrong).is_err(), "{wrong}");
         }
     }
 }

@@ -7,6 +7,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -116,6 +117,18 @@ pub enum End {
         /// What the reader says.
         reason: String,
     },
+}
+
+impl fmt::Display for End {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Whole => f.write_str("whole"),
+            Self::Missing => f.write_str("without an end: its server was killed, or is still at work"),
+            Self::Damage { before_byte, reason } => {
+                write!(f, "damaged or cut off before byte {before_byte}: {reason}")
+            }
+        }
+    }
 }
 
 impl Recording {

@@ -1,13 +1,15 @@
-//! The server's link over ROS 2: one participant with one node `sim_server`, its services, and three topics for each agent.
+//! The server's link over ROS 2: one participant with one node `sim_server`, its services, and three topics for each agent. What
+//! plays recordings is in [`replay`].
 //!
 //! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`msgs::ros`]); every message
 //! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
 //! and its folder are the only ones here that know the ROS client.
 
 mod driven;
+mod services;
 mod views;
 
-mod services;
+pub mod replay;
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
@@ -111,10 +113,13 @@ impl RosLink {
         let other_run = Rc::new(Cell::new(None));
         let (own, other) = (Rc::clone(&own_run), Rc::clone(&other_run));
         workshop.inlet(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
-            // What cannot be read is the scenario of another version.
-            let run = sample.message.map_or(0, |scenario| scenario.run);
-            if own.get() != Some(run) {
-                other.set(Some(run));
+            match sample.message.map(|scenario| scenario.run) {
+                // A recording that is played is no run.
+                Ok(Scenario::NO_RUN) => {}
+                Ok(run) if own.get() == Some(run) => {}
+                Ok(run) => other.set(Some(run)),
+                // What cannot be read is the scenario of another version.
+                Err(_) => other.set(Some(0)),
             }
             Item::Nothing
         })?;
@@ -132,7 +137,7 @@ impl RosLink {
         let rosout = Rosout::new(&mut workshop, &mut node, NODE)?;
         // What is needed comes first, so that nobody waits for what is only looked at.
         let gallery = Gallery::new(&mut workshop, &mut node, agents, &driven)?;
-        let services = Services::new(&mut node, &mut workshop, &mut inbox, parameters::of(run))?;
+        let services = Services::of_run(&mut node, &mut workshop, &mut inbox, parameters::of(run))?;
         Ok(RosLink {
             inbox,
             kept: VecDeque::new(),

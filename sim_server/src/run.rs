@@ -14,7 +14,6 @@ mod error;
 mod exchange;
 mod history;
 mod log;
-mod pace;
 mod record;
 mod replay;
 mod result;
@@ -28,6 +27,7 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Part};
 
+use crate::control::desk::Desk;
 use crate::digest::{Chain, Digest};
 use crate::link::{Level, Link};
 use crate::lockstep::Wake;
@@ -38,7 +38,7 @@ use crate::views::Views;
 use crate::wire;
 use crate::world::{Action, Since, World};
 
-use control::{Desk, Phase};
+use control::Phase;
 use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Patience, Silence};
 use log::{Kind, Log};
 
@@ -148,7 +148,9 @@ fn carry_out<'a>(
         wakes: vec![Wake::AT_ONCE; scenario.agents.count as usize],
         driven: scenario.driven(),
         lost: BTreeSet::new(),
-        desk: Desk::new(&scenario.execution),
+        desk: Desk::new(scenario.execution.paused, scenario.execution.rtf, crate::control::features()),
+        interventions: 0,
+        leaving: Vec::new(),
         log: Log::new(recorder, scenario.agents.count),
         exchange: Exchange::new(link, number, scenario.agents.count, keeps_history),
         world,
@@ -198,6 +200,10 @@ struct Run<'a> {
     driven: BTreeSet<AgentId>,
     lost: BTreeSet<AgentId>,
     desk: Desk,
+    /// How often something was done to the run from outside.
+    interventions: u64,
+    /// Who has left the run since the last tick, and does nothing from now on.
+    leaving: Vec<AgentId>,
     log: Log,
     exchange: Exchange<'a>,
     watcher: &'a mut dyn Watcher,
@@ -258,7 +264,7 @@ impl Run<'_> {
     /// Ticks until the run is over; says why it is.
     fn ticks(&mut self) -> Result<&'static str, RunError> {
         let end = self.scenario.duration_ticks();
-        self.desk.start(self.world.tick());
+        self.desk.go_on(self.world.tick(), self.wall_ns());
         loop {
             if !self.is_replaying() {
                 self.hold_pace()?;
@@ -307,7 +313,7 @@ impl Run<'_> {
                 }
             }
         };
-        actions.extend(self.desk.take_leaving().into_iter().map(|agent| (agent, Action::LOST)));
+        actions.extend(std::mem::take(&mut self.leaving).into_iter().map(|agent| (agent, Action::LOST)));
         self.world.step(actions);
         self.chain.close(&self.world);
         Ok(ControlFlow::Continue(()))

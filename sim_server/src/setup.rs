@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use thiserror::Error;
-use voxels::{Extent, ExtentError};
+use voxels::{Extent, ExtentError, Grid, Terrain};
 
 use crate::mapgen::{self, GeneratedMap, ImportSpec, MapError, MapReport, MapSpec};
 use crate::recorder::{Document, RecordError, Recorder};
@@ -23,9 +23,8 @@ const AGENT_CELL_BYTES: usize = 2;
 /// Name of the attachment of a recording that holds the scenario.
 pub const SCENARIO_ATTACHMENT: &str = "scenario.toml";
 
-/// Names of the attachment that holds the map, for small maps and for all others.
-const COMPACT_MAP: &str = "map.m3dm";
-const TEXT_MAP: &str = "map.txt";
+/// Names of the attachment that holds the true map, by its format.
+const MAP_ATTACHMENTS: [&str; 2] = ["map.m3dm", "map.txt"];
 
 /// Why a scenario cannot be set up.
 #[derive(Debug, Error)]
@@ -132,11 +131,16 @@ pub fn load_recorded(
 /// # Errors
 /// If the recording has no map, or no memory or no room is there for the world.
 pub fn rebuild(recording: &Recording, scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
-    let names = [COMPACT_MAP, TEXT_MAP];
-    let map = names.into_iter().find_map(|name| Some((name, recording.attachment(name)?)));
-    let (name, bytes) = map.ok_or_else(|| SetupError::NoMap { file: recording.file().to_owned() })?;
-    let file = format!("{}: {name}", recording.file());
-    inhabit(imported(ImportSpec { file, bytes: bytes.to_vec() }, scenario)?, scenario)
+    let import = attached_map(recording).ok_or_else(|| SetupError::NoMap { file: recording.file().to_owned() })?;
+    inhabit(imported(import, scenario)?, scenario)
+}
+
+/// The attachment of a recording that holds the map.
+fn attached_map(recording: &Recording) -> Option<ImportSpec> {
+    MAP_ATTACHMENTS.iter().find_map(|name| {
+        let bytes = recording.attachment(name)?.to_vec();
+        Some(ImportSpec { file: (*name).to_owned(), bytes })
+    })
 }
 
 /// Makes the world of a scenario.
@@ -171,11 +175,27 @@ pub fn record(file: &Path, scenario: &Scenario, world: &World) -> Result<Recorde
     Recorder::create(file, &documents)
 }
 
+/// The map of a recording, if it has one.
+///
+/// # Errors
+/// If the attachment is no map.
+///
+/// # Panics
+/// Never: the terrain has the size that it says.
+pub fn recorded_map(recording: &Recording, scenario: &Scenario) -> Result<Option<Grid<Terrain>>, SetupError> {
+    let Some(import) = attached_map(recording) else {
+        return Ok(None);
+    };
+    let terrain = import.read().map_err(|source| SetupError::Map { table: "the map of the recording", source })?;
+    let extent = Extent::new(terrain.extent().size(), scenario.map.cell_m)?;
+    Ok(Some(Grid::from_vec(extent, terrain.into_vec()).expect("the size is its own")))
+}
+
 /// The terrain as the most compact file that can hold it.
 fn map_document(world: &World) -> (&'static str, Vec<u8>) {
     match voxels::m3dm::write(world.terrain()) {
-        Ok(bytes) => (COMPACT_MAP, bytes),
-        Err(_too_large) => (TEXT_MAP, world.terrain().to_text().into_bytes()),
+        Ok(bytes) => (MAP_ATTACHMENTS[0], bytes),
+        Err(_too_large) => (MAP_ATTACHMENTS[1], world.terrain().to_text().into_bytes()),
     }
 }
 

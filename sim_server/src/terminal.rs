@@ -69,6 +69,21 @@ impl Terminal {
         self.keep(text);
     }
 
+    /// Shows how far it is: on the bar, or now and then as a line.
+    pub fn status(&mut self, tick: Tick, text: String) {
+        match &self.bar {
+            Some(bar) => {
+                bar.set_position(tick.0);
+                bar.set_message(text);
+            }
+            None if self.line_written.is_none_or(|line| line.elapsed() >= LINE_PERIOD) => {
+                self.line_written = Some(now());
+                self.say(&text);
+            }
+            None => {}
+        }
+    }
+
     /// Writes something to the log only.
     pub fn keep(&mut self, text: &str) {
         // A log that cannot be written must not end the run it is about.
@@ -102,17 +117,7 @@ impl Watcher for Terminal {
             if wall_s > 0.0 { sim_s / wall_s } else { 0.0 },
             self.agents,
         );
-        match &self.bar {
-            Some(bar) => {
-                bar.set_position(world.tick().0);
-                bar.set_message(text);
-            }
-            None if self.line_written.is_none_or(|line| now.duration_since(line) >= LINE_PERIOD) => {
-                self.line_written = Some(now);
-                self.say(&text);
-            }
-            None => {}
-        }
+        self.status(world.tick(), text);
     }
 
     fn started(&mut self) {
@@ -171,7 +176,7 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
 }
 
 /// Minutes and seconds of sim time.
-fn clock(tick: Tick) -> String {
+pub(crate) fn clock(tick: Tick) -> String {
     let seconds = tick.time_ns() as f64 * 1e-9;
     format!("{:02}:{:05.2}", (seconds / 60.0) as u64, seconds % 60.0)
 }

@@ -27,6 +27,7 @@ use msgs::topics::{self, Topic};
 use msgs::visualization_msgs::Marker;
 use nalgebra::Point3;
 use serde::{Serialize, Serializer};
+use voxels::{Grid, Terrain};
 
 use crate::scenario::{RecordedView, ViewsSection};
 use crate::world::World;
@@ -305,7 +306,9 @@ impl Shown {
     fn look(&mut self, view: View, world: &mut World, facts: &Facts<'_>, pictures: &mut Pictures) {
         match view {
             View::Transforms => push(pictures, view, poses::transforms(world).map(Picture::Transforms)),
-            View::StaticTransforms => push(pictures, view, poses::static_transforms(world).map(Picture::Transforms)),
+            View::StaticTransforms => {
+                push(pictures, view, poses::static_transforms(world.agents(), world.tick()).map(Picture::Transforms))
+            }
             View::Odometry(agent) => push(pictures, view, [Picture::Odometry(Box::new(odometry(world, agent)))]),
             View::Points(agent) => push(pictures, view, points(world, agent).map(Picture::Points)),
             View::Path(agent) => {
@@ -342,6 +345,17 @@ impl Shown {
         push(pictures, view, piece.map(|marker| Picture::Marker(Box::new(marker))));
         is_there
     }
+}
+
+/// What does not change in a run with this terrain and so many agents, as it is shown and recorded at tick 0: frames and walls.
+#[must_use]
+pub fn still(terrain: &Grid<Terrain>, agents: u32) -> Pictures {
+    let mut pictures = Vec::new();
+    let transforms = poses::static_transforms((0..agents).map(AgentId), Tick::ZERO);
+    push(&mut pictures, View::StaticTransforms, transforms.map(Picture::Transforms));
+    let walls = walls(terrain, Tick::ZERO).into_iter();
+    push(&mut pictures, View::Map, walls.map(|marker| Picture::Marker(Box::new(marker))));
+    pictures
 }
 
 fn push(pictures: &mut Pictures, view: View, new: impl IntoIterator<Item = Picture>) {

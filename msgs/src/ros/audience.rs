@@ -85,6 +85,12 @@ impl Audience {
         self.topics.get(number).is_some_and(|topic| !topic.known.is_empty())
     }
 
+    /// Whether everybody who listens to any of the topics can hear everything.
+    #[must_use]
+    pub fn has_settled(&self) -> bool {
+        self.topics.iter().flat_map(|topic| topic.known.values()).all(|&(_, has_settled)| has_settled)
+    }
+
     /// How many readers of a topic have ever settled, if any of them is there still: more than before means that there is a new one.
     #[must_use]
     pub fn arrivals(&self, number: usize) -> Option<u64> {
@@ -111,15 +117,16 @@ mod tests {
         let strange = ("rt/chatter", [3; 16]);
         let mut at = |there: &[(&str, [u8; 16])], passed: u32| {
             audience.note(there.iter().copied(), begun + SETTLING * passed / 2);
-            (audience.listens(0), audience.listens(1), audience.arrivals(1))
+            assert!(!audience.listens(0));
+            (audience.listens(1), audience.has_settled(), audience.arrivals(1))
         };
-        assert_eq!(at(&[one, strange], 0), (false, true, None));
-        assert_eq!(at(&[one, other], 2), (false, true, Some(1)));
-        assert_eq!(at(&[one, other], 3), (false, true, Some(1)));
-        assert_eq!(at(&[other], 4), (false, true, Some(2)));
-        assert_eq!(at(&[], 5), (false, false, None));
+        assert_eq!(at(&[one, strange], 0), (true, false, None));
+        assert_eq!(at(&[one, other], 2), (true, false, Some(1)));
+        assert_eq!(at(&[one, other], 3), (true, false, Some(1)));
+        assert_eq!(at(&[other], 4), (true, true, Some(2)));
+        assert_eq!(at(&[], 5), (false, true, None));
         // It comes back: it has to settle again, and is a new one then.
-        assert_eq!(at(&[one], 6), (false, true, None));
-        assert_eq!(at(&[one], 8), (false, true, Some(3)));
+        assert_eq!(at(&[one], 6), (true, false, None));
+        assert_eq!(at(&[one], 8), (true, true, Some(3)));
     }
 }

@@ -1,4 +1,4 @@
-//! The services and parameters of the server: what is asked becomes requests.
+//! The services and parameters of the server, and of a replay: what is asked becomes requests.
 //!
 //! Parameters are answered here at once; everything else waits in a queue until the run looks at it.
 
@@ -34,6 +34,8 @@ pub(super) enum Asked {
 
 /// What waits for the run.
 pub(super) struct Services {
+    /// The name of the node.
+    name: &'static str,
     requests: VecDeque<Request>,
     /// The pace that was set last, if the run does not know of it yet.
     pace: Option<Rtf>,
@@ -41,22 +43,16 @@ pub(super) struct Services {
     ignored: Tally,
 }
 
-/// The name of the node, with which those of its services begin.
-const NODE: &str = "/sim_server";
-
 impl Services {
-    /// Offers the services.
-    pub(super) fn new<T: From<Asked> + 'static>(
+    /// Offers the services of a run.
+    pub(super) fn of_run<T: From<Asked> + 'static>(
         node: &mut Node,
         workshop: &mut Workshop,
         inbox: &mut Inbox<T>,
         declared: Vec<Parameter>,
     ) -> Result<Self, RosError> {
-        let mut offer = Offer { node, workshop, inbox };
-        offer.service("get_simulator_features", Request::Features)?;
-        offer.service("get_simulation_state", Request::State)?;
-        offer.service("set_simulation_state", Request::SetState)?;
-        offer.service("step_simulation", Request::Step)?;
+        let mut offer = Offer { name: "/sim_server", node, workshop, inbox };
+        offer.time()?;
         offer.service("reset_simulation", Request::Reset)?;
         offer.service("get_entities", Request::Entities)?;
         offer.service("get_entity_state", Request::EntityState)?;
@@ -66,26 +62,19 @@ impl Services {
         offer.service("set_entity_state", Request::SetEntityState)?;
         offer.service("delete_entity", Request::Delete)?;
         offer.service("spawn_entity", Request::Spawn)?;
-        let Offer { node, workshop, inbox } = offer;
-        workshop.steps_action(node, &format!("{NODE}/simulate_steps"), inbox, |event| {
-            T::from(match event {
-                Ok(Some(StepsEvent::Goal(goal))) => {
-                    Asked::Request(Box::new(Request::Steps(Box::new(WantedSteps(goal)))))
-                }
-                Ok(Some(StepsEvent::Cancel)) => Asked::Request(Box::new(Request::CancelSteps)),
-                Ok(None) => Asked::Done,
-                Err(reason) => Asked::Undecodable(reason),
-            })
-        })?;
-        let mut parameters = Parameters::default();
-        parameters.declare(declared);
-        let parameters = Rc::new(RefCell::new(parameters));
-        workshop.parameters(node, NODE, inbox, &parameters, check_pace, |set| {
-            T::from(set.map_or_else(Asked::Undecodable, Asked::Set))
-        })?;
-        let events = workshop.outlet(node, &topics::parameter_events())?;
-        let ignored = Tally::new("request ignored".to_owned());
-        Ok(Services { requests: VecDeque::new(), pace: None, events, ignored })
+        offer.parameters(declared)
+    }
+
+    /// Offers those of a recording that is played: its time alone can be controlled.
+    pub(super) fn of_replay<T: From<Asked> + 'static>(
+        node: &mut Node,
+        workshop: &mut Workshop,
+        inbox: &mut Inbox<T>,
+        declared: Vec<Parameter>,
+    ) -> Result<Self, RosError> {
+        let mut offer = Offer { name: "/replay", node, workshop, inbox };
+        offer.time()?;
+        offer.parameters(declared)
     }
 
     /// Takes note of what has come in.
@@ -95,12 +84,12 @@ impl Services {
             Asked::Request(_) => self.ignored.add(&"too many are waiting"),
             Asked::Set(set) if set.is_empty() => {}
             Asked::Set(set) => {
-                let pace = set.iter().rfind(|named| named.name == parameters::RTF);
-                if let Some(Ok(rtf)) = pace.map(|named| parameters::rtf(named.value.double_value)) {
+                let pace = set.iter().rfind(|named| parameters::is_pace(&named.name));
+                if let Some(Ok(rtf)) = pace.map(|named| parameters::pace(&named.name, named.value.double_value)) {
                     self.pace = Some(rtf);
                 }
                 let event =
-                    ParameterEvent { node: NODE.to_owned(), changed_parameters: set, ..ParameterEvent::default() };
+                    ParameterEvent { node: self.name.to_owned(), changed_parameters: set, ..ParameterEvent::default() };
                 self.events.publish(node, &event);
             }
             Asked::Done => {}
@@ -121,11 +110,17 @@ impl Services {
 
 /// A pace that there is not is refused, though it lies in the range.
 fn check_pace(named: &Named) -> Result<(), String> {
-    if named.name == parameters::RTF { parameters::rtf(named.value.double_value).map(drop) } else { Ok(()) }
+    if parameters::is_pace(&named.name) {
+        parameters::pace(&named.name, named.value.double_value).map(drop)
+    } else {
+        Ok(())
+    }
 }
 
 /// Where services are offered.
 struct Offer<'a, T> {
+    /// The name of the node, with which those of its services begin.
+    name: &'static str,
     node: &'a mut Node,
     workshop: &'a mut Workshop,
     inbox: &'a mut Inbox<T>,
@@ -133,9 +128,41 @@ struct Offer<'a, T> {
 
 impl<T: From<Asked> + 'static> Offer<'_, T> {
     fn service<S: Service + 'static>(&mut self, name: &str, request: fn(Ask<S>) -> Request) -> Result<(), RosError> {
-        self.workshop.service(self.node, &format!("{NODE}/{name}"), self.inbox, move |ask| {
+        self.workshop.service(self.node, &format!("{}/{name}", self.name), self.inbox, move |ask| {
             T::from(ask.map_or_else(Asked::Undecodable, |ask| Asked::Request(Box::new(request(ask)))))
         })
+    }
+
+    /// The services that are about time alone, and the action.
+    fn time(&mut self) -> Result<(), RosError> {
+        self.service("get_simulator_features", Request::Features)?;
+        self.service("get_simulation_state", Request::State)?;
+        self.service("set_simulation_state", Request::SetState)?;
+        self.service("step_simulation", Request::Step)?;
+        self.workshop.steps_action(self.node, &format!("{}/simulate_steps", self.name), self.inbox, |event| {
+            T::from(match event {
+                Ok(Some(StepsEvent::Goal(goal))) => {
+                    Asked::Request(Box::new(Request::Steps(Box::new(WantedSteps(goal)))))
+                }
+                Ok(Some(StepsEvent::Cancel)) => Asked::Request(Box::new(Request::CancelSteps)),
+                Ok(None) => Asked::Done,
+                Err(reason) => Asked::Undecodable(reason),
+            })
+        })
+    }
+
+    /// The parameters, after everything else.
+    fn parameters(self, declared: Vec<Parameter>) -> Result<Services, RosError> {
+        let Self { name, node, workshop, inbox } = self;
+        let mut parameters = Parameters::default();
+        parameters.declare(declared);
+        let parameters = Rc::new(RefCell::new(parameters));
+        workshop.parameters(node, name, inbox, &parameters, check_pace, |set| {
+            T::from(set.map_or_else(Asked::Undecodable, Asked::Set))
+        })?;
+        let events = workshop.outlet(node, &topics::parameter_events())?;
+        let ignored = Tally::new("request ignored".to_owned());
+        Ok(Services { name, requests: VecDeque::new(), pace: None, events, ignored })
     }
 }
 

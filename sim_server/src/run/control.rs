@@ -7,21 +7,17 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use msgs::ids::{AgentId, Tick};
+use msgs::ids::AgentId;
 use msgs::maes_msgs::Observation as Part;
-use msgs::service::{Ask, Reply};
-use msgs::simulation_interfaces::{
-    INVALID_POSE, Result as Outcome, ResultResponse, SetEntityStateRequest, SimulationState, StateResponse,
-};
+use msgs::service::Ask;
+use msgs::simulation_interfaces::{INVALID_POSE, Result as Outcome, ResultResponse, SetEntityStateRequest};
 
 use super::exchange::{Asked, Meanwhile, PATIENCE};
 use super::log::Kind;
-use super::pace::Pace;
 use super::{FAREWELL, Run, RunError};
 use crate::control::entities::Team;
-use crate::control::{self, Control, Request, Steps};
+use crate::control::{self, Request};
 use crate::lockstep::Wake;
-use crate::scenario::ExecutionSection;
 use crate::wire;
 use crate::world::Since;
 use crate::world::body::Pose;
@@ -41,122 +37,16 @@ pub(super) enum Phase {
     Running,
 }
 
-/// Where requests are dealt with: the state of the simulation, its pace, and who waits for steps.
-pub(super) struct Desk {
-    control: Control,
-    pace: Pace,
-    waiting: Option<Waiting>,
-    /// How many of the steps are done, and how many are not, if that has not been told yet.
-    untold: Option<(u64, u64)>,
-    interventions: u64,
-    /// Who has left the run since the last tick.
-    leaving: Vec<AgentId>,
-}
-
-/// Who waits for steps.
-enum Waiting {
-    Answer(Reply<ResultResponse>),
-    News(Box<dyn Steps>),
-}
-
-impl Waiting {
-    fn end(self, outcome: Outcome) {
-        match self {
-            Self::Answer(reply) => reply.send(ResultResponse { result: outcome }),
-            Self::News(steps) => steps.end(outcome),
-        }
-    }
-}
-
-impl Desk {
-    pub(super) fn new(execution: &ExecutionSection) -> Self {
-        Self {
-            control: Control::new(execution.paused),
-            pace: Pace::new(execution.rtf),
-            waiting: None,
-            untold: None,
-            interventions: 0,
-            leaving: Vec::new(),
-        }
-    }
-
-    /// The clock starts in a tick.
-    pub(super) fn start(&mut self, tick: Tick) {
-        self.pace.go_on(tick);
-    }
-
-    /// A tick has been made.
-    pub(super) fn ticked(&mut self) {
-        self.untold = self.control.ticked();
-    }
-
-    /// The clock has told everybody of the last tick, so whoever has asked for it may be answered.
-    pub(super) fn steps_are_visible(&mut self) {
-        let Some((done, left)) = self.untold.take() else {
-            return;
-        };
-        if let Some(Waiting::News(steps)) = &self.waiting {
-            steps.tell(done, left);
-        }
-        if left == 0
-            && let Some(waiting) = self.waiting.take()
-        {
-            waiting.end(Outcome::ok());
-        }
-    }
-
-    /// The run ends, and with it what is under way.
-    pub(super) fn end_run(&mut self) {
-        self.end_steps("the run has ended");
-    }
-
-    /// Who has left the run since the last tick, and does nothing from now on.
-    pub(super) fn take_leaving(&mut self) -> Vec<AgentId> {
-        std::mem::take(&mut self.leaving)
-    }
-
-    /// How often something was done to the run from outside.
-    pub(super) fn interventions(&self) -> u64 {
-        self.interventions
-    }
-
-    fn end_steps(&mut self, reason: &str) {
-        self.control.end_steps();
-        if let Some(waiting) = self.waiting.take() {
-            waiting.end(Outcome::failure(Outcome::OPERATION_FAILED, format!("not all steps were made: {reason}")));
-        }
-    }
-
-    fn begin_steps(&mut self, count: u64, waiting: Waiting) {
-        match self.control.step(count) {
-            Ok(()) => self.waiting = Some(waiting),
-            Err(outcome) => waiting.end(outcome),
-        }
-    }
-
-    fn set_state(&mut self, number: u8, tick: Tick) -> Outcome {
-        match self.control.set_state(number) {
-            Ok(()) => {
-                self.end_steps("the state of the simulation was set");
-                self.pace.go_on(tick);
-                Outcome::ok()
-            }
-            Err(outcome) => outcome,
-        }
-    }
-}
-
 impl Run<'_> {
     /// Waits until the pace allows the present tick, or somebody asks something.
     pub(super) fn hold_pace(&mut self) -> Result<(), RunError> {
         let tick = self.world.tick();
         while !self.is_stopped()
-            && self.desk.control.may_tick()
-            && !self.desk.control.is_stepping()
-            && let Some(wait) = self.desk.pace.wait(tick)
+            && self.desk.control().may_tick()
+            && let Some(wait_ns) = self.desk.wait_ns(tick, self.wall_ns())
             && !self.exchange.is_asked()
         {
-            self.listen(wait)?;
+            self.listen(Duration::from_nanos(wait_ns))?;
         }
         Ok(())
     }
@@ -167,15 +57,13 @@ impl Run<'_> {
             if self.answer_requests(Phase::Running)?.is_break() || self.is_stopped() {
                 return Ok(ControlFlow::Break(()));
             }
-            let wait = if !self.desk.control.may_tick() {
-                PATIENCE
-            } else if self.desk.control.is_stepping() {
-                return Ok(ControlFlow::Continue(()));
-            } else {
-                match self.desk.pace.wait(self.world.tick()) {
-                    Some(wait) => wait,
+            let wait = if self.desk.control().may_tick() {
+                match self.desk.wait_ns(self.world.tick(), self.wall_ns()) {
+                    Some(wait_ns) => Duration::from_nanos(wait_ns),
                     None => return Ok(ControlFlow::Continue(())),
                 }
+            } else {
+                PATIENCE
             };
             if !self.exchange.is_asked() {
                 self.listen(wait)?;
@@ -199,31 +87,14 @@ impl Run<'_> {
             };
             self.answer_request(request, phase)?;
         }
-        let quits = self.desk.control.state() == control::State::Quitting;
-        Ok(if quits { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        Ok(if self.desk.is_quitting() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 
     fn answer_request(&mut self, request: Request, phase: Phase) -> Result<(), RunError> {
-        let tick = self.world.tick();
+        let Some(request) = self.desk.answer(request, self.world.tick(), self.wall_ns()) else {
+            return Ok(());
+        };
         match request {
-            Request::Features(ask) => {
-                ask.answer(|_| msgs::simulation_interfaces::FeaturesResponse { features: control::features() })
-            }
-            Request::State(ask) => {
-                let state = SimulationState { state: self.desk.control.state().number() };
-                ask.answer(|_| StateResponse { state, result: Outcome::ok() });
-            }
-            Request::SetState(ask) => {
-                ask.answer(|request| ResultResponse { result: self.desk.set_state(request.state.state, tick) });
-            }
-            Request::Step(Ask { request, reply }) => self.desk.begin_steps(request.steps, Waiting::Answer(reply)),
-            Request::Steps(steps) => self.desk.begin_steps(steps.steps(), Waiting::News(steps)),
-            Request::CancelSteps => {
-                if matches!(self.desk.waiting, Some(Waiting::News(_))) {
-                    self.desk.end_steps("the goal was cancelled");
-                }
-            }
-            Request::Reset(ask) => ask.answer(|_| control::reset()),
             Request::Entities(ask) => self.with_team(|team| ask.answer(|request| team.entities(&request.filters))),
             Request::EntityState(ask) => self.with_team(|team| ask.answer(|request| team.state(&request.entity))),
             Request::EntitiesStates(ask) => self.with_team(|team| ask.answer(|request| team.states(&request.filters))),
@@ -238,7 +109,7 @@ impl Run<'_> {
                 reply.send(ResultResponse { result });
             }
             Request::Spawn(ask) => ask.answer(|_| control::spawn()),
-            Request::Rtf(rtf) => self.desk.pace.change(rtf, tick),
+            _ => unreachable!("the desk answers what is about time alone"),
         }
         Ok(())
     }
@@ -254,7 +125,7 @@ impl Run<'_> {
             Ok(placement) => placement,
             Err(outcome) => return Ok(outcome),
         };
-        if phase == Phase::Admission || !self.desk.control.is_at_rest() {
+        if phase == Phase::Admission || !self.desk.control().is_at_rest() {
             return Ok(not_now("pause the simulation before a state is set"));
         }
         Ok(self.place(agent, pose)?.map_or_else(|reason| Outcome::failure(INVALID_POSE, reason), |()| Outcome::ok()))
@@ -274,7 +145,7 @@ impl Run<'_> {
     /// Takes an agent out of the run.
     pub(super) fn remove(&mut self, agent: AgentId) -> Result<(), RunError> {
         self.lost.insert(agent);
-        self.desk.leaving.push(agent);
+        self.leaving.push(agent);
         self.intervene(agent, None)
     }
 
@@ -299,7 +170,7 @@ impl Run<'_> {
     /// Records what was done, as part of the run.
     fn intervene(&mut self, agent: AgentId, placed: Option<&Pose>) -> Result<(), RunError> {
         let tick = self.world.tick();
-        self.desk.interventions += 1;
+        self.interventions += 1;
         let intervention = wire::intervention(tick, agent, placed);
         Ok(self.log.exchange(Kind::Intervention, tick, &intervention, &mut self.chain)?)
     }

@@ -67,7 +67,7 @@ impl Run<'_> {
         self.log.publish()?;
         self.note(Level::Info, &format!("carried out again up to tick {tick}; the run goes on from there"));
         let told = self.tell_past()?;
-        self.desk.start(tick);
+        self.desk.go_on(tick, self.wall_ns());
         Ok(told)
     }
 

@@ -21,7 +21,7 @@ impl Run<'_> {
             let parts = wire::observation_parts(&observation, Part::ENDED);
             ends.push(Asked { agent, since: Since::LastCounted, parts });
         }
-        self.desk.end_run();
+        self.desk.end_steps("the run has ended");
         let told: Vec<Asked> = ends.iter().filter(|end| !self.lost.contains(&end.agent)).cloned().collect();
         // The agents come first: what becomes of the recording is not their affair.
         let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: &AtomicBool::new(false) };
@@ -76,7 +76,7 @@ impl Run<'_> {
         let milestones = self.world.coverage().milestones();
         counters.extend(milestones.map(|(permille, tick)| counter(&format!("{MILESTONE_COUNTER}{permille}"), tick.0)));
         // Of a run that nobody has intervened in nothing says that somebody might have.
-        let interventions = self.desk.interventions();
+        let interventions = self.interventions;
         counters.extend((interventions > 0).then(|| counter("interventions", interventions)));
         counters.extend(self.exchange.refusals().map(|(name, value)| counter(name, value)));
         counters

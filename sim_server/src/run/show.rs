@@ -68,9 +68,14 @@ impl Run<'_> {
         self.exchange.log(level, text);
     }
 
-    /// Takes up the clock of what is shown.
+    /// Takes up the clock of what is shown and of the pace.
     pub(super) fn start_clock(&mut self) {
         self.started = now();
+    }
+
+    /// What it says, ns.
+    pub(super) fn wall_ns(&self) -> u64 {
+        nanoseconds(self.started.elapsed())
     }
 }
 

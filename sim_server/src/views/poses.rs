@@ -36,14 +36,17 @@ pub(super) fn transforms(world: &World) -> impl Iterator<Item = TFMessage> + use
 }
 
 /// Where the LiDAR of each agent is: in the centre of its body.
-pub(super) fn static_transforms(world: &World) -> impl Iterator<Item = TFMessage> + use<> {
+pub(super) fn static_transforms<A>(agents: A, tick: Tick) -> impl Iterator<Item = TFMessage> + use<A>
+where
+    A: Iterator<Item = AgentId>,
+{
     let of_agent = |agent| {
         let frame = body_frame(agent);
         let child_frame_id = format!("agent_{agent}/lidar");
-        let header = msgs::std_msgs::Header { frame_id: frame, ..header(world.tick()) };
+        let header = msgs::std_msgs::Header { frame_id: frame, ..header(tick) };
         TransformStamped { header, child_frame_id, ..TransformStamped::default() }
     };
-    in_parts(world.agents().map(of_agent).collect())
+    in_parts(agents.map(of_agent).collect())
 }
 
 fn in_parts(transforms: Vec<TransformStamped>) -> impl Iterator<Item = TFMessage> {

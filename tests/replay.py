@@ -1,0 +1,208 @@
+"""A ROS 2 node that listens to a recording that is played, and controls it.
+
+    replay.py PLAY [EXPECTED]
+
+Needs rclpy, maes_msgs and simulation_interfaces (see launch_scripts/ros_env.sh). EXPECTED is a file with a line for each message
+that is to come, `TOPIC TYPE HEX`, where HEX is its CDR with header. What each play does is said at its function. Ends with exit
+code 0; what is wrong goes to stderr, with exit code 1.
+"""
+
+import importlib
+import struct
+import sys
+
+import rclpy
+from maes_msgs.msg import Progress
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock
+from services import OK, PAUSED, PLAYING, QUITTING, STOPPED, TICK_NS, SERVICES, Caller, check, equal, number
+from simulation_interfaces.msg import SimulatorFeatures
+
+DEPTH = 20_000
+TIME = ["get_simulator_features", "get_simulation_state", "set_simulation_state", "step_simulation"]
+LATCHED = {"/sim/scenario", "/sim/map", "/sim/unexplored", "/sim/contacts", "/sim/progress", "/sim/result", "/tf_static"}
+
+
+def caller():
+    """Who calls the services of the replay, as soon as they are there."""
+    return Caller("replay", {name: SERVICES[name] for name in TIME + ["get_parameters", "set_parameters"]})
+
+
+def is_latched(topic):
+    return topic in LATCHED or topic.endswith("/path")
+
+
+def qos_of(topic):
+    reliability = ReliabilityPolicy.BEST_EFFORT if topic.endswith("/points") else ReliabilityPolicy.RELIABLE
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if is_latched(topic) else DurabilityPolicy.VOLATILE
+    return QoSProfile(depth=DEPTH, reliability=reliability, durability=durability)
+
+
+def type_of(name):
+    package, _, kind = name.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), kind)
+
+
+class Listener:
+    """Listens to topics, and keeps the bytes that come."""
+
+    def __init__(self, types):
+        self.node = rclpy.create_node("listener")
+        self.types = types
+        self.received = {topic: [] for topic in types}
+        for topic, kind in types.items():
+            hear = self.received[topic].append
+            self.node.create_subscription(type_of(kind), topic, hear, qos_of(topic), raw=True)
+
+
+def expected_of(file):
+    """The messages that are to come, and the types, by topic."""
+    messages, types = {}, {}
+    with open(file, encoding="ascii") as lines:
+        for line in lines:
+            topic, kind, text = line.split()
+            messages.setdefault(topic, []).append(bytes.fromhex(text))
+            types[topic] = kind
+    return messages, types
+
+
+def same(got, expected):
+    """Whether a sample is that message: the header may tell of padding, which follows the message."""
+    padding = len(got) - len(expected)
+    return 0 <= padding <= 3 and got[:2] == expected[:2] and got[4 : len(expected)] == expected[4:]
+
+
+def subject(kind, data):
+    """What a message of a latched topic is about: of a marker, `ns` and `id`, which come after stamp and frame."""
+    if kind != "visualization_msgs/msg/Marker":
+        return None
+    body, texts = data[4:], []
+    at = 8
+    for _ in range(2):
+        (length,) = struct.unpack_from("<I", body, at)
+        texts.append(body[at + 4 : at + 3 + length].decode())
+        at = (at + 4 + length + 3) // 4 * 4
+    return texts[1], *struct.unpack_from("<i", body, at)
+
+
+def everything(file):
+    """Hears everything from the first tick to the last, and leaves the replay at its end."""
+    expected, types = expected_of(file)
+    listener = Listener({**types, "/clock": "rosgraph_msgs/msg/Clock"})
+    print("ready", flush=True)
+    one = caller()
+    one.executor.add_node(listener.node)
+    equal(one.state(), STOPPED, "at the start")
+    # One more than there are: then it stands at its end.
+    equal(one.code("step_simulation", steps=1_000_000), 4, "steps beyond the end")
+    equal(one.state(), PAUSED, "at the end")
+
+    def missing():
+        reliable = [topic for topic in expected if not topic.endswith("/points")]
+        return {topic: len(expected[topic]) - len(listener.received[topic]) for topic in reliable}
+
+    one.until(lambda: max(missing().values()) <= 0)
+    for topic, messages in expected.items():
+        got = listener.received[topic]
+        if topic.endswith("/points"):
+            # What was lost is not sent again.
+            left = iter(messages)
+            check(got and all(any(same(one, other) for other in left) for one in got), f"{topic}: some, in order")
+        else:
+            equal(len(got), len(messages), f"messages on {topic}")
+            check(all(map(same, got, messages)), f"{topic}: the same bytes, in order")
+    clocks = [deserialize_message(clock, Clock).clock for clock in listener.received["/clock"]]
+    ticks = [(clock.sec * 1_000_000_000 + clock.nanosec) // TICK_NS for clock in clocks]
+    equal(ticks, list(range(len(ticks))), "every tick once")
+    print("everything", len(ticks), flush=True)
+
+
+def late(file):
+    """Comes when everything has been said, is told all that holds, and ends the replay."""
+    expected, types = expected_of(file)
+    last = {}
+    for topic in filter(is_latched, expected):
+        last.update({(topic, subject(types[topic], data)): data for data in expected[topic]})
+    listener = Listener({topic: types[topic] for topic, _ in last})
+    one = caller()
+    one.executor.add_node(listener.node)
+
+    def is_told():
+        told = {}
+        for topic, messages in listener.received.items():
+            told.update({(topic, subject(types[topic], data)): data for data in messages})
+        return told.keys() == last.keys() and all(same(told[key], last[key]) for key in last)
+
+    one.until(is_told)
+    equal(one.state(), PAUSED, "at the end")
+    equal(one.set_state(QUITTING), OK, "quit")
+
+
+def steps(_file):
+    """Pauses, steps and the pace of a part of a recording, from tick 525 to 600; then lets it go on to its end."""
+    listener = Listener({"/sim/progress": "maes_msgs/msg/Progress"})
+    one = caller()
+    one.executor.add_node(listener.node)
+    features = set(one.call("get_simulator_features").features.features)
+    check({SimulatorFeatures.SIMULATION_STATE_PAUSE, SimulatorFeatures.STEP_SIMULATION_MULTIPLE} <= features, features)
+    check(not features & {SimulatorFeatures.SPAWNING, SimulatorFeatures.ENTITY_STATE_SETTING}, features)
+    equal(one.state(), STOPPED, "at the start")
+    progress = listener.received["/sim/progress"]
+    one.until(lambda: progress)
+    equal([deserialize_message(data, Progress).tick for data in progress], [500], "what holds at the start")
+    equal(one.ticks, [], "no time has passed")
+
+    def step(count, last):
+        equal(one.code("step_simulation", steps=count), OK, f"{count} steps")
+        equal(one.state(), PAUSED, f"after {count} steps")
+        one.until(lambda: one.ticks and one.ticks[-1] >= last)
+        equal(one.ticks, list(range(525, last + 1)), "the clock moves by exactly the steps")
+
+    step(1, 525)
+    step(10, 535)
+    equal(one.code("step_simulation", steps=0), 4, "no steps")
+    equal(one.set_state(STOPPED), 0, "back to the beginning")
+    equal(one.set_state(PLAYING), OK, "play")
+    equal(one.code("step_simulation", steps=1), 3, "step while playing")
+    equal(one.set_state(PAUSED), OK, "pause")
+    # What is still under way when the answer comes arrives in the end.
+    seen = None
+    while seen != one.ticks[-1]:
+        seen = one.ticks[-1]
+        for _ in range(20):
+            equal(one.state(), PAUSED, "it stays paused")
+    step(3, seen + 3)
+    equal(one.get("rate")[0].double_value, 0.001, "the pace")
+    equal(one.set("rate", number(-1.0)).successful, False, "no such pace")
+    equal(one.set("rate", number(0.0)).successful, True, "as fast as possible")
+    equal(one.set_state(PLAYING), OK, "play")
+
+
+def hold(_file):
+    """Listens, and is there for ever: somebody stops it."""
+    types = {"/clock": "rosgraph_msgs/msg/Clock", "/tf": "tf2_msgs/msg/TFMessage"}
+    listener = Listener(types)
+    one = caller()
+    one.executor.add_node(listener.node)
+    equal(one.state(), STOPPED, "at the start")
+    print("holds", flush=True)
+    one.until(lambda: False)
+
+
+def play(_file):
+    """Lets it go on."""
+    equal(caller().set_state(PLAYING), OK, "play")
+
+
+def main():
+    rclpy.init()
+    plays = {play.__name__: play for play in (everything, late, steps, hold, play)}
+    plays[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else None)
+    print("done", flush=True)
+    rclpy.shutdown()
+
+
+if __name__ == "__main__":
+    main()
