@@ -329,7 +329,12 @@ impl<'a> Exchange<'a> {
         let seat = Seat { source, instance, controller };
         let granted = self.roster.join(Claim { topic, agent: AgentId(agent), protocol, seat });
         let reason = granted.as_ref().err().map_or_else(String::new, Refusal::to_string);
-        self.link.reply_join(&JoinReply { run, agent, instance, accepted: granted.is_ok(), reason });
+        // Everybody hears the reply, and knows by the instance whether it is meant: a stranger that uses the instance of an agent
+        // that takes part must not have it told that it is refused.
+        let is_borrowed = self.roster.seat(AgentId(agent)).is_some_and(|seat| seat.instance == instance);
+        if granted.is_ok() || !is_borrowed {
+            self.link.reply_join(&JoinReply { run, agent, instance, accepted: granted.is_ok(), reason });
+        }
         granted
     }
 
