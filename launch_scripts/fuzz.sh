@@ -11,7 +11,7 @@ all=(m3dm scenario plan recording messages server agent)
 seconds=${1:-600}
 [[ $seconds =~ ^[1-9][0-9]*$ ]] || { echo "error: $seconds: expected seconds for each target, from 1" >&2; exit 2; }
 shift
-targets=("${@:-${all[@]}}")
+targets=("$@")
 (($#)) || targets=("${all[@]}")
 for target in "${targets[@]}"; do
     [[ " ${all[*]} " == *" $target "* ]] || { echo "error: $target: expected one of ${all[*]}" >&2; exit 2; }

@@ -265,6 +265,66 @@ fn strangers_are_refused_and_counted_and_change_nothing() {
     assert_eq!(played.digest(), honest_digest());
 }
 
+/// Commands and joins that an agent with a seat says in each tick beside its answer.
+const FLOOD: u64 = 50;
+
+/// Agent 1: it stays where it is, and says this in each tick beside its answer, or nothing.
+fn stays(mut end: AgentsEnd, floods: bool, is_over: &AtomicBool) {
+    let mut run = 0;
+    let mut answered = None;
+    while !is_over.load(Ordering::Relaxed) {
+        match end.receive(Duration::from_millis(20)) {
+            Some(ToAgents::Scenario(scenario)) => {
+                run = scenario.run;
+                end.join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+            }
+            Some(ToAgents::Observation(Observation { tick, phase, part, parts, .. })) if part + 1 == parts => {
+                let answer = Command { tick, run, agent: 1, ..Command::default() };
+                let is_first = answered.replace((tick, phase)) != Some((tick, phase));
+                if !floods || phase == Observation::ENDED {
+                    end.answer(&answer);
+                    continue;
+                }
+                // The server asks again if this machine is slow: no reason for more lies than are expected.
+                for lie in 0..if is_first { FLOOD } else { 0 } {
+                    end.answer(&Command { tick: tick + 1 + lie, ..answer.clone() });
+                    end.join(&Join { run, agent: 1, instance: 2 + lie, protocol: PROTOCOL, ..Join::default() });
+                    end.join(&Join { run, agent: 0, instance: tick, protocol: PROTOCOL, ..Join::default() });
+                }
+                let parcel = Parcel { agent: Parcel::BROADCAST, kind: 7, data: vec![7; PARCEL_BYTES_MAX] };
+                end.answer(&Command { parcels: vec![parcel], ..answer });
+            }
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn a_flood_of_an_agent_with_a_seat_is_nothing_to_the_others() {
+    let result = |floods: bool| {
+        let played = Play::of_two(DURATION_S).with(move |mut end, ids, is_over| {
+            if ids[0] == AgentId(1) {
+                return stays(end, floods, is_over);
+            }
+            // Its instance is none of those that the flood makes up.
+            agent_node::run::run(&mut end, &honest(u64::MAX, ids), is_over).expect("agent 0 is welcome");
+        });
+        assert!(played.notes.len() < 20, "a flood of lies is no flood of words: {:?}", played.notes);
+        played.outcome().result.clone()
+    };
+    let (quiet, flooded) = (result(false), result(true));
+    assert_eq!(flooded.tick, quiet.tick);
+    assert_eq!(flooded.explored_by, quiet.explored_by);
+    assert_eq!(flooded.covered_by, quiet.covered_by);
+    assert_eq!(flooded.distance_m, quiet.distance_m);
+    let lies = FLOOD * quiet.tick;
+    assert_eq!(refusals(&flooded), BTreeMap::from([("refused_id_taken", 2 * lies), ("refused_wrong_tick", lies)]));
+    // What lies in the inbox of agent 0, which is not due for long, is bounded.
+    let count = |name: &str| flooded.counters.iter().find(|counter| counter.name == name).expect("it is counted").value;
+    assert!(count("parcels_inbox_full") > 0, "{:?}", flooded.counters);
+    assert_eq!(count("parcels_sent"), quiet.tick);
+}
+
 /// Neither the time-out nor the end of a run may wait until an agent has no more to say.
 #[test]
 fn an_agent_that_talks_without_end_and_does_not_answer_is_lost() {

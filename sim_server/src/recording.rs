@@ -147,7 +147,7 @@ impl Recording {
                 Some(Ok(Record::Attachment { header, data, .. })) => {
                     attachments.insert(header.name, data.into_owned());
                 }
-                Some(Ok(Record::Message { .. })) | None => break,
+                Some(Ok(Record::Message { .. } | Record::DataEnd(_))) | None => break,
                 Some(Ok(_)) => {}
                 Some(Err(source)) if attachments.is_empty() => return Err(RecordingError::NoMcap { file, source }),
                 Some(Err(_)) => break,
