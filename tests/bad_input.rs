@@ -7,6 +7,7 @@ use rand::RngExt;
 use sim_server::info;
 use sim_server::recording::{self, Message};
 
+use crate::support::memory::{Play, honest};
 use crate::support::processes::{Ended, Process};
 use crate::support::runs::{Site, scenario, text};
 use crate::support::{bounded, root};
@@ -255,8 +256,14 @@ fn arguments_of_the_script() {
 
 /// A recording of a short run with several chunks, in bytes.
 fn short_recording(site: &Site) -> Vec<u8> {
-    let flags = ["--agents", "2", "--size", "20", "--duration", "20", "--set", "stop_when_explored=false"];
-    site.record(&[&["--transport", "memory"][..], &flags].concat()).bytes
+    let file = site.path("short.mcap");
+    let mut play = Play::new(&LEGAL.replace("40.0", "20.0\nstop_when_explored = false"));
+    play.record = Some(file.clone());
+    let played = play.with(|mut end, ids, is_over| {
+        agent_node::run::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("agents are welcome");
+    });
+    played.outcome();
+    std::fs::read(&file).expect("there is a recording")
 }
 
 #[test]
