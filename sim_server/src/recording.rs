@@ -285,7 +285,7 @@ impl<'a> Records<'a> {
 /// Where the first record begins that the recorder does not write like that, if there is one.
 ///
 /// The reader of the library passes over what it does not know, so a chunk whose kind is damaged would be missing without a word;
-/// and in a chunk without compression it reads on behind the chunk's end.
+/// in a chunk without compression it reads on behind the chunk's end, and it takes the length of the data of an attachment on trust.
 fn strange_record(bytes: &[u8]) -> Option<usize> {
     let mut at = mcap::MAGIC.len();
     while let Some((&kind, rest)) = bytes.get(at..).and_then(<[u8]>::split_first)
@@ -296,7 +296,7 @@ fn strange_record(bytes: &[u8]) -> Option<usize> {
         let whole = rest.get(..length);
         let is_known = match kind {
             op::HEADER => at == mcap::MAGIC.len(),
-            op::ATTACHMENT => true,
+            op::ATTACHMENT => whole.is_none_or(is_attachment),
             op::CHUNK => whole.unwrap_or(rest).get(COMPRESSION_AT..).is_none_or(|named| {
                 let length = named.len().min(ZSTD.len());
                 named[..length] == ZSTD[..length]
@@ -316,4 +316,16 @@ fn strange_record(bytes: &[u8]) -> Option<usize> {
         at = at.saturating_add(1 + size_of::<u64>()).saturating_add(length);
     }
     None
+}
+
+/// Whether an attachment is as long as its parts: two times, two texts, the length of the data, the data, and its sum.
+fn is_attachment(content: &[u8]) -> bool {
+    fn behind_a_text(bytes: &[u8]) -> Option<&[u8]> {
+        let (length, rest) = bytes.split_first_chunk()?;
+        rest.get(u32::from_le_bytes(*length) as usize..)
+    }
+    let behind_texts = content.get(2 * size_of::<u64>()..).and_then(behind_a_text).and_then(behind_a_text);
+    behind_texts.and_then(<[u8]>::split_first_chunk).is_some_and(|(length, rest)| {
+        u64::from_le_bytes(*length).checked_add(size_of::<u32>() as u64) == Some(rest.len() as u64)
+    })
 }
