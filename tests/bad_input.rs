@@ -2,13 +2,21 @@
 
 use std::path::Path;
 
+use mcap::records::op;
+use rand::RngExt;
+use sim_server::info;
+use sim_server::recording::{self, Message};
+
+use crate::support::memory::{Play, honest};
 use crate::support::processes::{Ended, Process};
-use crate::support::recordings::Recording;
 use crate::support::runs::{Site, scenario, text};
 use crate::support::{bounded, root};
 
 /// A scenario without mistakes, for three agents.
 const LEGAL: &str = "seed = 7\nduration_s = 40.0\n[map]\nkind = \"spheres\"\nsize = 30\n[agents]\ncount = 3\n";
+
+/// Recordings with a wrong byte that are read.
+const WRONG_BYTES: usize = 5_000;
 
 /// Fails unless a process has ended because of bad input, with one line that holds all of `words`.
 #[track_caller]
@@ -246,10 +254,16 @@ fn arguments_of_the_script() {
     assert_bad_input(&Process::start(command.arg("--seed")).ended(), &["--seed needs a value"]);
 }
 
-/// A recording of a short run, in bytes.
+/// A recording of a short run with several chunks, in bytes.
 fn short_recording(site: &Site) -> Vec<u8> {
-    let flags = ["--agents", "2", "--size", "20", "--duration", "20", "--set", "stop_when_explored=false"];
-    site.record(&[&["--transport", "memory"][..], &flags].concat()).bytes
+    let file = site.path("short.mcap");
+    let mut play = Play::new(&LEGAL.replace("40.0", "20.0\nstop_when_explored = false"));
+    play.record = Some(file.clone());
+    let played = play.with(|mut end, ids, is_over| {
+        agent_node::run::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("agents are welcome");
+    });
+    played.outcome();
+    std::fs::read(&file).expect("there is a recording")
 }
 
 #[test]
@@ -271,42 +285,77 @@ fn files_that_are_no_recordings() {
     assert_bad_input(&info("other.mcap"), &["other.mcap: not a recording of this simulator"]);
 }
 
-#[test]
-fn recordings_that_are_cut_off_are_read_up_to_there() {
-    let site = Site::new();
-    let whole = short_recording(&site);
-    let all = Recording::from_bytes(&whole);
-    let file = site.path("cut.mcap");
-    bounded("reading recordings that are cut off", move || {
-        let mut most = 0;
-        for length in (0..whole.len()).step_by(31) {
-            std::fs::write(&file, &whole[..length]).expect("the folder can be written to");
-            let Ok(info) = sim_server::info::read(&file) else {
-                assert_eq!(most, 0, "a longer file is read no further");
-                continue;
-            };
-            let count: u64 = info.messages.values().sum();
-            assert!(count >= most, "a longer file is read no less far");
-            most = count;
-            assert!(sim_server::info::text(&info).lines().last().expect("a text").starts_with("digest: "));
-        }
-        assert_eq!(most, all.messages.len() as u64);
-    });
+/// The messages of a recording up to its end or its damage, unless it is refused.
+fn messages(bytes: Vec<u8>) -> Result<Vec<Message>, String> {
+    let recording = recording::Recording::from_bytes("r.mcap".to_owned(), bytes).map_err(|error| error.to_string())?;
+    let _text = info::text(&info::of(&recording));
+    Ok(recording.messages().collect())
 }
 
 #[test]
-fn recordings_with_a_wrong_byte_are_no_panic() {
-    let site = Site::new();
-    let whole = short_recording(&site);
-    let file = site.path("wrong.mcap");
-    bounded("reading recordings with a wrong byte", move || {
-        for position in (0..whole.len()).step_by(29) {
-            let mut wrong = whole.clone();
-            wrong[position] ^= 0xff;
-            std::fs::write(&file, &wrong).expect("the folder can be written to");
-            if let Ok(info) = sim_server::info::read(&file) {
-                let _text = sim_server::info::text(&info);
+fn recordings_that_are_cut_off_anywhere_are_read_up_to_the_last_whole_chunk() {
+    let whole = short_recording(&Site::new());
+    let all = messages(whole.clone()).expect("the recording is whole");
+    let ends = ends_of_chunks(&whole);
+    bounded("reading recordings that are cut off", move || {
+        let counts = ends.iter().map(|&end| messages(whole[..end].to_vec()).expect("a chunk is whole").len());
+        let counts: Vec<usize> = counts.collect();
+        assert!(counts.len() >= 2 && counts.is_sorted_by(|a, b| a < b), "each chunk has messages: {counts:?}");
+        for length in 0..whole.len() {
+            let chunks = ends.iter().filter(|&&end| end <= length).count();
+            match messages(whole[..length].to_vec()) {
+                Ok(read) => {
+                    let expected = chunks.checked_sub(1).map_or(0, |last| counts[last]);
+                    assert_eq!(read.len(), expected, "cut off at byte {length}");
+                    assert!(all.starts_with(&read), "cut off at byte {length}");
+                }
+                Err(refusal) => {
+                    assert_eq!(chunks, 0, "cut off at byte {length}");
+                    assert!(refusal.starts_with("r.mcap: no"), "cut off at byte {length}: {refusal}");
+                }
             }
         }
+        assert_eq!(counts.last(), Some(&all.len()));
+    });
+}
+
+/// Where the chunks of a recording end.
+fn ends_of_chunks(whole: &[u8]) -> Vec<usize> {
+    let mut ends = Vec::new();
+    let mut at = mcap::MAGIC.len();
+    while whole[at] != op::DATA_END {
+        let length = whole[at + 1..].first_chunk().expect("a record has a length");
+        let end = at + 9 + u64::from_le_bytes(*length) as usize;
+        if whole[at] == op::CHUNK {
+            ends.push(end);
+        }
+        at = end;
+    }
+    ends
+}
+
+#[test]
+fn recordings_with_a_wrong_byte_give_out_nothing_that_is_wrong() {
+    let whole = short_recording(&Site::new());
+    let all = messages(whole.clone()).expect("the recording is whole");
+    bounded("reading recordings with a wrong byte", move || {
+        let mut rng = msgs::seed::stream(1, 0, "wrong bytes");
+        let mut refused = 0;
+        for number in 0..WRONG_BYTES {
+            // The kinds of records and their lengths are few among all the bytes.
+            let framing = ends_of_chunks(&whole).len() * 9;
+            let position = match number {
+                number if number < framing => ends_of_chunks(&whole)[number / 9] + number % 9,
+                _ => rng.random_range(0..whole.len()),
+            };
+            let flip = rng.random_range(1..=u8::MAX);
+            let mut wrong = whole.clone();
+            wrong[position] ^= flip;
+            match messages(wrong) {
+                Ok(read) => assert!(all.starts_with(&read), "byte {position} ^ {flip:#04x}"),
+                Err(_) => refused += 1,
+            }
+        }
+        assert!(refused > 0, "some bytes are those of the documents");
     });
 }

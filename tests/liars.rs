@@ -11,12 +11,13 @@ use experiments::in_memory::{AgentsEnd, ServerEnd};
 use msgs::geometry_msgs::Point;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
-use msgs::maes_msgs::{Command, Join, JoinReply, LidarRequest, Observation, Parcel, Progress, Scenario, Task};
+use msgs::maes_msgs::{self, Command, Join, JoinReply, LidarRequest, Observation, Parcel, Progress, Scenario, Task};
 use msgs::topics::{self, Topic};
 use rand::RngExt;
-use ros2_client::qos::{QosProfile, Reliability, WhenFull};
-use ros2_client::{Context, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher};
+use ros2_client::qos::{Durability, QosProfile, Reliability, WhenFull};
+use ros2_client::{Context, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, Subscription};
 use rustdds::DomainParticipantBuilder;
+use serde::de::DeserializeOwned;
 use serde::ser::{Serialize, SerializeTuple, Serializer};
 use sim_server::link::{Inbound as ToServer, Incoming, Link as ServerLink, SourceId};
 use sim_server::run::RunError;
@@ -175,6 +176,11 @@ struct Strangers {
 
 const STRANGER: SourceId = SourceId([0xee; 16]);
 
+/// How the agents call themselves that strangers talk about.
+fn instance_of(agent: u32) -> u64 {
+    u64::from(agent) + 10
+}
+
 impl Strangers {
     fn say(&mut self, topic: u32, source: SourceId, message: ToServer) {
         self.waiting.push_back(Incoming { topic_agent: AgentId(topic), source, message });
@@ -205,6 +211,11 @@ impl ServerLink for Strangers {
         self.say(agent.0, welcome, ToServer::Command(Command { run: run ^ 1, ..command }));
         self.say(agent.0, welcome, ToServer::Join(Join { run: 0, ..join.clone() }));
         self.say(agent.0, STRANGER, ToServer::Join(join.clone()));
+        // By the name of the agent itself, which everybody can hear: it must not be told that it is refused.
+        let borrowed = Join { instance: instance_of(agent.0), ..join.clone() };
+        self.say(agent.0, STRANGER, ToServer::Join(borrowed.clone()));
+        self.say(agent.0, STRANGER, ToServer::Join(Join { protocol: PROTOCOL + 1, ..borrowed.clone() }));
+        self.say(other, STRANGER, ToServer::Join(borrowed));
         self.say(other, STRANGER, ToServer::Join(join));
         self.inner.send(agent, part);
     }
@@ -228,20 +239,92 @@ fn strangers_are_refused_and_counted_and_change_nothing() {
     play.server_link = |inner| Box::new(Strangers { inner, waiting: VecDeque::new() });
     let played = play.with(|mut end, ids, is_over| {
         // The refusals of what strangers wish concern them, not the agents: the instance tells.
-        agent_node::run::run(&mut end, &honest(u64::from(ids[0].0) + 10, ids), is_over).expect("agents are welcome");
+        agent_node::run::run(&mut end, &honest(instance_of(ids[0].0), ids), is_over).expect("agents are welcome");
     });
     let refusals = refusals(&played.outcome().result);
     let asked = refusals["refused_not_joined"];
     assert!(asked >= 2 * 200, "{refusals:?}");
-    let all =
-        ["refused_id_taken", "refused_not_joined", "refused_other_run", "refused_undecodable", "refused_wrong_topic"];
+    let all = [
+        "refused_id_taken",
+        "refused_not_joined",
+        "refused_other_run",
+        "refused_undecodable",
+        "refused_wrong_protocol",
+        "refused_wrong_topic",
+    ];
     assert_eq!(refusals.keys().copied().collect::<Vec<_>>(), all);
-    for (name, factor) in
-        [("refused_id_taken", 1), ("refused_other_run", 2), ("refused_undecodable", 1), ("refused_wrong_topic", 2)]
-    {
+    for (name, factor) in [
+        ("refused_id_taken", 2),
+        ("refused_other_run", 2),
+        ("refused_undecodable", 1),
+        ("refused_wrong_protocol", 1),
+        ("refused_wrong_topic", 3),
+    ] {
         assert_eq!(refusals[name], factor * asked, "{name} in {refusals:?}");
     }
     assert_eq!(played.digest(), honest_digest());
+}
+
+/// Commands and joins that an agent with a seat says in each tick beside its answer.
+const FLOOD: u64 = 50;
+
+/// Agent 1: it stays where it is, and says this in each tick beside its answer, or nothing.
+fn stays(mut end: AgentsEnd, floods: bool, is_over: &AtomicBool) {
+    let mut run = 0;
+    let mut answered = None;
+    while !is_over.load(Ordering::Relaxed) {
+        match end.receive(Duration::from_millis(20)) {
+            Some(ToAgents::Scenario(scenario)) => {
+                run = scenario.run;
+                end.join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+            }
+            Some(ToAgents::Observation(Observation { tick, phase, part, parts, .. })) if part + 1 == parts => {
+                let answer = Command { tick, run, agent: 1, ..Command::default() };
+                let is_first = answered.replace((tick, phase)) != Some((tick, phase));
+                if !floods || phase == Observation::ENDED {
+                    end.answer(&answer);
+                    continue;
+                }
+                // The server asks again if this machine is slow: no reason for more lies than are expected.
+                for lie in 0..if is_first { FLOOD } else { 0 } {
+                    end.answer(&Command { tick: tick + 1 + lie, ..answer.clone() });
+                    end.join(&Join { run, agent: 1, instance: 2 + lie, protocol: PROTOCOL, ..Join::default() });
+                    end.join(&Join { run, agent: 0, instance: tick, protocol: PROTOCOL, ..Join::default() });
+                }
+                let parcel = Parcel { agent: Parcel::BROADCAST, kind: 7, data: vec![7; PARCEL_BYTES_MAX] };
+                end.answer(&Command { parcels: vec![parcel], ..answer });
+            }
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn a_flood_of_an_agent_with_a_seat_is_nothing_to_the_others() {
+    let result = |floods: bool| {
+        let played = Play::of_two(DURATION_S).with(move |mut end, ids, is_over| {
+            if ids[0] == AgentId(1) {
+                return stays(end, floods, is_over);
+            }
+            // Its instance is none of those that the flood makes up.
+            agent_node::run::run(&mut end, &honest(u64::MAX, ids), is_over).expect("agent 0 is welcome");
+        });
+        assert!(played.notes.len() < 20, "a flood of lies is no flood of words: {:?}", played.notes);
+        played.outcome().result.clone()
+    };
+    let (quiet, flooded) = (result(false), result(true));
+    assert_eq!(flooded.tick, quiet.tick);
+    assert_eq!(flooded.explored_by, quiet.explored_by);
+    assert_eq!(flooded.covered_by, quiet.covered_by);
+    assert_eq!(flooded.distance_m, quiet.distance_m);
+    let lies = FLOOD * quiet.tick;
+    assert_eq!(refusals(&flooded), BTreeMap::from([("refused_id_taken", 2 * lies), ("refused_wrong_tick", lies)]));
+    // What lies in the inbox of agent 0, which is not due for long, is bounded.
+    let count = |result: &maes_msgs::Result, name: &str| {
+        result.counters.iter().find(|counter| counter.name == name).expect("it is counted").value
+    };
+    assert!(count(&flooded, "parcels_inbox_full") > 0, "{:?}", flooded.counters);
+    assert_eq!(count(&flooded, "parcels_sent"), count(&quiet, "parcels_sent") + quiet.tick);
 }
 
 /// Neither the time-out nor the end of a run may wait until an agent has no more to say.
@@ -301,12 +384,22 @@ impl Rogue {
         Self { node, _context: context }
     }
 
-    fn publisher<M: Serialize>(&mut self, topic: &Topic) -> Publisher<M> {
+    fn topic(&self, topic: &Topic, durability: Durability) -> rustdds::Topic {
         let qos = QosProfile::publisher_default().reliability(Reliability::Reliable { when_full: WhenFull::Fail });
         let name = Name::parse(&topic.name).expect("a legal name");
         let kind = MessageTypeName::new(topic.message.package, topic.message.name);
-        let topic = self.node.create_topic(&name, kind, &qos).expect("a topic");
+        self.node.create_topic(&name, kind, &qos.durability(durability)).expect("a topic")
+    }
+
+    fn publisher<M: Serialize>(&mut self, topic: &Topic) -> Publisher<M> {
+        let topic = self.topic(topic, Durability::Volatile);
         self.node.create_publisher(&topic, None).expect("a publisher")
+    }
+
+    /// To a latched topic.
+    fn subscription<M: DeserializeOwned + 'static>(&mut self, topic: &Topic) -> Subscription<M> {
+        let topic = self.topic(topic, Durability::TransientLocal);
+        self.node.create_subscription(&topic, None).expect("a subscription")
     }
 }
 
@@ -344,6 +437,40 @@ fn noise_on_a_real_network_is_refused_and_counted_and_changes_nothing() {
     let result = recording.result();
     let names: Vec<_> = refusals(&result).into_keys().collect();
     assert_eq!(names, ["refused_other_run", "refused_undecodable"]);
+    recording.assert_begins(&whole, 1);
+}
+
+/// Everybody in the network can publish what only the server should say.
+#[test]
+fn an_agent_listens_to_its_own_server_alone() {
+    let site = Site::new();
+    let flags = ["--agents", "2", "--size", "20", "--duration", "600", "--set", "stop_when_explored=false"];
+    let whole = site.record(&[&flags[..], &["--transport", "memory"]].concat());
+    let whole = Recording::from_bytes(&whole.bytes);
+
+    let mut run = site.start(&mut site.run_sh(&[&flags[..], &["--rtf", "10", "--record", "run.mcap"]].concat()));
+    run.is_under_way();
+    let mut rogue = Rogue::new(site.domain());
+    let scenarios = rogue.subscription::<Scenario>(&topics::scenario());
+    let observations = rogue.publisher(&topics::observation(AgentId(0)));
+    let mut number = None;
+    let log = site.path("logs/agent_0.log");
+    let is_ignored = || std::fs::read_to_string(&log).is_ok_and(|log| log.contains("is not the server"));
+    let pause = Duration::from_millis(50);
+    let mut pauses_left = HANG.as_millis() / pause.as_millis();
+    while !is_ignored() {
+        pauses_left = pauses_left.checked_sub(1).expect("the agent hears the rogue some time");
+        run.process().says_within("x real time", pause);
+        number = number.or_else(|| scenarios.take().ok().flatten().map(|(scenario, _)| scenario.run));
+        if let Some(run) = number {
+            let end = Observation { run, parts: 1, phase: Observation::ENDED, tick: 1, ..Observation::default() };
+            observations.publish(end).expect("a rogue is allowed to speak");
+        }
+    }
+    signal(run.process().pid(), "INT");
+    run.ended().with_code(130);
+    let recording = site.recording("run.mcap");
+    assert_eq!(refusals(&recording.result()), BTreeMap::new());
     recording.assert_begins(&whole, 1);
 }
 

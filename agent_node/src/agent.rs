@@ -117,7 +117,7 @@ impl Agent {
             let is_asked_again = part.tick == answered.tick && part.part + 1 == part.parts;
             return Ok(if is_asked_again { Reaction::Answer(answered.clone()) } else { Reaction::None });
         }
-        let Some(Collected { has_ended, mut observation }) = self.collector.take(part, &self.briefing.extent)? else {
+        let Some(Collected { has_ended, mut observation }) = self.collector.take(part, &self.briefing)? else {
             return Ok(Reaction::None);
         };
         let tick = observation.tick;

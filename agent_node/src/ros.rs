@@ -1,10 +1,13 @@
 //! The agents' link over ROS 2: one participant for the process, and one node `agent_<id>` for each of its agents.
 //!
 //! Invariants: what is sent for one agent never waits for another one (see [`msgs::ros`]); what is on a topic of another agent,
-//! or addressed to one, does not come out. When to say something is decided in `run.rs`. This file is the only one here
+//! or addressed to one, does not come out; nor does an observation or a reply that another process sends than the one that sent the
+//! first scenario, for everybody in the network can publish them. When to say something is decided in `run.rs`. This file is the only one here
 //! that knows the ROS client. Agents do not listen to `/clock`: an observation says what time it is.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 use std::time::Duration;
 
 use msgs::ids::AgentId;
@@ -58,19 +61,24 @@ impl RosLink {
         let mut workshop = Workshop::of(&context);
         let mut inbox = Inbox::default();
         let mut seats = Vec::new();
+        let server = Server::default();
         for &agent in agents {
             let name = format!("agent_{agent}");
             let mut node = ros::node(&context, &name)?;
             if seats.is_empty() {
-                workshop.inlet(&mut node, &topics::scenario(), &mut inbox, |sample: Sample<Scenario>| {
-                    message(sample).map(Inbound::Scenario).map(Some)
+                let found = server.clone();
+                workshop.inlet(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
+                    let source = sample.source;
+                    message(sample).inspect(|_| found.is(source)).map(Inbound::Scenario).map(Some)
                 })?;
-                workshop.inlet(&mut node, &topics::join_reply(), &mut inbox, |sample: Sample<JoinReply>| {
-                    message(sample).map(Inbound::JoinReply).map(Some)
+                let server = server.clone();
+                workshop.inlet(&mut node, &topics::join_reply(), &mut inbox, move |sample: Sample<JoinReply>| {
+                    server.message(sample).map(Inbound::JoinReply).map(Some)
                 })?;
             }
+            let server = server.clone();
             workshop.inlet(&mut node, &topics::observation(agent), &mut inbox, move |sample| {
-                observation(agent, sample).map(Inbound::Observation).map(Some)
+                observation(agent, server.message(sample)?).map(Inbound::Observation).map(Some)
             })?;
             let join = workshop.outlet(&mut node, &topics::join(agent))?;
             let command = workshop.outlet(&mut node, &topics::command(agent))?;
@@ -171,8 +179,27 @@ fn message<M>(sample: Sample<M>) -> Result<M, String> {
     sample.message.map_err(|reason| format!("{reason}, sent by participant {:02x?}", sample.source))
 }
 
-fn observation(agent: AgentId, sample: Sample<Observation>) -> Result<Observation, String> {
-    let observation = message(sample)?;
+/// The process whose scenario came in first: the one that is listened to.
+#[derive(Clone, Default)]
+struct Server(Rc<Cell<Option<[u8; 16]>>>);
+
+impl Server {
+    /// It is this one, unless it is known already.
+    fn is(&self, source: [u8; 16]) {
+        self.0.set(self.0.get().or(Some(source)));
+    }
+
+    /// The message of a sample that it has sent.
+    fn message<M>(&self, sample: Sample<M>) -> Result<M, String> {
+        let source = sample.source;
+        if self.0.get().is_some_and(|server| server != source) {
+            return Err(format!("participant {source:02x?} is not the server, whose words these would be"));
+        }
+        message(sample)
+    }
+}
+
+fn observation(agent: AgentId, observation: Observation) -> Result<Observation, String> {
     if observation.agent == agent.0 {
         Ok(observation)
     } else {

@@ -1,10 +1,12 @@
 //! Messages to and from domain types: the only place of the agent that knows both.
 //!
-//! Invariant: what comes out of [`briefing`] and [`Collector`] is consistent, whatever was sent: cells lie inside the map.
+//! Invariant: what comes out of [`briefing`] and [`Collector`] is consistent, whatever was sent: cells and places lie inside the
+//! map, numbers are numbers, agents take part, ticks are those of the run.
 //!
 //! This module sends nothing and knows no transport.
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
@@ -30,7 +32,19 @@ pub enum WireError {
         /// What is wrong.
         source: RunsError,
     },
-    /// A part says that it is not one of its parts.
+    /// Something is said that cannot be.
+    #[error("observation of tick {tick}: {field} = {value}: expected {allowed}")]
+    Value {
+        /// The tick.
+        tick: Tick,
+        /// Which field.
+        field: &'static str,
+        /// What it says.
+        value: String,
+        /// What it may say.
+        allowed: String,
+    },
+    /// A part says that it is not one of its parts, or of more or fewer parts than the others do.
     #[error("observation of tick {tick}: part {part} of {parts}")]
     Part {
         /// The tick.
@@ -84,22 +98,63 @@ impl Collector {
     ///
     /// # Errors
     /// If the parts do not fit together or hold cells that are not in the map.
-    pub fn take(&mut self, part: Part, extent: &Extent) -> Result<Option<Collected>, WireError> {
+    pub fn take(&mut self, part: Part, briefing: &Briefing) -> Result<Option<Collected>, WireError> {
         let tick = Tick(part.tick);
+        let wrong = WireError::Part { tick, part: part.part, parts: part.parts };
         if part.part >= part.parts {
-            return Err(WireError::Part { tick, part: part.part, parts: part.parts });
+            return Err(wrong);
         }
         if tick != self.tick || part.phase != self.phase {
             *self = Self { tick, phase: part.phase, parts: BTreeMap::new() };
         }
+        if self.parts.values().any(|other| other.parts != part.parts) {
+            return Err(wrong);
+        }
+        check(&part, briefing)?;
         let parts = usize::from(part.parts);
         self.parts.insert(part.part, part);
         if self.parts.len() < parts {
             return Ok(None);
         }
         let parts = std::mem::take(&mut self.parts);
-        collected(parts.into_values(), extent).map(Some)
+        collected(parts.into_values(), &briefing.extent).map(Some)
     }
+}
+
+/// Whether an agent can rely on the numbers of a part: it reckons with them, and a number that is none would get everywhere.
+fn check(part: &Part, briefing: &Briefing) -> Result<(), WireError> {
+    let tick = Tick(part.tick);
+    let require = |holds: bool, field, value: &dyn std::fmt::Debug, allowed: &dyn std::fmt::Display| match holds {
+        true => Ok(()),
+        false => Err(WireError::Value { tick, field, value: format!("{value:?}"), allowed: allowed.to_string() }),
+    };
+    let extent = &briefing.extent;
+    let is_inside = |place: &geometry_msgs::Point| {
+        [place.x, place.y, place.z].iter().all(|along| along.is_finite())
+            && extent.contains(extent.cell_of(&point(place)))
+    };
+    let takes_part = |agent: u32| agent < briefing.agents;
+    let inside = "a place in the map";
+    let ids = format!("agents, 0 to {}", briefing.agents.saturating_sub(1));
+    require(tick <= briefing.duration, "tick", &tick, &format!("a tick of the run, 0 to {}", briefing.duration))?;
+    require(is_inside(&part.position), "position", &part.position, &inside)?;
+    require(part.yaw_rad.abs() <= TAU, "yaw_rad", &part.yaw_rad, &"-2 pi to 2 pi")?;
+    let geometry_msgs::Vector3 { x, y, z } = part.velocity_m_s;
+    for (field, value) in
+        [("velocity_m_s.x", x), ("velocity_m_s.y", y), ("velocity_m_s.z", z), ("yaw_rate_rad_s", part.yaw_rate_rad_s)]
+    {
+        require(value.is_finite(), field, &value, &"a finite number")?;
+    }
+    for contact in &part.contacts {
+        require(takes_part(contact.agent), "contacts", &contact.agent, &ids)?;
+        require(is_inside(&contact.position), "contacts", &contact.position, &inside)?;
+    }
+    let is_ascending = part.contacts.is_sorted_by(|a, b| a.agent < b.agent);
+    require(is_ascending, "contacts", &part.contacts.len(), &"each agent once, ascending")?;
+    for parcel in &part.parcels {
+        require(takes_part(parcel.agent), "parcels", &parcel.agent, &ids)?;
+    }
+    Ok(())
 }
 
 fn collected(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<Collected, WireError> {
@@ -224,18 +279,20 @@ mod tests {
         Part { tick, part, parts, seen_free, ..Part::default() }
     }
 
-    fn extent() -> Extent {
-        Extent::new([4, 4, 4], 1.0).unwrap()
+    fn run() -> Briefing {
+        let size = [4, 4, 4];
+        let scenario = maes_msgs::Scenario { size, cell_m: 1.0, agents: 2, duration_ticks: 9, ..Default::default() };
+        briefing(&scenario).unwrap()
     }
 
     #[test]
     fn parts_fit_together_in_any_order_and_twice() {
         let mut collector = Collector::default();
-        let extent = extent();
-        assert_eq!(collector.take(part(5, 1, 3, 10), &extent), Ok(None));
-        assert_eq!(collector.take(part(5, 1, 3, 10), &extent), Ok(None));
-        assert_eq!(collector.take(part(5, 2, 3, 20), &extent), Ok(None));
-        let whole = collector.take(part(5, 0, 3, 0), &extent).unwrap().unwrap();
+        let run = run();
+        assert_eq!(collector.take(part(5, 1, 3, 10), &run), Ok(None));
+        assert_eq!(collector.take(part(5, 1, 3, 10), &run), Ok(None));
+        assert_eq!(collector.take(part(5, 2, 3, 20), &run), Ok(None));
+        let whole = collector.take(part(5, 0, 3, 0), &run).unwrap().unwrap();
         assert_eq!(whole.observation.seen.free, [0, 1, 10, 11, 20, 21]);
         assert!(!whole.has_ended);
     }
@@ -243,19 +300,57 @@ mod tests {
     #[test]
     fn a_new_tick_drops_what_was_incomplete() {
         let mut collector = Collector::default();
-        let extent = extent();
-        assert_eq!(collector.take(part(5, 0, 2, 0), &extent), Ok(None));
-        assert_eq!(collector.take(part(6, 1, 2, 10), &extent), Ok(None));
-        let whole = collector.take(part(6, 0, 2, 4), &extent).unwrap().unwrap();
+        let run = run();
+        assert_eq!(collector.take(part(5, 0, 2, 0), &run), Ok(None));
+        assert_eq!(collector.take(part(6, 1, 2, 10), &run), Ok(None));
+        let whole = collector.take(part(6, 0, 2, 4), &run).unwrap().unwrap();
         assert_eq!(whole.observation.seen.free, [4, 5, 10, 11]);
     }
 
     #[test]
     fn nonsense_is_an_error() {
-        let extent = extent();
-        assert!(matches!(Collector::default().take(part(5, 1, 1, 0), &extent), Err(WireError::Part { .. })));
-        assert!(matches!(Collector::default().take(part(5, 0, 1, 63), &extent), Err(WireError::Cells { .. })));
+        let run = run();
+        assert!(matches!(Collector::default().take(part(5, 1, 1, 0), &run), Err(WireError::Part { .. })));
+        assert!(matches!(Collector::default().take(part(5, 0, 1, 63), &run), Err(WireError::Cells { .. })));
         let scenario = maes_msgs::Scenario { size: [0, 1, 1], cell_m: 1.0, ..Default::default() };
         assert!(briefing(&scenario).is_err());
+    }
+
+    #[test]
+    fn what_cannot_be_is_an_error() {
+        let refused = |change: &dyn Fn(&mut Part)| {
+            let mut wrong = part(5, 0, 1, 0);
+            change(&mut wrong);
+            Collector::default().take(wrong, &run()).unwrap_err().to_string()
+        };
+        let place = |x| geometry_msgs::Point { x, y: 1.0, z: 1.0 };
+        let contact = |agent, x| maes_msgs::Contact { agent, position: place(x) };
+        assert_eq!(
+            refused(&|part| part.yaw_rad = f64::NAN),
+            "observation of tick 5: yaw_rad = NaN: expected -2 pi to 2 pi"
+        );
+        for x in [f64::NAN, f64::INFINITY, -0.5, 4.0] {
+            assert!(refused(&|part| part.position = place(x)).contains("position = Point"), "{x}");
+            assert!(
+                refused(&|part| part.contacts = vec![contact(0, x)]).contains("expected a place in the map"),
+                "{x}"
+            );
+        }
+        assert!(refused(&|part| part.velocity_m_s.z = f64::INFINITY).contains("velocity_m_s.z = inf"));
+        assert!(refused(&|part| part.yaw_rate_rad_s = f64::NAN).contains("yaw_rate_rad_s = NaN"));
+        assert!(
+            refused(&|part| part.contacts = vec![contact(2, 1.0)]).contains("contacts = 2: expected agents, 0 to 1")
+        );
+        assert!(refused(&|part| part.contacts = vec![contact(1, 1.0); 2]).contains("each agent once, ascending"));
+        let parcel = maes_msgs::Parcel { agent: 2, ..Default::default() };
+        assert!(refused(&|part| part.parcels = vec![parcel.clone()]).contains("parcels = 2: expected agents, 0 to 1"));
+        assert!(refused(&|part| part.tick = u64::MAX).contains("expected a tick of the run, 0 to 9"));
+    }
+
+    #[test]
+    fn parts_agree_on_how_many_they_are() {
+        let mut collector = Collector::default();
+        assert_eq!(collector.take(part(5, 1, 2, 10), &run()), Ok(None));
+        assert_eq!(collector.take(part(5, 0, 1, 0), &run()), Err(WireError::Part { tick: Tick(5), part: 0, parts: 1 }));
     }
 }

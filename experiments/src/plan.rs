@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use agent_node::controllers;
-use sim_server::scenario::{MapKind, Override, Scenario, ScenarioError};
+use sim_server::scenario::{MapKind, Override, Scenario, ScenarioError, one_line};
 use sim_server::wire;
 use thiserror::Error;
 
@@ -122,6 +122,13 @@ impl Plan {
     /// # Errors
     /// See [`Plan::load`].
     pub fn parse(file: &str, text: &str, folder: &Path) -> Result<Self, PlanError> {
+        Self::worked_out(file, text, folder).map_err(|error| match error {
+            PlanError::Line { file, line, reason } => PlanError::Line { file, line, reason: one_line(&reason) },
+            other => other,
+        })
+    }
+
+    fn worked_out(file: &str, text: &str, folder: &Path) -> Result<Self, PlanError> {
         let draft = read::read(file, text, folder)?;
         for axis in &draft.axes {
             let line = axis.values[0].line;

@@ -32,7 +32,12 @@ pub struct Info {
 /// # Errors
 /// If it cannot be opened or is no recording.
 pub fn read(file: &Path) -> Result<Info, RecordingError> {
-    let recording = Recording::open(file)?;
+    Recording::open(file).map(|recording| of(&recording))
+}
+
+/// What a recording holds.
+#[must_use]
+pub fn of(recording: &Recording) -> Info {
     let mut info = Info { scenario: recording.scenario().into_owned(), ..Info::default() };
     let mut messages = recording.messages();
     for message in &mut messages {
@@ -51,7 +56,7 @@ pub fn read(file: &Path) -> Result<Info, RecordingError> {
     if let Some(end @ End::Damage { .. }) = messages.end() {
         info.damage = Some(end.to_string());
     }
-    Ok(info)
+    info
 }
 
 /// A description for people; the last line is the digest.

@@ -154,6 +154,9 @@ pub struct Roster {
     seats: Vec<Option<Seat>>,
 }
 
+/// What is kept of what an agent says that it runs, characters: it is shown and recorded, and could be as long as a sample.
+const CONTROLLER_CHARS_MAX: usize = 1_024;
+
 /// A process that has been granted an id.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Seat {
@@ -201,7 +204,9 @@ impl Roster {
         let seat = self.seats.get_mut(agent.index()).ok_or(Refusal::UnknownAgent { agent, agents })?;
         match seat {
             None => {
-                *seat = Some(claim.seat);
+                let Seat { source, instance, controller } = claim.seat;
+                let controller = controller.chars().take(CONTROLLER_CHARS_MAX).collect();
+                *seat = Some(Seat { source, instance, controller });
                 Ok(())
             }
             Some(taken) if taken.source == claim.seat.source && taken.instance == claim.seat.instance => Ok(()),
@@ -391,6 +396,15 @@ mod tests {
         assert_eq!(roster.seat(AgentId(1)).unwrap().instance, 7);
         assert!(roster.check(AgentId(1), SourceId([1; 16])).is_ok());
         assert_eq!(roster.check(AgentId(1), SourceId([2; 16])), Err(Refusal::NotJoined { agent: AgentId(1) }));
+    }
+
+    #[test]
+    fn of_an_endless_name_the_beginning_is_kept() {
+        let mut roster = Roster::new(1);
+        let mut endless = claim(0, 1, 1);
+        endless.seat.controller = "\u{e9}".repeat(1_000_000);
+        roster.join(endless).unwrap();
+        assert_eq!(roster.seat(AgentId(0)).unwrap().controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Reading a recording, from its first record to its last or to where it is damaged.
 //!
-//! Invariants: nothing behind damage is given out; a recording without its end gives out every message up to there; a file that is
-//! no recording of this simulator is refused when it is opened. No content of a file makes this panic or fill the memory.
+//! Invariants: nothing of a damaged chunk and nothing behind it is given out, because the sum of a chunk is checked before its first
+//! message; a recording without its end gives out every message up to its last whole chunk; a file that is no recording of this
+//! simulator is refused when it is opened. No content of a file makes this panic or fill the memory.
 //!
 //! This module says what stands in a file, and not what it means.
 
@@ -11,7 +12,7 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
-use mcap::records::Record;
+use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use msgs::cdr::{self, CdrError};
 use msgs::ids::{AgentId, Tick};
@@ -49,6 +50,12 @@ pub enum RecordingError {
         file: String,
     },
 }
+
+/// How the compression of a chunk is named in it: the length of the name, and the name.
+const ZSTD: &[u8] = b"\x04\0\0\0zstd";
+
+/// Where that stands in a chunk: behind its times, its length and its sum.
+const COMPRESSION_AT: usize = 28;
 
 /// A recording in memory.
 #[derive(Debug, Clone)]
@@ -155,7 +162,7 @@ impl Recording {
                 Some(Ok(Record::Attachment { header, data, .. })) => {
                     attachments.insert(header.name, data.into_owned());
                 }
-                Some(Ok(Record::Message { .. })) | None => break,
+                Some(Ok(Record::Message { .. } | Record::DataEnd(_))) | None => break,
                 Some(Ok(_)) => {}
                 Some(Err(source)) if attachments.is_empty() => return Err(RecordingError::NoMcap { file, source }),
                 Some(Err(_)) => break,
@@ -235,7 +242,13 @@ impl Iterator for Messages<'_> {
                 None => self.end = Some(End::Missing),
                 Some(Err(source)) => {
                     let before_byte = self.records.position;
-                    self.end = Some(End::Damage { before_byte, reason: source.to_string() });
+                    let reason = match self.records.strange {
+                        Some(kind) if before_byte == self.records.bytes.len() => {
+                            format!("a record of kind {kind:#04x} that no recording has there, or not like that")
+                        }
+                        _ => source.to_string(),
+                    };
+                    self.end = Some(End::Damage { before_byte, reason });
                 }
             }
         }
@@ -245,18 +258,24 @@ impl Iterator for Messages<'_> {
 
 /// The records of an MCAP file.
 struct Records<'a> {
+    /// Up to the first byte of a record that a recording does not have.
     bytes: &'a [u8],
+    /// The kind of that record.
+    strange: Option<u8>,
     reader: LinearReader,
     position: usize,
 }
 
 impl<'a> Records<'a> {
     fn new(bytes: &'a [u8]) -> Self {
+        let strange = strange_record(bytes);
+        let bytes = strange.map_or(bytes, |at| &bytes[..=at]);
         let options = LinearReaderOptions::default()
             .with_skip_end_magic(true)
-            .with_validate_chunk_crcs(true)
+            .with_prevalidate_chunk_crcs(true)
             .with_record_length_limit(bytes.len().max(RECORD_BYTES_MAX));
-        Self { bytes, reader: LinearReader::new_with_options(options), position: 0 }
+        let reader = LinearReader::new_with_options(options);
+        Self { bytes, strange: strange.map(|at| bytes[at]), reader, position: 0 }
     }
 
     fn next(&mut self) -> Option<mcap::McapResult<Record<'static>>> {
@@ -277,4 +296,52 @@ impl<'a> Records<'a> {
             }
         }
     }
+}
+
+/// Where the first record begins that the recorder does not write like that, if there is one.
+///
+/// The reader of the library passes over what it does not know, so a chunk whose kind is damaged would be missing without a word;
+/// in a chunk without compression it reads on behind the chunk's end, and it takes the length of the data of an attachment on trust.
+fn strange_record(bytes: &[u8]) -> Option<usize> {
+    let mut at = mcap::MAGIC.len();
+    while let Some((&kind, rest)) = bytes.get(at..).and_then(<[u8]>::split_first)
+        && let Some((&length, rest)) = rest.split_first_chunk()
+    {
+        let length = usize::try_from(u64::from_le_bytes(length)).unwrap_or(usize::MAX);
+        // Of a record that is cut off the reader says so.
+        let whole = rest.get(..length);
+        let is_known = match kind {
+            op::HEADER => at == mcap::MAGIC.len(),
+            op::ATTACHMENT => whole.is_none_or(is_attachment),
+            op::CHUNK => whole.unwrap_or(rest).get(COMPRESSION_AT..).is_none_or(|named| {
+                let length = named.len().min(ZSTD.len());
+                named[..length] == ZSTD[..length]
+            }),
+            // A channel, the bytes of the list, and the list.
+            op::MESSAGE_INDEX => whole.is_none_or(|content| {
+                let list = content.get(2..).and_then(<[u8]>::split_first_chunk);
+                list.is_some_and(|(&bytes, list)| u32::from_le_bytes(bytes) as usize == list.len())
+            }),
+            // What comes behind is a summary.
+            op::DATA_END => return None,
+            _ => false,
+        };
+        if !is_known {
+            return Some(at);
+        }
+        at = at.saturating_add(1 + size_of::<u64>()).saturating_add(length);
+    }
+    None
+}
+
+/// Whether an attachment is as long as its parts: two times, two texts, the length of the data, the data, and its sum.
+fn is_attachment(content: &[u8]) -> bool {
+    fn behind_a_text(bytes: &[u8]) -> Option<&[u8]> {
+        let (length, rest) = bytes.split_first_chunk()?;
+        rest.get(u32::from_le_bytes(*length) as usize..)
+    }
+    let behind_texts = content.get(2 * size_of::<u64>()..).and_then(behind_a_text).and_then(behind_a_text);
+    behind_texts.and_then(<[u8]>::split_first_chunk).is_some_and(|(length, rest)| {
+        u64::from_le_bytes(*length).checked_add(size_of::<u32>() as u64) == Some(rest.len() as u64)
+    })
 }

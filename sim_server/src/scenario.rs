@@ -141,7 +141,7 @@ impl Scenario {
         if !overrides.is_empty() {
             let mut table: toml::Table = toml::from_str(text).map_err(syntax)?;
             for change in overrides {
-                let unfit = |reason: String| ScenarioError::Override { origin: change.origin.clone(), reason };
+                let unfit = |reason: String| ScenarioError::Override { origin: one_line(&change.origin), reason };
                 change_key(&mut table, &change.key, change.value.clone()).map_err(unfit)?;
                 scenario =
                     table.clone().try_into().map_err(|error: toml::de::Error| unfit(one_line(error.message())))?;
@@ -349,7 +349,7 @@ impl Checker<'_> {
         Err(ScenarioError::Value {
             file: self.file.to_owned(),
             key,
-            value: value.to_string(),
+            value: one_line(&value.to_string()),
             allowed: allowed.to_owned(),
         })
     }
@@ -385,7 +385,9 @@ fn change_key(table: &mut toml::Table, key: &str, value: Option<toml::Value>) ->
     Ok(())
 }
 
-fn one_line(text: &str) -> String {
+/// A text as part of an error, which is one line whatever stands in a file.
+#[must_use]
+pub fn one_line(text: &str) -> String {
     text.split('\n').map(str::trim).collect::<Vec<_>>().join("; ")
 }
 

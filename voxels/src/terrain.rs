@@ -92,14 +92,14 @@ impl Grid<Terrain> {
         let rows = layers[0].len();
         let size = [columns, rows, layers.len()].map(|cells| u32::try_from(cells).unwrap_or(u32::MAX));
         let extent = Extent::new(size, 1.0)?;
+        // Before there is memory for cells: a few long rows must not make a map of cells that the text does not have.
+        for layer in &layers {
+            check_shape(layer, rows, columns)?;
+        }
 
         let mut terrain = Grid::new(extent, Terrain::Wall);
         let mut slots = terrain.as_mut_slice().chunks_mut(columns);
         for layer in &layers {
-            if layer.len() != rows {
-                let line = layer[layer.len() - 1].0;
-                return Err(TextError::LayerRows { line, expected: rows, got: layer.len() });
-            }
             for (&(line, row), slots) in layer.iter().rev().zip(&mut slots) {
                 read_row(slots, line, row)?;
             }
@@ -144,12 +144,21 @@ fn layers(text: &str) -> Vec<Layer<'_>> {
     layers
 }
 
-fn read_row(slots: &mut [Terrain], line: usize, row: &str) -> Result<(), TextError> {
-    let expected = slots.len();
-    let got = row.chars().count();
-    if got != expected {
-        return Err(TextError::RowLength { line, column: got.min(expected) + 1, expected, got });
+fn check_shape(layer: &Layer<'_>, rows: usize, columns: usize) -> Result<(), TextError> {
+    if layer.len() != rows {
+        let line = layer[layer.len() - 1].0;
+        return Err(TextError::LayerRows { line, expected: rows, got: layer.len() });
     }
+    for &(line, row) in layer {
+        let got = row.chars().count();
+        if got != columns {
+            return Err(TextError::RowLength { line, column: got.min(columns) + 1, expected: columns, got });
+        }
+    }
+    Ok(())
+}
+
+fn read_row(slots: &mut [Terrain], line: usize, row: &str) -> Result<(), TextError> {
     for (column, (slot, found)) in slots.iter_mut().zip(row.chars()).enumerate() {
         *slot = match found {
             '#' => Terrain::Wall,

@@ -79,6 +79,10 @@ fn mistakes_are_named_with_key_line_and_what_is_allowed() {
             "seeds = [1]\naxes.\"agents.controller\" = [\"rwb\"]",
             "p.toml:2: agents.controller: controller rwb: unknown; known are rbw",
         ),
+        (
+            "seeds = [1]\naxes.\"agents.c\\nunt\" = [1]",
+            "p.toml:2: axes.\"agents.c; unt\" = 1: unknown field `c; unt`, expected one",
+        ),
         ("seeds = \"0..999999\"\naxes.\"agents.count\" = [1, 2]", "more runs than the 1000000"),
     ] {
         let error = refused(head);

@@ -82,8 +82,14 @@ impl Exchange<'_> {
         self.warn(watcher, &format!("agent {agent} was started again and is told what it has observed so far"));
     }
 
+    /// Answers a join. Everybody hears that, and knows by the instance whether it is meant: a stranger that uses the instance of an
+    /// agent that takes part must not have it told that it is refused.
     fn reply(&mut self, join: &Join, granted: &Result<(), Refusal>) {
         let Join { run, agent, instance, .. } = *join;
+        let is_borrowed = self.roster.seat(AgentId(agent)).is_some_and(|seat| seat.instance == instance);
+        if granted.is_err() && is_borrowed {
+            return;
+        }
         let reason = granted.as_ref().err().map_or_else(String::new, Refusal::to_string);
         self.link.reply_join(&JoinReply { run, agent, instance, accepted: granted.is_ok(), reason });
     }

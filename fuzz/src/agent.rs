@@ -1,0 +1,142 @@
+//! An agent: any parts of observations, with any parcels, and map sharing on.
+
+use agent_node::agent::{Agent, Reaction};
+use agent_node::controllers;
+use agent_node::wire;
+use arbitrary::{Result, Unstructured};
+use msgs::cdr;
+use msgs::geometry_msgs::{Point, Vector3};
+use msgs::ids::AgentId;
+use msgs::limits::OBSERVATION_BYTES_MAX;
+use msgs::maes_msgs::{Body, CellRuns, Contact, Lidar, Observation as Part, Parcel, Scenario};
+
+use crate::lies::number;
+
+/// Agents of the run.
+const AGENTS: u32 = 3;
+
+/// Cells of the map along x, y and z.
+const SIZE: [u32; 3] = [9, 8, 7];
+
+/// Most parts that an agent is given.
+const PARTS_MAX: usize = 64;
+
+/// An agent that is given parts: it takes them in and answers what is legal, or says what is wrong with them.
+pub(crate) fn take(bytes: &[u8]) {
+    let _end_of_bytes = play(&mut Unstructured::new(bytes));
+}
+
+fn play(data: &mut Unstructured<'_>) -> Result<()> {
+    let name = *data.choose(&controllers::NAMES)?;
+    let share_period_ticks = *data.choose(&[0, 1, 2, 251])?;
+    let scenario = Scenario {
+        duration_ticks: 1000,
+        size: SIZE,
+        cell_m: 1.0,
+        agents: AGENTS,
+        agents_seed: 5,
+        body: Body { radius_m: 0.4, speed_max_m_s: 2.0, turn_rate_max_rad_s: 1.0, ..Body::default() },
+        lidar: Lidar { rays: 100, range_m: f64::INFINITY, fov_rad: 6.0, period_ticks: 10 },
+        communication_range_m: f64::INFINITY,
+        share_period_ticks,
+        ..Scenario::default()
+    };
+    let briefing = wire::briefing(&scenario).expect("a legal scenario");
+    let own = AgentId(1);
+    let controller = controllers::build(name, &[], own, 5).expect("there is such a controller");
+    let mut agent = Agent::new(own, briefing, controller);
+    let mut tick = 0;
+    for _ in 0..PARTS_MAX {
+        if data.is_empty() {
+            return Ok(());
+        }
+        tick += u64::from(data.int_in_range(0..=3u8)?);
+        let Ok(Reaction::Answer(command) | Reaction::Farewell(command)) = agent.take(part(data, tick)?) else {
+            continue;
+        };
+        sim_server::wire::command(&command, AGENTS).unwrap_or_else(|reason| panic!("{name} answers: {reason}"));
+        assert_eq!(command.agent, own.0);
+        assert!(cdr::encode(&command).len() <= OBSERVATION_BYTES_MAX, "an answer fits into a sample");
+    }
+    Ok(())
+}
+
+/// A part of an observation, mostly close to one that a server could send.
+fn part(data: &mut Unstructured<'_>, tick: u64) -> Result<Part> {
+    let is_whole = data.ratio(7, 8)?;
+    let [part, parts] = if is_whole { [0, 1] } else { [data.int_in_range(0..=3)?, data.int_in_range(0..=3)?] };
+    Ok(Part {
+        tick: if data.ratio(1, 32)? { data.arbitrary()? } else { tick },
+        agent: 1,
+        part,
+        parts,
+        phase: if data.ratio(1, 32)? { data.arbitrary()? } else { Part::RUNNING },
+        position: position(data)?,
+        yaw_rad: number(data)? / 8.0,
+        velocity_m_s: Vector3 { x: number(data)?, y: number(data)?, z: number(data)? },
+        yaw_rate_rad_s: number(data)?,
+        task_status: data.int_in_range(0..=2)?,
+        collision: data.int_in_range(0..=4)?,
+        collision_with_agent: data.arbitrary()?,
+        events: data.arbitrary()?,
+        contacts: some(data, |data| Ok(Contact { agent: peer(data)?, position: position(data)? }))?,
+        parcels: some(data, parcel)?,
+        scan_tick: if data.arbitrary()? { Part::NEVER } else { tick },
+        seen_free: runs(data)?,
+        seen_wall: runs(data)?,
+        has_view: data.arbitrary()?,
+        view_free: runs(data)?,
+        view_wall: runs(data)?,
+        ..Part::default()
+    })
+}
+
+/// A few of something.
+fn some<T>(data: &mut Unstructured<'_>, mut one: impl FnMut(&mut Unstructured<'_>) -> Result<T>) -> Result<Vec<T>> {
+    let count = data.int_in_range(0..=7)?;
+    // Most observations have none.
+    (4..count).map(|_| one(data)).collect()
+}
+
+fn peer(data: &mut Unstructured<'_>) -> Result<u32> {
+    if data.ratio(1, 32)? { data.arbitrary() } else { data.int_in_range(0..=AGENTS - 1) }
+}
+
+/// A place, mostly in the map.
+fn position(data: &mut Unstructured<'_>) -> Result<Point> {
+    if data.ratio(1, 16)? {
+        return Ok(Point { x: number(data)?, y: number(data)?, z: number(data)? });
+    }
+    let mut along = |axis: usize| Ok(f64::from(data.arbitrary::<u8>()?) / 256.0 * f64::from(SIZE[axis]));
+    Ok(Point { x: along(0)?, y: along(1)?, z: along(2)? })
+}
+
+/// A parcel, mostly one that is said to be of a map, and a beginning of which is right.
+fn parcel(data: &mut Unstructured<'_>) -> Result<Parcel> {
+    let kind = if data.ratio(1, 4)? { data.arbitrary()? } else { agent_node::sharing::MAP_PARCEL };
+    let length = data.int_in_range(0..=40)?;
+    let mut content = if data.ratio(7, 8)? { vec![agent_node::sharing::VERSION] } else { Vec::new() };
+    content.extend_from_slice(data.bytes(length.min(data.len()))?);
+    Ok(Parcel { agent: peer(data)?, kind, data: content })
+}
+
+/// Runs of cells, mostly of this map.
+fn runs(data: &mut Unstructured<'_>) -> Result<CellRuns> {
+    let mut cells = CellRuns::default();
+    let is_legal = data.ratio(15, 16)?;
+    let mut next = 0u32;
+    for _ in 0..data.int_in_range(0..=6)? {
+        let (gap, length) = (data.arbitrary::<u8>()?, data.int_in_range(1..=30)?);
+        let start = if is_legal { next + u32::from(gap) } else { data.arbitrary()? };
+        if is_legal && start + u32::from(length) > SIZE.iter().product() {
+            break;
+        }
+        cells.start.push(start);
+        cells.length.push(length);
+        next = start.wrapping_add(length.into());
+    }
+    if data.ratio(1, 64)? {
+        cells.start.push(data.arbitrary()?);
+    }
+    Ok(cells)
+}

@@ -1,0 +1,28 @@
+//! What is done with bytes from outside, one function for each kind of them: the targets of fuzzing.
+//!
+//! A target takes any bytes. It panics if a promise of docs/reliability.md is broken, and else does nothing. The same functions
+//! run under libFuzzer (`launch_scripts/fuzz.sh`) and, over the corpus and seeded changes of it, in an ordinary test
+//! (`tests/fuzzed.rs`).
+//!
+//! Invariants: a target is a function of its bytes, touches no file and no network, and ends. How much memory it may take is
+//! limited by whoever runs it.
+
+mod agent;
+mod files;
+mod lies;
+mod messages;
+mod server;
+
+/// What is done with bytes.
+pub type Target = fn(&[u8]);
+
+/// All targets by name, which is that of the folder of their corpus, too.
+pub const TARGETS: [(&str, Target); 7] = [
+    ("m3dm", files::map),
+    ("scenario", files::scenario),
+    ("plan", files::plan),
+    ("recording", files::recording),
+    ("messages", messages::all),
+    ("server", server::run),
+    ("agent", agent::take),
+];

@@ -1,0 +1,117 @@
+//! Messages: whatever comes in as bytes, on both sides, and what is made of it before anything is done.
+
+use agent_node::wire as agent_wire;
+use msgs::cdr;
+use msgs::geometry_msgs::TwistStamped;
+use msgs::ids::AgentId;
+use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
+use msgs::parameters::{
+    DescribeParameters, GetParameterTypes, GetParameters, ListParameters, ListRequest, Named, NamesRequest, Parameters,
+    SetParameters, SetParametersAtomically, SetRequest,
+};
+use msgs::service::Service;
+use msgs::simulation_interfaces::{
+    DeleteEntity, GetEntities, GetEntitiesStates, GetEntityBounds, GetEntityInfo, GetEntityState, GetSimulationState,
+    GetSimulatorFeatures, ResetSimulation, SetEntityState, SetSimulationState, SpawnEntity, StepRequest,
+    StepSimulation,
+};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use sim_server::{parameters, scenario, twist, wire};
+
+/// Agents of the run that the messages are of.
+const AGENTS: u32 = 4;
+
+/// The bytes as a message of each type that comes in anywhere.
+pub(crate) fn all(bytes: &[u8]) {
+    to_the_server(bytes);
+    to_an_agent(bytes);
+    requests(bytes);
+}
+
+/// The message, if the bytes are one; it comes back from its own bytes as it was.
+fn decoded<M: Serialize + DeserializeOwned>(bytes: &[u8]) -> Option<M> {
+    let message: M = cdr::decode(bytes).ok()?;
+    let once = cdr::encode(&message);
+    // The bytes are compared, because a number that is none is not equal to itself.
+    let again: M = cdr::decode(&once).unwrap_or_else(|error| panic!("own bytes: {error}"));
+    assert_eq!(cdr::encode(&again), once);
+    Some(message)
+}
+
+fn to_the_server(bytes: &[u8]) {
+    decoded::<Join>(bytes);
+    let command = decoded::<Command>(bytes);
+    let twist = decoded::<TwistStamped>(bytes);
+    let of_twist = twist.and_then(|twist| twist::command(1, AgentId(0), &twist).ok());
+    for command in command.into_iter().chain(of_twist) {
+        if let Ok((_, wake)) = wire::command(&command, AGENTS) {
+            assert!(wake.at.0 > command.tick || command.tick == u64::MAX, "an agent is asked in a later tick");
+        }
+    }
+}
+
+fn to_an_agent(bytes: &[u8]) {
+    decoded::<JoinReply>(bytes);
+    if let Some(scenario) = decoded::<Scenario>(bytes) {
+        let _briefing = agent_wire::briefing(&scenario);
+    }
+    if let Some(part) = decoded::<Observation>(bytes) {
+        let scenario = Scenario { size: [40; 3], cell_m: 1.0, agents: AGENTS, ..Scenario::default() };
+        let briefing = agent_wire::briefing(&Scenario { duration_ticks: u64::MAX, ..scenario }).expect("a legal size");
+        let _collected = agent_wire::Collector::default().take(part, &briefing);
+    }
+}
+
+fn requests(bytes: &[u8]) {
+    request::<GetSimulatorFeatures>(bytes);
+    request::<GetSimulationState>(bytes);
+    request::<SetSimulationState>(bytes);
+    request::<StepSimulation>(bytes);
+    request::<ResetSimulation>(bytes);
+    request::<GetEntities>(bytes);
+    request::<GetEntityState>(bytes);
+    request::<GetEntitiesStates>(bytes);
+    request::<GetEntityInfo>(bytes);
+    request::<GetEntityBounds>(bytes);
+    request::<SetEntityState>(bytes);
+    request::<DeleteEntity>(bytes);
+    request::<SpawnEntity>(bytes);
+    // The goal of the action.
+    decoded::<StepRequest>(bytes);
+    let mut known = Parameters::default();
+    known.declare(parameters::of(&run()));
+    for NamesRequest { names } in
+        [request::<GetParameters>(bytes), request::<GetParameterTypes>(bytes), request::<DescribeParameters>(bytes)]
+            .into_iter()
+            .flatten()
+    {
+        let _values = (known.values(&names), known.descriptors(&names));
+    }
+    if let Some(ListRequest { prefixes, depth }) = request::<ListParameters>(bytes) {
+        let _listed = known.list(&prefixes, depth);
+    }
+    for SetRequest { parameters } in
+        [request::<SetParameters>(bytes), request::<SetParametersAtomically>(bytes)].into_iter().flatten()
+    {
+        let before = known.clone();
+        if known.set_all(&parameters).is_err() {
+            assert_eq!(known, before, "what is refused changes nothing");
+        }
+        for named in &parameters {
+            let Named { name, .. } = named;
+            let _set = known.set(named);
+            let _values = known.values(std::slice::from_ref(name));
+        }
+    }
+}
+
+fn request<S: Service>(bytes: &[u8]) -> Option<S::Request> {
+    decoded(bytes)
+}
+
+/// Any run: what its parameters are called.
+fn run() -> scenario::Scenario {
+    let text = "seed = 1\nduration_s = 1.0\nmap = { kind = \"spheres\", size = 20 }\nagents = { count = 4 }\n";
+    scenario::Scenario::parse("run", text, &[]).expect("a legal scenario")
+}

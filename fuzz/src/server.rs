@@ -1,0 +1,242 @@
+//! The server: its loop, with two agents that follow a script, and somebody who says anything.
+//!
+//! The liar either has a seat, that of agent 1, and its lies come before the true answer; or it has none. Without a seat, whatever
+//! it says is refused, counted and without effect. With one, the run is that of the answers which the server had to take, and of
+//! nothing else that was said.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::OnceLock;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use arbitrary::Unstructured;
+use msgs::cdr;
+use msgs::ids::{AgentId, Tick};
+use msgs::limits::{OBSERVATION_BYTES_MAX, PROTOCOL};
+use msgs::maes_msgs::{self, Command, Join, JoinReply, Observation, Parcel, Progress, Task, Wake};
+use sim_server::link::{Inbound, Incoming, Link, SourceId};
+use sim_server::run::Watcher;
+use sim_server::scenario::Scenario;
+use sim_server::setup;
+use sim_server::wire;
+use sim_server::world::World;
+
+use crate::lies::{self, Known};
+
+/// A short run in a small cave. Everybody is asked in every tick, so that there is much to interfere with.
+const SCENARIO: &str = "seed = 7\nduration_s = 0.4\nstop_when_explored = false\n[map]\nkind = \"spheres\"\nsize = 14\n\
+                        spheres = { radius_min = 2, radius_max = 4 }\n[agents]\ncount = 2\n[lidar]\nrays = 16\n[execution]\nthreads = 1\nlook_ahead = false\n";
+
+/// Agents of the run.
+const AGENTS: u32 = 2;
+
+/// The processes of the agents, and how they call themselves.
+const SEATS: [(SourceId, u64); AGENTS as usize] = [(SourceId([1; 16]), 11), (SourceId([2; 16]), 12)];
+
+/// Somebody else.
+const STRANGER: SourceId = SourceId([0xee; 16]);
+
+/// Most that is said between two answers.
+const LIES_MAX: usize = 6;
+
+/// Most that people are told: of each of ten kinds of refusals five, and what else there is.
+const NOTES_MAX: usize = 60;
+
+/// A run with lies, and what it must be equal to.
+pub(crate) fn run(bytes: &[u8]) {
+    let mut data = Unstructured::new(bytes);
+    let has_seat = data.arbitrary().unwrap_or(false);
+    let mut stage = Stage::new(Some(data), if has_seat { SEATS[1].0 } else { STRANGER }, BTreeMap::new());
+    let (result, notes) = stage.play();
+    assert!(notes <= NOTES_MAX, "{notes} notes for people");
+    let refused: u64 = refusals(&result).map(|counter| counter.value).sum();
+    if has_seat {
+        let mut honest = Stage::new(None, STRANGER, stage.taken);
+        let (expected, _) = honest.play();
+        assert_eq!(without_refusals(result), without_refusals(expected));
+    } else {
+        static HONEST: OnceLock<maes_msgs::Result> = OnceLock::new();
+        let honest = HONEST.get_or_init(|| Stage::new(None, STRANGER, BTreeMap::new()).play().0);
+        assert_eq!(refused, stage.lies, "each lie of a stranger is refused");
+        assert_eq!(without_refusals(result), without_refusals(honest.clone()));
+    }
+}
+
+fn refusals(result: &maes_msgs::Result) -> impl Iterator<Item = &maes_msgs::Counter> {
+    result.counters.iter().filter(|counter| counter.name.starts_with("refused_"))
+}
+
+fn without_refusals(mut result: maes_msgs::Result) -> maes_msgs::Result {
+    result.counters.retain(|counter| !counter.name.starts_with("refused_"));
+    result
+}
+
+/// The link of a run, on which everything is said at once.
+struct Stage<'a> {
+    /// What lies are made of; `None`: there are none.
+    data: Option<Unstructured<'a>>,
+    liar: SourceId,
+    /// What agent 1 says instead of what the script says, by tick.
+    instead: BTreeMap<u64, Command>,
+    said: VecDeque<Incoming>,
+    run: u64,
+    tick: u64,
+    /// Agents that were asked in this tick, and the last phase.
+    asked: BTreeSet<u32>,
+    phase: u8,
+    /// Answers of agent 1 that the server had to take, by tick.
+    taken: BTreeMap<u64, Command>,
+    /// What a stranger said and the server has heard.
+    lies: u64,
+}
+
+impl<'a> Stage<'a> {
+    fn new(data: Option<Unstructured<'a>>, liar: SourceId, instead: BTreeMap<u64, Command>) -> Self {
+        Self {
+            data,
+            liar,
+            instead,
+            said: VecDeque::new(),
+            run: 0,
+            tick: 0,
+            asked: BTreeSet::new(),
+            phase: Observation::RUNNING,
+            taken: BTreeMap::new(),
+            lies: 0,
+        }
+    }
+
+    /// The result of the run, and how often people were told something.
+    fn play(&mut self) -> (maes_msgs::Result, usize) {
+        let scenario = Scenario::parse("run", SCENARIO, &[]).expect("a legal scenario");
+        let (world, _) = setup::build(&scenario).expect("there is such a world");
+        let mut notes = Notes(0);
+        let outcome = sim_server::run::run(&scenario, world, self, None, &mut notes, &AtomicBool::new(false));
+        let outcome = outcome.unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(Tick(outcome.result.tick), scenario.duration_ticks());
+        (outcome.result, notes.0)
+    }
+
+    fn say(&mut self, agent: usize, message: Inbound) {
+        let topic_agent = AgentId::from_index(agent);
+        self.said.push_back(Incoming { topic_agent, source: SEATS[agent].0, message });
+    }
+
+    fn lie(&mut self) {
+        let Some(data) = &mut self.data else { return };
+        let instances = SEATS.map(|(_, instance)| instance).to_vec();
+        let known = Known { run: self.run, tick: self.tick, agents: AGENTS, instances };
+        let count = data.int_in_range(0..=LIES_MAX).unwrap_or(0);
+        for _ in 0..count {
+            if data.is_empty() {
+                return;
+            }
+            if let Ok((topic, message)) = lies::lie(data, &known) {
+                self.said.push_back(Incoming { topic_agent: AgentId(topic), source: self.liar, message });
+            }
+        }
+    }
+
+    /// Notes an answer of agent 1 that the server has to take now.
+    fn note(&mut self, incoming: &Incoming) {
+        let Inbound::Command(command) = &incoming.message else { return };
+        let is_of_agent_1 = incoming.source == SEATS[1].0 && incoming.topic_agent == AgentId(1) && command.agent == 1;
+        if is_of_agent_1
+            && command.run == self.run
+            && command.tick == self.tick
+            && self.phase == Observation::RUNNING
+            && self.asked.contains(&1)
+            && wire::command(command, AGENTS).is_ok()
+        {
+            self.taken.entry(self.tick).or_insert_with(|| command.clone());
+        }
+    }
+
+    /// What the script says.
+    fn answer(&self, agent: u32) -> Command {
+        let instead = self.instead.get(&self.tick).filter(|_| agent == 1 && self.phase == Observation::RUNNING);
+        if let Some(command) = instead {
+            return Command { run: self.run, ..command.clone() };
+        }
+        let tick = self.tick;
+        let task = match (tick + u64::from(agent)) % 5 {
+            0 => Task { kind: Task::TURN, angle_rad: 0.5, ..Task::default() },
+            1 => Task { kind: Task::MOVE, pitch_rad: 0.3, distance_m: 1.0, ..Task::default() },
+            _ => Task::default(),
+        };
+        let parcel = Parcel { agent: Parcel::BROADCAST, kind: 9, data: vec![tick as u8; 100] };
+        Command {
+            tick,
+            run: self.run,
+            agent,
+            task,
+            parcels: if tick % 3 == 0 { vec![parcel] } else { Vec::new() },
+            wake: Wake { at_tick: tick + 2, events: Wake::PARCEL },
+            ..Command::default()
+        }
+    }
+}
+
+impl Link for Stage<'_> {
+    fn announce(&mut self, scenario: &maes_msgs::Scenario) {
+        self.run = scenario.run;
+        for (agent, (_, instance)) in SEATS.into_iter().enumerate() {
+            let controller = "script".to_owned();
+            let (run, last_tick) = (self.run, Join::NONE);
+            let agent_id = AgentId::from_index(agent).0;
+            let join = Join { run, agent: agent_id, instance, protocol: PROTOCOL, controller, last_tick };
+            self.say(agent, Inbound::Join(join));
+        }
+    }
+
+    fn reply_join(&mut self, reply: &JoinReply) {
+        let is_meant = |(source, instance): &(SourceId, u64)| *instance == reply.instance && *source != self.liar;
+        let honest_is_meant = SEATS.get(reply.agent as usize).is_some_and(is_meant);
+        assert!(
+            reply.accepted || !honest_is_meant,
+            "agent {} is told that it is refused: {}",
+            reply.agent,
+            reply.reason
+        );
+    }
+
+    fn send(&mut self, agent: AgentId, part: &Observation) {
+        assert!(cdr::encode(part).len() <= OBSERVATION_BYTES_MAX, "a part is larger than a sample may be");
+        if (part.tick, part.phase) != (self.tick, self.phase) {
+            (self.tick, self.phase) = (part.tick, part.phase);
+            self.asked.clear();
+        }
+        // Sent again only if this machine is busy.
+        if part.part + 1 == part.parts && self.asked.insert(agent.0) {
+            self.lie();
+            self.say(agent.index(), Inbound::Command(self.answer(agent.0)));
+            self.lie();
+        }
+    }
+
+    fn clock(&mut self, _tick: Tick) {}
+
+    fn progress(&mut self, _progress: &Progress) {}
+
+    fn receive(&mut self, _timeout: Duration) -> Option<Incoming> {
+        let incoming = self.said.pop_front()?;
+        self.note(&incoming);
+        self.lies += u64::from(incoming.source == STRANGER);
+        Some(incoming)
+    }
+}
+
+/// Counts what people are told.
+struct Notes(usize);
+
+impl Watcher for Notes {
+    fn waiting(&mut self, _missing: &[AgentId]) {}
+
+    fn started(&mut self) {}
+
+    fn progress(&mut self, _world: &World) {}
+
+    fn note(&mut self, _text: &str) {
+        self.0 += 1;
+    }
+}

@@ -1,0 +1,59 @@
+#!/usr/bin/env bash
+# Gives the readers of files and messages, the server and an agent bytes that nobody has thought of, for some time each.
+#
+#   launch_scripts/fuzz.sh [SECONDS_PER_TARGET] [TARGET...]      default: 600 s for each target
+#
+# Targets: m3dm scenario plan recording messages server agent (fuzz/src). Needs stable Rust and a C++ compiler. New inputs that reach
+# more code stay under target/fuzz/found/<target>, findings under target/fuzz/findings. Exit code 1 if there is one.
+set -uo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+all=(m3dm scenario plan recording messages server agent)
+seconds=${1:-600}
+[[ $seconds =~ ^[1-9][0-9]*$ ]] || { echo "error: $seconds: expected seconds for each target, from 1" >&2; exit 2; }
+shift
+targets=("$@")
+(($#)) || targets=("${all[@]}")
+for target in "${targets[@]}"; do
+    [[ " ${all[*]} " == *" $target "* ]] || { echo "error: $target: expected one of ${all[*]}" >&2; exit 2; }
+done
+work=${CARGO_TARGET_DIR:-$root/target}/fuzz
+triple=$(rustc -vV | sed -n 's/^host: //p')
+
+# What libFuzzer needs of the code, all of it stable. With --target, programs that only the build runs are left as they are.
+pass=(-Cpasses=sancov-module)
+for option in level=4 inline-8bit-counters pc-table trace-compares; do
+    pass+=("-Cllvm-args=-sanitizer-coverage-$option")
+done
+# Branches stay apart, so that each counts.
+pass+=(-Cllvm-args=-simplifycfg-branch-fold-threshold=0)
+(cd "$root/fuzz" && RUSTFLAGS="${pass[*]}" CARGO_TARGET_DIR=$work cargo build --release --locked --features libfuzzer --target "$triple") ||
+    exit 2
+program=$work/$triple/release/fuzz
+findings=$work/findings
+mkdir -p "$findings"
+failed=0
+
+printf '%-10s %12s %10s %10s  %s\n' target executions 'covered' 'inputs' findings
+for target in "${targets[@]}"; do
+    found=$work/found/$target
+    log=$work/$target.log
+    mkdir -p "$found"
+    rm -f "$findings/$target-"*
+    FUZZ_TARGET=$target "$program" "$found" "$root/fuzz/corpus/$target" -max_total_time="$seconds" -max_len=65536 \
+        -rss_limit_mb=1536 -malloc_limit_mb=512 -timeout=30 -artifact_prefix="$findings/$target-" -print_final_stats=1 \
+        >"$log" 2>&1
+    status=$?
+    executions=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")
+    read -r covered inputs < <(sed -n 's/.* cov: \([0-9]*\) .* corp: \([0-9]*\).*/\1 \2/p' "$log" | tail -n 1) || true
+    shopt -s nullglob
+    files=("$findings/$target-"*)
+    shopt -u nullglob
+    printf '%-10s %12s %10s %10s  %s\n' "$target" "${executions:-?}" "${covered:-?}" "${inputs:-?}" "${#files[@]}"
+    if ((status || ${#files[@]})); then
+        failed=1
+        grep -m 3 -A 2 -e 'panicked at' -e 'ERROR: libFuzzer' "$log" >&2
+        echo "the log: $log" >&2
+        for file in "${files[@]}"; do printf 'again: FUZZ_TARGET=%s %q %q\n' "$target" "$program" "$file" >&2; done
+    fi
+done
+exit "$failed"
