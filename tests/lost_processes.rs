@@ -92,7 +92,9 @@ fn of_three_processes() -> Play {
 }
 
 fn undisturbed() -> String {
-    let played = Play::of_two(4.0).with(|mut end, ids, is_over| {
+    let mut play = Play::of_two(4.0);
+    play.scenario.faults.on_agent_loss = OnAgentLoss::Wait;
+    let played = play.with(|mut end, ids, is_over| {
         agent_node::run::run(&mut end, &honest(ids[0].0.into(), ids), is_over).expect("agents are welcome");
     });
     played.digest()

@@ -1,7 +1,8 @@
 //! A run with its faults: starts the processes, disturbs them as the plan says, and waits for the end of the server.
 //!
 //! Invariants: every process ends with this; wall time positions a fault and ends a hang, and decides nothing else; whoever ends
-//! without having been told to is a failure, but for those who are refused because their id is taken (exit code 5).
+//! without having been told to is a failure, but for those who are refused because their id is taken (exit code 5), and those
+//! whose connection has not survived that they were stopped (exit code 1), which are started again as the launch script does.
 //!
 //! Not done here: whether the run was the right one ([`super::verdict`]).
 
@@ -25,6 +26,9 @@ const HANG: Duration = Duration::from_secs(240);
 
 /// Wall time that agents have to go home once the server has ended.
 const GOING_HOME: Duration = Duration::from_secs(10);
+
+/// Exit code of an agent process that cannot go on.
+const FAILED: i32 = 1;
 
 /// Exit code of an agent process whose id is taken.
 const REFUSED: i32 = 5;
@@ -83,6 +87,8 @@ struct Node {
     agent: u32,
     process: Ward,
     is_stopped: bool,
+    /// It goes on after it was stopped, and ends because its connection does not survive that.
+    is_back: bool,
 }
 
 /// Something that is to be done later.
@@ -109,6 +115,8 @@ struct Stage<'a> {
     late: BTreeMap<u32, u32>,
     faults: VecDeque<Timed>,
     due: Vec<(Instant, Deed)>,
+    /// Whether the server has ended the run.
+    is_over: bool,
 }
 
 impl<'a> Stage<'a> {
@@ -135,6 +143,7 @@ impl<'a> Stage<'a> {
             late,
             faults: plan.faults.iter().copied().collect(),
             due: Vec::new(),
+            is_over: false,
         })
     }
 
@@ -217,7 +226,7 @@ impl<'a> Stage<'a> {
             command.args(["--chaos-delay-ms", &up_to_ms.to_string()]);
         }
         let process = Ward::start(&mut command)?;
-        self.nodes.push(Node { number, agent, process, is_stopped: false });
+        self.nodes.push(Node { number, agent, process, is_stopped: false, is_back: false });
         self.note(&format!("process {number} is started as agent {agent}"));
         Ok(())
     }
@@ -226,14 +235,18 @@ impl<'a> Stage<'a> {
         let mut ended = Vec::new();
         for node in &mut self.nodes {
             if let Some(status) = node.process.ended()? {
-                ended.push((node.number, node.agent, status));
+                ended.push((node.number, node.agent, status, node.is_back));
             }
         }
-        for (number, agent, status) in ended {
+        for (number, agent, status, is_back) in ended {
             self.note(&format!("process {number}, agent {agent}, has ended: {status}"));
             self.nodes.retain(|node| node.number != number);
-            // With 0 they have been told that the run is over.
-            if !matches!(status.code(), Some(0 | REFUSED)) {
+            if is_back && status.code() == Some(FAILED) {
+                if !self.is_over {
+                    self.start_agent(agent)?;
+                }
+            } else if !matches!(status.code(), Some(0 | REFUSED)) {
+                // With 0 they have been told that the run is over.
                 return Err(Failure::Failed(format!("process {number}, agent {agent}, has ended with {status}")));
             }
         }
@@ -259,6 +272,7 @@ impl<'a> Stage<'a> {
     fn continue_process(&mut self, number: u32) -> Result<(), Failure> {
         if let Some(node) = self.nodes.iter_mut().find(|node| node.number == number) {
             node.is_stopped = false;
+            node.is_back = true;
             node.process.signal("CONT")?;
             self.note(&format!("process {number} goes on"));
         }
@@ -272,12 +286,13 @@ impl<'a> Stage<'a> {
                 At::Joining(ms) => self.agents_since.is_some_and(|since| since.elapsed() >= millis(ms)),
                 At::Running(s) => self.watch.position_s().is_some_and(|position| position >= s),
             };
-            if !is_time {
+            // Without agents there is nobody to disturb: what is known of the run is from before it was resumed.
+            if !is_time || self.agents_since.is_none() {
                 return Ok(false);
             }
             self.faults.pop_front();
-            let position = self.watch.position_s();
-            self.note(&format!("{} (about {position:.1?} s)", Timed { at, fault }));
+            let position = self.watch.position_s().unwrap_or_default();
+            self.note(&format!("{}; the run is at about {position:.1} s", Timed { at, fault }));
             if self.carry_out(fault)? {
                 return Ok(true);
             }
@@ -357,6 +372,7 @@ impl<'a> Stage<'a> {
 
     /// Lets the agents go home. Who is not told in time is ended; the run is over.
     fn go_home(&mut self) -> Result<(), Failure> {
+        self.is_over = true;
         let ended = now();
         while self.nodes.iter().any(|node| !node.is_stopped) && ended.elapsed() < GOING_HOME {
             self.look_after_agents()?;
