@@ -26,11 +26,12 @@ const BAD_INPUT: u8 = 2;
 mod serve {
     use std::process::ExitCode;
     use std::sync::Arc;
-    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::atomic::AtomicBool;
 
     use agent_node::cli::Cli;
     use agent_node::ros::RosLink;
     use agent_node::run::{self, Options, RunError};
+    use msgs::ros;
     use msgs::ros_env::RosEnv;
 
     /// A failure of the system or of the protocol.
@@ -57,11 +58,7 @@ mod serve {
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register(signal, Arc::clone(&stop))?;
         }
-        // The middleware's threads end when a wait of theirs is interrupted, as it is when a stopped process goes on.
-        let was_stopped = Arc::new(AtomicBool::new(false));
-        for flag in [&stop, &was_stopped] {
-            signal_hook::flag::register(signal_hook::consts::SIGCONT, Arc::clone(flag))?;
-        }
+        ros::stopped::end_when_continued()?;
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
         let mut link = RosLink::new(&cli.id.0, cli.has_parameters(), &env)?;
         let options = Options {
@@ -74,12 +71,7 @@ mod serve {
             settings: cli.set,
             instance: getrandom::u64()?,
         };
-        run::run(&mut link, &options, &stop)?;
-        anyhow::ensure!(
-            !was_stopped.load(Ordering::Relaxed),
-            "this process was stopped for a while, which its connection does not survive; start it again"
-        );
-        Ok(())
+        Ok(run::run(&mut link, &options, &stop)?)
     }
 }
 

@@ -72,6 +72,7 @@ mod serve {
     use std::sync::atomic::AtomicBool;
 
     use anyhow::Context;
+    use msgs::ros;
     use msgs::ros_env::RosEnv;
     use sim_server::cli::RunArgs;
     use sim_server::playback::{Horizon, Playback};
@@ -104,22 +105,6 @@ mod serve {
         }
     }
 
-    /// Ends this process when it goes on after it was stopped: the middleware's threads end when a wait of theirs is interrupted, and
-    /// a server that hears nobody would wait for its agents for good. The recording is as after a kill.
-    fn end_when_continued() -> std::io::Result<()> {
-        let mut signals = signal_hook::iterator::Signals::new([signal_hook::consts::SIGCONT])?;
-        std::thread::spawn(move || {
-            if signals.forever().next().is_some() {
-                eprintln!(
-                    "error: this process was stopped for a while, which its connection does not survive; \
-                     a run that is recorded goes on with --resume"
-                );
-                std::process::exit(exit::FAILED.into());
-            }
-        });
-        Ok(())
-    }
-
     /// Serves a run over ROS 2.
     pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         let resumed = args.resume.as_deref().map(Resumed::open).transpose()?;
@@ -146,7 +131,7 @@ mod serve {
                 .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
                 .context("handling signals")?;
         }
-        end_when_continued().context("handling signals")?;
+        ros::stopped::end_when_continued().context("handling signals")?;
         let failed = |error: &dyn std::fmt::Display| {
             eprintln!("error: {error}");
             Ok(ExitCode::from(exit::FAILED))
