@@ -106,7 +106,7 @@ fn a_shell_sees_every_cell_up_to_its_edge() {
     let scanner = Scanner::new(Pattern::Shell { radius_cells: 5 }, 0.1, TAU);
     let body = pose([3.6, 3.9, 3.7], 0.0);
     let (free, wall) = scanned(&scanner, &mut SensorMemory::new(&terrain), &body);
-    assert_eq!(wall, []);
+    assert_eq!(wall, [0; 0]);
     let extent = terrain.extent();
     let own = extent.cell_of(&body.position);
     let offsets: BTreeSet<Cell> = free.iter().map(|&index| extent.cell_at(index as usize) - own).collect();
