@@ -12,11 +12,15 @@ mod controllers;
 mod determinism;
 /// Asking agents at every tick changes nothing for those that act only when they are due, even if they talk and listen.
 mod look_ahead;
+/// What is not deterministic is found by the comparisons of these tests.
+mod oracle;
 
 /// Scenarios, maps, recordings and arguments that are wrong: one line that says where, exit code 2, and no file.
 mod bad_input;
 /// Plans of many runs, and their reports.
 mod experiments;
+/// Drawn faults: runs over ROS 2 whose processes are killed, stopped and lied to are the undisturbed ones.
+mod faults;
 /// Runs that are interrupted, servers that are killed, disks that are full.
 mod interruptions;
 /// Commands that lie, and bytes that are no commands: refused, counted, and without effect.
@@ -25,6 +29,8 @@ mod liars;
 mod lost_agents;
 /// Agents and servers that die, hang or come twice, and the run is the same as if nothing had happened.
 mod survival;
+/// Processes that take the place of others.
+mod lost_processes;
 /// While the server waits: recordings are saved, runs can be stopped, late and repeated answers are what they are.
 mod waiting;
 

@@ -137,6 +137,23 @@ fn a_run_that_was_stopped_for_a_while_goes_on() {
     assert_eq!(run.ended().with_code(0).digest(), undisturbed(&site).result_digest());
 }
 
+/// Their connections do not survive it: who goes on would be deaf, and be waited for in vain.
+#[test]
+fn processes_that_were_stopped_for_a_while_end_and_say_why() {
+    let site = Site::new();
+    let (mut server, mut agent) = (site.binary("sim_server"), site.binary("agent_node"));
+    server.arg("run").arg(scenario("default.toml"));
+    agent.args(["--id", "0"]);
+    for mut command in [server, agent] {
+        let mut process = Process::start(&mut command);
+        process.handles("CONT");
+        signal(process.pid(), "STOP");
+        signal(process.pid(), "CONT");
+        let ended = process.ended().with_code(1);
+        assert!(ended.stderr.contains("error: this process was stopped for a while"), "{ended}");
+    }
+}
+
 #[test]
 fn the_recording_of_a_server_that_is_killed_is_readable() {
     let site = Site::new();

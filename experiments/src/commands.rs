@@ -1,5 +1,7 @@
 //! The commands about plans: what the user types, and what it sets going.
 
+pub(crate) mod faults;
+
 use std::io::Write;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -12,6 +14,7 @@ use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use experiments::cluster::{self, System};
 use experiments::execute::{self, ExecuteError, Launcher, Options, Part, Stop, Summary, Transport};
+use experiments::faults::FaultsError;
 use experiments::merge;
 use experiments::plan::{BUILD, Plan};
 use experiments::report::{self, ReportError, Written};
@@ -92,6 +95,7 @@ fn part(text: &str) -> Result<Part, String> {
 pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
     matches!(error.downcast_ref::<ExecuteError>(), Some(ExecuteError::Store(_)))
         || error.downcast_ref::<StoreError>().is_some()
+        || matches!(error.downcast_ref::<FaultsError>(), Some(FaultsError::Write { .. }))
         || matches!(error.downcast_ref::<ReportError>(), Some(ReportError::Png { .. } | ReportError::Write { .. }))
 }
 

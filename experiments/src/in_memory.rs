@@ -16,7 +16,8 @@ use sim_server::link::{Inbound as ToServer, Incoming, SourceId};
 pub struct ServerEnd {
     inbox: Receiver<Incoming>,
     groups: Vec<Sender<ToAgents>>,
-    group_of: BTreeMap<AgentId, usize>,
+    /// Who listens to the topics of an agent.
+    groups_of: BTreeMap<AgentId, Vec<usize>>,
     progress: Vec<Progress>,
 }
 
@@ -27,21 +28,21 @@ pub struct AgentsEnd {
     source: SourceId,
 }
 
-/// Links a server with groups of agents.
+/// Links a server with groups of agents. An agent may be in several, as if several processes ran it.
 #[must_use]
 pub fn link(groups: &[Vec<AgentId>]) -> (ServerEnd, Vec<AgentsEnd>) {
     let (to_server, server_inbox) = channel();
     let mut senders = Vec::new();
     let mut ends = Vec::new();
-    let mut group_of = BTreeMap::new();
+    let mut groups_of: BTreeMap<AgentId, Vec<usize>> = BTreeMap::new();
     for (number, agents) in groups.iter().enumerate() {
         let (to_agents, inbox) = channel();
         senders.push(to_agents);
-        group_of.extend(agents.iter().map(|&agent| (agent, number)));
+        agents.iter().for_each(|&agent| groups_of.entry(agent).or_default().push(number));
         let source = SourceId((number as u128).to_le_bytes());
         ends.push(AgentsEnd { inbox, server: to_server.clone(), source });
     }
-    (ServerEnd { inbox: server_inbox, groups: senders, group_of, progress: Vec::new() }, ends)
+    (ServerEnd { inbox: server_inbox, groups: senders, groups_of, progress: Vec::new() }, ends)
 }
 
 impl ServerEnd {
@@ -69,7 +70,7 @@ impl sim_server::link::Link for ServerEnd {
     }
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
-        if let Some(&group) = self.group_of.get(&agent) {
+        for &group in self.groups_of.get(&agent).into_iter().flatten() {
             let _ = self.groups[group].send(ToAgents::Observation(part.clone()));
         }
     }

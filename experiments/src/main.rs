@@ -13,6 +13,7 @@ use std::time::Duration;
 use agent_node::stopwatch::DecisionTimes;
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand};
+use commands::faults::FaultsArgs;
 use commands::{MergeArgs, ReportArgs, RunArgs};
 use experiments::single::{self, Grouping, SingleError, Team};
 use sim_server::cli::KeyArgs;
@@ -37,6 +38,12 @@ enum Command {
     Merge(MergeArgs),
     /// Make figures, tables and a page from the runs of a folder
     Report(ReportArgs),
+    /// Disturb runs over ROS 2 with faults drawn from seeds, and compare each with the undisturbed one
+    Faults(Box<FaultsArgs>),
+    /// Say what no agent may say in the ROS domain of a run
+    #[cfg(feature = "ros")]
+    #[command(hide = true)]
+    Garbage(commands::faults::GarbageArgs),
 }
 
 #[derive(Debug, Args)]
@@ -65,6 +72,9 @@ fn main() -> ExitCode {
         Command::Run(args) => commands::run(&args),
         Command::Merge(args) => commands::merge(&args),
         Command::Report(args) => commands::report(&args),
+        Command::Faults(args) => commands::faults::run(&args),
+        #[cfg(feature = "ros")]
+        Command::Garbage(args) => commands::faults::garbage(&args),
     };
     match done {
         Ok(code) => code,

@@ -19,6 +19,7 @@ mod services;
 
 pub mod audience;
 pub mod rosout;
+pub mod stopped;
 
 use std::collections::VecDeque;
 use std::fmt;

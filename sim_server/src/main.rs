@@ -81,6 +81,7 @@ mod serve {
 
     use anyhow::Context;
     use msgs::ids::Tick;
+    use msgs::ros;
     use msgs::ros_env::RosEnv;
     use sim_server::cli::{ReplayArgs, RunArgs};
     use sim_server::playback::{Horizon, Playback};
@@ -171,6 +172,7 @@ mod serve {
         let source = args.scenario.as_deref().or(args.resume.as_deref()).unwrap_or(Path::new(""));
         let (world, map) = built.map_err(|error| anyhow::anyhow!("{}: {error}", source.display()))?;
         let stop = stopped_by_signals()?;
+        ros::stopped::end_when_continued().context("handling signals")?;
         let mut link = match RosLink::new(&scenario, &env) {
             Ok(link) => link,
             Err(error) => return failed(&error),

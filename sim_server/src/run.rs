@@ -139,7 +139,8 @@ fn carry_out<'a>(
     // Not 0, which stands for no run in particular.
     let number = getrandom::u64()?.max(1);
     let announcement = wire::scenario(scenario, &world.terrain().extent(), world.rays());
-    let keeps_history = playback.is_some() || scenario.faults.on_agent_loss == OnAgentLoss::Wait;
+    let has_successors = scenario.faults.on_agent_loss == OnAgentLoss::Wait;
+    let keeps_history = playback.is_some() || has_successors;
     let mut run = Run {
         scenario,
         playback,
@@ -152,7 +153,7 @@ fn carry_out<'a>(
         interventions: 0,
         leaving: Vec::new(),
         log: Log::new(recorder, scenario.agents.count),
-        exchange: Exchange::new(link, number, scenario.agents.count, keeps_history),
+        exchange: Exchange::new(link, number, scenario.agents.count, keeps_history, has_successors),
         world,
         watcher,
         stop,
@@ -255,7 +256,6 @@ impl Run<'_> {
         if !self.is_replaying() {
             self.log.publish()?;
         }
-        self.exchange.has_begun(self.scenario.faults.on_agent_loss == OnAgentLoss::Wait);
         self.watcher.started();
         self.exchange.log(Level::Info, &format!("the run begins with {} agents", self.scenario.agents.count));
         Ok(())

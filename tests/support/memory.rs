@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use agent_node::agent::{Agent, Reaction};
 use agent_node::controllers::Controller;
-use agent_node::link::{Inbound, Link as _};
+use agent_node::link::{Inbound, Link};
 use agent_node::run::Options;
 use agent_node::wire;
 use experiments::in_memory::{self, AgentsEnd, ServerEnd};
@@ -17,6 +17,8 @@ use msgs::ids::AgentId;
 use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join};
 use sim_server::link::Link as ServerLink;
+use sim_server::playback::Playback;
+use sim_server::recording::Recording;
 use sim_server::run::{Outcome, RunError, Watcher};
 use sim_server::scenario::Scenario;
 use sim_server::setup;
@@ -36,6 +38,8 @@ pub(crate) struct Play {
     pub(crate) watch: Box<dyn FnMut(&World) + Send>,
     /// What stands between the server and the link.
     pub(crate) server_link: fn(ServerEnd) -> Box<dyn ServerLink>,
+    /// What the server goes on with.
+    pub(crate) resumed: Option<Recording>,
     /// Ends the run early once it is set.
     pub(crate) stop: Arc<AtomicBool>,
 }
@@ -59,6 +63,7 @@ impl Play {
             record: None,
             watch: Box::new(|_| {}),
             server_link: |end| Box::new(end),
+            resumed: None,
             stop: Arc::default(),
         }
     }
@@ -86,7 +91,7 @@ impl Play {
     #[track_caller]
     pub(crate) fn with(self, node: impl Fn(AgentsEnd, Vec<AgentId>, &AtomicBool) + Send + Sync + 'static) -> Played {
         bounded("a run in memory", move || {
-            let Self { scenario, groups, record, watch, server_link, stop } = self;
+            let Self { scenario, groups, record, watch, server_link, resumed, stop } = self;
             let ids = |group: Vec<u32>| group.into_iter().map(AgentId).collect();
             let groups: Vec<Vec<AgentId>> = groups.into_iter().map(ids).collect();
             let (world, _) = setup::build(&scenario).expect("there is such a world");
@@ -99,7 +104,14 @@ impl Play {
                 for (end, agents) in agents_ends.into_iter().zip(groups) {
                     scope.spawn(|| node(end, agents, &is_over));
                 }
-                let outcome = sim_server::run::run(&scenario, world, &mut *link, recorder, &mut watcher, &stop);
+                let outcome = match &resumed {
+                    None => sim_server::run::run(&scenario, world, &mut *link, recorder, &mut watcher, &stop),
+                    Some(recording) => {
+                        let playback = Playback::new(recording).expect("it can be read");
+                        let link = &mut *link;
+                        sim_server::run::resume(&scenario, world, link, recorder, &mut watcher, &stop, playback)
+                    }
+                };
                 is_over.store(true, Ordering::Relaxed);
                 outcome
             });
@@ -158,7 +170,7 @@ pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
 
 /// Agents with controllers of the test: joins, and answers until the run is over. `pause` comes before each answer.
 pub(crate) fn serve(
-    mut link: AgentsEnd,
+    mut link: impl Link,
     ids: &[AgentId],
     controller: impl Fn(AgentId) -> Box<dyn Controller>,
     mut pause: impl FnMut(),

@@ -105,6 +105,7 @@ impl Process {
             << (match name {
                 "INT" => 2,
                 "TERM" => 15,
+                "CONT" => 18,
                 other => panic!("{other} is not looked for"),
             } - 1);
         let pid = self.pid;

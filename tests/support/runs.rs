@@ -116,11 +116,20 @@ impl Outcome {
     /// Fails if the other one is not the same run, byte for byte.
     #[track_caller]
     pub(crate) fn assert_same(&self, other: &Self, what: &str) {
-        assert_eq!(self.digest(), other.digest(), "{what}: digest");
-        if self.bytes != other.bytes {
-            let difference = Recording::from_bytes(&self.bytes).first_difference(&Recording::from_bytes(&other.bytes));
-            panic!("{what}: same digest, but other bytes: {difference}");
-        }
+        let difference = difference((&self.digest(), &self.bytes), (&other.digest(), &other.bytes));
+        assert!(difference.is_none(), "{what}: {}", difference.unwrap_or_default());
+    }
+}
+
+/// In what two runs differ, if they do: digests first, then the bytes of their recordings.
+pub(crate) fn difference(one: (&str, &[u8]), two: (&str, &[u8])) -> Option<String> {
+    let parting = || Recording::from_bytes(one.1).first_difference(&Recording::from_bytes(two.1));
+    if one.0 != two.0 {
+        Some(format!("digest {} or {}: {}", one.0, two.0, parting()))
+    } else if one.1 != two.1 {
+        Some(format!("same digest, but other bytes: {}", parting()))
+    } else {
+        None
     }
 }
 

@@ -1,11 +1,9 @@
 //! A run of a plan over ROS 2: the launch script in a domain of its own, and the row from its recording.
 
 use std::fs::File;
-use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ExitStatus};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
 use std::time::Duration;
 
 use msgs::ids::Tick;
@@ -15,10 +13,8 @@ use sim_server::info::{self, Info};
 use super::{RunFailure, machine};
 use crate::measure::{self, Trace};
 use crate::plan::PlannedRun;
+use crate::processes::{in_domain, pause, signal};
 use crate::rows::RunRecord;
-
-/// Wall time between two looks at whether a run has ended or is to be given up.
-const LOOK_PERIOD: Duration = Duration::from_millis(50);
 
 /// What the last lines of a server say before its wall time, in seconds.
 const WALL_TIME: &str = "wall time ";
@@ -44,17 +40,13 @@ impl Launcher {
         let put = |file: &PathBuf| File::create(file).map_err(|error| failed(&file.display().to_string(), &error));
         std::fs::write(&scenario, run.scenario.to_toml())
             .map_err(|error| failed(&scenario.display().to_string(), &error))?;
-        let child = Command::new(&self.script)
+        let child = in_domain(&self.script, self.first_domain + job as u32)
             .arg(&scenario)
             .arg("--record")
             .arg(&recording)
             .arg("--logs")
             .arg(folder.path().join("logs"))
             .env("MAES_BIN_DIR", &self.binaries)
-            .env("ROS_DOMAIN_ID", (self.first_domain as usize + job).to_string())
-            // Ctrl-C is for this process, which lets runs in flight come to their end.
-            .process_group(0)
-            .stdin(Stdio::null())
             .stdout(put(&said)?)
             .stderr(put(&complaints)?)
             .spawn()
@@ -90,15 +82,10 @@ fn wait(mut child: Child, stop: &AtomicBool) -> std::io::Result<ExitStatus> {
         if stop.load(Ordering::Relaxed) && !is_asked {
             is_asked = true;
             // The script tells the processes it has started.
-            Command::new("kill").arg(child.id().to_string()).status()?;
+            signal(&child, "TERM")?;
         }
         pause();
     }
-}
-
-#[expect(clippy::disallowed_methods, reason = "a process has no condition to wait on together with a flag")]
-fn pause() {
-    thread::sleep(LOOK_PERIOD);
 }
 
 /// The wall time in what a server has said.

@@ -136,7 +136,7 @@ pub(super) struct Exchange<'a> {
     echoes: Vec<u32>,
     refusals: BTreeMap<&'static str, u64>,
     history: History,
-    /// Whether processes can take the place of others by now.
+    /// Whether processes can take the place of others.
     has_successors: bool,
     /// Whose process is given up.
     silent: BTreeSet<AgentId>,
@@ -149,10 +149,16 @@ pub(super) struct Exchange<'a> {
 }
 
 impl<'a> Exchange<'a> {
-    pub(super) fn new(link: &'a mut dyn Link, run: u64, agents: u32, keeps_history: bool) -> Self {
+    pub(super) fn new(
+        link: &'a mut dyn Link,
+        run: u64,
+        agents: u32,
+        keeps_history: bool,
+        has_successors: bool,
+    ) -> Self {
         Self {
             history: History::new(agents, keeps_history),
-            has_successors: false,
+            has_successors,
             silent: BTreeSet::new(),
             contenders: BTreeMap::new(),
             prompts: BTreeSet::new(),
@@ -262,11 +268,6 @@ impl<'a> Exchange<'a> {
             self.handle(incoming, &mut Barrier::new(tick, BTreeSet::new()), meanwhile.watcher);
         }
         Ok(())
-    }
-
-    /// The clock starts; from now on processes may be given up.
-    pub(super) fn has_begun(&mut self, has_successors: bool) {
-        self.has_successors = has_successors;
     }
 
     /// See [`History::keep`].

@@ -2,7 +2,8 @@
 //!
 //! **When somebody takes the place of a process.** Where lost agents are waited for, a second process that claims an id waits until
 //! the first one answers something that it was asked later, and is refused then; or until the first one is given up, and takes
-//! its place. It is told its past before it is asked anything.
+//! its place. It is told its past before it is asked anything. So it must know nothing: a process that has answered something and was
+//! given up in favour of another one cannot come back.
 //!
 //! Invariant: what is refused changes nothing but its counter.
 
@@ -57,7 +58,7 @@ impl Exchange<'_> {
         let agent = AgentId(join.agent);
         let seat = Seat { source, instance: join.instance, controller: join.controller.clone() };
         let mut granted = self.roster.join(Claim { topic, agent, protocol: join.protocol, seat: seat.clone() });
-        if self.has_successors && matches!(granted, Err(Refusal::IdTaken { .. })) {
+        if self.has_successors && join.last_tick == Join::NONE && matches!(granted, Err(Refusal::IdTaken { .. })) {
             if !self.silent.contains(&agent) {
                 // Whether the other process is alive is found out when it is asked.
                 let since = self.contenders.get(&agent).map_or(tick, |(since, _)| *since);

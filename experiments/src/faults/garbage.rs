@@ -1,0 +1,89 @@
+//! Somebody in the network of a run who says what no agent may say, thousands of times a second.
+//!
+//! Invariant: nothing of it claims an id that takes part, in this run: who does that is no liar, but an agent that hangs.
+
+use std::time::Duration;
+
+use msgs::ids::AgentId;
+use msgs::limits::{PARCEL_BYTES_MAX, PROTOCOL};
+use msgs::maes_msgs::{Command, Join, Parcel, Scenario, Task};
+use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Workshop, linger};
+use msgs::ros_env::RosEnv;
+use msgs::topics;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+/// Messages between two looks at which run there is.
+const BURST: u32 = 20;
+
+/// Wall time of such a look.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// Wall time that the first scenario may take to come.
+const FIRST_LOOK: Duration = Duration::from_secs(10);
+
+/// Says so many wrong things on the topics of so many agents.
+///
+/// # Errors
+/// If the network cannot be joined.
+pub fn tell(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Result<(), RosError> {
+    let context = ros::join(env, false)?;
+    let mut node = ros::node(&context, "garbage")?;
+    let mut workshop = Workshop::of(&context);
+    let mut inbox = Inbox::default();
+    workshop.inlet(&mut node, &topics::scenario(), &mut inbox, |sample: Sample<Scenario>| sample.message)?;
+    let mut outlets: Vec<(Outlet<Join>, Outlet<Command>)> = Vec::new();
+    for agent in (0..agents).map(AgentId) {
+        let join = workshop.outlet(&mut node, &topics::join(agent))?;
+        outlets.push((join, workshop.outlet(&mut node, &topics::command(agent))?));
+    }
+    let mut rng = msgs::seed::stream(seed, 0, "garbage");
+    // Wrong things of another run are refused at the door; with its number they get further.
+    let mut run = 0;
+    let mut look = FIRST_LOOK;
+    for number in 0..messages {
+        if number % BURST == 0 {
+            while let Some(scenario) = inbox.receive(look) {
+                run = scenario.map_or(run, |scenario| scenario.run);
+                look = LOOK;
+            }
+            look = LOOK;
+        }
+        let topic = rng.random_range(0..agents);
+        let (joins, commands) = &mut outlets[topic as usize];
+        if rng.random_bool(0.2) {
+            joins.publish(&mut node, &join(&mut rng, run, topic, agents));
+        } else {
+            commands.publish(&mut node, &command(&mut rng, run, topic, agents));
+        }
+    }
+    linger();
+    Ok(())
+}
+
+fn join(rng: &mut ChaCha8Rng, run: u64, topic: u32, agents: u32) -> Join {
+    let controller = "rbw".to_owned();
+    let legal =
+        Join { run, agent: topic, instance: rng.random(), protocol: PROTOCOL, controller, last_tick: Join::NONE };
+    match rng.random_range(0..4) {
+        0 => Join { run: run ^ 1, ..legal },
+        1 => Join { protocol: PROTOCOL + 1, ..legal },
+        2 => Join { agent: agents + rng.random_range(0..1000), ..legal },
+        _ => Join { agent: u32::MAX, controller: "x".repeat(10_000), ..legal },
+    }
+}
+
+fn command(rng: &mut ChaCha8Rng, run: u64, topic: u32, agents: u32) -> Command {
+    let stop = Task { kind: Task::STOP, ..Task::default() };
+    let command = Command { tick: rng.random_range(0..3000), run, agent: topic, task: stop, ..Command::default() };
+    let task = |task: Task| Command { task, ..command.clone() };
+    match rng.random_range(0..7) {
+        0 => Command { tick: u64::MAX, ..command },
+        1 => Command { agent: rng.random_range(0..agents), ..command },
+        2 => Command { agent: agents, ..command },
+        3 => Command { run: run ^ 1, ..command },
+        4 => task(Task { kind: Task::MOVE, distance_m: f64::NAN, pitch_rad: f64::INFINITY, ..Task::default() }),
+        5 => Command { parcels: vec![Parcel { agent: 0, kind: 1, data: vec![7; PARCEL_BYTES_MAX + 1] }], ..command },
+        _ => command,
+    }
+}

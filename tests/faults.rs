@@ -1,0 +1,61 @@
+//! `experiments faults`: runs that are disturbed are the undisturbed one, and the program can tell if they are not.
+
+use std::process::Command;
+
+use experiments::faults::plan::{At, Fault, Plan};
+
+use crate::support::runs::{Site, text};
+
+/// The first seed whose plan has two faults at the most, one of them such a one in the middle of the run.
+fn seed_with(fits: impl Fn(&Fault) -> bool) -> u64 {
+    let has = |seed: &u64| {
+        let Plan { faults, .. } = Plan::of_seed(*seed, 5, 60.0, 1000);
+        let is_early = |at| matches!(at, At::Running(s) if (1.0..30.0).contains(&s));
+        faults.len() <= 2 && faults.iter().any(|timed| is_early(timed.at) && fits(&timed.fault))
+    };
+    (1..).find(has).expect("all kinds of faults are drawn")
+}
+
+fn faults(site: &Site, flags: &[&str]) -> Command {
+    let mut command = site.binary("experiments");
+    command.args(["faults", "--first-domain", &site.domain().id().to_string()]).args(flags);
+    command
+}
+
+#[test]
+fn disturbed_runs_are_the_undisturbed_one() {
+    let site = Site::new();
+    for seed in [
+        seed_with(|fault| matches!(fault, Fault::KillAgent { .. })),
+        seed_with(|fault| matches!(fault, Fault::KillServer { .. })),
+        seed_with(|fault| matches!(fault, Fault::Hang { for_ms: 1500.., .. })),
+    ] {
+        let ended = site.start(&mut faults(&site, &["--seed-only", &seed.to_string()])).ended().with_code(0);
+        assert!(ended.stdout.contains(&format!("seed {seed}: ")), "{ended}");
+        assert!(ended.stdout.contains(": same, "), "{ended}");
+        assert!(ended.stdout.ends_with("1 seeds, 0 failures"), "{ended}");
+    }
+}
+
+/// So that the test above can fail.
+#[test]
+fn another_run_is_told_from_the_expected_one() {
+    let site = Site::new();
+    let folder = site.path("other");
+    site.start(&mut faults(&site, &["--seed", "8", "--seeds", "0", "--out", text(&folder)])).ended().with_code(0);
+    let expected = folder.join("expected.mcap");
+    let out = site.path("out");
+    let flags = ["--seed-only", "1", "--expect", text(&expected), "--out", text(&out)];
+    let ended = site.start(&mut faults(&site, &flags)).ended().with_code(1);
+    assert!(ended.stdout.contains("FAILED: the digest is "), "{ended}");
+    assert!(ended.stdout.contains("scenario.toml --seed-only 1"), "how to repeat it: {ended}");
+    assert!(ended.stdout.ends_with("1 seeds, 1 failures"), "{ended}");
+    assert!(out.join("seed-1/diary.log").is_file(), "what was done is there to be looked into");
+}
+
+#[test]
+fn a_run_that_does_not_wait_for_lost_agents_is_refused() {
+    let site = Site::new();
+    let ended = site.start(&mut faults(&site, &["--set", "faults.on_agent_loss=abort"])).ended().with_code(2);
+    assert!(ended.stderr.contains("expected wait"), "{ended}");
+}

@@ -1,0 +1,251 @@
+//! Where lost agents are waited for: who may take the place of whom, and that the run is the same.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use agent_node::link::{Inbound, Link};
+use experiments::in_memory::AgentsEnd;
+use msgs::ids::AgentId;
+use msgs::limits::PROTOCOL;
+use msgs::maes_msgs::{Command, Join};
+use sim_server::scenario::OnAgentLoss;
+
+use crate::support::memory::{Play, Played, honest};
+
+/// The instance of a process that comes back.
+const BACK: u64 = 77;
+
+/// The link of a process that dies after so many answers.
+pub(crate) struct Mortal<'a> {
+    pub(crate) inner: AgentsEnd,
+    pub(crate) answers_left: u32,
+    pub(crate) is_gone: &'a AtomicBool,
+}
+
+impl Link for Mortal<'_> {
+    fn join(&mut self, join: &Join) {
+        self.inner.join(join);
+    }
+
+    fn answer(&mut self, command: &Command) {
+        match self.answers_left.checked_sub(1) {
+            Some(left) => {
+                self.answers_left = left;
+                self.inner.answer(command);
+            }
+            None => self.is_gone.store(true, Ordering::Relaxed),
+        }
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
+        self.inner.receive(timeout)
+    }
+}
+
+/// The link of a process that comes when another one is gone, and asks until it is let in.
+pub(crate) struct Successor {
+    pub(crate) inner: AgentsEnd,
+    pub(crate) join: Option<Join>,
+    pub(crate) is_accepted: bool,
+}
+
+impl Link for Successor {
+    fn join(&mut self, join: &Join) {
+        self.join = Some(Join { instance: BACK, ..join.clone() });
+    }
+
+    fn answer(&mut self, command: &Command) {
+        self.inner.answer(command);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
+        if let Some(join) = self.join.as_ref().filter(|_| !self.is_accepted) {
+            self.inner.join(join);
+        }
+        self.inner.receive(timeout).filter(|message| match message {
+            Inbound::Scenario(_) => true,
+            Inbound::JoinReply(reply) => {
+                self.is_accepted |= reply.instance == BACK && reply.accepted;
+                false
+            }
+            Inbound::Observation(_) => self.is_accepted,
+        })
+    }
+}
+
+/// Waits for something that another process does; what comes meanwhile is for nobody.
+pub(crate) fn wait_for(flag: &AtomicBool, is_over: &AtomicBool) {
+    while !flag.load(Ordering::Relaxed) && !is_over.load(Ordering::Relaxed) {
+        std::thread::yield_now();
+    }
+}
+
+/// Two agents, and a second process for agent 1, which comes when the first one is gone.
+fn of_three_processes() -> Play {
+    let mut play = Play::of_two(4.0);
+    play.scenario.faults.on_agent_loss = OnAgentLoss::Wait;
+    play.scenario.execution.decision_timeout_s = 0.3;
+    play.scenario.execution.join_timeout_s = 0.5;
+    play.groups = vec![vec![0], vec![1], vec![1]];
+    play
+}
+
+fn undisturbed() -> String {
+    let mut play = Play::of_two(4.0);
+    play.scenario.faults.on_agent_loss = OnAgentLoss::Wait;
+    let played = play.with(|mut end, ids, is_over| {
+        agent_node::run::run(&mut end, &honest(ids[0].0.into(), ids), is_over).expect("agents are welcome");
+    });
+    played.digest()
+}
+
+/// Runs agents over a link.
+fn take_part(link: &mut dyn Link, instance: u64, ids: &[AgentId], is_over: &AtomicBool) {
+    agent_node::run::run(link, &honest(instance, ids.to_vec()), is_over).expect("agents are welcome");
+}
+
+/// Agent 1 dies after so many answers, and is started again.
+fn dying_after(answers_left: u32) -> Played {
+    let (is_taken, is_gone) = (AtomicBool::new(false), AtomicBool::new(false));
+    of_three_processes().with(move |mut inner, ids, is_over| {
+        if ids == [AgentId(0)] {
+            take_part(&mut inner, 0, &ids, is_over);
+        } else if !is_taken.swap(true, Ordering::Relaxed) {
+            take_part(&mut Mortal { inner, answers_left, is_gone: &is_gone }, 1, &ids, &is_gone);
+        } else {
+            wait_for(&is_gone, is_over);
+            take_part(&mut inner, 2, &ids, is_over);
+        }
+    })
+}
+
+#[test]
+fn who_is_started_again_makes_for_the_same_run_whenever_it_died() {
+    let digest = undisturbed();
+    for answers in [0, 1, 20] {
+        assert_eq!(dying_after(answers).digest(), digest, "died after {answers} answers");
+    }
+}
+
+/// The first process has an id and dies before the clock starts, when nobody can have found out about it.
+#[test]
+fn who_dies_while_others_are_awaited_is_replaced() {
+    let (is_taken, is_gone, is_back) =
+        (AtomicBool::new(false), AtomicBool::new(false), Arc::new(AtomicBool::new(false)));
+    let played = of_three_processes().with(move |mut inner, ids, is_over| {
+        if ids == [AgentId(0)] {
+            // The server goes on listening for agent 0 until the successor has claimed the id of the other one.
+            wait_for(&is_back, is_over);
+            take_part(&mut inner, 0, &ids, is_over);
+        } else if !is_taken.swap(true, Ordering::Relaxed) {
+            let run = loop {
+                if let Some(Inbound::Scenario(scenario)) = inner.receive(Duration::from_millis(20)) {
+                    break scenario.run;
+                }
+            };
+            let join = Join {
+                run,
+                agent: 1,
+                instance: 1,
+                protocol: PROTOCOL,
+                controller: "rbw".to_owned(),
+                last_tick: Join::NONE,
+            };
+            inner.join(&join);
+            while !matches!(inner.receive(Duration::from_millis(20)), Some(Inbound::JoinReply(reply)) if reply.accepted)
+            {
+            }
+            is_gone.store(true, Ordering::Relaxed);
+        } else {
+            wait_for(&is_gone, is_over);
+            let mut link = Claiming { inner, has_claimed: &is_back };
+            take_part(&mut link, 2, &ids, is_over);
+        }
+    });
+    assert_eq!(played.digest(), undisturbed());
+}
+
+/// The link of a process that tells when it has claimed its id.
+struct Claiming<'a> {
+    inner: AgentsEnd,
+    has_claimed: &'a AtomicBool,
+}
+
+impl Link for Claiming<'_> {
+    fn join(&mut self, join: &Join) {
+        self.inner.join(join);
+        self.has_claimed.store(true, Ordering::Relaxed);
+    }
+
+    fn answer(&mut self, command: &Command) {
+        self.inner.answer(command);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
+        self.inner.receive(timeout)
+    }
+}
+
+/// The link of a process that waits, after so many answers, until somebody was refused.
+struct Holding<'a> {
+    inner: AgentsEnd,
+    answers_left: u32,
+    is_held: &'a AtomicBool,
+    is_refused: &'a AtomicBool,
+    is_over: &'a AtomicBool,
+}
+
+impl Link for Holding<'_> {
+    fn join(&mut self, join: &Join) {
+        self.inner.join(join);
+    }
+
+    fn answer(&mut self, command: &Command) {
+        self.answers_left = self.answers_left.saturating_sub(1);
+        if self.answers_left == 0 {
+            self.is_held.store(true, Ordering::Relaxed);
+            wait_for(self.is_refused, self.is_over);
+        }
+        self.inner.answer(command);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
+        self.inner.receive(timeout)
+    }
+}
+
+/// It could not be told its past, because it has answered that already, and would keep the place of those who can.
+#[test]
+fn who_was_replaced_does_not_come_back() {
+    let [is_taken, is_gone, is_held, is_refused] = [const { AtomicBool::new(false) }; 4];
+    let played = of_three_processes().with(move |mut inner, ids, is_over| {
+        if ids == [AgentId(0)] {
+            take_part(&mut inner, 0, &ids, is_over);
+        } else if !is_taken.swap(true, Ordering::Relaxed) {
+            let mut mortal = Mortal { inner, answers_left: 10, is_gone: &is_gone };
+            take_part(&mut mortal, 1, &ids, &is_gone);
+            wait_for(&is_held, is_over);
+            let mut run = 0;
+            // The last observations tell of which run.
+            while !is_over.load(Ordering::Relaxed) {
+                match mortal.receive(Duration::from_millis(20)) {
+                    Some(Inbound::Observation(part)) => run = part.run,
+                    Some(Inbound::JoinReply(reply)) if reply.instance == BACK => {
+                        assert!(!reply.accepted, "it knows too much");
+                        break;
+                    }
+                    _ => {}
+                }
+                let (controller, protocol) = ("rbw".to_owned(), PROTOCOL);
+                mortal.join(&Join { run, agent: 1, instance: BACK, protocol, controller, last_tick: 9 });
+            }
+            is_refused.store(true, Ordering::Relaxed);
+        } else {
+            wait_for(&is_gone, is_over);
+            let mut link = Holding { inner, answers_left: 20, is_held: &is_held, is_refused: &is_refused, is_over };
+            take_part(&mut link, 2, &ids, is_over);
+        }
+    });
+    assert_eq!(played.digest(), undisturbed());
+}
