@@ -4,10 +4,12 @@
 //! which runs there are, [`execute`] carries out those that are not done, [`measure`] makes [`rows`] of them, [`store`] keeps these
 //! in a folder, and [`tables`] writes them as CSV and Parquet. [`merge`] joins folders; [`cluster`] writes jobs for other machines.
 //! [`statistics`] is what can be said about many runs, and a [`report`] says it in figures and tables.
+//! [`diff`] says in what two recordings differ.
 //!
 //! Invariant: what is kept of a run is a function of scenario, seed and build, but for the figures of wall time.
 
 pub mod cluster;
+pub mod diff;
 pub mod execute;
 pub mod in_memory;
 pub mod measure;

@@ -13,7 +13,7 @@ use std::time::Duration;
 use agent_node::stopwatch::DecisionTimes;
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand};
-use commands::{MergeArgs, ReportArgs, RunArgs};
+use commands::{DiffArgs, MergeArgs, ReportArgs, RunArgs};
 use experiments::single::{self, Grouping, SingleError, Team};
 use sim_server::cli::KeyArgs;
 use sim_server::terminal::{self, Terminal};
@@ -37,6 +37,8 @@ enum Command {
     Merge(MergeArgs),
     /// Make figures, tables and a page from the runs of a folder
     Report(ReportArgs),
+    /// Say in which message two recordings differ first
+    Diff(DiffArgs),
 }
 
 #[derive(Debug, Args)]
@@ -65,6 +67,7 @@ fn main() -> ExitCode {
         Command::Run(args) => commands::run(&args),
         Command::Merge(args) => commands::merge(&args),
         Command::Report(args) => commands::report(&args),
+        Command::Diff(args) => commands::diff(&args),
     };
     match done {
         Ok(code) => code,

@@ -3,9 +3,12 @@
 use std::process::ExitCode;
 
 use crate::run::{INTERRUPTED, Outcome, QUIT, RunError};
+use crate::verify::VerifyError;
 
 /// A failure of the system: no network, a full disk.
 pub const FAILED: u8 = 1;
+/// A recording does not hold, or two recordings differ.
+pub const DIFFERENT: u8 = 1;
 /// Bad input: a scenario, a map, a recording, an argument.
 pub const BAD_INPUT: u8 = 2;
 /// Agents were missing at the start.
@@ -23,6 +26,16 @@ pub fn of_outcome(outcome: &Outcome) -> ExitCode {
     } else {
         ExitCode::SUCCESS
     }
+}
+
+/// The exit code for a recording that does not hold, or cannot be checked.
+#[must_use]
+pub fn of_verify_error(error: &VerifyError) -> ExitCode {
+    ExitCode::from(match error {
+        VerifyError::Different { .. } | VerifyError::Run { source: RunError::OtherRun { .. }, .. } => DIFFERENT,
+        VerifyError::Run { source, .. } => return of_error(source),
+        VerifyError::Setup { .. } | VerifyError::Playback(_) => BAD_INPUT,
+    })
 }
 
 /// The exit code for a run without one.

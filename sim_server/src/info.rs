@@ -48,8 +48,8 @@ pub fn read(file: &Path) -> Result<Info, RecordingError> {
             info.told = message.decode().ok();
         }
     }
-    if let Some(End::Damage { before_byte, reason }) = messages.end() {
-        info.damage = Some(format!("damaged or cut off before byte {before_byte}: {reason}"));
+    if let Some(end @ (End::CutOff { .. } | End::Damage { .. })) = messages.end() {
+        info.damage = Some(end.to_string());
     }
     Ok(info)
 }

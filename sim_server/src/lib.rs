@@ -3,11 +3,13 @@
 //! In reading order: [`scenario`] says what a run is; [`mapgen`] makes its terrain and [`world`] its physics; [`lockstep`] says
 //! who is asked when; [`run`] puts them together over a [`link`]; [`wire`] translates to messages, [`recorder`] and [`digest`]
 //! keep them, [`recording`] reads them again, and
-//! [`playback`] says what was said when; [`views`] are what people look at; `ros` is the link over ROS 2.
+//! [`playback`] says what was said when, [`comparison`] what two of them do not have in common, and [`verify`] whether a recording
+//! is what comes of it; [`views`] are what people look at; `ros` is the link over ROS 2.
 //!
 //! This crate knows nothing of what agents believe or how they decide.
 
 pub mod cli;
+pub mod comparison;
 pub mod control;
 pub mod difference;
 pub mod digest;
@@ -28,6 +30,7 @@ pub mod scenario;
 pub mod setup;
 pub mod terminal;
 pub mod twist;
+pub mod verify;
 pub mod views;
 pub mod wire;
 pub mod world;

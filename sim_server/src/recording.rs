@@ -7,6 +7,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -107,6 +108,11 @@ pub enum End {
     Whole,
     /// Without an end: its server was killed, or is still at work.
     Missing,
+    /// In the middle of a record: it was written or copied in part.
+    CutOff {
+        /// Bytes that are there.
+        bytes: usize,
+    },
     /// Where it cannot be read any further.
     Damage {
         /// Bytes from the start of the file before which the damage lies.
@@ -114,6 +120,17 @@ pub enum End {
         /// What the reader says.
         reason: String,
     },
+}
+
+impl fmt::Display for End {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Whole => write!(f, "whole"),
+            Self::Missing => write!(f, "without its end"),
+            Self::CutOff { bytes } => write!(f, "cut off behind byte {bytes}"),
+            Self::Damage { before_byte, reason } => write!(f, "damaged before byte {before_byte}: {reason}"),
+        }
+    }
 }
 
 impl Recording {
@@ -162,6 +179,18 @@ impl Recording {
     #[must_use]
     pub fn scenario(&self) -> Cow<'_, str> {
         String::from_utf8_lossy(&self.attachments[SCENARIO_ATTACHMENT])
+    }
+
+    /// The whole file.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// All documents of it, by name.
+    #[must_use]
+    pub fn attachments(&self) -> &BTreeMap<String, Vec<u8>> {
+        &self.attachments
     }
 
     /// A document of it.
@@ -217,6 +246,9 @@ impl Iterator for Messages<'_> {
                 Some(Ok(Record::DataEnd(_))) => self.end = Some(End::Whole),
                 Some(Ok(_)) => {}
                 None => self.end = Some(End::Missing),
+                Some(Err(mcap::McapError::UnexpectedEof)) => {
+                    self.end = Some(End::CutOff { bytes: self.records.bytes.len() });
+                }
                 Some(Err(source)) => {
                     let before_byte = self.records.position;
                     self.end = Some(End::Damage { before_byte, reason: source.to_string() });

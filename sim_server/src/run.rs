@@ -3,6 +3,9 @@
 //! The loop is the same over every [`Link`]. Wall time decides nothing but when to send again, when to give up, and how fast to
 //! go; a run that is not given up has one result.
 //!
+//! A run that is checked is nothing but what a recording says of it: nobody takes part, and what the run writes goes before somebody
+//! who has the recording.
+//!
 //! A run that is resumed begins with what a recording says of it: until then nobody is asked, and afterwards the agents are told
 //! their past. It is the same loop, so that it writes the same recording.
 //!
@@ -13,6 +16,7 @@ mod control;
 mod exchange;
 mod history;
 mod log;
+mod nobody;
 mod pace;
 mod record;
 mod replay;
@@ -40,7 +44,9 @@ use crate::world::{Action, Since, World};
 
 use control::{Desk, Phase};
 use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Patience, Silence};
-use log::{Kind, Log};
+pub use log::Checker;
+use log::{Kind, Log, Sink};
+use nobody::Nobody;
 
 /// Wall time after which people are told how far the run is, and what they are told of is saved.
 const REPORT_PERIOD: Duration = Duration::from_millis(500);
@@ -50,6 +56,12 @@ const FAREWELL: Duration = Duration::from_secs(2);
 
 /// The counter of the tick in which the team had seen so many thousandths of the free cells, up to that number.
 pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
+
+/// Reason of a result: the team has seen everything.
+pub const EXPLORED: &str = "explored";
+
+/// Reason of a result: the time is up.
+pub const DURATION: &str = "duration";
 
 /// Reason of a result: the run was stopped from outside.
 pub const INTERRUPTED: &str = "interrupted";
@@ -167,7 +179,7 @@ pub fn run(
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
 ) -> Result<Outcome, RunError> {
-    carry_out(scenario, world, link, recorder, watcher, stop, None)
+    carry_out(scenario, world, link, recorder.into(), watcher, stop, None)
 }
 
 /// Goes on with a run: carries out again what a recording says of it, then tells the agents their past and goes on with them.
@@ -183,14 +195,29 @@ pub fn resume(
     stop: &AtomicBool,
     playback: Playback<'_>,
 ) -> Result<Outcome, RunError> {
-    carry_out(scenario, world, link, recorder, watcher, stop, Some(playback))
+    carry_out(scenario, world, link, recorder.into(), watcher, stop, Some(playback))
+}
+
+/// Carries out again what a recording says of a run, up to where it ends and with nobody taking part, before somebody who knows
+/// what is in it.
+///
+/// # Errors
+/// If the recording does not keep to what comes of the scenario here.
+pub fn again(
+    scenario: &Scenario,
+    world: World,
+    checker: &mut dyn Checker,
+    playback: Playback<'_>,
+) -> Result<Outcome, RunError> {
+    let stop = AtomicBool::new(false);
+    carry_out(scenario, world, &mut Nobody, Sink::Checker(checker), &mut Nobody, &stop, Some(playback))
 }
 
 fn carry_out<'a>(
     scenario: &'a Scenario,
     world: World,
     link: &'a mut dyn Link,
-    recorder: Option<Recorder>,
+    sink: Sink<'a>,
     watcher: &'a mut dyn Watcher,
     stop: &'a AtomicBool,
     playback: Option<Playback<'a>>,
@@ -203,7 +230,9 @@ fn carry_out<'a>(
     // Not 0, which stands for no run in particular.
     let number = getrandom::u64()?.max(1);
     let announcement = wire::scenario(scenario, &world.terrain().extent(), world.rays());
-    let keeps_history = playback.is_some() || scenario.faults.on_agent_loss == OnAgentLoss::Wait;
+    // Those who check have nobody to tell it.
+    let keeps_history = !matches!(sink, Sink::Checker(_))
+        && (playback.is_some() || scenario.faults.on_agent_loss == OnAgentLoss::Wait);
     let mut run = Run {
         scenario,
         playback,
@@ -213,7 +242,7 @@ fn carry_out<'a>(
         driven: scenario.driven(),
         lost: BTreeSet::new(),
         desk: Desk::new(&scenario.execution),
-        log: Log::new(recorder, scenario.agents.count),
+        log: Log::new(sink, scenario.agents.count),
         exchange: Exchange::new(link, number, scenario.agents.count, keeps_history),
         world,
         watcher,
@@ -233,12 +262,13 @@ fn carry_out<'a>(
     let admitted = run.admit();
     run.start_clock();
     let ended = match admitted {
-        Ok(()) => run.ticks(),
+        Ok(ControlFlow::Continue(())) => run.ticks(),
+        Ok(ControlFlow::Break(reason)) => Ok(reason),
         Err(error) => Err(error),
     };
     let wall = run.started.elapsed();
     let reason = match &ended {
-        Ok(reason) => (*reason).to_owned(),
+        Ok(reason) => reason.clone(),
         Err(error) => error.to_string(),
     };
     let outcome = run.finish(reason, ended.is_ok(), wall)?;
@@ -258,7 +288,7 @@ struct Run<'a> {
     driven: BTreeSet<AgentId>,
     lost: BTreeSet<AgentId>,
     desk: Desk,
-    log: Log,
+    log: Log<'a>,
     exchange: Exchange<'a>,
     watcher: &'a mut dyn Watcher,
     stop: &'a AtomicBool,
@@ -276,8 +306,11 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Waits until every id has been claimed.
-    fn admit(&mut self) -> Result<(), RunError> {
+    /// Waits until every id has been claimed. Breaks with the reason if there is to be no tick.
+    fn admit(&mut self) -> Result<ControlFlow<String>, RunError> {
+        if self.log.checker().is_some() {
+            return self.admit_again();
+        }
         let seconds = self.scenario.execution.join_timeout_s;
         let deadline = now() + Duration::from_secs_f64(seconds);
         loop {
@@ -286,7 +319,7 @@ impl Run<'_> {
                 break;
             }
             if self.is_stopped() {
-                return Ok(());
+                return Ok(ControlFlow::Continue(()));
             }
             if now() >= deadline {
                 return Err(RunError::AgentsMissing { missing, seconds });
@@ -297,7 +330,7 @@ impl Run<'_> {
             }
             self.watcher.waiting(&missing);
             if self.answer_requests(Phase::Admission)?.is_break() {
-                return Ok(());
+                return Ok(ControlFlow::Continue(()));
             }
             let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop };
             self.exchange.listen(Tick::ZERO, PATIENCE, &mut meanwhile)?;
@@ -312,11 +345,11 @@ impl Run<'_> {
         self.exchange.has_begun(self.scenario.faults.on_agent_loss == OnAgentLoss::Wait);
         self.watcher.started();
         self.exchange.log(Level::Info, &format!("the run begins with {} agents", self.scenario.agents.count));
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     }
 
     /// Ticks until the run is over; says why it is.
-    fn ticks(&mut self) -> Result<&'static str, RunError> {
+    fn ticks(&mut self) -> Result<String, RunError> {
         let end = self.scenario.duration_ticks();
         self.desk.start(self.world.tick());
         loop {
@@ -333,19 +366,22 @@ impl Run<'_> {
                 self.report()?;
             }
             if self.scenario.stop_when_explored && self.world.coverage().is_explored() {
-                return Ok("explored");
+                return Ok(EXPLORED.to_owned());
             }
             if self.world.tick() >= end {
-                return Ok("duration");
+                return Ok(DURATION.to_owned());
             }
             if self.is_stopped() {
-                return Ok(INTERRUPTED);
+                return Ok(INTERRUPTED.to_owned());
             }
-            if self.replay()?.is_break() || (!self.is_replaying() && self.wait_for_turn()?.is_break()) {
-                return Ok(if self.is_stopped() { INTERRUPTED } else { QUIT });
+            if let ControlFlow::Break(reason) = self.replay()? {
+                return Ok(reason);
+            }
+            if !self.is_replaying() && self.wait_for_turn()?.is_break() {
+                return Ok(if self.is_stopped() { INTERRUPTED } else { QUIT }.to_owned());
             }
             if self.tick()?.is_break() {
-                return Ok(INTERRUPTED);
+                return Ok(INTERRUPTED.to_owned());
             }
             self.desk.ticked();
         }
