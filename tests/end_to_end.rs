@@ -26,6 +26,9 @@ mod lost_agents;
 /// While the server waits: recordings are saved, runs can be stopped, late and repeated answers are what they are.
 mod waiting;
 
+/// Recordings are checked, and compared with others.
+mod verify;
+
 /// A real ROS 2 node looks on, and the run does not care.
 mod onlookers;
 /// Nodes of somebody else take part as agents.

@@ -100,9 +100,8 @@ fn scenarios(first: &str, second: &str) -> Option<Field> {
         return None;
     }
     let parsed = first.parse::<toml::Table>().ok().zip(second.parse::<toml::Table>().ok());
-    let field = parsed.and_then(|(first, second)| {
-        key("", Some(&toml::Value::Table(first)), Some(&toml::Value::Table(second)))
-    });
+    let field =
+        parsed.and_then(|(first, second)| key("", Some(&toml::Value::Table(first)), Some(&toml::Value::Table(second))));
     Some(field.unwrap_or_else(|| Field {
         name: "the text".to_owned(),
         before: "one".to_owned(),

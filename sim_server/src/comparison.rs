@@ -303,11 +303,8 @@ fn hashes(before: [u8; 32], now: [u8; 32]) -> Option<Field> {
 
 /// The counters of refusals are left out.
 fn between_results(before: &maes_msgs::Result, now: &maes_msgs::Result) -> Option<Field> {
-    let rest = |result: &maes_msgs::Result| maes_msgs::Result {
-        counters: Vec::new(),
-        digest: [0; 32],
-        ..result.clone()
-    };
+    let rest =
+        |result: &maes_msgs::Result| maes_msgs::Result { counters: Vec::new(), digest: [0; 32], ..result.clone() };
     difference::between(&rest(before), &rest(now))
         .or_else(|| counters(before, now, |name| !name.starts_with(REFUSED)))
         .or_else(|| hashes(before.digest, now.digest))

@@ -31,11 +31,14 @@ pub fn of_outcome(outcome: &Outcome) -> ExitCode {
 /// The exit code for a recording that does not hold, or cannot be checked.
 #[must_use]
 pub fn of_verify_error(error: &VerifyError) -> ExitCode {
-    ExitCode::from(match error {
-        VerifyError::Different { .. } | VerifyError::Run { source: RunError::OtherRun { .. }, .. } => DIFFERENT,
-        VerifyError::Run { source, .. } => return of_error(source),
-        VerifyError::Setup { .. } | VerifyError::Playback(_) => BAD_INPUT,
-    })
+    match error {
+        VerifyError::Different { .. } => ExitCode::from(DIFFERENT),
+        VerifyError::Run { source, .. } => match **source {
+            RunError::OtherRun { .. } => ExitCode::from(DIFFERENT),
+            ref source => of_error(source),
+        },
+        VerifyError::Scenario(_) | VerifyError::World { .. } | VerifyError::Playback(_) => ExitCode::from(BAD_INPUT),
+    }
 }
 
 /// The exit code for a run without one.

@@ -231,8 +231,8 @@ fn carry_out<'a>(
     let number = getrandom::u64()?.max(1);
     let announcement = wire::scenario(scenario, &world.terrain().extent(), world.rays());
     // Those who check have nobody to tell it.
-    let keeps_history = !matches!(sink, Sink::Checker(_))
-        && (playback.is_some() || scenario.faults.on_agent_loss == OnAgentLoss::Wait);
+    let keeps_history =
+        !matches!(sink, Sink::Checker(_)) && (playback.is_some() || scenario.faults.on_agent_loss == OnAgentLoss::Wait);
     let mut run = Run {
         scenario,
         playback,

@@ -37,13 +37,16 @@ pub struct Verified {
 /// Why a recording does not hold, or cannot be checked.
 #[derive(Debug, Error)]
 pub enum VerifyError {
+    /// It says no scenario that there can be, or has no map.
+    #[error(transparent)]
+    Scenario(Box<SetupError>),
     /// There is no such world.
     #[error("{file}: {source}")]
-    Setup {
+    World {
         /// The recording.
         file: String,
         /// What is wrong.
-        source: SetupError,
+        source: Box<SetupError>,
     },
     /// A message cannot be read.
     #[error(transparent)]
@@ -64,7 +67,7 @@ pub enum VerifyError {
         /// The recording.
         file: String,
         /// Why not.
-        source: RunError,
+        source: Box<RunError>,
         /// Where the file has ended.
         end: End,
     },
@@ -76,8 +79,11 @@ impl VerifyError {
     pub fn tick(&self) -> Option<Tick> {
         match self {
             Self::Different { difference, .. } => Some(difference.tick),
-            Self::Run { source: RunError::OtherRun { tick, .. }, .. } => Some(*tick),
-            Self::Run { .. } | Self::Setup { .. } | Self::Playback(_) => None,
+            Self::Run { source, .. } => match **source {
+                RunError::OtherRun { tick, .. } => Some(tick),
+                _ => None,
+            },
+            Self::Scenario(_) | Self::World { .. } | Self::Playback(_) => None,
         }
     }
 }
@@ -96,9 +102,12 @@ fn said(end: &End) -> String {
 /// If it does not hold, or cannot be checked.
 pub fn verify(recording: &Recording) -> Result<Verified, VerifyError> {
     let file = || recording.file().to_owned();
-    let setup_error = |source| VerifyError::Setup { file: file(), source };
-    let scenario = setup::load_recorded(recording, None, &[]).map_err(setup_error)?;
-    let (world, _report) = setup::rebuild(recording, &scenario).map_err(setup_error)?;
+    let scenario =
+        setup::load_recorded(recording, None, &[]).map_err(|error| VerifyError::Scenario(Box::new(error)))?;
+    let (world, _report) = setup::rebuild(recording, &scenario).map_err(|error| match error {
+        SetupError::NoMap { .. } => VerifyError::Scenario(Box::new(error)),
+        error => VerifyError::World { file: file(), source: Box::new(error) },
+    })?;
     let playback = Playback::new(recording)?;
     let reason = playback.ending().map(|ending| ending.reason.clone());
     let end = end_of(recording);
@@ -119,7 +128,7 @@ pub fn verify(recording: &Recording) -> Result<Verified, VerifyError> {
             reason,
             end,
         }),
-        Err(source) => Err(VerifyError::Run { file: file(), source, end }),
+        Err(source) => Err(VerifyError::Run { file: file(), source: Box::new(source), end }),
     }
 }
 

@@ -235,9 +235,9 @@ impl<'a> Exchange<'a> {
 
     /// The joins that were granted, without what tells one process from another.
     pub(super) fn joins(&self) -> impl Iterator<Item = (AgentId, Join)> + '_ {
-        (0..self.agents).map(AgentId).filter_map(|agent| {
-            Some((agent, recorded_join(agent, self.roster.seat(agent)?.controller.clone())))
-        })
+        (0..self.agents)
+            .map(AgentId)
+            .filter_map(|agent| Some((agent, recorded_join(agent, self.roster.seat(agent)?.controller.clone()))))
     }
 
     /// Counters of refusals by name.

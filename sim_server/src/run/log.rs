@@ -35,7 +35,7 @@ pub(super) enum Sink<'s> {
     /// Nowhere.
     Nothing,
     /// Into a recording.
-    File(Recorder),
+    File(Box<Recorder>),
     /// Before somebody who knows what they should be.
     Checker(&'s mut dyn Checker),
 }
@@ -156,7 +156,7 @@ impl<'s> Log<'s> {
 
     fn recorder(&mut self) -> Option<&mut Recorder> {
         match &mut self.sink {
-            Sink::File(recorder) => Some(recorder),
+            Sink::File(recorder) => Some(&mut **recorder),
             Sink::Nothing | Sink::Checker(_) => None,
         }
     }
@@ -206,6 +206,6 @@ impl Sink<'_> {
 
 impl From<Option<Recorder>> for Sink<'_> {
     fn from(recorder: Option<Recorder>) -> Self {
-        recorder.map_or(Self::Nothing, Self::File)
+        recorder.map_or(Self::Nothing, |recorder| Self::File(Box::new(recorder)))
     }
 }

@@ -68,14 +68,10 @@ impl Run<'_> {
         let tick = self.world.tick();
         let is_known = playback.covers(tick);
         let said = playback.said(tick)?;
-        let is_checked = if let Some(checker) = self.log.checker() {
-            if checker.is_done() {
-                return Ok(ControlFlow::Break(String::new()));
-            }
-            true
-        } else {
-            false
-        };
+        let is_checked = self.log.checker().is_some();
+        if self.log.checker().is_some_and(|checker| checker.is_done()) {
+            return Ok(ControlFlow::Break(String::new()));
+        }
         if let Some(before) = said.digest
             && !is_checked
             && before != self.chain.digest()
