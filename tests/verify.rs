@@ -273,7 +273,7 @@ fn a_run_that_somebody_has_intervened_in_holds() {
 fn an_observation_that_was_changed_is_named() {
     let site = Site::new();
     record(&site, "run.mcap", &[]);
-    let mut values = RefCell::new(BTreeMap::new());
+    let values = RefCell::new(BTreeMap::new());
     let (bytes, tick) = change_one(&site.path("run.mcap"), "/agent_1/observation", |told: &mut Observation| {
         values.borrow_mut().insert("now", told.position.x);
         told.position.x += 0.25;
@@ -282,8 +282,8 @@ fn an_observation_that_was_changed_is_named() {
     site.file("changed.mcap", bytes);
     let reason = format!(
         "error: changed.mcap: tick {tick}, agent 1, /agent_1/observation: position.x was {:?} and is {:?}",
-        values.get_mut()["before"],
-        values.get_mut()["now"]
+        values.borrow()["before"],
+        values.borrow()["now"]
     );
     assert_refused(&verify(&site, "changed.mcap", &[]), &reason);
     assert_refused(&verify(&site, "changed.mcap", &["--controllers"]), &reason);
