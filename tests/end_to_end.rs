@@ -27,12 +27,15 @@ mod interruptions;
 mod liars;
 /// Agents that are missing, die, hang, or claim an id that is taken.
 mod lost_agents;
-/// Agents and servers that die, hang or come twice, and the run is the same as if nothing had happened.
-mod survival;
 /// Processes that take the place of others.
 mod lost_processes;
+/// Agents and servers that die, hang or come twice, and the run is the same as if nothing had happened.
+mod survival;
 /// While the server waits: recordings are saved, runs can be stopped, late and repeated answers are what they are.
 mod waiting;
+
+/// Recordings are checked, and compared with others.
+mod verify;
 
 /// A real ROS 2 node looks on, and the run does not care.
 mod onlookers;

@@ -69,15 +69,27 @@ fn dependencies(of: &str, flags: &[&str]) -> BTreeSet<String> {
 
 #[test]
 fn dependencies_point_one_way() {
+    let without_features = ["--no-default-features"];
     let ours = |of: &str, flags: &[&str]| -> Vec<String> {
         let all = dependencies(of, flags);
         all.into_iter().filter(|name| CRATES.contains(&name.as_str())).collect()
     };
     assert_eq!(ours("voxels", &[]), [""; 0]);
     assert_eq!(ours("msgs", &[]), [""; 0]);
-    assert_eq!(ours("sim_server", &[]), ["msgs", "voxels"]);
+    assert_eq!(ours("sim_server", &without_features), ["msgs", "voxels"]);
+    // The binary can have recorded agents decide again; the library, which is built without, cannot.
+    assert_eq!(ours("sim_server", &[]), ["agent_node", "msgs", "voxels"]);
     assert_eq!(ours("agent_node", &[]), ["msgs", "voxels"]);
     assert_eq!(ours("experiments", &[]), ["agent_node", "msgs", "sim_server", "voxels"]);
+}
+
+#[test]
+fn one_file_of_the_server_names_the_agents() {
+    let naming: Vec<String> = sources("sim_server")
+        .into_iter()
+        .filter_map(|(file, code)| code.contains("agent_node::").then_some(file))
+        .collect();
+    assert_eq!(naming, ["sim_server/src/controllers.rs"]);
 }
 
 #[test]

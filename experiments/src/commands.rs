@@ -13,6 +13,7 @@ use std::thread;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use experiments::cluster::{self, System};
+use experiments::diff;
 use experiments::execute::{self, ExecuteError, Launcher, Options, Part, Stop, Summary, Transport};
 use experiments::faults::FaultsError;
 use experiments::merge;
@@ -22,6 +23,7 @@ use experiments::store::{Store, StoreError};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use sim_server::exit;
+use sim_server::recording::Recording;
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -82,6 +84,15 @@ pub(crate) struct ReportArgs {
     /// The folder of a plan
     #[arg(value_name = "DIR")]
     folder: PathBuf,
+}
+
+/// Arguments of `diff`.
+#[derive(Debug, Args)]
+pub(crate) struct DiffArgs {
+    /// A recording (.mcap)
+    first: PathBuf,
+    /// Another one (.mcap)
+    second: PathBuf,
 }
 
 fn part(text: &str) -> Result<Part, String> {
@@ -166,6 +177,14 @@ pub(crate) fn report(args: &ReportArgs) -> anyhow::Result<ExitCode> {
     say(&format!("{runs} runs{lacking}"));
     say(&format!("{}", page.display()));
     Ok(ExitCode::SUCCESS)
+}
+
+/// Compares two recordings.
+pub(crate) fn diff(args: &DiffArgs) -> anyhow::Result<ExitCode> {
+    let (first, second) = (Recording::open(&args.first)?, Recording::open(&args.second)?);
+    let verdict = diff::diff(&first, &second);
+    say(&diff::text(&verdict, &first, &second));
+    Ok(if verdict.is_same_run() { ExitCode::SUCCESS } else { ExitCode::from(exit::DIFFERENT) })
 }
 
 /// Results go to stdout; that nobody listens is no failure.

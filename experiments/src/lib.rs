@@ -5,10 +5,12 @@
 //! in a folder, and [`tables`] writes them as CSV and Parquet. [`merge`] joins folders; [`cluster`] writes jobs for other machines.
 //! [`faults`] disturbs runs and compares them with the undisturbed one.
 //! [`statistics`] is what can be said about many runs, and a [`report`] says it in figures and tables.
+//! [`diff`] says in what two recordings differ.
 //!
 //! Invariant: what is kept of a run is a function of scenario, seed and build, but for the figures of wall time.
 
 pub mod cluster;
+pub mod diff;
 pub mod execute;
 pub mod faults;
 pub mod in_memory;

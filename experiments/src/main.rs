@@ -14,7 +14,7 @@ use agent_node::stopwatch::DecisionTimes;
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand};
 use commands::faults::FaultsArgs;
-use commands::{MergeArgs, ReportArgs, RunArgs};
+use commands::{DiffArgs, MergeArgs, ReportArgs, RunArgs};
 use experiments::single::{self, Grouping, SingleError, Team};
 use sim_server::cli::KeyArgs;
 use sim_server::terminal::{self, Terminal};
@@ -44,6 +44,8 @@ enum Command {
     #[cfg(feature = "ros")]
     #[command(hide = true)]
     Garbage(commands::faults::GarbageArgs),
+    /// Say in which message two recordings differ first
+    Diff(DiffArgs),
 }
 
 #[derive(Debug, Args)]
@@ -75,6 +77,7 @@ fn main() -> ExitCode {
         Command::Faults(args) => commands::faults::run(&args),
         #[cfg(feature = "ros")]
         Command::Garbage(args) => commands::faults::garbage(&args),
+        Command::Diff(args) => commands::diff(&args),
     };
     match done {
         Ok(code) => code,

@@ -44,6 +44,19 @@ pub enum Command {
         #[arg(long)]
         metadata: bool,
     },
+    /// Check a recording: carry out its run again, and compare everything that comes of it
+    Verify(VerifyArgs),
+}
+
+/// Arguments of `verify`.
+#[derive(Debug, Args)]
+pub struct VerifyArgs {
+    /// The recording (.mcap)
+    pub file: PathBuf,
+    /// Have the agents decide again, too, and compare their commands
+    #[cfg(feature = "controllers")]
+    #[arg(long)]
+    pub controllers: bool,
 }
 
 /// Arguments of `replay`.

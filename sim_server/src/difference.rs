@@ -4,37 +4,64 @@
 //!
 //! This module knows no message in particular.
 
+use std::fmt;
+
 use msgs::cdr;
 use serde::Serialize;
 use serde_json::Value;
 
-/// Says what is different, such as `position.x: 1.0 is now 2.0`, or nothing if the messages are the same.
+/// A field with its two values, as JSON writes them; said as `position.x was 1.0 and is 2.0`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Field {
+    /// Its path in the message, such as `task.path[3].x`.
+    pub name: String,
+    /// Its value in the first message.
+    pub before: String,
+    /// Its value in the second.
+    pub now: String,
+}
+
+impl fmt::Display for Field {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, before, now } = self;
+        write!(f, "{name} was {before} and is {now}")
+    }
+}
+
+/// The first field that is different, or nothing if the messages are the same.
 #[must_use]
-pub fn between<M: Serialize>(before: &M, now: &M) -> Option<String> {
+pub fn between<M: Serialize>(before: &M, now: &M) -> Option<Field> {
     if cdr::encode(before) == cdr::encode(now) {
         return None;
     }
     let value = |message: &M| serde_json::to_value(message).unwrap_or(Value::Null);
-    let words = first("", &value(before), &value(now));
-    // Numbers that JSON cannot say.
-    Some(words.unwrap_or_else(|| "a number that is none, or the sign of a zero".to_owned()))
+    Some(first("", &value(before), &value(now)).unwrap_or_else(|| Field {
+        name: "a number".to_owned(),
+        before: "none or infinite".to_owned(),
+        now: "another such".to_owned(),
+    }))
 }
 
-fn first(field: &str, before: &Value, now: &Value) -> Option<String> {
+fn first(field: &str, before: &Value, now: &Value) -> Option<Field> {
+    let named = |before: String, now: String| Some(Field { name: field.to_owned(), before, now });
     match (before, now) {
         (Value::Object(before), Value::Object(now)) => before.iter().find_map(|(name, value)| {
             let field = if field.is_empty() { name.clone() } else { format!("{field}.{name}") };
             first(&field, value, now.get(name).unwrap_or(&Value::Null))
         }),
         (Value::Array(before), Value::Array(now)) if before.len() != now.len() => {
-            Some(format!("{field}: {} values are now {}", before.len(), now.len()))
+            let count = |values: &[Value]| format!("a list of {}", values.len());
+            named(count(before), count(now))
         }
         (Value::Array(before), Value::Array(now)) => {
             let pairs = before.iter().zip(now).enumerate();
             pairs.into_iter().find_map(|(at, (before, now))| first(&format!("{field}[{at}]"), before, now))
         }
-        _ if before == now => None,
-        _ => Some(format!("{field}: {before} is now {now}")),
+        // As texts, in which 0.0 is not -0.0.
+        _ => {
+            let (before, now) = (before.to_string(), now.to_string());
+            if before == now { None } else { named(before, now) }
+        }
     }
 }
 
@@ -50,14 +77,16 @@ mod tests {
         let mut now = before.clone();
         now.task.distance_m = 1.5;
         now.want_view = true;
-        assert_eq!(between(&before, &now).unwrap(), "task.distance_m: 0.0 is now 1.5");
+        let words = |before, now| between(before, now).unwrap().to_string();
+        assert_eq!(words(&before, &now), "task.distance_m was 0.0 and is 1.5");
         let seen = |cells| {
             let mut observation = Observation::default();
             observation.seen_free.length = cells;
             observation
         };
-        assert_eq!(between(&seen(vec![1, 2]), &seen(vec![1, 3])).unwrap(), "seen_free.length[1]: 2 is now 3");
-        assert_eq!(between(&seen(vec![1]), &seen(vec![1, 3])).unwrap(), "seen_free.length: 1 values are now 2");
+        let words = |before, now| between(&seen(before), &seen(now)).unwrap().to_string();
+        assert_eq!(words(vec![1, 2], vec![1, 3]), "seen_free.length[1] was 2 and is 3");
+        assert_eq!(words(vec![1], vec![1, 3]), "seen_free.length was a list of 1 and is a list of 2");
     }
 
     #[test]
@@ -68,7 +97,7 @@ mod tests {
             command
         };
         assert_eq!(between(&with(f64::NAN), &with(f64::NAN)), None);
-        assert!(between(&with(0.0), &with(-0.0)).is_some());
-        assert!(between(&with(f64::NAN), &with(f64::INFINITY)).unwrap().contains("a number that is none"));
+        assert_eq!(between(&with(0.0), &with(-0.0)).unwrap().to_string(), "task.distance_m was 0.0 and is -0.0");
+        assert_eq!(between(&with(f64::NAN), &with(f64::INFINITY)).unwrap().name, "a number");
     }
 }

@@ -3,9 +3,12 @@
 use std::process::ExitCode;
 
 use crate::run::{INTERRUPTED, Outcome, QUIT, RunError};
+use crate::verify::VerifyError;
 
 /// A failure of the system: no network, a full disk.
 pub const FAILED: u8 = 1;
+/// A recording does not hold, or two recordings differ.
+pub const DIFFERENT: u8 = 1;
 /// Bad input: a scenario, a map, a recording, an argument.
 pub const BAD_INPUT: u8 = 2;
 /// Agents were missing at the start.
@@ -22,6 +25,19 @@ pub fn of_outcome(outcome: &Outcome) -> ExitCode {
         ExitCode::from(BY_SIGNAL)
     } else {
         ExitCode::SUCCESS
+    }
+}
+
+/// The exit code for a recording that does not hold, or cannot be checked.
+#[must_use]
+pub fn of_verify_error(error: &VerifyError) -> ExitCode {
+    match error {
+        VerifyError::Different { .. } => ExitCode::from(DIFFERENT),
+        VerifyError::Run { source, .. } => match **source {
+            RunError::OtherRun { .. } => ExitCode::from(DIFFERENT),
+            ref source => of_error(source),
+        },
+        VerifyError::Scenario(_) | VerifyError::World { .. } | VerifyError::Playback(_) => ExitCode::from(BAD_INPUT),
     }
 }
 

@@ -53,7 +53,7 @@ pub fn of(recording: &Recording) -> Info {
             info.told = message.decode().ok();
         }
     }
-    if let Some(end @ End::Damage { .. }) = messages.end() {
+    if let Some(end @ (End::CutOff { .. } | End::Damage { .. })) = messages.end() {
         info.damage = Some(end.to_string());
     }
     info

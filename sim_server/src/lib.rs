@@ -3,12 +3,14 @@
 //! In reading order: [`scenario`] says what a run is; [`mapgen`] makes its terrain and [`world`] its physics; [`lockstep`] says
 //! who is asked when; [`run`] puts them together over a [`link`]; [`wire`] translates to messages, [`recorder`] and [`digest`]
 //! keep them; [`recording`] reads them again, [`playback`] says what was said when, and [`replay`] when each message is due;
-//! [`views`] are what people look at; `ros` is the link over ROS 2.
+//! [`comparison`] is what two of them do not have in common, and [`verify`] whether one is what comes of it; [`views`] are what
+//! people look at; `ros` is the link over ROS 2.
 //!
 //! This crate knows nothing of what agents believe or how they decide.
 
 pub mod bag;
 pub mod cli;
+pub mod comparison;
 pub mod control;
 pub mod difference;
 pub mod digest;
@@ -31,6 +33,7 @@ pub mod scenario;
 pub mod setup;
 pub mod terminal;
 pub mod twist;
+pub mod verify;
 pub mod views;
 pub mod wire;
 pub mod world;

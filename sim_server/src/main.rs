@@ -1,12 +1,15 @@
 //! The world server. Start reading at [`run`]; every exit code is made here.
 
+#[cfg(feature = "controllers")]
+mod controllers;
+
 use std::io::Write;
 use std::process::ExitCode;
 
 use clap::Parser;
-use sim_server::cli::{Cli, Command, ScenarioArgs};
-use sim_server::recording::Recording;
-use sim_server::{bag, exit, info, map_cli, setup};
+use sim_server::cli::{Cli, Command, ScenarioArgs, VerifyArgs};
+use sim_server::recording::{End, Recording};
+use sim_server::{bag, exit, info, map_cli, setup, verify};
 
 fn main() -> ExitCode {
     match dispatch(Cli::parse().command) {
@@ -38,6 +41,7 @@ fn dispatch(command: Command) -> anyhow::Result<ExitCode> {
             print(&info::text(&info::read(&file)?));
             Ok(ExitCode::SUCCESS)
         }
+        Command::Verify(args) => check(&args),
     }
 }
 
@@ -57,6 +61,42 @@ fn scenario(args: &ScenarioArgs) -> anyhow::Result<ExitCode> {
                 value => print(&word(value)),
             }
         }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn check(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
+    let recording = Recording::open(&args.file)?;
+    let failed = |error: &dyn std::fmt::Display, code| {
+        eprintln!("error: {error}");
+        Ok(code)
+    };
+    let verified = match verify::verify(&recording) {
+        Ok(verified) => verified,
+        Err(error) => {
+            // That a command is another one shows later in what comes of it.
+            #[cfg(feature = "controllers")]
+            if args.controllers
+                && let Some(tick) = error.tick()
+                && let Err(earlier) = verify::controllers::check(&recording, tick, &controllers::OfThisBuild)
+            {
+                return failed(&earlier, ExitCode::from(exit::DIFFERENT));
+            }
+            return failed(&error, exit::of_verify_error(&error));
+        }
+    };
+    let mut text = verify::text(&verified);
+    #[cfg(feature = "controllers")]
+    if args.controllers {
+        match verify::controllers::check(&recording, verified.ticks, &controllers::OfThisBuild) {
+            Ok(checked) => text += &format!("\n{}", verify::controllers::text(&checked)),
+            Err(error) => return failed(&error, ExitCode::from(exit::DIFFERENT)),
+        }
+    }
+    print(&format!("{text}\ndigest: {}", verified.digest));
+    if let End::Damage { .. } = verified.end {
+        let damaged = format!("{}: {}", recording.file(), verified.end);
+        return failed(&damaged, ExitCode::from(exit::DIFFERENT));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use msgs::cdr::CdrError;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{self, Command, Intervention, Join};
+use msgs::maes_msgs::{self, Command, Intervention, Join, Observation};
 use msgs::topics;
 use thiserror::Error;
 
@@ -36,6 +36,15 @@ pub enum Horizon {
     Open(Tick),
 }
 
+/// How a run that has a result has ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ending {
+    /// As the result says.
+    pub reason: String,
+    /// Whether its last tick had begun: scans were cast and agents asked, but not all answers awaited.
+    pub is_given_up: bool,
+}
+
 /// A recorded run, from its start on.
 pub struct Playback<'a> {
     file: String,
@@ -43,6 +52,7 @@ pub struct Playback<'a> {
     /// The first one that was not given out.
     next: Option<Message>,
     horizon: Horizon,
+    ending: Option<Ending>,
     /// What each agent ran, of those that had joined.
     joins: BTreeMap<AgentId, Join>,
 }
@@ -66,9 +76,15 @@ impl<'a> Playback<'a> {
     pub fn new(recording: &'a Recording) -> Result<Self, PlaybackError> {
         let mut horizon = Horizon::Open(Tick::ZERO);
         let mut joins = BTreeMap::new();
+        let mut reason = None;
+        // Of the last tick.
+        let mut observations: Vec<Message> = Vec::new();
         for message in recording.messages() {
             let tick = message.tick();
             if message.channel.topic == topics::result().name {
+                let result: maes_msgs::Result =
+                    message.decode().map_err(|source| unreadable(recording, &message, source))?;
+                reason = Some(result.reason);
                 horizon = Horizon::Ended(tick);
             } else if let Horizon::Open(last) = &mut horizon {
                 *last = tick.max(*last);
@@ -76,17 +92,33 @@ impl<'a> Playback<'a> {
             if let Some((agent, "join")) = message.of_agent() {
                 let join = message.decode().map_err(|source| unreadable(recording, &message, source))?;
                 joins.insert(agent, join);
+            } else if let Some((_, "observation")) = message.of_agent() {
+                observations.retain(|observation| observation.tick() == tick);
+                observations.push(message);
             }
         }
+        let mut is_given_up = false;
+        for message in observations {
+            let told: Observation = message.decode().map_err(|source| unreadable(recording, &message, source))?;
+            // Those who were not due have no observation of it, but scans show.
+            is_given_up |= told.phase == Observation::RUNNING || told.scan_tick == told.tick;
+        }
+        let ending = reason.map(|reason| Ending { reason, is_given_up });
         let mut messages = recording.messages();
         let next = messages.next();
-        Ok(Self { file: recording.file().to_owned(), messages, next, horizon, joins })
+        Ok(Self { file: recording.file().to_owned(), messages, next, horizon, ending, joins })
     }
 
     /// How the recording ended.
     #[must_use]
     pub fn horizon(&self) -> Horizon {
         self.horizon
+    }
+
+    /// How the run has ended, if it has.
+    #[must_use]
+    pub fn ending(&self) -> Option<&Ending> {
+        self.ending.as_ref()
     }
 
     /// What the agents ran, by agent.

@@ -117,6 +117,11 @@ pub enum End {
     Whole,
     /// Without an end: its server was killed, or is still at work.
     Missing,
+    /// In the middle of a record: it was written or copied in part.
+    CutOff {
+        /// Bytes that are there.
+        bytes: usize,
+    },
     /// Where it cannot be read any further.
     Damage {
         /// Bytes from the start of the file before which the damage lies.
@@ -131,6 +136,7 @@ impl fmt::Display for End {
         match self {
             Self::Whole => f.write_str("whole"),
             Self::Missing => f.write_str("without an end: its server was killed, or is still at work"),
+            Self::CutOff { bytes } => write!(f, "cut off behind byte {bytes}"),
             Self::Damage { before_byte, reason } => {
                 write!(f, "damaged or cut off before byte {before_byte}: {reason}")
             }
@@ -184,6 +190,18 @@ impl Recording {
     #[must_use]
     pub fn scenario(&self) -> Cow<'_, str> {
         String::from_utf8_lossy(&self.attachments[SCENARIO_ATTACHMENT])
+    }
+
+    /// The whole file.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// All documents of it, by name.
+    #[must_use]
+    pub fn attachments(&self) -> &BTreeMap<String, Vec<u8>> {
+        &self.attachments
     }
 
     /// A document of it.
@@ -240,6 +258,9 @@ impl Iterator for Messages<'_> {
                 Some(Ok(Record::DataEnd(_))) => self.end = Some(End::Whole),
                 Some(Ok(_)) => {}
                 None => self.end = Some(End::Missing),
+                Some(Err(mcap::McapError::UnexpectedEof)) => {
+                    self.end = Some(End::CutOff { bytes: self.records.bytes.len() });
+                }
                 Some(Err(source)) => {
                     let before_byte = self.records.position;
                     let reason = match self.records.strange {

@@ -3,6 +3,9 @@
 //! The loop is the same over every [`Link`]. Wall time decides nothing but when to send again, when to give up, and how fast to
 //! go; a run that is not given up has one result.
 //!
+//! A run that is checked is nothing but what a recording says of it: nobody takes part, and what the run writes goes before somebody
+//! who has the recording.
+//!
 //! A run that is resumed begins with what a recording says of it: until then nobody is asked, and afterwards the agents are told
 //! their past. It is the same loop, so that it writes the same recording.
 //!
@@ -14,6 +17,7 @@ mod error;
 mod exchange;
 mod history;
 mod log;
+mod nobody;
 mod record;
 mod replay;
 mod result;
@@ -40,7 +44,9 @@ use crate::world::{Action, Since, World};
 
 use control::Phase;
 use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Patience, Silence};
-use log::{Kind, Log};
+pub use log::Checker;
+use log::{Kind, Log, Sink};
+use nobody::Nobody;
 
 pub use error::RunError;
 
@@ -53,11 +59,11 @@ const FAREWELL: Duration = Duration::from_secs(2);
 /// The counter of the tick in which the team had seen so many thousandths of the free cells, up to that number.
 pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
 
-/// Reason of a result: everything that is free has been seen.
-const EXPLORED: &str = "explored";
+/// Reason of a result: the team has seen everything.
+pub const EXPLORED: &str = "explored";
 
-/// Reason of a result: the time of the scenario is over.
-const DURATION: &str = "duration";
+/// Reason of a result: the time is up.
+pub const DURATION: &str = "duration";
 
 /// Reason of a result: the run was stopped from outside.
 pub const INTERRUPTED: &str = "interrupted";
@@ -103,7 +109,7 @@ pub fn run(
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
 ) -> Result<Outcome, RunError> {
-    carry_out(scenario, world, link, recorder, watcher, stop, None)
+    carry_out(scenario, world, link, recorder.into(), watcher, stop, None)
 }
 
 /// Goes on with a run: carries out again what a recording says of it, then tells the agents their past and goes on with them.
@@ -119,14 +125,29 @@ pub fn resume(
     stop: &AtomicBool,
     playback: Playback<'_>,
 ) -> Result<Outcome, RunError> {
-    carry_out(scenario, world, link, recorder, watcher, stop, Some(playback))
+    carry_out(scenario, world, link, recorder.into(), watcher, stop, Some(playback))
+}
+
+/// Carries out again what a recording says of a run, up to where it ends and with nobody taking part, before somebody who knows
+/// what is in it.
+///
+/// # Errors
+/// If the recording does not keep to what comes of the scenario here.
+pub fn again(
+    scenario: &Scenario,
+    world: World,
+    checker: &mut dyn Checker,
+    playback: Playback<'_>,
+) -> Result<Outcome, RunError> {
+    let stop = AtomicBool::new(false);
+    carry_out(scenario, world, &mut Nobody, Sink::Checker(checker), &mut Nobody, &stop, Some(playback))
 }
 
 fn carry_out<'a>(
     scenario: &'a Scenario,
     world: World,
     link: &'a mut dyn Link,
-    recorder: Option<Recorder>,
+    sink: Sink<'a>,
     watcher: &'a mut dyn Watcher,
     stop: &'a AtomicBool,
     playback: Option<Playback<'a>>,
@@ -140,7 +161,8 @@ fn carry_out<'a>(
     let number = getrandom::u64()?.max(1);
     let announcement = wire::scenario(scenario, &world.terrain().extent(), world.rays());
     let has_successors = scenario.faults.on_agent_loss == OnAgentLoss::Wait;
-    let keeps_history = playback.is_some() || has_successors;
+    // Those who check have nobody to tell it.
+    let keeps_history = !matches!(sink, Sink::Checker(_)) && (playback.is_some() || has_successors);
     let mut run = Run {
         scenario,
         playback,
@@ -152,7 +174,7 @@ fn carry_out<'a>(
         desk: Desk::new(scenario.execution.paused, scenario.execution.rtf, crate::control::features()),
         interventions: 0,
         leaving: Vec::new(),
-        log: Log::new(recorder, scenario.agents.count),
+        log: Log::new(sink, scenario.agents.count),
         exchange: Exchange::new(link, number, scenario.agents.count, keeps_history, has_successors),
         world,
         watcher,
@@ -172,16 +194,18 @@ fn carry_out<'a>(
     let admitted = run.admit();
     run.start_clock();
     let ended = match admitted {
-        Ok(()) => run.ticks(),
+        Ok(ControlFlow::Continue(())) => run.ticks(),
+        Ok(ControlFlow::Break(reason)) => Ok(reason),
         Err(error) => Err(error),
     };
-    if run.is_replaying() && !matches!(ended, Ok(EXPLORED | DURATION)) {
+    let is_over = matches!(ended.as_deref(), Ok(EXPLORED | DURATION));
+    if run.is_replaying() && !is_over && run.log.checker().is_none() {
         // The recording that was read has more.
         run.log.give_up();
     }
     let wall = run.started.elapsed();
     let reason = match &ended {
-        Ok(reason) => (*reason).to_owned(),
+        Ok(reason) => reason.clone(),
         Err(error) => error.to_string(),
     };
     let outcome = run.finish(reason, ended.is_ok(), wall)?;
@@ -205,7 +229,7 @@ struct Run<'a> {
     interventions: u64,
     /// Who has left the run since the last tick, and does nothing from now on.
     leaving: Vec<AgentId>,
-    log: Log,
+    log: Log<'a>,
     exchange: Exchange<'a>,
     watcher: &'a mut dyn Watcher,
     stop: &'a AtomicBool,
@@ -223,8 +247,11 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Waits until every id has been claimed.
-    fn admit(&mut self) -> Result<(), RunError> {
+    /// Waits until every id has been claimed. Breaks with the reason if there is to be no tick.
+    fn admit(&mut self) -> Result<ControlFlow<String>, RunError> {
+        if self.log.checker().is_some() {
+            return self.admit_again();
+        }
         let seconds = self.scenario.execution.join_timeout_s;
         let deadline = now() + Duration::from_secs_f64(seconds);
         loop {
@@ -233,7 +260,7 @@ impl Run<'_> {
                 break;
             }
             if self.is_stopped() {
-                return Ok(());
+                return Ok(ControlFlow::Continue(()));
             }
             if now() >= deadline {
                 return Err(RunError::AgentsMissing { missing, seconds });
@@ -244,7 +271,7 @@ impl Run<'_> {
             }
             self.watcher.waiting(&missing);
             if self.answer_requests(Phase::Admission)?.is_break() {
-                return Ok(());
+                return Ok(ControlFlow::Continue(()));
             }
             let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop };
             self.exchange.listen(Tick::ZERO, PATIENCE, &mut meanwhile)?;
@@ -258,11 +285,11 @@ impl Run<'_> {
         }
         self.watcher.started();
         self.exchange.log(Level::Info, &format!("the run begins with {} agents", self.scenario.agents.count));
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     }
 
     /// Ticks until the run is over; says why it is.
-    fn ticks(&mut self) -> Result<&'static str, RunError> {
+    fn ticks(&mut self) -> Result<String, RunError> {
         let end = self.scenario.duration_ticks();
         self.desk.go_on(self.world.tick(), self.wall_ns());
         loop {
@@ -279,19 +306,22 @@ impl Run<'_> {
                 self.report()?;
             }
             if self.scenario.stop_when_explored && self.world.coverage().is_explored() {
-                return Ok(EXPLORED);
+                return Ok(EXPLORED.to_owned());
             }
             if self.world.tick() >= end {
-                return Ok(DURATION);
+                return Ok(DURATION.to_owned());
             }
             if self.is_stopped() {
-                return Ok(INTERRUPTED);
+                return Ok(INTERRUPTED.to_owned());
             }
-            if self.replay()?.is_break() || (!self.is_replaying() && self.wait_for_turn()?.is_break()) {
-                return Ok(if self.is_stopped() { INTERRUPTED } else { QUIT });
+            if let ControlFlow::Break(reason) = self.replay()? {
+                return Ok(reason);
+            }
+            if !self.is_replaying() && self.wait_for_turn()?.is_break() {
+                return Ok(if self.is_stopped() { INTERRUPTED } else { QUIT }.to_owned());
             }
             if self.tick()?.is_break() {
-                return Ok(INTERRUPTED);
+                return Ok(INTERRUPTED.to_owned());
             }
             self.desk.ticked();
         }

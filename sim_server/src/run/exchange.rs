@@ -105,16 +105,16 @@ pub(super) struct Silence {
 }
 
 /// What goes on while messages are awaited.
-pub(super) struct Meanwhile<'a> {
+pub(super) struct Meanwhile<'a, 's> {
     /// Is told what a person should read.
     pub(super) watcher: &'a mut dyn Watcher,
     /// Is saved now and then.
-    pub(super) log: &'a mut Log,
+    pub(super) log: &'a mut Log<'s>,
     /// Ends the waiting.
     pub(super) stop: &'a AtomicBool,
 }
 
-impl Meanwhile<'_> {
+impl Meanwhile<'_, '_> {
     /// To be called between two messages: whether to go on waiting.
     fn goes_on(&mut self) -> Result<bool, RecordError> {
         self.log.save_now_and_then()?;
@@ -241,12 +241,9 @@ impl<'a> Exchange<'a> {
 
     /// The joins that were granted, without what tells one process from another.
     pub(super) fn joins(&self) -> impl Iterator<Item = (AgentId, Join)> + '_ {
-        (0..self.agents).map(AgentId).filter_map(|agent| {
-            let controller = self.roster.seat(agent)?.controller.clone();
-            let id = agent.0;
-            let join = Join { run: 0, agent: id, instance: 0, protocol: PROTOCOL, controller, last_tick: Join::NONE };
-            Some((agent, join))
-        })
+        (0..self.agents)
+            .map(AgentId)
+            .filter_map(|agent| Some((agent, recorded_join(agent, self.roster.seat(agent)?.controller.clone()))))
     }
 
     /// Counters of refusals by name.
@@ -260,7 +257,7 @@ impl<'a> Exchange<'a> {
         &mut self,
         tick: Tick,
         wait: Duration,
-        meanwhile: &mut Meanwhile<'_>,
+        meanwhile: &mut Meanwhile<'_, '_>,
     ) -> Result<(), RecordError> {
         if meanwhile.goes_on()?
             && let Some(incoming) = self.link.receive(wait.min(PATIENCE))
@@ -291,7 +288,7 @@ impl<'a> Exchange<'a> {
         asked: &[Asked],
         limit: Duration,
         patience: Patience,
-        meanwhile: &mut Meanwhile<'_>,
+        meanwhile: &mut Meanwhile<'_, '_>,
     ) -> Result<Result<BTreeMap<AgentId, Answer>, Silence>, RunError> {
         let mut barrier = Barrier::new(tick, asked.iter().map(|asked| asked.agent).collect());
         self.prompts = self.waited_for(&barrier);
@@ -394,7 +391,7 @@ impl<'a> Exchange<'a> {
         tick: Tick,
         told: &[Asked],
         limit: Duration,
-        meanwhile: &mut Meanwhile<'_>,
+        meanwhile: &mut Meanwhile<'_, '_>,
     ) -> Result<(), RunError> {
         // What has not been told by now is told no more.
         (0..self.agents).map(AgentId).for_each(|agent| self.history.excuse(agent));
@@ -405,6 +402,11 @@ impl<'a> Exchange<'a> {
         }
         Ok(())
     }
+}
+
+/// The join of an agent as it is recorded: what tells one process from another is not in it.
+pub(super) fn recorded_join(agent: AgentId, controller: String) -> Join {
+    Join { run: 0, agent: agent.0, instance: 0, protocol: PROTOCOL, controller, last_tick: Join::NONE }
 }
 
 fn send(link: &mut dyn Link, run: u64, agent: AgentId, parts: &[Part]) {

@@ -111,7 +111,7 @@ impl History {
                     past.known += 1;
                     Recall::Same
                 }
-                Some(what) => Recall::Different { what },
+                Some(field) => Recall::Different { what: field.to_string() },
             },
         }
     }
@@ -165,7 +165,7 @@ mod tests {
         let mut history = of_two_ticks(true);
         history.start_again(AGENT);
         let Recall::Different { what } = history.recall(AGENT, &command(0, "lost")) else { panic!() };
-        assert_eq!(what, "info: \"on my way\" is now \"lost\"");
+        assert_eq!(what, "info was \"on my way\" and is \"lost\"");
         assert_eq!(told(&history), Some(0), "it is not taken in");
         history.excuse(AGENT);
         assert_eq!(told(&history), None);

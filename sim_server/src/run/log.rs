@@ -1,4 +1,4 @@
-//! What a run writes down: messages on their way to the digest and to the recording, if there is one.
+//! What a run writes down: messages on their way to the digest, and to a recording or to somebody who checks them.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -30,9 +30,29 @@ pub(super) enum Kind {
     Command(AgentId),
 }
 
+/// Where messages go, beside the digest.
+pub(super) enum Sink<'s> {
+    /// Nowhere.
+    Nothing,
+    /// Into a recording.
+    File(Box<Recorder>),
+    /// Before somebody who knows what they should be.
+    Checker(&'s mut dyn Checker),
+}
+
+/// Somebody who looks at everything that a run writes down, in order.
+pub trait Checker {
+    /// Looks at a message, as CDR with its encapsulation header.
+    fn take(&mut self, topic: &str, tick: Tick, cdr: &[u8]);
+    /// Whether it was found that something is not as it should be, so that there is no use in going on.
+    fn is_done(&self) -> bool;
+    /// What comes from now on is not to be looked at.
+    fn close(&mut self);
+}
+
 /// The recording and the encoding of messages, which the digest needs in any case.
-pub(super) struct Log {
-    recorder: Option<Recorder>,
+pub(super) struct Log<'s> {
+    sink: Sink<'s>,
     sim_topics: [Topic; 6],
     agent_topics: Vec<[Topic; 3]>,
     /// Of the views that have been recorded so far.
@@ -41,11 +61,11 @@ pub(super) struct Log {
     saved: Instant,
 }
 
-impl Log {
-    pub(super) fn new(recorder: Option<Recorder>, agents: u32) -> Self {
+impl<'s> Log<'s> {
+    pub(super) fn new(sink: Sink<'s>, agents: u32) -> Self {
         let of_agent = |agent| [topics::join(agent), topics::observation(agent), topics::command(agent)];
         Self {
-            recorder,
+            sink,
             sim_topics: [
                 topics::scenario(),
                 topics::progress(),
@@ -61,8 +81,17 @@ impl Log {
         }
     }
 
+    /// Whether somebody wants what the digest does not need.
     pub(super) fn is_recording(&self) -> bool {
-        self.recorder.is_some()
+        !matches!(self.sink, Sink::Nothing)
+    }
+
+    /// Who checks what is written down, if somebody does.
+    pub(super) fn checker(&mut self) -> Option<&mut (dyn Checker + 's)> {
+        match &mut self.sink {
+            Sink::Checker(checker) => Some(*checker),
+            Sink::Nothing | Sink::File(_) => None,
+        }
     }
 
     /// Writes a message that the digest covers.
@@ -90,23 +119,20 @@ impl Log {
     /// Writes a message of a view.
     pub(super) fn write_view(&mut self, view: View, tick: Tick, picture: &Picture) -> Result<(), RecordError> {
         self.encode(picture);
-        let Some(recorder) = &mut self.recorder else {
-            return Ok(());
-        };
         let topic = self.view_topics.entry(view).or_insert_with(|| view.topic());
-        let written = recorder.write(topic, tick, &self.bytes);
+        let written = self.sink.write(topic, tick, &self.bytes);
         self.unless_failed(written)
     }
 
     /// See [`Recorder::publish`].
     pub(super) fn publish(&mut self) -> Result<(), RecordError> {
-        let published = self.recorder.as_mut().map_or(Ok(()), Recorder::publish);
+        let published = self.recorder().map_or(Ok(()), Recorder::publish);
         self.unless_failed(published)
     }
 
     /// Gives up the recording; there is none unless it is published.
     pub(super) fn give_up(&mut self) {
-        self.recorder = None;
+        self.sink = Sink::Nothing;
     }
 
     /// Saves provisionally if it is time to. To be called while the loop waits, too.
@@ -117,12 +143,22 @@ impl Log {
     /// See [`Recorder::save_provisionally`].
     pub(super) fn save_provisionally(&mut self) -> Result<(), RecordError> {
         self.saved = now();
-        let written = self.recorder.as_mut().map_or(Ok(()), Recorder::save_provisionally);
+        let written = self.recorder().map_or(Ok(()), Recorder::save_provisionally);
         self.unless_failed(written)
     }
 
     pub(super) fn finish(self) -> Result<(), RecordError> {
-        self.recorder.map_or(Ok(()), Recorder::finish)
+        match self.sink {
+            Sink::File(recorder) => recorder.finish(),
+            Sink::Nothing | Sink::Checker(_) => Ok(()),
+        }
+    }
+
+    fn recorder(&mut self) -> Option<&mut Recorder> {
+        match &mut self.sink {
+            Sink::File(recorder) => Some(&mut **recorder),
+            Sink::Nothing | Sink::Checker(_) => None,
+        }
     }
 
     fn encode<M: Serialize>(&mut self, message: &M) {
@@ -131,9 +167,6 @@ impl Log {
     }
 
     fn put(&mut self, kind: Kind, tick: Tick) -> Result<(), RecordError> {
-        let Some(recorder) = &mut self.recorder else {
-            return Ok(());
-        };
         let topic = match kind {
             Kind::Scenario => &self.sim_topics[0],
             Kind::Progress => &self.sim_topics[1],
@@ -145,15 +178,34 @@ impl Log {
             Kind::Observation(agent) => &self.agent_topics[agent.index()][1],
             Kind::Command(agent) => &self.agent_topics[agent.index()][2],
         };
-        let written = recorder.write(topic, tick, &self.bytes);
+        let written = self.sink.write(topic, tick, &self.bytes);
         self.unless_failed(written)
     }
 
     /// A recording that could once not be written to ends there: what comes later must not stand beside a gap.
     fn unless_failed(&mut self, written: Result<(), RecordError>) -> Result<(), RecordError> {
         if written.is_err() {
-            self.recorder = None;
+            self.sink = Sink::Nothing;
         }
         written
+    }
+}
+
+impl Sink<'_> {
+    fn write(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) -> Result<(), RecordError> {
+        match self {
+            Self::Nothing => Ok(()),
+            Self::File(recorder) => recorder.write(topic, tick, cdr),
+            Self::Checker(checker) => {
+                checker.take(&topic.name, tick, cdr);
+                Ok(())
+            }
+        }
+    }
+}
+
+impl From<Option<Recorder>> for Sink<'_> {
+    fn from(recorder: Option<Recorder>) -> Self {
+        recorder.map_or(Self::Nothing, |recorder| Self::File(Box::new(recorder)))
     }
 }

@@ -7,13 +7,14 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use msgs::ids::AgentId;
+use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::Intervention;
 
-use super::exchange::{Answer, Asked, Meanwhile, Patience};
-use super::{Run, RunError};
+use super::exchange::{Answer, Asked, Meanwhile, Patience, recorded_join};
+use super::log::Kind;
+use super::{DURATION, EXPLORED, INTERRUPTED, QUIT, Run, RunError};
 use crate::link::Level;
-use crate::playback::Said;
+use crate::playback::{Ending, Playback, Said};
 use crate::scenario::OnAgentLoss;
 use crate::wire;
 use crate::world::Since;
@@ -38,16 +39,41 @@ impl Run<'_> {
         Ok(())
     }
 
+    /// Has those take part who took part in a run that is checked. Breaks with the reason if there was no tick.
+    pub(super) fn admit_again(&mut self) -> Result<ControlFlow<String>, RunError> {
+        let joins = self.playback.as_ref().map(Playback::joins).into_iter().flatten();
+        let joins: Vec<(AgentId, String)> = joins.map(|(&agent, join)| (agent, join.controller.clone())).collect();
+        let is_complete = joins.len() == self.wakes.len();
+        for (agent, controller) in joins.into_iter().filter(|(agent, _)| agent.index() < self.wakes.len()) {
+            self.log.write(Kind::Join(agent), Tick::ZERO, &recorded_join(agent, controller))?;
+        }
+        // A run that was ended while agents were awaited has a tick that was not made, and one that was given up has none.
+        let ending = self.playback.as_ref().and_then(Playback::ending);
+        match ending {
+            _ if is_complete => Ok(ControlFlow::Continue(())),
+            Some(Ending { reason, .. }) if [INTERRUPTED, QUIT].contains(&reason.as_str()) => {
+                Ok(ControlFlow::Continue(()))
+            }
+            Some(Ending { reason, .. }) => Ok(ControlFlow::Break(reason.clone())),
+            None => Ok(ControlFlow::Break(self.leave_off())),
+        }
+    }
+
     /// Looks up what was said in the present tick. From the first tick of which that is not known, the agents take part, once they
-    /// have been told their past; breaks if the run is stopped meanwhile.
-    pub(super) fn replay(&mut self) -> Result<ControlFlow<()>, RunError> {
+    /// have been told their past; breaks if the run is stopped meanwhile, or is checked, with the reason of its end.
+    pub(super) fn replay(&mut self) -> Result<ControlFlow<String>, RunError> {
         let Some(playback) = &mut self.playback else {
             return Ok(ControlFlow::Continue(()));
         };
         let tick = self.world.tick();
         let is_known = playback.covers(tick);
         let said = playback.said(tick)?;
+        let is_checked = self.log.checker().is_some();
+        if self.log.checker().is_some_and(|checker| checker.is_done()) {
+            return Ok(ControlFlow::Break(String::new()));
+        }
         if let Some(before) = said.digest
+            && !is_checked
             && before != self.chain.digest()
         {
             let now = self.chain.digest();
@@ -61,6 +87,9 @@ impl Run<'_> {
             self.said = Some(said);
             return Ok(ControlFlow::Continue(()));
         }
+        if is_checked {
+            return self.end_again().map(ControlFlow::Break);
+        }
         self.playback = None;
         // It may take the place of the one that was read, now that it holds as much.
         self.log.save_provisionally()?;
@@ -68,7 +97,36 @@ impl Run<'_> {
         self.note(Level::Info, &format!("carried out again up to tick {tick}; the run goes on from there"));
         let told = self.tell_past()?;
         self.desk.go_on(tick, self.wall_ns());
-        Ok(told)
+        Ok(told.map_break(|()| INTERRUPTED.to_owned()))
+    }
+
+    /// Ends a run that is checked as it has ended; says why it has.
+    fn end_again(&mut self) -> Result<String, RunError> {
+        let tick = self.world.tick();
+        let Some(Ending { reason, is_given_up }) = self.playback.as_ref().and_then(Playback::ending).cloned() else {
+            return Ok(self.leave_off());
+        };
+        if [EXPLORED, DURATION].contains(&reason.as_str()) {
+            let reason = format!("the run has ended there, for the reason `{reason}`, and goes on here");
+            return Err(RunError::OtherRun { tick, reason });
+        }
+        if is_given_up {
+            self.world.look(&self.pool);
+            // Nobody has answered, so that those only are asked who are due.
+            self.said = Some(Said::default());
+            let asked = self.ask();
+            self.said = None;
+            self.record_unanswered(&asked)?;
+        }
+        Ok(reason)
+    }
+
+    /// Ends the check of a recording without a result: what an end would add is not in it.
+    fn leave_off(&mut self) -> String {
+        if let Some(checker) = self.log.checker() {
+            checker.close();
+        }
+        String::new()
     }
 
     /// Does to the run what was done to it then.

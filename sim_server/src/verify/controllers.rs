@@ -1,0 +1,255 @@
+//! Whether the agents of a recording have decided as their controllers do: each is told again what it was told, and its commands are
+//! compared.
+//!
+//! Every agent is asked on its own, side by side with the others, because what it was told is known. What agents are is not known
+//! here: whoever calls brings them along.
+
+use std::collections::BTreeMap;
+
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{Command, Join, Observation, Scenario};
+use msgs::topics;
+use rayon::prelude::*;
+use thiserror::Error;
+
+use crate::comparison::{self, Difference};
+use crate::recording::{Message, Recording};
+
+/// Where agents come from.
+pub trait Controllers: Sync {
+    /// An agent that knows nothing but what all are told, and runs what it has said that it runs: a name, and settings
+    /// `KEY=VALUE` behind it.
+    ///
+    /// # Errors
+    /// Says why there is no such agent here.
+    fn agent(&self, told: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn Decider>, String>;
+}
+
+/// An agent.
+pub trait Decider {
+    /// Tells it a part of an observation, and gives its answer once it has one.
+    ///
+    /// # Errors
+    /// Says why it cannot go on.
+    fn take(&mut self, part: Observation) -> Result<Option<Command>, String>;
+}
+
+/// What was found about the commands of a recording.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Checked {
+    /// How many commands are the same.
+    pub commands: u64,
+    /// Whose.
+    pub agents: Vec<AgentId>,
+    /// Whose were not looked at, and why not.
+    pub unchecked: BTreeMap<AgentId, String>,
+}
+
+/// Why the commands of a recording do not hold.
+#[derive(Debug, Error)]
+pub enum ControllersError {
+    /// A command is not what is decided.
+    #[error("{file}: {difference}")]
+    Different {
+        /// The recording.
+        file: String,
+        /// The first command that is different.
+        difference: Box<Difference>,
+    },
+    /// An agent cannot be told what the recording has.
+    #[error("{file}: tick {tick}, agent {agent}: {reason}")]
+    Agent {
+        /// The recording.
+        file: String,
+        /// When.
+        tick: Tick,
+        /// Who.
+        agent: AgentId,
+        /// Why not.
+        reason: String,
+    },
+}
+
+/// What one agent was told and has answered, in order.
+#[derive(Debug, Default)]
+struct Past {
+    runs: String,
+    messages: Vec<Message>,
+}
+
+/// Has the agents of a recording decide again, in all ticks before one.
+///
+/// # Errors
+/// If one of them decides otherwise; the first one by tick and number is named.
+pub fn check(recording: &Recording, before: Tick, controllers: &dyn Controllers) -> Result<Checked, ControllersError> {
+    let (told, pasts) = pasts(recording, before);
+    let looked_at: Vec<(AgentId, Looked)> =
+        pasts.into_par_iter().map(|(agent, past)| (agent, look_at(&told, agent, &past, controllers))).collect();
+    let mut checked = Checked::default();
+    let mut first: Option<(Tick, AgentId, Wrong)> = None;
+    for (agent, looked) in looked_at {
+        match looked {
+            Looked::Same { commands } => {
+                checked.commands += commands;
+                checked.agents.push(agent);
+            }
+            Looked::Unknown { reason } => {
+                checked.unchecked.insert(agent, reason);
+            }
+            // Agents come in order, so that of two in one tick the first stays.
+            Looked::Wrong { tick, wrong } if first.as_ref().is_none_or(|(first, ..)| tick < *first) => {
+                first = Some((tick, agent, wrong));
+            }
+            Looked::Wrong { .. } => {}
+        }
+    }
+    let file = recording.file().to_owned();
+    match first {
+        None => Ok(checked),
+        Some((_, _, Wrong::Command(difference))) => Err(ControllersError::Different { file, difference }),
+        Some((tick, agent, Wrong::Agent(reason))) => Err(ControllersError::Agent { file, tick, agent, reason }),
+    }
+}
+
+/// What agents are told of the run, and what each was told and has answered in all ticks before one.
+fn pasts(recording: &Recording, before: Tick) -> (Scenario, BTreeMap<AgentId, Past>) {
+    let mut told = Scenario::default();
+    let mut pasts: BTreeMap<AgentId, Past> = BTreeMap::new();
+    for message in recording.messages().take_while(|message| message.tick() < before) {
+        if message.channel.topic == topics::scenario().name {
+            told = message.decode().unwrap_or_default();
+        }
+        match message.of_agent() {
+            Some((agent, "join")) => {
+                pasts.entry(agent).or_default().runs = message.decode().map_or_else(|_| String::new(), runs);
+            }
+            Some((agent, "observation" | "command")) => pasts.entry(agent).or_default().messages.push(message),
+            _ => {}
+        }
+    }
+    (told, pasts)
+}
+
+fn runs(join: Join) -> String {
+    join.controller
+}
+
+/// What was found about one agent.
+enum Looked {
+    Same { commands: u64 },
+    Unknown { reason: String },
+    Wrong { tick: Tick, wrong: Wrong },
+}
+
+/// What is wrong with what an agent has said.
+enum Wrong {
+    Command(Box<Difference>),
+    Agent(String),
+}
+
+fn look_at(told: &Scenario, agent: AgentId, past: &Past, controllers: &dyn Controllers) -> Looked {
+    let mut decider = match controllers.agent(told, agent, &past.runs) {
+        Ok(decider) => decider,
+        Err(reason) => return Looked::Unknown { reason },
+    };
+    let mut commands = 0;
+    let mut answer = None;
+    for message in &past.messages {
+        let tick = message.tick();
+        if message.of_agent().is_some_and(|(_, topic)| topic == "command") {
+            if let Some(difference) = comparison::with_command(message, answer.take().as_ref()) {
+                return Looked::Wrong { tick, wrong: Wrong::Command(Box::new(difference)) };
+            }
+            commands += 1;
+            continue;
+        }
+        let part = message.decode().map_err(|error| error.to_string());
+        match part.and_then(|part| decider.take(part)) {
+            Ok(None) => {}
+            Ok(Some(command)) => answer = Some(command),
+            Err(reason) => return Looked::Wrong { tick, wrong: Wrong::Agent(reason) },
+        }
+    }
+    Looked::Same { commands }
+}
+
+/// What people are told, a line each.
+#[must_use]
+pub fn text(checked: &Checked) -> String {
+    let Checked { commands, agents, unchecked } = checked;
+    let mut text = format!("{commands} commands are what the controllers decide, of {} agents", agents.len());
+    for (agent, reason) in unchecked {
+        text += &format!("\nnot checked: agent {agent}: {reason}");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recorder::{Document, Recorder};
+    use crate::setup::SCENARIO_ATTACHMENT;
+    use msgs::cdr;
+
+    /// Says how many parts it was told.
+    struct Counting(u32);
+
+    impl Decider for Counting {
+        fn take(&mut self, part: Observation) -> Result<Option<Command>, String> {
+            self.0 += 1;
+            Ok(Some(command(part.agent, part.tick, self.0)))
+        }
+    }
+
+    struct Counters;
+
+    impl Controllers for Counters {
+        fn agent(&self, _told: &Scenario, _agent: AgentId, runs: &str) -> Result<Box<dyn Decider>, String> {
+            if runs == "counting" { Ok(Box::new(Counting(0))) } else { Err(format!("{runs}: unknown")) }
+        }
+    }
+
+    fn command(agent: u32, tick: u64, known_free: u32) -> Command {
+        Command { agent, tick, known_free, ..Command::default() }
+    }
+
+    /// Of three agents and three ticks; the commands are changed.
+    fn recording(change: impl Fn(&mut Command)) -> Recording {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("run.mcap");
+        let documents = [Document { name: SCENARIO_ATTACHMENT, media_type: "", data: b"" }];
+        let mut recorder = Recorder::create(&file, &documents).unwrap();
+        for (agent, controller) in [(0, "counting"), (1, "of somebody"), (2, "counting")] {
+            let join = Join { agent, controller: controller.to_owned(), ..Join::default() };
+            recorder.write(&topics::join(AgentId(agent)), Tick::ZERO, &cdr::encode(&join)).unwrap();
+        }
+        for (tick, agent) in (0..3).flat_map(|tick| (0..3).map(move |agent| (tick, agent))) {
+            let part = Observation { agent, tick, ..Observation::default() };
+            let mut command = command(agent, tick, u32::try_from(tick).unwrap() + 1);
+            change(&mut command);
+            recorder.write(&topics::observation(AgentId(agent)), Tick(tick), &cdr::encode(&part)).unwrap();
+            recorder.write(&topics::command(AgentId(agent)), Tick(tick), &cdr::encode(&command)).unwrap();
+        }
+        recorder.finish().unwrap();
+        Recording::open(&file).unwrap()
+    }
+
+    #[test]
+    fn those_who_are_known_decide_again() {
+        let checked = check(&recording(|_| {}), Tick(3), &Counters).unwrap();
+        assert_eq!((checked.commands, checked.agents), (6, vec![AgentId(0), AgentId(2)]));
+        assert_eq!(checked.unchecked[&AgentId(1)], "of somebody: unknown");
+    }
+
+    #[test]
+    fn the_first_command_that_is_another_is_named() {
+        let changed = recording(|command| {
+            if (command.tick, command.agent) >= (1, 2) {
+                command.want_view = true;
+            }
+        });
+        let refused = check(&changed, Tick(3), &Counters).unwrap_err().to_string();
+        assert!(refused.ends_with(": tick 1, agent 2, /agent_2/command: want_view was true and is false"), "{refused}");
+        assert!(check(&changed, Tick(1), &Counters).is_ok(), "what comes later is not looked at");
+    }
+}

@@ -1,0 +1,372 @@
+//! Recordings hold, or it is said where they do not; two recordings differ where they do.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, VecDeque};
+use std::io::Cursor;
+use std::path::Path;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use agent_node::controllers::{self, Controller, NAMES};
+use experiments::in_memory::ServerEnd;
+use mcap::{Attachment, MessageStream, WriteOptions};
+use msgs::cdr;
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{Command, Intervention, JoinReply, Observation, Progress, Scenario};
+use msgs::service::{Ask, Reply};
+use msgs::simulation_interfaces::{
+    EntityRequest, EntityState, SetEntityStateRequest, SetSimulationStateRequest, SimulationState,
+};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use sim_server::control::Request;
+use sim_server::link::{Incoming, Link as ServerLink};
+use sim_server::scenario::OnAgentLoss;
+
+use crate::support::memory::{Play, serve};
+use crate::support::processes::{Ended, Process};
+use crate::support::recordings::{Message, Recording};
+use crate::support::runs::{Site, scenario};
+
+/// A run of two agents in a small cave.
+const SMALL: [&str; 10] =
+    ["--agents", "2", "--size", "25", "--seed", "5", "--duration", "30", "--set", "stop_when_explored=false"];
+
+/// Records a run over memory under this name.
+#[track_caller]
+fn record(site: &Site, name: &str, flags: &[&str]) -> Ended {
+    let mut single = site.binary("experiments");
+    single.arg("single").arg(scenario("default.toml")).args(SMALL).args(flags).args(["--record", name]);
+    site.start(&mut single).ended().with_code(0)
+}
+
+fn verify(site: &Site, name: &str, flags: &[&str]) -> Ended {
+    Process::start(site.binary("sim_server").args(["verify", name]).args(flags)).ended()
+}
+
+fn diff(site: &Site, first: &str, second: &str) -> Ended {
+    Process::start(site.binary("experiments").args(["diff", first, second])).ended()
+}
+
+/// Fails unless a recording holds, with so many ticks.
+#[track_caller]
+fn assert_holds(site: &Site, name: &str, flags: &[&str]) {
+    let recording = site.recording(name);
+    let ended = verify(site, name, flags).with_code(0);
+    let result = recording.result();
+    let words = format!("verified {} ticks and {} messages, ", result.tick, recording.messages.len());
+    assert!(ended.stdout.starts_with(&words), "{words}\n{ended}");
+    assert_eq!(ended.digest(), recording.result_digest(), "{ended}");
+}
+
+/// Fails unless a recording does not hold, for this reason.
+#[track_caller]
+fn assert_refused(ended: &Ended, reason: &str) {
+    assert_eq!(ended.code, Some(1), "{ended}");
+    assert_eq!(ended.stdout, "", "{ended}");
+    assert_eq!(ended.stderr.lines().collect::<Vec<_>>(), [reason], "{ended}");
+}
+
+/// A recording with other messages, whole and with the right check sums.
+fn rewritten(file: &Path, change: impl Fn(&Message) -> Option<Vec<u8>>) -> Vec<u8> {
+    let bytes = std::fs::read(file).expect("there is a recording");
+    let recording = sim_server::recording::Recording::open(file).expect("it is one");
+    let mut writer =
+        WriteOptions::new().profile("ros2").create(Cursor::new(Vec::new())).expect("memory can be written");
+    for (name, data) in recording.attachments() {
+        let (log_time, create_time, media_type) = (0, 0, String::new());
+        let data = data.as_slice().into();
+        writer.attach(&Attachment { log_time, create_time, name: name.clone(), media_type, data }).expect("memory");
+    }
+    for mut message in MessageStream::new(&bytes).expect("it is whole").map(|message| message.expect("it is whole")) {
+        let (topic, tick) = (message.channel.topic.clone(), message.log_time / Tick::TICK_NS);
+        if let Some(changed) = change(&Message { topic, tick, data: message.data.to_vec() }) {
+            message.data = changed.into();
+        }
+        writer.write(&message).expect("memory can be written");
+    }
+    writer.finish().expect("memory can be written");
+    writer.into_inner().into_inner()
+}
+
+/// Changes one message of a topic, in the middle of the run, and says in which tick.
+fn change_one<M: DeserializeOwned + Serialize>(file: &Path, topic: &str, change: impl Fn(&mut M)) -> (Vec<u8>, u64) {
+    let recording = Recording::read(file);
+    let of_topic: Vec<&Message> = recording.messages.iter().filter(|message| message.topic == topic).collect();
+    let chosen = of_topic[of_topic.len() / 2].clone();
+    let bytes = rewritten(file, |message| {
+        (*message == chosen).then(|| {
+            let mut decoded = cdr::decode(&message.data).expect("it is of this type");
+            change(&mut decoded);
+            cdr::encode(&decoded)
+        })
+    });
+    (bytes, chosen.tick)
+}
+
+#[test]
+fn recordings_of_every_controller_hold_and_so_do_their_commands() {
+    let site = Site::new();
+    for name in NAMES {
+        let run = record(&site, "run.mcap", &["--controller", name]);
+        assert_holds(&site, "run.mcap", &[]);
+        let ended = verify(&site, "run.mcap", &["--controllers"]).with_code(0);
+        let commands =
+            site.recording("run.mcap").messages.iter().filter(|said| said.topic.ends_with("/command")).count();
+        let words = format!("{commands} commands are what the controllers decide, of 2 agents");
+        assert!(ended.stdout.contains(&words), "{name}: {words}\n{ended}");
+        assert_eq!(ended.digest(), run.digest());
+    }
+}
+
+#[test]
+fn agents_that_are_asked_at_every_tick_and_views_change_nothing() {
+    let site = Site::new();
+    record(&site, "views.mcap", &["--look-ahead", "false", "--set", "views.record=[\"odom\",\"map\",\"info\"]"]);
+    let ended = verify(&site, "views.mcap", &["--controllers"]).with_code(0);
+    assert_eq!(ended.digest(), site.recording("views.mcap").result_digest());
+    record(&site, "run.mcap", &[]);
+    let same = diff(&site, "run.mcap", "views.mcap").with_code(0);
+    assert!(same.stdout.starts_with("the same run: "), "{same}");
+}
+
+/// Records a run of two; `leaves` is called before each answer of agent 1, counted from 1, with the flag that ends the run, and says
+/// whether that is its last one.
+fn ended_early(site: &Site, on_agent_loss: OnAgentLoss, leaves: fn(u32, &AtomicBool) -> bool) {
+    let mut play = Play::of_two(2.0);
+    play.scenario.faults.on_agent_loss = on_agent_loss;
+    // A recording does not say when an agent was lost that was asked out of turn.
+    play.scenario.execution.look_ahead = true;
+    play.scenario.execution.decision_timeout_s = 1.0;
+    play.record = Some(site.path("run.mcap"));
+    let stop = Arc::clone(&play.stop);
+    play.with(move |end, ids, is_over| {
+        let has_left = AtomicBool::new(false);
+        let mut answers = 0;
+        let is_asked = ids == [AgentId(1)];
+        let before_answer = || {
+            answers += 1;
+            if is_asked && leaves(answers, &stop) {
+                has_left.store(true, Ordering::Relaxed);
+            }
+        };
+        serve(end, &ids, rbw, before_answer, if is_asked { &has_left } else { is_over });
+    });
+}
+
+fn rbw(agent: AgentId) -> Box<dyn Controller> {
+    controllers::build("rbw", &[], agent, 7).expect("there is such a controller")
+}
+
+#[test]
+fn a_run_that_was_interrupted_holds() {
+    let site = Site::new();
+    ended_early(&site, OnAgentLoss::Abort, |answers, stop| {
+        stop.store(answers >= 3, Ordering::Relaxed);
+        answers >= 3
+    });
+    assert_eq!(site.recording("run.mcap").result().reason, "interrupted");
+    assert_holds(&site, "run.mcap", &[]);
+}
+
+#[test]
+fn a_run_whose_agent_was_lost_holds() {
+    let site = Site::new();
+    for on_agent_loss in [OnAgentLoss::Abort, OnAgentLoss::Drop] {
+        ended_early(&site, on_agent_loss, |answers, _| answers >= 3);
+        assert_holds(&site, "run.mcap", &[]);
+    }
+}
+
+/// A server's end over which somebody pauses the run, puts one agent where it is, lets the run go on, and takes out the other.
+struct Meddler {
+    inner: ServerEnd,
+    requests: VecDeque<Request>,
+    place: Rc<RefCell<Option<EntityState>>>,
+}
+
+impl Meddler {
+    fn state(&mut self, state: u8) {
+        let request = SetSimulationStateRequest { state: SimulationState { state } };
+        self.requests.push_back(Request::SetState(Ask { request, reply: Reply::new(|_| {}) }));
+    }
+}
+
+impl ServerLink for Meddler {
+    fn announce(&mut self, scenario: &Scenario) {
+        self.inner.announce(scenario);
+    }
+
+    fn reply_join(&mut self, reply: &JoinReply) {
+        self.inner.reply_join(reply);
+    }
+
+    fn send(&mut self, agent: AgentId, part: &Observation) {
+        self.inner.send(agent, part);
+    }
+
+    fn clock(&mut self, tick: Tick) {
+        let entity = |agent: u32| EntityRequest { entity: format!("agent_{agent}") };
+        match tick.0 {
+            100 => {
+                self.state(SimulationState::PAUSED);
+                let place = Rc::clone(&self.place);
+                let reply = Reply::new(move |response: msgs::simulation_interfaces::EntityStateResponse| {
+                    *place.borrow_mut() = Some(response.state);
+                });
+                self.requests.push_back(Request::EntityState(Ask { request: entity(1), reply }));
+            }
+            150 => {
+                let reply = Reply::new(|_| {});
+                self.requests.push_back(Request::Delete(Ask { request: entity(0), reply }));
+            }
+            _ => {}
+        }
+        self.inner.clock(tick);
+    }
+
+    fn progress(&mut self, progress: &Progress) {
+        self.inner.progress(progress);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        self.inner.receive(timeout)
+    }
+
+    fn request(&mut self) -> Option<Request> {
+        if let Some(state) = self.place.borrow_mut().take() {
+            let entity = "agent_1".to_owned();
+            let request =
+                SetEntityStateRequest { entity, state, set_pose: true, set_twist: false, set_acceleration: false };
+            self.requests.push_back(Request::SetEntityState(Ask { request, reply: Reply::new(|_| {}) }));
+        } else if self.requests.is_empty() {
+            return None;
+        }
+        let request = self.requests.pop_front();
+        if matches!(request, Some(Request::SetEntityState(_))) {
+            self.state(SimulationState::PLAYING);
+        }
+        request
+    }
+}
+
+#[test]
+fn a_run_that_somebody_has_intervened_in_holds() {
+    let site = Site::new();
+    let mut play = Play::of_two(6.0);
+    play.record = Some(site.path("run.mcap"));
+    play.server_link = |inner| Box::new(Meddler { inner, requests: VecDeque::new(), place: Rc::default() });
+    let played = play.with(|end, ids, is_over| serve(end, &ids, rbw, || {}, is_over));
+    assert_eq!(played.outcome().result.tick, 300);
+    let interventions: Vec<Intervention> = site.recording("run.mcap").of("/sim/intervention");
+    let done: Vec<_> = interventions.iter().map(|done| (done.tick, done.kind, done.agent)).collect();
+    assert_eq!(done, [(100, Intervention::PLACE, 1), (150, Intervention::REMOVE, 0)]);
+    assert_holds(&site, "run.mcap", &[]);
+    let ended = verify(&site, "run.mcap", &["--controllers"]).with_code(0);
+    for agent in [0, 1] {
+        let words = format!("not checked: agent {agent}: controller of: setting `the`: expected KEY=VALUE");
+        assert!(ended.stdout.contains(&words), "{words}\n{ended}");
+    }
+}
+
+#[test]
+fn an_observation_that_was_changed_is_named() {
+    let site = Site::new();
+    record(&site, "run.mcap", &[]);
+    let values = RefCell::new(BTreeMap::new());
+    let (bytes, tick) = change_one(&site.path("run.mcap"), "/agent_1/observation", |told: &mut Observation| {
+        values.borrow_mut().insert("now", told.position.x);
+        told.position.x += 0.25;
+        values.borrow_mut().insert("before", told.position.x);
+    });
+    site.file("changed.mcap", bytes);
+    let reason = format!(
+        "error: changed.mcap: tick {tick}, agent 1, /agent_1/observation: position.x was {:?} and is {:?}",
+        values.borrow()["before"],
+        values.borrow()["now"]
+    );
+    assert_refused(&verify(&site, "changed.mcap", &[]), &reason);
+    assert_refused(&verify(&site, "changed.mcap", &["--controllers"]), &reason);
+}
+
+#[test]
+fn a_command_that_was_changed_is_found_by_what_comes_of_it_and_by_the_controllers() {
+    let site = Site::new();
+    record(&site, "run.mcap", &[]);
+    let (bytes, tick) = change_one(&site.path("run.mcap"), "/agent_1/command", |said: &mut Command| {
+        said.info = "of somebody else".to_owned();
+    });
+    site.file("changed.mcap", bytes);
+    let digest_tick = (tick / 50 + 1) * 50;
+    let refused = verify(&site, "changed.mcap", &[]);
+    let reason = format!("error: changed.mcap: tick {digest_tick}, /sim/digest: digest was ");
+    assert!(refused.code == Some(1) && refused.stderr.starts_with(&reason), "{reason}\n{refused}");
+    let reason = format!(
+        "error: changed.mcap: tick {tick}, agent 1, /agent_1/command: info was \"of somebody else\" and is \"\""
+    );
+    assert_refused(&verify(&site, "changed.mcap", &["--controllers"]), &reason);
+}
+
+#[test]
+fn a_recording_that_is_cut_off_holds_up_to_there() {
+    let site = Site::new();
+    record(&site, "run.mcap", &[]);
+    let whole = site.recording("run.mcap");
+    let bytes = std::fs::read(site.path("run.mcap")).expect("there is a recording");
+    for share in [2, 3] {
+        site.file("cut.mcap", &bytes[..bytes.len() * share / 5]);
+        let last_tick = site.recording("cut.mcap").messages.last().expect("something is there").tick;
+        let ended = verify(&site, "cut.mcap", &["--controllers"]).with_code(0);
+        assert!(ended.stdout.starts_with(&format!("verified {last_tick} ticks and ")), "{last_tick}\n{ended}");
+        assert!(ended.stdout.contains("\nthe file is cut off behind byte "), "{ended}");
+        let same = diff(&site, "cut.mcap", "run.mcap").with_code(1);
+        assert!(same.stdout.starts_with("the same as far as cut.mcap goes, "), "{same}");
+    }
+    assert_eq!(whole.result().tick, 1500);
+}
+
+#[test]
+fn what_is_no_recording_is_bad_input() {
+    let site = Site::new();
+    site.file("text.mcap", "not a recording");
+    for name in ["text.mcap", "nowhere.mcap"] {
+        for ended in [verify(&site, name, &[]), diff(&site, name, name)] {
+            assert_eq!((ended.code, ended.stderr.lines().count()), (Some(2), 1), "{ended}");
+            assert!(ended.stderr.starts_with(&format!("error: {name}: ")), "{ended}");
+        }
+    }
+}
+
+#[test]
+fn two_recordings_differ_where_they_do() {
+    let site = Site::new();
+    record(&site, "run.mcap", &[]);
+    record(&site, "again.mcap", &[]);
+    let same = diff(&site, "run.mcap", "again.mcap").with_code(0);
+    assert!(same.stdout.starts_with("the same run: the same bytes, "), "{same}");
+
+    record(&site, "seed.mcap", &["--set", "seed=6"]);
+    let other = diff(&site, "run.mcap", "seed.mcap").with_code(1);
+    for words in [
+        "their scenarios differ: seed\n  run.mcap: 5\n  seed.mcap: 6",
+        "their maps differ",
+        "first difference: tick 0, /sim/scenario: agents_seed\n  run.mcap: ",
+    ] {
+        assert!(other.stdout.contains(words), "{words}\n{other}");
+    }
+
+    record(&site, "lvd.mcap", &["--controller", "lvd"]);
+    let other = diff(&site, "run.mcap", "lvd.mcap").with_code(1);
+    assert!(other.stdout.starts_with("their scenarios differ: agents.controller\n"), "{other}");
+    assert!(other.stdout.contains("first difference: tick 0, /sim/scenario: controller\n"), "{other}");
+
+    let (bytes, tick) = change_one(&site.path("run.mcap"), "/agent_0/command", |said: &mut Command| {
+        said.want_view = !said.want_view;
+    });
+    site.file("changed.mcap", bytes);
+    let other = diff(&site, "run.mcap", "changed.mcap").with_code(1);
+    let words = format!("first difference: tick {tick}, agent 0, /agent_0/command: want_view\n  run.mcap: ");
+    assert!(other.stdout.starts_with(&words), "{words}\n{other}");
+}
