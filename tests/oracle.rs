@@ -257,7 +257,7 @@ fn assert_diverged(played: Played) {
     match played.outcome {
         Err(RunError::Diverged { agent, tick, what }) => {
             assert!(agent.0 < 3 && tick.0.is_multiple_of(7), "agent {agent}, tick {tick}");
-            assert!(what.starts_with("task.angle_rad: ") && what.contains(" is now "), "{what}");
+            assert!(what.starts_with("task.angle_rad was ") && what.contains(" and is "), "{what}");
         }
         other => panic!("{other:?}\n{}", played.notes.join("\n")),
     }

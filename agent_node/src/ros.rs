@@ -69,7 +69,12 @@ impl RosLink {
                 let found = server.clone();
                 workshop.inlet(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
                     let source = sample.source;
-                    message(sample).inspect(|_| found.is(source)).map(Inbound::Scenario).map(Some)
+                    // Who plays a recording is no server.
+                    let scenario = message(sample)?;
+                    if scenario.run != Scenario::NO_RUN {
+                        found.is(source);
+                    }
+                    Ok(Some(Inbound::Scenario(scenario)))
                 })?;
                 let server = server.clone();
                 workshop.inlet(&mut node, &topics::join_reply(), &mut inbox, move |sample: Sample<JoinReply>| {

@@ -138,7 +138,7 @@ impl fmt::Display for End {
             Self::Missing => f.write_str("without an end: its server was killed, or is still at work"),
             Self::CutOff { bytes } => write!(f, "cut off behind byte {bytes}"),
             Self::Damage { before_byte, reason } => {
-                write!(f, "damaged or cut off before byte {before_byte}: {reason}")
+                write!(f, "damaged before byte {before_byte}: {reason}")
             }
         }
     }

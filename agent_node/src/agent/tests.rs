@@ -24,7 +24,14 @@ impl Controller for Counting {
 }
 
 fn agent() -> Agent {
-    let scenario = maes_msgs::Scenario { size: [4, 4, 4], cell_m: 1.0, share_period_ticks: 10, ..Default::default() };
+    let scenario = maes_msgs::Scenario {
+        size: [4, 4, 4],
+        cell_m: 1.0,
+        agents: 9,
+        duration_ticks: 10_000,
+        share_period_ticks: 10,
+        ..Default::default()
+    };
     let mut briefing = wire::briefing(&scenario).unwrap();
     briefing.extent = Extent::new([4, 4, 4], 1.0).unwrap();
     Agent::new(AgentId(2), briefing, Box::new(Counting(0)))

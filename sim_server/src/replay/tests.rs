@@ -133,14 +133,17 @@ fn what_cannot_be_played_is_told() {
     assert_eq!(notes[0], "/chatter: 1 not played: no topic of a run");
     assert!(notes[1].starts_with("/sim/digest: 1 not played: the message is big-endian"), "{notes:?}");
     assert!(notes[2].starts_with("/sim/info: 1 not played: its type is maes_msgs/msg/Progress, not diag"), "{notes:?}");
-    assert!(notes[3].starts_with("run.mcap: there is no map to look at: map.txt: "), "{notes:?}");
+    assert!(
+        notes[3].starts_with("run.mcap: there is no map to look at: the map of the recording: map.txt: "),
+        "{notes:?}"
+    );
     assert_eq!(notes.len(), 4);
 
     let many: Vec<Said> = (0..2000).map(progress).collect();
     let cut = bytes(&many, MAP);
     let programme = programme(&cut[..cut.len() * 2 / 3]).unwrap();
     let [note] = programme.notes() else { panic!("one note: {:?}", programme.notes()) };
-    assert!(note.starts_with("run.mcap is damaged or cut off before byte "), "{note}");
+    assert!(note.starts_with("run.mcap is cut off behind byte "), "{note}");
     assert!(programme.ticks().1 > Tick(0) && programme.ticks().1 < Tick(1999));
 }
 
