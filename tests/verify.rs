@@ -135,7 +135,7 @@ fn agents_that_are_asked_at_every_tick_and_views_change_nothing() {
 /// Records a run of two; `leaves` is called before each answer of agent 1, counted from 1, with the flag that ends the run, and says
 /// whether that is its last one.
 fn ended_early(site: &Site, on_agent_loss: OnAgentLoss, leaves: fn(u32, &AtomicBool) -> bool) {
-    let mut play = Play::of_two(2.0);
+    let mut play = Play::of_two(20.0);
     play.scenario.faults.on_agent_loss = on_agent_loss;
     // A recording does not say when an agent was lost that was asked out of turn.
     play.scenario.execution.look_ahead = true;
