@@ -190,7 +190,7 @@ impl Found {
         }
         let told = refused.iter().map(|(name, (count, wrong))| format!("{name}: {count} not played: {wrong}"));
         found.notes.extend(told);
-        if let Some(end @ (End::Missing | End::Damage { .. })) = messages.end() {
+        if let Some(end @ (End::Missing | End::CutOff { .. } | End::Damage { .. })) = messages.end() {
             let last_s = seconds(found.last.unwrap_or_default());
             found.notes.push(format!("{} is {end}; it can be played up to {last_s} s", recording.file()));
         }
