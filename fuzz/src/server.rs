@@ -170,7 +170,7 @@ impl<'a> Stage<'a> {
             run: self.run,
             agent,
             task,
-            parcels: if tick % 3 == 0 { vec![parcel] } else { Vec::new() },
+            parcels: if tick.is_multiple_of(3) { vec![parcel] } else { Vec::new() },
             wake: Wake { at_tick: tick + 2, events: Wake::PARCEL },
             ..Command::default()
         }
