@@ -128,6 +128,7 @@ fn play(
         cell_m: 1.0,
         agents: AGENTS,
         share_period_ticks: 23,
+        duration_ticks: 10_000,
         ..Default::default()
     };
     let briefing = wire::briefing(&scenario).unwrap();
@@ -252,8 +253,14 @@ impl Controller for Sleeper {
 fn a_controller_is_asked_when_it_wants_to_be_and_misses_nothing() {
     let shown = Rc::new(RefCell::new(Vec::new()));
     let sleeper = Sleeper { ticks: vec![30, 90], shown: Rc::clone(&shown) };
-    let scenario =
-        maes_msgs::Scenario { size: [4, 4, 4], cell_m: 1.0, agents: 3, share_period_ticks: 10, ..Default::default() };
+    let scenario = maes_msgs::Scenario {
+        size: [4, 4, 4],
+        cell_m: 1.0,
+        agents: 3,
+        duration_ticks: 10_000,
+        share_period_ticks: 10,
+        ..Default::default()
+    };
     let mut agent = Agent::new(AgentId(2), wire::briefing(&scenario).unwrap(), Box::new(sleeper));
     let mut ask = |tick: u64, cell: u32, parcels: Vec<Message>| {
         let seen_free = CellRuns { start: vec![cell], length: vec![1] };
