@@ -9,6 +9,7 @@ use std::time::Duration;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
 use msgs::parameters::Parameter;
+pub use msgs::rcl_interfaces::Level;
 use msgs::visualization_msgs::Marker;
 
 /// A message from the server.
@@ -20,15 +21,6 @@ pub enum Inbound {
     JoinReply(JoinReply),
     /// A part of an observation for one of the agents of this process.
     Observation(Observation),
-}
-
-/// How bad something is that people are told.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
-    /// As expected.
-    Info,
-    /// The agent ends of it.
-    Error,
 }
 
 /// The side of a transport that serves the agents of one process.

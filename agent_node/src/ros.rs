@@ -13,7 +13,6 @@ use std::time::Duration;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
 use msgs::parameters::{Named, Parameter};
-use msgs::rcl_interfaces::Log;
 use msgs::ros::audience::Audience;
 use msgs::ros::rosout::Rosout;
 use msgs::ros::{self, Inbox, Outlet, RosError, Sample, SharedParameters, Tally, Workshop, linger, now};
@@ -141,10 +140,6 @@ impl Link for RosLink {
     }
 
     fn log(&mut self, agent: AgentId, level: Level, text: &str) {
-        let level = match level {
-            Level::Info => Log::INFO,
-            Level::Error => Log::ERROR,
-        };
         if let Some(seat) = self.seat(agent) {
             seat.rosout.say(&mut seat.node, level, text);
         }
@@ -175,7 +170,7 @@ impl Link for RosLink {
 
 impl Drop for RosLink {
     fn drop(&mut self) {
-        linger();
+        linger(false);
     }
 }
 

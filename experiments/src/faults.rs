@@ -20,10 +20,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use msgs::ids::AgentId;
-use sim_server::run::Watcher;
+use sim_server::run::Nobody;
 use sim_server::scenario::{OnAgentLoss, Rtf, Scenario};
-use sim_server::world::World;
 use thiserror::Error;
 
 use crate::single::{self, Grouping, SingleError, Team};
@@ -202,17 +200,4 @@ fn lock_domain(domain: u32) -> Result<File, FaultsError> {
 
 fn write_error(file: &Path, source: std::io::Error) -> FaultsError {
     FaultsError::Write { file: file.display().to_string(), source }
-}
-
-/// Nobody looks on.
-struct Nobody;
-
-impl Watcher for Nobody {
-    fn waiting(&mut self, _missing: &[AgentId]) {}
-
-    fn started(&mut self) {}
-
-    fn progress(&mut self, _world: &World) {}
-
-    fn note(&mut self, _text: &str) {}
 }

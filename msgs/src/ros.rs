@@ -4,14 +4,13 @@
 //! beside them, are the only ones that know the ROS client.
 //!
 //! Invariants: publishing returns at once, whatever readers do: a message that cannot be sent is counted, told about and
-//! dropped, for the protocol sends again; a reader that has died holds up its own topic for `RENEWAL_PERIOD` at the most;
-//! subscriptions take turns, so that one full topic does not hide the others; bytes that are no message come out as an error
-//! and stop nothing.
+//! dropped, for the protocol sends again; a reader that has died holds up its own topic for `RENEWAL_PERIOD` at the most.
 //!
 //! Not done here: the client's own background task ("spinner") is never started, because it would subscribe `/clock` under a
 //! second type; so the services of parameters are our own, and who is there is known from the protocol alone.
 
 mod action;
+mod inbox;
 mod meeting;
 mod parameters;
 mod patient;
@@ -21,12 +20,8 @@ pub mod audience;
 pub mod rosout;
 pub mod stopped;
 
-use std::collections::VecDeque;
 use std::fmt;
 use std::net::{Ipv4Addr, UdpSocket};
-use std::pin::pin;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::task::{Context as TaskContext, Poll, Wake, Waker};
 use std::time::{Duration, Instant};
 
 use crate::message::Message;
@@ -38,10 +33,12 @@ use ros2_client::{
     WriteError,
 };
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::Serialize;
 use thiserror::Error;
 
 pub use action::{Goal, StepsEvent};
+use inbox::{Decoded, take};
+pub use inbox::{Inbox, Sample, source_of};
 pub use parameters::Shared as SharedParameters;
 pub use patient::{PatientOutlet, Sent};
 
@@ -68,6 +65,9 @@ const ANNOUNCEMENT: Duration = Duration::from_millis(10);
 
 /// Wall time that messages under way are given at the end: some rounds of repair, which are 10 ms apart.
 const LINGER: Duration = Duration::from_millis(200);
+
+/// The same if somebody looks on: nodes of people have more under way, and may be slower to take it in.
+const LINGER_WATCHED: Duration = Duration::from_secs(1);
 
 /// Why this process does not take part in a ROS network.
 #[derive(Debug, Error)]
@@ -332,130 +332,14 @@ impl Tally {
     }
 }
 
-/// What came in on a topic.
-pub struct Sample<M> {
-    /// The message, or why the bytes are none.
-    pub message: Result<M, String>,
-    /// The participant that sent it: its GUID prefix and four zeros; all zeros if it is not known.
-    pub source: [u8; 16],
-}
-
-/// Subscriptions that are waited for together.
-pub struct Inbox<T> {
-    ready: Arc<Ready>,
-    inlets: Vec<Inlet<T>>,
-}
-
-struct Inlet<T> {
-    waker: Waker,
-    take: Take<T>,
-}
-
-/// Takes the next sample of a subscription, or leaves the waker with it.
-type Take<T> = Box<dyn Fn(&mut TaskContext<'_>) -> Poll<T>>;
-
-impl<T> Default for Inbox<T> {
-    fn default() -> Self {
-        Inbox { ready: Arc::default(), inlets: Vec::new() }
-    }
-}
-
-impl<T> Inbox<T> {
-    fn add(&mut self, take: Take<T>) {
-        let number = self.inlets.len();
-        let waker = Waker::from(Arc::new(Bell { inlet: number, ready: Arc::clone(&self.ready) }));
-        self.inlets.push(Inlet { waker, take });
-        self.ready.push(number);
-    }
-
-    /// What came in next, or `None` if nothing came in time.
-    pub fn receive(&mut self, timeout: Duration) -> Option<T> {
-        let begun = now();
-        loop {
-            let number = self.ready.next(timeout.saturating_sub(begun.elapsed()))?;
-            let inlet = &self.inlets[number];
-            if let Poll::Ready(taken) = (inlet.take)(&mut TaskContext::from_waker(&inlet.waker)) {
-                self.ready.push(number);
-                return Some(taken);
-            }
-        }
-    }
-}
-
-/// The subscriptions that may have something, in the order in which they are to be asked.
-#[derive(Default)]
-struct Ready {
-    numbers: Mutex<VecDeque<usize>>,
-    rung: Condvar,
-}
-
-impl Ready {
-    fn push(&self, number: usize) {
-        self.lock().push_back(number);
-        self.rung.notify_one();
-    }
-
-    fn next(&self, timeout: Duration) -> Option<usize> {
-        let waited = self.rung.wait_timeout_while(self.lock(), timeout, |numbers| numbers.is_empty());
-        waited.unwrap_or_else(PoisonError::into_inner).0.pop_front()
-    }
-
-    fn lock(&self) -> MutexGuard<'_, VecDeque<usize>> {
-        self.numbers.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// Wakes the inbox for one subscription.
-struct Bell {
-    inlet: usize,
-    ready: Arc<Ready>,
-}
-
-impl Wake for Bell {
-    fn wake(self: Arc<Self>) {
-        self.ready.push(self.inlet);
-    }
-}
-
-fn take<M: Message + 'static>(
-    subscription: &Subscription<Decoded<M>>,
-    context: &mut TaskContext<'_>,
-) -> Poll<Sample<M>> {
-    pin!(subscription.async_take()).poll(context).map(|taken| match taken {
-        Ok((Decoded(message), info)) => Sample { message, source: participant_of(info.publisher_gid().to_bytes16()) },
-        Err(error) => Sample { message: Err(error.to_string()), source: [0; 16] },
-    })
-}
-
-/// The participant of an endpoint, as samples name it.
-pub fn source_of(endpoint: rustdds::GUID) -> [u8; 16] {
-    participant_of(endpoint.to_bytes())
-}
-
-fn participant_of(mut guid: [u8; 16]) -> [u8; 16] {
-    guid[GUID_PREFIX_LENGTH..].fill(0);
-    guid
-}
-
-/// Bytes of a GUID that all endpoints of a participant share.
-const GUID_PREFIX_LENGTH: usize = 12;
-
-/// A message, or why the bytes are none: an error that the ROS client would give out alone loses who sent them.
-struct Decoded<M>(Result<M, String>);
-
-impl<'de, M: Deserialize<'de>> Deserialize<'de> for Decoded<M> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        Ok(Decoded(M::deserialize(deserializer).map_err(|error| error.to_string())))
-    }
-}
-
-/// Gives messages under way a moment. Call it before the endpoints are dropped: what a dropped one has sent is not repaired.
+/// Gives messages under way a moment, and a longer one if people look on. Call it before the endpoints are dropped: what a dropped
+/// one has sent is not repaired.
 #[expect(
     clippy::disallowed_methods,
     reason = "the ROS client does not tell whether its messages have been acknowledged"
 )]
-pub fn linger() {
-    std::thread::sleep(LINGER);
+pub fn linger(is_watched: bool) {
+    std::thread::sleep(if is_watched { LINGER_WATCHED } else { LINGER });
 }
 
 /// Wall time.
@@ -467,49 +351,6 @@ pub fn now() -> Instant {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rosgraph_msgs::Clock;
-
-    fn inbox_of(numbers: impl IntoIterator<Item = usize>) -> Inbox<usize> {
-        let mut inbox = Inbox::default();
-        for number in numbers {
-            inbox.add(Box::new(move |_: &mut TaskContext<'_>| Poll::Ready(number)));
-        }
-        inbox
-    }
-
-    #[test]
-    fn full_topics_take_turns() {
-        let mut inbox = inbox_of(0..3);
-        let received: Vec<_> = (0..7).map(|_| inbox.receive(Duration::ZERO).unwrap()).collect();
-        assert_eq!(received, [0, 1, 2, 0, 1, 2, 0]);
-    }
-
-    #[test]
-    fn an_empty_topic_is_asked_again_when_it_rings() {
-        let mut inbox = Inbox::default();
-        let wakers = Arc::new(Mutex::new(Vec::new()));
-        let left = Arc::clone(&wakers);
-        inbox.add(Box::new(move |context: &mut TaskContext<'_>| {
-            let mut left = left.lock().unwrap();
-            left.push(context.waker().clone());
-            if left.len().is_multiple_of(2) { Poll::Ready(left.len()) } else { Poll::Pending }
-        }));
-        assert_eq!(inbox.receive(Duration::from_millis(1)), None);
-        assert_eq!(inbox.receive(Duration::from_millis(1)), None);
-        let waker = wakers.lock().unwrap()[0].clone();
-        std::thread::scope(|scope| {
-            scope.spawn(move || waker.wake());
-            assert_eq!(inbox.receive(Duration::from_secs(60)), Some(2));
-        });
-    }
-
-    #[test]
-    fn bytes_that_are_no_message_are_told_from_messages() {
-        let bytes = crate::cdr::encode(&Clock::default());
-        assert!(crate::cdr::decode::<Decoded<Clock>>(&bytes).unwrap().0.is_ok());
-        let broken = crate::cdr::decode::<Decoded<Clock>>(&bytes[..9]).unwrap();
-        assert_eq!(broken.0.unwrap_err(), "unexpected end of input");
-    }
 
     #[test]
     fn ports_are_those_of_the_rtps_standard() {

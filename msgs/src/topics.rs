@@ -280,9 +280,21 @@ pub fn all(agents: u32) -> Vec<Topic> {
 /// assert_eq!(topics::named("/chatter"), None);
 /// ```
 pub fn named(name: &str) -> Option<Topic> {
-    let agent = name.strip_prefix("/agent_").and_then(|rest| rest.split_once('/')?.0.parse().ok());
-    let topics = agent.map_or_else(|| Vec::from(of_simulation()), |agent| Vec::from(of_agent(AgentId(agent))));
+    let topics = split(name).map_or_else(|| Vec::from(of_simulation()), |(agent, _)| Vec::from(of_agent(agent)));
     topics.into_iter().find(|topic| topic.name == name)
+}
+
+/// The agent and the rest of the name, of the name of a topic of an agent.
+///
+/// ```
+/// use msgs::{ids::AgentId, topics};
+///
+/// assert_eq!(topics::split("/agent_7/odom"), Some((AgentId(7), "odom")));
+/// assert_eq!(topics::split("/sim/map"), None);
+/// ```
+pub fn split(name: &str) -> Option<(AgentId, &str)> {
+    let (agent, rest) = name.strip_prefix("/agent_")?.split_once('/')?;
+    Some((AgentId(agent.parse().ok()?), rest))
 }
 
 fn of_simulation() -> [Topic; 14] {

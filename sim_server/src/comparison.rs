@@ -47,7 +47,7 @@ pub struct Difference {
 
 impl Difference {
     fn new(place: &Place<'_>, field: Field) -> Self {
-        let agent = of_agent(place.topic).map(|(agent, _)| agent);
+        let agent = topics::split(place.topic).map(|(agent, _)| agent);
         Self { tick: place.tick, agent, topic: place.topic.to_owned(), field }
     }
 
@@ -210,12 +210,6 @@ fn whole(at: &Place<'_>, before: Option<Place<'_>>, now: Option<Place<'_>>) -> D
     Difference::new(at, Field { name: WHOLE_MESSAGE.to_owned(), before: words(before), now: words(now) })
 }
 
-/// The agent and the rest of the topic, of a topic of an agent.
-fn of_agent(topic: &str) -> Option<(AgentId, &str)> {
-    let (agent, rest) = topic.strip_prefix("/agent_")?.split_once('/')?;
-    Some((AgentId(agent.parse().ok()?), rest))
-}
-
 /// A message of the run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
@@ -233,7 +227,7 @@ enum Kind {
 impl Kind {
     /// What is said on a topic, if it is of the run.
     fn of(topic: &str) -> Option<Self> {
-        if let Some((_, rest)) = of_agent(topic) {
+        if let Some((_, rest)) = topics::split(topic) {
             return match rest {
                 "observation" => Some(Self::Observation),
                 "command" => Some(Self::Command),

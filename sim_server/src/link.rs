@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
-
 use msgs::nav_msgs::Odometry;
+pub use msgs::rcl_interfaces::Level;
 use msgs::sensor_msgs::PointCloud2;
 
 use crate::control::Request;
@@ -41,17 +41,6 @@ pub struct Incoming {
     pub source: SourceId,
     /// The message.
     pub message: Inbound,
-}
-
-/// How bad something is that people are told.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
-    /// As expected.
-    Info,
-    /// Not as expected.
-    Warn,
-    /// The run or a part of it has failed.
-    Error,
 }
 
 /// The server's side of a transport.

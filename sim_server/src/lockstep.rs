@@ -168,6 +168,13 @@ pub struct Seat {
     pub controller: String,
 }
 
+impl Seat {
+    /// The same, as it is kept.
+    fn shortened(self) -> Self {
+        Self { controller: self.controller.chars().take(CONTROLLER_CHARS_MAX).collect(), ..self }
+    }
+}
+
 /// A claim of an id.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Claim {
@@ -204,9 +211,7 @@ impl Roster {
         let seat = self.seats.get_mut(agent.index()).ok_or(Refusal::UnknownAgent { agent, agents })?;
         match seat {
             None => {
-                let Seat { source, instance, controller } = claim.seat;
-                let controller = controller.chars().take(CONTROLLER_CHARS_MAX).collect();
-                *seat = Some(Seat { source, instance, controller });
+                *seat = Some(claim.seat.shortened());
                 Ok(())
             }
             Some(taken) if taken.source == claim.seat.source && taken.instance == claim.seat.instance => Ok(()),
@@ -219,6 +224,7 @@ impl Roster {
     /// # Errors
     /// If the new one runs something else.
     pub fn replace(&mut self, agent: AgentId, seat: Seat) -> Result<(), Refusal> {
+        let seat = seat.shortened();
         let taken = &mut self.seats[agent.index()];
         if let Some(before) = taken.as_ref().map(|seat| seat.controller.clone()).filter(|it| *it != seat.controller) {
             return Err(Refusal::OtherController { agent, got: seat.controller, before });
@@ -404,6 +410,11 @@ mod tests {
         let mut endless = claim(0, 1, 1);
         endless.seat.controller = "\u{e9}".repeat(1_000_000);
         roster.join(endless).unwrap();
+        assert_eq!(roster.seat(AgentId(0)).unwrap().controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
+        // Its successor says the same, and may follow.
+        let mut successor = claim(0, 2, 2).seat;
+        successor.controller = "\u{e9}".repeat(1_000_000);
+        roster.replace(AgentId(0), successor).unwrap();
         assert_eq!(roster.seat(AgentId(0)).unwrap().controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
     }
 

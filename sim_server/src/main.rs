@@ -140,11 +140,17 @@ mod serve {
 
     impl Resumed {
         fn open(file: &Path) -> anyhow::Result<Self> {
-            let recording = Recording::open(file)?;
-            if let Horizon::Ended(tick) = Playback::new(&recording)?.horizon() {
-                anyhow::bail!("{}: its run has ended in tick {tick}; there is nothing to go on with", file.display());
+            Ok(Self { file: file.to_owned(), recording: Recording::open(file)? })
+        }
+
+        /// What was said so far, of a run that has not ended.
+        fn playback(&self) -> anyhow::Result<Playback<'_>> {
+            let playback = Playback::new(&self.recording)?;
+            if let Horizon::Ended(tick) = playback.horizon() {
+                let file = self.file.display();
+                anyhow::bail!("{file}: its run has ended in tick {tick}; there is nothing to go on with");
             }
-            Ok(Self { file: file.to_owned(), recording })
+            Ok(playback)
         }
 
         /// What the run is to be; it completes the recording unless another one is named.
@@ -194,6 +200,7 @@ mod serve {
     /// Serves a run over ROS 2.
     pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         let resumed = args.resume.as_deref().map(Resumed::open).transpose()?;
+        let playback = resumed.as_ref().map(Resumed::playback).transpose()?;
         let overrides = args.keys.overrides();
         let (scenario, built) = match (&resumed, args.scenario.as_deref()) {
             (Some(resumed), file) => {
@@ -233,12 +240,9 @@ mod serve {
             map.free_cells,
             map.free_fraction * 100.0
         ));
-        let ended = match &resumed {
+        let ended = match playback {
             None => run::run(&scenario, world, &mut link, recorder, &mut terminal, &stop),
-            Some(resumed) => {
-                let playback = Playback::new(&resumed.recording)?;
-                run::resume(&scenario, world, &mut link, recorder, &mut terminal, &stop, playback)
-            }
+            Some(playback) => run::resume(&scenario, world, &mut link, recorder, &mut terminal, &stop, playback),
         };
         terminal.clear();
         Ok(match ended {

@@ -16,6 +16,7 @@ use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use msgs::cdr::{self, CdrError};
 use msgs::ids::{AgentId, Tick};
+use msgs::topics;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
@@ -105,8 +106,7 @@ impl Message {
     /// The agent and the rest of the topic, of a topic of an agent.
     #[must_use]
     pub fn of_agent(&self) -> Option<(AgentId, &str)> {
-        let (agent, rest) = self.channel.topic.strip_prefix("/agent_")?.split_once('/')?;
-        Some((AgentId(agent.parse().ok()?), rest))
+        topics::split(&self.channel.topic)
     }
 }
 

@@ -19,7 +19,6 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
 use msgs::nav_msgs::Odometry;
-use msgs::rcl_interfaces::Log;
 use msgs::ros::rosout::Rosout;
 use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Workshop, linger, now};
 use msgs::ros_env::RosEnv;
@@ -231,11 +230,6 @@ impl Link for RosLink {
     }
 
     fn log(&mut self, level: Level, text: &str) {
-        let level = match level {
-            Level::Info => Log::INFO,
-            Level::Warn => Log::WARN,
-            Level::Error => Log::ERROR,
-        };
         self.rosout.say(&mut self.node, level, text);
     }
 
@@ -267,7 +261,7 @@ impl Link for RosLink {
 
 impl Drop for RosLink {
     fn drop(&mut self) {
-        linger();
+        linger(!self.gallery.is_deserted() || self.services.were_asked());
     }
 }
 

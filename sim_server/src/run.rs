@@ -46,7 +46,7 @@ use control::Phase;
 use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Patience, Silence};
 pub use log::Checker;
 use log::{Kind, Log, Sink};
-use nobody::Nobody;
+pub use nobody::Nobody;
 
 pub use error::RunError;
 

@@ -10,16 +10,15 @@ use std::time::Duration;
 use experiments::single::{Grouping, Team};
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
-use msgs::ids::AgentId;
 use msgs::maes_msgs::JoinReply;
 use msgs::parameters::{ListRequest, Named, NamesRequest, SetRequest, Value};
 use msgs::simulation_interfaces::{
     EntityRequest, EntityState, FilterRequest, SetEntityStateRequest, SpawnEntityRequest, StepRequest,
 };
 use sim_server::recording::Recording;
-use sim_server::run::Watcher;
+use sim_server::run::Nobody;
 use sim_server::scenario::Scenario;
-use sim_server::{setup, world::World};
+use sim_server::setup;
 use voxels::m3dm;
 
 /// A run of two agents that tell each other what they see, long enough for two chunks of the recording.
@@ -108,17 +107,4 @@ fn root() -> PathBuf {
 
 fn corpus() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus")
-}
-
-/// Nobody looks on.
-struct Nobody;
-
-impl Watcher for Nobody {
-    fn waiting(&mut self, _missing: &[AgentId]) {}
-
-    fn started(&mut self) {}
-
-    fn progress(&mut self, _world: &World) {}
-
-    fn note(&mut self, _text: &str) {}
 }

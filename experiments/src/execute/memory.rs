@@ -4,9 +4,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use agent_node::stopwatch::DecisionTimes;
-use msgs::ids::{AgentId, Tick};
-use sim_server::run::{INTERRUPTED, Watcher};
-use sim_server::world::World;
+use msgs::ids::Tick;
+use sim_server::run::{INTERRUPTED, Nobody};
 
 use super::{RunFailure, machine};
 use crate::measure::{self, Trace};
@@ -22,21 +21,11 @@ pub(super) fn carry_out(run: &PlannedRun, stop: &AtomicBool) -> Result<RunRecord
     let times = DecisionTimes::default();
     let team = Team { grouping: Grouping::Together, chaos_delay: Duration::ZERO, decision_times: Some(times.clone()) };
     let finished =
-        single::run(&scenario, &team, &mut Silent, stop).map_err(|error| RunFailure::Failed(error.to_string()))?;
+        single::run(&scenario, &team, &mut Nobody, stop).map_err(|error| RunFailure::Failed(error.to_string()))?;
     let result = &finished.outcome.result;
     if result.reason == INTERRUPTED {
         return Err(RunFailure::Interrupted);
     }
     let wall = measure::wall_row(Tick(result.tick), finished.outcome.wall, &times.sorted(), &machine());
     Ok(measure::record(run, Trace { size: finished.size, progress: &finished.progress, result, wall }))
-}
-
-/// Nobody looks at one run of many.
-struct Silent;
-
-impl Watcher for Silent {
-    fn waiting(&mut self, _missing: &[AgentId]) {}
-    fn started(&mut self) {}
-    fn progress(&mut self, _world: &World) {}
-    fn note(&mut self, _text: &str) {}
 }

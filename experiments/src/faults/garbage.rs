@@ -57,7 +57,7 @@ pub fn tell(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Result<(), R
             commands.publish(&mut node, &command(&mut rng, run, topic, agents));
         }
     }
-    linger();
+    linger(false);
     Ok(())
 }
 

@@ -6,7 +6,7 @@ use ros2_client::Node;
 
 use super::{Outlet, RosError, Workshop};
 use crate::builtin_interfaces::Time;
-use crate::rcl_interfaces::Log;
+use crate::rcl_interfaces::{Level, Log};
 use crate::topics;
 
 /// The log of one node.
@@ -24,9 +24,10 @@ impl Rosout {
         Ok(Self { outlet: workshop.outlet(node, &topics::rosout())?, name: name.to_owned() })
     }
 
-    /// Says something; `level` is one of the constants of [`Log`].
-    pub fn say(&mut self, node: &mut Node, level: u8, text: &str) {
-        let log = Log { stamp: wall_time(), level, name: self.name.clone(), msg: text.to_owned(), ..Log::default() };
+    /// Says something.
+    pub fn say(&mut self, node: &mut Node, level: Level, text: &str) {
+        let (name, msg) = (self.name.clone(), text.to_owned());
+        let log = Log { stamp: wall_time(), level: level as u8, name, msg, ..Log::default() };
         self.outlet.publish(node, &log);
     }
 }

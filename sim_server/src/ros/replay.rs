@@ -41,9 +41,6 @@ const PIECE_PERIOD: Duration = Duration::from_millis(10);
 /// Wall time between two reports.
 const REPORT_PERIOD: Duration = Duration::from_millis(500);
 
-/// Rounds of lingering at the end: more is under way than at the end of a run.
-const LINGERINGS: u32 = 5;
-
 /// Publishers that take as many files as an agent of a run at the most.
 const TOPICS_OF_AGENT: usize = 8;
 
@@ -99,9 +96,6 @@ pub fn play(
     }
     player.end();
     let is_interrupted = is_stopped() || player.is_quitting();
-    if !is_interrupted {
-        (1..LINGERINGS).for_each(|_| linger());
-    }
     Ok(Played { messages: stage.messages, sim_ticks: player.sim_ticks(), is_interrupted })
 }
 
@@ -280,6 +274,6 @@ impl Stage {
 
 impl Drop for Stage {
     fn drop(&mut self) {
-        linger();
+        linger(true);
     }
 }

@@ -41,6 +41,7 @@ pub(super) struct Services {
     pace: Option<Rtf>,
     events: Outlet<ParameterEvent>,
     ignored: Tally,
+    were_asked: bool,
 }
 
 impl Services {
@@ -79,6 +80,7 @@ impl Services {
 
     /// Takes note of what has come in.
     pub(super) fn take_in(&mut self, node: &mut Node, asked: Asked) {
+        self.were_asked = true;
         match asked {
             Asked::Request(request) if self.requests.len() < REQUESTS_MAX => self.requests.push_back(*request),
             Asked::Request(_) => self.ignored.add(&"too many are waiting"),
@@ -95,6 +97,11 @@ impl Services {
             Asked::Done => {}
             Asked::Undecodable(reason) => self.ignored.add(&reason),
         }
+    }
+
+    /// Whether anybody has ever asked for anything, and so may wait for an answer.
+    pub(super) fn were_asked(&self) -> bool {
+        self.were_asked
     }
 
     /// Whether more may come in. What does not stays with the middleware, which keeps the latest ones of each service.
@@ -162,7 +169,7 @@ impl<T: From<Asked> + 'static> Offer<'_, T> {
         })?;
         let events = workshop.outlet(node, &topics::parameter_events())?;
         let ignored = Tally::new("request ignored".to_owned());
-        Ok(Services { name, requests: VecDeque::new(), pace: None, events, ignored })
+        Ok(Services { name, requests: VecDeque::new(), pace: None, events, ignored, were_asked: false })
     }
 }
 

@@ -85,6 +85,11 @@ impl Gallery {
         (!self.listeners.is_empty()).then_some(&self.listeners)
     }
 
+    /// Whether nobody has listened to anything when it was last looked.
+    pub(super) fn is_deserted(&self) -> bool {
+        self.listeners.is_empty()
+    }
+
     /// Whether somebody listens to the clock.
     pub(super) fn hears_the_clock(&mut self, context: &Context) -> bool {
         self.look(context);

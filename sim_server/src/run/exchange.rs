@@ -269,7 +269,7 @@ impl<'a> Exchange<'a> {
 
     /// See [`History::keep`].
     pub(super) fn keep(&mut self, agent: AgentId, parts: Vec<Part>, answer: &Command, is_known: bool) {
-        self.history.keep(agent, parts, answer.clone(), is_known);
+        self.history.keep(agent, parts, answer, is_known);
     }
 
     /// See [`History::excuse`].

@@ -63,10 +63,10 @@ impl History {
     }
 
     /// Keeps an exchange that counted. The process that has answered, if there was one, knows it.
-    pub(super) fn keep(&mut self, agent: AgentId, parts: Vec<Part>, answer: Command, is_known: bool) {
+    pub(super) fn keep(&mut self, agent: AgentId, parts: Vec<Part>, answer: &Command, is_known: bool) {
         if self.is_kept {
             let past = &mut self.pasts[agent.index()];
-            past.entries.push(Entry { parts, answer });
+            past.entries.push(Entry { parts, answer: answer.clone() });
             if is_known {
                 past.known = past.entries.len();
             }
@@ -130,7 +130,7 @@ mod tests {
     fn of_two_ticks(is_kept: bool) -> History {
         let mut history = History::new(2, is_kept);
         for tick in [0, 7] {
-            history.keep(AGENT, vec![Part { tick, ..Part::default() }], command(tick, "on my way"), true);
+            history.keep(AGENT, vec![Part { tick, ..Part::default() }], &command(tick, "on my way"), true);
         }
         history
     }

@@ -1,4 +1,4 @@
-//! Nobody: takes part in a run that is checked, and is told of it.
+//! Nobody: takes part in a run that is checked, and is told of a run that nobody looks at.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use crate::world::World;
 
 /// Says nothing and hears nothing.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Nobody;
+pub struct Nobody;
 
 impl Link for Nobody {
     fn announce(&mut self, _scenario: &Scenario) {}
