@@ -182,8 +182,8 @@ def states(_argument):
         SimulatorFeatures.ENTITY_STATE_SETTING,
     ]
     check(set(wanted) <= set(features.features), features)
-    for missing in (SimulatorFeatures.SPAWNING, SimulatorFeatures.SIMULATION_RESET):
-        check(missing not in features.features, features)
+    check(SimulatorFeatures.SIMULATION_RESET in features.features, features)
+    check(SimulatorFeatures.SPAWNING not in features.features, features)
     equal(caller.state(), STOPPED, "at the start")
     equal(caller.set_state(STOPPED), 101, "stopped already")
     equal(caller.set_state(77), 103, "no such state")
@@ -191,8 +191,6 @@ def states(_argument):
     caller.step(1)
     caller.step(50)
     equal(caller.code("step_simulation", steps=0), FAILED, "no steps")
-    equal(caller.code("reset_simulation"), UNSUPPORTED, "reset")
-    equal(caller.set_state(STOPPED), UNSUPPORTED, "stop")
     equal(caller.code("spawn_entity", name="x"), UNSUPPORTED, "spawn")
     equal(caller.set_state(PAUSED), 101, "paused already")
 
@@ -283,6 +281,39 @@ def entities(_argument):
     equal(caller.found(), (OK, ["agent_0"]), "who is left")
     caller.step(10)
     equal(caller.set_state(QUITTING), OK, "quit")
+
+
+def again(_argument):
+    """Lets a run begin again from wherever it is, and the last time go on to its end."""
+    caller = Caller()
+    admitted(caller)
+    caller.step(30)
+    start = caller.entity("agent_0").pose
+    equal(caller.move("agent_0", 0.05), OK, "moved")
+    equal(caller.code("reset_simulation", scope=1), UNSUPPORTED, "the time without the state")
+    equal(caller.code("reset_simulation", scope=4), OK, "nothing was spawned")
+    equal(caller.tick(), 31, "nothing was reset")
+
+    def begun_again(state, words):
+        equal((caller.state(), caller.tick()), (state, 0), words)
+        caller.ticks.clear()
+
+    equal(caller.code("reset_simulation"), OK, "reset")
+    begun_again(STOPPED, "after a reset")
+    caller.step(31)
+    equal(caller.entity("agent_0").pose, start, "the same again")
+    equal(caller.set_state(STOPPED), OK, "stop")
+    begun_again(STOPPED, "after a stop")
+    equal(caller.set_state(STOPPED), 101, "stopped already")
+    equal(caller.code("reset_simulation"), OK, "reset while agents come back")
+    begun_again(STOPPED, "after two resets in a row")
+    equal(caller.set("execution.rtf", number(2.0)).successful, True, "rtf")
+    equal(caller.set_state(PLAYING), OK, "play")
+    caller.until(lambda: caller.ticks and caller.ticks[-1] >= 20)
+    equal(caller.code("reset_simulation", scope=255), OK, "reset while playing")
+    equal(caller.state(), PLAYING, "it plays as it did")
+    equal(caller.get("execution.rtf")[0].double_value, 2.0, "at the same pace")
+    equal(caller.set("execution.rtf", number(0.0)).successful, True, "as fast as possible")
 
 
 def intervention(distance):
@@ -376,7 +407,7 @@ def hurry(_argument):
 
 def main():
     rclpy.init()
-    plays = {play.__name__: play for play in (states, entities, intervention, parameters, nonsense, hurry)}
+    plays = {play.__name__: play for play in (states, again, entities, intervention, parameters, nonsense, hurry)}
     plays[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else None)
     print("done", flush=True)
     rclpy.shutdown()

@@ -95,6 +95,14 @@ fn interventions_are_part_of_a_run_and_pauses_are_not() {
 }
 
 #[test]
+fn a_run_that_was_reset_is_the_same_run() {
+    let site = Site::new();
+    controlled(&site, "2", &[], &["again"]).with_code(0);
+    let (recording, whole) = (site.recording("run.mcap"), undisturbed(&site, "2"));
+    assert_eq!(recording, whole, "{}", recording.first_difference(&whole));
+}
+
+#[test]
 fn parameters_are_read_and_set() {
     let site = Site::new();
     controlled(&site, "600", &[], &["parameters"]).with_code(130);

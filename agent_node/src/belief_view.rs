@@ -67,6 +67,13 @@ impl BeliefView {
         self.changed.extend(self.shown.iter().map(|&(block, _)| block));
     }
 
+    /// Nothing is known any more, of a map of the same extent: what was shown is taken back.
+    pub fn begin_again(&mut self) {
+        self.position = 0;
+        self.waiting.clear();
+        self.show_again();
+    }
+
     /// Finds out what has changed since it was last looked.
     pub fn look(&mut self, map: &ExplorationMap) {
         let extent = map.extent();

@@ -3,6 +3,8 @@
 //! Invariants: a controller decides from what it is given alone, draws from its own random stream, and ends; the same
 //! observations give the same commands. This module knows no transport and no wall clock.
 
+pub mod aside;
+pub mod boustrophedon;
 pub mod ctx;
 pub mod dsvp;
 pub mod dsvp_maes3d;
@@ -57,8 +59,17 @@ pub enum ControllerError {
 }
 
 /// The names of all controllers.
-pub const NAMES: [&str; 8] =
-    ["rbw", "rbw-maes3d", "lvd", "lvd-maes3d", "dsvp", "dsvp-maes3d", "dsvp-auction", "nearest-frontier"];
+pub const NAMES: [&str; 9] = [
+    "rbw",
+    "rbw-maes3d",
+    "lvd",
+    "lvd-maes3d",
+    "dsvp",
+    "dsvp-maes3d",
+    "dsvp-auction",
+    "nearest-frontier",
+    "boustrophedon",
+];
 
 /// Whether there is such a controller, and its settings are allowed.
 ///
@@ -109,6 +120,9 @@ fn build_and_list(
         "nearest-frontier" => {
             let stream = stream("nearest-frontier");
             Box::new(nearest_frontier::NearestFrontier::new(&mut settings, stream).map_err(unfit)?)
+        }
+        "boustrophedon" => {
+            Box::new(boustrophedon::Boustrophedon::new(&mut settings, stream("boustrophedon")).map_err(unfit)?)
         }
         "dsvp-maes3d" => Box::new(dsvp_maes3d::DsvpMaes3d::new(stream("dsvp-maes3d"))),
         _ => return Err(ControllerError::Unknown { name: name.to_owned() }),

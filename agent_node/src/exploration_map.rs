@@ -82,37 +82,31 @@ const OWN: u32 = msgs::maes_msgs::Parcel::BROADCAST;
 /// Entries of the journal for one cell at the most: wall, free and covered by hearsay, and wall by the own sensor.
 pub const CHANGES_MAX: usize = 4;
 
-/// One cell in one byte: the state in the lower two bits, above them whether the own sensor has found it so (apart from the
-/// mark of coverage), and above that how many face neighbours inside the map are unexplored.
-#[derive(Debug, Clone, Copy)]
-struct Packed(u8);
+/// The byte of a cell: whether the own sensor has found it so (apart from the mark of coverage).
+const IS_OWN: u8 = 4;
+/// The byte of a cell: one face neighbour that is explored.
+const ONE_CLOSED: u8 = 8;
 
-impl Packed {
-    const OWN: u8 = 4;
-    const ONE_OPEN: u8 = 8;
-
-    fn is_own(self) -> bool {
-        self.0 & Self::OWN != 0
+fn state_of(packed: u8) -> CellState {
+    match packed & 3 {
+        0 => CellState::Unexplored,
+        1 => CellState::Free,
+        2 => CellState::Covered,
+        _ => CellState::Wall,
     }
+}
 
-    fn state(self) -> CellState {
-        match self.0 & 3 {
-            0 => CellState::Unexplored,
-            1 => CellState::Free,
-            2 => CellState::Covered,
-            _ => CellState::Wall,
-        }
-    }
-
-    fn has_open_neighbours(self) -> bool {
-        self.0 >= Self::ONE_OPEN
-    }
+/// Whether a face neighbour inside the map is unexplored, of a cell with so many neighbours outside.
+fn is_open(packed: u8, outside: u8) -> bool {
+    packed / ONE_CLOSED + outside < 6
 }
 
 /// The map of one agent.
 #[derive(Debug, Clone)]
 pub struct ExplorationMap {
-    cells: Grid<Packed>,
+    /// The state in the lower two bits, above them [`IS_OWN`], and above that how many face neighbours are explored. All are 0 at
+    /// first, which costs no memory where the system provides it page by page.
+    cells: Grid<u8>,
     frontier: CellSet,
     journal: Vec<Entry>,
     free: usize,
@@ -126,11 +120,7 @@ impl ExplorationMap {
     /// A map of which nothing is known.
     #[must_use]
     pub fn new(extent: Extent) -> Self {
-        let mut cells = Grid::new(extent, Packed(0));
-        for (cell, packed) in extent.cells().zip(cells.as_mut_slice()) {
-            let inside = cell.neighbours6().into_iter().filter(|&neighbour| extent.contains(neighbour)).count() as u8;
-            packed.0 = Packed::ONE_OPEN * inside;
-        }
+        let cells = Grid::new(extent, 0);
         let frontier = CellSet::new(extent.volume());
         Self { cells, frontier, journal: Vec::new(), free: 0, wall: 0, covered: 0, contradictions: 0, corrections: 0 }
     }
@@ -144,7 +134,7 @@ impl ExplorationMap {
     /// What is known of a cell; outside the map all is wall.
     #[must_use]
     pub fn state(&self, cell: Cell) -> CellState {
-        self.cells.get(cell).map_or(CellState::Wall, |packed| packed.state())
+        self.cells.get(cell).map_or(CellState::Wall, |&packed| state_of(packed))
     }
 
     /// Free cells known, covered ones included.
@@ -253,21 +243,22 @@ impl ExplorationMap {
         let Some(packed) = self.cells.as_mut_slice().get_mut(index) else {
             return;
         };
-        let known = packed.state();
+        let known = state_of(*packed);
         let is_new = known == CellState::Unexplored;
         let is_at_odds = !is_new && (known == CellState::Wall) != (finding == Finding::Wall);
-        if is_at_odds && packed.is_own() {
+        if is_at_odds && *packed & IS_OWN != 0 {
             self.contradictions += 1;
             return;
         }
-        packed.0 |= if from == OWN { Packed::OWN } else { 0 };
+        *packed |= if from == OWN { IS_OWN } else { 0 };
         let is_corrected = is_at_odds && (from == OWN || known == CellState::Wall);
         let is_visited = known == CellState::Free && finding == Finding::Covered;
         if !(is_new || is_corrected || is_visited) {
             return;
         }
-        packed.0 = packed.0 & !3 | finding as u8;
-        let has_open_neighbours = packed.has_open_neighbours();
+        *packed = *packed & !3 | finding as u8;
+        let packed = *packed;
+        let place = Place::of(cell, self.extent().size());
         self.journal.push(Entry { what: cell << 2 | finding as u32, from });
         self.corrections += u64::from(is_corrected);
         match known {
@@ -283,37 +274,62 @@ impl ExplorationMap {
         }
         if finding == Finding::Wall {
             self.frontier.remove(index);
-        } else if has_open_neighbours {
+        } else if is_open(packed, place.outside()) {
             self.frontier.insert(index);
         }
         if is_new {
-            self.close(cell);
+            self.close(&place);
         }
     }
 
     /// Tells the neighbours of a cell that it is unexplored no more.
-    fn close(&mut self, cell: u32) {
-        let [size_x, size_y, size_z] = self.extent().size();
-        let row = cell / size_x;
-        let (x, y, z) = (cell % size_x, row % size_y, row / size_y);
-        let (index, layer) = (cell as usize, (size_x * size_y) as usize);
+    fn close(&mut self, place: &Place) {
         let cells = self.cells.as_mut_slice();
-        let mut close_one = |neighbour: usize| {
-            let packed = &mut cells[neighbour];
-            packed.0 -= Packed::ONE_OPEN;
-            if !packed.has_open_neighbours() {
-                self.frontier.remove(neighbour);
-            }
-        };
-        for (has_lower, has_upper, stride) in
-            [(x > 0, x + 1 < size_x, 1), (y > 0, y + 1 < size_y, size_x as usize), (z > 0, z + 1 < size_z, layer)]
-        {
-            if has_lower {
-                close_one(index - stride);
-            }
-            if has_upper {
-                close_one(index + stride);
+        for axis in 0..3 {
+            for step in [-1, 1] {
+                let Some((neighbour, outside)) = place.beside(axis, step) else { continue };
+                let packed = &mut cells[neighbour];
+                *packed += ONE_CLOSED;
+                if !is_open(*packed, outside) {
+                    self.frontier.remove(neighbour);
+                }
             }
         }
+    }
+}
+
+/// Where a cell lies.
+struct Place {
+    index: usize,
+    at: [i32; 3],
+    size: [i32; 3],
+    strides: [isize; 3],
+}
+
+impl Place {
+    fn of(cell: u32, size: [u32; 3]) -> Self {
+        let [size_x, size_y, _] = size;
+        let row = cell / size_x;
+        let at = [cell % size_x, row % size_y, row / size_y].map(u32::cast_signed);
+        let strides = [1, size_x as isize, (size_x * size_y) as isize];
+        Self { index: cell as usize, at, size: size.map(u32::cast_signed), strides }
+    }
+
+    /// How many of its face neighbours are outside the map.
+    fn outside(&self) -> u8 {
+        (0..3).map(|axis| self.outside_along(axis, self.at[axis])).sum()
+    }
+
+    /// The same along one axis, of a cell with this coordinate.
+    fn outside_along(&self, axis: usize, at: i32) -> u8 {
+        u8::from(at == 0) + u8::from(at + 1 == self.size[axis])
+    }
+
+    /// The index of the neighbour one step on along an axis, and how many of its face neighbours are outside the map.
+    fn beside(&self, axis: usize, step: i32) -> Option<(usize, u8)> {
+        let at = self.at[axis] + step;
+        let index = self.index.checked_add_signed(self.strides[axis] * step as isize)?;
+        let along = self.outside_along(axis, self.at[axis]);
+        (0..self.size[axis]).contains(&at).then(|| (index, self.outside() - along + self.outside_along(axis, at)))
     }
 }

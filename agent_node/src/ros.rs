@@ -69,9 +69,13 @@ impl RosLink {
                 workshop.inlet(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
                     let source = sample.source;
                     // Who plays a recording is no server.
-                    let scenario = message(sample)?;
+                    let mut scenario = message(sample)?;
                     if scenario.run != Scenario::NO_RUN {
                         found.is(source);
+                    }
+                    // Only the server itself begins its run again.
+                    if !found.may_be(source) {
+                        scenario.origin = scenario.run;
                     }
                     Ok(Some(Inbound::Scenario(scenario)))
                 })?;
@@ -189,10 +193,15 @@ impl Server {
         self.0.set(self.0.get().or(Some(source)));
     }
 
+    /// Whether it is this one, as far as is known.
+    fn may_be(&self, source: [u8; 16]) -> bool {
+        self.0.get().is_none_or(|server| server == source)
+    }
+
     /// The message of a sample that it has sent.
     fn message<M>(&self, sample: Sample<M>) -> Result<M, String> {
         let source = sample.source;
-        if self.0.get().is_some_and(|server| server != source) {
+        if !self.may_be(source) {
             return Err(format!("participant {source:02x?} is not the server, whose words these would be"));
         }
         message(sample)

@@ -6,7 +6,8 @@
 //! **Whether the server is there.** A server answers a join of an agent that it has accepted once more, so a process that has heard
 //! nothing for a while asks in this way. Silence that lasts ends the process. So a server that is busy, or held back to a slow
 //! pace, is waited for, and one that was killed is not waited for until somebody looks after its agents. Messages of another run
-//! than the one that was joined have no effect.
+//! than the one that was joined have no effect, except that of its own server which says that it begins again: then the agents
+//! begin again, too, and know nothing.
 
 mod show;
 
@@ -112,15 +113,18 @@ pub enum RunError {
 /// # Errors
 /// If the server refuses an agent, breaks the protocol or is gone, or there is no such controller.
 pub fn run(link: &mut dyn Link, options: &Options, stop: &AtomicBool) -> Result<(), RunError> {
-    let Some(scenario) = scenario(link, stop) else {
-        return Ok(());
-    };
-    let mut process = Process::new(link, options, &scenario)?;
-    let ended = process.serve(stop);
-    if let Err(error) = &ended {
-        process.tell_all(Level::Error, &error.to_string());
+    let mut next = scenario(link, stop);
+    let mut shown = BTreeMap::new();
+    while let Some(scenario) = next {
+        let mut process = Process::new(link, options, &scenario, shown)?;
+        let served = process.serve(stop);
+        if let Err(error) = &served {
+            process.tell_all(Level::Error, &error.to_string());
+        }
+        next = served?;
+        shown = process.shown();
     }
-    ended
+    Ok(())
 }
 
 /// Waits for the scenario of a run; that of a recording which is played is none.
@@ -139,6 +143,9 @@ fn scenario(link: &mut dyn Link, stop: &AtomicBool) -> Option<Scenario> {
 struct Process<'a> {
     link: &'a mut dyn Link,
     run: u64,
+    origin: u64,
+    /// The same run, begun again.
+    next: Option<Scenario>,
     /// Another run that a server has announced.
     other_run: Option<u64>,
     instance: u64,
@@ -160,7 +167,13 @@ struct Seat {
 }
 
 impl<'a> Process<'a> {
-    fn new(link: &'a mut dyn Link, options: &Options, scenario: &Scenario) -> Result<Self, RunError> {
+    /// `shown` is what was shown of the agents in a run that has begun again.
+    fn new(
+        link: &'a mut dyn Link,
+        options: &Options,
+        scenario: &Scenario,
+        mut shown: BTreeMap<AgentId, Shown>,
+    ) -> Result<Self, RunError> {
         let wrong = |source| RunError::Wire { agent: options.agents.first().copied().unwrap_or_default(), source };
         let briefing = wire::briefing(scenario).map_err(wrong)?;
         let name = options.controller.as_ref().unwrap_or(&briefing.controller);
@@ -177,7 +190,7 @@ impl<'a> Process<'a> {
             if let Some(times) = &options.decision_times {
                 controller = times.of(controller);
             }
-            let shown = Shown::new(briefing.extent);
+            let shown = shown.remove(&id).unwrap_or_else(|| Shown::new(briefing.extent));
             let agent = Agent::new(id, briefing.clone(), controller);
             seats.insert(id, Seat { agent, is_accepted: false, shown });
             link.describe(id, parameters::of_controller(name, &taken));
@@ -187,6 +200,8 @@ impl<'a> Process<'a> {
         Ok(Self {
             link,
             run: scenario.run,
+            origin: scenario.origin,
+            next: None,
             other_run: None,
             instance,
             chaos_delay,
@@ -200,10 +215,10 @@ impl<'a> Process<'a> {
         })
     }
 
-    /// Takes part until the run is over or `stop` is set.
-    fn serve(&mut self, stop: &AtomicBool) -> Result<(), RunError> {
+    /// Takes part until the run is over or `stop` is set; or until it begins again, as what it gives out.
+    fn serve(&mut self, stop: &AtomicBool) -> Result<Option<Scenario>, RunError> {
         let mut patience = PATIENCE;
-        while !self.seats.is_empty() && !stop.load(Ordering::Relaxed) {
+        while !self.seats.is_empty() && self.next.is_none() && !stop.load(Ordering::Relaxed) {
             self.join();
             if let Some(message) = self.link.receive(patience) {
                 self.handle(message)?;
@@ -211,7 +226,7 @@ impl<'a> Process<'a> {
             patience = self.show_beliefs();
             self.listen_for_the_server()?;
         }
-        Ok(())
+        Ok(self.next.take())
     }
 
     /// Asks to take part, now and then, until all agents are accepted; after that, asks a silent server for a sign of life.
@@ -242,8 +257,12 @@ impl<'a> Process<'a> {
             Inbound::Observation(part) => part.run,
         };
         if run != self.run {
-            if matches!(message, Inbound::Scenario(_)) && run != Scenario::NO_RUN {
-                self.other_run = Some(run);
+            match message {
+                Inbound::Scenario(scenario) if scenario.origin == self.origin && run > self.run => {
+                    self.next = Some(scenario);
+                }
+                Inbound::Scenario(_) if run != Scenario::NO_RUN => self.other_run = Some(run),
+                _ => {}
             }
             return Ok(());
         }
@@ -339,8 +358,15 @@ mod tests {
             cell_m: 1.0,
             agents: 1,
             controller: "rbw".to_owned(),
+            origin: run,
             ..Scenario::default()
         })
+    }
+
+    /// The first run of a server, begun again.
+    fn begun_again(origin: u64, run: u64) -> Inbound {
+        let Inbound::Scenario(scenario) = scenario(run) else { unreachable!("it is one") };
+        Inbound::Scenario(Scenario { origin, ..scenario })
     }
 
     fn observation(run: u64, phase: u8) -> Inbound {
@@ -418,6 +444,31 @@ mod tests {
         server.runs().unwrap_or_else(|error| panic!("{error}"));
         assert!(server.joins.iter().all(|join| join.run == OURS));
         assert_eq!(server.answers.iter().map(|command| command.run).collect::<Vec<_>>(), [OURS; 2]);
+    }
+
+    #[test]
+    fn a_run_that_begins_again_is_joined_again() {
+        let mut server = Server::saying(
+            vec![
+                scenario(OURS),
+                observation(OURS, Part::RUNNING),
+                begun_again(OURS, OURS + 5),
+                observation(OURS, Part::RUNNING),
+                // What was said before it, late.
+                begun_again(OURS, OURS + 4),
+                observation(OURS + 5, Part::RUNNING),
+                observation(OURS + 5, Part::ENDED),
+            ],
+            1,
+        );
+        server.replies = 2;
+        server.runs().unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(
+            server.joins.iter().map(|join| (join.run, join.last_tick)).collect::<Vec<_>>(),
+            [(OURS, Join::NONE), (OURS + 5, Join::NONE)]
+        );
+        let answers: Vec<u64> = server.answers.iter().map(|command| command.run).collect();
+        assert_eq!(answers, [OURS, OURS + 5, OURS + 5]);
     }
 
     #[test]

@@ -17,7 +17,7 @@ import rclpy
 from maes_msgs.msg import Command, Join, JoinReply, Observation, Scenario, Task, Wake
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-PROTOCOL = 2
+PROTOCOL = 3
 RELIABLE = QoSProfile(depth=16)
 LATCHED = QoSProfile(depth=256, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -44,6 +44,7 @@ class Agent:
         self.instance = secrets.randbits(64)
         self.rng = None  # from the scenario
         self.run = None  # the same
+        self.origin = None  # the same
         self.is_accepted = False
         self.parts = {}  # of the observation that is arriving, by number
         self.answer = None  # the last one, to repeat it when the same tick is asked again
@@ -57,10 +58,12 @@ class Agent:
         node.create_timer(0.2, self.join)
 
     def on_scenario(self, scenario):
-        # A recording that is played has the number 0, and is no run.
-        if self.run is None and scenario.run != 0:
-            self.run = scenario.run
+        # A recording that is played has the number 0, and is no run. A run that was reset begins again with another number.
+        begins = self.run is None and scenario.run != 0
+        if begins or (scenario.origin == self.origin and scenario.run > self.run):
+            self.run, self.origin = scenario.run, scenario.origin
             self.rng = random.Random(f"{scenario.agents_seed} {self.number}")
+            self.is_accepted, self.parts, self.answer = False, {}, None
 
     def join(self):
         if self.rng is not None and not self.is_accepted:

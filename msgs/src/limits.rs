@@ -4,7 +4,7 @@
 //! machine has by default, and nobody is told. This module checks nothing; whoever receives a message does.
 
 /// Version of the protocol. Another one is not understood, and a join that names it is refused.
-pub const PROTOCOL: u32 = 2;
+pub const PROTOCOL: u32 = 3;
 
 /// Longest CDR encoding of one part of an observation, bytes.
 pub const OBSERVATION_BYTES_MAX: usize = 60_000;

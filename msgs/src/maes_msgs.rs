@@ -356,6 +356,8 @@ pub struct Scenario {
     pub protocol: u32,
     /// A number that tells this run from any other, or [`NO_RUN`](Self::NO_RUN) in a recording.
     pub run: u64,
+    /// That of its server's first run: after a reset `run` is another one and `origin` is the same.
+    pub origin: u64,
     /// Sim time of one fixed update, nanoseconds.
     pub tick_ns: u64,
     /// The run ends at this tick at the latest.

@@ -38,7 +38,7 @@ use thiserror::Error;
 
 pub use action::{Goal, StepsEvent};
 use inbox::{Decoded, take};
-pub use inbox::{Inbox, Sample, source_of};
+pub use inbox::{Inbox, Sample, own_source, source_of};
 pub use parameters::Shared as SharedParameters;
 pub use patient::{PatientOutlet, Sent};
 

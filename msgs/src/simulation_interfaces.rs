@@ -100,6 +100,8 @@ impl SimulatorFeatures {
     pub const ENTITY_STATE_SETTING: u16 = 11;
     /// Infos can be asked for.
     pub const ENTITY_INFO_GETTING: u16 = 12;
+    /// The simulation can begin again.
+    pub const SIMULATION_RESET: u16 = 20;
     /// The state of the simulation can be asked for.
     pub const SIMULATION_STATE_GETTING: u16 = 24;
     /// The state of the simulation can be set.
@@ -243,8 +245,17 @@ pub struct StepRequest {
 /// A request to begin again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ResetRequest {
-    /// What of; a sum of bits.
+    /// What of: [`DEFAULT`](Self::DEFAULT), or a sum of bits.
     pub scope: u8,
+}
+
+impl ResetRequest {
+    /// `scope`: everything.
+    pub const DEFAULT: u8 = 0;
+    /// `scope`: the time and the state of entities.
+    pub const TIME_AND_STATE: u8 = 1 | 2;
+    /// `scope`: entities that were spawned.
+    pub const SPAWNED: u8 = 4;
 }
 
 /// A request to put an entity somewhere.

@@ -307,6 +307,7 @@ mod tests {
         assert_eq!((again.map.file, again.map.cell_m, again.map.seed), (None, 0.5, Some(3)));
     }
 
+    #[cfg(feature = "ros")]
     #[test]
     fn sizes_rates_and_assignments() {
         assert_eq!(size("50"), Ok(50.into()));

@@ -10,9 +10,11 @@
 //! | from, to | `STOPPED` | `PLAYING` | `PAUSED` | `QUITTING` |
 //! |---|---|---|---|---|
 //! | `STOPPED` | 101 | yes | yes | yes |
-//! | `PLAYING` | unsupported | 101 | yes; ends steps under way | yes |
-//! | `PAUSED` | unsupported | yes | 101 | yes |
+//! | `PLAYING` | begins again | 101 | yes; ends steps under way | yes |
+//! | `PAUSED` | begins again | yes | 101 | yes |
 //! | `QUITTING` | 103 | 103 | 103 | 101 |
+//!
+//! What cannot begin again, such as a recording that is played, answers that it is unsupported.
 //!
 //! This module knows no transport and no clock, and carries out nothing: `run/control.rs` does.
 
@@ -22,9 +24,9 @@ pub mod entities;
 use msgs::service::Ask;
 use msgs::simulation_interfaces::{
     self as standard, ALREADY_IN_TARGET_STATE, DeleteEntity, GetEntities, GetEntitiesStates, GetEntityBounds,
-    GetEntityInfo, GetEntityState, GetSimulationState, GetSimulatorFeatures, INCORRECT_TRANSITION, ResetSimulation,
-    Result as Outcome, SetEntityState, SetSimulationState, SimulationState, SimulatorFeatures, SpawnEntity,
-    StepSimulation,
+    GetEntityInfo, GetEntityState, GetSimulationState, GetSimulatorFeatures, INCORRECT_TRANSITION, ResetRequest,
+    ResetSimulation, Result as Outcome, SetEntityState, SetSimulationState, SimulationState, SimulatorFeatures,
+    SpawnEntity, StepSimulation,
 };
 
 use crate::scenario::Rtf;
@@ -88,6 +90,7 @@ pub fn features() -> SimulatorFeatures {
             SimulatorFeatures::ENTITY_STATE_GETTING,
             SimulatorFeatures::ENTITY_STATE_SETTING,
             SimulatorFeatures::ENTITY_INFO_GETTING,
+            SimulatorFeatures::SIMULATION_RESET,
             SimulatorFeatures::SIMULATION_STATE_GETTING,
             SimulatorFeatures::SIMULATION_STATE_SETTING,
             SimulatorFeatures::SIMULATION_STATE_PAUSE,
@@ -141,13 +144,60 @@ struct Stepping {
 pub struct Control {
     state: State,
     stepping: Option<Stepping>,
+    can_begin_again: bool,
+    /// How it is to begin again, if it is to.
+    beginning: Option<Beginning>,
+}
+
+/// How something that is to begin again begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Beginning {
+    /// Whether it waits at tick 0.
+    pub is_paused: bool,
 }
 
 impl Control {
     /// At tick 0; one that is not paused plays as soon as it can.
     #[must_use]
-    pub fn new(is_paused: bool) -> Self {
-        Self { state: if is_paused { State::Stopped } else { State::Playing }, stepping: None }
+    pub fn new(is_paused: bool, can_begin_again: bool) -> Self {
+        let state = if is_paused { State::Stopped } else { State::Playing };
+        Self { state, stepping: None, can_begin_again, beginning: None }
+    }
+
+    /// How it is to begin again, if it is to: whoever carries it out ends it then, and begins anew.
+    #[must_use]
+    pub fn beginning(&self) -> Option<Beginning> {
+        self.beginning
+    }
+
+    /// Is to begin again, playing if time passes now; `scope` is a sum of the constants of `ResetSimulation`.
+    ///
+    /// # Errors
+    /// The answer that says why not.
+    pub fn reset(&mut self, scope: u8) -> Result<(), Outcome> {
+        if !self.can_begin_again {
+            return Err(no_way_back());
+        }
+        if self.state == State::Quitting {
+            return Err(Outcome::failure(Outcome::INCORRECT_STATE, "the simulation is about to end"));
+        }
+        match scope {
+            // Nothing can be spawned, so there is nothing to take away.
+            ResetRequest::SPAWNED => Ok(()),
+            ResetRequest::DEFAULT => self.begin_again(!self.may_tick()),
+            _ if scope & ResetRequest::TIME_AND_STATE == ResetRequest::TIME_AND_STATE => {
+                self.begin_again(!self.may_tick())
+            }
+            _ => Err(Outcome::failure(
+                Outcome::FEATURE_UNSUPPORTED,
+                format!("scope = {scope}: expected 0 or 255 (all) or 3 (time and state), which go together"),
+            )),
+        }
+    }
+
+    fn begin_again(&mut self, is_paused: bool) -> Result<(), Outcome> {
+        self.beginning = Some(Beginning { is_paused });
+        Ok(())
     }
 
     /// The state. While steps are made, time passes.
@@ -190,11 +240,14 @@ impl Control {
             SimulationState::PLAYING => State::Playing,
             SimulationState::PAUSED => State::Paused,
             SimulationState::QUITTING => State::Quitting,
+            SimulationState::STOPPED if self.can_begin_again => {
+                return self.begin_again(true);
+            }
             SimulationState::STOPPED => return Err(no_way_back()),
             other => {
                 return Err(Outcome::failure(
                     INCORRECT_TRANSITION,
-                    format!("state = {other}: expected 1 (PLAYING), 2 (PAUSED) or 3 (QUITTING)"),
+                    format!("state = {other}: expected 0 (STOPPED), 1 (PLAYING), 2 (PAUSED) or 3 (QUITTING)"),
                 ));
             }
         };
@@ -237,18 +290,11 @@ impl Control {
     }
 }
 
-/// What has begun begins once.
 fn no_way_back() -> Outcome {
     Outcome::failure(
         Outcome::FEATURE_UNSUPPORTED,
         "it cannot begin again: end it with state 3 (QUITTING) and start the same anew",
     )
-}
-
-/// The answer to `ResetSimulation`.
-#[must_use]
-pub fn reset() -> standard::ResultResponse {
-    standard::ResultResponse { result: no_way_back() }
 }
 
 /// The answer to `SpawnEntity`.
@@ -266,7 +312,7 @@ mod tests {
     use super::*;
 
     fn in_state(state: State) -> Control {
-        Control { state, stepping: None }
+        Control { state, ..Control::new(false, true) }
     }
 
     /// The code of an answer.
@@ -280,14 +326,16 @@ mod tests {
             [SimulationState::STOPPED, SimulationState::PLAYING, SimulationState::PAUSED, SimulationState::QUITTING];
         for (from, codes) in [
             (State::Stopped, [101, 1, 1, 1]),
-            (State::Playing, [0, 101, 1, 1]),
-            (State::Paused, [0, 1, 101, 1]),
+            (State::Playing, [1, 101, 1, 1]),
+            (State::Paused, [1, 1, 101, 1]),
             (State::Quitting, [103, 103, 103, 101]),
         ] {
             for (target, expected) in to.into_iter().zip(codes) {
                 let mut control = in_state(from);
                 assert_eq!(code(control.set_state(target)), expected, "{from:?} to {target}");
-                let reached = if expected == 1 { target } else { from.number() };
+                let is_reset = expected == 1 && target == SimulationState::STOPPED;
+                assert_eq!(control.beginning(), is_reset.then_some(Beginning { is_paused: true }));
+                let reached = if expected == 1 && !is_reset { target } else { from.number() };
                 assert_eq!(control.state().number(), reached, "{from:?} to {target}");
             }
             for nonsense in [4, 5, 200] {
@@ -328,7 +376,30 @@ mod tests {
 
     #[test]
     fn a_run_plays_unless_it_is_to_begin_paused() {
-        assert_eq!(Control::new(false).state(), State::Playing);
-        assert_eq!(Control::new(true).state(), State::Stopped);
+        assert_eq!(Control::new(false, true).state(), State::Playing);
+        assert_eq!(Control::new(true, true).state(), State::Stopped);
+    }
+
+    #[test]
+    fn all_begins_again_or_nothing_does() {
+        for (from, is_paused) in [(State::Stopped, true), (State::Playing, false), (State::Paused, true)] {
+            for scope in [0, 3, 7, 255] {
+                let mut control = in_state(from);
+                assert_eq!(control.reset(scope), Ok(()), "{from:?} {scope}");
+                assert_eq!(control.beginning(), Some(Beginning { is_paused }), "{from:?} {scope}");
+            }
+            for scope in [1, 2, 5, 6, 8] {
+                let mut control = in_state(from);
+                assert_eq!((code(control.reset(scope)), control.beginning()), (Outcome::FEATURE_UNSUPPORTED, None));
+            }
+            let mut control = in_state(from);
+            assert_eq!((control.reset(4), control.beginning()), (Ok(()), None), "nothing was spawned");
+        }
+        assert_eq!(code(in_state(State::Quitting).reset(0)), Outcome::INCORRECT_STATE);
+        let mut once = Control::new(true, false);
+        once.step(1).unwrap();
+        assert_eq!(code(once.reset(0)), Outcome::FEATURE_UNSUPPORTED);
+        assert_eq!(code(once.set_state(SimulationState::STOPPED)), Outcome::FEATURE_UNSUPPORTED);
+        assert_eq!(once.beginning(), None);
     }
 }

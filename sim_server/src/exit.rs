@@ -51,6 +51,10 @@ pub fn of_error(error: &RunError) -> ExitCode {
         | RunError::OtherController { .. }
         | RunError::Playback(_)
         | RunError::OtherRun { .. } => BAD_INPUT,
-        RunError::OtherServer { .. } | RunError::Random(_) | RunError::Record(_) | RunError::Threads(_) => FAILED,
+        RunError::OtherServer { .. }
+        | RunError::Random(_)
+        | RunError::Record(_)
+        | RunError::Reset(_)
+        | RunError::Threads(_) => FAILED,
     })
 }

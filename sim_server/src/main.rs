@@ -128,9 +128,10 @@ mod serve {
     use sim_server::recording::Recording;
     use sim_server::replay::Programme;
     use sim_server::ros::{RosLink, replay};
+    use sim_server::run::{self, RunError};
     use sim_server::scenario::{Override, Scenario};
     use sim_server::terminal::{self, Terminal};
-    use sim_server::{exit, run, setup};
+    use sim_server::{exit, setup};
 
     /// A recording whose run goes on.
     struct Resumed {
@@ -202,30 +203,31 @@ mod serve {
         let resumed = args.resume.as_deref().map(Resumed::open).transpose()?;
         let playback = resumed.as_ref().map(Resumed::playback).transpose()?;
         let overrides = args.keys.overrides();
-        let (scenario, built) = match (&resumed, args.scenario.as_deref()) {
-            (Some(resumed), file) => {
-                let scenario = resumed.scenario(file, &overrides)?;
-                let built = setup::rebuild(&resumed.recording, &scenario);
-                (scenario, built)
-            }
-            (None, Some(file)) => {
-                let scenario = setup::load(file, &overrides)?;
-                let built = setup::build(&scenario);
-                (scenario, built)
-            }
+        let scenario = match (&resumed, args.scenario.as_deref()) {
+            (Some(resumed), file) => resumed.scenario(file, &overrides)?,
+            (None, Some(file)) => setup::load(file, &overrides)?,
             (None, None) => unreachable!("one of the two is required"),
         };
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
         let source = args.scenario.as_deref().or(args.resume.as_deref()).unwrap_or(Path::new(""));
-        let (world, map) = built.map_err(|error| anyhow::anyhow!("{}: {error}", source.display()))?;
+        let build = || {
+            let built = match &resumed {
+                Some(resumed) => setup::rebuild(&resumed.recording, &scenario),
+                None => setup::build(&scenario),
+            };
+            built.map_err(|error| anyhow::anyhow!("{}: {error}", source.display()))
+        };
+        let (world, map) = build()?;
         let stop = stopped_by_signals()?;
         ros::stopped::end_when_continued().context("handling signals")?;
         let mut link = match RosLink::new(&scenario, &env) {
             Ok(link) => link,
             Err(error) => return failed(&error),
         };
-        let record = |file| setup::record(file, &scenario, &world);
-        let recorder = match scenario.execution.record.as_deref().map(record).transpose() {
+        let record = |world: &_| {
+            scenario.execution.record.as_deref().map(|file| setup::record(file, &scenario, world)).transpose()
+        };
+        let recorder = match record(&world) {
             Ok(recorder) => recorder,
             Err(error) => return failed(&error),
         };
@@ -240,10 +242,18 @@ mod serve {
             map.free_cells,
             map.free_fraction * 100.0
         ));
-        let ended = match playback {
+        let mut ended = match playback {
             None => run::run(&scenario, world, &mut link, recorder, &mut terminal, &stop),
             Some(playback) => run::resume(&scenario, world, &mut link, recorder, &mut terminal, &stop, playback),
         };
+        while let Err(RunError::Reset(start)) = ended {
+            terminal.say("begins again, as somebody has asked for");
+            let (world, _) = build()?;
+            ended = match record(&world) {
+                Ok(recorder) => run::begin_again(start, &scenario, world, &mut link, recorder, &mut terminal, &stop),
+                Err(error) => return failed(&error),
+            };
+        }
         terminal.clear();
         Ok(match ended {
             Ok(outcome) => {

@@ -19,6 +19,12 @@ impl Pace {
         Self { rtf, from: Tick::ZERO, begun_ns: 0 }
     }
 
+    /// The rate.
+    #[must_use]
+    pub fn rtf(&self) -> Rtf {
+        self.rtf
+    }
+
     /// Goes at another rate from now on.
     pub fn change(&mut self, rtf: Rtf, tick: Tick, wall_ns: u64) {
         self.rtf = rtf;

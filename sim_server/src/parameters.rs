@@ -26,10 +26,11 @@ const POSITIVE: Option<(f64, f64)> = Some((0.0, 1e6));
 const PERIOD: Option<(f64, f64)> = Some((1.0, 4_294_967_295.0));
 
 /// The keys of a scenario. Those of tables that are free, such as `agents.set`, are not among them.
-const KEYS: [Key; 56] = [
+const KEYS: [Key; 57] = [
     ("seed", "seed of everything random", Some((0.0, 9_223_372_036_854_775_807.0))),
     ("duration_s", "sim time after which the run ends, s", Some((0.02, 2e8))),
     ("stop_when_explored", "whether the run ends once every free cell has been seen", None),
+    ("stop_when_covered", "whether the run ends once a body has been in every free cell, and not before", None),
     ("map.kind", "which generator, or a file", None),
     ("map.size", "cells along each axis; one number for a cube", Some((5.0, 1024.0))),
     ("map.cell_m", "edge of a cell, m", POSITIVE),
@@ -195,6 +196,7 @@ mod tests {
     fn every_key_is_described_and_only_the_pace_may_be_set() {
         let whole = "spawn = { kind = \"list\", poses = [[1.5, 1.5, 1.5], [2.5, 1.5, 1.5]] }\n\
                      execution = { record = \"a\", rtf = 2.0 }\n\
+                     stop_when_covered = true\n\
                      map = { kind = \"noise\", size = [30, 20, 10], seed = 3 }";
         let others = ["map = { kind = \"file\", file = \"a.txt\" }", "map = { kind = \"spheres\", size = 30 }"];
         let mut seen = BTreeSet::new();

@@ -20,7 +20,7 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
 use msgs::nav_msgs::Odometry;
 use msgs::ros::rosout::Rosout;
-use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Workshop, linger, now};
+use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Workshop, linger, now, own_source};
 use msgs::ros_env::RosEnv;
 use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
@@ -110,12 +110,12 @@ impl RosLink {
         let mut inbox = Inbox::default();
         let own_run = Rc::new(Cell::new(None));
         let other_run = Rc::new(Cell::new(None));
-        let (own, other) = (Rc::clone(&own_run), Rc::clone(&other_run));
+        let (own, other) = (own_source(&context), Rc::clone(&other_run));
         workshop.inlet(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
             match sample.message.map(|scenario| scenario.run) {
-                // A recording that is played is no run.
+                // What this server says itself, of the present run or one before it, and a recording that is played.
+                Ok(_) if sample.source == own => {}
                 Ok(Scenario::NO_RUN) => {}
-                Ok(run) if own.get() == Some(run) => {}
                 Ok(run) => other.set(Some(run)),
                 // What cannot be read is the scenario of another version.
                 Err(_) => other.set(Some(0)),
@@ -173,6 +173,7 @@ impl RosLink {
 impl Link for RosLink {
     fn announce(&mut self, scenario: &Scenario) {
         self.own_run.set(Some(scenario.run));
+        self.nodes.begin_again();
         self.unannounced = Some(scenario.clone());
         self.announce_in_time();
     }

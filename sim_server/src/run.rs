@@ -31,13 +31,14 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Part};
 
+use crate::control::Beginning;
 use crate::control::desk::Desk;
 use crate::digest::{Chain, Digest};
 use crate::link::{Level, Link};
 use crate::lockstep::Wake;
 use crate::playback::{Playback, Said};
 use crate::recorder::Recorder;
-use crate::scenario::{OnAgentLoss, Scenario};
+use crate::scenario::{OnAgentLoss, Rtf, Scenario};
 use crate::views::Views;
 use crate::wire;
 use crate::world::{Action, Since, World};
@@ -61,6 +62,9 @@ pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
 
 /// Reason of a result: the team has seen everything.
 pub const EXPLORED: &str = "explored";
+
+/// Reason of a result: bodies have been everywhere.
+pub const COVERED: &str = "covered";
 
 /// Reason of a result: the time is up.
 pub const DURATION: &str = "duration";
@@ -109,7 +113,48 @@ pub fn run(
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
 ) -> Result<Outcome, RunError> {
-    carry_out(scenario, world, link, recorder.into(), watcher, stop, None)
+    carry_out(Start::of(scenario)?, scenario, world, link, recorder.into(), watcher, stop, None)
+}
+
+/// How a run is told from others, and begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// Number of the first run of this server: not 0, which stands for no run in particular.
+    origin: u64,
+    /// How often it has begun again.
+    resets: u64,
+    is_paused: bool,
+    rtf: Rtf,
+}
+
+impl Start {
+    /// As the scenario says.
+    fn of(scenario: &Scenario) -> Result<Self, RunError> {
+        let (is_paused, rtf) = (scenario.execution.paused, scenario.execution.rtf);
+        // Room for resets above it.
+        Ok(Self { origin: (getrandom::u64()? >> 1).max(1), resets: 0, is_paused, rtf })
+    }
+
+    /// Number of the run.
+    fn run(&self) -> u64 {
+        self.origin + self.resets
+    }
+}
+
+/// Carries out a scenario once more, after [`RunError::Reset`], in a world that was made anew, with the same agents.
+///
+/// # Errors
+/// As [`run`].
+pub fn begin_again(
+    start: Start,
+    scenario: &Scenario,
+    world: World,
+    link: &mut dyn Link,
+    recorder: Option<Recorder>,
+    watcher: &mut dyn Watcher,
+    stop: &AtomicBool,
+) -> Result<Outcome, RunError> {
+    carry_out(start, scenario, world, link, recorder.into(), watcher, stop, None)
 }
 
 /// Goes on with a run: carries out again what a recording says of it, then tells the agents their past and goes on with them.
@@ -125,7 +170,7 @@ pub fn resume(
     stop: &AtomicBool,
     playback: Playback<'_>,
 ) -> Result<Outcome, RunError> {
-    carry_out(scenario, world, link, recorder.into(), watcher, stop, Some(playback))
+    carry_out(Start::of(scenario)?, scenario, world, link, recorder.into(), watcher, stop, Some(playback))
 }
 
 /// Carries out again what a recording says of a run, up to where it ends and with nobody taking part, before somebody who knows
@@ -140,10 +185,13 @@ pub fn again(
     playback: Playback<'_>,
 ) -> Result<Outcome, RunError> {
     let stop = AtomicBool::new(false);
-    carry_out(scenario, world, &mut Nobody, Sink::Checker(checker), &mut Nobody, &stop, Some(playback))
+    let start = Start::of(scenario)?;
+    carry_out(start, scenario, world, &mut Nobody, Sink::Checker(checker), &mut Nobody, &stop, Some(playback))
 }
 
+#[expect(clippy::too_many_arguments, reason = "all that a run needs; it is put together here and nowhere else")]
 fn carry_out<'a>(
+    start: Start,
     scenario: &'a Scenario,
     world: World,
     link: &'a mut dyn Link,
@@ -152,13 +200,11 @@ fn carry_out<'a>(
     stop: &'a AtomicBool,
     playback: Option<Playback<'a>>,
 ) -> Result<Outcome, RunError> {
-    if scenario.execution.paused && !link.takes_requests() {
+    if start.is_paused && !link.takes_requests() {
         return Err(RunError::NobodyResumes);
     }
     let threads = scenario.execution.threads as usize;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-    // Not 0, which stands for no run in particular.
-    let number = getrandom::u64()?.max(1);
     let announcement = wire::scenario(scenario, &world.terrain().extent(), world.rays());
     let has_successors = scenario.faults.on_agent_loss == OnAgentLoss::Wait;
     // Those who check have nobody to tell it.
@@ -171,11 +217,11 @@ fn carry_out<'a>(
         wakes: vec![Wake::AT_ONCE; scenario.agents.count as usize],
         driven: scenario.driven(),
         lost: BTreeSet::new(),
-        desk: Desk::new(scenario.execution.paused, scenario.execution.rtf, crate::control::features()),
+        desk: Desk::new(start.is_paused, start.rtf, crate::control::features()),
         interventions: 0,
         leaving: Vec::new(),
         log: Log::new(sink, scenario.agents.count),
-        exchange: Exchange::new(link, number, scenario.agents.count, keeps_history, has_successors),
+        exchange: Exchange::new(link, start, scenario.agents.count, keeps_history, has_successors),
         world,
         watcher,
         stop,
@@ -198,7 +244,12 @@ fn carry_out<'a>(
         Ok(ControlFlow::Break(reason)) => Ok(reason),
         Err(error) => Err(error),
     };
-    let is_over = matches!(ended.as_deref(), Ok(EXPLORED | DURATION));
+    if let Some(Beginning { is_paused }) = run.desk.beginning() {
+        run.log.give_up();
+        run.desk.end_steps("the simulation was reset");
+        return Err(RunError::Reset(Start { resets: start.resets + 1, is_paused, rtf: run.desk.rtf(), ..start }));
+    }
+    let is_over = matches!(ended.as_deref(), Ok(EXPLORED | COVERED | DURATION));
     if run.is_replaying() && !is_over && run.log.checker().is_none() {
         // The recording that was read has more.
         run.log.give_up();
@@ -305,7 +356,12 @@ impl Run<'_> {
             if self.reported.elapsed() >= REPORT_PERIOD {
                 self.report()?;
             }
-            if self.scenario.stop_when_explored && self.world.coverage().is_explored() {
+            let (coverage, scenario) = (self.world.coverage(), self.scenario);
+            if scenario.stop_when_covered {
+                if coverage.is_covered() {
+                    return Ok(COVERED.to_owned());
+                }
+            } else if scenario.stop_when_explored && coverage.is_explored() {
                 return Ok(EXPLORED.to_owned());
             }
             if self.world.tick() >= end {

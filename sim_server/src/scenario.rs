@@ -42,6 +42,9 @@ pub struct Scenario {
     /// Whether the run ends once every free cell has been seen.
     #[serde(default = "yes")]
     pub stop_when_explored: bool,
+    /// Whether the run ends once a body has been in every free cell, and not before because all has been seen.
+    #[serde(default, skip_serializing_if = "is_no")]
+    pub stop_when_covered: bool,
     /// The terrain.
     pub map: MapSection,
     /// The team.
@@ -393,6 +396,11 @@ pub fn one_line(text: &str) -> String {
 
 fn yes() -> bool {
     true
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands out references")]
+fn is_no(value: &bool) -> bool {
+    !value
 }
 
 fn nearest_origin() -> SpawnSpec {

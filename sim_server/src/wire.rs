@@ -270,6 +270,7 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
     maes_msgs::Scenario {
         protocol: PROTOCOL,
         run: 0,
+        origin: 0,
         tick_ns: Tick::TICK_NS,
         duration_ticks: scenario.duration_ticks().0,
         size: extent.size(),

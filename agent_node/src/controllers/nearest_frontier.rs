@@ -8,22 +8,17 @@
 //! a passage one cell wide.
 
 use std::collections::BTreeSet;
-use std::ops::RangeInclusive;
 
 use msgs::maes_msgs::Wake as Events;
-use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
 use super::settings::{SettingError, Settings};
-use super::{Controller, Ctx};
+use super::{Controller, Ctx, aside};
 use crate::command::{Command, Motion, Wake};
 use crate::observation::Observation;
 use crate::path::{Goal, Graph, Neighbours, find};
 use crate::travel::{Journey, SearchTime};
-
-/// Ticks to keep out of the way after a collision: 0.5 to 4 s.
-const PATIENCE_TICKS: RangeInclusive<u64> = 25..=200;
 
 /// The controller of one agent: what it remembers from one decision to the next.
 #[derive(Debug, Clone)]
@@ -55,20 +50,6 @@ impl NearestFrontier {
         let path = find(Graph::new(map, moves), scratch, start, Goal::Where(&is_wanted))?;
         path.cells.last().copied()
     }
-
-    /// Something is in the way that the map does not have: another agent. A wait alone would not do, for both would go on against
-    /// each other; so the agent first goes to a cell beside it, if one is clear. Chance sees to it that two agents do not do
-    /// the same for ever.
-    fn make_way(&mut self, ctx: &mut Ctx<'_>) -> Command {
-        self.goal = None;
-        let beside = ctx.clear_beside();
-        let motion = match beside.len() {
-            0 => Motion::Keep,
-            cells => Motion::Path(vec![ctx.map().extent().centre(beside[self.rng.random_range(0..cells)])]),
-        };
-        let until = ctx.tick().after(self.rng.random_range(PATIENCE_TICKS));
-        Command::new(motion, Wake::at(until)).saying("makes way")
-    }
 }
 
 impl Controller for NearestFrontier {
@@ -79,7 +60,8 @@ impl Controller for NearestFrontier {
         }
         // Events tell what has happened since the last decision; `observation.collision` would tell of old collisions as well.
         if self.goal.is_some() && observation.events & Events::COLLISION != 0 {
-            return self.make_way(ctx);
+            self.goal = None;
+            return aside::make_way(&mut self.rng, ctx);
         }
         // Under way it wants to be asked in each new cell, because from there it may have seen what is beyond the frontier.
         let under_way = Wake::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL);
@@ -117,6 +99,7 @@ impl Controller for NearestFrontier {
 mod tests {
     use msgs::ids::Tick;
 
+    use super::aside::PATIENCE_TICKS;
     use super::*;
     use crate::command::LidarRequest;
     use crate::controllers::testing::{World, flat};

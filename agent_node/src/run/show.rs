@@ -2,12 +2,13 @@
 //!
 //! Invariant: nothing here changes what an agent answers, and nothing of it waits; the answer comes first.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 use voxels::Extent;
 
-use super::{PATIENCE, Process, now};
+use super::{PATIENCE, Process, Seat, now};
 use crate::belief_view::BeliefView;
 use crate::link::Level;
 
@@ -70,6 +71,15 @@ impl Process<'_> {
             let Some(part) = seat.shown.view.next(seat.agent.map(), tick) else { break };
             self.link.show(id, &part);
         }
+    }
+
+    /// What has been shown of the agents, for a run that begins again.
+    pub(super) fn shown(&mut self) -> BTreeMap<AgentId, Shown> {
+        let begun_again = |(id, mut seat): (AgentId, Seat)| {
+            seat.shown.view.begin_again();
+            (id, seat.shown)
+        };
+        std::mem::take(&mut self.seats).into_iter().map(begun_again).collect()
     }
 
     /// Tells people something of all agents that are still here.

@@ -36,7 +36,7 @@ using maes_msgs::msg::Wake;
 
 namespace
 {
-constexpr std::uint32_t PROTOCOL = 2;
+constexpr std::uint32_t PROTOCOL = 3;
 
 // The distributions of the standard library differ between its makers; this one gives the same numbers everywhere.
 double uniform(std::mt19937_64 & rng, double from, double to)
@@ -89,8 +89,14 @@ public:
 private:
   void on_scenario(const Scenario & scenario)
   {
-    if (!run_) {
+    // A recording that is played has the number 0, and is no run. A run that was reset begins again with another number.
+    const bool begins = !run_ && scenario.run != 0;
+    if (begins || (run_ && scenario.origin == origin_ && scenario.run > *run_)) {
       run_ = scenario.run;
+      origin_ = scenario.origin;
+      is_accepted_ = false;
+      parts_.clear();
+      answer_.reset();
       std::seed_seq seed{
         static_cast<std::uint32_t>(scenario.agents_seed), static_cast<std::uint32_t>(scenario.agents_seed >> 32), number_};
       rng_.seed(seed);
@@ -149,6 +155,7 @@ private:
   std::uint64_t instance_;
   std::mt19937_64 rng_;
   std::optional<std::uint64_t> run_;               // from the scenario
+  std::uint64_t origin_ = 0;                       // the same
   std::map<std::uint16_t, Observation> parts_;     // of the observation that is arriving, by number
   std::optional<Command> answer_;                  // the last one, to repeat it when the same tick is asked again
   bool is_accepted_ = false;

@@ -9,7 +9,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::task::{Context as TaskContext, Poll, Wake, Waker};
 use std::time::Duration;
 
-use ros2_client::Subscription;
+use ros2_client::{Context, Subscription};
+use rustdds::RTPSEntity;
 use serde::{Deserialize, Deserializer};
 
 use super::now;
@@ -109,6 +110,11 @@ pub(super) fn take<M: Message + 'static>(
         Ok((Decoded(message), info)) => Sample { message, source: participant_of(info.publisher_gid().to_bytes16()) },
         Err(error) => Sample { message: Err(error.to_string()), source: [0; 16] },
     })
+}
+
+/// The participant of this process, as samples name it.
+pub fn own_source(context: &Context) -> [u8; 16] {
+    source_of(context.domain_participant().guid())
 }
 
 /// The participant of an endpoint, as samples name it.

@@ -11,7 +11,7 @@ use msgs::simulation_interfaces::{
     FeaturesResponse, Result as Outcome, ResultResponse, SimulationState, SimulatorFeatures, StateResponse,
 };
 
-use super::{Control, Request, State, Steps, reset};
+use super::{Beginning, Control, Request, State, Steps};
 use crate::pace::Pace;
 use crate::scenario::Rtf;
 
@@ -44,7 +44,9 @@ impl Desk {
     /// For something that begins at this pace, or paused, and can do this.
     #[must_use]
     pub fn new(is_paused: bool, rtf: Rtf, features: SimulatorFeatures) -> Self {
-        Self { features, control: Control::new(is_paused), pace: Pace::new(rtf), waiting: None, untold: None }
+        let can_begin_again = features.features.contains(&SimulatorFeatures::SIMULATION_RESET);
+        let control = Control::new(is_paused, can_begin_again);
+        Self { features, control, pace: Pace::new(rtf), waiting: None, untold: None }
     }
 
     /// The state of the simulation.
@@ -110,11 +112,26 @@ impl Desk {
                     self.end_steps("the goal was cancelled");
                 }
             }
-            Request::Reset(ask) => ask.answer(|_| reset()),
+            Request::Reset(ask) => ask.answer(|request| {
+                let result = self.control.reset(request.scope).err().unwrap_or_else(Outcome::ok);
+                ResultResponse { result }
+            }),
             Request::Rtf(rtf) => self.pace.change(rtf, tick, wall_ns),
             other => return Some(other),
         }
         None
+    }
+
+    /// How it is to begin again, if somebody has asked for that.
+    #[must_use]
+    pub fn beginning(&self) -> Option<Beginning> {
+        self.control.beginning()
+    }
+
+    /// The pace.
+    #[must_use]
+    pub fn rtf(&self) -> Rtf {
+        self.pace.rtf()
     }
 
     /// Whether somebody has asked for the end.

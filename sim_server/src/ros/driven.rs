@@ -74,6 +74,16 @@ impl Driven {
         Ok(Self { agents: driven, said: VecDeque::new(), looked: None })
     }
 
+    /// Nobody has been asked anything yet: a run begins.
+    pub(super) fn begin_again(&mut self) {
+        self.said.clear();
+        for agent in self.agents.values_mut() {
+            agent.pictures.clear();
+            agent.is_accepted = false;
+            agent.asked.set(None);
+        }
+    }
+
     /// Whether there are any: they need the clock, whether it is heard already or not.
     pub(super) fn are_any(&self) -> bool {
         !self.agents.is_empty()

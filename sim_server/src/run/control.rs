@@ -86,8 +86,13 @@ impl Run<'_> {
                 break;
             };
             self.answer_request(request, phase)?;
+            if self.desk.beginning().is_some() {
+                // What is asked next is asked of the run that begins then.
+                break;
+            }
         }
-        Ok(if self.desk.is_quitting() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        let is_over = self.desk.is_quitting() || self.desk.beginning().is_some();
+        Ok(if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 
     fn answer_request(&mut self, request: Request, phase: Phase) -> Result<(), RunError> {

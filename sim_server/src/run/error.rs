@@ -3,6 +3,7 @@
 use msgs::ids::{AgentId, Tick};
 use thiserror::Error;
 
+use super::Start;
 use crate::lockstep::listed;
 use crate::playback::PlaybackError;
 use crate::recorder::RecordError;
@@ -37,6 +38,9 @@ pub enum RunError {
     /// The run is to begin paused, and nobody could resume it.
     #[error("execution.paused = true: over this transport nobody could resume the run; it needs ROS 2")]
     NobodyResumes,
+    /// Somebody has asked for the run to begin again. It is no failure: whoever carries it out goes on with [`super::begin_again`].
+    #[error("the run is to begin again")]
+    Reset(Start),
     /// The system has no random number for the run.
     #[error("drawing a number for the run: {0}")]
     Random(#[from] getrandom::Error),

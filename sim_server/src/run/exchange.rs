@@ -18,7 +18,7 @@ use msgs::sensor_msgs::PointCloud2;
 
 use super::history::History;
 use super::log::Log;
-use super::{RunError, Watcher, now};
+use super::{RunError, Start, Watcher, now};
 use crate::control::Request;
 use crate::link::{Level, Link};
 use crate::lockstep::{Barrier, Refusal, Roster, Wake, listed};
@@ -128,7 +128,7 @@ pub(super) struct Exchange<'a> {
     /// One that has come and was not taken yet.
     request: Option<Request>,
     /// Tells the messages of this run from those of any other. It must not get into the recording or the digest.
-    run: u64,
+    start: Start,
     agents: u32,
     roster: Roster,
     last: Vec<Option<Command>>,
@@ -151,7 +151,7 @@ pub(super) struct Exchange<'a> {
 impl<'a> Exchange<'a> {
     pub(super) fn new(
         link: &'a mut dyn Link,
-        run: u64,
+        start: Start,
         agents: u32,
         keeps_history: bool,
         has_successors: bool,
@@ -165,7 +165,7 @@ impl<'a> Exchange<'a> {
             diverged: None,
             link,
             request: None,
-            run,
+            start,
             agents,
             roster: Roster::new(agents),
             last: vec![None; agents as usize],
@@ -175,7 +175,8 @@ impl<'a> Exchange<'a> {
     }
 
     pub(super) fn announce(&mut self, scenario: &Scenario) {
-        self.link.announce(&Scenario { run: self.run, ..scenario.clone() });
+        let (run, origin) = (self.start.run(), self.start.origin);
+        self.link.announce(&Scenario { run, origin, ..scenario.clone() });
     }
 
     pub(super) fn clock(&mut self, tick: Tick) {
@@ -354,9 +355,9 @@ impl<'a> Exchange<'a> {
         for agent in std::mem::take(&mut self.prompts) {
             let present = || asked.iter().find(|asked| asked.agent == agent && barrier.awaits(agent));
             if let Some(parts) = self.history.next(agent) {
-                send(self.link, self.run, agent, parts);
+                send(self.link, self.start.run(), agent, parts);
             } else if let Some(asked) = present() {
-                send(self.link, self.run, agent, &asked.parts);
+                send(self.link, self.start.run(), agent, &asked.parts);
             }
         }
     }

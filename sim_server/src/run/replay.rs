@@ -12,7 +12,7 @@ use msgs::maes_msgs::Intervention;
 
 use super::exchange::{Answer, Asked, Meanwhile, Patience, recorded_join};
 use super::log::Kind;
-use super::{DURATION, EXPLORED, INTERRUPTED, QUIT, Run, RunError};
+use super::{COVERED, DURATION, EXPLORED, INTERRUPTED, QUIT, Run, RunError};
 use crate::link::Level;
 use crate::playback::{Ending, Playback, Said};
 use crate::scenario::OnAgentLoss;
@@ -106,7 +106,7 @@ impl Run<'_> {
         let Some(Ending { reason, is_given_up }) = self.playback.as_ref().and_then(Playback::ending).cloned() else {
             return Ok(self.leave_off());
         };
-        if [EXPLORED, DURATION].contains(&reason.as_str()) {
+        if [EXPLORED, COVERED, DURATION].contains(&reason.as_str()) {
             let reason = format!("the run has ended there, for the reason `{reason}`, and goes on here");
             return Err(RunError::OtherRun { tick, reason });
         }

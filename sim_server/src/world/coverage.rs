@@ -108,6 +108,12 @@ impl Coverage {
         self.explored.len == self.free_cells
     }
 
+    /// Whether every free cell has been visited.
+    #[must_use]
+    pub fn is_covered(&self) -> bool {
+        self.covered.len == self.free_cells
+    }
+
     /// Share of the free cells that at least one agent has visited, 0 ..= 1.
     #[must_use]
     pub fn covered(&self) -> f64 {

@@ -21,12 +21,25 @@ use crate::wire;
 impl Exchange<'_> {
     pub(super) fn handle(&mut self, incoming: Incoming, barrier: &mut Barrier<Answer>, watcher: &mut dyn Watcher) {
         let Incoming { topic_agent, source, message } = incoming;
+        if self.is_left_over(&message) {
+            return;
+        }
         let handled = match message {
             Inbound::Join(join) => self.handle_join(topic_agent, source, join, barrier.tick(), watcher),
             Inbound::Command(command) => self.handle_command(topic_agent, source, command, barrier, watcher),
             Inbound::Undecodable { reason } => Err(Refusal::Undecodable { topic: topic_agent, reason }),
         };
         self.count(handled, watcher);
+    }
+
+    /// Whether something was said in a run that has begun again since: nobody is to blame for it.
+    fn is_left_over(&self, message: &Inbound) -> bool {
+        let run = match message {
+            Inbound::Join(join) => join.run,
+            Inbound::Command(command) => command.run,
+            Inbound::Undecodable { .. } => return false,
+        };
+        (self.start.origin..self.start.run()).contains(&run)
     }
 
     fn count(&mut self, handled: Result<(), Refusal>, watcher: &mut dyn Watcher) {
@@ -52,7 +65,7 @@ impl Exchange<'_> {
         tick: Tick,
         watcher: &mut dyn Watcher,
     ) -> Result<(), Refusal> {
-        if join.run != self.run {
+        if join.run != self.start.run() {
             return Err(Refusal::OtherRun { topic });
         }
         let agent = AgentId(join.agent);
@@ -120,7 +133,7 @@ impl Exchange<'_> {
         barrier: &mut Barrier<Answer>,
         watcher: &mut dyn Watcher,
     ) -> Result<(), Refusal> {
-        if std::mem::take(&mut command.run) != self.run {
+        if std::mem::take(&mut command.run) != self.start.run() {
             return Err(Refusal::OtherRun { topic });
         }
         let agent = AgentId(command.agent);
