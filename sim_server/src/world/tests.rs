@@ -15,6 +15,7 @@ fn pool(threads: usize) -> ThreadPool {
 fn params() -> WorldParams {
     WorldParams {
         body: BodyModel::default(),
+        other_bodies: BTreeMap::new(),
         scanner: Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: CommsModel { range_m: f64::INFINITY },
