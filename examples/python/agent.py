@@ -17,7 +17,7 @@ import rclpy
 from maes_msgs.msg import Command, Join, JoinReply, Observation, Scenario, Task, Wake
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-PROTOCOL = 2
+PROTOCOL = 3
 RELIABLE = QoSProfile(depth=16)
 LATCHED = QoSProfile(depth=256, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

@@ -364,13 +364,7 @@ struct Checker<'a> {
 }
 
 impl Checker<'_> {
-    fn require(
-        &self,
-        key: &str,
-        value: impl ToString,
-        holds: bool,
-        allowed: &str,
-    ) -> Result<(), ScenarioError> {
+    fn require(&self, key: &str, value: impl ToString, holds: bool, allowed: &str) -> Result<(), ScenarioError> {
         if holds {
             return Ok(());
         }

@@ -36,7 +36,7 @@ using maes_msgs::msg::Wake;
 
 namespace
 {
-constexpr std::uint32_t PROTOCOL = 2;
+constexpr std::uint32_t PROTOCOL = 3;
 
 // The distributions of the standard library differ between its makers; this one gives the same numbers everywhere.
 double uniform(std::mt19937_64 & rng, double from, double to)

@@ -97,7 +97,8 @@ fn mistakes_are_named_with_their_place() {
 #[test]
 fn a_body_that_is_not_described_is_that_of_its_kind() {
     assert_eq!(Scenario::parse("s.toml", SMALL, &[]).unwrap().body, BodyModel::SUBMARINE);
-    let aerial = Scenario::parse("s.toml", &format!("{SMALL}[body]\nkind = \"aerial\"\nradius_m = 0.3\n"), &[]).unwrap();
+    let aerial =
+        Scenario::parse("s.toml", &format!("{SMALL}[body]\nkind = \"aerial\"\nradius_m = 0.3\n"), &[]).unwrap();
     assert_eq!(aerial.body, BodyModel { radius_m: 0.3, ..BodyModel::AERIAL });
 }
 
@@ -130,7 +131,11 @@ fn mistakes_in_bodies_are_named_with_their_entry() {
     let with = |entries: &str| format!("{SMALL}{entries}");
     let entry = |keys: &str| with(&format!("[[bodies]]\nagents = [0]\n[[bodies]]\n{keys}\n"));
     refuses(&entry("radius_m = 0.3"), &[], "an entry of `bodies`: missing field `agents`");
-    refuses(&entry("agents = [1]\nsize = 3"), &[], "an entry of `bodies`: unknown field `size`, expected one of `kind`");
+    refuses(
+        &entry("agents = [1]\nsize = 3"),
+        &[],
+        "an entry of `bodies`: unknown field `size`, expected one of `kind`",
+    );
     refuses(&entry("agents = [1]\nkind = \"boat\""), &[], "unknown variant `boat`, expected `submarine` or `aerial`");
     refuses(&entry("agents = [-1]"), &[], "an entry of `bodies`");
     refuses(&entry("agents = []"), &[], "bodies[1].agents = []: expected at least one id of an agent");

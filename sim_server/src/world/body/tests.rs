@@ -17,9 +17,7 @@ fn carry_out(body: &mut Body, motion: Motion) -> usize {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     body.take_up(motion);
-    (1..100_000)
-        .find(|_| body.advance(&obstacles, DT_S).task_done)
-        .expect("every task that is tested here ends")
+    (1..100_000).find(|_| body.advance(&obstacles, DT_S).task_done).expect("every task that is tested here ends")
 }
 
 #[test]
@@ -77,7 +75,8 @@ fn never_faster_than_allowed() {
 
 #[test]
 fn a_raised_move_goes_along_the_heading_and_up() {
-    let mut body = Body::at_rest(BodyModel::SUBMARINE, Pose { position: Point3::new(10.0, 10.0, 10.0), yaw_rad: PI / 2.0 });
+    let mut body =
+        Body::at_rest(BodyModel::SUBMARINE, Pose { position: Point3::new(10.0, 10.0, 10.0), yaw_rad: PI / 2.0 });
     carry_out(&mut body, Motion::Move { pitch_rad: PI / 6.0, distance_m: 2.0 });
     let way = body.pose().position - Point3::new(10.0, 10.0, 10.0);
     assert!((way - Vector3::new(0.0, 3.0_f64.sqrt(), 1.0)).norm() < 1e-9, "{way}");

@@ -33,7 +33,8 @@ fn path(way_points: &[[f64; 3]]) -> Motion {
 
 /// The least time for a straight leg from rest to rest, seconds.
 fn least_s(length_m: f64) -> f64 {
-    let BodyModel { speed_max_m_s: speed, acceleration_m_s2: faster, deceleration_m_s2: slower, .. } = BodyModel::AERIAL;
+    let BodyModel { speed_max_m_s: speed, acceleration_m_s2: faster, deceleration_m_s2: slower, .. } =
+        BodyModel::AERIAL;
     let ramps_m = 0.5 * speed * speed * (1.0 / faster + 1.0 / slower);
     if length_m >= ramps_m {
         (length_m - ramps_m) / speed + speed / faster + speed / slower
@@ -48,7 +49,7 @@ fn it_flies_sideways_at_once_and_as_fast_as_it_may() {
         let mut body = body();
         let took_s = carry_out(&mut body, path(&[[10.0, 10.0 - length_m, 10.0]])) as f64 * DT_S;
         let lost_s = took_s - least_s(length_m);
-        assert!((-1e-9..0.061).contains(&lost_s), "{length_m} m took {took_s} s");
+        assert!((-0.02..0.061).contains(&lost_s), "{length_m} m took {took_s} s");
         assert_eq!(body.pose().position, Point3::new(10.0, 10.0 - length_m, 10.0));
     }
 }
