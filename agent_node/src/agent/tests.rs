@@ -261,6 +261,8 @@ fn a_controller_is_asked_when_it_wants_to_be_and_misses_nothing() {
         size: [4, 4, 4],
         cell_m: 1.0,
         agents: 3,
+        bodies: vec![maes_msgs::Body::default()],
+        body_of: vec![0; 3],
         duration_ticks: 10_000,
         share_period_ticks: 10,
         ..Default::default()

@@ -258,6 +258,9 @@ mod tests {
             spec(vec![vec![1.5, 1.5, 1.5], vec![2.0, 1.5, 1.5]]).poses(&hall, &[0.4; 2]),
             Err(SpawnError::NoRoom { index: 1, .. })
         ));
+        let side_by_side = spec(vec![vec![1.5, 2.5, 2.5], vec![2.45, 2.5, 2.5]]);
+        assert!(side_by_side.poses(&hall, &[0.4, 0.4]).is_ok());
+        assert!(matches!(side_by_side.poses(&hall, &[0.4, 0.6]), Err(SpawnError::NoRoom { index: 1, .. })));
         let poses = spec(vec![vec![1.5, 1.5, 1.5], vec![3.0, 1.5, 1.5, 2.0]]).poses(&hall, &[0.4; 2]).unwrap();
         assert_eq!(poses[1].yaw_rad, 2.0);
     }
