@@ -36,7 +36,7 @@ fn play(data: &mut Unstructured<'_>) -> Result<()> {
         agents: AGENTS,
         agents_seed: 5,
         bodies: bodies(),
-        body_of: vec![0, 1, 1],
+        body_of: vec![0, 0, 1],
         lidar: Lidar { rays: 100, range_m: f64::INFINITY, fov_rad: 6.0, period_ticks: 10 },
         communication_range_m: f64::INFINITY,
         share_period_ticks,
