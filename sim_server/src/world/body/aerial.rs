@@ -106,8 +106,7 @@ impl Body {
         let heading_rad = leg.heading_rad;
         let (step_m, has_landed) = leg.go.next_landing_step(&self.move_limits(), dt_s);
         let end = if has_landed {
-            let on_leg = flight.targets.drain(..leg.targets);
-            let end = on_leg.last().unwrap_or(here);
+            let end = flight.targets.drain(..leg.targets).next_back().unwrap_or(here);
             flight.leg = None;
             end
         } else {
