@@ -5,14 +5,14 @@
 //! leg that is flown, at a rate of its own; that of a vertical leg is the one it has. When the path ends, so does the turn.
 //!
 //! Invariants: from tick to tick its velocity changes by no more than its acceleration allows, or its deceleration if it gets
-//! slower, unless a task or a collision puts it at rest at once; it lands exactly on way-points at which the way bends, and on the
-//! last one.
+//! slower by that and this is the larger one, unless a task or a collision puts it at rest at once; it lands exactly on way-points
+//! at which the way bends, and on the last one.
 
 use std::collections::VecDeque;
 
 use nalgebra::{Point3, Vector3};
 
-use super::ramp::{Ramp, landing_speed};
+use super::ramp::{Ramp, approached, landing_speed};
 use super::{Body, MOVE_REST_M, Moved, Obstacles, turned, wrapped};
 
 /// A way bends where its direction comes to differ by more than this from that at the beginning of a leg, radians: at 3 m/s that is
@@ -130,7 +130,13 @@ impl Body {
     ) -> Moved {
         // In the frame `map`, because the body turns meanwhile.
         let target_m_s = turned(&self.clamped(target_in_body_m_s), self.pose.yaw_rad);
-        let velocity_m_s = self.velocity_towards(&self.velocity_in_map_m_s(), &target_m_s, dt_s);
+        let present_m_s = self.velocity_in_map_m_s();
+        let mut velocity_m_s = self.velocity_towards(&present_m_s, &target_m_s, dt_s);
+        if velocity_m_s.norm() >= present_m_s.norm() {
+            // What does not get slower is not braking, whatever rounding says of two velocities that are equally fast.
+            let limit_m_s = self.model.acceleration_m_s2 * dt_s;
+            velocity_m_s = approached(&present_m_s, &target_m_s, limit_m_s, limit_m_s);
+        }
         let rate_rad_s = self.rate_towards(target_yaw_rate_rad_s, dt_s);
         let moved = self.shift(velocity_m_s * dt_s, obstacles, dt_s);
         if !moved.collided {
