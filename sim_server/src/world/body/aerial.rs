@@ -22,6 +22,9 @@ const BEND_RAD: f64 = 1e-3;
 /// A heading that is nearer than this to where it turns to is there.
 const HEADING_REST_RAD: f64 = 1e-9;
 
+/// Share of a speed from which on another one counts as equally fast, whatever rounding does to it.
+const EQUALLY_FAST: f64 = 1.0 - 1e-9;
+
 /// Way-points that are flown to.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Flight {
@@ -132,8 +135,8 @@ impl Body {
         let target_m_s = turned(&self.clamped(target_in_body_m_s), self.pose.yaw_rad);
         let present_m_s = self.velocity_in_map_m_s();
         let mut velocity_m_s = self.velocity_towards(&present_m_s, &target_m_s, dt_s);
-        if velocity_m_s.norm() >= present_m_s.norm() {
-            // What does not get slower is not braking, whatever rounding says of two velocities that are equally fast.
+        if velocity_m_s.norm() >= EQUALLY_FAST * present_m_s.norm() {
+            // What does not get slower is no braking.
             let limit_m_s = self.model.acceleration_m_s2 * dt_s;
             velocity_m_s = approached(&present_m_s, &target_m_s, limit_m_s, limit_m_s);
         }
