@@ -59,13 +59,16 @@ pub enum Reaction {
 
 impl Agent {
     /// An agent that knows nothing but its briefing.
+    ///
+    /// # Panics
+    /// If it does not take part in the run.
     #[must_use]
     pub fn new(id: AgentId, briefing: Briefing, controller: Box<dyn Controller>) -> Self {
         Self {
             id,
             map: ExplorationMap::new(briefing.extent),
             sharing: Sharing::new(briefing.share_period_ticks, briefing.agents),
-            travel: Travel::new(briefing.body_radius_m, briefing.extent.cell_m()),
+            travel: Travel::new(briefing.bodies.of(id).radius_m, briefing.extent.cell_m()),
             briefing,
             controller,
             collector: Collector::default(),

@@ -6,6 +6,8 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::{Point3, Vector3};
 use voxels::Extent;
 
+use crate::body::Bodies;
+
 /// What an agent may know of the run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Briefing {
@@ -21,8 +23,8 @@ pub struct Briefing {
     pub controller: String,
     /// Settings of that controller, `KEY=VALUE`.
     pub settings: Vec<String>,
-    /// Radius of the body.
-    pub body_radius_m: f64,
+    /// What the bodies of the team can do.
+    pub bodies: Bodies,
     /// Greatest range of the LiDAR; infinity: unlimited.
     pub lidar_range_m: f64,
     /// Ticks between scans if the agent does not ask otherwise.

@@ -357,6 +357,8 @@ mod tests {
             size: [4, 4, 4],
             cell_m: 1.0,
             agents: 1,
+            bodies: vec![msgs::maes_msgs::Body::default()],
+            body_of: vec![0],
             controller: "rbw".to_owned(),
             origin: run,
             ..Scenario::default()

@@ -15,6 +15,7 @@ use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 use voxels::{Extent, ExtentError, RunsError};
 
+use crate::body::{Bodies, Body, BodyKind};
 use crate::command::{Command, LidarRequest, Motion};
 use crate::observation::{Briefing, Cells, Collision, Contact, Observation, Pose, Received, Surface};
 
@@ -24,6 +25,16 @@ pub enum WireError {
     /// The map has an impossible size.
     #[error("scenario: {0}")]
     Extent(#[from] ExtentError),
+    /// The bodies are not those of the team.
+    #[error("scenario: {field} = {value}: expected {allowed}")]
+    Bodies {
+        /// Which field.
+        field: &'static str,
+        /// What it says.
+        value: String,
+        /// What it may say.
+        allowed: String,
+    },
     /// A list of cells is not one of this map.
     #[error("observation of tick {tick}: {source}")]
     Cells {
@@ -59,7 +70,7 @@ pub enum WireError {
 /// A scenario as a briefing.
 ///
 /// # Errors
-/// If the map has an impossible size.
+/// If the map has an impossible size, or not every agent a body.
 pub fn briefing(scenario: &maes_msgs::Scenario) -> Result<Briefing, WireError> {
     Ok(Briefing {
         duration: Tick(scenario.duration_ticks),
@@ -68,11 +79,48 @@ pub fn briefing(scenario: &maes_msgs::Scenario) -> Result<Briefing, WireError> {
         agents_seed: scenario.agents_seed,
         controller: scenario.controller.clone(),
         settings: scenario.settings.clone(),
-        body_radius_m: scenario.body.radius_m,
+        bodies: bodies(scenario)?,
         lidar_range_m: scenario.lidar.range_m,
         lidar_period_ticks: scenario.lidar.period_ticks,
         communication_range_m: scenario.communication_range_m,
         share_period_ticks: scenario.share_period_ticks,
+    })
+}
+
+fn bodies(scenario: &maes_msgs::Scenario) -> Result<Bodies, WireError> {
+    let maes_msgs::Scenario { agents, bodies, body_of, .. } = scenario;
+    let wrong = |field, value: String, allowed: String| WireError::Bodies { field, value, allowed };
+    if body_of.len() != *agents as usize {
+        let value = format!("{} entries", body_of.len());
+        return Err(wrong("body_of", value, format!("one for each of {agents} agents")));
+    }
+    let different: Result<Vec<Body>, WireError> = bodies.iter().map(body).collect();
+    let last = bodies.len().saturating_sub(1);
+    let beyond = || body_of.iter().find(|&&body| usize::from(body) > last || bodies.is_empty());
+    Bodies::new(different?, body_of.clone()).ok_or_else(|| {
+        let value = beyond().map_or_else(String::new, u8::to_string);
+        wrong("body_of", value, format!("one of {} bodies, the first of them 0", bodies.len()))
+    })
+}
+
+fn body(message: &maes_msgs::Body) -> Result<Body, WireError> {
+    let kind = match message.kind {
+        maes_msgs::Body::SUBMARINE => BodyKind::Submarine,
+        maes_msgs::Body::AERIAL => BodyKind::Aerial,
+        other => {
+            let allowed = "0 (submarine) or 1 (aerial)".to_owned();
+            return Err(WireError::Bodies { field: "bodies.kind", value: other.to_string(), allowed });
+        }
+    };
+    Ok(Body {
+        kind,
+        radius_m: message.radius_m,
+        speed_max_m_s: message.speed_max_m_s,
+        acceleration_m_s2: message.acceleration_m_s2,
+        deceleration_m_s2: message.deceleration_m_s2,
+        turn_rate_max_rad_s: message.turn_rate_max_rad_s,
+        turn_acceleration_rad_s2: message.turn_acceleration_rad_s2,
+        turn_deceleration_rad_s2: message.turn_deceleration_rad_s2,
     })
 }
 
@@ -281,8 +329,25 @@ mod tests {
 
     fn run() -> Briefing {
         let size = [4, 4, 4];
-        let scenario = maes_msgs::Scenario { size, cell_m: 1.0, agents: 2, duration_ticks: 9, ..Default::default() };
+        let (bodies, body_of) = (vec![maes_msgs::Body::default()], vec![0; 2]);
+        let (cell_m, duration_ticks) = (1.0, 9);
+        let scenario =
+            maes_msgs::Scenario { size, cell_m, agents: 2, duration_ticks, bodies, body_of, ..Default::default() };
         briefing(&scenario).unwrap()
+    }
+
+    #[test]
+    fn a_team_without_bodies_is_an_error() {
+        let refused = |bodies: &[u8], body_of: &[u8]| {
+            let bodies = bodies.iter().map(|&kind| maes_msgs::Body { kind, ..Default::default() }).collect();
+            let (size, body_of) = ([4, 4, 4], body_of.to_vec());
+            let scenario = maes_msgs::Scenario { size, cell_m: 1.0, agents: 2, bodies, body_of, ..Default::default() };
+            briefing(&scenario).unwrap_err().to_string()
+        };
+        assert_eq!(refused(&[0], &[0]), "scenario: body_of = 1 entries: expected one for each of 2 agents");
+        assert_eq!(refused(&[0, 1], &[1, 2]), "scenario: body_of = 2: expected one of 2 bodies, the first of them 0");
+        assert_eq!(refused(&[], &[0, 0]), "scenario: body_of = 0: expected one of 0 bodies, the first of them 0");
+        assert_eq!(refused(&[0, 7], &[0, 0]), "scenario: bodies.kind = 7: expected 0 (submarine) or 1 (aerial)");
     }
 
     #[test]

@@ -201,7 +201,7 @@ fn planned(file: &str, draft: &read::Draft, choice: &Choice<'_>, seed: u64) -> R
     let line_error = |key: &str, reason| PlanError::Line { file: file.to_owned(), line: line_of(key), reason };
     let scenario =
         Scenario::parse(&draft.scenario_name, &draft.scenario_text, &overrides).map_err(|error| match error {
-            ScenarioError::Value { key, value, allowed, .. } => line_error(key, format!("{key} = {value}: {allowed}")),
+            ScenarioError::Value { key, value, allowed, .. } => line_error(&key, format!("{key} = {value}: {allowed}")),
             other => other.into(),
         })?;
     let settings = wire::settings(&scenario.agents);

@@ -35,7 +35,8 @@ fn play(data: &mut Unstructured<'_>) -> Result<()> {
         cell_m: 1.0,
         agents: AGENTS,
         agents_seed: 5,
-        body: Body { radius_m: 0.4, speed_max_m_s: 2.0, turn_rate_max_rad_s: 1.0, ..Body::default() },
+        bodies: bodies(),
+        body_of: vec![0, 0, 1],
         lidar: Lidar { rays: 100, range_m: f64::INFINITY, fov_rad: 6.0, period_ticks: 10 },
         communication_range_m: f64::INFINITY,
         share_period_ticks,
@@ -59,6 +60,21 @@ fn play(data: &mut Unstructured<'_>) -> Result<()> {
         assert!(cdr::encode(&command).len() <= OBSERVATION_BYTES_MAX, "an answer fits into a sample");
     }
     Ok(())
+}
+
+/// A submarine and an aerial body.
+fn bodies() -> Vec<Body> {
+    let submarine = Body {
+        kind: Body::SUBMARINE,
+        radius_m: 0.4,
+        speed_max_m_s: 1.5,
+        acceleration_m_s2: 0.5,
+        deceleration_m_s2: 0.25,
+        turn_rate_max_rad_s: 1.7,
+        turn_acceleration_rad_s2: 0.9,
+        turn_deceleration_rad_s2: 0.4,
+    };
+    vec![submarine, Body { kind: Body::AERIAL, ..submarine }]
 }
 
 /// A part of an observation, mostly close to one that a server could send.

@@ -4,7 +4,7 @@ use agent_node::wire as agent_wire;
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
+use msgs::maes_msgs::{Body, Command, Join, JoinReply, Observation, Scenario};
 use msgs::parameters::{
     DescribeParameters, GetParameterTypes, GetParameters, ListParameters, ListRequest, Named, NamesRequest, Parameters,
     SetParameters, SetParametersAtomically, SetRequest,
@@ -57,8 +57,9 @@ fn to_an_agent(bytes: &[u8]) {
         let _briefing = agent_wire::briefing(&scenario);
     }
     if let Some(part) = decoded::<Observation>(bytes) {
-        let scenario = Scenario { size: [40; 3], cell_m: 1.0, agents: AGENTS, ..Scenario::default() };
-        let briefing = agent_wire::briefing(&Scenario { duration_ticks: u64::MAX, ..scenario }).expect("a legal size");
+        let (bodies, body_of) = (vec![Body::default()], vec![0; AGENTS as usize]);
+        let scenario = Scenario { size: [40; 3], cell_m: 1.0, agents: AGENTS, bodies, body_of, ..Scenario::default() };
+        let briefing = agent_wire::briefing(&Scenario { duration_ticks: u64::MAX, ..scenario }).expect("a legal one");
         let _collected = agent_wire::Collector::default().take(part, &briefing);
     }
 }

@@ -21,6 +21,9 @@ pub const INFO_BYTES_MAX: usize = 1_024;
 /// Most way-points of a path.
 pub const PATH_POINTS_MAX: usize = 1_024;
 
+/// Most different bodies of a team.
+pub const BODIES_MAX: usize = 256;
+
 /// Bytes on the wire of a point, such as a way-point.
 pub const POINT_BYTES: usize = 24;
 
@@ -43,7 +46,7 @@ mod tests {
     use super::*;
     use crate::cdr;
     use crate::geometry_msgs::Point;
-    use crate::maes_msgs::{Command, Observation, Parcel, Task};
+    use crate::maes_msgs::{Body, Command, Observation, Parcel, Scenario, Task};
     use crate::message::Message;
 
     #[test]
@@ -52,8 +55,17 @@ mod tests {
         states(Observation::TYPE.definition, format!("No part is larger than {OBSERVATION_BYTES_MAX} bytes."));
         states(Parcel::TYPE.definition, format!("at most {PARCEL_BYTES_MAX} bytes"));
         states(Command::TYPE.definition, format!("at most {INFO_BYTES_MAX} bytes"));
+        states(Scenario::TYPE.definition, format!("1 to {BODIES_MAX}"));
         states(Task::TYPE.definition, format!("1 to {PATH_POINTS_MAX}"));
     }
+
+    #[test]
+    fn a_scenario_of_many_bodies_fits_into_a_sample_with_room_for_settings() {
+        let (bodies, body_of) = (vec![Body::default(); BODIES_MAX], vec![0; 1000]);
+        let bytes = cdr::encode(&Scenario { bodies, body_of, ..Scenario::default() }).len();
+        assert!(bytes <= OBSERVATION_BYTES_MAX / 2, "{bytes} bytes");
+    }
+
     #[test]
     fn a_command_with_full_lists_fits_into_a_sample() {
         let path = vec![Point::default(); PATH_POINTS_MAX];

@@ -11,9 +11,18 @@ use serde::{Deserialize, Serialize};
 use crate::geometry_msgs::{Point, Vector3};
 use crate::std_msgs::Header;
 
+impl Body {
+    /// `kind`: turns first, then moves along its heading.
+    pub const SUBMARINE: u8 = 0;
+    /// `kind`: moves in any direction at once, and turns towards it on its way.
+    pub const AERIAL: u8 = 1;
+}
+
 /// What the body of an agent can do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Body {
+    /// How it moves.
+    pub kind: u8,
     /// Radius of the body, a sphere.
     pub radius_m: f64,
     /// Highest speed along its path.
@@ -374,8 +383,11 @@ pub struct Scenario {
     pub controller: String,
     /// Settings of that controller, each KEY=VALUE.
     pub settings: Vec<String>,
-    /// What the bodies of the agents can do.
-    pub body: Body,
+    /// The different bodies of the team, 1 to [`limits::BODIES_MAX`](crate::limits::BODIES_MAX).
+    pub bodies: Vec<Body>,
+    /// Which of them agent 0, 1, and so on has.
+    #[serde(with = "serde_bytes")]
+    pub body_of: Vec<u8>,
     /// What the agents' LiDARs can do.
     pub lidar: Lidar,
     /// Range of communication, metres; infinity: as far as the line of sight.

@@ -6,18 +6,21 @@
 //!
 //! This module reads no map files and knows no command line; flags arrive as [`Override`]s of keys.
 
+mod bodies;
 mod sections;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 
 use msgs::ids::{AgentId, Tick};
+use msgs::limits::BODIES_MAX;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::world::body::BodyModel;
 use crate::world::spawn::SpawnSpec;
 
+pub use bodies::BodyEntry;
 pub use sections::*;
 
 /// Agents a run may have at the most: the participants that DDS finds on one host (120) leave room for no more processes, and
@@ -55,6 +58,9 @@ pub struct Scenario {
     /// What bodies can do.
     #[serde(default)]
     pub body: BodyModel,
+    /// What those of some agents can do instead.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bodies: Vec<BodyEntry>,
     /// What LiDARs see.
     #[serde(default)]
     pub lidar: LidarSection,
@@ -115,7 +121,7 @@ pub enum ScenarioError {
         /// Name of the file.
         file: String,
         /// Dotted path of the key.
-        key: &'static str,
+        key: String,
         /// The value.
         value: String,
         /// What is allowed.
@@ -150,6 +156,7 @@ impl Scenario {
                     table.clone().try_into().map_err(|error: toml::de::Error| unfit(one_line(error.message())))?;
             }
         }
+        scenario.complete_bodies();
         scenario.check(file)?;
         Ok(scenario)
     }
@@ -247,30 +254,7 @@ impl Scenario {
             )?;
             checker.require("agents.cmd_vel", id, !cmd_vel[..place].contains(&id), "expected each id once")?;
         }
-        let body = &self.body;
-        for (key, value) in [
-            ("body.radius_m", body.radius_m),
-            ("body.speed_max_m_s", body.speed_max_m_s),
-            ("body.acceleration_m_s2", body.acceleration_m_s2),
-            ("body.deceleration_m_s2", body.deceleration_m_s2),
-            ("body.turn_rate_max_rad_s", body.turn_rate_max_rad_s),
-            ("body.turn_acceleration_rad_s2", body.turn_acceleration_rad_s2),
-            ("body.turn_deceleration_rad_s2", body.turn_deceleration_rad_s2),
-        ] {
-            checker.positive(key, value)?;
-        }
-        checker.require(
-            "body.radius_m",
-            body.radius_m,
-            (BODY_CELLS_MIN..=BODY_CELLS_MAX).contains(&(body.radius_m / self.map.cell_m)),
-            "expected at least a thousandth of a cell and at most the length of 16 cells",
-        )?;
-        checker.require(
-            "body.speed_max_m_s",
-            body.speed_max_m_s,
-            body.speed_max_m_s * Tick::TICK_S <= self.map.cell_m,
-            "expected at most one cell in a tick: the length of 50 cells in a second",
-        )?;
+        self.check_bodies(&checker)?;
         checker.require(
             "lidar.rays",
             self.lidar.rays,
@@ -332,6 +316,50 @@ impl Scenario {
         }
         Ok(())
     }
+
+    fn check_bodies(&self, checker: &Checker<'_>) -> Result<(), ScenarioError> {
+        self.check_body(checker, "body", &self.body)?;
+        checker.require(
+            "bodies",
+            format!("{} entries", self.bodies.len()),
+            self.bodies.len() < BODIES_MAX,
+            &format!("expected at most {}", BODIES_MAX - 1),
+        )?;
+        let last = self.agents.count - 1;
+        let mut entry_of: BTreeMap<u32, usize> = BTreeMap::new();
+        for (number, entry) in self.bodies.iter().enumerate() {
+            let key = format!("bodies[{number}]");
+            let agents = format!("{key}.agents");
+            checker.require(&agents, "[]", !entry.agents.is_empty(), "expected at least one id of an agent")?;
+            for &id in &entry.agents {
+                checker.require(&agents, id, id <= last, &format!("expected ids of agents, 0 to {last}"))?;
+                if let Some(other) = entry_of.insert(id, number) {
+                    let allowed = format!("expected each agent once, and it is in bodies[{other}] already");
+                    checker.require(&agents, id, false, &allowed)?;
+                }
+            }
+            self.check_body(checker, &key, &entry.keys.over(&self.body))?;
+        }
+        Ok(())
+    }
+
+    fn check_body(&self, checker: &Checker<'_>, table: &str, body: &BodyModel) -> Result<(), ScenarioError> {
+        for (key, value) in body.numbers() {
+            checker.positive(&format!("{table}.{key}"), value)?;
+        }
+        checker.require(
+            &format!("{table}.radius_m"),
+            body.radius_m,
+            (BODY_CELLS_MIN..=BODY_CELLS_MAX).contains(&(body.radius_m / self.map.cell_m)),
+            "expected at least a thousandth of a cell and at most the length of 16 cells",
+        )?;
+        checker.require(
+            &format!("{table}.speed_max_m_s"),
+            body.speed_max_m_s,
+            body.speed_max_m_s * Tick::TICK_S <= self.map.cell_m,
+            "expected at most one cell in a tick: the length of 50 cells in a second",
+        )
+    }
 }
 
 struct Checker<'a> {
@@ -339,25 +367,19 @@ struct Checker<'a> {
 }
 
 impl Checker<'_> {
-    fn require(
-        &self,
-        key: &'static str,
-        value: impl ToString,
-        holds: bool,
-        allowed: &str,
-    ) -> Result<(), ScenarioError> {
+    fn require(&self, key: &str, value: impl ToString, holds: bool, allowed: &str) -> Result<(), ScenarioError> {
         if holds {
             return Ok(());
         }
         Err(ScenarioError::Value {
             file: self.file.to_owned(),
-            key,
+            key: key.to_owned(),
             value: one_line(&value.to_string()),
             allowed: allowed.to_owned(),
         })
     }
 
-    fn positive(&self, key: &'static str, value: f64) -> Result<(), ScenarioError> {
+    fn positive(&self, key: &str, value: f64) -> Result<(), ScenarioError> {
         self.require(
             key,
             value,

@@ -157,7 +157,7 @@ fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport),
     let agents = scenario.agents.count as usize;
     mapgen::check_memory(terrain.extent(), WORLD_CELL_BYTES + agents * AGENT_CELL_BYTES)
         .map_err(map_error(scenario))?;
-    let starts = scenario.spawn.poses(&terrain, agents, scenario.body.radius_m)?;
+    let starts = scenario.spawn.poses(&terrain, &scenario.radii_m())?;
     Ok((World::new(terrain, params(scenario), &starts), report))
 }
 
@@ -246,6 +246,7 @@ fn params(scenario: &Scenario) -> WorldParams {
     };
     WorldParams {
         body: scenario.body,
+        other_bodies: scenario.other_bodies(),
         scanner: Scanner::new(pattern, lidar.range_m, lidar.fov_rad),
         schedule: match lidar.schedule {
             LidarSchedule::OnRequest => ScanSchedule::OnRequest { period_ticks: lidar.period_ticks },

@@ -19,7 +19,7 @@ use voxels::Extent;
 
 use crate::lockstep::Wake;
 use crate::scenario::{AgentsSection, Scenario};
-use crate::world::body::{Motion, Pose};
+use crate::world::body::{BodyKind, BodyModel, Motion, Pose};
 use crate::world::collision::Surface;
 use crate::world::comms::{Parcel, Peer};
 use crate::world::{Action, LidarRequest, Observation, World};
@@ -266,7 +266,7 @@ fn parcel_message(parcel: &Parcel) -> maes_msgs::Parcel {
 /// What agents may know of a scenario, without the number of a run.
 #[must_use]
 pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::Scenario {
-    let body = scenario.body;
+    let (bodies, body_of) = bodies(scenario);
     maes_msgs::Scenario {
         protocol: PROTOCOL,
         run: 0,
@@ -279,15 +279,8 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
         agents_seed: agents_seed(scenario.seed),
         controller: scenario.agents.controller.clone(),
         settings: settings(&scenario.agents),
-        body: maes_msgs::Body {
-            radius_m: body.radius_m,
-            speed_max_m_s: body.speed_max_m_s,
-            acceleration_m_s2: body.acceleration_m_s2,
-            deceleration_m_s2: body.deceleration_m_s2,
-            turn_rate_max_rad_s: body.turn_rate_max_rad_s,
-            turn_acceleration_rad_s2: body.turn_acceleration_rad_s2,
-            turn_deceleration_rad_s2: body.turn_deceleration_rad_s2,
-        },
+        bodies,
+        body_of,
         lidar: maes_msgs::Lidar {
             rays,
             range_m: scenario.lidar.range_m,
@@ -296,6 +289,35 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
         },
         communication_range_m: scenario.communication.range_m,
         share_period_ticks: scenario.agents.share_period_ticks,
+    }
+}
+
+/// The bodies that there are, and by agent which of them is its own.
+fn bodies(scenario: &Scenario) -> (Vec<maes_msgs::Body>, Vec<u8>) {
+    let mut bodies = vec![body(&scenario.body)];
+    let mut body_of = vec![0; scenario.agents.count as usize];
+    for (number, entry) in (1..=u8::MAX).zip(&scenario.bodies) {
+        bodies.push(body(&entry.keys.over(&scenario.body)));
+        for &agent in &entry.agents {
+            body_of[agent as usize] = number;
+        }
+    }
+    (bodies, body_of)
+}
+
+fn body(model: &BodyModel) -> maes_msgs::Body {
+    maes_msgs::Body {
+        kind: match model.kind {
+            BodyKind::Submarine => maes_msgs::Body::SUBMARINE,
+            BodyKind::Aerial => maes_msgs::Body::AERIAL,
+        },
+        radius_m: model.radius_m,
+        speed_max_m_s: model.speed_max_m_s,
+        acceleration_m_s2: model.acceleration_m_s2,
+        deceleration_m_s2: model.deceleration_m_s2,
+        turn_rate_max_rad_s: model.turn_rate_max_rad_s,
+        turn_acceleration_rad_s2: model.turn_acceleration_rad_s2,
+        turn_deceleration_rad_s2: model.turn_deceleration_rad_s2,
     }
 }
 

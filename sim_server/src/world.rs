@@ -38,6 +38,8 @@ use untold::Untold;
 pub struct WorldParams {
     /// What bodies can do.
     pub body: BodyModel,
+    /// What those of some agents can do instead.
+    pub other_bodies: BTreeMap<AgentId, BodyModel>,
     /// What LiDARs see.
     pub scanner: Scanner,
     /// When LiDARs scan.
@@ -210,10 +212,10 @@ impl World {
             ScanSchedule::OnRequest { period_ticks } => Some(period_ticks),
             ScanSchedule::TakeTurns => None,
         };
-        let agents: Vec<AgentState> = starts
-            .iter()
-            .map(|&pose| AgentState {
-                body: Body::at_rest(pose),
+        let agents: Vec<AgentState> = ids()
+            .zip(starts)
+            .map(|(agent, &pose)| AgentState {
+                body: Body::at_rest(*params.other_bodies.get(&agent).unwrap_or(&params.body), pose),
                 cell: extent.cell_of(&pose.position),
                 distance_m: 0.0,
                 memory: memory.clone(),
@@ -229,8 +231,7 @@ impl World {
         for (agent, state) in ids().zip(&agents) {
             coverage.cover(agent, index_of(&terrain, state.cell));
         }
-        let spheres =
-            starts.iter().map(|pose| Sphere { centre: pose.position, radius_m: params.body.radius_m }).collect();
+        let spheres = agents.iter().map(|state| state.body.sphere()).collect();
         Self { tick: Tick::ZERO, terrain, params, agents, spheres, contacts: None, coverage, totals: Totals::default() }
     }
 
@@ -274,11 +275,11 @@ impl World {
     /// # Errors
     /// What is in the way, if there is no room; then nothing changes.
     pub fn place(&mut self, agent: AgentId, pose: Pose) -> Result<(), &'static str> {
-        let radius_m = self.params.body.radius_m;
+        let model = *self.body(agent).model();
         let others = self.spheres.iter().enumerate().filter(|(other, _)| *other != agent.index());
-        spawn::check_room(&self.terrain, others.map(|(_, sphere)| sphere), &pose.position, radius_m)?;
+        spawn::check_room(&self.terrain, others.map(|(_, sphere)| sphere), &pose.position, model.radius_m)?;
         let state = &mut self.agents[agent.index()];
-        state.body = Body::at_rest(pose);
+        state.body = Body::at_rest(model, pose);
         state.untold.events |= TASK_DONE;
         self.contacts = None;
         self.settle(agent.index());
@@ -484,7 +485,7 @@ impl World {
         for index in 0..self.agents.len() {
             let state = &mut self.agents[index];
             let obstacles = Obstacles::new(&self.terrain, &self.spheres, index);
-            let moved = state.body.advance(&self.params.body, &obstacles, Tick::TICK_S);
+            let moved = state.body.advance(&obstacles, Tick::TICK_S);
             state.distance_m += moved.distance_m;
             if moved.task_done {
                 state.untold.events |= TASK_DONE;

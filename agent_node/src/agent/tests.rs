@@ -28,6 +28,8 @@ fn agent() -> Agent {
         size: [4, 4, 4],
         cell_m: 1.0,
         agents: 9,
+        bodies: vec![maes_msgs::Body::default()],
+        body_of: vec![0; 9],
         duration_ticks: 10_000,
         share_period_ticks: 10,
         ..Default::default()
@@ -127,6 +129,8 @@ fn play(
         size: [SIDE; 3],
         cell_m: 1.0,
         agents: AGENTS,
+        bodies: vec![maes_msgs::Body::default()],
+        body_of: vec![0; AGENTS as usize],
         share_period_ticks: 23,
         duration_ticks: 10_000,
         ..Default::default()
@@ -257,6 +261,8 @@ fn a_controller_is_asked_when_it_wants_to_be_and_misses_nothing() {
         size: [4, 4, 4],
         cell_m: 1.0,
         agents: 3,
+        bodies: vec![maes_msgs::Body::default()],
+        body_of: vec![0; 3],
         duration_ticks: 10_000,
         share_period_ticks: 10,
         ..Default::default()

@@ -3,14 +3,18 @@
 //! This module decides nothing.
 
 use msgs::ids::{AgentId, Tick};
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use voxels::Cell;
 
+use crate::body::{Body, BodyKind};
 use crate::command::Motion;
 use crate::exploration_map::ExplorationMap;
 use crate::observation::{Briefing, Observation, Pose};
 use crate::path::{Moves, Neighbours, Path, Scratch, direct};
 use crate::travel::{Journey, SearchTime, Travel};
+
+/// Largest coordinate of a way-point, metres.
+const COORDINATE_MAX: f64 = 1e6;
 
 /// The agent as its controller sees it: who and where it is, what it believes, and how it gets to places.
 #[derive(Debug)]
@@ -40,6 +44,12 @@ impl<'a> Ctx<'a> {
     #[must_use]
     pub fn agent(&self) -> AgentId {
         self.agent
+    }
+
+    /// What its body can do.
+    #[must_use]
+    pub fn body(&self) -> &'a Body {
+        self.briefing.bodies.of(self.agent)
     }
 
     /// What is known of the run.
@@ -90,6 +100,19 @@ impl<'a> Ctx<'a> {
         Motion::turn(yaw_rad - self.pose.yaw_rad)
     }
 
+    /// The motion straight on in a direction (heading and elevation, radians) until something is in the way, without a turn before
+    /// it; none for a body that has to turn first.
+    #[must_use]
+    pub fn straight_towards(&self, heading_rad: f64, pitch_rad: f64) -> Option<Motion> {
+        let (yaw_sin, yaw_cos) = libm::sincos(heading_rad);
+        let (pitch_sin, pitch_cos) = libm::sincos(pitch_rad);
+        let extent = self.map.extent();
+        let across_m: f64 = extent.size().iter().map(|&cells| f64::from(cells) * extent.cell_m()).sum();
+        let end = self.pose.position + Vector3::new(yaw_cos * pitch_cos, yaw_sin * pitch_cos, pitch_sin) * across_m;
+        let can_be_told = end.iter().all(|along| along.abs() <= COORDINATE_MAX);
+        (self.body().kind == BodyKind::Aerial && can_be_told).then(|| Motion::Path(vec![end]))
+    }
+
     /// How to get to the centre of a cell: straight if the agent knows that to be clear, else along the cheapest path through
     /// cells that it knows to be free, of which neighbours share a face, an edge or a corner.
     ///
@@ -118,7 +141,7 @@ impl<'a> Ctx<'a> {
     /// Whether the straight leg to the centre of a cell is known to be clear for the body.
     #[must_use]
     pub fn is_clear_to(&self, goal: Cell) -> bool {
-        direct(self.map, &self.pose.position, goal, self.briefing.body_radius_m)
+        direct(self.map, &self.pose.position, goal, self.body().radius_m)
     }
 
     /// The cells beside the body's, across a face, an edge or a corner, that [`Ctx::is_clear_to`] holds for: where it can step

@@ -151,14 +151,14 @@ impl Dsvp {
         let extent = briefing.extent;
         let Params { gain_range_m, gain_rays, gain_depth, .. } = self.params;
         let sight = self.sight.get_or_insert_with(|| Sight {
-            regions: Regions::new(extent, briefing.body_radius_m),
+            regions: Regions::new(extent, ctx.body().radius_m),
             ways: Ways::default(),
             viewer: Viewer::new(
                 gain_rays,
                 gain_range_m.min(briefing.lidar_range_m).min(100.0 * extent.cell_m()) / extent.cell_m(),
                 gain_depth,
             ),
-            auction: self.terms.map(|terms| Auction::new(terms, ctx.agent(), extent)),
+            auction: self.terms.map(|terms| Auction::new(terms, &briefing.bodies, ctx.agent(), extent)),
         });
         if let Some(auction) = &mut sight.auction {
             auction.hear(&observation.parcels, observation.tick, briefing.agents);
@@ -285,7 +285,7 @@ impl Dsvp {
     fn explore(&mut self, observation: &Observation, ctx: &Ctx<'_>, others: &Others) -> Plan {
         let Some(sight) = &mut self.sight else { return Plan::Nothing };
         let (map, here) = (ctx.map(), ctx.cell());
-        let growth = self.params.growth(map.extent().cell_m(), ctx.briefing().body_radius_m);
+        let growth = self.params.growth(map.extent().cell_m(), ctx.body().radius_m);
         let frontiers = local_frontiers(&sight.regions, here, growth.horizon);
         if frontiers.is_empty() {
             self.tree = None;

@@ -1,7 +1,7 @@
 //! Random Ballistic Walk: straight on until something is in the way, then off in another direction.
 //!
 //! As in the papers on MAES3D: the first heading is random; at a floor the agent goes on upwards, at a ceiling downwards, at a
-//! wall it turns by a random angle. The map is not used.
+//! wall it turns by a random angle. A body that need not turn first goes off in the new direction at once. The map is not used.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -21,7 +21,8 @@ const FIRST_PITCH_RAD: f64 = PI / 4.0;
 pub struct Rbw {
     rng: ChaCha8Rng,
     pitch_rad: f64,
-    has_started: bool,
+    /// Where a body that need not turn first was last off to.
+    heading_rad: Option<f64>,
     pitch_min_rad: f64,
     pitch_max_rad: f64,
     turn_min_rad: f64,
@@ -43,7 +44,7 @@ impl Rbw {
         Ok(Self {
             rng,
             pitch_rad: FIRST_PITCH_RAD,
-            has_started: false,
+            heading_rad: None,
             pitch_min_rad,
             pitch_max_rad,
             turn_min_rad,
@@ -51,31 +52,39 @@ impl Rbw {
         })
     }
 
-    fn turn(&mut self, low_rad: f64, high_rad: f64) -> Motion {
+    /// Off in a direction that differs from the present one by so much.
+    fn turn(&mut self, low_rad: f64, high_rad: f64, ctx: &Ctx<'_>) -> Motion {
         let angle_rad = self.rng.random_range(low_rad..=high_rad);
-        Motion::turn(angle_rad)
+        let heading_rad = self.heading_rad.unwrap_or(ctx.yaw_rad()) + angle_rad;
+        self.heading_rad = Some(libm::remainder(heading_rad, TAU));
+        ctx.straight_towards(heading_rad, self.pitch_rad).unwrap_or_else(|| Motion::turn(angle_rad))
+    }
+
+    fn straight_on(&self, ctx: &Ctx<'_>) -> Motion {
+        let heading_rad = self.heading_rad.unwrap_or(ctx.yaw_rad());
+        let along_heading = || Motion::straight(self.pitch_rad, f64::INFINITY);
+        ctx.straight_towards(heading_rad, self.pitch_rad).unwrap_or_else(along_heading)
     }
 }
 
 impl Controller for Rbw {
-    fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         if observation.is_active {
             return Command::keep(Wake::TASK_DONE);
         }
-        if !self.has_started {
-            self.has_started = true;
-            return Command::new(self.turn(0.0, TAU), Wake::TASK_DONE);
+        if self.heading_rad.is_none() {
+            return Command::new(self.turn(0.0, TAU, ctx), Wake::TASK_DONE);
         }
         match observation.collision.map(|collision| collision.surface) {
             Some(Surface::Wall) => {
-                let turn = self.turn(self.turn_min_rad, self.turn_max_rad);
+                let turn = self.turn(self.turn_min_rad, self.turn_max_rad, ctx);
                 return Command::new(turn, Wake::TASK_DONE);
             }
             Some(Surface::Floor) => self.pitch_rad = self.rng.random_range(self.pitch_min_rad..=self.pitch_max_rad),
             Some(Surface::Ceiling) => self.pitch_rad = -self.rng.random_range(self.pitch_min_rad..=self.pitch_max_rad),
             None => {}
         }
-        Command::new(Motion::Move { pitch_rad: self.pitch_rad, distance_m: f64::INFINITY }, Wake::TASK_DONE)
+        Command::new(self.straight_on(ctx), Wake::TASK_DONE)
     }
 }
 
@@ -121,6 +130,23 @@ mod tests {
             let turn = world.ask_about(&mut rbw, &collided(idle(), Surface::Wall));
             assert!(matches!(turn.motion, Motion::Turn { angle_rad } if angle_rad.abs() >= FRAC_PI_2 - 1e-9));
         }
+    }
+
+    #[test]
+    fn an_aerial_body_does_not_turn_first() {
+        let mut world = World::empty().aerial();
+        let mut rbw = walk(&["turn_min_rad=1.5", "turn_max_rad=1.5"]).unwrap();
+        let mut off = |about: &Observation| {
+            let Motion::Path(way_points) = world.ask_about(&mut rbw, about).motion else { panic!("no path") };
+            (way_points[0] - about.pose.position).normalize()
+        };
+        let first = off(&idle());
+        assert!((first.z - libm::sin(FIRST_PITCH_RAD)).abs() < 1e-9, "{first}");
+        assert!((off(&idle()) - first).norm() < 1e-9, "straight on");
+        let next = off(&collided(idle(), Surface::Wall));
+        let turned_rad = libm::atan2(first.x * next.y - first.y * next.x, first.x * next.x + first.y * next.y);
+        assert!((turned_rad - 1.5).abs() < 1e-9, "from where it went, wherever it looks: {turned_rad}");
+        assert!(off(&collided(idle(), Surface::Ceiling)).z < 0.0);
     }
 
     #[test]

@@ -16,6 +16,7 @@ use nalgebra::{Point3, Vector3};
 use voxels::{Cell, Extent, Grid, Terrain, line_of_sight};
 
 use super::{Controller, Ctx};
+use crate::body::{Bodies, Body, BodyKind};
 use crate::command::{Command, Motion, Wake};
 pub(crate) use crate::exploration_map::drawing::drawn;
 use crate::exploration_map::{CellState, ExplorationMap};
@@ -89,6 +90,12 @@ impl World {
         Self { map: drawn(text), ..Self::new(text, start) }
     }
 
+    /// The same with bodies that need not turn first.
+    pub(crate) fn aerial(mut self) -> Self {
+        self.briefing.bodies = team_of(Body { kind: BodyKind::Aerial, radius_m: RADIUS_M, ..Body::SUBMARINE });
+        self
+    }
+
     /// The empty cube of [`idle`], of which nothing is known.
     pub(crate) fn empty() -> Self {
         Self::of(Grid::new(Extent::new([10; 3], 1.0).unwrap(), Terrain::Free), Cell::new(5, 5, 5))
@@ -103,7 +110,7 @@ impl World {
             agents_seed: 1,
             controller: String::new(),
             settings: Vec::new(),
-            body_radius_m: RADIUS_M,
+            bodies: team_of(Body { radius_m: RADIUS_M, ..Body::SUBMARINE }),
             lidar_range_m: f64::INFINITY,
             lidar_period_ticks: 10,
             communication_range_m: f64::INFINITY,
@@ -295,6 +302,11 @@ impl World {
         let free = self.terrain.iter().filter(|(_, terrain)| **terrain == Terrain::Free);
         free.map(|(cell, _)| cell).filter(|&cell| !states.contains(&self.map.state(cell))).collect()
     }
+}
+
+/// A team of equal bodies, with one agent more than there are, of which observations that are not true may speak.
+fn team_of(body: Body) -> Bodies {
+    Bodies::new(vec![body], vec![0; 4]).unwrap()
 }
 
 /// Cell of a flat world.

@@ -18,8 +18,8 @@ use regex::{Regex, RegexBuilder};
 use serde::Serialize;
 
 use crate::wire;
-use crate::world::World;
 use crate::world::body::Pose;
+use crate::world::{World, collision};
 
 /// Bytes of a regular expression at the most, and of what it is compiled to.
 const FILTER_BYTES_MAX: usize = 1024;
@@ -40,8 +40,6 @@ pub struct Team<'a> {
     pub controllers: &'a [String],
     /// Whether an agent has left the run, by agent.
     pub has_left: &'a [bool],
-    /// Radius of a body, metres.
-    pub radius_m: f64,
 }
 
 /// The name of an agent as an entity.
@@ -90,7 +88,7 @@ impl Team<'_> {
             (categories.is_empty() || categories.contains(&EntityCategory { category: EntityCategory::ROBOT }))
                 && are_there
                 && pattern.as_ref().is_none_or(|pattern| pattern.is_match(&name(agent)))
-                && region.touches(&self.world.body(agent).pose().position, self.radius_m)
+                && region.touches(&self.world.body(agent).sphere())
         };
         Ok(self.agents().filter(is_meant).collect())
     }
@@ -175,9 +173,10 @@ impl Team<'_> {
     #[must_use]
     pub fn bounds(&self, entity: &str) -> EntityBoundsResponse {
         match self.find(entity) {
-            Ok(_) => {
+            Ok(agent) => {
+                let radius_m = self.world.body(agent).model().radius_m;
                 let corner = |length| Triple { x: length, y: length, z: length };
-                let points = vec![corner(self.radius_m), corner(-self.radius_m)];
+                let points = vec![corner(radius_m), corner(-radius_m)];
                 EntityBoundsResponse { result: Outcome::ok(), bounds: Bounds { r#type: Bounds::BOX, points } }
             }
             Err(result) => EntityBoundsResponse { result, bounds: Bounds::default() },
@@ -265,7 +264,8 @@ impl Region {
         }
     }
 
-    fn touches(&self, position: &Point3<f64>, radius_m: f64) -> bool {
+    fn touches(&self, body: &collision::Sphere) -> bool {
+        let &collision::Sphere { centre: position, radius_m } = body;
         match self {
             Self::Everywhere => true,
             Self::Sphere { centre, radius_m: own } => (position - centre).norm() <= own + radius_m,

@@ -121,8 +121,7 @@ impl Run<'_> {
 
     fn with_team<T>(&self, look: impl FnOnce(&Team<'_>) -> T) -> T {
         let has_left: Vec<bool> = self.world.agents().map(|agent| self.lost.contains(&agent)).collect();
-        let radius_m = self.scenario.body.radius_m;
-        look(&Team { world: &self.world, controllers: &self.exchange.controllers(), has_left: &has_left, radius_m })
+        look(&Team { world: &self.world, controllers: &self.exchange.controllers(), has_left: &has_left })
     }
 
     fn set_entity_state(&mut self, request: &SetEntityStateRequest, phase: Phase) -> Result<Outcome, RunError> {

@@ -93,3 +93,56 @@ fn mistakes_are_named_with_their_place() {
         "map.size = [50, 50, 50]: a map from a file has the size of the file",
     );
 }
+
+#[test]
+fn a_body_that_is_not_described_is_that_of_its_kind() {
+    assert_eq!(Scenario::parse("s.toml", SMALL, &[]).unwrap().body, BodyModel::SUBMARINE);
+    let aerial =
+        Scenario::parse("s.toml", &format!("{SMALL}[body]\nkind = \"aerial\"\nradius_m = 0.3\n"), &[]).unwrap();
+    assert_eq!(aerial.body, BodyModel { radius_m: 0.3, ..BodyModel::AERIAL });
+}
+
+const MIXED: &str = "[body]\nradius_m = 0.3\nspeed_max_m_s = 1.0\n\
+                     [[bodies]]\nagents = [2]\nspeed_max_m_s = 2.0\n[[bodies]]\nagents = [0]\nkind = \"aerial\"\n";
+
+#[test]
+fn a_team_can_be_mixed() {
+    let scenario = Scenario::parse("s.toml", &format!("{SMALL}{MIXED}"), &[]).unwrap();
+    let faster = BodyModel { radius_m: 0.3, speed_max_m_s: 2.0, ..BodyModel::SUBMARINE };
+    let others = [(AgentId(0), BodyModel::AERIAL), (AgentId(2), faster)];
+    assert_eq!(scenario.other_bodies(), others.into());
+    assert_eq!(scenario.radii_m(), [0.4, 0.3, 0.3]);
+    assert_eq!(Scenario::parse("identity", &scenario.identity(), &[]).unwrap(), scenario);
+    let submarines = format!("{SMALL}[body]\nkind = \"aerial\"\n[[bodies]]\nagents = [1]\nkind = \"submarine\"\n");
+    let scenario = Scenario::parse("s.toml", &submarines, &[]).unwrap();
+    assert_eq!(scenario.other_bodies(), [(AgentId(1), BodyModel::SUBMARINE)].into());
+    assert_eq!(Scenario::parse("identity", &scenario.identity(), &[]).unwrap(), scenario);
+}
+
+#[test]
+fn the_identity_of_a_team_of_submarines_does_not_speak_of_kinds() {
+    let identity = Scenario::parse("s.toml", SMALL, &[]).unwrap().identity();
+    assert!(!identity.contains("bodies"), "{identity}");
+    assert_eq!(identity.matches("kind").count(), 2, "of the map and of the starts: {identity}");
+}
+
+#[test]
+fn mistakes_in_bodies_are_named_with_their_entry() {
+    let with = |entries: &str| format!("{SMALL}{entries}");
+    let entry = |keys: &str| with(&format!("[[bodies]]\nagents = [0]\n[[bodies]]\n{keys}\n"));
+    refuses(&entry("radius_m = 0.3"), &[], "an entry of `bodies`: missing field `agents`");
+    refuses(
+        &entry("agents = [1]\nsize = 3"),
+        &[],
+        "an entry of `bodies`: unknown field `size`, expected one of `kind`",
+    );
+    refuses(&entry("agents = [1]\nkind = \"boat\""), &[], "unknown variant `boat`, expected `submarine` or `aerial`");
+    refuses(&entry("agents = [-1]"), &[], "an entry of `bodies`");
+    refuses(&entry("agents = []"), &[], "bodies[1].agents = []: expected at least one id of an agent");
+    refuses(&entry("agents = [3]"), &[], "bodies[1].agents = 3: expected ids of agents, 0 to 2");
+    refuses(&entry("agents = [1, 0]"), &[], "bodies[1].agents = 0: expected each agent once, and it is in bodies[0]");
+    refuses(&entry("agents = [1]\nradius_m = 20"), &[], "bodies[1].radius_m = 20: expected at least a thousandth");
+    refuses(&entry("agents = [1]\nacceleration_m_s2 = 0"), &[], "bodies[1].acceleration_m_s2 = 0: expected a number");
+    refuses(&with("[body]\nagents = [0]\n"), &[], "s.toml:9:1: unknown field `agents`");
+    refuses(&with(&"[[bodies]]\nagents = [0]\n".repeat(256)), &[], "bodies = 256 entries: expected at most 255");
+}

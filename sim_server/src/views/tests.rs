@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use msgs::cdr;
@@ -25,6 +26,7 @@ fn tunnel() -> Grid<Terrain> {
 fn world() -> World {
     let params = WorldParams {
         body: BodyModel { radius_m: 0.1, ..BodyModel::default() },
+        other_bodies: BTreeMap::new(),
         scanner: Scanner::new(Pattern::Lattice { rays: 1000 }, 1.0, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: CommsModel { range_m: 5.0 },

@@ -151,3 +151,13 @@ fn asking_again_is_never_before_the_next_tick() {
     assert_eq!(wake(7, 20), Wake { at: Tick(20), events: 3 });
     assert_eq!(wake(u64::MAX, 0).at, Tick(u64::MAX));
 }
+
+#[test]
+fn a_scenario_says_which_body_each_agent_has() {
+    let text = "seed = 1\nduration_s = 1.0\nmap = { kind = \"spheres\", size = 20 }\nagents = { count = 4 }\n\
+                [[bodies]]\nagents = [3, 1]\nkind = \"aerial\"\n[[bodies]]\nagents = [2]\nradius_m = 0.2\n";
+    let told = scenario(&Scenario::parse("s.toml", text, &[]).unwrap(), &Extent::new([20; 3], 1.0).unwrap(), 10);
+    assert_eq!(told.body_of, [0, 1, 2, 1]);
+    let bodies: Vec<_> = told.bodies.iter().map(|body| (body.kind, body.radius_m, body.speed_max_m_s)).collect();
+    assert_eq!(bodies, [(0, 0.4, 1.5), (1, 0.4, 3.0), (0, 0.2, 1.5)]);
+}

@@ -1,61 +1,33 @@
 //! The body of an agent: what a motion task does to a pose in one fixed update.
 //!
-//! The model is the reference's submarine: a sphere that turns about the vertical and moves along a line raised by a pitch
-//! angle, with bang-bang speed control. Every leg (a straight move or a turn) starts from rest; a task that replaces another
-//! ends it at once, except that a velocity task goes on from the velocity of a velocity task.
+//! There are two kinds. The submarine is the reference's: a sphere that turns about the vertical and moves along a line raised by
+//! a pitch angle, with bang-bang speed control. The aerial body (`body/aerial.rs`) goes in any direction at once, and turns
+//! meanwhile. Every leg (a straight move or a turn) starts from rest; a task that replaces another ends it at once, except that a
+//! velocity task goes on from the velocity of a velocity task.
 //!
 //! Invariants: a body never comes nearer to a wall or to another body than its radius allows (see [`super::collision`]);
-//! a leg of a path that has come to its end lands exactly on its way-point, unless that is blocked; other legs end within
-//! `MOVE_REST_M` or `TURN_REST_RAD` of where they lead, as in the reference; all quantities stay finite.
+//! a leg of a path that has come to its end lands exactly on its way-point, unless that is blocked; other legs of a submarine end
+//! within `MOVE_REST_M` or `TURN_REST_RAD` of where they lead, as in the reference; all quantities stay finite.
 //!
 //! This module does not decide who moves first, and it knows no messages.
+
+mod aerial;
+mod model;
+mod ramp;
 
 use std::collections::VecDeque;
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Point3, Vector3};
-use serde::{Deserialize, Serialize};
 
-use super::collision::{Contact, Obstacles, Surface};
+use super::collision::{Contact, Obstacles, Sphere, Surface};
+use aerial::Flight;
+pub use model::{BodyKeys, BodyKind, BodyModel};
+use ramp::{Ramp, RampLimits, approached};
 
 /// A leg whose rest is below this is finished. Reference: 0.001 voxel and 0.001 degree.
 const MOVE_REST_M: f64 = 1e-3;
 const TURN_REST_RAD: f64 = 1e-3 * PI / 180.0;
-
-/// What a body can do: the table `[body]` of a scenario. Its defaults are the submarine of the reference.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct BodyModel {
-    /// Radius of the sphere.
-    pub radius_m: f64,
-    /// Top speed along the path.
-    pub speed_max_m_s: f64,
-    /// How fast it speeds up.
-    pub acceleration_m_s2: f64,
-    /// How fast it brakes.
-    pub deceleration_m_s2: f64,
-    /// Top turn rate.
-    pub turn_rate_max_rad_s: f64,
-    /// How fast a turn speeds up.
-    pub turn_acceleration_rad_s2: f64,
-    /// How fast a turn brakes.
-    pub turn_deceleration_rad_s2: f64,
-}
-
-impl Default for BodyModel {
-    /// The reference's constants; there the turn is 100, 50 and 25 degrees.
-    fn default() -> Self {
-        Self {
-            radius_m: 0.4,
-            speed_max_m_s: 1.5,
-            acceleration_m_s2: 0.5,
-            deceleration_m_s2: 0.25,
-            turn_rate_max_rad_s: TAU * 100.0 / 360.0,
-            turn_acceleration_rad_s2: TAU * 50.0 / 360.0,
-            turn_deceleration_rad_s2: TAU * 25.0 / 360.0,
-        }
-    }
-}
 
 /// Where a body is and where it looks, in the frame `map`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,53 +57,15 @@ pub enum Motion {
         /// How far.
         angle_rad: f64,
     },
-    /// Visit way-points (frame `map`) in turn: turn towards each, then move straight.
+    /// Visit way-points (frame `map`) in turn: a submarine turns towards each, then moves straight; an aerial body moves at once.
     Path(Vec<Point3<f64>>),
     /// Hold a velocity, clamped to the body, until told otherwise.
     Velocity {
-        /// In the frame of the body: x forward, y left, z up. This body cannot move sideways: y is taken as 0.
+        /// In the frame of the body: x forward, y left, z up. A submarine cannot move sideways: y is taken as 0.
         linear_in_body_m_s: Vector3<f64>,
         /// Positive to the left.
         yaw_rate_rad_s: f64,
     },
-}
-
-/// Speed control along one leg: a distance still to go (metres or radians) and the present speed.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Ramp {
-    rest: f64,
-    speed: f64,
-}
-
-/// Limits of a [`Ramp`] in units of its distance.
-struct RampLimits {
-    speed_max: f64,
-    acceleration: f64,
-    deceleration: f64,
-    rest_min: f64,
-}
-
-impl Ramp {
-    fn from_rest(rest: f64) -> Self {
-        Self { rest, speed: 0.0 }
-    }
-
-    /// The step of this tick and whether it is the last one.
-    ///
-    /// The reference's rule: brake while the braking distance reaches the target, speed up otherwise.
-    fn next_step(&mut self, limits: &RampLimits, dt_s: f64) -> (f64, bool) {
-        if self.rest < limits.rest_min {
-            return (self.rest, true);
-        }
-        if self.speed * self.speed / (2.0 * limits.deceleration) >= self.rest {
-            self.speed = (self.speed - limits.deceleration * dt_s).max(0.0);
-        } else {
-            self.speed = (self.speed + limits.acceleration * dt_s).min(limits.speed_max);
-        }
-        let step = (self.speed * dt_s).min(self.rest);
-        self.rest -= step;
-        (step, false)
-    }
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -140,6 +74,7 @@ enum Task {
     Move { direction_in_map: Vector3<f64>, ramp: Ramp },
     Turn { sign: f64, ramp: Ramp },
     Path { leg: PathLeg, rest: VecDeque<Point3<f64>> },
+    Flight(Flight),
     Velocity { target_in_body_m_s: Vector3<f64>, target_yaw_rate_rad_s: f64 },
 }
 
@@ -174,6 +109,7 @@ pub struct Collision {
 /// A body and its present task.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Body {
+    model: BodyModel,
     pose: Pose,
     task: Task,
     velocity_in_body_m_s: Vector3<f64>,
@@ -184,8 +120,9 @@ pub struct Body {
 impl Body {
     /// A body at rest.
     #[must_use]
-    pub fn at_rest(pose: Pose) -> Self {
+    pub fn at_rest(model: BodyModel, pose: Pose) -> Self {
         Self {
+            model,
             pose: Pose { yaw_rad: wrapped(pose.yaw_rad), ..pose },
             task: Task::Idle,
             velocity_in_body_m_s: Vector3::zeros(),
@@ -194,10 +131,22 @@ impl Body {
         }
     }
 
+    /// What it can do.
+    #[must_use]
+    pub fn model(&self) -> &BodyModel {
+        &self.model
+    }
+
     /// Where it is.
     #[must_use]
     pub fn pose(&self) -> &Pose {
         &self.pose
+    }
+
+    /// What of the world it fills.
+    #[must_use]
+    pub fn sphere(&self) -> Sphere {
+        Sphere { centre: self.pose.position, radius_m: self.model.radius_m }
     }
 
     /// Whether a task is being carried out.
@@ -212,6 +161,7 @@ impl Body {
     pub fn way_points(&self) -> Vec<Point3<f64>> {
         match &self.task {
             Task::Path { leg, rest } => std::iter::once(leg.target).chain(rest.iter().copied()).collect(),
+            Task::Flight(flight) => flight.way_points(),
             Task::Move { direction_in_map, ramp } if ramp.rest.is_finite() => {
                 vec![self.pose.position + direction_in_map * ramp.rest]
             }
@@ -255,6 +205,9 @@ impl Body {
             Motion::Turn { angle_rad } => {
                 Task::Turn { sign: angle_rad.signum(), ramp: Ramp::from_rest(angle_rad.abs()) }
             }
+            Motion::Path(way_points) if self.model.kind == BodyKind::Aerial => {
+                Flight::from_rest(&self.pose.position, way_points).map_or(Task::Idle, Task::Flight)
+            }
             Motion::Path(way_points) => {
                 let mut rest = VecDeque::from(way_points);
                 match rest.pop_front() {
@@ -275,22 +228,26 @@ impl Body {
     }
 
     /// Carries the task on by one fixed update of `dt_s` seconds.
-    pub fn advance(&mut self, model: &BodyModel, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
+    pub fn advance(&mut self, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
         let mut task = std::mem::replace(&mut self.task, Task::Idle);
         let moved = match &mut task {
             Task::Idle => {
                 self.come_to_rest();
                 return Moved::default();
             }
-            Task::Move { direction_in_map, ramp } => self.go_on(*direction_in_map, ramp, model, obstacles, dt_s),
+            Task::Move { direction_in_map, ramp } => self.go_on(*direction_in_map, ramp, obstacles, dt_s),
             Task::Turn { sign, ramp } => {
-                let done = self.turn_on(*sign, ramp, model, dt_s);
+                let done = self.turn_on(*sign, ramp, dt_s);
                 Moved { task_done: done, ..Moved::default() }
             }
-            Task::Path { leg, rest } => self.follow(leg, rest, model, obstacles, dt_s),
+            Task::Path { leg, rest } => self.follow(leg, rest, obstacles, dt_s),
+            Task::Flight(flight) => self.fly(flight, obstacles, dt_s),
             Task::Velocity { target_in_body_m_s, target_yaw_rate_rad_s } => {
                 let target = (*target_in_body_m_s, *target_yaw_rate_rad_s);
-                self.hold(target, model, obstacles, dt_s)
+                match self.model.kind {
+                    BodyKind::Submarine => self.hold(target, obstacles, dt_s),
+                    BodyKind::Aerial => self.hold_in_flight(target, obstacles, dt_s),
+                }
             }
         };
         if moved.collided {
@@ -305,22 +262,21 @@ impl Body {
         &mut self,
         leg: &mut PathLeg,
         rest: &mut VecDeque<Point3<f64>>,
-        model: &BodyModel,
         obstacles: &Obstacles<'_>,
         dt_s: f64,
     ) -> Moved {
         if let Some((sign, ramp)) = &mut leg.turn {
-            if self.turn_on(*sign, ramp, model, dt_s) {
+            if self.turn_on(*sign, ramp, dt_s) {
                 leg.turn = None;
             }
             return Moved::default();
         }
         let way = leg.target - self.pose.position;
         let direction = way.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-        let mut moved = self.go_on(direction, &mut leg.go, model, obstacles, dt_s);
+        let mut moved = self.go_on(direction, &mut leg.go, obstacles, dt_s);
         if moved.task_done && !moved.collided {
             // The exact target, so that rounding does not add up over the legs of a long path.
-            if !obstacles.blocks(&self.pose.position, &leg.target, model.radius_m) {
+            if !obstacles.blocks(&self.pose.position, &leg.target, self.model.radius_m) {
                 self.pose.position = leg.target;
             }
             if let Some(target) = rest.pop_front() {
@@ -335,30 +291,38 @@ impl Body {
         &mut self,
         direction_in_map: Vector3<f64>,
         ramp: &mut Ramp,
-        model: &BodyModel,
         obstacles: &Obstacles<'_>,
         dt_s: f64,
     ) -> Moved {
-        let limits = RampLimits {
-            speed_max: model.speed_max_m_s,
-            acceleration: model.acceleration_m_s2,
-            deceleration: model.deceleration_m_s2,
-            rest_min: MOVE_REST_M,
+        let (step_m, done) = match self.model.kind {
+            BodyKind::Submarine => ramp.next_step(&self.move_limits(), dt_s),
+            BodyKind::Aerial => ramp.next_landing_step(&self.move_limits(), dt_s),
         };
-        let (step_m, done) = ramp.next_step(&limits, dt_s);
-        let mut moved = self.shift(direction_in_map * step_m, model, obstacles, dt_s);
+        let mut moved = self.shift(direction_in_map * step_m, obstacles, dt_s);
         moved.task_done |= done;
         moved
     }
 
-    fn turn_on(&mut self, sign: f64, ramp: &mut Ramp, model: &BodyModel, dt_s: f64) -> bool {
+    fn move_limits(&self) -> RampLimits {
+        RampLimits {
+            speed_max: self.model.speed_max_m_s,
+            acceleration: self.model.acceleration_m_s2,
+            deceleration: self.model.deceleration_m_s2,
+            rest_min: MOVE_REST_M,
+        }
+    }
+
+    fn turn_on(&mut self, sign: f64, ramp: &mut Ramp, dt_s: f64) -> bool {
         let limits = RampLimits {
-            speed_max: model.turn_rate_max_rad_s,
-            acceleration: model.turn_acceleration_rad_s2,
-            deceleration: model.turn_deceleration_rad_s2,
+            speed_max: self.model.turn_rate_max_rad_s,
+            acceleration: self.model.turn_acceleration_rad_s2,
+            deceleration: self.model.turn_deceleration_rad_s2,
             rest_min: TURN_REST_RAD,
         };
-        let (step_rad, done) = ramp.next_step(&limits, dt_s);
+        let (step_rad, done) = match self.model.kind {
+            BodyKind::Submarine => ramp.next_step(&limits, dt_s),
+            BodyKind::Aerial => ramp.next_landing_step(&limits, dt_s),
+        };
         self.velocity_in_body_m_s = Vector3::zeros();
         self.yaw_rate_rad_s = sign * step_rad / dt_s;
         self.pose.yaw_rad = wrapped(self.pose.yaw_rad + sign * step_rad);
@@ -369,42 +333,48 @@ impl Body {
     fn hold(
         &mut self,
         (target_in_body_m_s, target_yaw_rate_rad_s): (Vector3<f64>, f64),
-        model: &BodyModel,
         obstacles: &Obstacles<'_>,
         dt_s: f64,
     ) -> Moved {
-        let mut target = Vector3::new(target_in_body_m_s.x, 0.0, target_in_body_m_s.z);
-        let speed = target.norm();
-        if speed > model.speed_max_m_s {
-            target *= model.speed_max_m_s / speed;
-        }
-        let target_rate = target_yaw_rate_rad_s.clamp(-model.turn_rate_max_rad_s, model.turn_rate_max_rad_s);
-
-        let velocity = approached(
-            &self.velocity_in_body_m_s,
-            &target,
-            model.acceleration_m_s2 * dt_s,
-            model.deceleration_m_s2 * dt_s,
-        );
-        let rate = approached(
-            &Vector3::new(self.yaw_rate_rad_s, 0.0, 0.0),
-            &Vector3::new(target_rate, 0.0, 0.0),
-            model.turn_acceleration_rad_s2 * dt_s,
-            model.turn_deceleration_rad_s2 * dt_s,
-        )
-        .x;
-        let moved = self.shift(turned(&velocity, self.pose.yaw_rad) * dt_s, model, obstacles, dt_s);
+        let target = self.clamped(Vector3::new(target_in_body_m_s.x, 0.0, target_in_body_m_s.z));
+        let velocity = self.velocity_towards(&self.velocity_in_body_m_s, &target, dt_s);
+        let rate_rad_s = self.rate_towards(target_yaw_rate_rad_s, dt_s);
+        let moved = self.shift(turned(&velocity, self.pose.yaw_rad) * dt_s, obstacles, dt_s);
         if !moved.collided {
             self.velocity_in_body_m_s = velocity;
-            self.yaw_rate_rad_s = rate;
-            self.pose.yaw_rad = wrapped(self.pose.yaw_rad + rate * dt_s);
+            self.yaw_rate_rad_s = rate_rad_s;
+            self.pose.yaw_rad = wrapped(self.pose.yaw_rad + rate_rad_s * dt_s);
         }
         moved
     }
 
+    /// A velocity in the same direction, as fast as the body can go at the most.
+    fn clamped(&self, velocity_m_s: Vector3<f64>) -> Vector3<f64> {
+        let speed_m_s = velocity_m_s.norm();
+        let limit_m_s = self.model.speed_max_m_s;
+        if speed_m_s > limit_m_s { velocity_m_s * (limit_m_s / speed_m_s) } else { velocity_m_s }
+    }
+
+    /// The velocity after a tick in which it is brought from `present` towards `target`.
+    fn velocity_towards(&self, present: &Vector3<f64>, target: &Vector3<f64>, dt_s: f64) -> Vector3<f64> {
+        approached(present, target, self.model.acceleration_m_s2 * dt_s, self.model.deceleration_m_s2 * dt_s)
+    }
+
+    /// The turn rate after a tick in which it is brought towards `target_rad_s`.
+    fn rate_towards(&self, target_rad_s: f64, dt_s: f64) -> f64 {
+        let limit_rad_s = self.model.turn_rate_max_rad_s;
+        approached(
+            &Vector3::new(self.yaw_rate_rad_s, 0.0, 0.0),
+            &Vector3::new(target_rad_s.clamp(-limit_rad_s, limit_rad_s), 0.0, 0.0),
+            self.model.turn_acceleration_rad_s2 * dt_s,
+            self.model.turn_deceleration_rad_s2 * dt_s,
+        )
+        .x
+    }
+
     /// Moves the centre by `displacement` (metres, frame `map`) if nothing is in the way.
-    fn shift(&mut self, displacement: Vector3<f64>, model: &BodyModel, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
-        if let Some(contact) = obstacles.first_contact(&self.pose.position, &displacement, model.radius_m) {
+    fn shift(&mut self, displacement: Vector3<f64>, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
+        if let Some(contact) = obstacles.first_contact(&self.pose.position, &displacement, self.model.radius_m) {
             self.collision = Some(Collision::from(contact));
             return Moved { task_done: true, collided: true, distance_m: 0.0 };
         }
@@ -458,14 +428,6 @@ pub fn wrapped(angle_rad: f64) -> f64 {
 fn turned(vector: &Vector3<f64>, yaw_rad: f64) -> Vector3<f64> {
     let (sin, cos) = libm::sincos(yaw_rad);
     Vector3::new(vector.x * cos - vector.y * sin, vector.x * sin + vector.y * cos, vector.z)
-}
-
-/// `present` brought towards `target` by at most `faster` where that speeds up, and at most `slower` where it brakes.
-fn approached(present: &Vector3<f64>, target: &Vector3<f64>, faster: f64, slower: f64) -> Vector3<f64> {
-    let change = target - present;
-    let size = change.norm();
-    let limit = if target.norm_squared() >= present.norm_squared() { faster } else { slower };
-    if size <= limit { *target } else { present + change * (limit / size) }
 }
 
 #[cfg(test)]

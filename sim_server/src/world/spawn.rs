@@ -90,24 +90,24 @@ pub enum SpawnError {
 }
 
 impl SpawnSpec {
-    /// The starts of `agents` bodies, by agent.
+    /// The starts of bodies with these radii (metres), by agent.
     ///
     /// # Errors
     /// If there is no room for one of them.
-    pub fn poses(&self, terrain: &Grid<Terrain>, agents: usize, radius_m: f64) -> Result<Vec<Pose>, SpawnError> {
+    pub fn poses(&self, terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result<Vec<Pose>, SpawnError> {
         match self {
             Self::NearestOrigin { yaw_rad } => {
                 let cell_m = terrain.extent().cell_m();
-                if 2.0 * radius_m > cell_m {
+                if let Some(&radius_m) = radii_m.iter().find(|&radius_m| 2.0 * radius_m > cell_m) {
                     return Err(SpawnError::BodyTooLarge { radius_m, cell_m });
                 }
-                let cells = nearest_cube(terrain, agents)?;
+                let cells = nearest_cube(terrain, radii_m.len())?;
                 Ok(cells
                     .into_iter()
                     .map(|cell| Pose { position: terrain.extent().centre(cell), yaw_rad: *yaw_rad })
                     .collect())
             }
-            Self::List { poses } => listed(poses, terrain, agents, radius_m),
+            Self::List { poses } => listed(poses, terrain, radii_m),
         }
     }
 }
@@ -141,18 +141,14 @@ fn nearest_cube(terrain: &Grid<Terrain>, agents: usize) -> Result<Vec<Cell>, Spa
     Ok(cube(corner).take(agents).collect())
 }
 
-fn listed(
-    entries: &[Vec<f64>],
-    terrain: &Grid<Terrain>,
-    agents: usize,
-    radius_m: f64,
-) -> Result<Vec<Pose>, SpawnError> {
+fn listed(entries: &[Vec<f64>], terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result<Vec<Pose>, SpawnError> {
+    let agents = radii_m.len();
     if entries.len() != agents {
         return Err(SpawnError::WrongCount { got: entries.len(), expected: agents });
     }
     let mut poses = Vec::with_capacity(agents);
     let mut bodies: Vec<Sphere> = Vec::with_capacity(agents);
-    for (index, entry) in entries.iter().enumerate() {
+    for (index, (entry, &radius_m)) in entries.iter().zip(radii_m).enumerate() {
         let (position, yaw_rad) = match entry[..] {
             [x, y, z] => (Point3::new(x, y, z), 0.0),
             [x, y, z, yaw_rad] => (Point3::new(x, y, z), yaw_rad),
@@ -224,7 +220,7 @@ mod tests {
     #[test]
     fn cube_nearest_to_the_origin_is_filled_x_slowest_then_up() {
         let spec = SpawnSpec::NearestOrigin { yaw_rad: 0.5 };
-        let poses = spec.poses(&hall(), 4, 0.4).unwrap();
+        let poses = spec.poses(&hall(), &[0.4; 4]).unwrap();
         let positions: Vec<_> = poses.iter().map(|pose| pose.position).collect();
         assert_eq!(
             positions,
@@ -241,28 +237,31 @@ mod tests {
     #[test]
     fn a_team_that_does_not_fit_is_told_so() {
         let spec = SpawnSpec::NearestOrigin { yaw_rad: 0.0 };
-        assert_eq!(spec.poses(&hall(), 28, 0.4), Err(SpawnError::NoCube { edge: 4, agents: 28 }));
+        assert_eq!(spec.poses(&hall(), &[0.4; 28]), Err(SpawnError::NoCube { edge: 4, agents: 28 }));
     }
 
     #[test]
     fn a_list_is_checked_entry_by_entry() {
         let spec = |poses: Vec<Vec<f64>>| SpawnSpec::List { poses };
         let hall = hall();
-        assert!(matches!(spec(vec![vec![1.5, 1.5, 1.5]]).poses(&hall, 2, 0.4), Err(SpawnError::WrongCount { .. })));
-        assert!(matches!(spec(vec![vec![1.5, 1.5]]).poses(&hall, 1, 0.4), Err(SpawnError::NotAPose { index: 0, .. })));
+        assert!(matches!(spec(vec![vec![1.5, 1.5, 1.5]]).poses(&hall, &[0.4; 2]), Err(SpawnError::WrongCount { .. })));
+        assert!(matches!(spec(vec![vec![1.5, 1.5]]).poses(&hall, &[0.4]), Err(SpawnError::NotAPose { index: 0, .. })));
         assert!(matches!(
-            spec(vec![vec![1.5, f64::NAN, 1.0]]).poses(&hall, 1, 0.4),
+            spec(vec![vec![1.5, f64::NAN, 1.0]]).poses(&hall, &[0.4]),
             Err(SpawnError::NotAPose { index: 0, .. })
         ));
         assert!(matches!(
-            spec(vec![vec![1.2, 1.5, 1.5]]).poses(&hall, 1, 0.4),
+            spec(vec![vec![1.2, 1.5, 1.5]]).poses(&hall, &[0.4]),
             Err(SpawnError::NoRoom { index: 0, .. })
         ));
         assert!(matches!(
-            spec(vec![vec![1.5, 1.5, 1.5], vec![2.0, 1.5, 1.5]]).poses(&hall, 2, 0.4),
+            spec(vec![vec![1.5, 1.5, 1.5], vec![2.0, 1.5, 1.5]]).poses(&hall, &[0.4; 2]),
             Err(SpawnError::NoRoom { index: 1, .. })
         ));
-        let poses = spec(vec![vec![1.5, 1.5, 1.5], vec![3.0, 1.5, 1.5, 2.0]]).poses(&hall, 2, 0.4).unwrap();
+        let side_by_side = spec(vec![vec![1.5, 2.5, 2.5], vec![2.45, 2.5, 2.5]]);
+        assert!(side_by_side.poses(&hall, &[0.4, 0.4]).is_ok());
+        assert!(matches!(side_by_side.poses(&hall, &[0.4, 0.6]), Err(SpawnError::NoRoom { index: 1, .. })));
+        let poses = spec(vec![vec![1.5, 1.5, 1.5], vec![3.0, 1.5, 1.5, 2.0]]).poses(&hall, &[0.4; 2]).unwrap();
         assert_eq!(poses[1].yaw_rad, 2.0);
     }
 }

@@ -15,6 +15,7 @@ fn pool(threads: usize) -> ThreadPool {
 fn params() -> WorldParams {
     WorldParams {
         body: BodyModel::default(),
+        other_bodies: BTreeMap::new(),
         scanner: Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: CommsModel { range_m: f64::INFINITY },
@@ -294,4 +295,22 @@ fn a_body_is_put_where_there_is_room_and_its_agent_is_told() {
     world.place(B, at(5.5, 2.5, 1.5)).unwrap();
     world.place(A, at(2.5, 2.5, 1.5)).unwrap();
     assert_eq!(world.pairs_in_contact(), 1, "they see each other through the door");
+}
+
+#[test]
+fn bodies_of_a_mixed_team_meet_where_their_radii_do() {
+    let small = BodyModel { radius_m: 0.2, ..BodyModel::AERIAL };
+    let params = WorldParams { other_bodies: [(B, small)].into(), ..params() };
+    let facing = [at(2.5, 2.5, 2.5), Pose { yaw_rad: PI, ..at(19.5, 2.5, 2.5) }];
+    let mut world = World::new(hall([20, 3, 3]), params, &facing);
+    world.step([(A, action(endless(0.0))), (B, action(endless(0.0)))].into());
+    for _ in 0..2000 {
+        world.step(BTreeMap::new());
+    }
+    let [a, b] = [A, B].map(|agent| world.body(agent).pose().position);
+    let gap_m = (a - b).norm();
+    assert!((0.6 - 1e-9..0.7).contains(&gap_m), "{gap_m}");
+    assert!(world.place(B, at(a.x, a.y, a.z - 0.59)).is_err());
+    assert!(world.place(B, at(a.x, a.y, a.z - 0.61)).is_ok());
+    assert_eq!(world.body(B).model(), &small, "it stays what it is");
 }

@@ -2,7 +2,8 @@
 //!
 //! An agent *claims* its goal, with the length of its way there as the bid, and tells the agents in contact, together with the
 //! claims that it knows of. Of two that claim about the same, the shorter way wins (then the lower id), and the other one looks
-//! for something else; as all of them know the same bids, all come to the same end, in as many rounds as there are conflicts. What
+//! for something else; as all of them know the same bids, all come to the same end, in as many rounds as there are conflicts. In
+//! a team of bodies that are not equally fast it is times that are compared: ways over paces, which all know of all bodies. What
 //! others have claimed is worth less to everybody else, the less the nearer it is to the claim, and what another agent will get
 //! to sooner, once it is where it claims to go, is left to it.
 //!
@@ -14,17 +15,23 @@
 //! parcel changes nothing; what is known hangs on the parcels alone, and of several claims of one agent the latest counts.
 
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_3;
 
 use msgs::ids::{AgentId, Tick};
 use voxels::{Cell, Extent};
 
 use super::tree::length_between;
+use crate::body::{Bodies, Body, BodyKind};
 use crate::observation::{Contact, Received};
 
 /// The mark of the parcels in which agents with an auction tell each other of their claims.
 pub const CLAIMS_PARCEL: u8 = 2;
 
 const VERSION: u8 = 1;
+
+/// What the pace of a body is reckoned with: the length of a leg, metres, and the turn before it, radians. Both are about what is
+/// usual in caves.
+const USUAL_LEG: (f64, f64) = (4.0, FRAC_PI_3);
 
 /// Bytes of a claim in a parcel.
 const CLAIM_BYTES: usize = 28;
@@ -43,7 +50,7 @@ pub(super) struct Terms {
     pub(super) trespass_m: f64,
     /// How much longer ways are than straight lines.
     pub(super) detour: f64,
-    /// At what pace agents are reckoned to go, m/s.
+    /// At what pace submarines are reckoned to go, m/s.
     pub(super) pace_m_s: f64,
     /// How long a claim holds beyond the time the way takes, ticks.
     pub(super) lease_ticks: u64,
@@ -64,15 +71,18 @@ pub(super) struct Claim {
 #[derive(Debug, Clone)]
 pub(super) struct Auction {
     terms: Terms,
+    /// At what pace agents are reckoned to go, m/s, by agent.
+    paces_m_s: Vec<f64>,
     own: AgentId,
     extent: Extent,
     claims: BTreeMap<AgentId, Claim>,
 }
 
 impl Auction {
-    /// The auction as `own` knows it, on a map of this extent: there are no claims yet.
-    pub(super) fn new(terms: Terms, own: AgentId, extent: Extent) -> Self {
-        Self { terms, own, extent, claims: BTreeMap::new() }
+    /// The auction as `own` knows it, in a team of these bodies, on a map of this extent: there are no claims yet.
+    pub(super) fn new(terms: Terms, bodies: &Bodies, own: AgentId, extent: Extent) -> Self {
+        let paces_m_s = bodies.iter().map(|body| pace_m_s(body, terms.pace_m_s)).collect();
+        Self { terms, paces_m_s, own, extent, claims: BTreeMap::new() }
     }
 
     /// Takes in what has been told; forgets claims that are over. `agents` is how many there are in the run.
@@ -91,7 +101,7 @@ impl Auction {
 
     /// Claims a goal.
     pub(super) fn claim(&mut self, cell: Cell, way_m: f64, now: Tick) {
-        let travel_ticks = (way_m / self.terms.pace_m_s / Tick::TICK_S) as u64;
+        let travel_ticks = (way_m / self.pace_m_s(self.own) / Tick::TICK_S) as u64;
         let ends = now.after(travel_ticks).after(self.terms.lease_ticks);
         self.claims.insert(self.own, Claim { cell, way_m, made: now, ends });
     }
@@ -119,10 +129,19 @@ impl Auction {
         self.claims.iter().map(|(&agent, claim)| (agent, claim)).filter(|&(agent, _)| agent != self.own)
     }
 
+    fn pace_m_s(&self, agent: AgentId) -> f64 {
+        self.paces_m_s[agent.index()]
+    }
+
     /// Length of the way that an agent has left to its goal, metres.
-    fn left_m(&self, claim: &Claim, now: Tick) -> f64 {
+    fn left_m(&self, agent: AgentId, claim: &Claim, now: Tick) -> f64 {
         let passed_s = now.0.saturating_sub(claim.made.0) as f64 * Tick::TICK_S;
-        (claim.way_m - passed_s * self.terms.pace_m_s).max(0.0)
+        (claim.way_m - passed_s * self.pace_m_s(agent)).max(0.0)
+    }
+
+    /// How far this agent goes while another one goes so far, metres.
+    fn meanwhile_m(&self, agent: AgentId, way_m: f64) -> f64 {
+        way_m * (self.pace_m_s(self.own) / self.pace_m_s(agent))
     }
 
     /// Between the centres of two cells, metres.
@@ -133,19 +152,27 @@ impl Auction {
     /// Whether another agent claims about what this one claims, and is nearer to it.
     pub(super) fn is_outbid(&self, now: Tick) -> bool {
         let Some(own) = self.claims.get(&self.own) else { return false };
-        let bid = (self.left_m(own, now), self.own);
+        // In a way that is the same for all who reckon it, to the last bit.
+        let is_even = |agent| self.pace_m_s(agent).total_cmp(&self.pace_m_s(self.own)).is_eq();
+        let left_s = |agent, claim| self.left_m(agent, claim, now) / self.pace_m_s(agent);
         self.others().any(|(agent, claim)| {
             let is_same = self.apart_m(claim.cell, own.cell) < 0.5 * self.terms.spread_m;
-            is_same && (self.left_m(claim, now), agent) < bid
+            let is_better = if is_even(agent) {
+                (self.left_m(agent, claim, now), agent) < (self.left_m(self.own, own, now), self.own)
+            } else {
+                (left_s(agent, claim), agent) < (left_s(self.own, own), self.own)
+            };
+            is_same && is_better
         })
     }
 
     /// By what the worth of a viewpoint is multiplied, as far as `way_m` metres away: 1 if nobody else goes near it.
     pub(super) fn worth(&self, cell: Cell, way_m: f64, now: Tick) -> f64 {
         self.others()
-            .filter(|(_, claim)| {
+            .filter(|&(agent, claim)| {
                 let apart_m = self.apart_m(claim.cell, cell);
-                self.left_m(claim, now) + apart_m * self.terms.detour <= way_m || apart_m < 0.5 * self.terms.spread_m
+                let other_m = self.left_m(agent, claim, now) + apart_m * self.terms.detour;
+                self.meanwhile_m(agent, other_m) <= way_m || apart_m < 0.5 * self.terms.spread_m
             })
             .map(|(_, claim)| 1.0 - self.terms.discount * self.nearness(claim, cell))
             .product()
@@ -154,11 +181,16 @@ impl Auction {
     /// What to add to the length of the way to a frontier, metres: nothing if nobody else goes near it or will be there sooner.
     pub(super) fn penalty_m(&self, cell: Cell, way_m: f64, contacts: &[Contact], now: Tick) -> f64 {
         let Terms { trespass_m, detour, .. } = self.terms;
-        let sooner = |claim: &Claim| self.left_m(claim, now) + self.apart_m(claim.cell, cell) * detour < way_m;
+        let sooner = |agent: AgentId, claim: &Claim| {
+            let other_m = self.left_m(agent, claim, now) + self.apart_m(claim.cell, cell) * detour;
+            self.meanwhile_m(agent, other_m) < way_m
+        };
         let without_goal = |contact: &&Contact| !self.claims.contains_key(&contact.agent);
         let centre = self.extent.centre(cell);
-        let beside = |contact: &Contact| (contact.position - centre).norm() * detour < way_m;
-        if self.others().any(|(_, claim)| sooner(claim)) || contacts.iter().filter(without_goal).any(beside) {
+        let beside =
+            |contact: &Contact| self.meanwhile_m(contact.agent, (contact.position - centre).norm() * detour) < way_m;
+        if self.others().any(|(agent, claim)| sooner(agent, claim)) || contacts.iter().filter(without_goal).any(beside)
+        {
             trespass_m
         } else {
             let nearest = self.others().map(|(_, claim)| self.nearness(claim, cell)).fold(0.0, f64::max);
@@ -170,6 +202,16 @@ impl Auction {
     fn nearness(&self, claim: &Claim, cell: Cell) -> f64 {
         let apart = self.apart_m(claim.cell, cell) / self.terms.spread_m;
         libm::exp(-apart * apart)
+    }
+}
+
+/// The pace of a body, m/s, if it is `submarine_m_s` for submarines: one that need not turn first, or is faster, goes its usual leg
+/// in less time.
+fn pace_m_s(body: &Body, submarine_m_s: f64) -> f64 {
+    let (length_m, turn_rad) = USUAL_LEG;
+    match body.kind {
+        BodyKind::Submarine => submarine_m_s,
+        BodyKind::Aerial => submarine_m_s * Body::SUBMARINE.leg_s(length_m, turn_rad) / body.leg_s(length_m, turn_rad),
     }
 }
 
@@ -205,13 +247,23 @@ mod tests {
         Extent::new([50; 3], 1.0).unwrap()
     }
 
+    /// Of agents 0 to 3, all alike.
+    fn bodies() -> Bodies {
+        Bodies::new(vec![Body::SUBMARINE], vec![0; 4]).unwrap()
+    }
+
     fn told(from: &Auction) -> Vec<Received> {
         vec![Received { from: from.own, kind: CLAIMS_PARCEL, data: from.parcel() }]
     }
 
     /// Two agents that claim something; each has heard the other.
     fn two(claims: [(Cell, f64); 2]) -> [Auction; 2] {
-        let mut pair = [AgentId(3), AgentId(1)].map(|agent| Auction::new(TERMS, agent, extent()));
+        two_of(&bodies(), claims)
+    }
+
+    /// The same in a team of these bodies.
+    fn two_of(bodies: &Bodies, claims: [(Cell, f64); 2]) -> [Auction; 2] {
+        let mut pair = [AgentId(3), AgentId(1)].map(|agent| Auction::new(TERMS, bodies, agent, extent()));
         for (auction, (cell, way_m)) in pair.iter_mut().zip(claims) {
             auction.claim(cell, way_m, Tick(100));
         }
@@ -236,6 +288,26 @@ mod tests {
     }
 
     #[test]
+    fn in_a_mixed_team_the_one_that_will_be_there_sooner_keeps_it() {
+        let aerial = Body {
+            kind: BodyKind::Aerial,
+            speed_max_m_s: 3.0,
+            acceleration_m_s2: 2.0,
+            deceleration_m_s2: 2.0,
+            ..Body::SUBMARINE
+        };
+        // Agent 1 flies.
+        let bodies = Bodies::new(vec![Body::SUBMARINE, aerial], vec![0, 1, 0, 0]).unwrap();
+        let is_outbid = |claims| two_of(&bodies, claims).map(|auction| auction.is_outbid(Tick(101)));
+        assert_eq!(is_outbid([(GOAL, 10.0), (BESIDE, 18.0)]), [true, false]);
+        assert_eq!(is_outbid([(GOAL, 10.0), (BESIDE, 40.0)]), [false, true]);
+        let [submarine, flyer] = two_of(&bodies, [(FAR, 9.0), (GOAL, 9.0)]);
+        let to_goal = |auction: &Auction, cell, way_m| auction.penalty_m(cell, way_m, &[], Tick(101));
+        assert_eq!(to_goal(&submarine, BESIDE, 8.0), 40.0, "it will be there sooner, although its way is longer");
+        assert!(to_goal(&flyer, FAR, 12.0) < 40.0);
+    }
+
+    #[test]
     fn what_another_has_claimed_is_worth_less_and_costs_more_the_nearer_it_is() {
         let [_, auction] = two([(GOAL, 5.0), (FAR, 9.0)]);
         let worth = |cell| auction.worth(cell, 30.0, Tick(101));
@@ -250,7 +322,7 @@ mod tests {
 
     #[test]
     fn an_agent_without_a_goal_has_the_frontiers_beside_it() {
-        let auction = Auction::new(TERMS, AgentId(0), extent());
+        let auction = Auction::new(TERMS, &bodies(), AgentId(0), extent());
         let contact = Contact { agent: AgentId(1), position: Point3::new(20.5, 20.5, 20.5) };
         assert_eq!(auction.penalty_m(BESIDE, 30.0, &[contact], Tick(1)), 40.0);
         assert_eq!(auction.penalty_m(BESIDE, 1.0, &[contact], Tick(1)), 0.0);
@@ -269,7 +341,7 @@ mod tests {
     #[test]
     fn claims_are_passed_on_and_the_latest_counts() {
         let [first, mut second] = two([(GOAL, 5.0), (FAR, 5.0)]);
-        let mut third = Auction::new(TERMS, AgentId(2), extent());
+        let mut third = Auction::new(TERMS, &bodies(), AgentId(2), extent());
         third.hear(&told(&second), Tick(102), 4);
         assert!(third.worth(GOAL, 30.0, Tick(102)) < 0.2, "the first one's, from the second one");
         second.claim(BESIDE, 1.0, Tick(103));
@@ -283,7 +355,7 @@ mod tests {
         let [auction, _] = two([(GOAL, 5.0), (FAR, 5.0)]);
         let good = auction.parcel();
         let heard = |data: Vec<u8>| {
-            let mut listener = Auction::new(TERMS, AgentId(0), extent());
+            let mut listener = Auction::new(TERMS, &bodies(), AgentId(0), extent());
             listener.hear(&[Received { from: AgentId(1), kind: CLAIMS_PARCEL, data }], Tick(200), 4);
             listener.claims
         };

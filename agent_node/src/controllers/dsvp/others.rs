@@ -5,41 +5,52 @@
 use nalgebra::Point3;
 use voxels::{Cell, Extent};
 
+use crate::body::Bodies;
 use crate::command::Motion;
 use crate::observation::Contact;
 
-/// Distance between the centres of two bodies below which a way is blocked, in body radii: they touch at 2.
-const BERTH_RADII: f64 = 2.05;
+/// Distance between the centres of two bodies below which a way is blocked, as a multiple of that at which they touch.
+const BERTH: f64 = 1.025;
 
-/// Bodies farther away than this will have moved on before one gets there, in body radii.
-const NEAR_RADII: f64 = 12.0;
+/// Bodies farther away than this will have moved on before one gets there, as a multiple of the distance at which they touch.
+const NEAR: f64 = 6.0;
 
 /// Bodies that are in the way.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::controllers) struct Others {
     extent: Extent,
-    near: Vec<Point3<f64>>,
+    near: Vec<Other>,
+}
+
+/// A body, and how near to it another one may come, from centre to centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Other {
+    at: Point3<f64>,
     berth_m: f64,
 }
 
 impl Others {
-    /// Those near to a body of some radius at `here`; metres, frame `map`.
+    /// Those near to a body of some radius at `here`; metres, frame `map`. `bodies` are those of the team.
     pub(in crate::controllers) fn near(
         contacts: &[Contact],
         here: &Point3<f64>,
         radius_m: f64,
+        bodies: &Bodies,
         extent: Extent,
     ) -> Self {
-        let is_near = |at: &Point3<f64>| (at - here).norm() < NEAR_RADII * radius_m;
-        let near = contacts.iter().map(|contact| contact.position).filter(is_near).collect();
-        Self { extent, near, berth_m: BERTH_RADII * radius_m }
+        let is_near = |contact: &Contact| {
+            let touch_m = radius_m + bodies.of(contact.agent).radius_m;
+            let other = Other { at: contact.position, berth_m: BERTH * touch_m };
+            ((contact.position - here).norm() < NEAR * touch_m).then_some(other)
+        };
+        Self { extent, near: contacts.iter().filter_map(is_near).collect() }
     }
 
     /// Whether a body at the centre of a cell would be in touch with one of them, or nearly.
     pub(in crate::controllers) fn take(&self, cell: Cell) -> bool {
         !self.near.is_empty() && {
             let centre = self.extent.centre(cell);
-            self.near.iter().any(|other| (other - centre).norm() < self.berth_m)
+            self.near.iter().any(|other| (other.at - centre).norm() < other.berth_m)
         }
     }
 
@@ -50,9 +61,9 @@ impl Others {
         let length_squared = by.norm_squared();
         self.near.iter().any(|other| {
             let share =
-                if length_squared > 0.0 { ((other - from).dot(&by) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
-            let apart = (other - (from + by * share)).norm();
-            apart < self.berth_m && share > 0.0
+                if length_squared > 0.0 { ((other.at - from).dot(&by) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
+            let apart = (other.at - (from + by * share)).norm();
+            apart < other.berth_m && share > 0.0
         })
     }
 
@@ -69,10 +80,27 @@ mod tests {
     use msgs::ids::AgentId;
 
     use super::*;
+    use crate::body::Body;
+
+    /// A body at some place, of agent 1 with a radius of 0.4 m, or of agent 2 with 1.4 m.
+    fn of(agent: u32, at: [f64; 3]) -> Others {
+        let contacts = [Contact { agent: AgentId(agent), position: Point3::from(at) }];
+        let large = Body { radius_m: 1.4, ..Body::SUBMARINE };
+        let bodies = Bodies::new(vec![Body::SUBMARINE, large], vec![0, 0, 1]).unwrap();
+        let extent = Extent::new([20, 20, 20], 1.0).unwrap();
+        Others::near(&contacts, &Point3::new(1.5, 1.5, 1.5), 0.4, &bodies, extent)
+    }
 
     fn others(at: [f64; 3]) -> Others {
-        let contacts = [Contact { agent: AgentId(1), position: Point3::from(at) }];
-        Others::near(&contacts, &Point3::new(1.5, 1.5, 1.5), 0.4, Extent::new([20, 20, 20], 1.0).unwrap())
+        of(1, at)
+    }
+
+    #[test]
+    fn a_larger_body_needs_more_room_and_counts_from_farther_away() {
+        let (here, ahead) = (Point3::new(1.5, 1.5, 1.5), Point3::new(12.5, 1.5, 1.5));
+        assert!(!of(1, [4.5, 3.2, 1.5]).block(&here, &ahead) && of(2, [4.5, 3.2, 1.5]).block(&here, &ahead));
+        assert!(!of(1, [9.5, 1.5, 1.5]).block(&here, &ahead) && of(2, [9.5, 1.5, 1.5]).block(&here, &ahead));
+        assert!(of(2, [4.5, 1.5, 1.5]).take(Cell::new(3, 2, 1)));
     }
 
     #[test]

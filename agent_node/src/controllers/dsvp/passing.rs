@@ -20,7 +20,13 @@ const STEPS_PAST_OTHERS_MAX: usize = 4;
 
 /// The bodies that may be in the way of this one.
 pub(super) fn others_near(observation: &Observation, ctx: &Ctx<'_>) -> Others {
-    Others::near(&observation.contacts, &ctx.position(), ctx.briefing().body_radius_m, ctx.map().extent())
+    Others::near(
+        &observation.contacts,
+        &ctx.position(),
+        ctx.body().radius_m,
+        &ctx.briefing().bodies,
+        ctx.map().extent(),
+    )
 }
 
 /// The motion of a body that is to be at rest: one that is so already is not told to stop.
@@ -45,7 +51,7 @@ pub(super) fn way(ctx: &mut Ctx<'_>, regions: &Regions, ways: &Ways, to: Cell, o
 /// The motion along a path, past the other agents: with as few legs as do, after as few steps from cell to cell as are needed to
 /// get clear of them.
 pub(super) fn past(ctx: &Ctx<'_>, path: &Path, others: &Others) -> Option<Motion> {
-    let (map, radius_m) = (ctx.map(), ctx.briefing().body_radius_m);
+    let (map, radius_m) = (ctx.map(), ctx.body().radius_m);
     let is_open = |motion: &Motion| !others.block_motion(&ctx.position(), motion);
     let Journey::Go(straight) = ctx.follow(path) else { return None };
     let after = |steps: usize| {

@@ -114,12 +114,15 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(512))]
 
     #[test]
-    fn whatever_is_observed_the_answer_is_legal(observations in observations(), seed: u64) {
+    fn whatever_is_observed_the_answer_is_legal(observations in observations(), seed: u64, is_aerial: bool) {
         let extent = Extent::new(SIZE, 1.0).unwrap();
         for (name, settings) in NAMES.into_iter().map(|name| (name, &[][..])).chain(OTHER_SETTINGS) {
             let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
             let mut controller = build(name, &settings, AGENT, seed).unwrap();
             let mut world = World::of(Grid::new(extent, Terrain::Free), Cell::default());
+            if is_aerial {
+                world = world.aerial();
+            }
             for observation in &observations {
                 world.map.note_free(&observation.seen.free);
                 world.map.note_wall(&observation.seen.wall);

@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use msgs::std_msgs::Header;
 use voxels::{Grid, Terrain};
 
@@ -16,6 +18,7 @@ fn world() -> World {
     let terrain: Grid<Terrain> = Grid::from_text(&[solid, layer, layer, solid].join("\n")).unwrap();
     let params = WorldParams {
         body: BodyModel { radius_m: RADIUS_M, ..BodyModel::default() },
+        other_bodies: BTreeMap::new(),
         scanner: Scanner::new(Pattern::Lattice { rays: 16 }, f64::INFINITY, std::f64::consts::TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: CommsModel { range_m: f64::INFINITY },
@@ -27,7 +30,7 @@ fn world() -> World {
 fn with_team<T>(has_left: [bool; 3], look: impl FnOnce(&Team<'_>) -> T) -> T {
     let world = world();
     let controllers = ["rbw", "lvd", "rbw"].map(str::to_owned);
-    look(&Team { world: &world, controllers: &controllers, has_left: &has_left, radius_m: RADIUS_M })
+    look(&Team { world: &world, controllers: &controllers, has_left: &has_left })
 }
 
 fn found(filters: &EntityFilters) -> Result<Vec<u32>, u8> {

@@ -9,7 +9,7 @@ fn space() -> Grid<Terrain> {
 }
 
 fn body() -> Body {
-    Body::at_rest(Pose { position: Point3::new(10.0, 10.0, 10.0), yaw_rad: 0.0 })
+    Body::at_rest(BodyModel::SUBMARINE, Pose { position: Point3::new(10.0, 10.0, 10.0), yaw_rad: 0.0 })
 }
 
 /// Ticks until the task is done.
@@ -17,9 +17,7 @@ fn carry_out(body: &mut Body, motion: Motion) -> usize {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     body.take_up(motion);
-    (1..100_000)
-        .find(|_| body.advance(&BodyModel::default(), &obstacles, DT_S).task_done)
-        .expect("every task that is tested here ends")
+    (1..100_000).find(|_| body.advance(&obstacles, DT_S).task_done).expect("every task that is tested here ends")
 }
 
 #[test]
@@ -69,7 +67,7 @@ fn never_faster_than_allowed() {
     let mut body = body();
     body.take_up(Motion::Move { pitch_rad: 0.0, distance_m: 60.0 });
     let mut top_m_s = 0.0_f64;
-    while !body.advance(&BodyModel::default(), &obstacles, DT_S).task_done {
+    while !body.advance(&obstacles, DT_S).task_done {
         top_m_s = top_m_s.max(body.velocity_in_map_m_s().norm());
     }
     assert!((top_m_s - 1.5).abs() < 1e-9, "{top_m_s}");
@@ -77,7 +75,8 @@ fn never_faster_than_allowed() {
 
 #[test]
 fn a_raised_move_goes_along_the_heading_and_up() {
-    let mut body = Body::at_rest(Pose { position: Point3::new(10.0, 10.0, 10.0), yaw_rad: PI / 2.0 });
+    let mut body =
+        Body::at_rest(BodyModel::SUBMARINE, Pose { position: Point3::new(10.0, 10.0, 10.0), yaw_rad: PI / 2.0 });
     carry_out(&mut body, Motion::Move { pitch_rad: PI / 6.0, distance_m: 2.0 });
     let way = body.pose().position - Point3::new(10.0, 10.0, 10.0);
     assert!((way - Vector3::new(0.0, 3.0_f64.sqrt(), 1.0)).norm() < 1e-9, "{way}");
@@ -88,7 +87,7 @@ fn an_endless_move_ends_at_a_wall() {
     let mut body = body();
     carry_out(&mut body, Motion::Move { pitch_rad: 0.0, distance_m: f64::INFINITY });
     assert_eq!(body.collision(), Some(Collision { surface: Surface::Wall, with_agent: false }));
-    let gap_m = 100.0 - body.pose().position.x - BodyModel::default().radius_m;
+    let gap_m = 100.0 - body.pose().position.x - BodyModel::SUBMARINE.radius_m;
     assert!((0.0..=0.03).contains(&gap_m), "{gap_m}");
     assert!(!body.is_active());
     assert_eq!(body.velocity_in_map_m_s(), Vector3::zeros());
@@ -126,14 +125,14 @@ fn a_new_task_starts_from_rest_and_stop_is_at_once() {
     let mut body = body();
     body.take_up(Motion::Move { pitch_rad: 0.0, distance_m: 50.0 });
     for _ in 0..100 {
-        body.advance(&BodyModel::default(), &obstacles, DT_S);
+        body.advance(&obstacles, DT_S);
     }
     assert!(body.velocity_in_map_m_s().norm() > 0.9);
     body.take_up(Motion::Keep);
-    body.advance(&BodyModel::default(), &obstacles, DT_S);
+    body.advance(&obstacles, DT_S);
     assert!(body.velocity_in_map_m_s().norm() > 0.9);
     body.take_up(Motion::Move { pitch_rad: 0.0, distance_m: 50.0 });
-    body.advance(&BodyModel::default(), &obstacles, DT_S);
+    body.advance(&obstacles, DT_S);
     assert!((body.velocity_in_map_m_s().norm() - 0.01).abs() < 1e-12);
     body.take_up(Motion::Stop);
     assert_eq!(body.velocity_in_map_m_s(), Vector3::zeros());
@@ -148,20 +147,20 @@ fn a_velocity_is_approached_held_and_clamped() {
     let forwards =
         |x: f64, yaw_rate_rad_s| Motion::Velocity { linear_in_body_m_s: Vector3::new(x, 5.0, 0.0), yaw_rate_rad_s };
     body.take_up(forwards(1.0, 0.0));
-    body.advance(&BodyModel::default(), &obstacles, DT_S);
+    body.advance(&obstacles, DT_S);
     assert!((body.velocity_in_map_m_s().x - 0.01).abs() < 1e-12, "speeds up as it can, and never sideways");
     for _ in 0..200 {
-        body.advance(&BodyModel::default(), &obstacles, DT_S);
+        body.advance(&obstacles, DT_S);
     }
     assert!((body.velocity_in_map_m_s() - Vector3::new(1.0, 0.0, 0.0)).norm() < 1e-12);
     body.take_up(forwards(9.0, 9.0));
-    body.advance(&BodyModel::default(), &obstacles, DT_S);
+    body.advance(&obstacles, DT_S);
     assert!(body.velocity_in_map_m_s().norm() > 1.0, "goes on from the present velocity");
     for _ in 0..200 {
-        body.advance(&BodyModel::default(), &obstacles, DT_S);
+        body.advance(&obstacles, DT_S);
     }
     assert!((body.velocity_in_map_m_s().norm() - 1.5).abs() < 1e-12);
-    assert!((body.yaw_rate_rad_s() - BodyModel::default().turn_rate_max_rad_s).abs() < 1e-12);
+    assert!((body.yaw_rate_rad_s() - BodyModel::SUBMARINE.turn_rate_max_rad_s).abs() < 1e-12);
     assert!(body.is_active());
 }
 

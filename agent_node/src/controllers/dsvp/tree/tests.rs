@@ -4,6 +4,7 @@ use proptest::prelude::*;
 use voxels::{Grid, Terrain};
 
 use super::*;
+use crate::body::Bodies;
 use crate::exploration_map::CellState;
 
 const CORRIDOR: &str = "\
@@ -12,6 +13,10 @@ const CORRIDOR: &str = "\
     ####################\n";
 
 const GROWTH: Growth = Growth { horizon: 6, extension: 3.0, samples: 150, bias: 0.3, jitter: 1, radius_m: 0.4 };
+
+fn nobody() -> Bodies {
+    Bodies::new(Vec::new(), Vec::new()).unwrap()
+}
 
 /// The cells of the nodes, the root first.
 fn cells_of(tree: &Tree) -> Vec<Cell> {
@@ -57,7 +62,7 @@ proptest! {
         let root = Cell::new(6, 6, 2);
         map.note_covered(root);
         prop_assume!(map.state(root) == CellState::Covered);
-        let others = Others::near(&[], &extent.centre(root), 0.4, extent);
+        let others = Others::near(&[], &extent.centre(root), 0.4, &nobody(), extent);
         let mut tree = Tree::new(root);
         tree.grow(&map, &GROWTH, &[Cell::new(1, 1, 1)], &others, &mut rng);
         check(&tree, &map, root)?;
@@ -79,7 +84,7 @@ fn a_moved_tree_keeps_what_hangs_together() {
     for (index, terrain) in (0..).zip(world.as_slice()) {
         if *terrain == Terrain::Free { map.note_free(&[index]) } else { map.note_wall(&[index]) }
     }
-    let others = Others::near(&[], &Point3::origin(), 0.4, world.extent());
+    let others = Others::near(&[], &Point3::origin(), 0.4, &nobody(), world.extent());
     let mut tree = Tree::new(Cell::new(5, 1, 0));
     let growth = Growth { samples: 20_000, ..GROWTH };
     tree.grow(&map, &growth, &[], &others, &mut msgs::seed::stream(1, 0, "tree"));

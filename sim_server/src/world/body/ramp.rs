@@ -1,0 +1,80 @@
+//! Speed control along a line: so far to go, so fast now, how far in the next fixed update.
+//!
+//! The same for moves (metres) and turns (radians). This module knows neither.
+
+use nalgebra::Vector3;
+
+/// A ramp that lands ends where no more than this is left to go, so that rounding costs no tick of its own.
+const LANDING_REST: f64 = 1e-9;
+
+/// Speed control along one leg: a distance still to go (metres or radians) and the present speed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Ramp {
+    pub(super) rest: f64,
+    speed: f64,
+}
+
+/// Limits of a [`Ramp`] in units of its distance.
+pub(super) struct RampLimits {
+    pub(super) speed_max: f64,
+    pub(super) acceleration: f64,
+    pub(super) deceleration: f64,
+    /// A leg whose rest is below this is finished; of no use to a ramp that lands.
+    pub(super) rest_min: f64,
+}
+
+impl Ramp {
+    pub(super) fn from_rest(rest: f64) -> Self {
+        Self { rest, speed: 0.0 }
+    }
+
+    /// The step of this tick and whether it is the last one.
+    ///
+    /// The reference's rule: brake while the braking distance reaches the target, speed up otherwise.
+    pub(super) fn next_step(&mut self, limits: &RampLimits, dt_s: f64) -> (f64, bool) {
+        if self.rest < limits.rest_min {
+            return (self.rest, true);
+        }
+        if self.speed * self.speed / (2.0 * limits.deceleration) >= self.rest {
+            self.speed = (self.speed - limits.deceleration * dt_s).max(0.0);
+        } else {
+            self.speed = (self.speed + limits.acceleration * dt_s).min(limits.speed_max);
+        }
+        let step = (self.speed * dt_s).min(self.rest);
+        self.rest -= step;
+        (step, false)
+    }
+
+    /// As [`Ramp::next_step`], by a rule that never brakes harder than it may: the last step ends on the target, and is so slow
+    /// that the body can be at rest in the tick after it.
+    pub(super) fn next_landing_step(&mut self, limits: &RampLimits, dt_s: f64) -> (f64, bool) {
+        let slowest = self.speed - limits.deceleration * dt_s;
+        let fastest = (self.speed + limits.acceleration * dt_s).min(limits.speed_max);
+        self.speed = landing_speed(self.rest, limits.deceleration, dt_s).clamp(slowest.min(fastest), fastest);
+        let step = (self.speed * dt_s).min(self.rest);
+        self.rest -= step;
+        if self.rest > LANDING_REST { (step, false) } else { (step + std::mem::take(&mut self.rest), true) }
+    }
+}
+
+/// The highest speed at which a body may go for a tick if `rest` is left to go and it is to come to rest there, braking by at most
+/// `deceleration * dt_s` from tick to tick.
+///
+/// From speed v, with a change of d in a tick, it goes n ticks at v, v - d, v - 2 d ...: n v - d n (n - 1) / 2 in units of `dt_s`.
+pub(super) fn landing_speed(rest: f64, deceleration: f64, dt_s: f64) -> f64 {
+    let change = deceleration * dt_s;
+    let ticks = (0.5 + (0.25 + 2.0 * (rest / (dt_s * change))).sqrt()).floor();
+    if ticks.is_finite() {
+        rest / (ticks * dt_s) + 0.5 * change * (ticks - 1.0)
+    } else {
+        (2.0 * deceleration * rest).sqrt()
+    }
+}
+
+/// `present` brought towards `target` by at most `faster` where that speeds up, and at most `slower` where it brakes.
+pub(super) fn approached(present: &Vector3<f64>, target: &Vector3<f64>, faster: f64, slower: f64) -> Vector3<f64> {
+    let change = target - present;
+    let size = change.norm();
+    let limit = if target.norm_squared() >= present.norm_squared() { faster } else { slower };
+    if size <= limit { *target } else { present + change * (limit / size) }
+}
