@@ -11,7 +11,6 @@ use crate::mapgen::{self, GeneratedMap, ImportSpec, MapError, MapReport, MapSpec
 use crate::recorder::{Document, RecordError, Recorder};
 use crate::recording::{Recording, RecordingError};
 use crate::scenario::{LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
-use crate::world::comms::CommsModel;
 use crate::world::lidar::{Pattern, Scanner};
 use crate::world::spawn::SpawnError;
 use crate::world::{ScanSchedule, World, WorldParams};
@@ -251,6 +250,7 @@ fn params(scenario: &Scenario) -> WorldParams {
             LidarSchedule::OnRequest => ScanSchedule::OnRequest { period_ticks: lidar.period_ticks },
             LidarSchedule::Maes3d => ScanSchedule::TakeTurns,
         },
-        comms: CommsModel { range_m: scenario.communication.range_m },
+        comms: scenario.communication.comms(scenario.seed),
+        errors: scenario.sensor.errors(scenario.seed),
     }
 }

@@ -16,6 +16,7 @@ fn observation() -> Observation {
         is_active: true,
         collision: None,
         events: 0,
+        relays: Vec::new(),
         contacts: vec![(AgentId(1), Point3::new(4.0, 5.0, 6.0))],
         parcels: Vec::new(),
         scan_tick: None,

@@ -3,6 +3,7 @@ use std::f64::consts::{PI, TAU};
 use proptest::prelude::*;
 use voxels::Extent;
 
+use super::comms::{ContactModel, Peer};
 use super::lidar::Pattern;
 use msgs::limits::PARCEL_BYTES_MAX;
 
@@ -12,12 +13,18 @@ fn pool(threads: usize) -> ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
 }
 
+/// Contact in line of sight within a range.
+fn within(range_m: f64) -> Comms {
+    Comms::perfect(ContactModel::LineOfSightAndRange { range_m })
+}
+
 fn params() -> WorldParams {
     WorldParams {
         body: BodyModel::default(),
         scanner: Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
-        comms: CommsModel { range_m: f64::INFINITY },
+        comms: within(f64::INFINITY),
+        errors: Errors::default(),
     }
 }
 
@@ -122,7 +129,7 @@ fn the_result_of_a_look_does_not_hang_on_threads() {
 fn walls_and_range_end_contact() {
     let starts = [at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5), at(7.5, 3.5, 1.5)];
     let contacts = |range_m| {
-        let params = WorldParams { comms: CommsModel { range_m }, ..params() };
+        let params = WorldParams { comms: within(range_m), ..params() };
         let mut world = World::new(two_rooms(), params, &starts);
         [0, 1, 2].map(|agent| {
             let contacts = world.observe(AgentId(agent), Since::LastCounted).contacts;
