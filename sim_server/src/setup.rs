@@ -154,7 +154,9 @@ pub fn build(scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
 fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
     let GeneratedMap { terrain, report } = map;
     let agents = scenario.agents.count as usize;
-    mapgen::check_memory(terrain.extent(), WORLD_CELL_BYTES + agents * AGENT_CELL_BYTES)
+    let errors = scenario.sensor.errors(scenario.seed);
+    let vote_bytes = if errors.blur_scans() { 1 } else { 0 };
+    mapgen::check_memory(terrain.extent(), WORLD_CELL_BYTES + agents * (AGENT_CELL_BYTES + vote_bytes))
         .map_err(map_error(scenario))?;
     let starts = scenario.spawn.poses(&terrain, agents, scenario.body.radius_m)?;
     Ok((World::new(terrain, params(scenario), &starts), report))

@@ -35,7 +35,7 @@ use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable, Parcel};
 use coverage::Coverage;
 use errors::{Drift, Errors};
-use lidar::{Scanner, SensorMemory, View};
+use lidar::{Blur, Scanner, SensorMemory, View};
 use untold::Untold;
 
 /// Everything about a world that is not its terrain.
@@ -371,7 +371,14 @@ impl World {
     /// Where the rays of a scan of an agent from a pose meet walls, metres, frame `map`, in the scanner's own fixed order.
     #[must_use]
     pub fn hits_from(&self, agent: AgentId, pose: &Pose) -> Vec<Point3<f64>> {
-        self.params.scanner.hits(&self.agents[agent.index()].memory, pose)
+        let Self { params: WorldParams { scanner, errors, .. }, agents, .. } = self;
+        let AgentState { memory, last_scan, .. } = &agents[agent.index()];
+        match last_scan {
+            Some((_, tick)) if errors.blur_scans() => {
+                scanner.hits_blurred(memory, pose, Blur { errors, agent, tick: *tick })
+            }
+            _ => scanner.hits(memory, pose),
+        }
     }
 
     /// Rays of one scan.
@@ -384,7 +391,7 @@ impl World {
     pub fn look(&mut self, pool: &ThreadPool) {
         let tick = self.tick;
         let team = self.agents.len() as u64;
-        let scanner = &self.params.scanner;
+        let (scanner, errors) = (&self.params.scanner, &self.params.errors);
         if self.params.schedule == ScanSchedule::TakeTurns {
             let turn = (tick.0 % team) as usize;
             self.agents[turn].next_scan = Some(tick);
@@ -403,7 +410,8 @@ impl World {
             let pose = *state.body.pose();
             let sees_the_same = state.last_scan.is_some_and(|(last, _)| scanner.sees_the_same(&last, &pose));
             state.last_scan = Some((pose, tick));
-            if !sees_the_same {
+            // A second look errs otherwise than the first.
+            if errors.blur_scans() || !sees_the_same {
                 cast.push((index, state));
             }
         }
@@ -412,7 +420,12 @@ impl World {
             let first = state.untold.free.len();
             let pose = *state.body.pose();
             let untold = &mut state.untold;
-            scanner.scan(&mut state.memory, &pose, &mut untold.free, &mut untold.wall);
+            if errors.blur_scans() {
+                let blur = Blur { errors, agent: AgentId::from_index(*index), tick };
+                scanner.scan_blurred(&mut state.memory, &pose, blur, &mut untold.free, &mut untold.wall);
+            } else {
+                scanner.scan(&mut state.memory, &pose, &mut untold.free, &mut untold.wall);
+            }
             (*index, first)
         };
         let scanned: Vec<(usize, usize)> = if cast.len() > 1 && pool.current_num_threads() > 1 {
@@ -422,7 +435,15 @@ impl World {
         };
         for (index, first) in scanned {
             let new_free = &self.agents[index].untold.free[first..];
-            self.coverage.explore(AgentId::from_index(index), new_free);
+            let agent = AgentId::from_index(index);
+            if self.params.errors.blur_scans() {
+                // What is taken for free and is wall is no score.
+                let is_free = |&cell: &u32| self.terrain.as_slice()[cell as usize] == Terrain::Free;
+                let truly_free: Vec<u32> = new_free.iter().copied().filter(is_free).collect();
+                self.coverage.explore(agent, &truly_free);
+            } else {
+                self.coverage.explore(agent, new_free);
+            }
         }
         self.coverage.note_milestones(tick);
     }
@@ -443,7 +464,7 @@ impl World {
         let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
         let contact_positions = contacts.iter().map(|&other| (other, self.told_position(other))).collect();
         let position = self.told_position(agent);
-        let scanner = &self.params.scanner;
+        let (scanner, errors) = (&self.params.scanner, &self.params.errors);
         let state = &mut self.agents[agent.index()];
         let news = match since {
             Since::LastCounted => state.untold.take(),
@@ -468,9 +489,12 @@ impl World {
             view: None,
         };
         if state.want_view
-            && let Some((pose, _)) = &state.last_scan
+            && let Some((pose, tick)) = &state.last_scan
         {
-            observation.view = Some(scanner.view(&state.memory, pose));
+            observation.view = Some(match errors.blur_scans() {
+                true => scanner.view_blurred(&state.memory, pose, Blur { errors, agent, tick: *tick }),
+                false => scanner.view(&state.memory, pose),
+            });
         }
         if since == Since::LastCounted {
             (state.reported_contacts, state.reported_relays) = (contacts, relays);

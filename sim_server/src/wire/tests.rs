@@ -152,3 +152,26 @@ fn asking_again_is_never_before_the_next_tick() {
     assert_eq!(wake(7, 20), Wake { at: Tick(20), events: 3 });
     assert_eq!(wake(u64::MAX, 0).at, Tick(u64::MAX));
 }
+
+#[test]
+fn relays_are_named_as_they_are_told() {
+    let relay = RelayId { owner: AgentId(4), number: 7 };
+    let says = |agent, bytes| {
+        let parcel = maes_msgs::Parcel { agent, kind: 2, data: vec![1; bytes] };
+        command(&Command { parcels: vec![parcel], ..Command::default() }, 5).map(|(action, _)| action.parcels[0].peer)
+    };
+    assert_eq!(says(relay.on_wire(), RELAY_BYTES_MAX), Ok(Peer::Relay(relay)));
+    assert_eq!(says(maes_msgs::Parcel::LEAVE_RELAY, 0), Ok(Peer::NewRelay));
+    assert!(
+        says(maes_msgs::Parcel::LEAVE_RELAY, RELAY_BYTES_MAX + 1).unwrap_err().contains("at most 4096 are allowed")
+    );
+    let foreign = RelayId { owner: AgentId(5), number: 0 };
+    assert!(says(foreign.on_wire(), 0).unwrap_err().contains("0 to 4, BROADCAST, LEAVE_RELAY or a relay are allowed"));
+
+    let place = Point3::new(1.0, 1.0, 1.0);
+    let parcels = vec![Parcel { peer: Peer::Relay(relay), kind: 2, data: vec![5] }];
+    let told = Observation { relays: vec![(relay, place)], parcels, ..observation() };
+    let parts = observation_parts(&told, Part::RUNNING);
+    assert_eq!(parts[0].contacts.iter().map(|contact| contact.agent).collect::<Vec<_>>(), [1, relay.on_wire()]);
+    assert_eq!(parts[0].parcels[0].agent, relay.on_wire());
+}

@@ -302,3 +302,48 @@ fn a_body_is_put_where_there_is_room_and_its_agent_is_told() {
     world.place(A, at(2.5, 2.5, 1.5)).unwrap();
     assert_eq!(world.pairs_in_contact(), 1, "they see each other through the door");
 }
+
+#[test]
+fn errors_hang_neither_on_threads_nor_on_who_is_asked() {
+    let errors = Errors { range_sigma_m: 0.3, missed_returns: 0.1, pose_bound_m: 0.5, pose_step_m: 0.05, seed: 3 };
+    let starts = [at(1.5, 1.5, 1.5), at(3.5, 2.5, 1.5), at(7.5, 2.5, 1.5)];
+    let observed = |threads, is_asked_between: bool| {
+        let pool = pool(threads);
+        let mut world = World::new(two_rooms(), WorldParams { errors, ..params() }, &starts);
+        for _ in 0..100 {
+            world.look(&pool);
+            if is_asked_between {
+                world.observe(B, Since::LastAsked);
+            }
+            world.step(BTreeMap::new());
+        }
+        [A, B].map(|agent| world.observe(agent, Since::LastCounted))
+    };
+    let first = observed(1, false);
+    assert_eq!(first, observed(4, true));
+    assert_ne!(first[0].pose.position, starts[0].position, "it has drifted");
+    assert!((first[0].pose.position - starts[0].position).amax() <= 0.5);
+    // B is where it says it is.
+    assert_eq!(
+        first[0].contacts.iter().find(|(other, _)| *other == B).map(|(_, at)| *at),
+        Some(first[1].pose.position)
+    );
+}
+
+#[test]
+fn what_is_taken_for_free_and_is_wall_is_no_score() {
+    let errors = Errors { range_sigma_m: 2.0, ..Errors::default() };
+    let pool = pool(1);
+    let mut world = World::new(two_rooms(), WorldParams { errors, ..params() }, &[at(1.5, 1.5, 1.5)]);
+    for _ in 0..100 {
+        world.look(&pool);
+        world.step(BTreeMap::new());
+    }
+    let told = world.observe(A, Since::LastCounted).seen_free;
+    let truly_free = told.iter().filter(|&&cell| world.terrain().as_slice()[cell as usize] == Terrain::Free).count();
+    assert!(truly_free < told.len());
+    let score = world.coverage().explored() * world.coverage().free_cells() as f64;
+    assert_eq!(score.round() as usize, truly_free);
+    // Bodies that keep still scan again all the same.
+    assert_eq!(world.totals().scans_cast, 10);
+}
