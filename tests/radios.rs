@@ -1,5 +1,7 @@
 //! Runs with radios, relays and sensors that err are as repeatable as all others, and their recordings hold.
 
+use msgs::maes_msgs::Progress;
+
 use crate::support::processes::Process;
 use crate::support::recordings::Recording;
 use crate::support::runs::{Outcome, Site, scenario, text};
@@ -12,7 +14,7 @@ const SHORT: [&str; 4] = ["--size", "30", "--duration", "60"];
 fn record(site: &Site, name: &str, flags: &[&str]) -> Outcome {
     let file = scenario(name);
     let mut single = site.binary("experiments");
-    single.args(["single", text(&file)]).args(SHORT).args(flags);
+    single.args(["single", text(&file)]).args(flags);
     site.record_with(&mut single)
 }
 
@@ -32,10 +34,11 @@ const ERRING: [&str; 8] = [
 fn the_same_scenario_gives_the_same_bytes_and_they_hold() {
     let site = Site::new();
     for (name, flags) in [("attenuated.toml", &[][..]), ("relays.toml", &[]), ("default.toml", &ERRING)] {
-        let run = record(&site, name, flags);
-        record(&site, name, flags).assert_same(&run, name);
+        let flags = [&SHORT[..], flags].concat();
+        let run = record(&site, name, &flags);
+        record(&site, name, &flags).assert_same(&run, name);
         for change in [["--threads", "1"], ["--look-ahead", "false"]] {
-            let changed = [flags, &change].concat();
+            let changed = [&flags[..], &change].concat();
             record(&site, name, &changed).assert_same(&run, &format!("{name} {change:?}"));
         }
         let file = site.file("run.mcap", &run.bytes);
@@ -44,15 +47,16 @@ fn the_same_scenario_gives_the_same_bytes_and_they_hold() {
     }
 }
 
-/// What the agents have on their maps at the end, all together, in shares of the free cells.
+/// What the agents have on their maps, all together and added up over the run, in shares of the free cells.
 fn shared(run: &Outcome) -> f64 {
-    Recording::from_bytes(&run.bytes).result().believed_by.iter().sum()
+    let progress: Vec<Progress> = Recording::from_bytes(&run.bytes).of("/sim/progress");
+    progress.iter().flat_map(|progress| &progress.believed_by).sum()
 }
 
 #[test]
 fn relays_make_agents_know_more_of_what_the_others_have_seen() {
     let site = Site::new();
-    let flags = ["--size", "50", "--set", "stop_when_explored=false"];
+    let flags = ["--duration", "240", "--set", "stop_when_explored=false"];
     let with = record(&site, "relays.toml", &flags);
     let without = record(&site, "relays.toml", &[&flags[..], &["--set", "agents.set.relays=\"off\""]].concat());
     assert!(shared(&with) > shared(&without), "{} with relays, {} without", shared(&with), shared(&without));
