@@ -129,6 +129,7 @@ impl Controller for Gossip {
             },
             want_view: self.rng.random_bool(0.3),
             parcels: self.parcels(ctx),
+            relays: Vec::new(),
             wake: self.wake,
             info: if self.rng.random_bool(0.1) { format!("learnt {:x}", self.learnt) } else { String::new() },
         }

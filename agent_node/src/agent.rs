@@ -208,9 +208,11 @@ impl Agent {
 
 /// Bytes that are left in a command for more parcels.
 fn room_for_parcels(command: &Command) -> usize {
-    let data: usize = command.parcels.iter().map(|parcel| parcel.data.len()).sum();
+    let of_parcels = command.parcels.iter().map(|parcel| parcel.data.len());
+    let sizes = of_parcels.chain(command.relays.iter().map(|order| order.data.len()));
+    let (number, data) = sizes.fold((0, 0), |(number, data), size| (number + 1, data + size));
     let way_points = if let Motion::Path(way_points) = &command.motion { way_points.len() } else { 0 };
-    let lists = POINT_BYTES * way_points + PARCEL_BYTES_BARE * command.parcels.len() + data;
+    let lists = POINT_BYTES * way_points + PARCEL_BYTES_BARE * number + data;
     PARCEL_BYTES_MAX.saturating_sub(data).min(LIST_BYTES_MAX.saturating_sub(lists))
 }
 

@@ -4,7 +4,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use msgs::ids::{AgentId, Tick};
+use msgs::ids::{AgentId, RelayId, Tick};
 use msgs::limits::INFO_BYTES_MAX;
 use msgs::maes_msgs::Wake as Events;
 use nalgebra::{Point3, Vector3};
@@ -79,6 +79,17 @@ pub struct Parcel {
     pub data: Vec<u8>,
 }
 
+/// Something to do with a relay. It keeps 4096 bytes at the most, which count among those of the parcels of a command.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RelayOrder {
+    /// Which one; `None`: one that is left behind where the body is.
+    pub relay: Option<RelayId>,
+    /// What the bytes are, for who reads them.
+    pub kind: u8,
+    /// What it is to keep from now on.
+    pub data: Vec<u8>,
+}
+
 /// When an agent wants to be asked again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Wake {
@@ -131,6 +142,8 @@ pub struct Command {
     pub want_view: bool,
     /// To send in this tick.
     pub parcels: Vec<Parcel>,
+    /// Relays to leave and to write on in this tick.
+    pub relays: Vec<RelayOrder>,
     /// When to ask again.
     pub wake: Wake,
     /// A text for people, at most 1024 bytes; empty: as before.
@@ -147,7 +160,15 @@ impl Command {
     /// Takes up a task, and leaves everything else as it is.
     #[must_use]
     pub fn new(motion: Motion, wake: Wake) -> Self {
-        Self { motion, lidar: LidarRequest::Keep, want_view: false, parcels: Vec::new(), wake, info: String::new() }
+        Self {
+            motion,
+            lidar: LidarRequest::Keep,
+            want_view: false,
+            parcels: Vec::new(),
+            relays: Vec::new(),
+            wake,
+            info: String::new(),
+        }
     }
 
     /// The same, and sends bytes: `kind` is the sender's mark (not [`crate::sharing::MAP_PARCEL`]), `to` the receiver (`None`:
@@ -155,6 +176,20 @@ impl Command {
     #[must_use]
     pub fn sending(mut self, to: Option<AgentId>, kind: u8, data: Vec<u8>) -> Self {
         self.parcels.push(Parcel { to, kind, data });
+        self
+    }
+
+    /// The same, and leaves a relay behind, which keeps these bytes. Who has none left leaves none.
+    #[must_use]
+    pub fn leaving_relay(mut self, kind: u8, data: Vec<u8>) -> Self {
+        self.relays.push(RelayOrder { relay: None, kind, data });
+        self
+    }
+
+    /// The same, and has a relay in reach keep these bytes instead of what it kept.
+    #[must_use]
+    pub fn writing_on(mut self, relay: RelayId, kind: u8, data: Vec<u8>) -> Self {
+        self.relays.push(RelayOrder { relay: Some(relay), kind, data });
         self
     }
 
@@ -181,6 +216,7 @@ impl Command {
             && self.lidar == LidarRequest::Keep
             && !self.want_view
             && self.parcels.is_empty()
+            && self.relays.is_empty()
             && self.info.is_empty()
     }
 }

@@ -13,6 +13,7 @@ pub mod lvd_maes3d;
 pub mod nearest_frontier;
 pub mod rbw;
 pub mod rbw_maes3d;
+pub mod relays;
 pub mod settings;
 #[cfg(test)]
 pub(crate) mod testing;

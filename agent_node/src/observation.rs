@@ -2,7 +2,7 @@
 //!
 //! Lengths in metres, angles in radians, frame `map` unless a name says otherwise.
 
-use msgs::ids::{AgentId, Tick};
+use msgs::ids::{AgentId, RelayId, Tick};
 use nalgebra::{Point3, Vector3};
 use voxels::Extent;
 
@@ -31,6 +31,8 @@ pub struct Briefing {
     pub lidar_period_ticks: u32,
     /// Greatest distance of agents in contact; infinity: as far as the line of sight.
     pub communication_range_m: f64,
+    /// Relays that the agent can leave behind.
+    pub relays_per_agent: u32,
     /// Ticks between two tellings of what is new on the map to agents in contact; 0: agents only listen.
     pub share_period_ticks: u32,
 }
@@ -84,6 +86,26 @@ pub struct Received {
     pub data: Vec<u8>,
 }
 
+/// A relay that can be read and written from here.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Relay {
+    /// Its name, which says who left it.
+    pub id: RelayId,
+    /// Where it floats.
+    pub position: Point3<f64>,
+}
+
+/// What a relay keeps.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Reading {
+    /// The relay.
+    pub relay: RelayId,
+    /// The mark of who wrote it.
+    pub kind: u8,
+    /// The content.
+    pub data: Vec<u8>,
+}
+
 /// Cells by index, ascending.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Cells {
@@ -112,8 +134,12 @@ pub struct Observation {
     pub events: u8,
     /// Agents in contact now, ascending.
     pub contacts: Vec<Contact>,
+    /// Relays in reach now, ascending.
+    pub relays: Vec<Relay>,
     /// What has arrived since the last observation.
     pub parcels: Vec<Received>,
+    /// What relays in reach keep, as far as the agent has not been told.
+    pub readings: Vec<Reading>,
     /// Tick of the last scan.
     pub scan_tick: Option<Tick>,
     /// Cells seen for the first time since the last observation.
@@ -138,9 +164,12 @@ impl Observation {
         };
         let mut parcels = earlier.parcels;
         parcels.extend(self.parcels);
+        let mut readings = earlier.readings;
+        readings.extend(self.readings);
         Self {
             events: earlier.events | self.events,
             parcels,
+            readings,
             seen: Cells {
                 free: together(earlier.seen.free, self.seen.free),
                 wall: together(earlier.seen.wall, self.seen.wall),

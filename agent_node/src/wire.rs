@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use msgs::geometry_msgs;
-use msgs::ids::{AgentId, Tick};
+use msgs::ids::{AgentId, RelayId, Tick};
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
 use nalgebra::{Point3, Vector3};
 use thiserror::Error;
@@ -17,7 +17,7 @@ use voxels::{Extent, ExtentError, RunsError};
 
 use crate::body::{Bodies, Body, BodyKind};
 use crate::command::{Command, LidarRequest, Motion};
-use crate::observation::{Briefing, Cells, Collision, Contact, Observation, Pose, Received, Surface};
+use crate::observation::{Briefing, Cells, Collision, Contact, Observation, Pose, Reading, Received, Relay, Surface};
 
 /// Why a message of the server cannot be used.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -83,6 +83,7 @@ pub fn briefing(scenario: &maes_msgs::Scenario) -> Result<Briefing, WireError> {
         lidar_range_m: scenario.lidar.range_m,
         lidar_period_ticks: scenario.lidar.period_ticks,
         communication_range_m: scenario.communication_range_m,
+        relays_per_agent: scenario.radio.relays_per_agent,
         share_period_ticks: scenario.share_period_ticks,
     })
 }
@@ -181,9 +182,11 @@ fn check(part: &Part, briefing: &Briefing) -> Result<(), WireError> {
         [place.x, place.y, place.z].iter().all(|along| along.is_finite())
             && extent.contains(extent.cell_of(&point(place)))
     };
-    let takes_part = |agent: u32| agent < briefing.agents;
+    let takes_part = |agent: u32| {
+        agent < briefing.agents || RelayId::from_wire(agent).is_some_and(|relay| relay.owner.0 < briefing.agents)
+    };
     let inside = "a place in the map";
-    let ids = format!("agents, 0 to {}", briefing.agents.saturating_sub(1));
+    let ids = format!("agents, 0 to {}, and their relays", briefing.agents.saturating_sub(1));
     require(tick <= briefing.duration, "tick", &tick, &format!("a tick of the run, 0 to {}", briefing.duration))?;
     require(is_inside(&part.position), "position", &part.position, &inside)?;
     require(part.yaw_rad.abs() <= TAU, "yaw_rad", &part.yaw_rad, &"-2 pi to 2 pi")?;
@@ -223,16 +226,21 @@ fn collected(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<C
         is_active: first.task_status == Part::ACTIVE,
         collision: surface.map(|surface| Collision { surface, with_agent: first.collision_with_agent }),
         events: first.events,
-        contacts: first
-            .contacts
-            .iter()
-            .map(|contact| Contact { agent: AgentId(contact.agent), position: point(&contact.position) })
-            .collect(),
+        contacts: Vec::new(),
+        relays: Vec::new(),
         parcels: Vec::new(),
+        readings: Vec::new(),
         scan_tick: (first.scan_tick != Part::NEVER).then_some(Tick(first.scan_tick)),
         seen: Cells::default(),
         view: first.has_view.then(Cells::default),
     };
+    for contact in &first.contacts {
+        let position = point(&contact.position);
+        match RelayId::from_wire(contact.agent) {
+            Some(id) => observation.relays.push(Relay { id, position }),
+            None => observation.contacts.push(Contact { agent: AgentId(contact.agent), position }),
+        }
+    }
     let has_ended = first.phase == Part::ENDED;
     for part in std::iter::once(first).chain(parts) {
         let add = |list: &mut Vec<u32>, runs: &CellRuns| -> Result<(), WireError> {
@@ -247,11 +255,12 @@ fn collected(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<C
             add(&mut view.free, &part.view_free)?;
             add(&mut view.wall, &part.view_wall)?;
         }
-        observation.parcels.extend(part.parcels.into_iter().map(|parcel| Received {
-            from: AgentId(parcel.agent),
-            kind: parcel.kind,
-            data: parcel.data,
-        }));
+        for maes_msgs::Parcel { agent, kind, data } in part.parcels {
+            match RelayId::from_wire(agent) {
+                Some(relay) => observation.readings.push(Reading { relay, kind, data }),
+                None => observation.parcels.push(Received { from: AgentId(agent), kind, data }),
+            }
+        }
     }
     Ok(Collected { has_ended, observation })
 }
@@ -274,6 +283,11 @@ pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Comma
                 kind: parcel.kind,
                 data: parcel.data,
             })
+            .chain(command.relays.into_iter().map(|order| maes_msgs::Parcel {
+                agent: order.relay.map_or(maes_msgs::Parcel::LEAVE_RELAY, RelayId::on_wire),
+                kind: order.kind,
+                data: order.data,
+            }))
             .collect(),
         wake: maes_msgs::Wake { at_tick: command.wake.at.0, events: command.wake.events },
         info: command.info,
@@ -404,11 +418,15 @@ mod tests {
         assert!(refused(&|part| part.velocity_m_s.z = f64::INFINITY).contains("velocity_m_s.z = inf"));
         assert!(refused(&|part| part.yaw_rate_rad_s = f64::NAN).contains("yaw_rate_rad_s = NaN"));
         assert!(
-            refused(&|part| part.contacts = vec![contact(2, 1.0)]).contains("contacts = 2: expected agents, 0 to 1")
+            refused(&|part| part.contacts = vec![contact(2, 1.0)])
+                .contains("contacts = 2: expected agents, 0 to 1, and their relays")
         );
         assert!(refused(&|part| part.contacts = vec![contact(1, 1.0); 2]).contains("each agent once, ascending"));
         let parcel = maes_msgs::Parcel { agent: 2, ..Default::default() };
-        assert!(refused(&|part| part.parcels = vec![parcel.clone()]).contains("parcels = 2: expected agents, 0 to 1"));
+        assert!(
+            refused(&|part| part.parcels = vec![parcel.clone()])
+                .contains("parcels = 2: expected agents, 0 to 1, and their relays")
+        );
         assert!(refused(&|part| part.tick = u64::MAX).contains("expected a tick of the run, 0 to 9"));
     }
 

@@ -15,6 +15,15 @@ pub const VIEW_BYTES_MAX: usize = OBSERVATION_BYTES_MAX;
 /// Most bytes of data in the parcels of one command taken together, and so in each of them.
 pub const PARCEL_BYTES_MAX: usize = 57_344;
 
+/// Most bytes that a relay keeps.
+pub const RELAY_BYTES_MAX: usize = 4_096;
+
+/// Most relays that an agent can leave behind: their numbers share a field with that of the agent.
+pub const RELAYS_PER_AGENT_MAX: u32 = 1_024;
+
+/// Most relays that an observation names, those that are nearest.
+pub const RELAYS_TOLD_MAX: usize = 256;
+
 /// Longest information text of a command, bytes.
 pub const INFO_BYTES_MAX: usize = 1_024;
 
@@ -54,6 +63,8 @@ mod tests {
         let states = |definition: &str, words: String| assert!(definition.contains(&words), "{words}");
         states(Observation::TYPE.definition, format!("No part is larger than {OBSERVATION_BYTES_MAX} bytes."));
         states(Parcel::TYPE.definition, format!("at most {PARCEL_BYTES_MAX} bytes"));
+        states(Parcel::TYPE.definition, format!("to a relay at most {RELAY_BYTES_MAX}"));
+        states(Parcel::TYPE.definition, format!("FIRST_RELAY + {RELAYS_PER_AGENT_MAX} *"));
         states(Command::TYPE.definition, format!("at most {INFO_BYTES_MAX} bytes"));
         states(Scenario::TYPE.definition, format!("1 to {BODIES_MAX}"));
         states(Task::TYPE.definition, format!("1 to {PATH_POINTS_MAX}"));

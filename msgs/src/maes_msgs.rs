@@ -78,12 +78,12 @@ pub struct Command {
     pub failed_searches: u32,
 }
 
-/// An agent that is heard (and seen) now, by the communication model of the scenario.
+/// An agent that is heard now, by the communication model of the scenario, or a relay that can be read and written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
-    /// Its id.
+    /// Its id; from [`Parcel::FIRST_RELAY`] on: a relay.
     pub agent: u32,
-    /// Centre of its body, metres, frame "map".
+    /// Centre of its body, metres, frame "map"; of an agent, as that believes.
     pub position: Point,
 }
 
@@ -282,14 +282,15 @@ impl Observation {
 /// Bytes from one agent to another.
 ///
 /// The server delivers them in the phase "communicate" of the tick they were sent in, if the communication model lets
-/// the receiver hear the sender then; otherwise they are lost.
+/// the receiver hear the sender then; otherwise they are lost. Radios of a limited rate send them later, in order. Relays that
+/// agents have left behind keep the bytes of one parcel each.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Parcel {
     /// In a command the receiver (or [`BROADCAST`](Self::BROADCAST)), in an observation the sender.
     pub agent: u32,
     /// What the bytes are, for accounting; the sender's choice.
     pub kind: u8,
-    /// The bytes: at most 57344, and so is the sum over the parcels of one command.
+    /// The bytes: at most 57344, and so is the sum over the parcels of one command; to a relay at most 4096.
     #[serde(with = "serde_bytes")]
     pub data: Vec<u8>,
 }
@@ -297,6 +298,10 @@ pub struct Parcel {
 impl Parcel {
     /// As receiver: everybody in contact.
     pub const BROADCAST: u32 = u32::MAX;
+    /// As receiver: a relay that is left behind where the body is, and keeps the bytes.
+    pub const LEAVE_RELAY: u32 = 4294967294;
+    /// From here on: a relay, `FIRST_RELAY + 1024 *` the agent that left it `+` its number.
+    pub const FIRST_RELAY: u32 = 2147483648;
 }
 
 /// How far the run has come.
@@ -324,6 +329,37 @@ pub struct Progress {
     pub pairs_in_contact: u32,
     /// Bytes of parcels delivered so far.
     pub parcel_bytes: u64,
+}
+
+/// How agents hear each other. What each model assumes: docs/communication.md.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Radio {
+    /// "line_of_sight", "range", "line_of_sight_and_range", "global" or "attenuated".
+    pub model: String,
+    /// Attenuated: power sent.
+    pub tx_dbm: f64,
+    /// Attenuated: least power that can be received.
+    pub threshold_dbm: f64,
+    /// Attenuated: loss over the reference distance in the open.
+    pub reference_loss_db: f64,
+    /// Attenuated: the reference distance.
+    pub reference_m: f64,
+    /// Attenuated: path loss exponent in the open.
+    pub free_exponent: f64,
+    /// Attenuated: path loss exponent of the way inside walls.
+    pub wall_exponent: f64,
+    /// Attenuated: the length that the way inside walls is measured in.
+    pub wall_reference_m: f64,
+    /// Probability that a parcel is lost on its way, 0 .. 1.
+    pub loss: f64,
+    /// What an agent can send in a second; infinity: unlimited.
+    pub bytes_per_s: f64,
+    /// What waits at an agent to be sent, at the most.
+    pub queue_bytes: u64,
+    /// Relays that an agent can leave behind.
+    pub relays_per_agent: u32,
+    /// How near a relay in contact has to be to be read and written; infinity: contact is enough.
+    pub relay_read_range_m: f64,
 }
 
 /// The outcome of a run: the last message of its recording.
@@ -392,6 +428,8 @@ pub struct Scenario {
     pub lidar: Lidar,
     /// Range of communication, metres; infinity: as far as the line of sight.
     pub communication_range_m: f64,
+    /// The whole of the communication model.
+    pub radio: Radio,
     /// Ticks between two tellings of what is new on the map to agents in contact; 0: none.
     pub share_period_ticks: u32,
 }

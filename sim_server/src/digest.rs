@@ -1,7 +1,8 @@
 //! The digest of a run: a chain over every tick that two equal runs share and two different runs do not.
 //!
 //! The link of a tick is the blake3 hash of the link before it, the tick, what was done to the run from outside before it, the
-//! messages exchanged in the tick (observations and commands that counted, as CDR, in the order of the agents), and the state of the world at the end of the tick, bit by bit.
+//! messages exchanged in the tick (observations and commands that counted, as CDR, in the order of the agents), and the state of the
+//! world at the end of the tick, bit by bit: bodies, score, and relays if there are any.
 //!
 //! This module decides nothing and writes nothing.
 
@@ -75,6 +76,14 @@ impl Chain {
         }
         for share in [world.coverage().explored(), world.coverage().covered()] {
             self.hasher.update(&share.to_bits().to_le_bytes());
+        }
+        // Without relays the digest is that of a run that cannot have any.
+        for relay in world.relays() {
+            self.hasher.update(&relay.id.on_wire().to_le_bytes());
+            self.hasher.update(&relay.writings.to_le_bytes());
+            for along in relay.position.iter() {
+                self.hasher.update(&along.to_bits().to_le_bytes());
+            }
         }
         self.link = Digest(*self.hasher.finalize().as_bytes());
         self.hasher.reset();

@@ -7,7 +7,9 @@
 //! This module reads no map files and knows no command line; flags arrive as [`Override`]s of keys.
 
 mod bodies;
+mod radio;
 mod sections;
+mod sensor;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
@@ -21,7 +23,9 @@ use crate::world::body::BodyModel;
 use crate::world::spawn::SpawnSpec;
 
 pub use bodies::BodyEntry;
+pub use radio::{CommunicationModel, CommunicationSection, RelaySection};
 pub use sections::*;
+pub use sensor::SensorSection;
 
 /// Agents a run may have at the most: the participants that DDS finds on one host (120) leave room for no more processes, and
 /// several agents may share one.
@@ -64,9 +68,12 @@ pub struct Scenario {
     /// What LiDARs see.
     #[serde(default)]
     pub lidar: LidarSection,
-    /// Who hears whom.
+    /// How agents communicate.
     #[serde(default)]
     pub communication: CommunicationSection,
+    /// How agents err.
+    #[serde(default, skip_serializing_if = "radio::is_default")]
+    pub sensor: SensorSection,
     /// What a recording holds beside the protocol.
     #[serde(default)]
     pub recording: RecordingSection,
@@ -285,12 +292,8 @@ impl Scenario {
             self.lidar.period_ticks >= 1,
             "expected at least 1",
         )?;
-        checker.require(
-            "communication.range_m",
-            self.communication.range_m,
-            self.communication.range_m >= 0.0,
-            "expected at least 0, or inf",
-        )?;
+        self.communication.check(&checker)?;
+        self.sensor.check(&checker)?;
         checker.require(
             "execution.threads",
             self.execution.threads,

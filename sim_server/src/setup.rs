@@ -11,7 +11,6 @@ use crate::mapgen::{self, GeneratedMap, ImportSpec, MapError, MapReport, MapSpec
 use crate::recorder::{Document, RecordError, Recorder};
 use crate::recording::{Recording, RecordingError};
 use crate::scenario::{LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
-use crate::world::comms::CommsModel;
 use crate::world::lidar::{Pattern, Scanner};
 use crate::world::spawn::SpawnError;
 use crate::world::{ScanSchedule, World, WorldParams};
@@ -155,7 +154,9 @@ pub fn build(scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
 fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
     let GeneratedMap { terrain, report } = map;
     let agents = scenario.agents.count as usize;
-    mapgen::check_memory(terrain.extent(), WORLD_CELL_BYTES + agents * AGENT_CELL_BYTES)
+    let errors = scenario.sensor.errors(scenario.seed);
+    let vote_bytes = if errors.blur_scans() { 1 } else { 0 };
+    mapgen::check_memory(terrain.extent(), WORLD_CELL_BYTES + agents * (AGENT_CELL_BYTES + vote_bytes))
         .map_err(map_error(scenario))?;
     let starts = scenario.spawn.poses(&terrain, &scenario.radii_m())?;
     Ok((World::new(terrain, params(scenario), &starts), report))
@@ -252,6 +253,7 @@ fn params(scenario: &Scenario) -> WorldParams {
             LidarSchedule::OnRequest => ScanSchedule::OnRequest { period_ticks: lidar.period_ticks },
             LidarSchedule::Maes3d => ScanSchedule::TakeTurns,
         },
-        comms: CommsModel { range_m: scenario.communication.range_m },
+        comms: scenario.communication.comms(scenario.seed),
+        errors: scenario.sensor.errors(scenario.seed),
     }
 }

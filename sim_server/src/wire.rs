@@ -7,10 +7,10 @@
 //! This module sends nothing and knows no transport.
 
 use msgs::geometry_msgs;
-use msgs::ids::{AgentId, Tick};
+use msgs::ids::{AgentId, RelayId, Tick};
 use msgs::limits::{
     INFO_BYTES_MAX, LIST_BYTES_MAX, MESSAGE_BYTES_BARE, OBSERVATION_BYTES_MAX, PARCEL_BYTES_BARE, PARCEL_BYTES_MAX,
-    PATH_POINTS_MAX, POINT_BYTES, PROTOCOL,
+    PATH_POINTS_MAX, POINT_BYTES, PROTOCOL, RELAY_BYTES_MAX,
 };
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
 use msgs::std_msgs::Header;
@@ -73,14 +73,18 @@ pub fn observation_parts(observation: &Observation, phase: u8) -> Vec<Part> {
     };
     let mut parts = Parts {
         bare: first.clone(),
-        left: OBSERVATION_BYTES_MAX - MESSAGE_BYTES_BARE - CONTACT_BYTES * observation.contacts.len(),
+        left: OBSERVATION_BYTES_MAX
+            - MESSAGE_BYTES_BARE
+            - CONTACT_BYTES * (observation.contacts.len() + observation.relays.len()),
         done: Vec::new(),
         filling: first,
     };
     parts.filling.contacts = observation
         .contacts
         .iter()
-        .map(|(agent, position)| maes_msgs::Contact { agent: agent.0, position: point(position) })
+        .map(|(agent, position)| (agent.0, position))
+        .chain(observation.relays.iter().map(|(relay, position)| (relay.on_wire(), position)))
+        .map(|(agent, position)| maes_msgs::Contact { agent, position: point(position) })
         .collect();
     for parcel in &observation.parcels {
         parts.make_room(PARCEL_BYTES_BARE + parcel.data.len());
@@ -225,13 +229,23 @@ fn parcels(messages: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<Parcel>, S
     messages
         .iter()
         .map(|parcel| {
-            let peer = match parcel.agent {
-                maes_msgs::Parcel::BROADCAST => Peer::Everybody,
-                agent if agent < agents => Peer::One(AgentId(agent)),
-                other => {
-                    return Err(format!("a parcel is for agent {other}, 0 to {} or BROADCAST are allowed", agents - 1));
+            let relay = RelayId::from_wire(parcel.agent).filter(|relay| relay.owner.0 < agents);
+            let peer = match (parcel.agent, relay) {
+                (maes_msgs::Parcel::BROADCAST, _) => Peer::Everybody,
+                (maes_msgs::Parcel::LEAVE_RELAY, _) => Peer::NewRelay,
+                (_, Some(relay)) => Peer::Relay(relay),
+                (agent, _) if agent < agents => Peer::One(AgentId(agent)),
+                (other, _) => {
+                    return Err(format!(
+                        "a parcel is for agent {other}, 0 to {}, BROADCAST, LEAVE_RELAY or a relay are allowed",
+                        agents - 1
+                    ));
                 }
             };
+            let bytes = parcel.data.len();
+            if matches!(peer, Peer::Relay(_) | Peer::NewRelay) && bytes > RELAY_BYTES_MAX {
+                return Err(format!("a parcel to a relay holds {bytes} bytes, at most {RELAY_BYTES_MAX} are allowed"));
+            }
             Ok(Parcel { peer, kind: parcel.kind, data: parcel.data.clone() })
         })
         .collect()
@@ -257,6 +271,8 @@ fn parcel_message(parcel: &Parcel) -> maes_msgs::Parcel {
         agent: match parcel.peer {
             Peer::One(agent) => agent.0,
             Peer::Everybody => maes_msgs::Parcel::BROADCAST,
+            Peer::Relay(relay) => relay.on_wire(),
+            Peer::NewRelay => maes_msgs::Parcel::LEAVE_RELAY,
         },
         kind: parcel.kind,
         data: parcel.data.clone(),
@@ -288,6 +304,7 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
             period_ticks: scenario.lidar.period_ticks,
         },
         communication_range_m: scenario.communication.range_m,
+        radio: scenario.communication.message(),
         share_period_ticks: scenario.agents.share_period_ticks,
     }
 }

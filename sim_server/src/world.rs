@@ -10,27 +10,32 @@
 //!
 //! This module knows no ROS, no file and no wall clock, and does not judge who is due: see [`crate::lockstep`].
 
+mod air;
 pub mod body;
 pub mod collision;
 pub mod comms;
 pub mod coverage;
+pub mod errors;
 pub mod lidar;
+pub mod relays;
 pub mod spawn;
 mod untold;
 
 use std::collections::BTreeMap;
 
-use msgs::ids::{AgentId, Tick};
+use msgs::ids::{AgentId, RelayId, Tick};
 use nalgebra::{Point3, Vector3};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use voxels::{Cell, Grid, Terrain};
 
+use air::Air;
 use body::{Body, BodyModel, Collision, Motion, Pose};
 use collision::{Obstacles, Sphere};
-use comms::{CommsModel, ContactTable, Parcel, Peer};
+use comms::{Comms, ContactTable, Parcel};
 use coverage::Coverage;
-use lidar::{Scanner, SensorMemory, View};
+use errors::{Drift, Errors};
+use lidar::{Blur, Scanner, SensorMemory, View};
 use untold::Untold;
 
 /// Everything about a world that is not its terrain.
@@ -44,8 +49,10 @@ pub struct WorldParams {
     pub scanner: Scanner,
     /// When LiDARs scan.
     pub schedule: ScanSchedule,
-    /// Who hears whom.
-    pub comms: CommsModel,
+    /// How agents communicate.
+    pub comms: Comms,
+    /// How agents err.
+    pub errors: Errors,
 }
 
 /// When LiDARs scan.
@@ -128,6 +135,8 @@ pub struct Observation {
     pub events: Events,
     /// Agents in contact and where they are, ascending.
     pub contacts: Vec<(AgentId, Point3<f64>)>,
+    /// Relays in reach and where they are, ascending.
+    pub relays: Vec<(RelayId, Point3<f64>)>,
     /// Arrived since the last observation.
     pub parcels: Vec<Parcel>,
     /// Tick of the last scan.
@@ -166,6 +175,20 @@ pub struct Totals {
     pub parcels_out_of_contact: u64,
     /// Parcels lost because the receiver's inbox was full.
     pub parcels_inbox_full: u64,
+    /// Parcels lost by chance.
+    pub parcels_lost_radio: u64,
+    /// Parcels lost because too much waited to be sent.
+    pub parcels_queue_full: u64,
+    /// Relays left behind.
+    pub relays_left: u64,
+    /// Relays that agents wanted to leave and did not have.
+    pub relays_refused: u64,
+    /// How often relays were written on after they were left.
+    pub relay_writings: u64,
+    /// How often that failed, because the relay was out of reach or is none.
+    pub relay_writings_lost: u64,
+    /// How often agents were told what relays keep.
+    pub relay_readings: u64,
     /// Bytes delivered.
     pub parcel_bytes_delivered: u64,
     /// The same by the sender's mark.
@@ -181,6 +204,7 @@ pub struct World {
     agents: Vec<AgentState>,
     spheres: Vec<Sphere>,
     contacts: Option<ContactTable>,
+    air: Air,
     coverage: Coverage,
     totals: Totals,
 }
@@ -198,7 +222,17 @@ struct AgentState {
     last_scan: Option<(Pose, Tick)>,
     want_view: bool,
     untold: Untold,
+    drift: Drift,
     reported_contacts: Vec<AgentId>,
+    reported_relays: Vec<(RelayId, Point3<f64>)>,
+}
+
+impl AgentState {
+    /// The event that those in contact are others than were reported, if they are.
+    fn change_of_contacts(&self, contacts: &[AgentId], relays: &[(RelayId, Point3<f64>)]) -> Events {
+        let is_as_reported = contacts == self.reported_contacts && relays == self.reported_relays;
+        if is_as_reported { 0 } else { CONTACTS }
+    }
 }
 
 impl World {
@@ -224,7 +258,9 @@ impl World {
                 last_scan: None,
                 want_view: false,
                 untold: Untold::default(),
+                drift: Drift::new(&params.errors, agent),
                 reported_contacts: Vec::new(),
+                reported_relays: Vec::new(),
             })
             .collect();
         let mut coverage = Coverage::new(extent.volume(), free_cells, agents.len());
@@ -232,7 +268,17 @@ impl World {
             coverage.cover(agent, index_of(&terrain, state.cell));
         }
         let spheres = agents.iter().map(|state| state.body.sphere()).collect();
-        Self { tick: Tick::ZERO, terrain, params, agents, spheres, contacts: None, coverage, totals: Totals::default() }
+        Self {
+            tick: Tick::ZERO,
+            terrain,
+            params,
+            air: Air::new(agents.len()),
+            agents,
+            spheres,
+            contacts: None,
+            coverage,
+            totals: Totals::default(),
+        }
     }
 
     /// The present tick.
@@ -268,6 +314,13 @@ impl World {
     #[must_use]
     pub fn body(&self, agent: AgentId) -> &Body {
         &self.agents[agent.index()].body
+    }
+
+    /// Where an agent is told that it is, metres, frame `map`: what it says to others, too.
+    #[must_use]
+    pub fn told_position(&self, agent: AgentId) -> Point3<f64> {
+        let state = &self.agents[agent.index()];
+        state.drift.told(&state.body.pose().position, self.terrain.extent())
     }
 
     /// Puts a body somewhere, at rest. Its task has ended, as its agent is told.
@@ -318,7 +371,14 @@ impl World {
     /// Where the rays of a scan of an agent from a pose meet walls, metres, frame `map`, in the scanner's own fixed order.
     #[must_use]
     pub fn hits_from(&self, agent: AgentId, pose: &Pose) -> Vec<Point3<f64>> {
-        self.params.scanner.hits(&self.agents[agent.index()].memory, pose)
+        let Self { params: WorldParams { scanner, errors, .. }, agents, .. } = self;
+        let AgentState { memory, last_scan, .. } = &agents[agent.index()];
+        match last_scan {
+            Some((_, tick)) if errors.blur_scans() => {
+                scanner.hits_blurred(memory, pose, Blur { errors, agent, tick: *tick })
+            }
+            _ => scanner.hits(memory, pose),
+        }
     }
 
     /// Rays of one scan.
@@ -331,7 +391,7 @@ impl World {
     pub fn look(&mut self, pool: &ThreadPool) {
         let tick = self.tick;
         let team = self.agents.len() as u64;
-        let scanner = &self.params.scanner;
+        let (scanner, errors) = (&self.params.scanner, &self.params.errors);
         if self.params.schedule == ScanSchedule::TakeTurns {
             let turn = (tick.0 % team) as usize;
             self.agents[turn].next_scan = Some(tick);
@@ -350,7 +410,8 @@ impl World {
             let pose = *state.body.pose();
             let sees_the_same = state.last_scan.is_some_and(|(last, _)| scanner.sees_the_same(&last, &pose));
             state.last_scan = Some((pose, tick));
-            if !sees_the_same {
+            // A second look errs otherwise than the first.
+            if errors.blur_scans() || !sees_the_same {
                 cast.push((index, state));
             }
         }
@@ -359,7 +420,12 @@ impl World {
             let first = state.untold.free.len();
             let pose = *state.body.pose();
             let untold = &mut state.untold;
-            scanner.scan(&mut state.memory, &pose, &mut untold.free, &mut untold.wall);
+            if errors.blur_scans() {
+                let blur = Blur { errors, agent: AgentId::from_index(*index), tick };
+                scanner.scan_blurred(&mut state.memory, &pose, blur, &mut untold.free, &mut untold.wall);
+            } else {
+                scanner.scan(&mut state.memory, &pose, &mut untold.free, &mut untold.wall);
+            }
             (*index, first)
         };
         let scanned: Vec<(usize, usize)> = if cast.len() > 1 && pool.current_num_threads() > 1 {
@@ -369,7 +435,15 @@ impl World {
         };
         for (index, first) in scanned {
             let new_free = &self.agents[index].untold.free[first..];
-            self.coverage.explore(AgentId::from_index(index), new_free);
+            let agent = AgentId::from_index(index);
+            if self.params.errors.blur_scans() {
+                // What is taken for free and is wall is no score.
+                let is_free = |&cell: &u32| self.terrain.as_slice()[cell as usize] == Terrain::Free;
+                let truly_free: Vec<u32> = new_free.iter().copied().filter(is_free).collect();
+                self.coverage.explore(agent, &truly_free);
+            } else {
+                self.coverage.explore(agent, new_free);
+            }
         }
         self.coverage.note_milestones(tick);
     }
@@ -378,36 +452,36 @@ impl World {
     /// is looked for only if it is asked for.
     pub fn events(&mut self, agent: AgentId, asked: Events) -> Events {
         let mut events = self.agents[agent.index()].untold.events;
-        if asked & CONTACTS != 0 && self.contacts_of(agent) != self.agents[agent.index()].reported_contacts {
-            events |= CONTACTS;
+        if asked & CONTACTS != 0 {
+            let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
+            events |= self.agents[agent.index()].change_of_contacts(&contacts, &relays);
         }
         events & asked
     }
 
     /// What an agent learns in this tick. With [`Since::LastCounted`] it counts as told afterwards.
     pub fn observe(&mut self, agent: AgentId, since: Since) -> Observation {
-        let contacts = self.contacts_of(agent);
-        let contact_positions = contacts.iter().map(|&other| (other, self.spheres[other.index()].centre)).collect();
-        let scanner = &self.params.scanner;
+        let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
+        let contact_positions = contacts.iter().map(|&other| (other, self.told_position(other))).collect();
+        let position = self.told_position(agent);
+        let (scanner, errors) = (&self.params.scanner, &self.params.errors);
         let state = &mut self.agents[agent.index()];
         let news = match since {
             Since::LastCounted => state.untold.take(),
             Since::LastAsked => state.untold.take_unasked(),
         };
-        let mut events = news.events;
-        if contacts != state.reported_contacts {
-            events |= CONTACTS;
-        }
+        let events = news.events | state.change_of_contacts(&contacts, &relays);
         let mut observation = Observation {
             tick: self.tick,
             agent,
-            pose: *state.body.pose(),
+            pose: Pose { position, ..*state.body.pose() },
             velocity_in_map_m_s: state.body.velocity_in_map_m_s(),
             yaw_rate_rad_s: state.body.yaw_rate_rad_s(),
             is_active: state.body.is_active(),
             collision: state.body.collision(),
             events,
             contacts: contact_positions,
+            relays: relays.clone(),
             parcels: news.parcels,
             scan_tick: state.last_scan.map(|(_, tick)| tick),
             seen_free: news.free,
@@ -415,12 +489,15 @@ impl World {
             view: None,
         };
         if state.want_view
-            && let Some((pose, _)) = &state.last_scan
+            && let Some((pose, tick)) = &state.last_scan
         {
-            observation.view = Some(scanner.view(&state.memory, pose));
+            observation.view = Some(match errors.blur_scans() {
+                true => scanner.view_blurred(&state.memory, pose, Blur { errors, agent, tick: *tick }),
+                false => scanner.view(&state.memory, pose),
+            });
         }
         if since == Since::LastCounted {
-            state.reported_contacts = contacts;
+            (state.reported_contacts, state.reported_relays) = (contacts, relays);
         }
         observation
     }
@@ -450,35 +527,9 @@ impl World {
             }
         }
         self.move_bodies();
+        self.agents.iter_mut().for_each(|state| state.drift.advance(&self.params.errors));
         self.contacts = None;
         self.tick = self.tick.after(1);
-    }
-
-    fn communicate(&mut self, actions: &BTreeMap<AgentId, Action>) {
-        for (&sender, action) in actions {
-            for parcel in &action.parcels {
-                let receivers = match parcel.peer {
-                    Peer::One(receiver) => vec![receiver],
-                    Peer::Everybody => self.contacts_of(sender),
-                };
-                for receiver in receivers {
-                    self.totals.parcels_sent += 1;
-                    if receiver == sender || !self.in_contact(sender, receiver) {
-                        self.totals.parcels_out_of_contact += 1;
-                        continue;
-                    }
-                    let untold = &mut self.agents[receiver.index()].untold;
-                    if !untold.post(Parcel { peer: Peer::One(sender), ..parcel.clone() }) {
-                        self.totals.parcels_inbox_full += 1;
-                        continue;
-                    }
-                    self.totals.parcels_delivered += 1;
-                    let bytes = parcel.data.len() as u64;
-                    self.totals.parcel_bytes_delivered += bytes;
-                    *self.totals.parcel_bytes_by_kind.entry(parcel.kind).or_default() += bytes;
-                }
-            }
-        }
     }
 
     fn move_bodies(&mut self) {
@@ -511,20 +562,6 @@ impl World {
             self.coverage.cover(AgentId::from_index(index), index_of(&self.terrain, cell));
         }
     }
-
-    fn in_contact(&mut self, one: AgentId, other: AgentId) -> bool {
-        let (comms, terrain) = (self.params.comms, &self.terrain);
-        contact_table(&mut self.contacts, &self.spheres).in_contact(one, other, &comms, terrain)
-    }
-
-    fn contacts_of(&mut self, agent: AgentId) -> Vec<AgentId> {
-        let (comms, terrain) = (self.params.comms, &self.terrain);
-        contact_table(&mut self.contacts, &self.spheres).of(agent, &comms, terrain)
-    }
-}
-
-fn contact_table<'a>(contacts: &'a mut Option<ContactTable>, spheres: &[Sphere]) -> &'a mut ContactTable {
-    contacts.get_or_insert_with(|| ContactTable::new(spheres.iter().map(|sphere| sphere.centre).collect()))
 }
 
 fn ids() -> impl Iterator<Item = AgentId> {

@@ -19,6 +19,7 @@ pub mod lattice;
 pub mod m3dm;
 pub mod runs;
 pub mod terrain;
+pub mod through;
 pub mod traverse;
 
 pub use blocks::Blocks;
@@ -29,4 +30,5 @@ pub use grid::{Grid, GridError};
 pub use m3dm::M3dmError;
 pub use runs::{RunsError, check_runs, indices, runs};
 pub use terrain::{Terrain, TextError, is_wall_at};
+pub use through::length_in_walls_m;
 pub use traverse::{line_of_sight, walk, walk_segment};

@@ -4,21 +4,26 @@
 //! with the shortest way, goes there, and looks for the next one once that has become an ordinary cell, which mostly happens long
 //! before it arrives.
 //!
-//! It does not coordinate: agents that know the same go to the same places. It finds no way round an agent that stays for ever in
+//! With `relays=on` it leaves relays behind where it would lose contact ([`super::relays`]). It does not coordinate: agents that know the same go to the same places. It finds no way round an agent that stays for ever in
 //! a passage one cell wide.
 
 use std::collections::BTreeSet;
 
 use msgs::maes_msgs::Wake as Events;
+use nalgebra::Point3;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
+use super::relays::Relays;
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx, aside};
 use crate::command::{Command, Motion, Wake};
 use crate::observation::Observation;
 use crate::path::{Goal, Graph, Neighbours, find};
 use crate::travel::{Journey, SearchTime};
+
+/// The mark of relays that keep nothing.
+const RELAY_MARK: u8 = 0;
 
 /// The controller of one agent: what it remembers from one decision to the next.
 #[derive(Debug, Clone)]
@@ -30,16 +35,20 @@ pub struct NearestFrontier {
     goal: Option<Cell>,
     /// Frontiers it has been in without seeing what is beyond, because the sensor does not reach there. It leaves them alone.
     given_up: BTreeSet<Cell>,
+    relays: Relays,
+    /// The way-points that it goes along.
+    way: Vec<Point3<f64>>,
 }
 
 impl NearestFrontier {
-    /// Settings: `search_time`, see [`Settings::search_time`].
+    /// Settings: `search_time`, see [`Settings::search_time`], and `relays`, see [`Relays::new`].
     ///
     /// # Errors
     /// If a setting is not allowed.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let search_time = settings.search_time()?;
-        Ok(Self { search_time, rng, goal: None, given_up: BTreeSet::new() })
+        let relays = Relays::new(settings)?;
+        Ok(Self { search_time, rng, goal: None, given_up: BTreeSet::new(), relays, way: Vec::new() })
     }
 
     /// The frontier with the shortest way to it.
@@ -49,6 +58,18 @@ impl NearestFrontier {
         let is_wanted = |cell| map.is_frontier(cell) && !self.given_up.contains(&cell);
         let path = find(Graph::new(map, moves), scratch, start, Goal::Where(&is_wanted))?;
         path.cells.last().copied()
+    }
+
+    /// The command, and a relay is left behind if this is the place for it.
+    fn beside_relay(&mut self, command: Command, observation: &Observation, ctx: &Ctx<'_>) -> Command {
+        let here = ctx.position();
+        // Way-points behind it are passed.
+        let passed = self.way.iter().position(|next| (next - here).norm() < ctx.map().extent().cell_m() / 2.0);
+        self.way.drain(..passed.map_or(0, |passed| passed + 1));
+        match self.relays.is_one_left(observation, ctx, &self.way) {
+            true => command.leaving_relay(RELAY_MARK, Vec::new()),
+            false => command,
+        }
     }
 }
 
@@ -67,7 +88,7 @@ impl Controller for NearestFrontier {
         let under_way = Wake::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL);
         let mut goal = self.goal.filter(|&goal| ctx.map().is_frontier(goal));
         if goal.is_some() && observation.is_active {
-            return Command::keep(under_way);
+            return self.beside_relay(Command::keep(under_way), observation, ctx);
         }
         if let Some(reached) = goal.filter(|&goal| goal == ctx.cell()) {
             self.given_up.insert(reached);
@@ -82,7 +103,13 @@ impl Controller for NearestFrontier {
         };
         let Cell { x, y, z } = goal;
         match ctx.go_to_cell(goal, self.search_time) {
-            Journey::Go(motion) => Command::new(motion, under_way).saying(format!("goes to the frontier {x} {y} {z}")),
+            Journey::Go(motion) => {
+                if let Motion::Path(way) = &motion {
+                    self.way.clone_from(way);
+                }
+                let command = Command::new(motion, under_way).saying(format!("goes to the frontier {x} {y} {z}"));
+                self.beside_relay(command, observation, ctx)
+            }
             // The body has to keep still, or the way would begin where it is no more.
             Journey::Searching(wake) => {
                 Command::new(Motion::Stop, wake).saying(format!("searches a way to {x} {y} {z}"))

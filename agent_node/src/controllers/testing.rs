@@ -46,7 +46,9 @@ pub(crate) fn idle() -> Observation {
         collision: None,
         events: 0,
         contacts: Vec::new(),
+        relays: Vec::new(),
         parcels: Vec::new(),
+        readings: Vec::new(),
         scan_tick: None,
         seen: Cells::default(),
         view: None,
@@ -114,6 +116,7 @@ impl World {
             lidar_range_m: f64::INFINITY,
             lidar_period_ticks: 10,
             communication_range_m: f64::INFINITY,
+            relays_per_agent: 2,
             share_period_ticks: 251,
         };
         let pose = Pose { position: extent.centre(start), yaw_rad: 0.0 };

@@ -46,7 +46,7 @@ fn cases() -> Vec<Case> {
         }
         maes_msgs {
             Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar LidarRequest Observation Parcel
-            Progress Result Scenario Task Wake
+            Progress Radio Result Scenario Task Wake
         }
         nav_msgs { Odometry Path }
         rcl_interfaces { Log }

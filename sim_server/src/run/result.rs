@@ -71,6 +71,21 @@ impl Run<'_> {
             counter("parcel_bytes_delivered", totals.parcel_bytes_delivered),
             counter("agents_dropped", self.lost.len() as u64),
         ];
+        // What a scenario has no use for is not spoken of.
+        let communication = &self.scenario.communication;
+        counters.extend((communication.loss > 0.0).then(|| counter("parcels_lost_radio", totals.parcels_lost_radio)));
+        if communication.bytes_per_s.is_finite() {
+            counters.push(counter("parcels_queue_full", totals.parcels_queue_full));
+        }
+        if communication.relays.per_agent > 0 {
+            counters.extend([
+                counter("relays_left", totals.relays_left),
+                counter("relays_refused", totals.relays_refused),
+                counter("relay_writings", totals.relay_writings),
+                counter("relay_writings_lost", totals.relay_writings_lost),
+                counter("relay_readings", totals.relay_readings),
+            ]);
+        }
         let kinds = totals.parcel_bytes_by_kind.iter();
         counters.extend(kinds.map(|(kind, &bytes)| counter(&format!("parcel_bytes_delivered_kind_{kind}"), bytes)));
         let milestones = self.world.coverage().milestones();

@@ -11,6 +11,7 @@ use super::{Run, RunError, now};
 use crate::digest::Digest;
 use crate::link::Level;
 use crate::views::{self, Facts, Picture, View};
+use crate::wire;
 
 impl Run<'_> {
     /// Records the views that the scenario has recorded, at the start of a tick.
@@ -42,7 +43,9 @@ impl Run<'_> {
     pub(super) fn drive(&mut self, agent: AgentId) {
         let has_scan = self.world.last_scan(agent).is_some_and(|(_, tick)| tick == self.world.tick());
         let points = if has_scan { views::points(&self.world, agent) } else { None };
-        self.exchange.drive(agent, views::odometry(&self.world, agent), points);
+        let mut odometry = views::odometry(&self.world, agent);
+        odometry.pose.pose.position = wire::point(&self.world.told_position(agent));
+        self.exchange.drive(agent, odometry, points);
     }
 
     /// Shows a message that the run loop has made by itself, if it may.

@@ -144,20 +144,6 @@ impl Default for LidarSection {
     }
 }
 
-/// `[communication]`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct CommunicationSection {
-    /// Greatest distance between two agents in contact; `inf`: as far as the line of sight (reference).
-    pub range_m: f64,
-}
-
-impl Default for CommunicationSection {
-    fn default() -> Self {
-        Self { range_m: f64::INFINITY }
-    }
-}
-
 /// `[recording]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -146,3 +146,46 @@ fn mistakes_in_bodies_are_named_with_their_entry() {
     refuses(&with("[body]\nagents = [0]\n"), &[], "s.toml:9:1: unknown field `agents`");
     refuses(&with(&"[[bodies]]\nagents = [0]\n".repeat(256)), &[], "bodies = 256 entries: expected at most 255");
 }
+
+#[test]
+fn communication_and_sensors_are_checked_and_stand_in_the_identity_only_if_they_are_given() {
+    let plain = Scenario::parse("s.toml", SMALL, &[]).unwrap();
+    let identity = plain.identity();
+    assert!(identity.contains("[communication]\nrange_m = inf\n\n"), "{identity}");
+    assert!(!identity.contains("sensor") && !identity.contains("relays"), "{identity}");
+    let keys = [
+        set("communication.model", "attenuated"),
+        set("communication.loss", 0.5),
+        set("communication.bytes_per_s", 1e4),
+        set("communication.attenuation.tx_dbm", -10.0),
+        set("communication.relays.per_agent", 3),
+        set("sensor.pose_bound_m", 0.5),
+    ];
+    let radios = Scenario::parse("s.toml", SMALL, &keys).unwrap();
+    assert_eq!(Scenario::parse("identity", &radios.identity(), &[]).unwrap(), radios);
+    assert_eq!(radios.sensor.errors(7).pose_step_m, 0.05);
+    assert_eq!(radios.communication.message().relays_per_agent, 3);
+    let refused = [
+        (vec![set("communication.loss", 1.5)], "communication.loss = 1.5: expected a probability, 0 to 1"),
+        (vec![set("communication.loss", f64::NAN)], "communication.loss = NaN"),
+        (vec![set("communication.bytes_per_s", 0.0)], "communication.bytes_per_s = 0: expected at least 1, or inf"),
+        (vec![set("communication.queue_bytes", 100)], "communication.queue_bytes = 100: expected 114688"),
+        (
+            vec![set("communication.relays.per_agent", 1025)],
+            "communication.relays.per_agent = 1025: expected 0 to 1024",
+        ),
+        (vec![set("communication.relays.read_range_m", -1.0)], "communication.relays.read_range_m = -1"),
+        (vec![set("communication.attenuation.free_exponent", 0.0)], "communication.attenuation.free_exponent = 0"),
+        (vec![set("communication.attenuation.reference_m", 0.0)], "communication.attenuation.reference_m = 0"),
+        (vec![set("communication.model", "radio")], "unknown variant `radio`"),
+        (
+            vec![set("communication.model", "global"), set("communication.range_m", 5.0)],
+            "communication.range_m = 5: the models",
+        ),
+        (vec![set("sensor.missed_returns", -0.1)], "sensor.missed_returns = -0.1: expected a probability, 0 to 1"),
+        (vec![set("sensor.range_sigma_m", f64::INFINITY)], "sensor.range_sigma_m = inf: expected 0 to 1e6"),
+    ];
+    for (keys, reason) in refused {
+        refuses(SMALL, &keys, reason);
+    }
+}

@@ -85,7 +85,8 @@ pub(super) fn path(tick: Tick, way_points: &[Point3<f64>]) -> Path {
     Path { header: header(tick), poses: way_points.iter().take(POSES_MAX).map(pose).collect() }
 }
 
-/// A line between each two agents in contact.
+/// A line between each two agents in contact, from each agent to the relays that it reaches, and between relays that hear each
+/// other.
 pub(super) fn contacts(world: &mut World) -> Marker {
     let mut ends = Vec::new();
     for one in world.agents() {
@@ -93,6 +94,13 @@ pub(super) fn contacts(world: &mut World) -> Marker {
             ends.extend([one, other].map(|agent| point(&world.body(agent).pose().position)));
         }
     }
+    for agent in world.agents() {
+        let body = world.body(agent).pose().position;
+        ends.extend(world.relays_of(agent).iter().flat_map(|(_, relay)| [point(&body), point(relay)]));
+    }
+    let relays = world.relays();
+    let links = world.relay_links().iter();
+    ends.extend(links.flat_map(|&(one, other)| [one, other]).map(|relay| point(&relays[relay].position)));
     ends.truncate(2 * LINES_MAX);
     let width_m = LINE_CELLS * world.terrain().extent().cell_m();
     Marker::lines(header(world.tick()), "contacts", 0, width_m, LINE_COLOUR, ends)

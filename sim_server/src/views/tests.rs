@@ -9,7 +9,8 @@ use voxels::{Extent, Grid, Terrain};
 
 use super::*;
 use crate::world::body::{BodyModel, Motion, Pose};
-use crate::world::comms::CommsModel;
+use crate::world::comms::{Comms, ContactModel};
+use crate::world::errors::Errors;
 use crate::world::lidar::{Pattern, Scanner};
 use crate::world::{Action, LidarRequest, ScanSchedule, WorldParams};
 
@@ -29,7 +30,8 @@ fn world() -> World {
         other_bodies: BTreeMap::new(),
         scanner: Scanner::new(Pattern::Lattice { rays: 1000 }, 1.0, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
-        comms: CommsModel { range_m: 5.0 },
+        comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: 5.0 }),
+        errors: Errors::default(),
     };
     let pose = |x, yaw_rad| Pose { position: Point3::new(x, 1.5, 1.5), yaw_rad };
     World::new(tunnel(), params, &[pose(1.5, FRAC_PI_2), pose(5.5, 0.0)])

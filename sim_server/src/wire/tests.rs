@@ -16,6 +16,7 @@ fn observation() -> Observation {
         is_active: true,
         collision: None,
         events: 0,
+        relays: Vec::new(),
         contacts: vec![(AgentId(1), Point3::new(4.0, 5.0, 6.0))],
         parcels: Vec::new(),
         scan_tick: None,
@@ -160,4 +161,27 @@ fn a_scenario_says_which_body_each_agent_has() {
     assert_eq!(told.body_of, [0, 1, 2, 1]);
     let bodies: Vec<_> = told.bodies.iter().map(|body| (body.kind, body.radius_m, body.speed_max_m_s)).collect();
     assert_eq!(bodies, [(0, 0.4, 1.5), (1, 0.4, 3.0), (0, 0.2, 1.5)]);
+}
+
+#[test]
+fn relays_are_named_as_they_are_told() {
+    let relay = RelayId { owner: AgentId(4), number: 7 };
+    let says = |agent, bytes| {
+        let parcel = maes_msgs::Parcel { agent, kind: 2, data: vec![1; bytes] };
+        command(&Command { parcels: vec![parcel], ..Command::default() }, 5).map(|(action, _)| action.parcels[0].peer)
+    };
+    assert_eq!(says(relay.on_wire(), RELAY_BYTES_MAX), Ok(Peer::Relay(relay)));
+    assert_eq!(says(maes_msgs::Parcel::LEAVE_RELAY, 0), Ok(Peer::NewRelay));
+    assert!(
+        says(maes_msgs::Parcel::LEAVE_RELAY, RELAY_BYTES_MAX + 1).unwrap_err().contains("at most 4096 are allowed")
+    );
+    let foreign = RelayId { owner: AgentId(5), number: 0 };
+    assert!(says(foreign.on_wire(), 0).unwrap_err().contains("0 to 4, BROADCAST, LEAVE_RELAY or a relay are allowed"));
+
+    let place = Point3::new(1.0, 1.0, 1.0);
+    let parcels = vec![Parcel { peer: Peer::Relay(relay), kind: 2, data: vec![5] }];
+    let told = Observation { relays: vec![(relay, place)], parcels, ..observation() };
+    let parts = observation_parts(&told, Part::RUNNING);
+    assert_eq!(parts[0].contacts.iter().map(|contact| contact.agent).collect::<Vec<_>>(), [1, relay.on_wire()]);
+    assert_eq!(parts[0].parcels[0].agent, relay.on_wire());
 }

@@ -3,11 +3,12 @@
 //! A scan visits exactly the cells that [`voxels::walk`] visits along each of its rays up to the first wall, the wall included,
 //! with the same arithmetic and the same tie rule; a test holds the two equal. Rays are fixed in the map frame (`maes3d.md` 1.4:
 //! they do not turn with the body); the heading only chooses which of them are used when the field of view is limited.
-//! There is no noise. Bodies do not hide what is behind them.
+//! There is no noise, but for scans that are to have it (`blurred`). Bodies do not hide what is behind them.
 //!
 //! Invariants: a scan changes nothing but the seen marks of its memory, and the marks it leaves are the same on every
 //! processor. This module does not know when scans are due, and tells nobody what it has seen.
 
+mod blurred;
 mod cast;
 mod pattern;
 
@@ -18,6 +19,7 @@ use nalgebra::{Point3, Vector3};
 use voxels::{Extent, Grid, Terrain};
 
 use super::body::Pose;
+pub use blurred::Blur;
 use cast::{FREE_NEW, Found, Kernel, OUTSIDE, Start, WALL_NEW};
 use pattern::Bundle;
 
@@ -184,6 +186,8 @@ pub struct SensorMemory {
     extent: Extent,
     strides: [usize; 3],
     cells: Vec<u8>,
+    /// By cell index, by how much rays that cross it outnumber those that end in it, as far as scans err; else empty.
+    votes: Vec<i8>,
 }
 
 /// The cells would fill pages.
@@ -198,7 +202,7 @@ impl SensorMemory {
     pub fn new(terrain: &Grid<Terrain>) -> Self {
         let extent = terrain.extent();
         let [x, y, z] = extent.size().map(|cells| cells as usize + 2);
-        let mut memory = Self { extent, strides: [1, x, x * y], cells: vec![OUTSIDE; x * y * z] };
+        let mut memory = Self { extent, strides: [1, x, x * y], cells: vec![OUTSIDE; x * y * z], votes: Vec::new() };
         for (cell, terrain) in terrain.iter() {
             let slot = memory.slot_of(cell);
             memory.cells[slot] = match terrain {

@@ -3,6 +3,7 @@ use std::f64::consts::{PI, TAU};
 use proptest::prelude::*;
 use voxels::Extent;
 
+use super::comms::{ContactModel, Peer};
 use super::lidar::Pattern;
 use msgs::limits::PARCEL_BYTES_MAX;
 
@@ -12,13 +13,19 @@ fn pool(threads: usize) -> ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
 }
 
+/// Contact in line of sight within a range.
+fn within(range_m: f64) -> Comms {
+    Comms::perfect(ContactModel::LineOfSightAndRange { range_m })
+}
+
 fn params() -> WorldParams {
     WorldParams {
         body: BodyModel::default(),
         other_bodies: BTreeMap::new(),
         scanner: Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
-        comms: CommsModel { range_m: f64::INFINITY },
+        comms: within(f64::INFINITY),
+        errors: Errors::default(),
     }
 }
 
@@ -123,7 +130,7 @@ fn the_result_of_a_look_does_not_hang_on_threads() {
 fn walls_and_range_end_contact() {
     let starts = [at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5), at(7.5, 3.5, 1.5)];
     let contacts = |range_m| {
-        let params = WorldParams { comms: CommsModel { range_m }, ..params() };
+        let params = WorldParams { comms: within(range_m), ..params() };
         let mut world = World::new(two_rooms(), params, &starts);
         [0, 1, 2].map(|agent| {
             let contacts = world.observe(AgentId(agent), Since::LastCounted).contacts;
@@ -313,4 +320,49 @@ fn bodies_of_a_mixed_team_meet_where_their_radii_do() {
     assert!(world.place(B, at(a.x, a.y, a.z - 0.59)).is_err());
     assert!(world.place(B, at(a.x, a.y, a.z - 0.61)).is_ok());
     assert_eq!(world.body(B).model(), &small, "it stays what it is");
+}
+
+#[test]
+fn errors_hang_neither_on_threads_nor_on_who_is_asked() {
+    let errors = Errors { range_sigma_m: 0.3, missed_returns: 0.1, pose_bound_m: 0.5, pose_step_m: 0.05, seed: 3 };
+    let starts = [at(1.5, 1.5, 1.5), at(3.5, 2.5, 1.5), at(7.5, 2.5, 1.5)];
+    let observed = |threads, is_asked_between: bool| {
+        let pool = pool(threads);
+        let mut world = World::new(two_rooms(), WorldParams { errors, ..params() }, &starts);
+        for _ in 0..100 {
+            world.look(&pool);
+            if is_asked_between {
+                world.observe(B, Since::LastAsked);
+            }
+            world.step(BTreeMap::new());
+        }
+        [A, B].map(|agent| world.observe(agent, Since::LastCounted))
+    };
+    let first = observed(1, false);
+    assert_eq!(first, observed(4, true));
+    assert_ne!(first[0].pose.position, starts[0].position, "it has drifted");
+    assert!((first[0].pose.position - starts[0].position).amax() <= 0.5);
+    // B is where it says it is.
+    assert_eq!(
+        first[0].contacts.iter().find(|(other, _)| *other == B).map(|(_, at)| *at),
+        Some(first[1].pose.position)
+    );
+}
+
+#[test]
+fn what_is_taken_for_free_and_is_wall_is_no_score() {
+    let errors = Errors { range_sigma_m: 2.0, ..Errors::default() };
+    let pool = pool(1);
+    let mut world = World::new(two_rooms(), WorldParams { errors, ..params() }, &[at(1.5, 1.5, 1.5)]);
+    for _ in 0..100 {
+        world.look(&pool);
+        world.step(BTreeMap::new());
+    }
+    let told = world.observe(A, Since::LastCounted).seen_free;
+    let truly_free = told.iter().filter(|&&cell| world.terrain().as_slice()[cell as usize] == Terrain::Free).count();
+    assert!(truly_free < told.len());
+    let score = world.coverage().explored() * world.coverage().free_cells() as f64;
+    assert_eq!(score.round() as usize, truly_free);
+    // Bodies that keep still scan again all the same.
+    assert_eq!(world.totals().scans_cast, 10);
 }

@@ -2,8 +2,8 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use msgs::ids::{AgentId, Tick};
-use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX};
+use msgs::ids::{AgentId, RelayId, Tick};
+use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, RELAY_BYTES_MAX};
 use nalgebra::{Point3, Vector3};
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -12,13 +12,14 @@ use voxels::{Cell, Extent, Grid, Terrain};
 use super::{AGENT, World};
 use crate::command::{Command, LidarRequest, Motion};
 use crate::controllers::{NAMES, build};
-use crate::observation::{Cells, Collision, Contact, Observation, Pose, Received, Surface};
+use crate::observation::{Cells, Collision, Contact, Observation, Pose, Reading, Received, Relay, Surface};
 
 /// The world that observations are of, cells.
 const SIZE: [u32; 3] = [6, 5, 6];
 
 /// Settings that lead to other decisions than the ones that are not given.
-const OTHER_SETTINGS: [(&str, &[&str]); 5] = [
+const OTHER_SETTINGS: [(&str, &[&str]); 6] = [
+    ("nearest-frontier", &["relays=on"]),
     ("lvd", &["search_time=budgeted", "search_cells_per_tick=1"]),
     ("lvd", &["search_time=background", "search_ticks=3", "visit_radius_m=1"]),
     ("lvd", &["leg_max_m=0", "near_m=0", "merge_m=0", "visits_max=1", "visit_radius_m=0"]),
@@ -44,7 +45,10 @@ pub(super) fn assert_legal(command: &Command) {
     assert!(is_legal_motion, "{command:?}");
     assert_ne!(command.lidar, LidarRequest::Every(0), "{command:?}");
     assert!(command.info.len() <= INFO_BYTES_MAX, "{command:?}");
-    assert!(command.parcels.iter().map(|parcel| parcel.data.len()).sum::<usize>() <= PARCEL_BYTES_MAX, "{command:?}");
+    let of_parcels = command.parcels.iter().map(|parcel| parcel.data.len());
+    let of_relays = command.relays.iter().map(|order| order.data.len());
+    assert!(of_relays.clone().all(|bytes| bytes <= RELAY_BYTES_MAX), "{command:?}");
+    assert!(of_parcels.chain(of_relays).sum::<usize>() <= PARCEL_BYTES_MAX, "{command:?}");
 }
 
 /// Mostly in the map, else on its edges, outside, or nowhere.
@@ -59,6 +63,10 @@ fn place() -> impl Strategy<Value = Point3<f64>> {
         let place = Point3::new(x, y, z);
         if is_at_centre { place.map(|along: f64| along.floor() + 0.5) } else { place }
     })
+}
+
+fn relay(number: u32) -> RelayId {
+    RelayId { owner: AgentId(number % 2), number }
 }
 
 fn cells() -> impl Strategy<Value = Cells> {
@@ -77,6 +85,7 @@ prop_compose! {
         (tick, position, yaw_rad) in (0u64..2000, place(), -3.2..3.2),
         (is_active, collision, events) in (any::<bool>(), prop::option::of(collision()), any::<u8>()),
         contacts in vec((0u32..4, place()), 0..3),
+        relays in vec((0u32..4, place()), 0..3),
         parcels in vec((0u32..4, any::<u8>(), vec(any::<u8>(), 0..40)), 0..3),
         (has_scanned, seen, view) in (prop::bool::weighted(0.8), cells(), prop::option::of(cells())),
     ) -> Observation {
@@ -89,6 +98,8 @@ prop_compose! {
             collision,
             events,
             contacts: contacts.into_iter().map(|(agent, position)| Contact { agent: AgentId(agent), position }).collect(),
+            relays: relays.iter().map(|&(number, position)| Relay { id: relay(number), position }).collect(),
+            readings: relays.iter().map(|&(number, _)| Reading { relay: relay(number), kind: 1, data: Vec::new() }).collect(),
             parcels: parcels.into_iter().map(|(from, kind, data)| Received { from: AgentId(from), kind, data }).collect(),
             scan_tick: has_scanned.then_some(Tick(tick)),
             seen,

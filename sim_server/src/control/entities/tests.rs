@@ -5,7 +5,8 @@ use voxels::{Grid, Terrain};
 
 use super::*;
 use crate::world::body::BodyModel;
-use crate::world::comms::CommsModel;
+use crate::world::comms::{Comms, ContactModel};
+use crate::world::errors::Errors;
 use crate::world::lidar::{Pattern, Scanner};
 use crate::world::{ScanSchedule, WorldParams};
 
@@ -21,7 +22,8 @@ fn world() -> World {
         other_bodies: BTreeMap::new(),
         scanner: Scanner::new(Pattern::Lattice { rays: 16 }, f64::INFINITY, std::f64::consts::TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
-        comms: CommsModel { range_m: f64::INFINITY },
+        comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
+        errors: Errors::default(),
     };
     let start = |x| Pose { position: Point3::new(x, 1.5, 1.5), yaw_rad: 0.5 };
     World::new(terrain, params, &[start(1.5), start(3.5), start(5.5)])

@@ -34,6 +34,11 @@ pub(super) fn is_wall(mark: u8) -> bool {
     mark & WALL_SEEN != 0
 }
 
+/// Whether this is the mark of a cell that has not been seen.
+pub(super) fn is_new(mark: u8) -> bool {
+    mark & NEW != 0
+}
+
 /// Slots of cells that were found; see [`super::SensorMemory`] for what a slot is.
 pub(super) struct Found<'a> {
     pub(super) free: &'a mut Vec<u32>,
