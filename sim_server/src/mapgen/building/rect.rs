@@ -97,10 +97,13 @@ impl Block {
             .flat_map(move |z| (low.y..high.y).flat_map(move |y| (low.x..high.x).map(move |x| Cell::new(x, y, z))))
     }
 
-    /// Frees its cells.
+    /// Frees its cells, which lie in the map.
     pub(super) fn carve(self, terrain: &mut Grid<Terrain>) {
-        for cell in self.cells() {
-            terrain.set(cell, Terrain::Free);
+        let Self { low, high } = self;
+        let extent = terrain.extent();
+        for (z, y) in (low.z..high.z).flat_map(|z| (low.y..high.y).map(move |y| (z, y))) {
+            let row = extent.index(Cell::new(low.x, y, z)).expect("what is planned lies in the map");
+            terrain.as_mut_slice()[row..row + (high.x - low.x) as usize].fill(Terrain::Free);
         }
     }
 }

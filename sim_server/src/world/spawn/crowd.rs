@@ -36,22 +36,31 @@ impl<'a> Crowd<'a> {
 
     /// Puts a body into the middle of a cell, if there is room for it.
     pub(super) fn place(&mut self, cell: Cell, radius_m: f64) -> Option<Point3<f64>> {
-        if self.terrain.get(cell) != Some(&Terrain::Free) {
+        if !self.has_room(cell, radius_m) {
             return None;
         }
         let centre = self.terrain.extent().centre(cell);
-        if self.is_near_another(&centre, radius_m) || !has_room_from_walls(self.terrain, &centre, radius_m) {
-            return None;
-        }
         let [x, y, z] = self.bucket_of(&centre);
         let bucket = self.index(x, y, z);
         self.buckets[bucket].push(Sphere { centre, radius_m });
         Some(centre)
     }
 
+    /// Whether there is room for a body in the middle of a cell.
+    pub(super) fn has_room(&self, cell: Cell, radius_m: f64) -> bool {
+        let centre = self.terrain.extent().centre(cell);
+        self.terrain.get(cell) == Some(&Terrain::Free)
+            && !self.is_near_another(&centre, radius_m)
+            && has_room_from_walls(self.terrain, &centre, radius_m)
+    }
+
     fn is_near_another(&self, centre: &Point3<f64>, radius_m: f64) -> bool {
         let near = |other: &Sphere| (other.centre - centre).norm() < self.min_distance_m.max(radius_m + other.radius_m);
         let home = self.bucket_of(centre);
+        // Where there is somebody near, it is most often somebody there.
+        if self.buckets[self.index(home[0], home[1], home[2])].iter().any(near) {
+            return true;
+        }
         let [x, y, z] =
             [0, 1, 2].map(|axis| home[axis].saturating_sub(1)..=(home[axis] + 1).min(self.counts[axis] - 1));
         z.into_iter().any(|z| y.clone().any(|y| x.clone().any(|x| self.buckets[self.index(x, y, z)].iter().any(near))))

@@ -1,8 +1,8 @@
 //! Starts at random in the free space of the whole map.
 //!
-//! Cells are drawn until a body has room. When many draws in a row have failed, the free cells are listed, and each of them is
-//! drawn once at the most, so that the search ends when there is no room left. Large bodies are placed first; a cell that has no
-//! room for one of them may have some for a smaller one, but is not drawn again from the list.
+//! Cells are drawn until a body has room. When many draws in a row have failed, the cells that still have room are listed, and each
+//! of them is drawn once at the most, so that the search ends when there is no room left. Large bodies are placed first; a cell that
+//! has no room for one of them may have some for a smaller one, but is not in the list.
 
 use nalgebra::Point3;
 use rand::RngExt;
@@ -40,7 +40,7 @@ pub(super) fn scattered(
 struct Draws<'a> {
     terrain: &'a Grid<Terrain>,
     rng: ChaCha8Rng,
-    /// Once drawing from the whole map has failed: indices of free cells that have not been drawn since.
+    /// Once drawing from the whole map has failed: indices of the cells that had room then and have not been drawn since.
     left: Option<Vec<u32>>,
 }
 
@@ -57,8 +57,8 @@ impl Draws<'_> {
             }
         }
         let left = self.left.get_or_insert_with(|| {
-            let cells = self.terrain.as_slice().iter().zip(0..);
-            cells.filter_map(|(&cell, index)| (cell == Terrain::Free).then_some(index)).collect()
+            let cells = self.terrain.iter().zip(0..);
+            cells.filter_map(|((cell, _), index)| crowd.has_room(cell, radius_m).then_some(index)).collect()
         });
         while !left.is_empty() {
             let index = left.swap_remove(self.rng.random_range(0..left.len()));
