@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # One run: a world server, one process for each agent, one recording, one exit code.
 #
-#   launch_scripts/run.sh [SCENARIO.toml] [--agents N] [--controller C] [--map spheres|noise|FILE] [--size S] [--seed K]
-#                         [--duration SECONDS] [--record FILE.mcap] [any other flag of `sim_server run`]
+#   launch_scripts/run.sh [SCENARIO.toml] [--agents N] [--controller C] [--map spheres|noise|building|FILE] [--size S]
+#                         [--seed K] [--duration SECONDS] [--record FILE.mcap] [any other flag of `sim_server run`]
 #   --resume FILE.mcap        go on with a run whose server was killed, and complete its recording; not over memory
 #   --agent-set KEY=VALUE     a setting of the agents' controllers: the key agents.set.KEY; can be given again
 #   --external ID[,ID...]     agents that somebody else starts, each a process of its own; not over memory. Those of the key

@@ -1,25 +1,59 @@
-//! How long maps take to make, with the default parameters of each generator; the difference between spheres and
-//! unsmoothed spheres is five passes of smoothing.
+//! How long maps take to make, with the default parameters of each generator, and teams to place; the difference between
+//! spheres and unsmoothed spheres is five passes of smoothing.
 
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use sim_server::mapgen::{MapSpec, NoiseSpec, SpheresSpec, generate};
+use sim_server::mapgen::{BuildingSpec, MapSpec, NoiseSpec, SpheresSpec, generate};
+use sim_server::world::spawn::{Site, SpawnSpec};
 use voxels::Extent;
 
 fn mapgen(criterion: &mut Criterion) {
     let spheres = MapSpec::Spheres(SpheresSpec::default());
     let noise = MapSpec::Noise(NoiseSpec::default());
     let rough = MapSpec::Spheres(SpheresSpec { smoothing: 0, ..SpheresSpec::default() });
-    for side in [50, 100] {
-        let extent = Extent::new([side; 3], 1.0).expect("a legal size");
-        for (name, spec) in [("spheres", &spheres), ("noise", &noise), ("spheres unsmoothed", &rough)] {
-            criterion.bench_function(&format!("mapgen {name} {side}^3"), |bencher| {
-                bencher.iter(|| generate(black_box(spec), extent, black_box(7)).expect("a legal spec"));
-            });
+    let building = MapSpec::Building(BuildingSpec::default());
+    let tower = MapSpec::Building(BuildingSpec { floors: 127, ..BuildingSpec::default() });
+    for (name, spec, size) in [
+        ("spheres 50^3", &spheres, [50; 3]),
+        ("noise 50^3", &noise, [50; 3]),
+        ("spheres unsmoothed 50^3", &rough, [50; 3]),
+        ("spheres 100^3", &spheres, [100; 3]),
+        ("noise 100^3", &noise, [100; 3]),
+        ("spheres unsmoothed 100^3", &rough, [100; 3]),
+        ("building 60x60x13", &building, [60, 60, 13]),
+        ("spheres 512^3", &spheres, [512; 3]),
+        ("noise 512^3", &noise, [512; 3]),
+        ("building of 127 floors 512^3", &tower, [512; 3]),
+    ] {
+        let extent = Extent::new(size, 1.0).expect("a legal size");
+        let mut group = criterion.benchmark_group("mapgen");
+        if extent.volume() > 1 << 24 {
+            group.sample_size(10);
         }
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| generate(black_box(spec), extent, black_box(7)).expect("a legal spec"));
+        });
     }
 }
 
-criterion_group!(benches, mapgen);
+fn spawn(criterion: &mut Criterion) {
+    let extent = Extent::new([512; 3], 1.0).expect("a legal size");
+    let cave = generate(&MapSpec::Spheres(SpheresSpec::default()), extent, 7).expect("a legal spec");
+    let site = Site { terrain: &cave.terrain, entrances: &[], seed: 7 };
+    let scattered = |min_distance_m| SpawnSpec::Scattered { min_distance_m, seed: None, yaw_rad: 0.0 };
+    let mut group = criterion.benchmark_group("spawn 512^3");
+    group.sample_size(10);
+    for (name, spec, agents) in [
+        ("nearest_origin, 20 agents", SpawnSpec::NearestOrigin { yaw_rad: 0.0 }, 20),
+        ("nearest_origin, 1000 agents", SpawnSpec::NearestOrigin { yaw_rad: 0.0 }, 1000),
+        ("scattered, 1000 agents", scattered(5.0), 1000),
+        ("scattered, 1000 agents that do not fit", scattered(100.0), 1000),
+    ] {
+        let radii_m = vec![0.4; agents];
+        group.bench_function(name, |bencher| bencher.iter(|| black_box(&spec).poses(&site, &radii_m)));
+    }
+}
+
+criterion_group!(benches, mapgen, spawn);
 criterion_main!(benches);

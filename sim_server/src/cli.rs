@@ -148,8 +148,8 @@ pub struct KeyArgs {
     /// agents.share_period_ticks: ticks between two tellings of what is new on the map; 0: agents only listen
     #[arg(long, value_name = "TICKS")]
     pub share_period: Option<u32>,
-    /// map.kind: spheres, noise, or a map file (.m3dm, .txt)
-    #[arg(long, value_name = "spheres|noise|FILE")]
+    /// map.kind: spheres, noise, building, or a map file (.m3dm, .txt)
+    #[arg(long, value_name = "spheres|noise|building|FILE")]
     pub map: Option<String>,
     /// map.size: cells along each axis, for example 100 or 100x80x30
     #[arg(long, value_name = "S|XxYxZ", value_parser = size)]
@@ -235,10 +235,11 @@ fn map_overrides(map: &str) -> Vec<Override> {
         key: key.to_owned(),
         value: value.map(Into::into),
     };
-    if matches!(map, "spheres" | "noise") {
+    if matches!(map, "spheres" | "noise" | "building") {
         return vec![change("map.kind", Some(map)), change("map.file", None)];
     }
-    let mut overrides: Vec<_> = ["map.size", "map.spheres", "map.noise"].map(|key| change(key, None)).into();
+    let mut overrides: Vec<_> =
+        ["map.size", "map.spheres", "map.noise", "map.building"].map(|key| change(key, None)).into();
     overrides.extend([change("map.kind", Some("file")), change("map.file", Some(map))]);
     overrides
 }
@@ -270,7 +271,8 @@ fn rate(text: &str) -> Result<Rtf, String> {
     crate::parameters::pace(crate::parameters::RATE, limit)
 }
 
-fn assignment(text: &str) -> Result<(String, toml::Value), String> {
+/// Reads `KEY=VALUE`; the value is TOML, or a plain word.
+pub(crate) fn assignment(text: &str) -> Result<(String, toml::Value), String> {
     let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE")?;
     let parsed = toml::from_str::<toml::Table>(&format!("value = {value}"));
     let value = parsed.ok().and_then(|mut table| table.remove("value")).unwrap_or_else(|| value.into());

@@ -4,6 +4,8 @@
 //! takes its own. Maps themselves are made and read in [`mapgen`]; here are only files, options and
 //! words.
 
+mod spec;
+
 use std::fmt::Display;
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -13,7 +15,8 @@ use clap::{Args, Subcommand, ValueEnum};
 use thiserror::Error;
 use voxels::{Cell, Extent, ExtentError, Grid, Terrain, close_shell, free_components, is_wall_at};
 
-use crate::mapgen::{self, FormatError, ImportSpec, MapError, MapFormat, MapReport, MapSpec, NoiseSpec, SpheresSpec};
+use crate::cli::assignment;
+use crate::mapgen::{self, Built, FormatError, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
 
 /// Make, describe and convert maps.
 #[derive(Debug, Clone, PartialEq, Subcommand)]
@@ -56,6 +59,9 @@ pub struct GenerateArgs {
     /// Smoothing passes [default: 5].
     #[arg(long, value_name = "N")]
     pub smoothing: Option<u32>,
+    /// Any parameter of the kind of map by its name in a scenario, for instance floors=5; comes last.
+    #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
+    pub set: Vec<(String, toml::Value)>,
     /// The file to write, .m3dm or .txt.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
@@ -68,6 +74,8 @@ pub enum Kind {
     Spheres,
     /// Smoothed Noise.
     Noise,
+    /// Floors of hallways and rooms; its parameters are set with --set.
+    Building,
 }
 
 /// Options of `map info`.
@@ -139,10 +147,22 @@ pub enum MapCliError {
     #[error(transparent)]
     Map(#[from] MapError),
     /// An option that the chosen kind of map does not have.
-    #[error("--{option} is not an option of --kind noise, which has --fill and --smoothing")]
-    NotForNoise {
+    #[error("--{option} is not an option of --kind {kind}, which has {has}")]
+    NotForKind {
         /// The option's name.
         option: &'static str,
+        /// The kind's name.
+        kind: &'static str,
+        /// Its options.
+        has: &'static str,
+    },
+    /// A parameter that the chosen kind of map does not have, or of another type.
+    #[error("--set {assignment}: {reason}")]
+    Set {
+        /// What was asked for.
+        assignment: String,
+        /// What is wrong.
+        reason: String,
     },
     /// A slice outside the map.
     #[error("{}: --slice {axis}={at} is outside the map, {axis} goes from 0 to {last}", .file.display())]
@@ -189,7 +209,7 @@ fn generate(args: &GenerateArgs, out: &mut dyn Write) -> Result<(), MapCliError>
     let extent = Extent::new(args.size, args.cell_m)?;
     let in_output = |reason| MapCliError::Format { file: args.output.clone(), reason };
     format.check(extent).map_err(in_output)?;
-    let spec = spec_of(args)?;
+    let spec = spec::of(args)?;
     spec.check(extent)?;
     let seed = match args.seed {
         Some(seed) => seed,
@@ -209,36 +229,14 @@ fn generate(args: &GenerateArgs, out: &mut dyn Write) -> Result<(), MapCliError>
         report.line("spheres", carved.spheres)?;
         report.line("tunnels", carved.tunnels)?;
     }
+    if let Some(built) = map.report.built {
+        let Built { floors, rooms, doors, staircases, lift_shafts, entrances } = built;
+        report.line("building", format_args!("{floors} floor(s), {rooms} room(s), {doors} door(s)"))?;
+        report.line("ways up", format_args!("{staircases} staircase(s), {lift_shafts} lift shaft(s)"))?;
+        report.line("entrances", entrances)?;
+    }
     report.repairs(&map.report)?;
     report.line("blake3", mapgen::terrain_hash(&map.terrain))
-}
-
-/// What the options say, with the generator's defaults for what they leave out.
-fn spec_of(args: &GenerateArgs) -> Result<MapSpec, MapCliError> {
-    match args.kind {
-        Kind::Spheres => {
-            let default = SpheresSpec::default();
-            Ok(MapSpec::Spheres(SpheresSpec {
-                fill_ratio: args.fill.unwrap_or(default.fill_ratio),
-                radius_min: args.radius_min.unwrap_or(default.radius_min),
-                radius_max: args.radius_max.unwrap_or(default.radius_max),
-                connections: args.connections.unwrap_or(default.connections),
-                smoothing: args.smoothing.unwrap_or(default.smoothing),
-            }))
-        }
-        Kind::Noise => {
-            let foreign =
-                [("radius-min", args.radius_min), ("radius-max", args.radius_max), ("connections", args.connections)];
-            if let Some((option, _)) = foreign.into_iter().find(|(_, value)| value.is_some()) {
-                return Err(MapCliError::NotForNoise { option });
-            }
-            let default = NoiseSpec::default();
-            Ok(MapSpec::Noise(NoiseSpec {
-                fill: args.fill.unwrap_or(default.fill),
-                smoothing: args.smoothing.unwrap_or(default.smoothing),
-            }))
-        }
-    }
 }
 
 fn info(args: &InfoArgs, out: &mut dyn Write) -> Result<(), MapCliError> {

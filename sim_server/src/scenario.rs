@@ -164,6 +164,9 @@ impl Scenario {
             }
         }
         scenario.complete_bodies();
+        if scenario.map.kind == MapKind::Building {
+            scenario.map.building.get_or_insert_default();
+        }
         scenario.check(file)?;
         Ok(scenario)
     }
@@ -218,7 +221,8 @@ impl Scenario {
         )?;
         checker.positive("map.cell_m", self.map.cell_m)?;
         match (self.map.kind, self.map.size, &self.map.file) {
-            (MapKind::File, None, Some(_)) | (MapKind::Spheres | MapKind::Noise, Some(_), None) => {}
+            (MapKind::File, None, Some(_)) | (MapKind::Spheres | MapKind::Noise | MapKind::Building, Some(_), None) => {
+            }
             (MapKind::File, size, map_file) => {
                 checker.require(
                     "map.file",
@@ -314,10 +318,7 @@ impl Scenario {
         if let Rtf::Limit(limit) = self.execution.rtf {
             checker.require("execution.rtf", limit, (1e-3..=1e6).contains(&limit), "expected 0.001 to 1e6, or max")?;
         }
-        if let SpawnSpec::NearestOrigin { yaw_rad } = self.spawn {
-            checker.require("spawn.yaw_rad", yaw_rad, yaw_rad.abs() <= TAU, "expected -2 pi to 2 pi")?;
-        }
-        Ok(())
+        check_spawn(&checker, &self.spawn)
     }
 
     fn check_bodies(&self, checker: &Checker<'_>) -> Result<(), ScenarioError> {
@@ -363,6 +364,25 @@ impl Scenario {
             "expected at most one cell in a tick: the length of 50 cells in a second",
         )
     }
+}
+
+fn check_spawn(checker: &Checker<'_>, spawn: &SpawnSpec) -> Result<(), ScenarioError> {
+    let yaw_rad = match spawn {
+        SpawnSpec::NearestOrigin { yaw_rad } => *yaw_rad,
+        SpawnSpec::Scattered { min_distance_m, yaw_rad, .. } => {
+            let holds = (0.0..=1e6).contains(min_distance_m);
+            checker.require("spawn.min_distance_m", min_distance_m, holds, "expected 0 to 1e6")?;
+            *yaw_rad
+        }
+        SpawnSpec::Box { low, high, yaw_rad } => {
+            let holds = low.iter().zip(high).all(|(low, high)| low.is_finite() && high.is_finite() && low <= high);
+            let allowed = format!("expected finite numbers, none of them below spawn.low = {low:?}");
+            checker.require("spawn.high", format!("{high:?}"), holds, &allowed)?;
+            *yaw_rad
+        }
+        SpawnSpec::List { .. } | SpawnSpec::Entrances {} => return Ok(()),
+    };
+    checker.require("spawn.yaw_rad", yaw_rad, yaw_rad.abs() <= TAU, "expected -2 pi to 2 pi")
 }
 
 struct Checker<'a> {

@@ -12,7 +12,7 @@ use crate::recorder::{Document, RecordError, Recorder};
 use crate::recording::{Recording, RecordingError};
 use crate::scenario::{LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
 use crate::world::lidar::{Pattern, Scanner};
-use crate::world::spawn::SpawnError;
+use crate::world::spawn::{Site, SpawnError};
 use crate::world::{ScanSchedule, World, WorldParams};
 
 /// Bytes for each cell of the map that a world takes, and each agent in it, rounded up.
@@ -131,7 +131,12 @@ pub fn load_recorded(
 /// If the recording has no map, or no memory or no room is there for the world.
 pub fn rebuild(recording: &Recording, scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
     let import = attached_map(recording).ok_or_else(|| SetupError::NoMap { file: recording.file().to_owned() })?;
-    inhabit(imported(import, scenario)?, scenario)
+    let mut map = imported(import, scenario)?;
+    if let Some(spec) = generator(scenario) {
+        let entrances = mapgen::entrances(&spec, map.terrain.extent(), scenario.map_seed());
+        map.entrances = entrances.map_err(map_error(scenario))?;
+    }
+    inhabit(map, scenario)
 }
 
 /// The attachment of a recording that holds the map.
@@ -152,13 +157,14 @@ pub fn build(scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
 
 /// Puts the team on a map.
 fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
-    let GeneratedMap { terrain, report } = map;
+    let GeneratedMap { terrain, entrances, report } = map;
     let agents = scenario.agents.count as usize;
     let errors = scenario.sensor.errors(scenario.seed);
     let vote_bytes = if errors.blur_scans() { 1 } else { 0 };
     mapgen::check_memory(terrain.extent(), WORLD_CELL_BYTES + agents * (AGENT_CELL_BYTES + vote_bytes))
         .map_err(map_error(scenario))?;
-    let starts = scenario.spawn.poses(&terrain, &scenario.radii_m())?;
+    let site = Site { terrain: &terrain, entrances: &entrances, seed: scenario.seed };
+    let starts = scenario.spawn.poses(&site, &scenario.radii_m())?;
     Ok((World::new(terrain, params(scenario), &starts), report))
 }
 
@@ -202,20 +208,25 @@ fn map_document(world: &World) -> (&'static str, Vec<u8>) {
 
 fn map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
     let section = &scenario.map;
-    let generated = |spec| {
-        let size = section.size.expect("a checked scenario has a size for a generated map").cells();
-        let extent = Extent::new(size, section.cell_m)?;
-        mapgen::generate(&spec, extent, scenario.map_seed()).map_err(map_error(scenario))
+    let Some(spec) = generator(scenario) else {
+        let file = section.file.as_deref().expect("a checked scenario has a file for a map from a file");
+        let name = file.display().to_string();
+        let bytes = std::fs::read(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
+        return imported(ImportSpec { file: name, bytes }, scenario);
     };
+    let size = section.size.expect("a checked scenario has a size for a generated map").cells();
+    let extent = Extent::new(size, section.cell_m)?;
+    mapgen::generate(&spec, extent, scenario.map_seed()).map_err(map_error(scenario))
+}
+
+/// What the map is generated from, unless it is a file.
+fn generator(scenario: &Scenario) -> Option<MapSpec> {
+    let section = &scenario.map;
     match section.kind {
-        MapKind::Spheres => generated(MapSpec::Spheres(section.spheres.clone())),
-        MapKind::Noise => generated(MapSpec::Noise(section.noise.clone())),
-        MapKind::File => {
-            let file = section.file.as_deref().expect("a checked scenario has a file for a map from a file");
-            let name = file.display().to_string();
-            let bytes = std::fs::read(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
-            imported(ImportSpec { file: name, bytes }, scenario)
-        }
+        MapKind::Spheres => Some(MapSpec::Spheres(section.spheres.clone())),
+        MapKind::Noise => Some(MapSpec::Noise(section.noise.clone())),
+        MapKind::Building => Some(MapSpec::Building(section.building.clone().unwrap_or_default())),
+        MapKind::File => None,
     }
 }
 
@@ -233,6 +244,7 @@ fn map_error(scenario: &Scenario) -> impl Fn(MapError) -> SetupError {
             (MapError::SideTooShort { .. } | MapError::Memory { .. }, _) => "map.size",
             (_, MapKind::Spheres) => "map.spheres",
             (_, MapKind::Noise) => "map.noise",
+            (_, MapKind::Building) => "map.building",
             (_, MapKind::File) => "map.file",
         };
         SetupError::Map { table, source }
@@ -257,3 +269,6 @@ fn params(scenario: &Scenario) -> WorldParams {
         errors: scenario.sensor.errors(scenario.seed),
     }
 }
+
+#[cfg(test)]
+mod tests;

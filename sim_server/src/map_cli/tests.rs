@@ -86,6 +86,21 @@ fn every_option_reaches_the_generator() {
 }
 
 #[test]
+fn the_parameters_of_a_building_are_set_by_their_names() {
+    let scratch = Scratch::new();
+    let report = scratch
+        .map("generate --kind building --size 40x40x20 --set floors=2 --set lift_shafts=1 --seed 3 -o @a.txt")
+        .unwrap();
+    assert!(value(&report, "building").starts_with("2 floor(s), "), "{report}");
+    assert_eq!(value(&report, "ways up"), "2 staircase(s), 1 lift shaft(s)");
+    assert_eq!(value(&report, "entrances"), "2");
+    assert_eq!(value(&report, "pockets"), "0 filled (0 cells)");
+    let by_name = scratch.map("generate --size 30 --seed 3 --set fill_ratio=0.25 -o @a.txt").unwrap();
+    let by_option = scratch.map("generate --size 30 --seed 3 --fill 0.25 -o @a.txt").unwrap();
+    assert_eq!(by_name, by_option);
+}
+
+#[test]
 fn info_describes_a_map_as_it_stands() {
     let scratch = Scratch::new();
     scratch.write("open.txt", OPEN);
@@ -141,6 +156,18 @@ fn bad_input_is_one_line_and_writes_nothing() {
         (
             "generate --kind noise --size 30 --connections 3 -o @a.txt",
             "--connections is not an option of --kind noise, which has --fill and --smoothing",
+        ),
+        (
+            "generate --kind building --size 30 --fill 0.3 -o @a.txt",
+            "--fill is not an option of --kind building, which has --set KEY=VALUE",
+        ),
+        (
+            "generate --kind building --size 30 --set floors=9 -o @a.txt",
+            "floors is 9, allowed is 1 to 7: floors of 3 cells with 1 between them, in 30 along z",
+        ),
+        (
+            "generate --kind building --size 30 --set floors=x -o @a.txt",
+            "--set floors=\"x\": invalid type: string \"x\", expected u32",
         ),
         ("generate --size 30 -o @none/a.txt", "none/a.txt: cannot be written: No such file or directory (os error 2)"),
         ("info @none.txt", "none.txt: cannot be read: No such file or directory (os error 2)"),

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Deserializer, Serialize, de};
 
-use crate::mapgen::{NoiseSpec, SpheresSpec};
+use crate::mapgen::{BuildingSpec, NoiseSpec, SpheresSpec};
 use crate::views::View;
 
 /// `[map]`.
@@ -35,6 +35,9 @@ pub struct MapSection {
     /// Parameters of `kind = "noise"`.
     #[serde(default)]
     pub noise: NoiseSpec,
+    /// Parameters of `kind = "building"`, which has them in a checked scenario.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub building: Option<BuildingSpec>,
 }
 
 /// Where the terrain comes from.
@@ -45,6 +48,8 @@ pub enum MapKind {
     Spheres,
     /// Smoothed noise.
     Noise,
+    /// Floors of hallways and rooms.
+    Building,
     /// A map file.
     File,
 }

@@ -28,6 +28,48 @@ fn the_identity_reads_back_and_leaves_the_execution_out() {
 }
 
 #[test]
+fn a_building_has_its_parameters_in_the_identity_and_other_maps_have_none() {
+    assert!(!Scenario::parse("s.toml", SMALL, &[]).unwrap().identity().contains("building"));
+    let building = Scenario::parse("s.toml", SMALL, &[set("map.kind", "building")]).unwrap();
+    assert!(building.identity().contains("[map.building]\ndoor_height = 2\n"), "{}", building.identity());
+    assert_eq!(Scenario::parse("identity", &building.identity(), &[]).unwrap(), building);
+}
+
+#[test]
+fn every_kind_of_start_is_part_of_the_identity() {
+    for text in [
+        "{ kind = \"nearest_origin\", yaw_rad = 1.0 }",
+        "{ kind = \"list\", poses = [[1.5, 2.5, 3.5, 0.5]] }",
+        "{ kind = \"scattered\" }",
+        "{ kind = \"scattered\", min_distance_m = 4.0, seed = 9, yaw_rad = -1.0 }",
+        "{ kind = \"box\", low = [1.0, 2.0, 3.0], high = [4.0, 5.0, 6.0] }",
+        "{ kind = \"entrances\" }",
+    ] {
+        let scenario = Scenario::parse("s.toml", &format!("spawn = {text}\n{SMALL}"), &[]).unwrap();
+        assert_eq!(Scenario::parse("identity", &scenario.identity(), &[]).unwrap(), scenario, "{text}");
+    }
+}
+
+#[test]
+fn starts_out_of_range_are_named() {
+    let spawn = |text: &str| format!("spawn = {text}\n{SMALL}");
+    let distance = "s.toml: spawn.min_distance_m = -1: expected 0 to 1e6";
+    refuses(&spawn("{ kind = \"scattered\", min_distance_m = -1.0 }"), &[], distance);
+    refuses(
+        &spawn("{ kind = \"scattered\", yaw_rad = 7.0 }"),
+        &[],
+        "s.toml: spawn.yaw_rad = 7: expected -2 pi to 2 pi",
+    );
+    refuses(&spawn("{ kind = \"scattered\", seed = -1 }"), &[], "expected u64");
+    let corner =
+        "s.toml: spawn.high = [4.0, 1.0, 6.0]: expected finite numbers, none of them below spawn.low = [1.0, 2.0, 3.0]";
+    refuses(&spawn("{ kind = \"box\", low = [1.0, 2.0, 3.0], high = [4.0, 1.0, 6.0] }"), &[], corner);
+    refuses(&spawn("{ kind = \"box\", low = [1.0, 2.0, nan], high = [4.0, 1.0, 6.0] }"), &[], "spawn.high");
+    refuses(&spawn("{ kind = \"box\", low = [1.0, 2.0, 3.0] }"), &[], "missing field `high`");
+    refuses(&spawn("{ kind = \"entrances\", yaw_rad = 1.0 }"), &[], "unknown field `yaw_rad`");
+}
+
+#[test]
 fn overrides_set_keys() {
     let overrides =
         [set("agents.count", 5), set("map.size", 30), set("execution.rtf", 2.0), set("lidar.range_m", f64::INFINITY)];
@@ -66,7 +108,7 @@ fn mistakes_are_named_with_their_place() {
         &[],
         "{ kind = \"nearest_origin\" } or { kind = \"list\", poses = [...] }",
     );
-    refuses(SMALL, &[set("spawn.kind", "foo")], "`nearest_origin` or `list`");
+    refuses(SMALL, &[set("spawn.kind", "foo")], "expected one of `nearest_origin`, `list`, `scattered`");
     for seed in ["9223372036854775808", "-1", "1.5"] {
         refuses(&SMALL.replace("seed = 7", &format!("seed = {seed}")), &[], "0 to 9223372036854775807");
         refuses(SMALL, &[set("seed", seed)], "0 to 9223372036854775807");

@@ -1,6 +1,13 @@
 //! Where the agents start.
 //!
-//! Invariant: every start has room for the body (no wall and no other body within its radius) and lies inside the map.
+//! Invariant: every start has room for its body (no wall and no other body within its radius) and lies inside the map.
+//!
+//! Whether a team fits is found out by placing it: an error says how many bodies found room in the same way.
+
+mod crowd;
+mod cube;
+mod queue;
+mod scatter;
 
 use std::f64::consts::TAU;
 
@@ -9,8 +16,10 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use voxels::{Cell, Grid, Terrain};
 
+use self::crowd::Crowd;
 use super::body::Pose;
 use super::collision::Sphere;
+use crate::mapgen::Entrance;
 
 /// How starts are chosen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -18,7 +27,7 @@ use super::collision::Sphere;
     tag = "kind",
     rename_all = "snake_case",
     deny_unknown_fields,
-    expecting = "{ kind = \"nearest_origin\" } or { kind = \"list\", poses = [...] }"
+    expecting = "{ kind = \"nearest_origin\" } or { kind = \"list\", poses = [...] }, or kind \"scattered\", \"box\" or \"entrances\""
 )]
 pub enum SpawnSpec {
     /// The reference's way: the cells of the free cube nearest to the origin of the map, one for each agent. The cube has
@@ -33,6 +42,41 @@ pub enum SpawnSpec {
         /// By agent.
         poses: Vec<Vec<f64>>,
     },
+    /// Centres of free cells of the whole map, at random.
+    Scattered {
+        /// Distance between the centres of two bodies at the least, metres.
+        #[serde(default)]
+        min_distance_m: f64,
+        /// Seed of the starts, if it is not that of the run.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        seed: Option<u64>,
+        /// Heading of all agents, radians.
+        #[serde(default)]
+        yaw_rad: f64,
+    },
+    /// Centres of free cells in a box, packed in the order of [`SpawnSpec::NearestOrigin`]: x slowest, then z, then y.
+    Box {
+        /// The lowest corner of the box: x, y, z in metres.
+        low: [f64; 3],
+        /// The highest corner of the box: x, y, z in metres.
+        high: [f64; 3],
+        /// Heading of all agents, radians.
+        #[serde(default)]
+        yaw_rad: f64,
+    },
+    /// At the entrances of a building, in turn, then in line behind them, all of them facing inwards.
+    Entrances {},
+}
+
+/// A map to start on.
+#[derive(Debug, Clone, Copy)]
+pub struct Site<'a> {
+    /// The true map.
+    pub terrain: &'a Grid<Terrain>,
+    /// Its entrances.
+    pub entrances: &'a [Entrance],
+    /// Seed of the run.
+    pub seed: u64,
 }
 
 /// Why there is no start for the team.
@@ -40,15 +84,33 @@ pub enum SpawnSpec {
 pub enum SpawnError {
     /// No free cube is large enough.
     #[error(
-        "spawn: no free cube of {edge} x {edge} x {edge} cells for {agents} agents is in this map; \
-         use a map with more room, fewer agents, or `spawn.kind = \"list\"`"
+        "spawn: no free cube of {edge} x {edge} x {edge} cells for {agents} agents is in this map, the largest one has room for \
+         {fit}; use a map with more room, fewer agents, or another `spawn.kind`"
     )]
     NoCube {
         /// Cells along an edge of the cube.
         edge: i32,
         /// Size of the team.
         agents: usize,
+        /// The largest team that there is a cube for.
+        fit: usize,
     },
+    /// The free space that starts are chosen from is used up.
+    #[error("spawn: {fit} of {agents} bodies find room {place}")]
+    Full {
+        /// Size of the team.
+        agents: usize,
+        /// Bodies that found room before there was none.
+        fit: usize,
+        /// Where they were looking for it.
+        place: String,
+    },
+    /// The map is no building, or has no way in.
+    #[error(
+        "spawn: this map has no entrances; `spawn.kind = \"entrances\"` needs `map.kind = \"building\"` with \
+         `map.building.entrances` of 1 or more"
+    )]
+    NoEntrances,
     /// The list does not fit the team.
     #[error("spawn.poses: {got} poses for {expected} agents")]
     WrongCount {
@@ -90,55 +152,55 @@ pub enum SpawnError {
 }
 
 impl SpawnSpec {
-    /// The starts of bodies with these radii (metres), by agent.
+    /// The starts of bodies with these radii, by agent.
     ///
     /// # Errors
-    /// If there is no room for one of them.
-    pub fn poses(&self, terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result<Vec<Pose>, SpawnError> {
+    /// If there is no room for one of them; the error says how many there is room for.
+    pub fn poses(&self, site: &Site<'_>, radii_m: &[f64]) -> Result<Vec<Pose>, SpawnError> {
+        let facing = |yaw_rad: f64| move |position| Pose { position, yaw_rad };
         match self {
             Self::NearestOrigin { yaw_rad } => {
-                let cell_m = terrain.extent().cell_m();
-                if let Some(&radius_m) = radii_m.iter().find(|&radius_m| 2.0 * radius_m > cell_m) {
-                    return Err(SpawnError::BodyTooLarge { radius_m, cell_m });
-                }
-                let cells = nearest_cube(terrain, radii_m.len())?;
-                Ok(cells
-                    .into_iter()
-                    .map(|cell| Pose { position: terrain.extent().centre(cell), yaw_rad: *yaw_rad })
-                    .collect())
+                Ok(cube::nearest_origin(site.terrain, radii_m)?.into_iter().map(facing(*yaw_rad)).collect())
             }
-            Self::List { poses } => listed(poses, terrain, radii_m),
+            Self::List { poses } => listed(poses, site.terrain, radii_m),
+            Self::Scattered { min_distance_m, seed, yaw_rad } => {
+                let seed = seed.unwrap_or(site.seed);
+                let positions = scatter::scattered(site.terrain, radii_m, *min_distance_m, seed)?;
+                Ok(positions.into_iter().map(facing(*yaw_rad)).collect())
+            }
+            Self::Box { low, high, yaw_rad } => {
+                Ok(boxed(site.terrain, radii_m, *low, *high)?.into_iter().map(facing(*yaw_rad)).collect())
+            }
+            Self::Entrances {} => queue::at_entrances(site, radii_m),
         }
     }
 }
 
-/// One cell for each agent, out of the free cube whose lowest corner is nearest to cell (0, 0, 0).
-///
-/// Order as in the reference, with its axes x, y (up), z: x slowest, then up, then the other horizontal axis.
-fn nearest_cube(terrain: &Grid<Terrain>, agents: usize) -> Result<Vec<Cell>, SpawnError> {
-    let mut edge = 3_i32;
-    while (edge.unsigned_abs() as usize).pow(3) < agents {
-        edge += 1;
+/// One cell for each agent, out of those whose centres lie in a box. A cell that is passed over is not looked at again.
+fn boxed(
+    terrain: &Grid<Terrain>,
+    radii_m: &[f64],
+    low: [f64; 3],
+    high: [f64; 3],
+) -> Result<Vec<Point3<f64>>, SpawnError> {
+    let extent = terrain.extent();
+    let size = extent.size().map(u32::cast_signed);
+    let is_inside =
+        |axis: usize, cell: &i32| (low[axis]..=high[axis]).contains(&((f64::from(*cell) + 0.5) * extent.cell_m()));
+    let along = [0, 1, 2].map(|axis| (0..size[axis]).filter(|cell| is_inside(axis, cell)).collect::<Vec<i32>>());
+    let [x, y, z] = &along;
+    let mut cells = x.iter().flat_map(|&x| z.iter().flat_map(move |&z| y.iter().map(move |&y| Cell::new(x, y, z))));
+    let mut crowd = Crowd::new(terrain, radii_m, 0.0);
+    let mut starts = Vec::with_capacity(radii_m.len());
+    for &radius_m in radii_m {
+        let start = cells.find_map(|cell| crowd.place(cell, radius_m));
+        starts.push(start.ok_or_else(|| SpawnError::Full {
+            agents: radii_m.len(),
+            fit: starts.len(),
+            place: format!("in the box from {low:?} to {high:?} m"),
+        })?);
     }
-    let is_free = |cell: Cell| terrain.get(cell) == Some(&Terrain::Free);
-    let cube = |corner: Cell| {
-        (0..edge).flat_map(move |x| (0..edge).flat_map(move |z| (0..edge).map(move |y| corner + Cell::new(x, y, z))))
-    };
-    let [size_x, size_y, size_z] = terrain.extent().size().map(u32::cast_signed);
-    let mut nearest: Option<(i64, Cell)> = None;
-    for x in 0..=size_x - edge {
-        for z in 0..=size_z - edge {
-            for y in 0..=size_y - edge {
-                let square = i64::from(x).pow(2) + i64::from(y).pow(2) + i64::from(z).pow(2);
-                let corner = Cell::new(x, y, z);
-                if nearest.is_none_or(|(least, _)| square < least) && cube(corner).all(is_free) {
-                    nearest = Some((square, corner));
-                }
-            }
-        }
-    }
-    let (_, corner) = nearest.ok_or(SpawnError::NoCube { edge, agents })?;
-    Ok(cube(corner).take(agents).collect())
+    Ok(starts)
 }
 
 fn listed(entries: &[Vec<f64>], terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result<Vec<Pose>, SpawnError> {
@@ -208,60 +270,4 @@ fn has_room_from_walls(terrain: &Grid<Terrain>, position: &Point3<f64>, radius_m
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn hall() -> Grid<Terrain> {
-        let layer = "#######\n#.....#\n#.....#\n#.....#\n#######\n";
-        let solid = "#######\n#######\n#######\n#######\n#######\n";
-        Grid::from_text(&[solid, layer, layer, layer, solid].join("\n")).unwrap()
-    }
-
-    #[test]
-    fn cube_nearest_to_the_origin_is_filled_x_slowest_then_up() {
-        let spec = SpawnSpec::NearestOrigin { yaw_rad: 0.5 };
-        let poses = spec.poses(&hall(), &[0.4; 4]).unwrap();
-        let positions: Vec<_> = poses.iter().map(|pose| pose.position).collect();
-        assert_eq!(
-            positions,
-            [
-                Point3::new(1.5, 1.5, 1.5),
-                Point3::new(1.5, 2.5, 1.5),
-                Point3::new(1.5, 3.5, 1.5),
-                Point3::new(1.5, 1.5, 2.5),
-            ]
-        );
-        assert!(poses.iter().all(|pose| pose.yaw_rad == 0.5));
-    }
-
-    #[test]
-    fn a_team_that_does_not_fit_is_told_so() {
-        let spec = SpawnSpec::NearestOrigin { yaw_rad: 0.0 };
-        assert_eq!(spec.poses(&hall(), &[0.4; 28]), Err(SpawnError::NoCube { edge: 4, agents: 28 }));
-    }
-
-    #[test]
-    fn a_list_is_checked_entry_by_entry() {
-        let spec = |poses: Vec<Vec<f64>>| SpawnSpec::List { poses };
-        let hall = hall();
-        assert!(matches!(spec(vec![vec![1.5, 1.5, 1.5]]).poses(&hall, &[0.4; 2]), Err(SpawnError::WrongCount { .. })));
-        assert!(matches!(spec(vec![vec![1.5, 1.5]]).poses(&hall, &[0.4]), Err(SpawnError::NotAPose { index: 0, .. })));
-        assert!(matches!(
-            spec(vec![vec![1.5, f64::NAN, 1.0]]).poses(&hall, &[0.4]),
-            Err(SpawnError::NotAPose { index: 0, .. })
-        ));
-        assert!(matches!(
-            spec(vec![vec![1.2, 1.5, 1.5]]).poses(&hall, &[0.4]),
-            Err(SpawnError::NoRoom { index: 0, .. })
-        ));
-        assert!(matches!(
-            spec(vec![vec![1.5, 1.5, 1.5], vec![2.0, 1.5, 1.5]]).poses(&hall, &[0.4; 2]),
-            Err(SpawnError::NoRoom { index: 1, .. })
-        ));
-        let side_by_side = spec(vec![vec![1.5, 2.5, 2.5], vec![2.45, 2.5, 2.5]]);
-        assert!(side_by_side.poses(&hall, &[0.4, 0.4]).is_ok());
-        assert!(matches!(side_by_side.poses(&hall, &[0.4, 0.6]), Err(SpawnError::NoRoom { index: 1, .. })));
-        let poses = spec(vec![vec![1.5, 1.5, 1.5], vec![3.0, 1.5, 1.5, 2.0]]).poses(&hall, &[0.4; 2]).unwrap();
-        assert_eq!(poses[1].yaw_rad, 2.0);
-    }
-}
+mod tests;

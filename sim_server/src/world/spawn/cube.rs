@@ -1,0 +1,58 @@
+//! Starts in the free cube nearest to the origin of the map, as in the reference.
+
+use nalgebra::Point3;
+use voxels::{Cell, Grid, Terrain};
+
+use super::SpawnError;
+
+/// The shortest edge of the cube, in cells.
+const EDGE_MIN: i32 = 3;
+
+/// The centres of the cells of the cube, one for each body.
+pub(super) fn nearest_origin(terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result<Vec<Point3<f64>>, SpawnError> {
+    let (agents, extent) = (radii_m.len(), terrain.extent());
+    if let Some(&radius_m) = radii_m.iter().find(|&&radius_m| 2.0 * radius_m > extent.cell_m()) {
+        return Err(SpawnError::BodyTooLarge { radius_m, cell_m: extent.cell_m() });
+    }
+    let room = |edge: i32| (edge.unsigned_abs() as usize).pow(3);
+    let mut edge = EDGE_MIN;
+    while room(edge) < agents {
+        edge += 1;
+    }
+    let corner = nearest_cube(terrain, edge).ok_or_else(|| {
+        let largest = (EDGE_MIN..edge).rev().find(|&edge| nearest_cube(terrain, edge).is_some());
+        SpawnError::NoCube { edge, agents, fit: largest.map_or(0, room) }
+    })?;
+    Ok(cube(corner, edge).take(agents).map(|cell| extent.centre(cell)).collect())
+}
+
+/// The lowest corner of the free cube that is nearest to cell (0, 0, 0), of several the first in the order of [`cube`].
+fn nearest_cube(terrain: &Grid<Terrain>, edge: i32) -> Option<Cell> {
+    let is_free = |cell: Cell| terrain.get(cell) == Some(&Terrain::Free);
+    let [size_x, size_y, size_z] = terrain.extent().size().map(u32::cast_signed);
+    let mut nearest: Option<Cell> = None;
+    let mut least = i32::MAX;
+    for x in 0..=size_x - edge {
+        for z in 0..=size_z - edge {
+            if x * x + z * z >= least {
+                break;
+            }
+            for y in 0..=size_y - edge {
+                let square = x * x + z * z + y * y;
+                if square >= least {
+                    break;
+                }
+                let corner = Cell::new(x, y, z);
+                if cube(corner, edge).all(is_free) {
+                    (least, nearest) = (square, Some(corner));
+                }
+            }
+        }
+    }
+    nearest
+}
+
+/// The cells of a cube. Order as in the reference, with its axes x, y (up), z: x slowest, then up, then the other horizontal axis.
+fn cube(corner: Cell, edge: i32) -> impl Iterator<Item = Cell> {
+    (0..edge).flat_map(move |x| (0..edge).flat_map(move |z| (0..edge).map(move |y| corner + Cell::new(x, y, z))))
+}
