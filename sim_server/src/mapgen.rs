@@ -6,6 +6,7 @@
 //!
 //! Nothing here opens a file, knows the time or draws a seed.
 
+pub mod export;
 pub mod import;
 pub mod noise;
 mod smoothing;
@@ -16,9 +17,9 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use voxels::{Extent, Grid, Terrain, keep_largest_component};
+use voxels::{Extent, Grid, Pockets, Terrain, keep_largest_component};
 
-pub use import::{FormatError, ImportSpec, MapFormat};
+pub use import::{Fill, FormatError, ImportOptions, ImportSpec, Imported, Kind, MapFormat, Note, repair};
 pub use noise::NoiseSpec;
 pub use spheres::SpheresSpec;
 
@@ -32,20 +33,17 @@ pub enum MapSpec {
     Spheres(SpheresSpec),
     /// Smoothed Noise.
     Noise(NoiseSpec),
-    /// A map file, with its shell closed and its pockets filled.
-    Import(ImportSpec),
 }
 
 impl MapSpec {
     /// Whether a map of this extent can be tried.
     ///
     /// # Errors
-    /// For the first parameter, side or file that is not usable; the error names it, its value and what is allowed.
+    /// For the first parameter or side that is not usable; the error names it, its value and what is allowed.
     pub fn check(&self, extent: Extent) -> Result<(), MapError> {
         match self {
             Self::Spheres(spec) => spec.check(extent),
             Self::Noise(spec) => spec.check(extent),
-            Self::Import(spec) => spec.read_as(extent).map(drop),
         }
     }
 }
@@ -154,16 +152,6 @@ pub enum MapError {
         /// The file.
         file: String,
     },
-    /// A map file has another size than the extent.
-    #[error("{file}: the map has {} cells, the scenario says {}", by(*got), by(*expected))]
-    ImportSize {
-        /// The file.
-        file: String,
-        /// Its cells along x, y and z.
-        got: [u32; 3],
-        /// The extent's cells along x, y and z.
-        expected: [u32; 3],
-    },
 }
 
 /// Makes the map that `spec` and `seed` describe.
@@ -181,32 +169,38 @@ pub enum MapError {
 /// ```
 ///
 /// # Errors
-/// Those of [`MapSpec::check`]; [`MapError::Memory`]; [`MapError::FillUnreachable`]; [`MapError::Empty`] or
-/// [`MapError::ImportEmpty`] if nothing free is left.
+/// Those of [`MapSpec::check`]; [`MapError::Memory`]; [`MapError::FillUnreachable`]; [`MapError::Empty`] if nothing free is left.
 pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMap, MapError> {
     check_memory(extent, GENERATION_CELL_BYTES)?;
     let Draft { mut terrain, carved, shell_cells_closed } = match spec {
         MapSpec::Spheres(spec) => spheres::draft(spec, extent, seed)?,
         MapSpec::Noise(spec) => noise::draft(spec, extent, seed)?,
-        MapSpec::Import(spec) => import::draft(spec, extent)?,
     };
     let pockets = keep_largest_component(&mut terrain);
     if pockets.kept_cells == 0 {
-        return Err(match spec {
-            MapSpec::Spheres(_) | MapSpec::Noise(_) => MapError::Empty,
-            MapSpec::Import(spec) => MapError::ImportEmpty { file: spec.file.clone() },
-        });
+        return Err(MapError::Empty);
     }
+    Ok(described(terrain, seed, pockets, carved, shell_cells_closed))
+}
+
+/// A finished map with its report.
+fn described(
+    terrain: Grid<Terrain>,
+    seed: u64,
+    pockets: Pockets,
+    carved: Option<Carved>,
+    shell_cells_closed: usize,
+) -> GeneratedMap {
     let report = MapReport {
         seed,
         free_cells: pockets.kept_cells as u64,
-        free_fraction: pockets.kept_cells as f64 / extent.volume() as f64,
+        free_fraction: pockets.kept_cells as f64 / terrain.extent().volume() as f64,
         carved,
         shell_cells_closed: shell_cells_closed as u64,
         pockets_removed: pockets.filled_components as u64,
         pocket_cells_removed: pockets.filled_cells as u64,
     };
-    Ok(GeneratedMap { terrain, report })
+    GeneratedMap { terrain, report }
 }
 
 /// Bytes for each cell that generation takes at the most: the terrain, a copy, and the labels of its components.
@@ -281,8 +275,12 @@ mod tests {
         Extent::new(size, 1.0).unwrap()
     }
 
-    fn import(file: &str, text: &str) -> MapSpec {
-        MapSpec::Import(ImportSpec { file: file.to_owned(), bytes: text.as_bytes().to_vec() })
+    fn import(file: &str, text: &str) -> ImportSpec {
+        ImportSpec::new(file, text.as_bytes().to_vec())
+    }
+
+    fn repaired(spec: &ImportSpec) -> Result<GeneratedMap, MapError> {
+        repair(&spec.file, spec.read()?.terrain, 9)
     }
 
     /// Everything that is promised of every map.
@@ -435,14 +433,14 @@ mod tests {
         assert_eq!(generate(&solid, extent([9; 3]), 1), Err(MapError::Empty));
         let shell_only = import("open.txt", "...\n.#.\n...\n");
         let empty = MapError::ImportEmpty { file: "open.txt".to_owned() };
-        assert_eq!(generate(&shell_only, extent([3, 3, 1]), 1), Err(empty));
+        assert_eq!(repaired(&shell_only), Err(empty));
     }
 
     #[test]
     fn an_imported_map_is_closed_and_connected() {
         let walls = "#####\n#####\n#####\n#####\n";
         let spec = import("cave.TXT", &format!("{walls}\n##.##\n#.#.#\n..#.#\n#####\n\n{walls}"));
-        let map = generate(&spec, extent([5, 4, 3]), 9).unwrap();
+        let map = repaired(&spec).unwrap();
         assert_sound(&map, 1);
         // Two caves of two cells within the shell: the right one and the left one, which comes first in index order.
         assert_eq!(map.terrain.to_text(), format!("{walls}\n#####\n#.###\n#.###\n#####\n\n{walls}"));
@@ -452,14 +450,13 @@ mod tests {
 
     #[test]
     fn an_import_that_does_not_fit_names_the_file() {
-        let message = |spec: MapSpec| spec.check(extent([2, 2, 1])).unwrap_err().to_string();
-        assert_eq!(message(import("a.txt", "...\n")), "a.txt: the map has 3x1x1 cells, the scenario says 2x2x1");
-        assert_eq!(message(import("a.vox", "")), "a.vox: the file's extension is \"vox\", known are .m3dm and .txt");
-        assert_eq!(message(import("cave", "")), "cave: the file's extension is missing, known are .m3dm and .txt");
+        let message = |spec: ImportSpec| spec.read().unwrap_err().to_string();
+        let known = "known are .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, .vox and .pgm";
+        assert_eq!(message(import("a.bmp", "")), format!("a.bmp: the file's extension is \"bmp\", {known}"));
+        assert_eq!(message(import("cave", "")), format!("cave: the file's extension is missing, {known}"));
         assert!(message(import("a.m3dm", "x")).starts_with("a.m3dm: byte 1: "));
         assert!(message(import("a.txt", "..\n.x\n")).starts_with("a.txt: line 2, column 2: 'x'"));
-        let spec = MapSpec::Import(ImportSpec { file: "b.txt".to_owned(), bytes: vec![b'.', 0xff] });
-        assert_eq!(message(spec), "b.txt: byte 1: not UTF-8 text");
+        assert_eq!(message(ImportSpec::new("b.txt", vec![b'.', 0xff])), "b.txt: byte 1: not UTF-8 text");
     }
 
     #[test]

@@ -114,7 +114,8 @@ impl<'a> BitReader<'a> {
     /// Whether nothing is left but the zeros that fill up the last byte.
     pub(super) fn is_at_end(&self) -> bool {
         let rest = self.bytes.len() * 8 - self.at;
-        let is_clear = self.bytes.last().is_none_or(|&last| rest == 0 || u32::from(last) << (8 - rest.min(8)) & 0xff == 0);
+        let is_clear =
+            self.bytes.last().is_none_or(|&last| rest == 0 || u32::from(last) << (8 - rest.min(8)) & 0xff == 0);
         rest < 8 && is_clear
     }
 }
