@@ -171,6 +171,9 @@ pub fn extent(bytes: &[u8]) -> Result<Extent, PackedError> {
 ///
 /// # Errors
 /// If a field, a length, the sum or a run is wrong, with the byte; if the map is larger than allowed.
+///
+/// # Panics
+/// Never: there is a value for each cell.
 pub fn read(bytes: &[u8], cells_max: usize) -> Result<Grid<Terrain>, PackedError> {
     let Header { extent, orders, runs, lengths } = header(bytes)?;
     let cells = extent.volume();
@@ -293,7 +296,7 @@ fn header(bytes: &[u8]) -> Result<Header, PackedError> {
 fn prediction(before: &[Terrain], index: usize, size_x: usize, size_y: usize) -> (Terrain, usize) {
     let layer = size_x * size_y;
     let wall = Terrain::Wall;
-    let x = if index % size_x == 0 { wall } else { before[index - 1] };
+    let x = if index.is_multiple_of(size_x) { wall } else { before[index - 1] };
     let y = if index % layer < size_x { wall } else { before[index - size_x] };
     let z = if index < layer { wall } else { before[index - layer] };
     if x == y { (x, usize::from(x != z)) } else { (z, 1) }

@@ -45,7 +45,10 @@ fn what_does_not_fit_the_cells_of_the_file_is_refused() {
     let folder = folder();
     let other = scenario(&folder, "packed.m3dm", "cell_m = 0.8", SMALL_BODY).unwrap();
     let error = build(&other).unwrap_err().to_string();
-    assert!(error.starts_with("map.file: ") && error.contains("cells of 0.5 m, asked for are cells of 0.8 m"), "{error}");
+    assert!(
+        error.starts_with("map.file: ") && error.contains("cells of 0.5 m, asked for are cells of 0.8 m"),
+        "{error}"
+    );
     let fast = scenario(&folder, "packed.m3dm", "", "speed_max_m_s = 30.0").unwrap_err().to_string();
     assert!(fast.contains("body.speed_max_m_s = 30"), "{fast}");
     assert!(scenario(&folder, "plain.m3dm", "", "speed_max_m_s = 30.0").is_ok());

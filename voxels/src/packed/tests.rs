@@ -8,7 +8,11 @@ fn small() -> Grid<Terrain> {
 }
 
 fn message(bytes: &[u8]) -> String {
-    read(bytes, usize::MAX).unwrap_err().to_string()
+    message_within(bytes, usize::MAX)
+}
+
+fn message_within(bytes: &[u8], cells_max: usize) -> String {
+    read(bytes, cells_max).unwrap_err().to_string()
 }
 
 /// The bytes with another sum that is right.
@@ -53,10 +57,6 @@ fn a_solid_cube_of_any_size_is_a_header() {
     assert_eq!(bytes.len(), HEADER);
     assert_eq!(read(&bytes, usize::MAX), Ok(solid));
     assert_eq!(message_within(&bytes, 1 << 20), "byte 12: the map has 61440000 cells, allowed are 1048576");
-}
-
-fn message_within(bytes: &[u8], cells_max: usize) -> String {
-    read(bytes, cells_max).unwrap_err().to_string()
 }
 
 #[test]
