@@ -127,13 +127,13 @@ pub fn repair(file: &str, mut terrain: Grid<Terrain>, seed: u64) -> Result<Gener
     Ok(described(terrain, seed, pockets, None, shell_cells_closed))
 }
 
-/// A map of one kind of cells.
-fn new_grid(extent: Extent, fill: Terrain, cells_max: usize) -> Result<Grid<Terrain>, FormatError> {
+/// One value for each cell, all the same.
+fn new_grid<T: Clone>(extent: Extent, fill: T, cells_max: usize) -> Result<Grid<T>, FormatError> {
     let cells = extent.volume();
     if cells > cells_max {
         return Err(FormatError::TooManyCells { cells, cells_max });
     }
-    check_memory(extent, 1).map_err(|_| FormatError::Memory(cells))?;
+    check_memory(extent, size_of::<T>()).map_err(|_| FormatError::Memory(cells))?;
     Ok(Grid::new(extent, fill))
 }
 

@@ -105,9 +105,7 @@ fn votes<T: Iterator<Item = Triangle>>(
     triangles: impl Fn() -> T,
     cells_max: usize,
 ) -> Result<(Grid<u8>, [usize; 3]), FormatError> {
-    // A grid of votes takes as much memory as a terrain.
-    drop(new_grid(extent, Terrain::Free, cells_max)?);
-    let mut votes = Grid::new(extent, 0u8);
+    let mut votes = new_grid(extent, 0u8, cells_max)?;
     let size = extent.size().map(|cells| cells as usize);
     let stride = [1, size[0], size[0] * size[1]];
     let mut holes = [0; 3];

@@ -151,9 +151,9 @@ fn values(bytes: &mut Bytes<'_>, order: Order, element: &Element, place: usize) 
         let name = String::from_utf8_lossy(&element.name).escape_debug().to_string();
         FormatError::byte(at, format!("the file ends here after {place} of {} elements {name}", element.count))
     };
-    let (line, mut text) = bytes.line().ok_or_else(ends)?;
+    let (mut line, mut text) = bytes.line().ok_or_else(ends)?;
     while text.is_empty() {
-        text = bytes.line().ok_or_else(ends)?.1;
+        (line, text) = bytes.line().ok_or_else(ends)?;
     }
     let mut words = words(text);
     let mut values = Vec::with_capacity(element.properties.len());
