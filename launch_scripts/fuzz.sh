@@ -3,11 +3,11 @@
 #
 #   launch_scripts/fuzz.sh [SECONDS_PER_TARGET] [TARGET...]      default: 600 s for each target
 #
-# Targets: m3dm scenario plan recording messages server agent (fuzz/src). Needs stable Rust and a C++ compiler. New inputs that reach
+# Targets: m3dm packed bt pcd ply obj stl vox pgm scenario plan recording messages server agent (fuzz/src). Needs stable Rust and a C++ compiler. New inputs that reach
 # more code stay under target/fuzz/found/<target>, findings under target/fuzz/findings. Exit code 1 if there is one.
 set -uo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-all=(m3dm scenario plan recording messages server agent)
+all=(m3dm packed bt pcd ply obj stl vox pgm scenario plan recording messages server agent)
 seconds=${1:-600}
 [[ $seconds =~ ^[1-9][0-9]*$ ]] || { echo "error: $seconds: expected seconds for each target, from 1" >&2; exit 2; }
 shift

@@ -14,6 +14,14 @@ use rand_chacha::ChaCha8Rng;
 /// Changed inputs for each target: some seconds in all.
 const CHANGED: [(&str, usize); TARGETS.len()] = [
     ("m3dm", 20_000),
+    ("packed", 20_000),
+    ("bt", 5_000),
+    ("pcd", 5_000),
+    ("ply", 5_000),
+    ("obj", 2_000),
+    ("stl", 2_000),
+    ("vox", 5_000),
+    ("pgm", 5_000),
     ("scenario", 3_000),
     ("plan", 500),
     ("recording", 1_000),

@@ -83,6 +83,7 @@ pub fn run(
     if !scenario.agents.cmd_vel.is_empty() {
         return Err(SingleError::OverRosOnly(scenario.agents.cmd_vel.clone()));
     }
+    let scenario = &setup::resolve(scenario.clone(), "the scenario")?;
     let (world, _report) = setup::build(scenario)?;
     let told = wire::scenario(scenario, &world.terrain().extent(), world.rays());
     // Before a file is made for a run that there cannot be.

@@ -10,6 +10,7 @@
 mod agent;
 mod files;
 mod lies;
+mod maps;
 mod messages;
 mod server;
 
@@ -17,8 +18,16 @@ mod server;
 pub type Target = fn(&[u8]);
 
 /// All targets by name, which is that of the folder of their corpus, too.
-pub const TARGETS: [(&str, Target); 7] = [
+pub const TARGETS: [(&str, Target); 15] = [
     ("m3dm", files::map),
+    ("packed", maps::packed),
+    ("bt", maps::octomap),
+    ("pcd", maps::pcd),
+    ("ply", maps::ply),
+    ("obj", maps::obj),
+    ("stl", maps::stl),
+    ("vox", maps::vox),
+    ("pgm", maps::pgm),
     ("scenario", files::scenario),
     ("plan", files::plan),
     ("recording", files::recording),

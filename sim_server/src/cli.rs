@@ -148,7 +148,7 @@ pub struct KeyArgs {
     /// agents.share_period_ticks: ticks between two tellings of what is new on the map; 0: agents only listen
     #[arg(long, value_name = "TICKS")]
     pub share_period: Option<u32>,
-    /// map.kind: spheres, noise, building, or a map file (.m3dm, .txt)
+    /// map.kind: spheres, noise, building, or a map file (docs/maps.md)
     #[arg(long, value_name = "spheres|noise|building|FILE")]
     pub map: Option<String>,
     /// map.size: cells along each axis, for example 100 or 100x80x30
@@ -228,7 +228,7 @@ impl KeyArgs {
 }
 
 /// `--map` changes what says which map, and leaves the length of a cell and the seed. Of a generator, a file has no use for the
-/// size and the parameters.
+/// size and the parameters, nor for how another file is read.
 fn map_overrides(map: &str) -> Vec<Override> {
     let change = |key: &str, value: Option<&str>| Override {
         origin: format!("--map {map}"),
@@ -236,10 +236,10 @@ fn map_overrides(map: &str) -> Vec<Override> {
         value: value.map(Into::into),
     };
     if matches!(map, "spheres" | "noise" | "building") {
-        return vec![change("map.kind", Some(map)), change("map.file", None)];
+        return vec![change("map.kind", Some(map)), change("map.file", None), change("map.import", None)];
     }
     let mut overrides: Vec<_> =
-        ["map.size", "map.spheres", "map.noise", "map.building"].map(|key| change(key, None)).into();
+        ["map.size", "map.spheres", "map.noise", "map.building", "map.import"].map(|key| change(key, None)).into();
     overrides.extend([change("map.kind", Some("file")), change("map.file", Some(map))]);
     overrides
 }
@@ -301,12 +301,12 @@ mod tests {
         };
         let from_file = parse(TEXT, map("a.m3dm", None)).unwrap();
         assert_eq!(from_file.map.file.as_deref(), Some(std::path::Path::new("a.m3dm")));
-        assert_eq!((from_file.map.cell_m, from_file.map.seed, from_file.map.size), (0.5, Some(3), None));
+        assert_eq!((from_file.map.cell_m, from_file.map.seed, from_file.map.size), (Some(0.5), Some(3), None));
         assert_eq!(from_file.map.spheres, crate::mapgen::SpheresSpec::default());
         let refused = parse(TEXT, map("a.m3dm", Some(30))).unwrap_err().to_string();
         assert!(refused.contains("map.size = [30, 30, 30]: a map from a file has the size of the file"), "{refused}");
         let again = parse(&from_file.to_toml(), map("noise", Some(30))).unwrap();
-        assert_eq!((again.map.file, again.map.cell_m, again.map.seed), (None, 0.5, Some(3)));
+        assert_eq!((again.map.file, again.map.cell_m, again.map.seed), (None, Some(0.5), Some(3)));
     }
 
     #[cfg(feature = "ros")]

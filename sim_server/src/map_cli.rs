@@ -8,15 +8,21 @@ mod spec;
 
 use std::fmt::Display;
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use thiserror::Error;
-use voxels::{Cell, Extent, ExtentError, Grid, Terrain, close_shell, free_components, is_wall_at};
+use voxels::{Extent, ExtentError, close_shell, free_components};
 
 use crate::cli::assignment;
-use crate::mapgen::{self, Built, FormatError, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
+use crate::mapgen::{
+    self, Built, FormatError, ImportOptions, ImportSpec, Imported, MapError, MapFormat, MapReport, Note,
+};
+
+use slices::Slice;
+
+mod slices;
 
 /// Make, describe and convert maps.
 #[derive(Debug, Clone, PartialEq, Subcommand)]
@@ -38,7 +44,7 @@ pub struct GenerateArgs {
     /// Cells along every axis, as one number or as XxYxZ.
     #[arg(long, value_name = "S|XxYxZ", value_parser = parse_size)]
     pub size: [u32; 3],
-    /// Length of a cell's edge in metres; only for the report, no map format stores it.
+    /// Length of a cell's edge in metres; stored by --rle and .bt, and the unit of meshes.
     #[arg(long, value_name = "M", default_value_t = 1.0)]
     pub cell_m: f64,
     /// Seed of the map; without it one is drawn and printed.
@@ -62,7 +68,10 @@ pub struct GenerateArgs {
     /// Any parameter of the kind of map by its name in a scenario, for instance floors=5; comes last.
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
     pub set: Vec<(String, toml::Value)>,
-    /// The file to write, .m3dm or .txt.
+    /// Write packed M3DM, as is always done beyond 127 cells along an axis: smaller, and with the length of cells.
+    #[arg(long)]
+    pub rle: bool,
+    /// The file to write: .m3dm, .txt, .bt, .obj or .stl.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
@@ -81,37 +90,48 @@ pub enum Kind {
 /// Options of `map info`.
 #[derive(Debug, Clone, PartialEq, Args)]
 pub struct InfoArgs {
-    /// Map files, .m3dm or .txt.
+    /// Map files of any known format.
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Draw one layer of cells, for instance z=25.
-    #[arg(long, value_name = "AXIS=K", value_parser = parse_slice)]
+    #[arg(long, value_name = "AXIS=K", value_parser = slices::parse)]
     pub slice: Option<Slice>,
+    /// Draw so many layers side by side, scaled to the terminal; 0: none [default: 3 on a terminal, else 0].
+    #[arg(long, value_name = "N")]
+    pub slices: Option<u32>,
+    /// Write layers as a picture; only with one map file.
+    #[arg(long, value_name = "FILE.png")]
+    pub png: Option<PathBuf>,
+    /// Length of a cell's edge in metres [default: that of the file, or 1].
+    #[arg(long, value_name = "M")]
+    pub cell_m: Option<f64>,
+    /// How the files are read.
+    #[command(flatten)]
+    pub import: ImportOptions,
 }
 
 /// Options of `map convert`.
 #[derive(Debug, Clone, PartialEq, Args)]
 pub struct ConvertArgs {
-    /// The map to read, .m3dm or .txt.
+    /// The map to read: .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, .vox or .pgm.
     #[arg(value_name = "IN")]
     pub input: PathBuf,
-    /// The file to write, .m3dm or .txt.
+    /// The file to write: .m3dm, .txt, .bt, .obj or .stl.
     #[arg(value_name = "OUT")]
     pub output: PathBuf,
+    /// Length of a cell's edge in metres [default: that of the file, or 1].
+    #[arg(long, value_name = "M")]
+    pub cell_m: Option<f64>,
+    /// How the map is read.
+    #[command(flatten)]
+    pub import: ImportOptions,
+    /// Write packed M3DM, as is always done beyond 127 cells along an axis: smaller, and with the length of cells.
+    #[arg(long)]
+    pub rle: bool,
     /// Leave the shell open where it is open, and the pockets.
     #[arg(long)]
     pub as_is: bool,
 }
-
-/// One layer of cells: those whose coordinate along `axis` (0 is x, 2 is z) is `at`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Slice {
-    axis: usize,
-    at: u32,
-}
-
-/// Names of the axes, by index.
-const AXES: [char; 3] = ['x', 'y', 'z'];
 
 /// Why a map command failed; always one line.
 #[derive(Debug, Error)]
@@ -176,6 +196,22 @@ pub enum MapCliError {
         /// The last layer of the map.
         last: u32,
     },
+    /// One picture for several maps.
+    #[error("--png {}: a picture is of one map, there are {count}", .file.display())]
+    OnePicture {
+        /// The picture.
+        file: PathBuf,
+        /// Number of maps.
+        count: usize,
+    },
+    /// A picture cannot be packed.
+    #[error("--png {}: {reason}", .file.display())]
+    Picture {
+        /// The picture.
+        file: PathBuf,
+        /// What is wrong.
+        reason: png::EncodingError,
+    },
     /// The operating system gives no random numbers.
     #[error("no seed can be drawn ({0}); give one with --seed")]
     Seed(getrandom::Error),
@@ -189,17 +225,19 @@ pub enum MapCliError {
 /// # Errors
 /// For everything that is wrong with options and files; no file has been written or changed then.
 pub fn run(command: MapCommand) -> Result<(), MapCliError> {
-    match run_to(command, &mut io::stdout().lock()) {
+    let columns = io::stdout().is_terminal().then(|| usize::from(console::Term::stdout().size().1));
+    match run_to(command, columns, &mut io::stdout().lock()) {
         // Whoever reads the report may stop reading it, like `head`.
         Err(MapCliError::Print(error)) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         result => result,
     }
 }
 
-fn run_to(command: MapCommand, out: &mut dyn Write) -> Result<(), MapCliError> {
+/// Carries out a command; `columns` is the width of the terminal, if `out` is one.
+fn run_to(command: MapCommand, columns: Option<usize>, out: &mut dyn Write) -> Result<(), MapCliError> {
     match command {
         MapCommand::Generate(args) => generate(&args, out),
-        MapCommand::Info(args) => info(&args, out),
+        MapCommand::Info(args) => info(&args, columns, out),
         MapCommand::Convert(args) => convert(&args, out),
     }
 }
@@ -208,7 +246,7 @@ fn generate(args: &GenerateArgs, out: &mut dyn Write) -> Result<(), MapCliError>
     let format = format_of(&args.output)?;
     let extent = Extent::new(args.size, args.cell_m)?;
     let in_output = |reason| MapCliError::Format { file: args.output.clone(), reason };
-    format.check(extent).map_err(in_output)?;
+    format.check().map_err(in_output)?;
     let spec = spec::of(args)?;
     spec.check(extent)?;
     let seed = match args.seed {
@@ -217,7 +255,7 @@ fn generate(args: &GenerateArgs, out: &mut dyn Write) -> Result<(), MapCliError>
         None => getrandom::u32().map_err(MapCliError::Seed)?.into(),
     };
     let map = mapgen::generate(&spec, extent, seed)?;
-    write_file(&args.output, &format.write(&map.terrain).map_err(in_output)?)?;
+    write_file(&args.output, &format.write(&map.terrain, args.rle).map_err(in_output)?)?;
 
     let mut report = Report::new(out);
     report.line("file", args.output.display())?;
@@ -239,29 +277,48 @@ fn generate(args: &GenerateArgs, out: &mut dyn Write) -> Result<(), MapCliError>
     report.line("blake3", mapgen::terrain_hash(&map.terrain))
 }
 
-fn info(args: &InfoArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
+fn info(args: &InfoArgs, columns: Option<usize>, out: &mut dyn Write) -> Result<(), MapCliError> {
+    if let (Some(file), count @ 2..) = (&args.png, args.files.len()) {
+        return Err(MapCliError::OnePicture { file: file.clone(), count });
+    }
+    let count = args.slices.unwrap_or(if columns.is_some() && args.slice.is_none() { slices::SHOWN } else { 0 });
     for (index, file) in args.files.iter().enumerate() {
         if index > 0 {
             writeln!(out)?;
         }
-        let spec = ImportSpec { file: file.display().to_string(), bytes: read_bytes(file)? };
-        let terrain = spec.read()?;
-        let slice = args.slice.map(|slice| slice.draw(&terrain, file)).transpose()?;
-        describe(file, &terrain, out)?;
+        let imported = import(file, args.import, args.cell_m)?.read()?;
+        let slice = args.slice.map(|slice| slice.draw(&imported.terrain, file)).transpose()?;
+        if let Some(picture) = &args.png {
+            let pixels = slices::png(&imported.terrain);
+            let pixels = pixels.map_err(|reason| MapCliError::Picture { file: picture.clone(), reason })?;
+            write_file(picture, &pixels)?;
+        }
+        describe(file, &imported, out)?;
         if let Some(slice) = slice {
             write!(out, "\n{slice}")?;
+        }
+        if count > 0 {
+            write!(out, "\n{}", slices::overview(&imported.terrain, count, columns.unwrap_or(slices::COLUMNS)))?;
         }
     }
     Ok(())
 }
 
-fn describe(file: &Path, terrain: &Grid<Terrain>, out: &mut dyn Write) -> Result<(), MapCliError> {
+/// A map file to read.
+fn import(file: &Path, options: ImportOptions, cell_m: Option<f64>) -> Result<ImportSpec, MapCliError> {
+    Ok(ImportSpec { options, cell_m, ..ImportSpec::new(file.display().to_string(), read_bytes(file)?) })
+}
+
+fn describe(file: &Path, imported: &Imported, out: &mut dyn Write) -> Result<(), MapCliError> {
+    let Imported { terrain, notes, .. } = imported;
     let extent = terrain.extent();
     let components = free_components(terrain);
     let open = close_shell(&mut terrain.clone(), 1);
     let mut report = Report::new(out);
     report.line("file", file.display())?;
     report.line("size", by(extent))?;
+    report.cell_m(imported)?;
+    report.notes(notes)?;
     report.cells(extent, mapgen::free_cells(terrain))?;
     match components.sizes.as_slice() {
         sizes @ ([] | [_]) => report.line("components", sizes.len())?,
@@ -279,53 +336,32 @@ fn describe(file: &Path, terrain: &Grid<Terrain>, out: &mut dyn Write) -> Result
 
 fn convert(args: &ConvertArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
     let output = format_of(&args.output)?;
-    let bytes = read_bytes(&args.input)?;
-    let spec = ImportSpec { file: args.input.display().to_string(), bytes };
-    let as_read = spec.read()?;
-    let extent = as_read.extent();
-    let repaired = if args.as_is {
+    let in_output = |reason| MapCliError::Format { file: args.output.clone(), reason };
+    output.check().map_err(in_output)?;
+    let spec = import(&args.input, args.import, args.cell_m)?;
+    let mut imported = spec.read()?;
+    let extent = imported.terrain.extent();
+    let repairs = if args.as_is {
         None
     } else {
-        // No part of an import depends on the seed.
-        Some(mapgen::generate(&MapSpec::Import(spec), extent, 0)?)
+        // Of an import, the seed is part of the report alone.
+        let map = mapgen::repair(&spec.file, imported.terrain, 0)?;
+        imported.terrain = map.terrain;
+        Some(map.report)
     };
-    let terrain = repaired.as_ref().map_or(&as_read, |map| &map.terrain);
-    let encoded = output.write(terrain).map_err(|reason| MapCliError::Format { file: args.output.clone(), reason })?;
-    write_file(&args.output, &encoded)?;
+    write_file(&args.output, &output.write(&imported.terrain, args.rle).map_err(in_output)?)?;
 
     let mut report = Report::new(out);
     report.line("file", args.output.display())?;
     report.line("size", by(extent))?;
-    report.cells(extent, mapgen::free_cells(terrain))?;
-    match &repaired {
-        Some(map) => report.repairs(&map.report)?,
+    report.cell_m(&imported)?;
+    report.notes(&imported.notes)?;
+    report.cells(extent, mapgen::free_cells(&imported.terrain))?;
+    match &repairs {
+        Some(repairs) => report.repairs(repairs)?,
         None => report.line("repairs", "none (--as-is)")?,
     }
-    report.line("blake3", mapgen::terrain_hash(terrain))
-}
-
-impl Slice {
-    /// The layer as text: the higher of the two remaining axes grows upwards, the other one to the right.
-    fn draw(self, terrain: &Grid<Terrain>, file: &Path) -> Result<String, MapCliError> {
-        let size = terrain.extent().size();
-        let Self { axis, at } = self;
-        if at >= size[axis] {
-            let last = size[axis] - 1;
-            return Err(MapCliError::Slice { file: file.to_path_buf(), axis: AXES[axis], at, last });
-        }
-        let (right, up) = [(1, 2), (0, 2), (0, 1)][axis];
-        let mut text = format!("{} = {at}, {} to the right, {} upwards\n", AXES[axis], AXES[right], AXES[up]);
-        for row in (0..size[up]).rev() {
-            for column in 0..size[right] {
-                let mut cell = [0; 3];
-                (cell[axis], cell[right], cell[up]) = (at as i32, column as i32, row as i32);
-                let [x, y, z] = cell;
-                text.push(if is_wall_at(terrain, Cell::new(x, y, z)) { '#' } else { '.' });
-            }
-            text.push('\n');
-        }
-        Ok(text)
-    }
+    report.line("blake3", mapgen::terrain_hash(&imported.terrain))
 }
 
 /// Aligned lines of a name and a value.
@@ -340,6 +376,16 @@ impl<'a> Report<'a> {
 
     fn line(&mut self, name: &str, value: impl Display) -> Result<(), MapCliError> {
         Ok(writeln!(self.out, "{name:<11}{value}")?)
+    }
+
+    /// The length of cells, if the file has it or it is not 1 m.
+    fn cell_m(&mut self, imported: &Imported) -> Result<(), MapCliError> {
+        let cell_m = imported.terrain.extent().cell_m();
+        if imported.stores_cell_m || cell_m != 1.0 { self.line("cell_m", cell_m) } else { Ok(()) }
+    }
+
+    fn notes(&mut self, notes: &[Note]) -> Result<(), MapCliError> {
+        notes.iter().try_for_each(|note| self.line(note.name, &note.text))
     }
 
     fn cells(&mut self, extent: Extent, free: u64) -> Result<(), MapCliError> {
@@ -367,15 +413,6 @@ fn parse_size(text: &str) -> Result<[u32; 3], String> {
         Ok(&[x, y, z]) => Ok([x, y, z]),
         _ => Err("a size is one number of cells, or three as in 50x40x30".to_owned()),
     }
-}
-
-fn parse_slice(text: &str) -> Result<Slice, String> {
-    let parse = || {
-        let (axis, at) = text.split_once('=')?;
-        let axis = AXES.into_iter().position(|known| axis == known.to_string())?;
-        Some(Slice { axis, at: at.parse().ok()? })
-    };
-    parse().ok_or_else(|| "a slice is x=K, y=K or z=K with the coordinate K of a layer of cells".to_owned())
 }
 
 fn format_of(file: &Path) -> Result<MapFormat, MapCliError> {

@@ -7,6 +7,7 @@
 //! Nothing here opens a file, knows the time or draws a seed.
 
 pub mod building;
+pub mod export;
 pub mod import;
 pub mod noise;
 mod smoothing;
@@ -17,10 +18,10 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use voxels::{Extent, Grid, Terrain, keep_largest_component};
+use voxels::{Extent, Grid, Pockets, Terrain, keep_largest_component};
 
 pub use building::{BuildingSpec, Built, Entrance};
-pub use import::{FormatError, ImportSpec, MapFormat};
+pub use import::{Fill, FormatError, ImportOptions, ImportSpec, Imported, Kind, MapFormat, Note, repair};
 pub use noise::NoiseSpec;
 pub use spheres::SpheresSpec;
 
@@ -36,21 +37,18 @@ pub enum MapSpec {
     Noise(NoiseSpec),
     /// Floors of hallways and rooms.
     Building(BuildingSpec),
-    /// A map file, with its shell closed and its pockets filled.
-    Import(ImportSpec),
 }
 
 impl MapSpec {
     /// Whether a map of this extent can be tried.
     ///
     /// # Errors
-    /// For the first parameter, side or file that is not usable; the error names it, its value and what is allowed.
+    /// For the first parameter or side that is not usable; the error names it, its value and what is allowed.
     pub fn check(&self, extent: Extent) -> Result<(), MapError> {
         match self {
             Self::Spheres(spec) => spec.check(extent),
             Self::Noise(spec) => spec.check(extent),
             Self::Building(spec) => spec.check(extent),
-            Self::Import(spec) => spec.read_as(extent).map(drop),
         }
     }
 }
@@ -163,16 +161,6 @@ pub enum MapError {
         /// The file.
         file: String,
     },
-    /// A map file has another size than the extent.
-    #[error("{file}: the map has {} cells, the scenario says {}", by(*got), by(*expected))]
-    ImportSize {
-        /// The file.
-        file: String,
-        /// Its cells along x, y and z.
-        got: [u32; 3],
-        /// The extent's cells along x, y and z.
-        expected: [u32; 3],
-    },
 }
 
 /// Makes the map that `spec` and `seed` describe.
@@ -190,8 +178,7 @@ pub enum MapError {
 /// ```
 ///
 /// # Errors
-/// Those of [`MapSpec::check`]; [`MapError::Memory`]; [`MapError::FillUnreachable`]; [`MapError::Empty`] or
-/// [`MapError::ImportEmpty`] if nothing free is left.
+/// Those of [`MapSpec::check`]; [`MapError::Memory`]; [`MapError::FillUnreachable`]; [`MapError::Empty`] if nothing free is left.
 pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMap, MapError> {
     check_memory(extent, GENERATION_CELL_BYTES)?;
     let (draft, built, entrances) = match spec {
@@ -201,27 +188,34 @@ pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMa
             let (draft, built, entrances) = building::draft(spec, extent, seed)?;
             (draft, Some(built), entrances)
         }
-        MapSpec::Import(spec) => (import::draft(spec, extent)?, None, Vec::new()),
     };
     let Draft { mut terrain, carved, shell_cells_closed } = draft;
     let pockets = keep_largest_component(&mut terrain);
     if pockets.kept_cells == 0 {
-        return Err(match spec {
-            MapSpec::Spheres(_) | MapSpec::Noise(_) | MapSpec::Building(_) => MapError::Empty,
-            MapSpec::Import(spec) => MapError::ImportEmpty { file: spec.file.clone() },
-        });
+        return Err(MapError::Empty);
     }
+    Ok(GeneratedMap { entrances, ..described(terrain, seed, pockets, (carved, built), shell_cells_closed) })
+}
+
+/// A finished map with its report.
+fn described(
+    terrain: Grid<Terrain>,
+    seed: u64,
+    pockets: Pockets,
+    (carved, built): (Option<Carved>, Option<Built>),
+    shell_cells_closed: usize,
+) -> GeneratedMap {
     let report = MapReport {
         seed,
         free_cells: pockets.kept_cells as u64,
-        free_fraction: pockets.kept_cells as f64 / extent.volume() as f64,
+        free_fraction: pockets.kept_cells as f64 / terrain.extent().volume() as f64,
         carved,
         built,
         shell_cells_closed: shell_cells_closed as u64,
         pockets_removed: pockets.filled_components as u64,
         pocket_cells_removed: pockets.filled_cells as u64,
     };
-    Ok(GeneratedMap { terrain, entrances, report })
+    GeneratedMap { terrain, entrances: Vec::new(), report }
 }
 
 /// The entrances of the map that [`generate`] makes of the same arguments, without the map.
@@ -231,7 +225,7 @@ pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMa
 pub fn entrances(spec: &MapSpec, extent: Extent, seed: u64) -> Result<Vec<Entrance>, MapError> {
     match spec {
         MapSpec::Building(spec) => building::entrances(spec, extent, seed),
-        MapSpec::Spheres(_) | MapSpec::Noise(_) | MapSpec::Import(_) => Ok(Vec::new()),
+        MapSpec::Spheres(_) | MapSpec::Noise(_) => Ok(Vec::new()),
     }
 }
 

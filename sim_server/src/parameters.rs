@@ -26,7 +26,7 @@ const POSITIVE: Option<(f64, f64)> = Some((0.0, 1e6));
 const PERIOD: Option<(f64, f64)> = Some((1.0, 4_294_967_295.0));
 
 /// The keys of a scenario. Those of tables that are free, such as `agents.set`, are not among them.
-const KEYS: [Key; 57] = [
+const KEYS: [Key; 66] = [
     ("seed", "seed of everything random", Some((0.0, 9_223_372_036_854_775_807.0))),
     ("duration_s", "sim time after which the run ends, s", Some((0.02, 2e8))),
     ("stop_when_explored", "whether the run ends once every free cell has been seen", None),
@@ -36,6 +36,15 @@ const KEYS: [Key; 57] = [
     ("map.cell_m", "edge of a cell, m", POSITIVE),
     ("map.seed", "seed of the map alone", Some((0.0, 9_223_372_036_854_775_807.0))),
     ("map.file", "the map file", None),
+    ("map.import.fill", "which cells of a mesh are wall: the solid ones, or the surface", None),
+    ("map.import.inside", "what cells inside a mesh are", None),
+    ("map.import.unknown", "what cells are of which an OctoMap file does not know", None),
+    ("map.import.up", "axis of the file that points upwards", None),
+    ("map.import.scale", "metres for each unit of the file", None),
+    ("map.import.margin_cells", "layers of free cells around what the file holds", Some((0.0, 500.0))),
+    ("map.import.free_from", "place of the file that free cells must be connected with", None),
+    ("map.import.height_cells", "free cells from floor to ceiling of a floor plan", Some((1.0, 1022.0))),
+    ("map.import.threshold", "brightness from which a pixel of a floor plan is free", Some((0.0, 1.0))),
     ("map.spheres.fill_ratio", "spheres are added until they have freed this share of the volume", Some((0.0, 1.0))),
     ("map.spheres.radius_min", "smallest radius of a sphere, and radius of every tunnel, cells", Some((0.0, 510.0))),
     ("map.spheres.radius_max", "largest radius of a sphere, cells", Some((0.0, 510.0))),
@@ -198,7 +207,10 @@ mod tests {
                      execution = { record = \"a\", rtf = 2.0 }\n\
                      stop_when_covered = true\n\
                      map = { kind = \"noise\", size = [30, 20, 10], seed = 3 }";
-        let others = ["map = { kind = \"file\", file = \"a.txt\" }", "map = { kind = \"spheres\", size = 30 }"];
+        let import = "fill = \"shell\", inside = \"free\", unknown = \"free\", up = \"y\", scale = 0.001, margin_cells = 2, \
+                      free_from = [1.0, 2.0, 3.0], height_cells = 3, threshold = 0.5";
+        let file = format!("map = {{ kind = \"file\", file = \"a.txt\", import = {{ {import} }} }}");
+        let others = [file.as_str(), "map = { kind = \"spheres\", size = 30 }"];
         let mut seen = BTreeSet::new();
         for text in [whole, others[0], others[1]] {
             for parameter in of(&scenario(text)) {

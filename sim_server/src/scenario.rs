@@ -164,8 +164,13 @@ impl Scenario {
             }
         }
         scenario.complete_bodies();
-        if scenario.map.kind == MapKind::Building {
-            scenario.map.building.get_or_insert_default();
+        match scenario.map.kind {
+            MapKind::File => {}
+            MapKind::Building => drop(scenario.map.building.get_or_insert_default()),
+            MapKind::Spheres | MapKind::Noise => {}
+        }
+        if scenario.map.kind != MapKind::File {
+            scenario.map.cell_m.get_or_insert(1.0);
         }
         scenario.check(file)?;
         Ok(scenario)
@@ -210,7 +215,11 @@ impl Scenario {
         self.map.seed.unwrap_or(self.seed)
     }
 
-    fn check(&self, file: &str) -> Result<(), ScenarioError> {
+    /// Whether all values are legal. What hangs on the length of a cell is not looked at as long as that is left to a map file.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Value`]; `file` is the name of the scenario in it.
+    pub(crate) fn check(&self, file: &str) -> Result<(), ScenarioError> {
         let checker = Checker { file };
         let ticks = self.duration_s / Tick::TICK_S;
         checker.require(
@@ -219,7 +228,12 @@ impl Scenario {
             (1.0..=1e10).contains(&ticks) && (ticks - libm::round(ticks)).abs() < 1e-6,
             "expected a multiple of 0.02 s, at least 0.02",
         )?;
-        checker.positive("map.cell_m", self.map.cell_m)?;
+        if let Some(cell_m) = self.map.cell_m {
+            checker.positive("map.cell_m", cell_m)?;
+        }
+        if let Err(error) = self.map.import.check() {
+            checker.require("map.import", error, false, "see docs/maps.md")?;
+        }
         match (self.map.kind, self.map.size, &self.map.file) {
             (MapKind::File, None, Some(_)) | (MapKind::Spheres | MapKind::Noise | MapKind::Building, Some(_), None) => {
             }
@@ -228,7 +242,7 @@ impl Scenario {
                     "map.file",
                     "nothing",
                     map_file.is_some(),
-                    "a map of kind \"file\" needs a file, .m3dm or .txt",
+                    "a map of kind \"file\" needs a file, for example cave.m3dm",
                 )?;
                 let size = size.map_or("nothing".to_owned(), |size| format!("{:?}", size.cells()));
                 checker.require(
@@ -351,16 +365,18 @@ impl Scenario {
         for (key, value) in body.numbers() {
             checker.positive(&format!("{table}.{key}"), value)?;
         }
+        // Of a map file whose cells are not known yet, this is looked at when they are.
+        let Some(cell_m) = self.map.cell_m else { return Ok(()) };
         checker.require(
             &format!("{table}.radius_m"),
             body.radius_m,
-            (BODY_CELLS_MIN..=BODY_CELLS_MAX).contains(&(body.radius_m / self.map.cell_m)),
+            (BODY_CELLS_MIN..=BODY_CELLS_MAX).contains(&(body.radius_m / cell_m)),
             "expected at least a thousandth of a cell and at most the length of 16 cells",
         )?;
         checker.require(
             &format!("{table}.speed_max_m_s"),
             body.speed_max_m_s,
-            body.speed_max_m_s * Tick::TICK_S <= self.map.cell_m,
+            body.speed_max_m_s * Tick::TICK_S <= cell_m,
             "expected at most one cell in a tick: the length of 50 cells in a second",
         )
     }

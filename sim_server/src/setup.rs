@@ -5,9 +5,9 @@
 use std::path::Path;
 
 use thiserror::Error;
-use voxels::{Extent, ExtentError, Grid, Terrain};
+use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
 
-use crate::mapgen::{self, GeneratedMap, ImportSpec, MapError, MapReport, MapSpec};
+use crate::mapgen::{self, GeneratedMap, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
 use crate::recorder::{Document, RecordError, Recorder};
 use crate::recording::{Recording, RecordingError};
 use crate::scenario::{LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
@@ -22,8 +22,9 @@ const AGENT_CELL_BYTES: usize = 2;
 /// Name of the attachment of a recording that holds the scenario.
 pub const SCENARIO_ATTACHMENT: &str = "scenario.toml";
 
-/// Names of the attachment that holds the true map, by its format.
-const MAP_ATTACHMENTS: [&str; 2] = ["map.m3dm", "map.txt"];
+/// Name of the attachment that holds the true map, and one that recordings of earlier builds have for large maps.
+const MAP_ATTACHMENT: &str = "map.m3dm";
+const TEXT_MAP_ATTACHMENT: &str = "map.txt";
 
 /// Why a scenario cannot be set up.
 #[derive(Debug, Error)]
@@ -89,7 +90,7 @@ pub enum SetupError {
 pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError> {
     let name = file.display().to_string();
     if file.extension().is_some_and(|extension| extension == "mcap") {
-        return Ok(Scenario::parse(&name, &Recording::open(file)?.scenario(), overrides)?);
+        return resolve(Scenario::parse(&name, &Recording::open(file)?.scenario(), overrides)?, &name);
     }
     let bytes = std::fs::read(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
     let text = String::from_utf8(bytes).map_err(|error| {
@@ -98,7 +99,25 @@ pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError>
         let column = before.chars().rev().take_while(|&character| character != '\n').count() + 1;
         SetupError::NoText { file: name.clone(), line, column }
     })?;
-    Ok(Scenario::parse(&name, &text, overrides)?)
+    resolve(Scenario::parse(&name, &text, overrides)?, &name)
+}
+
+/// The scenario with the length of its cells, which is the map file's business if the scenario does not name one: 1 m if the file
+/// does not store it or cannot be read, which is then said when the world is made. `file` is the name for error messages.
+///
+/// # Errors
+/// If the rest of the scenario does not fit cells of this length.
+pub fn resolve(mut scenario: Scenario, file: &str) -> Result<Scenario, SetupError> {
+    if scenario.map.cell_m.is_none() {
+        let stored = scenario.map.file.as_deref().and_then(|map| {
+            let stores = MapFormat::of(map).is_ok_and(MapFormat::may_store_cell_m);
+            let bytes = if stores { std::fs::read(map).ok()? } else { return None };
+            ImportSpec::new(map.display().to_string(), bytes).stored_cell_m()
+        });
+        scenario.map.cell_m = Some(stored.unwrap_or(1.0));
+        scenario.check(file)?;
+    }
+    Ok(scenario)
 }
 
 /// The scenario of a recorded run, with the sections that do not change it from a scenario file, if there is one, and from the
@@ -141,9 +160,9 @@ pub fn rebuild(recording: &Recording, scenario: &Scenario) -> Result<(World, Map
 
 /// The attachment of a recording that holds the map.
 fn attached_map(recording: &Recording) -> Option<ImportSpec> {
-    MAP_ATTACHMENTS.iter().find_map(|name| {
+    [MAP_ATTACHMENT, TEXT_MAP_ATTACHMENT].into_iter().find_map(|name| {
         let bytes = recording.attachment(name)?.to_vec();
-        Some(ImportSpec { file: (*name).to_owned(), bytes })
+        Some(ImportSpec::new(name, bytes))
     })
 }
 
@@ -174,10 +193,10 @@ fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport),
 /// If the file cannot be made.
 pub fn record(file: &Path, scenario: &Scenario, world: &World) -> Result<Recorder, RecordError> {
     let identity = scenario.identity();
-    let (name, map) = map_document(world);
+    let map = m3dm::write(world.terrain()).unwrap_or_else(|_too_large| packed::write(world.terrain()));
     let documents = [
         Document { name: SCENARIO_ATTACHMENT, media_type: "application/toml", data: identity.as_bytes() },
-        Document { name, media_type: "application/octet-stream", data: &map },
+        Document { name: MAP_ATTACHMENT, media_type: "application/octet-stream", data: &map },
     ];
     Recorder::create(file, &documents)
 }
@@ -186,24 +205,13 @@ pub fn record(file: &Path, scenario: &Scenario, world: &World) -> Result<Recorde
 ///
 /// # Errors
 /// If the attachment is no map.
-///
-/// # Panics
-/// Never: the terrain has the size that it says.
 pub fn recorded_map(recording: &Recording, scenario: &Scenario) -> Result<Option<Grid<Terrain>>, SetupError> {
     let Some(import) = attached_map(recording) else {
         return Ok(None);
     };
-    let terrain = import.read().map_err(|source| SetupError::Map { table: "the map of the recording", source })?;
-    let extent = Extent::new(terrain.extent().size(), scenario.map.cell_m)?;
-    Ok(Some(Grid::from_vec(extent, terrain.into_vec()).expect("the size is its own")))
-}
-
-/// The terrain as the most compact file that can hold it.
-fn map_document(world: &World) -> (&'static str, Vec<u8>) {
-    match voxels::m3dm::write(world.terrain()) {
-        Ok(bytes) => (MAP_ATTACHMENTS[0], bytes),
-        Err(_too_large) => (MAP_ATTACHMENTS[1], world.terrain().to_text().into_bytes()),
-    }
+    let import = ImportSpec { cell_m: scenario.map.cell_m, ..import };
+    let table = "the map of the recording";
+    Ok(Some(import.read().map_err(|source| SetupError::Map { table, source })?.terrain))
 }
 
 fn map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
@@ -212,10 +220,10 @@ fn map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
         let file = section.file.as_deref().expect("a checked scenario has a file for a map from a file");
         let name = file.display().to_string();
         let bytes = std::fs::read(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
-        return imported(ImportSpec { file: name, bytes }, scenario);
+        return imported(ImportSpec { options: section.import, ..ImportSpec::new(name, bytes) }, scenario);
     };
     let size = section.size.expect("a checked scenario has a size for a generated map").cells();
-    let extent = Extent::new(size, section.cell_m)?;
+    let extent = Extent::new(size, section.cell_m.unwrap_or(1.0))?;
     mapgen::generate(&spec, extent, scenario.map_seed()).map_err(map_error(scenario))
 }
 
@@ -231,9 +239,9 @@ fn generator(scenario: &Scenario) -> Option<MapSpec> {
 }
 
 fn imported(import: ImportSpec, scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
-    let size = import.read().map_err(map_error(scenario))?.extent().size();
-    let extent = Extent::new(size, scenario.map.cell_m)?;
-    mapgen::generate(&MapSpec::Import(import), extent, scenario.map_seed()).map_err(map_error(scenario))
+    let import = ImportSpec { cell_m: scenario.map.cell_m, ..import };
+    let terrain = import.read().map_err(map_error(scenario))?.terrain;
+    mapgen::repair(&import.file, terrain, scenario.map_seed()).map_err(map_error(scenario))
 }
 
 /// An error with the place in the scenario that it is about.

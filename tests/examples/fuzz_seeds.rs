@@ -15,11 +15,12 @@ use msgs::parameters::{ListRequest, Named, NamesRequest, SetRequest, Value};
 use msgs::simulation_interfaces::{
     EntityRequest, EntityState, FilterRequest, SetEntityStateRequest, SpawnEntityRequest, StepRequest,
 };
+use sim_server::mapgen::MapFormat;
 use sim_server::recording::Recording;
 use sim_server::run::Nobody;
 use sim_server::scenario::Scenario;
 use sim_server::setup;
-use voxels::m3dm;
+use voxels::{m3dm, packed};
 
 /// A run of two agents that tell each other what they see, long enough for two chunks of the recording.
 const RUN: &str = "seed = 7\nduration_s = 11.0\nstop_when_explored = false\n[map]\nkind = \"spheres\"\nsize = 14\n\
@@ -39,6 +40,13 @@ fn main() {
     seed("m3dm", "cave", &m3dm::write(world.terrain()).expect("a small map"));
     seed("m3dm", "small", &[0b0000_0100, 0b0000_0100, 0b0001_1010, 0b0010_1010]);
     seed("m3dm", "text", b"#..\n.#.\n\n..#\n###\n");
+    seed("packed", "cave", &packed::write(world.terrain()));
+    for (target, format) in [("bt", MapFormat::OctoMap), ("obj", MapFormat::Obj), ("stl", MapFormat::Stl)] {
+        seed(target, "cave", &format.write(world.terrain(), false).expect("the format is written"));
+    }
+    for (target, name, bytes) in small_maps() {
+        seed(target, name, &bytes);
+    }
     seed("scenario", "short", RUN.as_bytes());
     seed("scenario", "all_keys", scenario.to_toml().as_bytes());
     seed("plan", "inside", format!("seeds = \"1..3\"\n[axes]\n\"agents.count\" = [1, 2]\n{}", inside(RUN)).as_bytes());
@@ -81,6 +89,58 @@ fn main() {
     ] {
         seed("messages", &format!("request_{name}"), &bytes);
     }
+}
+
+/// A few points, triangles, voxels and pixels in the formats that are only read, and in the texts of the others.
+fn small_maps() -> Vec<(&'static str, &'static str, Vec<u8>)> {
+    let floats = |numbers: &[f32]| -> Vec<u8> { numbers.iter().flat_map(|number| number.to_le_bytes()).collect() };
+    let points = floats(&[0.5, 0.5, 0.5, 3.5, 0.5, 0.5, 3.5, 2.5, 1.5]);
+    let pcd = |data: &str, bytes: &[u8]| {
+        let header = format!(
+            "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nPOINTS 3\nDATA {data}\n"
+        );
+        [header.as_bytes(), bytes].concat()
+    };
+    let ply = |format: &str, bytes: &[u8]| {
+        let header = format!(
+            "ply\nformat {format} 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+             element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        );
+        [header.as_bytes(), bytes].concat()
+    };
+    let by_field = floats(&[0.5, 3.5, 3.5, 0.5, 0.5, 2.5, 0.5, 0.5, 0.5]);
+    // LZF: 32 bytes that are copied, and the last four of them again.
+    let pieces = [&[31], &by_field[..32], &[2 << 5, 3]].concat();
+    let lengths = [pieces.len() as u32, by_field.len() as u32].map(u32::to_le_bytes).concat();
+    let chunk = |name: &str, content: &[u32]| -> Vec<u8> {
+        let content: Vec<u8> = content.iter().flat_map(|number| number.to_le_bytes()).collect();
+        [name.as_bytes(), &(content.len() as u32).to_le_bytes(), &[0; 4], &content].concat()
+    };
+    let model = [chunk("SIZE", &[3, 2, 1]), chunk("XYZI", &[2, 0, 0x0700_0102])].concat();
+    // A group of the model as it is, and shifted.
+    let mut moved = chunk("nTRN", &[2, 0, 3, u32::MAX, 0, 1]);
+    moved.extend([&1u32.to_le_bytes()[..], &2u32.to_le_bytes(), b"_t", &5u32.to_le_bytes(), b"5 6 7"].concat());
+    let length = (moved.len() - 12) as u32;
+    moved[4..8].copy_from_slice(&length.to_le_bytes());
+    let scene = [chunk("nGRP", &[0, 0, 2, 2, 3]), moved, chunk("nSHP", &[3, 0, 1, 0, 0])].concat();
+    let vox = |chunks: &[u8]| [b"VOX \x96\0\0\0MAIN\0\0\0\0\0\0\0\0".as_slice(), chunks].concat();
+    vec![
+        ("pcd", "ascii", pcd("ascii", b"0.5 0.5 0.5\n3.5 0.5 0.5\n3.5 2.5 1.5\n")),
+        ("pcd", "binary", pcd("binary", &points)),
+        ("pcd", "compressed", pcd("binary_compressed", &[lengths, pieces].concat())),
+        ("ply", "ascii", ply("ascii", b"0.5 0.5 0.5\n3.5 0.5 0.5\n3.5 2.5 1.5\n3 0 1 2\n")),
+        ("ply", "binary", ply("binary_little_endian", &points)),
+        ("obj", "pyramid", b"v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 2 2 4\nf 4 3 2 1\nf 1 2 5\nf 2/1 3/1 5/1\nf -3 -2 -1\nf 4 1 5\n".into()),
+        (
+            "stl",
+            "ascii",
+            b"solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 4 0 0\nvertex 0 4 1\nendloop\nendfacet\nendsolid\n".into(),
+        ),
+        ("vox", "model", vox(&model)),
+        ("vox", "scene", vox(&[model, scene].concat())),
+        ("pgm", "words", b"P2\n# a plan\n4 3\n9\n9 9 0 9\n9 0 0 9\n9 9 9 9\n".into()),
+        ("pgm", "bytes", b"P5 3 2 255\n\xff\x00\xff\xff\xff\x7f".into()),
+    ]
 }
 
 /// A scenario as the table `scenario` of a plan.

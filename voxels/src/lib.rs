@@ -17,6 +17,7 @@ pub mod extent;
 pub mod grid;
 pub mod lattice;
 pub mod m3dm;
+pub mod packed;
 pub mod runs;
 pub mod terrain;
 pub mod through;
@@ -28,6 +29,7 @@ pub use components::{Components, Pockets, close_shell, free_components, keep_lar
 pub use extent::{Extent, ExtentError};
 pub use grid::{Grid, GridError};
 pub use m3dm::M3dmError;
+pub use packed::PackedError;
 pub use runs::{RunsError, check_runs, indices, runs};
 pub use terrain::{Terrain, TextError, is_wall_at};
 pub use through::length_in_walls_m;

@@ -6,7 +6,8 @@
 //! right-handed with z up: our x is its x, our y its z, our z its y. That change mirrors nothing. So
 //! W, H, D are our sizes along x, z, y, and the bits run with our x slowest, then z, y fastest.
 //!
-//! The file holds no cell length: cells read from it are 1 m long. This module repairs nothing (open
+//! The file holds no cell length: cells read from it are 1 m long. Larger maps, and smaller files, are the business of
+//! [`crate::packed`]. This module repairs nothing (open
 //! shells and pockets are the importer's business).
 
 use thiserror::Error;

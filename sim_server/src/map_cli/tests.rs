@@ -1,6 +1,7 @@
 use super::*;
 use clap::Parser;
 use tempfile::TempDir;
+use voxels::Grid;
 
 #[derive(Debug, Parser)]
 struct Cli {
@@ -37,7 +38,7 @@ impl Scratch {
         let words = line.split(' ').map(|word| word.replace('@', &folder));
         let cli = Cli::try_parse_from(std::iter::once("map".to_owned()).chain(words)).map_err(|e| e.to_string())?;
         let mut out = Vec::new();
-        let result = run_to(cli.command, &mut out).map_err(|error| error.to_string());
+        let result = run_to(cli.command, None, &mut out).map_err(|error| error.to_string());
         result.map(|()| String::from_utf8(out).unwrap().replace(&folder, "")).map_err(|e| e.replace(&folder, ""))
     }
 }
@@ -143,13 +144,18 @@ fn bad_input_is_one_line_and_writes_nothing() {
     scratch.write("bad.txt", "..\n.x\n");
     scratch.write("bad.m3dm", [0x64, 0xC9, 0x90, 0xFF]);
     scratch.write("solid.txt", "###\n###\n###\n");
-    scratch.write("long.txt", ".".repeat(128));
     scratch.write("good.txt", OPEN);
+    scratch.map("convert --as-is --rle --cell-m 0.5 @good.txt @packed.m3dm").unwrap();
     let before = scratch.files();
     for (line, expected) in [
-        ("generate --size 30 -o @a.vox", "a.vox: the file's extension is \"vox\", known are .m3dm and .txt"),
-        ("generate --size 30 -o @a", "a: the file's extension is missing, known are .m3dm and .txt"),
-        ("generate --size 30x128x30 -o @a.m3dm", "a.m3dm: map size along y is 128 cells, an M3DM file holds 1 to 127"),
+        (
+            "generate --size 30 -o @a.vox",
+            "a.vox: files of extension \"vox\" are not written, only .m3dm, .txt, .bt, .obj and .stl",
+        ),
+        (
+            "generate --size 30 -o @a",
+            "a: the file's extension is missing, known are .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, .vox and .pgm",
+        ),
         ("generate --size 2000 -o @a.txt", "map size along x is 2000 cells, allowed are 1 to 1024"),
         ("generate --size 30 --cell-m 0 -o @a.txt", "cell_m is 0, allowed are finite lengths in metres above 0"),
         ("generate --size 30 --radius-max 14 -o @a.txt", "radius_max is 14, allowed is 3 to 13"),
@@ -178,7 +184,12 @@ fn bad_input_is_one_line_and_writes_nothing() {
         ),
         ("convert @bad.m3dm @a.txt", "bad.m3dm: byte 4: the file ends here, expected length 15628 bytes"),
         ("convert @solid.txt @a.txt", "solid.txt: the map has no free cell inside its outermost layer"),
-        ("convert --as-is @long.txt @a.m3dm", "a.m3dm: map size along x is 128 cells, an M3DM file holds 1 to 127"),
+        ("convert @good.txt @a.txt --up y", "good.txt: up is not an option for .txt files, which have none"),
+        (
+            "convert @packed.m3dm @a.txt --cell-m 0.2",
+            "packed.m3dm: the file has cells of 0.5 m, asked for are cells of 0.2 m; leave cell_m out, or let them agree",
+        ),
+        ("info @good.txt @bad.txt --png @a.png", "--png a.png: a picture is of one map, there are 2"),
     ] {
         assert_eq!(scratch.map(line), Err(expected.to_owned()), "{line}");
         assert_eq!(scratch.files(), before, "{line}");
@@ -208,4 +219,42 @@ fn a_file_that_cannot_take_its_name_leaves_nothing_behind() {
     let error = scratch.map("generate --size 30 --seed 1 -o @folder.txt").unwrap_err();
     assert!(error.starts_with("folder.txt: cannot be written: "), "{error}");
     assert_eq!(scratch.files(), ["folder.txt"]);
+}
+
+#[test]
+fn packed_maps_are_smaller_have_a_cell_length_and_no_limit_of_127_cells() {
+    let scratch = Scratch::new();
+    scratch.map("generate --size 60 --seed 1 -o @plain.m3dm").unwrap();
+    let report = scratch.map("convert @plain.m3dm @packed.m3dm --rle --cell-m 0.25").unwrap();
+    assert_eq!(value(&report, "cell_m"), "0.25");
+    let length = |name: &str| fs::metadata(scratch.path(name)).unwrap().len();
+    assert!(length("packed.m3dm") * 4 < length("plain.m3dm"));
+    scratch.map("convert @packed.m3dm @again.m3dm").unwrap();
+    assert_eq!(fs::read(scratch.path("again.m3dm")).unwrap(), fs::read(scratch.path("plain.m3dm")).unwrap());
+    let info = scratch.map("info @packed.m3dm").unwrap();
+    assert_eq!((value(&info, "cell_m"), value(&info, "size")), ("0.25", "60x60x60"));
+
+    scratch.map("generate --kind noise --size 130x20x20 --fill 0.4 --seed 1 -o @long.m3dm").unwrap();
+    assert_eq!(fs::read(scratch.path("long.m3dm")).unwrap()[..8], *b"\0M3DMRLE");
+    assert_eq!(value(&scratch.map("info @long.m3dm").unwrap(), "size"), "130x20x20");
+}
+
+#[test]
+fn maps_come_from_other_programs_and_go_to_them() {
+    let scratch = Scratch::new();
+    let hash = |report: &str| value(report, "blake3").to_owned();
+    let made = hash(&scratch.map("generate --size 30 --seed 2 --cell-m 0.5 -o @a.bt").unwrap());
+    let info = scratch.map("info @a.bt --slices 2").unwrap();
+    assert_eq!((hash(&info), value(&info, "cell_m")), (made, "0.5"));
+    assert!(info.contains("\nz=7                             z=22\n"), "{info}");
+    scratch.map("convert @a.bt @a.stl").unwrap();
+    let report = scratch.map("convert @a.stl @b.bt --inside free --cell-m 0.5").unwrap();
+    assert_eq!(value(&report, "pockets"), "0 filled (0 cells)");
+    assert_eq!(value(&report, "free").split(' ').next(), value(&info, "free").split(' ').next());
+    assert!(value(&report, "mesh").ends_with("0 dropped because they have no area or are not finite"));
+
+    scratch.write("plan.pgm", "P2 3 2 9 9 9 9 9 0 9");
+    let report = scratch.map("info @plan.pgm --height-cells 2 --png @plan.png").unwrap();
+    assert_eq!(value(&report, "pixels"), "5 free, 1 wall, as bright as 0.9 of 9 is free");
+    assert_eq!(fs::read(scratch.path("plan.png")).unwrap()[1..4], *b"PNG");
 }

@@ -7,8 +7,12 @@ fn extent(size: [u32; 3]) -> Extent {
     Extent::new(size, 1.0).unwrap()
 }
 
-fn import(file: &str, text: &str) -> MapSpec {
-    MapSpec::Import(ImportSpec { file: file.to_owned(), bytes: text.as_bytes().to_vec() })
+fn import(file: &str, text: &str) -> ImportSpec {
+    ImportSpec::new(file, text.as_bytes().to_vec())
+}
+
+fn repaired(spec: &ImportSpec) -> Result<GeneratedMap, MapError> {
+    repair(&spec.file, spec.read()?.terrain, 9)
 }
 
 /// Everything that is promised of every map.
@@ -163,14 +167,14 @@ fn a_map_without_free_cells_is_an_error() {
     assert_eq!(generate(&solid, extent([9; 3]), 1), Err(MapError::Empty));
     let shell_only = import("open.txt", "...\n.#.\n...\n");
     let empty = MapError::ImportEmpty { file: "open.txt".to_owned() };
-    assert_eq!(generate(&shell_only, extent([3, 3, 1]), 1), Err(empty));
+    assert_eq!(repaired(&shell_only), Err(empty));
 }
 
 #[test]
 fn an_imported_map_is_closed_and_connected() {
     let walls = "#####\n#####\n#####\n#####\n";
     let spec = import("cave.TXT", &format!("{walls}\n##.##\n#.#.#\n..#.#\n#####\n\n{walls}"));
-    let map = generate(&spec, extent([5, 4, 3]), 9).unwrap();
+    let map = repaired(&spec).unwrap();
     assert_sound(&map, 1);
     // Two caves of two cells within the shell: the right one and the left one, which comes first in index order.
     assert_eq!(map.terrain.to_text(), format!("{walls}\n#####\n#.###\n#.###\n#####\n\n{walls}"));
@@ -180,14 +184,13 @@ fn an_imported_map_is_closed_and_connected() {
 
 #[test]
 fn an_import_that_does_not_fit_names_the_file() {
-    let message = |spec: MapSpec| spec.check(extent([2, 2, 1])).unwrap_err().to_string();
-    assert_eq!(message(import("a.txt", "...\n")), "a.txt: the map has 3x1x1 cells, the scenario says 2x2x1");
-    assert_eq!(message(import("a.vox", "")), "a.vox: the file's extension is \"vox\", known are .m3dm and .txt");
-    assert_eq!(message(import("cave", "")), "cave: the file's extension is missing, known are .m3dm and .txt");
+    let message = |spec: ImportSpec| spec.read().unwrap_err().to_string();
+    let known = "known are .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, .vox and .pgm";
+    assert_eq!(message(import("a.bmp", "")), format!("a.bmp: the file's extension is \"bmp\", {known}"));
+    assert_eq!(message(import("cave", "")), format!("cave: the file's extension is missing, {known}"));
     assert!(message(import("a.m3dm", "x")).starts_with("a.m3dm: byte 1: "));
     assert!(message(import("a.txt", "..\n.x\n")).starts_with("a.txt: line 2, column 2: 'x'"));
-    let spec = MapSpec::Import(ImportSpec { file: "b.txt".to_owned(), bytes: vec![b'.', 0xff] });
-    assert_eq!(message(spec), "b.txt: byte 1: not UTF-8 text");
+    assert_eq!(message(ImportSpec::new("b.txt", vec![b'.', 0xff])), "b.txt: byte 1: not UTF-8 text");
 }
 
 #[test]

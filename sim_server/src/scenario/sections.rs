@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Deserializer, Serialize, de};
 
-use crate::mapgen::{BuildingSpec, NoiseSpec, SpheresSpec};
+use crate::mapgen::{BuildingSpec, ImportOptions, NoiseSpec, SpheresSpec};
 use crate::views::View;
 
 /// `[map]`.
@@ -20,15 +20,18 @@ pub struct MapSection {
     /// Cells along each axis; one number for a cube. Not for `kind = "file"`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size: Option<Size>,
-    /// Edge of a cell, metres.
-    #[serde(default = "one")]
-    pub cell_m: f64,
+    /// Edge of a cell, metres. `None`, only with `kind = "file"`: as long as the file says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cell_m: Option<f64>,
     /// Seed of the map, if it is not that of the run.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "some_seed")]
     pub seed: Option<u64>,
     /// The map file of `kind = "file"`, relative to where the server runs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
+    /// How the map file is read.
+    #[serde(default, skip_serializing_if = "ImportOptions::is_default")]
+    pub import: ImportOptions,
     /// Parameters of `kind = "spheres"`.
     #[serde(default)]
     pub spheres: SpheresSpec,
@@ -364,10 +367,6 @@ pub(super) fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D:
 
 fn some_seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u64>, D::Error> {
     seed(deserializer).map(Some)
-}
-
-fn one() -> f64 {
-    1.0
 }
 
 fn rbw() -> String {

@@ -1,4 +1,5 @@
 use super::*;
+use tempfile::TempDir;
 
 /// A recording holds the cells of a building, but not where its entrances are.
 #[test]
@@ -46,4 +47,62 @@ fn a_building_that_cannot_be_had_is_told_with_its_table() {
                 map = { kind = \"building\", size = 30, building = { floors = 8 } }\n";
     let refused = build(&Scenario::parse("s.toml", text, &[]).unwrap()).err().unwrap().to_string();
     assert!(refused.contains("map.building: floors is 8, allowed is 1 to 7"), "{refused}");
+}
+
+/// A scenario on the map file `map` in `folder`, with more keys of its map and of its bodies.
+fn scenario(folder: &TempDir, map: &str, keys: &str, body: &str) -> Result<Scenario, SetupError> {
+    let file = folder.path().join("s.toml");
+    let map = folder.path().join(map);
+    let text = format!(
+        "seed = 1\nduration_s = 1.0\n[map]\nkind = \"file\"\nfile = {:?}\n{keys}\n[agents]\ncount = 1\n[body]\n{body}\n",
+        map.display()
+    );
+    std::fs::write(&file, text).unwrap();
+    load(&file, &[])
+}
+
+/// A folder with a hall of 3 x 3 x 3 free cells of half a metre as a packed map, as a plain one and in parts that are no map.
+fn folder() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let mut hall = Grid::new(Extent::new([5; 3], 0.5).unwrap(), Terrain::Free);
+    voxels::close_shell(&mut hall, 1);
+    std::fs::write(folder.path().join("packed.m3dm"), packed::write(&hall)).unwrap();
+    std::fs::write(folder.path().join("plain.m3dm"), m3dm::write(&hall).unwrap()).unwrap();
+    folder
+}
+
+const SMALL_BODY: &str = "radius_m = 0.2";
+
+#[test]
+fn the_cells_of_a_map_are_as_long_as_its_file_says() {
+    let folder = folder();
+    let of_file = scenario(&folder, "packed.m3dm", "", SMALL_BODY).unwrap();
+    assert_eq!(of_file.map.cell_m, Some(0.5));
+    assert!(of_file.identity().contains("cell_m = 0.5\n"), "a recording names the length");
+    let (world, _) = build(&of_file).unwrap();
+    assert_eq!(world.terrain().extent().cell_m(), 0.5);
+    assert_eq!(scenario(&folder, "packed.m3dm", "cell_m = 0.5", SMALL_BODY).unwrap(), of_file);
+
+    let of_scenario = |keys| build(&scenario(&folder, "plain.m3dm", keys, SMALL_BODY).unwrap()).unwrap().0;
+    assert_eq!(of_scenario("cell_m = 0.8").terrain().extent().cell_m(), 0.8);
+    assert_eq!(of_scenario("").terrain().extent().cell_m(), 1.0);
+}
+
+#[test]
+fn what_does_not_fit_the_cells_of_the_file_is_refused() {
+    let folder = folder();
+    let other = scenario(&folder, "packed.m3dm", "cell_m = 0.8", SMALL_BODY).unwrap();
+    let error = build(&other).unwrap_err().to_string();
+    assert!(
+        error.starts_with("map.file: ") && error.contains("cells of 0.5 m, asked for are cells of 0.8 m"),
+        "{error}"
+    );
+    let fast = scenario(&folder, "packed.m3dm", "", "speed_max_m_s = 30.0").unwrap_err().to_string();
+    assert!(fast.contains("body.speed_max_m_s = 30"), "{fast}");
+    assert!(scenario(&folder, "plain.m3dm", "", "speed_max_m_s = 30.0").is_ok());
+    let import = scenario(&folder, "plain.m3dm", "import = { threshold = 2.0 }", "").unwrap_err().to_string();
+    assert!(import.contains("map.import = threshold = 2, allowed is 0 to 1: see docs/maps.md"), "{import}");
+    // A file that is not there is said when the world is made.
+    let missing = scenario(&folder, "nowhere.m3dm", "", "").unwrap();
+    assert!(build(&missing).unwrap_err().to_string().contains("nowhere.m3dm: No such file"));
 }

@@ -1,0 +1,78 @@
+//! Map files of other programs, and packed ones: what is read is a map, and one that can be written is written and read to the same.
+
+use sim_server::mapgen::{Fill, ImportOptions, ImportSpec, Kind, MapFormat};
+use voxels::{Grid, Terrain, packed as format};
+
+/// Cells of a map at the most: what is tried is the reading, not the memory of a large map.
+const CELLS_MAX: usize = 1 << 16;
+
+/// A packed map.
+pub(crate) fn packed(bytes: &[u8]) {
+    if let Ok(terrain) = format::read(bytes, CELLS_MAX) {
+        assert_eq!(format::extent(bytes), Ok(terrain.extent()));
+        assert_eq!(format::read(&format::write(&terrain), CELLS_MAX), Ok(terrain));
+    }
+}
+
+/// An OctoMap tree, which is written to one that says the same.
+pub(crate) fn octomap(bytes: &[u8]) {
+    if let Some(terrain) = read("fuzz.bt", bytes, ImportOptions::default()) {
+        let again = MapFormat::OctoMap.write(&terrain, false).expect("trees are written");
+        assert_eq!(read("fuzz.bt", &again, ImportOptions::default()), Some(terrain));
+    }
+    read("fuzz.bt", bytes, ImportOptions { unknown: Some(Kind::Free), ..ImportOptions::default() });
+}
+
+/// A point cloud of the Point Cloud Library.
+pub(crate) fn pcd(bytes: &[u8]) {
+    read("fuzz.pcd", bytes, ImportOptions::default());
+}
+
+/// A point cloud in the Polygon File Format.
+pub(crate) fn ply(bytes: &[u8]) {
+    read("fuzz.ply", bytes, ImportOptions::default());
+}
+
+/// A mesh in Wavefront's format.
+pub(crate) fn obj(bytes: &[u8]) {
+    mesh("fuzz.obj", bytes);
+}
+
+/// A mesh of triangles.
+pub(crate) fn stl(bytes: &[u8]) {
+    mesh("fuzz.stl", bytes);
+}
+
+/// A model of MagicaVoxel.
+pub(crate) fn vox(bytes: &[u8]) {
+    read("fuzz.vox", bytes, ImportOptions::default());
+}
+
+/// A floor plan.
+pub(crate) fn pgm(bytes: &[u8]) {
+    read("fuzz.pgm", bytes, ImportOptions::default());
+}
+
+/// A mesh as a solid and as a shell.
+fn mesh(file: &str, bytes: &[u8]) {
+    for fill in [Fill::Solid, Fill::Shell] {
+        read(file, bytes, ImportOptions { fill: Some(fill), inside: Some(Kind::Free), ..ImportOptions::default() });
+    }
+}
+
+/// The map of a file, whose refusal is one line that names the file.
+fn read(file: &str, bytes: &[u8], options: ImportOptions) -> Option<Grid<Terrain>> {
+    let spec = ImportSpec { options, cells_max: CELLS_MAX, ..ImportSpec::new(file, bytes.to_vec()) };
+    match spec.read() {
+        Ok(imported) => {
+            assert!(imported.terrain.extent().volume() <= CELLS_MAX);
+            Some(imported.terrain)
+        }
+        Err(error) => {
+            let error = error.to_string();
+            assert!(error.starts_with(file), "an error that does not name the file: {error}");
+            assert!(!error.contains('\n'), "an error of several lines: {error}");
+            None
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! The surface between wall and free cells as rectangles, as large as they can greedily be made.
+//!
+//! Layer by layer along each axis, and for each side: the first face that is left grows to the right as long as it can, and then
+//! upwards. All faces of the surface are covered once, those at the edge of the map included, because outside is wall.
+
+use voxels::{Cell, Grid, Terrain, is_wall_at};
+
+/// A rectangle of faces of cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Rectangle {
+    axis: usize,
+    /// Whether the free space is above it.
+    is_up: bool,
+    /// Its lowest corner, in cells.
+    low: [u32; 3],
+    /// Its edges along the two axes after `axis`.
+    edges: [u32; 2],
+}
+
+impl Rectangle {
+    /// Its corners in cells, anticlockwise as seen from the free space.
+    pub(super) fn corners(&self) -> [[u32; 3]; 4] {
+        let (u, v) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
+        let corner = |along_u: u32, along_v: u32| {
+            let mut corner = self.low;
+            corner[u] += along_u;
+            corner[v] += along_v;
+            corner
+        };
+        let [along_u, along_v] = self.edges;
+        let corners = [corner(0, 0), corner(along_u, 0), corner(along_u, along_v), corner(0, along_v)];
+        let [a, b, c, d] = corners;
+        if self.is_up { corners } else { [a, d, c, b] }
+    }
+
+    /// The direction of the free space.
+    pub(super) fn normal(&self) -> [i8; 3] {
+        let mut normal = [0; 3];
+        normal[self.axis] = if self.is_up { 1 } else { -1 };
+        normal
+    }
+}
+
+/// The surface of a map.
+pub(super) fn rectangles(terrain: &Grid<Terrain>) -> Vec<Rectangle> {
+    let size = terrain.extent().size();
+    let mut found = Vec::new();
+    for axis in 0..3 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        for is_up in [false, true] {
+            for layer in 0..=size[axis] {
+                let is_free = |offset: i32, at_u: u32, at_v: u32| {
+                    let mut cell = [0; 3];
+                    (cell[axis], cell[u], cell[v]) = (layer as i32 + offset, at_u as i32, at_v as i32);
+                    !is_wall_at(terrain, Cell::new(cell[0], cell[1], cell[2]))
+                };
+                let (free, wall) = if is_up { (0, -1) } else { (-1, 0) };
+                let mut faces = Faces::new([size[u], size[v]], |at_u, at_v| {
+                    is_free(free, at_u, at_v) && !is_free(wall, at_u, at_v)
+                });
+                faces.merge(|[at_u, at_v], edges| {
+                    let mut low = [0; 3];
+                    (low[axis], low[u], low[v]) = (layer, at_u, at_v);
+                    found.push(Rectangle { axis, is_up, low, edges });
+                });
+            }
+        }
+    }
+    found
+}
+
+/// Faces in a plane that are not yet in a rectangle.
+struct Faces {
+    size: [u32; 2],
+    is_left: Vec<bool>,
+}
+
+impl Faces {
+    fn new([size_u, size_v]: [u32; 2], is_face: impl Fn(u32, u32) -> bool) -> Self {
+        let is_face = &is_face;
+        let is_left = (0..size_v).flat_map(|v| (0..size_u).map(move |u| is_face(u, v))).collect();
+        Self { size: [size_u, size_v], is_left }
+    }
+
+    /// Takes all faces out as rectangles: their lowest corners and their edges.
+    fn merge(&mut self, mut found: impl FnMut([u32; 2], [u32; 2])) {
+        let [size_u, size_v] = self.size;
+        for v in 0..size_v {
+            for u in 0..size_u {
+                let row = |faces: &Self, v: u32, count: u32| (u..u + count).all(|u| faces.is_left[faces.index(u, v)]);
+                let along_u = (u..size_u).take_while(|&u| self.is_left[self.index(u, v)]).count() as u32;
+                if along_u == 0 {
+                    continue;
+                }
+                let along_v = (v..size_v).take_while(|&v| row(self, v, along_u)).count() as u32;
+                for v in v..v + along_v {
+                    let first = self.index(u, v);
+                    self.is_left[first..first + along_u as usize].fill(false);
+                }
+                found([u, v], [along_u, along_v]);
+            }
+        }
+    }
+
+    fn index(&self, u: u32, v: u32) -> usize {
+        (v * self.size[0] + u) as usize
+    }
+}

@@ -1,0 +1,112 @@
+//! Bytes and lines of a file, read from the front, with errors that say where.
+
+use super::FormatError;
+
+/// Longest piece of a file that an error repeats, in bytes.
+const SHOWN_MAX: usize = 40;
+
+/// Bytes of a file, from some place on.
+pub(super) struct Bytes<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    line: usize,
+}
+
+impl<'a> Bytes<'a> {
+    /// From the first byte on.
+    pub(super) fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0, line: 0 }
+    }
+
+    /// The place of the next byte.
+    pub(super) fn at(&self) -> usize {
+        self.at
+    }
+
+    /// All bytes that are left.
+    pub(super) fn rest(&self) -> &'a [u8] {
+        &self.bytes[self.at..]
+    }
+
+    /// The next `count` bytes.
+    ///
+    /// # Errors
+    /// If there are not so many; the error says what they would have been.
+    pub(super) fn take(&mut self, count: usize, what: &str) -> Result<&'a [u8], FormatError> {
+        let rest = self.rest();
+        if rest.len() < count {
+            let reason = format!("the file ends here, {what} takes {count} bytes and {} are left", rest.len());
+            return Err(FormatError::byte(self.at, reason));
+        }
+        self.at += count;
+        Ok(&rest[..count])
+    }
+
+    /// The next four bytes as a little-endian number.
+    ///
+    /// # Errors
+    /// If there are not so many.
+    pub(super) fn u32(&mut self, what: &str) -> Result<u32, FormatError> {
+        let bytes = self.take(4, what)?;
+        Ok(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
+    }
+
+    /// The next line, without its end, and its number from 1; `None` at the end.
+    pub(super) fn line(&mut self) -> Option<(usize, &'a [u8])> {
+        let rest = self.rest();
+        if rest.is_empty() {
+            return None;
+        }
+        let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
+        self.at += (length + 1).min(rest.len());
+        self.line += 1;
+        Some((self.line, rest[..length].trim_ascii_end()))
+    }
+
+    /// The next line of a header that must go on.
+    ///
+    /// # Errors
+    /// If the file ends first.
+    pub(super) fn header_line(&mut self, until: &str) -> Result<(usize, &'a [u8]), FormatError> {
+        let at = self.at;
+        self.line().ok_or_else(|| FormatError::byte(at, format!("the file ends within its header, before {until}")))
+    }
+}
+
+/// The words of a line.
+pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+    line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
+}
+
+/// A word as a number.
+///
+/// # Errors
+/// If it is none; the error names the line and what the number would have been.
+pub(super) fn number<T: std::str::FromStr>(line: usize, word: Option<&[u8]>, what: &str) -> Result<T, FormatError> {
+    let Some(word) = word else {
+        return Err(FormatError::line(line, format!("{what} is missing")));
+    };
+    let parsed = str::from_utf8(word).ok().and_then(|word| word.parse().ok());
+    parsed.ok_or_else(|| FormatError::line(line, format!("{what} is {}, expected a number", shown(word))))
+}
+
+/// Three numbers.
+///
+/// # Errors
+/// If one is missing or none.
+pub(super) fn three<'a>(
+    line: usize,
+    words: &mut impl Iterator<Item = &'a [u8]>,
+    what: &str,
+) -> Result<[f64; 3], FormatError> {
+    let mut place = [0.0; 3];
+    for along in &mut place {
+        *along = number(line, words.next(), what)?;
+    }
+    Ok(place)
+}
+
+/// A piece of a file as part of an error, which is one line whatever the file holds.
+pub(super) fn shown(piece: &[u8]) -> String {
+    format!("{:?}", String::from_utf8_lossy(&piece[..piece.len().min(SHOWN_MAX)]))
+}

@@ -1,0 +1,297 @@
+//! The file formats for maps, and what can be wrong with their files.
+
+use std::fmt::{self, Display};
+use std::path::Path;
+
+use thiserror::Error;
+use voxels::{Extent, ExtentError, Grid, M3dmError, PackedError, Terrain, TextError, m3dm, packed};
+
+use super::super::export;
+use super::{ImportSpec, Imported, obj, octomap, pcd, pgm, ply, stl, vox};
+
+/// A file format for maps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MapFormat {
+    /// The reference's bit format, up to 127 cells per axis, and the packed one of this project, `.m3dm`.
+    M3dm,
+    /// A world drawn with `#` and `.`, `.txt`.
+    Text,
+    /// A binary tree of OctoMap, `.bt`.
+    OctoMap,
+    /// A point cloud of the Point Cloud Library, `.pcd`.
+    Pcd,
+    /// A point cloud in the Polygon File Format, `.ply`.
+    Ply,
+    /// A mesh in Wavefront's format, `.obj`.
+    Obj,
+    /// A mesh of triangles, `.stl`.
+    Stl,
+    /// A model of MagicaVoxel, `.vox`.
+    Vox,
+    /// A floor plan as a portable grey map, `.pgm`.
+    Pgm,
+}
+
+/// A place in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// From 0.
+    Byte(usize),
+    /// From 1.
+    Line(usize),
+}
+
+impl Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Byte(at) => write!(f, "byte {at}"),
+            Self::Line(number) => write!(f, "line {number}"),
+        }
+    }
+}
+
+/// Why bytes are not a map, or a map has no bytes in this format.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum FormatError {
+    /// The extension of the file's name is missing or unknown.
+    #[error("the file's extension is {}, known are {}", if_any(.0), MapFormat::extensions(|_| true))]
+    Extension(String),
+    /// A format that is only read.
+    #[error("files of extension {extension:?} are not written, only {}", MapFormat::extensions(MapFormat::is_written))]
+    NotWritten {
+        /// Its extension.
+        extension: &'static str,
+    },
+    /// Not M3DM, or too large for it.
+    #[error(transparent)]
+    M3dm(#[from] M3dmError),
+    /// Not packed M3DM.
+    #[error(transparent)]
+    Packed(#[from] PackedError),
+    /// Not UTF-8.
+    #[error("byte {0}: not UTF-8 text")]
+    Utf8(usize),
+    /// Not a world drawn as text.
+    #[error(transparent)]
+    Text(#[from] TextError),
+    /// Not of its format.
+    #[error("{place}: {reason}")]
+    Content {
+        /// Where.
+        place: Place,
+        /// What is wrong, and what is allowed.
+        reason: String,
+    },
+    /// The file is well formed and holds nothing to make a map of.
+    #[error("the file has no {0}")]
+    Nothing(&'static str),
+    /// The file's own size is none.
+    #[error(transparent)]
+    Extent(ExtentError),
+    /// What the file holds does not fit into a map.
+    #[error("{reason}, with cells of {cell_m} m; choose longer ones")]
+    Box {
+        /// The axis that is too long.
+        reason: ExtentError,
+        /// Length of the cells.
+        cell_m: f64,
+    },
+    /// The map has more cells than its reader allows.
+    #[error("the map has {cells} cells, allowed are {cells_max}")]
+    TooManyCells {
+        /// Cells of the map.
+        cells: usize,
+        /// Cells that are allowed.
+        cells_max: usize,
+    },
+    /// The system has not enough memory.
+    #[error("a map of {0} cells takes more memory than can be had")]
+    Memory(usize),
+    /// The file has cells of another length than is asked for.
+    #[error("the file has cells of {stored} m, asked for are cells of {asked} m; leave cell_m out, or let them agree")]
+    CellLength {
+        /// Of the file, metres.
+        stored: f64,
+        /// Of the user, metres.
+        asked: f64,
+    },
+    /// An option has a value that it cannot have.
+    #[error("{name} = {value}, allowed is {allowed}")]
+    Option {
+        /// The option.
+        name: &'static str,
+        /// Its value.
+        value: String,
+        /// What it may be.
+        allowed: &'static str,
+    },
+    /// An option that the format does not have.
+    #[error("{name} is not an option for .{extension} files, which have {}", some(.has))]
+    NoOption {
+        /// The option.
+        name: &'static str,
+        /// Extension of the format.
+        extension: &'static str,
+        /// Its options.
+        has: &'static [&'static str],
+    },
+    /// The place that is to be free is not.
+    #[error(
+        "free_from = {},{},{} lies {}, expected a place in a free cell",
+        .place[0], .place[1], .place[2], if *.is_outside { "outside the map" } else { "in wall" }
+    )]
+    FreeFrom {
+        /// In coordinates of the file.
+        place: [f64; 3],
+        /// Whether it is not in the map at all.
+        is_outside: bool,
+    },
+}
+
+impl FormatError {
+    /// An error at a byte.
+    pub(super) fn byte(at: usize, reason: impl Into<String>) -> Self {
+        Self::Content { place: Place::Byte(at), reason: reason.into() }
+    }
+
+    /// An error in a line.
+    pub(super) fn line(number: usize, reason: impl Into<String>) -> Self {
+        Self::Content { place: Place::Line(number), reason: reason.into() }
+    }
+}
+
+impl MapFormat {
+    /// All formats.
+    pub const ALL: [Self; 9] =
+        [Self::M3dm, Self::Text, Self::OctoMap, Self::Pcd, Self::Ply, Self::Obj, Self::Stl, Self::Vox, Self::Pgm];
+
+    /// The extension of this format's files, without the dot.
+    #[must_use]
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::M3dm => "m3dm",
+            Self::Text => "txt",
+            Self::OctoMap => "bt",
+            Self::Pcd => "pcd",
+            Self::Ply => "ply",
+            Self::Obj => "obj",
+            Self::Stl => "stl",
+            Self::Vox => "vox",
+            Self::Pgm => "pgm",
+        }
+    }
+
+    /// The format of a file, by the extension of its name; upper and lower case are the same.
+    ///
+    /// # Errors
+    /// [`FormatError::Extension`], which lists the known extensions.
+    pub fn of(file: &Path) -> Result<Self, FormatError> {
+        let extension = file.extension().unwrap_or_default().to_string_lossy();
+        let known = Self::ALL.into_iter().find(|format| extension.eq_ignore_ascii_case(format.extension()));
+        known.ok_or_else(|| FormatError::Extension(extension.into_owned()))
+    }
+
+    /// Whether maps can be written in this format.
+    #[must_use]
+    pub fn is_written(self) -> bool {
+        matches!(self, Self::M3dm | Self::Text | Self::OctoMap | Self::Obj | Self::Stl)
+    }
+
+    /// The import options that files of this format have.
+    #[must_use]
+    pub fn options(self) -> &'static [&'static str] {
+        match self {
+            Self::M3dm | Self::Text | Self::Vox => &[],
+            Self::OctoMap => &["unknown", "free_from"],
+            Self::Pcd | Self::Ply => &["up", "scale", "margin_cells", "free_from"],
+            Self::Obj | Self::Stl => &["fill", "inside", "up", "scale", "margin_cells", "free_from"],
+            Self::Pgm => &["height_cells", "threshold"],
+        }
+    }
+
+    /// The terrain that a file describes, unrepaired.
+    pub(super) fn read(self, spec: &ImportSpec) -> Result<Imported, FormatError> {
+        let bytes = spec.bytes.as_slice();
+        match self {
+            Self::M3dm if packed::is_packed(bytes) => {
+                let terrain = packed::read(bytes, spec.cells_max)?;
+                Ok(Imported { terrain, notes: Vec::new(), stores_cell_m: true })
+            }
+            Self::M3dm => with_cells_of(m3dm::read(bytes)?, spec),
+            Self::Text => {
+                let text = str::from_utf8(bytes).map_err(|error| FormatError::Utf8(error.valid_up_to()))?;
+                with_cells_of(Grid::from_text(text)?, spec)
+            }
+            Self::OctoMap => octomap::read(spec),
+            Self::Pcd => pcd::read(spec),
+            Self::Ply => ply::read(spec),
+            Self::Obj => obj::read(spec),
+            Self::Stl => stl::read(spec),
+            Self::Vox => vox::read(spec),
+            Self::Pgm => pgm::read(spec),
+        }
+    }
+
+    /// Whether files of this format can say how long their cells are.
+    #[must_use]
+    pub fn may_store_cell_m(self) -> bool {
+        matches!(self, Self::M3dm | Self::OctoMap)
+    }
+
+    /// The length of the cells that a file has.
+    pub(super) fn stored_cell_m(self, bytes: &[u8]) -> Option<f64> {
+        match self {
+            Self::M3dm if packed::is_packed(bytes) => Some(packed::extent(bytes).ok()?.cell_m()),
+            Self::OctoMap => octomap::resolution_m(bytes).ok(),
+            _ => None,
+        }
+    }
+
+    /// Whether a map of this extent can be written in this format.
+    ///
+    /// # Errors
+    /// [`FormatError::NotWritten`].
+    pub fn check(self) -> Result<(), FormatError> {
+        if self.is_written() { Ok(()) } else { Err(FormatError::NotWritten { extension: self.extension() }) }
+    }
+
+    /// The bytes of a file of this format. M3DM is packed if `is_packed`, and if the map has more than 127 cells along an axis.
+    ///
+    /// # Errors
+    /// If the format is only read.
+    pub fn write(self, terrain: &Grid<Terrain>, is_packed: bool) -> Result<Vec<u8>, FormatError> {
+        self.check()?;
+        Ok(match self {
+            Self::M3dm if is_packed || terrain.extent().size().iter().any(|&cells| cells > m3dm::AXIS_MAX) => {
+                packed::write(terrain)
+            }
+            Self::M3dm => m3dm::write(terrain)?,
+            Self::OctoMap => export::octomap(terrain),
+            Self::Obj => export::obj(terrain),
+            Self::Stl => export::stl(terrain),
+            _ => terrain.to_text().into_bytes(),
+        })
+    }
+
+    fn extensions(which: impl Fn(Self) -> bool) -> String {
+        let known = Self::ALL.into_iter().filter(|&format| which(format));
+        let mut known: Vec<String> = known.map(|format| format!(".{}", format.extension())).collect();
+        let last = known.pop().unwrap_or_default();
+        format!("{} and {last}", known.join(", "))
+    }
+}
+
+/// A map of a file that has no cell length.
+fn with_cells_of(terrain: Grid<Terrain>, spec: &ImportSpec) -> Result<Imported, FormatError> {
+    let extent = Extent::new(terrain.extent().size(), spec.cell_m.unwrap_or(1.0)).map_err(FormatError::Extent)?;
+    let terrain = Grid::from_vec(extent, terrain.into_vec()).expect("the size is its own");
+    Ok(Imported { terrain, notes: Vec::new(), stores_cell_m: false })
+}
+
+fn if_any(extension: &str) -> String {
+    if extension.is_empty() { "missing".to_owned() } else { format!("{extension:?}") }
+}
+
+fn some(options: &[&str]) -> String {
+    if options.is_empty() { "none".to_owned() } else { options.join(", ") }
+}

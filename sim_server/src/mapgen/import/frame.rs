@@ -1,0 +1,120 @@
+//! From places of a file, in its own axes and units, to cells of a map around them.
+//!
+//! Cells lie on multiples of the cell length in the file's coordinates, so that a file and a part of it are cut into the same
+//! cells. Around what the file holds there is the margin that is asked for, and one layer of cells more, on every side.
+
+use voxels::{Cell, Extent, ExtentError, Grid, Terrain};
+
+use super::options::Up;
+use super::{FormatError, ImportSpec, Note, new_grid};
+
+/// Axes, units and cells.
+#[derive(Clone, Copy)]
+pub(super) struct Units {
+    up: Up,
+    metres: f64,
+    cell_m: f64,
+    margin: f64,
+}
+
+impl Units {
+    /// As the options say, with cells of the length that is asked for, or 1 m.
+    ///
+    /// # Errors
+    /// If the cell length is none.
+    pub(super) fn new(spec: &ImportSpec) -> Result<Self, FormatError> {
+        let cell_m = spec.cell_m.unwrap_or(1.0);
+        Extent::new([1; 3], cell_m).map_err(FormatError::Extent)?;
+        let options = &spec.options;
+        let margin = f64::from(options.margin_cells.unwrap_or(0));
+        Ok(Self { up: options.up.unwrap_or(Up::Z), metres: options.scale.unwrap_or(1.0), cell_m, margin })
+    }
+
+    /// The place in our axes, in lengths of cells.
+    pub(super) fn cells(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        let ours = match self.up {
+            Up::Z => [x, y, z],
+            Up::Y => [x, -z, y],
+        };
+        ours.map(|along| along * self.metres / self.cell_m)
+    }
+}
+
+/// What lies between two corners, in lengths of cells.
+#[derive(Clone, Copy)]
+pub(super) struct Bounds {
+    /// The lowest coordinates.
+    pub(super) low: [f64; 3],
+    /// The highest ones.
+    pub(super) high: [f64; 3],
+}
+
+impl Bounds {
+    /// The bounds of places; `None` if there are none.
+    pub(super) fn of(places: impl Iterator<Item = [f64; 3]>) -> Option<Self> {
+        places.fold(None, |bounds: Option<Self>, place| {
+            let Self { low, high } = bounds.unwrap_or(Self { low: place, high: place });
+            let along = |axis: usize| (low[axis].min(place[axis]), high[axis].max(place[axis]));
+            let [x, y, z] = [0, 1, 2].map(along);
+            Some(Self { low: [x.0, y.0, z.0], high: [x.1, y.1, z.1] })
+        })
+    }
+}
+
+/// Where the cells of a map are in the file.
+pub(super) struct Frame {
+    units: Units,
+    /// The lowest corner of the map in lengths of cells, whole numbers.
+    low: [f64; 3],
+    extent: Extent,
+}
+
+impl Frame {
+    /// The cells that hold `bounds`, the upper ends of which are cells of their own if `is_closed`, the margin, and a layer around it.
+    ///
+    /// # Errors
+    /// If they are too many.
+    pub(super) fn around(units: Units, bounds: Bounds, is_closed: bool) -> Result<Self, FormatError> {
+        let low = bounds.low.map(|along| libm::floor(along) - units.margin - 1.0);
+        let mut size = [0; 3];
+        for axis in 0..3 {
+            let high = bounds.high[axis];
+            let end = if is_closed { libm::floor(high) + 1.0 } else { libm::ceil(high) };
+            // Beyond every map, the number is a large one.
+            size[axis] = (end.max(libm::floor(bounds.low[axis]) + 1.0) + units.margin + 1.0 - low[axis]) as u32;
+        }
+        let in_cells = |reason: ExtentError| FormatError::Box { reason, cell_m: units.cell_m };
+        Ok(Self { units, low, extent: Extent::new(size, units.cell_m).map_err(in_cells)? })
+    }
+
+    /// A map of these cells.
+    ///
+    /// # Errors
+    /// If there is no memory for them, or they are more than allowed.
+    pub(super) fn grid(&self, fill: Terrain, spec: &ImportSpec) -> Result<Grid<Terrain>, FormatError> {
+        new_grid(self.extent, fill, spec.cells_max)
+    }
+
+    /// A place that is given in lengths of cells, from the corner of the map.
+    pub(super) fn in_map(&self, place: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|axis| place[axis] - self.low[axis])
+    }
+
+    /// The cell of such a place.
+    pub(super) fn cell(&self, place: [f64; 3]) -> Cell {
+        let [x, y, z] = self.in_map(place).map(|along| libm::floor(along) as i32);
+        Cell::new(x, y, z)
+    }
+
+    /// The cell of a place of the file.
+    pub(super) fn cell_of_place(&self, place: [f64; 3]) -> Cell {
+        self.cell(self.units.cells(place))
+    }
+
+    /// Where the map begins.
+    pub(super) fn note(&self) -> Note {
+        let [x, y, z] = self.low.map(|along| along * self.units.cell_m);
+        let turned = if self.units.up == Up::Y { ", after its y has become our z" } else { "" };
+        Note::new("origin", format!("the map begins at ({x}, {y}, {z}) m of the file{turned}"))
+    }
+}

@@ -1,0 +1,374 @@
+//! Packed M3DM: maps of up to 1024 cells along an axis, as the lengths of runs.
+//!
+//! Every cell is predicted from the three before it, at x - 1, y - 1 and z - 1: it is what two of them are. Outside the map all
+//! is wall. Where the three agree, a wrong prediction is rare, and where they differ it is not, so the two kinds of cells are told
+//! apart, and of each kind a run is the number of cells between two wrong predictions. That is what makes runs long: a cave has
+//! surfaces along every axis, and plain runs of free and wall cells would be two to three times the size.
+//!
+//! All numbers are little-endian. The first byte of a plain M3DM file is at least 2 (its first seven bits are a size of at least
+//! 1), so the mark, which begins with 0, is never that of a plain one.
+//!
+//! | bytes | content |
+//! |---|---|
+//! | 0 to 7 | mark: 0, then `M3DMRLE` |
+//! | 8 | version, 1 |
+//! | 9, 10 | order k of the codes of agreeing and of differing cells, 0 to 24 |
+//! | 11 | 0 |
+//! | 12 to 23 | cells along x, y, z, three `u32` |
+//! | 24 to 31 | length of a cell's edge in metres, `f64` |
+//! | 32 to 39 | number of runs, of agreeing and of differing cells, two `u32` |
+//! | 40 to 47 | bytes of the codes, likewise |
+//! | 48 to 51 | CRC-32 of all other bytes |
+//! | 52 to the end | the codes of agreeing cells, then those of differing cells |
+//!
+//! A run is an exponential Golomb code of order k: with n bits in `(run >> k) + 1`, n - 1 zeros, these n bits, then the low k
+//! bits of the run; the most significant bit of each byte first, the last byte filled up with zeros. After its last run, a kind
+//! has no wrong predictions.
+//!
+//! This module repairs nothing. No memory is taken for cells before the lengths and the sum of the file have been compared.
+
+use thiserror::Error;
+
+use crate::{Extent, ExtentError, Grid, Terrain};
+
+mod bits;
+
+use bits::{BitReader, BitWriter, code_bits, crc32};
+
+/// What a packed file begins with.
+const MARK: [u8; 8] = *b"\0M3DMRLE";
+
+/// The version that is written, and the only one that is read.
+const VERSION: u8 = 1;
+
+/// Length of what comes before the codes, in bytes.
+const HEADER: usize = 52;
+
+/// Where the sum stands.
+const SUM: std::ops::Range<usize> = 48..HEADER;
+
+/// The largest order of codes.
+const ORDER_MAX: u8 = 24;
+
+/// Cells whose three neighbours agree, and those whose neighbours differ.
+const KINDS: usize = 2;
+
+/// Why bytes are not a packed map.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum PackedError {
+    /// The file ends early.
+    #[error("byte {got}: the file ends here, expected length {} {length} bytes", if *.at_least { "at least" } else { "" })]
+    Truncated {
+        /// Length of the file.
+        got: usize,
+        /// The length that is missing.
+        length: u64,
+        /// Whether the file may be longer.
+        at_least: bool,
+    },
+    /// Bytes follow the last code.
+    #[error("byte {length}: {surplus} bytes follow the last run, expected length {length} bytes")]
+    Trailing {
+        /// The length that the header demands, in bytes.
+        length: u64,
+        /// The bytes too many.
+        surplus: u64,
+    },
+    /// A field of the header has a value that it cannot have.
+    #[error("byte {byte}: {name} is {value}, allowed is {allowed}")]
+    Field {
+        /// Where the field begins.
+        byte: usize,
+        /// What it says.
+        name: &'static str,
+        /// Its value.
+        value: u64,
+        /// What it may be.
+        allowed: String,
+    },
+    /// The size or the cell length is none.
+    #[error("byte {byte}: {reason}")]
+    Extent {
+        /// Where the field begins.
+        byte: usize,
+        /// What is wrong.
+        reason: ExtentError,
+    },
+    /// The file was changed after it was written.
+    #[error("byte 48: the sum is {told:#010x}, that of the file is {found:#010x}: the file is damaged")]
+    Sum {
+        /// As the header says.
+        told: u32,
+        /// Of the bytes.
+        found: u32,
+    },
+    /// The map has more cells than the reader is allowed.
+    #[error("byte 12: the map has {cells} cells, allowed are {cells_max}")]
+    TooLarge {
+        /// As the header says.
+        cells: usize,
+        /// As the caller says.
+        cells_max: usize,
+    },
+    /// A code is none, or goes on behind the end.
+    #[error("byte {byte}: run {run} is not a code of order {order} that ends within its {length} bytes")]
+    Code {
+        /// Where the codes of its kind begin.
+        byte: usize,
+        /// Which run, from 0.
+        run: u32,
+        /// Order of the codes.
+        order: u8,
+        /// Length of the codes.
+        length: usize,
+    },
+    /// The runs are for more cells than there are, or bits are left.
+    #[error("byte {byte}: the runs do not end with the map, {left} of {runs} are left behind its last cell")]
+    Runs {
+        /// Where the codes of their kind begin.
+        byte: usize,
+        /// Runs that no cell has a use for.
+        left: u32,
+        /// All runs of their kind.
+        runs: u32,
+    },
+    /// What fills up the last byte is not zero.
+    #[error("byte {byte}: the codes do not fill their {length} bytes, or the bits behind them are not 0")]
+    Padding {
+        /// Where the codes of the kind begin.
+        byte: usize,
+        /// Their length.
+        length: usize,
+    },
+    /// The system has not enough memory.
+    #[error("a map of {0} cells takes more memory than can be had")]
+    Memory(usize),
+}
+
+/// Whether bytes are a packed map rather than a plain one, going by how they begin.
+pub fn is_packed(bytes: &[u8]) -> bool {
+    // A file that is cut off within the mark is a damaged packed map.
+    !bytes.is_empty() && bytes.iter().zip(MARK).all(|(&byte, mark)| byte == mark)
+}
+
+/// What stands before the codes.
+struct Header {
+    extent: Extent,
+    orders: [u8; KINDS],
+    runs: [u32; KINDS],
+    lengths: [usize; KINDS],
+}
+
+/// The extent that a packed map says it has, after its lengths and its sum have been compared.
+///
+/// # Errors
+/// If the header, a length or the sum is wrong.
+pub fn extent(bytes: &[u8]) -> Result<Extent, PackedError> {
+    Ok(header(bytes)?.extent)
+}
+
+/// Reads a packed map of at most `cells_max` cells.
+///
+/// # Errors
+/// If a field, a length, the sum or a run is wrong, with the byte; if the map is larger than allowed.
+///
+/// # Panics
+/// Never: there is a value for each cell.
+pub fn read(bytes: &[u8], cells_max: usize) -> Result<Grid<Terrain>, PackedError> {
+    let Header { extent, orders, runs, lengths } = header(bytes)?;
+    let cells = extent.volume();
+    if cells > cells_max {
+        return Err(PackedError::TooLarge { cells, cells_max });
+    }
+    let starts = [HEADER, HEADER + lengths[0]];
+    let mut kinds = [0, 1].map(|kind| {
+        let codes = &bytes[starts[kind]..starts[kind] + lengths[kind]];
+        Runs { codes: BitReader::new(codes), order: orders[kind], runs: runs[kind], taken: 0, left: 0, wrong: false }
+    });
+    let code_error = |kind: usize, run: u32| PackedError::Code {
+        byte: starts[kind],
+        run,
+        order: orders[kind],
+        length: lengths[kind],
+    };
+    for (kind, runs) in kinds.iter_mut().enumerate() {
+        runs.next().map_err(|run| code_error(kind, run))?;
+    }
+
+    let mut walls = Vec::new();
+    // Memory that is promised is not yet used, and a promise that cannot be kept is an error here.
+    walls.try_reserve_exact(cells).map_err(|_| PackedError::Memory(cells))?;
+    let [size_x, size_y, _] = extent.size().map(|cells| cells as usize);
+    for index in 0..cells {
+        let (predicted, kind) = prediction(&walls, index, size_x, size_y);
+        let is_wrong = kinds[kind].step().map_err(|run| code_error(kind, run))?;
+        walls.push(if is_wrong { opposite(predicted) } else { predicted });
+    }
+    for (kind, runs) in kinds.iter().enumerate() {
+        runs.check_end(starts[kind], lengths[kind])?;
+    }
+    Ok(Grid::from_vec(extent, walls).expect("one value was pushed for each cell"))
+}
+
+/// Writes a map with the length of its cells.
+pub fn write(terrain: &Grid<Terrain>) -> Vec<u8> {
+    let extent = terrain.extent();
+    let [size_x, size_y, _] = extent.size().map(|cells| cells as usize);
+    let mut runs: [Vec<u32>; KINDS] = [Vec::new(), Vec::new()];
+    let mut open = [0u32; KINDS];
+    for (index, &cell) in terrain.as_slice().iter().enumerate() {
+        let (predicted, kind) = prediction(terrain.as_slice(), index, size_x, size_y);
+        if cell == predicted {
+            open[kind] += 1;
+        } else {
+            runs[kind].push(open[kind]);
+            open[kind] = 0;
+        }
+    }
+    let orders = runs.each_ref().map(|runs| best_order(runs));
+    let codes = [0, 1].map(|kind| {
+        let mut codes = BitWriter::default();
+        for &run in &runs[kind] {
+            codes.code(run, orders[kind]);
+        }
+        codes.into_bytes()
+    });
+
+    let mut bytes = MARK.to_vec();
+    bytes.extend([VERSION, orders[0], orders[1], 0]);
+    extent.size().iter().for_each(|cells| bytes.extend(cells.to_le_bytes()));
+    bytes.extend(extent.cell_m().to_le_bytes());
+    runs.iter().for_each(|runs| bytes.extend((runs.len() as u32).to_le_bytes()));
+    codes.iter().for_each(|codes| bytes.extend((codes.len() as u32).to_le_bytes()));
+    bytes.extend([0; 4]);
+    codes.iter().for_each(|codes| bytes.extend(codes));
+    let sum = sum_of(&bytes);
+    bytes[SUM].copy_from_slice(&sum.to_le_bytes());
+    bytes
+}
+
+fn header(bytes: &[u8]) -> Result<Header, PackedError> {
+    let got = bytes.len();
+    if got < HEADER {
+        return Err(PackedError::Truncated { got, length: HEADER as u64, at_least: true });
+    }
+    let field = |byte: usize, name: &'static str, value: u64, allowed: String| {
+        Err(PackedError::Field { byte, name, value, allowed })
+    };
+    if bytes[8] != VERSION {
+        return field(8, "the version", bytes[8].into(), VERSION.to_string());
+    }
+    for byte in [9, 10] {
+        if bytes[byte] > ORDER_MAX {
+            return field(byte, "the order of the codes", bytes[byte].into(), format!("0 to {ORDER_MAX}"));
+        }
+    }
+    if bytes[11] != 0 {
+        return field(11, "the reserved byte", bytes[11].into(), "0".to_owned());
+    }
+    let u32_at = |byte: usize| u32::from_le_bytes([0, 1, 2, 3].map(|at| bytes[byte + at]));
+    let cell_m = f64::from_le_bytes([0, 1, 2, 3, 4, 5, 6, 7].map(|at| bytes[24 + at]));
+    let extent = Extent::new([12, 16, 20].map(u32_at), cell_m).map_err(|reason| {
+        let byte = if matches!(reason, ExtentError::Size { .. }) { 12 } else { 24 };
+        PackedError::Extent { byte, reason }
+    })?;
+    let (runs, lengths) = ([32, 36].map(u32_at), [40, 44].map(u32_at));
+    let length = HEADER as u64 + lengths.iter().map(|&length| u64::from(length)).sum::<u64>();
+    if (got as u64) < length {
+        return Err(PackedError::Truncated { got, length, at_least: false });
+    }
+    if got as u64 > length {
+        return Err(PackedError::Trailing { length, surplus: got as u64 - length });
+    }
+    let (told, found) = (u32_at(SUM.start), sum_of(bytes));
+    if told != found {
+        return Err(PackedError::Sum { told, found });
+    }
+    let cells = extent.volume() as u64;
+    if let Some(kind) = (0..KINDS).find(|&kind| u64::from(runs[kind]) > cells) {
+        let allowed = format!("0 to {cells}, the number of cells");
+        return field(32 + 4 * kind, "the number of runs", runs[kind].into(), allowed);
+    }
+    Ok(Header { extent, orders: [bytes[9], bytes[10]], runs, lengths: lengths.map(|length| length as usize) })
+}
+
+/// What a cell is predicted to be from the cells before it, and the kind of the cell.
+fn prediction(before: &[Terrain], index: usize, size_x: usize, size_y: usize) -> (Terrain, usize) {
+    let layer = size_x * size_y;
+    let wall = Terrain::Wall;
+    let x = if index.is_multiple_of(size_x) { wall } else { before[index - 1] };
+    let y = if index % layer < size_x { wall } else { before[index - size_x] };
+    let z = if index < layer { wall } else { before[index - layer] };
+    if x == y { (x, usize::from(x != z)) } else { (z, 1) }
+}
+
+fn opposite(terrain: Terrain) -> Terrain {
+    match terrain {
+        Terrain::Free => Terrain::Wall,
+        Terrain::Wall => Terrain::Free,
+    }
+}
+
+/// The order that makes the codes of these runs shortest; of several the lowest.
+fn best_order(runs: &[u32]) -> u8 {
+    let bits = |order: u8| runs.iter().map(|&run| u64::from(code_bits(run, order))).sum::<u64>();
+    (0..=ORDER_MAX).min_by_key(|&order| bits(order)).unwrap_or_default()
+}
+
+fn sum_of(bytes: &[u8]) -> u32 {
+    crc32([&bytes[..SUM.start], &bytes[SUM.end..]])
+}
+
+/// The runs of one kind of cells while they are read.
+struct Runs<'a> {
+    codes: BitReader<'a>,
+    order: u8,
+    /// How many there are.
+    runs: u32,
+    /// How many have been read.
+    taken: u32,
+    /// Cells to come before the next wrong prediction.
+    left: u32,
+    /// Whether there is a next wrong prediction.
+    wrong: bool,
+}
+
+impl Runs<'_> {
+    /// Reads the next run, if there is one; an error is its number.
+    fn next(&mut self) -> Result<(), u32> {
+        self.wrong = self.taken < self.runs;
+        if self.wrong {
+            self.left = self.codes.code(self.order).ok_or(self.taken)?;
+            self.taken += 1;
+        }
+        Ok(())
+    }
+
+    /// Goes on by one cell, and says whether its prediction is wrong.
+    fn step(&mut self) -> Result<bool, u32> {
+        if !self.wrong {
+            return Ok(false);
+        }
+        if self.left > 0 {
+            self.left -= 1;
+            return Ok(false);
+        }
+        self.next()?;
+        Ok(true)
+    }
+
+    /// Whether the cells have used up all runs, and these all bits.
+    fn check_end(&self, byte: usize, length: usize) -> Result<(), PackedError> {
+        if self.wrong {
+            let left = self.runs - self.taken + 1;
+            return Err(PackedError::Runs { byte, left, runs: self.runs });
+        }
+        if !self.codes.is_at_end() {
+            return Err(PackedError::Padding { byte, length });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;
