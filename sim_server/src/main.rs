@@ -85,15 +85,15 @@ fn check(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
             return failed(&error, exit::of_verify_error(&error));
         }
     };
-    let mut text = verify::text(&verified);
+    print(&verify::text(&verified));
     #[cfg(feature = "controllers")]
     if args.controllers {
         match verify::controllers::check(&recording, verified.ticks, &controllers::OfThisBuild) {
-            Ok(checked) => text += &format!("\n{}", verify::controllers::text(&checked)),
+            Ok(checked) => print(&verify::controllers::text(&checked)),
             Err(error) => return failed(&error, ExitCode::from(exit::DIFFERENT)),
         }
     }
-    print(&format!("{text}\ndigest: {}", verified.digest));
+    print(&format!("digest: {}", verified.digest));
     if let End::Damage { .. } = verified.end {
         let damaged = format!("{}: {}", recording.file(), verified.end);
         return failed(&damaged, ExitCode::from(exit::DIFFERENT));
