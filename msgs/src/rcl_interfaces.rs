@@ -9,7 +9,7 @@ use crate::builtin_interfaces::Time;
 pub struct Log {
     /// When it was said: wall time, as ROS does it whatever clock a node goes by.
     pub stamp: Time,
-    /// How bad it is, as a number: see [`Level`].
+    /// How bad it is, one of the constants.
     pub level: u8,
     /// Who says so: the node.
     pub name: String,
@@ -23,14 +23,27 @@ pub struct Log {
     pub line: u32,
 }
 
+impl Log {
+    /// `level`: for those who look for a mistake.
+    pub const DEBUG: u8 = 10;
+    /// `level`: as expected.
+    pub const INFO: u8 = 20;
+    /// `level`: not as expected.
+    pub const WARN: u8 = 30;
+    /// `level`: something failed.
+    pub const ERROR: u8 = 40;
+    /// `level`: the node ends of it.
+    pub const FATAL: u8 = 50;
+}
+
 /// How bad something is that people are told, of the levels of [`Log`] those that are used here.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Level {
     /// As expected.
-    Info = 20,
+    Info = Log::INFO,
     /// Not as expected.
-    Warn = 30,
+    Warn = Log::WARN,
     /// Something failed.
-    Error = 40,
+    Error = Log::ERROR,
 }

@@ -245,17 +245,21 @@ pub struct StepRequest {
 /// A request to begin again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ResetRequest {
-    /// What of: [`DEFAULT`](Self::DEFAULT), or a sum of bits.
+    /// What of: [`SCOPE_DEFAULT`](Self::SCOPE_DEFAULT), or a sum of the other constants.
     pub scope: u8,
 }
 
 impl ResetRequest {
     /// `scope`: everything.
-    pub const DEFAULT: u8 = 0;
-    /// `scope`: the time and the state of entities.
-    pub const TIME_AND_STATE: u8 = 1 | 2;
+    pub const SCOPE_DEFAULT: u8 = 0;
+    /// `scope`: the time.
+    pub const SCOPE_TIME: u8 = 1;
+    /// `scope`: the state of entities.
+    pub const SCOPE_STATE: u8 = 2;
     /// `scope`: entities that were spawned.
-    pub const SPAWNED: u8 = 4;
+    pub const SCOPE_SPAWNED: u8 = 4;
+    /// `scope`: everything.
+    pub const SCOPE_ALL: u8 = 255;
 }
 
 /// A request to put an entity somewhere.

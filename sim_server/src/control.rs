@@ -181,13 +181,12 @@ impl Control {
         if self.state == State::Quitting {
             return Err(Outcome::failure(Outcome::INCORRECT_STATE, "the simulation is about to end"));
         }
+        let time_and_state = ResetRequest::SCOPE_TIME | ResetRequest::SCOPE_STATE;
         match scope {
             // Nothing can be spawned, so there is nothing to take away.
-            ResetRequest::SPAWNED => Ok(()),
-            ResetRequest::DEFAULT => self.begin_again(!self.may_tick()),
-            _ if scope & ResetRequest::TIME_AND_STATE == ResetRequest::TIME_AND_STATE => {
-                self.begin_again(!self.may_tick())
-            }
+            ResetRequest::SCOPE_SPAWNED => Ok(()),
+            ResetRequest::SCOPE_DEFAULT => self.begin_again(!self.may_tick()),
+            _ if scope & time_and_state == time_and_state => self.begin_again(!self.may_tick()),
             _ => Err(Outcome::failure(
                 Outcome::FEATURE_UNSUPPORTED,
                 format!("scope = {scope}: expected 0 or 255 (all) or 3 (time and state), which go together"),

@@ -252,7 +252,7 @@ impl World {
                 body: Body::at_rest(*params.other_bodies.get(&agent).unwrap_or(&params.body), pose),
                 cell: extent.cell_of(&pose.position),
                 distance_m: 0.0,
-                memory: memory.clone(),
+                memory: memory.unused(),
                 next_scan: period_ticks.map(|_| Tick::ZERO),
                 scan_period_ticks: period_ticks,
                 last_scan: None,

@@ -14,13 +14,14 @@ mod pattern;
 
 use std::f64::consts::TAU;
 use std::fmt;
+use std::sync::Arc;
 
 use nalgebra::{Point3, Vector3};
 use voxels::{Extent, Grid, Terrain};
 
 use super::body::Pose;
 pub use blurred::Blur;
-use cast::{FREE_NEW, Found, Kernel, OUTSIDE, Start, WALL_NEW};
+use cast::{FREE, Field, Found, Kernel, OUTSIDE, Start, WALL};
 use pattern::Bundle;
 
 /// How the rays of a scan are spread.
@@ -104,8 +105,9 @@ impl Scanner {
         let Some(start) = self.start(memory, pose) else { return };
         let first = [new_free.len(), new_wall.len()];
         let mut found = Found { free: new_free, wall: new_wall };
-        found.mark(&mut memory.cells, start.slot());
-        Kernel::best().scan(&mut memory.cells, &start, &self.bundles, &mut found);
+        let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
+        found.mark(&mut field, start.slot());
+        Kernel::best().scan(&mut field, &start, &self.bundles, &mut found);
         for slot in new_free[first[0]..].iter_mut().chain(&mut new_wall[first[1]..]) {
             *slot = memory.index_of(*slot);
         }
@@ -116,11 +118,11 @@ impl Scanner {
         let mut view = View::default();
         let Some(start) = self.start(memory, pose) else { return view };
         let cell_m = memory.extent.cell_m();
-        let mut met = vec![false; memory.cells.len()];
+        let mut met = vec![false; memory.kinds.len()];
         let mut lists = Found { free: &mut view.free, wall: &mut view.wall };
         let mut meet = |slot: usize, lists: &mut Found<'_>| {
             if !std::mem::replace(&mut met[slot], true) {
-                lists.add(memory.cells[slot], slot);
+                lists.add(memory.kinds[slot], slot);
             }
         };
         meet(start.slot(), &mut lists);
@@ -128,10 +130,10 @@ impl Scanner {
             for lane in bundle.lanes(start.cone()) {
                 let end = cast::cast_ray(&start, bundle, lane, |slot| {
                     meet(slot, &mut lists);
-                    !cast::is_stop(memory.cells[slot])
+                    !cast::is_stop(memory.kinds[slot])
                 });
                 if let Some((slot, entry)) = end
-                    && cast::is_wall(memory.cells[slot])
+                    && cast::is_wall(memory.kinds[slot])
                 {
                     view.hits.push(pose.position + bundle.direction(lane) * (entry * cell_m));
                 }
@@ -151,9 +153,9 @@ impl Scanner {
         let cell_m = memory.extent.cell_m();
         for bundle in &self.bundles {
             for lane in bundle.lanes(start.cone()) {
-                let end = cast::cast_ray(&start, bundle, lane, |slot| !cast::is_stop(memory.cells[slot]));
+                let end = cast::cast_ray(&start, bundle, lane, |slot| !cast::is_stop(memory.kinds[slot]));
                 if let Some((slot, entry)) = end
-                    && cast::is_wall(memory.cells[slot])
+                    && cast::is_wall(memory.kinds[slot])
                 {
                     hits.push(pose.position + bundle.direction(lane) * (entry * cell_m));
                 }
@@ -178,14 +180,17 @@ impl Scanner {
     }
 }
 
-/// What one agent's LiDAR has seen so far, laid over the terrain: one byte per cell answers both "wall?" and "new?".
+/// What one agent's LiDAR has seen so far, laid over the terrain, which all of them share: one byte per cell answers both "wall?" and
+/// "new?", unless it is new. Of cells that nobody has been near to it takes no memory, where the system provides it page by page.
 ///
 /// The cells are surrounded by one layer of marks for the world outside, so that a ray needs no range test.
 #[derive(Clone)]
 pub struct SensorMemory {
     extent: Extent,
     strides: [usize; 3],
-    cells: Vec<u8>,
+    kinds: Arc<[u8]>,
+    /// The kinds of the cells that have been seen, and 0 for the others.
+    seen: Vec<u8>,
     /// By cell index, by how much rays that cross it outnumber those that end in it, as far as scans err; else empty.
     votes: Vec<i8>,
 }
@@ -202,18 +207,26 @@ impl SensorMemory {
     pub fn new(terrain: &Grid<Terrain>) -> Self {
         let extent = terrain.extent();
         let [x, y, z] = extent.size().map(|cells| cells as usize + 2);
-        let mut memory = Self { extent, strides: [1, x, x * y], cells: vec![OUTSIDE; x * y * z], votes: Vec::new() };
+        let nothing = Self { extent, strides: [1, x, x * y], kinds: Arc::new([]), seen: Vec::new(), votes: Vec::new() };
+        let mut kinds = vec![OUTSIDE; x * y * z];
         for (cell, terrain) in terrain.iter() {
-            let slot = memory.slot_of(cell);
-            memory.cells[slot] = match terrain {
-                Terrain::Free => FREE_NEW,
-                Terrain::Wall => WALL_NEW,
+            kinds[nothing.slot_of(cell)] = match terrain {
+                Terrain::Free => FREE,
+                Terrain::Wall => WALL,
             };
         }
-        memory
+        let seen = vec![0; kinds.len()];
+        Self { kinds: kinds.into(), seen, ..nothing }
     }
 
-    /// Where a cell of the map lies in `cells`.
+    /// The memory of another LiDAR in the same terrain that has not seen anything yet.
+    #[must_use]
+    pub fn unused(&self) -> Self {
+        let (extent, strides, kinds) = (self.extent, self.strides, Arc::clone(&self.kinds));
+        Self { extent, strides, kinds, seen: vec![0; self.seen.len()], votes: Vec::new() }
+    }
+
+    /// Where a cell of the map lies in `kinds` and `seen`.
     fn slot_of(&self, cell: voxels::Cell) -> usize {
         let [x, y, z] = self.strides;
         (cell.x + 1) as usize * x + (cell.y + 1) as usize * y + (cell.z + 1) as usize * z

@@ -15,7 +15,7 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
 use voxels::{Cell, walk};
 
-use super::cast::{self, Found};
+use super::cast::{self, Field, Found};
 use super::{Pattern, Scanner, SensorMemory, View};
 use crate::world::body::Pose;
 use crate::world::errors::Errors;
@@ -61,7 +61,7 @@ impl Scanner {
         self.follow(memory, pose, blur, |told| {
             let mut vote = |cell: Cell, vote: i8| {
                 if let Some(index) = extent.index(cell)
-                    && cast::is_new(memory.cells[memory.slot_of(cell)])
+                    && memory.seen[memory.slot_of(cell)] == 0
                 {
                     votes[index] = votes[index].saturating_add(vote);
                     touched.push(index);
@@ -75,11 +75,12 @@ impl Scanner {
         for index in touched {
             let slot = memory.slot_of(extent.cell_at(index));
             let leads = memory.votes[index];
-            if leads.unsigned_abs() < VOTES.unsigned_abs() || !cast::is_new(memory.cells[slot]) {
+            if leads.unsigned_abs() < VOTES.unsigned_abs() || memory.seen[slot] != 0 {
                 continue;
             }
             // What is truly there is not what is told.
-            Found { free: &mut unseen, wall: &mut Vec::new() }.mark(&mut memory.cells, slot);
+            let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
+            Found { free: &mut unseen, wall: &mut Vec::new() }.mark(&mut field, slot);
             if leads > 0 { new_free.push(index as u32) } else { new_wall.push(index as u32) }
         }
     }
@@ -119,7 +120,7 @@ impl Scanner {
     fn follow(&self, memory: &SensorMemory, pose: &Pose, blur: Blur<'_>, mut tell: impl FnMut(Told<'_>)) {
         let Some(start) = self.start(memory, pose) else { return };
         let extent = memory.extent;
-        let is_wall = |cell: Cell| cast::is_wall(memory.cells[memory.slot_of(cell)]);
+        let is_wall = |cell: Cell| cast::is_wall(memory.kinds[memory.slot_of(cell)]);
         // In lengths of a ray's direction, which for a shell is as long as the ray.
         let reach = match self.pattern {
             Pattern::Lattice { .. } => self.range_m,

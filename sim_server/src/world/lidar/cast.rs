@@ -11,32 +11,31 @@ use voxels::Cell;
 
 use super::pattern::{Bundle, Cone};
 
-/// A free cell that has been seen: 0, because a ray meets hardly anything else.
-pub(super) const FREE_SEEN: u8 = 0;
-/// A free cell that has not been seen.
-pub(super) const FREE_NEW: u8 = FREE_SEEN | NEW;
-/// A wall that has been seen.
-const WALL_SEEN: u8 = 2;
-/// A wall that has not been seen.
-pub(super) const WALL_NEW: u8 = WALL_SEEN | NEW;
-/// Not a cell of the map.
-pub(super) const OUTSIDE: u8 = 4;
-/// The bit of what has not been seen.
-const NEW: u8 = 1;
+/// The mark of a free cell.
+pub(super) const FREE: u8 = SEEN;
+/// The mark of a wall.
+pub(super) const WALL: u8 = SEEN | IS_WALL;
+/// The mark of what is not a cell of the map.
+pub(super) const OUTSIDE: u8 = SEEN | IS_OUTSIDE;
+/// The bit of every mark of a cell that has been seen; those that have not been seen have 0.
+const SEEN: u8 = 1;
+const IS_WALL: u8 = 2;
+const IS_OUTSIDE: u8 = 4;
 
-/// Whether a ray ends in a cell with this mark.
-pub(super) fn is_stop(mark: u8) -> bool {
-    mark & (WALL_SEEN | OUTSIDE) != 0
+/// Whether a ray ends in a cell of this kind.
+pub(super) fn is_stop(kind: u8) -> bool {
+    kind & (IS_WALL | IS_OUTSIDE) != 0
 }
 
-/// Whether this is the mark of a wall.
-pub(super) fn is_wall(mark: u8) -> bool {
-    mark & WALL_SEEN != 0
+/// Whether this kind is a wall.
+pub(super) fn is_wall(kind: u8) -> bool {
+    kind & IS_WALL != 0
 }
 
-/// Whether this is the mark of a cell that has not been seen.
-pub(super) fn is_new(mark: u8) -> bool {
-    mark & NEW != 0
+/// What rays go through: the kinds of all cells, which all agents share, and the marks of those that one of them has seen.
+pub(super) struct Field<'a> {
+    pub(super) kinds: &'a [u8],
+    pub(super) seen: &'a mut [u8],
 }
 
 /// Slots of cells that were found; see [`super::SensorMemory`] for what a slot is.
@@ -46,21 +45,21 @@ pub(super) struct Found<'a> {
 }
 
 impl Found<'_> {
-    /// Marks a cell as seen and adds it if it is new.
-    pub(super) fn mark(&mut self, cells: &mut [u8], slot: usize) {
-        let mark = cells[slot];
-        if mark & NEW != 0 {
-            cells[slot] = mark & !NEW;
-            self.add(mark, slot);
+    /// Marks a cell as seen, adds it if it is new, and says of which kind it is.
+    pub(super) fn mark(&mut self, field: &mut Field<'_>, slot: usize) -> u8 {
+        let kind = field.kinds[slot];
+        if std::mem::replace(&mut field.seen[slot], kind) == 0 {
+            self.add(kind, slot);
         }
+        kind
     }
 
-    /// Adds a cell with this mark to the list of its kind; the world outside to neither.
-    pub(super) fn add(&mut self, mark: u8, slot: usize) {
+    /// Adds a cell of this kind to the list of its kind; the world outside to neither.
+    pub(super) fn add(&mut self, kind: u8, slot: usize) {
         let slot = slot as u32;
-        match mark & !NEW {
-            FREE_SEEN => self.free.push(slot),
-            WALL_SEEN => self.wall.push(slot),
+        match kind {
+            FREE => self.free.push(slot),
+            WALL => self.wall.push(slot),
             _ => {}
         }
     }
@@ -212,32 +211,25 @@ impl Kernel {
             reason = "vector code is two to three times as fast; only the caller can know that it may run"
         )
     )]
-    pub(super) fn scan(self, cells: &mut [u8], start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+    pub(super) fn scan(self, field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
         assert!(self.is_available(), "{self:?} is for another processor");
         match self {
-            Kernel::Single => scan_singly(cells, start, bundles, found),
+            Kernel::Single => scan_singly(field, start, bundles, found),
             // SAFETY: `scan_avx2` is a safe function but for the processor features that it demands, and `is_available` has
             // just found all of them.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => unsafe { bundles::scan_avx2(cells, start, bundles, found) },
+            Kernel::Avx2 => unsafe { bundles::scan_avx2(field, start, bundles, found) },
             // SAFETY: as for `scan_avx2`.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => unsafe { bundles::scan_avx512(cells, start, bundles, found) },
+            Kernel::Avx512 => unsafe { bundles::scan_avx512(field, start, bundles, found) },
         }
     }
 }
 
-fn scan_singly(cells: &mut [u8], start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+fn scan_singly(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
     for bundle in bundles {
         for lane in bundle.lanes(start.cone()) {
-            cast_ray(start, bundle, lane, |slot| {
-                let mark = cells[slot];
-                if mark == FREE_SEEN {
-                    return true;
-                }
-                found.mark(cells, slot);
-                !is_stop(mark)
-            });
+            cast_ray(start, bundle, lane, |slot| field.seen[slot] == FREE || !is_stop(found.mark(field, slot)));
         }
     }
 }

@@ -3,7 +3,7 @@
 //! Every lane does what [`super::cast_ray`] does, operation by operation; multiplications and additions are never fused, as the
 //! language does not allow that. All lanes compute in every round, and those whose rays have ended stay where they are.
 
-use super::{Found, NEW, Start};
+use super::{Field, Found, SEEN, Start};
 use crate::world::lidar::pattern::{Bundle, Cone, LANES};
 
 /// Lanes in one word of marks.
@@ -17,25 +17,25 @@ type LaneMarks = [u64; LANES / WORD];
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-pub(super) fn scan_avx2(cells: &mut [u8], start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
-    scan(cells, start, bundles, found);
+pub(super) fn scan_avx2(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+    scan(field, start, bundles, found);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,avx512f,avx512vl,avx512dq,avx512bw")]
-pub(super) fn scan_avx512(cells: &mut [u8], start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
-    scan(cells, start, bundles, found);
+pub(super) fn scan_avx512(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+    scan(field, start, bundles, found);
 }
 
 #[inline(always)]
-fn scan(cells: &mut [u8], start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+fn scan(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
     let is_limited = start.limit < f64::INFINITY;
     for bundle in bundles {
         let on = lanes_on(bundle, start.cone());
         if is_limited {
-            cast::<true>(cells, start, bundle, on, found);
+            cast::<true>(field, start, bundle, on, found);
         } else {
-            cast::<false>(cells, start, bundle, on, found);
+            cast::<false>(field, start, bundle, on, found);
         }
     }
 }
@@ -55,7 +55,7 @@ fn lanes_on(bundle: &Bundle, cone: Option<&Cone>) -> LaneMarks {
 /// Casts the rays of a bundle whose lanes are `on`.
 #[inline(always)]
 fn cast<const LIMITED: bool>(
-    cells: &mut [u8],
+    field: &mut Field<'_>,
     start: &Start,
     bundle: &Bundle,
     mut on: LaneMarks,
@@ -87,10 +87,10 @@ fn cast<const LIMITED: bool>(
         }
         for (word, on) in on.iter_mut().enumerate() {
             let slots = &slot[word * WORD..][..WORD];
-            let marks = u64::from_le_bytes(std::array::from_fn(|lane| cells[slots[lane] as usize]));
-            let new = marks & *on & (EACH * u64::from(NEW));
+            let mut marks = u64::from_le_bytes(std::array::from_fn(|lane| field.seen[slots[lane] as usize]));
+            let new = !marks & *on & (EACH * u64::from(SEEN));
             if new != 0 {
-                mark_lanes(cells, slots, new, found);
+                marks |= mark_lanes(field, slots, new, found);
             }
             // The bits of walls and of the world outside, each moved to the place of the lane's mark.
             *on &= !(marks >> 1 | marks >> 2);
@@ -98,25 +98,27 @@ fn cast<const LIMITED: bool>(
     }
 }
 
-/// Marks the cells of the lanes that have met something new. Several lanes may have met the same cell.
+/// Marks the cells of the lanes that have met something new, and gives out their marks. Several lanes may have met the same cell.
 #[cold]
 #[inline(never)]
-fn mark_lanes(cells: &mut [u8], slots: &[i64], mut new: u64, found: &mut Found<'_>) {
+fn mark_lanes(field: &mut Field<'_>, slots: &[i64], mut new: u64, found: &mut Found<'_>) -> u64 {
+    let mut marks = 0;
     while new != 0 {
         let lane = new.trailing_zeros() as usize / 8;
         new &= new - 1;
-        found.mark(cells, slots[lane] as usize);
+        marks |= u64::from(found.mark(field, slots[lane] as usize)) << (8 * lane);
     }
+    marks
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::world::lidar::cast::{OUTSIDE, WALL_NEW};
+    use crate::world::lidar::cast::{OUTSIDE, WALL};
 
     #[test]
     fn every_stop_ends_a_lane() {
-        for mark in [WALL_NEW, WALL_NEW & !NEW, OUTSIDE] {
+        for mark in [WALL, OUTSIDE] {
             let marks = EACH * u64::from(mark);
             assert_eq!(EACH & !(marks >> 1 | marks >> 2), 0);
         }
