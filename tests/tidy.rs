@@ -196,7 +196,8 @@ fn documents_name_files_that_exist() {
     for document in documents {
         let text = read(&document);
         for word in text.split(|c: char| c.is_whitespace() || "`()[]<>,;:\"'|*{}".contains(c)) {
-            let path = word.trim_start_matches("./").trim_end_matches(['.', '/']);
+            let file = word.split_once('#').map_or(word, |(file, _)| file);
+            let path = file.trim_start_matches("./").trim_end_matches(['.', '/']);
             let is_ours = path.split_once('/').is_some_and(|(folder, _)| folders.iter().any(|ours| ours == folder));
             if is_ours {
                 assert!(root().join(path).exists(), "{} names {path}, which does not exist", name(&document));

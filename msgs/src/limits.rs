@@ -46,8 +46,8 @@ pub const MESSAGE_BYTES_BARE: usize = 512;
 /// [`OBSERVATION_BYTES_MAX`] beside the information text and the rest.
 pub const LIST_BYTES_MAX: usize = OBSERVATION_BYTES_MAX - INFO_BYTES_MAX - MESSAGE_BYTES_BARE;
 
-/// Longest answer of a service, bytes. A longer one is sent in parts, and a ROS 2 on Fast DDS does not put the parts of an answer
-/// together, as it does those of a message: who has asked would wait for ever.
+/// Longest answer of a service, bytes. A longer one is sent in parts, and RustDDS 0.15.1 writes the parameters of such a part, which
+/// say whose answer it is, with the tag of an `Option` before them: others drop it, and who has asked would wait for ever.
 pub const ANSWER_BYTES_MAX: usize = 1_200;
 
 #[cfg(test)]
