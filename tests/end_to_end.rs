@@ -34,6 +34,8 @@ mod survival;
 /// While the server waits: recordings are saved, runs can be stopped, late and repeated answers are what they are.
 mod waiting;
 
+/// The scenarios that come with the simulator end as their page says.
+mod gallery;
 /// Radios, relays and sensors that err.
 mod radios;
 /// Recordings are checked, and compared with others.

@@ -1,0 +1,46 @@
+//! The page of worlds and scenarios: what it says of them holds.
+
+use std::collections::BTreeSet;
+
+use crate::support::processes::Process;
+use crate::support::root;
+use crate::support::runs::{Site, scenario, text};
+
+/// The scenario that takes long.
+const LARGE: &str = "large";
+
+/// The scenarios of the page, with how each ends and its digest.
+fn scenarios() -> Vec<(String, String, String)> {
+    let page = std::fs::read_to_string(root().join("docs/gallery.md")).expect("there is a page");
+    let rows = page.lines().filter(|line| line.starts_with("| `"));
+    rows.map(|row| {
+        let cells: Vec<&str> = row.trim_matches('|').split('|').map(|cell| cell.trim().trim_matches('`')).collect();
+        let [name, _, ends, digest] = cells[..] else { panic!("four columns: {row}") };
+        (name.to_owned(), ends.to_owned(), digest.to_owned())
+    })
+    .collect()
+}
+
+#[test]
+fn every_scenario_is_on_the_page_and_ends_as_it_says() {
+    let site = Site::new();
+    let mut named = BTreeSet::new();
+    for (name, ends, digest) in scenarios() {
+        named.insert(format!("{name}.toml"));
+        let file = scenario(&format!("{name}.toml"));
+        if name == LARGE {
+            continue;
+        }
+        let run = Process::start(site.binary("experiments").args(["single", text(&file)])).ended().with_code(0);
+        assert_eq!(run.digest(), digest, "{name}");
+        let (time, reason) = ends.split_once(", ").expect("a time and a reason");
+        let end = format!("ended after {time} of sim time");
+        let said = run.stdout.lines().find(|line| line.starts_with(&end)).unwrap_or_else(|| panic!("{name}: {run}"));
+        assert!(said.ends_with(&format!(": {reason}")), "{name}: {said}");
+    }
+    let folder = root().join("launch_scripts/scenarios");
+    let files = std::fs::read_dir(folder).expect("there is a folder");
+    let files: BTreeSet<String> =
+        files.map(|file| file.expect("it can be read").file_name().to_string_lossy().into_owned()).collect();
+    assert_eq!(named, files);
+}
