@@ -3,7 +3,7 @@
 //! Contact is symmetric, hangs on the places of the two radios and on the terrain alone, and agents do not hide each other
 //! (reference: line casts against the map alone). Which model assumes what: docs/communication.md.
 //!
-//! This module does not look into parcels, and delivers none: see [`super::air`].
+//! This module does not look into parcels, and delivers none: `air.rs` does.
 
 use msgs::ids::{AgentId, RelayId};
 use nalgebra::Point3;
