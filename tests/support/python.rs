@@ -15,6 +15,12 @@ pub(crate) fn for_recordings() -> &'static Path {
     PYTHON.get_or_init(|| environment("recording"))
 }
 
+/// The interpreter with a viewer of recordings.
+pub(crate) fn for_rerun() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| environment("rerun"))
+}
+
 /// The interpreter with a second DDS.
 pub(crate) fn for_cyclone() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();
