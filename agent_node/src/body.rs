@@ -35,6 +35,16 @@ pub struct Body {
 }
 
 impl Body {
+    /// One that flies.
+    #[cfg(test)]
+    pub(crate) const AERIAL: Self = Self {
+        kind: BodyKind::Aerial,
+        speed_max_m_s: 3.0,
+        acceleration_m_s2: 2.0,
+        deceleration_m_s2: 2.0,
+        ..Self::SUBMARINE
+    };
+
     /// The submarine of a scenario that does not say what bodies can do: what paces are measured with.
     pub const SUBMARINE: Self = Self {
         kind: BodyKind::Submarine,
@@ -108,20 +118,13 @@ mod tests {
     #[test]
     fn legs_take_as_long_as_the_bodies_do() {
         // Measured with the server's bodies, which lose up to a tenth of a second to whole ticks.
-        let aerial = Body {
-            kind: BodyKind::Aerial,
-            speed_max_m_s: 3.0,
-            acceleration_m_s2: 2.0,
-            deceleration_m_s2: 2.0,
-            ..Body::SUBMARINE
-        };
         for (body, length_m, turn_rad, expected_s) in [
             (Body::SUBMARINE, 10.0, 0.0, 10.6),
             (Body::SUBMARINE, 1.0, 0.0, 3.22),
             (Body::SUBMARINE, 1.0, FRAC_PI_2, 3.22 + 3.08),
             (Body::SUBMARINE, 0.0, 0.0, 0.0),
-            (aerial, 8.0, FRAC_PI_2, 4.17),
-            (aerial, 2.0, FRAC_PI_2, 2.0),
+            (Body::AERIAL, 8.0, FRAC_PI_2, 4.17),
+            (Body::AERIAL, 2.0, FRAC_PI_2, 2.0),
         ] {
             let reckoned_s = body.leg_s(length_m, turn_rad);
             assert!((reckoned_s - expected_s).abs() <= 0.6, "{length_m} m: {reckoned_s} s, not {expected_s} s");

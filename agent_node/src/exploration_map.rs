@@ -274,7 +274,7 @@ impl ExplorationMap {
         }
         if finding == Finding::Wall {
             self.frontier.remove(index);
-        } else if is_open(packed, place.outside()) {
+        } else if is_open(packed, place.outside) {
             self.frontier.insert(index);
         }
         if is_new {
@@ -304,6 +304,8 @@ struct Place {
     at: [i32; 3],
     size: [i32; 3],
     strides: [isize; 3],
+    /// How many of its face neighbours are outside the map.
+    outside: u8,
 }
 
 impl Place {
@@ -312,24 +314,22 @@ impl Place {
         let row = cell / size_x;
         let at = [cell % size_x, row % size_y, row / size_y].map(u32::cast_signed);
         let strides = [1, size_x as isize, (size_x * size_y) as isize];
-        Self { index: cell as usize, at, size: size.map(u32::cast_signed), strides }
-    }
-
-    /// How many of its face neighbours are outside the map.
-    fn outside(&self) -> u8 {
-        (0..3).map(|axis| self.outside_along(axis, self.at[axis])).sum()
-    }
-
-    /// The same along one axis, of a cell with this coordinate.
-    fn outside_along(&self, axis: usize, at: i32) -> u8 {
-        u8::from(at == 0) + u8::from(at + 1 == self.size[axis])
+        let size = size.map(u32::cast_signed);
+        let outside = (0..3).map(|axis| outside_along(at[axis], size[axis])).sum();
+        Self { index: cell as usize, at, size, strides, outside }
     }
 
     /// The index of the neighbour one step on along an axis, and how many of its face neighbours are outside the map.
     fn beside(&self, axis: usize, step: i32) -> Option<(usize, u8)> {
         let at = self.at[axis] + step;
         let index = self.index.checked_add_signed(self.strides[axis] * step as isize)?;
-        let along = self.outside_along(axis, self.at[axis]);
-        (0..self.size[axis]).contains(&at).then(|| (index, self.outside() - along + self.outside_along(axis, at)))
+        let size = self.size[axis];
+        let outside = self.outside - outside_along(self.at[axis], size);
+        (0..size).contains(&at).then(|| (index, outside + outside_along(at, size)))
     }
+}
+
+/// How many of the two neighbours along an axis are outside a map of this size, of a cell with this coordinate.
+fn outside_along(at: i32, size: i32) -> u8 {
+    u8::from(at == 0) + u8::from(at + 1 == size)
 }

@@ -182,20 +182,13 @@ impl Control {
             return Err(Outcome::failure(Outcome::INCORRECT_STATE, "the simulation is about to end"));
         }
         let time_and_state = ResetRequest::SCOPE_TIME | ResetRequest::SCOPE_STATE;
-        match scope {
-            // Nothing can be spawned, so there is nothing to take away.
-            ResetRequest::SCOPE_SPAWNED => Ok(()),
-            ResetRequest::SCOPE_DEFAULT => self.begin_again(!self.may_tick()),
-            _ if scope & time_and_state == time_and_state => self.begin_again(!self.may_tick()),
-            _ => Err(Outcome::failure(
-                Outcome::FEATURE_UNSUPPORTED,
-                format!("scope = {scope}: expected 0 or 255 (all) or 3 (time and state), which go together"),
-            )),
+        if scope == ResetRequest::SCOPE_DEFAULT || scope & time_and_state == time_and_state {
+            self.beginning = Some(Beginning { is_paused: !self.may_tick() });
+        } else if scope != ResetRequest::SCOPE_SPAWNED {
+            // Nothing can be spawned, so there would be nothing to take away.
+            let reason = format!("scope = {scope}: expected 0 or 255 (all) or 3 (time and state), which go together");
+            return Err(Outcome::failure(Outcome::FEATURE_UNSUPPORTED, reason));
         }
-    }
-
-    fn begin_again(&mut self, is_paused: bool) -> Result<(), Outcome> {
-        self.beginning = Some(Beginning { is_paused });
         Ok(())
     }
 
@@ -240,7 +233,8 @@ impl Control {
             SimulationState::PAUSED => State::Paused,
             SimulationState::QUITTING => State::Quitting,
             SimulationState::STOPPED if self.can_begin_again => {
-                return self.begin_again(true);
+                self.beginning = Some(Beginning { is_paused: true });
+                return Ok(());
             }
             SimulationState::STOPPED => return Err(no_way_back()),
             other => {

@@ -22,6 +22,7 @@ mod record;
 mod replay;
 mod result;
 mod show;
+mod start;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
@@ -38,7 +39,7 @@ use crate::link::{Level, Link};
 use crate::lockstep::Wake;
 use crate::playback::{Playback, Said};
 use crate::recorder::Recorder;
-use crate::scenario::{OnAgentLoss, Rtf, Scenario};
+use crate::scenario::{OnAgentLoss, Scenario};
 use crate::views::Views;
 use crate::wire;
 use crate::world::{Action, Since, World};
@@ -48,6 +49,7 @@ use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Patience, Silence};
 pub use log::Checker;
 use log::{Kind, Log, Sink};
 pub use nobody::Nobody;
+pub use start::Start;
 
 pub use error::RunError;
 
@@ -114,31 +116,6 @@ pub fn run(
     stop: &AtomicBool,
 ) -> Result<Outcome, RunError> {
     carry_out(Start::of(scenario)?, scenario, world, link, recorder.into(), watcher, stop, None)
-}
-
-/// How a run is told from others, and begins.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Start {
-    /// Number of the first run of this server: not 0, which stands for no run in particular.
-    origin: u64,
-    /// How often it has begun again.
-    resets: u64,
-    is_paused: bool,
-    rtf: Rtf,
-}
-
-impl Start {
-    /// As the scenario says.
-    fn of(scenario: &Scenario) -> Result<Self, RunError> {
-        let (is_paused, rtf) = (scenario.execution.paused, scenario.execution.rtf);
-        // Room for resets above it.
-        Ok(Self { origin: (getrandom::u64()? >> 1).max(1), resets: 0, is_paused, rtf })
-    }
-
-    /// Number of the run.
-    fn run(&self) -> u64 {
-        self.origin + self.resets
-    }
 }
 
 /// Carries out a scenario once more, after [`RunError::Reset`], in a world that was made anew, with the same agents.
@@ -247,7 +224,7 @@ fn carry_out<'a>(
     if let Some(Beginning { is_paused }) = run.desk.beginning() {
         run.log.give_up();
         run.desk.end_steps("the simulation was reset");
-        return Err(RunError::Reset(Start { resets: start.resets + 1, is_paused, rtf: run.desk.rtf(), ..start }));
+        return Err(RunError::Reset(start.again(is_paused, run.desk.rtf())));
     }
     let is_over = matches!(ended.as_deref(), Ok(EXPLORED | COVERED | DURATION));
     if run.is_replaying() && !is_over && run.log.checker().is_none() {

@@ -164,10 +164,8 @@ impl Scenario {
             }
         }
         scenario.complete_bodies();
-        match scenario.map.kind {
-            MapKind::File => {}
-            MapKind::Building => drop(scenario.map.building.get_or_insert_default()),
-            MapKind::Spheres | MapKind::Noise => {}
+        if scenario.map.kind == MapKind::Building {
+            scenario.map.building.get_or_insert_default();
         }
         if scenario.map.kind != MapKind::File {
             scenario.map.cell_m.get_or_insert(1.0);

@@ -5,7 +5,6 @@ use msgs::maes_msgs::{CellRuns, Contact, Parcel as Message, Wake as Events};
 use nalgebra::Point3;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use voxels::Extent;
 
 use super::*;
 use crate::command::Parcel;
@@ -23,20 +22,23 @@ impl Controller for Counting {
     }
 }
 
-fn agent() -> Agent {
+/// What this many agents are told of a small run.
+fn briefing(agents: u32) -> Briefing {
     let scenario = maes_msgs::Scenario {
         size: [4, 4, 4],
         cell_m: 1.0,
-        agents: 9,
+        agents,
         bodies: vec![maes_msgs::Body::default()],
-        body_of: vec![0; 9],
+        body_of: vec![0; agents as usize],
         duration_ticks: 10_000,
         share_period_ticks: 10,
         ..Default::default()
     };
-    let mut briefing = wire::briefing(&scenario).unwrap();
-    briefing.extent = Extent::new([4, 4, 4], 1.0).unwrap();
-    Agent::new(AgentId(2), briefing, Box::new(Counting(0)))
+    wire::briefing(&scenario).unwrap()
+}
+
+fn agent() -> Agent {
+    Agent::new(AgentId(2), briefing(9), Box::new(Counting(0)))
 }
 
 fn part(tick: u64, phase: u8) -> Part {
@@ -257,17 +259,7 @@ impl Controller for Sleeper {
 fn a_controller_is_asked_when_it_wants_to_be_and_misses_nothing() {
     let shown = Rc::new(RefCell::new(Vec::new()));
     let sleeper = Sleeper { ticks: vec![30, 90], shown: Rc::clone(&shown) };
-    let scenario = maes_msgs::Scenario {
-        size: [4, 4, 4],
-        cell_m: 1.0,
-        agents: 3,
-        bodies: vec![maes_msgs::Body::default()],
-        body_of: vec![0; 3],
-        duration_ticks: 10_000,
-        share_period_ticks: 10,
-        ..Default::default()
-    };
-    let mut agent = Agent::new(AgentId(2), wire::briefing(&scenario).unwrap(), Box::new(sleeper));
+    let mut agent = Agent::new(AgentId(2), briefing(3), Box::new(sleeper));
     let mut ask = |tick: u64, cell: u32, parcels: Vec<Message>| {
         let seen_free = CellRuns { start: vec![cell], length: vec![1] };
         let contacts = vec![Contact { agent: 1, ..Contact::default() }];

@@ -21,7 +21,6 @@ use super::{Controller, Ctx, aside};
 use crate::command::{Command, Motion, Wake};
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::observation::Observation;
-use crate::path::{Goal, Graph, Neighbours, find};
 use crate::travel::{Journey, SearchTime};
 
 /// Where a line may lead, the first ones first, and how many cells far.
@@ -42,8 +41,8 @@ const LINE_CELLS_MAX: u32 = 32;
 enum Task {
     /// Nothing.
     None,
-    /// A line that has begun in this cell.
-    Line(Cell),
+    /// A line that has begun in this cell, by this step from cell to cell.
+    Line(Cell, Cell),
     /// On its way to this cell.
     Way(Cell),
 }
@@ -69,17 +68,16 @@ impl Boustrophedon {
     }
 
     /// Notes the cells of a line that the body has been in: it was not asked in each of them. Somebody may have put it elsewhere.
-    fn note_line(ctx: &mut Ctx<'_>, from: Cell) {
-        let to = ctx.cell();
-        let along = |step: Cell| {
-            (0..=LINE_CELLS_MAX.cast_signed()).map(move |n| from + Cell::new(step.x * n, step.y * n, step.z * n))
-        };
-        let Some(&(step, _)) = LINES.iter().find(|(step, _)| along(*step).any(|cell| cell == to)) else { return };
-        along(step).take_while(|cell| *cell != to).for_each(|cell| ctx.mark_covered(cell));
+    fn note_line(ctx: &mut Ctx<'_>, from: Cell, step: Cell) {
+        let here = ctx.cell();
+        let line = std::iter::successors(Some(from), |&cell| Some(cell + step)).take(LINE_CELLS_MAX as usize + 1);
+        if let Some(passed) = line.clone().position(|cell| cell == here) {
+            line.take(passed).for_each(|cell| ctx.mark_covered(cell));
+        }
     }
 
-    /// The end of the line that is to be gone next, if there is one.
-    fn line(ctx: &Ctx<'_>) -> Option<Cell> {
+    /// The step and the end of the line that is to be gone next, if there is one.
+    fn line(ctx: &Ctx<'_>) -> Option<(Cell, Cell)> {
         let here = ctx.cell();
         // Lines lead from centre to centre.
         if ctx.map().extent().centre(here) != ctx.position() {
@@ -94,7 +92,7 @@ impl Boustrophedon {
                 }
                 end = next;
             }
-            (end != here).then_some(end)
+            (end != here).then_some((step, end))
         })
     }
 
@@ -102,27 +100,15 @@ impl Boustrophedon {
     fn nearest(&self, observation: &Observation, ctx: &mut Ctx<'_>) -> Option<Cell> {
         let here = ctx.position();
         let others: Vec<Point3<f64>> = observation.contacts.iter().map(|contact| contact.position).collect();
+        let is_wanted =
+            |map: &ExplorationMap, cell| map.state(cell) == CellState::Free && !self.given_up.contains(&cell);
         let is_ours = |map: &ExplorationMap, cell: Cell| {
             let centre = map.extent().centre(cell);
             let own_m = (centre - here).norm();
             others.iter().all(|other| (centre - other).norm() >= own_m)
         };
-        let mut found = None;
-        for only_ours in [true, false] {
-            let start = ctx.cell();
-            let (map, moves, scratch) = ctx.searching(Neighbours::TwentySix);
-            let is_wanted = |cell| {
-                map.state(cell) == CellState::Free
-                    && !self.given_up.contains(&cell)
-                    && (!only_ours || is_ours(map, cell))
-            };
-            found = find(Graph::new(map, moves), scratch, start, Goal::Where(&is_wanted))
-                .and_then(|path| path.cells.last().copied());
-            if found.is_some() || others.is_empty() {
-                break;
-            }
-        }
-        found
+        let ours = ctx.nearest(|map, cell| is_wanted(map, cell) && is_ours(map, cell));
+        if ours.is_some() || others.is_empty() { ours } else { ctx.nearest(is_wanted) }
     }
 }
 
@@ -132,15 +118,15 @@ impl Controller for Boustrophedon {
         if observation.scan_tick.is_none() {
             return Command::keep(Wake::NEXT_TICK);
         }
-        if let Task::Line(from) = self.task {
-            Self::note_line(ctx, from);
+        if let Task::Line(from, step) = self.task {
+            Self::note_line(ctx, from, step);
         }
         if self.task != Task::None && observation.events & Events::COLLISION != 0 {
             self.task = Task::None;
             return aside::make_way(&mut self.rng, ctx);
         }
-        if let Some(end) = Self::line(ctx) {
-            self.task = Task::Line(ctx.cell());
+        if let Some((step, end)) = Self::line(ctx) {
+            self.task = Task::Line(ctx.cell(), step);
             let motion = Motion::Path(vec![ctx.map().extent().centre(end)]);
             return Command::new(motion, Wake::TASK_DONE).saying("ploughs");
         }

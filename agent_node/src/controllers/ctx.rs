@@ -10,7 +10,7 @@ use crate::body::{Body, BodyKind};
 use crate::command::Motion;
 use crate::exploration_map::ExplorationMap;
 use crate::observation::{Briefing, Observation, Pose};
-use crate::path::{Moves, Neighbours, Path, Scratch, direct};
+use crate::path::{Goal, Graph, Moves, Neighbours, Path, Scratch, direct, find};
 use crate::travel::{Journey, SearchTime, Travel};
 
 /// Largest coordinate of a way-point, metres.
@@ -149,6 +149,14 @@ impl<'a> Ctx<'a> {
     #[must_use]
     pub fn clear_beside(&self) -> Vec<Cell> {
         self.cell().neighbours26().into_iter().filter(|&cell| self.is_clear_to(cell)).collect()
+    }
+
+    /// The cell with the shortest way to it, through neighbours across faces, edges and corners, of those that are wanted.
+    pub fn nearest(&mut self, is_wanted: impl Fn(&ExplorationMap, Cell) -> bool) -> Option<Cell> {
+        let start = self.cell();
+        let (map, moves, scratch) = self.searching(Neighbours::TwentySix);
+        let path = find(Graph::new(map, moves), scratch, start, Goal::Where(&|cell| is_wanted(map, cell)))?;
+        path.cells.last().copied()
     }
 
     /// For searches of one's own with [`crate::path`]: the map, the moves of the body, and what searches write on.

@@ -19,7 +19,6 @@ use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx, aside};
 use crate::command::{Command, Motion, Wake};
 use crate::observation::Observation;
-use crate::path::{Goal, Graph, Neighbours, find};
 use crate::travel::{Journey, SearchTime};
 
 /// The mark of relays that keep nothing.
@@ -53,11 +52,7 @@ impl NearestFrontier {
 
     /// The frontier with the shortest way to it.
     fn nearest(&self, ctx: &mut Ctx<'_>) -> Option<Cell> {
-        let start = ctx.cell();
-        let (map, moves, scratch) = ctx.searching(Neighbours::TwentySix);
-        let is_wanted = |cell| map.is_frontier(cell) && !self.given_up.contains(&cell);
-        let path = find(Graph::new(map, moves), scratch, start, Goal::Where(&is_wanted))?;
-        path.cells.last().copied()
+        ctx.nearest(|map, cell| map.is_frontier(cell) && !self.given_up.contains(&cell))
     }
 
     /// The command, and a relay is left behind if this is the place for it.

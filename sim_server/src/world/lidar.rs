@@ -188,7 +188,7 @@ impl Scanner {
 pub struct SensorMemory {
     extent: Extent,
     strides: [usize; 3],
-    kinds: Arc<[u8]>,
+    kinds: Arc<Vec<u8>>,
     /// The kinds of the cells that have been seen, and 0 for the others.
     seen: Vec<u8>,
     /// By cell index, by how much rays that cross it outnumber those that end in it, as far as scans err; else empty.
@@ -207,7 +207,8 @@ impl SensorMemory {
     pub fn new(terrain: &Grid<Terrain>) -> Self {
         let extent = terrain.extent();
         let [x, y, z] = extent.size().map(|cells| cells as usize + 2);
-        let nothing = Self { extent, strides: [1, x, x * y], kinds: Arc::new([]), seen: Vec::new(), votes: Vec::new() };
+        let nothing =
+            Self { extent, strides: [1, x, x * y], kinds: Arc::default(), seen: Vec::new(), votes: Vec::new() };
         let mut kinds = vec![OUTSIDE; x * y * z];
         for (cell, terrain) in terrain.iter() {
             kinds[nothing.slot_of(cell)] = match terrain {
@@ -216,7 +217,7 @@ impl SensorMemory {
             };
         }
         let seen = vec![0; kinds.len()];
-        Self { kinds: kinds.into(), seen, ..nothing }
+        Self { kinds: Arc::new(kinds), seen, ..nothing }
     }
 
     /// The memory of another LiDAR in the same terrain that has not seen anything yet.

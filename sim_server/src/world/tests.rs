@@ -1,9 +1,11 @@
 use std::f64::consts::{PI, TAU};
 
+use nalgebra::Vector3;
 use proptest::prelude::*;
 use voxels::Extent;
 
-use super::comms::{ContactModel, Peer};
+use super::body::Motion;
+use super::comms::{ContactModel, Parcel, Peer};
 use super::lidar::Pattern;
 use msgs::limits::PARCEL_BYTES_MAX;
 

@@ -289,15 +289,8 @@ mod tests {
 
     #[test]
     fn in_a_mixed_team_the_one_that_will_be_there_sooner_keeps_it() {
-        let aerial = Body {
-            kind: BodyKind::Aerial,
-            speed_max_m_s: 3.0,
-            acceleration_m_s2: 2.0,
-            deceleration_m_s2: 2.0,
-            ..Body::SUBMARINE
-        };
         // Agent 1 flies.
-        let bodies = Bodies::new(vec![Body::SUBMARINE, aerial], vec![0, 1, 0, 0]).unwrap();
+        let bodies = Bodies::new(vec![Body::SUBMARINE, Body::AERIAL], vec![0, 1, 0, 0]).unwrap();
         let is_outbid = |claims| two_of(&bodies, claims).map(|auction| auction.is_outbid(Tick(101)));
         assert_eq!(is_outbid([(GOAL, 10.0), (BESIDE, 18.0)]), [true, false]);
         assert_eq!(is_outbid([(GOAL, 10.0), (BESIDE, 40.0)]), [false, true]);

@@ -39,7 +39,7 @@ impl Exchange<'_> {
             Inbound::Command(command) => command.run,
             Inbound::Undecodable { .. } => return false,
         };
-        (self.start.origin..self.start.run()).contains(&run)
+        self.start.comes_after(run)
     }
 
     fn count(&mut self, handled: Result<(), Refusal>, watcher: &mut dyn Watcher) {
