@@ -16,6 +16,7 @@ pub mod difference;
 pub mod digest;
 pub mod exit;
 pub mod info;
+pub mod journal;
 pub mod link;
 pub mod lockstep;
 pub mod map_cli;

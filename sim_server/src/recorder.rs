@@ -315,7 +315,8 @@ fn channel_id(number: usize) -> u16 {
     u16::try_from(number + 1).expect("a run has fewer than 65535 topics")
 }
 
-fn announce<W: Write + Seek>(writer: &mut Writer<W>, topic: &Topic) -> McapResult<u16> {
+/// Tells a file of a topic.
+pub(crate) fn announce<W: Write + Seek>(writer: &mut Writer<W>, topic: &Topic) -> McapResult<u16> {
     let definition = schema::text(topic.message);
     let schema = writer.add_schema(&topic.message.to_string(), "ros2msg", definition.as_bytes())?;
     let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), topic.qos.offered_qos_profiles())]);

@@ -35,10 +35,10 @@ use msgs::maes_msgs::{self, Observation as Part};
 use crate::control::Beginning;
 use crate::control::desk::Desk;
 use crate::digest::{Chain, Digest};
+use crate::journal::Journal;
 use crate::link::{Level, Link};
 use crate::lockstep::Wake;
 use crate::playback::{Playback, Said};
-use crate::recorder::Recorder;
 use crate::scenario::{OnAgentLoss, Scenario};
 use crate::views::Views;
 use crate::wire;
@@ -46,7 +46,7 @@ use crate::world::{Action, Since, World};
 
 use control::Phase;
 use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Patience, Silence};
-pub use log::Checker;
+pub use log::{Checker, Records};
 use log::{Kind, Log, Sink};
 pub use nobody::Nobody;
 pub use start::Start;
@@ -111,11 +111,11 @@ pub fn run(
     scenario: &Scenario,
     world: World,
     link: &mut dyn Link,
-    recorder: Option<Recorder>,
+    records: impl Into<Records>,
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
 ) -> Result<Outcome, RunError> {
-    carry_out(Start::of(scenario)?, scenario, world, link, recorder.into(), watcher, stop, None)
+    carry_out(Start::of(scenario)?, scenario, world, link, records.into().sinks(), watcher, stop, None)
 }
 
 /// Carries out a scenario once more, after [`RunError::Reset`], in a world that was made anew, with the same agents.
@@ -127,11 +127,11 @@ pub fn begin_again(
     scenario: &Scenario,
     world: World,
     link: &mut dyn Link,
-    recorder: Option<Recorder>,
+    records: impl Into<Records>,
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
 ) -> Result<Outcome, RunError> {
-    carry_out(start, scenario, world, link, recorder.into(), watcher, stop, None)
+    carry_out(start, scenario, world, link, records.into().sinks(), watcher, stop, None)
 }
 
 /// Goes on with a run: carries out again what a recording says of it, then tells the agents their past and goes on with them.
@@ -142,12 +142,12 @@ pub fn resume(
     scenario: &Scenario,
     world: World,
     link: &mut dyn Link,
-    recorder: Option<Recorder>,
+    records: impl Into<Records>,
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
     playback: Playback<'_>,
 ) -> Result<Outcome, RunError> {
-    carry_out(Start::of(scenario)?, scenario, world, link, recorder.into(), watcher, stop, Some(playback))
+    carry_out(Start::of(scenario)?, scenario, world, link, records.into().sinks(), watcher, stop, Some(playback))
 }
 
 /// Carries out again what a recording says of a run, up to where it ends and with nobody taking part, before somebody who knows
@@ -163,7 +163,8 @@ pub fn again(
 ) -> Result<Outcome, RunError> {
     let stop = AtomicBool::new(false);
     let start = Start::of(scenario)?;
-    carry_out(start, scenario, world, &mut Nobody, Sink::Checker(checker), &mut Nobody, &stop, Some(playback))
+    let looked_at = (Sink::Checker(checker), None);
+    carry_out(start, scenario, world, &mut Nobody, looked_at, &mut Nobody, &stop, Some(playback))
 }
 
 #[expect(clippy::too_many_arguments, reason = "all that a run needs; it is put together here and nowhere else")]
@@ -172,7 +173,7 @@ fn carry_out<'a>(
     scenario: &'a Scenario,
     world: World,
     link: &'a mut dyn Link,
-    sink: Sink<'a>,
+    (sink, journal): (Sink<'a>, Option<Journal>),
     watcher: &'a mut dyn Watcher,
     stop: &'a AtomicBool,
     playback: Option<Playback<'a>>,
@@ -197,7 +198,7 @@ fn carry_out<'a>(
         desk: Desk::new(start.is_paused, start.rtf, crate::control::features()),
         interventions: 0,
         leaving: Vec::new(),
-        log: Log::new(sink, scenario.agents.count),
+        log: Log::new(sink, journal, scenario.agents.count),
         exchange: Exchange::new(link, start, scenario.agents.count, keeps_history, has_successors),
         world,
         watcher,

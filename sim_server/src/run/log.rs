@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::now;
 use crate::digest::Chain;
+use crate::journal::Journal;
 use crate::recorder::{RecordError, Recorder};
 use crate::views::{Picture, View};
 
@@ -53,6 +54,7 @@ pub trait Checker {
 /// The recording and the encoding of messages, which the digest needs in any case.
 pub(super) struct Log<'s> {
     sink: Sink<'s>,
+    journal: Option<Journal>,
     sim_topics: [Topic; 6],
     agent_topics: Vec<[Topic; 3]>,
     /// Of the views that have been recorded so far.
@@ -62,10 +64,11 @@ pub(super) struct Log<'s> {
 }
 
 impl<'s> Log<'s> {
-    pub(super) fn new(sink: Sink<'s>, agents: u32) -> Self {
+    pub(super) fn new(sink: Sink<'s>, journal: Option<Journal>, agents: u32) -> Self {
         let of_agent = |agent| [topics::join(agent), topics::observation(agent), topics::command(agent)];
         Self {
             sink,
+            journal,
             sim_topics: [
                 topics::scenario(),
                 topics::progress(),
@@ -83,7 +86,7 @@ impl<'s> Log<'s> {
 
     /// Whether somebody wants what the digest does not need.
     pub(super) fn is_recording(&self) -> bool {
-        !matches!(self.sink, Sink::Nothing)
+        self.journal.is_some() || !matches!(self.sink, Sink::Nothing)
     }
 
     /// Who checks what is written down, if somebody does.
@@ -120,7 +123,7 @@ impl<'s> Log<'s> {
     pub(super) fn write_view(&mut self, view: View, tick: Tick, picture: &Picture) -> Result<(), RecordError> {
         self.encode(picture);
         let topic = self.view_topics.entry(view).or_insert_with(|| view.topic());
-        let written = self.sink.write(topic, tick, &self.bytes);
+        let written = self.sink.write(topic, self.journal.as_mut(), tick, &self.bytes);
         self.unless_failed(written)
     }
 
@@ -137,6 +140,9 @@ impl<'s> Log<'s> {
 
     /// Saves provisionally if it is time to. To be called while the loop waits, too.
     pub(super) fn save_now_and_then(&mut self) -> Result<(), RecordError> {
+        if let Some(journal) = &mut self.journal {
+            journal.flush_now_and_then();
+        }
         if self.saved.elapsed() >= SAVE_PERIOD { self.save_provisionally() } else { Ok(()) }
     }
 
@@ -178,7 +184,7 @@ impl<'s> Log<'s> {
             Kind::Observation(agent) => &self.agent_topics[agent.index()][1],
             Kind::Command(agent) => &self.agent_topics[agent.index()][2],
         };
-        let written = self.sink.write(topic, tick, &self.bytes);
+        let written = self.sink.write(topic, self.journal.as_mut(), tick, &self.bytes);
         self.unless_failed(written)
     }
 
@@ -192,7 +198,16 @@ impl<'s> Log<'s> {
 }
 
 impl Sink<'_> {
-    fn write(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) -> Result<(), RecordError> {
+    fn write(
+        &mut self,
+        topic: &Topic,
+        journal: Option<&mut Journal>,
+        tick: Tick,
+        cdr: &[u8],
+    ) -> Result<(), RecordError> {
+        if let Some(journal) = journal {
+            journal.write(topic, tick, cdr);
+        }
         match self {
             Self::Nothing => Ok(()),
             Self::File(recorder) => recorder.write(topic, tick, cdr),
@@ -204,8 +219,26 @@ impl Sink<'_> {
     }
 }
 
-impl From<Option<Recorder>> for Sink<'_> {
+
+/// What a run is written into.
+#[derive(Default)]
+pub struct Records {
+    /// The recording, if there is to be one.
+    pub recorder: Option<Recorder>,
+    /// What those who look on read, if there may be some.
+    pub journal: Option<Journal>,
+}
+
+impl Records {
+    /// Where messages go.
+    pub(super) fn sinks<'s>(self) -> (Sink<'s>, Option<Journal>) {
+        let sink = self.recorder.map_or(Sink::Nothing, |recorder| Sink::File(Box::new(recorder)));
+        (sink, self.journal)
+    }
+}
+
+impl From<Option<Recorder>> for Records {
     fn from(recorder: Option<Recorder>) -> Self {
-        recorder.map_or(Self::Nothing, |recorder| Self::File(Box::new(recorder)))
+        Self { recorder, journal: None }
     }
 }
