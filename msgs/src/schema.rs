@@ -34,6 +34,46 @@ pub fn text(message: MessageType) -> String {
     text
 }
 
+/// The definitions of request and response of a service of `simulation_interfaces`, each followed by those of the types that it refers
+/// to.
+///
+/// # Panics
+/// If it is not among [`SERVICES`].
+pub fn service(name: &str) -> (String, String) {
+    let (_, definition) = SERVICES.iter().find(|(known, _)| *known == name).expect("a service that can be described");
+    let (request, response) = definition.split_once("---\n").expect("an interface file of a service has two parts");
+    let whole = |definition: &'static str| text(MessageType { package: "simulation_interfaces", name: "", definition });
+    (whole(request), whole(response))
+}
+
+/// Services that can be described, by their interface files.
+const SERVICES: [(&str, &str); 5] = [
+    ("GetSimulatorFeatures", include_str!("standard/simulation_interfaces/srv/GetSimulatorFeatures.srv")),
+    ("GetSimulationState", include_str!("standard/simulation_interfaces/srv/GetSimulationState.srv")),
+    ("SetSimulationState", include_str!("standard/simulation_interfaces/srv/SetSimulationState.srv")),
+    ("StepSimulation", include_str!("standard/simulation_interfaces/srv/StepSimulation.srv")),
+    ("ResetSimulation", include_str!("standard/simulation_interfaces/srv/ResetSimulation.srv")),
+];
+
+/// What these refer to, and no topic carries.
+const PARTS: [MessageType; 3] = [
+    MessageType {
+        package: "simulation_interfaces",
+        name: "Result",
+        definition: include_str!("standard/simulation_interfaces/msg/Result.msg"),
+    },
+    MessageType {
+        package: "simulation_interfaces",
+        name: "SimulationState",
+        definition: include_str!("standard/simulation_interfaces/msg/SimulationState.msg"),
+    },
+    MessageType {
+        package: "simulation_interfaces",
+        name: "SimulatorFeatures",
+        definition: include_str!("standard/simulation_interfaces/msg/SimulatorFeatures.msg"),
+    },
+];
+
 fn append_dependencies(message: MessageType, seen: &mut BTreeSet<MessageType>, text: &mut String) {
     for dependency in dependencies(message) {
         if seen.insert(dependency) {
@@ -58,6 +98,7 @@ fn dependencies(message: MessageType) -> BTreeSet<MessageType> {
 fn find(reference: &str, package: &str) -> MessageType {
     let (package, name) = reference.split_once('/').unwrap_or((package, reference));
     *ALL.iter()
+        .chain(&PARTS)
         .find(|candidate| candidate.package == package && candidate.name == name)
         .expect("the list of types is complete, and a test asks for the schema of each")
 }
@@ -127,6 +168,21 @@ mod tests {
                 "builtin_interfaces/Time"
             ]
         );
+    }
+
+    #[test]
+    fn both_parts_of_a_service_are_complete() {
+        for (name, _) in SERVICES {
+            let (request, response) = service(name);
+            assert!(!request.contains("---\n") && !response.contains("---\n"), "{name}");
+            for part in ["Result", "SimulationState", "SimulatorFeatures"] {
+                let used = format!("simulation_interfaces/{part} ");
+                for text in [&request, &response] {
+                    let is_there = text.contains(&format!("MSG: simulation_interfaces/{part}\n"));
+                    assert_eq!(text.contains(&used), is_there, "{name}: {part}");
+                }
+            }
+        }
     }
 
     #[test]

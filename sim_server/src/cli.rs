@@ -31,6 +31,9 @@ pub enum Command {
     /// Play a recording on its ROS 2 topics
     #[cfg(feature = "ros")]
     Replay(ReplayArgs),
+    /// Show a recording in a browser
+    #[cfg(feature = "view")]
+    View(ViewArgs),
     /// Print a scenario with all its keys, or one of them
     Scenario(ScenarioArgs),
     /// Make, describe and convert maps
@@ -103,12 +106,32 @@ impl ReplayArgs {
     }
 }
 
+/// Arguments of `view`.
+#[cfg(feature = "view")]
+#[derive(Debug, Args)]
+pub struct ViewArgs {
+    /// The recording (.mcap)
+    pub file: PathBuf,
+    /// Where the page is to be; port 0: a free one
+    #[arg(long, value_name = "ADDR:PORT", default_value = crate::viewing::DEFAULT_ADDRESS)]
+    pub address: String,
+}
+
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
     /// The scenario (.toml), or a recording of it (.mcap); a run that goes on has one
-    #[arg(required_unless_present = "resume")]
+    #[cfg_attr(feature = "view", arg(required_unless_present_any = ["resume", "idle"]))]
+    #[cfg_attr(not(feature = "view"), arg(required_unless_present = "resume"))]
     pub scenario: Option<PathBuf>,
+    /// Let people look on in a browser, or in Foxglove: a page and a Foxglove WebSocket at this address
+    #[cfg(feature = "view")]
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = crate::viewing::DEFAULT_ADDRESS)]
+    pub view: Option<String>,
+    /// Wait until somebody starts a run on the page, again and again
+    #[cfg(feature = "view")]
+    #[arg(long, requires = "view", conflicts_with_all = ["resume", "scenario"])]
+    pub idle: bool,
     /// Go on with the run of this recording, whose server was killed, and complete it, or the file that --record names
     #[arg(long, value_name = "FILE.mcap")]
     pub resume: Option<PathBuf>,

@@ -132,7 +132,6 @@ impl Journal {
         let header = MessageHeader { channel_id, sequence: 0, log_time: time_ns, publish_time: time_ns };
         self.writer.write_to_known_channel(&header, cdr)
     }
-
 }
 
 impl Drop for Tail {
@@ -254,7 +253,8 @@ mod tests {
         drop(journal);
         let bytes = all(&reader);
         assert!(bytes.starts_with(&[first, second].concat()));
-        let ticks: Vec<u64> = mcap::MessageStream::new(&bytes).unwrap().map(|message| message.unwrap().log_time).collect();
+        let ticks: Vec<u64> =
+            mcap::MessageStream::new(&bytes).unwrap().map(|message| message.unwrap().log_time).collect();
         assert_eq!(ticks, [0, 20_000_000, 40_000_000]);
         let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
         assert_eq!((summary.channels.len(), summary.attachment_indexes.len()), (1, 1));

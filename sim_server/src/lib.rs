@@ -35,6 +35,8 @@ pub mod setup;
 pub mod terminal;
 pub mod twist;
 pub mod verify;
+#[cfg(feature = "view")]
+pub mod viewing;
 pub mod views;
 pub mod wire;
 pub mod world;

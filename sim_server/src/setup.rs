@@ -192,13 +192,17 @@ fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport),
 /// # Errors
 /// If the file cannot be made.
 pub fn record(file: &Path, scenario: &Scenario, world: &World) -> Result<Recorder, RecordError> {
+    with_documents(scenario, world, |documents| Recorder::create(file, documents))
+}
+
+/// What is made of the documents that belong to a run of `scenario` in `world`.
+pub fn with_documents<T>(scenario: &Scenario, world: &World, make: impl FnOnce(&[Document<'_>]) -> T) -> T {
     let identity = scenario.identity();
     let map = m3dm::write(world.terrain()).unwrap_or_else(|_too_large| packed::write(world.terrain()));
-    let documents = [
+    make(&[
         Document { name: SCENARIO_ATTACHMENT, media_type: "application/toml", data: identity.as_bytes() },
         Document { name: MAP_ATTACHMENT, media_type: "application/octet-stream", data: &map },
-    ];
-    Recorder::create(file, &documents)
+    ])
 }
 
 /// The map of a recording, if it has one.

@@ -219,7 +219,6 @@ impl Sink<'_> {
     }
 }
 
-
 /// What a run is written into.
 #[derive(Default)]
 pub struct Records {

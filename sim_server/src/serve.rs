@@ -1,0 +1,315 @@
+//! What the binary does over ROS 2: a run, one run after the other, a recording that is played.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use anyhow::Context;
+use msgs::ids::Tick;
+use msgs::ros;
+use msgs::ros_env::RosEnv;
+use sim_server::cli::{ReplayArgs, RunArgs};
+use sim_server::link::Link;
+use sim_server::mapgen::MapReport;
+use sim_server::playback::{Horizon, Playback};
+use sim_server::recording::Recording;
+use sim_server::replay::Programme;
+use sim_server::ros::{RosLink, replay};
+use sim_server::run::{self, Records, RunError};
+use sim_server::scenario::{Override, Scenario};
+use sim_server::terminal::{self, Terminal};
+#[cfg(feature = "view")]
+use sim_server::viewing::{self, Viewing, Watched};
+use sim_server::world::World;
+use sim_server::{exit, setup};
+
+/// Wall time between two looks at whether an idle server is to end.
+#[cfg(feature = "view")]
+const IDLE_PERIOD: Duration = Duration::from_millis(100);
+
+/// Nobody can look on.
+#[cfg(not(feature = "view"))]
+enum Viewing {}
+
+/// A recording whose run goes on.
+struct Resumed {
+    file: PathBuf,
+    recording: Recording,
+}
+
+impl Resumed {
+    fn open(file: &Path) -> anyhow::Result<Self> {
+        Ok(Self { file: file.to_owned(), recording: Recording::open(file)? })
+    }
+
+    /// What was said so far, of a run that has not ended.
+    fn playback(&self) -> anyhow::Result<Playback<'_>> {
+        let playback = Playback::new(&self.recording)?;
+        if let Horizon::Ended(tick) = playback.horizon() {
+            let file = self.file.display();
+            anyhow::bail!("{file}: its run has ended in tick {tick}; there is nothing to go on with");
+        }
+        Ok(playback)
+    }
+
+    /// What the run is to be; it completes the recording unless another one is named.
+    fn scenario(&self, file: Option<&Path>, overrides: &[Override]) -> anyhow::Result<Scenario> {
+        let mut scenario = setup::load_recorded(&self.recording, file, overrides)?;
+        scenario.execution.record.get_or_insert_with(|| self.file.clone());
+        Ok(scenario)
+    }
+}
+
+/// Plays a recording over ROS 2.
+pub(super) fn replay(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
+    let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
+    let recording = Recording::open(&args.file)?;
+    let programme = Programme::new(&recording, &args.wishes())?;
+    let stop = stopped_by_signals()?;
+    let mut terminal = Terminal::new(programme.ticks().1, 0);
+    programme.notes().iter().for_each(|note| terminal.say(&format!("warning: {note}")));
+    let played = replay::play(&recording, &programme, args.manner(), &env, &mut terminal, &stop);
+    terminal.clear();
+    let played = match played {
+        Ok(played) => played,
+        Err(error) => return failed(&error),
+    };
+    let sim_s = Tick(played.sim_ticks).time_ns() as f64 * 1e-9;
+    super::print(&format!("replayed {} messages, {sim_s:.2} s", played.messages));
+    Ok(ExitCode::from(if played.is_interrupted { exit::BY_SIGNAL } else { 0 }))
+}
+
+/// A flag that SIGINT and SIGTERM set; a second signal ends the process.
+fn stopped_by_signals() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register_conditional_shutdown(signal, exit::BY_SIGNAL.into(), Arc::clone(&stop))
+            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
+            .context("handling signals")?;
+    }
+    Ok(stop)
+}
+
+/// The end of what the system does not allow.
+fn failed(error: &dyn std::fmt::Display) -> anyhow::Result<ExitCode> {
+    eprintln!("error: {error}");
+    Ok(ExitCode::from(exit::FAILED))
+}
+
+/// Serves a run over ROS 2, or one after the other.
+pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
+    let resumed = args.resume.as_deref().map(Resumed::open).transpose()?;
+    let playback = resumed.as_ref().map(Resumed::playback).transpose()?;
+    let overrides = args.keys.overrides();
+    let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
+    #[cfg(feature = "view")]
+    if args.idle {
+        return idle(args, &env, &overrides);
+    }
+    let scenario = match (&resumed, args.scenario.as_deref()) {
+        (Some(resumed), file) => resumed.scenario(file, &overrides)?,
+        (None, Some(file)) => setup::load(file, &overrides)?,
+        (None, None) => unreachable!("one of the two is required"),
+    };
+    let source = args.scenario.as_deref().or(args.resume.as_deref()).unwrap_or(Path::new(""));
+    let job = Job { name: source.display().to_string(), scenario: &scenario, resumed: resumed.as_ref() };
+    // What is wrong with the world is told before anything is taken.
+    let made = job.make()?;
+    let stop = stopped_by_signals()?;
+    ros::stopped::end_when_continued().context("handling signals")?;
+    let viewing = match open_viewing(args) {
+        Ok(viewing) => viewing,
+        Err(error) => return failed(&error),
+    };
+    let ready = || match &args.ready {
+        Some(file) => std::fs::write(file, "ready\n").context(file.display().to_string()),
+        None => Ok(()),
+    };
+    match job.begin(made, &env, viewing.as_ref()) {
+        Ok(begun) => {
+            ready()?;
+            let log =
+                args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
+            let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log);
+            tell_address(viewing.as_ref(), &mut terminal);
+            job.carry_out(begun, playback, &mut terminal, &stop)
+        }
+        Err(error) => failed(&error),
+    }
+}
+
+#[cfg(feature = "view")]
+fn open_viewing(args: &RunArgs) -> Result<Option<Viewing>, viewing::ViewingError> {
+    args.view.as_deref().map(|address| Viewing::open(address, viewing::pages().as_deref(), args.idle)).transpose()
+}
+
+#[cfg(not(feature = "view"))]
+fn open_viewing(_: &RunArgs) -> Result<Option<Viewing>, std::convert::Infallible> {
+    Ok(None)
+}
+
+#[cfg(feature = "view")]
+fn tell_address(viewing: Option<&Viewing>, terminal: &mut Terminal) {
+    if let Some(viewing) = viewing {
+        terminal.say(&format!("to look on: http://{0} (Foxglove WebSocket: ws://{0})", viewing.address()));
+    }
+}
+
+#[cfg(not(feature = "view"))]
+fn tell_address(_: Option<&Viewing>, _: &mut Terminal) {}
+
+/// Serves the runs that people start on the page, one after the other, until it is interrupted.
+#[cfg(feature = "view")]
+fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<ExitCode> {
+    const NAME: &str = "the scenario";
+    let stop = stopped_by_signals()?;
+    ros::stopped::end_when_continued().context("handling signals")?;
+    let viewing = match open_viewing(args) {
+        Ok(viewing) => viewing.expect("an idle server is looked at"),
+        Err(error) => return failed(&error),
+    };
+    let log = args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
+    let mut waiting = Terminal::new(Tick::ZERO, 0).with_log(log);
+    tell_address(Some(&viewing), &mut waiting);
+    let mut code = ExitCode::SUCCESS;
+    let mut runs = 0;
+    while !stop.load(Ordering::Relaxed) {
+        let Some(request) = viewing.next_start(IDLE_PERIOD) else { continue };
+        let scenario = Scenario::parse(NAME, &request.scenario, overrides)
+            .map_err(setup::SetupError::from)
+            .and_then(|scenario| setup::resolve(scenario, NAME));
+        let scenario = match scenario {
+            Ok(scenario) => scenario,
+            Err(error) => {
+                request.answer(Err(&error.to_string()));
+                continue;
+            }
+        };
+        let job = Job { name: NAME.to_owned(), scenario: &scenario, resumed: None };
+        let begun = job.make().and_then(|made| job.begin(made, env, Some(&viewing)));
+        let begun = match begun.and_then(|begun| tell_agents(args, runs + 1, &scenario).map(|()| begun)) {
+            Ok(begun) => begun,
+            Err(error) => {
+                request.answer(Err(&format!("{error:#}")));
+                continue;
+            }
+        };
+        runs += 1;
+        request.answer(Ok(()));
+        let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count);
+        code = job.carry_out(begun, None, &mut terminal, &stop)?;
+    }
+    Ok(code)
+}
+
+/// Says which agents may be started: in a file beside the one of `--ready`, whose name is written into that.
+#[cfg(feature = "view")]
+fn tell_agents(args: &RunArgs, number: u32, scenario: &Scenario) -> anyhow::Result<()> {
+    let Some(ready) = &args.ready else { return Ok(()) };
+    let file = ready.with_file_name(format!("run_{number}.toml"));
+    std::fs::write(&file, scenario.to_toml()).context(file.display().to_string())?;
+    std::fs::write(ready, format!("{}\n", file.display())).context(ready.display().to_string())
+}
+
+/// A run that is to be served.
+struct Job<'a> {
+    /// What its scenario is called in errors.
+    name: String,
+    scenario: &'a Scenario,
+    resumed: Option<&'a Resumed>,
+}
+
+/// A world, and where its map comes from.
+type Made = (World, MapReport);
+
+/// Everything that a run needs.
+struct Begun<'a> {
+    world: World,
+    map: MapReport,
+    link: Box<dyn Link + 'a>,
+    records: Records,
+    viewing: Option<&'a Viewing>,
+}
+
+impl<'a> Job<'a> {
+    fn make(&self) -> anyhow::Result<Made> {
+        let built = match self.resumed {
+            Some(resumed) => setup::rebuild(&resumed.recording, self.scenario),
+            None => setup::build(self.scenario),
+        };
+        built.map_err(|error| anyhow::anyhow!("{}: {error}", self.name))
+    }
+
+    fn records(&self, world: &World, viewing: Option<&Viewing>) -> anyhow::Result<Records> {
+        let file = self.scenario.execution.record.as_deref();
+        let recorder = file.map(|file| setup::record(file, self.scenario, world)).transpose()?;
+        #[cfg(feature = "view")]
+        let journal = viewing
+            .map(|viewing| setup::with_documents(self.scenario, world, |documents| viewing.journal(documents)))
+            .transpose()
+            .context("viewing")?;
+        #[cfg(not(feature = "view"))]
+        let (journal, _) = (None, viewing);
+        Ok(Records { recorder, journal })
+    }
+
+    /// Joins the network and opens what is to be written.
+    fn begin(&self, (world, map): Made, env: &RosEnv, viewing: Option<&'a Viewing>) -> anyhow::Result<Begun<'a>> {
+        let link = RosLink::new(self.scenario, env)?;
+        #[cfg(feature = "view")]
+        let link: Box<dyn Link + 'a> = match viewing {
+            Some(viewing) => Box::new(Watched::new(link, viewing, self.scenario)),
+            None => Box::new(link),
+        };
+        #[cfg(not(feature = "view"))]
+        let link: Box<dyn Link + 'a> = Box::new(link);
+        let records = self.records(&world, viewing)?;
+        Ok(Begun { world, map, link, records, viewing })
+    }
+
+    /// The run, and as often as somebody has it begin again.
+    fn carry_out(
+        &self,
+        begun: Begun<'_>,
+        playback: Option<Playback<'_>>,
+        terminal: &mut Terminal,
+        stop: &AtomicBool,
+    ) -> anyhow::Result<ExitCode> {
+        let Begun { world, map, mut link, records, viewing } = begun;
+        let scenario = self.scenario;
+        terminal.say(&format!(
+            "map seed {}: {} free cells, {:.1} % of the volume",
+            map.seed,
+            map.free_cells,
+            map.free_fraction * 100.0
+        ));
+        let mut ended = match playback {
+            None => run::run(scenario, world, &mut *link, records, terminal, stop),
+            Some(playback) => run::resume(scenario, world, &mut *link, records, terminal, stop, playback),
+        };
+        while let Err(RunError::Reset(start)) = ended {
+            terminal.say("begins again, as somebody has asked for");
+            let (world, _) = self.make()?;
+            ended = match self.records(&world, viewing) {
+                Ok(records) => run::begin_again(start, scenario, world, &mut *link, records, terminal, stop),
+                Err(error) => return failed(&error),
+            };
+        }
+        terminal.clear();
+        Ok(match ended {
+            Ok(outcome) => {
+                let text = terminal::result_text(&outcome);
+                terminal.keep(&text);
+                super::print(&text);
+                exit::of_outcome(&outcome)
+            }
+            Err(error) => {
+                terminal.say(&format!("error: {error}"));
+                exit::of_error(&error)
+            }
+        })
+    }
+}
