@@ -12,6 +12,7 @@
 #   --chaos-delay-ms MS       let each agent wait up to so long, at random, before it answers
 #   --agent-parameters true|false     offer what each agent is as ROS parameters (default: if a process runs no more than
 #                             8 agents); not over memory
+#   --view [ADDR:PORT]        let people look on in a browser, or in Foxglove (default 127.0.0.1:8765); not over memory. view.sh does more
 #   --transport ros2|memory   over ROS 2 (default), or all in one process without a network
 #   --logs DIR                where the logs of the processes go (default out/logs/<time>-<pid>; over memory: nowhere)
 #
@@ -34,6 +35,7 @@ parameters=
 logs=
 agent_flags=()
 server_flags=()
+view_flags=()
 
 fail() {
     printf 'error: %s\n' "$1" >&2
@@ -53,6 +55,7 @@ while [[ $# -gt 0 ]]; do
             sed -n '2,/^set -u/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"
             exit 0
             ;;
+        --view) [[ $# -ge 2 && $2 != -* ]] || set -- --view "" "${@:2}" ;;
         --*=*) set -- "${1%%=*}" "${1#*=}" "${@:2}" ;;
         --*) [[ $# -ge 2 ]] || fail "$1 needs a value" ;;
         *) fail "unexpected argument: $1 (a scenario comes first; see --help)" ;;
@@ -60,6 +63,7 @@ while [[ $# -gt 0 ]]; do
     case $1 in
         --transport) transport=$2 ;;
         --resume) resume=$2 ;;
+        --view) view_flags=(--view ${2:+"$2"}) ;;
         --agents-per-process) per_process=$2 ;;
         --external) external=$2 ;;
         --order) order=$2 ;;
@@ -80,6 +84,7 @@ if [[ $transport == memory ]]; then
     [[ -z $external ]] || fail "--external $external: over memory no processes take part; leave it out"
     [[ -z $order ]] || fail "--order $order: over memory no processes are started; leave it out"
     [[ -z $resume ]] || fail "--resume $resume: over memory all ends together; leave out --transport"
+    ((${#view_flags[@]} == 0)) || fail "--view: over memory nobody can look on; record the run, and look at the recording"
     [[ -z $parameters ]] || fail "--agent-parameters $parameters: over memory there are no nodes; leave it out"
 fi
 [[ -z $parameters ]] || agent_flags+=(--parameters "$parameters")
@@ -154,7 +159,7 @@ server=
 interrupted=
 trap 'interrupted=1; [[ -z $server ]] || kill -TERM "$server" 2>/dev/null' INT TERM HUP
 
-setsid "$bin/sim_server" run "${server_scenario[@]}" "${server_flags[@]}" --log "$logs/server.log" --ready "$logs/ready" \
+setsid "$bin/sim_server" run "${server_scenario[@]}" "${server_flags[@]}" "${view_flags[@]}" --log "$logs/server.log" --ready "$logs/ready" \
     {lock}>&- {ready}>&- &
 server=$!
 [[ -z $interrupted ]] || kill -TERM "$server"

@@ -52,5 +52,8 @@ mod replay;
 /// A real ROS 2 node controls a run: pauses, steps, entities, parameters.
 mod services;
 
+/// People look on in a browser, or in Foxglove.
+mod viewing;
+
 /// Rules of the workspace that the compiler does not check.
 mod tidy;

@@ -5,6 +5,7 @@
 
 pub(crate) mod binaries;
 pub(crate) mod domains;
+pub(crate) mod foxglove;
 pub(crate) mod memory;
 pub(crate) mod processes;
 pub(crate) mod python;

@@ -115,6 +115,9 @@ pub struct ViewArgs {
     /// Where the page is to be; port 0: a free one
     #[arg(long, value_name = "ADDR:PORT", default_value = crate::viewing::DEFAULT_ADDRESS)]
     pub address: String,
+    /// The folder of the page, if it is not the one that was built here
+    #[arg(long, value_name = "DIR")]
+    pub page: Option<PathBuf>,
 }
 
 /// Arguments of `run`.
@@ -128,6 +131,10 @@ pub struct RunArgs {
     #[cfg(feature = "view")]
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = crate::viewing::DEFAULT_ADDRESS)]
     pub view: Option<String>,
+    /// The folder of the page, if it is not the one that was built here
+    #[cfg(feature = "view")]
+    #[arg(long, value_name = "DIR", requires = "view")]
+    pub page: Option<PathBuf>,
     /// Wait until somebody starts a run on the page, again and again
     #[cfg(feature = "view")]
     #[arg(long, requires = "view", conflicts_with_all = ["resume", "scenario"])]

@@ -1,4 +1,4 @@
-//! The agents of this build, for the check of recorded commands: the only file of this package that knows them.
+//! The agents of this build, for the checks of recorded commands, and of what people want to start: the only file of this package that knows them.
 
 use agent_node::agent::{Agent, Reaction};
 use agent_node::{controllers, wire};
@@ -19,6 +19,13 @@ impl Controllers for OfThisBuild {
             controllers::build(name, &settings, agent, briefing.agents_seed).map_err(|error| error.to_string())?;
         Ok(Box::new(OfAgent(Agent::new(agent, briefing, controller))))
     }
+}
+
+/// Whether there is the controller that a scenario names, with its settings.
+#[cfg(feature = "view")]
+pub(crate) fn check(scenario: &sim_server::scenario::Scenario) -> anyhow::Result<()> {
+    let settings = scenario.agents.set.iter().map(|(key, value)| format!("{key}={}", super::word(value)));
+    Ok(controllers::check(&scenario.agents.controller, &settings.collect::<Vec<_>>())?)
 }
 
 struct OfAgent(Agent);

@@ -112,7 +112,7 @@ fn check(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
 fn view(args: &sim_server::cli::ViewArgs) -> anyhow::Result<ExitCode> {
     // What is no recording is told here, and not in the browser.
     Recording::open(&args.file)?;
-    let page = viewing::pages().ok_or_else(|| anyhow::anyhow!("{}", viewing::NO_PAGE_HERE))?;
+    let page = viewing::page(args.page.as_deref())?.ok_or_else(|| anyhow::anyhow!("{}", viewing::NO_PAGE_HERE))?;
     let shelf = match viewing::Shelf::open(&args.address, &page, &args.file) {
         Ok(shelf) => shelf,
         Err(error) => {

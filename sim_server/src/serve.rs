@@ -120,7 +120,7 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let made = job.make()?;
     let stop = stopped_by_signals()?;
     ros::stopped::end_when_continued().context("handling signals")?;
-    let viewing = match open_viewing(args) {
+    let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing,
         Err(error) => return failed(&error),
     };
@@ -142,13 +142,15 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
 }
 
 #[cfg(feature = "view")]
-fn open_viewing(args: &RunArgs) -> Result<Option<Viewing>, viewing::ViewingError> {
-    args.view.as_deref().map(|address| Viewing::open(address, viewing::pages().as_deref(), args.idle)).transpose()
+fn open_viewing(args: &RunArgs) -> anyhow::Result<Result<Option<Viewing>, viewing::ViewingError>> {
+    let Some(address) = &args.view else { return Ok(Ok(None)) };
+    let page = viewing::page(args.page.as_deref())?;
+    Ok(Viewing::open(address, page.as_deref(), args.idle).map(Some))
 }
 
 #[cfg(not(feature = "view"))]
-fn open_viewing(_: &RunArgs) -> Result<Option<Viewing>, std::convert::Infallible> {
-    Ok(None)
+fn open_viewing(_: &RunArgs) -> anyhow::Result<Result<Option<Viewing>, std::convert::Infallible>> {
+    Ok(Ok(None))
 }
 
 #[cfg(feature = "view")]
@@ -167,7 +169,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
     const NAME: &str = "the scenario";
     let stop = stopped_by_signals()?;
     ros::stopped::end_when_continued().context("handling signals")?;
-    let viewing = match open_viewing(args) {
+    let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing.expect("an idle server is looked at"),
         Err(error) => return failed(&error),
     };
@@ -188,6 +190,11 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
                 continue;
             }
         };
+        #[cfg(feature = "controllers")]
+        if let Err(error) = super::controllers::check(&scenario) {
+            request.answer(Err(&format!("{NAME}: agents.controller, agents.set: {error}")));
+            continue;
+        }
         let job = Job { name: NAME.to_owned(), scenario: &scenario, resumed: None };
         let begun = job.make().and_then(|made| job.begin(made, env, Some(&viewing)));
         let begun = match begun.and_then(|begun| tell_agents(args, runs + 1, &scenario).map(|()| begun)) {

@@ -37,7 +37,7 @@ use crate::journal::Journal;
 use crate::recorder::Document;
 
 use front::Site;
-pub use front::pages;
+pub use front::page;
 use hall::Hall;
 pub use link::Watched;
 pub use services::StartRequest;
@@ -72,6 +72,12 @@ pub enum ViewingError {
         address: String,
         /// What the system says.
         source: io::Error,
+    },
+    /// There is no page where somebody has said.
+    #[error("--page {folder}: expected a folder with index.html")]
+    Page {
+        /// The folder.
+        folder: String,
     },
     /// The system has not enough of something.
     #[error("viewing: {0}")]

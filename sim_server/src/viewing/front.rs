@@ -6,7 +6,7 @@
 use std::convert::Infallible;
 use std::io::{self, Cursor};
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -56,13 +56,27 @@ pub(super) struct Site {
     pub(super) recording: Option<PathBuf>,
 }
 
-/// Where the page lies: beside the binary, or where the workspace builds it.
-#[must_use]
-pub fn pages() -> Option<PathBuf> {
+/// Where the page lies: in the folder that somebody has named; else beside the binary, or where the workspace builds it, if it is there.
+///
+/// # Errors
+/// If the folder that was named has no page.
+pub fn page(named: Option<&Path>) -> Result<Option<PathBuf>, ViewingError> {
+    match named {
+        Some(folder) if !is_page(folder) => Err(ViewingError::Page { folder: folder.display().to_string() }),
+        Some(folder) => Ok(Some(folder.to_owned())),
+        None => Ok(built_page()),
+    }
+}
+
+fn is_page(folder: &Path) -> bool {
+    folder.join("index.html").is_file()
+}
+
+fn built_page() -> Option<PathBuf> {
     let binary = std::env::current_exe().ok()?;
     let folder = binary.parent()?;
     let candidates = [folder.join("viewer"), folder.join("../../viewer/dist")];
-    candidates.into_iter().find(|candidate| candidate.join("index.html").is_file())
+    candidates.into_iter().find(|candidate| is_page(candidate))
 }
 
 /// Takes an address.
