@@ -1,6 +1,8 @@
 //! The commands about plans: what the user types, and what it sets going.
 
 pub(crate) mod faults;
+#[cfg(feature = "view")]
+pub(crate) mod movie;
 
 use std::io::Write;
 use std::num::NonZero;

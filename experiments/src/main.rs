@@ -46,6 +46,9 @@ enum Command {
     Garbage(commands::faults::GarbageArgs),
     /// Say in which message two recordings differ first
     Diff(DiffArgs),
+    /// Make a movie of a recording
+    #[cfg(feature = "view")]
+    Movie(commands::movie::MovieArgs),
 }
 
 #[derive(Debug, Args)]
@@ -78,6 +81,8 @@ fn main() -> ExitCode {
         #[cfg(feature = "ros")]
         Command::Garbage(args) => commands::faults::garbage(&args),
         Command::Diff(args) => commands::diff(&args),
+        #[cfg(feature = "view")]
+        Command::Movie(args) => commands::movie::run(&args),
     };
     match done {
         Ok(code) => code,

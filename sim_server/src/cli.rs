@@ -34,6 +34,9 @@ pub enum Command {
     /// Show a recording in a browser
     #[cfg(feature = "view")]
     View(ViewArgs),
+    /// Take a picture of a moment of a recording
+    #[cfg(feature = "view")]
+    Snapshot(SnapshotArgs),
     /// Print a scenario with all its keys, or one of them
     Scenario(ScenarioArgs),
     /// Make, describe and convert maps
@@ -118,6 +121,31 @@ pub struct ViewArgs {
     /// The folder of the page, if it is not the one that was built here
     #[arg(long, value_name = "DIR")]
     pub page: Option<PathBuf>,
+}
+
+/// Arguments of `snapshot`.
+#[cfg(feature = "view")]
+#[derive(Debug, Args)]
+pub struct SnapshotArgs {
+    /// What is to be seen.
+    #[command(flatten)]
+    pub subject: crate::viewing::pictures::Subject,
+    /// Sim time of the moment
+    #[arg(long, value_name = "SECONDS")]
+    pub at: f64,
+    /// The picture (.png)
+    #[arg(long, value_name = "PNG", value_parser = png)]
+    pub out: PathBuf,
+}
+
+#[cfg(feature = "view")]
+fn png(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.extension().is_some_and(|extension| extension == "png") {
+        Ok(path)
+    } else {
+        Err("expected a name that ends in .png".to_owned())
+    }
 }
 
 /// Arguments of `run`.

@@ -33,6 +33,8 @@ fn dispatch(command: Command) -> anyhow::Result<ExitCode> {
         Command::Replay(args) => serve::replay(&args),
         #[cfg(feature = "view")]
         Command::View(args) => view(&args),
+        #[cfg(feature = "view")]
+        Command::Snapshot(args) => snapshot(&args),
         Command::Scenario(args) => scenario(&args),
         Command::Map(command) => {
             map_cli::run(command)?;
@@ -123,6 +125,19 @@ fn view(args: &sim_server::cli::ViewArgs) -> anyhow::Result<ExitCode> {
     print(&shelf.url());
     let mut signals = signal_hook::iterator::Signals::new([signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM])?;
     signals.forever().next();
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Takes a picture of a recording.
+#[cfg(feature = "view")]
+fn snapshot(args: &sim_server::cli::SnapshotArgs) -> anyhow::Result<ExitCode> {
+    use sim_server::viewing::pictures::{self, Moments};
+
+    Recording::open(&args.subject.file)?;
+    if let Err(error) = pictures::take(&args.subject, Moments::One { at: args.at }, &args.out) {
+        eprintln!("error: {error}");
+        return Ok(ExitCode::from(pictures::exit_code(&error)));
+    }
     Ok(ExitCode::SUCCESS)
 }
 

@@ -17,10 +17,10 @@
 mod front;
 mod hall;
 mod link;
+pub mod pictures;
 mod services;
 mod shelf;
 
-use std::collections::HashMap;
 use std::io;
 use std::net::SocketAddr;
 use std::path::Path;
@@ -115,14 +115,13 @@ impl Viewing {
         let context = Context::new();
         let (wish, wishes) = sync_channel(WISHES_MAX);
         let hall = Arc::new(Hall::new(wish.clone()));
-        #[expect(clippy::disallowed_types, reason = "the library asks for it, and its order is of no account")]
-        let info = HashMap::from([("maes".to_owned(), "1".to_owned()), ("idle".to_owned(), is_idle.to_string())]);
+        let info = [("maes".to_owned(), "1".to_owned()), ("idle".to_owned(), is_idle.to_string())];
         let server = WebSocketServer::new()
             .name("MAES")
             .context(&context)
             // Nobody but the front connects to it.
             .bind("127.0.0.1", 0)
-            .server_info(info)
+            .server_info(info.into_iter().collect())
             .session_id(hall.session())
             .capabilities([Capability::Time, Capability::Parameters])
             .supported_encodings(["cdr", "json"])

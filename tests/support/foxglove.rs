@@ -184,7 +184,9 @@ impl Client {
         let operation = text["op"].as_str().expect("an operation").to_owned();
         let named = |list: &Value, key: &str| -> Vec<(String, u64)> {
             let entries = list.as_array().expect("a list").iter();
-            entries.map(|entry| (entry[key].as_str().unwrap().to_owned(), entry["id"].as_u64().unwrap())).collect()
+            entries
+                .map(|entry| (entry[key].as_str().expect("a name").to_owned(), entry["id"].as_u64().expect("a number")))
+                .collect()
         };
         match operation.as_str() {
             "advertise" => self.channels.extend(named(&text["channels"], "topic")),

@@ -1,0 +1,47 @@
+//! The command that makes a movie of a recording.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use sim_server::recording::Recording;
+use sim_server::viewing::pictures::{self, Moments, Subject};
+
+/// Arguments of `movie`.
+#[derive(Debug, Args)]
+pub(crate) struct MovieArgs {
+    #[command(flatten)]
+    subject: Subject,
+    /// The movie (.mp4 or .gif)
+    #[arg(long, value_name = "FILE", value_parser = movie)]
+    out: PathBuf,
+    /// Sim time of the first picture [default: that of the recording]
+    #[arg(long, value_name = "SECONDS")]
+    from: Option<f64>,
+    /// Sim time of the last picture [default: that of the recording]
+    #[arg(long, value_name = "SECONDS")]
+    to: Option<f64>,
+    /// How long the movie lasts
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
+    seconds: f64,
+    /// Pictures of each second
+    #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u32).range(1..=120))]
+    fps: u32,
+}
+
+fn movie(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let is_movie = path.extension().is_some_and(|extension| extension == "mp4" || extension == "gif");
+    if is_movie { Ok(path) } else { Err("expected a name that ends in .mp4 or .gif".to_owned()) }
+}
+
+/// Makes it.
+pub(crate) fn run(args: &MovieArgs) -> anyhow::Result<ExitCode> {
+    Recording::open(&args.subject.file)?;
+    let &MovieArgs { from, to, seconds, fps, .. } = args;
+    if let Err(error) = pictures::take(&args.subject, Moments::Many { from, to, seconds, fps }, &args.out) {
+        eprintln!("error: {error}");
+        return Ok(ExitCode::from(pictures::exit_code(&error)));
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,170 @@
+//! Pictures of a recording, taken with the page itself in a browser that nobody sees.
+//!
+//! The page and the recording are offered on a port of this machine for as long as it takes; a script beside the page (`viewer/pictures`)
+//! drives the browser, and tells people what is wrong. Nothing here draws.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use clap::Args;
+use serde::Serialize;
+use thiserror::Error;
+
+use super::{NO_PAGE_HERE, Shelf, ViewingError, front};
+use crate::exit;
+
+/// A free port of this machine.
+const ANYWHERE: &str = "127.0.0.1:0";
+
+/// What is to be seen.
+#[derive(Debug, Args)]
+pub struct Subject {
+    /// The recording (.mcap)
+    pub file: PathBuf,
+    /// Pixels of the picture
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
+    pub size: [u32; 2],
+    /// Look at this agent instead of the whole cave
+    #[arg(long, value_name = "ID")]
+    pub agent: Option<u32>,
+    /// What to draw, for example walls,unexplored,trails,labels; as the page does if it is not said
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub layers: Option<Vec<String>>,
+    /// The folder of the page, if it is not the one that was built here
+    #[arg(long, value_name = "DIR")]
+    pub page: Option<PathBuf>,
+}
+
+/// One moment, or many.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[serde(untagged)]
+pub enum Moments {
+    /// A picture.
+    One {
+        /// Sim time, s.
+        at: f64,
+    },
+    /// A movie.
+    Many {
+        /// Sim time of the first picture, s; that of the recording if it is none.
+        from: Option<f64>,
+        /// Sim time of the last one, s; that of the recording if it is none.
+        to: Option<f64>,
+        /// How long it lasts, s.
+        seconds: f64,
+        /// Pictures of each second.
+        fps: u32,
+    },
+}
+
+/// Why there is no picture.
+#[derive(Debug, Error)]
+pub enum PictureError {
+    /// The page cannot be offered.
+    #[error(transparent)]
+    Viewing(#[from] ViewingError),
+    /// There is no page.
+    #[error("{NO_PAGE_HERE}")]
+    NoPage,
+    /// The browser's driver cannot be started.
+    #[error("node is needed for pictures, version 20.19 or later: {0}")]
+    Node(std::io::Error),
+    /// The driver has said what is wrong.
+    #[error("no picture was taken")]
+    Driver {
+        /// Whether what it was asked for makes no sense.
+        is_bad_input: bool,
+    },
+}
+
+/// What the driver is told.
+#[derive(Serialize)]
+struct Order<'a> {
+    url: String,
+    out: &'a Path,
+    size: [u32; 2],
+    agent: Option<u32>,
+    layers: Option<&'a [String]>,
+    #[serde(flatten)]
+    moments: Moments,
+}
+
+/// Takes pictures into the file `out`: PNG for a moment, MP4 or GIF for many.
+///
+/// # Errors
+/// If the page, the browser or the driver is missing, or what is asked for makes no sense; then there is no file.
+///
+/// # Panics
+/// Never: an order is plain data.
+pub fn take(subject: &Subject, moments: Moments, out: &Path) -> Result<(), PictureError> {
+    let page = front::page(subject.page.as_deref())?.ok_or(PictureError::NoPage)?;
+    let shelf = Shelf::open(ANYWHERE, &page, &subject.file)?;
+    let out = std::path::absolute(out).map_err(ViewingError::System)?;
+    let order = Order {
+        url: shelf.url(),
+        out: &out,
+        size: subject.size,
+        agent: subject.agent,
+        layers: subject.layers.as_deref(),
+        moments,
+    };
+    let mut driver = Command::new("node");
+    driver.arg(page.join("../pictures/take.mjs"));
+    driver.arg(serde_json::to_string(&order).expect("an order is plain data"));
+    // It ends when this pipe does, and so if this process is killed.
+    let child = driver.stdin(Stdio::piped()).spawn();
+    let status = child.and_then(|mut child| {
+        let _pipe = child.stdin.take();
+        child.wait()
+    });
+    match status.map_err(PictureError::Node)?.code() {
+        Some(0) => Ok(()),
+        code => Err(PictureError::Driver { is_bad_input: code == Some(exit::BAD_INPUT.into()) }),
+    }
+}
+
+/// The exit code of a failure.
+#[must_use]
+pub fn exit_code(error: &PictureError) -> u8 {
+    match error {
+        PictureError::Driver { is_bad_input: true } | PictureError::Viewing(ViewingError::Page { .. }) => {
+            exit::BAD_INPUT
+        }
+        _ => exit::FAILED,
+    }
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides: Option<Vec<u32>> = text.split('x').map(|side| side.parse().ok()).collect();
+    match sides.as_deref() {
+        Some(&[width, height]) if (16..=8192).contains(&width) && (16..=8192).contains(&height) => Ok([width, height]),
+        _ => Err("expected two numbers of pixels from 16 to 8192, such as 1280x720".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes() {
+        assert_eq!(size("1280x720"), Ok([1280, 720]));
+        for wrong in ["1280", "0x720", "1280x720x3", "axb", "9000x100", ""] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn an_order_says_what_is_to_be_seen() {
+        let subject = Order {
+            url: "u".to_owned(),
+            out: Path::new("/o.png"),
+            size: [1, 2],
+            agent: None,
+            layers: Some(&["walls".to_owned()]),
+            moments: Moments::One { at: 1.5 },
+        };
+        let expected = serde_json::json!({ "url": "u", "out": "/o.png", "size": [1, 2], "agent": null, "layers": ["walls"], "at": 1.5 });
+        assert_eq!(serde_json::to_value(&subject).unwrap(), expected);
+    }
+}
