@@ -52,6 +52,8 @@ mod replay;
 /// A real ROS 2 node controls a run: pauses, steps, entities, parameters.
 mod services;
 
+/// The page, in a browser.
+mod viewer;
 /// People look on in a browser, or in Foxglove.
 mod viewing;
 
