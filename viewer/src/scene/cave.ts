@@ -1,0 +1,214 @@
+/**
+ * The cave of a run: walls, what nobody has seen, where bodies have been, and the frame around it all. Shows any moment of the run.
+ */
+
+import { Group, Vector3, type WebGLRenderer } from "three";
+import { type Belief, type News, type Run, type Vec3 } from "../data/run.ts";
+import { CellsLayer } from "./cells.ts";
+import { agentRgb } from "./colours.ts";
+import { QuadIndex } from "./faces.ts";
+import type { Common } from "./glsl.ts";
+import { hollowsOf } from "./hollows.ts";
+import { Pieces, type Piece } from "./ribbons.ts";
+import type { View } from "./view.ts";
+import { TimesVolume } from "./volumes.ts";
+import { Walls } from "./walls.ts";
+
+/** Most texels of the light of hollows. */
+const HOLLOWS_MAX = 2 ** 23;
+/** Maps with more cells get no layers of single cells: they would take longer than anybody waits. */
+const LAYER_CELLS_MAX = 2 ** 25;
+
+export class Cave {
+  readonly root = new Group();
+  /** What cannot be shown of this map, for people. */
+  readonly notices: readonly string[];
+  /** The middle of what is open, and how far it reaches along each axis; metres. */
+  readonly middle: Vec3;
+  readonly extentM: Vec3;
+  readonly #walls: Walls;
+  readonly #unexplored: CellsLayer | null = null;
+  readonly #covered: CellsLayer | null = null;
+  readonly #times: TimesVolume;
+  readonly #frame: Pieces;
+  readonly #cells = new Group();
+  readonly #edgeMax: number;
+  readonly #isFree: (cell: number) => boolean;
+  #known: { readonly belief: Belief; readonly volume: TimesVolume; revision: number } | null = null;
+
+  constructor(
+    readonly run: Run,
+    readonly common: Common,
+    edgeMax: number,
+  ) {
+    const { terrain } = run;
+    const { walls, size, cellM } = terrain;
+    this.#edgeMax = edgeMax;
+    this.#isFree = (cell) => walls[cell] === 0;
+    const index = new QuadIndex();
+    const notices: string[] = [];
+    this.#times = new TimesVolume(run.firstSeenTick, size, this.#isFree, edgeMax);
+    if (this.#times.shift > 0) {
+      notices.push(`The map is large: walls are coloured by blocks of ${2 ** this.#times.shift} cells a side.`);
+    }
+    this.#walls = new Walls(terrain, index, common, this.#times, hollowsOf(walls, size, HOLLOWS_MAX));
+    this.#cells.add(this.#walls.group);
+    if (walls.length <= LAYER_CELLS_MAX) {
+      this.#unexplored = new CellsLayer(size, run.firstSeenTick, { ...UNEXPLORED, counts: this.#isFree }, index, common);
+      this.#covered = new CellsLayer(size, run.coveredTick, { ...COVERED, counts: this.#isFree }, index, common);
+      this.#cells.add(this.#unexplored.group, this.#covered.group);
+    } else {
+      notices.push("The map is too large to show unexplored and covered cells.");
+    }
+    this.notices = notices;
+    this.#cells.scale.setScalar(cellM);
+    const [low, high] = boundsOf(walls, size);
+    this.middle = low.map((value, axis) => ((value + high[axis]!) / 2) * cellM) as Vec3;
+    this.extentM = low.map((value, axis) => (high[axis]! - value) * cellM) as Vec3;
+    this.#frame = new Pieces(common, 0, 3);
+    this.#frame.show(frameOf(low.map((value) => value * cellM) as Vec3, high.map((value) => value * cellM) as Vec3));
+    this.root.add(this.#cells, ...this.#frame.meshes);
+  }
+
+  learn(news: News): void {
+    this.#times.learn(news.cells);
+    this.#unexplored?.learn(news.cells);
+    this.#covered?.learn(news.cells);
+  }
+
+  /** What the walls are to be compared with, or null. */
+  setBelief(belief: Belief | null): void {
+    this.#known?.volume.dispose();
+    this.#known = null;
+    if (belief === null) return;
+    const volume = new TimesVolume(belief.knownTick, this.run.terrain.size, this.#isFree, this.#edgeMax);
+    this.#known = { belief, volume, revision: belief.revision };
+  }
+
+  /** Makes the picture of a moment as far as the budget goes. Returns how many chunks were made, and whether nothing is missing. */
+  show(
+    renderer: WebGLRenderer,
+    tick: number,
+    view: View,
+    budgetMs: number,
+  ): { readonly made: number; readonly isRight: boolean } {
+    const { layers } = view;
+    const endMs = performance.now() + budgetMs;
+    const mayGoOn = (): boolean => performance.now() < endMs;
+    let made = 0;
+    while (this.#walls.missing > 0 && mayGoOn()) {
+      this.#walls.makeNext();
+      made++;
+    }
+    let isRight = this.#walls.missing === 0;
+    for (const [layer, isShown] of [
+      [this.#unexplored, layers.unexplored],
+      [this.#covered, layers.covered],
+    ] as const) {
+      if (layer === null) continue;
+      layer.group.visible = isShown;
+      if (!isShown) continue;
+      const done = layer.show(tick, mayGoOn);
+      made += done.made;
+      isRight &&= done.isRight;
+    }
+    this.#times.send(renderer);
+    this.#showWalls(renderer, view);
+    this.#showCut(view);
+    return { made, isRight };
+  }
+
+  dispose(): void {
+    this.#walls.dispose();
+    this.#unexplored?.dispose();
+    this.#covered?.dispose();
+    this.#times.dispose();
+    this.#known?.volume.dispose();
+    this.#frame.dispose();
+  }
+
+  #showWalls(renderer: WebGLRenderer, view: View): void {
+    const known = view.layers.belief ? this.#known : null;
+    if (known !== null) {
+      if (known.revision !== known.belief.revision) {
+        known.revision = known.belief.revision;
+        known.volume.learnAll();
+      }
+      known.volume.send(renderer);
+    }
+    const paint = known === null ? null : agentRgb(known.belief.agent).map((share) => share * share * 0.9);
+    this.#walls.show({
+      isVisible: view.layers.walls,
+      opacity: view.wallOpacity,
+      isHeat: view.layers.heat,
+      heatTicks: this.run.endS * 50,
+      known: known === null || paint === null ? null : { volume: known.volume, colour: new Vector3(...paint) },
+    });
+  }
+
+  #showCut(view: View): void {
+    const axis = "xyz".indexOf(view.cut.axis);
+    const { size, cellM } = this.run.terrain;
+    const placeCells = size[axis]! * view.cut.share;
+    const isCut = view.cut.share < 1;
+    this.common.cut.value.set(0, 0, 0, -1);
+    if (isCut) this.common.cut.value.setComponent(axis, 1).setW(-placeCells * cellM);
+    this.#walls.cutAt(isCut ? { axis, placeCells } : null);
+  }
+}
+
+const UNEXPLORED = {
+  isBefore: true,
+  colour: [0.93, 0.16, 0.13],
+  alphas: [0.2, 0.34],
+  renderOrder: 5,
+} as const;
+
+const COVERED = {
+  isBefore: false,
+  colour: [0.25, 0.85, 0.95],
+  alphas: [0.3, 0.45],
+  renderOrder: 3,
+} as const;
+
+/** The lowest and the highest corner of the box around all free cells, in cells; the whole map if there are none. */
+function boundsOf(walls: Uint8Array, size: Vec3): [Vec3, Vec3] {
+  const low: Vec3 = [...size];
+  const high: Vec3 = [0, 0, 0];
+  let cell = 0;
+  for (let z = 0; z < size[2]; z++) {
+    for (let y = 0; y < size[1]; y++) {
+      for (let x = 0; x < size[0]; x++, cell++) {
+        if (walls[cell] !== 0) continue;
+        if (x < low[0]) low[0] = x;
+        if (y < low[1]) low[1] = y;
+        if (z < low[2]) low[2] = z;
+        if (x >= high[0]) high[0] = x + 1;
+        if (y >= high[1]) high[1] = y + 1;
+        if (z >= high[2]) high[2] = z + 1;
+      }
+    }
+  }
+  return high[0] === 0 ? [[0, 0, 0], [...size]] : [low, high];
+}
+
+/** The twelve edges of a box, faint. */
+function frameOf(low: Vec3, high: Vec3): Piece[] {
+  const corner = (bits: number): Vec3 => [0, 1, 2].map((axis) => ((bits >> axis) & 1 ? high : low)[axis]!) as Vec3;
+  const pieces: Piece[] = [];
+  for (let axis = 0; axis < 3; axis++) {
+    for (let bits = 0; bits < 8; bits++) {
+      if ((bits >> axis) & 1) continue;
+      pieces.push({
+        from: corner(bits),
+        to: corner(bits | (1 << axis)),
+        colour: [0.55, 0.65, 0.8],
+        alpha: 0.16,
+        widthPx: 1,
+        dashM: 0,
+      });
+    }
+  }
+  return pieces;
+}
+

@@ -1,0 +1,221 @@
+/**
+ * The walls of the cave: faces between rock and free cells, coloured by when what lies before them was seen.
+ *
+ * Faces that look at the eye are solid; those that look away, between the eye and the inside of the cave, are a faint shell or left
+ * out, so that one looks into the cave as into a model that is cut open. Where the map is cut, a rim of rock is drawn around what is
+ * open. All colours come from textures, so that another moment costs nothing here.
+ *
+ * Faces are made chunk by chunk, a few at a time; they never change.
+ */
+
+import {
+  BackSide,
+  DataTexture,
+  FrontSide,
+  GLSL3,
+  Group,
+  LinearFilter,
+  Mesh,
+  RawShaderMaterial,
+  RGBAFormat,
+  Vector3,
+  type BufferGeometry,
+  type Data3DTexture,
+} from "three";
+import type { Terrain } from "../data/run.ts";
+import { Grid } from "./chunks.ts";
+import { heatRgb } from "./colours.ts";
+import { facesGeometry, freeFaces, type QuadIndex } from "./faces.ts";
+import type { Common } from "./glsl.ts";
+import type { Hollows } from "./hollows.ts";
+import { Mesher } from "./mesher.ts";
+import { hollowsTexture, type TimesVolume } from "./volumes.ts";
+import { RIM_FRAGMENT, WALL_FRAGMENT, WALL_SHELL_FRAGMENT, WALL_VERTEX } from "./wall_shaders.ts";
+
+const EDGE = 32;
+
+/** How walls are to be drawn. */
+export interface WallLook {
+  readonly isVisible: boolean;
+  readonly opacity: number;
+  readonly isHeat: boolean;
+  /** The last time of the scale of `heat`, ticks. */
+  readonly heatTicks: number;
+  /** Times at which one agent learned of the cells, and its colour. */
+  readonly known: { readonly volume: TimesVolume; readonly colour: Vector3 } | null;
+}
+
+export class Walls {
+  readonly group = new Group();
+  readonly #shell = new Group();
+  readonly #rim: Mesh<BufferGeometry, RawShaderMaterial>;
+  readonly #grid: Grid;
+  readonly #mesher = new Mesher();
+  readonly #padded = new Uint8Array((EDGE + 2) ** 3);
+  readonly #front: RawShaderMaterial;
+  readonly #back: RawShaderMaterial;
+  readonly #hollows: Data3DTexture;
+  readonly #heat = heatTexture();
+  #made = 0;
+  #rimKey = "";
+
+  constructor(
+    readonly terrain: Terrain,
+    readonly index: QuadIndex,
+    common: Common,
+    times: TimesVolume,
+    hollows: Hollows,
+  ) {
+    this.#grid = new Grid(terrain.size, EDGE);
+    this.#hollows = hollowsTexture(hollows);
+    const own = {
+      times: { value: times.texture },
+      shift: { value: times.shift },
+      known: { value: times.texture },
+      knownShift: { value: times.shift },
+      knownColour: { value: new Vector3() },
+      hasKnown: { value: false },
+      isHeat: { value: false },
+      heatScale: { value: 1 },
+      heat: { value: this.#heat },
+      hollows: { value: this.#hollows },
+      hollowsScale: { value: new Vector3(...hollows.size.map((count) => 1 / (count * hollows.step))) },
+      lastCell: { value: new Vector3(terrain.size[0] - 1, terrain.size[1] - 1, terrain.size[2] - 1) },
+      opacity: { value: 0 },
+    };
+    const uniforms = { ...common, ...own };
+    const shared = { glslVersion: GLSL3, uniforms, vertexShader: WALL_VERTEX };
+    this.#front = new RawShaderMaterial({ ...shared, fragmentShader: WALL_FRAGMENT, side: FrontSide });
+    this.#back = new RawShaderMaterial({
+      ...shared,
+      fragmentShader: WALL_SHELL_FRAGMENT,
+      side: BackSide,
+      transparent: true,
+      depthWrite: false,
+    });
+    const rim = new RawShaderMaterial({ ...shared, fragmentShader: RIM_FRAGMENT, side: FrontSide });
+    this.#rim = new Mesh(facesGeometry(new Uint16Array(0), index, new Vector3(), new Vector3()), rim);
+    this.#rim.frustumCulled = false;
+    this.group.add(this.#shell, this.#rim);
+  }
+
+  /** Chunks whose faces have yet to be made. */
+  get missing(): number {
+    return this.#grid.chunks - this.#made;
+  }
+
+  /** Makes the faces of one more chunk. */
+  makeNext(): void {
+    const chunk = this.#made++;
+    const { walls } = this.terrain;
+    if (!this.#grid.fill(chunk, this.#padded, (cell) => walls[cell] === 0)) return;
+    const origin = this.#grid.origin(chunk);
+    const quads = this.#mesher.surface({ edge: EDGE, origin, padded: this.#padded }, true);
+    if (quads.length === 0) return;
+    const low = new Vector3(...origin);
+    const geometry = facesGeometry(quads, this.index, low, low.clone().addScalar(EDGE));
+    const front = new Mesh(geometry, this.#front);
+    const back = new Mesh(geometry, this.#back);
+    back.renderOrder = 6;
+    this.group.add(front);
+    this.#shell.add(back);
+  }
+
+  show(look: WallLook): void {
+    this.group.visible = look.isVisible;
+    this.#shell.visible = look.opacity > 0;
+    const { uniforms } = this.#front;
+    uniforms.opacity!.value = look.opacity;
+    uniforms.isHeat!.value = look.isHeat;
+    uniforms.heatScale!.value = 1 / Math.max(look.heatTicks, 1);
+    uniforms.hasKnown!.value = look.known !== null;
+    if (look.known !== null) {
+      uniforms.known!.value = look.known.volume.texture;
+      uniforms.knownShift!.value = look.known.volume.shift;
+      (uniforms.knownColour!.value as Vector3).copy(look.known.colour);
+    }
+    const isSolid = look.opacity >= 1;
+    if (this.#back.depthWrite !== isSolid) this.#back.depthWrite = isSolid;
+  }
+
+  /** Draws the rim of rock where the map is cut beyond `placeCells` along an axis; null: it is not cut. */
+  cutAt(cut: { readonly axis: number; readonly placeCells: number } | null): void {
+    const layer = cut === null ? -1 : Math.ceil(cut.placeCells) - 1;
+    this.#rim.visible = cut !== null && layer >= 0 && layer < this.terrain.size[cut.axis]!;
+    if (cut === null || !this.#rim.visible) return;
+    this.#rim.position.setComponent(cut.axis, cut.placeCells - (layer + 1));
+    for (const axis of [0, 1, 2]) if (axis !== cut.axis) this.#rim.position.setComponent(axis, 0);
+    const key = `${cut.axis} ${layer}`;
+    if (key === this.#rimKey) return;
+    this.#rimKey = key;
+    freeFaces(this.#rim.geometry);
+    this.#rim.geometry = facesGeometry(
+      rimOf(this.terrain, cut.axis, layer),
+      this.index,
+      new Vector3(),
+      new Vector3(...this.terrain.size),
+    );
+  }
+
+  dispose(): void {
+    for (const child of this.group.children) if (child instanceof Mesh) freeFaces(child.geometry as BufferGeometry);
+    for (const material of [this.#front, this.#back, this.#rim.material]) material.dispose();
+    this.#hollows.dispose();
+    this.#heat.dispose();
+  }
+}
+
+/** Rock of a layer that has a free cell of the layer among its eight neighbours: the faces of it along the axis. */
+function rimOf(terrain: Terrain, axis: number, layer: number): Uint16Array {
+  const { size, walls } = terrain;
+  const strides = [1, size[0], size[0] * size[1]] as const;
+  const [u, v] = axis === 0 ? [1, 2] : axis === 1 ? [0, 2] : [0, 1];
+  const isFree = (i: number, j: number): boolean =>
+    i >= 0 &&
+    j >= 0 &&
+    i < size[u!]! &&
+    j < size[v!]! &&
+    walls[layer * strides[axis]! + i * strides[u!]! + j * strides[v!]!] === 0;
+  const quads: number[] = [];
+  for (let j = 0; j < size[v!]!; j++) {
+    for (let i = 0; i < size[u!]!; i++) {
+      if (isFree(i, j)) continue;
+      let isRim = false;
+      for (const [di, dj] of AROUND) isRim ||= isFree(i + di, j + dj);
+      if (!isRim) continue;
+      const turn = axis === 1 ? [0, 3, 2, 1] : [0, 1, 2, 3];
+      for (const corner of turn) {
+        const place = [0, 0, 0];
+        place[axis] = layer + 1;
+        place[u!] = i + (corner === 1 || corner === 2 ? 1 : 0);
+        place[v!] = j + (corner >= 2 ? 1 : 0);
+        quads.push(...place, axis * 2);
+      }
+    }
+  }
+  return Uint16Array.from(quads);
+}
+
+const AROUND: readonly (readonly [number, number])[] = [
+  [-1, -1],
+  [0, -1],
+  [1, -1],
+  [-1, 0],
+  [1, 0],
+  [-1, 1],
+  [0, 1],
+  [1, 1],
+];
+
+function heatTexture(): DataTexture {
+  const texels = new Uint8Array(256 * 4);
+  for (let texel = 0; texel < 256; texel++) {
+    const colour = heatRgb(texel / 255);
+    texels.set([...colour.map((share) => Math.round(share * 255)), 255], texel * 4);
+  }
+  const texture = new DataTexture(texels, 256, 1, RGBAFormat);
+  texture.minFilter = LinearFilter;
+  texture.magFilter = LinearFilter;
+  texture.needsUpdate = true;
+  return texture;
+}
