@@ -1,0 +1,404 @@
+/**
+ * The page: holds what is shown (run, time, selection, layers), passes orders on, and tells the panels. What a thing looks like is
+ * in its own file.
+ */
+import type { Run } from "../data/run.ts";
+import { openFile, openLive, openUrl } from "../data/sources.ts";
+import type { LiveFeed } from "../data/sources.ts";
+import { DEFAULT_LAYERS, Scene } from "../scene/scene.ts";
+import { Clock } from "./clock.ts";
+import { openHelp } from "./dialogs.ts";
+import type { HandleState } from "./handle.ts";
+import { listenToKeys } from "./keys.ts";
+import { browserSurroundings, LiveConnection, socketAddress } from "./live.ts";
+import { Loop } from "./loop.ts";
+import { AgentDigits, neighbour } from "./moment.ts";
+import type { Moment } from "./moment.ts";
+import { load, save } from "./prefs.ts";
+import { PLAY_RATES, shifted } from "./rates.ts";
+import { STATE } from "./services.ts";
+import { Shell } from "./shell.ts";
+
+/** How often panels are told, seconds on the wall. */
+const PANELS_S = 0.12;
+
+/** How the page is left, and found again. */
+const LOOK = {
+  layers: { ...DEFAULT_LAYERS },
+  wallOpacity: 0.1,
+  cut: { axis: "z", share: 1 },
+  rate: 10,
+  isPanelOpen: true,
+  isLayersOpen: false,
+  isFiguresOpen: false,
+};
+
+/** What the address of the page asks for. */
+export interface Wishes {
+  readonly timeS: number | null;
+  readonly agent: number | null;
+  /** Nothing but the picture and a caption. */
+  readonly isPicture: boolean;
+}
+
+export class App {
+  readonly clock = new Clock();
+  readonly shell: Shell;
+  readonly scene: Scene | null;
+  readonly loop: Loop;
+  readonly ready: Promise<void>;
+  run: Run | null = null;
+  live: LiveConnection | null = null;
+  #selected: number | null = null;
+  #busy: string | null = null;
+  /** Grows with each opening: one that was overtaken by another is dropped. */
+  #opening = 0;
+  #unlisten: () => void = () => undefined;
+  #isReady: () => void = () => undefined;
+  #panelsS = -Infinity;
+  #look = load("look", LOOK);
+  #wishes: Wishes;
+  readonly #digits = new AgentDigits();
+
+  constructor(root: HTMLElement, wishes: Wishes) {
+    this.#wishes = wishes;
+    this.ready = new Promise((resolve) => (this.#isReady = resolve));
+    const canvas = document.createElement("canvas");
+    const { scene, problem } = sceneOn(canvas);
+    this.scene = scene;
+    if (scene) {
+      Object.assign(scene.view.layers, this.#look.layers);
+      scene.view.wallOpacity = this.#look.wallOpacity;
+      scene.view.cut = { ...(this.#look.cut as typeof scene.view.cut) };
+    }
+    this.clock.rate = this.#look.rate;
+    this.shell = new Shell(root, canvas, this, scene?.view ?? null, wishes.isPicture);
+    this.shell.banners.set("graphics", problem);
+    this.loop = new Loop(canvas, scene, {
+      advance: (wallS) => this.#advance(wallS),
+      drew: (wallS, isDrawn) => this.#drew(wallS, isDrawn),
+    });
+    this.shell.onResize((width, height) => this.loop.resize(width, height));
+    this.shell.onPick((x, y) => {
+      const agent = this.scene?.pick(x, y) ?? null;
+      if (agent !== null) this.select(agent);
+    });
+    for (const event of ["pointerdown", "pointermove", "pointerup", "wheel"]) {
+      canvas.addEventListener(event, () => this.loop.request(), { passive: true });
+    }
+    if (!wishes.isPicture) this.#listen();
+    this.#applyLook();
+  }
+
+  // ---------------------------------------------------------------- opening
+
+  openFile(file: File): Promise<void> {
+    return this.#open(`Opening ${file.name}`, () => openFile(file));
+  }
+
+  openUrl(url: string): Promise<void> {
+    return this.#open(`Opening ${url}`, () => openUrl(url));
+  }
+
+  async #open(busy: string, open: () => Promise<Run>): Promise<void> {
+    this.disconnect();
+    const opening = ++this.#opening;
+    this.shell.banners.set("opening", null);
+    this.#setBusy(busy);
+    try {
+      const run = await open();
+      if (opening !== this.#opening) run.close();
+      else this.#show(run);
+    } catch (error) {
+      if (opening === this.#opening) this.shell.banners.set("opening", (error as Error).message);
+    } finally {
+      if (opening === this.#opening) this.#setBusy(null);
+    }
+  }
+
+  /** Connects with a simulator. `isQuiet`: that there is none is no problem. */
+  connect(address: string, isQuiet = false): void {
+    this.disconnect();
+    this.#opening += 1;
+    const url = socketAddress(address);
+    if (!isQuiet) this.#setBusy(`Connecting with ${url}`);
+    const hooks = {
+      changed: () => this.#liveChanged(isQuiet),
+      feedOpened: (feed: LiveFeed) => void this.#feedOpened(feed),
+    };
+    // The constructor may tell of changes already, before there is anything to tell of.
+    this.live = null;
+    this.live = new LiveConnection(url, hooks, browserSurroundings(openLive), { once: isQuiet });
+    this.#liveChanged(isQuiet);
+  }
+
+  disconnect(): void {
+    this.live?.close();
+    this.live = null;
+    this.shell.banners.set("connection", null);
+  }
+
+  async #feedOpened(feed: LiveFeed): Promise<void> {
+    const opening = ++this.#opening;
+    this.shell.startForm.close();
+    try {
+      const run = await feed.run;
+      if (opening !== this.#opening) run.close();
+      else this.#show(run);
+    } catch (error) {
+      if (opening === this.#opening) this.shell.banners.set("opening", (error as Error).message);
+    }
+  }
+
+  #liveChanged(isQuiet: boolean): void {
+    const live = this.live;
+    if (!live) return;
+    if (live.state === "closed") {
+      this.live = null;
+      this.#setBusy(null);
+      if (!isQuiet) this.shell.banners.set("connection", live.problem);
+    } else {
+      const isOver = live.hasEnded && live.state === "lost";
+      const text = isOver
+        ? "The run is over and its simulator has left. If another one comes, it is shown."
+        : live.problem;
+      // Before there was any connection, the welcome screen says what is tried.
+      const kind = isOver ? "notice" : "warning";
+      this.shell.banners.set("connection", live.state === "connecting" && isQuiet ? null : text, kind);
+      if (live.state === "open") this.#setBusy(live.session === "" ? null : "Receiving the run");
+    }
+    this.#panelsS = -Infinity;
+    this.loop.request();
+  }
+
+  #setBusy(busy: string | null): void {
+    this.#busy = busy;
+    this.#panelsS = -Infinity;
+    this.loop.request();
+  }
+
+  #show(run: Run): void {
+    this.#unlisten();
+    this.run?.close();
+    this.run = run;
+    this.#busy = null;
+    const wasSelected = this.#selected;
+    this.#selected = null;
+    this.clock.reset();
+    this.scene?.setRun(run);
+    this.#unlisten = run.onNews(() => this.loop.request());
+    document.title = `${run.title} - MAES viewer`;
+    const { timeS, agent } = this.#wishes;
+    this.#wishes = { ...this.#wishes, timeS: null, agent: null };
+    if (timeS !== null) void this.#seekWhenKnown(run, timeS);
+    else if (this.live) this.clock.follow();
+    const wanted = agent ?? (this.live ? wasSelected : null);
+    if (wanted !== null && wanted < run.setup.agents) this.select(wanted, false);
+    this.#panelsS = -Infinity;
+    this.loop.request();
+  }
+
+  async #seekWhenKnown(run: Run, timeS: number): Promise<void> {
+    await known(run, timeS);
+    if (this.run === run) this.seek(timeS);
+  }
+
+  // ---------------------------------------------------------------- orders
+
+  get selected(): number | null {
+    return this.#selected;
+  }
+
+  select(agent: number | null, isFlown = true): void {
+    if (agent !== null && (!this.run || agent >= this.run.setup.agents)) return;
+    this.#selected = agent;
+    this.scene?.select(agent, { fly: isFlown });
+    this.#changed();
+  }
+
+  selectNeighbour(step: 1 | -1): void {
+    if (this.run) this.select(neighbour(this.#selected, step, this.run.setup.agents));
+  }
+
+  seek(timeS: number): void {
+    if (!this.run) return;
+    this.clock.seek(timeS, this.run.endS);
+    this.#changed();
+  }
+
+  /** The simulator while it is followed, else the picture. */
+  togglePlay(): void {
+    const { run, live, clock } = this;
+    if (!run) return;
+    if (live && clock.isFollowing && !run.isComplete) {
+      if (live.canControl)
+        this.order((it) => (it.simulationState === STATE.playing ? it.pause() : it.play()));
+    } else if (clock.isPlaying) clock.isPlaying = false;
+    else clock.play(run.endS, run.isComplete);
+    this.#changed();
+  }
+
+  setRate(rate: number): void {
+    this.clock.rate = rate;
+    this.#remember({ rate });
+  }
+
+  goLive(): void {
+    if (!this.live || !this.run) return;
+    this.clock.follow();
+    this.#changed();
+  }
+
+  /** Has the simulator do something; a refusal is shown. */
+  order(what: (live: LiveConnection) => Promise<void> | void): void {
+    const live = this.live;
+    if (!live) return;
+    this.shell.banners.set("order", null);
+    Promise.resolve()
+      .then(() => what(live))
+      .catch((error: unknown) => this.shell.banners.set("order", (error as Error).message, "warning"));
+  }
+
+  async startRun(scenario: string): Promise<string | null> {
+    if (!this.live) throw new Error("There is no connection with a simulator.");
+    return this.live.start(scenario);
+  }
+
+  viewChanged(): void {
+    const view = this.scene?.view;
+    if (!view) return;
+    this.scene.viewChanged();
+    this.#remember({ layers: { ...view.layers }, wallOpacity: view.wallOpacity, cut: { ...view.cut } });
+  }
+
+  setUnexplored(isShown: boolean): void {
+    if (!this.scene) return;
+    this.scene.view.layers.unexplored = isShown;
+    this.viewChanged();
+  }
+
+  togglePart(part: "isPanelOpen" | "isLayersOpen" | "isFiguresOpen"): void {
+    this.#remember({ [part]: !this.#look[part] });
+    this.#applyLook();
+  }
+
+  get rate(): number {
+    return this.clock.rate;
+  }
+
+  /** Holds the picture at a time and draws exactly that. */
+  async showAt(timeS: number): Promise<void> {
+    await this.ready;
+    const run = this.run;
+    if (!run) throw new Error("There is no run to show.");
+    await known(run, timeS);
+    this.clock.isPlaying = false;
+    this.seek(timeS);
+    await this.loop.drawExactly(this.clock.timeS);
+    this.#updatePanels(performance.now() / 1000);
+  }
+
+  get state(): HandleState {
+    const { clock, live } = this;
+    return {
+      timeS: clock.timeS,
+      isPlaying: clock.isPlaying,
+      isFollowing: clock.isFollowing,
+      rate: clock.rate,
+      selected: this.#selected,
+      link: live?.state ?? null,
+      problems: Object.fromEntries(this.shell.banners.texts),
+    };
+  }
+
+  // ---------------------------------------------------------------- pictures
+
+  #advance(wallS: number): { timeS: number; isMoving: boolean } {
+    const { run, clock } = this;
+    if (!run) return { timeS: 0, isMoving: false };
+    const before = clock.timeS;
+    clock.advance(wallS, run.endS, run.isComplete, this.live !== null);
+    return { timeS: clock.timeS, isMoving: clock.isMoving || clock.timeS !== before };
+  }
+
+  #drew(wallS: number, isDrawn: boolean): void {
+    if (isDrawn) this.shell.figures.drawn(wallS);
+    // While things move panels are told now and then; when they have come to rest, of all.
+    if (isDrawn && wallS - this.#panelsS < PANELS_S) return;
+    this.#updatePanels(wallS);
+    if (this.run) this.#isReady();
+  }
+
+  #updatePanels(wallS: number): void {
+    this.#panelsS = wallS;
+    const { run, clock, live, scene, shell } = this;
+    const moment: Moment | null = run && {
+      run,
+      timeS: clock.timeS,
+      selected: this.#selected,
+      live,
+      pace: clock.pace,
+    };
+    shell.update(moment, clock, live, this.#busy);
+    shell.figures.update(wallS, scene, this.loop.pacer.costMs, this.loop.pixelRatio);
+    shell.banners.set("run", run?.problem ?? null, "warning");
+    shell.banners.set("scene", scene && scene.notices.length > 0 ? scene.notices.join(" ") : null, "notice");
+  }
+
+  #changed(): void {
+    this.#panelsS = -Infinity;
+    this.loop.request();
+  }
+
+  #remember(change: Partial<typeof LOOK>): void {
+    this.#look = { ...this.#look, ...change };
+    save("look", this.#look);
+    this.#changed();
+  }
+
+  #applyLook(): void {
+    const { isPanelOpen, isLayersOpen, isFiguresOpen } = this.#look;
+    this.shell.setParts(isPanelOpen, isLayersOpen, isFiguresOpen);
+  }
+
+  #listen(): void {
+    listenToKeys({
+      togglePlay: () => this.togglePlay(),
+      seekBy: (stepS) => this.seek(this.clock.timeS + stepS),
+      seekTo: (end) => this.seek(end === "start" ? 0 : Infinity),
+      changeRate: (steps) => this.setRate(shifted(PLAY_RATES, this.clock.rate, steps)),
+      goLive: () => this.goLive(),
+      digit: (digit) => {
+        const agent = this.#digits.typed(digit, performance.now(), this.run?.setup.agents ?? 0);
+        if (agent !== null) this.select(agent);
+      },
+      step: (step) => this.selectNeighbour(step),
+      cave: () => this.select(null),
+      toggleUnexplored: () => this.setUnexplored(!this.scene?.view.layers.unexplored),
+      toggleLayers: () => this.togglePart("isLayersOpen"),
+      togglePanel: () => this.togglePart("isPanelOpen"),
+      toggleFigures: () => this.togglePart("isFiguresOpen"),
+      help: openHelp,
+    });
+  }
+}
+
+/** Resolves when so much of a run is known, or no more will be. */
+function known(run: Run, timeS: number): Promise<void> {
+  if (run.endS >= timeS || run.isComplete) return Promise.resolve();
+  return new Promise((resolve) => {
+    const unlisten = run.onNews(() => {
+      if (run.endS < timeS && !run.isComplete) return;
+      unlisten();
+      resolve();
+    });
+  });
+}
+
+function sceneOn(canvas: HTMLCanvasElement): { scene: Scene | null; problem: string | null } {
+  try {
+    return { scene: new Scene(canvas), problem: null };
+  } catch (error) {
+    return { scene: null, problem: (error as Error).message };
+  }
+}
