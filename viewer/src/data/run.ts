@@ -133,6 +133,8 @@ export interface Run {
   readonly endS: number;
   /** Whether nothing more will come. */
   readonly isComplete: boolean;
+  /** What could not be read, and from where on, in words for people; null as long as all could. A change comes with news. */
+  readonly problem: string | null;
   /** Tick in which the team learned of each cell, free or wall, or NEVER. */
   readonly firstSeenTick: Uint32Array;
   /** Tick in which a body first was in each cell, or NEVER. */
