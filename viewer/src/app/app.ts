@@ -6,6 +6,7 @@ import type { Run } from "../data/run.ts";
 import { openFile, openLive, openUrl } from "../data/sources.ts";
 import type { LiveFeed } from "../data/sources.ts";
 import { DEFAULT_LAYERS, Scene } from "../scene/scene.ts";
+import type { View } from "../scene/scene.ts";
 import { Clock } from "./clock.ts";
 import { openHelp } from "./dialogs.ts";
 import type { HandleState } from "./handle.ts";
@@ -21,6 +22,9 @@ import { Shell } from "./shell.ts";
 
 /** How often panels are told, seconds on the wall. */
 const PANELS_S = 0.12;
+
+/** How long the page waits to see whether a simulator has served it before it shows the other ways to a run. */
+const QUIET_MS = 600;
 
 /** How the page is left, and found again. */
 const LOOK = {
@@ -56,6 +60,8 @@ export class App {
   #unlisten: () => void = () => undefined;
   #isReady: () => void = () => undefined;
   #panelsS = -Infinity;
+  /** Whether the panels show something else than what is so. */
+  #isStale = true;
   #look = load("look", LOOK);
   #wishes: Wishes;
   readonly #digits = new AgentDigits();
@@ -69,7 +75,7 @@ export class App {
     if (scene) {
       Object.assign(scene.view.layers, this.#look.layers);
       scene.view.wallOpacity = this.#look.wallOpacity;
-      scene.view.cut = { ...(this.#look.cut as typeof scene.view.cut) };
+      scene.view.cut = cutOf(this.#look.cut);
     }
     this.clock.rate = this.#look.rate;
     this.shell = new Shell(root, canvas, this, scene?.view ?? null, wishes.isPicture);
@@ -121,7 +127,9 @@ export class App {
     this.disconnect();
     this.#opening += 1;
     const url = socketAddress(address);
-    if (!isQuiet) this.#setBusy(`Connecting with ${url}`);
+    this.#setBusy(isQuiet ? "Looking for a simulator" : `Connecting with ${url}`);
+    // A server that is no simulator may leave the attempt without an answer: nobody is to wait for that.
+    if (isQuiet) setTimeout(() => this.live?.state === "connecting" && this.#setBusy(null), QUIET_MS);
     const hooks = {
       changed: () => this.#liveChanged(isQuiet),
       feedOpened: (feed: LiveFeed) => void this.#feedOpened(feed),
@@ -167,14 +175,12 @@ export class App {
       this.shell.banners.set("connection", live.state === "connecting" && isQuiet ? null : text, kind);
       if (live.state === "open") this.#setBusy(live.session === "" ? null : "Receiving the run");
     }
-    this.#panelsS = -Infinity;
-    this.loop.request();
+    this.#changed();
   }
 
   #setBusy(busy: string | null): void {
     this.#busy = busy;
-    this.#panelsS = -Infinity;
-    this.loop.request();
+    this.#changed();
   }
 
   #show(run: Run): void {
@@ -194,8 +200,7 @@ export class App {
     else if (this.live) this.clock.follow();
     const wanted = agent ?? (this.live ? wasSelected : null);
     if (wanted !== null && wanted < run.setup.agents) this.select(wanted, false);
-    this.#panelsS = -Infinity;
-    this.loop.request();
+    this.#changed();
   }
 
   async #seekWhenKnown(run: Run, timeS: number): Promise<void> {
@@ -322,15 +327,19 @@ export class App {
   }
 
   #drew(wallS: number, isDrawn: boolean): void {
-    if (isDrawn) this.shell.figures.drawn(wallS);
+    if (isDrawn) {
+      this.shell.figures.drawn(wallS);
+      this.#isStale = true;
+    }
     // While things move panels are told now and then; when they have come to rest, of all.
-    if (isDrawn && wallS - this.#panelsS < PANELS_S) return;
+    if (!this.#isStale || (isDrawn && wallS - this.#panelsS < PANELS_S)) return;
     this.#updatePanels(wallS);
     if (this.run) this.#isReady();
   }
 
   #updatePanels(wallS: number): void {
     this.#panelsS = wallS;
+    this.#isStale = false;
     const { run, clock, live, scene, shell } = this;
     const moment: Moment | null = run && {
       run,
@@ -393,6 +402,11 @@ function known(run: Run, timeS: number): Promise<void> {
       resolve();
     });
   });
+}
+
+/** A cut as it was remembered, which may be by another version of the page. */
+function cutOf({ axis, share }: { axis: string; share: number }): View["cut"] {
+  return axis === "x" || axis === "y" || axis === "z" ? { axis, share } : { axis: "z", share: 1 };
 }
 
 function sceneOn(canvas: HTMLCanvasElement): { scene: Scene | null; problem: string | null } {

@@ -11,6 +11,9 @@ export const LAG_S = 0.25;
 /** Over how long the pace of a run is measured, seconds on the wall. */
 const PACE_WINDOW_S = 3;
 
+/** News that are farther apart than this do not come from a run that grows evenly, seconds on the wall. */
+const LUMP_S = 0.2;
+
 /** A picture that took longer than this was none: the page was hidden. */
 const STEP_MAX_S = 1;
 
@@ -81,22 +84,21 @@ export class Clock {
 
   /** Sim seconds for each second on the wall in which the run has grown lately. */
   get pace(): number {
-    const last = this.#samples.at(-1);
-    const first = last && this.#samples.find((sample) => sample.wallS >= last.wallS - PACE_WINDOW_S);
-    if (!last || !first || last.wallS - first.wallS < 0.2) return 0;
-    return (last.endS - first.endS) / (last.wallS - first.wallS);
+    const [first, last] = [this.#samples[0], this.#samples.at(-1)];
+    if (!first || !last || this.#wallS === null) return 0;
+    const fromS = Math.max(first.wallS, this.#wallS - PACE_WINDOW_S);
+    const spanS = this.#wallS - fromS;
+    return spanS < 0.2 ? 0 : (last.endS - this.#endAt(fromS)) / spanS;
   }
 
+  /** Keeps the moments at which more became known. */
   #note(wallS: number, endS: number): void {
-    const [last, before] = [this.#samples.at(-1), this.#samples.at(-2)];
-    if (last && wallS <= last.wallS) return;
-    // Of a stretch in which nothing changed, its two ends are kept.
-    if (last && before && last.endS === endS && before.endS === endS && wallS - before.wallS < LAG_S / 2) {
-      this.#samples.pop();
-    }
+    const last = this.#samples.at(-1);
+    if (last && (endS === last.endS || wallS <= last.wallS)) return;
+    // After a rest the run did not begin to grow at the time of the last news.
+    if (last && wallS - last.wallS > LUMP_S) this.#samples.push({ wallS: wallS - LUMP_S, endS: last.endS });
     this.#samples.push({ wallS, endS });
-    while (this.#samples.length > 2 && this.#samples[1]!.wallS < wallS - 2 * PACE_WINDOW_S)
-      this.#samples.shift();
+    while (this.#samples.length > 2 && this.#samples[1]!.wallS < wallS - PACE_WINDOW_S) this.#samples.shift();
   }
 
   #endAt(wallS: number): number {

@@ -28,7 +28,7 @@ export function finePercent(share: number): string {
 
 /** Thousands apart, by narrow spaces. */
 export function count(value: number): string {
-  return String(Math.round(value)).replace(/\B(?=(\d{3})+(?!\d))/g, " ");
+  return String(Math.round(value)).replace(/\B(?=(\d{3})+(?!\d))/g, "\u202f");
 }
 
 /** Bytes with a unit, in thousands. */

@@ -91,6 +91,7 @@ export class LiveConnection {
   close(): void {
     this.state = "closed";
     this.#drop();
+    this.#endFeed();
   }
 
   /** Calls a service; throws with the server's words if it was refused. */
@@ -234,7 +235,7 @@ export class LiveConnection {
 
   #begin(session: string): void {
     this.session = session;
-    this.#feed = null;
+    this.#endFeed();
     this.#offset = 0;
     this.#pending = 0;
     this.#cancel("pull");
@@ -259,8 +260,7 @@ export class LiveConnection {
     this.#pending = 0;
     if ("data" in answer) {
       const { buffer, byteOffset, byteLength } = answer.data;
-      if (byteLength > 0)
-        this.#feed.push(new Uint8Array(buffer as ArrayBuffer, byteOffset, byteLength).slice());
+      if (byteLength > 0) this.#feed.push(new Uint8Array(buffer as ArrayBuffer, byteOffset, byteLength));
       this.#offset += byteLength;
       if (byteLength >= FULL_BYTES) this.#pull();
       else this.#after("pull", PULL_AGAIN_MS, () => this.#pull());
@@ -268,12 +268,11 @@ export class LiveConnection {
     }
     if (answer.error.startsWith("ended")) {
       this.hasEnded = true;
-      this.#feed.end();
+      this.#endFeed();
       this.#hooks.changed();
     } else if (answer.error.startsWith("gone")) {
       // The server says which run it is now; if it does not, a new connection asks.
-      this.#feed.end();
-      this.#feed = null;
+      this.#endFeed();
       this.session = "";
       this.#after("pull", RECONNECT_MS, () => this.#lost());
       this.#hooks.changed();
@@ -282,6 +281,12 @@ export class LiveConnection {
       this.#after("pull", RECONNECT_MS, () => this.#pull());
       this.#hooks.changed();
     }
+  }
+
+  /** Nothing more of this run will come. */
+  #endFeed(): void {
+    this.#feed?.end();
+    this.#feed = null;
   }
 
   #servicesAdded(added: readonly Service[]): void {

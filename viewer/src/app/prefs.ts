@@ -9,6 +9,13 @@ type Plain = string | number | boolean | null | { readonly [key: string]: Plain 
 
 /** What was remembered, in the shape of the defaults: what is missing or of another type is as in the defaults. */
 export function merged<T>(defaults: T, stored: unknown): T {
+  if (Array.isArray(defaults)) {
+    const isAlike =
+      Array.isArray(stored) &&
+      stored.length === defaults.length &&
+      stored.every((value, index) => typeof value === typeof defaults[index]);
+    return isAlike ? (stored as T) : defaults;
+  }
   if (typeof defaults !== "object" || defaults === null) {
     return typeof stored === typeof defaults ? (stored as T) : defaults;
   }

@@ -74,8 +74,7 @@ export class StartForm {
       isLinked: true,
     });
     const { communicationRangeM, ...values } = stored.values;
-    const size = Object.values(stored.values.size) as FormValues["size"];
-    this.#values = { ...values, size, communicationRangeM: communicationRangeM || Infinity };
+    this.#values = { ...values, communicationRangeM: communicationRangeM || Infinity };
     this.#isRandom = stored.isRandom;
     this.#isLinked = stored.isLinked;
     if (this.#isRandom) this.#values.seed = drawSeed(Math.random());
