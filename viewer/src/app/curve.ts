@@ -5,7 +5,7 @@ import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import type { Run } from "../data/run.ts";
 import { agentColour } from "../scene/colours.ts";
-import { lineEndS, labels } from "./axis.ts";
+import { labels, lineEndS, shareOf } from "./axis.ts";
 import { el, setHidden } from "./dom.ts";
 import { clockTime } from "./format.ts";
 import { curves } from "./moment.ts";
@@ -59,8 +59,7 @@ export class Curve {
       this.#selected = selected;
       plot.redraw(false);
     }
-    const x = plot.valToPos(timeS, "x");
-    if (Number.isFinite(x)) this.#cursor.style.transform = `translateX(${x.toFixed(1)}px)`;
+    this.#cursor.style.left = `${shareOf(timeS, endS) * 100}%`;
   }
 
   #open(run: Run): void {

@@ -51,13 +51,8 @@ class Socket implements IWebSocket {
   }
 
   introduce(run: string, idle = "false"): void {
-    this.say({
-      op: "serverInfo",
-      name: "MAES: cave",
-      sessionId: run,
-      capabilities: [],
-      metadata: { maes: "1", run, idle },
-    });
+    const metadata = { maes: "1", idle };
+    this.say({ op: "serverInfo", name: "MAES", sessionId: run || "idle-77", capabilities: [], metadata });
   }
 
   get lastFetch(): { uri: string; requestId: number } {
@@ -210,6 +205,7 @@ describe("pulling a run", () => {
     pass(5000);
     expect(socket().fetches).toHaveLength(1);
     expect(live.canControl).toBe(false);
+    expect(live.canStart).toBe(false);
   });
 
   it("says what keeps it, and tries again", () => {
@@ -264,7 +260,7 @@ describe("another run", () => {
   it("may be none", () => {
     const live = connect();
     socket().introduce("", "true");
-    expect(live.isIdleServer).toBe(true);
+    expect(live.canStart).toBe(true);
     expect(feeds).toEqual([]);
     expect(socket().fetches).toEqual([]);
   });

@@ -23,6 +23,8 @@ const ASK_STATE_MS = 1000;
 /** A server that does not answer a first attempt within this time is not there. */
 const ATTEMPT_MS = 4000;
 const RTF = "execution.rtf";
+/** What the sessions of a server without a run begin with. */
+const IDLE = "idle-";
 
 export type LinkState =
   /** The first attempt is under way. */
@@ -53,8 +55,6 @@ export class LiveConnection {
   state: LinkState = "connecting";
   /** Why the connection is not open, in words; null if it is. */
   problem: string | null = null;
-  /** The name the server has given itself. */
-  title = "";
   /** The run under way; empty: none. */
   session = "";
   /** Whether runs can be started from here. */
@@ -138,6 +138,7 @@ export class LiveConnection {
     return answer.started ? null : answer.message || "The simulator did not start the run.";
   }
 
+  /** Whether there is a run to be controlled. */
   get canControl(): boolean {
     return (
       this.state === "open" &&
@@ -145,6 +146,11 @@ export class LiveConnection {
       !this.hasEnded &&
       this.#calls.has(services.SERVICES.setState)
     );
+  }
+
+  /** Whether a run can be started: there is none, or it is over. */
+  get canStart(): boolean {
+    return this.state === "open" && this.isIdleServer && (this.session === "" || this.hasEnded);
   }
 
   #connect(): void {
@@ -221,9 +227,8 @@ export class LiveConnection {
     this.state = "open";
     this.#wasOpen = true;
     this.problem = null;
-    this.title = info.name.replace(/^MAES:\s*/, "");
     this.isIdleServer = metadata["idle"] === "true";
-    const session = metadata["run"] ?? info.sessionId ?? "";
+    const session = sessionOf(info);
     if (session !== this.session) this.#begin(session);
     if (isNew) {
       this.#client?.subscribeParameterUpdates([RTF]);
@@ -242,7 +247,7 @@ export class LiveConnection {
     this.hasEnded = false;
     this.simulationState = null;
     if (session === "") return;
-    this.#feed = this.#surroundings.openFeed(session, this.title);
+    this.#feed = this.#surroundings.openFeed(session, `Run at ${new URL(this.url).host}`);
     this.#hooks.feedOpened(this.#feed);
     this.#askState();
   }
@@ -353,6 +358,11 @@ export class LiveConnection {
     this.#cancels.get(name)?.();
     this.#cancels.delete(name);
   }
+}
+
+/** The run that a server has; empty: none. */
+function sessionOf({ sessionId }: ServerInfo): string {
+  return sessionId === undefined || sessionId.startsWith(IDLE) ? "" : sessionId;
 }
 
 /** The surroundings of a page. */

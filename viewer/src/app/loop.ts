@@ -13,7 +13,7 @@ const POLL_MS = 3;
 /** A picture that is not done within this time never will be: the graphics are gone. */
 const LOST_MS = 5000;
 /** Things are at rest after so long without a change. */
-const REST_MS = 250;
+const REST_MS = 400;
 
 export interface LoopHost {
   /** Goes on to a moment on the wall; says what time of the run to show, and whether things move by themselves. */
@@ -23,7 +23,7 @@ export interface LoopHost {
 }
 
 export class Loop {
-  readonly pacer = new Pacer();
+  readonly pacer: Pacer;
   readonly #canvas: HTMLCanvasElement;
   readonly #scene: Scene | null;
   readonly #host: LoopHost;
@@ -40,6 +40,7 @@ export class Loop {
     this.#canvas = canvas;
     this.#scene = scene;
     this.#host = host;
+    this.pacer = new Pacer(isSoftware(canvas));
     this.#schedule();
   }
 
@@ -144,4 +145,12 @@ export class Loop {
       look();
     });
   }
+}
+
+/** Whether pictures are computed by the processor, as far as the browser tells. */
+function isSoftware(canvas: HTMLCanvasElement): boolean {
+  const gl = canvas.getContext("webgl2");
+  const info = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name: unknown = gl?.getParameter(info?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER);
+  return typeof name === "string" && /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }

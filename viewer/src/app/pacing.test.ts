@@ -23,10 +23,22 @@ describe("pacing", () => {
     expect(pacer.share).toBe(1);
   });
 
+  it("begins with fewer without a graphics card", () => {
+    expect(new Pacer(true).share).toBe(0.5);
+  });
+
+  it("takes fewer at once when a picture is very slow", () => {
+    const pacer = new Pacer();
+    pacer.done(0, 301, true);
+    expect(pacer.share).toBe(0.75);
+    pacer.done(0, 100, true);
+    expect(pacer.share).toBe(0.75);
+  });
+
   it("is not put off by one slow picture, nor by one that was meant to be fine", () => {
     const pacer = new Pacer();
     for (let picture = 0; picture < 20; picture++) {
-      pacer.done(0, picture % 3 === 0 ? 500 : 50, true);
+      pacer.done(0, picture % 3 === 0 ? 250 : 50, true);
       pacer.done(0, 900, false);
     }
     expect(pacer.share).toBe(1);

@@ -10,6 +10,8 @@ const REST = 1.6;
 /** Above this a picture counts as slow, below the other as quick; milliseconds. */
 const SLOW_MS = 90;
 const QUICK_MS = 22;
+/** One of these is enough. */
+const VERY_SLOW_MS = 300;
 /** So many slow or quick pictures in a row change the number of pixels. */
 const SLOW_ROW = 3;
 const QUICK_ROW = 40;
@@ -17,11 +19,16 @@ const QUICK_ROW = 40;
 const SHARES = [1, 0.75, 0.5, 0.375];
 
 export class Pacer {
-  #step = 0;
+  #step: number;
   #slow = 0;
   #quick = 0;
   #notBeforeMs = -Infinity;
   #costMs = 0;
+
+  /** `isSoftware`: without a graphics card, pictures begin with half the pixels, because one with all of them can take seconds. */
+  constructor(isSoftware = false) {
+    this.#step = isSoftware ? 2 : 0;
+  }
 
   /** Share of the full pixel ratio to draw with while things move. */
   get share(): number {
@@ -43,7 +50,8 @@ export class Pacer {
     this.#notBeforeMs = beganMs + costMs * REST;
     if (!counts) return;
     this.#costMs = this.#costMs === 0 ? costMs : this.#costMs * 0.8 + costMs * 0.2;
-    this.#slow = costMs > SLOW_MS ? this.#slow + 1 : 0;
+    if (costMs > VERY_SLOW_MS) this.#slow = SLOW_ROW;
+    else this.#slow = costMs > SLOW_MS ? this.#slow + 1 : 0;
     this.#quick = costMs < QUICK_MS ? this.#quick + 1 : 0;
     if (this.#slow >= SLOW_ROW && this.#step < SHARES.length - 1) this.#change(1);
     else if (this.#quick >= QUICK_ROW && this.#step > 0) this.#change(-1);

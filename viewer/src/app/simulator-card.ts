@@ -43,9 +43,9 @@ export class SimulatorCard {
       });
       return button;
     });
-    this.#restart = textButton("Restart", {
+    this.#restart = iconButton("restart", "Begin the run again", {
+      class: "icon-button framed",
       testid: "sim-restart",
-      title: "Begin the run again",
       onclick: async () => {
         if (!(await confirmed("Begin this run again?", "What has come of it so far is given up.", "Restart")))
           return;
@@ -109,6 +109,7 @@ export class SimulatorCard {
       this.#speed.set(nearestStep(RUN_RATES, live.rtf));
     }
     setHidden(this.#new, !live.isIdleServer);
-    this.#new.disabled = live.state !== "open";
+    this.#new.disabled = !live.canStart;
+    this.#new.title = live.canStart ? "" : "The run under way has to end first";
   }
 }

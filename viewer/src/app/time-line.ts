@@ -103,7 +103,8 @@ export class TimeLine {
     this.#labelled = key;
     const texts = labels(this.#lineEndS, most).map((timeS) => {
       const share = shareOf(timeS, this.#lineEndS);
-      return el("span", { style: `left: ${share * 100}%` }, clockTime(timeS));
+      const edge = share === 0 ? "is-first" : share > 0.96 ? "is-last" : undefined;
+      return el("span", { class: edge, style: `left: ${share * 100}%` }, clockTime(timeS));
     });
     fill(this.#labels, ...texts);
   }
