@@ -102,20 +102,23 @@ export class RunModel implements Run {
     if (id !== null && this.#following?.agent === id) {
       return this.#following.promise;
     }
+    if (id !== null) {
+      this.#agent(id);
+    }
     this.#following?.resolve(null);
     this.#following = null;
     this.#belief = null;
     const request = ++this.#requests;
-    this.#reader.ask({ kind: "follow", request, agent: id });
-    if (id === null) {
-      return Promise.resolve(null);
-    }
-    this.#agent(id);
     let resolve: (belief: Belief | null) => void = () => {};
     const promise = new Promise<Belief | null>((settle) => {
       resolve = settle;
     });
-    this.#following = { request, agent: id, promise, resolve };
+    if (id === null) {
+      resolve(null);
+    } else {
+      this.#following = { request, agent: id, promise, resolve };
+    }
+    this.#reader.ask({ kind: "follow", request, agent: id });
     return promise;
   }
 

@@ -8,28 +8,22 @@
  * recording of this simulator throws an UnreadableError, and nothing else is ever thrown.
  */
 
-import { cast, lattice, shell, type Lidar } from "./lidar.ts";
+import { cast, type Lidar } from "./lidar.ts";
+import { Growable, rowsUpTo } from "./growable.ts";
 import { Follower, Lore } from "./lore.ts";
 import { readMap, type CellMap } from "./maps.ts";
 import { chunkContent, McapScanner, messageIn, type McapEnd, type Place } from "./mcap.ts";
 import * as messages from "./messages.ts";
+import { areToldPosesTrue, lidarOf, openingOf, type Opening } from "./opening.ts";
 import { ParcelReader } from "./parcels.ts";
 import type { Batch, FoundHits, ScanPose } from "./protocol.ts";
 import { Recorder } from "./recorder.ts";
-import { UnreadableError, type Setup, type Terrain } from "./run.ts";
-import { tomlNumber, tomlText } from "./scenario_toml.ts";
+import { TICK_S, UnreadableError } from "./run.ts";
 import type { Zstd } from "./zstd.ts";
-import { Growable, rowsUpTo } from "./growable.ts";
 
 const SCENARIO_ATTACHMENT = "scenario.toml";
 const MAP_ATTACHMENT = /^map\.(m3dm|txt)$/;
 const TICK_NS = 20_000_000n;
-/** As many as a scenario may have, with room for later ones. */
-const AGENTS_MAX = 1 << 16;
-
-/** Topics that tell of what is known before the clock starts. */
-const PRELIMINARY = new Set(["scenario", "join"]);
-
 /** Columns of a row for each cloud of points: tick, and where its record stands. */
 const CLOUD = { tick: 0, start: 1, length: 2, channel: 3, columns: 4 } as const;
 
@@ -39,11 +33,6 @@ interface Channel {
   readonly kind: string;
   /** Whom it belongs to, or -1. */
   readonly agent: number;
-}
-
-export interface Opening {
-  readonly setup: Setup;
-  readonly terrain: Terrain;
 }
 
 /** Gives out bytes of the file from a place on, if they can be had again. */
@@ -119,19 +108,27 @@ export class Reading {
     }
     const recorder = this.#recorder;
     if (recorder === null) {
+      const problem = problemOf(end);
+      if (problem) {
+        throw new UnreadableError(`${this.#title} cannot be read: it is ${problem}, before its run begins`);
+      }
       this.#checkDocuments();
-      const where = end.kind === "whole" ? "" : `; it is ${problemOf(end)}`;
       throw new UnreadableError(
-        `${this.#title} ends before its run begins: it has no message on /sim/scenario${where}`,
+        `${this.#title} is a recording without a run: it has no message on /sim/scenario`,
       );
     }
     this.#isOpen = true;
-    recorder.finish(this.#lastTick, problemOf(end));
+    recorder.finish(this.#lastTick, this.#inWords(problemOf(end)));
   }
 
   /** The bytes that are left cannot be had. */
-  abort(problem: string): void {
-    this.#recorder?.finish(this.#lastTick, problem);
+  abort(reason: string): void {
+    this.#recorder?.finish(this.#lastTick, this.#inWords(`read in part: ${reason}`));
+  }
+
+  #inWords(problem: string | null): string | null {
+    const shownS = (this.#lastTick * TICK_S).toFixed(1);
+    return problem && `${this.#title} is ${problem}. What could be read is shown, up to ${shownS} s.`;
   }
 
   /** What has been read since the last batch; null if that is nothing. */
@@ -154,11 +151,12 @@ export class Reading {
   /** The hits of an agent's last scan, as the recording has them, else cast from where the scan was. */
   async hits(agent: number, untilTick: number, scan: ScanPose | null): Promise<FoundHits | null> {
     const recorded = await this.#recordedHits(agent, untilTick);
-    if (recorded || !scan || !this.#opening || !this.#lidar) {
+    const [opening, lidar] = [this.#opening, this.#lidar];
+    if (recorded || !scan || !opening || !lidar) {
       return recorded;
     }
-    const points = cast(this.#lidar, this.#opening.terrain, scan.position, scan.yawRad);
-    return { timeS: scan.tick * 0.02, points, isOfBody: false };
+    const points = cast(lidar, opening.terrain, scan.position, scan.yawRad);
+    return { timeS: scan.tick * TICK_S, points, isOfBody: false };
   }
 
   async #recordedHits(agent: number, untilTick: number): Promise<FoundHits | null> {
@@ -245,13 +243,14 @@ export class Reading {
     }
     const recorder = this.#recorder;
     const opening = this.#opening;
-    if (kind === "join") {
-      this.#controllers.set(agent, messages.joinedController(bytes));
-    }
     if (!recorder || !opening || agent >= opening.setup.agents) {
       return;
     }
-    if (!PRELIMINARY.has(kind) && !this.#isOpen) {
+    if (kind === "join") {
+      this.#controllers.set(agent, messages.joinedController(bytes));
+    }
+    // Agents that are driven by others do not join; then it is the clock that tells that all are there.
+    if (!this.#isOpen && (kind !== "join" || this.#controllers.size === opening.setup.agents)) {
       this.#open(opening);
     }
     switch (kind) {
@@ -294,7 +293,7 @@ export class Reading {
     return rows;
   }
 
-  /** The clock has started: all who take part are known. */
+  /** All who take part are known. */
   #open(opening: Opening): void {
     const { setup } = opening;
     const controllers = setup.controllers.map((usual, agent) => this.#controllers.get(agent) ?? usual);
@@ -303,7 +302,6 @@ export class Reading {
   }
 
   #scenario(bytes: Uint8Array): void {
-    const [map, toml] = [this.#map!, this.#toml!];
     const protocol = messages.protocolOf(bytes);
     if (protocol !== messages.PROTOCOL) {
       this.#refuse(
@@ -314,41 +312,14 @@ export class Reading {
       throw new RangeError("a second scenario");
     }
     const told = messages.scenario(bytes);
-    if (
-      told.size.some((cells, axis) => cells !== map.size[axis]) ||
-      !(told.cellM > 0 && told.cellM < Infinity)
-    ) {
-      throw new RangeError(
-        `it is of ${told.size.join(" x ")} cells of ${told.cellM} m, and the map has ${map.size.join(" x ")}`,
-      );
-    }
-    if (told.agents > AGENTS_MAX) {
-      throw new RangeError(`${told.agents} agents, expected are ${AGENTS_MAX} at the most`);
-    }
-    const isLattice = tomlText(toml, "lidar", "pattern") !== "shell";
-    const { rangeM, fovRad, cellM } = told;
-    this.#lidar = isLattice
-      ? lattice(told.rays, rangeM, fovRad, cellM)
-      : shell(tomlNumber(toml, "lidar", "shell_radius_cells") ?? 5, fovRad);
-    const setup: Setup = {
-      agents: told.agents,
-      controllers: Array.from({ length: told.agents }, () => told.controller),
-      radiusM: told.radiusM,
-      durationS: told.durationTicks * 0.02,
-      lidar: { rays: isLattice ? told.rays : 0, rangeM, fovRad },
-      communicationRangeM: told.communicationRangeM,
-      scenarioToml: toml,
-    };
-    const walls = map.walls;
-    const freeCells = walls.reduce((free, wall) => free + 1 - wall, 0);
-    const terrain: Terrain = { size: map.size, cellM, walls, freeCells };
-    this.#opening = { setup, terrain };
-    this.#lores = Array.from({ length: told.agents }, () => new Lore());
-    this.#parcels = new ParcelReader(map.size, told.agents);
-    // Positions that agents are told may be off; then only those that the server shows are true.
-    const isToldWrong = (tomlNumber(toml, "sensor", "pose_bound_m") ?? 0) > 0;
-    const hasPoses = (tomlNumber(toml, "recording", "poses_period_ticks") ?? 1) > 0;
-    this.#recorder = new Recorder(terrain, told.agents, told.durationTicks, !isToldWrong || !hasPoses);
+    const toml = this.#toml!;
+    const opening = openingOf(told, toml, this.#map!);
+    const { agents } = opening.setup;
+    this.#opening = opening;
+    this.#lidar = lidarOf(told, toml);
+    this.#lores = Array.from({ length: agents }, () => new Lore());
+    this.#parcels = new ParcelReader(opening.terrain.size, agents);
+    this.#recorder = new Recorder(opening.terrain, agents, told.durationTicks, areToldPosesTrue(toml));
   }
 }
 

@@ -40,7 +40,7 @@ export class Recorder {
   #endTick = 0;
   #isComplete = false;
   #problem: string | null = null;
-  #hasNews = false;
+  #hasNews = true;
   #seen = new Growable(new Uint32Array(0));
   #entered = new Growable(new Uint32Array(0));
   #poses = new Growable(new Float64Array(0));

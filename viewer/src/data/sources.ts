@@ -68,7 +68,14 @@ function open(
       if (reply.kind === "unreadable") {
         refuse(reply.message);
       } else if (reply.kind === "opened") {
-        model = new RunModel(id, title, reply.setup, reply.terrain, { ask, close: () => worker.terminate() });
+        const reader = { ask, close: () => worker.terminate() };
+        try {
+          model = new RunModel(id, title, reply.setup, reply.terrain, reader);
+        } catch (error) {
+          // A browser may not give out as much memory as a large map takes.
+          const size = reply.terrain.size.join(" x ");
+          refuse(`${title} cannot be shown: its map has ${size} cells: ${(error as Error).message}`);
+        }
       } else if (model) {
         model.take(reply);
         resolve(model);

@@ -7,8 +7,12 @@ import { loadZstd } from "./zstd.ts";
 
 const zstd = await loadZstd();
 
-/** A run read from bytes that come in pieces of a size, with a batch after each. */
-export function readRun(bytes: Uint8Array, pieceBytes: number = bytes.length): RunModel {
+/** A run read from bytes that come in pieces of a size, with a batch after each, of which the last one is told of as such. */
+export function readRun(
+  bytes: Uint8Array,
+  pieceBytes: number = bytes.length,
+  afterBatch: (run: RunModel, isLast: boolean) => void = () => {},
+): RunModel {
   const fetchBytes = (start: number, length: number) =>
     Promise.resolve(bytes.subarray(start, start + length));
   const reading = new Reading("test.mcap", zstd, fetchBytes);
@@ -16,7 +20,7 @@ export function readRun(bytes: Uint8Array, pieceBytes: number = bytes.length): R
   const ask = (request: Request) => {
     if (request.kind === "follow") {
       const knownTick = reading.follow(request.request, request.agent);
-      queueMicrotask(() => model?.take({ kind: "belief", request: request.request, knownTick }));
+      model?.take({ kind: "belief", request: request.request, knownTick });
     } else if (request.kind === "hits") {
       const { agent, untilTick, scan } = request;
       void reading
@@ -24,7 +28,7 @@ export function readRun(bytes: Uint8Array, pieceBytes: number = bytes.length): R
         .then((hits) => model?.take({ kind: "hits", request: request.request, hits }));
     }
   };
-  const send = () => {
+  const send = (isLast: boolean) => {
     if (!reading.opening) {
       return;
     }
@@ -36,12 +40,13 @@ export function readRun(bytes: Uint8Array, pieceBytes: number = bytes.length): R
     if (batch) {
       model.take({ kind: "batch", batch });
     }
+    afterBatch(model, isLast);
   };
   for (let at = 0; at < bytes.length && !reading.isAtEnd; at += pieceBytes) {
     reading.push(bytes.subarray(at, at + pieceBytes));
-    send();
+    send(false);
   }
   reading.finish();
-  send();
+  send(true);
   return model!;
 }

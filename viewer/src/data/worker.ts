@@ -61,10 +61,12 @@ function sendInTime(): void {
   }
 }
 
-function fail(error: unknown): void {
-  const message = error instanceof Error ? error.message : String(error);
+/** Says what went wrong; `subject` names what was read unless the error does. */
+function fail(subject: string, error: unknown): void {
+  const reason = error instanceof Error ? error.message : String(error);
+  const message = error instanceof UnreadableError ? reason : `${subject} cannot be read: ${reason}`;
   if (isOpened) {
-    reading?.abort(`only read in part: ${message}`);
+    reading?.abort(message);
     sendBatch();
   } else if (!hasFailed) {
     hasFailed = true;
@@ -133,7 +135,7 @@ function answer(request: Request): void {
         }
         sendInTime();
       } catch (error) {
-        fail(error);
+        fail("the run", error);
       }
       break;
     case "follow": {
@@ -155,13 +157,13 @@ function answer(request: Request): void {
 scope.onmessage = ({ data: request }) => {
   switch (request.kind) {
     case "file":
-      readFile(request.file).catch(fail);
+      readFile(request.file).catch((error: unknown) => fail(request.file.name, error));
       break;
     case "url":
-      readUrl(request.url, request.title).catch(fail);
+      readUrl(request.url, request.title).catch((error: unknown) => fail(request.url, error));
       break;
     case "live":
-      begin(request.title, null).catch(fail);
+      begin(request.title, null).catch((error: unknown) => fail(request.title, error));
       break;
     default:
       answer(request);
