@@ -118,8 +118,8 @@ export class AgentCard {
       el("div", { class: "card-head" }, this.#title, close),
       this.#info,
       this.#facts.root,
-      this.#note,
       this.#told.root,
+      this.#note,
     );
   }
 

@@ -5,17 +5,16 @@
 import type { Run } from "../data/run.ts";
 import { openFile, openLive, openUrl } from "../data/sources.ts";
 import type { LiveFeed } from "../data/sources.ts";
-import { DEFAULT_LAYERS, Scene } from "../scene/scene.ts";
-import type { View } from "../scene/scene.ts";
+import { Scene } from "../scene/scene.ts";
 import { Clock } from "./clock.ts";
 import { openHelp } from "./dialogs.ts";
 import type { HandleState } from "./handle.ts";
 import { listenToKeys } from "./keys.ts";
 import { browserSurroundings, LiveConnection, socketAddress } from "./live.ts";
+import { Look } from "./look.ts";
 import { Loop } from "./loop.ts";
 import { AgentDigits, neighbour } from "./moment.ts";
 import type { Moment } from "./moment.ts";
-import { load, save } from "./prefs.ts";
 import { PLAY_RATES, shifted } from "./rates.ts";
 import { STATE } from "./services.ts";
 import { Shell } from "./shell.ts";
@@ -25,17 +24,6 @@ const PANELS_S = 0.12;
 
 /** How long the page waits to see whether a simulator has served it before it shows the other ways to a run. */
 const QUIET_MS = 600;
-
-/** How the page is left, and found again. */
-const LOOK = {
-  layers: { ...DEFAULT_LAYERS },
-  wallOpacity: 0.1,
-  cut: { axis: "z", share: 1 },
-  rate: 10,
-  isPanelOpen: true,
-  isLayersOpen: false,
-  isFiguresOpen: false,
-};
 
 /** What the address of the page asks for. */
 export interface Wishes {
@@ -62,7 +50,9 @@ export class App {
   #panelsS = -Infinity;
   /** Whether the panels show something else than what is so. */
   #isStale = true;
-  #look = load("look", LOOK);
+  /** Whether the time that the address asks for has not been read yet. */
+  #isSeeking = false;
+  readonly #look: Look;
   #wishes: Wishes;
   readonly #digits = new AgentDigits();
 
@@ -72,12 +62,9 @@ export class App {
     const canvas = document.createElement("canvas");
     const { scene, problem } = sceneOn(canvas);
     this.scene = scene;
-    if (scene) {
-      Object.assign(scene.view.layers, this.#look.layers);
-      scene.view.wallOpacity = this.#look.wallOpacity;
-      scene.view.cut = cutOf(this.#look.cut);
-    }
-    this.clock.rate = this.#look.rate;
+    this.#look = new Look(!wishes.isPicture);
+    if (scene) this.#look.applyTo(scene.view);
+    this.clock.rate = this.#look.values.rate;
     this.shell = new Shell(root, canvas, this, scene?.view ?? null, wishes.isPicture);
     this.shell.banners.set("graphics", problem);
     this.loop = new Loop(canvas, scene, {
@@ -196,6 +183,7 @@ export class App {
     document.title = `${run.title} - MAES viewer`;
     const { timeS, agent } = this.#wishes;
     this.#wishes = { ...this.#wishes, timeS: null, agent: null };
+    this.#isSeeking = timeS !== null;
     if (timeS !== null) void this.#seekWhenKnown(run, timeS);
     else if (this.live) this.clock.follow();
     const wanted = agent ?? (this.live ? wasSelected : null);
@@ -205,7 +193,9 @@ export class App {
 
   async #seekWhenKnown(run: Run, timeS: number): Promise<void> {
     await known(run, timeS);
-    if (this.run === run) this.seek(timeS);
+    if (this.run !== run) return;
+    this.#isSeeking = false;
+    this.seek(timeS);
   }
 
   // ---------------------------------------------------------------- orders
@@ -245,7 +235,8 @@ export class App {
 
   setRate(rate: number): void {
     this.clock.rate = rate;
-    this.#remember({ rate });
+    this.#look.change({ rate });
+    this.#changed();
   }
 
   goLive(): void {
@@ -273,7 +264,8 @@ export class App {
     const view = this.scene?.view;
     if (!view) return;
     this.scene.viewChanged();
-    this.#remember({ layers: { ...view.layers }, wallOpacity: view.wallOpacity, cut: { ...view.cut } });
+    this.#look.takeFrom(view);
+    this.#changed();
   }
 
   setUnexplored(isShown: boolean): void {
@@ -283,8 +275,9 @@ export class App {
   }
 
   togglePart(part: "isPanelOpen" | "isLayersOpen" | "isFiguresOpen"): void {
-    this.#remember({ [part]: !this.#look[part] });
+    this.#look.change({ [part]: !this.#look.values[part] });
     this.#applyLook();
+    this.#changed();
   }
 
   get rate(): number {
@@ -334,7 +327,7 @@ export class App {
     // While things move panels are told now and then; when they have come to rest, of all.
     if (!this.#isStale || (isDrawn && wallS - this.#panelsS < PANELS_S)) return;
     this.#updatePanels(wallS);
-    if (this.run) this.#isReady();
+    if (this.run && !this.#isSeeking) this.#isReady();
   }
 
   #updatePanels(wallS: number): void {
@@ -359,14 +352,8 @@ export class App {
     this.loop.request();
   }
 
-  #remember(change: Partial<typeof LOOK>): void {
-    this.#look = { ...this.#look, ...change };
-    save("look", this.#look);
-    this.#changed();
-  }
-
   #applyLook(): void {
-    const { isPanelOpen, isLayersOpen, isFiguresOpen } = this.#look;
+    const { isPanelOpen, isLayersOpen, isFiguresOpen } = this.#look.values;
     this.shell.setParts(isPanelOpen, isLayersOpen, isFiguresOpen);
   }
 
@@ -402,11 +389,6 @@ function known(run: Run, timeS: number): Promise<void> {
       resolve();
     });
   });
-}
-
-/** A cut as it was remembered, which may be by another version of the page. */
-function cutOf({ axis, share }: { axis: string; share: number }): View["cut"] {
-  return axis === "x" || axis === "y" || axis === "z" ? { axis, share } : { axis: "z", share: 1 };
 }
 
 function sceneOn(canvas: HTMLCanvasElement): { scene: Scene | null; problem: string | null } {

@@ -44,36 +44,35 @@ export function confirmed(question: string, consequence: string, action: string)
 }
 
 /** Keys and what they do. */
-const KEYS: readonly (readonly [string, string])[] = [
-  ["Space", "Play or pause"],
-  ["← →", "A second back or on; with Shift ten seconds"],
-  [", .", "A tick back or on"],
-  ["Home End", "Beginning and end"],
-  ["- +", "Slower and faster"],
-  ["G", "Follow the run under way"],
-  ["0 - 9", "Select an agent; two digits quickly for 10 and above"],
-  ["[ ]", "Agent before and after"],
-  ["Esc", "The whole cave"],
-  ["U", "Show or hide what is unexplored"],
-  ["L", "Layers"],
-  ["P", "Panels"],
-  ["F", "Figures of the picture"],
-  ["?", "This list"],
-  ["Drag", "Turn the view; with Shift or the middle button move it"],
-  ["Wheel", "Nearer and farther"],
-  ["Click", "Select an agent"],
+const KEYS: readonly (readonly [readonly string[], string])[] = [
+  [["Space"], "Play or pause"],
+  [["←", "→"], "A second back or on; with Shift ten seconds"],
+  [[",", "."], "A tick back or on"],
+  [["Home", "End"], "Beginning and end"],
+  [["-", "+"], "Slower and faster"],
+  [["G"], "Follow the run under way"],
+  [["0", "9"], "Select an agent; two digits quickly for 10 and above"],
+  [["[", "]"], "Agent before and after"],
+  [["Esc"], "The whole cave"],
+  [["U"], "Show or hide what is unexplored"],
+  [["L"], "Layers"],
+  [["P"], "Panels"],
+  [["F"], "Figures of the picture"],
+  [["?"], "This list"],
+  [["Drag"], "Turn the view; with Shift or the middle button move it"],
+  [["Wheel"], "Nearer and farther"],
+  [["Click"], "Select an agent"],
 ];
 
 export function openHelp(): void {
   if (document.querySelector('[data-testid="help"]')) return;
-  const rows = KEYS.map(([keys, what]) => {
-    const caps = /^\w+$|^[^A-Z]+$/.test(keys) ? keys.split(keys.includes(" - ") ? " - " : " ") : [keys];
-    return el(
+  const rows = KEYS.map(([caps, what]) =>
+    el(
       "div",
       { class: "key-row" },
       el("dt", {}, ...caps.map((cap) => el("kbd", {}, cap))),
       el("dd", {}, what),
-    );
-  });
+    ),
+  );
   openDialog("Keys and mouse", "help", el("dl", { class: "keys" }, ...rows));
 }

@@ -33,7 +33,7 @@ export interface Handle {
   readonly run: Run | null;
   /** Null where there is no WebGL 2. */
   readonly scene: Scene | null;
-  /** Resolves when the first picture of a run has been drawn. */
+  /** Resolves when the first picture of a run has been drawn, at the time that the address asks for. */
   readonly ready: Promise<void>;
   /** Holds the picture at a time, and resolves when exactly that has been drawn, with all it needs. Waits until so much of a
    *  recording has been read. */

@@ -31,6 +31,8 @@ export class Loop {
   #isScheduled = false;
   #isDrawing = false;
   #isHeld = false;
+  /** Whether pictures have all their pixels until something moves by itself: what a script has asked for stays as it was. */
+  #isExact = false;
   /** Whether the last picture had all its pixels. */
   #isFine = false;
   #changedMs = 0;
@@ -63,6 +65,7 @@ export class Loop {
   async drawExactly(timeS: number): Promise<void> {
     if (!this.#scene) return;
     this.#isHeld = true;
+    this.#isExact = true;
     try {
       this.#setRatio(1);
       this.#scene.render(timeS);
@@ -92,10 +95,11 @@ export class Loop {
     const { timeS, isMoving } = this.#host.advance(nowMs / 1000);
     const isChanged = this.#isRequested || isMoving || (this.#scene?.isRestless ?? false);
     this.#isRequested = false;
+    if (isMoving) this.#isExact = false;
     if (isChanged) {
       this.#changedMs = nowMs;
-      this.#isFine = false;
-      this.#draw(timeS, nowMs, this.pacer.share);
+      this.#isFine = this.#isExact;
+      this.#draw(timeS, nowMs, this.#isExact ? 1 : this.pacer.share);
     } else if (!this.#isFine && nowMs - this.#changedMs > REST_MS) {
       this.#isFine = true;
       if (this.#size.ratio !== this.#ratio(1)) this.#draw(timeS, nowMs, 1);
