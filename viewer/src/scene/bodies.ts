@@ -1,10 +1,21 @@
 /**
- * The bodies of agents: a hull in the agent's colour within a guard ring, with a bright nose that shows the heading.
+ * The bodies of agents: a hull in the agent's colour between four ring guards, with a bright nose that shows the heading.
  *
- * A body is as large as it is in the run, but never smaller on the screen than a few pixels.
+ * A body is as large as it is in the run, but never smaller on the screen than a few pixels. Behind walls it is a pale shape.
  */
 
-import { BoxGeometry, BufferAttribute, GLSL3, Mesh, RawShaderMaterial, SphereGeometry, TorusGeometry, type BufferGeometry } from "three";
+import {
+  BoxGeometry,
+  BufferAttribute,
+  GLSL3,
+  GreaterDepth,
+  LessEqualDepth,
+  Mesh,
+  RawShaderMaterial,
+  SphereGeometry,
+  TorusGeometry,
+  type BufferGeometry,
+} from "three";
 import { mergeGeometries } from "three/examples/jsm/utils/BufferGeometryUtils.js";
 import type { Vec3 } from "../data/run.ts";
 import { FRAGMENT_HEAD, VERTEX_HEAD, type Common } from "./glsl.ts";
@@ -22,6 +33,13 @@ void main() {
   vPlaceM = place.xyz;
   vPart = int(part);
   gl_Position = projectionMatrix * viewMatrix * place;
+}
+`;
+
+const GHOST_FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}
+uniform vec3 tint;
+void main() {
+  colour = vec4(tint, 0.42);
 }
 `;
 
@@ -45,52 +63,71 @@ void main() {
 `;
 
 /** Half the width of the body on the screen, at least; CSS pixels. */
-export const BODY_RADIUS_PX = 6;
+export const BODY_RADIUS_PX = 10;
 
 export class Bodies {
   readonly meshes: readonly Mesh<BufferGeometry, RawShaderMaterial>[];
-  readonly #geometry = bodyGeometry();
+  /** For each agent its body, and what is seen of it through walls. */
+  readonly #pairs: readonly (readonly [Mesh, Mesh])[];
+  readonly #fine = bodyGeometry(true);
+  readonly #coarse = bodyGeometry(false);
 
   constructor(common: Common, colours: readonly (readonly [number, number, number])[]) {
-    this.meshes = colours.map((colour) => {
+    const make = (
+      colour: readonly [number, number, number],
+      isGhost: boolean,
+    ): Mesh<BufferGeometry, RawShaderMaterial> => {
       const material = new RawShaderMaterial({
         glslVersion: GLSL3,
         uniforms: { ...common, tint: { value: colour } },
         vertexShader: VERTEX,
-        fragmentShader: FRAGMENT,
+        fragmentShader: isGhost ? GHOST_FRAGMENT : FRAGMENT,
+        transparent: isGhost,
+        depthWrite: !isGhost,
+        depthFunc: isGhost ? GreaterDepth : LessEqualDepth,
       });
-      const mesh = new Mesh(this.#geometry, material);
-      mesh.renderOrder = 2;
+      const mesh = new Mesh(this.#coarse, material);
+      mesh.renderOrder = isGhost ? 4 : 2;
       return mesh;
-    });
+    };
+    const pairs = colours.map((colour) => [make(colour, false), make(colour, true)] as const);
+    this.#pairs = pairs;
+    this.meshes = pairs.flat();
   }
 
-  show(id: number, place: Vec3, yawRad: number, radiusM: number): void {
-    const mesh = this.meshes[id]!;
-    mesh.position.set(...place);
-    mesh.rotation.set(0, 0, yawRad);
-    mesh.scale.setScalar(radiusM);
+  show(id: number, place: Vec3, yawRad: number, radiusM: number, isLarge: boolean): void {
+    for (const mesh of this.#pairs[id]!) {
+      mesh.position.set(...place);
+      mesh.rotation.set(0, 0, yawRad);
+      mesh.scale.setScalar(radiusM);
+      mesh.geometry = isLarge ? this.#fine : this.#coarse;
+    }
   }
 
   dispose(): void {
-    this.#geometry.dispose();
+    this.#fine.dispose();
+    this.#coarse.dispose();
     for (const mesh of this.meshes) mesh.material.dispose();
   }
 }
 
-/** A body of radius 1 that looks along +x. */
-function bodyGeometry(): BufferGeometry {
-  const hull = new SphereGeometry(1, 20, 14).scale(0.72, 0.5, 0.42);
-  const ring = new TorusGeometry(0.9, 0.085, 8, 32);
-  const nose = new SphereGeometry(0.17, 12, 8).translate(0.68, 0, 0.04);
-  const beam = new BoxGeometry(0.1, 1.75, 0.07);
-  const fin = new BoxGeometry(0.34, 0.05, 0.42).translate(-0.62, 0, 0.28);
+/** A body of radius 1 that looks along +x, with round parts of more or fewer corners. */
+function bodyGeometry(isFine: boolean): BufferGeometry {
+  const [around, along] = isFine ? [20, 12] : [8, 5];
+  const hull = new SphereGeometry(1, around, along).scale(0.78, 0.34, 0.3);
+  const nose = new SphereGeometry(0.19, isFine ? 12 : 6, isFine ? 8 : 4).translate(0.7, 0, 0.02);
+  const fin = new BoxGeometry(0.36, 0.05, 0.36).translate(-0.6, 0, 0.24);
+  const beams = [1, -1].map((turn) => new BoxGeometry(1.3, 0.09, 0.07).rotateZ((turn * Math.PI) / 4));
+  const guards = [0, 1, 2, 3].map((corner) => {
+    const [x, y] = [corner & 1 ? 0.5 : -0.5, corner & 2 ? 0.5 : -0.5];
+    return new TorusGeometry(0.34, 0.055, isFine ? 6 : 3, isFine ? 20 : 9).translate(x, y, 0.04);
+  });
   const parts: readonly (readonly [BufferGeometry, number])[] = [
     [hull, 0],
     [nose, 1],
-    [ring, 0],
-    [beam, 2],
     [fin, 0],
+    ...beams.map((beam) => [beam, 2] as const),
+    ...guards.map((guard) => [guard, 0] as const),
   ];
   for (const [geometry, part] of parts) {
     const count = geometry.getAttribute("position").count;

@@ -3,8 +3,8 @@
  */
 
 import { Group, Vector3, type WebGLRenderer } from "three";
-import { type Belief, type News, type Run, type Vec3 } from "../data/run.ts";
-import { CellsLayer } from "./cells.ts";
+import { TICK_S, type Belief, type News, type Run, type Vec3 } from "../data/run.ts";
+import { CellsLayer, type CellsKind } from "./cells.ts";
 import { agentRgb } from "./colours.ts";
 import { QuadIndex } from "./faces.ts";
 import type { Common } from "./glsl.ts";
@@ -49,13 +49,18 @@ export class Cave {
     const notices: string[] = [];
     this.#times = new TimesVolume(run.firstSeenTick, size, this.#isFree, edgeMax);
     if (this.#times.shift > 0) {
-      notices.push(`The map is large: walls are coloured by blocks of ${2 ** this.#times.shift} cells a side.`);
+      notices.push(
+        `The map is large: walls are coloured by blocks of ${2 ** this.#times.shift} cells a side.`,
+      );
     }
-    this.#walls = new Walls(terrain, index, common, this.#times, hollowsOf(walls, size, HOLLOWS_MAX));
+    const hollows = hollowsOf(walls, size, HOLLOWS_MAX);
+    this.#walls = new Walls(terrain, index, common, this.#times, hollows);
     this.#cells.add(this.#walls.group);
     if (walls.length <= LAYER_CELLS_MAX) {
-      this.#unexplored = new CellsLayer(size, run.firstSeenTick, { ...UNEXPLORED, counts: this.#isFree }, index, common);
-      this.#covered = new CellsLayer(size, run.coveredTick, { ...COVERED, counts: this.#isFree }, index, common);
+      const layer = (times: Uint32Array, kind: Omit<CellsKind, "counts">): CellsLayer =>
+        new CellsLayer(size, times, { ...kind, counts: this.#isFree }, index, common, hollows);
+      this.#unexplored = layer(run.firstSeenTick, UNEXPLORED);
+      this.#covered = layer(run.coveredTick, COVERED);
       this.#cells.add(this.#unexplored.group, this.#covered.group);
     } else {
       notices.push("The map is too large to show unexplored and covered cells.");
@@ -66,7 +71,9 @@ export class Cave {
     this.middle = low.map((value, axis) => ((value + high[axis]!) / 2) * cellM) as Vec3;
     this.extentM = low.map((value, axis) => (high[axis]! - value) * cellM) as Vec3;
     this.#frame = new Pieces(common, 0, 3);
-    this.#frame.show(frameOf(low.map((value) => value * cellM) as Vec3, high.map((value) => value * cellM) as Vec3));
+    this.#frame.show(
+      frameOf(low.map((value) => value * cellM) as Vec3, high.map((value) => value * cellM) as Vec3),
+    );
     this.root.add(this.#cells, ...this.#frame.meshes);
   }
 
@@ -113,8 +120,9 @@ export class Cave {
       isRight &&= done.isRight;
     }
     this.#times.send(renderer);
-    this.#showWalls(renderer, view);
-    this.#showCut(view);
+    const eye = this.common.eye.value.clone().divideScalar(this.run.terrain.cellM);
+    this.#showWalls(renderer, view, eye);
+    this.#showCut(view, eye);
     return { made, isRight };
   }
 
@@ -127,7 +135,7 @@ export class Cave {
     this.#frame.dispose();
   }
 
-  #showWalls(renderer: WebGLRenderer, view: View): void {
+  #showWalls(renderer: WebGLRenderer, view: View, eye: Vector3): void {
     const known = view.layers.belief ? this.#known : null;
     if (known !== null) {
       if (known.revision !== known.belief.revision) {
@@ -137,30 +145,36 @@ export class Cave {
       known.volume.send(renderer);
     }
     const paint = known === null ? null : agentRgb(known.belief.agent).map((share) => share * share * 0.9);
-    this.#walls.show({
+    const look = {
       isVisible: view.layers.walls,
       opacity: view.wallOpacity,
       isHeat: view.layers.heat,
-      heatTicks: this.run.endS * 50,
-      known: known === null || paint === null ? null : { volume: known.volume, colour: new Vector3(...paint) },
-    });
+      heatTicks: this.run.endS / TICK_S,
+      known:
+        known === null || paint === null ? null : { volume: known.volume, colour: new Vector3(...paint) },
+    };
+    this.#walls.show(look, eye);
   }
 
-  #showCut(view: View): void {
+  #showCut(view: View, eye: Vector3): void {
     const axis = "xyz".indexOf(view.cut.axis);
     const { size, cellM } = this.run.terrain;
     const placeCells = size[axis]! * view.cut.share;
     const isCut = view.cut.share < 1;
     this.common.cut.value.set(0, 0, 0, -1);
-    if (isCut) this.common.cut.value.setComponent(axis, 1).setW(-placeCells * cellM);
+    if (isCut) this.common.cut.value.setComponent(axis, 1).setW((CUT_SLACK - placeCells) * cellM);
+    for (const layer of [this.#unexplored, this.#covered]) layer?.aim(eye, isCut);
     this.#walls.cutAt(isCut ? { axis, placeCells } : null);
   }
 }
 
+/** Faces that lie in the plane of a cut go with what is beyond it; cells. */
+const CUT_SLACK = 0.002;
+
 const UNEXPLORED = {
   isBefore: true,
-  colour: [0.93, 0.16, 0.13],
-  alphas: [0.2, 0.34],
+  colour: [1, 0.25, 0.2],
+  alphas: [0.17, 0.5],
   renderOrder: 5,
 } as const;
 
@@ -194,7 +208,8 @@ function boundsOf(walls: Uint8Array, size: Vec3): [Vec3, Vec3] {
 
 /** The twelve edges of a box, faint. */
 function frameOf(low: Vec3, high: Vec3): Piece[] {
-  const corner = (bits: number): Vec3 => [0, 1, 2].map((axis) => ((bits >> axis) & 1 ? high : low)[axis]!) as Vec3;
+  const corner = (bits: number): Vec3 =>
+    [0, 1, 2].map((axis) => ((bits >> axis) & 1 ? high : low)[axis]!) as Vec3;
   const pieces: Piece[] = [];
   for (let axis = 0; axis < 3; axis++) {
     for (let bits = 0; bits < 8; bits++) {
@@ -211,4 +226,3 @@ function frameOf(low: Vec3, high: Vec3): Piece[] {
   }
   return pieces;
 }
-

@@ -5,11 +5,12 @@
  * lasts; what is left over is made for the next pictures, beginning where this one has stopped.
  */
 
-import { GLSL3, Group, Mesh, RawShaderMaterial, Vector3, type BufferGeometry, type IUniform } from "three";
+import { GLSL3, Group, RawShaderMaterial, Vector3, type IUniform } from "three";
 import { Clocks, Grid, type Size } from "./chunks.ts";
-import { facesGeometry, freeFaces, type QuadIndex } from "./faces.ts";
-import { FRAGMENT_HEAD, NORMALS, VERTEX_HEAD, type Common } from "./glsl.ts";
-import { Mesher } from "./mesher.ts";
+import { Faces, FacesMesh, type QuadIndex } from "./faces.ts";
+import { define, FRAGMENT_HEAD, NORMALS, VERTEX_HEAD, type Common } from "./glsl.ts";
+import type { Hollows } from "./hollows.ts";
+import { Mesher, type Surface } from "./mesher.ts";
 
 /** What a layer consists of, and how it looks. */
 export interface CellsKind {
@@ -25,34 +26,46 @@ export interface CellsKind {
 
 const VERTEX = /* glsl */ `${VERTEX_HEAD}${NORMALS}
 in vec4 corner;
+in vec4 hollow;
+uniform vec3 tint;
+uniform vec2 alphas;
 out vec3 placeM;
-flat out vec3 normal;
+out vec4 painted;
+const vec3 HAZE_SHOWN = vec3(0.051, 0.065, 0.088);
 void main() {
-  normal = NORMALS[int(corner.w)];
+  vec3 normal = NORMALS[int(corner.w)];
   vec4 place = modelMatrix * vec4(corner.xyz, 1.0);
   placeM = place.xyz;
   gl_Position = projectionMatrix * viewMatrix * place;
+  vec3 away = placeM - eye;
+  float distanceM = length(away);
+  // Against rock the surface is as round as the rock.
+  vec3 rock = hollow.rgb * 2.0 - 1.0;
+  vec3 n = normalize(normal * 0.35 - rock * max(-dot(rock, normal), 0.0));
+  float glance = 1.0 - clamp(-dot(n, away) / distanceM, 0.0, 1.0);
+  float key = max(dot(n, light), 0.0);
+  vec3 c = tint * sqrt(0.62 + 0.38 * key + 0.1 * n.z);
+  painted = vec4(mix(c, HAZE_SHOWN, hazinessAt(distanceM)), mix(alphas.x, alphas.y, glance * glance));
 }
 `;
 
 const FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}
 in vec3 placeM;
-flat in vec3 normal;
-uniform vec3 tint;
-uniform vec2 alphas;
+in vec4 painted;
 void main() {
+  #ifdef CUT
   if (isCut(placeM)) discard;
-  vec3 away = placeM - eye;
-  float distanceM = length(away);
-  float square_on = abs(dot(normal, away)) / distanceM;
-  vec3 c = square(tint) * (0.55 + 0.45 * max(dot(normal, light), 0.0) + 0.25 * normal.z);
-  colour = vec4(shown(hazy(c, distanceM)), mix(alphas.y, alphas.x, square_on));
+  #endif
+  colour = painted;
 }
 `;
 
+/** Light is worked out at corners, so rectangles must not be long; cells. */
+const LONGEST = 6;
+
 /** Cells along the edge of a chunk: small ones change more seldom, large ones are fewer to draw. */
 function edgeFor(size: Size): number {
-  return size[0] * size[1] * size[2] > 4e6 ? 32 : 16;
+  return size[0] * size[1] * size[2] > 500_000 ? 25 : 16;
 }
 
 export class CellsLayer {
@@ -61,8 +74,8 @@ export class CellsLayer {
   readonly #grid: Grid;
   readonly #edge: number;
   readonly #padded: Uint8Array;
-  readonly #mesher = new Mesher();
-  readonly #meshes: (Mesh<BufferGeometry, RawShaderMaterial> | undefined)[] = [];
+  readonly #mesher = new Mesher(LONGEST);
+  readonly #meshes: (FacesMesh | undefined)[] = [];
   readonly #material: RawShaderMaterial;
   #next = 0;
   #shownTick = -1;
@@ -74,6 +87,7 @@ export class CellsLayer {
     readonly kind: CellsKind,
     readonly index: QuadIndex,
     common: Common,
+    readonly hollows: Hollows,
   ) {
     this.#edge = edgeFor(size);
     this.#grid = new Grid(size, this.#edge);
@@ -120,8 +134,16 @@ export class CellsLayer {
     return { made, isRight: true };
   }
 
+  /** Prepares the picture from an eye at a place in cells. */
+  aim(eye: Vector3, isCut: boolean): void {
+    for (const mesh of this.#meshes) mesh?.aim(eye);
+    if ("CUT" in (this.#material.defines ?? {}) === isCut) return;
+    this.#material.defines = isCut ? { CUT: 1 } : {};
+    this.#material.needsUpdate = true;
+  }
+
   dispose(): void {
-    for (const mesh of this.#meshes) if (mesh !== undefined) freeFaces(mesh.geometry);
+    for (const mesh of this.#meshes) mesh?.free();
     this.#material.dispose();
   }
 
@@ -133,21 +155,27 @@ export class CellsLayer {
     const isAny = this.#grid.fill(chunk, this.#padded, contains);
     const origin = this.#grid.origin(chunk);
     const block = { edge: this.#edge, origin, padded: this.#padded };
-    const quads = isAny ? this.#mesher.surface(block, false) : new Uint16Array(0);
+    const surface = isAny ? this.#mesher.surface(block, false) : EMPTY;
     this.#clocks.made(chunk, tick);
     let mesh = this.#meshes[chunk];
-    if (mesh === undefined && quads.length === 0) return;
-    const low = new Vector3(...origin);
-    const geometry = facesGeometry(quads, this.index, low, low.clone().addScalar(this.#edge));
+    const isEmpty = surface.corners.length === 0;
+    if (mesh !== undefined) mesh.mesh.visible = !isEmpty;
+    if (isEmpty) return;
+    const edge = this.#edge;
+    const faces = new Faces(surface, this.hollows, this.index, origin, [
+      origin[0] + edge,
+      origin[1] + edge,
+      origin[2] + edge,
+    ]);
     if (mesh === undefined) {
-      mesh = new Mesh(geometry, this.#material);
-      mesh.renderOrder = kind.renderOrder;
+      mesh = new FacesMesh(faces, this.#material, false);
+      mesh.mesh.renderOrder = kind.renderOrder;
       this.#meshes[chunk] = mesh;
-      this.group.add(mesh);
+      this.group.add(mesh.mesh);
     } else {
-      freeFaces(mesh.geometry);
-      mesh.geometry = geometry;
+      mesh.replace(faces);
     }
-    mesh.visible = quads.length > 0;
   }
 }
+
+const EMPTY: Surface = { corners: new Uint16Array(0), ends: [0, 0, 0, 0, 0, 0] };

@@ -60,8 +60,17 @@ export function agentRgb(id: number): Rgb {
   return fromHex(agentColour(id));
 }
 
-/** Early to late: dark violet, red, orange, pale yellow (the map "inferno" without its black end). */
-const HEAT: readonly Rgb[] = ["#3b0f70", "#731f81", "#a8327d", "#d8456c", "#f56b5c", "#fd9a6a", "#fec98d", "#fcf3b4"].map(fromHex);
+/** Early to late: violet, blue, green, yellow (the map "viridis" with a lighter beginning). */
+const HEAT: readonly Rgb[] = [
+  "#5b3a9e",
+  "#4a5fb4",
+  "#3583b0",
+  "#25a39a",
+  "#3dbd78",
+  "#84d44b",
+  "#c9e12f",
+  "#fdf04a",
+].map(fromHex);
 
 /** The colour of a share of the time shown, 0 (the beginning) to 1, as the walls have it in the layer `heat`. */
 export function heatRgb(share: number): Rgb {

@@ -109,7 +109,9 @@ export class Eye {
   lightTo(target: Vector3): void {
     const right = rightOf(this.#orbit);
     const toEye = this.camera.getWorldDirection(target).negate();
-    target.set(toEye.x * 0.55 - right[0] * 0.55, toEye.y * 0.55 - right[1] * 0.55, toEye.z * 0.35 + 0.75).normalize();
+    target
+      .set(toEye.x * 0.55 - right[0] * 0.55, toEye.y * 0.55 - right[1] * 0.55, toEye.z * 0.35 + 0.75)
+      .normalize();
   }
 
   dispose(): void {
@@ -150,7 +152,8 @@ export class Eye {
     const height = Math.max(this.canvas.clientHeight, 1);
     const other = others[0];
     if (other !== undefined) {
-      const spread = (place: { x: number; y: number }): number => Math.max(Math.hypot(place.x - other.x, place.y - other.y), 1);
+      const spread = (place: { x: number; y: number }): number =>
+        Math.max(Math.hypot(place.x - other.x, place.y - other.y), 1);
       const nearer = zoomed(this.#orbit, spread(before) / spread(now), this.#limits);
       this.#change(panned(nearer, right / height / 2, down / height / 2));
     } else if (event.shiftKey || (event.buttons & 4) !== 0) {

@@ -4,7 +4,7 @@
  * Colours are mixed as squares of what is shown, which is close to how light adds up, and `shown` takes the root at the end.
  */
 
-import { Vector2, Vector3, Vector4, type IUniform } from "three";
+import { Vector2, Vector3, Vector4, type IUniform, type RawShaderMaterial } from "three";
 
 /** Values that belong to the picture rather than to a layer; one set for a scene, which all materials hold. */
 export interface Common {
@@ -40,6 +40,13 @@ export function makeCommon(): Common {
   };
 }
 
+/** Compiles a material with these definitions if it has not got them. */
+export function define(material: RawShaderMaterial, names: readonly string[]): void {
+  if (Object.keys(material.defines ?? {}).join() === names.join()) return;
+  material.defines = Object.fromEntries(names.map((name) => [name, 1]));
+  material.needsUpdate = true;
+}
+
 export const HEAD = /* glsl */ `
 precision highp float;
 precision highp int;
@@ -60,6 +67,8 @@ uniform mat4 modelMatrix;
 uniform mat4 viewMatrix;
 uniform mat4 modelViewMatrix;
 uniform mat4 projectionMatrix;
+// How much of the haze lies before a place.
+float hazinessAt(float distanceM) { return 0.72 * clamp((distanceM - haze.x) * haze.y, 0.0, 1.0); }
 `;
 
 /** What faces of cells need in both shaders: the normals by number of direction. */
@@ -73,8 +82,5 @@ out vec4 colour;
 const vec3 HAZE = vec3(0.0026, 0.0042, 0.0078);
 vec3 square(vec3 c) { return c * c; }
 vec3 shown(vec3 c) { return sqrt(c); }
-vec3 hazy(vec3 c, float distanceM) {
-  return mix(c, HAZE, 0.72 * clamp((distanceM - haze.x) * haze.y, 0.0, 1.0));
-}
 bool isCut(vec3 placeM) { return dot(cut, vec4(placeM, 1.0)) > 0.0; }
 `;

@@ -158,7 +158,7 @@ export class Glyphs {
       const attribute = new BufferAttribute(new Float32Array(this.#capacity * 4 * size), size);
       geometry.setAttribute(name, attribute.setUsage(DynamicDrawUsage));
     }
-    geometry.setIndex(quadIndices(this.#capacity));
+    geometry.setIndex(new BufferAttribute(quadIndices(this.#capacity), 1));
     this.mesh.geometry = geometry;
   }
 }

@@ -1,16 +1,19 @@
 /**
- * How the walls lie around each place: the direction out of the rock, and how open it is there. Light falls softly with it.
+ * How the rock lies around each corner of cells: the direction out of it, and how open it is there. Light falls softly with it.
  *
  * It is made once for a map, on the grid of its cells or, for large maps, of blocks of them.
  */
 
 import type { Size } from "./chunks.ts";
+import { CORNERS, NUMBERS_PER_CORNER } from "./mesher.ts";
 
-/** Four bytes for each block of cells, x fastest: the direction away from the rock (each part -1 to 1 as 0 to 255), and openness (0 to 1). */
+/** The light of hollows at the corners of cells. */
 export interface Hollows {
-  readonly size: Size;
+  /** Corners along each axis, of cells or of blocks. */
+  readonly counts: Size;
   /** Edge of a block in cells. */
   readonly step: number;
+  /** Four bytes for each corner, x fastest: the direction away from the rock (each part -1 to 1 as 0 to 255), and openness (0 to 1). */
   readonly data: Uint8Array;
 }
 
@@ -32,7 +35,7 @@ export function hollowsOf(walls: Uint8Array, size: Size, blocks: number): Hollow
   blur(near, coarse, Math.max(Math.round(NEAR_RADIUS / step), 1));
   const far = near.slice();
   if (step <= FAR_RADIUS) blur(far, coarse, Math.round(FAR_RADIUS / step));
-  return { size: coarse, step, data: encode(near, far, coarse) };
+  return { counts: [coarse[0] + 1, coarse[1] + 1, coarse[2] + 1], step, data: encode(near, far, coarse) };
 }
 
 /** Share of rock in each block. */
@@ -82,20 +85,60 @@ function blur(values: Float32Array, size: Size, radius: number): void {
 }
 
 function encode(near: Float32Array, far: Float32Array, size: Size): Uint8Array {
-  const data = new Uint8Array(near.length * 4);
-  const at = (x: number, y: number, z: number): number =>
-    x < 0 || y < 0 || z < 0 || x >= size[0] || y >= size[1] || z >= size[2] ? 1 : near[(z * size[1] + y) * size[0] + x]!;
-  let index = 0;
-  for (let z = 0; z < size[2]; z++) {
-    for (let y = 0; y < size[1]; y++) {
-      for (let x = 0; x < size[0]; x++, index++) {
-        const out = [at(x - 1, y, z) - at(x + 1, y, z), at(x, y - 1, z) - at(x, y + 1, z), at(x, y, z - 1) - at(x, y, z + 1)];
+  const [sizeX, sizeY, sizeZ] = size;
+  const data = new Uint8Array((sizeX + 1) * (sizeY + 1) * (sizeZ + 1) * 4);
+  let at = 0;
+  for (let z = 0; z <= sizeZ; z++) {
+    for (let y = 0; y <= sizeY; y++) {
+      for (let x = 0; x <= sizeX; x++, at += 4) {
+        const out = [0, 0, 0];
+        let rock = 0;
+        for (let side = 0; side < 8; side++) {
+          const [dx, dy, dz] = [side & 1, (side >> 1) & 1, side >> 2];
+          const [i, j, k] = [x - 1 + dx, y - 1 + dy, z - 1 + dz];
+          const isInside = i >= 0 && j >= 0 && k >= 0 && i < sizeX && j < sizeY && k < sizeZ;
+          const index = (k * sizeY + j) * sizeX + i;
+          const here = isInside ? near[index]! : 1;
+          rock += NEAR_SHARE * here + (1 - NEAR_SHARE) * (isInside ? far[index]! : 1);
+          out[0]! += dx === 1 ? -here : here;
+          out[1]! += dy === 1 ? -here : here;
+          out[2]! += dz === 1 ? -here : here;
+        }
         const length = Math.max(Math.hypot(out[0]!, out[1]!, out[2]!), 1e-4);
-        for (let axis = 0; axis < 3; axis++) data[index * 4 + axis] = Math.round(127.5 + (127.5 * out[axis]!) / length);
-        const open = 1 - NEAR_SHARE * near[index]! - (1 - NEAR_SHARE) * far[index]!;
-        data[index * 4 + 3] = Math.round(255 * Math.min(Math.max(open, 0), 1));
+        for (let axis = 0; axis < 3; axis++)
+          data[at + axis] = Math.round(127.5 + (127.5 * out[axis]!) / length);
+        data[at + 3] = Math.round(255 * Math.min(Math.max(1 - rock / 8, 0), 1));
       }
     }
   }
   return data;
+}
+
+/**
+ * The light at the corners of rectangles, for a mesher's corners: four bytes for each corner, and the mean of the rectangle's four
+ * for each of its corners.
+ */
+export function hollowsAt(
+  hollows: Hollows,
+  corners: Uint16Array,
+): { readonly each: Uint8Array; readonly mean: Uint8Array } {
+  const { counts, step, data } = hollows;
+  const each = new Uint8Array(corners.length);
+  const mean = new Uint8Array(corners.length);
+  for (let quad = 0; quad < corners.length; quad += CORNERS * NUMBERS_PER_CORNER) {
+    const sums = [0, 0, 0, 0];
+    for (let at = quad; at < quad + CORNERS * NUMBERS_PER_CORNER; at += NUMBERS_PER_CORNER) {
+      const x = Math.round(corners[at]! / step);
+      const y = Math.round(corners[at + 1]! / step);
+      const z = Math.round(corners[at + 2]! / step);
+      const from = ((z * counts[1] + y) * counts[0] + x) * 4;
+      for (let part = 0; part < 4; part++) {
+        const value = data[from + part]!;
+        each[at + part] = value;
+        sums[part]! += value;
+      }
+    }
+    for (let at = quad; at < quad + CORNERS * NUMBERS_PER_CORNER; at++) mean[at] = sums[at & 3]! / CORNERS;
+  }
+  return { each, mean };
 }

@@ -22,6 +22,17 @@ export const DIRECTIONS: readonly (readonly [number, number, number])[] = [
   [0, 0, -1],
 ];
 
+/** The order in which rectangles come, by where they face. One looks at three of the six, of which two are then often next to each other. */
+export const FACING_ORDER: readonly number[] = [0, 1, 3, 2, 4, 5];
+
+/** Rectangles. */
+export interface Surface {
+  /** `NUMBERS_PER_CORNER` numbers for each of the `CORNERS` of each rectangle. */
+  readonly corners: Uint16Array;
+  /** How many rectangles there are up to the end of each direction of `FACING_ORDER`. */
+  readonly ends: readonly number[];
+}
+
 /** A part of the map that is meshed at once: a cube of `edge` cells whose lowest one is `origin`. */
 export interface Block {
   readonly edge: number;
@@ -38,20 +49,22 @@ export class Mesher {
   #used = 0;
   #mask = new Uint8Array(0);
 
-  /**
-   * The surface of the block's set: `NUMBERS_PER_CORNER` numbers for each corner, a fresh array. Rectangles face away from the set,
-   * or into it if `inward`.
-   */
-  surface(block: Block, inward: boolean): Uint16Array {
+  /** No rectangle is longer than `longest` cells. */
+  constructor(readonly longest: number) {}
+
+  /** The surface of the block's set. Rectangles face away from the set, or into it if `inward`. */
+  surface(block: Block, inward: boolean): Surface {
     const { edge } = block;
     this.#used = 0;
     if (this.#mask.length < edge * edge) this.#mask = new Uint8Array(edge * edge);
-    for (let direction = 0; direction < 6; direction++) {
+    const ends = FACING_ORDER.map((facing) => {
+      const direction = inward ? facing ^ 1 : facing;
       for (let layer = 0; layer < edge; layer++) {
-        if (this.#findFaces(block, direction, layer)) this.#merge(block, direction, layer, inward);
+        if (this.#findFaces(block, direction, layer)) this.#merge(block, direction, layer, facing);
       }
-    }
-    return this.#out.slice(0, this.#used);
+      return this.#used / NUMBERS_PER_QUAD;
+    });
+    return { corners: this.#out.slice(0, this.#used), ends };
   }
 
   /** Marks the faces of a layer in the mask, u fastest; u and v are the axes across the direction, the lower one first. */
@@ -76,30 +89,39 @@ export class Mesher {
     return found !== 0;
   }
 
-  #merge(block: Block, direction: number, layer: number, inward: boolean): void {
+  #merge(block: Block, direction: number, layer: number, facing: number): void {
     const { edge, origin } = block;
     const mask = this.#mask;
     const axis = direction >> 1;
     const plane = layer + (direction & 1 ? 0 : 1) + origin[axis]!;
     const [u, v] = acrossOf(axis);
     for (let j = 0; j < edge; j++) {
-      for (let i = 0; i < edge; ) {
+      for (let i = 0; i < edge;) {
         if (mask[j * edge + i] === 0) {
           i++;
           continue;
         }
         let width = 1;
-        while (i + width < edge && mask[j * edge + i + width] === 1) width++;
+        const [lastI, lastJ] = [Math.min(i + this.longest, edge), Math.min(j + this.longest, edge)];
+        while (i + width < lastI && mask[j * edge + i + width] === 1) width++;
         let height = 1;
-        while (j + height < edge && isRowFull(mask, (j + height) * edge + i, width)) height++;
+        while (j + height < lastJ && isRowFull(mask, (j + height) * edge + i, width)) height++;
         for (let h = 0; h < height; h++) mask.fill(0, (j + h) * edge + i, (j + h) * edge + i + width);
-        this.#emit(axis, plane, i + origin[u]!, j + origin[v]!, width, height, inward ? direction ^ 1 : direction);
+        this.#emit(axis, plane, i + origin[u]!, j + origin[v]!, width, height, facing);
         i += width;
       }
     }
   }
 
-  #emit(axis: number, plane: number, u: number, v: number, width: number, height: number, facing: number): void {
+  #emit(
+    axis: number,
+    plane: number,
+    u: number,
+    v: number,
+    width: number,
+    height: number,
+    facing: number,
+  ): void {
     if (this.#used + NUMBERS_PER_QUAD > this.#out.length) {
       const larger = new Uint16Array(this.#out.length * 2);
       larger.set(this.#out);

@@ -73,7 +73,11 @@ export function between(from: Orbit, to: Orbit, share: number): Orbit {
   const ease = s * s * (3 - 2 * s);
   const mix = (a: number, b: number): number => a + (b - a) * ease;
   return {
-    centre: [mix(from.centre[0], to.centre[0]), mix(from.centre[1], to.centre[1]), mix(from.centre[2], to.centre[2])],
+    centre: [
+      mix(from.centre[0], to.centre[0]),
+      mix(from.centre[1], to.centre[1]),
+      mix(from.centre[2], to.centre[2]),
+    ],
     yawRad: from.yawRad + shorterTurnRad(from.yawRad, to.yawRad) * ease,
     pitchRad: mix(from.pitchRad, to.pitchRad),
     // A distance feels even if it changes by the same factor in the same time.
@@ -98,7 +102,11 @@ export function distanceToFit(orbit: Orbit, extentM: Vec3, aspect: number): numb
   for (let corner = 0; corner < 8; corner++) {
     const offset = extentM.map((extent, axis) => ((corner >> axis) & 1 ? extent : -extent) / 2);
     const along = (v: Vec3): number => offset[0]! * v[0] + offset[1]! * v[1] + offset[2]! * v[2];
-    distance = Math.max(distance, Math.abs(along(up)) / tanY - along(look), Math.abs(along(side)) / tanX - along(look));
+    distance = Math.max(
+      distance,
+      Math.abs(along(up)) / tanY - along(look),
+      Math.abs(along(side)) / tanX - along(look),
+    );
   }
   return distance;
 }

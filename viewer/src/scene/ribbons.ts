@@ -25,11 +25,12 @@ export const GLOW = 3;
 
 /** Turns a line's point towards the eye: `along` is its direction in view space. */
 export const WIDEN = /* glsl */ `
-vec3 widen(vec3 place, vec3 along, float side, float halfWidthPx) {
+vec3 widen(vec3 place, vec3 along, float side, float halfWidthPx, float halfWidthLeastM) {
   vec3 across = cross(along, place);
   float size = length(across);
   if (size < 1e-9) return place;
-  return place + across / size * (side * halfWidthPx * pixelRatio * pixelM * abs(place.z));
+  float halfWidthM = max(halfWidthPx * pixelRatio * pixelM * abs(place.z), halfWidthLeastM);
+  return place + across / size * (side * halfWidthM);
 }
 `;
 
@@ -50,7 +51,7 @@ void main() {
   vSide = shape.y * ${GLOW.toFixed(1)};
   vAlongM = shape.x * distance(from, to);
   vDashM = shape.w;
-  gl_Position = projectionMatrix * vec4(widen(place, b - a, shape.y, shape.z * 0.5 * ${GLOW.toFixed(1)}), 1.0);
+  gl_Position = projectionMatrix * vec4(widen(place, b - a, shape.y, shape.z * 0.5 * ${GLOW.toFixed(1)}, 0.0), 1.0);
 }
 `;
 
@@ -155,6 +156,6 @@ export class Pieces {
       const attribute = new BufferAttribute(new Float32Array(this.#capacity * 4 * size), size);
       this.#geometry.setAttribute(name, attribute.setUsage(DynamicDrawUsage));
     }
-    this.#geometry.setIndex(quadIndices(this.#capacity));
+    this.#geometry.setIndex(new BufferAttribute(quadIndices(this.#capacity), 1));
   }
 }

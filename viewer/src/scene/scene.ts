@@ -60,7 +60,11 @@ export class Scene {
   /** Throws with a readable message where there is no WebGL 2. */
   constructor(readonly canvas: HTMLCanvasElement) {
     try {
-      this.#renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+      this.#renderer = new WebGLRenderer({
+        canvas,
+        antialias: !isSoftware(),
+        powerPreference: "high-performance",
+      });
     } catch (error) {
       throw new Error(
         "This browser gives no WebGL 2, which the picture is drawn with. Another browser, or graphics acceleration in its settings, may help.",
@@ -85,7 +89,11 @@ export class Scene {
     return this.#stage?.cave.notices ?? [];
   }
 
-  get figures(): { readonly triangles: number; readonly chunksRebuilt: number; readonly milliseconds: number } {
+  get figures(): {
+    readonly triangles: number;
+    readonly chunksRebuilt: number;
+    readonly milliseconds: number;
+  } {
     return this.#figures;
   }
 
@@ -201,7 +209,10 @@ export class Scene {
     let made = 0;
     if (stage !== null) {
       const { run, cave, team } = stage;
-      this.#eye.update(this.#selected === null ? cave.middle : run.agentAt(this.#selected, timeS).position, cave.middle);
+      this.#eye.update(
+        this.#selected === null ? cave.middle : run.agentAt(this.#selected, timeS).position,
+        cave.middle,
+      );
       this.#setCommon(timeS, cave);
       this.#follow(stage);
       const done = cave.show(this.#renderer, this.#common.nowTick.value, this.view, budgetMs);
@@ -238,7 +249,7 @@ export class Scene {
     const pitchRad = ((56 - 30 * flatness) * Math.PI) / 180;
     const orbit: Orbit = { centre: [0, 0, 0], yawRad: CAVE_YAW_RAD, pitchRad, distanceM: 1 };
     const aspect = this.#size.width / this.#size.height;
-    return { ...orbit, distanceM: distanceToFit(orbit, extentM, aspect) * 1.03 };
+    return { ...orbit, distanceM: distanceToFit(orbit, extentM, aspect) * 0.97 };
   }
 
   /** Asks for what the selected agent knows if it is to be shown, and lets go of it if not. */
@@ -256,7 +267,9 @@ export class Scene {
 
   #needsHits(timeS: number): boolean {
     const agent = this.view.layers.hits ? this.#selected : null;
-    return agent !== null && (this.#hits === null || this.#hits.agent !== agent || this.#hits.timeS !== timeS);
+    return (
+      agent !== null && (this.#hits === null || this.#hits.agent !== agent || this.#hits.timeS !== timeS)
+    );
   }
 
   /** Shows the hits that came last, and asks for those of this moment unless an answer is still to come. */
@@ -272,7 +285,18 @@ export class Scene {
       this.#asked = { agent, timeS, answer };
     }
     const shown = this.#hits !== null && this.#hits.agent === agent ? this.#hits.hits : null;
-    const from: Vec3 = shown === null || agent === null ? [0, 0, 0] : stage.run.agentAt(agent, shown.timeS).position;
+    const from: Vec3 =
+      shown === null || agent === null ? [0, 0, 0] : stage.run.agentAt(agent, shown.timeS).position;
     this.#hitPoints.show(shown, from);
   }
+}
+
+/** Whether pictures are drawn without graphics hardware; smooth edges would then cost half the speed. */
+function isSoftware(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (gl === null) return false;
+  const info = gl.getExtension("WEBGL_debug_renderer_info");
+  const name = String(gl.getParameter(info === null ? gl.RENDERER : info.UNMASKED_RENDERER_WEBGL));
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
 }

@@ -29,6 +29,8 @@ export interface Shot {
   readonly height: number;
 }
 
+/** Bodies with a larger radius on the screen are drawn finely. */
+const LARGE_PX = 22;
 const NAME_RADIUS_PX = 15;
 /** How far from an agent a click may be. */
 const PICK_SLACK_PX = 8;
@@ -64,7 +66,7 @@ export class Team {
     for (const seen of this.#onScreen) {
       const { id, position, yawRad } = seen.state;
       const pixels = seen.radiusPx / this.#trueRadiusPx(seen, shot);
-      this.#bodies.show(id, position, yawRad, this.#radiusM(id) * pixels);
+      this.#bodies.show(id, position, yawRad, this.#radiusM(id) * pixels, seen.radiusPx > LARGE_PX);
       this.#showTrail(seen.state, timeS, view, selected, pieces);
       glyphs.push(...this.#glowOf(seen, selected));
       if (view.layers.paths) this.#showWay(seen.state, selected, pieces, glyphs);
@@ -123,7 +125,7 @@ export class Team {
     trail.learn(this.run.track(state.id));
     const isChosen = selected === state.id;
     const bright = selected === null ? 0.85 : isChosen ? 1 : 0.45;
-    const widthPx = isChosen ? 2.6 : 1.8;
+    const widthPx = isChosen ? 3 : 2.2;
     const last = trail.show(timeS, { bright, widthPx });
     if (last === null) return;
     const colour = this.#colours[state.id]!.map((share) => share * 0.65 + 0.35) as [number, number, number];
@@ -133,9 +135,12 @@ export class Team {
   #glowOf(seen: OnScreen, selected: number | null): Glyph[] {
     const { id, position } = seen.state;
     const base = { place: position, abovePx: 0, colour: this.#colours[id]!, number: 0 };
-    const glow = { ...base, kind: GLYPH.glow, radiusPx: seen.radiusPx * 2 + 8, alpha: 0.3 };
+    const glow = { ...base, kind: GLYPH.glow, radiusPx: seen.radiusPx * 2 + 10, alpha: 0.42 };
     if (id !== selected) return [glow];
-    return [glow, { ...base, kind: GLYPH.ring, radiusPx: seen.radiusPx * 1.25 + 9, alpha: 0.95, colour: [1, 1, 1] }];
+    return [
+      glow,
+      { ...base, kind: GLYPH.ring, radiusPx: seen.radiusPx * 1.25 + 9, alpha: 0.95, colour: [1, 1, 1] },
+    ];
   }
 
   #showWay(state: AgentState, selected: number | null, pieces: Piece[], glyphs: Glyph[]): void {
@@ -145,7 +150,14 @@ export class Team {
     const alpha = selected === null ? 0.6 : isChosen ? 0.95 : 0.25;
     let from: Vec3 = state.position;
     for (const [index, to] of state.path.entries()) {
-      pieces.push({ from, to, colour, alpha, widthPx: isChosen ? 1.8 : 1.2, dashM: 0.8 * this.run.terrain.cellM });
+      pieces.push({
+        from,
+        to,
+        colour,
+        alpha,
+        widthPx: isChosen ? 1.8 : 1.2,
+        dashM: 0.8 * this.run.terrain.cellM,
+      });
       const isLast = index + 1 === state.path.length;
       const mark = { place: to, abovePx: 0, colour, number: 0 };
       if (isLast) glyphs.push({ ...mark, kind: GLYPH.target, radiusPx: isChosen ? 11 : 7, alpha });
@@ -174,12 +186,17 @@ export class Team {
   /** Names, the nearest ones on top; those that others cover are faint. */
   #names(selected: number | null): Glyph[] {
     const isBefore = (a: OnScreen, b: OnScreen): number =>
-      Number(b.state.id === selected) - Number(a.state.id === selected) || a.depthM - b.depthM || a.state.id - b.state.id;
+      Number(b.state.id === selected) - Number(a.state.id === selected) ||
+      a.depthM - b.depthM ||
+      a.state.id - b.state.id;
     const placed: { x: number; y: number }[] = [];
     const names = [...this.#onScreen].sort(isBefore).map((seen): Glyph => {
       const abovePx = seen.radiusPx + NAME_RADIUS_PX + 4;
       const y = seen.y - abovePx;
-      const isFree = placed.every((other) => Math.abs(other.x - seen.x) > NAME_RADIUS_PX * 1.3 || Math.abs(other.y - y) > NAME_RADIUS_PX * 1.3);
+      const isFree = placed.every(
+        (other) =>
+          Math.abs(other.x - seen.x) > NAME_RADIUS_PX * 1.3 || Math.abs(other.y - y) > NAME_RADIUS_PX * 1.3,
+      );
       if (isFree) placed.push({ x: seen.x, y });
       return {
         kind: GLYPH.name,

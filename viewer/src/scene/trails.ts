@@ -65,7 +65,7 @@ void main() {
   vTimeS = shape.x;
   vSide = shape.y * ${GLOW.toFixed(1)};
   vPlaceM = place;
-  gl_Position = projectionMatrix * vec4(widen(at, way, shape.y, widthPx * 0.5 * ${GLOW.toFixed(1)}), 1.0);
+  gl_Position = projectionMatrix * vec4(widen(at, way, shape.y, widthPx * 0.5 * ${GLOW.toFixed(1)}, 0.12), 1.0);
 }
 `;
 
@@ -169,7 +169,8 @@ export class Trail {
       this.#attribute("after").setXYZ(vertex, ...place);
       this.#attribute("shape").setXY(vertex, timeS, vertex === at ? -1 : 1);
     }
-    if (this.#count > 0) for (const vertex of [at - 2, at - 1]) this.#attribute("after").setXYZ(vertex, ...place);
+    if (this.#count > 0)
+      for (const vertex of [at - 2, at - 1]) this.#attribute("after").setXYZ(vertex, ...place);
     for (const [name, size] of Object.entries(SIZES)) {
       const attribute = this.#attribute(name);
       const from = Math.max(at - 2, 0);
@@ -195,7 +196,10 @@ export class Trail {
     }
     const indices = new Uint32Array((this.#capacity - 1) * 6);
     for (let piece = 0; piece < this.#capacity - 1; piece++) {
-      indices.set([0, 1, 3, 0, 3, 2].map((corner) => piece * 2 + corner), piece * 6);
+      indices.set(
+        [0, 1, 3, 0, 3, 2].map((corner) => piece * 2 + corner),
+        piece * 6,
+      );
     }
     geometry.setIndex(new BufferAttribute(indices, 1));
     this.#geometry.dispose();

@@ -8,18 +8,14 @@
 import {
   Box3,
   Data3DTexture,
-  LinearFilter,
   NearestFilter,
   RedIntegerFormat,
-  RGBAFormat,
-  UnsignedByteType,
   UnsignedIntType,
   Vector3,
   type WebGLRenderer,
 } from "three";
 import { NEVER } from "../data/run.ts";
 import type { Size } from "./chunks.ts";
-import type { Hollows } from "./hollows.ts";
 
 /** Most texels of a texture of times: 128 MiB. */
 const TEXELS_MAX = 2 ** 25;
@@ -83,7 +79,10 @@ export class TimesVolume {
       this.texture.needsUpdate = true;
       this.#isSent = true;
     } else if (this.#low <= this.#high) {
-      const box = new Box3(new Vector3(0, 0, this.#low), new Vector3(this.#size[0], this.#size[1], this.#high + 1));
+      const box = new Box3(
+        new Vector3(0, 0, this.#low),
+        new Vector3(this.#size[0], this.#size[1], this.#high + 1),
+      );
       renderer.copyTextureToTexture(this.#upload, this.texture, box, new Vector3(0, 0, this.#low));
     }
     this.#low = Infinity;
@@ -110,7 +109,11 @@ export class TimesVolume {
 /** How much a map has to be made coarser for the graphics. */
 export function shiftFor(cells: Size, edgeMax: number): number {
   let shift = 0;
-  while (Math.max(...cells) / 2 ** shift > edgeMax || (cells[0] * cells[1] * cells[2]) / 8 ** shift > TEXELS_MAX) shift++;
+  while (
+    Math.max(...cells) / 2 ** shift > edgeMax ||
+    (cells[0] * cells[1] * cells[2]) / 8 ** shift > TEXELS_MAX
+  )
+    shift++;
   return shift;
 }
 
@@ -122,18 +125,5 @@ function integers(texels: Uint32Array, size: Size): Data3DTexture {
   texture.minFilter = NearestFilter;
   texture.magFilter = NearestFilter;
   texture.unpackAlignment = 4;
-  return texture;
-}
-
-/** The light of hollows, smooth between cells. */
-export function hollowsTexture(hollows: Hollows): Data3DTexture {
-  const { size, data } = hollows;
-  const texture = new Data3DTexture(data as Uint8Array<ArrayBuffer>, size[0], size[1], size[2]);
-  texture.format = RGBAFormat;
-  texture.type = UnsignedByteType;
-  texture.minFilter = LinearFilter;
-  texture.magFilter = LinearFilter;
-  texture.unpackAlignment = 4;
-  texture.needsUpdate = true;
   return texture;
 }

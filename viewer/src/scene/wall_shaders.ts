@@ -1,32 +1,95 @@
-/** Shaders of the walls; see `walls.ts` for what they show. */
+/**
+ * Shaders of the walls; see `walls.ts` for what they show.
+ *
+ * Light is worked out at the corners of rectangles, which are short, and what has been seen at each pixel: a picture that is drawn
+ * without graphics hardware spends most of its time in pixels. Unless the map is cut no pixel is discarded, so that none behind others
+ * is worked out at all.
+ */
 
 import { FRAGMENT_HEAD, NORMALS, VERTEX_HEAD } from "./glsl.ts";
 
-export const WALL_VERTEX = /* glsl */ `${VERTEX_HEAD}${NORMALS}
+/** Below this opacity walls towards the eye are clear panes, which tell nothing of what has been seen. */
+export const GLASS_BELOW = 0.4;
+
+const VERTEX = /* glsl */ `${VERTEX_HEAD}${NORMALS}
 in vec4 corner;
+in vec4 hollow;
+in vec4 hollowMean;
+uniform float cellM;
+uniform float opacity;
 out vec3 placeCells;
 out vec3 placeM;
+out float haziness;
 flat out int facing;
 
-void main() {
-  facing = int(corner.w);
-  // Rectangles of different lengths meet along edges; half a pixel more on each side leaves no gaps between them.
+// Rectangles of different lengths meet along edges; half a pixel more on each side leaves no gaps between them.
+vec3 widened(vec3 place) {
   int axis = facing >> 1;
   int turn = gl_VertexID & 3;
   if (((facing & 1) == 1) != (axis == 1)) turn = 3 - turn;
   vec2 outward = vec2(turn == 1 || turn == 2 ? 1.0 : -1.0, turn >= 2 ? 1.0 : -1.0);
   vec3 across = axis == 0 ? vec3(0.0, outward) : axis == 1 ? vec3(outward.x, 0.0, outward.y) : vec3(outward, 0.0);
-  vec4 place = modelMatrix * vec4(corner.xyz, 1.0);
-  place.xyz += across * (0.5 * pixelM * distance(eye, place.xyz));
-  placeCells = corner.xyz;
-  placeM = place.xyz;
-  gl_Position = projectionMatrix * viewMatrix * place;
+  return place + across * (0.5 * pixelM * distance(eye, place));
 }
 `;
 
-const WALL_COMMON = /* glsl */ `${FRAGMENT_HEAD}${NORMALS}
+const VERTEX_PLACE = /* glsl */ `
+  facing = int(corner.w);
+  placeCells = corner.xyz;
+  placeM = widened((modelMatrix * vec4(corner.xyz, 1.0)).xyz);
+  gl_Position = projectionMatrix * viewMatrix * vec4(placeM, 1.0);
+  vec3 away = placeM - eye;
+  float distanceM = length(away);
+  away /= distanceM;
+  haziness = hazinessAt(distanceM);
+  vec3 flatNormal = NORMALS[facing];
+`;
+
+export const WALL_VERTEX = /* glsl */ `${VERTEX}
+out vec3 lit;
+out float edgeWidth;
+out float edgeStrength;
+void main() {
+  ${VERTEX_PLACE}
+  // A step in a wall that as a whole looks away from the eye would hang in the air.
+  if (dot(hollowMean.rgb * 2.0 - 1.0, away) > 0.45) gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
+  vec3 smoothNormal = hollow.rgb * 2.0 - 1.0;
+  vec3 n = normalize(flatNormal * 0.75 + smoothNormal * 0.8);
+  float shade = smoothstep(0.08, 0.60, hollow.a);
+  float key = max(dot(n, light) * 0.78 + 0.22, 0.0);
+  float fill = max(-dot(n, away), 0.0);
+  float sky = 0.5 + 0.5 * n.z;
+  lit = vec3(0.15, 0.175, 0.23) * mix(0.4, 1.0, sky) + vec3(0.16, 0.14, 0.13) * fill + vec3(1.26, 1.12, 0.95) * key * key;
+  lit *= mix(0.16, 1.15, shade);
+  // The edges of cells are to be seen where cells are large on the screen.
+  float pixel = pixelM * distanceM / cellM;
+  edgeWidth = max(0.03, 1.5 * pixel);
+  edgeStrength = 0.28 * (1.0 - smoothstep(0.05, 0.14, pixel));
+}
+`;
+
+export const WALL_SHELL_VERTEX = /* glsl */ `${VERTEX}
+out vec3 lit;
+out float alpha;
+void main() {
+  ${VERTEX_PLACE}
+  vec3 smoothNormal = hollow.rgb * 2.0 - 1.0;
+  vec3 n = normalize(flatNormal * 0.2 + smoothNormal);
+  // The rock's side of the face; a pane is clearest where one looks straight through.
+  float glance = 1.0 - abs(dot(n, away));
+  float key = max(dot(-mix(n, flatNormal, 0.4 + 0.6 * opacity), light), 0.0);
+  lit = vec3(0.24, 0.28, 0.36) + vec3(1.1, 1.0, 0.88) * key * key;
+  // Panes that nobody would see are left out.
+  float glanceMean = 1.0 - abs(dot(normalize(flatNormal * 0.2 + hollowMean.rgb * 2.0 - 1.0), away));
+  if (opacity < ${GLASS_BELOW.toFixed(2)} && glanceMean < 0.35) gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
+  alpha = mix(opacity * (0.1 + 2.6 * glance * glance * glance), 1.0, opacity * opacity);
+}
+`;
+
+const FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}${NORMALS}
 in vec3 placeCells;
 in vec3 placeM;
+in float haziness;
 flat in int facing;
 uniform usampler3D times;
 uniform int shift;
@@ -37,75 +100,71 @@ uniform bool hasKnown;
 uniform bool isHeat;
 uniform float heatScale;
 uniform sampler2D heat;
-uniform sampler3D hollows;
-uniform vec3 hollowsScale;
 uniform vec3 lastCell;
-uniform float opacity;
 
-const vec3 STONE = vec3(0.60, 0.47, 0.335);
-const vec3 STONE_HIGH = vec3(0.66, 0.57, 0.455);
-const vec3 NIGHT = vec3(0.034, 0.050, 0.092);
+const vec3 STONE = vec3(0.64, 0.44, 0.265);
+const vec3 STONE_HIGH = vec3(0.74, 0.60, 0.43);
+const vec3 NIGHT = vec3(0.058, 0.092, 0.180);
 
 // What the wall before a free cell looks like without light.
-vec3 surface(ivec3 cell) {
+vec3 surface() {
+  ivec3 cell = ivec3(clamp(floor(placeCells + NORMALS[facing] * 0.5), vec3(0.0), lastCell));
   uint seen = texelFetch(times, cell >> shift, 0).r;
   if (seen > nowTick) return NIGHT;
   if (isHeat) return square(texture(heat, vec2(sqrt(float(seen) * heatScale), 0.5)).rgb) * 0.9;
-  vec3 stone = mix(STONE, STONE_HIGH, 0.5 + 0.5 * sin(placeCells.z * 0.45));
-  // A little of each cell's own.
+  // Layers of stone, and a little of each cell's own.
+  float layer = abs(fract(float(cell.z) * 0.0716) * 2.0 - 1.0);
   uint h = uint(cell.x) * 73856093u ^ uint(cell.y) * 19349663u ^ uint(cell.z) * 83492791u;
   h = (h ^ (h >> 13)) * 1274126177u;
-  stone *= 0.94 + 0.12 * float((h >> 16) & 255u) / 255.0;
+  vec3 stone = mix(STONE, STONE_HIGH, layer) * (0.94 + 0.12 / 255.0 * float((h >> 16) & 255u));
   if (hasKnown) {
     uint told = texelFetch(known, cell >> knownShift, 0).r;
     stone = told > nowTick ? stone * 0.16 + NIGHT * 0.5 : mix(stone, knownColour, 0.42);
   }
   // What was seen just now shines for a moment.
-  float age = float(nowTick - seen) * 0.02;
-  return stone * (1.0 + 0.5 * exp(-age * 0.6));
+  uint age = nowTick - seen;
+  return age < 400u ? stone * (1.0 + 0.5 * exp(float(age) * -0.012)) : stone;
 }
 `;
 
-export const WALL_FRAGMENT = /* glsl */ `${WALL_COMMON}
+export const WALL_FRAGMENT = /* glsl */ `${FRAGMENT}
+in vec3 lit;
+in float edgeWidth;
+in float edgeStrength;
 void main() {
+  #ifdef CUT
   if (isCut(placeM)) discard;
-  vec3 flatNormal = NORMALS[facing];
-  ivec3 cell = ivec3(clamp(floor(placeCells + flatNormal * 0.5), vec3(0.0), lastCell));
-  vec4 hollow = texture(hollows, (placeCells + flatNormal * 0.7) * hollowsScale);
-  vec3 smoothNormal = hollow.rgb * 2.0 - 1.0;
-  vec3 n = normalize(flatNormal * 0.75 + smoothNormal * 0.8);
-  float open = hollow.a;
-  float shade = smoothstep(0.12, 0.62, open);
-  float key = max(dot(n, light) * 0.75 + 0.25, 0.0);
-  float sky = 0.5 + 0.5 * n.z;
-  vec3 lit = vec3(0.16, 0.19, 0.26) * mix(0.4, 1.0, sky) + vec3(1.08, 0.98, 0.86) * key * key;
-  vec3 c = surface(cell) * lit * mix(0.25, 1.15, shade);
-  float distanceM = distance(eye, placeM);
-  colour = vec4(shown(hazy(c, distanceM)), 1.0);
+  #endif
+  vec3 c = surface() * lit;
+  if (edgeStrength > 0.0) {
+    vec3 off = abs(fract(placeCells) - 0.5) * (1.0 - abs(NORMALS[facing]));
+    float edge = max(off.x, max(off.y, off.z));
+    c *= 1.0 - edgeStrength * smoothstep(0.5 - edgeWidth, 0.5, edge);
+  }
+  colour = vec4(shown(mix(c, HAZE, haziness)), 1.0);
 }
 `;
 
-export const WALL_SHELL_FRAGMENT = /* glsl */ `${WALL_COMMON}
+export const WALL_SHELL_FRAGMENT = /* glsl */ `${FRAGMENT}
+in vec3 lit;
+in float alpha;
 void main() {
+  #ifdef CUT
   if (isCut(placeM)) discard;
-  vec3 flatNormal = NORMALS[facing];
-  ivec3 cell = ivec3(clamp(floor(placeCells + flatNormal * 0.5), vec3(0.0), lastCell));
-  vec3 n = normalize(flatNormal * 0.35 + (texture(hollows, (placeCells - flatNormal * 0.2) * hollowsScale).rgb * 2.0 - 1.0));
-  // The rock's side of the face; a pane is clearest where one looks straight through.
-  vec3 toEye = normalize(eye - placeM);
-  float glance = 1.0 - abs(dot(n, toEye));
-  float key = max(dot(-n, light), 0.0);
-  vec3 c = surface(cell) * (vec3(0.24, 0.28, 0.36) + vec3(1.0, 0.94, 0.86) * key * key) + vec3(0.02, 0.03, 0.05) * glance;
-  float alpha = mix(opacity * (0.25 + 1.9 * glance * glance), 1.0, opacity * opacity);
-  colour = vec4(shown(hazy(c, distance(eye, placeM))), min(alpha, 1.0));
+  #endif
+  #ifdef GLASS
+  vec3 c = vec3(0.34, 0.32, 0.31) * lit;
+  #else
+  vec3 c = surface() * lit;
+  #endif
+  colour = vec4(shown(mix(c, HAZE, haziness)), min(alpha, 1.0));
 }
 `;
 
-export const RIM_FRAGMENT = /* glsl */ `${WALL_COMMON}
+export const RIM_FRAGMENT = /* glsl */ `${FRAGMENT}
 void main() {
-  vec3 n = NORMALS[facing];
-  float key = max(dot(n, light), 0.0);
-  vec3 c = vec3(0.045, 0.055, 0.078) * (0.7 + 0.6 * key);
-  colour = vec4(shown(hazy(c, distance(eye, placeM))), 1.0);
+  float key = max(dot(NORMALS[facing], light), 0.0);
+  vec3 c = vec3(0.070, 0.084, 0.115) * (0.7 + 0.6 * key);
+  colour = vec4(shown(mix(c, HAZE, haziness)), 1.0);
 }
 `;

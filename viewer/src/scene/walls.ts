@@ -15,24 +15,29 @@ import {
   GLSL3,
   Group,
   LinearFilter,
-  Mesh,
   RawShaderMaterial,
   RGBAFormat,
   Vector3,
-  type BufferGeometry,
-  type Data3DTexture,
 } from "three";
 import type { Terrain } from "../data/run.ts";
 import { Grid } from "./chunks.ts";
 import { heatRgb } from "./colours.ts";
-import { facesGeometry, freeFaces, type QuadIndex } from "./faces.ts";
-import type { Common } from "./glsl.ts";
+import { Faces, FacesMesh, type QuadIndex } from "./faces.ts";
+import { define, type Common } from "./glsl.ts";
 import type { Hollows } from "./hollows.ts";
-import { Mesher } from "./mesher.ts";
-import { hollowsTexture, type TimesVolume } from "./volumes.ts";
-import { RIM_FRAGMENT, WALL_FRAGMENT, WALL_SHELL_FRAGMENT, WALL_VERTEX } from "./wall_shaders.ts";
+import { CORNERS, FACING_ORDER, Mesher, NUMBERS_PER_CORNER } from "./mesher.ts";
+import type { TimesVolume } from "./volumes.ts";
+import {
+  RIM_FRAGMENT,
+  WALL_FRAGMENT,
+  WALL_SHELL_FRAGMENT,
+  WALL_SHELL_VERTEX,
+  WALL_VERTEX,
+} from "./wall_shaders.ts";
 
 const EDGE = 32;
+/** Light is worked out at corners, so rectangles must not be long; cells. */
+const LONGEST = 4;
 
 /** How walls are to be drawn. */
 export interface WallLook {
@@ -48,13 +53,14 @@ export interface WallLook {
 export class Walls {
   readonly group = new Group();
   readonly #shell = new Group();
-  readonly #rim: Mesh<BufferGeometry, RawShaderMaterial>;
+  readonly #faces: FacesMesh[] = [];
+  readonly #rim: FacesMesh;
   readonly #grid: Grid;
-  readonly #mesher = new Mesher();
+  readonly #mesher = new Mesher(LONGEST);
   readonly #padded = new Uint8Array((EDGE + 2) ** 3);
   readonly #front: RawShaderMaterial;
   readonly #back: RawShaderMaterial;
-  readonly #hollows: Data3DTexture;
+  readonly #rimMaterial: RawShaderMaterial;
   readonly #heat = heatTexture();
   #made = 0;
   #rimKey = "";
@@ -64,11 +70,11 @@ export class Walls {
     readonly index: QuadIndex,
     common: Common,
     times: TimesVolume,
-    hollows: Hollows,
+    readonly hollows: Hollows,
   ) {
     this.#grid = new Grid(terrain.size, EDGE);
-    this.#hollows = hollowsTexture(hollows);
     const own = {
+      cellM: { value: terrain.cellM },
       times: { value: times.texture },
       shift: { value: times.shift },
       known: { value: times.texture },
@@ -78,8 +84,6 @@ export class Walls {
       isHeat: { value: false },
       heatScale: { value: 1 },
       heat: { value: this.#heat },
-      hollows: { value: this.#hollows },
-      hollowsScale: { value: new Vector3(...hollows.size.map((count) => 1 / (count * hollows.step))) },
       lastCell: { value: new Vector3(terrain.size[0] - 1, terrain.size[1] - 1, terrain.size[2] - 1) },
       opacity: { value: 0 },
     };
@@ -88,15 +92,16 @@ export class Walls {
     this.#front = new RawShaderMaterial({ ...shared, fragmentShader: WALL_FRAGMENT, side: FrontSide });
     this.#back = new RawShaderMaterial({
       ...shared,
+      vertexShader: WALL_SHELL_VERTEX,
       fragmentShader: WALL_SHELL_FRAGMENT,
       side: BackSide,
       transparent: true,
       depthWrite: false,
     });
-    const rim = new RawShaderMaterial({ ...shared, fragmentShader: RIM_FRAGMENT, side: FrontSide });
-    this.#rim = new Mesh(facesGeometry(new Uint16Array(0), index, new Vector3(), new Vector3()), rim);
-    this.#rim.frustumCulled = false;
-    this.group.add(this.#shell, this.#rim);
+    this.#rimMaterial = new RawShaderMaterial({ ...shared, fragmentShader: RIM_FRAGMENT, side: FrontSide });
+    this.#rim = new FacesMesh(this.#rimFaces(0, -1), this.#rimMaterial, false);
+    this.#rim.mesh.frustumCulled = false;
+    this.group.add(this.#shell, this.#rim.mesh);
   }
 
   /** Chunks whose faces have yet to be made. */
@@ -110,18 +115,27 @@ export class Walls {
     const { walls } = this.terrain;
     if (!this.#grid.fill(chunk, this.#padded, (cell) => walls[cell] === 0)) return;
     const origin = this.#grid.origin(chunk);
-    const quads = this.#mesher.surface({ edge: EDGE, origin, padded: this.#padded }, true);
-    if (quads.length === 0) return;
-    const low = new Vector3(...origin);
-    const geometry = facesGeometry(quads, this.index, low, low.clone().addScalar(EDGE));
-    const front = new Mesh(geometry, this.#front);
-    const back = new Mesh(geometry, this.#back);
-    back.renderOrder = 6;
-    this.group.add(front);
-    this.#shell.add(back);
+    const surface = this.#mesher.surface({ edge: EDGE, origin, padded: this.#padded }, true);
+    if (surface.corners.length === 0) return;
+    const faces = new Faces(surface, this.hollows, this.index, origin, [
+      origin[0] + EDGE,
+      origin[1] + EDGE,
+      origin[2] + EDGE,
+    ]);
+    const front = new FacesMesh(faces, this.#front, false);
+    const back = new FacesMesh(faces, this.#back, true);
+    back.mesh.renderOrder = 6;
+    this.#faces.push(front, back);
+    this.group.add(front.mesh);
+    this.#shell.add(back.mesh);
   }
 
-  show(look: WallLook): void {
+  /** Prepares the picture from an eye at a place in cells. */
+  show(look: WallLook, eye: Vector3, isCut: boolean): void {
+    define(this.#front, isCut ? ["CUT"] : []);
+    define(this.#back, [...(isCut ? ["CUT"] : []), ...(look.opacity < GLASS_BELOW ? ["GLASS"] : [])]);
+    for (const faces of this.#faces) faces.aim(eye);
+    this.#rim.aim(eye);
     this.group.visible = look.isVisible;
     this.#shell.visible = look.opacity > 0;
     const { uniforms } = this.#front;
@@ -135,33 +149,33 @@ export class Walls {
       (uniforms.knownColour!.value as Vector3).copy(look.known.colour);
     }
     const isSolid = look.opacity >= 1;
-    if (this.#back.depthWrite !== isSolid) this.#back.depthWrite = isSolid;
+    this.#back.depthWrite = isSolid;
   }
 
   /** Draws the rim of rock where the map is cut beyond `placeCells` along an axis; null: it is not cut. */
   cutAt(cut: { readonly axis: number; readonly placeCells: number } | null): void {
     const layer = cut === null ? -1 : Math.ceil(cut.placeCells) - 1;
-    this.#rim.visible = cut !== null && layer >= 0 && layer < this.terrain.size[cut.axis]!;
-    if (cut === null || !this.#rim.visible) return;
-    this.#rim.position.setComponent(cut.axis, cut.placeCells - (layer + 1));
-    for (const axis of [0, 1, 2]) if (axis !== cut.axis) this.#rim.position.setComponent(axis, 0);
+    const { mesh } = this.#rim;
+    mesh.visible = cut !== null && layer >= 0 && layer < this.terrain.size[cut.axis]!;
+    if (cut === null || !mesh.visible) return;
+    mesh.position.set(0, 0, 0).setComponent(cut.axis, cut.placeCells - (layer + 1));
     const key = `${cut.axis} ${layer}`;
     if (key === this.#rimKey) return;
     this.#rimKey = key;
-    freeFaces(this.#rim.geometry);
-    this.#rim.geometry = facesGeometry(
-      rimOf(this.terrain, cut.axis, layer),
-      this.index,
-      new Vector3(),
-      new Vector3(...this.terrain.size),
-    );
+    this.#rim.replace(this.#rimFaces(cut.axis, layer));
   }
 
   dispose(): void {
-    for (const child of this.group.children) if (child instanceof Mesh) freeFaces(child.geometry as BufferGeometry);
-    for (const material of [this.#front, this.#back, this.#rim.material]) material.dispose();
-    this.#hollows.dispose();
+    for (const faces of [...this.#faces, this.#rim]) faces.free();
+    for (const material of [this.#front, this.#back, this.#rimMaterial]) material.dispose();
     this.#heat.dispose();
+  }
+
+  #rimFaces(axis: number, layer: number): Faces {
+    const corners = layer < 0 ? new Uint16Array(0) : rimOf(this.terrain, axis, layer);
+    const count = corners.length / (NUMBERS_PER_CORNER * CORNERS);
+    const ends = FACING_ORDER.map((_, place) => (place < FACING_ORDER.indexOf(axis * 2) ? 0 : count));
+    return new Faces({ corners, ends }, this.hollows, this.index, [0, 0, 0], this.terrain.size);
   }
 }
 
