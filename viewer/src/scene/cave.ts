@@ -153,7 +153,7 @@ export class Cave {
       known:
         known === null || paint === null ? null : { volume: known.volume, colour: new Vector3(...paint) },
     };
-    this.#walls.show(look, eye);
+    this.#walls.show(look, eye, view.cut.share < 1);
   }
 
   #showCut(view: View, eye: Vector3): void {

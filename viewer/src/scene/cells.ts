@@ -137,9 +137,7 @@ export class CellsLayer {
   /** Prepares the picture from an eye at a place in cells. */
   aim(eye: Vector3, isCut: boolean): void {
     for (const mesh of this.#meshes) mesh?.aim(eye);
-    if ("CUT" in (this.#material.defines ?? {}) === isCut) return;
-    this.#material.defines = isCut ? { CUT: 1 } : {};
-    this.#material.needsUpdate = true;
+    define(this.#material, isCut ? ["CUT"] : []);
   }
 
   dispose(): void {

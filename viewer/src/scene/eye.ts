@@ -5,7 +5,7 @@
  * a flight no hand is heeded. A drag that has moved is no click: the canvas sends no `click` after it.
  */
 
-import { PerspectiveCamera, Vector3 } from "three";
+import { PerspectiveCamera, type Vector3 } from "three";
 import type { Vec3 } from "../data/run.ts";
 import { between, eyeOf, FIELD_OF_VIEW_RAD, panned, rightOf, turned, zoomed, type Orbit } from "./orbit.ts";
 

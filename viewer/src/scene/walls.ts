@@ -28,6 +28,7 @@ import type { Hollows } from "./hollows.ts";
 import { CORNERS, FACING_ORDER, Mesher, NUMBERS_PER_CORNER } from "./mesher.ts";
 import type { TimesVolume } from "./volumes.ts";
 import {
+  GLASS_BELOW,
   RIM_FRAGMENT,
   WALL_FRAGMENT,
   WALL_SHELL_FRAGMENT,
