@@ -14,6 +14,9 @@ const HEADER_BYTES = 52;
 const SUM_AT = 48;
 const ORDER_MAX = 24;
 
+/** More cells than a map has. */
+const ENDLESS = 2 ** 31 - 1;
+
 export function isPacked(bytes: Uint8Array): boolean {
   return bytes.length > 0 && MARK.every((byte, at) => at >= bytes.length || bytes[at] === byte);
 }
@@ -48,30 +51,44 @@ export function packedMap(bytes: Uint8Array): CellMap {
   if (sumOf(bytes) !== number(SUM_AT)) {
     throw new UnreadableError("byte 48: the sum is not that of the map: it is damaged");
   }
-  const differing = HEADER_BYTES + lengths[0];
-  const kinds = [
-    new RunReader(bytes.subarray(HEADER_BYTES, differing), bytes[9]!, number(32)),
-    new RunReader(bytes.subarray(differing), bytes[10]!, number(36)),
-  ] as const;
-  const walls = new Uint8Array(size[0] * size[1] * size[2]);
-  const [row, layer] = [size[0], size[0] * size[1]];
-  let index = 0;
-  for (let z = 0; z < size[2]; z++) {
-    for (let y = 0; y < size[1]; y++) {
-      for (let x = 0; x < size[0]; x++, index++) {
-        const before =
-          (x === 0 ? 1 : walls[index - 1]!) +
-          (y === 0 ? 1 : walls[index - row]!) +
-          (z === 0 ? 1 : walls[index - layer]!);
-        const isWrong = kinds[before % 3 === 0 ? 0 : 1].step();
-        walls[index] = (before >= 2 ? 1 : 0) ^ isWrong;
-      }
-    }
-  }
-  if (!kinds[0].isAtEnd || !kinds[1].isAtEnd) {
+  const differingAt = HEADER_BYTES + lengths[0];
+  const agreeing = new RunReader(bytes.subarray(HEADER_BYTES, differingAt), bytes[9]!, number(32));
+  const differing = new RunReader(bytes.subarray(differingAt), bytes[10]!, number(36));
+  const walls = decoded(size, agreeing, differing);
+  if (!agreeing.isAtEnd || !differing.isAtEnd) {
     throw new UnreadableError("the runs of the packed map do not end with its last cell");
   }
   return { size, cellM, walls };
+}
+
+/** A map may have a thousand million cells, so that the loop keeps all it needs at hand. */
+function decoded(size: Vec3, agreeing: RunReader, differing: RunReader): Uint8Array {
+  const [sizeX, sizeY, sizeZ] = size;
+  const layer = sizeX * sizeY;
+  const walls = new Uint8Array(layer * sizeZ);
+  let agreeingLeft = agreeing.next();
+  let differingLeft = differing.next();
+  let index = 0;
+  for (let z = 0; z < sizeZ; z++) {
+    for (let y = 0; y < sizeY; y++) {
+      let last = 1;
+      for (let x = 0; x < sizeX; x++, index++) {
+        const around = last + (y === 0 ? 1 : walls[index - sizeX]!) + (z === 0 ? 1 : walls[index - layer]!);
+        last = around >> 1;
+        if (around === 0 || around === 3) {
+          if (agreeingLeft-- === 0) {
+            last ^= 1;
+            agreeingLeft = agreeing.next();
+          }
+        } else if (differingLeft-- === 0) {
+          last ^= 1;
+          differingLeft = differing.next();
+        }
+        walls[index] = last;
+      }
+    }
+  }
+  return walls;
 }
 
 /** The runs of one kind of cells. */
@@ -80,36 +97,24 @@ class RunReader {
   readonly #order: number;
   #runsLeft: number;
   #bit = 0;
-  /** Cells before the next wrong prediction; endless behind the last run. */
-  #cellsLeft = 0;
+  #hasEnded = false;
 
   constructor(bytes: Uint8Array, order: number, runs: number) {
     this.#bytes = bytes;
     this.#order = order;
     this.#runsLeft = runs;
-    this.#next();
   }
 
-  /** Goes on by a cell: 1 if its prediction is wrong, else 0. */
-  step(): 0 | 1 {
-    if (this.#cellsLeft > 0) {
-      this.#cellsLeft--;
-      return 0;
-    }
-    this.#next();
-    return 1;
-  }
-
+  /** Whether all has been read, and the last run has been used up. */
   get isAtEnd(): boolean {
-    return (
-      this.#runsLeft === 0 && this.#cellsLeft === Infinity && this.#bytes.length === (this.#bit + 7) >> 3
-    );
+    return this.#hasEnded && this.#bytes.length === (this.#bit + 7) >> 3;
   }
 
-  #next(): void {
+  /** Cells before the next wrong prediction; more than a map has if there is none. */
+  next(): number {
     if (this.#runsLeft === 0) {
-      this.#cellsLeft = Infinity;
-      return;
+      this.#hasEnded = true;
+      return ENDLESS;
     }
     this.#runsLeft--;
     let zeros = 0;
@@ -127,7 +132,7 @@ class RunReader {
     for (let left = this.#order; left > 0; left--) {
       value = 2 * value + this.#takeBit();
     }
-    this.#cellsLeft = value;
+    return value;
   }
 
   #takeBit(): number {

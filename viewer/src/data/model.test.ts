@@ -285,8 +285,24 @@ describe("those who ask", () => {
     expect(await first).toBeNull();
     const belief = (await second)!;
     expect(belief).toMatchObject({ agent: 1, revision: 0 });
-    const third = run.follow(0);
+    const [third, hits] = [run.follow(0), run.hitsAt(0, 0)];
     run.close();
-    expect(await third).toBeNull();
+    expect([await third, await hits, await run.follow(1), await run.hitsAt(0, 0)]).toEqual([
+      null,
+      null,
+      null,
+      null,
+    ]);
+  });
+
+  test("are told if nothing more can be read", async () => {
+    const { setup, terrain } = await runOf([make.poses(0, [PLACE])]);
+    const run = new RunModel("run", "run", setup, terrain, { ask: () => {}, close: () => {} });
+    let told = 0;
+    run.onNews(() => told++);
+    const hits = run.hitsAt(0, 0);
+    run.lose("the reader is gone");
+    expect(run).toMatchObject({ problem: "the reader is gone", isComplete: true });
+    expect([await hits, told]).toEqual([null, 1]);
   });
 });

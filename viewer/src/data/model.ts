@@ -53,6 +53,7 @@ export class RunModel implements Run {
   readonly #listeners = new Set<(news: News) => void>();
   readonly #hits = new Map<number, (hits: FoundHits | null) => void>();
   #requests = 0;
+  #isClosed = false;
   #belief: GrowingBelief | null = null;
   /** The last request to follow an agent, until it is answered and after. */
   #following: {
@@ -113,7 +114,7 @@ export class RunModel implements Run {
     const promise = new Promise<Belief | null>((settle) => {
       resolve = settle;
     });
-    if (id === null) {
+    if (id === null || this.#isClosed) {
       resolve(null);
     } else {
       this.#following = { request, agent: id, promise, resolve };
@@ -124,6 +125,9 @@ export class RunModel implements Run {
 
   async hitsAt(id: number, timeS: number): Promise<Hits | null> {
     const agent = this.#agent(id);
+    if (this.#isClosed) {
+      return null;
+    }
     const request = ++this.#requests;
     const found = await new Promise<FoundHits | null>((resolve) => {
       this.#hits.set(request, resolve);
@@ -156,8 +160,25 @@ export class RunModel implements Run {
   }
 
   close(): void {
-    this.#reader.close();
     this.#listeners.clear();
+    this.#endReading();
+  }
+
+  /** The reader has failed: what is there is all that there will be. */
+  lose(problem: string): void {
+    this.problem = problem;
+    this.isComplete = true;
+    this.#endReading();
+    this.#tell({ cells: new Uint32Array(0), hasEnded: false });
+  }
+
+  #tell(news: News): void {
+    this.#listeners.forEach((listener) => listener(news));
+  }
+
+  #endReading(): void {
+    this.#isClosed = true;
+    this.#reader.close();
     this.#following?.resolve(null);
     this.#following = null;
     this.#hits.forEach((resolve) => resolve(null));
@@ -204,8 +225,7 @@ export class RunModel implements Run {
     this.endS = batch.endTick * TICK_S;
     this.isComplete = batch.isComplete;
     this.problem = batch.problem;
-    const news = { cells: cells.takeAll(), hasEnded };
-    this.#listeners.forEach((listener) => listener(news));
+    this.#tell({ cells: cells.takeAll(), hasEnded });
   }
 
   #takeSeen(seen: Uint32Array, changed: Growable<Uint32Array>): void {

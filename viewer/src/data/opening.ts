@@ -34,9 +34,9 @@ export function openingOf(told: Scenario, toml: string, map: CellMap): Opening {
       `it is of ${agents} agents with ${told.rays} rays, expected are ${AGENTS_MAX} and ${RAYS_MAX} at the most`,
     );
   }
-  let freeCells = 0;
-  for (const wall of map.walls) {
-    freeCells += 1 - wall;
+  let freeCells = map.walls.length;
+  for (let cell = 0; cell < map.walls.length; cell++) {
+    freeCells -= map.walls[cell]!;
   }
   return {
     setup: {

@@ -57,11 +57,12 @@ function open(
     worker.postMessage(request, request.kind === "push" ? [request.bytes.buffer] : []);
   };
   const run = new Promise<Run>((resolve, reject) => {
+    let model: RunModel | null = null;
     const refuse = (message: string) => {
       worker.terminate();
+      model?.lose(message);
       reject(new UnreadableError(message));
     };
-    let model: RunModel | null = null;
     worker.onerror = (event) =>
       refuse(`${title} cannot be read: ${event.message || "the reader does not start"}`);
     worker.onmessage = ({ data: reply }: MessageEvent<Reply>) => {
