@@ -6,10 +6,10 @@
 
 import type { Vec3 } from "./run.ts";
 
-/** A body may come nearer to the end of a leg than its poses show. */
+/** A body may be farther along its way than the distance between its poses shows, because they cut corners. */
 const SLACK_M = 0.5;
 
-/** A way-point is passed when so little of the way to it is left, in cells or metres alike. */
+/** A way-point is passed when so little of the way to it is left. */
 const NEAR_M = 0.02;
 
 export class Way {
