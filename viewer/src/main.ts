@@ -41,6 +41,10 @@ const handle: Handle = {
 };
 window.maes = handle;
 
+// What nobody has foreseen is told, too.
+window.addEventListener("error", ({ message }) => app.shell.banners.set("fault", message));
+window.addEventListener("unhandledrejection", ({ reason }) => app.shell.banners.set("fault", String(reason)));
+
 const recording = wanted.get("recording");
 const server = wanted.get("server");
 if (recording) void app.openUrl(recording);

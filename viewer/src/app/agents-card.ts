@@ -6,7 +6,7 @@ import { agentColour } from "../scene/colours.ts";
 import { Facts } from "./cards.ts";
 import { el, fill, iconButton, setHidden, setText } from "./dom.ts";
 import { bytes, clockTime, count, finePercent, heading, metres, percent, place } from "./format.ts";
-import { progressAt } from "./moment.ts";
+import { nameOf, progressAt } from "./moment.ts";
 import type { Moment } from "./moment.ts";
 
 /** Progress is told every 10 s; what is as old as a tick is of now. */
@@ -79,7 +79,7 @@ export class AgentsCard {
         { type: "button", class: "row-button", testid: `agent-row-${agent}`, title: `Select agent ${agent}` },
         swatch(agent),
         `${agent}`,
-        el("span", { class: "quiet" }, run.setup.controllers[agent] ?? ""),
+        el("span", { class: "quiet" }, nameOf(run.setup.controllers[agent] ?? "")),
       );
       const [task, explored, distance] = [
         el("td"),

@@ -70,6 +70,7 @@ export class App {
     this.loop = new Loop(canvas, scene, {
       advance: (wallS) => this.#advance(wallS),
       drew: (wallS, isDrawn) => this.#drew(wallS, isDrawn),
+      failed: (error) => this.shell.banners.set("picture", `The picture cannot be drawn: ${error.message}`),
     });
     this.shell.onResize((width, height) => this.loop.resize(width, height));
     this.shell.onPick((x, y) => {

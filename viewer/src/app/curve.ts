@@ -72,7 +72,7 @@ export class Curve {
       {
         width: WIDTH,
         height: HEIGHT,
-        padding: [8, 8, 0, 0],
+        padding: [8, 16, 0, 0],
         legend: { show: false },
         cursor: { drag: { x: false, y: false }, points: { show: false }, y: false },
         scales: { x: { time: false, range: () => [0, this.#endS || 1] }, y: { range: [0, 1] } },

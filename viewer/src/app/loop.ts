@@ -20,6 +20,8 @@ export interface LoopHost {
   advance(wallS: number): { timeS: number; isMoving: boolean };
   /** A picture has been drawn, or nothing had to be. */
   drew(wallS: number, isDrawn: boolean): void;
+  /** A picture could not be drawn. */
+  failed(error: Error): void;
 }
 
 export class Loop {
@@ -111,7 +113,12 @@ export class Loop {
   #draw(timeS: number, nowMs: number, share: number): void {
     if (!this.#scene) return;
     this.#setRatio(share);
-    this.#scene.render(timeS);
+    try {
+      this.#scene.render(timeS);
+    } catch (error) {
+      this.#host.failed(error as Error);
+      return;
+    }
     this.#isDrawing = true;
     void this.#graphicsDone().then(() => {
       this.#isDrawing = false;

@@ -77,7 +77,8 @@ describe("agents", () => {
 
   it("are a team in few words", () => {
     expect(teamOf(["rbw", "rbw"])).toBe("rbw");
-    expect(teamOf(["rbw", "lvd", "rbw"])).toBe("2 rbw, 1 lvd");
+    expect(teamOf(["rbw", "lvd visits_max=2", "rbw"])).toBe("2 rbw, 1 lvd");
+    expect(teamOf(["lvd visits_max=2", "lvd"])).toBe("lvd");
   });
 });
 

@@ -54,11 +54,16 @@ export function curves(run: Pick<Run, "progress" | "result" | "setup">): (number
   return columns;
 }
 
+/** The name of a controller, which may have its settings after it. */
+export function nameOf(controller: string): string {
+  return controller.split(" ", 1)[0]!;
+}
+
 /** Controllers of a team in few words: `dsvp`, `8 dsvp, 2 rbw`. */
 export function teamOf(controllers: readonly string[]): string {
   const counts = new Map<string, number>();
-  for (const controller of controllers) counts.set(controller, (counts.get(controller) ?? 0) + 1);
-  if (counts.size === 1) return controllers[0]!;
+  for (const name of controllers.map(nameOf)) counts.set(name, (counts.get(name) ?? 0) + 1);
+  if (counts.size === 1) return [...counts.keys()][0]!;
   return [...counts].map(([controller, count]) => `${count} ${controller}`).join(", ");
 }
 
