@@ -34,6 +34,7 @@ export class Cave {
   readonly #cells = new Group();
   readonly #edgeMax: number;
   readonly #isFree: (cell: number) => boolean;
+  #hasForeground = false;
   #known: { readonly belief: Belief; readonly volume: TimesVolume; revision: number } | null = null;
 
   constructor(
@@ -126,6 +127,33 @@ export class Cave {
     return { made, isRight };
   }
 
+  /** Leaves out what stands between the eye and the rock that is nearest to a place it looks at, or, with null, nothing; metres. */
+  clearSight(eye: Vec3, place: Vec3 | null): void {
+    const { value } = this.common.foreground;
+    const share = place === null ? 1 : this.#freeShare(place, eye);
+    this.#hasForeground = share < 1;
+    value.set(0, 0, 0, -1);
+    if (place === null || share === 1) return;
+    const towards = new Vector3(...eye).sub(new Vector3(...place));
+    const lengthM = towards.length();
+    towards.divideScalar(lengthM);
+    value.set(towards.x, towards.y, towards.z, -towards.dot(new Vector3(...place)) - share * lengthM);
+  }
+
+  /** How far one gets from a place towards another one before there is rock, as a share of the way; 1: all the way. */
+  #freeShare(from: Vec3, to: Vec3): number {
+    const { size, cellM, walls } = this.run.terrain;
+    const way = to.map((value, axis) => (value - from[axis]!) / cellM);
+    const steps = Math.ceil(Math.hypot(...way) * SIGHT_STEPS_PER_CELL);
+    for (let step = 1; step <= steps; step++) {
+      const cell = way.map((part, axis) => Math.floor(from[axis]! / cellM + (part * step) / steps));
+      const isInside = cell.every((value, axis) => value >= 0 && value < size[axis]!);
+      if (!isInside || walls[(cell[2]! * size[1] + cell[1]!) * size[0] + cell[0]!] !== 0)
+        return (step - 1) / steps;
+    }
+    return 1;
+  }
+
   dispose(): void {
     this.#walls.dispose();
     this.#unexplored?.dispose();
@@ -153,7 +181,7 @@ export class Cave {
       known:
         known === null || paint === null ? null : { volume: known.volume, colour: new Vector3(...paint) },
     };
-    this.#walls.show(look, eye, view.cut.share < 1);
+    this.#walls.show(look, eye, view.cut.share < 1 || this.#hasForeground);
   }
 
   #showCut(view: View, eye: Vector3): void {
@@ -161,12 +189,16 @@ export class Cave {
     const { size, cellM } = this.run.terrain;
     const placeCells = size[axis]! * view.cut.share;
     const isCut = view.cut.share < 1;
+    const isPierced = isCut || this.#hasForeground;
     this.common.cut.value.set(0, 0, 0, -1);
     if (isCut) this.common.cut.value.setComponent(axis, 1).setW((CUT_SLACK - placeCells) * cellM);
-    for (const layer of [this.#unexplored, this.#covered]) layer?.aim(eye, isCut);
+    for (const layer of [this.#unexplored, this.#covered]) layer?.aim(eye, isPierced);
     this.#walls.cutAt(isCut ? { axis, placeCells } : null);
   }
 }
+
+/** How finely a line of sight is followed. */
+const SIGHT_STEPS_PER_CELL = 8;
 
 /** Faces that lie in the plane of a cut go with what is beyond it; cells. */
 const CUT_SLACK = 0.002;

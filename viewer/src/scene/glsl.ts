@@ -19,6 +19,8 @@ export interface Common {
   readonly haze: IUniform<Vector2>;
   /** A place is cut off where the product with (x, y, z, 1) is above 0; metres. */
   readonly cut: IUniform<Vector4>;
+  /** Likewise, for what stands between the eye and what it follows. */
+  readonly foreground: IUniform<Vector4>;
   /** Picture's width and height in its own pixels. */
   readonly picture: IUniform<Vector2>;
   /** Metres that a pixel spans at a metre's distance. */
@@ -34,6 +36,7 @@ export function makeCommon(): Common {
     eye: { value: new Vector3() },
     haze: { value: new Vector2(0, 0) },
     cut: { value: new Vector4(0, 0, 0, -1) },
+    foreground: { value: new Vector4(0, 0, 0, -1) },
     picture: { value: new Vector2(1, 1) },
     pixelM: { value: 0.001 },
     pixelRatio: { value: 1 },
@@ -57,6 +60,7 @@ uniform vec3 light;
 uniform vec3 eye;
 uniform vec2 haze;
 uniform vec4 cut;
+uniform vec4 foreground;
 uniform vec2 picture;
 uniform float pixelM;
 uniform float pixelRatio;
@@ -82,5 +86,5 @@ out vec4 colour;
 const vec3 HAZE = vec3(0.0026, 0.0042, 0.0078);
 vec3 square(vec3 c) { return c * c; }
 vec3 shown(vec3 c) { return sqrt(c); }
-bool isCut(vec3 placeM) { return dot(cut, vec4(placeM, 1.0)) > 0.0; }
+bool isCut(vec3 placeM) { return max(dot(cut, vec4(placeM, 1.0)), dot(foreground, vec4(placeM, 1.0))) > 0.0; }
 `;

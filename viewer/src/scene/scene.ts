@@ -235,6 +235,8 @@ export class Scene {
     common.nowTick.value = Math.max(Math.floor(timeS / TICK_S + 1e-3), 0);
     common.eye.value.copy(camera.position);
     this.#eye.lightTo(common.light.value);
+    const followed = this.#selected === null ? null : cave.run.agentAt(this.#selected, timeS).position;
+    cave.clearSight(camera.position.toArray(), followed);
     this.#renderer.getDrawingBufferSize(common.picture.value);
     common.pixelM.value = (2 * Math.tan(FIELD_OF_VIEW_RAD / 2)) / common.picture.value.y;
     const reachM = Math.hypot(...cave.extentM) / 2;

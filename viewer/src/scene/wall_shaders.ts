@@ -22,6 +22,11 @@ out vec3 placeM;
 out float haziness;
 flat out int facing;
 
+// Where all corners of a rectangle go that is left out; what decides it must be the same for all of them.
+const vec4 NOWHERE = vec4(0.0, 0.0, 2.0, 1.0);
+// The middle of what one looks at lies in this direction.
+vec3 look() { return -vec3(viewMatrix[0].z, viewMatrix[1].z, viewMatrix[2].z); }
+
 // Rectangles of different lengths meet along edges; half a pixel more on each side leaves no gaps between them.
 vec3 widened(vec3 place) {
   int axis = facing >> 1;
@@ -51,8 +56,10 @@ out float edgeWidth;
 out float edgeStrength;
 void main() {
   ${VERTEX_PLACE}
+  #ifndef RIM
   // A step in a wall that as a whole looks away from the eye would hang in the air.
-  if (dot(hollowMean.rgb * 2.0 - 1.0, away) > 0.45) gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
+  if (dot(hollowMean.rgb * 2.0 - 1.0, look()) > 0.38) gl_Position = NOWHERE;
+  #endif
   vec3 smoothNormal = hollow.rgb * 2.0 - 1.0;
   vec3 n = normalize(flatNormal * 0.75 + smoothNormal * 0.8);
   float shade = smoothstep(0.08, 0.60, hollow.a);
@@ -80,8 +87,8 @@ void main() {
   float key = max(dot(-mix(n, flatNormal, 0.4 + 0.6 * opacity), light), 0.0);
   lit = vec3(0.24, 0.28, 0.36) + vec3(1.1, 1.0, 0.88) * key * key;
   // Panes that nobody would see are left out.
-  float glanceMean = 1.0 - abs(dot(normalize(flatNormal * 0.2 + hollowMean.rgb * 2.0 - 1.0), away));
-  if (opacity < ${GLASS_BELOW.toFixed(2)} && glanceMean < 0.35) gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
+  float glanceMean = 1.0 - abs(dot(normalize(flatNormal * 0.2 + hollowMean.rgb * 2.0 - 1.0), look()));
+  if (opacity < ${GLASS_BELOW.toFixed(2)} && glanceMean < 0.35) gl_Position = NOWHERE;
   alpha = mix(opacity * (0.1 + 2.6 * glance * glance * glance), 1.0, opacity * opacity);
 }
 `;

@@ -99,7 +99,12 @@ export class Walls {
       transparent: true,
       depthWrite: false,
     });
-    this.#rimMaterial = new RawShaderMaterial({ ...shared, fragmentShader: RIM_FRAGMENT, side: FrontSide });
+    this.#rimMaterial = new RawShaderMaterial({
+      ...shared,
+      fragmentShader: RIM_FRAGMENT,
+      side: FrontSide,
+      defines: { RIM: 1 },
+    });
     this.#rim = new FacesMesh(this.#rimFaces(0, -1), this.#rimMaterial, false);
     this.#rim.mesh.frustumCulled = false;
     this.group.add(this.#shell, this.#rim.mesh);
