@@ -13,7 +13,7 @@ import { listenToKeys } from "./keys.ts";
 import { browserSurroundings, LiveConnection, socketAddress } from "./live.ts";
 import { Look } from "./look.ts";
 import { Loop } from "./loop.ts";
-import { AgentDigits, neighbour } from "./moment.ts";
+import { AgentDigits, known, neighbour } from "./moment.ts";
 import type { Moment } from "./moment.ts";
 import { PLAY_RATES, shifted } from "./rates.ts";
 import { STATE } from "./services.ts";
@@ -108,6 +108,13 @@ export class App {
     } finally {
       if (opening === this.#opening) this.#setBusy(null);
     }
+  }
+
+  /** Gives up what is being opened. */
+  cancel(): void {
+    this.#opening += 1;
+    this.disconnect();
+    this.#setBusy(null);
   }
 
   /** Connects with a simulator. `isQuiet`: that there is none is no problem. */
@@ -378,18 +385,6 @@ export class App {
       help: openHelp,
     });
   }
-}
-
-/** Resolves when so much of a run is known, or no more will be. */
-function known(run: Run, timeS: number): Promise<void> {
-  if (run.endS >= timeS || run.isComplete) return Promise.resolve();
-  return new Promise((resolve) => {
-    const unlisten = run.onNews(() => {
-      if (run.endS < timeS && !run.isComplete) return;
-      unlisten();
-      resolve();
-    });
-  });
 }
 
 function sceneOn(canvas: HTMLCanvasElement): { scene: Scene | null; problem: string | null } {

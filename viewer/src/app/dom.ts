@@ -180,10 +180,14 @@ export function select(
   return { root: el("label", { class: "field" }, el("span", {}, label), input), input };
 }
 
-/** Whether keys belong to what has the focus, and are not short cuts. */
-export function takesKeys(target: EventTarget | null): boolean {
+/** Whether a key belongs to what has the focus, and is no short cut. */
+export function takesKey(target: EventTarget | null, key: string): boolean {
   if (!(target instanceof HTMLElement)) return false;
-  if (target instanceof HTMLInputElement) return target.type !== "checkbox";
+  if (key === " " && target.closest("button, summary, input[type=checkbox]")) return true;
+  if (target instanceof HTMLInputElement) {
+    if (target.type === "range" || target.type === "radio") return /^(Arrow|Home|End|Page)/.test(key);
+    return target.type !== "checkbox";
+  }
   return (
     target instanceof HTMLTextAreaElement || target instanceof HTMLSelectElement || target.isContentEditable
   );

@@ -26,6 +26,6 @@ export class Figures {
       scene ? `${count(scene.figures.chunksRebuilt)} chunks rebuilt` : "",
       `pixel ratio ${Number(pixelRatio.toFixed(2))}`,
     ];
-    setText(this.root, parts.filter(Boolean).join("  "));
+    setText(this.root, parts.filter(Boolean).join("\n"));
   }
 }

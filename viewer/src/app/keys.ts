@@ -1,7 +1,7 @@
 /**
  * Keys of the whole page. Keys that belong to what has the focus, or to a dialog, are left to it.
  */
-import { takesKeys } from "./dom.ts";
+import { takesKey } from "./dom.ts";
 
 export interface KeyActions {
   togglePlay(): void;
@@ -44,12 +44,7 @@ export function listenToKeys(actions: KeyActions): void {
   };
   window.addEventListener("keydown", (event) => {
     if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (takesKeys(event.target) || document.querySelector("dialog[open]")) return;
-    const pressesButton =
-      event.key === " " &&
-      event.target instanceof HTMLElement &&
-      event.target.closest("button, summary, input");
-    if (pressesButton) return;
+    if (takesKey(event.target, event.key) || document.querySelector("dialog[open]")) return;
     if (event.key === "ArrowLeft" || event.key === "ArrowRight") {
       actions.seekBy((event.key === "ArrowLeft" ? -1 : 1) * (event.shiftKey ? 10 : 1));
     } else if (/^[0-9]$/.test(event.key)) {
@@ -60,5 +55,12 @@ export function listenToKeys(actions: KeyActions): void {
       action();
     }
     event.preventDefault();
+  });
+  // What the pointer has pressed does not keep the focus: the space bar is to play after that, not to press it again.
+  window.addEventListener("click", ({ detail, target }) => {
+    if (detail === 0 || !(target instanceof HTMLElement) || target.closest("dialog")) return;
+    if (document.activeElement?.matches("button, summary, input[type=checkbox]")) {
+      (document.activeElement as HTMLElement).blur();
+    }
   });
 }

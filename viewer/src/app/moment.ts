@@ -37,6 +37,18 @@ export function sharesAt(run: Run, timeS: number): { explored: number; covered: 
   return { explored: run.seenAt(timeS) / free, covered: run.coveredAt(timeS) / free };
 }
 
+/** Resolves when so much of a run is known, or no more will be. */
+export function known(run: Run, timeS: number): Promise<void> {
+  if (run.endS >= timeS || run.isComplete) return Promise.resolve();
+  return new Promise((resolve) => {
+    const unlisten = run.onNews(() => {
+      if (run.endS < timeS && !run.isComplete) return;
+      unlisten();
+      resolve();
+    });
+  });
+}
+
 /** Columns for the curves: times, explored, covered, and the explored share of each agent. The end comes last. */
 export function curves(run: Pick<Run, "progress" | "result" | "setup">): (number | null)[][] {
   const { progress, result, setup } = run;

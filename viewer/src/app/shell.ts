@@ -72,6 +72,7 @@ export class Shell {
       openUrl: (url) => void app.openUrl(url),
       connect: (address) => app.connect(address),
       newRun,
+      cancel: () => app.cancel(),
     });
     this.#transport = new Transport({
       togglePlay: () => app.togglePlay(),

@@ -10,13 +10,16 @@ export interface WelcomeActions {
   openUrl(url: string): void;
   connect(address: string): void;
   newRun(): void;
+  /** Gives up what is being opened. */
+  cancel(): void;
 }
 
 const ADDRESS = "address";
 
 export class Welcome {
   readonly root: HTMLElement;
-  readonly #busy = el("p", { class: "welcome-busy", testid: "welcome-busy" });
+  readonly #busy: HTMLElement;
+  readonly #busyText = el("p", { testid: "welcome-busy" });
   readonly #choices: HTMLElement;
   readonly #server: HTMLElement;
   readonly #serverText = el("p", {});
@@ -36,6 +39,13 @@ export class Welcome {
     });
     this.#new.prepend(icon("add"));
     this.#server = el("div", { class: "welcome-server" }, this.#serverText, this.#new);
+
+    this.#busy = el(
+      "div",
+      { class: "welcome-busy", role: "status" },
+      this.#busyText,
+      textButton("Cancel", { testid: "welcome-cancel", onclick: actions.cancel }),
+    );
 
     const address = el("input", {
       type: "text",
@@ -98,7 +108,7 @@ export class Welcome {
   /** `busy`: what is being opened; null: nothing is. */
   update(busy: string | null, live: LiveConnection | null): void {
     setHidden(this.#busy, busy === null);
-    if (busy !== null) setText(this.#busy, busy);
+    if (busy !== null) setText(this.#busyText, busy);
     setHidden(this.#choices, busy !== null);
     const isWaiting = live?.state === "open";
     setHidden(this.#server, !isWaiting || busy !== null);
