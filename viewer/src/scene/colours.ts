@@ -2,8 +2,8 @@
  * Colours of agents and of time.
  *
  * An agent has the same colour in the scene and in the panels. The first eight are those of Okabe and Ito, which people with any kind
- * of colour vision can tell apart, made lighter for a dark ground. Each of the next ones is as far as can be from those before it; beyond
- * 27 they follow the golden angle around the circle of hues.
+ * of colour vision can tell apart, made lighter for a dark ground. The next ones are as far from each other as they
+ * can be, the brightest first; beyond 27 they follow the golden angle around the circle of hues.
  */
 
 /** Red, green and blue as they are shown (sRGB), 0 to 1. */
@@ -11,9 +11,9 @@ export type Rgb = readonly [number, number, number];
 
 const FIRST: readonly string[] = [
   ...["#f5a623", "#56c1f5", "#1fc795", "#f6e34c", "#e98cc4", "#ff6b3d", "#5c8dff", "#b9f26d"],
-  ...["#c800ff", "#968746", "#ff00aa", "#4bfaf0", "#f5cdff", "#2896a5", "#00e100", "#af64c3"],
-  ...["#fa5fff", "#a5be0f", "#be6e78", "#afd2a5", "#afa0ff", "#fab4a5", "#00f09b", "#8c8cbe"],
-  ...["#c89b78", "#915fff", "#00a500"],
+  ...["#c800ff", "#4bfaf0", "#ff00aa", "#00e100", "#f5cdff", "#fa5fff", "#afa0ff", "#fab4a5"],
+  ...["#00f09b", "#a5be0f", "#af64c3", "#2896a5", "#00a500", "#915fff", "#be6e78", "#afd2a5"],
+  ...["#8c8cbe", "#968746", "#c89b78"],
 ];
 
 const GOLDEN_ANGLE_DEG = 137.50776405003785;

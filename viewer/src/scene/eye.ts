@@ -23,6 +23,8 @@ export class Eye {
   /** Where the eye is or flies to; its centre is relative to what is followed. */
   #orbit: Orbit = { centre: [0, 0, 0], yawRad: 0, pitchRad: 0.5, distanceM: 10 };
   #anchor: Vec3 = [0, 0, 0];
+  /** The last picture's. */
+  #shown: Orbit = this.#orbit;
   #flight: Flight | null = null;
   #limits: readonly [number, number] = [1, 100];
   /** Half the length of the map's diagonal. */
@@ -56,11 +58,6 @@ export class Eye {
     return this.#isMoved || this.#flight !== null;
   }
 
-  /** How far the eye is from what it looks at. */
-  get distanceM(): number {
-    return this.#orbit.distanceM;
-  }
-
   /** How near and how far the eye may go, and how far the map reaches from its middle. */
   setLimits(limits: readonly [number, number], reachM: number): void {
     this.#limits = limits;
@@ -69,20 +66,14 @@ export class Eye {
 
   /** Looks from here on at an anchor (see `update`), at once or after a flight. */
   goTo(orbit: Orbit, anchor: Vec3, fly: boolean): void {
-    const from = this.#absolute();
     this.#orbit = orbit;
     this.#anchor = anchor;
-    this.#flight = fly ? { from, beganMs: performance.now() } : null;
+    this.#flight = fly ? { from: this.#shown, beganMs: performance.now() } : null;
     this.#isMoved = true;
   }
 
   land(): void {
     this.#flight = null;
-  }
-
-  /** The yaw that is seen now. */
-  get yawRad(): number {
-    return this.#orbit.yawRad;
   }
 
   /** Puts the camera where it belongs; `anchor` is what it follows. */
@@ -95,6 +86,7 @@ export class Eye {
       orbit = between(this.#flight.from, orbit, share);
       if (share >= 1) this.#flight = null;
     }
+    this.#shown = orbit;
     const place = eyeOf(orbit);
     this.camera.position.set(...place);
     this.camera.lookAt(...orbit.centre);

@@ -19,9 +19,12 @@ import { defaultView, type View } from "./view.ts";
 
 export { DEFAULT_LAYERS, type Layers, type View } from "./view.ts";
 
-/** How long a picture may make chunks: while the walls are not there, and later. */
-const BUDGET_FIRST_MS = 60;
-const BUDGET_MS = 8;
+/**
+ * How long a picture may make chunks: a share of the time since the last one, so that what is missing comes soon on a slow machine too,
+ * between these bounds.
+ */
+const BUDGET_SHARE = 0.2;
+const BUDGET_MS = [8, 60] as const;
 
 const CAVE_YAW_RAD = (62 * Math.PI) / 180;
 /** Cells between the eye and a selected agent. */
@@ -49,6 +52,7 @@ export class Scene {
   #selected: number | null = null;
   #size = { width: 1, height: 1 };
   #timeS = 0;
+  #drawnMs = -Infinity;
   #isDirty = true;
   #isLate = false;
   #followed: number | null = null;
@@ -147,7 +151,8 @@ export class Scene {
   }
 
   render(timeS: number): void {
-    this.#draw(timeS, this.#isLate ? BUDGET_FIRST_MS : BUDGET_MS);
+    const sinceMs = performance.now() - this.#drawnMs;
+    this.#draw(timeS, Math.min(Math.max(sinceMs * BUDGET_SHARE, BUDGET_MS[0]), BUDGET_MS[1]));
   }
 
   /** Resolves when all that the picture of this moment needs is there and has been drawn. A flight is at its end then. */
@@ -203,6 +208,7 @@ export class Scene {
 
   #draw(timeS: number, budgetMs: number): void {
     const beganMs = performance.now();
+    this.#drawnMs = beganMs;
     this.#isDirty = false;
     this.#timeS = timeS;
     const stage = this.#stage;

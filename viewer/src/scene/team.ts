@@ -51,7 +51,7 @@ export class Team {
     const ids = Array.from({ length: run.setup.agents }, (_, id) => id);
     this.#colours = ids.map(agentRgb);
     this.#bodies = new Bodies(common, this.#colours);
-    this.#trails = this.#colours.map((colour) => new Trail(common, colour));
+    this.#trails = this.#colours.map((colour, id) => new Trail(common, colour, this.#radiusM(id)));
     this.#lines = new Pieces(common, 0.25, 4);
     this.#glyphs = new Glyphs(common, ids.length);
     this.root.add(...this.#bodies.meshes, ...this.#lines.meshes, this.#glyphs.mesh);

@@ -51,6 +51,7 @@ in vec3 before;
 in vec3 after;
 in vec2 shape; // time in seconds, side (-1 or 1)
 uniform float widthPx;
+uniform float leastM;
 out float vTimeS;
 out float vSide;
 out vec3 vPlaceM;
@@ -65,7 +66,7 @@ void main() {
   vTimeS = shape.x;
   vSide = shape.y * ${GLOW.toFixed(1)};
   vPlaceM = place;
-  gl_Position = projectionMatrix * vec4(widen(at, way, shape.y, widthPx * 0.5 * ${GLOW.toFixed(1)}, 0.12), 1.0);
+  gl_Position = projectionMatrix * vec4(widen(at, way, shape.y, widthPx * 0.5 * ${GLOW.toFixed(1)}, leastM * ${GLOW.toFixed(1)}), 1.0);
 }
 `;
 
@@ -102,7 +103,7 @@ export class Trail {
   #times: number[] = [];
   #last: Vec3 = [0, 0, 0];
 
-  constructor(common: Common, colour: readonly [number, number, number]) {
+  constructor(common: Common, colour: readonly [number, number, number], radiusM: number) {
     const shaders = { vertex: VERTEX, fragment: FRAGMENT };
     this.meshes = [false, true].map((isBehind) => {
       const material = ribbonMaterial(common, shaders, isBehind, isBehind ? 0.2 : 1);
@@ -111,6 +112,7 @@ export class Trail {
         nowS: { value: 0 },
         bright: { value: 1 },
         widthPx: { value: 2 },
+        leastM: { value: radiusM * 0.1 },
       });
       const mesh = new Mesh(this.#geometry, material);
       mesh.frustumCulled = false;

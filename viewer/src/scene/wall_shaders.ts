@@ -3,10 +3,13 @@
  *
  * Light is worked out at the corners of rectangles, which are short, and what has been seen at each pixel: a picture that is drawn
  * without graphics hardware spends most of its time in pixels. Unless the map is cut no pixel is discarded, so that none behind others
- * is worked out at all.
+ * is worked out at all; and what a view does not need is not compiled, because such a machine works out both sides of a condition.
  */
 
 import { FRAGMENT_HEAD, NORMALS, VERTEX_HEAD } from "./glsl.ts";
+
+/** The edges of cells are drawn where a cell has at least so many pixels on the screen. */
+export const CELL_PX_LEAST = 10;
 
 /** Below this opacity walls towards the eye are clear panes, which tell nothing of what has been seen. */
 export const GLASS_BELOW = 0.4;
@@ -17,10 +20,21 @@ in vec4 hollow;
 in vec4 hollowMean;
 uniform float cellM;
 uniform float opacity;
-out vec3 placeCells;
+out vec3 freeCells;
 out vec3 placeM;
+flat out vec3 stone;
 out float haziness;
 flat out int facing;
+
+const vec3 STONE = vec3(0.64, 0.44, 0.265);
+const vec3 STONE_HIGH = vec3(0.74, 0.60, 0.43);
+// Layers of stone, and a little of each rectangle's own.
+vec3 stoneAt(uvec3 at) {
+  float layer = abs(fract(float(at.z) * 0.0716) * 2.0 - 1.0);
+  uint h = at.x * 73856093u ^ at.y * 19349663u ^ at.z * 83492791u;
+  h = (h ^ (h >> 13)) * 1274126177u;
+  return mix(STONE, STONE_HIGH, layer) * (0.94 + 0.12 / 255.0 * float((h >> 16) & 255u));
+}
 
 // Where all corners of a rectangle go that is left out; what decides it must be the same for all of them.
 const vec4 NOWHERE = vec4(0.0, 0.0, 2.0, 1.0);
@@ -40,7 +54,6 @@ vec3 widened(vec3 place) {
 
 const VERTEX_PLACE = /* glsl */ `
   facing = int(corner.w);
-  placeCells = corner.xyz;
   placeM = widened((modelMatrix * vec4(corner.xyz, 1.0)).xyz);
   gl_Position = projectionMatrix * viewMatrix * vec4(placeM, 1.0);
   vec3 away = placeM - eye;
@@ -48,12 +61,17 @@ const VERTEX_PLACE = /* glsl */ `
   away /= distanceM;
   haziness = hazinessAt(distanceM);
   vec3 flatNormal = NORMALS[facing];
+  // On the free side of the face, half a cell away from it.
+  freeCells = corner.xyz + flatNormal * 0.5;
+  stone = stoneAt(uvec3(corner.xyz));
 `;
 
 export const WALL_VERTEX = /* glsl */ `${VERTEX}
 out vec3 lit;
+#ifdef EDGES
 out float edgeWidth;
 out float edgeStrength;
+#endif
 void main() {
   ${VERTEX_PLACE}
   #ifndef RIM
@@ -68,10 +86,11 @@ void main() {
   float sky = 0.5 + 0.5 * n.z;
   lit = vec3(0.15, 0.175, 0.23) * mix(0.4, 1.0, sky) + vec3(0.16, 0.14, 0.13) * fill + vec3(1.26, 1.12, 0.95) * key * key;
   lit *= mix(0.16, 1.15, shade);
-  // The edges of cells are to be seen where cells are large on the screen.
+  #ifdef EDGES
   float pixel = pixelM * distanceM / cellM;
   edgeWidth = max(0.03, 1.5 * pixel);
-  edgeStrength = 0.28 * (1.0 - smoothstep(0.05, 0.14, pixel));
+  edgeStrength = 0.28 * (1.0 - smoothstep(0.35, 1.0, pixel * ${CELL_PX_LEAST.toFixed(1)}));
+  #endif
 }
 `;
 
@@ -94,8 +113,9 @@ void main() {
 `;
 
 const FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}${NORMALS}
-in vec3 placeCells;
+in vec3 freeCells;
 in vec3 placeM;
+flat in vec3 stone;
 in float haziness;
 flat in int facing;
 uniform usampler3D times;
@@ -103,51 +123,47 @@ uniform int shift;
 uniform usampler3D known;
 uniform int knownShift;
 uniform vec3 knownColour;
-uniform bool hasKnown;
-uniform bool isHeat;
 uniform float heatScale;
 uniform sampler2D heat;
-uniform vec3 lastCell;
 
-const vec3 STONE = vec3(0.64, 0.44, 0.265);
-const vec3 STONE_HIGH = vec3(0.74, 0.60, 0.43);
 const vec3 NIGHT = vec3(0.058, 0.092, 0.180);
 
 // What the wall before a free cell looks like without light.
 vec3 surface() {
-  ivec3 cell = ivec3(clamp(floor(placeCells + NORMALS[facing] * 0.5), vec3(0.0), lastCell));
+  ivec3 cell = ivec3(freeCells);
   uint seen = texelFetch(times, cell >> shift, 0).r;
-  if (seen > nowTick) return NIGHT;
-  if (isHeat) return square(texture(heat, vec2(sqrt(float(seen) * heatScale), 0.5)).rgb) * 0.9;
-  // Layers of stone, and a little of each cell's own.
-  float layer = abs(fract(float(cell.z) * 0.0716) * 2.0 - 1.0);
-  uint h = uint(cell.x) * 73856093u ^ uint(cell.y) * 19349663u ^ uint(cell.z) * 83492791u;
-  h = (h ^ (h >> 13)) * 1274126177u;
-  vec3 stone = mix(STONE, STONE_HIGH, layer) * (0.94 + 0.12 / 255.0 * float((h >> 16) & 255u));
-  if (hasKnown) {
-    uint told = texelFetch(known, cell >> knownShift, 0).r;
-    stone = told > nowTick ? stone * 0.16 + NIGHT * 0.5 : mix(stone, knownColour, 0.42);
-  }
-  // What was seen just now shines for a moment.
-  uint age = nowTick - seen;
-  return age < 400u ? stone * (1.0 + 0.5 * exp(float(age) * -0.012)) : stone;
+  #ifdef HEAT
+  vec3 c = square(texture(heat, vec2(sqrt(float(seen) * heatScale), 0.5)).rgb) * 0.9;
+  #else
+  vec3 c = stone;
+  #ifdef KNOWN
+  uint told = texelFetch(known, cell >> knownShift, 0).r;
+  c = told > nowTick ? c * 0.16 + NIGHT * 0.5 : mix(c, knownColour, 0.42);
+  #endif
+  // What was seen just now shines for some seconds.
+  float fresh = max(1.0 - float(nowTick - seen) * 0.004, 0.0);
+  c *= 1.0 + 0.5 * fresh * fresh;
+  #endif
+  return seen > nowTick ? NIGHT : c;
 }
 `;
 
 export const WALL_FRAGMENT = /* glsl */ `${FRAGMENT}
 in vec3 lit;
+#ifdef EDGES
 in float edgeWidth;
 in float edgeStrength;
+#endif
 void main() {
   #ifdef CUT
   if (isCut(placeM)) discard;
   #endif
   vec3 c = surface() * lit;
-  if (edgeStrength > 0.0) {
-    vec3 off = abs(fract(placeCells) - 0.5) * (1.0 - abs(NORMALS[facing]));
-    float edge = max(off.x, max(off.y, off.z));
-    c *= 1.0 - edgeStrength * smoothstep(0.5 - edgeWidth, 0.5, edge);
-  }
+  #ifdef EDGES
+  vec3 off = abs(fract(freeCells) - 0.5) * (1.0 - abs(NORMALS[facing]));
+  float edge = max(off.x, max(off.y, off.z));
+  c *= 1.0 - edgeStrength * smoothstep(0.5 - edgeWidth, 0.5, edge);
+  #endif
   colour = vec4(shown(mix(c, HAZE, haziness)), 1.0);
 }
 `;

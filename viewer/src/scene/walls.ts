@@ -28,6 +28,7 @@ import type { Hollows } from "./hollows.ts";
 import { CORNERS, FACING_ORDER, Mesher, NUMBERS_PER_CORNER } from "./mesher.ts";
 import type { TimesVolume } from "./volumes.ts";
 import {
+  CELL_PX_LEAST,
   GLASS_BELOW,
   RIM_FRAGMENT,
   WALL_FRAGMENT,
@@ -69,7 +70,7 @@ export class Walls {
   constructor(
     readonly terrain: Terrain,
     readonly index: QuadIndex,
-    common: Common,
+    readonly common: Common,
     times: TimesVolume,
     readonly hollows: Hollows,
   ) {
@@ -81,11 +82,8 @@ export class Walls {
       known: { value: times.texture },
       knownShift: { value: times.shift },
       knownColour: { value: new Vector3() },
-      hasKnown: { value: false },
-      isHeat: { value: false },
       heatScale: { value: 1 },
       heat: { value: this.#heat },
-      lastCell: { value: new Vector3(terrain.size[0] - 1, terrain.size[1] - 1, terrain.size[2] - 1) },
       opacity: { value: 0 },
     };
     const uniforms = { ...common, ...own };
@@ -138,17 +136,20 @@ export class Walls {
 
   /** Prepares the picture from an eye at a place in cells. */
   show(look: WallLook, eye: Vector3, isCut: boolean): void {
-    define(this.#front, isCut ? ["CUT"] : []);
-    define(this.#back, [...(isCut ? ["CUT"] : []), ...(look.opacity < GLASS_BELOW ? ["GLASS"] : [])]);
+    const shared = [
+      ...(isCut ? ["CUT"] : []),
+      ...(look.isHeat ? ["HEAT"] : []),
+      ...(look.known !== null ? ["KNOWN"] : []),
+    ];
+    define(this.#front, [...shared, ...(this.#hasEdges(eye) ? ["EDGES"] : [])]);
+    define(this.#back, [...shared, ...(look.opacity < GLASS_BELOW ? ["GLASS"] : [])]);
     for (const faces of this.#faces) faces.aim(eye);
     this.#rim.aim(eye);
     this.group.visible = look.isVisible;
     this.#shell.visible = look.opacity > 0;
     const { uniforms } = this.#front;
     uniforms.opacity!.value = look.opacity;
-    uniforms.isHeat!.value = look.isHeat;
     uniforms.heatScale!.value = 1 / Math.max(look.heatTicks, 1);
-    uniforms.hasKnown!.value = look.known !== null;
     if (look.known !== null) {
       uniforms.known!.value = look.known.volume.texture;
       uniforms.knownShift!.value = look.known.volume.shift;
@@ -175,6 +176,12 @@ export class Walls {
     for (const faces of [...this.#faces, this.#rim]) faces.free();
     for (const material of [this.#front, this.#back, this.#rimMaterial]) material.dispose();
     this.#heat.dispose();
+  }
+
+  /** Whether any cell is so near that its edges are drawn. */
+  #hasEdges(eye: Vector3): boolean {
+    const nearest = eye.clone().clamp(new Vector3(), new Vector3(...this.terrain.size));
+    return nearest.distanceTo(eye) * this.common.pixelM.value * CELL_PX_LEAST < 1;
   }
 
   #rimFaces(axis: number, layer: number): Faces {
