@@ -9,6 +9,7 @@ import { agentRgb } from "./colours.ts";
 import { QuadIndex } from "./faces.ts";
 import type { Common } from "./glsl.ts";
 import { hollowsOf } from "./hollows.ts";
+import { BlockTimes, modelOf, type Model } from "./model.ts";
 import { Pieces, type Piece } from "./ribbons.ts";
 import type { View } from "./view.ts";
 import { TimesVolume } from "./volumes.ts";
@@ -16,8 +17,17 @@ import { Walls } from "./walls.ts";
 
 /** Most texels of the light of hollows. */
 const HOLLOWS_MAX = 2 ** 23;
-/** Maps with more cells get no layers of single cells: they would take longer than anybody waits. */
-const LAYER_CELLS_MAX = 2 ** 25;
+/** Maps with more cells are drawn in blocks of them: 256 along each axis. */
+const BLOCKS_MAX = 2 ** 24;
+
+/** What an agent knows, as the walls take it. */
+interface Known {
+  readonly belief: Belief;
+  readonly times: BlockTimes;
+  readonly volume: TimesVolume;
+  /** Of the belief, when it was taken over. */
+  revision: number;
+}
 
 export class Cave {
   readonly root = new Group();
@@ -27,15 +37,16 @@ export class Cave {
   readonly middle: Vec3;
   readonly extentM: Vec3;
   readonly #walls: Walls;
-  readonly #unexplored: CellsLayer | null = null;
-  readonly #covered: CellsLayer | null = null;
+  readonly #unexplored: CellsLayer;
+  readonly #covered: CellsLayer;
+  readonly #model: Model;
+  readonly #seen: BlockTimes;
+  readonly #visited: BlockTimes;
   readonly #times: TimesVolume;
   readonly #frame: Pieces;
   readonly #cells = new Group();
-  readonly #edgeMax: number;
-  readonly #isFree: (cell: number) => boolean;
   #hasForeground = false;
-  #known: { readonly belief: Belief; readonly volume: TimesVolume; revision: number } | null = null;
+  #known: Known | null = null;
 
   constructor(
     readonly run: Run,
@@ -43,32 +54,28 @@ export class Cave {
     edgeMax: number,
   ) {
     const { terrain } = run;
-    const { walls, size, cellM } = terrain;
-    this.#edgeMax = edgeMax;
-    this.#isFree = (cell) => walls[cell] === 0;
+    const model = modelOf(terrain, BLOCKS_MAX, edgeMax);
+    this.#model = model;
+    this.notices =
+      model.step === 1
+        ? []
+        : [`The map is large: it is drawn in blocks of ${model.step} cells along each edge.`];
     const index = new QuadIndex();
-    const notices: string[] = [];
-    this.#times = new TimesVolume(run.firstSeenTick, size, this.#isFree, edgeMax);
-    if (this.#times.shift > 0) {
-      notices.push(
-        `The map is large: walls are coloured by blocks of ${2 ** this.#times.shift} cells a side.`,
-      );
-    }
-    const hollows = hollowsOf(walls, size, HOLLOWS_MAX);
-    this.#walls = new Walls(terrain, index, common, this.#times, hollows);
-    this.#cells.add(this.#walls.group);
-    if (walls.length <= LAYER_CELLS_MAX) {
-      const layer = (times: Uint32Array, kind: Omit<CellsKind, "counts">): CellsLayer =>
-        new CellsLayer(size, times, { ...kind, counts: this.#isFree }, index, common, hollows);
-      this.#unexplored = layer(run.firstSeenTick, UNEXPLORED);
-      this.#covered = layer(run.coveredTick, COVERED);
-      this.#cells.add(this.#unexplored.group, this.#covered.group);
-    } else {
-      notices.push("The map is too large to show unexplored and covered cells.");
-    }
-    this.notices = notices;
-    this.#cells.scale.setScalar(cellM);
-    const [low, high] = boundsOf(walls, size);
+    const hollows = hollowsOf(model.walls, model.size, HOLLOWS_MAX);
+    this.#seen = new BlockTimes(model, run.firstSeenTick);
+    this.#visited = new BlockTimes(model, run.coveredTick);
+    this.#times = new TimesVolume(this.#seen.times, model.size);
+    this.#walls = new Walls(model, index, common, this.#times, hollows);
+    const layer = ({ times }: BlockTimes, kind: Omit<CellsKind, "counts">): CellsLayer => {
+      const counts = (cell: number): boolean => model.walls[cell] === 0;
+      return new CellsLayer(model.size, times, { ...kind, counts }, index, common, hollows);
+    };
+    this.#unexplored = layer(this.#seen, UNEXPLORED);
+    this.#covered = layer(this.#visited, COVERED);
+    this.#cells.add(this.#walls.group, this.#unexplored.group, this.#covered.group);
+    this.#cells.scale.setScalar(model.cellM);
+    const { cellM } = terrain;
+    const [low, high] = boundsOf(terrain.walls, terrain.size);
     this.middle = low.map((value, axis) => ((value + high[axis]!) / 2) * cellM) as Vec3;
     this.extentM = low.map((value, axis) => (high[axis]! - value) * cellM) as Vec3;
     this.#frame = new Pieces(common, 0, 3);
@@ -79,9 +86,10 @@ export class Cave {
   }
 
   learn(news: News): void {
-    this.#times.learn(news.cells);
-    this.#unexplored?.learn(news.cells);
-    this.#covered?.learn(news.cells);
+    const seen = this.#seen.learn(news.cells);
+    this.#times.learn(seen);
+    this.#unexplored.learn(seen);
+    this.#covered.learn(this.#visited.learn(news.cells));
   }
 
   /** What the walls are to be compared with, or null. */
@@ -89,8 +97,9 @@ export class Cave {
     this.#known?.volume.dispose();
     this.#known = null;
     if (belief === null) return;
-    const volume = new TimesVolume(belief.knownTick, this.run.terrain.size, this.#isFree, this.#edgeMax);
-    this.#known = { belief, volume, revision: belief.revision };
+    const times = new BlockTimes(this.#model, belief.knownTick);
+    const volume = new TimesVolume(times.times, this.#model.size);
+    this.#known = { belief, times, volume, revision: belief.revision };
   }
 
   /** Makes the picture of a moment as far as the budget goes. Returns how many chunks were made, and whether nothing is missing. */
@@ -113,7 +122,6 @@ export class Cave {
       [this.#unexplored, layers.unexplored],
       [this.#covered, layers.covered],
     ] as const) {
-      if (layer === null) continue;
       layer.group.visible = isShown;
       if (!isShown) continue;
       const done = layer.show(tick, mayGoOn);
@@ -121,7 +129,7 @@ export class Cave {
       isRight &&= done.isRight;
     }
     this.#times.send(renderer);
-    const eye = this.common.eye.value.clone().divideScalar(this.run.terrain.cellM);
+    const eye = this.common.eye.value.clone().divideScalar(this.#model.cellM);
     this.#showWalls(renderer, view, eye);
     this.#showCut(view, eye);
     return { made, isRight };
@@ -156,8 +164,8 @@ export class Cave {
 
   dispose(): void {
     this.#walls.dispose();
-    this.#unexplored?.dispose();
-    this.#covered?.dispose();
+    this.#unexplored.dispose();
+    this.#covered.dispose();
     this.#times.dispose();
     this.#known?.volume.dispose();
     this.#frame.dispose();
@@ -168,6 +176,7 @@ export class Cave {
     if (known !== null) {
       if (known.revision !== known.belief.revision) {
         known.revision = known.belief.revision;
+        known.times.learnAll();
         known.volume.learnAll();
       }
       known.volume.send(renderer);
@@ -186,13 +195,13 @@ export class Cave {
 
   #showCut(view: View, eye: Vector3): void {
     const axis = "xyz".indexOf(view.cut.axis);
-    const { size, cellM } = this.run.terrain;
-    const placeCells = size[axis]! * view.cut.share;
+    const { terrain, cellM, step } = this.#model;
+    const placeCells = (terrain.size[axis]! / step) * view.cut.share;
     const isCut = view.cut.share < 1;
     const isPierced = isCut || this.#hasForeground;
     this.common.cut.value.set(0, 0, 0, -1);
     if (isCut) this.common.cut.value.setComponent(axis, 1).setW((CUT_SLACK - placeCells) * cellM);
-    for (const layer of [this.#unexplored, this.#covered]) layer?.aim(eye, isPierced);
+    for (const layer of [this.#unexplored, this.#covered]) layer.aim(eye, isPierced);
     this.#walls.cutAt(isCut ? { axis, placeCells } : null);
   }
 }

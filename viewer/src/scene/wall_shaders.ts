@@ -119,9 +119,7 @@ flat in vec3 stone;
 in float haziness;
 flat in int facing;
 uniform usampler3D times;
-uniform int shift;
 uniform usampler3D known;
-uniform int knownShift;
 uniform vec3 knownColour;
 uniform float heatScale;
 uniform sampler2D heat;
@@ -131,13 +129,13 @@ const vec3 NIGHT = vec3(0.058, 0.092, 0.180);
 // What the wall before a free cell looks like without light.
 vec3 surface() {
   ivec3 cell = ivec3(freeCells);
-  uint seen = texelFetch(times, cell >> shift, 0).r;
+  uint seen = texelFetch(times, cell, 0).r;
   #ifdef HEAT
   vec3 c = square(texture(heat, vec2(sqrt(float(seen) * heatScale), 0.5)).rgb) * 0.9;
   #else
   vec3 c = stone;
   #ifdef KNOWN
-  uint told = texelFetch(known, cell >> knownShift, 0).r;
+  uint told = texelFetch(known, cell, 0).r;
   c = told > nowTick ? c * 0.16 + NIGHT * 0.5 : mix(c, knownColour, 0.42);
   #endif
   // What was seen just now shines for some seconds.

@@ -19,12 +19,12 @@ import {
   RGBAFormat,
   Vector3,
 } from "three";
-import type { Terrain } from "../data/run.ts";
 import { Grid } from "./chunks.ts";
 import { heatRgb } from "./colours.ts";
 import { Faces, FacesMesh, type QuadIndex } from "./faces.ts";
 import { define, type Common } from "./glsl.ts";
 import type { Hollows } from "./hollows.ts";
+import type { Model } from "./model.ts";
 import { CORNERS, FACING_ORDER, Mesher, NUMBERS_PER_CORNER } from "./mesher.ts";
 import type { TimesVolume } from "./volumes.ts";
 import {
@@ -68,19 +68,17 @@ export class Walls {
   #rimKey = "";
 
   constructor(
-    readonly terrain: Terrain,
+    readonly model: Model,
     readonly index: QuadIndex,
     readonly common: Common,
     times: TimesVolume,
     readonly hollows: Hollows,
   ) {
-    this.#grid = new Grid(terrain.size, EDGE);
+    this.#grid = new Grid(model.size, EDGE);
     const own = {
-      cellM: { value: terrain.cellM },
+      cellM: { value: model.cellM },
       times: { value: times.texture },
-      shift: { value: times.shift },
       known: { value: times.texture },
-      knownShift: { value: times.shift },
       knownColour: { value: new Vector3() },
       heatScale: { value: 1 },
       heat: { value: this.#heat },
@@ -116,7 +114,7 @@ export class Walls {
   /** Makes the faces of one more chunk. */
   makeNext(): void {
     const chunk = this.#made++;
-    const { walls } = this.terrain;
+    const { walls } = this.model;
     if (!this.#grid.fill(chunk, this.#padded, (cell) => walls[cell] === 0)) return;
     const origin = this.#grid.origin(chunk);
     const surface = this.#mesher.surface({ edge: EDGE, origin, padded: this.#padded }, true);
@@ -152,7 +150,6 @@ export class Walls {
     uniforms.heatScale!.value = 1 / Math.max(look.heatTicks, 1);
     if (look.known !== null) {
       uniforms.known!.value = look.known.volume.texture;
-      uniforms.knownShift!.value = look.known.volume.shift;
       (uniforms.knownColour!.value as Vector3).copy(look.known.colour);
     }
     const isSolid = look.opacity >= 1;
@@ -163,7 +160,7 @@ export class Walls {
   cutAt(cut: { readonly axis: number; readonly placeCells: number } | null): void {
     const layer = cut === null ? -1 : Math.ceil(cut.placeCells) - 1;
     const { mesh } = this.#rim;
-    mesh.visible = cut !== null && layer >= 0 && layer < this.terrain.size[cut.axis]!;
+    mesh.visible = cut !== null && layer >= 0 && layer < this.model.size[cut.axis]!;
     if (cut === null || !mesh.visible) return;
     mesh.position.set(0, 0, 0).setComponent(cut.axis, cut.placeCells - (layer + 1));
     const key = `${cut.axis} ${layer}`;
@@ -180,21 +177,21 @@ export class Walls {
 
   /** Whether any cell is so near that its edges are drawn. */
   #hasEdges(eye: Vector3): boolean {
-    const nearest = eye.clone().clamp(new Vector3(), new Vector3(...this.terrain.size));
+    const nearest = eye.clone().clamp(new Vector3(), new Vector3(...this.model.size));
     return nearest.distanceTo(eye) * this.common.pixelM.value * CELL_PX_LEAST < 1;
   }
 
   #rimFaces(axis: number, layer: number): Faces {
-    const corners = layer < 0 ? new Uint16Array(0) : rimOf(this.terrain, axis, layer);
+    const corners = layer < 0 ? new Uint16Array(0) : rimOf(this.model, axis, layer);
     const count = corners.length / (NUMBERS_PER_CORNER * CORNERS);
     const ends = FACING_ORDER.map((_, place) => (place < FACING_ORDER.indexOf(axis * 2) ? 0 : count));
-    return new Faces({ corners, ends }, this.hollows, this.index, [0, 0, 0], this.terrain.size);
+    return new Faces({ corners, ends }, this.hollows, this.index, [0, 0, 0], this.model.size);
   }
 }
 
 /** Rock of a layer that has a free cell of the layer among its eight neighbours: the faces of it along the axis. */
-function rimOf(terrain: Terrain, axis: number, layer: number): Uint16Array {
-  const { size, walls } = terrain;
+function rimOf(model: Model, axis: number, layer: number): Uint16Array {
+  const { size, walls } = model;
   const strides = [1, size[0], size[0] * size[1]] as const;
   const [u, v] = axis === 0 ? [1, 2] : axis === 1 ? [0, 2] : [0, 1];
   const isFree = (i: number, j: number): boolean =>
