@@ -13,11 +13,12 @@ export class Failure extends Error {
 }
 
 /**
- * The first line of what was thrown: programs add logs and advice of many lines.
+ * The first line of what was thrown, without the name of the call: Playwright adds logs and advice of many lines.
  * @param {unknown} thrown
  * @returns {string}
  */
 export function firstLine(thrown) {
   const text = thrown instanceof Error ? thrown.message : String(thrown);
-  return text.trim().split("\n", 1)[0] ?? "";
+  const line = text.trim().split("\n", 1)[0] ?? "";
+  return line.replace(/^\w+\.\w+: (?=\S)/, "");
 }

@@ -183,8 +183,8 @@ async function arrange({ agent, layers, timeS }) {
   for (const banners of document.querySelectorAll("[data-testid=banners]"))
     banners.setAttribute("hidden", "");
   await maes.showAt(timeS);
-  // The camera looks where the agent looks at that time.
-  if (agent !== null) scene.select(agent, { fly: false });
+  // The camera looks where the agent looks at that time; the whole cave fits into a picture of this size.
+  scene.select(agent, { fly: false });
 }
 
 /**

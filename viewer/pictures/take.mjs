@@ -72,15 +72,22 @@ async function shoot(stage, times, film) {
  * @param {string} out
  */
 async function partOf(out) {
-  if ((await stat(out).catch(() => null))?.isDirectory()) throw new Refusal(`--out ${out}: it is a folder`);
+  if (await isFolder(out)) throw new Refusal(`--out ${out}: it is a folder`);
+  if (!(await isFolder(dirname(out)))) throw new Refusal(`--out ${out}: there is no folder ${dirname(out)}`);
   const part = join(dirname(out), `.${basename(out)}.${process.pid}.part`);
   try {
     await (await open(part, "wx")).close();
   } catch (error) {
-    throw new Refusal(`--out ${out}: no file can be made there: ${firstLine(error)}`);
+    const { code } = /** @type {NodeJS.ErrnoException} */ (error);
+    throw new Refusal(`--out ${out}: no file can be made there (${code ?? firstLine(error)})`);
   }
   removeAtExit(part);
   return part;
+}
+
+/** @param {string} path */
+async function isFolder(path) {
+  return (await stat(path).catch(() => null))?.isDirectory() ?? false;
 }
 
 /** @param {string} line */
