@@ -44,7 +44,7 @@ export class Loop {
     this.#canvas = canvas;
     this.#scene = scene;
     this.#host = host;
-    this.pacer = new Pacer(isSoftware(canvas));
+    this.pacer = new Pacer(scene?.isSoftware ?? false);
     this.#schedule();
   }
 
@@ -156,12 +156,4 @@ export class Loop {
       look();
     });
   }
-}
-
-/** Whether pictures are computed by the processor, as far as the browser tells. */
-function isSoftware(canvas: HTMLCanvasElement): boolean {
-  const gl = canvas.getContext("webgl2");
-  const info = gl?.getExtension("WEBGL_debug_renderer_info");
-  const name: unknown = gl?.getParameter(info?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER);
-  return typeof name === "string" && /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }

@@ -12,6 +12,7 @@ import { Backdrop } from "./backdrop.ts";
 import { Cave } from "./cave.ts";
 import { Eye } from "./eye.ts";
 import { makeCommon } from "./glsl.ts";
+import { isSoftware } from "./graphics.ts";
 import { HitPoints } from "./hits.ts";
 import { distanceToFit, FIELD_OF_VIEW_RAD, type Orbit } from "./orbit.ts";
 import { Team } from "./team.ts";
@@ -41,6 +42,8 @@ interface Stage {
 
 export class Scene {
   readonly view: View = defaultView();
+  /** Whether pictures are computed by the processor, as far as the browser tells: then each pixel counts. */
+  readonly isSoftware = isSoftware();
   readonly #renderer: WebGLRenderer;
   readonly #graph = new Graph();
   readonly #common = makeCommon();
@@ -66,7 +69,7 @@ export class Scene {
     try {
       this.#renderer = new WebGLRenderer({
         canvas,
-        antialias: !isSoftware(),
+        antialias: !this.isSoftware,
         powerPreference: "high-performance",
       });
     } catch (error) {
@@ -75,6 +78,8 @@ export class Scene {
         { cause: error },
       );
     }
+    // To ask whether a shader is right would wait until it is made.
+    this.#renderer.debug.checkShaderErrors = import.meta.env.DEV;
     const gl = this.#renderer.getContext() as WebGL2RenderingContext;
     this.#edgeMax = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
     this.#backdrop = new Backdrop(this.#common);
@@ -297,14 +302,4 @@ export class Scene {
       shown === null || agent === null ? [0, 0, 0] : stage.run.agentAt(agent, shown.timeS).position;
     this.#hitPoints.show(shown, from);
   }
-}
-
-/** Whether pictures are drawn without graphics hardware; smooth edges would then cost half the speed. */
-function isSoftware(): boolean {
-  const gl = document.createElement("canvas").getContext("webgl2");
-  if (gl === null) return false;
-  const info = gl.getExtension("WEBGL_debug_renderer_info");
-  const name = String(gl.getParameter(info === null ? gl.RENDERER : info.UNMASKED_RENDERER_WEBGL));
-  gl.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software|basic render/i.test(name);
 }
