@@ -262,7 +262,7 @@ export class Scene {
     const pitchRad = ((56 - 30 * flatness) * Math.PI) / 180;
     const orbit: Orbit = { centre: [0, 0, 0], yawRad: CAVE_YAW_RAD, pitchRad, distanceM: 1 };
     const aspect = this.#size.width / this.#size.height;
-    return { ...orbit, distanceM: distanceToFit(orbit, extentM, aspect) * 0.97 };
+    return { ...orbit, distanceM: distanceToFit(orbit, extentM, aspect) * 1.03 };
   }
 
   /** Asks for what the selected agent knows if it is to be shown, and lets go of it if not. */
