@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { labels, lineEndS, milestones, shareOf, timeAt, toTick } from "./axis.ts";
+import { labels, lineEndS, milestones, shareOf, timeAt, toTick, toldMilestones } from "./axis.ts";
 
 describe("the end of the line", () => {
   it("is that of a complete run", () => {
@@ -65,5 +65,19 @@ describe("milestones", () => {
   it("ask for no cell more than the share has", () => {
     const found = milestones(seen(10), 10, 2, [0.9]);
     expect(found[0]!.timeS).toBeCloseTo(0.9, 9);
+  });
+
+  it("are those of the result where it has them", () => {
+    const counters = new Map([
+      ["scans", 7],
+      ["tick_explored_permille_500", 100],
+      ["tick_explored_permille_999", 2000],
+    ]);
+    expect(toldMilestones({ counters })).toEqual([
+      { share: 0.5, timeS: 2 },
+      { share: 0.999, timeS: 40 },
+    ]);
+    expect(toldMilestones({ counters: new Map([["scans", 7]]) })).toBeNull();
+    expect(toldMilestones(null)).toBeNull();
   });
 });

@@ -1,7 +1,7 @@
 /**
  * Arithmetic of the time line: where a time lies, how far the line reaches, and when something happened. Pure.
  */
-import { TICK_S } from "../data/run.ts";
+import { TICK_S, type Result } from "../data/run.ts";
 
 /** Ends of a time line that grows, seconds. */
 const ENDS_S = [60, 120, 300, 600, 900, 1200, 1800, 2700, 3600, 5400, 7200];
@@ -53,7 +53,20 @@ export interface Milestone {
 /** Shares that are marked on the time line. */
 export const MILESTONE_SHARES = [0.5, 0.9, 0.99, 0.999, 1] as const;
 
-/** When each of the shares was reached, as far as it was: the first tick in which that many cells had been seen. */
+/** The same as the result of a run tells it; null: it does not. */
+export function toldMilestones(result: Pick<Result, "counters"> | null): Milestone[] | null {
+  const told: Milestone[] = [];
+  for (const share of MILESTONE_SHARES) {
+    const tick = result?.counters.get(`tick_explored_permille_${share * 1000}`);
+    if (tick !== undefined) told.push({ share, timeS: tick * TICK_S });
+  }
+  return told.length > 0 ? told : null;
+}
+
+/**
+ * When each of the shares was reached, as far as it was: the first tick in which that many cells had been seen. A recording has cells
+ * only when an agent is told of them, which may be some seconds after its scan has seen them: see `toldMilestones`.
+ */
 export function milestones(
   seenAt: (timeS: number) => number,
   freeCells: number,

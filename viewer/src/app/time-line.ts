@@ -3,7 +3,7 @@
  * has the keys of a slider.
  */
 import type { Run } from "../data/run.ts";
-import { labels, lineEndS, milestones, shareOf, timeAt } from "./axis.ts";
+import { labels, lineEndS, milestones, shareOf, timeAt, toldMilestones } from "./axis.ts";
 import { el, fill, setText } from "./dom.ts";
 import { clockTime, finePercent, percent } from "./format.ts";
 import { sharesAt } from "./moment.ts";
@@ -75,10 +75,11 @@ export class TimeLine {
 
   #mark(run: Run): void {
     // What was reached stays so: it is looked for only when more is known.
-    const key = `${run.id} ${run.endS} ${this.#lineEndS}`;
+    const key = `${run.id} ${run.endS} ${this.#lineEndS} ${run.result !== null}`;
     if (key === this.#marked) return;
     this.#marked = key;
-    const found = milestones((timeS) => run.seenAt(timeS), run.terrain.freeCells, run.endS);
+    const found =
+      toldMilestones(run.result) ?? milestones((timeS) => run.seenAt(timeS), run.terrain.freeCells, run.endS);
     const marks = found.map(({ share, timeS }) => {
       const name = `${Number((share * 100).toFixed(1))} % explored at ${clockTime(timeS)}`;
       return el("button", {
