@@ -134,7 +134,9 @@ function reasonOf(error) {
   const said = /\[pid=\d+\]\[err\]\s*(.*(?:FATAL|ERROR|error).*)/.exec(
     error instanceof Error ? error.message : "",
   );
-  return said?.[1] ?? firstLine(error);
+  if (said?.[1] !== undefined) return said[1];
+  const line = firstLine(error);
+  return line.includes("has been closed") ? "it has ended at once" : line;
 }
 
 /** @param {Pick<Order, "url" | "agent">} order */
