@@ -60,7 +60,7 @@ export class App {
     this.#wishes = wishes;
     this.ready = new Promise((resolve) => (this.#isReady = resolve));
     const canvas = document.createElement("canvas");
-    const { scene, problem } = sceneOn(canvas);
+    const { scene, problem } = sceneOn(canvas, wishes.isPicture);
     this.scene = scene;
     this.#look = new Look(!wishes.isPicture);
     if (scene) this.#look.applyTo(scene.view);
@@ -387,9 +387,12 @@ export class App {
   }
 }
 
-function sceneOn(canvas: HTMLCanvasElement): { scene: Scene | null; problem: string | null } {
+function sceneOn(
+  canvas: HTMLCanvasElement,
+  isForPictures: boolean,
+): { scene: Scene | null; problem: string | null } {
   try {
-    return { scene: new Scene(canvas), problem: null };
+    return { scene: new Scene(canvas, { isForPictures }), problem: null };
   } catch (error) {
     return { scene: null, problem: (error as Error).message };
   }

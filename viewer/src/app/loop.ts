@@ -70,7 +70,6 @@ export class Loop {
     this.#isExact = true;
     try {
       this.#setRatio(1);
-      this.#scene.render(timeS);
       await this.#scene.settled(timeS);
       await this.#graphicsDone();
       this.#isFine = true;

@@ -182,7 +182,9 @@ export class Shell {
     const { run, timeS, selected } = moment;
     if (this.#isPicture) {
       const { explored } = sharesAt(run, timeS);
-      setText(this.#caption, `${clockTime(timeS)}   ${finePercent(explored)} explored`);
+      const whom = selected === null ? [] : [`agent ${selected}`];
+      const words = [run.title, ...whom, clockTime(timeS), `${finePercent(explored)} explored`];
+      setText(this.#caption, words.join("   "));
       return;
     }
     this.#transport.update(moment, clock);

@@ -23,8 +23,8 @@ export function stateOf(run: Pick<Run, "isComplete" | "result">, live: LiveState
     return { text: "connection lost", kind: "trouble" };
   if (live.state === "closed") return { text: "disconnected", kind: "over" };
   switch (live.simulationState) {
+    // Stopped means: paused before the first tick.
     case STATE.stopped:
-      return { text: "stopped", kind: "held" };
     case STATE.paused:
       return { text: "paused", kind: "held" };
     case STATE.quitting:

@@ -64,12 +64,18 @@ export class Scene {
   #asked: { readonly agent: number; readonly timeS: number; readonly answer: Promise<void> } | null = null;
   #figures = { triangles: 0, chunksRebuilt: 0, milliseconds: 0 };
 
-  /** Throws with a readable message where there is no WebGL 2. */
-  constructor(readonly canvas: HTMLCanvasElement) {
+  /**
+   * Throws with a readable message where there is no WebGL 2. `isForPictures`: edges are smooth whatever they cost; where the processor
+   * draws they are not otherwise.
+   */
+  constructor(
+    readonly canvas: HTMLCanvasElement,
+    { isForPictures }: { readonly isForPictures: boolean } = { isForPictures: false },
+  ) {
     try {
       this.#renderer = new WebGLRenderer({
         canvas,
-        antialias: !this.isSoftware,
+        antialias: isForPictures || !this.isSoftware,
         powerPreference: "high-performance",
       });
     } catch (error) {
@@ -170,7 +176,7 @@ export class Scene {
       await this.#asked.answer;
       this.#draw(timeS, Infinity);
     }
-    if (this.#stage === stage) this.#draw(timeS, Infinity);
+    if (this.#stage === stage && this.isRestless) this.#draw(timeS, Infinity);
   }
 
   /** Width and height of the canvas in CSS pixels, and how many pixels each of them has. */
