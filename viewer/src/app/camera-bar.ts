@@ -1,0 +1,56 @@
+/**
+ * The bar on the lower left of the picture: which agent the camera keeps in the middle, or the whole cave; and whether what is
+ * unexplored is shown.
+ */
+import { agentColour } from "../scene/colours.ts";
+import { el, fill, icon, iconButton, toggle } from "./dom.ts";
+
+export interface CameraActions {
+  /** To the agent before (-1) or after (1) the present one, the cave being one of them. */
+  step(step: 1 | -1): void;
+  cave(): void;
+  setUnexplored(isShown: boolean): void;
+}
+
+export class CameraBar {
+  readonly root: HTMLElement;
+  readonly #cave: HTMLButtonElement;
+  readonly #unexplored: HTMLInputElement;
+  #shown: number | null | undefined = undefined;
+
+  constructor(actions: CameraActions, isUnexploredShown: boolean) {
+    this.#cave = el("button", {
+      type: "button",
+      class: "button camera-cave",
+      title: "The whole cave (Escape)",
+      testid: "camera-cave",
+      onclick: actions.cave,
+    });
+    const unexplored = toggle("Show unexplored", "show-unexplored", isUnexploredShown, actions.setUnexplored);
+    this.#unexplored = unexplored.input;
+    this.root = el(
+      "div",
+      { class: "camera-bar float", testid: "camera-bar", role: "toolbar", "aria-label": "Camera" },
+      iconButton("previous", "Agent before ([)", { testid: "camera-prev", onclick: () => actions.step(-1) }),
+      this.#cave,
+      iconButton("next", "Agent after (])", { testid: "camera-next", onclick: () => actions.step(1) }),
+      unexplored.root,
+    );
+  }
+
+  update(selected: number | null, isUnexploredShown: boolean): void {
+    this.#unexplored.checked = isUnexploredShown;
+    if (selected === this.#shown) return;
+    this.#shown = selected;
+    this.#cave.classList.toggle("is-on", selected === null);
+    if (selected === null) fill(this.#cave, "Cave");
+    else {
+      fill(
+        this.#cave,
+        el("span", { class: "swatch", style: `--agent: ${agentColour(selected)}` }),
+        `Agent ${selected}`,
+        icon("close"),
+      );
+    }
+  }
+}

@@ -1,0 +1,111 @@
+import { describe, expect, it } from "vitest";
+import { Clock, LAG_S } from "./clock.ts";
+
+describe("a recording", () => {
+  it("is played at its rate and stops at the end", () => {
+    const clock = new Clock();
+    clock.rate = 4;
+    clock.play(10, true);
+    clock.advance(100, 10, true, false);
+    clock.advance(100.5, 10, true, false);
+    expect(clock.timeS).toBeCloseTo(2, 9);
+    for (let wallS = 101; wallS < 110; wallS += 0.5) clock.advance(wallS, 10, true, false);
+    expect(clock.timeS).toBe(10);
+    expect(clock.isPlaying).toBe(false);
+    expect(clock.isMoving).toBe(false);
+  });
+
+  it("begins again when it is played at its end", () => {
+    const clock = new Clock();
+    clock.seek(99, 10);
+    expect(clock.timeS).toBe(10);
+    clock.play(10, true);
+    expect(clock.timeS).toBe(0);
+  });
+
+  it("waits for what is still being read", () => {
+    const clock = new Clock();
+    clock.rate = 100;
+    clock.play(5, false);
+    clock.advance(0, 5, false, false);
+    clock.advance(0.9, 5, false, false);
+    expect(clock.timeS).toBe(5);
+    expect(clock.isPlaying).toBe(true);
+    clock.advance(1, 50, false, false);
+    expect(clock.timeS).toBeCloseTo(15, 9);
+  });
+
+  it("does not leap over what passed while the page was hidden", () => {
+    const clock = new Clock();
+    clock.rate = 1;
+    clock.play(1000, true);
+    clock.advance(0, 1000, true, false);
+    clock.advance(600, 1000, true, false);
+    expect(clock.timeS).toBe(1);
+  });
+});
+
+describe("following", () => {
+  /** A run at a pace, whose news come every `lumpS` seconds. */
+  const endAt = (wallS: number, pace: number, lumpS: number) =>
+    pace * Math.floor(wallS / lumpS + 1e-9) * lumpS;
+
+  it("shows the end of the run a moment ago, evenly, though news come in lumps", () => {
+    const clock = new Clock();
+    clock.follow();
+    const times: number[] = [];
+    for (let frame = 0; frame <= 300; frame++) {
+      const wallS = frame / 60;
+      const endS = endAt(wallS, 10, 0.05);
+      clock.advance(wallS, endS, false, true);
+      expect(clock.timeS).toBeLessThanOrEqual(endS);
+      times.push(clock.timeS);
+    }
+    const steps = times.slice(61).map((timeS, index) => timeS - times[index + 60]!);
+    for (const step of steps) expect(step).toBeCloseTo(10 / 60, 9);
+    expect(times.at(-1)).toBeCloseTo(10 * (5 - LAG_S), 6);
+    expect(clock.pace).toBeCloseTo(10, 6);
+  });
+
+  it("comes to the end of a run that has stopped, and rests", () => {
+    const clock = new Clock();
+    clock.follow();
+    for (let frame = 0; frame <= 60; frame++) clock.advance(frame / 60, frame / 60, false, true);
+    expect(clock.isMoving).toBe(true);
+    for (let frame = 61; frame <= 90; frame++) clock.advance(frame / 60, 1, false, true);
+    expect(clock.timeS).toBe(1);
+    expect(clock.isMoving).toBe(false);
+  });
+
+  it("is left by seeking, and taken up by playing to the end", () => {
+    const clock = new Clock();
+    clock.follow();
+    clock.advance(0, 100, false, true);
+    clock.seek(40, 100);
+    expect(clock.isFollowing).toBe(false);
+    clock.rate = 100;
+    clock.play(100, false);
+    clock.advance(1, 100, false, true);
+    expect(clock.isFollowing).toBe(true);
+  });
+
+  it("measures no pace while nothing comes", () => {
+    const clock = new Clock();
+    clock.follow();
+    for (let frame = 0; frame <= 60 * 8; frame++) clock.advance(frame / 60, 77, false, true);
+    expect(clock.pace).toBe(0);
+  });
+
+  it("does not leap when a run goes on after a rest", () => {
+    const clock = new Clock();
+    clock.follow();
+    let before = 0;
+    for (let frame = 0; frame <= 600; frame++) {
+      const wallS = frame / 60;
+      clock.advance(wallS, wallS < 8 ? 1 : 1 + (wallS - 8), false, true);
+      if (frame > 30) expect(clock.timeS - before).toBeLessThan(0.02);
+      before = clock.timeS;
+    }
+    expect(before).toBeGreaterThan(2);
+  });
+});

@@ -1,0 +1,78 @@
+/**
+ * Dialogs over the page: questions, and the list of keys. A dialog that is closed is gone from the document.
+ */
+import { el, iconButton, textButton } from "./dom.ts";
+
+/** Opens a dialog; Escape and its closing button close it. */
+export function openDialog(title: string, testid: string, ...content: HTMLElement[]): HTMLDialogElement {
+  const dialog = el("dialog", { class: "dialog", testid, "aria-label": title });
+  dialog.append(
+    el(
+      "div",
+      { class: "dialog-head" },
+      el("h2", {}, title),
+      iconButton("close", "Close", { testid: `${testid}-close`, onclick: () => dialog.close() }),
+    ),
+    ...content,
+  );
+  dialog.addEventListener("close", () => dialog.remove());
+  document.body.append(dialog);
+  dialog.showModal();
+  return dialog;
+}
+
+/** Asks whether something is really meant. */
+export function confirmed(question: string, consequence: string, action: string): Promise<boolean> {
+  return new Promise((resolve) => {
+    const dialog = openDialog(
+      question,
+      "confirm",
+      el("p", {}, consequence),
+      el(
+        "div",
+        { class: "dialog-foot" },
+        textButton("Cancel", { testid: "confirm-no", onclick: () => dialog.close() }),
+        textButton(action, {
+          class: "button danger",
+          testid: "confirm-yes",
+          onclick: () => dialog.close("yes"),
+        }),
+      ),
+    );
+    dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"));
+  });
+}
+
+/** Keys and what they do. */
+const KEYS: readonly (readonly [readonly string[], string])[] = [
+  [["Space"], "Play or pause"],
+  [["←", "→"], "A second back or on; with Shift ten seconds"],
+  [[",", "."], "A tick back or on"],
+  [["Home", "End"], "Beginning and end"],
+  [["-", "+"], "Slower and faster"],
+  [["G"], "Follow the run under way"],
+  [["0", "9"], "Select an agent; two digits quickly for 10 and above"],
+  [["[", "]"], "Agent before and after"],
+  [["Esc"], "The whole cave"],
+  [["U"], "Show or hide what is unexplored"],
+  [["L"], "Layers"],
+  [["P"], "Panels"],
+  [["F"], "Figures of the picture"],
+  [["?"], "This list"],
+  [["Drag"], "Turn the view; with Shift or the middle button move it"],
+  [["Wheel"], "Nearer and farther"],
+  [["Click"], "Select an agent"],
+];
+
+export function openHelp(): void {
+  if (document.querySelector('[data-testid="help"]')) return;
+  const rows = KEYS.map(([caps, what]) =>
+    el(
+      "div",
+      { class: "key-row" },
+      el("dt", {}, ...caps.map((cap) => el("kbd", {}, cap))),
+      el("dd", {}, what),
+    ),
+  );
+  openDialog("Keys and mouse", "help", el("dl", { class: "keys" }, ...rows));
+}

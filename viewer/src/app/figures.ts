@@ -1,0 +1,31 @@
+/**
+ * Figures of the picture in a corner: pictures in a second, what one costs, triangles.
+ */
+import type { Scene } from "../scene/scene.ts";
+import { el, setText } from "./dom.ts";
+import { count } from "./format.ts";
+
+const WINDOW_S = 1;
+
+export class Figures {
+  readonly root = el("div", { class: "figures float", testid: "figures", hidden: true });
+  #drawnS: number[] = [];
+
+  drawn(wallS: number): void {
+    this.#drawnS.push(wallS);
+    while (this.#drawnS[0]! < wallS - WINDOW_S) this.#drawnS.shift();
+  }
+
+  update(wallS: number, scene: Scene | null, costMs: number, pixelRatio: number): void {
+    if (this.root.hidden) return;
+    const pictures = this.#drawnS.filter((time) => time >= wallS - WINDOW_S).length;
+    const parts = [
+      `${pictures} pictures/s`,
+      `${costMs.toFixed(0)} ms`,
+      scene ? `${count(scene.figures.triangles)} triangles` : "",
+      scene ? `${count(scene.figures.chunksRebuilt)} chunks rebuilt` : "",
+      `pixel ratio ${Number(pixelRatio.toFixed(2))}`,
+    ];
+    setText(this.root, parts.filter(Boolean).join("\n"));
+  }
+}

@@ -1,0 +1,66 @@
+/**
+ * Keys of the whole page. Keys that belong to what has the focus, or to a dialog, are left to it.
+ */
+import { takesKey } from "./dom.ts";
+
+export interface KeyActions {
+  togglePlay(): void;
+  /** By seconds. */
+  seekBy(stepS: number): void;
+  seekTo(end: "start" | "end"): void;
+  changeRate(steps: number): void;
+  goLive(): void;
+  digit(digit: number): void;
+  step(step: 1 | -1): void;
+  cave(): void;
+  toggleUnexplored(): void;
+  toggleLayers(): void;
+  togglePanel(): void;
+  toggleFigures(): void;
+  help(): void;
+}
+
+const TICK_STEP_S = 0.02;
+
+export function listenToKeys(actions: KeyActions): void {
+  const simple: Record<string, () => void> = {
+    " ": actions.togglePlay,
+    Home: () => actions.seekTo("start"),
+    End: () => actions.seekTo("end"),
+    ",": () => actions.seekBy(-TICK_STEP_S),
+    ".": () => actions.seekBy(TICK_STEP_S),
+    "-": () => actions.changeRate(-1),
+    "+": () => actions.changeRate(1),
+    "=": () => actions.changeRate(1),
+    g: actions.goLive,
+    "[": () => actions.step(-1),
+    "]": () => actions.step(1),
+    Escape: actions.cave,
+    u: actions.toggleUnexplored,
+    l: actions.toggleLayers,
+    p: actions.togglePanel,
+    f: actions.toggleFigures,
+    "?": actions.help,
+  };
+  window.addEventListener("keydown", (event) => {
+    if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (takesKey(event.target, event.key) || document.querySelector("dialog[open]")) return;
+    if (event.key === "ArrowLeft" || event.key === "ArrowRight") {
+      actions.seekBy((event.key === "ArrowLeft" ? -1 : 1) * (event.shiftKey ? 10 : 1));
+    } else if (/^[0-9]$/.test(event.key)) {
+      actions.digit(Number(event.key));
+    } else {
+      const action = simple[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+      if (!action) return;
+      action();
+    }
+    event.preventDefault();
+  });
+  // What the pointer has pressed does not keep the focus: the space bar is to play after that, not to press it again.
+  window.addEventListener("click", ({ detail, target }) => {
+    if (detail === 0 || !(target instanceof HTMLElement) || target.closest("dialog")) return;
+    if (document.activeElement?.matches("button, summary, input[type=checkbox]")) {
+      (document.activeElement as HTMLElement).blur();
+    }
+  });
+}

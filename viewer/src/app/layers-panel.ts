@@ -1,0 +1,108 @@
+/**
+ * The panel of layers: what is shown, how solid the near walls are, and where the cave is cut open.
+ */
+import type { Layers, View } from "../scene/scene.ts";
+import { el, iconButton, slider, toggle } from "./dom.ts";
+import type { Slider } from "./dom.ts";
+
+type LayerName = keyof Layers;
+
+/** What each layer is called, in the order of the panel. */
+const LAYERS: readonly (readonly [LayerName, string, string])[] = [
+  ["walls", "Walls", "The walls of the cave"],
+  ["unexplored", "Unexplored", "Free cells that nobody has seen"],
+  ["covered", "Covered", "Cells in which a body has been"],
+  ["heat", "First seen", "Walls coloured by when they were first seen"],
+  ["trails", "Trails", "Where agents have been"],
+  ["paths", "Ways", "Where agents are going"],
+  ["contacts", "Contacts", "Lines between agents that hear each other"],
+  ["hits", "Scan", "What the last scan of the selected agent has hit"],
+  ["belief", "Belief", "What the selected agent knows"],
+  ["labels", "Names", "Names of agents"],
+];
+
+/** Layers that show something of the selected agent only. */
+const OF_SELECTED: ReadonlySet<LayerName> = new Set(["hits", "belief"]);
+
+export class LayersPanel {
+  readonly root: HTMLElement;
+  readonly #inputs = new Map<LayerName, HTMLInputElement>();
+  readonly #toggles = new Map<LayerName, HTMLElement>();
+  readonly #opacity: Slider;
+  readonly #cut: Slider;
+  readonly #axes: HTMLInputElement[];
+
+  constructor(view: View, changed: () => void, close: () => void) {
+    const toggles = LAYERS.map(([name, label, title]) => {
+      const { root, input } = toggle(label, `layer-${name}`, view.layers[name], (isOn) => {
+        view.layers[name] = isOn;
+        changed();
+      });
+      root.title = title;
+      this.#inputs.set(name, input);
+      this.#toggles.set(name, root);
+      return root;
+    });
+    const share = (value: number) => `${Math.round(value * 100)} %`;
+    this.#opacity = slider(
+      "Near walls",
+      "wall-opacity",
+      { min: 0, max: 1, step: 0.01, value: view.wallOpacity, format: share },
+      (value) => {
+        view.wallOpacity = value;
+        changed();
+      },
+    );
+    this.#cut = slider(
+      "Cut",
+      "cut-share",
+      {
+        min: 0,
+        max: 1,
+        step: 0.01,
+        value: view.cut.share,
+        format: (value) => (value === 1 ? "off" : share(value)),
+      },
+      (value) => {
+        view.cut.share = value;
+        changed();
+      },
+    );
+    this.#axes = (["x", "y", "z"] as const).map((axis) => {
+      const input = el("input", { type: "radio", name: "cut-axis", value: axis, testid: `cut-${axis}` });
+      input.checked = view.cut.axis === axis;
+      input.addEventListener("change", () => {
+        view.cut.axis = axis;
+        changed();
+      });
+      return input;
+    });
+    const axes = this.#axes.map((input) =>
+      el("label", { class: "segment" }, input, el("span", {}, input.value)),
+    );
+    this.root = el(
+      "section",
+      { class: "layers-panel float", testid: "layers-panel", "aria-label": "Layers" },
+      el(
+        "div",
+        { class: "card-head" },
+        el("h2", { class: "card-title" }, "Layers"),
+        iconButton("close", "Close (L)", { testid: "layers-close", onclick: close }),
+      ),
+      el("div", { class: "layer-list" }, ...toggles),
+      this.#opacity.root,
+      this.#cut.root,
+      el("fieldset", { class: "segments" }, el("legend", {}, "Cut along"), ...axes),
+    );
+  }
+
+  update(view: View, selected: number | null): void {
+    for (const [name, input] of this.#inputs) {
+      input.checked = view.layers[name];
+      this.#toggles.get(name)!.classList.toggle("is-idle", OF_SELECTED.has(name) && selected === null);
+    }
+    this.#opacity.set(view.wallOpacity);
+    this.#cut.set(view.cut.share);
+    for (const input of this.#axes) input.checked = input.value === view.cut.axis;
+  }
+}

@@ -1,0 +1,158 @@
+/**
+ * Draws pictures: only when one can differ from the last, with what the machine can bear (see `pacing.ts`), and a last one at full
+ * resolution when all is at rest.
+ *
+ * What a picture costs is measured to the moment the graphics are done with it, without waiting for them: with software rendering
+ * the work is done in another process, and the time that `render` takes says nothing.
+ */
+import type { Scene } from "../scene/scene.ts";
+import { Pacer } from "./pacing.ts";
+
+/** How often it is looked whether the graphics are done. */
+const POLL_MS = 3;
+/** A picture that is not done within this time never will be: the graphics are gone. */
+const LOST_MS = 5000;
+/** Things are at rest after so long without a change. */
+const REST_MS = 400;
+
+export interface LoopHost {
+  /** Goes on to a moment on the wall; says what time of the run to show, and whether things move by themselves. */
+  advance(wallS: number): { timeS: number; isMoving: boolean };
+  /** A picture has been drawn, or nothing had to be. */
+  drew(wallS: number, isDrawn: boolean): void;
+  /** A picture could not be drawn. */
+  failed(error: Error): void;
+}
+
+export class Loop {
+  readonly pacer: Pacer;
+  readonly #canvas: HTMLCanvasElement;
+  readonly #scene: Scene | null;
+  readonly #host: LoopHost;
+  #isRequested = true;
+  #isScheduled = false;
+  #isDrawing = false;
+  #isHeld = false;
+  /** Whether pictures have all their pixels until something moves by itself: what a script has asked for stays as it was. */
+  #isExact = false;
+  /** Whether the last picture had all its pixels. */
+  #isFine = false;
+  #changedMs = 0;
+  #size = { width: 1, height: 1, ratio: 0 };
+
+  constructor(canvas: HTMLCanvasElement, scene: Scene | null, host: LoopHost) {
+    this.#canvas = canvas;
+    this.#scene = scene;
+    this.#host = host;
+    this.pacer = new Pacer(scene?.isSoftware ?? false);
+    this.#schedule();
+  }
+
+  get pixelRatio(): number {
+    return this.#size.ratio;
+  }
+
+  /** Something may have changed. */
+  request(): void {
+    this.#isRequested = true;
+    this.#schedule();
+  }
+
+  resize(width: number, height: number): void {
+    this.#size = { width: Math.max(1, width), height: Math.max(1, height), ratio: 0 };
+    this.request();
+  }
+
+  /** Draws one picture with all its pixels, and resolves when all that it needs has been drawn. */
+  async drawExactly(timeS: number): Promise<void> {
+    if (!this.#scene) return;
+    this.#isHeld = true;
+    this.#isExact = true;
+    try {
+      this.#setRatio(1);
+      await this.#scene.settled(timeS);
+      await this.#graphicsDone();
+      this.#isFine = true;
+    } finally {
+      this.#isHeld = false;
+      this.#isRequested = false;
+    }
+  }
+
+  #schedule(): void {
+    if (this.#isScheduled) return;
+    this.#isScheduled = true;
+    requestAnimationFrame((nowMs) => {
+      this.#isScheduled = false;
+      this.#turn(Math.max(nowMs, performance.now()));
+    });
+  }
+
+  #turn(nowMs: number): void {
+    if (this.#isHeld || this.#isDrawing || !this.pacer.mayBegin(nowMs)) {
+      this.#schedule();
+      return;
+    }
+    const { timeS, isMoving } = this.#host.advance(nowMs / 1000);
+    const isChanged = this.#isRequested || isMoving || (this.#scene?.isRestless ?? false);
+    this.#isRequested = false;
+    if (isMoving) this.#isExact = false;
+    if (isChanged) {
+      this.#changedMs = nowMs;
+      this.#isFine = this.#isExact;
+      this.#draw(timeS, nowMs, this.#isExact ? 1 : this.pacer.share);
+    } else if (!this.#isFine && nowMs - this.#changedMs > REST_MS) {
+      this.#isFine = true;
+      if (this.#size.ratio !== this.#ratio(1)) this.#draw(timeS, nowMs, 1);
+    }
+    this.#host.drew(nowMs / 1000, isChanged);
+    if (isChanged || !this.#isFine) this.#schedule();
+  }
+
+  #draw(timeS: number, nowMs: number, share: number): void {
+    if (!this.#scene) return;
+    this.#setRatio(share);
+    try {
+      this.#scene.render(timeS);
+    } catch (error) {
+      this.#host.failed(error as Error);
+      return;
+    }
+    this.#isDrawing = true;
+    void this.#graphicsDone().then(() => {
+      this.#isDrawing = false;
+      this.pacer.done(nowMs, performance.now(), share === this.pacer.share);
+    });
+  }
+
+  #ratio(share: number): number {
+    return Math.min(window.devicePixelRatio || 1, 2) * share;
+  }
+
+  #setRatio(share: number): void {
+    const ratio = this.#ratio(share);
+    if (ratio === this.#size.ratio) return;
+    this.#size.ratio = ratio;
+    this.#scene?.resize(this.#size.width, this.#size.height, ratio);
+  }
+
+  #graphicsDone(): Promise<void> {
+    const gl = this.#canvas.getContext("webgl2");
+    const fence = gl?.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0) ?? null;
+    if (!gl || !fence) return Promise.resolve();
+    gl.flush();
+    const untilMs = performance.now() + LOST_MS;
+    return new Promise((resolve) => {
+      const look = () => {
+        const isDone = gl.isContextLost() || gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.SIGNALED;
+        if (!isDone && performance.now() < untilMs) {
+          setTimeout(look, POLL_MS);
+          return;
+        }
+        gl.deleteSync(fence);
+        resolve();
+      };
+      look();
+    });
+  }
+}

@@ -1,0 +1,46 @@
+import { describe, expect, it } from "vitest";
+import { Pacer } from "./pacing.ts";
+
+describe("pacing", () => {
+  it("leaves four tenths of the time free", () => {
+    const pacer = new Pacer();
+    expect(pacer.mayBegin(0)).toBe(true);
+    pacer.done(0, 100, true);
+    expect(pacer.mayBegin(159)).toBe(false);
+    expect(pacer.mayBegin(160)).toBe(true);
+  });
+
+  it("takes fewer pixels when pictures are slow, and more again when they are quick", () => {
+    const pacer = new Pacer();
+    for (let picture = 0; picture < 3; picture++) pacer.done(0, 200, true);
+    expect(pacer.share).toBe(0.75);
+    for (let picture = 0; picture < 30; picture++) pacer.done(0, 200, true);
+    const least = pacer.share;
+    expect(least).toBeLessThan(0.5);
+    for (let picture = 0; picture < 39; picture++) pacer.done(0, 5, true);
+    expect(pacer.share).toBe(least);
+    for (let picture = 0; picture < 1000; picture++) pacer.done(0, 5, true);
+    expect(pacer.share).toBe(1);
+  });
+
+  it("begins with fewer without a graphics card", () => {
+    expect(new Pacer(true).share).toBe(0.5);
+  });
+
+  it("takes fewer at once when a picture is very slow", () => {
+    const pacer = new Pacer();
+    pacer.done(0, 301, true);
+    expect(pacer.share).toBe(0.75);
+    pacer.done(0, 100, true);
+    expect(pacer.share).toBe(0.75);
+  });
+
+  it("is not put off by one slow picture, nor by one that was meant to be fine", () => {
+    const pacer = new Pacer();
+    for (let picture = 0; picture < 20; picture++) {
+      pacer.done(0, picture % 3 === 0 ? 250 : 50, true);
+      pacer.done(0, 900, false);
+    }
+    expect(pacer.share).toBe(1);
+  });
+});

@@ -1,0 +1,97 @@
+import { describe, expect, it } from "vitest";
+import { buildingHeight, DEFAULTS, drawSeed, faults, radiusLimit, tomlString, toToml } from "./scenario.ts";
+
+describe("the scenario of the form", () => {
+  it("is the reference's setting by default", () => {
+    expect(toToml(DEFAULTS)).toBe(`seed = 1
+duration_s = 1800.0
+stop_when_explored = true
+
+[map]
+kind = "spheres"
+size = 50
+
+[map.spheres]
+fill_ratio = 0.2
+radius_min = 3
+radius_max = 8
+connections = 3
+smoothing = 5
+
+[agents]
+count = 3
+controller = "rbw"
+share_period_ticks = 251
+
+[lidar]
+fov_rad = 6.283185307179586
+
+[communication]
+range_m = inf
+
+[execution]
+rtf = 1.0
+`);
+    expect(faults(DEFAULTS)).toEqual([]);
+  });
+
+  it("has the parameters of the generator that was chosen, and no others", () => {
+    const noise = toToml({ ...DEFAULTS, generator: "noise", size: [100, 80, 30] });
+    expect(noise).toContain("size = [100, 80, 30]\n\n[map.noise]\nfill = 0.53\nsmoothing = 5\n");
+    expect(noise).not.toContain("map.spheres");
+    const building = toToml({ ...DEFAULTS, generator: "building", size: [60, 60, 13] });
+    expect(building).toContain("[map.building]\nfloors = 3\n");
+    const file = toToml({ ...DEFAULTS, generator: "file", mapFile: 'a "cave"\\1.m3dm' });
+    expect(file).toContain('[map]\nkind = "file"\nfile = "a \\"cave\\"\\\\1.m3dm"\n\n[agents]');
+    expect(file).not.toContain("size");
+  });
+
+  it("gives searches a budget only to controllers that search", () => {
+    const set = 'set = { search_time = "budgeted", search_cells_per_tick = 100 }';
+    expect(toToml({ ...DEFAULTS, controller: "lvd" })).toContain(set);
+    expect(toToml({ ...DEFAULTS, controller: "lvd", isSearchBudgeted: false })).not.toContain("search_time");
+    expect(toToml({ ...DEFAULTS, controller: "dsvp" })).not.toContain("search_time");
+  });
+
+  it("writes limits and no limits", () => {
+    const text = toToml({
+      ...DEFAULTS,
+      communicationRangeM: 50,
+      sensingFovDeg: 180,
+      rtf: 0,
+      stopWhenCovered: true,
+    });
+    expect(text).toContain("range_m = 50.0\n");
+    expect(text).toContain(`fov_rad = ${Math.PI}\n`);
+    expect(text).toContain('rtf = "max"\n');
+    expect(text).toContain("stop_when_covered = true\n");
+  });
+
+  it("escapes what TOML wants escaped", () => {
+    expect(tomlString("a\nb\u0007")).toBe('"a\\u000ab\\u0007"');
+  });
+});
+
+describe("faults of the form", () => {
+  it("name what is expected", () => {
+    expect(faults({ ...DEFAULTS, generator: "file" })[0]).toMatch(/^Map file:/);
+    expect(faults({ ...DEFAULTS, seed: NaN })[0]).toMatch(/^Seed:/);
+    expect(faults({ ...DEFAULTS, spheresRadiusMin: 9 })[0]).toMatch(/^Radius:/);
+    expect(faults({ ...DEFAULTS, size: [50, 50, 30], spheresRadiusMax: 14 })[0]).toContain(
+      "13 cells at the most",
+    );
+    expect(faults({ ...DEFAULTS, generator: "building", size: [60, 60, 12] })[0]).toContain("13 cells");
+  });
+
+  it("follow the server's limits", () => {
+    expect(radiusLimit([50, 50, 30])).toBe(13);
+    expect(buildingHeight(3)).toBe(13);
+  });
+});
+
+describe("a random seed", () => {
+  it("has six digits", () => {
+    expect(drawSeed(0)).toBe(100000);
+    expect(drawSeed(1 - Number.EPSILON)).toBe(999999);
+  });
+});

@@ -1,0 +1,242 @@
+/**
+ * The start form's values and the scenario they make: ranges and defaults of the reference, and the TOML for the server. Pure. The
+ * server checks the scenario; what is refused here is only what the form itself could get wrong.
+ */
+
+export type Generator = "spheres" | "noise" | "building" | "file";
+
+export interface FormValues {
+  agents: number;
+  durationMin: number;
+  controller: string;
+  generator: Generator;
+  mapFile: string;
+  /** Cells along x, y, z. */
+  size: [number, number, number];
+  spheresFillPercent: number;
+  spheresRadiusMin: number;
+  spheresRadiusMax: number;
+  spheresConnections: number;
+  spheresSmoothing: number;
+  noiseFillPercent: number;
+  noiseSmoothing: number;
+  buildingFloors: number;
+  /** Whether searches for ways take sim time, and how many cells they look at in a tick. */
+  isSearchBudgeted: boolean;
+  searchCellsPerTick: number;
+  /** Metres; Infinity: unlimited. */
+  communicationRangeM: number;
+  sensingFovDeg: number;
+  /** Ticks between two tellings of what is new on a map; 0: none. */
+  sharePeriodTicks: number;
+  stopWhenExplored: boolean;
+  stopWhenCovered: boolean;
+  seed: number;
+  /** Sim seconds for each second; 0: as fast as possible. */
+  rtf: number;
+}
+
+export interface Range {
+  readonly min: number;
+  readonly max: number;
+  readonly step: number;
+}
+
+/** The reference's ranges; `agents` goes on beyond its ten. */
+export const RANGES = {
+  agents: { min: 1, max: 27, step: 1 },
+  durationMin: { min: 1, max: 120, step: 1 },
+  size: { min: 30, max: 100, step: 1 },
+  buildingHeight: { min: 5, max: 100, step: 1 },
+  spheresFillPercent: { min: 1, max: 30, step: 1 },
+  spheresRadius: { min: 2, max: 15, step: 1 },
+  spheresConnections: { min: 1, max: 10, step: 1 },
+  smoothing: { min: 0, max: 20, step: 1 },
+  noiseFillPercent: { min: 45, max: 60, step: 1 },
+  searchCellsPerTick: { min: 10, max: 250, step: 10 },
+  communicationRangeM: { min: 1, max: 100, step: 1 },
+  sensingFovDeg: { min: 1, max: 360, step: 1 },
+  sharePeriodTicks: { min: 0, max: 2510, step: 1 },
+} as const satisfies Record<string, Range>;
+
+/** The largest team of the reference. */
+export const REFERENCE_AGENTS_MAX = 10;
+
+export const DEFAULTS: FormValues = {
+  agents: 3,
+  durationMin: 30,
+  controller: "rbw",
+  generator: "spheres",
+  mapFile: "",
+  size: [50, 50, 50],
+  spheresFillPercent: 20,
+  spheresRadiusMin: 3,
+  spheresRadiusMax: 8,
+  spheresConnections: 3,
+  spheresSmoothing: 5,
+  noiseFillPercent: 53,
+  noiseSmoothing: 5,
+  buildingFloors: 3,
+  isSearchBudgeted: true,
+  searchCellsPerTick: 100,
+  communicationRangeM: Infinity,
+  sensingFovDeg: 360,
+  sharePeriodTicks: 251,
+  stopWhenExplored: true,
+  stopWhenCovered: false,
+  seed: 1,
+  rtf: 1,
+};
+
+export interface Controller {
+  readonly value: string;
+  readonly label: string;
+  /** Whether it has the settings of searches for ways. */
+  readonly searches: boolean;
+}
+
+/** The three of the reference come first. */
+export const CONTROLLERS: readonly Controller[] = [
+  { value: "rbw", label: "rbw - random ballistic walk", searches: false },
+  { value: "lvd", label: "lvd - local Voronoi decomposition", searches: true },
+  { value: "dsvp", label: "dsvp - dual-stage viewpoint planner", searches: false },
+  { value: "rbw-maes3d", label: "rbw-maes3d - as coded in MAES3D", searches: false },
+  { value: "lvd-maes3d", label: "lvd-maes3d - as coded in MAES3D", searches: false },
+  { value: "dsvp-maes3d", label: "dsvp-maes3d - as coded in MAES3D", searches: false },
+  { value: "dsvp-auction", label: "dsvp-auction - dsvp with an auction", searches: false },
+  { value: "nearest-frontier", label: "nearest-frontier - to the nearest unknown", searches: true },
+  { value: "boustrophedon", label: "boustrophedon - coverage, line by line", searches: true },
+];
+
+/** Rows of free cells, ceilings between them, and the outer walls. */
+const FLOOR_HEIGHT = 3;
+const SLAB = 1;
+
+/** The height that a building of so many floors fills. */
+export function buildingHeight(floors: number): number {
+  return floors * (FLOOR_HEIGHT + SLAB) - SLAB + 2;
+}
+
+/** The largest radius of spheres that the server takes in a map of this size. */
+export function radiusLimit(size: readonly number[]): number {
+  return Math.floor((Math.min(...size) - 4) / 2);
+}
+
+/** A number as TOML writes it: `inf`, 0.5, 3. */
+function number(value: number): string {
+  return value === Infinity ? "inf" : String(value);
+}
+
+/** A number that TOML reads as one with a fraction. */
+function real(value: number): string {
+  return Number.isInteger(value) ? `${value}.0` : number(value);
+}
+
+/** A basic string of TOML. */
+export function tomlString(text: string): string {
+  // eslint-disable-next-line no-control-regex -- these are the characters that TOML wants escaped
+  return `"${text.replace(/["\\\u0000-\u001f\u007f]/g, (character) => {
+    if (character === '"' || character === "\\") return `\\${character}`;
+    return `\\u${character.charCodeAt(0).toString(16).padStart(4, "0")}`;
+  })}"`;
+}
+
+function mapTable(values: FormValues): string[] {
+  const lines = ["[map]", `kind = ${tomlString(values.generator)}`];
+  if (values.generator === "file") {
+    lines.push(`file = ${tomlString(values.mapFile)}`);
+    return lines;
+  }
+  const [x, y, z] = values.size;
+  lines.push(x === y && y === z ? `size = ${x}` : `size = [${x}, ${y}, ${z}]`);
+  if (values.generator === "spheres") {
+    lines.push(
+      "",
+      "[map.spheres]",
+      `fill_ratio = ${number(values.spheresFillPercent / 100)}`,
+      `radius_min = ${values.spheresRadiusMin}`,
+      `radius_max = ${values.spheresRadiusMax}`,
+      `connections = ${values.spheresConnections}`,
+      `smoothing = ${values.spheresSmoothing}`,
+    );
+  } else if (values.generator === "noise") {
+    lines.push(
+      "",
+      "[map.noise]",
+      `fill = ${number(values.noiseFillPercent / 100)}`,
+      `smoothing = ${values.noiseSmoothing}`,
+    );
+  } else {
+    lines.push("", "[map.building]", `floors = ${values.buildingFloors}`);
+  }
+  return lines;
+}
+
+function agentsTable(values: FormValues): string[] {
+  const lines = [
+    "[agents]",
+    `count = ${values.agents}`,
+    `controller = ${tomlString(values.controller)}`,
+    `share_period_ticks = ${values.sharePeriodTicks}`,
+  ];
+  const controller = CONTROLLERS.find((candidate) => candidate.value === values.controller);
+  if (controller?.searches && values.isSearchBudgeted) {
+    lines.push(`set = { search_time = "budgeted", search_cells_per_tick = ${values.searchCellsPerTick} }`);
+  }
+  return lines;
+}
+
+/** The scenario that a form asks for. */
+export function toToml(values: FormValues): string {
+  const lines = [
+    `seed = ${values.seed}`,
+    `duration_s = ${real(values.durationMin * 60)}`,
+    `stop_when_explored = ${values.stopWhenExplored}`,
+    ...(values.stopWhenCovered ? ["stop_when_covered = true"] : []),
+    "",
+    ...mapTable(values),
+    "",
+    ...agentsTable(values),
+    "",
+    "[lidar]",
+    `fov_rad = ${real((values.sensingFovDeg / 180) * Math.PI)}`,
+    "",
+    "[communication]",
+    `range_m = ${real(values.communicationRangeM)}`,
+    "",
+    "[execution]",
+    `rtf = ${values.rtf === 0 ? '"max"' : real(values.rtf)}`,
+  ];
+  return `${lines.join("\n")}\n`;
+}
+
+/** What the form itself has wrong, in words; empty if nothing is. */
+export function faults(values: FormValues): string[] {
+  const found: string[] = [];
+  if (values.generator === "file" && values.mapFile.trim() === "") {
+    found.push("Map file: the path of a map is expected, as the simulator sees it.");
+  }
+  if (!Number.isSafeInteger(values.seed) || values.seed < 0) {
+    found.push("Seed: a whole number from 0 on is expected.");
+  }
+  if (values.generator === "spheres") {
+    if (values.spheresRadiusMin > values.spheresRadiusMax) {
+      found.push("Radius: the smallest one is above the largest one.");
+    }
+    const limit = radiusLimit(values.size);
+    if (values.spheresRadiusMax > limit) {
+      found.push(`Radius: ${limit} cells at the most fit into a map of ${values.size.join(" x ")} cells.`);
+    }
+  }
+  if (values.generator === "building" && values.size[2] < buildingHeight(values.buildingFloors)) {
+    found.push(
+      `Size: ${values.buildingFloors} floors need a height of ${buildingHeight(values.buildingFloors)} cells.`,
+    );
+  }
+  return found;
+}
+
+/** A seed of six digits, as the reference draws them. `random` is in [0, 1). */
+export function drawSeed(random: number): number {
+  return 100000 + Math.floor(random * 900000);
+}

@@ -1,0 +1,69 @@
+/**
+ * The services of the simulator as bytes: CDR with its header of four bytes, little-endian, as ROS 2 has it. Nothing of the
+ * connection is here.
+ */
+import { CdrReader, CdrWriter, EncapsulationKind } from "@foxglove/cdr";
+
+/** What `/sim_server/get_simulation_state` says. */
+export const STATE = { stopped: 0, playing: 1, paused: 2, quitting: 3 } as const;
+
+export const SERVICES = {
+  getState: "/sim_server/get_simulation_state",
+  setState: "/sim_server/set_simulation_state",
+  step: "/sim_server/step_simulation",
+  reset: "/sim_server/reset_simulation",
+  startRun: "/sim_server/start_run",
+} as const;
+
+/** `simulation_interfaces/msg/Result`. */
+export interface Outcome {
+  readonly code: number;
+  readonly message: string;
+}
+
+/** Codes of an outcome that mean that all is as was wanted: done, or so already. */
+const FINE = new Set([1, 101]);
+
+export function isFine(outcome: Outcome): boolean {
+  return FINE.has(outcome.code);
+}
+
+function written(write: (writer: CdrWriter) => void): Uint8Array {
+  const writer = new CdrWriter({ kind: EncapsulationKind.CDR_LE });
+  write(writer);
+  return writer.data;
+}
+
+/** A request without fields has one byte that says nothing. */
+export const emptyRequest = () => written((writer) => writer.uint8(0));
+export const setStateRequest = (state: number) => written((writer) => writer.uint8(state));
+export const stepRequest = (ticks: number) => written((writer) => writer.uint64(BigInt(ticks)));
+export const resetRequest = () => written((writer) => writer.uint8(0));
+
+export function readOutcome(data: Uint8Array): Outcome {
+  return outcomeOf(new CdrReader(data));
+}
+
+export function readState(data: Uint8Array): { state: number; outcome: Outcome } {
+  const reader = new CdrReader(data);
+  return { state: reader.uint8(), outcome: outcomeOf(reader) };
+}
+
+function outcomeOf(reader: CdrReader): Outcome {
+  return { code: reader.uint8(), message: reader.string() };
+}
+
+/** The request of `start_run`, JSON. */
+export function startRequest(scenario: string): Uint8Array {
+  return new TextEncoder().encode(JSON.stringify({ scenario }));
+}
+
+/** The answer of `start_run`; throws if it is another thing. */
+export function readStart(data: Uint8Array): { started: boolean; message: string } {
+  const answer: unknown = JSON.parse(new TextDecoder().decode(data));
+  if (typeof answer !== "object" || answer === null || !("started" in answer)) {
+    throw new Error(`The simulator answered ${JSON.stringify(answer)} to start_run; "started" was expected.`);
+  }
+  const message = "message" in answer ? String(answer.message) : "";
+  return { started: answer.started === true, message };
+}

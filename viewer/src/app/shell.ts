@@ -1,0 +1,221 @@
+/**
+ * The frame of the page: where each part lies, which parts are there, and who is told what. It decides nothing.
+ */
+import type { View } from "../scene/scene.ts";
+import { AgentCard, AgentsCard } from "./agents-card.ts";
+import type { App } from "./app.ts";
+import { Banners } from "./banners.ts";
+import { CameraBar } from "./camera-bar.ts";
+import { card, CountersCard, RunCard, ScenarioCard } from "./cards.ts";
+import type { Clock } from "./clock.ts";
+import { Curve } from "./curve.ts";
+import { openHelp } from "./dialogs.ts";
+import { el, iconButton, setHidden, setText } from "./dom.ts";
+import { Figures } from "./figures.ts";
+import { clockTime, finePercent } from "./format.ts";
+import { LayersPanel } from "./layers-panel.ts";
+import type { LiveConnection } from "./live.ts";
+import { sharesAt } from "./moment.ts";
+import type { Moment } from "./moment.ts";
+import { SimulatorCard } from "./simulator-card.ts";
+import { StartForm } from "./start-form.ts";
+import { Transport } from "./transport.ts";
+import { Welcome } from "./welcome.ts";
+
+/** A hand that has moved farther than this between pressing and letting go has dragged, pixels. */
+const CLICK_PX = 4;
+
+export class Shell {
+  readonly banners = new Banners();
+  readonly figures = new Figures();
+  readonly startForm: StartForm;
+  readonly #stage: HTMLElement;
+  readonly #canvas: HTMLCanvasElement;
+  readonly #frame: HTMLElement;
+  readonly #welcome: Welcome;
+  readonly #transport: Transport;
+  readonly #camera: CameraBar;
+  readonly #layers: LayersPanel | null;
+  readonly #simulator: SimulatorCard;
+  readonly #run = new RunCard();
+  readonly #agents: AgentsCard;
+  readonly #agent: AgentCard;
+  readonly #curve: Curve;
+  readonly #curveCard: HTMLDetailsElement;
+  readonly #counters = new CountersCard();
+  readonly #scenario = new ScenarioCard();
+  readonly #caption = el("div", { class: "caption", testid: "caption" });
+  readonly #toolbar: HTMLElement;
+  readonly #view: View | null;
+  readonly #isPicture: boolean;
+
+  constructor(root: HTMLElement, canvas: HTMLCanvasElement, app: App, view: View | null, isPicture: boolean) {
+    this.#canvas = canvas;
+    this.#view = view;
+    this.#isPicture = isPicture;
+    canvas.className = "picture";
+    canvas.setAttribute("data-testid", "picture");
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", "The cave and its agents in three dimensions");
+
+    const file = el("input", { type: "file", accept: ".mcap", hidden: true, testid: "file" });
+    file.addEventListener("change", () => {
+      const chosen = file.files?.[0];
+      file.value = "";
+      if (chosen) void app.openFile(chosen);
+    });
+    const chooseFile = () => file.click();
+    this.startForm = new StartForm((scenario) => app.startRun(scenario));
+    const newRun = () => this.startForm.open();
+    this.#welcome = new Welcome({
+      chooseFile,
+      openUrl: (url) => void app.openUrl(url),
+      connect: (address) => app.connect(address),
+      newRun,
+      cancel: () => app.cancel(),
+    });
+    this.#transport = new Transport({
+      togglePlay: () => app.togglePlay(),
+      seek: (timeS) => app.seek(timeS),
+      setRate: (rate) => app.setRate(rate),
+      goLive: () => app.goLive(),
+    });
+    this.#camera = new CameraBar(
+      {
+        step: (step) => app.selectNeighbour(step),
+        cave: () => app.select(null),
+        setUnexplored: (isShown) => app.setUnexplored(isShown),
+      },
+      view?.layers.unexplored ?? true,
+    );
+    this.#layers =
+      view &&
+      new LayersPanel(
+        view,
+        () => app.viewChanged(),
+        () => app.togglePart("isLayersOpen"),
+      );
+    this.#simulator = new SimulatorCard({ order: (what) => app.order(what), newRun });
+    this.#agents = new AgentsCard((agent) => app.select(agent));
+    this.#agent = new AgentCard(() => app.select(null));
+    this.#curve = new Curve((timeS) => app.seek(timeS));
+    this.#curveCard = card("Over time", "curve-card", true, this.#curve.root);
+    this.#toolbar = el(
+      "nav",
+      { class: "toolbar float", "aria-label": "Page" },
+      iconButton("open", "Open a recording", { testid: "toolbar-open", onclick: chooseFile }),
+      iconButton("layers", "Layers (L)", {
+        testid: "toolbar-layers",
+        onclick: () => app.togglePart("isLayersOpen"),
+      }),
+      iconButton("help", "Keys (?)", { testid: "toolbar-help", onclick: openHelp }),
+      iconButton("panel", "Panels (P)", {
+        testid: "toolbar-panel",
+        onclick: () => app.togglePart("isPanelOpen"),
+      }),
+    );
+    this.#stage = el(
+      "div",
+      { class: "stage", testid: "stage" },
+      canvas,
+      this.#welcome.root,
+      this.#layers?.root,
+      this.#toolbar,
+      this.#camera.root,
+      this.figures.root,
+      this.#caption,
+      this.banners.root,
+    );
+    const side = el(
+      "aside",
+      { class: "side", testid: "side", "aria-label": "Run" },
+      this.#run.root,
+      this.#simulator.root,
+      this.#agent.root,
+      this.#agents.root,
+      this.#curveCard,
+      this.#counters.root,
+      this.#scenario.root,
+    );
+    this.#frame = el("div", { class: "frame" }, this.#stage, side, this.#transport.root, file);
+    this.#frame.classList.toggle("is-picture", isPicture);
+    root.replaceChildren(this.#frame);
+    this.#acceptDrops(app);
+  }
+
+  onResize(resized: (width: number, height: number) => void): void {
+    new ResizeObserver(() => resized(this.#stage.clientWidth, this.#stage.clientHeight)).observe(this.#stage);
+  }
+
+  /** Tells of clicks on the picture that are no drags, in its CSS pixels. */
+  onPick(picked: (x: number, y: number) => void): void {
+    let pressed: { x: number; y: number } | null = null;
+    this.#canvas.addEventListener("pointerdown", (event) => {
+      pressed = event.button === 0 ? { x: event.clientX, y: event.clientY } : null;
+    });
+    this.#canvas.addEventListener("pointerup", (event) => {
+      if (!pressed || Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) > CLICK_PX) return;
+      const box = this.#canvas.getBoundingClientRect();
+      picked(event.clientX - box.left, event.clientY - box.top);
+    });
+  }
+
+  setParts(isPanelOpen: boolean, isLayersOpen: boolean, isFiguresOpen: boolean): void {
+    this.#frame.classList.toggle("has-panel", isPanelOpen);
+    this.#frame.classList.toggle("has-layers", isLayersOpen);
+    this.figures.root.hidden = !isFiguresOpen;
+    const pressed = (testid: string, isPressed: boolean) =>
+      this.#toolbar
+        .querySelector(`[data-testid="${testid}"]`)
+        ?.setAttribute("aria-pressed", String(isPressed));
+    pressed("toolbar-layers", isLayersOpen);
+    pressed("toolbar-panel", isPanelOpen);
+  }
+
+  update(moment: Moment | null, clock: Clock, live: LiveConnection | null, busy: string | null): void {
+    this.#frame.classList.toggle("has-run", moment !== null);
+    setHidden(this.#welcome.root, moment !== null || this.#isPicture);
+    if (!moment) {
+      this.#welcome.update(busy, live);
+      return;
+    }
+    const { run, timeS, selected } = moment;
+    if (this.#isPicture) {
+      const { explored } = sharesAt(run, timeS);
+      const whom = selected === null ? [] : [`agent ${selected}`];
+      const words = [run.title, ...whom, clockTime(timeS), `${finePercent(explored)} explored`];
+      setText(this.#caption, words.join("   "));
+      return;
+    }
+    this.#transport.update(moment, clock);
+    this.#camera.update(selected, this.#view?.layers.unexplored ?? false);
+    if (this.#view) this.#layers?.update(this.#view, selected);
+    if (!this.#frame.classList.contains("has-panel")) return;
+    this.#run.update(moment);
+    this.#simulator.update(live);
+    this.#agent.update(moment);
+    this.#agents.update(moment);
+    if (this.#curveCard.open) this.#curve.update(run, timeS, selected);
+    this.#counters.update(moment);
+    this.#scenario.update(moment);
+  }
+
+  #acceptDrops(app: App): void {
+    const isFile = (event: DragEvent) => event.dataTransfer?.types.includes("Files") ?? false;
+    window.addEventListener("dragover", (event) => {
+      if (!isFile(event)) return;
+      event.preventDefault();
+      this.#frame.classList.add("is-dropping");
+    });
+    window.addEventListener("dragleave", (event) => {
+      if (event.relatedTarget === null) this.#frame.classList.remove("is-dropping");
+    });
+    window.addEventListener("drop", (event) => {
+      if (!isFile(event)) return;
+      event.preventDefault();
+      this.#frame.classList.remove("is-dropping");
+      const dropped = event.dataTransfer?.files[0];
+      if (dropped) void app.openFile(dropped);
+    });
+  }
+}

@@ -1,0 +1,115 @@
+/**
+ * The card that controls a simulator: pause, steps, speed, the run from the beginning, the end of it, and another one.
+ */
+import { confirmed } from "./dialogs.ts";
+import { el, icon, iconButton, setHidden, setIcon, slider, textButton } from "./dom.ts";
+import type { Slider } from "./dom.ts";
+import { pace } from "./format.ts";
+import type { LiveConnection } from "./live.ts";
+import { nearestStep, RUN_RATES } from "./rates.ts";
+import { STATE } from "./services.ts";
+
+const STEPS = [1, 10, 50] as const;
+
+export interface SimulatorActions {
+  /** Carries out an order; what goes wrong is shown. */
+  order(what: (live: LiveConnection) => Promise<void> | void): void;
+  newRun(): void;
+}
+
+export class SimulatorCard {
+  readonly root: HTMLElement;
+  readonly #play: HTMLButtonElement;
+  readonly #steps: HTMLButtonElement[];
+  readonly #restart: HTMLButtonElement;
+  readonly #stop: HTMLButtonElement;
+  readonly #new: HTMLButtonElement;
+  readonly #speed: Slider;
+  #isPlaying = false;
+
+  constructor(actions: SimulatorActions) {
+    this.#play = iconButton("pause", "Pause the simulation", {
+      class: "icon-button primary",
+      testid: "sim-play",
+      onclick: () => actions.order((live) => (this.#isPlaying ? live.pause() : live.play())),
+    });
+    this.#steps = STEPS.map((ticks) => {
+      const label = ticks === 1 ? "Step one tick" : `Step ${ticks} ticks`;
+      const button = textButton(`+${ticks}`, {
+        title: `${label} of 0.02 s`,
+        "aria-label": label,
+        testid: `sim-step-${ticks}`,
+        onclick: () => actions.order((live) => live.step(ticks)),
+      });
+      return button;
+    });
+    this.#restart = iconButton("restart", "Begin the run again", {
+      class: "icon-button framed",
+      testid: "sim-restart",
+      onclick: async () => {
+        if (!(await confirmed("Begin this run again?", "What has come of it so far is given up.", "Restart")))
+          return;
+        actions.order((live) => live.restart());
+      },
+    });
+    this.#stop = textButton("Stop", {
+      class: "button danger",
+      testid: "sim-stop",
+      title: "End the run",
+      onclick: async () => {
+        if (
+          !(await confirmed("End this run?", "It ends now, with a result. It cannot go on.", "Stop the run"))
+        )
+          return;
+        actions.order((live) => live.stop());
+      },
+    });
+    this.#new = textButton("New run", {
+      class: "button primary",
+      testid: "sim-new",
+      onclick: () => actions.newRun(),
+    });
+    this.#new.prepend(icon("add"));
+    this.#speed = slider(
+      "Speed",
+      "sim-speed",
+      { min: 0, max: RUN_RATES.length - 1, step: 1, value: 3, format: (index) => pace(RUN_RATES[index]!) },
+      (index) => actions.order((live) => live.setRtf(RUN_RATES[index]!)),
+    );
+    this.root = el(
+      "section",
+      { class: "card", testid: "simulator-card" },
+      el("h2", { class: "card-title" }, "Simulator"),
+      el(
+        "div",
+        { class: "row" },
+        this.#play,
+        el("div", { class: "joined" }, ...this.#steps),
+        this.#restart,
+        this.#stop,
+      ),
+      this.#speed.root,
+      this.#new,
+    );
+  }
+
+  update(live: LiveConnection | null): void {
+    setHidden(this.root, live === null || live.state === "closed");
+    if (!live) return;
+    const { canControl, simulationState } = live;
+    this.#isPlaying = simulationState === STATE.playing;
+    if (this.#isPlaying) setIcon(this.#play, "pause", "Pause the simulation");
+    else setIcon(this.#play, "play", "Let the simulation go on");
+    this.#play.disabled = !canControl;
+    this.#restart.disabled = !canControl;
+    this.#stop.disabled = !canControl;
+    for (const step of this.#steps) step.disabled = !canControl || this.#isPlaying;
+    this.#speed.input.disabled = !canControl;
+    if (live.rtf !== null && document.activeElement !== this.#speed.input) {
+      this.#speed.set(nearestStep(RUN_RATES, live.rtf));
+    }
+    setHidden(this.#new, !live.isIdleServer);
+    this.#new.disabled = !live.canStart;
+    this.#new.title = live.canStart ? "" : "The run under way has to end first";
+  }
+}

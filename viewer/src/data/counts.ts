@@ -1,0 +1,42 @@
+/**
+ * How many cells have got a tick by any time.
+ *
+ * A cell may get an earlier tick later on, because agents tell of their scans only when they are asked.
+ */
+
+import { rowsUpTo } from "./growable.ts";
+
+export class TickCounts {
+  /** Ticks in which there are cells, ascending, and how many. */
+  readonly #ticks: number[] = [];
+  readonly #counts: number[] = [];
+  /** How many there are up to each of them; right for those before `#summed`. */
+  readonly #sums: number[] = [];
+  #summed = 0;
+
+  /** One more cell, or one less, has this tick. */
+  add(tick: number, change: 1 | -1): void {
+    const last = this.#ticks.length - 1;
+    // Mostly it is the last one.
+    let at = last;
+    if (last < 0 || this.#ticks[last]! !== tick) {
+      const upTo = rowsUpTo(this.#ticks, this.#ticks.length, 1, tick);
+      at = upTo - 1;
+      if (at < 0 || this.#ticks[at]! !== tick) {
+        at = upTo;
+        this.#ticks.splice(at, 0, tick);
+        this.#counts.splice(at, 0, 0);
+      }
+    }
+    this.#counts[at]! += change;
+    this.#summed = Math.min(this.#summed, at);
+  }
+
+  upTo(tick: number): number {
+    for (; this.#summed < this.#ticks.length; this.#summed++) {
+      this.#sums[this.#summed] = (this.#sums[this.#summed - 1] ?? 0) + this.#counts[this.#summed]!;
+    }
+    const count = rowsUpTo(this.#ticks, this.#ticks.length, 1, tick);
+    return count === 0 ? 0 : this.#sums[count - 1]!;
+  }
+}

@@ -1,0 +1,98 @@
+import { describe, expect, test } from "vitest";
+import { cast, firstWall, lattice, shell } from "./lidar.ts";
+import type { Terrain, Vec3 } from "./run.ts";
+
+/** A hall of 8 x 5 x 5 free cells of half a metre. */
+function hall(): Terrain {
+  const size: Vec3 = [10, 7, 7];
+  const walls = new Uint8Array(10 * 7 * 7).fill(1);
+  for (let z = 1; z < 6; z++) {
+    for (let y = 1; y < 6; y++) {
+      walls.fill(0, (z * 7 + y) * 10 + 1, (z * 7 + y) * 10 + 9);
+    }
+  }
+  return { size, cellM: 0.5, walls, freeCells: 200 };
+}
+
+const PLACE: Vec3 = [1.15, 1.7, 1.8];
+
+function hitsOf(positions: Float32Array): Vec3[] {
+  return Array.from({ length: positions.length / 3 }, (_, hit) => [
+    positions[3 * hit]!,
+    positions[3 * hit + 1]!,
+    positions[3 * hit + 2]!,
+  ]);
+}
+
+test("the lattice is even and of length one", () => {
+  const { directions } = lattice(500, 1, 2 * Math.PI, 1);
+  let sum = [0, 0, 0];
+  for (let at = 0; at < directions.length; at += 3) {
+    const ray = [...directions.subarray(at, at + 3)];
+    expect(Math.hypot(...ray)).toBeCloseTo(1, 12);
+    sum = sum.map((total, axis) => total + ray[axis]!);
+  }
+  expect(Math.hypot(...sum)).toBeLessThan(1);
+  expect(directions[0]).toBeCloseTo(1 - 1 / 500, 12);
+});
+
+test("a shell has as many rays as the simulator says", () => {
+  expect([5, 6].map((radius) => shell(radius, 7).directions.length / 3)).toEqual([222, 354]);
+});
+
+test("all rays of a scan inside a hall meet its walls", () => {
+  const hits = hitsOf(cast(lattice(300, Infinity, 2 * Math.PI, 0.5), hall(), PLACE, 0));
+  expect(hits).toHaveLength(300);
+  for (const [x, y, z] of hits) {
+    const apart = [x - 0.5, 4.5 - x, y - 0.5, 3 - y, z - 0.5, 3 - z];
+    expect(Math.min(...apart.map(Math.abs))).toBeLessThan(1e-6);
+    expect(Math.min(...apart)).toBeGreaterThan(-1e-6);
+  }
+});
+
+describe("a scan goes no farther and no wider than it may", () => {
+  test("range", () => {
+    const hits = hitsOf(cast(lattice(300, 1.4, 2 * Math.PI, 0.5), hall(), PLACE, 0));
+    const apart = hits.map((hit) => Math.hypot(...hit.map((at, axis) => at - PLACE[axis]!)));
+    expect(hits.length).toBeGreaterThan(100);
+    expect(hits.length).toBeLessThan(300);
+    expect(Math.max(...apart)).toBeLessThan(1.4 + 1e-6);
+  });
+
+  test("field of view", () => {
+    const yawRad = 2;
+    const hits = hitsOf(cast(lattice(300, Infinity, Math.PI / 2, 0.5), hall(), PLACE, yawRad));
+    // A cone of a quarter turn has (1 - cos 45 degrees) / 2 of the sphere.
+    expect(hits.length).toBeGreaterThan(38);
+    expect(hits.length).toBeLessThan(50);
+    for (const [x, y, z] of hits) {
+      const way: Vec3 = [x - PLACE[0], y - PLACE[1], z - PLACE[2]];
+      const ahead = (Math.cos(yawRad) * way[0] + Math.sin(yawRad) * way[1]) / Math.hypot(...way);
+      expect(ahead).toBeGreaterThan(Math.SQRT1_2 - 1e-6);
+    }
+  });
+
+  test("shell", () => {
+    const hits = hitsOf(cast(shell(3, 2 * Math.PI), hall(), PLACE, 0));
+    const apart = hits.map((hit) => Math.hypot(...hit.map((at, axis) => at - PLACE[axis]!)));
+    expect(hits.length).toBeGreaterThan(0);
+    expect(Math.max(...apart)).toBeLessThan(3 * 0.5 + 1e-6);
+  });
+});
+
+test("the lower axis steps first where two boundaries are reached at once", () => {
+  const walls = Uint8Array.of(0, 0, 1, 0, 0, 0, 0, 0);
+  const terrain = { size: [2, 2, 2] as Vec3, cellM: 1, walls };
+  // From the middle of the lowest cell through its uppermost corner: first to (1, 0, 0), then (1, 1, 0).
+  expect(firstWall(terrain, [0.5, 0.5, 0.5], [1, 1, 1], Infinity)).toBeNull();
+  walls.set([0, 1, 0, 0]);
+  expect(firstWall(terrain, [0.5, 0.5, 0.5], [1, 1, 1], Infinity)).toBe(0.5);
+});
+
+test("what is no place or no direction ends", () => {
+  const terrain = hall();
+  expect(firstWall(terrain, [-1, 1, 1], [1, 0, 0], Infinity)).toBeNull();
+  expect(firstWall(terrain, PLACE, [0, 0, 0], Infinity)).toBeNull();
+  expect(firstWall(terrain, [NaN, 1, 1], [1, 0, 0], Infinity)).toBeNull();
+  expect(firstWall(terrain, PLACE, [NaN, 0, 0], Infinity)).toBeNull();
+});

@@ -1,0 +1,342 @@
+/**
+ * The messages of a recording that the page makes use of, decoded.
+ *
+ * Message types are those of `msgs/msg`. What is not needed of a message is passed over. Throws a RangeError if bytes are not a
+ * message of the type.
+ */
+
+import { CdrReader, type Runs } from "./cdr.ts";
+import { TICK_S, type Progress, type Result, type Vec3 } from "./run.ts";
+
+/** The version of the protocol whose messages these are. */
+export const PROTOCOL = 3;
+
+/** From here on the numbers of contacts and senders are those of relays. */
+export const FIRST_RELAY = 0x80000000;
+
+/** Kind of parcels that hold maps. */
+export const MAP_PARCEL = 1;
+
+/** Kinds of tasks, by number. */
+export const TaskKind = { Keep: 0, Stop: 1, Move: 2, Turn: 3, Path: 4, Velocity: 5 } as const;
+
+export interface Parcel {
+  readonly kind: number;
+  readonly data: Uint8Array;
+}
+
+/** A part of what an agent learns when it is asked. */
+export interface Observation {
+  readonly tick: number;
+  readonly part: number;
+  readonly parts: number;
+  readonly position: Vec3;
+  readonly yawRad: number;
+  readonly isIdle: boolean;
+  readonly collision: number;
+  /** Agents and relays. */
+  readonly contacts: readonly number[];
+  readonly parcels: readonly Parcel[];
+  /** Not a number if there was none. */
+  readonly scanTick: number;
+  readonly seenFree: Runs;
+  readonly seenWall: Runs;
+}
+
+export interface Command {
+  readonly tick: number;
+  /** See `TaskKind`. */
+  readonly kind: number;
+  readonly pitchRad: number;
+  readonly distanceM: number;
+  /** x, y, z of each way-point. */
+  readonly path: readonly number[];
+  readonly parcels: readonly Parcel[];
+  readonly info: string;
+  readonly knownFree: number;
+}
+
+export interface Scenario {
+  readonly durationTicks: number;
+  readonly size: Vec3;
+  readonly cellM: number;
+  readonly agents: number;
+  readonly controller: string;
+  readonly radiusM: readonly number[];
+  readonly rays: number;
+  readonly rangeM: number;
+  readonly fovRad: number;
+  readonly communicationRangeM: number;
+}
+
+export interface Pose {
+  readonly agent: number;
+  readonly position: Vec3;
+  readonly yawRad: number;
+}
+
+export interface Placement {
+  readonly tick: number;
+  readonly isPlaced: boolean;
+  readonly agent: number;
+  readonly position: Vec3;
+  readonly yawRad: number;
+}
+
+/** Points of a scan in the frame of the body, as x, y, z one after the other, and when the scan was. */
+export interface Cloud {
+  readonly timeS: number;
+  readonly points: Float32Array;
+}
+
+function vector(reader: CdrReader): Vec3 {
+  return [reader.f64(), reader.f64(), reader.f64()];
+}
+
+/** Passes over a header; its time in seconds. */
+function header(reader: CdrReader): number {
+  const seconds = reader.i32();
+  const nanoseconds = reader.u32();
+  reader.bytes();
+  return seconds + nanoseconds * 1e-9;
+}
+
+function parcels(reader: CdrReader): Parcel[] {
+  return Array.from({ length: reader.count(9) }, () => {
+    reader.u32();
+    return { kind: reader.u8(), data: reader.bytes() };
+  });
+}
+
+export function observation(bytes: Uint8Array): Observation {
+  const reader = new CdrReader(bytes);
+  header(reader);
+  const tick = reader.u64();
+  reader.u64();
+  reader.u32();
+  const part = reader.u16();
+  const parts = reader.u16();
+  reader.u8();
+  const position = vector(reader);
+  const yawRad = reader.f64();
+  reader.skip(4, 8);
+  const isIdle = reader.u8() === 0;
+  const collision = reader.u8();
+  reader.skip(2, 1);
+  const contacts = Array.from({ length: reader.count(28) }, () => {
+    const agent = reader.u32();
+    reader.skip(3, 8);
+    return agent;
+  });
+  const received = parcels(reader);
+  const scan = reader.u64();
+  return {
+    tick,
+    part,
+    parts,
+    position,
+    yawRad,
+    isIdle,
+    collision,
+    contacts,
+    parcels: received,
+    scanTick: scan <= tick ? scan : NaN,
+    seenFree: reader.runs(),
+    seenWall: reader.runs(),
+  };
+}
+
+export function command(bytes: Uint8Array): Command {
+  const reader = new CdrReader(bytes);
+  const tick = reader.u64();
+  reader.u64();
+  reader.u32();
+  const kind = reader.u8();
+  if (kind > TaskKind.Velocity) {
+    throw new RangeError(`a task of kind ${kind}`);
+  }
+  const pitchRad = reader.f64();
+  const distanceM = reader.f64();
+  reader.f64();
+  const points = reader.count(24);
+  const path = Array.from({ length: 3 * points }, () => reader.f64());
+  reader.skip(4, 8);
+  // What the LiDAR is to do, and whether the view is wanted.
+  reader.u8();
+  reader.u32();
+  reader.u8();
+  const sent = parcels(reader);
+  reader.u64();
+  reader.u8();
+  const info = reader.string();
+  return { tick, kind, pitchRad, distanceM, path, parcels: sent, info, knownFree: reader.u32() };
+}
+
+/** The version of the protocol that a scenario is of: it stands first in all of them. */
+export function protocolOf(bytes: Uint8Array): number {
+  return new CdrReader(bytes).u32();
+}
+
+export function scenario(bytes: Uint8Array): Scenario {
+  const reader = new CdrReader(bytes);
+  reader.u32();
+  reader.skip(3, 8);
+  const durationTicks = reader.u64();
+  const size: Vec3 = [reader.u32(), reader.u32(), reader.u32()];
+  const cellM = reader.f64();
+  const agents = reader.u32();
+  reader.u64();
+  const controller = reader.string();
+  for (let settings = reader.count(4); settings > 0; settings--) {
+    reader.bytes();
+  }
+  const radii = Array.from({ length: reader.count(57) }, () => {
+    reader.u8();
+    const radiusM = reader.f64();
+    reader.skip(6, 8);
+    return radiusM;
+  });
+  const bodyOf = reader.bytes();
+  const rays = reader.u32();
+  const rangeM = reader.f64();
+  const fovRad = reader.f64();
+  reader.u32();
+  const communicationRangeM = reader.f64();
+  if (bodyOf.length !== agents || bodyOf.some((body) => body >= radii.length)) {
+    throw new RangeError(`${agents} agents with ${bodyOf.length} bodies`);
+  }
+  return {
+    durationTicks,
+    size,
+    cellM,
+    agents,
+    controller,
+    radiusM: Array.from(bodyOf, (body) => radii[body]!),
+    rays,
+    rangeM,
+    fovRad,
+    communicationRangeM,
+  };
+}
+
+/** What an agent runs. */
+export function joinedController(bytes: Uint8Array): string {
+  const reader = new CdrReader(bytes);
+  reader.u64();
+  reader.u32();
+  reader.u64();
+  reader.u32();
+  return reader.string();
+}
+
+/** The agents among the frames of a message on `/tf`. */
+export function poses(bytes: Uint8Array): Pose[] {
+  const reader = new CdrReader(bytes);
+  const found: Pose[] = [];
+  for (let frames = reader.count(64); frames > 0; frames--) {
+    header(reader);
+    const agent = agentOfFrame(reader.bytes());
+    const position = vector(reader);
+    const [x, y, z, w] = [reader.f64(), reader.f64(), reader.f64(), reader.f64()];
+    const yawRad = Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z));
+    if (agent >= 0) {
+      found.push({ agent, position, yawRad });
+    }
+  }
+  return found;
+}
+
+/** The number in `agent_<id>/base_link`, or -1; of bytes, because there are as many frames as poses. */
+function agentOfFrame(bytes: Uint8Array): number {
+  const prefix = "agent_";
+  for (let at = 0; at < prefix.length; at++) {
+    if (bytes[at] !== prefix.charCodeAt(at)) {
+      return -1;
+    }
+  }
+  let id = 0;
+  let at = prefix.length;
+  for (; at < bytes.length; at++) {
+    const digit = bytes[at]! - 0x30;
+    if (digit < 0 || digit > 9) {
+      break;
+    }
+    id = 10 * id + digit;
+  }
+  return at > prefix.length && bytes[at] === 0x2f ? id : -1;
+}
+
+export function progress(bytes: Uint8Array): Progress {
+  const reader = new CdrReader(bytes);
+  header(reader);
+  const timeS = reader.u64() * TICK_S;
+  const shares = sharesOf(reader);
+  return { timeS, ...shares, pairsInContact: reader.u32(), parcelBytes: reader.u64() };
+}
+
+function sharesOf(reader: CdrReader) {
+  return {
+    explored: reader.f64(),
+    covered: reader.f64(),
+    exploredBy: reader.f64s(),
+    coveredBy: reader.f64s(),
+    distanceM: reader.f64s(),
+    believedBy: reader.f64s(),
+  };
+}
+
+/** The outcome; what only progress tells is taken from the last one. */
+export function result(bytes: Uint8Array, last: Progress | undefined): Result {
+  const reader = new CdrReader(bytes);
+  header(reader);
+  const tick = reader.u64();
+  const reason = reader.string();
+  const shares = sharesOf(reader);
+  const counters = new Map<string, number>();
+  for (let left = reader.count(13); left > 0; left--) {
+    const name = reader.string();
+    counters.set(name, reader.u64());
+  }
+  const digest = Array.from({ length: 32 }, () => reader.u8().toString(16).padStart(2, "0")).join("");
+  return {
+    timeS: tick * TICK_S,
+    tick,
+    reason,
+    ...shares,
+    pairsInContact: last?.pairsInContact ?? 0,
+    parcelBytes: counters.get("parcel_bytes_delivered") ?? last?.parcelBytes ?? 0,
+    counters,
+    digest,
+  };
+}
+
+/** What was done to an agent from outside. */
+export function intervention(bytes: Uint8Array): Placement {
+  const reader = new CdrReader(bytes);
+  header(reader);
+  const tick = reader.u64();
+  const isPlaced = reader.u8() === 0;
+  return { tick, isPlaced, agent: reader.u32(), position: vector(reader), yawRad: reader.f64() };
+}
+
+/** A cloud of points of three 32-bit coordinates each. */
+export function cloud(bytes: Uint8Array): Cloud {
+  const reader = new CdrReader(bytes);
+  const timeS = header(reader);
+  reader.skip(2, 4);
+  for (let fields = reader.count(13); fields > 0; fields--) {
+    reader.bytes();
+    reader.u32();
+    reader.u8();
+    reader.u32();
+  }
+  reader.u8();
+  const step = reader.u32();
+  reader.u32();
+  const data = reader.bytes();
+  if (step !== 12 || data.length % step !== 0) {
+    throw new RangeError(`points of ${step} bytes in ${data.length}`);
+  }
+  // A copy, because the bytes may lie anywhere in memory.
+  return { timeS, points: new Float32Array(data.slice().buffer) };
+}

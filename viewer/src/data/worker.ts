@@ -1,0 +1,171 @@
+/**
+ * The worker that reads: bytes of a file, of an address, or of a run under way, in; batches out.
+ *
+ * At most some twenty batches are sent in a second, so that the page is not kept busy by them. Questions are answered between two
+ * pieces of a file. What is read is decided in `reading.ts`.
+ */
+
+import { buffersOf, type Reply, type Request } from "./protocol.ts";
+import { Reading, type FetchBytes } from "./reading.ts";
+import { UnreadableError } from "./run.ts";
+import { loadZstd } from "./zstd.ts";
+
+const BATCH_PERIOD_MS = 50;
+
+/** The first piece is small, so that there is something to look at soon. */
+const FIRST_PIECE_BYTES = 1 << 18;
+const PIECE_BYTES = 1 << 20;
+
+interface Scope {
+  onmessage: ((event: MessageEvent<Request>) => void) | null;
+  postMessage(reply: Reply, transfer?: readonly Transferable[]): void;
+}
+const scope = self as unknown as Scope;
+
+const zstd = loadZstd();
+let reading: Reading | null = null;
+/** Questions and pieces of a run under way that have come before reading could begin. */
+const waiting: Request[] = [];
+let isOpened = false;
+let hasFailed = false;
+let lastBatchMs = -Infinity;
+let timer: ReturnType<typeof setTimeout> | null = null;
+
+function sendBatch(): void {
+  if (timer !== null) {
+    clearTimeout(timer);
+    timer = null;
+  }
+  const opening = reading?.opening;
+  if (!reading || !opening) {
+    return;
+  }
+  if (!isOpened) {
+    isOpened = true;
+    scope.postMessage({ kind: "opened", ...opening });
+  }
+  const batch = reading.takeBatch();
+  if (batch) {
+    lastBatchMs = performance.now();
+    scope.postMessage({ kind: "batch", batch }, buffersOf(batch) as ArrayBuffer[]);
+  }
+}
+
+/** Sends what there is, now or when it is time to. */
+function sendInTime(): void {
+  const waitMs = lastBatchMs + BATCH_PERIOD_MS - performance.now();
+  if (waitMs <= 0) {
+    sendBatch();
+  } else {
+    timer ??= setTimeout(sendBatch, waitMs);
+  }
+}
+
+/** Says what went wrong; `subject` names what was read unless the error does. */
+function fail(subject: string, error: unknown): void {
+  const reason = error instanceof Error ? error.message : String(error);
+  const message = error instanceof UnreadableError ? reason : `${subject} cannot be read: ${reason}`;
+  if (isOpened) {
+    reading?.abort(message);
+    sendBatch();
+  } else if (!hasFailed) {
+    hasFailed = true;
+    scope.postMessage({ kind: "unreadable", message });
+  }
+}
+
+async function begin(title: string, fetchBytes: FetchBytes | null): Promise<Reading> {
+  const begun = new Reading(title, await zstd, fetchBytes);
+  reading = begun;
+  waiting.splice(0).forEach(answer);
+  return begun;
+}
+
+async function readFile(file: File): Promise<void> {
+  const fetchBytes: FetchBytes = async (start, length) =>
+    new Uint8Array(await file.slice(start, start + length).arrayBuffer());
+  const begun = await begin(file.name, fetchBytes);
+  let bytes = FIRST_PIECE_BYTES;
+  for (let at = 0; at < file.size && !begun.isAtEnd; at += bytes, bytes = PIECE_BYTES) {
+    begun.push(await fetchBytes(at, bytes));
+    sendInTime();
+  }
+  begun.finish();
+  sendBatch();
+}
+
+async function readUrl(url: string, title: string): Promise<void> {
+  const response = await fetch(url, { headers: { Range: "bytes=0-" } });
+  if (!response.ok || !response.body) {
+    throw new UnreadableError(
+      `${url} cannot be read: the server answers ${response.status} ${response.statusText}`,
+    );
+  }
+  const fetchRange: FetchBytes = async (start, length) => {
+    const part = await fetch(url, { headers: { Range: `bytes=${start}-${start + length - 1}` } });
+    return new Uint8Array(await part.arrayBuffer());
+  };
+  const begun = await begin(title, response.status === 206 ? fetchRange : null);
+  const body = response.body.getReader();
+  for (let piece = await body.read(); !piece.done && !begun.isAtEnd; piece = await body.read()) {
+    begun.push(piece.value);
+    sendInTime();
+  }
+  void body.cancel();
+  begun.finish();
+  sendBatch();
+}
+
+function answer(request: Request): void {
+  if (!reading) {
+    waiting.push(request);
+    return;
+  }
+  switch (request.kind) {
+    case "push":
+    case "end":
+      if (hasFailed) {
+        return;
+      }
+      try {
+        if (request.kind === "push") {
+          reading.push(request.bytes);
+        } else {
+          reading.finish();
+        }
+        sendInTime();
+      } catch (error) {
+        fail("the run", error);
+      }
+      break;
+    case "follow": {
+      const knownTick = reading.follow(request.request, request.agent);
+      scope.postMessage(
+        { kind: "belief", request: request.request, knownTick },
+        knownTick ? [knownTick.buffer] : [],
+      );
+      break;
+    }
+    case "hits":
+      void reading
+        .hits(request.agent, request.untilTick, request.scan)
+        .then((hits) => scope.postMessage({ kind: "hits", request: request.request, hits }));
+      break;
+  }
+}
+
+scope.onmessage = ({ data: request }) => {
+  switch (request.kind) {
+    case "file":
+      readFile(request.file).catch((error: unknown) => fail(request.file.name, error));
+      break;
+    case "url":
+      readUrl(request.url, request.title).catch((error: unknown) => fail(request.url, error));
+      break;
+    case "live":
+      begin(request.title, null).catch((error: unknown) => fail(request.title, error));
+      break;
+    default:
+      answer(request);
+  }
+};

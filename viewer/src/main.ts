@@ -1,0 +1,54 @@
+/**
+ * Where the page begins: reads what its address asks for, and opens that.
+ *
+ * `?recording=URL`, `?server=ws://host:port`, `?time=S`, `?agent=N`, `?picture=1`. Without a recording or a server, a page that was
+ * served by a simulator connects with it; one that was not shows the welcome screen.
+ */
+import "./app/base.css";
+import "./app/layout.css";
+import "./app/panels.css";
+import { App } from "./app/app.ts";
+import type { Handle } from "./app/handle.ts";
+
+const wanted = new URLSearchParams(location.search);
+
+/** A number of the address; null if there is none. */
+function numberOf(name: string): number | null {
+  const text = wanted.get(name);
+  if (text === null || text.trim() === "") return null;
+  const value = Number(text);
+  return Number.isFinite(value) && value >= 0 ? value : null;
+}
+
+const app = new App(document.getElementById("app")!, {
+  timeS: numberOf("time"),
+  agent: numberOf("agent"),
+  isPicture: wanted.get("picture") === "1",
+});
+
+const handle: Handle = {
+  get run() {
+    return app.run;
+  },
+  get scene() {
+    return app.scene;
+  },
+  ready: app.ready,
+  showAt: (timeS) => app.showAt(timeS),
+  get state() {
+    return app.state;
+  },
+};
+window.maes = handle;
+
+// What nobody has foreseen is told, too.
+window.addEventListener("error", ({ message }) => app.shell.banners.set("fault", message));
+window.addEventListener("unhandledrejection", ({ reason }) => app.shell.banners.set("fault", String(reason)));
+
+const recording = wanted.get("recording");
+const server = wanted.get("server");
+if (recording) void app.openUrl(recording);
+else if (server) app.connect(server);
+else if (location.protocol.startsWith("http")) {
+  app.connect(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}`, true);
+}

@@ -1,0 +1,131 @@
+/**
+ * Rectangles of a mesher as something that three.js draws.
+ *
+ * All geometries share one list of indices, so each is just its corners. The shaders find the number of a corner in `gl_VertexID`.
+ * Of each chunk only the directions are drawn that can be seen from the eye.
+ */
+
+import {
+  BufferAttribute,
+  BufferGeometry,
+  Mesh,
+  Sphere,
+  Uint32BufferAttribute,
+  Vector3,
+  type RawShaderMaterial,
+} from "three";
+import type { Size } from "./chunks.ts";
+import { hollowsAt, type Hollows } from "./hollows.ts";
+import { CORNERS, FACING_ORDER, NUMBERS_PER_CORNER, type Surface } from "./mesher.ts";
+
+/** Indices of as many rectangles as the largest geometry has. */
+export class QuadIndex {
+  #attribute = new Uint32BufferAttribute(quadIndices(1024), 1);
+
+  for(quads: number): BufferAttribute {
+    if (this.#attribute.count < quads * 6) {
+      const capacity = 2 ** Math.ceil(Math.log2(quads));
+      this.#attribute = new Uint32BufferAttribute(quadIndices(capacity), 1);
+    }
+    return this.#attribute;
+  }
+}
+
+/** Two triangles for each four corners. */
+export function quadIndices(quads: number): Uint32Array {
+  const indices = new Uint32Array(quads * 6);
+  for (let quad = 0; quad < quads; quad++) {
+    const [at, first] = [quad * 6, quad * CORNERS];
+    indices.set([first, first + 1, first + 2, first, first + 2, first + 3], at);
+  }
+  return indices;
+}
+
+/** A surface with the light of its hollows as attributes; several meshes may draw it. */
+export class Faces {
+  readonly #attributes: Readonly<Record<string, BufferAttribute>>;
+
+  /** The surface lies between two corners, in cells. */
+  constructor(
+    readonly surface: Surface,
+    hollows: Hollows,
+    readonly index: QuadIndex,
+    readonly low: Size,
+    readonly high: Size,
+  ) {
+    const { each, mean } = hollowsAt(hollows, surface.corners);
+    this.#attributes = {
+      corner: new BufferAttribute(surface.corners, NUMBERS_PER_CORNER),
+      hollow: new BufferAttribute(each, 4, true),
+      hollowMean: new BufferAttribute(mean, 4, true),
+    };
+  }
+
+  geometry(): BufferGeometry {
+    const geometry = new BufferGeometry();
+    for (const [name, attribute] of Object.entries(this.#attributes)) geometry.setAttribute(name, attribute);
+    geometry.setIndex(this.index.for(this.surface.ends.at(-1)!));
+    const [low, high] = [new Vector3(...this.low), new Vector3(...this.high)];
+    geometry.boundingSphere = new Sphere(low.clone().add(high).multiplyScalar(0.5), high.distanceTo(low) / 2);
+    return geometry;
+  }
+}
+
+/** Faces that look at the eye, or those that look away from it. */
+export class FacesMesh {
+  readonly mesh: Mesh<BufferGeometry, RawShaderMaterial[]>;
+  #faces: Faces;
+  /** Which directions are drawn, one bit each. */
+  #drawn = -1;
+
+  constructor(
+    faces: Faces,
+    material: RawShaderMaterial,
+    readonly looksAway: boolean,
+  ) {
+    this.#faces = faces;
+    this.mesh = new Mesh(faces.geometry(), [material]);
+  }
+
+  /** Draws other faces from here on. */
+  replace(faces: Faces): void {
+    this.#faces = faces;
+    this.#drawn = -1;
+    this.free();
+    this.mesh.geometry = faces.geometry();
+  }
+
+  /** Draws what can be seen from the eye, a place in cells. */
+  aim(eye: Vector3): void {
+    const { low, high, surface } = this.#faces;
+    let drawn = 0;
+    for (let axis = 0; axis < 3; axis++) {
+      const place = eye.getComponent(axis);
+      const [isAbove, isBelow] = [place > low[axis]!, place < high[axis]!];
+      if (this.looksAway ? isBelow : isAbove) drawn |= 1 << (2 * axis);
+      if (this.looksAway ? isAbove : isBelow) drawn |= 2 << (2 * axis);
+    }
+    if (drawn === this.#drawn) return;
+    this.#drawn = drawn;
+    const { geometry } = this.mesh;
+    geometry.clearGroups();
+    let from = 0;
+    let to = 0;
+    for (const [place, facing] of FACING_ORDER.entries()) {
+      const end = surface.ends[place]!;
+      const isDrawn = ((drawn >> facing) & 1) === 1;
+      if (isDrawn) to = end;
+      if (!isDrawn || place === FACING_ORDER.length - 1) {
+        if (to > from) geometry.addGroup(from * 6, (to - from) * 6, 0);
+        from = end;
+        to = end;
+      }
+    }
+  }
+
+  /** Frees the geometry, but not the indices that others use. */
+  free(): void {
+    this.mesh.geometry.setIndex(null);
+    this.mesh.geometry.dispose();
+  }
+}

@@ -1,0 +1,65 @@
+/** What a scan has hit: a point for each ray, from warm (near) to cool (far). */
+
+import { BufferAttribute, BufferGeometry, GLSL3, Points, RawShaderMaterial, Vector3 } from "three";
+import type { Hits, Vec3 } from "../data/run.ts";
+import { FRAGMENT_HEAD, VERTEX_HEAD, type Common } from "./glsl.ts";
+
+const VERTEX = /* glsl */ `${VERTEX_HEAD}
+in vec3 place;
+uniform vec3 from;
+out vec3 vTint;
+void main() {
+  float share = 1.0 - exp(-distance(place, from) / 14.0);
+  vTint = mix(mix(vec3(1.0, 0.86, 0.45), vec3(0.45, 0.95, 0.75), smoothstep(0.0, 0.5, share)),
+    vec3(0.35, 0.6, 1.0), smoothstep(0.5, 1.0, share));
+  vec4 view = viewMatrix * vec4(place, 1.0);
+  // A little towards the eye, so that points lie on walls rather than in them.
+  gl_Position = projectionMatrix * vec4(view.xyz * 0.997, 1.0);
+  gl_PointSize = pixelRatio * clamp(0.09 / (pixelM * pixelRatio * -view.z), 1.6, 5.0);
+}
+`;
+
+const FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}
+in vec3 vTint;
+void main() {
+  vec2 at = gl_PointCoord * 2.0 - 1.0;
+  if (dot(at, at) > 1.0) discard;
+  colour = vec4(vTint, 0.9);
+}
+`;
+
+export class HitPoints {
+  readonly points: Points<BufferGeometry, RawShaderMaterial>;
+  #shown: Hits | null = null;
+
+  constructor(common: Common) {
+    const material = new RawShaderMaterial({
+      glslVersion: GLSL3,
+      uniforms: { ...common, from: { value: new Vector3() } },
+      vertexShader: VERTEX,
+      fragmentShader: FRAGMENT,
+      transparent: true,
+      depthWrite: false,
+    });
+    this.points = new Points(new BufferGeometry(), material);
+    this.points.frustumCulled = false;
+    this.points.renderOrder = 5;
+  }
+
+  /** `from` is where the scan was made. */
+  show(hits: Hits | null, from: Vec3): void {
+    this.points.visible = hits !== null && hits.positions.length > 0;
+    if (hits === this.#shown || hits === null) return;
+    this.#shown = hits;
+    this.points.geometry.dispose();
+    this.points.geometry = new BufferGeometry();
+    this.points.geometry.setAttribute("place", new BufferAttribute(hits.positions, 3));
+    this.points.geometry.setDrawRange(0, hits.positions.length / 3);
+    (this.points.material.uniforms.from!.value as Vector3).set(...from);
+  }
+
+  dispose(): void {
+    this.points.geometry.dispose();
+    this.points.material.dispose();
+  }
+}

@@ -1,0 +1,311 @@
+/**
+ * The picture of a run in three dimensions, on a canvas.
+ *
+ * A picture depends on the run, the moment, the view and the camera, and on nothing that was shown before, once it is `settled`:
+ * pictures that are drawn in passing may lag behind in the layers of cells, because each may only take so long.
+ * The scene selects nothing on its own: it tells what lies at a place (`pick`).
+ */
+
+import { Scene as Graph, Vector3, WebGLRenderer } from "three";
+import { TICK_S, type Belief, type Hits, type Run, type Vec3 } from "../data/run.ts";
+import { Backdrop } from "./backdrop.ts";
+import { Cave } from "./cave.ts";
+import { Eye } from "./eye.ts";
+import { makeCommon } from "./glsl.ts";
+import { isSoftware } from "./graphics.ts";
+import { HitPoints } from "./hits.ts";
+import { distanceToFit, FIELD_OF_VIEW_RAD, type Orbit } from "./orbit.ts";
+import { Team } from "./team.ts";
+import { defaultView, type View } from "./view.ts";
+
+export { DEFAULT_LAYERS, type Layers, type View } from "./view.ts";
+
+/**
+ * How long a picture may make chunks: a share of the time since the last one, so that what is missing comes soon on a slow machine too,
+ * between these bounds.
+ */
+const BUDGET_SHARE = 0.2;
+const BUDGET_MS = [8, 60] as const;
+
+const CAVE_YAW_RAD = (62 * Math.PI) / 180;
+/** Cells between the eye and a selected agent. */
+const AGENT_DISTANCE_CELLS = 11;
+const AGENT_PITCH_RAD = (24 * Math.PI) / 180;
+
+/** What is shown of a run. */
+interface Stage {
+  readonly run: Run;
+  readonly cave: Cave;
+  readonly team: Team;
+  readonly stopListening: () => void;
+}
+
+export class Scene {
+  readonly view: View = defaultView();
+  /** Whether pictures are computed by the processor, as far as the browser tells: then each pixel counts. */
+  readonly isSoftware = isSoftware();
+  readonly #renderer: WebGLRenderer;
+  readonly #graph = new Graph();
+  readonly #common = makeCommon();
+  readonly #backdrop: Backdrop;
+  readonly #hitPoints: HitPoints;
+  readonly #eye: Eye;
+  readonly #edgeMax: number;
+  #stage: Stage | null = null;
+  #selected: number | null = null;
+  #size = { width: 1, height: 1 };
+  #timeS = 0;
+  #drawnMs = -Infinity;
+  #isDirty = true;
+  #isLate = false;
+  #followed: number | null = null;
+  #following: Promise<void> = Promise.resolve();
+  #hits: { readonly agent: number; readonly timeS: number; readonly hits: Hits | null } | null = null;
+  #asked: { readonly agent: number; readonly timeS: number; readonly answer: Promise<void> } | null = null;
+  #figures = { triangles: 0, chunksRebuilt: 0, milliseconds: 0 };
+
+  /**
+   * Throws with a readable message where there is no WebGL 2. `isForPictures`: edges are smooth whatever they cost; where the processor
+   * draws they are not otherwise.
+   */
+  constructor(
+    readonly canvas: HTMLCanvasElement,
+    { isForPictures }: { readonly isForPictures: boolean } = { isForPictures: false },
+  ) {
+    try {
+      this.#renderer = new WebGLRenderer({
+        canvas,
+        antialias: isForPictures || !this.isSoftware,
+        powerPreference: "high-performance",
+      });
+    } catch (error) {
+      throw new Error(
+        "This browser gives no WebGL 2, which the picture is drawn with. Another browser, or graphics acceleration in its settings, may help.",
+        { cause: error },
+      );
+    }
+    // To ask whether a shader is right would wait until it is made.
+    this.#renderer.debug.checkShaderErrors = import.meta.env.DEV;
+    const gl = this.#renderer.getContext() as WebGL2RenderingContext;
+    this.#edgeMax = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
+    this.#backdrop = new Backdrop(this.#common);
+    this.#hitPoints = new HitPoints(this.#common);
+    this.#graph.add(this.#backdrop.mesh, this.#hitPoints.points);
+    this.#eye = new Eye(canvas);
+    canvas.addEventListener("webglcontextrestored", this.#touch);
+  }
+
+  get selected(): number | null {
+    return this.#selected;
+  }
+
+  /** What cannot be shown of the run, for people. */
+  get notices(): readonly string[] {
+    return this.#stage?.cave.notices ?? [];
+  }
+
+  get figures(): {
+    readonly triangles: number;
+    readonly chunksRebuilt: number;
+    readonly milliseconds: number;
+  } {
+    return this.#figures;
+  }
+
+  /** Whether the next picture may differ from the last one though the time is the same: a flight, a hand on the camera, news. */
+  get isRestless(): boolean {
+    return this.#isDirty || this.#isLate || this.#eye.isRestless;
+  }
+
+  /** Shows another run, or none; the camera goes to the whole cave. */
+  setRun(run: Run | null): void {
+    this.#clear();
+    if (run === null) return;
+    const cave = new Cave(run, this.#common, this.#edgeMax);
+    const team = new Team(run, this.#common);
+    this.#graph.add(cave.root, team.root);
+    const stopListening = run.onNews((news) => {
+      cave.learn(news);
+      this.#isDirty = true;
+    });
+    this.#stage = { run, cave, team, stopListening };
+    const { cellM } = run.terrain;
+    const reachM = Math.hypot(...cave.extentM) / 2;
+    this.#eye.setLimits([1.5 * cellM, reachM * 7], reachM);
+    this.#eye.goTo(this.#caveOrbit(cave), cave.middle, false);
+  }
+
+  /** Selects an agent, flies to it (no hand on the camera meanwhile) and keeps it in the middle; null: the whole cave. */
+  select(agent: number | null, options: { readonly fly: boolean } = { fly: true }): void {
+    const stage = this.#stage;
+    if (stage === null || (agent !== null && !(agent >= 0 && agent < stage.run.setup.agents))) return;
+    this.#selected = agent;
+    this.#isDirty = true;
+    if (agent === null) {
+      this.#eye.goTo(this.#caveOrbit(stage.cave), stage.cave.middle, options.fly);
+      return;
+    }
+    const state = stage.run.agentAt(agent, this.#timeS);
+    const distanceM = AGENT_DISTANCE_CELLS * stage.run.terrain.cellM;
+    const orbit: Orbit = { centre: [0, 0, 0], yawRad: state.yawRad, pitchRad: AGENT_PITCH_RAD, distanceM };
+    this.#eye.goTo(orbit, state.position, options.fly);
+  }
+
+  /** The agent at a place of the canvas in the last picture, CSS pixels. */
+  pick(x: number, y: number): number | null {
+    return this.#stage?.team.pick(x, y) ?? null;
+  }
+
+  /** To be called after `view` was changed. */
+  viewChanged(): void {
+    this.#isDirty = true;
+  }
+
+  render(timeS: number): void {
+    const sinceMs = performance.now() - this.#drawnMs;
+    this.#draw(timeS, Math.min(Math.max(sinceMs * BUDGET_SHARE, BUDGET_MS[0]), BUDGET_MS[1]));
+  }
+
+  /** Resolves when all that the picture of this moment needs is there and has been drawn. A flight is at its end then. */
+  async settled(timeS: number): Promise<void> {
+    this.#eye.land();
+    const stage = this.#stage;
+    this.#draw(timeS, Infinity);
+    await this.#following;
+    while (this.#stage === stage && this.#asked !== null && this.#needsHits(timeS)) {
+      await this.#asked.answer;
+      this.#draw(timeS, Infinity);
+    }
+    if (this.#stage === stage && this.isRestless) this.#draw(timeS, Infinity);
+  }
+
+  /** Width and height of the canvas in CSS pixels, and how many pixels each of them has. */
+  resize(width: number, height: number, pixelRatio: number): void {
+    this.#size = { width: Math.max(width, 1), height: Math.max(height, 1) };
+    this.#renderer.setPixelRatio(pixelRatio);
+    this.#renderer.setSize(this.#size.width, this.#size.height, false);
+    this.#common.pixelRatio.value = pixelRatio;
+    this.#eye.camera.aspect = this.#size.width / this.#size.height;
+    this.#isDirty = true;
+  }
+
+  dispose(): void {
+    this.#clear();
+    this.canvas.removeEventListener("webglcontextrestored", this.#touch);
+    this.#eye.dispose();
+    this.#backdrop.dispose();
+    this.#hitPoints.dispose();
+    this.#renderer.dispose();
+  }
+
+  readonly #touch = (): void => {
+    this.#isDirty = true;
+  };
+
+  #clear(): void {
+    const stage = this.#stage;
+    this.#stage = null;
+    this.#selected = null;
+    this.#followed = null;
+    this.#hits = null;
+    this.#asked = null;
+    this.#isDirty = true;
+    if (stage === null) return;
+    stage.stopListening();
+    this.#graph.remove(stage.cave.root, stage.team.root);
+    stage.cave.dispose();
+    stage.team.dispose();
+  }
+
+  #draw(timeS: number, budgetMs: number): void {
+    const beganMs = performance.now();
+    this.#drawnMs = beganMs;
+    this.#isDirty = false;
+    this.#timeS = timeS;
+    const stage = this.#stage;
+    let made = 0;
+    if (stage !== null) {
+      const { run, cave, team } = stage;
+      this.#eye.update(
+        this.#selected === null ? cave.middle : run.agentAt(this.#selected, timeS).position,
+        cave.middle,
+      );
+      this.#setCommon(timeS, cave);
+      this.#follow(stage);
+      const done = cave.show(this.#renderer, this.#common.nowTick.value, this.view, budgetMs);
+      this.#isLate = !done.isRight;
+      made = done.made;
+      team.show(timeS, this.view, this.#selected, { camera: this.#eye.camera, ...this.#size });
+      this.#showHits(stage, timeS);
+    } else {
+      this.#hitPoints.show(null, [0, 0, 0]);
+    }
+    this.#renderer.render(this.#graph, this.#eye.camera);
+    const { triangles } = this.#renderer.info.render;
+    this.#figures = { triangles, chunksRebuilt: made, milliseconds: performance.now() - beganMs };
+  }
+
+  #setCommon(timeS: number, cave: Cave): void {
+    const { camera } = this.#eye;
+    const common = this.#common;
+    // The small share makes up for rounding: a moment that is a tick's own shows what the tick brought.
+    common.nowTick.value = Math.max(Math.floor(timeS / TICK_S + 1e-3), 0);
+    common.eye.value.copy(camera.position);
+    this.#eye.lightTo(common.light.value);
+    const followed = this.#selected === null ? null : cave.run.agentAt(this.#selected, timeS).position;
+    cave.clearSight(camera.position.toArray(), followed);
+    this.#renderer.getDrawingBufferSize(common.picture.value);
+    common.pixelM.value = (2 * Math.tan(FIELD_OF_VIEW_RAD / 2)) / common.picture.value.y;
+    const reachM = Math.hypot(...cave.extentM) / 2;
+    const middleM = camera.position.distanceTo(new Vector3(...cave.middle));
+    common.haze.value.set(Math.max(middleM - reachM * 0.75, 0), 1 / (reachM * 1.75));
+  }
+
+  #caveOrbit(cave: Cave): Orbit {
+    const { extentM } = cave;
+    // The flatter the map, the more one looks down on it.
+    const flatness = Math.min(1, (extentM[2] * 2) / (extentM[0] + extentM[1]));
+    const pitchRad = ((56 - 30 * flatness) * Math.PI) / 180;
+    const orbit: Orbit = { centre: [0, 0, 0], yawRad: CAVE_YAW_RAD, pitchRad, distanceM: 1 };
+    const aspect = this.#size.width / this.#size.height;
+    return { ...orbit, distanceM: distanceToFit(orbit, extentM, aspect) * 1.03 };
+  }
+
+  /** Asks for what the selected agent knows if it is to be shown, and lets go of it if not. */
+  #follow(stage: Stage): void {
+    const wanted = this.view.layers.belief ? this.#selected : null;
+    if (wanted === this.#followed) return;
+    this.#followed = wanted;
+    stage.cave.setBelief(null);
+    this.#following = stage.run.follow(wanted).then((belief: Belief | null) => {
+      if (this.#stage !== stage || this.#followed !== wanted) return;
+      stage.cave.setBelief(belief);
+      this.#isDirty = true;
+    });
+  }
+
+  #needsHits(timeS: number): boolean {
+    const agent = this.view.layers.hits ? this.#selected : null;
+    return (
+      agent !== null && (this.#hits === null || this.#hits.agent !== agent || this.#hits.timeS !== timeS)
+    );
+  }
+
+  /** Shows the hits that came last, and asks for those of this moment unless an answer is still to come. */
+  #showHits(stage: Stage, timeS: number): void {
+    const agent = this.view.layers.hits ? this.#selected : null;
+    if (agent !== null && this.#asked === null && this.#needsHits(timeS)) {
+      const answer = stage.run.hitsAt(agent, timeS).then((hits) => {
+        this.#asked = null;
+        if (this.#stage !== stage) return;
+        this.#hits = { agent, timeS, hits };
+        this.#isDirty = true;
+      });
+      this.#asked = { agent, timeS, answer };
+    }
+    const shown = this.#hits !== null && this.#hits.agent === agent ? this.#hits.hits : null;
+    const from: Vec3 =
+      shown === null || agent === null ? [0, 0, 0] : stage.run.agentAt(agent, shown.timeS).position;
+    this.#hitPoints.show(shown, from);
+  }
+}

@@ -1,0 +1,40 @@
+import { describe, expect, it } from "vitest";
+import { randomNumbers } from "./testing.ts";
+import { Thinner } from "./trails.ts";
+
+/** A way with legs at different paces, and rests. */
+function way(seed: number): number[][] {
+  const next = randomNumbers(seed);
+  const points: number[][] = [];
+  let place = [0, 0, 0];
+  let timeS = 0;
+  for (let leg = 0; leg < 12; leg++) {
+    const speed = [next() - 0.5, next() - 0.5, next() - 0.5].map((part) => (leg % 4 === 3 ? 0 : part * 3));
+    const steps = 5 + Math.floor(next() * 90);
+    for (let step = 0; step < steps; step++) {
+      points.push([timeS, ...place]);
+      timeS += 0.2;
+      place = place.map((value, axis) => value + speed[axis]! * 0.2);
+    }
+  }
+  return points;
+}
+
+describe("thinning a track", () => {
+  it.each([1, 2, 3])("keeps few points, and none that is left out is far off (seed %i)", (seed) => {
+    const points = way(seed);
+    const kept: (readonly number[])[] = [];
+    const thinner = new Thinner();
+    for (const point of points) thinner.push(point, (one) => kept.push(one));
+    expect(kept[0]).toBe(points[0]);
+    expect(kept.length).toBeLessThan(points.length / 8);
+    for (const [index, to] of kept.slice(1).entries()) {
+      const from = kept[index]!;
+      for (const point of points.filter(([timeS]) => timeS! > from[0]! && timeS! < to[0]!)) {
+        const share = (point[0]! - from[0]!) / (to[0]! - from[0]!);
+        const off = [1, 2, 3].map((axis) => from[axis]! + (to[axis]! - from[axis]!) * share - point[axis]!);
+        expect(Math.hypot(...off)).toBeLessThanOrEqual(0.1);
+      }
+    }
+  });
+});

@@ -1,0 +1,211 @@
+/**
+ * Where agents were: one line for each, brightest where it is youngest.
+ *
+ * A track has a point for every few ticks; the trail keeps only as many as it needs to stay within a hand's breadth of where the
+ * agent was at each time. Points are appended as the run becomes known and are never made again; a moment is shown by how many of
+ * them are drawn, and by the piece from the last of them to the agent.
+ */
+
+import { BufferAttribute, BufferGeometry, DynamicDrawUsage, Mesh, type RawShaderMaterial } from "three";
+import type { Track, Vec3 } from "../data/run.ts";
+import { FRAGMENT_HEAD, VERTEX_HEAD, type Common } from "./glsl.ts";
+import { GLOW, ribbonMaterial, WIDEN } from "./ribbons.ts";
+
+const TOLERANCE_M = 0.1;
+/** Points that are left out in a row, at most; bounds the work for each point. */
+const SKIPPED_MAX = 48;
+
+/** Leaves out points of a track that a straight way at an even pace comes near enough to. */
+export class Thinner {
+  #anchor: readonly number[] | null = null;
+  #skipped: (readonly number[])[] = [];
+
+  /** Takes the next point (t, x, y, z) and calls back with each one that is kept. */
+  push(point: readonly number[], keep: (point: readonly number[]) => void): void {
+    if (this.#anchor === null) {
+      this.#anchor = point;
+      keep(point);
+      return;
+    }
+    if (this.#skipped.length === SKIPPED_MAX || !this.#isNear(this.#anchor, point)) {
+      this.#anchor = this.#skipped.pop() ?? point;
+      this.#skipped = [];
+      keep(this.#anchor);
+    }
+    this.#skipped.push(point);
+  }
+
+  #isNear(from: readonly number[], to: readonly number[]): boolean {
+    const span = Math.max(to[0]! - from[0]!, 1e-9);
+    return this.#skipped.every((point) => {
+      const share = (point[0]! - from[0]!) / span;
+      const off = [1, 2, 3].map((axis) => from[axis]! + (to[axis]! - from[axis]!) * share - point[axis]!);
+      return Math.hypot(off[0]!, off[1]!, off[2]!) <= TOLERANCE_M;
+    });
+  }
+}
+
+const VERTEX = /* glsl */ `${VERTEX_HEAD}${WIDEN}
+in vec3 place;
+in vec3 before;
+in vec3 after;
+in vec2 shape; // time in seconds, side (-1 or 1)
+uniform float widthPx;
+uniform float leastM;
+out float vTimeS;
+out float vSide;
+out vec3 vPlaceM;
+void main() {
+  vec3 at = (viewMatrix * vec4(place, 1.0)).xyz;
+  vec3 come = at - (viewMatrix * vec4(before, 1.0)).xyz;
+  vec3 go = (viewMatrix * vec4(after, 1.0)).xyz - at;
+  float comeM = length(come);
+  float goM = length(go);
+  vec3 way = (comeM > 1e-6 ? come / comeM : vec3(0.0)) + (goM > 1e-6 ? go / goM : vec3(0.0));
+  if (dot(way, way) < 1e-4) way = come;
+  vTimeS = shape.x;
+  vSide = shape.y * ${GLOW.toFixed(1)};
+  vPlaceM = place;
+  gl_Position = projectionMatrix * vec4(widen(at, way, shape.y, widthPx * 0.5 * ${GLOW.toFixed(1)}, leastM * ${GLOW.toFixed(1)}), 1.0);
+}
+`;
+
+const FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}
+in float vTimeS;
+in float vSide;
+in vec3 vPlaceM;
+uniform float strength;
+uniform vec3 tint;
+uniform float nowS;
+uniform float bright;
+void main() {
+  float core = 1.0 - smoothstep(0.45, 1.15, abs(vSide));
+  float glow = exp(-vSide * vSide * 0.75) * 0.22;
+  float age = max(nowS - vTimeS, 0.0);
+  float young = exp(-age / 40.0);
+  float alpha = (core * mix(0.32, 1.0, young) + glow * young) * strength * bright;
+  if (isCut(vPlaceM)) alpha *= 0.2;
+  if (alpha < 0.004) discard;
+  colour = vec4(mix(tint * mix(0.72, 1.0, young), vec3(1.0), 0.35 * young * core), min(alpha, 1.0));
+}
+`;
+
+const SIZES = { place: 3, before: 3, after: 3, shape: 2 };
+
+/** The trail of one agent. */
+export class Trail {
+  readonly meshes: readonly Mesh<BufferGeometry, RawShaderMaterial>[];
+  #geometry = new BufferGeometry();
+  readonly #thinner = new Thinner();
+  #read = 0;
+  #count = 0;
+  #capacity = 0;
+  #times: number[] = [];
+  #last: Vec3 = [0, 0, 0];
+
+  constructor(common: Common, colour: readonly [number, number, number], radiusM: number) {
+    const shaders = { vertex: VERTEX, fragment: FRAGMENT };
+    this.meshes = [false, true].map((isBehind) => {
+      const material = ribbonMaterial(common, shaders, isBehind, isBehind ? 0.2 : 1);
+      Object.assign(material.uniforms, {
+        tint: { value: colour },
+        nowS: { value: 0 },
+        bright: { value: 1 },
+        widthPx: { value: 2 },
+        leastM: { value: radiusM * 0.1 },
+      });
+      const mesh = new Mesh(this.#geometry, material);
+      mesh.frustumCulled = false;
+      mesh.renderOrder = 4;
+      return mesh;
+    });
+  }
+
+  /** Takes over what has become known of the track. */
+  learn(track: Track): void {
+    const { timeS, positions } = track;
+    for (; this.#read < track.count; this.#read++) {
+      const at = this.#read * 3;
+      const point = [timeS[this.#read]!, positions[at]!, positions[at + 1]!, positions[at + 2]!];
+      this.#thinner.push(point, (kept) => this.#append(kept[0]!, [kept[1]!, kept[2]!, kept[3]!]));
+    }
+  }
+
+  /** Shows the trail up to a time. Returns where its last point is, for the piece to the agent; null: there is none. */
+  show(timeS: number, look: { readonly bright: number; readonly widthPx: number }): Vec3 | null {
+    let count = 0;
+    for (let low = 0, high = this.#count; low < high; count = low) {
+      const middle = (low + high) >>> 1;
+      if (this.#times[middle]! <= timeS) low = middle + 1;
+      else high = middle;
+    }
+    for (const mesh of this.meshes) {
+      mesh.visible = count > 1;
+      mesh.material.uniforms.nowS!.value = timeS;
+      mesh.material.uniforms.bright!.value = look.bright;
+      mesh.material.uniforms.widthPx!.value = look.widthPx;
+    }
+    this.#geometry.setDrawRange(0, Math.max(count - 1, 0) * 6);
+    if (count === 0) return null;
+    const place = this.#geometry.getAttribute("place");
+    const vertex = (count - 1) * 2;
+    return [place.getX(vertex), place.getY(vertex), place.getZ(vertex)];
+  }
+
+  hide(): void {
+    for (const mesh of this.meshes) mesh.visible = false;
+  }
+
+  dispose(): void {
+    this.#geometry.dispose();
+    for (const mesh of this.meshes) mesh.material.dispose();
+  }
+
+  #append(timeS: number, place: Vec3): void {
+    if (this.#count === this.#capacity) this.#grow();
+    const at = this.#count * 2;
+    const before = this.#count === 0 ? place : this.#last;
+    for (const vertex of [at, at + 1]) {
+      this.#attribute("place").setXYZ(vertex, ...place);
+      this.#attribute("before").setXYZ(vertex, ...before);
+      this.#attribute("after").setXYZ(vertex, ...place);
+      this.#attribute("shape").setXY(vertex, timeS, vertex === at ? -1 : 1);
+    }
+    if (this.#count > 0)
+      for (const vertex of [at - 2, at - 1]) this.#attribute("after").setXYZ(vertex, ...place);
+    for (const [name, size] of Object.entries(SIZES)) {
+      const attribute = this.#attribute(name);
+      const from = Math.max(at - 2, 0);
+      attribute.addUpdateRange(from * size, (at + 2 - from) * size);
+      attribute.needsUpdate = true;
+    }
+    this.#times[this.#count] = timeS;
+    this.#last = place;
+    this.#count++;
+  }
+
+  #attribute(name: string): BufferAttribute {
+    return this.#geometry.getAttribute(name) as BufferAttribute;
+  }
+
+  #grow(): void {
+    this.#capacity = Math.max(256, this.#capacity * 2);
+    const geometry = new BufferGeometry();
+    for (const [name, size] of Object.entries(SIZES)) {
+      const array = new Float32Array(this.#capacity * 2 * size);
+      if (this.#count > 0) array.set(this.#attribute(name).array.subarray(0, this.#count * 2 * size));
+      geometry.setAttribute(name, new BufferAttribute(array, size).setUsage(DynamicDrawUsage));
+    }
+    const indices = new Uint32Array((this.#capacity - 1) * 6);
+    for (let piece = 0; piece < this.#capacity - 1; piece++) {
+      indices.set(
+        [0, 1, 3, 0, 3, 2].map((corner) => piece * 2 + corner),
+        piece * 6,
+      );
+    }
+    geometry.setIndex(new BufferAttribute(indices, 1));
+    this.#geometry.dispose();
+    this.#geometry = geometry;
+    for (const mesh of this.meshes) mesh.geometry = geometry;
+  }
+}

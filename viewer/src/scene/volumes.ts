@@ -1,0 +1,80 @@
+/**
+ * What a run says of each cell, as three-dimensional textures that shaders read.
+ *
+ * The texture is the array of times itself; only layers (of z) that have changed are sent again.
+ */
+
+import {
+  Box3,
+  Data3DTexture,
+  NearestFilter,
+  RedIntegerFormat,
+  UnsignedIntType,
+  Vector3,
+  type WebGLRenderer,
+} from "three";
+import type { Size } from "./chunks.ts";
+
+/** Times of cells, or of blocks of them. */
+export class TimesVolume {
+  readonly texture: Data3DTexture;
+  /** The same array, from which single layers are sent. */
+  readonly #upload: Data3DTexture;
+  #isSent = false;
+  #low = Infinity;
+  #high = -Infinity;
+
+  constructor(
+    times: Uint32Array,
+    readonly size: Size,
+  ) {
+    this.texture = integers(times, size);
+    this.#upload = integers(times, size);
+  }
+
+  /** The times of these cells have changed. */
+  learn(cells: Uint32Array): void {
+    const area = this.size[0] * this.size[1];
+    for (const cell of cells) {
+      const z = Math.floor(cell / area);
+      if (z < this.#low) this.#low = z;
+      if (z > this.#high) this.#high = z;
+    }
+  }
+
+  /** Any time may have changed. */
+  learnAll(): void {
+    this.#low = 0;
+    this.#high = this.size[2] - 1;
+  }
+
+  /** Sends what has changed to the graphics. */
+  send(renderer: WebGLRenderer): void {
+    if (!this.#isSent) {
+      this.texture.needsUpdate = true;
+      this.#isSent = true;
+    } else if (this.#low <= this.#high) {
+      const from = new Vector3(0, 0, this.#low);
+      const box = new Box3(from, new Vector3(this.size[0], this.size[1], this.#high + 1));
+      renderer.copyTextureToTexture(this.#upload, this.texture, box, from);
+    }
+    this.#low = Infinity;
+    this.#high = -Infinity;
+  }
+
+  dispose(): void {
+    this.texture.dispose();
+    this.#upload.dispose();
+  }
+}
+
+function integers(texels: Uint32Array, size: Size): Data3DTexture {
+  const texture = new Data3DTexture(texels as Uint32Array<ArrayBuffer>, size[0], size[1], size[2]);
+  texture.format = RedIntegerFormat;
+  texture.type = UnsignedIntType;
+  texture.internalFormat = "R32UI";
+  texture.minFilter = NearestFilter;
+  texture.magFilter = NearestFilter;
+  texture.unpackAlignment = 4;
+  return texture;
+}

@@ -1,0 +1,245 @@
+/**
+ * The walls of the cave: faces between rock and free cells, coloured by when what lies before them was seen.
+ *
+ * Faces that look at the eye are solid; those that look away, between the eye and the inside of the cave, are a faint shell or left
+ * out, so that one looks into the cave as into a model that is cut open. Where the map is cut, a rim of rock is drawn around what is
+ * open. All colours come from textures, so that another moment costs nothing here.
+ *
+ * Faces are made chunk by chunk, a few at a time; they never change.
+ */
+
+import {
+  BackSide,
+  DataTexture,
+  FrontSide,
+  GLSL3,
+  Group,
+  LinearFilter,
+  RawShaderMaterial,
+  RGBAFormat,
+  Vector3,
+} from "three";
+import { Grid } from "./chunks.ts";
+import { heatRgb } from "./colours.ts";
+import { Faces, FacesMesh, type QuadIndex } from "./faces.ts";
+import { define, type Common } from "./glsl.ts";
+import type { Hollows } from "./hollows.ts";
+import type { Model } from "./model.ts";
+import { CORNERS, FACING_ORDER, Mesher, NUMBERS_PER_CORNER } from "./mesher.ts";
+import type { TimesVolume } from "./volumes.ts";
+import {
+  CELL_PX_LEAST,
+  GLASS_BELOW,
+  RIM_FRAGMENT,
+  WALL_FRAGMENT,
+  WALL_SHELL_FRAGMENT,
+  WALL_SHELL_VERTEX,
+  WALL_VERTEX,
+} from "./wall_shaders.ts";
+
+const EDGE = 32;
+/** Light is worked out at corners, so rectangles must not be long; cells. */
+const LONGEST = 4;
+
+/** How walls are to be drawn. */
+export interface WallLook {
+  readonly isVisible: boolean;
+  readonly opacity: number;
+  readonly isHeat: boolean;
+  /** The last time of the scale of `heat`, ticks. */
+  readonly heatTicks: number;
+  /** Times at which one agent learned of the cells, and its colour. */
+  readonly known: { readonly volume: TimesVolume; readonly colour: Vector3 } | null;
+}
+
+export class Walls {
+  readonly group = new Group();
+  readonly #shell = new Group();
+  readonly #faces: FacesMesh[] = [];
+  readonly #rim: FacesMesh;
+  readonly #grid: Grid;
+  readonly #mesher = new Mesher(LONGEST);
+  readonly #padded = new Uint8Array((EDGE + 2) ** 3);
+  readonly #front: RawShaderMaterial;
+  readonly #back: RawShaderMaterial;
+  readonly #rimMaterial: RawShaderMaterial;
+  readonly #heat = heatTexture();
+  #made = 0;
+  #rimKey = "";
+
+  constructor(
+    readonly model: Model,
+    readonly index: QuadIndex,
+    readonly common: Common,
+    times: TimesVolume,
+    readonly hollows: Hollows,
+  ) {
+    this.#grid = new Grid(model.size, EDGE);
+    const own = {
+      cellM: { value: model.cellM },
+      times: { value: times.texture },
+      known: { value: times.texture },
+      knownColour: { value: new Vector3() },
+      heatScale: { value: 1 },
+      heat: { value: this.#heat },
+      opacity: { value: 0 },
+    };
+    const uniforms = { ...common, ...own };
+    const shared = { glslVersion: GLSL3, uniforms, vertexShader: WALL_VERTEX };
+    this.#front = new RawShaderMaterial({ ...shared, fragmentShader: WALL_FRAGMENT, side: FrontSide });
+    this.#back = new RawShaderMaterial({
+      ...shared,
+      vertexShader: WALL_SHELL_VERTEX,
+      fragmentShader: WALL_SHELL_FRAGMENT,
+      side: BackSide,
+      transparent: true,
+      depthWrite: false,
+    });
+    this.#rimMaterial = new RawShaderMaterial({
+      ...shared,
+      fragmentShader: RIM_FRAGMENT,
+      side: FrontSide,
+      defines: { RIM: 1 },
+    });
+    this.#rim = new FacesMesh(this.#rimFaces(0, -1), this.#rimMaterial, false);
+    this.#rim.mesh.frustumCulled = false;
+    this.group.add(this.#shell, this.#rim.mesh);
+  }
+
+  /** Chunks whose faces have yet to be made. */
+  get missing(): number {
+    return this.#grid.chunks - this.#made;
+  }
+
+  /** Makes the faces of one more chunk. */
+  makeNext(): void {
+    const chunk = this.#made++;
+    const { walls } = this.model;
+    if (!this.#grid.fill(chunk, this.#padded, (cell) => walls[cell] === 0)) return;
+    const origin = this.#grid.origin(chunk);
+    const surface = this.#mesher.surface({ edge: EDGE, origin, padded: this.#padded }, true);
+    if (surface.corners.length === 0) return;
+    const faces = new Faces(surface, this.hollows, this.index, origin, [
+      origin[0] + EDGE,
+      origin[1] + EDGE,
+      origin[2] + EDGE,
+    ]);
+    const front = new FacesMesh(faces, this.#front, false);
+    const back = new FacesMesh(faces, this.#back, true);
+    back.mesh.renderOrder = 6;
+    this.#faces.push(front, back);
+    this.group.add(front.mesh);
+    this.#shell.add(back.mesh);
+  }
+
+  /** Prepares the picture from an eye at a place in cells. */
+  show(look: WallLook, eye: Vector3, isCut: boolean): void {
+    const shared = [
+      ...(isCut ? ["CUT"] : []),
+      ...(look.isHeat ? ["HEAT"] : []),
+      ...(look.known !== null ? ["KNOWN"] : []),
+    ];
+    define(this.#front, [...shared, ...(this.#hasEdges(eye) ? ["EDGES"] : [])]);
+    define(this.#back, [...shared, ...(look.opacity < GLASS_BELOW ? ["GLASS"] : [])]);
+    for (const faces of this.#faces) faces.aim(eye);
+    this.#rim.aim(eye);
+    this.group.visible = look.isVisible;
+    this.#shell.visible = look.opacity > 0;
+    const { uniforms } = this.#front;
+    uniforms.opacity!.value = look.opacity;
+    uniforms.heatScale!.value = 1 / Math.max(look.heatTicks, 1);
+    if (look.known !== null) {
+      uniforms.known!.value = look.known.volume.texture;
+      (uniforms.knownColour!.value as Vector3).copy(look.known.colour);
+    }
+    const isSolid = look.opacity >= 1;
+    this.#back.depthWrite = isSolid;
+  }
+
+  /** Draws the rim of rock where the map is cut beyond `placeCells` along an axis; null: it is not cut. */
+  cutAt(cut: { readonly axis: number; readonly placeCells: number } | null): void {
+    const layer = cut === null ? -1 : Math.ceil(cut.placeCells) - 1;
+    const { mesh } = this.#rim;
+    mesh.visible = cut !== null && layer >= 0 && layer < this.model.size[cut.axis]!;
+    if (cut === null || !mesh.visible) return;
+    mesh.position.set(0, 0, 0).setComponent(cut.axis, cut.placeCells - (layer + 1));
+    const key = `${cut.axis} ${layer}`;
+    if (key === this.#rimKey) return;
+    this.#rimKey = key;
+    this.#rim.replace(this.#rimFaces(cut.axis, layer));
+  }
+
+  dispose(): void {
+    for (const faces of [...this.#faces, this.#rim]) faces.free();
+    for (const material of [this.#front, this.#back, this.#rimMaterial]) material.dispose();
+    this.#heat.dispose();
+  }
+
+  /** Whether any cell is so near that its edges are drawn. */
+  #hasEdges(eye: Vector3): boolean {
+    const nearest = eye.clone().clamp(new Vector3(), new Vector3(...this.model.size));
+    return nearest.distanceTo(eye) * this.common.pixelM.value * CELL_PX_LEAST < 1;
+  }
+
+  #rimFaces(axis: number, layer: number): Faces {
+    const corners = layer < 0 ? new Uint16Array(0) : rimOf(this.model, axis, layer);
+    const count = corners.length / (NUMBERS_PER_CORNER * CORNERS);
+    const ends = FACING_ORDER.map((_, place) => (place < FACING_ORDER.indexOf(axis * 2) ? 0 : count));
+    return new Faces({ corners, ends }, this.hollows, this.index, [0, 0, 0], this.model.size);
+  }
+}
+
+/** Rock of a layer that has a free cell of the layer among its eight neighbours: the faces of it along the axis. */
+function rimOf(model: Model, axis: number, layer: number): Uint16Array {
+  const { size, walls } = model;
+  const strides = [1, size[0], size[0] * size[1]] as const;
+  const [u, v] = axis === 0 ? [1, 2] : axis === 1 ? [0, 2] : [0, 1];
+  const isFree = (i: number, j: number): boolean =>
+    i >= 0 &&
+    j >= 0 &&
+    i < size[u!]! &&
+    j < size[v!]! &&
+    walls[layer * strides[axis]! + i * strides[u!]! + j * strides[v!]!] === 0;
+  const quads: number[] = [];
+  for (let j = 0; j < size[v!]!; j++) {
+    for (let i = 0; i < size[u!]!; i++) {
+      if (isFree(i, j)) continue;
+      let isRim = false;
+      for (const [di, dj] of AROUND) isRim ||= isFree(i + di, j + dj);
+      if (!isRim) continue;
+      const turn = axis === 1 ? [0, 3, 2, 1] : [0, 1, 2, 3];
+      for (const corner of turn) {
+        const place = [0, 0, 0];
+        place[axis] = layer + 1;
+        place[u!] = i + (corner === 1 || corner === 2 ? 1 : 0);
+        place[v!] = j + (corner >= 2 ? 1 : 0);
+        quads.push(...place, axis * 2);
+      }
+    }
+  }
+  return Uint16Array.from(quads);
+}
+
+const AROUND: readonly (readonly [number, number])[] = [
+  [-1, -1],
+  [0, -1],
+  [1, -1],
+  [-1, 0],
+  [1, 0],
+  [-1, 1],
+  [0, 1],
+  [1, 1],
+];
+
+function heatTexture(): DataTexture {
+  const texels = new Uint8Array(256 * 4);
+  for (let texel = 0; texel < 256; texel++) {
+    const colour = heatRgb(texel / 255);
+    texels.set([...colour.map((share) => Math.round(share * 255)), 255], texel * 4);
+  }
+  const texture = new DataTexture(texels, 256, 1, RGBAFormat);
+  texture.minFilter = LinearFilter;
+  texture.magFilter = LinearFilter;
+  texture.needsUpdate = true;
+  return texture;
+}
