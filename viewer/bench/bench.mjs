@@ -143,7 +143,9 @@ async function recording(file) {
     const tab = await browser.newPage({ viewport: { width: 1280, height: 720 } });
     const begun = performance.now();
     await tab.goto(address);
-    await tab.waitForFunction(() => window.maes?.scene?.figures.triangles > 0, null, { timeout: 60_000 });
+    await tab.waitForFunction(() => window.maes?.run && window.maes.scene.figures.triangles > 1000, null, {
+      timeout: 60_000,
+    });
     const firstPictureS = (performance.now() - begun) / 1000;
     await tab.waitForFunction(() => window.maes.run.isComplete, null, { timeout: 60_000 });
     const allReadS = (performance.now() - begun) / 1000;
