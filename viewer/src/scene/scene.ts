@@ -17,7 +17,7 @@ import { HitPoints } from "./hits.ts";
 import { distanceToFit, FIELD_OF_VIEW_RAD, type Orbit } from "./orbit.ts";
 import { Team } from "./team.ts";
 import { defaultView, type View } from "./view.ts";
-import { GLASS_BELOW } from "./walls.ts";
+import { GLASS_BELOW } from "./wall_shaders.ts";
 
 export { DEFAULT_LAYERS, type Layers, type View } from "./view.ts";
 
