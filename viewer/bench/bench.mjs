@@ -143,17 +143,17 @@ async function recording(file) {
     const tab = await browser.newPage({ viewport: { width: 1280, height: 720 } });
     const begun = performance.now();
     await tab.goto(address);
-    await tab.waitForFunction(() => window.maes?.scene?.figures.triangles > 0, null, { timeout: 60_000 });
+    await tab.waitForFunction(() => window.maes?.run, null, { timeout: 60_000 });
+    await tab.evaluate(() => window.maes.ready);
     const firstPictureS = (performance.now() - begun) / 1000;
     await tab.waitForFunction(() => window.maes.run.isComplete, null, { timeout: 60_000 });
     const allReadS = (performance.now() - begun) / 1000;
     const seeksS = await tab.evaluate(async () => {
-      const { run, scene } = window.maes;
+      const { run } = window.maes;
       const taken = [];
       for (const share of [0.5, 0.05, 0.95, 0.02, 0.1, 0.3]) {
         const from = performance.now();
-        scene.render(share * run.endS);
-        await scene.settled(share * run.endS);
+        await window.maes.showAt(share * run.endS);
         taken.push((performance.now() - from) / 1000);
       }
       return taken;

@@ -113,7 +113,7 @@ export class Loop {
     if (!this.#scene) return;
     this.#setRatio(share);
     try {
-      this.#scene.render(timeS);
+      this.#scene.render(timeS, { isCoarse: share < 1 });
     } catch (error) {
       this.#host.failed(error as Error);
       return;

@@ -7,7 +7,7 @@ const UNDER_WAY = { isComplete: false, result: null };
 describe("the state of a run", () => {
   it("is what the server says", () => {
     const text = (simulationState: number | null) => stateOf(UNDER_WAY, { ...LIVE, simulationState }).text;
-    expect([0, 1, 2, 3, null].map(text)).toEqual(["stopped", "playing", "paused", "quitting", "live"]);
+    expect([0, 1, 2, 3, null].map(text)).toEqual(["paused", "playing", "paused", "quitting", "live"]);
   });
 
   it("tells of a lost connection, unless the run is over", () => {

@@ -17,6 +17,7 @@ import { HitPoints } from "./hits.ts";
 import { distanceToFit, FIELD_OF_VIEW_RAD, type Orbit } from "./orbit.ts";
 import { Team } from "./team.ts";
 import { defaultView, type View } from "./view.ts";
+import { GLASS_BELOW } from "./wall_shaders.ts";
 
 export { DEFAULT_LAYERS, type Layers, type View } from "./view.ts";
 
@@ -161,9 +162,12 @@ export class Scene {
     this.#isDirty = true;
   }
 
-  render(timeS: number): void {
+  /** `isCoarse`: without the faint walls towards the eye, which cost as much as all others, because more pictures matter more now. */
+  render(timeS: number, { isCoarse }: { readonly isCoarse: boolean } = { isCoarse: false }): void {
     const sinceMs = performance.now() - this.#drawnMs;
-    this.#draw(timeS, Math.min(Math.max(sinceMs * BUDGET_SHARE, BUDGET_MS[0]), BUDGET_MS[1]));
+    const budgetMs = Math.min(Math.max(sinceMs * BUDGET_SHARE, BUDGET_MS[0]), BUDGET_MS[1]);
+    const isFaint = this.view.wallOpacity < GLASS_BELOW;
+    this.#draw(timeS, budgetMs, isCoarse && isFaint ? { ...this.view, wallOpacity: 0 } : this.view);
   }
 
   /** Resolves when all that the picture of this moment needs is there and has been drawn. A flight is at its end then. */
@@ -217,7 +221,7 @@ export class Scene {
     stage.team.dispose();
   }
 
-  #draw(timeS: number, budgetMs: number): void {
+  #draw(timeS: number, budgetMs: number, view = this.view): void {
     const beganMs = performance.now();
     this.#drawnMs = beganMs;
     this.#isDirty = false;
@@ -232,10 +236,10 @@ export class Scene {
       );
       this.#setCommon(timeS, cave);
       this.#follow(stage);
-      const done = cave.show(this.#renderer, this.#common.nowTick.value, this.view, budgetMs);
+      const done = cave.show(this.#renderer, this.#common.nowTick.value, view, budgetMs);
       this.#isLate = !done.isRight;
       made = done.made;
-      team.show(timeS, this.view, this.#selected, { camera: this.#eye.camera, ...this.#size });
+      team.show(timeS, view, this.#selected, { camera: this.#eye.camera, ...this.#size });
       this.#showHits(stage, timeS);
     } else {
       this.#hitPoints.show(null, [0, 0, 0]);
