@@ -90,7 +90,9 @@ open_page() {
 
 case $what in
     *.mcap)
-        open_page "http://$address/?recording=recording.mcap" &
+        name=$(basename "$what")
+        [[ $name =~ ^[A-Za-z0-9._-]+$ ]] || name=recording.mcap
+        open_page "http://$address/?recording=recording/$name" &
         exec "$bin/sim_server" view "$what" --address "$address"
         ;;
     ?*)

@@ -189,8 +189,8 @@ fn a_recording_is_given_out_in_parts_to_pages_of_this_machine_alone() {
     let mut shown = site.start(&mut shown);
     let url = shown.process().prints("http://");
     let address = url.trim_start_matches("http://").split('/').next().expect("an address").to_owned();
-    assert!(url.ends_with("/?recording=recording.mcap"), "{url}");
-    let part = get(&address, "/recording.mcap", "Range: bytes=0-4\r\n");
+    assert!(url.ends_with("/?recording=recording/some.mcap"), "{url}");
+    let part = get(&address, "/recording/some.mcap", "Range: bytes=0-4\r\n");
     assert!(part.starts_with("HTTP/1.1 206") && part.contains(&format!("0-4/{}", bytes.len())), "{part}");
     assert!(get(&address, "/", "").ends_with("a page"));
     assert!(get(&address, "/nothing.js", "").starts_with("HTTP/1.1 404"));

@@ -42,8 +42,8 @@ const NO_PAGE: &str = "<!doctype html><title>MAES</title><p>The simulator is her
     Build it with <code>npm --prefix viewer ci &amp;&amp; npm --prefix viewer run build</code>, \
     or connect Foxglove or Lichtblick to this address (Foxglove WebSocket).";
 
-/// The name of the recording that is offered, beside the page.
-pub(super) const RECORDING: &str = "recording.mcap";
+/// Where the recording is that is offered beside the page; its own name may follow, so that people see it.
+const RECORDING: &str = "recording";
 
 /// What there is at an address.
 #[derive(Debug, Clone)]
@@ -54,6 +54,13 @@ pub(super) struct Site {
     pub(super) foxglove: Option<SocketAddr>,
     /// A recording to look at.
     pub(super) recording: Option<PathBuf>,
+}
+
+/// The address of a recording beside the page. A name that would have to be written in another way there is left out.
+pub(super) fn recording_path(file: &Path) -> String {
+    let is_plain = |name: &&str| name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte));
+    let name = file.file_name().and_then(|name| name.to_str()).filter(is_plain).unwrap_or("recording.mcap");
+    format!("{RECORDING}/{name}")
 }
 
 /// Where the page lies: in the folder that somebody has named; else beside the binary, or where the workspace builds it, if it is there.
@@ -135,7 +142,7 @@ async fn give_files(stream: TcpStream, head: Vec<u8>, site: &Site) -> hyper::Res
         async move {
             match recording {
                 // As it is, so that parts of it can be asked for.
-                Some(recording) if request.uri().path().trim_start_matches('/') == RECORDING => {
+                Some(recording) if request.uri().path().split('/').nth(1) == Some(RECORDING) => {
                     recording.oneshot(request).await.map(|answer| answer.map(Either::Left))
                 }
                 _ => page.oneshot(request).await.map(|answer| answer.map(Either::Right)),

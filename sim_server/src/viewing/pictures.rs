@@ -111,12 +111,8 @@ pub fn take(subject: &Subject, moments: Moments, out: &Path) -> Result<(), Pictu
     let mut driver = Command::new("node");
     driver.arg(page.join("../pictures/take.mjs"));
     driver.arg(serde_json::to_string(&order).expect("an order is plain data"));
-    // It ends when this pipe does, and so if this process is killed.
-    let child = driver.stdin(Stdio::piped()).spawn();
-    let status = child.and_then(|mut child| {
-        let _pipe = child.stdin.take();
-        child.wait()
-    });
+    // It sees by itself when this process has gone.
+    let status = driver.stdin(Stdio::null()).status();
     match status.map_err(PictureError::Node)?.code() {
         Some(0) => Ok(()),
         code => Err(PictureError::Driver { is_bad_input: code == Some(exit::BAD_INPUT.into()) }),

@@ -11,6 +11,7 @@ use super::{THREADS, ViewingError};
 /// A recording that is offered to browsers, as long as this lives.
 pub struct Shelf {
     address: SocketAddr,
+    path: String,
     /// Ends with everything that runs on it.
     _runtime: Runtime,
 }
@@ -30,12 +31,12 @@ impl Shelf {
         let local = listener.local_addr()?;
         let site = Site { page: Some(page.to_owned()), foxglove: None, recording: Some(recording.to_owned()) };
         front::serve(&runtime, listener, site);
-        Ok(Self { address: local, _runtime: runtime })
+        Ok(Self { address: local, path: front::recording_path(recording), _runtime: runtime })
     }
 
     /// The address of the page with the recording.
     #[must_use]
     pub fn url(&self) -> String {
-        format!("http://{}/?recording={}", self.address, front::RECORDING)
+        format!("http://{}/?recording={}", self.address, self.path)
     }
 }
