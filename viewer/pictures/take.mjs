@@ -1,7 +1,7 @@
 /**
  * Takes a picture or a movie of a recording with the viewer's own page, in Chromium without a window.
  *
- *     node take.mjs '{"url": "http://127.0.0.1:PORT/?recording=recording.mcap", "out": "/tmp/cave.png", "size": [1280, 720],
+ *     node take.mjs '{"url": "http://127.0.0.1:PORT/?recording=recording/run.mcap", "out": "/tmp/cave.png", "size": [1280, 720],
  *                     "agent": null, "layers": null, "at": 120}'
  *     node take.mjs '{"url": ..., "out": "/tmp/cave.mp4", "size": [1280, 720], "agent": 3, "layers": ["walls", "trails"],
  *                     "from": null, "to": 300, "seconds": 20, "fps": 30}'
@@ -37,15 +37,19 @@ async function take(order) {
   const ffmpeg = order.kind === "png" ? null : ffmpegIn(process.env);
   const part = await partOf(order.out);
   const stage = await Stage.open(chromium, order);
-  const told = await stage.read();
-  const times = checkedAgainst(order, told);
-  if (told.problem !== null) tell(`note: ${told.problem}`);
-  for (const layer of idleLayers(order)) tell(`note: the layer ${layer} shows nothing without --agent`);
-  await stage.arrange(order, times[0] ?? 0);
-  if (order.kind === "png") await writeFile(part, await stage.take(times[0] ?? 0, { isQuick: false }));
-  else await shoot(stage, times, await startFilm(ffmpeg ?? "", { kind: order.kind, fps: order.fps }, part));
-  await rename(part, order.out);
-  await stage.close();
+  try {
+    const told = await stage.read();
+    const times = checkedAgainst(order, told);
+    if (told.problem !== null) tell(`note: ${told.problem}`);
+    for (const layer of idleLayers(order)) tell(`note: the layer ${layer} shows nothing without --agent`);
+    await stage.arrange(order, times[0] ?? 0);
+    if (order.kind === "png") await writeFile(part, await stage.take(times[0] ?? 0, { isQuick: false }));
+    else await shoot(stage, times, await startFilm(ffmpeg ?? "", { kind: order.kind, fps: order.fps }, part));
+    await rename(part, order.out);
+  } finally {
+    // Nothing of the browser outlives this, whatever came of it.
+    await stage.close();
+  }
 }
 
 /**
