@@ -3,7 +3,9 @@
 use std::process::Command;
 use std::sync::OnceLock;
 
-use crate::support::processes::Process;
+use crate::support::foxglove::Client;
+use crate::support::processes::{Process, signal};
+use crate::support::recordings::Recording;
 use crate::support::runs::{Site, text};
 use crate::support::{Slot, root};
 
@@ -81,7 +83,6 @@ fn a_picture_of_a_moment_is_the_same_every_time() {
         (&["--at", "2", "--out", "no.png", "--agent", "7"], "0 to 1"),
         (&["--at", "2", "--out", "no.png", "--layers", "walls,roofs"], "roofs"),
         (&["--at", "2", "--out", "no.jpg"], ".png"),
-        (&["--at", "2", "--out", "no.png", "--size", "big"], "1280x720"),
     ] {
         let ended = snapshot(wrong).with_code(2);
         assert!(ended.stderr.contains(words), "{wrong:?}: {ended}");
@@ -108,4 +109,23 @@ fn a_movie_has_all_its_pictures() {
     let ended = movie(&["--from", "9", "--to", "3", "--out", "no.gif"]).with_code(2);
     assert!(ended.stderr.contains("--from 9"), "{ended}");
     assert!(!site.path("no.gif").exists());
+}
+
+#[test]
+fn the_script_starts_the_agents_of_what_is_started_on_the_page() {
+    prepare();
+    let site = Site::new();
+    let mut script = site.command(root().join("launch_scripts/view.sh"));
+    let mut script = site.start(script.args(["--address", "127.0.0.1:0", "--browser", "false"]));
+    let line = script.process().says("to look on: http://");
+    let address = line.split(['/', ' ']).find(|word| word.starts_with("127.")).expect("the line has an address");
+    let mut client = Client::connect(address);
+    let scenario = "seed = 1\nduration_s = 2\n[map]\nkind = \"spheres\"\nsize = 20\n[agents]\ncount = 3";
+    let request = serde_json::json!({ "scenario": scenario }).to_string();
+    client.call_raw("/sim_server/start_run", "json", request.as_bytes()).expect("it answers");
+    let session = client.next_session();
+    assert_eq!(Recording::from_bytes(&client.journal(&session)).result().explored_by.len(), 3);
+    script.process().prints("digest: ");
+    signal(script.process().pid(), "INT");
+    script.ended().with_code(0);
 }
