@@ -1,0 +1,173 @@
+/**
+ * A simulator that waits: the form that starts a run, what is wrong with it, and one run after the other.
+ */
+import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { join } from "node:path";
+import type { Page } from "@playwright/test";
+import { expect, test, type Servers } from "./support/fixtures.ts";
+import { temporaryFolder } from "./support/recordings.ts";
+import * as shown from "./support/shown.ts";
+
+/** The reference's defaults, and its ranges; agents go on beyond its ten. */
+const SLIDERS: Record<string, readonly [value: number, min: number, max: number]> = {
+  "start-agents": [3, 1, 27],
+  "start-durationMin": [30, 1, 120],
+  "start-size-x": [50, 30, 100],
+  "start-spheresFillPercent": [20, 1, 30],
+  "start-spheresRadiusMin": [3, 2, 15],
+  "start-spheresRadiusMax": [8, 2, 15],
+  "start-spheresConnections": [3, 1, 10],
+  "start-spheresSmoothing": [5, 0, 20],
+  "start-noiseFillPercent": [53, 45, 60],
+  "start-noiseSmoothing": [5, 0, 20],
+  "start-searchCellsPerTick": [100, 10, 250],
+  "start-sensingFovDeg": [360, 1, 360],
+};
+
+/** Starts an idle server; the function that it returns starts agents for a run that began since it was called last. */
+async function idle(servers: Servers): Promise<{ url: string; agentsForNext: () => Promise<number> }> {
+  const ready = join(mkdtempSync(join(temporaryFolder(), "idle-")), "ready");
+  const { url } = await servers.run(["--idle", "--ready", ready]);
+  // The server writes the name of the scenario anew for every run.
+  const scenario = (): string => (existsSync(ready) ? readFileSync(ready, "utf8") : "");
+  return {
+    url,
+    async agentsForNext() {
+      await expect.poll(scenario).toMatch(/\n$/);
+      const file = scenario().trim();
+      rmSync(ready);
+      const count = Number(await servers.scenarioKey(file, "agents.count"));
+      servers.agents(count);
+      return count;
+    },
+  };
+}
+
+async function openForm(page: Page, button: string): Promise<void> {
+  await page.getByTestId(button).click();
+  await expect(page.getByTestId("start-form")).toBeVisible();
+  await page.getByTestId("start-advanced").getByText("Advanced").click();
+}
+
+const toml = (page: Page): Promise<string> => page.getByTestId("start-toml").inputValue();
+
+test("the form begins as the reference, and keeps its ranges", async ({ page, servers }) => {
+  const { url } = await idle(servers);
+  await page.goto(url);
+  await openForm(page, "welcome-new");
+  for (const [id, [value, min, max]] of Object.entries(SLIDERS)) {
+    const slider = page.getByTestId(id);
+    await expect(slider, id).toHaveValue(String(value));
+    await expect(slider, id).toHaveAttribute("min", String(min));
+    await expect(slider, id).toHaveAttribute("max", String(max));
+  }
+  await expect(page.getByTestId("start-controller")).toHaveValue("rbw");
+  await expect(page.getByTestId("start-generator")).toHaveValue("spheres");
+  await expect(page.getByTestId("start-unlimited")).toBeChecked();
+  await expect(page.getByTestId("start-random")).toBeChecked();
+  const names = await page
+    .getByTestId("start-controller")
+    .locator("option")
+    .evaluateAll((options) => options.slice(0, 3).map((option) => (option as HTMLOptionElement).value));
+  expect(names).toEqual(["rbw", "lvd", "dsvp"]);
+
+  // The text says what the form does.
+  await page.getByTestId("start-agents").fill("7");
+  await page.getByTestId("start-size-x").fill("40");
+  await page.getByTestId("start-seed").fill("12");
+  await expect(page.getByTestId("start-random")).not.toBeChecked();
+  await page.getByTestId("start-controller").selectOption("lvd");
+  await page.getByTestId("start-unlimited").click();
+  await page.getByTestId("start-communicationRangeM").fill("25");
+  await expect(page.getByTestId("start-communicationRangeM")).toHaveAttribute("min", "1");
+  await expect(page.getByTestId("start-communicationRangeM")).toHaveAttribute("max", "100");
+  for (const line of [
+    "seed = 12",
+    "duration_s = 1800.0",
+    "size = 40",
+    "count = 7",
+    'controller = "lvd"',
+    'set = { search_time = "budgeted", search_cells_per_tick = 100 }',
+    "range_m = 25.0",
+  ]) {
+    expect((await toml(page)).split("\n")).toContain(line);
+  }
+  await page.getByTestId("start-generator").selectOption("noise");
+  await expect(page.getByTestId("start-noiseFillPercent")).toBeVisible();
+  await expect(page.getByTestId("start-spheresFillPercent")).toBeHidden();
+  expect((await toml(page)).split("\n")).toContain("fill = 0.53");
+});
+
+test("what is wrong with a scenario is told beside the form", async ({ page, servers }) => {
+  const { url } = await idle(servers);
+  await page.goto(url);
+  await openForm(page, "welcome-new");
+  const problems = page.getByTestId("start-problems");
+  // By the form itself.
+  await page.getByTestId("start-spheresRadiusMin").fill("9");
+  await expect(problems).toHaveText("Radius: the smallest one is above the largest one.");
+  await page.getByTestId("start-go").click();
+  await expect(page.getByTestId("start-form")).toBeVisible();
+  await page.getByTestId("start-spheresRadiusMin").fill("3");
+  await expect(problems).toBeHidden();
+  // By the server.
+  const text = await toml(page);
+  for (const [edited, told] of [
+    [text.replace("count = 3", "count = 0"), /agents\.count/],
+    [text.replace("count = 3", "count ="), /:17:8: /],
+    [text.replace("count = 3", "counts = 3"), /counts/],
+  ] as const) {
+    await page.getByTestId("start-toml").fill(edited);
+    await page.getByTestId("start-go").click();
+    await expect(problems).toHaveText(told);
+    await expect(page.getByTestId("start-go")).toBeEnabled();
+  }
+  await page.getByTestId("start-back").click();
+  expect(await toml(page)).toBe(text);
+});
+
+test("one run after the other is started, and ends", async ({ page, servers }) => {
+  const { url, agentsForNext } = await idle(servers);
+  await page.goto(url);
+  await openForm(page, "welcome-new");
+  await page.getByTestId("start-agents").fill("2");
+  await page.getByTestId("start-size-x").fill("30");
+  await page.getByTestId("start-seed").fill("5");
+  await page.getByTestId("start-durationMin").fill("1");
+  await page.getByTestId("start-stopWhenExplored").click();
+  await page.getByTestId("start-rtf").fill("9");
+  await page.getByTestId("start-go").click();
+  expect(await agentsForNext()).toBe(2);
+  await shown.ready(page);
+  await expect(page.getByTestId("start-form")).toBeHidden();
+  await expect(page.getByTestId("fact-agents")).toHaveText("2, rbw");
+  await expect(page.getByTestId("fact-seed")).toHaveText("5");
+  await expect(page.getByTestId("run-state")).toHaveText("ended");
+  await page.keyboard.press("End");
+  await shown.expectTime(page, 60);
+  await expect(page.getByTestId("fact-digest")).toBeVisible();
+  const first = await page.evaluate(() => [window.maes!.run!.id, window.maes!.run!.result!.digest]);
+
+  // The form has kept what it was told; the same scenario has the same outcome.
+  await openForm(page, "sim-new");
+  await expect(page.getByTestId("start-agents")).toHaveValue("2");
+  await page.getByTestId("start-go").click();
+  expect(await agentsForNext()).toBe(2);
+  await expect.poll(() => page.evaluate(() => window.maes!.run!.id)).not.toBe(first[0]);
+  await expect(page.getByTestId("run-state")).toHaveText("ended");
+  await expect.poll(() => page.evaluate(() => window.maes!.run!.result?.digest)).toBe(first[1]);
+
+  // A run is stopped by hand, and another one follows.
+  await openForm(page, "sim-new");
+  await page.getByTestId("start-agents").fill("3");
+  await page.getByTestId("start-durationMin").fill("30");
+  await page.getByTestId("start-rtf").fill("2");
+  await page.getByTestId("start-go").click();
+  expect(await agentsForNext()).toBe(3);
+  await expect(page.getByTestId("run-state")).toHaveText("playing");
+  await expect(page.getByTestId("sim-new")).toBeDisabled();
+  await page.getByTestId("sim-stop").click();
+  await page.getByTestId("confirm-yes").click();
+  await expect(page.getByTestId("run-state")).toHaveText("ended");
+  await expect(page.getByTestId("sim-new")).toBeEnabled();
+});

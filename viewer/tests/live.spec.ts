@@ -1,0 +1,212 @@
+/**
+ * A run under way: the page shows it as it goes on, controls it, and leaves no trace in it.
+ */
+import type { Page } from "@playwright/test";
+import { expect, test } from "./support/fixtures.ts";
+import { digestIn } from "./support/info.ts";
+import { SCENARIO } from "./support/places.ts";
+import { parameterOf } from "./support/simulator.ts";
+import * as shown from "./support/shown.ts";
+
+const AGENTS = 5;
+
+/** A run that nothing ends before a test does. */
+const ENDLESS = [SCENARIO, "--paused", "true", "--set", "stop_when_explored=false"];
+const TICK_S = 0.02;
+
+const expectState = (page: Page, text: string): Promise<void> =>
+  expect(page.getByTestId("run-state")).toHaveText(text);
+
+const stateOf = (page: Page) => page.evaluate(() => window.maes!.state);
+
+const runId = (page: Page): Promise<string> => page.evaluate(() => window.maes!.run!.id);
+
+/** Waits until all is known up to a time. */
+const expectKnown = (page: Page, timeS: number): Promise<void> =>
+  expect.poll(() => shown.endOf(page)).toBeGreaterThanOrEqual(timeS);
+
+async function confirm(page: Page, button: string): Promise<void> {
+  await page.getByTestId(button).click();
+  await page.getByTestId("confirm-yes").click();
+  await expect(page.getByTestId("confirm")).toBeHidden();
+}
+
+/** Everything that a page has been told, in numbers. */
+function sumOf(page: Page) {
+  return page.evaluate(() => {
+    const run = window.maes!.run!;
+    const sum = (ticks: Uint32Array): number =>
+      ticks.reduce((all, tick, cell) => (all * 31 + tick + cell) % 1e9, 7);
+    const agents = Array.from({ length: run.setup.agents }, (_, id) => id);
+    return {
+      id: run.id,
+      endS: run.endS,
+      seen: sum(run.firstSeenTick),
+      covered: sum(run.coveredTick),
+      progress: run.progress,
+      poses: agents.map((id) => run.track(id).count),
+      states: agents.map((id) => run.agentAt(id, run.endS)),
+    };
+  });
+}
+
+test("a paused run is let go, held, and stepped", async ({ page, servers }) => {
+  // With all poses of the bodies in the recording every tick is known of.
+  const { url } = await servers.run([...ENDLESS, "--rtf", "2", "--set", "recording.poses_period_ticks=1"]);
+  servers.agents(AGENTS);
+  await shown.open(page, url);
+  await expectState(page, "paused");
+  await expect(page.getByTestId("run-title")).toHaveText(`Run at ${new URL(url).host}`);
+  /** Steps, and expects exactly as many ticks to come. What is known ends before the tick whose messages are coming. */
+  const step = async (from: number, ticks: number): Promise<number> => {
+    await page.getByTestId(`sim-step-${ticks}`).click();
+    await expect.poll(() => shown.endOf(page)).toBeCloseTo((from + ticks - 1) * TICK_S, 6);
+    await expectState(page, "paused");
+    return from + ticks;
+  };
+  let tick = 0;
+  for (const ticks of [1, 10, 50, 1]) tick = await step(tick, ticks);
+
+  await page.getByTestId("sim-play").click();
+  await expectState(page, "playing");
+  for (const ticks of [1, 10, 50]) await expect(page.getByTestId(`sim-step-${ticks}`)).toBeDisabled();
+  await expectKnown(page, 4);
+  // The picture follows.
+  await expect.poll(() => shown.timeOf(page)).toBeGreaterThan(3);
+  await page.getByTestId("sim-play").click();
+  await expectState(page, "paused");
+
+  // The button of the time line and the space bar are the simulator's as long as it is followed.
+  await page.getByTestId("play").click();
+  await expectState(page, "playing");
+  await page.keyboard.press(" ");
+  await expectState(page, "paused");
+});
+
+test("the speed is the server's", async ({ page, servers }) => {
+  const { url } = await servers.run([...ENDLESS, "--rtf", "2"]);
+  servers.agents(AGENTS);
+  await shown.open(page, url);
+  const speed = page.getByTestId("sim-speed");
+  await expect(speed).toHaveAttribute("aria-valuetext", "2x");
+  for (const [step, rtf, text] of [
+    ["0", 0.25, "0.25x"],
+    ["5", 10, "10x"],
+    ["9", 0, "max"],
+  ] as const) {
+    await speed.fill(step);
+    await expect(speed).toHaveAttribute("aria-valuetext", text);
+    await expect.poll(() => parameterOf(page, "execution.rtf")).toBe(rtf);
+  }
+});
+
+test("one can look back while the run goes on", async ({ page, servers }) => {
+  const { url } = await servers.run([...ENDLESS, "--rtf", "5"]);
+  servers.agents(AGENTS);
+  await shown.open(page, url);
+  await page.getByTestId("sim-play").click();
+  await expectKnown(page, 3);
+
+  const live = page.getByTestId("go-live");
+  await expect(live).toHaveAttribute("aria-pressed", "true");
+  await page.keyboard.press("Home");
+  await shown.expectTime(page, 0);
+  await expect(live).toHaveAttribute("aria-pressed", "false");
+  const picture = await shown.pictureAt(page, 2);
+  const then = await shown.endOf(page);
+  await expectKnown(page, then + 3);
+  // What was is as it was, however much has come since.
+  await shown.expectTime(page, 2);
+  shown.expectSame(picture, await shown.pictureAt(page, 2), "2 s, earlier and later");
+  await expectState(page, "playing");
+
+  await live.click();
+  await expect.poll(() => shown.timeOf(page)).toBeGreaterThan(then);
+  expect((await stateOf(page)).isFollowing).toBe(true);
+
+  // Played from the beginning, the picture catches up with the run.
+  await page.getByTestId("sim-play").click();
+  await expectState(page, "paused");
+  await page.keyboard.press("Home");
+  await page.getByTestId("rate").selectOption("100");
+  await page.getByTestId("play").click();
+  await expect.poll(async () => (await stateOf(page)).isFollowing).toBe(true);
+  await expect.poll(async () => (await shown.endOf(page)) - (await shown.timeOf(page))).toBeCloseTo(0, 6);
+});
+
+test("a run begins again, and is stopped", async ({ page, servers }) => {
+  const { server, url } = await servers.run([...ENDLESS, "--rtf", "10"]);
+  servers.agents(AGENTS);
+  await shown.open(page, url);
+  const first = await runId(page);
+  await page.getByTestId("sim-play").click();
+  await expectKnown(page, 10);
+  await page.getByTestId("sim-play").click();
+  await expectState(page, "paused");
+
+  // Not without being asked.
+  await page.getByTestId("sim-restart").click();
+  await page.getByTestId("confirm-no").click();
+  expect(await runId(page)).toBe(first);
+  const earlier = await page.evaluate(() => [...window.maes!.run!.terrain.walls].join(""));
+  await confirm(page, "sim-restart");
+  await expect.poll(() => runId(page)).not.toBe(first);
+  expect(await page.evaluate(() => [...window.maes!.run!.terrain.walls].join(""))).toBe(earlier);
+
+  await expectState(page, "paused");
+  await page.getByTestId("sim-play").click();
+  await expectKnown(page, 5);
+  await confirm(page, "sim-stop");
+  await expectState(page, "ended");
+  await server.ended;
+  const told = digestIn(server.stdout);
+  await page.keyboard.press("End");
+  await expect(page.getByTestId("fact-digest")).toHaveAttribute("title", told);
+  const end = await page.evaluate(() => window.maes!.run!.result!);
+  expect(server.stdout).toContain(`(tick ${end.tick})`);
+  await expect(page.getByTestId("fact-ended")).toHaveText(`${end.reason}, at ${shown.clock(end.timeS)}`);
+  await expect(page.getByTestId("banner-connection")).toContainText("The run is over");
+});
+
+test("who looks on and takes a hand in it leaves no trace", async ({ page, servers }) => {
+  const flags = ["--duration", "20"];
+  const { server, url } = await servers.run([SCENARIO, ...flags, "--paused", "true", "--rtf", "5"]);
+  servers.agents(AGENTS);
+  await shown.open(page, url);
+  await page.getByTestId("sim-step-10").click();
+  await page.getByTestId("sim-play").click();
+  await expectKnown(page, 4);
+  await page.keyboard.press(" ");
+  await expectState(page, "paused");
+  await page.keyboard.press("2");
+  await page.getByTestId("sim-step-1").click();
+  await page.getByTestId("sim-speed").fill("9");
+  await page.getByTestId("sim-play").click();
+  expect(await server.ended).toBe(0);
+  await expectState(page, "ended");
+  await page.keyboard.press("End");
+  await expect(page.getByTestId("fact-digest")).toHaveAttribute("title", digestIn(server.stdout));
+  expect(digestIn(server.stdout)).toBe(await servers.digestUnseen(flags));
+});
+
+test("two pages see the same, whenever they came", async ({ page, context, watch, servers }) => {
+  const { url } = await servers.run([...ENDLESS, "--rtf", "10"]);
+  servers.agents(AGENTS);
+  await shown.open(page, url);
+  await page.getByTestId("sim-play").click();
+  await expectKnown(page, 30);
+
+  const second = await context.newPage();
+  watch(second);
+  await shown.open(second, url);
+  await expectKnown(second, 35);
+  // What one of them does, the other one sees.
+  await second.getByTestId("sim-play").click();
+  await expectState(second, "paused");
+  await expectState(page, "paused");
+  await expect.poll(async () => (await shown.endOf(second)) - (await shown.endOf(page))).toBe(0);
+  const sum = await sumOf(page);
+  expect(await sumOf(second)).toEqual(sum);
+  expect(sum.progress.length).toBeGreaterThan(3);
+  shown.expectSame(await shown.pictureAt(page, 25), await shown.pictureAt(second, 25), "25 s in both");
+});

@@ -1,0 +1,94 @@
+/**
+ * What tests begin with: servers, which are ended with the test, and a page that is watched for errors that nobody has foreseen.
+ */
+import { test as base, type Page } from "@playwright/test";
+import { binary, environment, PAGE, RUN_SCRIPT, SCENARIO } from "./places.ts";
+import { outputOf, Program } from "./programs.ts";
+import { digestIn, parseInfo, type Info } from "./info.ts";
+
+/** What a browser writes to its console when a connection or a file is not there; it cannot be kept from it. */
+const FAILED_CONNECTION = /^(WebSocket connection to|Failed to load resource)/;
+
+export class Servers {
+  readonly #programs: Program[] = [];
+  readonly #env: NodeJS.ProcessEnv;
+
+  constructor(worker: number) {
+    this.#env = environment(worker);
+  }
+
+  /** The page with a recording; returns its address. */
+  async view(file: string): Promise<string> {
+    const server = this.#start("sim_server", ["view", file, "--address", "127.0.0.1:0", "--page", PAGE]);
+    return (await server.says("stdout", /^(http:\S+)$/m))[1]!;
+  }
+
+  /** A run that can be looked at; returns the server and the address of the page. */
+  async run(flags: readonly string[], address = "127.0.0.1:0"): Promise<{ server: Program; url: string }> {
+    const server = this.#start("sim_server", ["run", ...flags, "--view", address, "--page", PAGE]);
+    const url = (await server.says("stderr", /to look on: (http:\S+)/))[1]!;
+    return { server, url };
+  }
+
+  /** The agents of a run, in one process. */
+  agents(count: number): Program {
+    return this.#start("agent_node", ["--id", `0-${count - 1}`]);
+  }
+
+  async info(file: string): Promise<Info> {
+    return parseInfo(await outputOf(binary("sim_server"), ["info", file], this.#env));
+  }
+
+  /** A key of a scenario, as the server reads it. */
+  async scenarioKey(file: string, key: string): Promise<string> {
+    return (await outputOf(binary("sim_server"), ["scenario", file, "--get", key], this.#env)).trim();
+  }
+
+  /** The digest of a run that nobody looks at. */
+  async digestUnseen(flags: readonly string[]): Promise<string> {
+    return digestIn(await outputOf(RUN_SCRIPT, [SCENARIO, "--transport", "memory", ...flags], this.#env));
+  }
+
+  async endAll(): Promise<void> {
+    await Promise.all(this.#programs.map((program) => program.kill()));
+  }
+
+  #start(name: "sim_server" | "agent_node", args: readonly string[]): Program {
+    const program = new Program(binary(name), args, this.#env);
+    this.#programs.push(program);
+    return program;
+  }
+}
+
+interface Fixtures {
+  readonly servers: Servers;
+  /** Has other pages watched as well. */
+  readonly watch: (page: Page) => void;
+}
+
+export const test = base.extend<Fixtures>({
+  // eslint-disable-next-line no-empty-pattern -- a fixture that needs no other is written so
+  servers: async ({}, use, info) => {
+    const servers = new Servers(info.parallelIndex);
+    await use(servers);
+    await servers.endAll();
+  },
+  // eslint-disable-next-line no-empty-pattern -- as above
+  watch: async ({}, use) => {
+    const errors: string[] = [];
+    await use((page) => {
+      page.on("pageerror", (error) => errors.push(error.message));
+      page.on("console", (message) => {
+        if (message.type() === "error" && !FAILED_CONNECTION.test(message.text()))
+          errors.push(message.text());
+      });
+    });
+    expect(errors, "errors of the page").toEqual([]);
+  },
+  page: async ({ page, watch }, use) => {
+    watch(page);
+    await use(page);
+  },
+});
+
+export const { expect } = test;
