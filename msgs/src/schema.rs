@@ -38,7 +38,7 @@ pub fn text(message: MessageType) -> String {
 /// to.
 ///
 /// # Panics
-/// If it is not among [`SERVICES`].
+/// If it is not one of those that are about the time of a simulation.
 pub fn service(name: &str) -> (String, String) {
     let (_, definition) = SERVICES.iter().find(|(known, _)| *known == name).expect("a service that can be described");
     let (request, response) = definition.split_once("---\n").expect("an interface file of a service has two parts");
