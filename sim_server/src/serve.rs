@@ -4,8 +4,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
 use msgs::ids::Tick;
@@ -28,7 +27,7 @@ use sim_server::{exit, setup};
 
 /// Wall time between two looks at whether an idle server is to end.
 #[cfg(feature = "view")]
-const IDLE_PERIOD: Duration = Duration::from_millis(100);
+const IDLE_PERIOD: std::time::Duration = std::time::Duration::from_millis(100);
 
 /// Nobody can look on.
 #[cfg(not(feature = "view"))]
@@ -178,7 +177,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
     tell_address(Some(&viewing), &mut waiting);
     let mut code = ExitCode::SUCCESS;
     let mut runs = 0;
-    while !stop.load(Ordering::Relaxed) {
+    while !stop.load(std::sync::atomic::Ordering::Relaxed) {
         let Some(request) = viewing.next_start(IDLE_PERIOD) else { continue };
         let scenario = Scenario::parse(NAME, &request.scenario, overrides)
             .map_err(setup::SetupError::from)

@@ -8,10 +8,13 @@
  * Prints one line of JSON for each measurement, and medians at the end. The machine's graphics are used if `MAES_GPU=1`; otherwise
  * everything is drawn in software.
  */
+/* global window -- inside the page */
 import { spawn } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
+import { performance } from "node:perf_hooks";
+import process from "node:process";
 import { createInterface } from "node:readline";
 import { chromium } from "@playwright/test";
 import { chromiumIn } from "../pictures/programs.mjs";

@@ -38,6 +38,7 @@ pub struct Watched<'v, L> {
     all: Listeners,
     clock_told: Option<Instant>,
     tick: Tick,
+    is_time_told: bool,
 }
 
 impl<'v, L: Link> Watched<'v, L> {
@@ -55,6 +56,7 @@ impl<'v, L: Link> Watched<'v, L> {
             all: Listeners::new(),
             clock_told: None,
             tick: Tick::ZERO,
+            is_time_told: true,
         }
     }
 
@@ -69,6 +71,15 @@ impl<'v, L: Link> Watched<'v, L> {
         }
         let others = [topics::scenario(), topics::progress()].map(|topic| channel(context, &topic));
         self.viewing.hall.begin(run, self.scenario, self.channels.values().cloned().chain(others));
+    }
+
+    /// Tells what time it is, unless that was told, or something else just before.
+    fn tell_time(&mut self) {
+        if !self.is_time_told && self.clock_told.is_none_or(|told| told.elapsed() >= CLOCK_PERIOD) {
+            self.clock_told = Some(now());
+            self.is_time_told = true;
+            self.viewing.server.broadcast_time(self.tick.time_ns());
+        }
     }
 
     /// Who looks on here now.
@@ -107,10 +118,8 @@ impl<L: Link> Link for Watched<'_, L> {
     fn clock(&mut self, tick: Tick) {
         self.link.clock(tick);
         self.tick = tick;
-        if self.clock_told.is_none_or(|told| told.elapsed() >= CLOCK_PERIOD) {
-            self.clock_told = Some(now());
-            self.viewing.server.broadcast_time(tick.time_ns());
-        }
+        self.is_time_told = false;
+        self.tell_time();
     }
 
     fn progress(&mut self, progress: &Progress) {
@@ -119,6 +128,8 @@ impl<L: Link> Link for Watched<'_, L> {
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        // The last of many ticks in quick succession, when none comes any more.
+        self.tell_time();
         self.link.receive(timeout)
     }
 
