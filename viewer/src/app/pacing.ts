@@ -2,11 +2,11 @@
  * When the next picture may be drawn, and how fine. Pure: it is told what pictures have cost.
  *
  * The simulator may run on the same cores, and with software rendering a picture can cost a quarter of a second of them. So a
- * picture begins no sooner than 1.6 times the cost of the last one after that began, which leaves four tenths of the time free,
- * and pictures that cost much are drawn with fewer pixels while things move.
+ * picture begins a little later than the last one is done, and pictures that cost much are drawn with fewer pixels while things move.
  */
 
-const REST = 1.6;
+/** When the next picture may begin, as a multiple of what the last one took. */
+const REST = 1.1;
 /** Above this a picture counts as slow, below the other as quick; milliseconds. */
 const SLOW_MS = 90;
 const QUICK_MS = 22;
