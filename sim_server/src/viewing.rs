@@ -56,9 +56,6 @@ const WISHES_MAX: usize = 256;
 /// Messages that wait for one client at the most; then it loses the oldest ones.
 const BACKLOG_MESSAGES: usize = 1024;
 
-/// Threads that serve clients.
-const THREADS: usize = 2;
-
 /// How long the journal's end waits for those who read it, wall time.
 const FAREWELL: Duration = Duration::from_secs(2);
 
@@ -105,12 +102,7 @@ impl Viewing {
     /// # Errors
     /// If the address cannot be had.
     pub fn open(address: &str, page: Option<&Path>, is_idle: bool) -> Result<Self, ViewingError> {
-        let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(THREADS)
-            .thread_name("viewing")
-            .enable_all()
-            .build()?;
-        let listener = front::bind(&runtime, address)?;
+        let (runtime, listener) = front::open(address)?;
         let local = listener.local_addr()?;
         let context = Context::new();
         let (wish, wishes) = sync_channel(WISHES_MAX);

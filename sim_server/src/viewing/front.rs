@@ -19,13 +19,16 @@ use hyper::service::service_fn;
 use hyper_util::rt::TokioIo;
 use tokio::io::{AsyncReadExt, AsyncWriteExt, copy_bidirectional, join};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::runtime::Runtime;
+use tokio::runtime::{Builder, Runtime};
 use tower::ServiceExt;
 use tower_http::compression::Compression;
 use tower_http::services::{ServeDir, ServeFile};
 use tower_http::set_header::SetResponseHeader;
 
 use super::ViewingError;
+
+/// Threads that serve clients.
+const THREADS: usize = 2;
 
 /// Bytes of the head of a request at the most.
 const HEAD_BYTES_MAX: usize = 16 * 1024;
@@ -86,10 +89,12 @@ fn built_page() -> Option<PathBuf> {
     candidates.into_iter().find(|candidate| is_page(candidate))
 }
 
-/// Takes an address.
-pub(super) fn bind(runtime: &Runtime, address: &str) -> Result<TcpListener, ViewingError> {
+/// Takes an address, with threads to serve those who come there.
+pub(super) fn open(address: &str) -> Result<(Runtime, TcpListener), ViewingError> {
+    let runtime = Builder::new_multi_thread().worker_threads(THREADS).thread_name("viewing").enable_all().build()?;
     let refused = |source| ViewingError::Address { address: address.to_owned(), source };
-    runtime.block_on(TcpListener::bind(address)).map_err(refused)
+    let listener = runtime.block_on(TcpListener::bind(address)).map_err(refused)?;
+    Ok((runtime, listener))
 }
 
 /// Serves all who come, until the runtime ends.

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use tokio::runtime::Runtime;
 
+use super::ViewingError;
 use super::front::{self, Site};
-use super::{THREADS, ViewingError};
 
 /// A recording that is offered to browsers, as long as this lives.
 pub struct Shelf {
@@ -22,12 +22,7 @@ impl Shelf {
     /// # Errors
     /// If the address cannot be had.
     pub fn open(address: &str, page: &Path, recording: &Path) -> Result<Self, ViewingError> {
-        let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(THREADS)
-            .thread_name("viewing")
-            .enable_all()
-            .build()?;
-        let listener = front::bind(&runtime, address)?;
+        let (runtime, listener) = front::open(address)?;
         let local = listener.local_addr()?;
         let site = Site { page: Some(page.to_owned()), foxglove: None, recording: Some(recording.to_owned()) };
         front::serve(&runtime, listener, site);
