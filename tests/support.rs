@@ -26,27 +26,39 @@ pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("this package is a folder of the workspace")
 }
 
-/// A place among the runs that may be under way at a time.
-#[derive(Debug)]
-pub(crate) struct Slot(());
+/// How many runs may be under way at a time.
+const SLOTS: u32 = 2;
 
-static SLOTS_FREE: Mutex<u32> = Mutex::new(2);
+/// A place among the runs that may be under way at a time, or all of them.
+#[derive(Debug)]
+pub(crate) struct Slot(u32);
+
+static SLOTS_FREE: Mutex<u32> = Mutex::new(SLOTS);
 static SLOT_FREED: Condvar = Condvar::new();
 
 impl Slot {
     /// Waits for a place. Nobody who has one may wait for another.
     pub(crate) fn take() -> Self {
+        Self::take_some(1)
+    }
+
+    /// Waits until nothing else is under way: for what needs all cores.
+    pub(crate) fn take_all() -> Self {
+        Self::take_some(SLOTS)
+    }
+
+    fn take_some(places: u32) -> Self {
         let mut free =
-            SLOT_FREED.wait_while(lock(&SLOTS_FREE), |free| *free == 0).unwrap_or_else(PoisonError::into_inner);
-        *free -= 1;
-        Self(())
+            SLOT_FREED.wait_while(lock(&SLOTS_FREE), |free| *free < places).unwrap_or_else(PoisonError::into_inner);
+        *free -= places;
+        Self(places)
     }
 }
 
 impl Drop for Slot {
     fn drop(&mut self) {
-        *lock(&SLOTS_FREE) += 1;
-        SLOT_FREED.notify_one();
+        *lock(&SLOTS_FREE) += self.0;
+        SLOT_FREED.notify_all();
     }
 }
 

@@ -21,11 +21,12 @@ fn prepare() {
     });
 }
 
-/// Carries out a command of npm in the folder of the page. Servers that it starts are in a ROS domain of their own.
+/// Carries out a command of npm in the folder of the page, alone, for browsers that draw in software leave nothing to others. Servers
+/// that it starts are in a ROS domain of their own.
 fn npm(arguments: &[&str]) -> String {
     prepare();
     let site = Site::new();
-    let _slot = Slot::take();
+    let _slots = Slot::take_all();
     done(site.command("timeout").args([PATIENCE, "npm"]).args(arguments).current_dir(root().join("viewer")))
 }
 
