@@ -84,7 +84,8 @@ fn a_run_is_controlled_as_over_ros() {
     let (run, address) = begun(&site, &[]);
     let mut client = Client::connect(&address);
     assert_eq!(client.said["serverInfo"]["metadata"]["idle"], "false");
-    assert!(client.offered().contains(&"/agent_1/odom"), "{:?}", client.offered());
+    // The address is told before the run is announced.
+    client.read_until(|client| client.offered().contains(&"/agent_1/odom"));
     assert_eq!(state(&mut client), SimulationState::STOPPED);
     let stepped: ResultResponse = client.call("/sim_server/step_simulation", &StepRequest { steps: 7 });
     assert_eq!(stepped.result.result, 1);
