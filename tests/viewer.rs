@@ -118,9 +118,7 @@ fn the_script_starts_the_agents_of_what_is_started_on_the_page() {
     let site = Site::new();
     let mut script = site.command(root().join("launch_scripts/view.sh"));
     let mut script = site.start(script.args(["--address", "127.0.0.1:0", "--browser", "false"]));
-    let line = script.process().says("to look on: http://");
-    let address = line.split(['/', ' ']).find(|word| word.starts_with("127.")).expect("the line has an address");
-    let mut client = Client::connect(address);
+    let mut client = Client::connect(&script.address());
     let scenario = "seed = 1\nduration_s = 2\n[map]\nkind = \"spheres\"\nsize = 20\n[agents]\ncount = 3";
     let request = serde_json::json!({ "scenario": scenario }).to_string();
     client.call_raw("/sim_server/start_run", "json", request.as_bytes()).expect("it answers");

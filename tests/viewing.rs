@@ -24,13 +24,8 @@ const ANYWHERE: &str = "127.0.0.1:0";
 fn begun(site: &Site, flags: &[&str]) -> (Run, String) {
     let shown = ["--view", ANYWHERE, "--paused", "true", "--record", "run.mcap"];
     let mut run = site.start(&mut site.run_sh(&[&FLAGS[..], &shown, flags].concat()));
-    let address = address(&mut run);
+    let address = run.address();
     (run, address)
-}
-
-fn address(run: &mut Run) -> String {
-    let line = run.process().says("to look on: http://");
-    line.split(['/', ' ']).find(|word| word.starts_with("127.")).expect("the line has an address").to_owned()
 }
 
 fn set_state(client: &mut Client, state: u8) -> u8 {
@@ -134,7 +129,7 @@ fn an_idle_server_starts_what_it_is_asked_for() {
     let mut server = site.binary("sim_server");
     server.args(["run", "--idle", "--view", ANYWHERE, "--ready"]).arg(&ready);
     let mut server = site.start(&mut server);
-    let address = address(&mut server);
+    let address = server.address();
     let mut client = Client::connect(&address);
     assert_eq!(client.said["serverInfo"]["metadata"]["idle"], "true");
     assert!(client.session().starts_with("idle-"));

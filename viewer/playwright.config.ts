@@ -6,7 +6,7 @@
  * failure is a fault.
  */
 import { defineConfig } from "@playwright/test";
-import { chromiumPath } from "./tests/support/places.ts";
+import { chromiumIn } from "./pictures/programs.mjs";
 
 export default defineConfig({
   testDir: "tests",
@@ -26,7 +26,7 @@ export default defineConfig({
     navigationTimeout: 60_000,
     screenshot: "only-on-failure",
     launchOptions: {
-      executablePath: chromiumPath(),
+      executablePath: chromiumIn(process.env),
       args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
     },
   },

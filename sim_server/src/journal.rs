@@ -8,7 +8,6 @@
 //!
 //! This module knows no network: `viewing` hands the bytes out.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Write};
@@ -19,11 +18,11 @@ use std::time::{Duration, Instant};
 
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
-use mcap::{Attachment, McapResult, WriteOptions, Writer};
+use mcap::{McapResult, Writer};
 use msgs::ids::Tick;
 use msgs::topics::Topic;
 
-use crate::recorder::{Document, announce};
+use crate::recorder::{self, Document};
 use crate::run::now;
 
 /// Wall time for which messages are kept back, so that they go to the file many at a time.
@@ -123,7 +122,7 @@ impl Journal {
         let channel_id = match self.channel_of_topic.get(&topic.name) {
             Some(&channel) => channel,
             None => {
-                let channel = announce(&mut self.writer, topic)?;
+                let channel = recorder::announce(&mut self.writer, topic)?;
                 self.channel_of_topic.insert(topic.name.clone(), channel);
                 channel
             }
@@ -194,23 +193,9 @@ impl Write for Tail {
 }
 
 fn begin(tail: Tail, documents: &[Document<'_>]) -> McapResult<Writer<NoSeek<Tail>>> {
-    let mut writer = WriteOptions::new()
-        .profile("ros2")
-        .library(concat!("maes sim_server ", env!("CARGO_PKG_VERSION")))
-        .use_chunks(false)
-        .compression(None)
-        .disable_seeking(true)
-        .create(NoSeek::new(tail))?;
-    for document in documents {
-        writer.attach(&Attachment {
-            log_time: 0,
-            create_time: 0,
-            name: document.name.to_owned(),
-            media_type: document.media_type.to_owned(),
-            data: Cow::Borrowed(document.data),
-        })?;
-    }
-    writer.flush()?;
+    let options = recorder::options().use_chunks(false).compression(None).disable_seeking(true);
+    let mut writer = options.create(NoSeek::new(tail))?;
+    recorder::attach(&mut writer, documents)?;
     Ok(writer)
 }
 

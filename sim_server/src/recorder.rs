@@ -121,17 +121,7 @@ impl Recorder {
     }
 
     fn attach(&mut self, documents: &[Document<'_>]) -> Result<(), RecordError> {
-        for document in documents {
-            let attachment = Attachment {
-                log_time: 0,
-                create_time: 0,
-                name: document.name.to_owned(),
-                media_type: document.media_type.to_owned(),
-                data: Cow::Borrowed(document.data),
-            };
-            self.writer.attach(&attachment).map_err(|source| self.mcap_error(source))?;
-        }
-        self.writer.flush().map_err(|source| self.mcap_error(source))
+        attach(&mut self.writer, documents).map_err(|source| self.mcap_error(source))
     }
 
     /// Takes its name, in the place of an older recording: the run has begun.
@@ -300,14 +290,27 @@ fn record_error(file: &Path, source: mcap::McapError) -> RecordError {
 }
 
 fn begin<W: Write + Seek>(stream: W) -> McapResult<Writer<W>> {
-    WriteOptions::new()
-        .profile("ros2")
-        .library(concat!("maes sim_server ", env!("CARGO_PKG_VERSION")))
-        .compression(Some(Compression::Zstd))
-        // Chunks end where the recorder says; compression stays on this thread.
-        .chunk_size(None)
-        .compression_threads(0)
-        .create(stream)
+    // Chunks end where the recorder says; compression stays on this thread.
+    options().compression(Some(Compression::Zstd)).chunk_size(None).compression_threads(0).create(stream)
+}
+
+/// What a file says of itself, chunked or not.
+pub(crate) fn options() -> WriteOptions {
+    WriteOptions::new().profile("ros2").library(concat!("maes sim_server ", env!("CARGO_PKG_VERSION")))
+}
+
+/// Puts documents into a file that has just begun.
+pub(crate) fn attach<W: Write + Seek>(writer: &mut Writer<W>, documents: &[Document<'_>]) -> McapResult<()> {
+    for document in documents {
+        writer.attach(&Attachment {
+            log_time: 0,
+            create_time: 0,
+            name: document.name.to_owned(),
+            media_type: document.media_type.to_owned(),
+            data: Cow::Borrowed(document.data),
+        })?;
+    }
+    writer.flush()
 }
 
 /// Channels are numbered from 1, in the order they are announced.

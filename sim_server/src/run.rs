@@ -35,7 +35,6 @@ use msgs::maes_msgs::{self, Observation as Part};
 use crate::control::Beginning;
 use crate::control::desk::Desk;
 use crate::digest::{Chain, Digest};
-use crate::journal::Journal;
 use crate::link::{Level, Link};
 use crate::lockstep::Wake;
 use crate::playback::{Playback, Said};
@@ -47,7 +46,7 @@ use crate::world::{Action, Since, World};
 use control::Phase;
 use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Patience, Silence};
 pub use log::{Checker, Records};
-use log::{Kind, Log, Sink};
+use log::{Kind, Log, Outlets};
 pub use nobody::Nobody;
 pub use start::Start;
 
@@ -115,7 +114,7 @@ pub fn run(
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
 ) -> Result<Outcome, RunError> {
-    carry_out(Start::of(scenario)?, scenario, world, link, records.into().sinks(), watcher, stop, None)
+    carry_out(Start::of(scenario)?, scenario, world, link, records.into().into(), watcher, stop, None)
 }
 
 /// Carries out a scenario once more, after [`RunError::Reset`], in a world that was made anew, with the same agents.
@@ -131,7 +130,7 @@ pub fn begin_again(
     watcher: &mut dyn Watcher,
     stop: &AtomicBool,
 ) -> Result<Outcome, RunError> {
-    carry_out(start, scenario, world, link, records.into().sinks(), watcher, stop, None)
+    carry_out(start, scenario, world, link, records.into().into(), watcher, stop, None)
 }
 
 /// Goes on with a run: carries out again what a recording says of it, then tells the agents their past and goes on with them.
@@ -147,7 +146,7 @@ pub fn resume(
     stop: &AtomicBool,
     playback: Playback<'_>,
 ) -> Result<Outcome, RunError> {
-    carry_out(Start::of(scenario)?, scenario, world, link, records.into().sinks(), watcher, stop, Some(playback))
+    carry_out(Start::of(scenario)?, scenario, world, link, records.into().into(), watcher, stop, Some(playback))
 }
 
 /// Carries out again what a recording says of a run, up to where it ends and with nobody taking part, before somebody who knows
@@ -163,8 +162,7 @@ pub fn again(
 ) -> Result<Outcome, RunError> {
     let stop = AtomicBool::new(false);
     let start = Start::of(scenario)?;
-    let looked_at = (Sink::Checker(checker), None);
-    carry_out(start, scenario, world, &mut Nobody, looked_at, &mut Nobody, &stop, Some(playback))
+    carry_out(start, scenario, world, &mut Nobody, Outlets::checked_by(checker), &mut Nobody, &stop, Some(playback))
 }
 
 #[expect(clippy::too_many_arguments, reason = "all that a run needs; it is put together here and nowhere else")]
@@ -173,7 +171,7 @@ fn carry_out<'a>(
     scenario: &'a Scenario,
     world: World,
     link: &'a mut dyn Link,
-    (sink, journal): (Sink<'a>, Option<Journal>),
+    outlets: Outlets<'a>,
     watcher: &'a mut dyn Watcher,
     stop: &'a AtomicBool,
     playback: Option<Playback<'a>>,
@@ -186,7 +184,7 @@ fn carry_out<'a>(
     let announcement = wire::scenario(scenario, &world.terrain().extent(), world.rays());
     let has_successors = scenario.faults.on_agent_loss == OnAgentLoss::Wait;
     // Those who check have nobody to tell it.
-    let keeps_history = !matches!(sink, Sink::Checker(_)) && (playback.is_some() || has_successors);
+    let keeps_history = !outlets.are_checked() && (playback.is_some() || has_successors);
     let mut run = Run {
         scenario,
         playback,
@@ -198,7 +196,7 @@ fn carry_out<'a>(
         desk: Desk::new(start.is_paused, start.rtf, crate::control::features()),
         interventions: 0,
         leaving: Vec::new(),
-        log: Log::new(sink, journal, scenario.agents.count),
+        log: Log::new(outlets, scenario.agents.count),
         exchange: Exchange::new(link, start, scenario.agents.count, keeps_history, has_successors),
         world,
         watcher,

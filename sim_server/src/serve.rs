@@ -173,7 +173,8 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
         Err(error) => return failed(&error),
     };
     let log = args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
-    let mut waiting = Terminal::new(Tick::ZERO, 0).with_log(log);
+    let log_of_one = || log.as_ref().map(File::try_clone).transpose().context("--log");
+    let mut waiting = Terminal::new(Tick::ZERO, 0).with_log(log_of_one()?);
     tell_address(Some(&viewing), &mut waiting);
     let mut code = ExitCode::SUCCESS;
     let mut runs = 0;
@@ -205,7 +206,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
         };
         runs += 1;
         request.answer(Ok(()));
-        let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count);
+        let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log_of_one()?);
         code = job.carry_out(begun, None, &mut terminal, &stop)?;
     }
     Ok(code)

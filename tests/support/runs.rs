@@ -145,6 +145,13 @@ impl Run {
         self.process.says("x real time");
     }
 
+    /// Where people can look on, as the server says on stderr.
+    #[track_caller]
+    pub(crate) fn address(&mut self) -> String {
+        let line = self.process.says("to look on: http://");
+        line.split(['/', ' ']).find(|word| word.starts_with("127.")).expect("the line has an address").to_owned()
+    }
+
     /// Waits for the end.
     #[track_caller]
     pub(crate) fn ended(self) -> Ended {

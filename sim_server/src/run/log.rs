@@ -31,14 +31,39 @@ pub(super) enum Kind {
     Command(AgentId),
 }
 
-/// Where messages go, beside the digest.
-pub(super) enum Sink<'s> {
+/// Where messages go.
+enum Sink<'s> {
     /// Nowhere.
     Nothing,
     /// Into a recording.
     File(Box<Recorder>),
     /// Before somebody who knows what they should be.
     Checker(&'s mut dyn Checker),
+}
+
+/// Where messages go, beside the digest, and what those who look on read meanwhile.
+pub(super) struct Outlets<'s> {
+    sink: Sink<'s>,
+    journal: Option<Journal>,
+}
+
+impl<'s> Outlets<'s> {
+    /// Before somebody who knows what the messages should be.
+    pub(super) fn checked_by(checker: &'s mut dyn Checker) -> Self {
+        Self { sink: Sink::Checker(checker), journal: None }
+    }
+
+    /// Whether somebody checks what goes there.
+    pub(super) fn are_checked(&self) -> bool {
+        matches!(self.sink, Sink::Checker(_))
+    }
+
+    fn write(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) -> Result<(), RecordError> {
+        if let Some(journal) = &mut self.journal {
+            journal.write(topic, tick, cdr);
+        }
+        self.sink.write(topic, tick, cdr)
+    }
 }
 
 /// Somebody who looks at everything that a run writes down, in order.
@@ -53,8 +78,7 @@ pub trait Checker {
 
 /// The recording and the encoding of messages, which the digest needs in any case.
 pub(super) struct Log<'s> {
-    sink: Sink<'s>,
-    journal: Option<Journal>,
+    outlets: Outlets<'s>,
     sim_topics: [Topic; 6],
     agent_topics: Vec<[Topic; 3]>,
     /// Of the views that have been recorded so far.
@@ -64,11 +88,10 @@ pub(super) struct Log<'s> {
 }
 
 impl<'s> Log<'s> {
-    pub(super) fn new(sink: Sink<'s>, journal: Option<Journal>, agents: u32) -> Self {
+    pub(super) fn new(outlets: Outlets<'s>, agents: u32) -> Self {
         let of_agent = |agent| [topics::join(agent), topics::observation(agent), topics::command(agent)];
         Self {
-            sink,
-            journal,
+            outlets,
             sim_topics: [
                 topics::scenario(),
                 topics::progress(),
@@ -86,12 +109,12 @@ impl<'s> Log<'s> {
 
     /// Whether somebody wants what the digest does not need.
     pub(super) fn is_recording(&self) -> bool {
-        self.journal.is_some() || !matches!(self.sink, Sink::Nothing)
+        self.outlets.journal.is_some() || !matches!(self.outlets.sink, Sink::Nothing)
     }
 
     /// Who checks what is written down, if somebody does.
     pub(super) fn checker(&mut self) -> Option<&mut (dyn Checker + 's)> {
-        match &mut self.sink {
+        match &mut self.outlets.sink {
             Sink::Checker(checker) => Some(*checker),
             Sink::Nothing | Sink::File(_) => None,
         }
@@ -123,7 +146,7 @@ impl<'s> Log<'s> {
     pub(super) fn write_view(&mut self, view: View, tick: Tick, picture: &Picture) -> Result<(), RecordError> {
         self.encode(picture);
         let topic = self.view_topics.entry(view).or_insert_with(|| view.topic());
-        let written = self.sink.write(topic, self.journal.as_mut(), tick, &self.bytes);
+        let written = self.outlets.write(topic, tick, &self.bytes);
         self.unless_failed(written)
     }
 
@@ -135,12 +158,12 @@ impl<'s> Log<'s> {
 
     /// Gives up the recording; there is none unless it is published.
     pub(super) fn give_up(&mut self) {
-        self.sink = Sink::Nothing;
+        self.outlets.sink = Sink::Nothing;
     }
 
     /// Saves provisionally if it is time to. To be called while the loop waits, too.
     pub(super) fn save_now_and_then(&mut self) -> Result<(), RecordError> {
-        if let Some(journal) = &mut self.journal {
+        if let Some(journal) = &mut self.outlets.journal {
             journal.flush_now_and_then();
         }
         if self.saved.elapsed() >= SAVE_PERIOD { self.save_provisionally() } else { Ok(()) }
@@ -154,14 +177,14 @@ impl<'s> Log<'s> {
     }
 
     pub(super) fn finish(self) -> Result<(), RecordError> {
-        match self.sink {
+        match self.outlets.sink {
             Sink::File(recorder) => recorder.finish(),
             Sink::Nothing | Sink::Checker(_) => Ok(()),
         }
     }
 
     fn recorder(&mut self) -> Option<&mut Recorder> {
-        match &mut self.sink {
+        match &mut self.outlets.sink {
             Sink::File(recorder) => Some(&mut **recorder),
             Sink::Nothing | Sink::Checker(_) => None,
         }
@@ -184,30 +207,21 @@ impl<'s> Log<'s> {
             Kind::Observation(agent) => &self.agent_topics[agent.index()][1],
             Kind::Command(agent) => &self.agent_topics[agent.index()][2],
         };
-        let written = self.sink.write(topic, self.journal.as_mut(), tick, &self.bytes);
+        let written = self.outlets.write(topic, tick, &self.bytes);
         self.unless_failed(written)
     }
 
     /// A recording that could once not be written to ends there: what comes later must not stand beside a gap.
     fn unless_failed(&mut self, written: Result<(), RecordError>) -> Result<(), RecordError> {
         if written.is_err() {
-            self.sink = Sink::Nothing;
+            self.outlets.sink = Sink::Nothing;
         }
         written
     }
 }
 
 impl Sink<'_> {
-    fn write(
-        &mut self,
-        topic: &Topic,
-        journal: Option<&mut Journal>,
-        tick: Tick,
-        cdr: &[u8],
-    ) -> Result<(), RecordError> {
-        if let Some(journal) = journal {
-            journal.write(topic, tick, cdr);
-        }
+    fn write(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) -> Result<(), RecordError> {
         match self {
             Self::Nothing => Ok(()),
             Self::File(recorder) => recorder.write(topic, tick, cdr),
@@ -220,7 +234,6 @@ impl Sink<'_> {
 }
 
 /// What a run is written into.
-#[derive(Default)]
 pub struct Records {
     /// The recording, if there is to be one.
     pub recorder: Option<Recorder>,
@@ -228,11 +241,9 @@ pub struct Records {
     pub journal: Option<Journal>,
 }
 
-impl Records {
-    /// Where messages go.
-    pub(super) fn sinks<'s>(self) -> (Sink<'s>, Option<Journal>) {
-        let sink = self.recorder.map_or(Sink::Nothing, |recorder| Sink::File(Box::new(recorder)));
-        (sink, self.journal)
+impl From<Records> for Outlets<'_> {
+    fn from(Records { recorder, journal }: Records) -> Self {
+        Self { sink: recorder.map_or(Sink::Nothing, |recorder| Sink::File(Box::new(recorder))), journal }
     }
 }
 

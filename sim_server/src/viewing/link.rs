@@ -82,12 +82,12 @@ impl<'v, L: Link> Watched<'v, L> {
         }
     }
 
-    /// Who looks on here now.
-    fn look_here(&mut self) {
-        if let Some(arrivals) = self.viewing.hall.arrivals(&mut self.revision) {
-            let view = |(topic, arrivals)| Some((*self.view_of_topic.get(&topic)?, arrivals));
-            self.here = arrivals.into_iter().filter_map(view).collect();
-        }
+    /// Finds out who looks on here now; says whether that may have changed.
+    fn look_here(&mut self) -> bool {
+        let Some(arrivals) = self.viewing.hall.arrivals(&mut self.revision) else { return false };
+        let view = |(topic, arrivals)| Some((*self.view_of_topic.get(&topic)?, arrivals));
+        self.here = arrivals.into_iter().filter_map(view).collect();
+        true
     }
 }
 
@@ -134,16 +134,19 @@ impl<L: Link> Link for Watched<'_, L> {
     }
 
     fn listeners(&mut self) -> Option<&Listeners> {
-        self.look_here();
+        let is_other_here = self.look_here();
         let there = self.link.listeners();
         if self.here.is_empty() {
             return there;
         }
-        match there {
-            Some(there) => self.there.clone_from(there),
-            None => self.there.clear(),
+        // In almost every tick both are as before, and then there is nothing to do.
+        let is_other_there = there.map_or(!self.there.is_empty(), |there| *there != self.there);
+        if is_other_there {
+            self.there = there.cloned().unwrap_or_default();
         }
-        merge(&mut self.all, &self.here, &self.there);
+        if is_other_here || is_other_there {
+            merge(&mut self.all, &self.here, &self.there);
+        }
         Some(&self.all)
     }
 

@@ -1,11 +1,10 @@
 /**
- * Where the things are that the tests need and do not make: the binaries, the browser, the built page, scenarios.
+ * Where the things are that the tests need and do not make: the binaries, the built page, scenarios.
  *
- * `MAES_BIN_DIR` names the folder of the binaries (default: those of a release build of the workspace), `MAES_CHROMIUM` a browser
- * (default: the first Chromium in the path), `MAES_PAGE` the folder of the built page (default: `dist`).
+ * `MAES_BIN_DIR` names the folder of the binaries (default: those of a release build of the workspace), `MAES_PAGE` the folder of the
+ * built page (default: `dist`).
  */
-import { accessSync, constants } from "node:fs";
-import { delimiter, join, resolve } from "node:path";
+import { join, resolve } from "node:path";
 
 const VIEWER = resolve(import.meta.dirname, "../..");
 
@@ -24,32 +23,12 @@ export function binary(name: "sim_server" | "agent_node"): string {
 /** The script that carries out a run with one command. */
 export const RUN_SCRIPT = join(VIEWER, "../launch_scripts/run.sh");
 
-/** The environment of programs, in a ROS domain that is this worker's. */
+/** The environment of programs, in the ROS domain that whoever runs the tests has given them, or one that is this worker's. */
 export function environment(worker: number): NodeJS.ProcessEnv {
   return {
     ...process.env,
     MAES_BIN_DIR: BIN_DIR,
-    ROS_DOMAIN_ID: String(90 + worker),
+    ROS_DOMAIN_ID: process.env["ROS_DOMAIN_ID"] ?? String(90 + worker),
     ROS_AUTOMATIC_DISCOVERY_RANGE: "LOCALHOST",
   };
-}
-
-export function chromiumPath(): string {
-  const named = process.env["MAES_CHROMIUM"];
-  if (named) return named;
-  const names = ["chromium", "chromium-browser", "google-chrome"];
-  const folders = (process.env["PATH"] ?? "").split(delimiter);
-  const found = names.flatMap((name) => folders.map((folder) => join(folder, name))).find(isExecutable);
-  if (!found)
-    throw new Error(`No browser: none of ${names.join(", ")} is in PATH; name one in MAES_CHROMIUM`);
-  return found;
-}
-
-function isExecutable(path: string): boolean {
-  try {
-    accessSync(path, constants.X_OK);
-    return true;
-  } catch {
-    return false;
-  }
 }
