@@ -1,14 +1,15 @@
 #!/usr/bin/env node
 /**
- * What looking on costs and gives, measured in a real Chromium: the first picture of a recording, seeks, pictures per second of a run under
- * way, and how much longer that run takes than one that nobody looks at.
+ * What looking on costs and gives, measured in a real Chromium: the first picture of a recording and seeks (in passing, and in full),
+ * pictures per second of a run under way, and how much longer that run takes than one that nobody looks at.
  *
- *   node bench/bench.mjs [--rounds N] [--seconds S]      in the folder viewer; binaries of MAES_BIN_DIR or ../target/release
+ *   node bench/bench.mjs [recording] [run] [--rounds N] [--seconds S]
  *
- * Prints one line of JSON for each measurement, and medians at the end. The machine's graphics are used if `MAES_GPU=1`; otherwise
- * everything is drawn in software.
+ * in the folder viewer; the page is that of dist (npm run build), and binaries are those of MAES_BIN_DIR or ../target/release. Prints one
+ * line of JSON for each measurement, and medians at the end. The machine's graphics are used if `MAES_GPU=1`; otherwise everything is
+ * drawn in software.
  */
-/* global window -- inside the page */
+/* global window, document, setTimeout -- inside the page */
 import { spawn } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -28,6 +29,8 @@ const option = (name, fallback) => {
 };
 const rounds = option("--rounds", 3);
 const seconds = option("--seconds", 300);
+const subjects = process.argv.slice(2).filter((word) => word === "recording" || word === "run");
+const isAsked = (subject) => subjects.length === 0 || subjects.includes(subject);
 const folder = mkdtempSync(join(tmpdir(), "maes-bench-"));
 const environment = {
   ...process.env,
@@ -73,20 +76,7 @@ const tell = (what, values) => process.stdout.write(`${JSON.stringify({ what, ..
 /** A run at 10 times real time, looked at or not: wall seconds of its ticks, and pictures per second. */
 async function run(isLookedAt) {
   const scenario = join(root, "launch_scripts/scenarios/default.toml");
-  const words = [
-    "run",
-    scenario,
-    "--size",
-    "100",
-    "--seed",
-    "3",
-    "--agents",
-    "20",
-    "--rtf",
-    "10",
-    "--duration",
-    String(seconds),
-  ];
+  const words = `--size 100 --seed 3 --agents 20 --rtf 10 --duration ${seconds}`.split(" ");
   const shown = [
     "--view",
     "127.0.0.1:0",
@@ -97,7 +87,7 @@ async function run(isLookedAt) {
     "--set",
     "stop_when_explored=false",
   ];
-  const server = start(join(binaries, "sim_server"), [...words, ...shown]);
+  const server = start(join(binaries, "sim_server"), ["run", scenario, ...words, ...shown]);
   const address = await server.says(/to look on: (http:\/\/\S+)/);
   const agents = Array.from({ length: 20 }, (_, id) =>
     start(join(binaries, "agent_node"), ["--id", String(id)]),
@@ -111,10 +101,10 @@ async function run(isLookedAt) {
     await tab.evaluate(() => {
       const { scene } = window.maes;
       const render = scene.render.bind(scene);
-      window.drawn = [];
-      scene.render = (timeS) => {
-        render(timeS);
-        window.drawn.push(performance.now());
+      window.drawn = 0;
+      scene.render = (...words) => {
+        render(...words);
+        window.drawn += 1;
       };
     });
     const begun = performance.now();
@@ -122,12 +112,52 @@ async function run(isLookedAt) {
     if (!isLookedAt) await tab.goto("about:blank");
     const digest = await server.says(/^digest: (\w+)/);
     const wallS = (performance.now() - begun) / 1000;
-    const drawn = isLookedAt ? await tab.evaluate(() => window.drawn) : [];
-    return { wallS, digest, fps: drawn.length / wallS };
+    const drawn = isLookedAt ? await tab.evaluate(() => window.drawn) : 0;
+    return { wallS, digest, fps: drawn / wallS };
   } finally {
     await browser.close();
     await Promise.all([server, ...agents].map(({ ended }) => ended));
   }
+}
+
+/**
+ * To be called in the page: `window.pictured` becomes the pictures that the graphics are done with, and in which nothing is missing: of what
+ * moment, whether in full, and when (milliseconds since 1970).
+ */
+function watchPictures() {
+  const { scene } = window.maes;
+  const gl = document.querySelector("canvas.picture").getContext("webgl2");
+  const render = scene.render.bind(scene);
+  window.pictured = [];
+  scene.render = (timeS, quality) => {
+    render(timeS, quality);
+    if (scene.isRestless) return;
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    const look = () => {
+      if (gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) return void setTimeout(look, 3);
+      window.pictured.push({ timeS, isFull: !quality.isCoarse && quality.share === 1, atMs: Date.now() });
+    };
+    look();
+  };
+}
+
+/** When the first picture of the moment that is asked for was done, and the first one in full; seconds since a moment. */
+async function pictures(tab, sinceMs) {
+  const first = async (isFull) => {
+    const found = await tab.waitForFunction(
+      ([isFull, sinceMs]) => {
+        const { run, state } = window.maes;
+        return window.pictured.find(
+          (one) => run && one.atMs >= sinceMs && one.timeS === state.timeS && (one.isFull || !isFull),
+        );
+      },
+      [isFull, sinceMs],
+      { timeout: 60_000 },
+    );
+    return ((await found.jsonValue()).atMs - sinceMs) / 1000;
+  };
+  return { anyS: await first(false), fullS: await first(true) };
 }
 
 /** Half an hour of ten agents from disk: until there is a picture, until all is read, and seeks all over it. */
@@ -144,24 +174,25 @@ async function recording(file) {
   const browser = await chromium.launch({ executablePath: chromiumIn(process.env), args: flags });
   try {
     const tab = await browser.newPage({ viewport: { width: 1280, height: 720 } });
-    const begun = performance.now();
+    const begunMs = Date.now();
     await tab.goto(address);
-    await tab.waitForFunction(() => window.maes?.run, null, { timeout: 60_000 });
-    await tab.evaluate(() => window.maes.ready);
-    const firstPictureS = (performance.now() - begun) / 1000;
+    await tab.waitForFunction(() => window.maes?.scene, null, { timeout: 60_000 });
+    await tab.evaluate(watchPictures);
+    const begin = await pictures(tab, begunMs);
     await tab.waitForFunction(() => window.maes.run.isComplete, null, { timeout: 60_000 });
-    const allReadS = (performance.now() - begun) / 1000;
-    const seeksS = await tab.evaluate(async () => {
-      const { run } = window.maes;
-      const taken = [];
-      for (const share of [0.5, 0.05, 0.95, 0.02, 0.1, 0.3]) {
-        const from = performance.now();
-        await window.maes.showAt(share * run.endS);
-        taken.push((performance.now() - from) / 1000);
-      }
-      return taken;
-    });
-    return { firstPictureS, allReadS, seekS: Math.max(...seeksS) };
+    const line = await tab.getByTestId("timeline").boundingBox();
+    const seeks = [];
+    for (const share of [0.5, 0.05, 0.95, 0.02, 0.1, 0.3]) {
+      const soughtMs = Date.now();
+      await tab.mouse.click(line.x + share * line.width, line.y + line.height / 2);
+      seeks.push(await pictures(tab, soughtMs));
+    }
+    return {
+      firstPictureS: begin.anyS,
+      firstFullPictureS: begin.fullS,
+      seekS: Math.max(...seeks.map((seek) => seek.anyS)),
+      seekFullS: Math.max(...seeks.map((seek) => seek.fullS)),
+    };
   } finally {
     await browser.close();
     server.child.kill();
@@ -169,45 +200,45 @@ async function recording(file) {
   }
 }
 
-const file = join(folder, "half_an_hour.mcap");
-const made = start(join(root, "launch_scripts/run.sh"), [
-  ...[
-    "--transport",
-    "memory",
-    "--agents",
-    "10",
-    "--controller",
-    "dsvp",
-    "--size",
-    "100",
-    "--seed",
-    "2",
-    "--duration",
-    "1800",
-  ],
-  ...["--set", "stop_when_explored=false", "--record", file],
-]);
-await made.ended;
+/** Ten agents for half an hour, in a file. */
+async function record() {
+  const file = join(folder, "half_an_hour.mcap");
+  const words = "--transport memory --agents 10 --controller dsvp --size 100 --seed 2 --duration 1800";
+  const kept = ["--set", "stop_when_explored=false", "--record", file];
+  const made = start(join(root, "launch_scripts/run.sh"), [...words.split(" "), ...kept]);
+  await made.ended;
+  return file;
+}
+
 const recordings = [];
 const alone = [];
 const watched = [];
 try {
+  const file = isAsked("recording") ? await record() : "";
   for (let round = 0; round < rounds; round += 1) {
-    recordings.push(await recording(file));
-    tell("recording", recordings.at(-1));
-    alone.push(await run(false));
-    tell("run that nobody looks at", alone.at(-1));
-    watched.push(await run(true));
-    tell("run that is looked at", watched.at(-1));
+    if (isAsked("recording")) {
+      recordings.push(await recording(file));
+      tell("recording", recordings.at(-1));
+    }
+    if (isAsked("run")) {
+      alone.push(await run(false));
+      tell("run that nobody looks at", alone.at(-1));
+      watched.push(await run(true));
+      tell("run that is looked at", watched.at(-1));
+    }
   }
 } finally {
   rmSync(folder, { recursive: true });
 }
-tell("medians", {
-  firstPictureS: median(recordings.map((one) => one.firstPictureS)),
-  allReadS: median(recordings.map((one) => one.allReadS)),
-  seekS: median(recordings.map((one) => one.seekS)),
-  fps: median(watched.map((one) => one.fps)),
-  wallRatio: median(watched.map((one, round) => one.wallS / alone[round].wallS)),
-  digests: new Set([...alone, ...watched].map((one) => one.digest)).size,
-});
+if (isAsked("recording")) {
+  const names = Object.keys(recordings[0]);
+  const medians = names.map((name) => [name, median(recordings.map((one) => one[name]))]);
+  tell("medians of recordings", Object.fromEntries(medians));
+}
+if (isAsked("run")) {
+  tell("medians of runs", {
+    fps: median(watched.map((one) => one.fps)),
+    wallRatio: median(watched.map((one, round) => one.wallS / alone[round].wallS)),
+    digests: new Set([...alone, ...watched].map((one) => one.digest)).size,
+  });
+}

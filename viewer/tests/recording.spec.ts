@@ -283,3 +283,25 @@ test("a moment is the same picture however one came to it", async ({ page, serve
   await shown.ready(page);
   shown.expectSame(first, await shown.pictureAt(page, 100), "100 s in a new page");
 });
+
+test("a large cave is coarse while it moves, and drawn in full when it rests", async ({
+  page,
+  context,
+  servers,
+}) => {
+  const triangles = () => page.evaluate(() => window.maes!.scene!.figures.triangles);
+  const url = await servers.view(recording("hall"));
+  await shown.openWhole(page, url);
+  await shown.showAt(page, 5);
+  const full = await triangles();
+  await page.getByTestId("rate").selectOption("1");
+  await page.getByTestId("play").click();
+  await expect.poll(triangles).toBeLessThan(full / 2);
+  await page.getByTestId("play").click();
+  await expect.poll(triangles).toBeGreaterThan(full * 0.8);
+
+  const other = await context.newPage();
+  await shown.openWhole(other, url);
+  const exact = await shown.pictureAt(other, await shown.timeOf(page));
+  await expect.poll(async () => exact.equals(await shown.picture(page))).toBe(true);
+});

@@ -1,12 +1,12 @@
 /**
- * Draws pictures: only when one can differ from the last, with what the machine can bear (see `pacing.ts`), and a last one at full
- * resolution when all is at rest.
+ * Draws pictures: only when one can differ from the last, with what the machine can bear (see `pacing.ts`), and a last one in full
+ * when all is at rest.
  *
  * What a picture costs is measured to the moment the graphics are done with it, without waiting for them: with software rendering
  * the work is done in another process, and the time that `render` takes says nothing.
  */
 import type { Scene } from "../scene/scene.ts";
-import { Pacer } from "./pacing.ts";
+import { FULL, Pacer, type Quality } from "./pacing.ts";
 
 /** How often it is looked whether the graphics are done. */
 const POLL_MS = 3;
@@ -33,10 +33,10 @@ export class Loop {
   #isScheduled = false;
   #isDrawing = false;
   #isHeld = false;
-  /** Whether pictures have all their pixels until something moves by itself: what a script has asked for stays as it was. */
+  /** Whether pictures are full until something moves by itself: what a script has asked for stays as it was. */
   #isExact = false;
-  /** Whether the last picture had all its pixels. */
-  #isFine = false;
+  /** Whether the last picture was full. */
+  #isFull = false;
   #changedMs = 0;
   #size = { width: 1, height: 1, ratio: 0 };
 
@@ -63,7 +63,7 @@ export class Loop {
     this.request();
   }
 
-  /** Draws one picture with all its pixels, and resolves when all that it needs has been drawn. */
+  /** Draws one picture in full, and resolves when all that it needs has been drawn. */
   async drawExactly(timeS: number): Promise<void> {
     if (!this.#scene) return;
     this.#isHeld = true;
@@ -72,7 +72,7 @@ export class Loop {
       this.#setRatio(1);
       await this.#scene.settled(timeS);
       await this.#graphicsDone();
-      this.#isFine = true;
+      this.#isFull = true;
     } finally {
       this.#isHeld = false;
       this.#isRequested = false;
@@ -99,21 +99,22 @@ export class Loop {
     if (isMoving) this.#isExact = false;
     if (isChanged) {
       this.#changedMs = nowMs;
-      this.#isFine = this.#isExact;
-      this.#draw(timeS, nowMs, this.#isExact ? 1 : this.pacer.share);
-    } else if (!this.#isFine && nowMs - this.#changedMs > REST_MS) {
-      this.#isFine = true;
-      if (this.#size.ratio !== this.#ratio(1)) this.#draw(timeS, nowMs, 1);
+      const quality = this.#isExact ? FULL : this.pacer.quality;
+      this.#isFull = quality === FULL;
+      this.#draw(timeS, nowMs, quality);
+    } else if (!this.#isFull && nowMs - this.#changedMs > REST_MS) {
+      this.#isFull = this.#scene?.prepare(timeS) ?? true;
+      if (this.#isFull) this.#draw(timeS, nowMs, FULL);
     }
     this.#host.drew(nowMs / 1000, isChanged);
-    if (isChanged || !this.#isFine) this.#schedule();
+    if (isChanged || !this.#isFull) this.#schedule();
   }
 
-  #draw(timeS: number, nowMs: number, share: number): void {
-    if (!this.#scene) return;
-    this.#setRatio(share);
+  #draw(timeS: number, nowMs: number, quality: Quality): void {
+    if (!this.#scene || this.#scene.isBlank) return;
+    this.#setRatio(quality.share);
     try {
-      this.#scene.render(timeS, { isCoarse: share < 1 });
+      this.#scene.render(timeS, quality);
     } catch (error) {
       this.#host.failed(error as Error);
       return;
@@ -121,7 +122,7 @@ export class Loop {
     this.#isDrawing = true;
     void this.#graphicsDone().then(() => {
       this.#isDrawing = false;
-      this.pacer.done(nowMs, performance.now(), share === this.pacer.share);
+      this.pacer.done(nowMs, performance.now(), quality === this.pacer.quality);
     });
   }
 

@@ -2,7 +2,8 @@
  * When the next picture may be drawn, and how fine. Pure: it is told what pictures have cost.
  *
  * The simulator may run on the same cores, and with software rendering a picture can cost a quarter of a second of them. So a
- * picture begins a little later than the last one is done, and pictures that cost much are drawn with fewer pixels while things move.
+ * picture begins a little later than the last one is done, and pictures that cost much are drawn in less detail and with fewer pixels
+ * while things move.
  */
 
 /** When the next picture may begin, as a multiple of what the last one took. */
@@ -12,27 +13,43 @@ const SLOW_MS = 90;
 const QUICK_MS = 22;
 /** One of these is enough. */
 const VERY_SLOW_MS = 300;
-/** So many slow or quick pictures in a row change the number of pixels. */
+/** So many slow or quick pictures in a row change how fine they are. */
 const SLOW_ROW = 3;
 const QUICK_ROW = 40;
-/** Shares of the full pixel ratio. */
-const SHARES = [1, 0.75, 0.5, 0.375];
+
+/** How fine a picture is. */
+export interface Quality {
+  /** Of the full pixel ratio. */
+  readonly share: number;
+  /** Whether the cave is drawn in less detail. */
+  readonly isCoarse: boolean;
+}
+
+export const FULL: Quality = { share: 1, isCoarse: false };
+const STEPS: readonly Quality[] = [
+  FULL,
+  ...[1, 0.75, 0.5, 0.375].map((share) => ({ share, isCoarse: true })),
+];
+/** Without a graphics card, pictures with all pixels can take seconds, and those in full detail are never quick enough. */
+const SOFTWARE = { least: 1, first: 3 };
 
 export class Pacer {
+  readonly #least: number;
   #step: number;
   #slow = 0;
   #quick = 0;
   #notBeforeMs = -Infinity;
   #costMs = 0;
 
-  /** `isSoftware`: without a graphics card, pictures begin with half the pixels, because one with all of them can take seconds. */
+  /** `isSoftware`: there is no graphics card. */
   constructor(isSoftware = false) {
-    this.#step = isSoftware ? 2 : 0;
+    this.#least = isSoftware ? SOFTWARE.least : 0;
+    this.#step = isSoftware ? SOFTWARE.first : 0;
   }
 
-  /** Share of the full pixel ratio to draw with while things move. */
-  get share(): number {
-    return SHARES[this.#step]!;
+  /** How fine to draw while things move. */
+  get quality(): Quality {
+    return STEPS[this.#step]!;
   }
 
   /** What the last picture cost, smoothed; milliseconds. */
@@ -53,8 +70,8 @@ export class Pacer {
     if (costMs > VERY_SLOW_MS) this.#slow = SLOW_ROW;
     else this.#slow = costMs > SLOW_MS ? this.#slow + 1 : 0;
     this.#quick = costMs < QUICK_MS ? this.#quick + 1 : 0;
-    if (this.#slow >= SLOW_ROW && this.#step < SHARES.length - 1) this.#change(1);
-    else if (this.#quick >= QUICK_ROW && this.#step > 0) this.#change(-1);
+    if (this.#slow >= SLOW_ROW && this.#step < STEPS.length - 1) this.#change(1);
+    else if (this.#quick >= QUICK_ROW && this.#step > this.#least) this.#change(-1);
   }
 
   #change(steps: number): void {

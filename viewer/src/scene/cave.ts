@@ -1,33 +1,22 @@
 /**
- * The cave of a run: walls, what nobody has seen, where bodies have been, and the frame around it all. Shows any moment of the run.
+ * The cave of a run, in as much detail as a picture has time for, and the frame around it.
+ *
+ * In full it is drawn cell by cell (or, if the map is too large for that, in blocks of cells); in coarse detail in larger blocks: a fraction
+ * of the faces, for pictures that must come soon. Each is made when it is first asked for.
  */
 
 import { Group, Vector3, type WebGLRenderer } from "three";
-import { TICK_S, type Belief, type News, type Run, type Vec3 } from "../data/run.ts";
-import { CellsLayer, type CellsKind } from "./cells.ts";
-import { agentRgb } from "./colours.ts";
-import { QuadIndex } from "./faces.ts";
+import type { Belief, News, Run, Vec3 } from "../data/run.ts";
+import { Detail, type Progress } from "./detail.ts";
 import type { Common } from "./glsl.ts";
-import { hollowsOf } from "./hollows.ts";
-import { BlockTimes, modelOf, type Model } from "./model.ts";
+import { modelOf, type Model } from "./model.ts";
 import { Pieces, type Piece } from "./ribbons.ts";
 import type { View } from "./view.ts";
-import { TimesVolume } from "./volumes.ts";
-import { Walls } from "./walls.ts";
 
-/** Most texels of the light of hollows. */
-const HOLLOWS_MAX = 2 ** 23;
 /** Maps with more cells are drawn in blocks of them: 256 along each axis. */
 const BLOCKS_MAX = 2 ** 24;
-
-/** What an agent knows, as the walls take it. */
-interface Known {
-  readonly belief: Belief;
-  readonly times: BlockTimes;
-  readonly volume: TimesVolume;
-  /** Of the belief, when it was taken over. */
-  revision: number;
-}
+/** Likewise in coarse detail: 64 along each axis. */
+const COARSE_BLOCKS_MAX = 2 ** 18;
 
 export class Cave {
   readonly root = new Group();
@@ -36,17 +25,11 @@ export class Cave {
   /** The middle of what is open, and how far it reaches along each axis; metres. */
   readonly middle: Vec3;
   readonly extentM: Vec3;
-  readonly #walls: Walls;
-  readonly #unexplored: CellsLayer;
-  readonly #covered: CellsLayer;
-  readonly #model: Model;
-  readonly #seen: BlockTimes;
-  readonly #visited: BlockTimes;
-  readonly #times: TimesVolume;
+  readonly #models: { readonly full: Model; readonly coarse: Model };
+  readonly #details = new Map<Model, Detail>();
   readonly #frame: Pieces;
-  readonly #cells = new Group();
+  #belief: Belief | null = null;
   #hasForeground = false;
-  #known: Known | null = null;
 
   constructor(
     readonly run: Run,
@@ -54,26 +37,13 @@ export class Cave {
     edgeMax: number,
   ) {
     const { terrain } = run;
-    const model = modelOf(terrain, BLOCKS_MAX, edgeMax);
-    this.#model = model;
+    const full = modelOf(terrain, BLOCKS_MAX, edgeMax);
+    const coarse = modelOf(terrain, COARSE_BLOCKS_MAX, edgeMax);
+    this.#models = { full, coarse: coarse.step === full.step ? full : coarse };
     this.notices =
-      model.step === 1
+      full.step === 1
         ? []
-        : [`The map is large: it is drawn in blocks of ${model.step} cells along each edge.`];
-    const index = new QuadIndex();
-    const hollows = hollowsOf(model.walls, model.size, HOLLOWS_MAX);
-    this.#seen = new BlockTimes(model, run.firstSeenTick);
-    this.#visited = new BlockTimes(model, run.coveredTick);
-    this.#times = new TimesVolume(this.#seen.times, model.size);
-    this.#walls = new Walls(model, index, common, this.#times, hollows);
-    const layer = ({ times }: BlockTimes, kind: Omit<CellsKind, "counts">): CellsLayer => {
-      const counts = (cell: number): boolean => model.walls[cell] === 0;
-      return new CellsLayer(model.size, times, { ...kind, counts }, index, common, hollows);
-    };
-    this.#unexplored = layer(this.#seen, UNEXPLORED);
-    this.#covered = layer(this.#visited, COVERED);
-    this.#cells.add(this.#walls.group, this.#unexplored.group, this.#covered.group);
-    this.#cells.scale.setScalar(model.cellM);
+        : [`The map is large: it is drawn in blocks of ${full.step} cells along each edge.`];
     const { cellM } = terrain;
     const [low, high] = boundsOf(terrain.walls, terrain.size);
     this.middle = low.map((value, axis) => ((value + high[axis]!) / 2) * cellM) as Vec3;
@@ -82,56 +52,43 @@ export class Cave {
     this.#frame.show(
       frameOf(low.map((value) => value * cellM) as Vec3, high.map((value) => value * cellM) as Vec3),
     );
-    this.root.add(this.#cells, ...this.#frame.meshes);
+    this.root.add(...this.#frame.meshes);
   }
 
   learn(news: News): void {
-    const seen = this.#seen.learn(news.cells);
-    this.#times.learn(seen);
-    this.#unexplored.learn(seen);
-    this.#covered.learn(this.#visited.learn(news.cells));
+    for (const detail of this.#details.values()) detail.learn(news);
   }
 
   /** What the walls are to be compared with, or null. */
   setBelief(belief: Belief | null): void {
-    this.#known?.volume.dispose();
-    this.#known = null;
-    if (belief === null) return;
-    const times = new BlockTimes(this.#model, belief.knownTick);
-    const volume = new TimesVolume(times.times, this.#model.size);
-    this.#known = { belief, times, volume, revision: belief.revision };
+    this.#belief = belief;
+    for (const detail of this.#details.values()) detail.setBelief(belief);
   }
 
-  /** Makes the picture of a moment as far as the budget goes. Returns how many chunks were made, and whether nothing is missing. */
+  /** Makes what the full picture of a moment is lacking, as far as the budget goes. Returns whether nothing is missing. */
+  prepare(tick: number, view: View, budgetMs: number): boolean {
+    return this.#detail(this.#models.full).make(tick, view, budgetMs).isRight;
+  }
+
+  /** Makes the picture of a moment as far as the budget goes. Until the full cave has all its walls, a coarse one stands in for it. */
   show(
     renderer: WebGLRenderer,
     tick: number,
     view: View,
-    budgetMs: number,
-  ): { readonly made: number; readonly isRight: boolean } {
-    const { layers } = view;
-    const endMs = performance.now() + budgetMs;
-    const mayGoOn = (): boolean => performance.now() < endMs;
-    let made = 0;
-    while (this.#walls.missing > 0 && mayGoOn()) {
-      this.#walls.makeNext();
-      made++;
+    { budgetMs, isCoarse }: { readonly budgetMs: number; readonly isCoarse: boolean },
+  ): Progress {
+    const { full, coarse } = this.#models;
+    let shown = this.#detail(isCoarse ? coarse : full);
+    let { made, isRight } = shown.make(tick, view, budgetMs);
+    const standIn = this.#details.get(coarse);
+    if (!shown.hasWalls && standIn !== undefined) {
+      isRight = false;
+      made += standIn.make(tick, view, budgetMs).made;
+      shown = standIn;
     }
-    let isRight = this.#walls.missing === 0;
-    for (const [layer, isShown] of [
-      [this.#unexplored, layers.unexplored],
-      [this.#covered, layers.covered],
-    ] as const) {
-      layer.group.visible = isShown;
-      if (!isShown) continue;
-      const done = layer.show(tick, mayGoOn);
-      made += done.made;
-      isRight &&= done.isRight;
-    }
-    this.#times.send(renderer);
-    const eye = this.common.eye.value.clone().divideScalar(this.#model.cellM);
-    this.#showWalls(renderer, view, eye);
-    this.#showCut(view, eye);
+    for (const detail of this.#details.values()) detail.group.visible = detail === shown;
+    this.#setCut(view);
+    shown.show(renderer, view, view.cut.share < 1 || this.#hasForeground);
     return { made, isRight };
   }
 
@@ -163,46 +120,27 @@ export class Cave {
   }
 
   dispose(): void {
-    this.#walls.dispose();
-    this.#unexplored.dispose();
-    this.#covered.dispose();
-    this.#times.dispose();
-    this.#known?.volume.dispose();
+    for (const detail of this.#details.values()) detail.dispose();
     this.#frame.dispose();
   }
 
-  #showWalls(renderer: WebGLRenderer, view: View, eye: Vector3): void {
-    const known = view.layers.belief ? this.#known : null;
-    if (known !== null) {
-      if (known.revision !== known.belief.revision) {
-        known.revision = known.belief.revision;
-        known.times.learnAll();
-        known.volume.learnAll();
-      }
-      known.volume.send(renderer);
+  #detail(model: Model): Detail {
+    let detail = this.#details.get(model);
+    if (detail === undefined) {
+      detail = new Detail(this.run, model, this.common);
+      detail.setBelief(this.#belief);
+      this.#details.set(model, detail);
+      this.root.add(detail.group);
     }
-    const paint = known === null ? null : agentRgb(known.belief.agent).map((share) => share * share * 0.9);
-    const look = {
-      isVisible: view.layers.walls,
-      opacity: view.wallOpacity,
-      isHeat: view.layers.heat,
-      heatTicks: this.run.endS / TICK_S,
-      known:
-        known === null || paint === null ? null : { volume: known.volume, colour: new Vector3(...paint) },
-    };
-    this.#walls.show(look, eye, view.cut.share < 1 || this.#hasForeground);
+    return detail;
   }
 
-  #showCut(view: View, eye: Vector3): void {
-    const axis = "xyz".indexOf(view.cut.axis);
-    const { terrain, cellM, step } = this.#model;
-    const placeCells = (terrain.size[axis]! / step) * view.cut.share;
-    const isCut = view.cut.share < 1;
-    const isPierced = isCut || this.#hasForeground;
+  #setCut({ cut }: View): void {
+    const axis = "xyz".indexOf(cut.axis);
+    const { size, cellM } = this.run.terrain;
     this.common.cut.value.set(0, 0, 0, -1);
-    if (isCut) this.common.cut.value.setComponent(axis, 1).setW((CUT_SLACK - placeCells) * cellM);
-    for (const layer of [this.#unexplored, this.#covered]) layer.aim(eye, isPierced);
-    this.#walls.cutAt(isCut ? { axis, placeCells } : null);
+    if (cut.share < 1)
+      this.common.cut.value.setComponent(axis, 1).setW((CUT_SLACK - size[axis]! * cut.share) * cellM);
   }
 }
 
@@ -211,20 +149,6 @@ const SIGHT_STEPS_PER_CELL = 8;
 
 /** Faces that lie in the plane of a cut go with what is beyond it; cells. */
 const CUT_SLACK = 0.002;
-
-const UNEXPLORED = {
-  isBefore: true,
-  colour: [1, 0.25, 0.2],
-  alphas: [0.17, 0.5],
-  renderOrder: 5,
-} as const;
-
-const COVERED = {
-  isBefore: false,
-  colour: [0.25, 0.85, 0.95],
-  alphas: [0.3, 0.45],
-  renderOrder: 3,
-} as const;
 
 /** The lowest and the highest corner of the box around all free cells, in cells; the whole map if there are none. */
 function boundsOf(walls: Uint8Array, size: Vec3): [Vec3, Vec3] {

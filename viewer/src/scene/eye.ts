@@ -58,6 +58,11 @@ export class Eye {
     return this.#isMoved || this.#flight !== null;
   }
 
+  /** Of what it looks at, at the end of a flight. */
+  get distanceM(): number {
+    return this.#orbit.distanceM;
+  }
+
   /** How near and how far the eye may go, and how far the map reaches from its middle. */
   setLimits(limits: readonly [number, number], reachM: number): void {
     this.#limits = limits;

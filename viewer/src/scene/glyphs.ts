@@ -168,7 +168,8 @@ function sheetOf(names: number, rows: number): CanvasTexture {
   const canvas = document.createElement("canvas");
   canvas.width = COLUMNS * CELL_PX;
   canvas.height = rows * CELL_PX;
-  const context = canvas.getContext("2d");
+  // It is read back at once: drawing it in the graphics' memory would wait for that.
+  const context = canvas.getContext("2d", { willReadFrequently: true });
   if (context === null) throw new Error("The browser gives no canvas to draw the names of agents on.");
   context.textAlign = "center";
   context.textBaseline = "middle";

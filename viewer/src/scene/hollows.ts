@@ -91,22 +91,25 @@ function encode(near: Float32Array, far: Float32Array, size: Size): Uint8Array {
   for (let z = 0; z <= sizeZ; z++) {
     for (let y = 0; y <= sizeY; y++) {
       for (let x = 0; x <= sizeX; x++, at += 4) {
-        const out = [0, 0, 0];
-        let rock = 0;
-        for (let side = 0; side < 8; side++) {
-          const [dx, dy, dz] = [side & 1, (side >> 1) & 1, side >> 2];
-          const [i, j, k] = [x - 1 + dx, y - 1 + dy, z - 1 + dz];
-          const isInside = i >= 0 && j >= 0 && k >= 0 && i < sizeX && j < sizeY && k < sizeZ;
-          const index = (k * sizeY + j) * sizeX + i;
-          const here = isInside ? near[index]! : 1;
-          rock += NEAR_SHARE * here + (1 - NEAR_SHARE) * (isInside ? far[index]! : 1);
-          out[0]! += dx === 1 ? -here : here;
-          out[1]! += dy === 1 ? -here : here;
-          out[2]! += dz === 1 ? -here : here;
+        let [outX, outY, outZ, rock] = [0, 0, 0, 0];
+        for (let k = z - 1; k <= z; k++) {
+          for (let j = y - 1; j <= y; j++) {
+            const isRowInside = j >= 0 && k >= 0 && j < sizeY && k < sizeZ;
+            const row = (k * sizeY + j) * sizeX;
+            for (let i = x - 1; i <= x; i++) {
+              const isInside = isRowInside && i >= 0 && i < sizeX;
+              const here = isInside ? near[row + i]! : 1;
+              rock += NEAR_SHARE * here + (1 - NEAR_SHARE) * (isInside ? far[row + i]! : 1);
+              outX += i === x ? -here : here;
+              outY += j === y ? -here : here;
+              outZ += k === z ? -here : here;
+            }
+          }
         }
-        const length = Math.max(Math.hypot(out[0]!, out[1]!, out[2]!), 1e-4);
-        for (let axis = 0; axis < 3; axis++)
-          data[at + axis] = Math.round(127.5 + (127.5 * out[axis]!) / length);
+        const scale = 127.5 / Math.max(Math.hypot(outX, outY, outZ), 1e-4);
+        data[at] = Math.round(127.5 + scale * outX);
+        data[at + 1] = Math.round(127.5 + scale * outY);
+        data[at + 2] = Math.round(127.5 + scale * outZ);
         data[at + 3] = Math.round(255 * Math.min(Math.max(1 - rock / 8, 0), 1));
       }
     }

@@ -30,9 +30,9 @@ export function modelOf(terrain: Terrain, blocksMax: number, edgeMax: number): M
   }
   if (step === 1) return { size, cellM, walls, step, terrain };
   const free = new Uint16Array(blocks[0] * blocks[1] * blocks[2]);
-  for (let cell = 0; cell < walls.length; cell++) {
-    if (walls[cell] === 0) free[blockOf(cell, size, blocks, step)]!++;
-  }
+  forEachRow(size, blocks, step, (cell, block) => {
+    for (let x = 0; x < size[0]; x++) if (walls[cell + x] === 0) free[block + Math.floor(x / step)]!++;
+  });
   const solid = Uint8Array.from(free, (count) => (count * 2 >= step ** 3 ? 0 : 1));
   return { size: blocks, cellM: cellM * step, walls: solid, step, terrain };
 }
@@ -57,9 +57,16 @@ export class BlockTimes {
 
   /** Any time may have changed. */
   learnAll(): void {
-    if (this.model.step === 1) return;
-    this.times.fill(NEVER);
-    for (let cell = 0; cell < this.cellTimes.length; cell++) this.#note(cell);
+    const { model, times, cellTimes } = this;
+    const { size, walls } = model.terrain;
+    if (model.step === 1) return;
+    times.fill(NEVER);
+    forEachRow(size, model.size, model.step, (cell, block) => {
+      for (let x = 0; x < size[0]; x++) {
+        const at = block + Math.floor(x / model.step);
+        if (walls[cell + x] === 0 && cellTimes[cell + x]! < times[at]!) times[at] = cellTimes[cell + x]!;
+      }
+    });
   }
 
   #note(cell: number): number {
@@ -68,6 +75,20 @@ export class BlockTimes {
     const time = this.cellTimes[cell]!;
     if (time < this.times[block]! && model.terrain.walls[cell] === 0) this.times[block] = time;
     return block;
+  }
+}
+
+/** Calls back with the first cell of each row (along x), and the block that it lies in. */
+function forEachRow(
+  size: Size,
+  blocks: Size,
+  step: number,
+  callback: (cell: number, block: number) => void,
+): void {
+  let cell = 0;
+  for (let z = 0; z < size[2]; z++) {
+    for (let y = 0; y < size[1]; y++, cell += size[0])
+      callback(cell, (Math.floor(z / step) * blocks[1] + Math.floor(y / step)) * blocks[0]);
   }
 }
 

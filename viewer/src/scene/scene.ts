@@ -27,6 +27,24 @@ export { DEFAULT_LAYERS, type Layers, type View } from "./view.ts";
  */
 const BUDGET_SHARE = 0.2;
 const BUDGET_MS = [8, 60] as const;
+/** A coarse cave has few chunks: it is mostly made at once, so that a picture of another moment is whole. */
+const COARSE_BUDGET_MS = [100, 200] as const;
+
+/** Where a cell is larger on the screen than this, one would see that the cave is coarse; CSS pixels. */
+const NEAR_CELL_PX = 12;
+
+/** How much is done for a picture. */
+interface Effort {
+  /** For making chunks. */
+  readonly budgetMs: number;
+  /** Whether the cave is a coarse one. */
+  readonly isCoarse: boolean;
+  /** Whether faint walls are left out. */
+  readonly isBare: boolean;
+}
+
+/** Whatever it takes. */
+const IN_FULL: Effort = { budgetMs: Infinity, isCoarse: false, isBare: false };
 
 const CAVE_YAW_RAD = (62 * Math.PI) / 180;
 /** Cells between the eye and a selected agent. */
@@ -113,6 +131,11 @@ export class Scene {
     return this.#figures;
   }
 
+  /** Whether there is nothing to show, and never was. The first picture waits for the graphics, which must not keep a run from being opened. */
+  get isBlank(): boolean {
+    return this.#stage === null && this.#drawnMs === -Infinity;
+  }
+
   /** Whether the next picture may differ from the last one though the time is the same: a flight, a hand on the camera, news. */
   get isRestless(): boolean {
     return this.#isDirty || this.#isLate || this.#eye.isRestless;
@@ -134,6 +157,8 @@ export class Scene {
     const reachM = Math.hypot(...cave.extentM) / 2;
     this.#eye.setLimits([1.5 * cellM, reachM * 7], reachM);
     this.#eye.goTo(this.#caveOrbit(cave), cave.middle, false);
+    // The graphics make shaders while the chunks are made.
+    this.#renderer.compile(this.#graph, this.#eye.camera);
   }
 
   /** Selects an agent, flies to it (no hand on the camera meanwhile) and keeps it in the middle; null: the whole cave. */
@@ -162,33 +187,41 @@ export class Scene {
     this.#isDirty = true;
   }
 
-  /** `isCoarse`: without the faint walls towards the eye, which cost as much as all others, because more pictures matter more now. */
+  /**
+   * `isCoarse`: without the faint walls towards the eye, which cost as much as all others, and with a coarse cave unless the eye is near,
+   * because more pictures matter more now.
+   */
   render(timeS: number, { isCoarse }: { readonly isCoarse: boolean } = { isCoarse: false }): void {
     const sinceMs = performance.now() - this.#drawnMs;
-    const budgetMs = Math.min(Math.max(sinceMs * BUDGET_SHARE, BUDGET_MS[0]), BUDGET_MS[1]);
-    const isFaint = this.view.wallOpacity < GLASS_BELOW;
-    this.#draw(timeS, budgetMs, isCoarse && isFaint ? { ...this.view, wallOpacity: 0 } : this.view);
+    const isFar = this.#cellPx() < NEAR_CELL_PX;
+    const [least, most] = isCoarse && isFar ? COARSE_BUDGET_MS : BUDGET_MS;
+    const budgetMs = Math.min(Math.max(sinceMs * BUDGET_SHARE, least), most);
+    this.#draw(timeS, { budgetMs, isCoarse: isCoarse && isFar, isBare: isCoarse });
+  }
+
+  /** Makes a little more of what the full picture of this moment needs. Returns whether all is there. */
+  prepare(timeS: number): boolean {
+    return this.#stage?.cave.prepare(tickAt(timeS), this.view, BUDGET_MS[1]) ?? true;
   }
 
   /** Resolves when all that the picture of this moment needs is there and has been drawn. A flight is at its end then. */
   async settled(timeS: number): Promise<void> {
     this.#eye.land();
     const stage = this.#stage;
-    this.#draw(timeS, Infinity);
+    this.#draw(timeS, IN_FULL);
     await this.#following;
     while (this.#stage === stage && this.#asked !== null && this.#needsHits(timeS)) {
       await this.#asked.answer;
-      this.#draw(timeS, Infinity);
+      this.#draw(timeS, IN_FULL);
     }
-    if (this.#stage === stage && this.isRestless) this.#draw(timeS, Infinity);
+    if (this.#stage === stage && this.isRestless) this.#draw(timeS, IN_FULL);
   }
 
   /** Width and height of the canvas in CSS pixels, and how many pixels each of them has. */
   resize(width: number, height: number, pixelRatio: number): void {
     this.#size = { width: Math.max(width, 1), height: Math.max(height, 1) };
-    this.#renderer.setPixelRatio(pixelRatio);
-    this.#renderer.setSize(this.#size.width, this.#size.height, false);
     this.#common.pixelRatio.value = pixelRatio;
+    this.#common.picture.value.set(this.#size.width, this.#size.height).multiplyScalar(pixelRatio).floor();
     this.#eye.camera.aspect = this.#size.width / this.#size.height;
     this.#isDirty = true;
   }
@@ -221,7 +254,7 @@ export class Scene {
     stage.team.dispose();
   }
 
-  #draw(timeS: number, budgetMs: number, view = this.view): void {
+  #draw(timeS: number, effort: Effort): void {
     const beganMs = performance.now();
     this.#drawnMs = beganMs;
     this.#isDirty = false;
@@ -236,7 +269,9 @@ export class Scene {
       );
       this.#setCommon(timeS, cave);
       this.#follow(stage);
-      const done = cave.show(this.#renderer, this.#common.nowTick.value, view, budgetMs);
+      const isBare = effort.isBare && this.view.wallOpacity < GLASS_BELOW;
+      const view = isBare ? { ...this.view, wallOpacity: 0 } : this.view;
+      const done = cave.show(this.#renderer, this.#common.nowTick.value, view, effort);
       this.#isLate = !done.isRight;
       made = done.made;
       team.show(timeS, view, this.#selected, { camera: this.#eye.camera, ...this.#size });
@@ -244,21 +279,32 @@ export class Scene {
     } else {
       this.#hitPoints.show(null, [0, 0, 0]);
     }
+    this.#setSize();
     this.#renderer.render(this.#graph, this.#eye.camera);
     const { triangles } = this.#renderer.info.render;
     this.#figures = { triangles, chunksRebuilt: made, milliseconds: performance.now() - beganMs };
   }
 
+  /** How large a cell is where one looks, at the end of a flight; CSS pixels. */
+  #cellPx(): number {
+    const pixelM = (2 * Math.tan(FIELD_OF_VIEW_RAD / 2)) / this.#size.height;
+    return (this.#stage?.run.terrain.cellM ?? 0) / (pixelM * this.#eye.distanceM);
+  }
+
+  /** Gives the canvas the size that was asked for. That waits for the graphics, which need a while at first: so it comes after all else. */
+  #setSize(): void {
+    const { x, y } = this.#common.picture.value;
+    if (this.canvas.width !== x || this.canvas.height !== y) this.#renderer.setSize(x, y, false);
+  }
+
   #setCommon(timeS: number, cave: Cave): void {
     const { camera } = this.#eye;
     const common = this.#common;
-    // The small share makes up for rounding: a moment that is a tick's own shows what the tick brought.
-    common.nowTick.value = Math.max(Math.floor(timeS / TICK_S + 1e-3), 0);
+    common.nowTick.value = tickAt(timeS);
     common.eye.value.copy(camera.position);
     this.#eye.lightTo(common.light.value);
     const followed = this.#selected === null ? null : cave.run.agentAt(this.#selected, timeS).position;
     cave.clearSight(camera.position.toArray(), followed);
-    this.#renderer.getDrawingBufferSize(common.picture.value);
     common.pixelM.value = (2 * Math.tan(FIELD_OF_VIEW_RAD / 2)) / common.picture.value.y;
     const reachM = Math.hypot(...cave.extentM) / 2;
     const middleM = camera.position.distanceTo(new Vector3(...cave.middle));
@@ -312,4 +358,9 @@ export class Scene {
       shown === null || agent === null ? [0, 0, 0] : stage.run.agentAt(agent, shown.timeS).position;
     this.#hitPoints.show(shown, from);
   }
+}
+
+/** The last tick of a moment. The small share makes up for rounding: a moment that is a tick's own shows what the tick brought. */
+function tickAt(timeS: number): number {
+  return Math.max(Math.floor(timeS / TICK_S + 1e-3), 0);
 }

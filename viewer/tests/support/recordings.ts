@@ -4,8 +4,8 @@ import { join } from "node:path";
 /** The variable of the environment that names their folder. */
 export const FOLDER = "MAES_TEST_RECORDINGS";
 
-/** `cave`: five agents until all is explored; `radio`: two minutes with a limited radio range. */
-export function recording(name: "cave" | "radio"): string {
+/** `cave`: five agents until all is explored; `radio`: two minutes with a limited radio range; `hall`: half a minute of a larger cave. */
+export function recording(name: "cave" | "radio" | "hall"): string {
   return join(temporaryFolder(), `${name}.mcap`);
 }
 

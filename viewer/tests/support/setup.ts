@@ -34,6 +34,7 @@ export default async function setup(): Promise<() => void> {
       "--set",
       "communication.range_m=15",
     );
+    await record("hall.mcap", "--size", "72", "--duration", "30");
   } catch (error) {
     remove();
     throw error;

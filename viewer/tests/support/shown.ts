@@ -50,6 +50,11 @@ export async function showAt(page: Page, timeS: number): Promise<void> {
 /** The picture of a moment, complete, without the panels over it: a PNG. */
 export async function pictureAt(page: Page, timeS: number): Promise<Buffer> {
   await showAt(page, timeS);
+  return picture(page);
+}
+
+/** The picture that is shown, without the panels over it: a PNG. */
+export function picture(page: Page): Promise<Buffer> {
   return page.getByTestId("picture").screenshot({ style: WITHOUT_PANELS });
 }
 
