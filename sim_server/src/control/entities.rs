@@ -14,7 +14,7 @@ use msgs::simulation_interfaces::{
     TagsFilter,
 };
 use nalgebra::{Point3, Vector3};
-use regex::{Regex, RegexBuilder};
+use regex_lite::{Regex, RegexBuilder};
 use serde::Serialize;
 
 use crate::wire;
@@ -231,7 +231,7 @@ fn pattern(filter: &str) -> Result<Option<Regex>, Outcome> {
         return Err(failed(format!("filters.filter has {length} bytes, at most {FILTER_BYTES_MAX} are allowed")));
     }
     let built = RegexBuilder::new(filter).size_limit(FILTER_SIZE_MAX).build();
-    let shortened = |error: regex::Error| error.to_string().chars().take(TEXT_CHARS_MAX).collect::<String>();
+    let shortened = |error: regex_lite::Error| error.to_string().chars().take(TEXT_CHARS_MAX).collect::<String>();
     built.map(Some).map_err(|error| failed(format!("filters.filter: {}", shortened(error))))
 }
 
