@@ -405,9 +405,18 @@ def hurry(_argument):
     equal(caller.set("execution.rtf", number(0.0)).successful, True, "as fast as possible")
 
 
+def pace(argument):
+    """Waits for the pace that somebody else has set, and sets another one, which the run has taken up in the end."""
+    caller = Caller()
+    caller.until(lambda: caller.get("execution.rtf")[0].double_value == float(argument))
+    equal(caller.set("execution.rtf", number(3.0)).successful, True, "another one")
+    # A run answers requests after it has looked at the pace.
+    equal(caller.state(), STOPPED, "it has not begun")
+
+
 def main():
     rclpy.init()
-    plays = {play.__name__: play for play in (states, again, entities, intervention, parameters, nonsense, hurry)}
+    plays = {play.__name__: play for play in (states, again, entities, intervention, parameters, nonsense, hurry, pace)}
     plays[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else None)
     print("done", flush=True)
     rclpy.shutdown()

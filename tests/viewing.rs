@@ -10,8 +10,10 @@ use msgs::simulation_interfaces::{
 use msgs::tf2_msgs::TFMessage;
 use serde_json::json;
 
+use crate::services::play;
 use crate::support::foxglove::Client;
 use crate::support::processes::{Process, signal};
+use crate::support::python;
 use crate::support::recordings::{Recording, counter};
 use crate::support::runs::{Run, Site, scenario, text};
 
@@ -87,6 +89,7 @@ fn a_run_is_controlled_as_over_ros() {
     assert_eq!(state(&mut client), SimulationState::PAUSED);
     assert_eq!(client.parameter("map.size"), json!(20));
     assert_eq!(client.set("execution.rtf", 2.5), json!([{ "name": "execution.rtf", "type": "float64", "value": 2.5 }]));
+    assert_eq!(state(&mut client), SimulationState::PAUSED, "what was asked before is done");
     assert_eq!(client.parameter("execution.rtf"), json!(2.5));
     assert_eq!(client.set("execution.rtf", -1.0), json!([]), "there is no such pace");
     assert_eq!(client.set("map.size", 30), json!([]), "the map stays as it is");
@@ -102,6 +105,24 @@ fn a_run_is_controlled_as_over_ros() {
     assert_eq!(set_state(&mut client, SimulationState::QUITTING), 1);
     run.ended().with_code(130);
     assert_eq!(site.recording("run.mcap").result().reason, "quit");
+}
+
+#[test]
+fn the_pace_is_told_to_ros_and_by_ros() {
+    let site = Site::new();
+    python::prepare_ros();
+    let (run, address) = begun(&site, &[]);
+    let mut client = Client::connect(&address);
+    client.set("execution.rtf", 2.5);
+    play(&site, &["pace", "2.5"]);
+    assert_eq!(client.parameter("execution.rtf"), json!(3.0));
+    client.call::<ResultResponse>("/sim_server/step_simulation", &StepRequest { steps: 1 });
+    assert_eq!(set_state(&mut client, SimulationState::STOPPED), 1);
+    client.next_session();
+    assert_eq!(state(&mut client), SimulationState::STOPPED);
+    assert_eq!(client.parameter("execution.rtf"), json!(3.0), "a run that begins again keeps it");
+    set_state(&mut client, SimulationState::QUITTING);
+    run.ended().with_code(130);
 }
 
 #[test]

@@ -12,6 +12,7 @@ pub use msgs::rcl_interfaces::Level;
 use msgs::sensor_msgs::PointCloud2;
 
 use crate::control::Request;
+use crate::scenario::Rtf;
 use crate::views::{Listeners, Picture, View};
 
 /// Who sent a message, as far as the transport can tell: one value for each process.
@@ -65,6 +66,8 @@ pub trait Link {
     }
     /// Shows something to those who listen.
     fn show(&mut self, _view: View, _picture: &Picture) {}
+    /// Tells onlookers the pace, at the beginning and when somebody has set another one.
+    fn pace(&mut self, _rtf: Rtf) {}
     /// Tells people something that was told on the terminal.
     fn log(&mut self, _level: Level, _text: &str) {}
     /// The next thing that somebody asks of the server, if there is one. It takes no time to find out; what comes in while

@@ -118,12 +118,8 @@ pub fn of(scenario: &Scenario) -> Vec<Parameter> {
 /// The parameters of a replay at this pace.
 #[must_use]
 pub fn of_replay(rate: Rtf) -> Vec<Parameter> {
-    let value = match rate {
-        Rtf::Limit(limit) => limit,
-        Rtf::Max(_) => 0.0,
-    };
     let words = "sim seconds for each second of wall time, at the most; 0: as fast as possible";
-    let rate = Parameter::fixed(RATE, value, words).with_range(0.0, RTF_MAX);
+    let rate = Parameter::fixed(RATE, value_of(rate), words).with_range(0.0, RTF_MAX);
     let rate = rate.with_constraints("0, or 0.001 to 1e6; it may be set while the recording is played").settable();
     vec![described("use_sim_time", false.into()), rate]
 }
@@ -189,6 +185,15 @@ pub fn pace(name: &str, value: f64) -> Result<Rtf, String> {
     }
 }
 
+/// The value of a parameter that means this pace.
+#[must_use]
+pub fn value_of(pace: Rtf) -> f64 {
+    match pace {
+        Rtf::Limit(limit) => limit,
+        Rtf::Max(_) => 0.0,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
@@ -243,6 +248,9 @@ mod tests {
         assert_eq!(pace(RATE, 2.5), Ok(Rtf::Limit(2.5)));
         for wrong in [-1.0, 1e-4, 1e7, f64::NAN] {
             assert!(pace(RTF, wrong).is_err(), "{wrong}");
+        }
+        for right in [Rtf::MAX, Rtf::Limit(0.5)] {
+            assert_eq!(pace(RTF, value_of(right)), Ok(right));
         }
     }
 }

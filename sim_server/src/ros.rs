@@ -29,8 +29,9 @@ use ros2_client::{Context, Node};
 
 use crate::control::Request;
 use crate::link::{Inbound, Incoming, Level, Link, SourceId};
+use crate::parameters;
+use crate::scenario::{self, Rtf};
 use crate::views::{Listeners, Picture, View};
-use crate::{parameters, scenario};
 
 use driven::Driven;
 use services::{Asked, Services};
@@ -230,6 +231,10 @@ impl Link for RosLink {
         self.nodes.drive(agent, odometry, points);
     }
 
+    fn pace(&mut self, rtf: Rtf) {
+        self.services.tell_pace(&mut self.node, rtf);
+    }
+
     fn log(&mut self, level: Level, text: &str) {
         self.rosout.say(&mut self.node, level, text);
     }
@@ -248,7 +253,12 @@ impl Link for RosLink {
             }
             self.asked_last = now();
         }
-        self.services.next()
+        let request = self.services.next();
+        if request.is_some() {
+            // Who has a tick made that is all it waits for hears of it.
+            self.gallery.look_anew();
+        }
+        request
     }
 
     fn takes_requests(&self) -> bool {

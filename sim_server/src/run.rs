@@ -213,6 +213,7 @@ fn carry_out<'a>(
     };
     run.log.write(Kind::Scenario, Tick::ZERO, &announcement)?;
     run.exchange.announce(&announcement);
+    run.exchange.pace(start.rtf);
     let admitted = run.admit();
     run.start_clock();
     let ended = match admitted {

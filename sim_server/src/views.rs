@@ -151,6 +151,15 @@ pub type Listeners = BTreeMap<View, u64>;
 /// Messages that are to be shown or recorded, in order.
 pub type Pictures = Vec<(View, Picture)>;
 
+/// When something is shown.
+#[derive(Debug, Clone, Copy)]
+pub struct Moment {
+    /// Nanoseconds since some moment on the wall.
+    pub wall_ns: u64,
+    /// Whether sim time stands still until somebody says otherwise.
+    pub is_still: bool,
+}
+
 /// What has been shown of a run, and when.
 #[derive(Debug)]
 pub struct Views {
@@ -185,9 +194,10 @@ impl Views {
         pictures
     }
 
-    /// What there is to show now, `wall_ns` after some moment: at most one piece of what comes in pieces.
-    pub fn to_show(&mut self, world: &mut World, facts: &Facts<'_>, listeners: &Listeners, wall_ns: u64) -> Pictures {
+    /// What there is to show now: at most one piece of what comes in pieces.
+    pub fn to_show(&mut self, world: &mut World, facts: &Facts<'_>, listeners: &Listeners, now: Moment) -> Pictures {
         let mut pictures = Vec::new();
+        let Moment { wall_ns, is_still } = now;
         for (&view, &arrivals) in listeners {
             let entry = self.live.entry(view);
             let is_new = entry.arrivals < arrivals;
@@ -196,6 +206,10 @@ impl Views {
                 continue;
             }
             if is_new {
+                if !is_still && entry.shown == Some(world.tick()) {
+                    // It is shown again in the next tick: transforms of a tick that has been told are refused by those who have them.
+                    continue;
+                }
                 entry.arrivals = arrivals;
                 self.live.forget(view);
             }

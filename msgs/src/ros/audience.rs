@@ -1,7 +1,7 @@
 //! Who listens: what nobody can hear need not be said. A fast run could say thousands of things a second, and each costs more than
 //! ten microseconds even if it is sent to nobody.
 //!
-//! Invariant: looking takes at most a fiftieth of the time. One look tells of all topics; it goes through all readers that the
+//! Invariant: looking takes at most a fiftieth of the time, unless it is asked for. One look tells of all topics; it goes through all readers that the
 //! middleware has heard of, some tens of microseconds in a small network, and is put off in a large one.
 //!
 //! A reader is known here before it can hear everything: the two ends of a topic find each other in their own time. So it has *settled*
@@ -63,6 +63,11 @@ impl Audience {
         self.note(there, begun);
         self.next_look = Some(now() + PERIOD.max(begun.elapsed() * SPARINGLY));
         true
+    }
+
+    /// Has the next look taken at once: somebody may have just come.
+    pub fn look_anew(&mut self) {
+        self.next_look = None;
     }
 
     fn note<'a>(&mut self, there: impl Iterator<Item = (&'a str, [u8; 16])>, now: Instant) {

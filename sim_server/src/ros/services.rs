@@ -36,6 +36,7 @@ pub(super) enum Asked {
 pub(super) struct Services {
     /// The name of the node.
     name: &'static str,
+    parameters: Rc<RefCell<Parameters>>,
     requests: VecDeque<Request>,
     /// The pace that was set last, if the run does not know of it yet.
     pace: Option<Rtf>,
@@ -90,13 +91,25 @@ impl Services {
                 if let Some(Ok(rtf)) = pace.map(|named| parameters::pace(&named.name, named.value.double_value)) {
                     self.pace = Some(rtf);
                 }
-                let event =
-                    ParameterEvent { node: self.name.to_owned(), changed_parameters: set, ..ParameterEvent::default() };
-                self.events.publish(node, &event);
+                self.tell_set(node, set);
             }
             Asked::Done => {}
             Asked::Undecodable(reason) => self.ignored.add(&reason),
         }
+    }
+
+    /// The pace is this one, whoever has set it.
+    pub(super) fn tell_pace(&mut self, node: &mut Node, rtf: Rtf) {
+        let named = Named { name: parameters::RTF.to_owned(), value: parameters::value_of(rtf).into() };
+        let is_known = self.parameters.borrow().values(std::slice::from_ref(&named.name)) == [named.value.clone()];
+        if !is_known && self.parameters.borrow_mut().set(&named).is_ok() {
+            self.tell_set(node, vec![named]);
+        }
+    }
+
+    fn tell_set(&mut self, node: &mut Node, changed_parameters: Vec<Named>) {
+        let event = ParameterEvent { node: self.name.to_owned(), changed_parameters, ..ParameterEvent::default() };
+        self.events.publish(node, &event);
     }
 
     /// Whether anybody has ever asked for anything, and so may wait for an answer.
@@ -169,7 +182,7 @@ impl<T: From<Asked> + 'static> Offer<'_, T> {
         })?;
         let events = workshop.outlet(node, &topics::parameter_events())?;
         let ignored = Tally::new("request ignored".to_owned());
-        Ok(Services { name, requests: VecDeque::new(), pace: None, events, ignored, were_asked: false })
+        Ok(Services { name, parameters, requests: VecDeque::new(), pace: None, events, ignored, were_asked: false })
     }
 }
 

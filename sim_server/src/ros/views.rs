@@ -79,6 +79,11 @@ impl Gallery {
         Ok(Self { driven, stages, audience: Audience::new(&looked_at), listeners: Listeners::new() })
     }
 
+    /// Who has just come is seen, too, when it is next asked who listens.
+    pub(super) fn look_anew(&mut self) {
+        self.audience.look_anew();
+    }
+
     /// What somebody listens to.
     pub(super) fn listeners(&mut self, context: &Context) -> Option<&Listeners> {
         self.look(context);

@@ -96,7 +96,11 @@ impl Run<'_> {
     }
 
     fn answer_request(&mut self, request: Request, phase: Phase) -> Result<(), RunError> {
+        let rtf = self.desk.rtf();
         let Some(request) = self.desk.answer(request, self.world.tick(), self.wall_ns()) else {
+            if self.desk.rtf() != rtf {
+                self.exchange.pace(self.desk.rtf());
+            }
             return Ok(());
         };
         match request {

@@ -23,7 +23,7 @@ use crate::control::Request;
 use crate::link::{Level, Link};
 use crate::lockstep::{Barrier, Refusal, Roster, Wake, listed};
 use crate::recorder::RecordError;
-use crate::scenario::OnAgentLoss;
+use crate::scenario::{OnAgentLoss, Rtf};
 use crate::views::{Listeners, Picture, View};
 use crate::world::body::Motion;
 use crate::world::{Action, LidarRequest, Since};
@@ -200,6 +200,11 @@ impl<'a> Exchange<'a> {
     /// See [`Link::show`].
     pub(super) fn show(&mut self, view: View, picture: &Picture) {
         self.link.show(view, picture);
+    }
+
+    /// See [`Link::pace`].
+    pub(super) fn pace(&mut self, rtf: Rtf) {
+        self.link.pace(rtf);
     }
 
     /// See [`Link::log`].

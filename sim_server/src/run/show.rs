@@ -10,7 +10,7 @@ use msgs::maes_msgs;
 use super::{Run, RunError, now};
 use crate::digest::Digest;
 use crate::link::Level;
-use crate::views::{self, Facts, Picture, View};
+use crate::views::{self, Facts, Moment, Picture, View};
 use crate::wire;
 
 impl Run<'_> {
@@ -33,7 +33,8 @@ impl Run<'_> {
         let elapsed = self.started.elapsed();
         let pace = (!elapsed.is_zero()).then(|| sim_time(self.world.tick()).div_duration_f64(elapsed));
         let facts = Facts { infos: &self.infos, lost: &self.lost, pace };
-        let pictures = self.views.to_show(&mut self.world, &facts, listeners, nanoseconds(elapsed));
+        let moment = Moment { wall_ns: nanoseconds(elapsed), is_still: !self.desk.control().may_tick() };
+        let pictures = self.views.to_show(&mut self.world, &facts, listeners, moment);
         for (view, picture) in pictures {
             self.exchange.show(view, &picture);
         }

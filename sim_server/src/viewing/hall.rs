@@ -136,20 +136,16 @@ impl Hall {
         }
     }
 
-    /// Notes the pace that was set, and tells those who follow it.
-    fn set_pace(&self, value: f64) -> Parameter {
-        let set = Parameter {
-            name: parameters::RTF.to_owned(),
-            r#type: Some(ParameterType::Float64),
-            value: Some(ParameterValue::Float64(value)),
-        };
-        if let Some(known) = self.state().parameters.iter_mut().find(|known| known.name == set.name) {
-            *known = set.clone();
+    /// Notes the pace, and tells those who follow it if it is another one.
+    pub(super) fn tell_pace(&self, rtf: Rtf) {
+        let set = pace_parameter(rtf);
+        match self.state().parameters.iter_mut().find(|known| known.name == set.name) {
+            Some(known) if *known != set => *known = set.clone(),
+            _ => return,
         }
         if let Some(server) = self.server() {
-            server.publish_parameter_values(vec![set.clone()]);
+            server.publish_parameter_values(vec![set]);
         }
-        set
     }
 
     /// Waits until everybody who reads the journal has read it to its end, or has gone.
@@ -242,12 +238,20 @@ impl ParameterHandler for Hall {
             match pace {
                 Ok(rtf) => {
                     put(&self.wishes, Wish::Rtf(rtf));
-                    set.push(self.set_pace(if let Rtf::Limit(limit) = rtf { limit } else { 0.0 }));
+                    set.push(pace_parameter(rtf));
                 }
                 Err(reason) => client.send_error(reason),
             }
         }
         responder.respond(set);
+    }
+}
+
+fn pace_parameter(rtf: Rtf) -> Parameter {
+    Parameter {
+        name: parameters::RTF.to_owned(),
+        r#type: Some(ParameterType::Float64),
+        value: Some(ParameterValue::Float64(parameters::value_of(rtf))),
     }
 }
 

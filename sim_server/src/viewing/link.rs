@@ -17,7 +17,7 @@ use super::services;
 use crate::control::Request;
 use crate::link::{Incoming, Level, Link};
 use crate::run::now;
-use crate::scenario;
+use crate::scenario::{self, Rtf};
 use crate::views::{Listeners, Picture, View};
 
 /// Wall time between two tellings of the time.
@@ -169,6 +169,11 @@ impl<L: Link> Link for Watched<'_, L> {
 
     fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
         self.link.drive(agent, odometry, points);
+    }
+
+    fn pace(&mut self, rtf: Rtf) {
+        self.viewing.hall.tell_pace(rtf);
+        self.link.pace(rtf);
     }
 
     fn log(&mut self, level: Level, text: &str) {

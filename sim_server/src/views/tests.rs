@@ -53,10 +53,14 @@ fn views(record: Vec<RecordedView>) -> Views {
 
 /// What is shown to listeners, with how many messages of each view.
 fn shown(views: &mut Views, world: &mut World, listeners: &[(View, u64)], wall_ms: u64) -> BTreeMap<View, usize> {
+    shown_at(views, world, listeners, Moment { wall_ns: wall_ms * 1_000_000, is_still: true })
+}
+
+fn shown_at(views: &mut Views, world: &mut World, listeners: &[(View, u64)], now: Moment) -> BTreeMap<View, usize> {
     let (lost, infos) = (BTreeSet::new(), vec![String::new(); 2]);
     let listeners = listeners.iter().copied().collect();
     let mut counts = BTreeMap::new();
-    for (view, _) in views.to_show(world, &facts(&lost, &infos), &listeners, wall_ms * 1_000_000) {
+    for (view, _) in views.to_show(world, &facts(&lost, &infos), &listeners, now) {
         *counts.entry(view).or_default() += 1;
     }
     counts
@@ -68,6 +72,21 @@ fn every_view_has_a_topic_of_its_own() {
     assert_eq!(topics.len(), View::all(3).count());
     let known: BTreeSet<String> = topics::all(3).iter().map(Topic::to_string).collect();
     assert!(topics.is_subset(&known));
+}
+
+#[test]
+fn no_tick_is_shown_twice_while_time_goes_on() {
+    let mut world = world();
+    let mut views = views(Vec::new());
+    let mut count = |world: &mut World, arrivals, is_still| {
+        let transforms = [(View::Transforms, arrivals)];
+        shown_at(&mut views, world, &transforms, Moment { wall_ns: 0, is_still }).values().sum::<usize>()
+    };
+    assert_eq!(count(&mut world, 1, false), 1);
+    assert_eq!(count(&mut world, 2, false), 0, "the second reader waits for the next tick");
+    step(&mut world, []);
+    assert_eq!(count(&mut world, 2, false), 1);
+    assert_eq!(count(&mut world, 3, true), 1, "the third one would wait for ever");
 }
 
 #[test]
