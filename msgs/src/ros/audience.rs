@@ -1,8 +1,8 @@
 //! Who listens: what nobody can hear need not be said. A fast run could say thousands of things a second, and each costs more than
 //! ten microseconds even if it is sent to nobody.
 //!
-//! Invariant: looking takes at most a fiftieth of the time, unless it is asked for. One look tells of all topics; it goes through all readers that the
-//! middleware has heard of, some tens of microseconds in a small network, and is put off in a large one.
+//! Invariant: looking takes at most a fiftieth of the time, unless it is asked for. One look tells of all topics; it goes through all
+//! readers that the middleware has heard of, some tens of microseconds in a small network, and is put off in a large one.
 //!
 //! A reader is known here before it can hear everything: the two ends of a topic find each other in their own time. So it has *settled*
 //! only after a while, and what is to be shown to new readers from the start waits for that. Readers of other types, or that ask

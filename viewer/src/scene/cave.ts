@@ -25,7 +25,9 @@ export class Cave {
   /** The middle of what is open, and how far it reaches along each axis; metres. */
   readonly middle: Vec3;
   readonly extentM: Vec3;
-  readonly #models: { readonly full: Model; readonly coarse: Model };
+  readonly #full: Model;
+  /** Where everything is drawn in full it is never made. */
+  #coarse: Model | null = null;
   readonly #details = new Map<Model, Detail>();
   readonly #frame: Pieces;
   #belief: Belief | null = null;
@@ -34,16 +36,13 @@ export class Cave {
   constructor(
     readonly run: Run,
     readonly common: Common,
-    edgeMax: number,
+    readonly edgeMax: number,
   ) {
     const { terrain } = run;
-    const full = modelOf(terrain, BLOCKS_MAX, edgeMax);
-    const coarse = modelOf(terrain, COARSE_BLOCKS_MAX, edgeMax);
-    this.#models = { full, coarse: coarse.step === full.step ? full : coarse };
+    this.#full = modelOf(terrain, BLOCKS_MAX, edgeMax);
+    const { step } = this.#full;
     this.notices =
-      full.step === 1
-        ? []
-        : [`The map is large: it is drawn in blocks of ${full.step} cells along each edge.`];
+      step === 1 ? [] : [`The map is large: it is drawn in blocks of ${step} cells along each edge.`];
     const { cellM } = terrain;
     const [low, high] = boundsOf(terrain.walls, terrain.size);
     this.middle = low.map((value, axis) => ((value + high[axis]!) / 2) * cellM) as Vec3;
@@ -67,7 +66,7 @@ export class Cave {
 
   /** Makes what the full picture of a moment is lacking, as far as the budget goes. Returns whether nothing is missing. */
   prepare(tick: number, view: View, budgetMs: number): boolean {
-    return this.#detail(this.#models.full).make(tick, view, budgetMs).isRight;
+    return this.#detail(this.#full).make(tick, view, budgetMs).isRight;
   }
 
   /** Makes the picture of a moment as far as the budget goes. Until the full cave has all its walls, a coarse one stands in for it. */
@@ -77,10 +76,9 @@ export class Cave {
     view: View,
     { budgetMs, isCoarse }: { readonly budgetMs: number; readonly isCoarse: boolean },
   ): Progress {
-    const { full, coarse } = this.#models;
-    let shown = this.#detail(isCoarse ? coarse : full);
+    let shown = this.#detail(isCoarse ? this.#coarseModel() : this.#full);
     let { made, isRight } = shown.make(tick, view, budgetMs);
-    const standIn = this.#details.get(coarse);
+    const standIn = this.#coarse === null ? undefined : this.#details.get(this.#coarse);
     if (!shown.hasWalls && standIn !== undefined) {
       isRight = false;
       made += standIn.make(tick, view, budgetMs).made;
@@ -122,6 +120,14 @@ export class Cave {
   dispose(): void {
     for (const detail of this.#details.values()) detail.dispose();
     this.#frame.dispose();
+  }
+
+  #coarseModel(): Model {
+    if (this.#coarse === null) {
+      const coarse = modelOf(this.run.terrain, COARSE_BLOCKS_MAX, this.edgeMax);
+      this.#coarse = coarse.step === this.#full.step ? this.#full : coarse;
+    }
+    return this.#coarse;
   }
 
   #detail(model: Model): Detail {

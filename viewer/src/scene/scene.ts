@@ -287,8 +287,7 @@ export class Scene {
 
   /** How large a cell is where one looks, at the end of a flight; CSS pixels. */
   #cellPx(): number {
-    const pixelM = (2 * Math.tan(FIELD_OF_VIEW_RAD / 2)) / this.#size.height;
-    return (this.#stage?.run.terrain.cellM ?? 0) / (pixelM * this.#eye.distanceM);
+    return (this.#stage?.run.terrain.cellM ?? 0) / (pixelM(this.#size.height) * this.#eye.distanceM);
   }
 
   /** Gives the canvas the size that was asked for. That waits for the graphics, which need a while at first: so it comes after all else. */
@@ -305,7 +304,7 @@ export class Scene {
     this.#eye.lightTo(common.light.value);
     const followed = this.#selected === null ? null : cave.run.agentAt(this.#selected, timeS).position;
     cave.clearSight(camera.position.toArray(), followed);
-    common.pixelM.value = (2 * Math.tan(FIELD_OF_VIEW_RAD / 2)) / common.picture.value.y;
+    common.pixelM.value = pixelM(common.picture.value.y);
     const reachM = Math.hypot(...cave.extentM) / 2;
     const middleM = camera.position.distanceTo(new Vector3(...cave.middle));
     common.haze.value.set(Math.max(middleM - reachM * 0.75, 0), 1 / (reachM * 1.75));
@@ -358,6 +357,11 @@ export class Scene {
       shown === null || agent === null ? [0, 0, 0] : stage.run.agentAt(agent, shown.timeS).position;
     this.#hitPoints.show(shown, from);
   }
+}
+
+/** Metres that a pixel spans at a metre's distance, in a picture of this height in pixels. */
+function pixelM(heightPx: number): number {
+  return (2 * Math.tan(FIELD_OF_VIEW_RAD / 2)) / heightPx;
 }
 
 /** The last tick of a moment. The small share makes up for rounding: a moment that is a tick's own shows what the tick brought. */
