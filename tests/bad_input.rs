@@ -339,7 +339,7 @@ fn recordings_with_a_wrong_byte_give_out_nothing_that_is_wrong() {
     let whole = short_recording(&Site::new());
     let all = messages(whole.clone()).expect("the recording is whole");
     bounded("reading recordings with a wrong byte", move || {
-        let mut rng = msgs::seed::stream(1, 0, "wrong bytes");
+        let mut rng = random_streams::stream(1, 0, "wrong bytes");
         let mut refused = 0;
         for number in 0..WRONG_BYTES {
             // The kinds of records and their lengths are few among all the bytes.

@@ -19,8 +19,9 @@ use ros2_client::{Context, MessageTypeName, Name, Node, NodeName, NodeOptions, P
 use rustdds::DomainParticipantBuilder;
 use serde::de::DeserializeOwned;
 use serde::ser::{Serialize, SerializeTuple, Serializer};
-use sim_server::link::{Inbound as ToServer, Incoming, Link as ServerLink, SourceId};
+use sim_server::link::{Inbound as ToServer, Incoming, Link as ServerLink};
 use sim_server::run::RunError;
+use simulation::lockstep::SourceId;
 
 use crate::support::domains::Domain;
 use crate::support::memory::{Play, honest};
@@ -415,7 +416,7 @@ fn noise_on_a_real_network_is_refused_and_counted_and_changes_nothing() {
     let mut rogue = Rogue::new(site.domain());
     let noise_on_commands = rogue.publisher(&topics::command(AgentId(0)));
     let noise_on_joins = rogue.publisher(&topics::join(AgentId(1)));
-    let mut rng = msgs::seed::stream(1, 0, "noise");
+    let mut rng = random_streams::stream(1, 0, "noise");
     let mut noise = || Noise((0..rng.random_range(0..200)).map(|_| rng.random()).collect());
     say_until(&mut run, "a message on a topic of agent 0 cannot be decoded", || {
         noise_on_commands.publish(noise()).is_ok()

@@ -20,7 +20,7 @@ use rand_chacha::ChaCha8Rng;
 use sim_server::link::{Incoming, Link as ServerLink};
 use sim_server::recording::Recording;
 use sim_server::run::RunError;
-use sim_server::scenario::OnAgentLoss;
+use simulation::scenario::OnAgentLoss;
 
 use crate::lost_processes::{Mortal, Successor, wait_for};
 use crate::support::lock;
@@ -49,7 +49,7 @@ struct Turner {
 
 impl Turner {
     fn new(agent: AgentId, source: Source, shared: &Arc<Mutex<ChaCha8Rng>>) -> Self {
-        Self { source, own: msgs::seed::stream(3, agent.0.into(), "turner"), shared: Arc::clone(shared) }
+        Self { source, own: random_streams::stream(3, agent.0.into(), "turner"), shared: Arc::clone(shared) }
     }
 
     fn heading(&mut self) -> u32 {
@@ -129,9 +129,9 @@ fn prepare(site: &Site, way: Way) -> Play {
 
 fn carry_out(play: Play, source: Source, is_delayed: bool) -> Played {
     play.with(move |end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
-        let shared = Arc::new(Mutex::new(msgs::seed::stream(3, 0, "shared")));
+        let shared = Arc::new(Mutex::new(random_streams::stream(3, 0, "shared")));
         let controller = |id| Box::new(Turner::new(id, source, &shared)) as Box<dyn Controller>;
-        let mut rng = msgs::seed::stream(3, ids[0].0.into(), "delays");
+        let mut rng = random_streams::stream(3, ids[0].0.into(), "delays");
         let pause = || {
             if is_delayed {
                 disturb(Duration::from_micros(rng.random_range(0..2000)));
@@ -288,7 +288,7 @@ fn an_agent_that_is_started_again_and_decides_otherwise_is_named() {
     play.groups = vec![vec![0], vec![1], vec![2], vec![1]];
     let (is_taken, is_gone) = (AtomicBool::new(false), AtomicBool::new(false));
     let played = play.with(move |inner: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
-        let shared = Arc::new(Mutex::new(msgs::seed::stream(3, 0, "shared")));
+        let shared = Arc::new(Mutex::new(random_streams::stream(3, 0, "shared")));
         let controller = |id| Box::new(Turner::new(id, Source::HashOrder, &shared)) as Box<dyn Controller>;
         if ids != [AgentId(1)] {
             serve(inner, &ids, controller, || {}, is_over);

@@ -5,7 +5,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use sim_server::{scenario::Scenario, setup};
+use sim_server::setup;
+use simulation::scenario::Scenario;
 
 use crate::support::binaries::cargo;
 use crate::support::root;

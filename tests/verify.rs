@@ -23,7 +23,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sim_server::control::Request;
 use sim_server::link::{Incoming, Link as ServerLink};
-use sim_server::scenario::OnAgentLoss;
+use simulation::scenario::OnAgentLoss;
 
 use crate::support::memory::{Play, serve};
 use crate::support::processes::{Ended, Process};

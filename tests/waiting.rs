@@ -9,7 +9,7 @@ use agent_node::link::{Inbound, Link};
 use experiments::in_memory::AgentsEnd;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, Observation};
-use sim_server::scenario::Rtf;
+use simulation::scenario::Rtf;
 
 use crate::support::memory::{Play, Played, honest};
 use crate::support::processes::{Process, signal};

@@ -21,7 +21,7 @@ use std::thread;
 use std::time::Duration;
 
 use sim_server::run::Nobody;
-use sim_server::scenario::{OnAgentLoss, Rtf, Scenario};
+use simulation::scenario::{OnAgentLoss, Rtf, Scenario};
 use thiserror::Error;
 
 use crate::single::{self, Grouping, SingleError, Team};

@@ -10,7 +10,8 @@ use std::time::Duration;
 use agent_node::link::Inbound as ToAgents;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
-use sim_server::link::{Inbound as ToServer, Incoming, SourceId};
+use sim_server::link::{Inbound as ToServer, Incoming};
+use simulation::lockstep::SourceId;
 
 /// The server's end.
 pub struct ServerEnd {

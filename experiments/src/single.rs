@@ -11,9 +11,9 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::Progress;
 use sim_server::recorder::RecordError;
 use sim_server::run::{Outcome, RunError, Watcher};
-use sim_server::scenario::Scenario;
 use sim_server::setup::{self, SetupError};
-use sim_server::wire;
+use simulation::scenario::Scenario;
+use simulation::wire;
 use thiserror::Error;
 
 use crate::in_memory;

@@ -1,6 +1,6 @@
 //! Map files of other programs, and packed ones: what is read is a map, and one that can be written is written and read to the same.
 
-use sim_server::mapgen::{Fill, ImportOptions, ImportSpec, Kind, MapFormat};
+use mapgen::{Fill, ImportOptions, ImportSpec, Kind, MapFormat};
 use voxels::{Grid, Terrain, packed as format};
 
 /// Cells of a map at the most: what is tried is the reading, not the memory of a large map.

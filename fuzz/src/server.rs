@@ -14,12 +14,13 @@ use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{OBSERVATION_BYTES_MAX, PROTOCOL};
 use msgs::maes_msgs::{self, Command, Join, JoinReply, Observation, Parcel, Progress, Task, Wake};
-use sim_server::link::{Inbound, Incoming, Link, SourceId};
+use sim_server::link::{Inbound, Incoming, Link};
+use simulation::lockstep::SourceId;
 use sim_server::run::Watcher;
-use sim_server::scenario::Scenario;
+use simulation::scenario::Scenario;
 use sim_server::setup;
-use sim_server::wire;
-use sim_server::world::World;
+use simulation::wire;
+use simulation::world::World;
 
 use crate::lies::{self, Known};
 

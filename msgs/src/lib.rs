@@ -15,6 +15,7 @@ pub mod limits;
 pub mod topics;
 
 pub mod maes_msgs;
+pub mod relay_id;
 
 pub mod builtin_interfaces;
 pub mod diagnostic_msgs;
@@ -33,8 +34,3 @@ pub mod message;
 pub mod parameters;
 pub mod schema;
 pub mod service;
-
-#[cfg(feature = "ros")]
-pub mod ros;
-pub mod ros_env;
-pub mod seed;

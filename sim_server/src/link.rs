@@ -12,12 +12,9 @@ pub use msgs::rcl_interfaces::Level;
 use msgs::sensor_msgs::PointCloud2;
 
 use crate::control::Request;
-use crate::scenario::Rtf;
-use crate::views::{Listeners, Picture, View};
-
-/// Who sent a message, as far as the transport can tell: one value for each process.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct SourceId(pub [u8; 16]);
+use simulation::lockstep::SourceId;
+use simulation::scenario::Rtf;
+use simulation::views::{Listeners, Picture, View};
 
 /// A message from an agent process.
 #[derive(Debug, Clone, PartialEq)]

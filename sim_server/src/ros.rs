@@ -1,7 +1,7 @@
 //! The server's link over ROS 2: one participant with one node `sim_server`, its services, and three topics for each agent. What
 //! plays recordings is in [`replay`].
 //!
-//! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`msgs::ros`]); every message
+//! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`ros_node`]); every message
 //! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
 //! and its folder are the only ones here that know the ROS client.
 
@@ -19,19 +19,20 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
 use msgs::nav_msgs::Odometry;
-use msgs::ros::rosout::Rosout;
-use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Workshop, linger, now, own_source};
-use msgs::ros_env::RosEnv;
 use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::topics;
+use ros_node::ros_env::RosEnv;
+use ros_node::rosout::Rosout;
+use ros_node::{Inbox, Outlet, RosError, Sample, Workshop, linger, now, own_source};
 use ros2_client::{Context, Node};
 
 use crate::control::Request;
-use crate::link::{Inbound, Incoming, Level, Link, SourceId};
-use crate::parameters;
-use crate::scenario::{self, Rtf};
-use crate::views::{Listeners, Picture, View};
+use crate::link::{Inbound, Incoming, Level, Link};
+use simulation::lockstep::SourceId;
+use simulation::parameters;
+use simulation::scenario::{self, Rtf};
+use simulation::views::{Listeners, Picture, View};
 
 use driven::Driven;
 use services::{Asked, Services};
@@ -100,9 +101,9 @@ impl RosLink {
     /// If the network cannot be joined, or the system has not enough of something.
     pub fn new(run: &scenario::Scenario, env: &RosEnv) -> Result<Self, RosError> {
         let (agents, driven) = (run.agents.count, run.driven());
-        ros::allow_open_files(agents)?;
-        let context = ros::join(env, true)?;
-        let mut node = ros::node(&context, NODE)?;
+        ros_node::allow_open_files(agents)?;
+        let context = ros_node::join(env, true)?;
+        let mut node = ros_node::node(&context, NODE)?;
         let mut workshop = Workshop::of(&context);
         let clock = workshop.outlet(&mut node, &topics::clock())?;
         let scenario = workshop.outlet(&mut node, &topics::scenario())?;

@@ -34,14 +34,14 @@ use msgs::maes_msgs::{self, Observation as Part};
 
 use crate::control::Beginning;
 use crate::control::desk::Desk;
-use crate::digest::{Chain, Digest};
 use crate::link::{Level, Link};
-use crate::lockstep::Wake;
 use crate::playback::{Playback, Said};
-use crate::scenario::{OnAgentLoss, Scenario};
-use crate::views::Views;
-use crate::wire;
-use crate::world::{Action, Since, World};
+use simulation::digest::{Chain, Digest};
+use simulation::lockstep::Wake;
+use simulation::scenario::{OnAgentLoss, Scenario};
+use simulation::views::Views;
+use simulation::wire;
+use simulation::world::{Action, Since, World};
 
 use control::Phase;
 use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Patience, Silence};

@@ -7,23 +7,22 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
+use mapgen::MapReport;
 use msgs::ids::Tick;
-use msgs::ros;
-use msgs::ros_env::RosEnv;
+use ros_node::ros_env::RosEnv;
 use sim_server::cli::{ReplayArgs, RunArgs};
 use sim_server::link::Link;
-use sim_server::mapgen::MapReport;
 use sim_server::playback::{Horizon, Playback};
 use sim_server::recording::Recording;
 use sim_server::replay::Programme;
 use sim_server::ros::{RosLink, replay};
 use sim_server::run::{self, Records, RunError};
-use sim_server::scenario::{Override, Scenario};
 use sim_server::terminal::{self, Terminal};
 #[cfg(feature = "view")]
 use sim_server::viewing::{self, Viewing, Watched};
-use sim_server::world::World;
 use sim_server::{exit, setup};
+use simulation::scenario::{Override, Scenario};
+use simulation::world::World;
 
 /// Wall time between two looks at whether an idle server is to end.
 #[cfg(feature = "view")]
@@ -118,7 +117,7 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     // What is wrong with the world is told before anything is taken.
     let made = job.make()?;
     let stop = stopped_by_signals()?;
-    ros::stopped::end_when_continued().context("handling signals")?;
+    ros_node::stopped::end_when_continued().context("handling signals")?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing,
         Err(error) => return failed(&error),
@@ -167,7 +166,7 @@ fn tell_address(_: Option<&Viewing>, _: &mut Terminal) {}
 fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<ExitCode> {
     const NAME: &str = "the scenario";
     let stop = stopped_by_signals()?;
-    ros::stopped::end_when_continued().context("handling signals")?;
+    ros_node::stopped::end_when_continued().context("handling signals")?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing.expect("an idle server is looked at"),
         Err(error) => return failed(&error),

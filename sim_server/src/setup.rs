@@ -7,13 +7,13 @@ use std::path::Path;
 use thiserror::Error;
 use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
 
-use crate::mapgen::{self, GeneratedMap, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
 use crate::recorder::{Document, RecordError, Recorder};
 use crate::recording::{Recording, RecordingError};
-use crate::scenario::{LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
-use crate::world::lidar::{Pattern, Scanner};
-use crate::world::spawn::{Site, SpawnError};
-use crate::world::{ScanSchedule, World, WorldParams};
+use mapgen::{self, GeneratedMap, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
+use simulation::scenario::{LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
+use simulation::world::lidar::{Pattern, Scanner};
+use simulation::world::spawn::{Site, SpawnError};
+use simulation::world::{ScanSchedule, World, WorldParams};
 
 /// Bytes for each cell of the map that a world takes, and each agent in it, rounded up.
 const WORLD_CELL_BYTES: usize = 2;

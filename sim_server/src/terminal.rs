@@ -12,9 +12,9 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Counter};
 
-use crate::lockstep::listed;
 use crate::run::{self, Outcome, Watcher, now};
-use crate::world::World;
+use simulation::lockstep::listed;
+use simulation::world::World;
 
 /// Wall time between two plain lines.
 const LINE_PERIOD: Duration = Duration::from_secs(5);

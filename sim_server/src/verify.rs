@@ -13,11 +13,11 @@ use msgs::ids::Tick;
 use thiserror::Error;
 
 use crate::comparison::{Comparison, Difference};
-use crate::digest::Digest;
 use crate::playback::{Playback, PlaybackError};
 use crate::recording::{End, Recording};
 use crate::run::{self, Checker, RunError};
 use crate::setup::{self, SetupError};
+use simulation::digest::Digest;
 
 /// What was found to hold.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -8,6 +8,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use experiments::single::{Grouping, Team};
+use mapgen::MapFormat;
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
 use msgs::maes_msgs::JoinReply;
@@ -15,11 +16,10 @@ use msgs::parameters::{ListRequest, Named, NamesRequest, SetRequest, Value};
 use msgs::simulation_interfaces::{
     EntityRequest, EntityState, FilterRequest, SetEntityStateRequest, SpawnEntityRequest, StepRequest,
 };
-use sim_server::mapgen::MapFormat;
 use sim_server::recording::Recording;
 use sim_server::run::Nobody;
-use sim_server::scenario::Scenario;
 use sim_server::setup;
+use simulation::scenario::Scenario;
 use voxels::{m3dm, packed};
 
 /// A run of two agents that tell each other what they see, long enough for two chunks of the recording.

@@ -20,9 +20,9 @@ use sim_server::link::Link as ServerLink;
 use sim_server::playback::Playback;
 use sim_server::recording::Recording;
 use sim_server::run::{Outcome, RunError, Watcher};
-use sim_server::scenario::Scenario;
 use sim_server::setup;
-use sim_server::world::World;
+use simulation::scenario::Scenario;
+use simulation::world::World;
 
 use super::{HANG, bounded};
 

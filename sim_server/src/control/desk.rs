@@ -12,8 +12,8 @@ use msgs::simulation_interfaces::{
 };
 
 use super::{Beginning, Control, Request, State, Steps};
-use crate::pace::Pace;
-use crate::scenario::Rtf;
+use simulation::pace::Pace;
+use simulation::scenario::Rtf;
 
 /// The state, the pace, and who waits.
 pub struct Desk {

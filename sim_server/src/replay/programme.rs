@@ -9,8 +9,9 @@ use thiserror::Error;
 
 use super::Cue;
 use crate::recording::{Channel, End, Recording};
-use crate::scenario::Scenario;
-use crate::{setup, views};
+use crate::setup;
+use simulation::scenario::Scenario;
+use simulation::views;
 
 /// What somebody wants to have played.
 #[derive(Debug, Clone, Default, PartialEq)]

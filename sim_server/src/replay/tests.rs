@@ -17,7 +17,7 @@ use super::*;
 use crate::recorder::{Document, Recorder};
 use crate::recording::Recording;
 use crate::setup::SCENARIO_ATTACHMENT;
-use crate::views::{self, Picture, View};
+use simulation::views::{self, Picture, View};
 
 const SCENARIO: &str = "seed = 1\nduration_s = 10.0\nmap = { kind = \"spheres\", size = 5 }\nagents = { count = 2 }\n";
 const MAP: &str = "###\n###\n###\n\n###\n#.#\n###\n\n###\n###\n###\n";

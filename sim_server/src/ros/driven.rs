@@ -1,7 +1,7 @@
 //! Agents that are driven by standard messages, at the edge to ROS: who drives them, and what they are told.
 //!
 //! The first process that is found to publish velocities for such an agent drives it for the whole run; it is not asked whether it
-//! wants to. Of its twists, commands are made in [`crate::twist`].
+//! wants to. Of its twists, commands are made in [`simulation::twist`].
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -12,18 +12,19 @@ use msgs::geometry_msgs::TwistStamped;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{JoinReply, Observation as Part};
 use msgs::nav_msgs::Odometry;
-use msgs::ros::audience::dds_name;
-use msgs::ros::{Inbox, Outlet, RosError, Sample, Workshop, now, source_of};
 use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::topics;
+use ros_node::audience::dds_name;
+use ros_node::{Inbox, Outlet, RosError, Sample, Workshop, now, source_of};
 use ros2_client::{Context, Node};
 
 use super::Item;
 use super::views::Gallery;
-use crate::link::{Inbound, Incoming, SourceId};
-use crate::twist;
-use crate::views::{Picture, View};
+use crate::link::{Inbound, Incoming};
+use simulation::lockstep::SourceId;
+use simulation::twist;
+use simulation::views::{Picture, View};
 
 /// Wall time between two looks for a process that drives an agent.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);

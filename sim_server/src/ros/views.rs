@@ -8,15 +8,15 @@ use msgs::diagnostic_msgs::DiagnosticArray;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Digest, Result as Outcome};
 use msgs::nav_msgs::{Odometry, Path};
-use msgs::ros::audience::Audience;
-use msgs::ros::{Outlet, RosError, Workshop};
 use msgs::sensor_msgs::PointCloud2;
 use msgs::tf2_msgs::TFMessage;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
+use ros_node::audience::Audience;
+use ros_node::{Outlet, RosError, Workshop};
 use ros2_client::{Context, Node};
 
-use crate::views::{Listeners, Picture, View};
+use simulation::views::{Listeners, Picture, View};
 
 /// The number of `/clock` in the audience; the views come after it.
 const CLOCK: usize = 0;

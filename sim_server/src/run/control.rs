@@ -17,10 +17,10 @@ use super::log::Kind;
 use super::{FAREWELL, Run, RunError};
 use crate::control::entities::Team;
 use crate::control::{self, Request};
-use crate::lockstep::Wake;
-use crate::wire;
-use crate::world::Since;
-use crate::world::body::Pose;
+use simulation::lockstep::Wake;
+use simulation::wire;
+use simulation::world::Since;
+use simulation::world::body::Pose;
 
 /// Requests that are answered between two ticks at the most, so that a flood of them does not stop the clock.
 const REQUESTS_MAX: usize = 32;

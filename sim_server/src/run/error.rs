@@ -4,9 +4,9 @@ use msgs::ids::{AgentId, Tick};
 use thiserror::Error;
 
 use super::Start;
-use crate::lockstep::listed;
 use crate::playback::PlaybackError;
 use crate::recorder::RecordError;
+use simulation::lockstep::listed;
 
 /// Why a run has no full result.
 #[derive(Debug, Error)]

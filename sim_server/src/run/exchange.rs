@@ -21,12 +21,12 @@ use super::log::Log;
 use super::{RunError, Start, Watcher, now};
 use crate::control::Request;
 use crate::link::{Level, Link};
-use crate::lockstep::{Barrier, Refusal, Roster, Wake, listed};
 use crate::recorder::RecordError;
-use crate::scenario::{OnAgentLoss, Rtf};
-use crate::views::{Listeners, Picture, View};
-use crate::world::body::Motion;
-use crate::world::{Action, LidarRequest, Since};
+use simulation::lockstep::{Barrier, Refusal, Roster, Wake, listed};
+use simulation::scenario::{OnAgentLoss, Rtf};
+use simulation::views::{Listeners, Picture, View};
+use simulation::world::body::Motion;
+use simulation::world::{Action, LidarRequest, Since};
 
 /// Wall time of silence after which an observation is sent again the first time; it doubles from then on.
 const SEND_AGAIN_FIRST: Duration = Duration::from_millis(100);

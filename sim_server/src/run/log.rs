@@ -9,10 +9,10 @@ use msgs::topics::{self, Topic};
 use serde::Serialize;
 
 use super::now;
-use crate::digest::Chain;
 use crate::journal::Journal;
 use crate::recorder::{RecordError, Recorder};
-use crate::views::{Picture, View};
+use simulation::digest::Chain;
+use simulation::views::{Picture, View};
 
 /// Wall time after which the open chunk of the recording is saved provisionally.
 const SAVE_PERIOD: Duration = Duration::from_millis(500);

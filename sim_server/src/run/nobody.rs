@@ -7,7 +7,7 @@ use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario};
 
 use super::Watcher;
 use crate::link::{Incoming, Link};
-use crate::world::World;
+use simulation::world::World;
 
 /// Says nothing and hears nothing.
 #[derive(Debug, Clone, Copy)]

@@ -5,9 +5,9 @@ use msgs::maes_msgs;
 use super::exchange::Asked;
 use super::log::Kind;
 use super::{Run, RunError};
-use crate::views::{Picture, View};
-use crate::wire;
-use crate::world::Since;
+use simulation::views::{Picture, View};
+use simulation::wire;
+use simulation::world::Since;
 
 /// Sim time between two digests in the recording: a second.
 const DIGEST_TICKS: u64 = 50;

@@ -15,9 +15,9 @@ use super::log::Kind;
 use super::{COVERED, DURATION, EXPLORED, INTERRUPTED, QUIT, Run, RunError};
 use crate::link::Level;
 use crate::playback::{Ending, Playback, Said};
-use crate::scenario::OnAgentLoss;
-use crate::wire;
-use crate::world::Since;
+use simulation::scenario::OnAgentLoss;
+use simulation::wire;
+use simulation::world::Since;
 
 impl Run<'_> {
     /// Whether nobody is asked, because it is known what they have answered.

@@ -8,8 +8,8 @@ use msgs::maes_msgs::{self, Counter, Observation as Part};
 use super::exchange::{Asked, Meanwhile};
 use super::log::Kind;
 use super::{FAREWELL, MILESTONE_COUNTER, Outcome, Run, RunError};
-use crate::wire;
-use crate::world::Since;
+use simulation::wire;
+use simulation::world::Since;
 
 impl Run<'_> {
     /// Tells the agents, and ends the recording.

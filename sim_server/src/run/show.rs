@@ -8,10 +8,10 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs;
 
 use super::{Run, RunError, now};
-use crate::digest::Digest;
 use crate::link::Level;
-use crate::views::{self, Facts, Moment, Picture, View};
-use crate::wire;
+use simulation::digest::Digest;
+use simulation::views::{self, Facts, Moment, Picture, View};
+use simulation::wire;
 
 impl Run<'_> {
     /// Records the views that the scenario has recorded, at the start of a tick.

@@ -1,7 +1,7 @@
 //! How a run begins, the first one of a server or one that begins again.
 
 use super::RunError;
-use crate::scenario::{Rtf, Scenario};
+use simulation::scenario::{Rtf, Scenario};
 
 /// How a run is told from others, and begins.
 #[derive(Debug, Clone, Copy, PartialEq)]

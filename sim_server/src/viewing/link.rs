@@ -17,8 +17,8 @@ use super::services;
 use crate::control::Request;
 use crate::link::{Incoming, Level, Link};
 use crate::run::now;
-use crate::scenario::{self, Rtf};
-use crate::views::{Listeners, Picture, View};
+use simulation::scenario::{self, Rtf};
+use simulation::views::{Listeners, Picture, View};
 
 /// Wall time between two tellings of the time.
 const CLOCK_PERIOD: Duration = Duration::from_millis(33);

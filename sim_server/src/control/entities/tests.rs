@@ -4,11 +4,11 @@ use msgs::std_msgs::Header;
 use voxels::{Grid, Terrain};
 
 use super::*;
-use crate::world::body::BodyModel;
-use crate::world::comms::{Comms, ContactModel};
-use crate::world::errors::Errors;
-use crate::world::lidar::{Pattern, Scanner};
-use crate::world::{ScanSchedule, WorldParams};
+use simulation::world::body::BodyModel;
+use simulation::world::comms::{Comms, ContactModel};
+use simulation::world::errors::Errors;
+use simulation::world::lidar::{Pattern, Scanner};
+use simulation::world::{ScanSchedule, WorldParams};
 
 const RADIUS_M: f64 = 0.4;
 

@@ -12,11 +12,12 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply};
 
 use super::{Answer, Exchange, NOTES_MAX};
-use crate::link::{Inbound, Incoming, SourceId};
-use crate::lockstep::{Barrier, Claim, Refusal, Seat};
+use crate::link::{Inbound, Incoming};
 use crate::run::Watcher;
 use crate::run::history::Recall;
-use crate::wire;
+use simulation::lockstep::SourceId;
+use simulation::lockstep::{Barrier, Claim, Refusal, Seat};
+use simulation::wire;
 
 impl Exchange<'_> {
     pub(super) fn handle(&mut self, incoming: Incoming, barrier: &mut Barrier<Answer>, watcher: &mut dyn Watcher) {
