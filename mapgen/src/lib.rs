@@ -6,6 +6,8 @@
 //!
 //! Nothing here opens a file, knows the time or draws a seed.
 
+#![warn(missing_docs)]
+
 pub mod building;
 pub mod export;
 pub mod import;

@@ -10,6 +10,8 @@
 //! Invariants: no ROS client, no transport and no wall clock in here; names, units and frames of the fields are those of the
 //! `.msg` files (SI units, radians, frame `map` unless said otherwise). This crate does not check what a message says.
 
+#![warn(missing_docs)]
+
 pub mod ids;
 pub mod limits;
 pub mod topics;

@@ -6,6 +6,8 @@
 //!
 //! This module draws nothing from the operating system; a seed is always an argument.
 
+#![warn(missing_docs)]
+
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 

@@ -9,6 +9,8 @@
 //! Invariants: no file, no network, no wall clock and no environment. The dependencies of this crate allow none of them, save
 //! the standard library, whose use `clippy.toml` restricts.
 
+#![warn(missing_docs)]
+
 pub mod digest;
 pub mod lockstep;
 pub mod pace;
