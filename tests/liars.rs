@@ -19,8 +19,8 @@ use ros2_client::{Context, MessageTypeName, Name, Node, NodeName, NodeOptions, P
 use rustdds::DomainParticipantBuilder;
 use serde::de::DeserializeOwned;
 use serde::ser::{Serialize, SerializeTuple, Serializer};
-use sim_server::link::{Inbound as ToServer, Incoming, Link as ServerLink};
-use sim_server::run::RunError;
+use sim_server::session::RunError;
+use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
 
 use crate::support::domains::Domain;
@@ -188,7 +188,7 @@ impl Strangers {
     }
 }
 
-impl ServerLink for Strangers {
+impl AgentTransport for Strangers {
     fn announce(&mut self, scenario: &Scenario) {
         self.inner.announce(scenario);
     }
@@ -221,6 +221,12 @@ impl ServerLink for Strangers {
         self.inner.send(agent, part);
     }
 
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        self.waiting.pop_front().or_else(|| self.inner.receive(timeout))
+    }
+}
+
+impl ObserverOutput for Strangers {
     fn clock(&mut self, tick: Tick) {
         self.inner.clock(tick);
     }
@@ -228,11 +234,9 @@ impl ServerLink for Strangers {
     fn progress(&mut self, progress: &Progress) {
         self.inner.progress(progress);
     }
-
-    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        self.waiting.pop_front().or_else(|| self.inner.receive(timeout))
-    }
 }
+
+impl ControlInput for Strangers {}
 
 #[test]
 fn strangers_are_refused_and_counted_and_change_nothing() {

@@ -21,7 +21,7 @@ use ros2_client::{Context, Node};
 
 use super::Item;
 use super::views::Gallery;
-use crate::link::{Inbound, Incoming};
+use crate::transport::{Inbound, Incoming};
 use simulation::lockstep::SourceId;
 use simulation::twist;
 use simulation::views::{Picture, View};

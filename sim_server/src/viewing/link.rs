@@ -15,8 +15,8 @@ use msgs::{cdr, schema};
 use super::Viewing;
 use super::services;
 use crate::control::Request;
-use crate::link::{Incoming, Level, Link};
-use crate::run::now;
+use crate::transport::{AgentTransport, ControlInput, Incoming, Level, ObserverOutput, Transport};
+use crate::wall_clock::now;
 use simulation::scenario::{self, Rtf};
 use simulation::views::{Listeners, Picture, View};
 
@@ -41,7 +41,7 @@ pub struct Watched<'v, L> {
     is_time_told: bool,
 }
 
-impl<'v, L: Link> Watched<'v, L> {
+impl<'v, L: Transport> Watched<'v, L> {
     /// Shows the run of a scenario over a link.
     pub fn new(link: L, viewing: &'v Viewing, scenario: &'v scenario::Scenario) -> Self {
         Self {
@@ -100,7 +100,7 @@ fn merge(all: &mut Listeners, here: &BTreeMap<View, u64>, there: &Listeners) {
     }
 }
 
-impl<L: Link> Link for Watched<'_, L> {
+impl<L: Transport> AgentTransport for Watched<'_, L> {
     fn announce(&mut self, scenario: &Scenario) {
         self.open_channels(scenario.run);
         self.viewing.hall.say_latched(&topics::scenario().name, cdr::encode(scenario), Tick::ZERO);
@@ -115,6 +115,22 @@ impl<L: Link> Link for Watched<'_, L> {
         self.link.send(agent, part);
     }
 
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        // The last of many ticks in quick succession, when none comes any more.
+        self.tell_time();
+        self.link.receive(timeout)
+    }
+
+    fn set_sensors(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
+        self.link.set_sensors(agent, odometry, points);
+    }
+
+    fn other_run(&self) -> Option<u64> {
+        self.link.other_run()
+    }
+}
+
+impl<L: Transport> ObserverOutput for Watched<'_, L> {
     fn clock(&mut self, tick: Tick) {
         self.link.clock(tick);
         self.tick = tick;
@@ -127,15 +143,9 @@ impl<L: Link> Link for Watched<'_, L> {
         self.link.progress(progress);
     }
 
-    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        // The last of many ticks in quick succession, when none comes any more.
-        self.tell_time();
-        self.link.receive(timeout)
-    }
-
-    fn listeners(&mut self) -> Option<&Listeners> {
+    fn subscribers(&mut self) -> Option<&Listeners> {
         let is_other_here = self.look_here();
-        let there = self.link.listeners();
+        let there = self.link.subscribers();
         if self.here.is_empty() {
             return there;
         }
@@ -150,10 +160,10 @@ impl<L: Link> Link for Watched<'_, L> {
         Some(&self.all)
     }
 
-    fn show(&mut self, view: View, picture: &Picture) {
+    fn publish(&mut self, view: View, picture: &Picture) {
         let is_last = view == View::Result;
         if is_last || self.here.is_empty() || self.there.contains_key(&view) {
-            self.link.show(view, picture);
+            self.link.publish(view, picture);
         }
         if is_last {
             if let Picture::Result(result) = picture {
@@ -167,29 +177,23 @@ impl<L: Link> Link for Watched<'_, L> {
         }
     }
 
-    fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
-        self.link.drive(agent, odometry, points);
-    }
-
-    fn pace(&mut self, rtf: Rtf) {
+    fn real_time_factor(&mut self, rtf: Rtf) {
         self.viewing.hall.tell_pace(rtf);
-        self.link.pace(rtf);
+        self.link.real_time_factor(rtf);
     }
 
     fn log(&mut self, level: Level, text: &str) {
         self.link.log(level, text);
     }
+}
 
+impl<L: Transport> ControlInput for Watched<'_, L> {
     fn request(&mut self) -> Option<Request> {
         self.link.request().or_else(|| self.viewing.wishes.try_iter().find_map(services::request))
     }
 
-    fn takes_requests(&self) -> bool {
+    fn accepts_requests(&self) -> bool {
         true
-    }
-
-    fn other_run(&self) -> Option<u64> {
-        self.link.other_run()
     }
 }
 

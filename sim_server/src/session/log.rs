@@ -1,4 +1,4 @@
-//! What a run writes down: messages on their way to the digest, and to a recording or to somebody who checks them.
+//! The log of a session: every message on its way to the digest, and to a recording or to a checker.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -8,16 +8,16 @@ use msgs::ids::{AgentId, Tick};
 use msgs::topics::{self, Topic};
 use serde::Serialize;
 
-use super::now;
 use crate::journal::Journal;
 use crate::recorder::{RecordError, Recorder};
+use crate::wall_clock::now;
 use simulation::digest::Chain;
 use simulation::views::{Picture, View};
 
 /// Wall time after which the open chunk of the recording is saved provisionally.
 const SAVE_PERIOD: Duration = Duration::from_millis(500);
 
-/// What a message is.
+/// The kind of a message, which decides its topic.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kind {
     Scenario,
@@ -31,67 +31,63 @@ pub(super) enum Kind {
     Command(AgentId),
 }
 
-/// Where messages go.
-enum Sink<'s> {
-    /// Nowhere.
-    Nothing,
-    /// Into a recording.
-    File(Box<Recorder>),
-    /// Before somebody who knows what they should be.
-    Checker(&'s mut dyn Checker),
+/// The recording sinks of a run.
+#[derive(Default)]
+pub struct RecordingSinks {
+    /// The recording, if one is made.
+    pub recorder: Option<Recorder>,
+    /// The live stream, if observers can read one.
+    pub journal: Option<Journal>,
 }
 
-/// Where messages go, beside the digest, and what those who look on read meanwhile.
-pub(super) struct Outlets<'s> {
-    sink: Sink<'s>,
-    journal: Option<Journal>,
-}
-
-impl<'s> Outlets<'s> {
-    /// Before somebody who knows what the messages should be.
-    pub(super) fn checked_by(checker: &'s mut dyn Checker) -> Self {
-        Self { sink: Sink::Checker(checker), journal: None }
-    }
-
-    /// Whether somebody checks what goes there.
-    pub(super) fn are_checked(&self) -> bool {
-        matches!(self.sink, Sink::Checker(_))
-    }
-
-    fn write(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) -> Result<(), RecordError> {
-        if let Some(journal) = &mut self.journal {
-            journal.write(topic, tick, cdr);
-        }
-        self.sink.write(topic, tick, cdr)
+impl From<Option<Recorder>> for RecordingSinks {
+    fn from(recorder: Option<Recorder>) -> Self {
+        Self { recorder, journal: None }
     }
 }
 
-/// Somebody who looks at everything that a run writes down, in order.
+/// A checker of everything that a run writes, in order.
 pub trait Checker {
-    /// Looks at a message, as CDR with its encapsulation header.
+    /// Checks a message, given as CDR with its encapsulation header.
     fn take(&mut self, topic: &str, tick: Tick, cdr: &[u8]);
-    /// Whether it was found that something is not as it should be, so that there is no use in going on.
+    /// Whether a difference was found, so that the rest of the run need not be executed.
     fn is_done(&self) -> bool;
-    /// What comes from now on is not to be looked at.
+    /// Stops checking: later messages are ignored.
     fn close(&mut self);
 }
 
-/// The recording and the encoding of messages, which the digest needs in any case.
-pub(super) struct Log<'s> {
-    outlets: Outlets<'s>,
+/// The destination of messages besides the digest.
+enum Sink<'s> {
+    Null,
+    File(Box<Recorder>),
+    Checker(&'s mut dyn Checker),
+}
+
+/// The log of a session. Messages are encoded here, because the digest covers their bytes.
+pub(super) struct SessionLog<'s> {
+    sink: Sink<'s>,
+    live: Option<Journal>,
     sim_topics: [Topic; 6],
     agent_topics: Vec<[Topic; 3]>,
-    /// Of the views that have been recorded so far.
+    /// Topics of the recorded visualisation messages so far.
     view_topics: BTreeMap<View, Topic>,
     bytes: Vec<u8>,
     saved: Instant,
 }
 
-impl<'s> Log<'s> {
-    pub(super) fn new(outlets: Outlets<'s>, agents: u32) -> Self {
+impl<'s> SessionLog<'s> {
+    /// The log of a run in this mode. Verification checks what is written instead of recording it.
+    pub(super) fn new(sinks: RecordingSinks, checker: Option<&'s mut dyn Checker>, agents: u32) -> Self {
+        let RecordingSinks { recorder, journal: live } = sinks;
+        let sink = match (checker, recorder) {
+            (Some(checker), _) => Sink::Checker(checker),
+            (None, Some(recorder)) => Sink::File(Box::new(recorder)),
+            (None, None) => Sink::Null,
+        };
         let of_agent = |agent| [topics::join(agent), topics::observation(agent), topics::command(agent)];
         Self {
-            outlets,
+            sink,
+            live,
             sim_topics: [
                 topics::scenario(),
                 topics::progress(),
@@ -107,16 +103,16 @@ impl<'s> Log<'s> {
         }
     }
 
-    /// Whether somebody wants what the digest does not need.
+    /// Whether messages have a destination besides the digest.
     pub(super) fn is_recording(&self) -> bool {
-        self.outlets.journal.is_some() || !matches!(self.outlets.sink, Sink::Nothing)
+        self.live.is_some() || !matches!(self.sink, Sink::Null)
     }
 
-    /// Who checks what is written down, if somebody does.
+    /// The checker of a run that is verified.
     pub(super) fn checker(&mut self) -> Option<&mut (dyn Checker + 's)> {
-        match &mut self.outlets.sink {
+        match &mut self.sink {
             Sink::Checker(checker) => Some(*checker),
-            Sink::Nothing | Sink::File(_) => None,
+            Sink::Null | Sink::File(_) => None,
         }
     }
 
@@ -142,11 +138,11 @@ impl<'s> Log<'s> {
         Ok(())
     }
 
-    /// Writes a message of a view.
+    /// Writes a visualisation message.
     pub(super) fn write_view(&mut self, view: View, tick: Tick, picture: &Picture) -> Result<(), RecordError> {
         self.encode(picture);
         let topic = self.view_topics.entry(view).or_insert_with(|| view.topic());
-        let written = self.outlets.write(topic, tick, &self.bytes);
+        let written = write(&mut self.live, &mut self.sink, topic, tick, &self.bytes);
         self.unless_failed(written)
     }
 
@@ -156,15 +152,15 @@ impl<'s> Log<'s> {
         self.unless_failed(published)
     }
 
-    /// Gives up the recording; there is none unless it is published.
-    pub(super) fn give_up(&mut self) {
-        self.outlets.sink = Sink::Nothing;
+    /// Discards the recording; no file is left unless it is published.
+    pub(super) fn discard(&mut self) {
+        self.sink = Sink::Null;
     }
 
-    /// Saves provisionally if it is time to. To be called while the loop waits, too.
-    pub(super) fn save_now_and_then(&mut self) -> Result<(), RecordError> {
-        if let Some(journal) = &mut self.outlets.journal {
-            journal.flush_now_and_then();
+    /// Saves provisionally if it is due; also called while the session waits.
+    pub(super) fn save_if_due(&mut self) -> Result<(), RecordError> {
+        if let Some(live) = &mut self.live {
+            live.flush_now_and_then();
         }
         if self.saved.elapsed() >= SAVE_PERIOD { self.save_provisionally() } else { Ok(()) }
     }
@@ -177,16 +173,16 @@ impl<'s> Log<'s> {
     }
 
     pub(super) fn finish(self) -> Result<(), RecordError> {
-        match self.outlets.sink {
+        match self.sink {
             Sink::File(recorder) => recorder.finish(),
-            Sink::Nothing | Sink::Checker(_) => Ok(()),
+            Sink::Null | Sink::Checker(_) => Ok(()),
         }
     }
 
     fn recorder(&mut self) -> Option<&mut Recorder> {
-        match &mut self.outlets.sink {
+        match &mut self.sink {
             Sink::File(recorder) => Some(&mut **recorder),
-            Sink::Nothing | Sink::Checker(_) => None,
+            Sink::Null | Sink::Checker(_) => None,
         }
     }
 
@@ -207,48 +203,41 @@ impl<'s> Log<'s> {
             Kind::Observation(agent) => &self.agent_topics[agent.index()][1],
             Kind::Command(agent) => &self.agent_topics[agent.index()][2],
         };
-        let written = self.outlets.write(topic, tick, &self.bytes);
+        let written = write(&mut self.live, &mut self.sink, topic, tick, &self.bytes);
         self.unless_failed(written)
     }
 
-    /// A recording that could once not be written to ends there: what comes later must not stand beside a gap.
+    /// A recording ends at its first write error: later messages would follow a gap.
     fn unless_failed(&mut self, written: Result<(), RecordError>) -> Result<(), RecordError> {
         if written.is_err() {
-            self.outlets.sink = Sink::Nothing;
+            self.sink = Sink::Null;
         }
         written
     }
 }
 
+fn write(
+    live: &mut Option<Journal>,
+    sink: &mut Sink<'_>,
+    topic: &Topic,
+    tick: Tick,
+    cdr: &[u8],
+) -> Result<(), RecordError> {
+    if let Some(live) = live {
+        live.write(topic, tick, cdr);
+    }
+    sink.write(topic, tick, cdr)
+}
+
 impl Sink<'_> {
     fn write(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) -> Result<(), RecordError> {
         match self {
-            Self::Nothing => Ok(()),
+            Self::Null => Ok(()),
             Self::File(recorder) => recorder.write(topic, tick, cdr),
             Self::Checker(checker) => {
                 checker.take(&topic.name, tick, cdr);
                 Ok(())
             }
         }
-    }
-}
-
-/// What a run is written into.
-pub struct Records {
-    /// The recording, if there is to be one.
-    pub recorder: Option<Recorder>,
-    /// What those who look on read, if there may be some.
-    pub journal: Option<Journal>,
-}
-
-impl From<Records> for Outlets<'_> {
-    fn from(Records { recorder, journal }: Records) -> Self {
-        Self { sink: recorder.map_or(Sink::Nothing, |recorder| Sink::File(Box::new(recorder))), journal }
-    }
-}
-
-impl From<Option<Recorder>> for Records {
-    fn from(recorder: Option<Recorder>) -> Self {
-        Self { recorder, journal: None }
     }
 }
