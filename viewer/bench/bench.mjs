@@ -131,7 +131,7 @@ function watchPictures() {
   window.pictured = [];
   scene.render = (timeS, quality) => {
     render(timeS, quality);
-    if (scene.isRestless) return;
+    if (scene.needsRedraw) return;
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
     const look = () => {

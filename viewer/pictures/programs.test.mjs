@@ -2,7 +2,7 @@ import { chmodSync, mkdirSync, mkdtempSync, rmSync, writeFileSync } from "node:f
 import { tmpdir } from "node:os";
 import { delimiter, join } from "node:path";
 import { afterAll, beforeAll, expect, it } from "vitest";
-import { firstLine } from "./faults.mjs";
+import { firstLine } from "./errors.mjs";
 import { chromiumIn, ffmpegIn, inPath } from "./programs.mjs";
 
 let root = "";

@@ -228,11 +228,11 @@ test("keys, figures and panels come and go", async ({ page, servers }) => {
   await page.getByTestId("help-close").click();
   await expect(page.getByTestId("help")).toBeHidden();
 
-  await expect(page.getByTestId("figures")).toBeHidden();
+  await expect(page.getByTestId("render-stats")).toBeHidden();
   await page.keyboard.press("f");
-  await expect(page.getByTestId("figures")).toContainText("triangles");
+  await expect(page.getByTestId("render-stats")).toContainText("triangles");
   await page.keyboard.press("f");
-  await expect(page.getByTestId("figures")).toBeHidden();
+  await expect(page.getByTestId("render-stats")).toBeHidden();
 
   await page.keyboard.press("l");
   await expect(page.getByTestId("layers-panel")).toBeVisible();
@@ -269,7 +269,7 @@ test("the page is found again as it was left", async ({ page, servers }) => {
   await page.reload();
   await shown.ready(page);
   await expect(page.getByTestId("layers-panel")).toBeVisible();
-  await expect(page.getByTestId("figures")).toBeVisible();
+  await expect(page.getByTestId("render-stats")).toBeVisible();
   await expect(page.getByTestId("layer-heat")).toBeChecked();
   await expect(page.getByTestId("layer-trails")).not.toBeChecked();
   await expect(page.getByTestId("wall-opacity")).toHaveValue("0.4");
@@ -286,7 +286,7 @@ test("a page for pictures has nothing but the picture and a caption", async ({ p
   await shown.open(page, `${page.url()}&picture=1&time=${TIME_S}`);
   await shown.expectTime(page, TIME_S);
   await shown.showAt(page, TIME_S);
-  for (const part of ["side", "transport", "camera-bar", "layers-panel"]) {
+  for (const part of ["side", "playback-bar", "camera-bar", "layers-panel"]) {
     await expect(page.getByTestId(part)).toBeHidden();
   }
   // What somebody has chosen does not count: pictures are the same everywhere.

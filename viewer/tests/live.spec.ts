@@ -4,7 +4,7 @@
 import type { Page } from "@playwright/test";
 import { expect, test } from "./support/fixtures.ts";
 import { digestIn } from "./support/info.ts";
-import { SCENARIO } from "./support/places.ts";
+import { SCENARIO } from "./support/paths.ts";
 import { parameterOf } from "./support/simulator.ts";
 import * as shown from "./support/shown.ts";
 

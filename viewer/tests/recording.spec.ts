@@ -118,7 +118,7 @@ test("counts what was explored and covered as the server does, at any time", asy
     /** When the last of the agents had been asked again. */
     const allAskedS = (timeS: number): number => {
       let atS = timeS;
-      while (atS < run.endS && agents.some((id) => run.agentAt(id, atS).askedS < timeS)) atS += tickS;
+      while (atS < run.endS && agents.some((id) => run.agentAt(id, atS).observedS < timeS)) atS += tickS;
       return atS;
     };
     const share = (cells: number): number => cells / run.terrain.freeCells;
@@ -257,7 +257,7 @@ test("is played, held, and played to its end", async ({ page, servers }) => {
 test("the curve leads where it is clicked", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const end = await shown.endOf(page);
-  const over = page.getByTestId("curve").locator(".u-over");
+  const over = page.getByTestId("chart").locator(".u-over");
   const box = (await over.boundingBox())!;
   await over.click({ position: { x: box.width / 2, y: box.height / 2 } });
   await expect.poll(async () => Math.abs((await shown.timeOf(page)) - end / 2)).toBeLessThan(end / 50);
@@ -289,7 +289,7 @@ test("a large cave is coarse while it moves, and drawn in full when it rests", a
   context,
   servers,
 }) => {
-  const triangles = () => page.evaluate(() => window.maes!.scene!.figures.triangles);
+  const triangles = () => page.evaluate(() => window.maes!.scene!.stats.triangles);
   const url = await servers.view(recording("hall"));
   await shown.openWhole(page, url);
   await shown.showAt(page, 5);

@@ -3,11 +3,11 @@
  */
 import type { AgentState, Progress, Run } from "../data/run.ts";
 import { agentColour } from "../scene/colours.ts";
-import { Facts } from "./cards.ts";
+import { FactList } from "./cards.ts";
 import { el, fill, iconButton, setHidden, setText } from "./dom.ts";
 import { bytes, clockTime, count, finePercent, heading, metres, percent, place } from "./format.ts";
-import { nameOf, progressAt } from "./moment.ts";
-import type { Moment } from "./moment.ts";
+import { nameOf, progressAt } from "./panel-state.ts";
+import type { PanelState } from "./panel-state.ts";
 
 /** Progress is told every 10 s; what is as old as a tick is of now. */
 const FRESH_S = 0.05;
@@ -45,7 +45,7 @@ export class AgentsCard {
 
   constructor(select: (agent: number) => void) {
     this.#select = select;
-    const head = ["Agent", "Task", "Explored", "Way"].map((name) => el("th", { scope: "col" }, name));
+    const head = ["Agent", "Task", "Explored", "Path"].map((name) => el("th", { scope: "col" }, name));
     this.root = el(
       "section",
       { class: "card", testid: "agents-card" },
@@ -58,7 +58,7 @@ export class AgentsCard {
     );
   }
 
-  update({ run, timeS, selected }: Moment): void {
+  update({ run, timeS, selected }: PanelState): void {
     setHidden(this.root, selected !== null);
     if (selected !== null) return;
     if (run !== this.#run) this.#open(run);
@@ -105,8 +105,8 @@ export class AgentCard {
   readonly root: HTMLElement;
   readonly #title = el("h2", { class: "card-title", testid: "agent-title" });
   readonly #info = el("p", { class: "agent-info", testid: "agent-info" });
-  readonly #facts = new Facts();
-  readonly #told = new Facts();
+  readonly #facts = new FactList();
+  readonly #progressFacts = new FactList();
   readonly #note = el("p", { class: "note" });
   #shown: number | null = null;
 
@@ -118,12 +118,12 @@ export class AgentCard {
       el("div", { class: "card-head" }, this.#title, close),
       this.#info,
       this.#facts.root,
-      this.#told.root,
+      this.#progressFacts.root,
       this.#note,
     );
   }
 
-  update({ run, timeS, selected }: Moment): void {
+  update({ run, timeS, selected }: PanelState): void {
     setHidden(this.root, selected === null);
     if (selected === null) return;
     const agent = run.agentAt(selected, timeS);
@@ -145,7 +145,7 @@ export class AgentCard {
     facts.set("Hears", agent.contacts.length === 0 ? "nobody" : agent.contacts.join(", "));
     facts.set("Sent", `${count(agent.sent.messages)} parcels, ${bytes(agent.sent.bytes)}`);
     facts.set("Received", `${count(agent.received.messages)} parcels, ${bytes(agent.received.bytes)}`);
-    facts.set("Last asked", clockTime(agent.askedS));
+    facts.set("Last asked", clockTime(agent.observedS));
 
     const progress = progressAt(run, timeS);
     const age = ageOf(progress, timeS);
@@ -155,10 +155,10 @@ export class AgentCard {
       const value = values?.[selected];
       return value === undefined ? null : finePercent(value);
     };
-    this.#told.set("Explored itself", share(progress?.exploredBy));
-    this.#told.set("Covered itself", share(progress?.coveredBy));
-    this.#told.set("Knows", share(progress?.believedBy));
-    const way = progress?.distanceM[selected];
-    this.#told.set("Way travelled", way === undefined ? null : metres(way));
+    this.#progressFacts.set("Explored itself", share(progress?.exploredBy));
+    this.#progressFacts.set("Covered itself", share(progress?.coveredBy));
+    this.#progressFacts.set("Knows", share(progress?.believedBy));
+    const distanceM = progress?.distanceM[selected];
+    this.#progressFacts.set("Path travelled", distanceM === undefined ? null : metres(distanceM));
   }
 }

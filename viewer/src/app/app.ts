@@ -6,38 +6,40 @@ import type { Run } from "../data/run.ts";
 import { openFile, openLive, openUrl } from "../data/sources.ts";
 import type { LiveFeed } from "../data/sources.ts";
 import { Scene } from "../scene/scene.ts";
+import { AgentNumberInput, nextSelection } from "./agent-selection.ts";
 import { Clock } from "./clock.ts";
 import { openHelp } from "./dialogs.ts";
 import type { HandleState } from "./handle.ts";
 import { listenToKeys } from "./keys.ts";
-import { browserSurroundings, LiveConnection, socketAddress } from "./live.ts";
-import { Look } from "./look.ts";
-import { Loop } from "./loop.ts";
-import { AgentDigits, known, neighbour } from "./moment.ts";
-import type { Moment } from "./moment.ts";
+import { browserEnvironment, LiveConnection, socketAddress } from "./live.ts";
+import { ViewSettings } from "./view-settings.ts";
+import { RenderLoop } from "./render-loop.ts";
+import { waitUntilKnown } from "./panel-state.ts";
+import type { PageActions, PagePart } from "./page-actions.ts";
+import type { PanelState } from "./panel-state.ts";
 import { PLAY_RATES, shifted } from "./rates.ts";
 import { STATE } from "./services.ts";
 import { Shell } from "./shell.ts";
 
 /** How often panels are told, seconds on the wall. */
-const PANELS_S = 0.12;
+const PANEL_PERIOD_S = 0.12;
 
 /** How long the page waits to see whether a simulator has served it before it shows the other ways to a run. */
-const QUIET_MS = 600;
+const PROBE_MS = 600;
 
 /** What the address of the page asks for. */
-export interface Wishes {
+export interface PageOptions {
   readonly timeS: number | null;
   readonly agent: number | null;
   /** Nothing but the picture and a caption. */
   readonly isPicture: boolean;
 }
 
-export class App {
+export class App implements PageActions {
   readonly clock = new Clock();
   readonly shell: Shell;
   readonly scene: Scene | null;
-  readonly loop: Loop;
+  readonly loop: RenderLoop;
   readonly ready: Promise<void>;
   run: Run | null = null;
   live: LiveConnection | null = null;
@@ -47,29 +49,29 @@ export class App {
   #opening = 0;
   #unlisten: () => void = () => undefined;
   #isReady: () => void = () => undefined;
-  #panelsS = -Infinity;
+  #panelsUpdatedS = -Infinity;
   /** Whether the panels show something else than what is so. */
   #isStale = true;
   /** Whether the time that the address asks for has not been read yet. */
   #isSeeking = false;
-  readonly #look: Look;
-  #wishes: Wishes;
-  readonly #digits = new AgentDigits();
+  readonly #settings: ViewSettings;
+  #options: PageOptions;
+  readonly #digits = new AgentNumberInput();
 
-  constructor(root: HTMLElement, wishes: Wishes) {
-    this.#wishes = wishes;
+  constructor(root: HTMLElement, options: PageOptions) {
+    this.#options = options;
     this.ready = new Promise((resolve) => (this.#isReady = resolve));
     const canvas = document.createElement("canvas");
-    const { scene, problem } = sceneOn(canvas, wishes.isPicture);
+    const { scene, problem } = createScene(canvas, options.isPicture);
     this.scene = scene;
-    this.#look = new Look(!wishes.isPicture);
-    if (scene) this.#look.applyTo(scene.view);
-    this.clock.rate = this.#look.values.rate;
-    this.shell = new Shell(root, canvas, this, scene?.view ?? null, wishes.isPicture);
+    this.#settings = new ViewSettings(!options.isPicture);
+    if (scene) this.#settings.applyTo(scene.view);
+    this.clock.rate = this.#settings.values.rate;
+    this.shell = new Shell(root, canvas, this, scene?.view ?? null, options.isPicture);
     this.shell.banners.set("graphics", problem);
-    this.loop = new Loop(canvas, scene, {
+    this.loop = new RenderLoop(canvas, scene, {
       advance: (wallS) => this.#advance(wallS),
-      drew: (wallS, isDrawn) => this.#drew(wallS, isDrawn),
+      frameDone: (wallS, isDrawn) => this.#afterFrame(wallS, isDrawn),
       failed: (error) => this.shell.banners.set("picture", `The picture cannot be drawn: ${error.message}`),
     });
     this.shell.onResize((width, height) => this.loop.resize(width, height));
@@ -80,18 +82,18 @@ export class App {
     for (const event of ["pointerdown", "pointermove", "pointerup", "wheel"]) {
       canvas.addEventListener(event, () => this.loop.request(), { passive: true });
     }
-    if (!wishes.isPicture) this.#listen();
-    this.#applyLook();
+    if (!options.isPicture) this.#listen();
+    this.#applySettings();
   }
 
   // ---------------------------------------------------------------- opening
 
   openFile(file: File): Promise<void> {
-    return this.#open(`Opening ${file.name}`, () => openFile(file));
+    return this.#open(`RunHeader ${file.name}`, () => openFile(file));
   }
 
   openUrl(url: string): Promise<void> {
-    return this.#open(`Opening ${url}`, () => openUrl(url));
+    return this.#open(`RunHeader ${url}`, () => openUrl(url));
   }
 
   async #open(busy: string, open: () => Promise<Run>): Promise<void> {
@@ -117,22 +119,22 @@ export class App {
     this.#setBusy(null);
   }
 
-  /** Connects with a simulator. `isQuiet`: that there is none is no problem. */
-  connect(address: string, isQuiet = false): void {
+  /** Connects with a simulator. `isProbe`: that there is none is no problem. */
+  connect(address: string, isProbe = false): void {
     this.disconnect();
     this.#opening += 1;
     const url = socketAddress(address);
-    this.#setBusy(isQuiet ? "Looking for a simulator" : `Connecting with ${url}`);
+    this.#setBusy(isProbe ? "Looking for a simulator" : `Connecting with ${url}`);
     // A server that is no simulator may leave the attempt without an answer: nobody is to wait for that.
-    if (isQuiet) setTimeout(() => this.live?.state === "connecting" && this.#setBusy(null), QUIET_MS);
-    const hooks = {
-      changed: () => this.#liveChanged(isQuiet),
+    if (isProbe) setTimeout(() => this.live?.state === "connecting" && this.#setBusy(null), PROBE_MS);
+    const listener = {
+      changed: () => this.#liveChanged(isProbe),
       feedOpened: (feed: LiveFeed) => void this.#feedOpened(feed),
     };
     // The constructor may tell of changes already, before there is anything to tell of.
     this.live = null;
-    this.live = new LiveConnection(url, hooks, browserSurroundings(openLive), { once: isQuiet });
-    this.#liveChanged(isQuiet);
+    this.live = new LiveConnection(url, listener, browserEnvironment(openLive), { once: isProbe });
+    this.#liveChanged(isProbe);
   }
 
   disconnect(): void {
@@ -153,13 +155,13 @@ export class App {
     }
   }
 
-  #liveChanged(isQuiet: boolean): void {
+  #liveChanged(isProbe: boolean): void {
     const live = this.live;
     if (!live) return;
     if (live.state === "closed") {
       this.live = null;
       this.#setBusy(null);
-      if (!isQuiet) this.shell.banners.set("connection", live.problem);
+      if (!isProbe) this.shell.banners.set("connection", live.problem);
     } else {
       const isOver = live.hasEnded && live.state === "lost";
       const text = isOver
@@ -167,7 +169,7 @@ export class App {
         : live.problem;
       // Before there was any connection, the welcome screen says what is tried.
       const kind = isOver ? "notice" : "warning";
-      this.shell.banners.set("connection", live.state === "connecting" && isQuiet ? null : text, kind);
+      this.shell.banners.set("connection", live.state === "connecting" && isProbe ? null : text, kind);
       if (live.state === "open") this.#setBusy(live.session === "" ? null : "Receiving the run");
     }
     this.#changed();
@@ -187,10 +189,10 @@ export class App {
     this.#selected = null;
     this.clock.reset();
     this.scene?.setRun(run);
-    this.#unlisten = run.onNews(() => this.loop.request());
+    this.#unlisten = run.onUpdate(() => this.loop.request());
     document.title = `${run.title} - MAES viewer`;
-    const { timeS, agent } = this.#wishes;
-    this.#wishes = { ...this.#wishes, timeS: null, agent: null };
+    const { timeS, agent } = this.#options;
+    this.#options = { ...this.#options, timeS: null, agent: null };
     this.#isSeeking = timeS !== null;
     if (timeS !== null) void this.#seekWhenKnown(run, timeS);
     else if (this.live) this.clock.follow();
@@ -200,7 +202,7 @@ export class App {
   }
 
   async #seekWhenKnown(run: Run, timeS: number): Promise<void> {
-    await known(run, timeS);
+    await waitUntilKnown(run, timeS);
     if (this.run !== run) return;
     this.#isSeeking = false;
     this.seek(timeS);
@@ -220,7 +222,7 @@ export class App {
   }
 
   selectNeighbour(step: 1 | -1): void {
-    if (this.run) this.select(neighbour(this.#selected, step, this.run.setup.agents));
+    if (this.run) this.select(nextSelection(this.#selected, step, this.run.setup.agents));
   }
 
   seek(timeS: number): void {
@@ -235,7 +237,7 @@ export class App {
     if (!run) return;
     if (live && clock.isFollowing && !run.isComplete) {
       if (live.canControl)
-        this.order((it) => (it.simulationState === STATE.playing ? it.pause() : it.play()));
+        this.control((it) => (it.simulationState === STATE.playing ? it.pause() : it.play()));
     } else if (clock.isPlaying) clock.isPlaying = false;
     else clock.play(run.endS, run.isComplete);
     this.#changed();
@@ -243,7 +245,7 @@ export class App {
 
   setRate(rate: number): void {
     this.clock.rate = rate;
-    this.#look.change({ rate });
+    this.#settings.change({ rate });
     this.#changed();
   }
 
@@ -254,13 +256,13 @@ export class App {
   }
 
   /** Has the simulator do something; a refusal is shown. */
-  order(what: (live: LiveConnection) => Promise<void> | void): void {
+  control(what: (live: LiveConnection) => Promise<void> | void): void {
     const live = this.live;
     if (!live) return;
-    this.shell.banners.set("order", null);
+    this.shell.banners.set("control", null);
     Promise.resolve()
       .then(() => what(live))
-      .catch((error: unknown) => this.shell.banners.set("order", (error as Error).message, "warning"));
+      .catch((error: unknown) => this.shell.banners.set("control", (error as Error).message, "warning"));
   }
 
   async startRun(scenario: string): Promise<string | null> {
@@ -272,7 +274,7 @@ export class App {
     const view = this.scene?.view;
     if (!view) return;
     this.scene.viewChanged();
-    this.#look.takeFrom(view);
+    this.#settings.copyFrom(view);
     this.#changed();
   }
 
@@ -282,9 +284,9 @@ export class App {
     this.viewChanged();
   }
 
-  togglePart(part: "isPanelOpen" | "isLayersOpen" | "isFiguresOpen"): void {
-    this.#look.change({ [part]: !this.#look.values[part] });
-    this.#applyLook();
+  togglePart(part: PagePart): void {
+    this.#settings.change({ [part]: !this.#settings.values[part] });
+    this.#applySettings();
     this.#changed();
   }
 
@@ -297,7 +299,7 @@ export class App {
     await this.ready;
     const run = this.run;
     if (!run) throw new Error("There is no run to show.");
-    await known(run, timeS);
+    await waitUntilKnown(run, timeS);
     this.clock.isPlaying = false;
     this.seek(timeS);
     await this.loop.drawExactly(this.clock.timeS);
@@ -312,7 +314,7 @@ export class App {
       isFollowing: clock.isFollowing,
       rate: clock.rate,
       selected: this.#selected,
-      link: live?.state ?? null,
+      connection: live?.state ?? null,
       problems: Object.fromEntries(this.shell.banners.texts),
     };
   }
@@ -327,42 +329,42 @@ export class App {
     return { timeS: clock.timeS, isMoving: clock.isMoving || clock.timeS !== before };
   }
 
-  #drew(wallS: number, isDrawn: boolean): void {
+  #afterFrame(wallS: number, isDrawn: boolean): void {
     if (isDrawn) {
-      this.shell.figures.drawn(wallS);
+      this.shell.renderStats.frameDrawn(wallS);
       this.#isStale = true;
     }
     // While things move panels are told now and then; when they have come to rest, of all.
-    if (!this.#isStale || (isDrawn && wallS - this.#panelsS < PANELS_S)) return;
+    if (!this.#isStale || (isDrawn && wallS - this.#panelsUpdatedS < PANEL_PERIOD_S)) return;
     this.#updatePanels(wallS);
     if (this.run && !this.#isSeeking) this.#isReady();
   }
 
   #updatePanels(wallS: number): void {
-    this.#panelsS = wallS;
+    this.#panelsUpdatedS = wallS;
     this.#isStale = false;
     const { run, clock, live, scene, shell } = this;
-    const moment: Moment | null = run && {
+    const panel: PanelState | null = run && {
       run,
       timeS: clock.timeS,
       selected: this.#selected,
       live,
-      pace: clock.pace,
+      realTimeFactor: clock.realTimeFactor,
     };
-    shell.update(moment, clock, live, this.#busy);
-    shell.figures.update(wallS, scene, this.loop.pacer.costMs, this.loop.pixelRatio);
+    shell.update(panel, clock, live, this.#busy);
+    shell.renderStats.update(wallS, scene, this.loop.pacer.costMs, this.loop.pixelRatio);
     shell.banners.set("run", run?.problem ?? null, "warning");
     shell.banners.set("scene", scene && scene.notices.length > 0 ? scene.notices.join(" ") : null, "notice");
   }
 
   #changed(): void {
-    this.#panelsS = -Infinity;
+    this.#panelsUpdatedS = -Infinity;
     this.loop.request();
   }
 
-  #applyLook(): void {
-    const { isPanelOpen, isLayersOpen, isFiguresOpen } = this.#look.values;
-    this.shell.setParts(isPanelOpen, isLayersOpen, isFiguresOpen);
+  #applySettings(): void {
+    const { isPanelOpen, isLayersOpen, areStatsOpen } = this.#settings.values;
+    this.shell.setParts(isPanelOpen, isLayersOpen, areStatsOpen);
   }
 
   #listen(): void {
@@ -381,13 +383,13 @@ export class App {
       toggleUnexplored: () => this.setUnexplored(!this.scene?.view.layers.unexplored),
       toggleLayers: () => this.togglePart("isLayersOpen"),
       togglePanel: () => this.togglePart("isPanelOpen"),
-      toggleFigures: () => this.togglePart("isFiguresOpen"),
+      toggleStats: () => this.togglePart("areStatsOpen"),
       help: openHelp,
     });
   }
 }
 
-function sceneOn(
+function createScene(
   canvas: HTMLCanvasElement,
   isForPictures: boolean,
 ): { scene: Scene | null; problem: string | null } {

@@ -3,9 +3,9 @@
  */
 import type { Run } from "../data/run.ts";
 import { el, fill, setHidden, setText } from "./dom.ts";
-import { clockTime, count, finePercent, metres, pace, percent, words } from "./format.ts";
-import { seedOf, sharesAt, teamOf } from "./moment.ts";
-import type { Moment } from "./moment.ts";
+import { clockTime, count, finePercent, metres, speedFactor, percent, words } from "./format.ts";
+import { sharesAt, teamOf } from "./panel-state.ts";
+import type { PanelState } from "./panel-state.ts";
 import { stateOf } from "./state-text.ts";
 
 /** A card with a heading; the heading folds it. */
@@ -24,7 +24,7 @@ export function card(
 }
 
 /** Names and values, one row each; a row without a value is hidden. */
-export class Facts {
+export class FactList {
   readonly root = el("dl", { class: "facts" });
   readonly #rows = new Map<string, { name: HTMLElement; value: HTMLElement }>();
 
@@ -65,7 +65,7 @@ export class RunCard {
   );
   readonly #explored = el("span", { class: "figure-value", testid: "explored" });
   readonly #covered = el("span", { class: "figure-value", testid: "covered" });
-  readonly #facts = new Facts();
+  readonly #facts = new FactList();
 
   constructor() {
     const figure = (name: string, value: HTMLElement, kind: string) =>
@@ -85,8 +85,8 @@ export class RunCard {
     );
   }
 
-  update(moment: Moment): void {
-    const { run, timeS, live } = moment;
+  update(panel: PanelState): void {
+    const { run, timeS, live } = panel;
     setText(this.#title, run.title);
     this.#title.title = run.title;
     const state = stateOf(run, live);
@@ -104,7 +104,10 @@ export class RunCard {
     setText(this.#barText, `${left} - ${percent(explored)}`);
     this.#progress.setAttribute("aria-valuenow", String(Math.floor(explored * 100)));
 
-    this.#facts.set("Pace", live && !run.isComplete ? `${pace(moment.pace)} real time` : null);
+    this.#facts.set(
+      "Pace",
+      live && !run.isComplete ? `${speedFactor(panel.realTimeFactor)} real time` : null,
+    );
     this.#factsOf(run, timeS);
   }
 
@@ -114,7 +117,7 @@ export class RunCard {
     const cell = terrain.cellM === 1 ? "" : `, ${terrain.cellM} m each`;
     this.#facts.set("Map", `${terrain.size.join(" x ")} cells${cell}`);
     this.#facts.set("Free cells", count(terrain.freeCells));
-    this.#facts.set("Seed", seedOf(setup.scenarioToml));
+    this.#facts.set("Seed", setup.seed);
     this.#facts.set("Duration", clockTime(setup.durationS));
     this.#facts.set("LiDAR", lidarOf(run));
     this.#facts.set(
@@ -145,7 +148,7 @@ export class CountersCard {
     this.root.hidden = true;
   }
 
-  update({ run }: Moment): void {
+  update({ run }: PanelState): void {
     if (run.result === this.#shown) return;
     this.#shown = run.result;
     setHidden(this.root, run.result === null);
@@ -161,7 +164,7 @@ export class ScenarioCard {
   readonly #text = el("pre", { class: "scenario", tabindex: 0, testid: "scenario" });
   readonly root = card("Scenario", "scenario-card", false, this.#text);
 
-  update({ run }: Moment): void {
+  update({ run }: PanelState): void {
     setText(this.#text, run.setup.scenarioToml);
   }
 }

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { Clock, LAG_S } from "./clock.ts";
+import { Clock, FOLLOW_LAG_S } from "./clock.ts";
 
 describe("a recording", () => {
   it("is played at its rate and stops at the end", () => {
@@ -63,8 +63,8 @@ describe("following", () => {
     }
     const steps = times.slice(61).map((timeS, index) => timeS - times[index + 60]!);
     for (const step of steps) expect(step).toBeCloseTo(10 / 60, 9);
-    expect(times.at(-1)).toBeCloseTo(10 * (5 - LAG_S), 6);
-    expect(clock.pace).toBeCloseTo(10, 6);
+    expect(times.at(-1)).toBeCloseTo(10 * (5 - FOLLOW_LAG_S), 6);
+    expect(clock.realTimeFactor).toBeCloseTo(10, 6);
   });
 
   it("comes to the end of a run that has stopped, and rests", () => {
@@ -93,7 +93,7 @@ describe("following", () => {
     const clock = new Clock();
     clock.follow();
     for (let frame = 0; frame <= 60 * 8; frame++) clock.advance(frame / 60, 77, false, true);
-    expect(clock.pace).toBe(0);
+    expect(clock.realTimeFactor).toBe(0);
   });
 
   it("does not leap when a run goes on after a rest", () => {

@@ -6,13 +6,13 @@
  */
 
 /** How far behind the end of a run the picture is, seconds on the wall. */
-export const LAG_S = 0.25;
+export const FOLLOW_LAG_S = 0.25;
 
 /** Over how long the pace of a run is measured, seconds on the wall. */
-const PACE_WINDOW_S = 3;
+const RATE_WINDOW_S = 3;
 
-/** News that are farther apart than this do not come from a run that grows evenly, seconds on the wall. */
-const LUMP_S = 0.2;
+/** RunUpdate that are farther apart than this do not come from a run that grows evenly, seconds on the wall. */
+const BURST_S = 0.2;
 
 /** A picture that took longer than this was none: the page was hidden. */
 const STEP_MAX_S = 1;
@@ -62,9 +62,9 @@ export class Clock {
   advance(wallS: number, endS: number, isComplete: boolean, isLive: boolean): void {
     const stepS = this.#wallS === null ? 0 : Math.min(STEP_MAX_S, Math.max(0, wallS - this.#wallS));
     this.#wallS = wallS;
-    this.#note(wallS, endS);
+    this.#recordSample(wallS, endS);
     if (this.isFollowing) {
-      this.timeS = Math.min(endS, Math.max(this.#endAt(wallS - LAG_S), 0));
+      this.timeS = Math.min(endS, Math.max(this.#endAt(wallS - FOLLOW_LAG_S), 0));
       return;
     }
     if (!this.isPlaying) return;
@@ -83,22 +83,22 @@ export class Clock {
   }
 
   /** Sim seconds for each second on the wall in which the run has grown lately. */
-  get pace(): number {
+  get realTimeFactor(): number {
     const [first, last] = [this.#samples[0], this.#samples.at(-1)];
     if (!first || !last || this.#wallS === null) return 0;
-    const fromS = Math.max(first.wallS, this.#wallS - PACE_WINDOW_S);
+    const fromS = Math.max(first.wallS, this.#wallS - RATE_WINDOW_S);
     const spanS = this.#wallS - fromS;
     return spanS < 0.2 ? 0 : (last.endS - this.#endAt(fromS)) / spanS;
   }
 
   /** Keeps the moments at which more became known. */
-  #note(wallS: number, endS: number): void {
+  #recordSample(wallS: number, endS: number): void {
     const last = this.#samples.at(-1);
     if (last && (endS === last.endS || wallS <= last.wallS)) return;
     // After a rest the run did not begin to grow at the time of the last news.
-    if (last && wallS - last.wallS > LUMP_S) this.#samples.push({ wallS: wallS - LUMP_S, endS: last.endS });
+    if (last && wallS - last.wallS > BURST_S) this.#samples.push({ wallS: wallS - BURST_S, endS: last.endS });
     this.#samples.push({ wallS, endS });
-    while (this.#samples.length > 2 && this.#samples[1]!.wallS < wallS - PACE_WINDOW_S) this.#samples.shift();
+    while (this.#samples.length > 2 && this.#samples[1]!.wallS < wallS - RATE_WINDOW_S) this.#samples.shift();
   }
 
   #endAt(wallS: number): number {

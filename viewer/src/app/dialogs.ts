@@ -57,7 +57,7 @@ const KEYS: readonly (readonly [readonly string[], string])[] = [
   [["U"], "Show or hide what is unexplored"],
   [["L"], "Layers"],
   [["P"], "Panels"],
-  [["F"], "Figures of the picture"],
+  [["F"], "RenderStats of the picture"],
   [["?"], "This list"],
   [["Drag"], "Turn the view; with Shift or the middle button move it"],
   [["Wheel"], "Nearer and farther"],

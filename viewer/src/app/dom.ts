@@ -181,7 +181,7 @@ export function select(
 }
 
 /** Whether a key belongs to what has the focus, and is no short cut. */
-export function takesKey(target: EventTarget | null, key: string): boolean {
+export function ownsKey(target: EventTarget | null, key: string): boolean {
   if (!(target instanceof HTMLElement)) return false;
   if (key === " " && target.closest("button, summary, input[type=checkbox]")) return true;
   if (target instanceof HTMLInputElement) {

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { bytes, clockTime, count, finePercent, heading, metres, pace, percent } from "./format.ts";
+import { bytes, clockTime, count, finePercent, heading, metres, speedFactor, percent } from "./format.ts";
 
 describe("times", () => {
   it("are minutes and seconds, and hours from the first one on", () => {
@@ -48,7 +48,14 @@ describe("amounts", () => {
   });
 
   it("of speed are short", () => {
-    expect([0, 0.25, 1, 2.5, 9.96, 100].map(pace)).toEqual(["max", "0.25x", "1x", "2.5x", "10x", "100x"]);
+    expect([0, 0.25, 1, 2.5, 9.96, 100].map(speedFactor)).toEqual([
+      "max",
+      "0.25x",
+      "1x",
+      "2.5x",
+      "10x",
+      "100x",
+    ]);
   });
 
   it("of angles go once around", () => {

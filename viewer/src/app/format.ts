@@ -60,7 +60,7 @@ export function heading(yawRad: number): string {
 }
 
 /** How many times as fast as the clock on the wall: 0.25x, 12x; 0 is as fast as possible. */
-export function pace(rate: number): string {
+export function speedFactor(rate: number): string {
   if (rate === 0) return "max";
   if (rate >= 9.95) return `${Math.round(rate)}x`;
   return `${Number(rate.toFixed(rate >= 1 ? 1 : 2))}x`;

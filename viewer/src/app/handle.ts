@@ -13,7 +13,7 @@
  */
 import type { Run } from "../data/run.ts";
 import type { Scene } from "../scene/scene.ts";
-import type { LinkState } from "./live.ts";
+import type { ConnectionState } from "./live.ts";
 
 /** What the page does, as plain values. */
 export interface HandleState {
@@ -23,7 +23,7 @@ export interface HandleState {
   readonly rate: number;
   readonly selected: number | null;
   /** Of the connection with a simulator; null: there is none. */
-  readonly link: LinkState | null;
+  readonly connection: ConnectionState | null;
   /** Texts of the banners shown, by subject. */
   readonly problems: Readonly<Record<string, string>>;
 }

@@ -2,7 +2,7 @@ import { CdrWriter } from "@foxglove/cdr";
 import type { IWebSocket } from "@foxglove/ws-protocol";
 import { beforeEach, describe, expect, it } from "vitest";
 import { LiveConnection, socketAddress } from "./live.ts";
-import type { Surroundings } from "./live.ts";
+import type { ConnectionEnvironment } from "./live.ts";
 import { SERVICES } from "./services.ts";
 
 const URL_ = "ws://here:8765";
@@ -109,7 +109,7 @@ let feeds: Feed[];
 let timers: { at: number; then: () => void }[];
 let now: number;
 let changes: number;
-let surroundings: Surroundings;
+let environment: ConnectionEnvironment;
 
 /** Lets time pass; what falls due is done in order. */
 function pass(milliseconds: number): void {
@@ -125,8 +125,8 @@ function pass(milliseconds: number): void {
 }
 
 function connect(options?: { once?: boolean }): LiveConnection {
-  const hooks = { changed: () => changes++, feedOpened: () => undefined };
-  return new LiveConnection(URL_, hooks, surroundings, options);
+  const listener = { changed: () => changes++, feedOpened: () => undefined };
+  return new LiveConnection(URL_, listener, environment, options);
 }
 
 const socket = () => sockets.at(-1)!;
@@ -139,7 +139,7 @@ beforeEach(() => {
   timers = [];
   now = 0;
   changes = 0;
-  surroundings = {
+  environment = {
     openSocket: () => {
       sockets.push(new Socket());
       return socket();

@@ -17,16 +17,16 @@ export const SUBPROTOCOL = "foxglove.sdk.v1";
 
 /** An answer at least so long means that more is there already. */
 const FULL_BYTES = 512 * 1024;
-const PULL_AGAIN_MS = 50;
+const PULL_PERIOD_MS = 50;
 const RECONNECT_MS = 1000;
-const ASK_STATE_MS = 1000;
+const STATE_POLL_MS = 1000;
 /** A server that does not answer a first attempt within this time is not there. */
-const ATTEMPT_MS = 4000;
+const CONNECT_TIMEOUT_MS = 4000;
 const RTF = "execution.rtf";
 /** What the sessions of a server without a run begin with. */
-const IDLE = "idle-";
+const IDLE_PREFIX = "idle-";
 
-export type LinkState =
+export type ConnectionState =
   /** The first attempt is under way. */
   | "connecting"
   | "open"
@@ -35,15 +35,15 @@ export type LinkState =
   /** Nobody will try any more: there is no simulator, or the page has closed it. */
   | "closed";
 
-/** What the machine needs of its surroundings; tests give it others. */
-export interface Surroundings {
+/** What the machine needs of its environment; tests give it others. */
+export interface ConnectionEnvironment {
   openSocket(url: string): IWebSocket;
   /** Calls back after a time, unless the function it returns was called before. */
   later(milliseconds: number, then: () => void): () => void;
   openFeed(id: string, title: string): LiveFeed;
 }
 
-export interface LiveHooks {
+export interface ConnectionListener {
   /** Something that `LiveConnection` shows is another. */
   changed(): void;
   /** A run of the simulator begins to come. */
@@ -52,7 +52,7 @@ export interface LiveHooks {
 
 export class LiveConnection {
   readonly url: string;
-  state: LinkState = "connecting";
+  state: ConnectionState = "connecting";
   /** Why the connection is not open, in words; null if it is. */
   problem: string | null = null;
   /** The run under way; empty: none. */
@@ -66,8 +66,8 @@ export class LiveConnection {
   /** Sim seconds for each second; 0: as fast as possible; null: not known. */
   rtf: number | null = null;
 
-  readonly #hooks: LiveHooks;
-  readonly #surroundings: Surroundings;
+  readonly #listener: ConnectionListener;
+  readonly #environment: ConnectionEnvironment;
   readonly #calls = new ServiceCalls();
   readonly #isOnce: boolean;
   #client: FoxgloveClient | null = null;
@@ -80,10 +80,15 @@ export class LiveConnection {
   #cancels = new Map<string, () => void>();
 
   /** `once`: a first attempt that fails is not repeated. */
-  constructor(url: string, hooks: LiveHooks, surroundings: Surroundings, options?: { once?: boolean }) {
+  constructor(
+    url: string,
+    listener: ConnectionListener,
+    environment: ConnectionEnvironment,
+    options?: { once?: boolean },
+  ) {
     this.url = url;
-    this.#hooks = hooks;
-    this.#surroundings = surroundings;
+    this.#listener = listener;
+    this.#environment = environment;
     this.#isOnce = options?.once ?? false;
     this.#connect();
   }
@@ -97,8 +102,8 @@ export class LiveConnection {
   /** Calls a service; throws with the server's words if it was refused. */
   async #request(name: string, data: Uint8Array): Promise<void> {
     const outcome = services.readOutcome(await this.#calls.call(name, data));
-    this.#askState();
-    if (!services.isFine(outcome)) {
+    this.#pollState();
+    if (!services.isSuccess(outcome)) {
       throw new Error(outcome.message || `The simulator refused ${name} with code ${outcome.code}.`);
     }
   }
@@ -128,7 +133,7 @@ export class LiveConnection {
     if (!this.#client || this.state !== "open") throw new Error("There is no connection with the simulator.");
     this.rtf = rtf;
     this.#client.setParameters([{ name: RTF, value: rtf, type: "float64" }]);
-    this.#hooks.changed();
+    this.#listener.changed();
   }
 
   /** Starts a run; returns what is wrong with the scenario, or null if it has started. */
@@ -156,9 +161,9 @@ export class LiveConnection {
   #connect(): void {
     let socket: IWebSocket;
     try {
-      socket = this.#surroundings.openSocket(this.url);
+      socket = this.#environment.openSocket(this.url);
     } catch (error) {
-      this.#giveUp(
+      this.#abandon(
         `${this.url} is no address of a simulator: ${(error as Error).message} Expected: ws://host:port.`,
       );
       return;
@@ -173,15 +178,15 @@ export class LiveConnection {
       };
     client.on(
       "serverInfo",
-      ifPresent((info: ServerInfo) => this.#introduced(info)),
+      ifPresent((info: ServerInfo) => this.#onServerInfo(info)),
     );
     client.on(
       "fetchAssetResponse",
-      ifPresent((answer: FetchAssetResponse) => this.#received(answer)),
+      ifPresent((answer: FetchAssetResponse) => this.#onAsset(answer)),
     );
     client.on(
       "advertiseServices",
-      ifPresent((added: Service[]) => this.#servicesAdded(added)),
+      ifPresent((added: Service[]) => this.#onServices(added)),
     );
     client.on(
       "unadvertiseServices",
@@ -201,24 +206,24 @@ export class LiveConnection {
         const value = parameters.find((parameter) => parameter.name === RTF)?.value;
         if (typeof value !== "number" || value === this.rtf) return;
         this.rtf = value;
-        this.#hooks.changed();
+        this.#listener.changed();
       }),
     );
     client.on(
       "close",
-      ifPresent(() => this.#lost()),
+      ifPresent(() => this.#onClose()),
     );
     // A close always follows; what the error was, a browser does not tell.
     client.on("error", () => undefined);
     this.#calls.connect((request) => client.sendServiceCallRequest(request));
-    this.#after("attempt", ATTEMPT_MS, () => this.#lost());
+    this.#after("attempt", CONNECT_TIMEOUT_MS, () => this.#onClose());
   }
 
-  #introduced(info: ServerInfo): void {
+  #onServerInfo(info: ServerInfo): void {
     this.#cancel("attempt");
     const metadata = info.metadata ?? {};
     if (metadata["maes"] === undefined) {
-      this.#giveUp(
+      this.#abandon(
         `${this.url} answers as "${info.name}", which is not a simulator of this page (no "maes" in what it says of itself).`,
       );
       return;
@@ -235,7 +240,7 @@ export class LiveConnection {
       this.#client?.getParameters([RTF]);
     }
     if (this.#pending === 0) this.#pull();
-    this.#hooks.changed();
+    this.#listener.changed();
   }
 
   #begin(session: string): void {
@@ -247,9 +252,9 @@ export class LiveConnection {
     this.hasEnded = false;
     this.simulationState = null;
     if (session === "") return;
-    this.#feed = this.#surroundings.openFeed(session, `Run at ${new URL(this.url).host}`);
-    this.#hooks.feedOpened(this.#feed);
-    this.#askState();
+    this.#feed = this.#environment.openFeed(session, `Run at ${new URL(this.url).host}`);
+    this.#listener.feedOpened(this.#feed);
+    this.#pollState();
   }
 
   #pull(): void {
@@ -260,7 +265,7 @@ export class LiveConnection {
     this.#client?.fetchAsset(`maes://run/${this.session}/${this.#offset}`, this.#pending);
   }
 
-  #received(answer: FetchAssetResponse): void {
+  #onAsset(answer: FetchAssetResponse): void {
     if (answer.requestId !== this.#pending || !this.#feed) return;
     this.#pending = 0;
     if ("data" in answer) {
@@ -268,23 +273,23 @@ export class LiveConnection {
       if (byteLength > 0) this.#feed.push(new Uint8Array(buffer as ArrayBuffer, byteOffset, byteLength));
       this.#offset += byteLength;
       if (byteLength >= FULL_BYTES) this.#pull();
-      else this.#after("pull", PULL_AGAIN_MS, () => this.#pull());
+      else this.#after("pull", PULL_PERIOD_MS, () => this.#pull());
       return;
     }
     if (answer.error.startsWith("ended")) {
       this.hasEnded = true;
       this.#endFeed();
-      this.#hooks.changed();
+      this.#listener.changed();
     } else if (answer.error.startsWith("gone")) {
       // The server says which run it is now; if it does not, a new connection asks.
       this.#endFeed();
       this.session = "";
-      this.#after("pull", RECONNECT_MS, () => this.#lost());
-      this.#hooks.changed();
+      this.#after("pull", RECONNECT_MS, () => this.#onClose());
+      this.#listener.changed();
     } else {
       this.problem = `The simulator does not hand over its run: ${answer.error}`;
       this.#after("pull", RECONNECT_MS, () => this.#pull());
-      this.#hooks.changed();
+      this.#listener.changed();
     }
   }
 
@@ -294,14 +299,14 @@ export class LiveConnection {
     this.#feed = null;
   }
 
-  #servicesAdded(added: readonly Service[]): void {
+  #onServices(added: readonly Service[]): void {
     this.#calls.add(added);
-    this.#askState();
-    this.#hooks.changed();
+    this.#pollState();
+    this.#listener.changed();
   }
 
-  #askState(): void {
-    this.#after("state", ASK_STATE_MS, () => this.#askState());
+  #pollState(): void {
+    this.#after("state", STATE_POLL_MS, () => this.#pollState());
     if (this.state !== "open" || this.hasEnded || !this.#calls.has(services.SERVICES.getState)) return;
     this.#calls
       .call(services.SERVICES.getState, services.emptyRequest())
@@ -309,16 +314,16 @@ export class LiveConnection {
         const { state } = services.readState(data);
         if (state === this.simulationState) return;
         this.simulationState = state;
-        this.#hooks.changed();
+        this.#listener.changed();
       })
       // Whoever is too busy to answer is asked again.
       .catch(() => undefined);
   }
 
-  #lost(): void {
+  #onClose(): void {
     this.#drop();
     if (this.#isOnce && !this.#wasOpen) {
-      this.#giveUp(`No simulator answers at ${this.url}.`);
+      this.#abandon(`No simulator answers at ${this.url}.`);
       return;
     }
     this.state = this.#wasOpen ? "lost" : "connecting";
@@ -327,13 +332,13 @@ export class LiveConnection {
       : `No simulator answers at ${this.url}. Trying again.`;
     this.simulationState = null;
     this.#after("reconnect", RECONNECT_MS, () => this.#connect());
-    this.#hooks.changed();
+    this.#listener.changed();
   }
 
-  #giveUp(problem: string): void {
+  #abandon(problem: string): void {
     this.close();
     this.problem = problem;
-    this.#hooks.changed();
+    this.#listener.changed();
   }
 
   #drop(): void {
@@ -347,7 +352,7 @@ export class LiveConnection {
 
   #after(name: string, milliseconds: number, then: () => void): void {
     this.#cancel(name);
-    const cancel = this.#surroundings.later(milliseconds, () => {
+    const cancel = this.#environment.later(milliseconds, () => {
       this.#cancels.delete(name);
       then();
     });
@@ -362,13 +367,13 @@ export class LiveConnection {
 
 /** The run that a server has; empty: none. */
 function sessionOf({ sessionId }: ServerInfo): string {
-  return sessionId === undefined || sessionId.startsWith(IDLE) ? "" : sessionId;
+  return sessionId === undefined || sessionId.startsWith(IDLE_PREFIX) ? "" : sessionId;
 }
 
-/** The surroundings of a page. */
-export function browserSurroundings(openFeed: Surroundings["openFeed"]): Surroundings {
+/** The environment of a page. */
+export function browserEnvironment(openFeed: ConnectionEnvironment["openFeed"]): ConnectionEnvironment {
   return {
-    openSocket: (url) => new WebSocket(url, [SUBPROTOCOL]),
+    openSocket: (url) => new WebSocket(url, [SUBPROTOCOL]) as IWebSocket,
     later(milliseconds, then) {
       const timer = setTimeout(then, milliseconds);
       return () => clearTimeout(timer);

@@ -22,10 +22,10 @@ export interface Outcome {
 }
 
 /** Codes of an outcome that mean that all is as was wanted: done, or so already. */
-const FINE = new Set([1, 101]);
+const SUCCESS_CODES = new Set([1, 101]);
 
-export function isFine(outcome: Outcome): boolean {
-  return FINE.has(outcome.code);
+export function isSuccess(outcome: Outcome): boolean {
+  return SUCCESS_CODES.has(outcome.code);
 }
 
 function written(write: (writer: CdrWriter) => void): Uint8Array {

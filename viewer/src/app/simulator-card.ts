@@ -4,7 +4,7 @@
 import { confirmed } from "./dialogs.ts";
 import { el, icon, iconButton, setHidden, setIcon, slider, textButton } from "./dom.ts";
 import type { Slider } from "./dom.ts";
-import { pace } from "./format.ts";
+import { speedFactor } from "./format.ts";
 import type { LiveConnection } from "./live.ts";
 import { nearestStep, RUN_RATES } from "./rates.ts";
 import { STATE } from "./services.ts";
@@ -13,7 +13,7 @@ const STEPS = [1, 10, 50] as const;
 
 export interface SimulatorActions {
   /** Carries out an order; what goes wrong is shown. */
-  order(what: (live: LiveConnection) => Promise<void> | void): void;
+  control(what: (live: LiveConnection) => Promise<void> | void): void;
   newRun(): void;
 }
 
@@ -31,7 +31,7 @@ export class SimulatorCard {
     this.#play = iconButton("pause", "Pause the simulation", {
       class: "icon-button primary",
       testid: "sim-play",
-      onclick: () => actions.order((live) => (this.#isPlaying ? live.pause() : live.play())),
+      onclick: () => actions.control((live) => (this.#isPlaying ? live.pause() : live.play())),
     });
     this.#steps = STEPS.map((ticks) => {
       const label = ticks === 1 ? "Step one tick" : `Step ${ticks} ticks`;
@@ -39,7 +39,7 @@ export class SimulatorCard {
         title: `${label} of 0.02 s`,
         "aria-label": label,
         testid: `sim-step-${ticks}`,
-        onclick: () => actions.order((live) => live.step(ticks)),
+        onclick: () => actions.control((live) => live.step(ticks)),
       });
       return button;
     });
@@ -49,7 +49,7 @@ export class SimulatorCard {
       onclick: async () => {
         if (!(await confirmed("Begin this run again?", "What has come of it so far is given up.", "Restart")))
           return;
-        actions.order((live) => live.restart());
+        actions.control((live) => live.restart());
       },
     });
     this.#stop = textButton("Stop", {
@@ -61,7 +61,7 @@ export class SimulatorCard {
           !(await confirmed("End this run?", "It ends now, with a result. It cannot go on.", "Stop the run"))
         )
           return;
-        actions.order((live) => live.stop());
+        actions.control((live) => live.stop());
       },
     });
     this.#new = textButton("New run", {
@@ -73,8 +73,14 @@ export class SimulatorCard {
     this.#speed = slider(
       "Speed",
       "sim-speed",
-      { min: 0, max: RUN_RATES.length - 1, step: 1, value: 3, format: (index) => pace(RUN_RATES[index]!) },
-      (index) => actions.order((live) => live.setRtf(RUN_RATES[index]!)),
+      {
+        min: 0,
+        max: RUN_RATES.length - 1,
+        step: 1,
+        value: 3,
+        format: (index) => speedFactor(RUN_RATES[index]!),
+      },
+      (index) => actions.control((live) => live.setRtf(RUN_RATES[index]!)),
     );
     this.root = el(
       "section",

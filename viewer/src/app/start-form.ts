@@ -5,8 +5,8 @@
 import { openDialog } from "./dialogs.ts";
 import { el, fill, select, setHidden, slider, textButton, toggle } from "./dom.ts";
 import type { Slider } from "./dom.ts";
-import { clockTime, pace } from "./format.ts";
-import { load, save } from "./prefs.ts";
+import { clockTime, speedFactor } from "./format.ts";
+import { load, save } from "./storage.ts";
 import { nearestStep, RUN_RATES } from "./rates.ts";
 import {
   buildingHeight,
@@ -120,21 +120,21 @@ export class StartForm {
 
   async #submit(): Promise<void> {
     const found = this.#isEdited ? [] : faults(this.#values);
-    this.#complain(found);
+    this.#showProblems(found);
     if (found.length > 0) return;
     this.#go.disabled = true;
     try {
       const refusal = await this.#start(this.#text.value);
       if (refusal === null) this.close();
-      else this.#complain([refusal]);
+      else this.#showProblems([refusal]);
     } catch (error) {
-      this.#complain([(error as Error).message]);
+      this.#showProblems([(error as Error).message]);
     } finally {
       this.#go.disabled = false;
     }
   }
 
-  #complain(problems: readonly string[]): void {
+  #showProblems(problems: readonly string[]): void {
     setHidden(this.#problems, problems.length === 0);
     fill(this.#problems, ...problems.map((problem) => el("p", {}, problem)));
   }
@@ -156,7 +156,7 @@ export class StartForm {
     });
     if (this.#isEdited) return;
     this.#text.value = toToml(this.#values);
-    this.#complain(faults(this.#values));
+    this.#showProblems(faults(this.#values));
   }
 
   #slider(label: string, key: NumberKey, range: Range, format: (value: number) => string = String): Slider {
@@ -203,7 +203,7 @@ export class StartForm {
   #speedSlider(): Slider {
     const range = { min: 0, max: RUN_RATES.length - 1, step: 1 };
     const value = nearestStep(RUN_RATES, this.#values.rtf);
-    const format = (index: number) => pace(RUN_RATES[index]!);
+    const format = (index: number) => speedFactor(RUN_RATES[index]!);
     return slider("Speed", "start-rtf", { ...range, value, format }, (index) => {
       this.#values.rtf = RUN_RATES[index]!;
       this.#changed();

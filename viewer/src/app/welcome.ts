@@ -3,7 +3,7 @@
  */
 import { el, icon, setHidden, setText, textButton } from "./dom.ts";
 import type { LiveConnection } from "./live.ts";
-import { load, save } from "./prefs.ts";
+import { load, save } from "./storage.ts";
 
 export interface WelcomeActions {
   chooseFile(): void;
@@ -97,7 +97,7 @@ export class Welcome {
       el(
         "p",
         { class: "welcome-lead" },
-        "Teams of agents explore caves and buildings in three dimensions. Look at a recording, or at a simulator while it runs.",
+        "Teams of agents explore caves and buildings in three dimensions. ViewSettings at a recording, or at a simulator while it runs.",
       ),
       this.#busy,
       this.#server,

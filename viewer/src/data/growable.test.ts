@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { TickCounts } from "./counts.ts";
+import { TickCounts } from "./tick-counts.ts";
 import { Growable, rowsUpTo } from "./growable.ts";
 
 test("what is added stays, and is taken once", () => {

@@ -5,19 +5,9 @@
  * have been compared. Nothing is repaired. Bytes that are no map throw an UnreadableError that names the byte.
  */
 
-import { packedMap, isPacked } from "./maps_packed.ts";
-import { UnreadableError, type Vec3 } from "./run.ts";
-
-export interface CellMap {
-  readonly size: Vec3;
-  /** Edge of a cell, if the map says so. */
-  readonly cellM: number | null;
-  /** 1 is wall. */
-  readonly walls: Uint8Array;
-}
-
-/** Most cells along an axis. */
-export const AXIS_MAX = 1024;
+import type { CellMap } from "./cell-map.ts";
+import { packedMap, isPacked } from "./packed-map.ts";
+import { UnreadableError } from "./run.ts";
 
 /** The map of an attachment, by the name that it has. */
 export function readMap(name: string, bytes: Uint8Array): CellMap {

@@ -26,7 +26,7 @@ const ATTACHMENT = 0x09;
 const DATA_END = 0x0f;
 
 /** Where a record stands in the file. */
-export interface Place {
+export interface RecordLocation {
   readonly start: number;
   readonly length: number;
 }
@@ -35,10 +35,10 @@ export interface McapSink {
   attachment(name: string, bytes: Uint8Array): void;
   channel(id: number, topic: string, type: string): void;
   /**
-   * Bytes are not kept by the reader, and may not be kept by the sink. `place` is that of the record they stand in: a chunk, or
+   * Bytes are not kept by the reader, and may not be kept by the sink. `location` is that of the record they stand in: a chunk, or
    * the message itself.
    */
-  message(channel: number, timeNs: bigint, bytes: Uint8Array, place: Place): void;
+  message(channel: number, timeNs: bigint, bytes: Uint8Array, location: RecordLocation): void;
 }
 
 /** How reading has ended: at the end, or where and why not. */
@@ -90,13 +90,13 @@ export class McapScanner {
       const part = ahead.subarray(0, missing);
       ahead = ahead.subarray(missing);
       if (this.#restBytes === 0) {
-        this.#take(part);
+        this.#takeRecord(part);
       } else {
         this.#keep(part);
         const whole = this.#rest.subarray(0, this.#restBytes);
         this.#restBytes = 0;
         this.#rest = new Uint8Array(0);
-        this.#take(whole);
+        this.#takeRecord(whole);
       }
       this.#position += needed;
     }
@@ -156,7 +156,7 @@ export class McapScanner {
   }
 
   /** Takes in a whole record, or the magic. */
-  #take(record: Uint8Array): void {
+  #takeRecord(record: Uint8Array): void {
     if (this.#position === 0) {
       if (!MAGIC.every((byte, at) => record[at] === byte)) {
         const found = Array.from(record, (byte) => byte.toString(16).padStart(2, "0")).join(" ");
@@ -173,16 +173,16 @@ export class McapScanner {
         checkAttachment(record);
       }
       this.#records.append(record);
-      const place = { start: this.#position, length: record.length };
+      const location = { start: this.#position, length: record.length };
       for (let found = this.#records.nextRecord(); found !== undefined; found = this.#records.nextRecord()) {
-        this.#tell(found, place);
+        this.#emit(found, location);
       }
     } catch (error) {
       this.#damage(error instanceof Error ? error.message : String(error));
     }
   }
 
-  #tell(record: McapTypes.TypedMcapRecord, place: Place): void {
+  #emit(record: McapTypes.TypedMcapRecord, location: RecordLocation): void {
     switch (record.type) {
       case "Attachment":
         this.#sink.attachment(record.name, record.data);
@@ -194,7 +194,7 @@ export class McapScanner {
         this.#sink.channel(record.id, record.topic, this.#types.get(record.schemaId) ?? "");
         break;
       case "Message":
-        this.#sink.message(record.channelId, record.logTime, record.data, place);
+        this.#sink.message(record.channelId, record.logTime, record.data, location);
         break;
     }
   }

@@ -15,12 +15,12 @@ export const PROTOCOL = 3;
 export const FIRST_RELAY = 0x80000000;
 
 /** Kind of parcels that hold maps. */
-export const MAP_PARCEL = 1;
+export const MAP_MESSAGE_KIND = 1;
 
 /** Kinds of tasks, by number. */
 export const TaskKind = { Keep: 0, Stop: 1, Move: 2, Turn: 3, Path: 4, Velocity: 5 } as const;
 
-export interface Parcel {
+export interface AgentMessage {
   readonly kind: number;
   readonly data: Uint8Array;
 }
@@ -36,7 +36,7 @@ export interface Observation {
   readonly collision: number;
   /** Agents and relays. */
   readonly contacts: readonly number[];
-  readonly parcels: readonly Parcel[];
+  readonly received: readonly AgentMessage[];
   /** Not a number if there was none. */
   readonly scanTick: number;
   readonly seenFree: Runs;
@@ -51,7 +51,7 @@ export interface Command {
   readonly distanceM: number;
   /** x, y, z of each way-point. */
   readonly path: readonly number[];
-  readonly parcels: readonly Parcel[];
+  readonly sent: readonly AgentMessage[];
   readonly info: string;
   readonly knownFree: number;
 }
@@ -75,7 +75,7 @@ export interface Pose {
   readonly yawRad: number;
 }
 
-export interface Placement {
+export interface Intervention {
   readonly tick: number;
   readonly isPlaced: boolean;
   readonly agent: number;
@@ -84,7 +84,7 @@ export interface Placement {
 }
 
 /** Points of a scan in the frame of the body, as x, y, z one after the other, and when the scan was. */
-export interface Cloud {
+export interface PointCloud {
   readonly timeS: number;
   readonly points: Float32Array;
 }
@@ -101,7 +101,7 @@ function header(reader: CdrReader): number {
   return seconds + nanoseconds * 1e-9;
 }
 
-function parcels(reader: CdrReader): Parcel[] {
+function agentMessages(reader: CdrReader): AgentMessage[] {
   return Array.from({ length: reader.count(9) }, () => {
     reader.u32();
     return { kind: reader.u8(), data: reader.bytes() };
@@ -128,7 +128,7 @@ export function observation(bytes: Uint8Array): Observation {
     reader.skip(3, 8);
     return agent;
   });
-  const received = parcels(reader);
+  const received = agentMessages(reader);
   const scan = reader.u64();
   return {
     tick,
@@ -139,7 +139,7 @@ export function observation(bytes: Uint8Array): Observation {
     isIdle,
     collision,
     contacts,
-    parcels: received,
+    received,
     scanTick: scan <= tick ? scan : NaN,
     seenFree: reader.runs(),
     seenWall: reader.runs(),
@@ -165,11 +165,11 @@ export function command(bytes: Uint8Array): Command {
   reader.u8();
   reader.u32();
   reader.u8();
-  const sent = parcels(reader);
+  const sent = agentMessages(reader);
   reader.u64();
   reader.u8();
   const info = reader.string();
-  return { tick, kind, pitchRad, distanceM, path, parcels: sent, info, knownFree: reader.u32() };
+  return { tick, kind, pitchRad, distanceM, path, sent, info, knownFree: reader.u32() };
 }
 
 /** The version of the protocol that a scenario is of: it stands first in all of them. */
@@ -220,7 +220,7 @@ export function scenario(bytes: Uint8Array): Scenario {
 }
 
 /** What an agent runs. */
-export function joinedController(bytes: Uint8Array): string {
+export function controllerOfJoin(bytes: Uint8Array): string {
   const reader = new CdrReader(bytes);
   reader.u64();
   reader.u32();
@@ -271,7 +271,7 @@ export function progress(bytes: Uint8Array): Progress {
   header(reader);
   const timeS = reader.u64() * TICK_S;
   const shares = sharesOf(reader);
-  return { timeS, ...shares, pairsInContact: reader.u32(), parcelBytes: reader.u64() };
+  return { timeS, ...shares, pairsInContact: reader.u32(), messageBytes: reader.u64() };
 }
 
 function sharesOf(reader: CdrReader) {
@@ -304,14 +304,14 @@ export function result(bytes: Uint8Array, last: Progress | undefined): Result {
     reason,
     ...shares,
     pairsInContact: last?.pairsInContact ?? 0,
-    parcelBytes: counters.get("parcel_bytes_delivered") ?? last?.parcelBytes ?? 0,
+    messageBytes: counters.get("parcel_bytes_delivered") ?? last?.messageBytes ?? 0,
     counters,
     digest,
   };
 }
 
 /** What was done to an agent from outside. */
-export function intervention(bytes: Uint8Array): Placement {
+export function intervention(bytes: Uint8Array): Intervention {
   const reader = new CdrReader(bytes);
   header(reader);
   const tick = reader.u64();
@@ -320,7 +320,7 @@ export function intervention(bytes: Uint8Array): Placement {
 }
 
 /** A cloud of points of three 32-bit coordinates each. */
-export function cloud(bytes: Uint8Array): Cloud {
+export function pointCloud(bytes: Uint8Array): PointCloud {
   const reader = new CdrReader(bytes);
   const timeS = header(reader);
   reader.skip(2, 4);

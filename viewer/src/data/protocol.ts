@@ -34,20 +34,20 @@ export type Reply =
   | { readonly kind: "batch"; readonly batch: Batch }
   | { readonly kind: "unreadable"; readonly message: string }
   | { readonly kind: "belief"; readonly request: number; readonly knownTick: Uint32Array | null }
-  | { readonly kind: "hits"; readonly request: number; readonly hits: FoundHits | null };
+  | { readonly kind: "hits"; readonly request: number; readonly hits: ScanHits | null };
 
 /** Points of a scan, in the frame of the body or of the map. */
-export interface FoundHits {
+export interface ScanHits {
   readonly timeS: number;
   readonly points: Float32Array;
-  readonly isOfBody: boolean;
+  readonly isInBodyFrame: boolean;
 }
 
 /** Columns of a row of `Batch.poses`. */
 export const POSE = { agent: 0, tick: 1, x: 2, y: 3, z: 4, yawRad: 5, columns: 6 } as const;
 
-/** Columns of a row of `Batch.asked`: an observation. What was received is counted from the start on. */
-export const ASKED = {
+/** Columns of a row of `Batch.observations`: an observation. What was received is counted from the start on. */
+export const OBSERVATION = {
   tick: 0,
   agent: 1,
   isIdle: 2,
@@ -60,16 +60,16 @@ export const ASKED = {
 } as const;
 
 /**
- * Columns of a row of `Batch.answered`: a command. `effective` is the number of the agent's command that holds from then on, or -1 if
+ * Columns of a row of `Batch.commands`: a command. `effective` is the number of the agent's command that holds from then on, or -1 if
  * its body has nothing to do; `info` is the number of the agent's text that holds, or -1.
  */
-export const ANSWERED = {
+export const COMMAND = {
   tick: 0,
   agent: 1,
   kind: 2,
   pitchRad: 3,
   distanceM: 4,
-  points: 5,
+  waypoints: 5,
   effective: 6,
   info: 7,
   sentMessages: 8,
@@ -86,32 +86,32 @@ export interface Batch {
   /** Tick, first cell and number of cells of each run that an agent has seen. */
   readonly seen: Uint32Array;
   /** Tick and cell, one after the other, whenever a body has come into another cell. */
-  readonly entered: Uint32Array;
+  readonly covered: Uint32Array;
   readonly poses: Float64Array;
-  readonly asked: Float64Array;
+  readonly observations: Float64Array;
   /** Contacts of the observations, one after the other. */
   readonly contacts: Uint32Array;
-  readonly answered: Float64Array;
+  readonly commands: Float64Array;
   /** x, y, z of the way-points of the commands, one after the other. */
-  readonly points: Float64Array;
+  readonly waypoints: Float64Array;
   /** Texts of the commands that have one: the agent, and what it says. */
   readonly infos: readonly (readonly [agent: number, info: string])[];
   readonly progress: readonly Progress[];
   readonly result: Result | null;
   /** Tick and cell, one after the other, that the agent followed has learned of; of the request by which it is followed. */
-  readonly learnt: { readonly request: number; readonly cells: Uint32Array } | null;
+  readonly learned: { readonly request: number; readonly cells: Uint32Array } | null;
 }
 
 /** The arrays of a batch that may be handed over. */
-export function buffersOf(batch: Batch): ArrayBufferLike[] {
+export function transferablesOf(batch: Batch): ArrayBufferLike[] {
   const arrays = [
     batch.seen,
-    batch.entered,
+    batch.covered,
     batch.poses,
-    batch.asked,
+    batch.observations,
     batch.contacts,
-    batch.answered,
-    batch.points,
+    batch.commands,
+    batch.waypoints,
   ];
-  return [...arrays, ...(batch.learnt ? [batch.learnt.cells] : [])].map((array) => array.buffer);
+  return [...arrays, ...(batch.learned ? [batch.learned.cells] : [])].map((array) => array.buffer);
 }

@@ -35,6 +35,8 @@ export interface Setup {
   readonly controllers: readonly string[];
   /** Radius of each agent's body, metres. */
   readonly radiusM: readonly number[];
+  /** Decimal; null if the recorded scenario does not have it. */
+  readonly seed: string | null;
   /** The run ends here at the latest. */
   readonly durationS: number;
   /** Rays of a scan (0: another pattern), and how far they go; Infinity: to the next wall. */
@@ -54,7 +56,7 @@ export interface Progress {
   readonly believedBy: readonly number[];
   readonly distanceM: readonly number[];
   readonly pairsInContact: number;
-  readonly parcelBytes: number;
+  readonly messageBytes: number;
 }
 
 /** How a run has ended. */
@@ -74,7 +76,7 @@ export interface AgentState {
   readonly speedMS: number;
   /** What its body does. */
   readonly task: "idle" | "stop" | "move" | "turn" | "path" | "velocity";
-  /** Way-points that are left, the last one being the target; empty unless it moves along a way. */
+  /** Path-points that are left, the last one being the target; empty unless it moves along a way. */
   readonly path: readonly Vec3[];
   /** Agents it heard when it was asked last. */
   readonly contacts: readonly number[];
@@ -85,7 +87,7 @@ export interface AgentState {
   readonly sent: { readonly messages: number; readonly bytes: number };
   readonly received: { readonly messages: number; readonly bytes: number };
   /** When it was asked last. */
-  readonly askedS: number;
+  readonly observedS: number;
 }
 
 /** Where an agent was, at ascending times. The arrays may be longer than what is known: see `count`. They may be replaced by longer ones as a run goes on. */
@@ -115,7 +117,7 @@ export interface Hits {
 }
 
 /** What has become known since the last notice. */
-export interface News {
+export interface RunUpdate {
   /** Cells whose `firstSeenTick` or `coveredTick` was set, in no order. */
   readonly cells: Uint32Array;
   /** Whether the result has come. */
@@ -151,7 +153,7 @@ export interface Run {
   /** The hits of an agent's last scan before `timeS`. */
   hitsAt(id: number, timeS: number): Promise<Hits | null>;
   /** Tells of news until the function it returns is called. */
-  onNews(listener: (news: News) => void): () => void;
+  onUpdate(listener: (news: RunUpdate) => void): () => void;
   /** Nobody will ask any more. */
   close(): void;
 }

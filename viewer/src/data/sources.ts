@@ -4,7 +4,7 @@
  * Each run has a worker of its own, which ends with `close` of the run, or if the run cannot be read.
  */
 
-import { RunModel } from "./model.ts";
+import { RunModel } from "./run-model.ts";
 import type { Reply, Request } from "./protocol.ts";
 import { UnreadableError, type Run } from "./run.ts";
 
@@ -32,11 +32,11 @@ export function openUrl(url: string): Promise<Run> {
 
 /** Opens a run under way. */
 export function openLive(id: string, title: string): LiveFeed {
-  const { run, ask } = open(id, title, { kind: "live", title });
+  const { run, send } = open(id, title, { kind: "live", title });
   return {
     run,
-    push: (bytes) => ask({ kind: "push", bytes: bytes.slice() }),
-    end: () => ask({ kind: "end" }),
+    push: (bytes) => send({ kind: "push", bytes: bytes.slice() }),
+    end: () => send({ kind: "end" }),
   };
 }
 
@@ -51,16 +51,16 @@ function open(
   id: string,
   title: string,
   first: Request,
-): { run: Promise<Run>; ask: (request: Request) => void } {
+): { run: Promise<Run>; send: (request: Request) => void } {
   const worker = new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
-  const ask = (request: Request) => {
+  const send = (request: Request) => {
     worker.postMessage(request, request.kind === "push" ? [request.bytes.buffer] : []);
   };
   const run = new Promise<Run>((resolve, reject) => {
     let model: RunModel | null = null;
     const refuse = (message: string) => {
       worker.terminate();
-      model?.lose(message);
+      model?.fail(message);
       reject(new UnreadableError(message));
     };
     worker.onerror = (event) =>
@@ -69,7 +69,7 @@ function open(
       if (reply.kind === "unreadable") {
         refuse(reply.message);
       } else if (reply.kind === "opened") {
-        const reader = { ask, close: () => worker.terminate() };
+        const reader = { send, close: () => worker.terminate() };
         try {
           model = new RunModel(id, title, reply.setup, reply.terrain, reader);
         } catch (error) {
@@ -83,6 +83,6 @@ function open(
       }
     };
   });
-  ask(first);
-  return { run, ask };
+  send(first);
+  return { run, send };
 }

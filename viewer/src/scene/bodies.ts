@@ -18,7 +18,7 @@ import {
 } from "three";
 import { mergeGeometries } from "three/examples/jsm/utils/BufferGeometryUtils.js";
 import type { Vec3 } from "../data/run.ts";
-import { FRAGMENT_HEAD, VERTEX_HEAD, type Common } from "./glsl.ts";
+import { FRAGMENT_HEAD, VERTEX_HEAD, type SharedUniforms } from "./glsl.ts";
 
 const VERTEX = /* glsl */ `${VERTEX_HEAD}
 in vec3 position;
@@ -72,7 +72,7 @@ export class Bodies {
   readonly #fine = bodyGeometry(true);
   readonly #coarse = bodyGeometry(false);
 
-  constructor(common: Common, colours: readonly (readonly [number, number, number])[]) {
+  constructor(common: SharedUniforms, colours: readonly (readonly [number, number, number])[]) {
     const make = (
       colour: readonly [number, number, number],
       isGhost: boolean,
@@ -112,15 +112,15 @@ export class Bodies {
 }
 
 /** A body of radius 1 that looks along +x, with round parts of more or fewer corners. */
-function bodyGeometry(isFine: boolean): BufferGeometry {
-  const [around, along] = isFine ? [20, 12] : [8, 5];
+function bodyGeometry(isSuccess: boolean): BufferGeometry {
+  const [around, along] = isSuccess ? [20, 12] : [8, 5];
   const hull = new SphereGeometry(1, around, along).scale(0.78, 0.34, 0.3);
-  const nose = new SphereGeometry(0.19, isFine ? 12 : 6, isFine ? 8 : 4).translate(0.7, 0, 0.02);
+  const nose = new SphereGeometry(0.19, isSuccess ? 12 : 6, isSuccess ? 8 : 4).translate(0.7, 0, 0.02);
   const fin = new BoxGeometry(0.36, 0.05, 0.36).translate(-0.6, 0, 0.24);
   const beams = [1, -1].map((turn) => new BoxGeometry(1.3, 0.09, 0.07).rotateZ((turn * Math.PI) / 4));
   const guards = [0, 1, 2, 3].map((corner) => {
     const [x, y] = [corner & 1 ? 0.5 : -0.5, corner & 2 ? 0.5 : -0.5];
-    return new TorusGeometry(0.34, 0.055, isFine ? 6 : 3, isFine ? 20 : 9).translate(x, y, 0.04);
+    return new TorusGeometry(0.34, 0.055, isSuccess ? 6 : 3, isSuccess ? 20 : 9).translate(x, y, 0.04);
   });
   const parts: readonly (readonly [BufferGeometry, number])[] = [
     [hull, 0],

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { NEVER } from "../data/run.ts";
-import { Clocks, Grid, type Size } from "./chunks.ts";
+import { ChunkStaleness, Grid, type Size } from "./chunks.ts";
 import { DIRECTIONS } from "./mesher.ts";
 import { randomNumbers } from "./testing.ts";
 
@@ -69,7 +69,7 @@ describe("the clocks of chunks", () => {
     return seen.join();
   }
 
-  it.each([1, 2, 3])("have a chunk made again exactly if it looks different (seed %i)", (seed) => {
+  it.each([1, 2, 3])("have a chunk built again exactly if it looks different (seed %i)", (seed) => {
     const next = randomNumbers(seed);
     const grid = new Grid(SIZE, EDGE);
     const times = new Uint32Array(CELLS).fill(NEVER);
@@ -81,7 +81,7 @@ describe("the clocks of chunks", () => {
       return cells;
     };
     drawCells(12);
-    const clocks = new Clocks(grid, times, () => true);
+    const clocks = new ChunkStaleness(grid, times, () => true);
     const drawn: (string | undefined)[] = Array.from({ length: grid.chunks });
     const drawnFor: number[] = [];
     let kept = 0;
@@ -92,12 +92,12 @@ describe("the clocks of chunks", () => {
         expect(clocks.isStale(chunk, tick)).toBe(drawn[chunk] !== now);
         if (drawn[chunk] === now) kept++;
         else if (next() < 0.3) continue;
-        clocks.made(chunk, tick);
+        clocks.markBuilt(chunk, tick);
         drawn[chunk] = now;
         drawnFor[chunk] = tick;
       }
       const cells = drawCells(3);
-      clocks.learn(cells);
+      clocks.markChanged(cells);
       // What was drawn without a cell that it should have shown counts as not drawn.
       for (const cell of cells) {
         grid.forTouched(cell, (chunk) => {
@@ -111,10 +111,10 @@ describe("the clocks of chunks", () => {
   it("do not regard cells that do not count", () => {
     const grid = new Grid(SIZE, EDGE);
     const times = new Uint32Array(CELLS).fill(NEVER);
-    const clocks = new Clocks(grid, times, (cell) => cell !== 5);
-    clocks.made(1, 100);
+    const clocks = new ChunkStaleness(grid, times, (cell) => cell !== 5);
+    clocks.markBuilt(1, 100);
     times[5] = 50;
-    clocks.learn([5]);
+    clocks.markChanged([5]);
     expect(clocks.isStale(1, 100)).toBe(false);
     expect(clocks.isStale(1, 10)).toBe(false);
   });

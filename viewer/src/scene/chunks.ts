@@ -2,7 +2,7 @@
  * The map cut into cubes, and when what lies in each of them changes.
  *
  * What is drawn of a chunk at a moment depends on which of its cells, and of the cells just beyond its faces, have a time at or
- * before that moment. So a chunk has to be made again exactly if one of these times lies between the moment it was made for and the
+ * before that moment. So a chunk has to be built again exactly if one of these times lies between the moment it was built for and the
  * one that is asked, or if one of them that is not later than the former became known since.
  */
 
@@ -32,7 +32,7 @@ export class Grid {
     return [x * this.edge, y * this.edge, z * this.edge];
   }
 
-  /** Calls back for the chunk of a cell, and for each chunk that has the cell in its border (a neighbour across a face). */
+  /** Calls back for the chunk of a cell, and for each chunk that has the cell in its border (a nextSelection across a face). */
   forTouched(cell: number, callback: (chunk: number) => void): void {
     const { size, edge, counts } = this;
     const x = cell % size[0];
@@ -81,16 +81,16 @@ export class Grid {
   }
 }
 
-/** The times at which something changes in a chunk, without repetition, and the moment it was made for. */
+/** The times at which something changes in a chunk, without repetition, and the moment it was built for. */
 interface Clock {
   ticks: Uint32Array;
   count: number;
-  /** -1: it was never made, or what became known since concerns it. */
-  madeFor: number;
+  /** -1: it was never built, or what became known since concerns it. */
+  builtFor: number;
 }
 
-/** Which chunks have to be made again. Only cells that `counts` says so of are regarded. */
-export class Clocks {
+/** Which chunks have to be built again. Only cells that `counts` says so of are regarded. */
+export class ChunkStaleness {
   readonly #clocks: Clock[];
 
   constructor(
@@ -106,33 +106,33 @@ export class Clocks {
     }
     this.#clocks = sets.map((set) => {
       const ticks = Uint32Array.from(set).sort();
-      return { ticks, count: ticks.length, madeFor: -1 };
+      return { ticks, count: ticks.length, builtFor: -1 };
     });
   }
 
   /** The times of these cells have become known, or earlier than they were. */
-  learn(cells: Iterable<number>): void {
+  markChanged(cells: Iterable<number>): void {
     for (const cell of cells) {
       const tick = this.times[cell]!;
       if (tick === NEVER || !this.counts(cell)) continue;
       this.grid.forTouched(cell, (chunk) => {
         const clock = this.#clocks[chunk]!;
         insert(clock, tick);
-        if (tick <= clock.madeFor) clock.madeFor = -1;
+        if (tick <= clock.builtFor) clock.builtFor = -1;
       });
     }
   }
 
-  /** Whether what was made of a chunk is not what it looks like at `tick`. */
+  /** Whether what was built of a chunk is not what it looks like at `tick`. */
   isStale(chunk: number, tick: number): boolean {
     const clock = this.#clocks[chunk]!;
-    if (clock.madeFor < 0) return true;
-    return countUpTo(clock, clock.madeFor) !== countUpTo(clock, tick);
+    if (clock.builtFor < 0) return true;
+    return countUpTo(clock, clock.builtFor) !== countUpTo(clock, tick);
   }
 
-  /** The chunk was made for `tick`. */
-  made(chunk: number, tick: number): void {
-    this.#clocks[chunk]!.madeFor = tick;
+  /** The chunk was built for `tick`. */
+  markBuilt(chunk: number, tick: number): void {
+    this.#clocks[chunk]!.builtFor = tick;
   }
 }
 

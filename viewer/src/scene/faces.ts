@@ -15,7 +15,7 @@ import {
   type RawShaderMaterial,
 } from "three";
 import type { Size } from "./chunks.ts";
-import { hollowsAt, type Hollows } from "./hollows.ts";
+import { occlusionAt, type AmbientOcclusion } from "./ambient-occlusion.ts";
 import { CORNERS, FACING_ORDER, NUMBERS_PER_CORNER, type Surface } from "./mesher.ts";
 
 /** Indices of as many rectangles as the largest geometry has. */
@@ -41,23 +41,23 @@ export function quadIndices(quads: number): Uint32Array {
   return indices;
 }
 
-/** A surface with the light of its hollows as attributes; several meshes may draw it. */
+/** A surface with the light of its occlusion as attributes; several meshes may draw it. */
 export class Faces {
   readonly #attributes: Readonly<Record<string, BufferAttribute>>;
 
   /** The surface lies between two corners, in cells. */
   constructor(
     readonly surface: Surface,
-    hollows: Hollows,
+    occlusion: AmbientOcclusion,
     readonly index: QuadIndex,
     readonly low: Size,
     readonly high: Size,
   ) {
-    const { each, mean } = hollowsAt(hollows, surface.corners);
+    const { each, mean } = occlusionAt(occlusion, surface.corners);
     this.#attributes = {
       corner: new BufferAttribute(surface.corners, NUMBERS_PER_CORNER),
-      hollow: new BufferAttribute(each, 4, true),
-      hollowMean: new BufferAttribute(mean, 4, true),
+      occlusion: new BufferAttribute(each, 4, true),
+      occlusionMean: new BufferAttribute(mean, 4, true),
     };
   }
 
@@ -91,12 +91,12 @@ export class FacesMesh {
   replace(faces: Faces): void {
     this.#faces = faces;
     this.#drawn = -1;
-    this.free();
+    this.dispose();
     this.mesh.geometry = faces.geometry();
   }
 
   /** Draws what can be seen from the eye, a place in cells. */
-  aim(eye: Vector3): void {
+  selectFacing(eye: Vector3): void {
     const { low, high, surface } = this.#faces;
     let drawn = 0;
     for (let axis = 0; axis < 3; axis++) {
@@ -124,7 +124,7 @@ export class FacesMesh {
   }
 
   /** Frees the geometry, but not the indices that others use. */
-  free(): void {
+  dispose(): void {
     this.mesh.geometry.setIndex(null);
     this.mesh.geometry.dispose();
   }

@@ -7,7 +7,7 @@
 import { Vector2, Vector3, Vector4, type IUniform, type RawShaderMaterial } from "three";
 
 /** Values that belong to the picture rather than to a layer; one set for a scene, which all materials hold. */
-export interface Common {
+export interface SharedUniforms {
   readonly [name: string]: IUniform;
   /** Tick of the moment that is shown. */
   readonly nowTick: IUniform<number>;
@@ -29,7 +29,7 @@ export interface Common {
   readonly pixelRatio: IUniform<number>;
 }
 
-export function makeCommon(): Common {
+export function makeSharedUniforms(): SharedUniforms {
   return {
     nowTick: { value: 0 },
     light: { value: new Vector3(0, 0, 1) },
@@ -44,7 +44,7 @@ export function makeCommon(): Common {
 }
 
 /** Compiles a material with these definitions if it has not got them. */
-export function define(material: RawShaderMaterial, names: readonly string[]): void {
+export function setDefines(material: RawShaderMaterial, names: readonly string[]): void {
   if (Object.keys(material.defines ?? {}).join() === names.join()) return;
   material.defines = Object.fromEntries(names.map((name) => [name, 1]));
   material.needsUpdate = true;

@@ -3,7 +3,7 @@
  */
 
 /** Whether WebGL is computed by the processor, as far as the browser tells. */
-export function isSoftware(): boolean {
+export function isSoftwareRenderer(): boolean {
   const gl = new OffscreenCanvas(1, 1).getContext("webgl2");
   if (gl === null) return false;
   const info = gl.getExtension("WEBGL_debug_renderer_info");

@@ -2,7 +2,7 @@
 
 import { BufferAttribute, BufferGeometry, GLSL3, Points, RawShaderMaterial, Vector3 } from "three";
 import type { Hits, Vec3 } from "../data/run.ts";
-import { FRAGMENT_HEAD, VERTEX_HEAD, type Common } from "./glsl.ts";
+import { FRAGMENT_HEAD, VERTEX_HEAD, type SharedUniforms } from "./glsl.ts";
 
 const VERTEX = /* glsl */ `${VERTEX_HEAD}
 in vec3 place;
@@ -32,7 +32,7 @@ export class HitPoints {
   readonly points: Points<BufferGeometry, RawShaderMaterial>;
   #shown: Hits | null = null;
 
-  constructor(common: Common) {
+  constructor(common: SharedUniforms) {
     const material = new RawShaderMaterial({
       glslVersion: GLSL3,
       uniforms: { ...common, from: { value: new Vector3() } },

@@ -1,7 +1,7 @@
 /**
  * The surface of a set of cells within a cube, as few rectangles.
  *
- * A face lies between a cell of the set and a neighbour that is not in it. Faces of the same direction in the same plane are merged
+ * A face lies between a cell of the set and a nextSelection that is not in it. Faces of the same direction in the same plane are merged
  * greedily, first along the lower axis, then along the higher one, always from the lowest cell on: the same set gives the same
  * rectangles in the same order.
  */

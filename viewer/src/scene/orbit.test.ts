@@ -3,9 +3,9 @@ import type { Vec3 } from "../data/run.ts";
 import {
   between,
   distanceToFit,
-  eyeOf,
+  cameraPositionOf,
   FIELD_OF_VIEW_RAD,
-  lookOf,
+  viewDirectionOf,
   panned,
   rightOf,
   shorterTurnRad,
@@ -21,24 +21,24 @@ const minus = (a: Vec3, b: Vec3): Vec3 => [a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 describe("an orbit", () => {
   it("looks at its centre from its distance", () => {
-    const way = minus(ORBIT.centre, eyeOf(ORBIT));
+    const way = minus(ORBIT.centre, cameraPositionOf(ORBIT));
     expect(Math.hypot(...way)).toBeCloseTo(25);
-    expect(dot(way, lookOf(ORBIT))).toBeCloseTo(25);
-    expect(dot(lookOf(ORBIT), rightOf(ORBIT))).toBeCloseTo(0);
+    expect(dot(way, viewDirectionOf(ORBIT))).toBeCloseTo(25);
+    expect(dot(viewDirectionOf(ORBIT), rightOf(ORBIT))).toBeCloseTo(0);
   });
 
   it("looks along +x with +y to the left at yaw 0", () => {
     const level: Orbit = { ...ORBIT, yawRad: 0, pitchRad: 0 };
-    expect(lookOf(level).map((value) => value + 0)).toEqual([1, 0, 0]);
+    expect(viewDirectionOf(level).map((value) => value + 0)).toEqual([1, 0, 0]);
     expect(rightOf(level)[1]).toBe(-1);
   });
 
   it("lets what is in front of the centre follow the hand when it is turned", () => {
-    const front = eyeOf({ ...ORBIT, distanceM: 5 });
+    const front = cameraPositionOf({ ...ORBIT, distanceM: 5 });
     const after = turned(ORBIT, 0.01, 0.01);
     const moved = minus(front, ORBIT.centre);
     expect(dot(moved, rightOf(after))).toBeGreaterThan(0);
-    expect(eyeOf(after)[2]).toBeGreaterThan(eyeOf(ORBIT)[2]);
+    expect(cameraPositionOf(after)[2]).toBeGreaterThan(cameraPositionOf(ORBIT)[2]);
   });
 
   it("never looks straight up or down", () => {
@@ -49,7 +49,7 @@ describe("an orbit", () => {
     const after = panned(ORBIT, 0.5, 0.25);
     const way = minus(after.centre, ORBIT.centre);
     const height = 2 * Math.tan(FIELD_OF_VIEW_RAD / 2) * 25;
-    expect(dot(way, lookOf(ORBIT))).toBeCloseTo(0);
+    expect(dot(way, viewDirectionOf(ORBIT))).toBeCloseTo(0);
     expect(dot(way, rightOf(ORBIT))).toBeCloseTo(-0.5 * height);
     expect(way[2]).toBeGreaterThan(0);
     expect(Math.hypot(...way)).toBeCloseTo(height * Math.hypot(0.5, 0.25));
@@ -92,7 +92,7 @@ describe("the distance from which all is to be seen", () => {
       const extent: Vec3 = [60, 40, 13];
       const orbit: Orbit = { centre: [0, 0, 0], yawRad, pitchRad, distanceM: 1 };
       const fitted = { ...orbit, distanceM: distanceToFit(orbit, extent, aspect) };
-      const [look, right, eye] = [lookOf(fitted), rightOf(fitted), eyeOf(fitted)];
+      const [look, right, eye] = [viewDirectionOf(fitted), rightOf(fitted), cameraPositionOf(fitted)];
       const tan = Math.tan(FIELD_OF_VIEW_RAD / 2);
       const shares = [0, 1, 2, 3, 4, 5, 6, 7].map((bits) => {
         const corner = extent.map((value, axis) => ((bits >> axis) & 1 ? value : -value) / 2) as Vec3;

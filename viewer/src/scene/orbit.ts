@@ -20,7 +20,7 @@ export const FIELD_OF_VIEW_RAD = (45 * Math.PI) / 180;
 const PITCH_LIMIT_RAD = (89 * Math.PI) / 180;
 
 /** Direction in which the eye looks, a unit vector. */
-export function lookOf(orbit: Orbit): Vec3 {
+export function viewDirectionOf(orbit: Orbit): Vec3 {
   const flat = Math.cos(orbit.pitchRad);
   return [flat * Math.cos(orbit.yawRad), flat * Math.sin(orbit.yawRad), -Math.sin(orbit.pitchRad)];
 }
@@ -31,8 +31,8 @@ export function rightOf(orbit: Orbit): Vec3 {
 }
 
 /** Where the eye is. */
-export function eyeOf(orbit: Orbit): Vec3 {
-  const look = lookOf(orbit);
+export function cameraPositionOf(orbit: Orbit): Vec3 {
+  const look = viewDirectionOf(orbit);
   const { centre, distanceM } = orbit;
   return [centre[0] - look[0] * distanceM, centre[1] - look[1] * distanceM, centre[2] - look[2] * distanceM];
 }
@@ -55,7 +55,7 @@ export function zoomed(orbit: Orbit, factor: number, limits: readonly [number, n
 /** Moved so that what lies at the centre follows the hand; shares of the picture's height. */
 export function panned(orbit: Orbit, right: number, down: number): Orbit {
   const span = 2 * Math.tan(FIELD_OF_VIEW_RAD / 2) * orbit.distanceM;
-  const [look, side] = [lookOf(orbit), rightOf(orbit)];
+  const [look, side] = [viewDirectionOf(orbit), rightOf(orbit)];
   // The picture's upward direction is across both.
   const up: Vec3 = [
     side[1] * look[2] - side[2] * look[1],
@@ -96,7 +96,7 @@ export function shorterTurnRad(fromRad: number, toRad: number): number {
 export function distanceToFit(orbit: Orbit, extentM: Vec3, aspect: number): number {
   const tanY = Math.tan(FIELD_OF_VIEW_RAD / 2);
   const tanX = tanY * aspect;
-  const [look, side] = [lookOf(orbit), rightOf(orbit)];
+  const [look, side] = [viewDirectionOf(orbit), rightOf(orbit)];
   const up: Vec3 = [side[1] * look[2], -side[0] * look[2], side[0] * look[1] - side[1] * look[0]];
   let distance = 0;
   for (let corner = 0; corner < 8; corner++) {

@@ -2,13 +2,13 @@
  * Where agents were: one line for each, brightest where it is youngest.
  *
  * A track has a point for every few ticks; the trail keeps only as many as it needs to stay within a hand's breadth of where the
- * agent was at each time. Points are appended as the run becomes known and are never made again; a moment is shown by how many of
+ * agent was at each time. Points are appended as the run becomes known and are never built again; a moment is shown by how many of
  * them are drawn, and by the piece from the last of them to the agent.
  */
 
 import { BufferAttribute, BufferGeometry, DynamicDrawUsage, Mesh, type RawShaderMaterial } from "three";
 import type { Track, Vec3 } from "../data/run.ts";
-import { FRAGMENT_HEAD, VERTEX_HEAD, type Common } from "./glsl.ts";
+import { FRAGMENT_HEAD, VERTEX_HEAD, type SharedUniforms } from "./glsl.ts";
 import { GLOW, ribbonMaterial, WIDEN } from "./ribbons.ts";
 
 const TOLERANCE_M = 0.1;
@@ -16,7 +16,7 @@ const TOLERANCE_M = 0.1;
 const SKIPPED_MAX = 48;
 
 /** Leaves out points of a track that a straight way at an even pace comes near enough to. */
-export class Thinner {
+export class TrackSimplifier {
   #anchor: readonly number[] | null = null;
   #skipped: (readonly number[])[] = [];
 
@@ -96,14 +96,14 @@ const SIZES = { place: 3, before: 3, after: 3, shape: 2 };
 export class Trail {
   readonly meshes: readonly Mesh<BufferGeometry, RawShaderMaterial>[];
   #geometry = new BufferGeometry();
-  readonly #thinner = new Thinner();
+  readonly #simplifier = new TrackSimplifier();
   #read = 0;
   #count = 0;
   #capacity = 0;
   #times: number[] = [];
   #last: Vec3 = [0, 0, 0];
 
-  constructor(common: Common, colour: readonly [number, number, number], radiusM: number) {
+  constructor(common: SharedUniforms, colour: readonly [number, number, number], radiusM: number) {
     const shaders = { vertex: VERTEX, fragment: FRAGMENT };
     this.meshes = [false, true].map((isBehind) => {
       const material = ribbonMaterial(common, shaders, isBehind, isBehind ? 0.2 : 1);
@@ -122,12 +122,12 @@ export class Trail {
   }
 
   /** Takes over what has become known of the track. */
-  learn(track: Track): void {
+  extend(track: Track): void {
     const { timeS, positions } = track;
     for (; this.#read < track.count; this.#read++) {
       const at = this.#read * 3;
       const point = [timeS[this.#read]!, positions[at]!, positions[at + 1]!, positions[at + 2]!];
-      this.#thinner.push(point, (kept) => this.#append(kept[0]!, [kept[1]!, kept[2]!, kept[3]!]));
+      this.#simplifier.push(point, (kept) => this.#append(kept[0]!, [kept[1]!, kept[2]!, kept[3]!]));
     }
   }
 

@@ -5,7 +5,7 @@
  * out, so that one looks into the cave as into a model that is cut open. Where the map is cut, a rim of rock is drawn around what is
  * open. All colours come from textures, so that another moment costs nothing here.
  *
- * Faces are made chunk by chunk, a few at a time; they never change.
+ * Faces are built chunk by chunk, a few at a time; they never change.
  */
 
 import {
@@ -22,9 +22,9 @@ import {
 import { Grid } from "./chunks.ts";
 import { heatRgb } from "./colours.ts";
 import { Faces, FacesMesh, type QuadIndex } from "./faces.ts";
-import { define, type Common } from "./glsl.ts";
-import type { Hollows } from "./hollows.ts";
-import type { Model } from "./model.ts";
+import { setDefines, type SharedUniforms } from "./glsl.ts";
+import type { AmbientOcclusion } from "./ambient-occlusion.ts";
+import type { BlockModel } from "./block-model.ts";
 import { CORNERS, FACING_ORDER, Mesher, NUMBERS_PER_CORNER } from "./mesher.ts";
 import type { TimesVolume } from "./volumes.ts";
 import {
@@ -35,7 +35,7 @@ import {
   WALL_SHELL_FRAGMENT,
   WALL_SHELL_VERTEX,
   WALL_VERTEX,
-} from "./wall_shaders.ts";
+} from "./wall-shaders.ts";
 
 const EDGE = 32;
 /** Light is worked out at corners, so rectangles must not be long; cells. */
@@ -64,15 +64,15 @@ export class Walls {
   readonly #back: RawShaderMaterial;
   readonly #rimMaterial: RawShaderMaterial;
   readonly #heat = heatTexture();
-  #made = 0;
+  #built = 0;
   #rimKey = "";
 
   constructor(
-    readonly model: Model,
+    readonly model: BlockModel,
     readonly index: QuadIndex,
-    readonly common: Common,
+    readonly common: SharedUniforms,
     times: TimesVolume,
-    readonly hollows: Hollows,
+    readonly occlusion: AmbientOcclusion,
   ) {
     this.#grid = new Grid(model.size, EDGE);
     const own = {
@@ -108,18 +108,18 @@ export class Walls {
 
   /** Chunks whose faces have yet to be made. */
   get missing(): number {
-    return this.#grid.chunks - this.#made;
+    return this.#grid.chunks - this.#built;
   }
 
   /** Makes the faces of one more chunk. */
-  makeNext(): void {
-    const chunk = this.#made++;
+  buildNext(): void {
+    const chunk = this.#built++;
     const { walls } = this.model;
     if (!this.#grid.fill(chunk, this.#padded, (cell) => walls[cell] === 0)) return;
     const origin = this.#grid.origin(chunk);
     const surface = this.#mesher.surface({ edge: EDGE, origin, padded: this.#padded }, true);
     if (surface.corners.length === 0) return;
-    const faces = new Faces(surface, this.hollows, this.index, origin, [
+    const faces = new Faces(surface, this.occlusion, this.index, origin, [
       origin[0] + EDGE,
       origin[1] + EDGE,
       origin[2] + EDGE,
@@ -139,10 +139,10 @@ export class Walls {
       ...(look.isHeat ? ["HEAT"] : []),
       ...(look.known !== null ? ["KNOWN"] : []),
     ];
-    define(this.#front, [...shared, ...(this.#hasEdges(eye) ? ["EDGES"] : [])]);
-    define(this.#back, [...shared, ...(look.opacity < GLASS_BELOW ? ["GLASS"] : [])]);
-    for (const faces of this.#faces) faces.aim(eye);
-    this.#rim.aim(eye);
+    setDefines(this.#front, [...shared, ...(this.#hasEdges(eye) ? ["EDGES"] : [])]);
+    setDefines(this.#back, [...shared, ...(look.opacity < GLASS_BELOW ? ["GLASS"] : [])]);
+    for (const faces of this.#faces) faces.selectFacing(eye);
+    this.#rim.selectFacing(eye);
     this.group.visible = look.isVisible;
     this.#shell.visible = look.opacity > 0;
     const { uniforms } = this.#front;
@@ -170,7 +170,7 @@ export class Walls {
   }
 
   dispose(): void {
-    for (const faces of [...this.#faces, this.#rim]) faces.free();
+    for (const faces of [...this.#faces, this.#rim]) faces.dispose();
     for (const material of [this.#front, this.#back, this.#rimMaterial]) material.dispose();
     this.#heat.dispose();
   }
@@ -185,12 +185,12 @@ export class Walls {
     const corners = layer < 0 ? new Uint16Array(0) : rimOf(this.model, axis, layer);
     const count = corners.length / (NUMBERS_PER_CORNER * CORNERS);
     const ends = FACING_ORDER.map((_, place) => (place < FACING_ORDER.indexOf(axis * 2) ? 0 : count));
-    return new Faces({ corners, ends }, this.hollows, this.index, [0, 0, 0], this.model.size);
+    return new Faces({ corners, ends }, this.occlusion, this.index, [0, 0, 0], this.model.size);
   }
 }
 
 /** Rock of a layer that has a free cell of the layer among its eight neighbours: the faces of it along the axis. */
-function rimOf(model: Model, axis: number, layer: number): Uint16Array {
+function rimOf(model: BlockModel, axis: number, layer: number): Uint16Array {
   const { size, walls } = model;
   const strides = [1, size[0], size[0] * size[1]] as const;
   const [u, v] = axis === 0 ? [1, 2] : axis === 1 ? [0, 2] : [0, 1];

@@ -2,7 +2,7 @@
  * What tests begin with: servers, which are ended with the test, and a page that is watched for errors that nobody has foreseen.
  */
 import { test as base, type Page } from "@playwright/test";
-import { binary, environment, PAGE, RUN_SCRIPT, SCENARIO } from "./places.ts";
+import { binary, environment, PAGE, RUN_SCRIPT, SCENARIO } from "./paths.ts";
 import { outputOf, Program } from "./programs.ts";
 import { digestIn, parseInfo, type Info } from "./info.ts";
 

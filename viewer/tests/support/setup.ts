@@ -4,7 +4,7 @@
 import { mkdtempSync, rmSync, existsSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { environment, PAGE, RUN_SCRIPT, SCENARIO } from "./places.ts";
+import { environment, PAGE, RUN_SCRIPT, SCENARIO } from "./paths.ts";
 import { outputOf } from "./programs.ts";
 import { FOLDER } from "./recordings.ts";
 

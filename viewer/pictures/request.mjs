@@ -1,0 +1,253 @@
+/**
+ * What was ordered, checked: a picture of one moment, or a movie of a stretch of time. Pure.
+ *
+ * Errors name the options of the commands that pass the request on. What only the recording can tell (its end, its agents, the layers of
+ * the page) is checked by `frameTimesOf`, when it has been read.
+ */
+import { isAbsolute } from "node:path";
+import { InvalidRequest } from "./errors.mjs";
+
+/** Sides of a picture, pixels. Above this no software renderer has textures. */
+const SIDE_MIN = 16;
+const SIDE_MAX = 8192;
+const FPS_MAX = 120;
+/** A GIF counts in hundredths of a second, and browsers slow down what is quicker than two of them. */
+const GIF_FPS_MAX = 50;
+/** A moment may miss the end by half a tick of 0.02 s: ends are shown with two digits. */
+const SLACK_S = 0.01;
+
+/** Layers that show something of an agent, and nothing without one. */
+const LAYERS_OF_AGENT = ["hits", "belief"];
+
+/**
+ * @typedef {object} CommonRequest
+ * @property {string} url The page with the recording.
+ * @property {string} out Where the file is to be, an absolute path.
+ * @property {readonly [number, number]} size Width and height, pixels.
+ * @property {number | null} agent Whom the camera goes with; null: the whole cave.
+ * @property {readonly string[] | null} layers The layers that are shown, and no others; null: what the page shows by default.
+ *
+ * @typedef {CommonRequest & { kind: "png", atS: number }} ImageRequest
+ * @typedef {CommonRequest & { kind: "mp4" | "gif", fromS: number | null, toS: number | null, lengthS: number, fps: number }} MovieRequest
+ * @typedef {ImageRequest | MovieRequest} CaptureRequest
+ *
+ * @typedef {object} RecordingFacts What the page knows of a recording that has been read whole.
+ * @property {number} endS
+ * @property {number} agents
+ * @property {readonly string[]} layers All that there are.
+ */
+
+/**
+ * Reads an request.
+ * @param {string | undefined} text JSON.
+ * @returns {CaptureRequest}
+ */
+export function parseRequest(text) {
+  const fields = objectOf(text);
+  const isPicture = fields["at"] !== undefined;
+  const common = {
+    url: urlOf(fields["url"]),
+    out: pathOf(fields["out"]),
+    size: sizeOf(fields["size"]),
+    agent: agentOf(fields["agent"] ?? null),
+    layers: layersOf(fields["layers"] ?? null),
+  };
+  const kind = endingOf(common.out);
+  if (isPicture) {
+    if (kind !== "png") throw new InvalidRequest(`--out ${common.out}: a picture ends in .png`);
+    return { ...common, kind, atS: numberOf("--at", fields["at"]) };
+  }
+  if (kind !== "mp4" && kind !== "gif")
+    throw new InvalidRequest(`--out ${common.out}: a movie ends in .mp4 or .gif`);
+  const [width, height] = common.size;
+  if (kind === "mp4" && (width % 2 !== 0 || height % 2 !== 0)) {
+    throw new InvalidRequest(`--size ${width}x${height}: an MP4 has even sides`);
+  }
+  const fpsMax = kind === "gif" ? GIF_FPS_MAX : FPS_MAX;
+  return {
+    ...common,
+    kind,
+    fromS: timeOf("--from", fields["from"] ?? null),
+    toS: timeOf("--to", fields["to"] ?? null),
+    lengthS: numberOf("--seconds", fields["seconds"], { above: 0 }),
+    fps: numberOf("--fps", fields["fps"], { above: 0, max: fpsMax }),
+  };
+}
+
+/**
+ * The times of the frames, in request: one for a picture. Throws if the recording has not what is ordered.
+ * @param {CaptureRequest} request
+ * @param {RecordingFacts} recording
+ * @returns {number[]}
+ */
+export function frameTimesOf(request, recording) {
+  const { agent, layers } = request;
+  if (agent !== null && agent >= recording.agents) {
+    const are =
+      recording.agents === 1 ? "there is agent 0 only" : `the agents are 0 to ${recording.agents - 1}`;
+    throw new InvalidRequest(`--agent ${agent}: ${are}`);
+  }
+  const unknown = layers?.find((layer) => !recording.layers.includes(layer));
+  if (unknown !== undefined) {
+    throw new InvalidRequest(`--layers ${unknown}: the layers are ${recording.layers.join(", ")}`);
+  }
+  if (request.kind === "png") return [within("--at", request.atS, recording.endS)];
+  const fromS = within("--from", request.fromS ?? 0, recording.endS);
+  const toS = within("--to", request.toS ?? recording.endS, recording.endS);
+  if (!(fromS < toS)) {
+    throw new InvalidRequest(
+      `--from ${seconds(fromS)} --to ${seconds(toS)}: the movie must end after it begins`,
+    );
+  }
+  return frameTimes(fromS, toS, request.lengthS, request.fps);
+}
+
+/**
+ * The layers that were ordered and show nothing, because they are of an agent and none was named.
+ * @param {CaptureRequest} request
+ * @returns {string[]}
+ */
+export function idleLayers({ agent, layers }) {
+  return agent === null ? (layers ?? []).filter((layer) => LAYERS_OF_AGENT.includes(layer)) : [];
+}
+
+/**
+ * Times at equal steps; the first frame is that of `fromS`, the last one that of `toS`.
+ * @param {number} fromS
+ * @param {number} toS
+ * @param {number} lengthS How long the movie is.
+ * @param {number} fps
+ * @returns {number[]}
+ */
+export function frameTimes(fromS, toS, lengthS, fps) {
+  const frames = Math.round(lengthS * fps);
+  if (frames < 2) {
+    throw new InvalidRequest(
+      `--seconds ${lengthS} --fps ${fps}: that is ${frames} frames, and a movie has 2 at least`,
+    );
+  }
+  // The ends are met exactly, whatever is lost in rounding.
+  return Array.from({ length: frames }, (_, frame) => {
+    const share = frame / (frames - 1);
+    return fromS * (1 - share) + toS * share;
+  });
+}
+
+/**
+ * @param {string | undefined} text
+ * @returns {Record<string, unknown>}
+ */
+function objectOf(text) {
+  /** @type {unknown} */
+  let value;
+  try {
+    value = JSON.parse(text ?? "");
+  } catch {
+    value = null;
+  }
+  if (typeof value !== "object" || value === null || Array.isArray(value)) {
+    throw new InvalidRequest("expected one argument: a JSON object that says what to take a picture of");
+  }
+  return /** @type {Record<string, unknown>} */ (value);
+}
+
+/** @param {unknown} value */
+function urlOf(value) {
+  if (typeof value !== "string" || !/^https?:\/\//.test(value) || !globalThis.URL.canParse(value)) {
+    throw new InvalidRequest(`url ${JSON.stringify(value)}: expected the address of the page, http://...`);
+  }
+  return value;
+}
+
+/** @param {unknown} value */
+function pathOf(value) {
+  if (typeof value !== "string" || !isAbsolute(value)) {
+    throw new InvalidRequest(`--out ${JSON.stringify(value)}: expected an absolute path`);
+  }
+  return value;
+}
+
+/** @param {string} path */
+function endingOf(path) {
+  return /[^/]\.([^./]+)$/.exec(path)?.[1]?.toLowerCase() ?? null;
+}
+
+/**
+ * @param {unknown} value
+ * @returns {readonly [number, number]}
+ */
+function sizeOf(value) {
+  const isSide = (/** @type {unknown} */ side) =>
+    typeof side === "number" && Number.isInteger(side) && side >= SIDE_MIN && side <= SIDE_MAX;
+  if (!Array.isArray(value) || value.length !== 2 || !value.every(isSide)) {
+    const shown = Array.isArray(value) ? value.join("x") : JSON.stringify(value);
+    throw new InvalidRequest(
+      `--size ${shown}: expected WIDTHxHEIGHT in pixels, each from ${SIDE_MIN} to ${SIDE_MAX}`,
+    );
+  }
+  return [value[0], value[1]];
+}
+
+/** @param {unknown} value */
+function agentOf(value) {
+  if (value === null) return null;
+  if (typeof value !== "number" || !Number.isInteger(value) || value < 0) {
+    throw new InvalidRequest(`--agent ${JSON.stringify(value)}: expected the number of an agent, from 0 on`);
+  }
+  return value;
+}
+
+/**
+ * @param {unknown} value
+ * @returns {readonly string[] | null}
+ */
+function layersOf(value) {
+  if (value === null) return null;
+  if (!Array.isArray(value) || value.length === 0 || value.some((name) => typeof name !== "string")) {
+    throw new InvalidRequest(
+      `--layers ${JSON.stringify(value)}: expected names of layers, separated by commas`,
+    );
+  }
+  return value;
+}
+
+/**
+ * @param {string} option
+ * @param {unknown} value
+ * @param {{ above?: number, max?: number }} limits
+ */
+function numberOf(option, value, { above = -Infinity, max = Infinity } = {}) {
+  if (typeof value !== "number" || !Number.isFinite(value) || value <= above || value > max) {
+    const limits = [above > -Infinity ? ` above ${above}` : "", max < Infinity ? ` up to ${max}` : ""].join(
+      "",
+    );
+    throw new InvalidRequest(`${option} ${JSON.stringify(value)}: expected a number${limits}`);
+  }
+  return value;
+}
+
+/**
+ * @param {string} option
+ * @param {unknown} value
+ */
+function timeOf(option, value) {
+  return value === null ? null : numberOf(option, value);
+}
+
+/**
+ * A time of the recording; `timeS` may miss its end by a hair.
+ * @param {string} option
+ * @param {number} timeS
+ * @param {number} endS
+ */
+function within(option, timeS, endS) {
+  if (timeS < 0 || timeS > endS + SLACK_S) {
+    throw new InvalidRequest(`${option} ${timeS}: the recording goes from 0 to ${seconds(endS)} s`);
+  }
+  return Math.min(timeS, endS);
+}
+
+/** @param {number} timeS */
+function seconds(timeS) {
+  return String(Number(timeS.toFixed(2)));
+}

@@ -1,0 +1,159 @@
+/**
+ * Draws pictures: only when one can differ from the last, with what the machine can bear (see `frame-pacer.ts`), and a last one in full
+ * when all is at rest.
+ *
+ * What a picture costs is measured to the moment the graphics are done with it, without waiting for them: with software rendering
+ * the work is done in another process, and the time that `render` takes says nothing.
+ */
+import type { Scene } from "../scene/scene.ts";
+import { FULL, FramePacer, type Quality } from "./frame-pacer.ts";
+
+/** How often it is looked whether the graphics are done. */
+const POLL_MS = 3;
+/** A picture that is not done within this time never will be: the graphics are gone. */
+const LOST_MS = 5000;
+/** Things are at rest after so long without a change. */
+const REST_MS = 400;
+
+export interface RenderLoopHost {
+  /** Goes on to a moment on the wall; says what time of the run to show, and whether things move by themselves. */
+  advance(wallS: number): { timeS: number; isMoving: boolean };
+  /** A picture has been drawn, or nothing had to be. */
+  frameDone(wallS: number, isDrawn: boolean): void;
+  /** A picture could not be drawn. */
+  failed(error: Error): void;
+}
+
+export class RenderLoop {
+  readonly pacer: FramePacer;
+  readonly #canvas: HTMLCanvasElement;
+  readonly #scene: Scene | null;
+  readonly #host: RenderLoopHost;
+  #isRequested = true;
+  #isScheduled = false;
+  #isDrawing = false;
+  #isHeld = false;
+  /** Whether pictures are full until something moves by itself: what a script has asked for stays as it was. */
+  #isExact = false;
+  /** Whether the last picture was full. */
+  #isFull = false;
+  #changedMs = 0;
+  #size = { width: 1, height: 1, ratio: 0 };
+
+  constructor(canvas: HTMLCanvasElement, scene: Scene | null, host: RenderLoopHost) {
+    this.#canvas = canvas;
+    this.#scene = scene;
+    this.#host = host;
+    this.pacer = new FramePacer(scene?.isSoftware ?? false);
+    this.#schedule();
+  }
+
+  get pixelRatio(): number {
+    return this.#size.ratio;
+  }
+
+  /** Something may have changed. */
+  request(): void {
+    this.#isRequested = true;
+    this.#schedule();
+  }
+
+  resize(width: number, height: number): void {
+    this.#size = { width: Math.max(1, width), height: Math.max(1, height), ratio: 0 };
+    this.request();
+  }
+
+  /** Draws one picture in full, and resolves when all that it needs has been drawn. */
+  async drawExactly(timeS: number): Promise<void> {
+    if (!this.#scene) return;
+    this.#isHeld = true;
+    this.#isExact = true;
+    try {
+      this.#setRatio(1);
+      await this.#scene.settled(timeS);
+      await this.#graphicsDone();
+      this.#isFull = true;
+    } finally {
+      this.#isHeld = false;
+      this.#isRequested = false;
+    }
+  }
+
+  #schedule(): void {
+    if (this.#isScheduled) return;
+    this.#isScheduled = true;
+    requestAnimationFrame((nowMs) => {
+      this.#isScheduled = false;
+      this.#tick(Math.max(nowMs, performance.now()));
+    });
+  }
+
+  #tick(nowMs: number): void {
+    if (this.#isHeld || this.#isDrawing || !this.pacer.mayBegin(nowMs)) {
+      this.#schedule();
+      return;
+    }
+    const { timeS, isMoving } = this.#host.advance(nowMs / 1000);
+    const isChanged = this.#isRequested || isMoving || (this.#scene?.needsRedraw ?? false);
+    this.#isRequested = false;
+    if (isMoving) this.#isExact = false;
+    if (isChanged) {
+      this.#changedMs = nowMs;
+      const quality = this.#isExact ? FULL : this.pacer.quality;
+      this.#isFull = quality === FULL;
+      this.#drawFrame(timeS, nowMs, quality);
+    } else if (!this.#isFull && nowMs - this.#changedMs > REST_MS) {
+      this.#isFull = this.#scene?.prepare(timeS) ?? true;
+      if (this.#isFull) this.#drawFrame(timeS, nowMs, FULL);
+    }
+    this.#host.frameDone(nowMs / 1000, isChanged);
+    if (isChanged || !this.#isFull) this.#schedule();
+  }
+
+  #drawFrame(timeS: number, nowMs: number, quality: Quality): void {
+    if (!this.#scene || this.#scene.isBlank) return;
+    this.#setRatio(quality.share);
+    try {
+      this.#scene.render(timeS, quality);
+    } catch (error) {
+      this.#host.failed(error as Error);
+      return;
+    }
+    this.#isDrawing = true;
+    void this.#graphicsDone().then(() => {
+      this.#isDrawing = false;
+      this.pacer.done(nowMs, performance.now(), quality === this.pacer.quality);
+    });
+  }
+
+  #ratio(share: number): number {
+    return Math.min(window.devicePixelRatio || 1, 2) * share;
+  }
+
+  #setRatio(share: number): void {
+    const ratio = this.#ratio(share);
+    if (ratio === this.#size.ratio) return;
+    this.#size.ratio = ratio;
+    this.#scene?.resize(this.#size.width, this.#size.height, ratio);
+  }
+
+  #graphicsDone(): Promise<void> {
+    const gl = this.#canvas.getContext("webgl2");
+    const fence = gl?.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0) ?? null;
+    if (!gl || !fence) return Promise.resolve();
+    gl.flush();
+    const untilMs = performance.now() + LOST_MS;
+    return new Promise((resolve) => {
+      const look = () => {
+        const isDone = gl.isContextLost() || gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.SIGNALED;
+        if (!isDone && performance.now() < untilMs) {
+          setTimeout(look, POLL_MS);
+          return;
+        }
+        gl.deleteSync(fence);
+        resolve();
+      };
+      look();
+    });
+  }
+}

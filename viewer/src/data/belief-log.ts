@@ -1,0 +1,106 @@
+/**
+ * What each agent has been told and has seen for itself, as it stands in its observations, and what it knows from that.
+ *
+ * Kept small: runs of cells and the bytes of map mapMessages, because what an agent knows is worked out only for the one that is followed.
+ * A message is taken to be known as soon as it is in an observation; agents that are asked out of turn may make use of it later.
+ */
+
+import type { Runs } from "./cdr.ts";
+import { Growable } from "./growable.ts";
+import type { MapMessageReader } from "./map-message.ts";
+import { NEVER } from "./run.ts";
+
+/** Columns of a row for each part of an observation: its tick, and where its runs and mapMessages end. */
+const [TICK, RUNS_END, MESSAGES_END, COLUMNS] = [0, 1, 2, 3];
+
+export class BeliefLog {
+  readonly #parts = new Growable(new Uint32Array(0));
+  readonly #starts = new Growable(new Uint32Array(0));
+  readonly #lengths = new Growable(new Uint16Array(0));
+  /** Where each message ends among the bytes. */
+  readonly #messageEnds = new Growable(new Float64Array(0));
+  readonly #bytes = new Growable(new Uint8Array(0));
+
+  add(tick: number, runs: readonly Runs[], mapMessages: readonly Uint8Array[]): void {
+    for (const { start, length } of runs) {
+      this.#starts.append(start);
+      this.#lengths.append(length);
+    }
+    for (const message of mapMessages) {
+      this.#bytes.append(message);
+      this.#messageEnds.push(this.#bytes.count);
+    }
+    this.#parts.append([tick, this.#starts.count, this.#messageEnds.count]);
+  }
+
+  get parts(): number {
+    return this.#parts.count / COLUMNS;
+  }
+
+  /** Tells of the cells of the parts from `first` on, in order; cells may come several times. */
+  replay(first: number, reader: MapMessageReader, learn: (tick: number, cell: number) => void): void {
+    const parts = this.#parts.array;
+    let run = first === 0 ? 0 : parts[(first - 1) * COLUMNS + RUNS_END]!;
+    let message = first === 0 ? 0 : parts[(first - 1) * COLUMNS + MESSAGES_END]!;
+    for (let part = first; part < this.parts; part++) {
+      const tick = parts[part * COLUMNS + TICK]!;
+      for (const end = parts[part * COLUMNS + RUNS_END]!; run < end; run++) {
+        const start = this.#starts.array[run]!;
+        for (let cell = start + this.#lengths.array[run]!; cell-- > start;) {
+          learn(tick, cell);
+        }
+      }
+      for (const end = parts[part * COLUMNS + MESSAGES_END]!; message < end; message++) {
+        const from = message === 0 ? 0 : this.#messageEnds.array[message - 1]!;
+        const cells = reader.cells(this.#bytes.array.subarray(from, this.#messageEnds.array[message]!));
+        cells?.forEach((cell) => learn(tick, cell));
+      }
+    }
+  }
+}
+
+/** Follows what one agent knows. */
+export class BeliefTracker {
+  readonly request: number;
+  readonly #log: BeliefLog;
+  readonly #reader: MapMessageReader;
+  readonly #isKnown: Uint8Array;
+  #parts = 0;
+
+  constructor(request: number, log: BeliefLog, reader: MapMessageReader, cells: number) {
+    this.request = request;
+    this.#log = log;
+    this.#reader = reader;
+    this.#isKnown = new Uint8Array(cells);
+  }
+
+  /** Tick in which the agent learned of each cell, of all so far. */
+  all(): Uint32Array {
+    const knownTick = new Uint32Array(this.#isKnown.length).fill(NEVER);
+    this.#replay((tick, cell) => {
+      knownTick[cell] = tick;
+    });
+    return knownTick;
+  }
+
+  /** Tick and cell of all that it has learned since it was asked last. */
+  takeNew(): Uint32Array {
+    const added = new Growable(new Uint32Array(0));
+    this.#replay((tick, cell) => {
+      added.push(tick);
+      added.push(cell);
+    });
+    return added.takeAll();
+  }
+
+  #replay(learn: (tick: number, cell: number) => void): void {
+    const isKnown = this.#isKnown;
+    this.#log.replay(this.#parts, this.#reader, (tick, cell) => {
+      if (isKnown[cell] === 0) {
+        isKnown[cell] = 1;
+        learn(tick, cell);
+      }
+    });
+    this.#parts = this.#log.parts;
+  }
+}

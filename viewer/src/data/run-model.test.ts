@@ -1,0 +1,308 @@
+import { describe, expect, test } from "vitest";
+import { RunModel } from "./run-model.ts";
+import type { Request } from "./protocol.ts";
+import { NEVER, type Vec3 } from "./run.ts";
+import { readRun } from "./testing.ts";
+import * as make from "./testing-recording.ts";
+import { roomCell } from "./testing-recording.ts";
+
+const PLACE: Vec3 = [1.5, 1.5, 1.5];
+
+async function runOf(messages: readonly make.RecordedMessage[], agents = 1) {
+  return readRun(await make.recordingOf([make.scenario(agents), ...messages]));
+}
+
+describe("poses", () => {
+  test("lie straight between those that are known, the heading the shorter way round", async () => {
+    const run = await runOf([
+      make.poses(0, [[1.5, 1.5, 1.5]], 3),
+      make.poses(10, [[3.5, 1.5, 1.5]], -3),
+      make.poses(20, [[3.5, 1.5, 1.5]], -3),
+    ]);
+    const middle = run.agentAt(0, 0.1);
+    expect(middle.position[0]).toBeCloseTo(2.5, 6);
+    expect(Math.abs(middle.yawRad)).toBeCloseTo(Math.PI, 5);
+    expect(middle.speedMS).toBeCloseTo(10, 5);
+    expect(run.agentAt(0, 0.3).speedMS).toBe(0);
+    expect(run.agentAt(0, 99).position).toEqual([3.5, 1.5, 1.5]);
+    expect(run.track(0).count).toBe(3);
+  });
+
+  test("of observations are among them, once for each tick", async () => {
+    const run = await runOf([
+      make.poses(0, [PLACE]),
+      make.observation(0, 0, { position: PLACE }),
+      make.observation(0, 4, { position: [2.5, 1.5, 1.5] }),
+      make.poses(10, [[2.5, 3.5, 1.5]]),
+    ]);
+    expect(Array.from(run.track(0).timeS.subarray(0, 3))).toEqual([0, 0.08, 0.2]);
+    expect(run.track(0).count).toBe(3);
+  });
+
+  test("a body that was put elsewhere has not gone there", async () => {
+    const run = await runOf([
+      make.poses(0, [PLACE]),
+      make.placed(0, 5, [6.5, 4.5, 2.5]),
+      make.poses(10, [[6.5, 4.5, 2.5]]),
+    ]);
+    expect(run.agentAt(0, 0.08).position).toEqual(PLACE);
+    expect(run.agentAt(0, 0.1).position).toEqual([6.5, 4.5, 2.5]);
+    expect(run.coveredAt(1)).toBe(2);
+  });
+});
+
+describe("cells", () => {
+  test("have the tick of the earliest scan that has told of them", async () => {
+    const [a, b] = [roomCell(1, 1, 1), roomCell(4, 1, 1)];
+    const run = await runOf(
+      [
+        make.observation(0, 10, { scanTick: 10n, free: [[a, 3]], wall: [[roomCell(0, 1, 1), 1]] }),
+        make.observation(1, 11, {
+          scanTick: 8n,
+          free: [
+            [a, 1],
+            [b, 1],
+          ],
+        }),
+        make.observation(1, 20, { free: [[b + 1, 1]] }),
+      ],
+      2,
+    );
+    expect([a, a + 1, b, b + 1, roomCell(0, 1, 1)].map((cell) => run.firstSeenTick[cell])).toEqual([
+      8, 10, 8, 20, 10,
+    ]);
+    expect(run.firstSeenTick[roomCell(6, 4, 2)]).toBe(NEVER);
+    expect([7, 8, 10, 20].map((tick) => run.seenAt(tick / 50))).toEqual([0, 2, 4, 5]);
+  });
+
+  test("of all parts of an observation count, with the scan of the first", async () => {
+    const run = await runOf([
+      make.observation(0, 10, {
+        part: 0,
+        parts: 2,
+        scanTick: 9n,
+        free: [[roomCell(1, 1, 1), 1]],
+        contacts: [3],
+      }),
+      make.observation(0, 10, {
+        part: 1,
+        parts: 2,
+        free: [[roomCell(2, 1, 1), 1]],
+        messages: [{ kind: 9, data: new Uint8Array(7) }],
+      }),
+    ]);
+    expect(run.seenAt(0.18)).toBe(2);
+    expect(run.agentAt(0, 0.2)).toMatchObject({
+      contacts: [3],
+      received: { messages: 1, bytes: 7 },
+      observedS: 0.2,
+    });
+  });
+
+  test("are visited in the tick in which a body first was in them", async () => {
+    const run = await runOf([make.poses(0, [PLACE]), make.poses(10, [[3.5, 1.5, 1.5]])]);
+    expect([1, 2, 3].map((x) => run.coveredTick[roomCell(x, 1, 1)])).toEqual([0, 3, 8]);
+    expect([0, 0.05, 0.06, 1].map((timeS) => run.coveredAt(timeS))).toEqual([1, 1, 2, 3]);
+  });
+});
+
+describe("tasks", () => {
+  const asked = (tick: number, of: make.ObservationOf = {}) =>
+    make.observation(0, tick, { position: PLACE, ...of });
+
+  test("hold until they are replaced or done", async () => {
+    const run = await runOf([
+      asked(0),
+      make.command(0, 0, { kind: 3, info: "looks" }),
+      asked(5, { isActive: true }),
+      make.command(0, 5),
+      asked(10),
+      make.command(0, 10),
+      asked(15),
+      make.command(0, 15, { kind: 5, info: "drifts" }),
+      asked(20, { isActive: true, collision: 2 }),
+      make.command(0, 20, { kind: 1 }),
+    ]);
+    const states = [0, 4, 5, 9, 10, 15, 20].map((tick) => run.agentAt(0, tick / 50));
+    expect(states.map(({ task }) => task)).toEqual([
+      "turn",
+      "turn",
+      "turn",
+      "turn",
+      "idle",
+      "velocity",
+      "stop",
+    ]);
+    expect(states.map(({ info }) => info)).toEqual([
+      "looks",
+      "looks",
+      "looks",
+      "looks",
+      "looks",
+      "drifts",
+      "drifts",
+    ]);
+    expect(states.at(-1)).toMatchObject({ collision: "floor", observedS: 0.4 });
+    expect(run.agentAt(0, 0.399).collision).toBe("none");
+  });
+
+  test("a path has the way-points that are left", async () => {
+    const path: Vec3[] = [
+      [3.5, 1.5, 1.5],
+      [3.5, 3.5, 1.5],
+    ];
+    const run = await runOf([
+      asked(0),
+      make.command(0, 0, { kind: 4, path }),
+      make.poses(50, [[3.5, 1.5, 1.5]]),
+      make.poses(100, [[3.5, 3, 1.5]]),
+      asked(110, { position: [3.5, 3.5, 1.5] }),
+    ]);
+    expect([0.5, 1.5, 2.19, 2.2].map((timeS) => run.agentAt(0, timeS).path)).toEqual([
+      path,
+      path.slice(1),
+      path.slice(1),
+      [],
+    ]);
+    expect(run.agentAt(0, 2.2).task).toBe("idle");
+    expect(run.agentAt(0, 0.5).path).toEqual(path);
+  });
+
+  test("an endless move goes to the next wall, along the heading and up", async () => {
+    const run = await runOf([
+      asked(0, { yawRad: Math.PI / 2 }),
+      make.command(0, 0, { kind: 2, distanceM: Infinity }),
+      asked(10, { isActive: true, yawRad: 0 }),
+      make.command(0, 10, { kind: 2, distanceM: 2, pitchRad: Math.PI / 6 }),
+      asked(20, { isActive: true, yawRad: 0 }),
+      make.command(0, 20),
+      asked(30, { collision: 1 }),
+    ]);
+    const target = (timeS: number) =>
+      run.agentAt(0, timeS).path.map((point) => point.map((at) => Math.round(at * 1e4) / 1e4));
+    expect(target(0)).toEqual([[1.5, 5, 1.5]]);
+    // One metre up is where the ceiling is.
+    expect(target(0.3)).toEqual([[3.2321, 1.5, 2.5]]);
+    expect(target(0.5)).toEqual(target(0.3));
+    expect(run.agentAt(0, 0.6)).toMatchObject({ task: "idle", path: [], collision: "wall" });
+  });
+
+  test("messages are counted, and relays are no agents", async () => {
+    const message = (bytes: number) => ({ kind: 2, data: new Uint8Array(bytes) });
+    const run = await runOf([
+      asked(0, { contacts: [1, 0x80000000], messages: [message(3)] }),
+      make.command(0, 0, { messages: [message(10), message(20)] }),
+      asked(50, { messages: [message(4), message(5)] }),
+      make.command(0, 50, { messages: [message(1)] }),
+    ]);
+    expect(run.agentAt(0, 0.5)).toMatchObject({
+      contacts: [1],
+      sent: { messages: 2, bytes: 30 },
+      received: { messages: 1, bytes: 3 },
+    });
+    expect(run.agentAt(0, 1)).toMatchObject({
+      sent: { messages: 3, bytes: 31 },
+      received: { messages: 3, bytes: 12 },
+    });
+  });
+});
+
+describe("hits", () => {
+  test("are those that were recorded, in the frame of the map", async () => {
+    const run = await runOf([
+      make.poses(0, [PLACE], Math.PI / 2),
+      make.points(0, 0, [
+        [2, 0, 0],
+        [0, 1, 0.5],
+      ]),
+      make.poses(10, [[2.5, 1.5, 1.5]], Math.PI / 2),
+      make.points(0, 10, [[1, 0, 0]]),
+    ]);
+    const early = (await run.hitsAt(0, 0.1))!;
+    expect(early).toMatchObject({ timeS: 0, isCast: false });
+    const rounded = (positions: Float32Array) => Array.from(positions, (at) => Math.round(at * 1e4) / 1e4);
+    expect(rounded(early.positions)).toEqual([1.5, 3.5, 1.5, 0.5, 1.5, 2]);
+    expect(rounded((await run.hitsAt(0, 0.2))!.positions)).toEqual([2.5, 2.5, 1.5]);
+  });
+
+  test("are cast from where the last scan was if none were recorded", async () => {
+    const run = await runOf([
+      make.observation(0, 0, { position: PLACE }),
+      make.observation(0, 10, { position: [3.5, 1.5, 1.5], scanTick: 5n }),
+    ]);
+    expect(await run.hitsAt(0, 0.1)).toBeNull();
+    const hits = (await run.hitsAt(0, 0.3))!;
+    expect(hits).toMatchObject({ timeS: 0.1, isCast: true });
+    expect(hits.positions).toHaveLength(300);
+  });
+});
+
+describe("those who ask", () => {
+  test("are told of the cells that are new, and of the end", async () => {
+    const cell = roomCell(2, 2, 1);
+    const bytes = await make.recordingOf(
+      [
+        make.scenario(1),
+        make.poses(0, [PLACE]),
+        make.observation(0, 10, { scanTick: 10n, free: [[cell, 2]] }),
+        make.result(20, 1, "explored"),
+      ],
+      { hasChunks: false },
+    );
+    const told: { cells: number[]; hasEnded: boolean }[] = [];
+    let isListening = false;
+    const run = readRun(bytes, 200, (growing) => {
+      if (!isListening) {
+        isListening = true;
+        growing.onUpdate(({ cells, hasEnded }) => told.push({ cells: Array.from(cells), hasEnded }));
+      }
+    });
+    expect(told.flatMap(({ cells }) => cells).sort((a, b) => a - b)).toEqual([cell, cell + 1]);
+    expect(told.filter(({ hasEnded }) => hasEnded)).toHaveLength(1);
+    expect(run.result).toMatchObject({ reason: "explored", timeS: 0.4, digest: "ab".repeat(32) });
+  });
+
+  test("may not ask for agents that do not take part", async () => {
+    const run = await runOf([make.poses(0, [PLACE])]);
+    expect(() => run.agentAt(1, 0)).toThrow("agent 1 does not take part, expected are 0 to 0");
+  });
+
+  test("follow one agent at a time", async () => {
+    const { setup, terrain } = await runOf([make.poses(0, [PLACE, PLACE])], 2);
+    const asked: Request[] = [];
+    const run = new RunModel("run", "run", setup, terrain, {
+      send: (request) => asked.push(request),
+      close: () => {},
+    });
+    const answer = (request: Request) => {
+      const knownTick = new Uint32Array(terrain.walls.length).fill(NEVER);
+      run.take({ kind: "belief", request: (request as { request: number }).request, knownTick });
+    };
+    const [first, second] = [run.follow(0), run.follow(1)];
+    expect(run.follow(1)).toBe(second);
+    expect(asked).toMatchObject([{ agent: 0 }, { agent: 1 }]);
+    asked.forEach(answer);
+    expect(await first).toBeNull();
+    const belief = (await second)!;
+    expect(belief).toMatchObject({ agent: 1, revision: 0 });
+    const [third, hits] = [run.follow(0), run.hitsAt(0, 0)];
+    run.close();
+    expect([await third, await hits, await run.follow(1), await run.hitsAt(0, 0)]).toEqual([
+      null,
+      null,
+      null,
+      null,
+    ]);
+  });
+
+  test("are told if nothing more can be read", async () => {
+    const { setup, terrain } = await runOf([make.poses(0, [PLACE])]);
+    const run = new RunModel("run", "run", setup, terrain, { send: () => {}, close: () => {} });
+    let told = 0;
+    run.onUpdate(() => told++);
+    const hits = run.hitsAt(0, 0);
+    run.fail("the reader is gone");
+    expect(run).toMatchObject({ problem: "the reader is gone", isComplete: true });
+    expect([await hits, told]).toEqual([null, 1]);
+  });
+});
