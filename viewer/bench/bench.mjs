@@ -1,13 +1,14 @@
 #!/usr/bin/env node
 /**
- * What looking on costs and gives, measured in a real Chromium: the first picture of a recording and seeks (in passing, and in full),
- * pictures per second of a run under way, and how much longer that run takes than one that nobody looks at.
+ * Benchmark of the page in a real Chromium: time to the first frame of a recording and of seeks
+ * (any frame, and a full one), frame rate of a live run, and the slowdown of the run by its
+ * observer.
  *
- *   node bench/bench.mjs [recording] [run] [--rounds N] [--seconds S]
+ *     node bench/bench.mjs [recording] [run] [--rounds N] [--seconds S]
  *
- * in the folder viewer; the page is that of dist (npm run build), and binaries are those of MAES_BIN_DIR or ../target/release. Prints one
- * line of JSON for each measurement, and medians at the end. The machine's graphics are used if `MAES_GPU=1`; otherwise everything is
- * drawn in software.
+ * in the folder viewer, with the page in dist (npm run build) and the binaries of MAES_BIN_DIR or
+ * ../target/release. Prints one line of JSON per measurement, and medians at the end. Uses the GPU
+ * if `MAES_GPU=1`; otherwise rendering is done in software.
  */
 /* global window, document, setTimeout -- inside the page */
 import { spawn } from "node:child_process";
@@ -41,7 +42,7 @@ const environment = {
 const software = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
 const flags = ["--no-sandbox", ...(process.env["MAES_GPU"] === "1" ? [] : software)];
 
-/** A process, with the lines that it says on stderr and stdout. */
+/** A child process and the lines of its output. */
 function start(program, words) {
   const child = spawn(program, words, { env: environment, cwd: folder });
   const lines = [];
@@ -73,7 +74,7 @@ function start(program, words) {
 const median = (values) => [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)];
 const tell = (what, values) => process.stdout.write(`${JSON.stringify({ what, ...values })}\n`);
 
-/** A run at 10 times real time, looked at or not: wall seconds of its ticks, and pictures per second. */
+/** A run at 10 times real time, observed or not: wall time of its ticks, and frame rate. */
 async function run(isLookedAt) {
   const scenario = join(root, "launch_scripts/scenarios/default.toml");
   const words = `--size 100 --seed 3 --agents 20 --rtf 10 --duration ${seconds}`.split(" ");
@@ -121,8 +122,9 @@ async function run(isLookedAt) {
 }
 
 /**
- * To be called in the page: `window.pictured` becomes the pictures that the graphics are done with, and in which nothing is missing: of what
- * moment, whether in full, and when (milliseconds since 1970).
+ * Executed in the page: `window.pictured` collects the frames that the GPU has finished and in
+ * which nothing is missing, with their sim time, whether they are in full quality, and the wall
+ * time (milliseconds since 1970).
  */
 function watchPictures() {
   const { scene } = window.maes;
@@ -142,7 +144,10 @@ function watchPictures() {
   };
 }
 
-/** When the first picture of the moment that is asked for was done, and the first one in full; seconds since a moment. */
+/**
+ * Time from a moment to the first frame at the requested time, and to the first one in full
+ * quality; seconds.
+ */
 async function pictures(tab, sinceMs) {
   const first = async (isFull) => {
     const found = await tab.waitForFunction(
@@ -160,7 +165,7 @@ async function pictures(tab, sinceMs) {
   return { anyS: await first(false), fullS: await first(true) };
 }
 
-/** Half an hour of ten agents from disk: until there is a picture, until all is read, and seeks all over it. */
+/** Half an hour of ten agents from disk: the first frame, reading to the end, and seeks. */
 async function recording(file) {
   const server = start(join(binaries, "sim_server"), [
     "view",
@@ -200,7 +205,7 @@ async function recording(file) {
   }
 }
 
-/** Ten agents for half an hour, in a file. */
+/** Records ten agents for half an hour. */
 async function record() {
   const file = join(folder, "half_an_hour.mcap");
   const words = "--transport memory --agents 10 --controller dsvp --size 100 --seed 2 --duration 1800";

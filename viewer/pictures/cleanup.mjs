@@ -1,6 +1,6 @@
 /**
- * What must not be left behind: files that are not complete yet, and programs that were started. Whatever way this process ends,
- * short of SIGKILL, the files are removed and the programs ended. (The browser is ended by Playwright, in the same way.)
+ * Removes incomplete files and kills child processes whenever this process ends, short of SIGKILL.
+ * (Playwright does the same for the browser.)
  */
 import { rmSync } from "node:fs";
 import process from "node:process";
@@ -10,10 +10,10 @@ const files = new Set();
 /** @type {Set<import("node:child_process").ChildProcess>} */
 const programs = new Set();
 
-/** Exit codes as shells count them. */
+/** Exit codes of signals, as shells have them. */
 const SIGNALS = /** @type {const} */ ({ SIGHUP: 129, SIGINT: 130, SIGTERM: 143 });
 
-/** To be called once, before there is anything that could be left. */
+/** Must be called once, before any file or process is registered. */
 export function cleanUpAtExit() {
   process.on("exit", () => {
     for (const program of programs) program.kill("SIGKILL");

@@ -1,8 +1,8 @@
 /**
- * What may go wrong, in words for people: one line that names the thing and what is expected. No stack trace is ever shown for these.
+ * Errors for people: one line that names the thing and what was expected, without a stack trace.
  */
 
-/** What was asked for cannot be: exit code 2. */
+/** The request is invalid: exit code 2. */
 export class InvalidRequest extends Error {
   exitCode = 2;
 }
@@ -13,7 +13,7 @@ export class CaptureError extends Error {
 }
 
 /**
- * The first line of what was thrown, without the name of the call: Playwright adds logs and advice of many lines.
+ * The first line of an error, without the name of the call: Playwright adds logs and advice.
  * @param {unknown} thrown
  * @returns {string}
  */

@@ -1,8 +1,9 @@
 /**
- * The page with the recording in a browser without a window, where exact moments are drawn and photographed.
+ * The page with a recording in a headless browser, which renders and captures exact times.
  *
- * Everything is computed in software, so that a recording gives the same picture on every machine that has the same browser and fonts.
- * Nothing is photographed before it is complete, and each CSS pixel is one pixel.
+ * Rendering is done in software, so that a recording gives the same image on every machine with the
+ * same browser and fonts. Images are captured only when they are complete, with one pixel per CSS
+ * pixel.
  */
 /* global document, requestAnimationFrame, setTimeout, window */
 import { Buffer } from "node:buffer";
@@ -44,7 +45,7 @@ export class HeadlessPage {
     const context = await browser.newContext({ viewport: { width, height }, deviceScaleFactor: 1 });
     const page = await context.newPage();
     const devtools = await context.newCDPSession(page);
-    // To read and to draw may take as long as it takes.
+    // Reading and rendering have no time limit.
     page.setDefaultTimeout(0);
     page.setDefaultNavigationTimeout(0);
     const address = addressOf(request);
@@ -57,7 +58,7 @@ export class HeadlessPage {
   }
 
   /**
-   * Resolves when the recording has been read to its end, or as far as it can be.
+   * Resolves when the recording has been read, as far as it can be.
    * @returns {Promise<RecordingFacts & { problem: string | null }>}
    */
   async read() {
@@ -68,7 +69,7 @@ export class HeadlessPage {
   }
 
   /**
-   * Sets what is shown, and where the camera is: behind the agent at this time, or before the whole cave.
+   * Sets the layers and the camera: behind the agent at this time, or on the whole cave.
    * @param {Pick<CaptureRequest, "agent" | "layers">} request
    * @param {number} timeS
    */
@@ -77,9 +78,9 @@ export class HeadlessPage {
   }
 
   /**
-   * The picture of a moment, a PNG.
+   * The image at a time, a PNG.
    * @param {number} timeS
-   * @param {{ isQuick: boolean }} options `isQuick`: compressed less, which takes less time; the pixels are the same.
+   * @param {{ isQuick: boolean }} options `isQuick`: faster, weaker compression of the same pixels.
    * @returns {Promise<Uint8Array>}
    */
   async take(timeS, { isQuick }) {
@@ -105,10 +106,10 @@ async function launch(chromium) {
       await browserType()
     ).launch({
       executablePath: chromium,
-      // Chromium refuses to run as root with it.
+      // Chromium refuses to run as root with the sandbox.
       chromiumSandbox: !isRoot,
       args: ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-lcd-text"],
-      // An end by a signal is the business of `cleanup.mjs`.
+      // Signals are handled by `cleanup.mjs`.
       handleSIGHUP: false,
       handleSIGINT: false,
       handleSIGTERM: false,
@@ -128,7 +129,7 @@ async function browserType() {
 }
 
 /**
- * What a browser that has not started said itself, if it did.
+ * The error message of a browser that failed to start, if it printed one.
  * @param {unknown} error
  */
 function reasonOf(error) {
@@ -149,9 +150,12 @@ function addressOf({ url, agent }) {
 }
 
 // ---------------------------------------------------------------- in the page
-// These functions are sent to the page as text: they know nothing of this file.
+// These functions are sent to the page as text: they cannot refer to this file.
 
-/** @returns {Promise<(RecordingFacts & { problem: string | null }) | { refusal: string } | { failure: string }>} */
+/**
+ * @returns {Promise<(RecordingFacts & { problem: string | null }) | { refusal: string } | {
+ * failure: string }>}
+ */
 function readWhole() {
   const maes = window.maes;
   if (!maes) return Promise.resolve({ failure: "this is not the page of the viewer" });
@@ -182,18 +186,18 @@ async function arrange({ agent, layers, timeS }) {
     }
     scene.viewChanged();
   }
-  // Notices are told on the terminal; over a picture they would hide it.
+  // Notices are printed on the terminal; they would cover the image.
   for (const banners of document.querySelectorAll("[data-testid=banners]"))
     banners.setAttribute("hidden", "");
   await maes.showAt(timeS);
-  // The camera looks where the agent looks at that time; the whole cave fits into a picture of this size.
+  // The camera looks where the agent looks at that time; the whole cave fits an image of this size.
   scene.select(agent, { fly: false });
 }
 
 /**
- * Draws a moment, and waits until the browser has put it on its screen.
+ * Renders a time, and waits until the browser has presented the frame.
  * @param {number} timeS
- * @returns {Promise<string | null>} What has gone wrong.
+ * @returns {Promise<string | null>} The error, if any.
  */
 async function draw(timeS) {
   const maes = window.maes;

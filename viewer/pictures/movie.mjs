@@ -1,8 +1,9 @@
 /**
- * Makes a movie of pictures with ffmpeg. Each picture is a PNG; they come in request.
+ * Encodes a movie with ffmpeg from a sequence of PNG frames.
  *
- * An MP4 is encoded while pictures come. A GIF needs the colours of all pictures first: they are kept in a file beside it meanwhile,
- * which one filter graph reads twice, so that memory does not grow with the length.
+ * An MP4 is encoded while the frames arrive. A GIF needs the colours of all frames first: they are
+ * kept in a temporary file, which one filter graph reads twice, so that memory use does not grow
+ * with the length.
  */
 import { spawn } from "node:child_process";
 import { once } from "node:events";
@@ -10,7 +11,7 @@ import { open } from "node:fs/promises";
 import { CaptureError } from "./errors.mjs";
 import { killAtExit, removeAtExit } from "./cleanup.mjs";
 
-/** So much of what ffmpeg has stderr last is kept, characters. */
+/** Length of ffmpeg's error output that is kept, characters. */
 const STDERR_MAX = 4000;
 
 /**
@@ -24,7 +25,7 @@ const STDERR_MAX = 4000;
 /**
  * @param {string} ffmpeg
  * @param {Format} format
- * @param {string} path Where it is written.
+ * @param {string} path Output file.
  * @returns {Promise<MovieWriter>}
  */
 export async function startMovie(ffmpeg, format, path) {
@@ -40,10 +41,10 @@ export async function startMovie(ffmpeg, format, path) {
 function openMp4(ffmpeg, fps, path) {
   const encoder = run(ffmpeg, [
     ...pictures(fps, "pipe:0"),
-    // Colours as players expect them of a movie of this size; without the labels each would guess.
+    // BT.709, which players expect of HD video, with explicit labels.
     ...["-vf", "scale=out_color_matrix=bt709:out_range=tv:flags=accurate_rnd+full_chroma_int,format=yuv420p"],
     ...["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"],
-    // One thread, because what x264 writes depends on how many there are; to draw takes longer anyway.
+    // One thread, because the output of x264 depends on the number; rendering dominates anyway.
     ...["-c:v", "libx264", "-preset", "medium", "-crf", "18", "-threads", "1"],
     ...["-movflags", "+faststart", "-fflags", "+bitexact", "-f", "mp4", path],
   ]);
@@ -77,7 +78,7 @@ async function openGif(ffmpeg, fps, path) {
         ...pictures(fps, kept),
         ...pictures(fps, kept),
         "-filter_complex",
-        // An ordered pattern stays where it is from picture to picture; others would flicker, and make large files.
+        // Ordered dithering is stable between frames; other patterns flicker, and make large files.
         "[0:v]palettegen=stats_mode=full[colours];[1:v][colours]paletteuse=dither=bayer:bayer_scale=3:diff_mode=rectangle",
         ...["-loop", "0", "-f", "gif", path],
       ]);
@@ -88,7 +89,7 @@ async function openGif(ffmpeg, fps, path) {
 }
 
 /**
- * The arguments for an input of pictures one after the other.
+ * Input arguments for a sequence of PNG frames.
  * @param {number} fps
  * @param {string} from
  */
@@ -103,14 +104,14 @@ function pictures(fps, from) {
 function run(ffmpeg, settings) {
   const program = spawn(ffmpeg, ["-hide_banner", "-loglevel", "error", "-nostdin", "-y", ...settings], {
     stdio: ["pipe", "ignore", "pipe"],
-    // An interrupt at the terminal is for this process, which ends ffmpeg itself.
+    // Ctrl-C is handled by this process, which kills ffmpeg itself.
     detached: true,
   });
   killAtExit(program);
   let stderr = "";
   program.stderr.setEncoding("utf8");
   program.stderr.on("data", (/** @type {string} */ text) => (stderr = (stderr + text).slice(-STDERR_MAX)));
-  // That a pipe has broken says less than why the program has ended.
+  // The reason of its exit says more than a broken pipe.
   program.stdin.on("error", () => undefined);
   /** @type {Promise<void>} */
   const isOver = new Promise((resolve, reject) => {
@@ -123,7 +124,7 @@ function run(ffmpeg, settings) {
         );
     });
   });
-  // It may fail while nobody waits for it; who waits next is told.
+  // It may reject before it is awaited; the next await reports it.
   isOver.catch(() => undefined);
   return { program, isOver };
 }

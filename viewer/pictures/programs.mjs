@@ -1,6 +1,4 @@
-/**
- * Where the programs are that pictures are made with.
- */
+/** Finds the programs that capturing needs. */
 import { accessSync, constants, statSync } from "node:fs";
 import { delimiter, join } from "node:path";
 import { CaptureError } from "./errors.mjs";
@@ -10,7 +8,7 @@ const CHROMIUM_NAMES = ["chromium", "chromium-browser", "google-chrome", "google
 /** @typedef {Readonly<Record<string, string | undefined>>} Environment */
 
 /**
- * The browser: what `MAES_CHROMIUM` names, else the first that is in PATH.
+ * The browser: `MAES_CHROMIUM`, else the first candidate in PATH.
  * @param {Environment} environment
  */
 export function chromiumIn(environment) {
@@ -33,7 +31,7 @@ export function ffmpegIn(environment) {
 }
 
 /**
- * The first of these names that is in PATH.
+ * The first of these names in PATH.
  * @param {readonly string[]} names
  * @param {Environment} environment
  * @returns {string | null}

@@ -1,44 +1,48 @@
 /**
- * What was ordered, checked: a picture of one moment, or a movie of a stretch of time. Pure.
+ * Validation of capture requests: an image of one time, or a movie of an interval. Pure.
  *
- * Errors name the options of the commands that pass the request on. What only the recording can tell (its end, its agents, the layers of
- * the page) is checked by `frameTimesOf`, when it has been read.
+ * Errors name the options of the commands that pass the request on. What depends on the recording
+ * (its end, its agents, the layers of the page) is checked by `frameTimesOf` after it has been
+ * read.
  */
 import { isAbsolute } from "node:path";
 import { InvalidRequest } from "./errors.mjs";
 
-/** Sides of a picture, pixels. Above this no software renderer has textures. */
+/** Limits of width and height, pixels; software renderers have no larger textures. */
 const SIDE_MIN = 16;
 const SIDE_MAX = 8192;
 const FPS_MAX = 120;
-/** A GIF counts in hundredths of a second, and browsers slow down what is quicker than two of them. */
+/** GIF delays are hundredths of a second, and browsers slow down delays below two of them. */
 const GIF_FPS_MAX = 50;
-/** A moment may miss the end by half a tick of 0.02 s: ends are shown with two digits. */
+/**
+ * A time may exceed the end by half a tick of 0.02 s, because ends are printed with two decimals.
+ */
 const SLACK_S = 0.01;
 
-/** Layers that show something of an agent, and nothing without one. */
+/** Layers that show nothing without an agent. */
 const LAYERS_OF_AGENT = ["hits", "belief"];
 
 /**
  * @typedef {object} CommonRequest
  * @property {string} url The page with the recording.
- * @property {string} out Where the file is to be, an absolute path.
+ * @property {string} out Output file, an absolute path.
  * @property {readonly [number, number]} size Width and height, pixels.
- * @property {number | null} agent Whom the camera goes with; null: the whole cave.
- * @property {readonly string[] | null} layers The layers that are shown, and no others; null: what the page shows by default.
+ * @property {number | null} agent The agent that the camera follows; null: the whole cave.
+ * @property {readonly string[] | null} layers Visible layers; null: the defaults of the page.
  *
  * @typedef {CommonRequest & { kind: "png", atS: number }} ImageRequest
- * @typedef {CommonRequest & { kind: "mp4" | "gif", fromS: number | null, toS: number | null, lengthS: number, fps: number }} MovieRequest
+ * @typedef {CommonRequest & { kind: "mp4" | "gif", fromS: number | null, toS: number | null,
+ * lengthS: number, fps: number }} MovieRequest
  * @typedef {ImageRequest | MovieRequest} CaptureRequest
  *
- * @typedef {object} RecordingFacts What the page knows of a recording that has been read whole.
+ * @typedef {object} RecordingFacts Facts of a recording that has been read completely.
  * @property {number} endS
  * @property {number} agents
- * @property {readonly string[]} layers All that there are.
+ * @property {readonly string[]} layers All layers of the page.
  */
 
 /**
- * Reads an request.
+ * Parses a request.
  * @param {string | undefined} text JSON.
  * @returns {CaptureRequest}
  */
@@ -75,7 +79,8 @@ export function parseRequest(text) {
 }
 
 /**
- * The times of the frames, in request: one for a picture. Throws if the recording has not what is ordered.
+ * Times of the frames, ascending; one for an image. Throws if the recording cannot satisfy the
+ * request.
  * @param {CaptureRequest} request
  * @param {RecordingFacts} recording
  * @returns {number[]}
@@ -103,7 +108,7 @@ export function frameTimesOf(request, recording) {
 }
 
 /**
- * The layers that were ordered and show nothing, because they are of an agent and none was named.
+ * The requested layers that show nothing because no agent was given.
  * @param {CaptureRequest} request
  * @returns {string[]}
  */
@@ -112,10 +117,10 @@ export function idleLayers({ agent, layers }) {
 }
 
 /**
- * Times at equal steps; the first frame is that of `fromS`, the last one that of `toS`.
+ * Equidistant times; the first frame is at `fromS`, the last one at `toS`.
  * @param {number} fromS
  * @param {number} toS
- * @param {number} lengthS How long the movie is.
+ * @param {number} lengthS Duration of the movie.
  * @param {number} fps
  * @returns {number[]}
  */
@@ -126,7 +131,7 @@ export function frameTimes(fromS, toS, lengthS, fps) {
       `--seconds ${lengthS} --fps ${fps}: that is ${frames} frames, and a movie has 2 at least`,
     );
   }
-  // The ends are met exactly, whatever is lost in rounding.
+  // Interpolated so that both ends are exact despite rounding.
   return Array.from({ length: frames }, (_, frame) => {
     const share = frame / (frames - 1);
     return fromS * (1 - share) + toS * share;
@@ -235,7 +240,7 @@ function timeOf(option, value) {
 }
 
 /**
- * A time of the recording; `timeS` may miss its end by a hair.
+ * Clamps a time to the recording; it may exceed the end by a rounding error.
  * @param {string} option
  * @param {number} timeS
  * @param {number} endS

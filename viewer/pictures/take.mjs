@@ -1,13 +1,16 @@
 /**
- * Takes a picture or a movie of a recording with the viewer's own page, in Chromium without a window.
+ * Captures an image or a movie of a recording with the viewer's page in headless Chromium.
  *
- *     node take.mjs '{"url": "http://127.0.0.1:PORT/?recording=recording/run.mcap", "out": "/tmp/cave.png", "size": [1280, 720],
+ *     node take.mjs '{"url": "http://127.0.0.1:PORT/?recording=recording/run.mcap",
+ *                     "out": "/tmp/cave.png", "size": [1280, 720],
  *                     "agent": null, "layers": null, "at": 120}'
- *     node take.mjs '{"url": ..., "out": "/tmp/cave.mp4", "size": [1280, 720], "agent": 3, "layers": ["walls", "trails"],
+ *     node take.mjs '{"url": ..., "out": "/tmp/cave.mp4", "size": [1280, 720],
+ *                     "agent": 3, "layers": ["walls", "trails"],
  *                     "from": null, "to": 300, "seconds": 20, "fps": 30}'
  *
- * It is called by `sim_server snapshot` and `experiments movie`, which serve the page. The file appears under its name when it is
- * complete, and not before. Errors are one line on stderr; exit code 2: what was asked for cannot be, 1: something has failed.
+ * Called by `maes snapshot` and `maes movie`, which serve the page. The output file appears when it
+ * is complete. Errors are one line on stderr; exit code 2: the request is invalid, 1: something has
+ * failed.
  */
 import { open, rename, stat, writeFile } from "node:fs/promises";
 import { basename, dirname, join } from "node:path";
@@ -20,7 +23,7 @@ import { frameTimesOf, idleLayers, parseRequest } from "./request.mjs";
 import { chromiumIn, ffmpegIn } from "./programs.mjs";
 import { HeadlessPage } from "./headless-page.mjs";
 
-/** How often it is recording how far a movie is, milliseconds. */
+/** Period of progress reports of a movie, milliseconds. */
 const PROGRESS_MS = 2000;
 
 cleanUpAtExit();
@@ -52,7 +55,7 @@ async function take(request) {
       );
     await rename(part, request.out);
   } finally {
-    // Nothing of the browser outlives this, whatever came of it.
+    // The browser never outlives this process.
     await page.close();
   }
 }
@@ -77,7 +80,7 @@ async function record(page, times, movie) {
 }
 
 /**
- * Makes the file that is written until it is complete, beside the one that it becomes.
+ * Creates the temporary file beside the output file.
  * @param {string} out
  */
 async function partOf(out) {

@@ -1,8 +1,9 @@
 /**
- * Where the page begins: reads what its address asks for, and opens that.
+ * Entry point of the page: parses the query of its address and opens what it names.
  *
- * `?recording=URL`, `?server=ws://host:port`, `?time=S`, `?agent=N`, `?picture=1`. Without a recording or a server, a page that was
- * served by a simulator connects with it; one that was not shows the welcome screen.
+ * `?recording=URL`, `?server=ws://host:port`, `?time=S`, `?agent=N`, `?picture=1`. Without a
+ * recording or a server, the page connects to the simulator that served it, and shows the welcome
+ * screen if there is none.
  */
 import "./app/base.css";
 import "./app/layout.css";
@@ -12,7 +13,7 @@ import type { Handle } from "./app/handle.ts";
 
 const wanted = new URLSearchParams(location.search);
 
-/** A number of the address; null if there is none. */
+/** A non-negative number of the query; null if it is missing or malformed. */
 function numberOf(name: string): number | null {
   const text = wanted.get(name);
   if (text === null || text.trim() === "") return null;
@@ -41,7 +42,7 @@ const handle: Handle = {
 };
 window.maes = handle;
 
-// What nobody has foreseen is told, too.
+// Unhandled errors are shown as well.
 window.addEventListener("error", ({ message }) => app.shell.banners.set("fault", message));
 window.addEventListener("unhandledrejection", ({ reason }) => app.shell.banners.set("fault", String(reason)));
 

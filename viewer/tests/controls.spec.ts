@@ -1,7 +1,7 @@
 /**
- * What one can do with the picture: layers, cuts, the camera, the selection; and what of it is remembered.
+ * View controls: layers, cuts, camera, selection, and the settings that persist.
  *
- * Every control changes the picture, and putting it back gives the same picture to the last pixel.
+ * Every control changes the image, and resetting it restores the image to the last pixel.
  */
 import type { Page } from "@playwright/test";
 import { expect, test } from "./support/fixtures.ts";
@@ -10,9 +10,9 @@ import * as shown from "./support/shown.ts";
 
 const FILE = recording("radio");
 
-/** Half of the cave is explored then, agents are on their ways, and some hear each other. */
+/** Half of the cave is explored then, agents follow paths, and some are in contact. */
 const TIME_S = 20;
-/** One that is heard then. */
+/** An agent with contacts then. */
 const AGENT = 1;
 
 const LAYERS = [
@@ -45,7 +45,7 @@ test("every layer can be shown and left out", async ({ page, servers }) => {
   await shown.openWhole(page, `${await servers.view(FILE)}&agent=${AGENT}`);
   await page.getByTestId("toolbar-layers").click();
   await expect(page.getByTestId("layers-panel")).toBeVisible();
-  // Far enough from the agent that something of every layer is in the picture.
+  // Far enough from the agent that every layer is visible in the image.
   await shown.showAt(page, TIME_S);
   await page.getByTestId("picture").hover();
   for (let turn = 0; turn < 4; turn++) await page.mouse.wheel(0, 240);
@@ -108,7 +108,7 @@ test("agents are selected by buttons, keys, clicks and the table", async ({ page
   await shown.openWhole(page, await servers.view(FILE));
   const before = await shown.pictureAt(page, TIME_S);
 
-  // Through all of them, the cave being one, and back.
+  // Through all of them, including the cave, and back.
   for (const agent of [0, 1, 2, 3, 4, null, 0]) {
     await page.getByTestId("camera-next").click();
     await expectSelected(page, agent);
@@ -142,7 +142,7 @@ test("agents are selected by buttons, keys, clicks and the table", async ({ page
   await page.getByTestId("agent-close").click();
   await expectSelected(page, null);
 
-  // A click in the picture, where the scene says that one of them is.
+  // Clicks the image where the scene reports an agent.
   await shown.showAt(page, TIME_S);
   const place = await page.evaluate(() => {
     const scene = window.maes!.scene!;
@@ -219,7 +219,7 @@ test("keys, figures and panels come and go", async ({ page, servers }) => {
   await page.keyboard.press("?");
   await expect(page.getByTestId("help")).toBeVisible();
   await expect(page.getByTestId("help")).toContainText("Select an agent");
-  // Keys belong to the dialog as long as it is there.
+  // Keys belong to the dialog while it is open.
   await page.keyboard.press("2");
   await page.keyboard.press("Escape");
   await expect(page.getByTestId("help")).toBeHidden();
@@ -289,7 +289,7 @@ test("a page for pictures has nothing but the picture and a caption", async ({ p
   for (const part of ["side", "playback-bar", "camera-bar", "layers-panel"]) {
     await expect(page.getByTestId(part)).toBeHidden();
   }
-  // What somebody has chosen does not count: pictures are the same everywhere.
+  // Stored settings do not apply: captured images are the same everywhere.
   expect(await isOn(page, "heat")).toBe(false);
   const share = await page.evaluate((timeS) => {
     const { seenAt, terrain } = window.maes!.run!;

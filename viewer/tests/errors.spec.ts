@@ -1,6 +1,4 @@
-/**
- * What goes wrong is told in words, and the page goes on.
- */
+/** Errors are shown in words, and the page stays usable. */
 import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { McapWriter } from "@mcap/core";
@@ -12,7 +10,7 @@ import * as shown from "./support/shown.ts";
 
 const AGENTS = 5;
 
-/** A file of another kind, with the same container. */
+/** An MCAP file with other contents. */
 async function foreignMcap(): Promise<Buffer> {
   const parts: Uint8Array[] = [];
   let length = 0n;
@@ -61,7 +59,7 @@ test("what is no recording is refused in words", async ({ page, servers }) => {
     await choose(page, name, content);
     await expect(banner).toContainText(name);
     await expect(banner).toHaveText(told);
-    // There is a way on.
+    // Another recording can be opened.
     await expect(page.getByTestId("drop-zone")).toBeVisible();
     await page.getByTestId("banner-opening-close").click();
     await expect(banner).toBeHidden();
@@ -69,7 +67,7 @@ test("what is no recording is refused in words", async ({ page, servers }) => {
   await page.getByTestId("file").setInputFiles(recording("cave"));
   await shown.ready(page);
   await expect(page.getByTestId("run-title")).toHaveText("cave.mcap");
-  // A bad file does not take away what is shown.
+  // A bad file does not replace the open run.
   await choose(page, "more.mcap", Buffer.from("no"));
   await expect(banner).toContainText("more.mcap");
   await expect(page.getByTestId("run-title")).toHaveText("cave.mcap");
@@ -102,7 +100,7 @@ test("an address where nothing is, is told", async ({ page, servers }) => {
   await expect(page.getByTestId("banner-opening")).toContainText("404");
   await expect(page.getByTestId("drop-zone")).toBeVisible();
 
-  // Nobody listens at port 1.
+  // Port 1 is closed.
   await page.goto(new URL("/?server=127.0.0.1:1", url).href);
   await expect(page.getByTestId("banner-connection")).toContainText(
     "No simulator answers at ws://127.0.0.1:1",
@@ -129,7 +127,7 @@ test("the page lives through the death of its server", async ({ page, servers })
   await expect(page.getByTestId("run-state")).toHaveText("connection lost");
   await expect(page.getByTestId("banner-connection")).toContainText("was lost. Trying again.");
   await expect(page.getByTestId("sim-play")).toBeDisabled();
-  // What had come is there, and can be looked at.
+  // What was received stays available.
   expect(await page.evaluate(() => window.maes!.run!.id)).toBe(id);
   const end = await shown.endOf(page);
   await page.keyboard.press("Home");

@@ -1,6 +1,4 @@
-/**
- * A recording: the ways to open it, the numbers it shows, and the time line.
- */
+/** Recordings: ways to open them, numbers, and the timeline. */
 import { readFileSync } from "node:fs";
 import type { Page } from "@playwright/test";
 import { expect, test } from "./support/fixtures.ts";
@@ -11,7 +9,7 @@ const FILE = recording("cave");
 
 const TICK_S = 0.02;
 
-/** A number that is written with spaces between thousands. */
+/** Parses a number with spaces between thousands. */
 const numberOf = (text: string): number => Number(text.replace(/\s/g, ""));
 
 test("is opened by the file chooser", async ({ page, servers }) => {
@@ -23,7 +21,7 @@ test("is opened by the file chooser", async ({ page, servers }) => {
   await shown.ready(page);
   await expect(page.getByTestId("run-title")).toHaveText("cave.mcap");
   await expect(page.getByTestId("welcome")).toBeHidden();
-  // Another one takes its place.
+  // Another recording replaces it.
   await page.getByTestId("file").setInputFiles(recording("radio"));
   await expect(page.getByTestId("run-title")).toHaveText("radio.mcap");
   await expect(page.getByTestId("fact-radio")).toHaveText("15.0 m");
@@ -88,7 +86,7 @@ test("shows the numbers that it has", async ({ page, servers }) => {
     const tick = Math.round(shown.secondsOf(time) / TICK_S);
     expected.set(`tick explored permille ${Number(share) * 10}`, tick);
   }
-  // The server leaves out what has not happened.
+  // The server omits counters of zero.
   for (const [name, value] of counters) if (value === 0) counters.delete(name);
   expect([...counters].sort()).toEqual([...expected].sort());
 
@@ -115,7 +113,7 @@ test("counts what was explored and covered as the server does, at any time", asy
   const rows = await page.evaluate((tickS) => {
     const run = window.maes!.run!;
     const agents = Array.from({ length: run.setup.agents }, (_, id) => id);
-    /** When the last of the agents had been asked again. */
+    /** When every agent had another observation. */
     const allAskedS = (timeS: number): number => {
       let atS = timeS;
       while (atS < run.endS && agents.some((id) => run.agentAt(id, atS).observedS < timeS)) atS += tickS;
@@ -126,7 +124,7 @@ test("counts what was explored and covered as the server does, at any time", asy
       timeS,
       explored,
       covered,
-      // A recording tells of cells when an agent is told of them: scans come first, and the next questions after.
+      // A recording contains cells once they are in an observation, which follows the scan.
       least: share(run.seenAt(timeS - tickS)),
       most: share(run.seenAt(allAskedS(timeS))),
       counted: share(run.seenAt(timeS)),
@@ -139,7 +137,7 @@ test("counts what was explored and covered as the server does, at any time", asy
     expect(explored).toBeGreaterThanOrEqual(least - 1e-12);
     expect(explored).toBeLessThanOrEqual(most + 1e-12);
   }
-  // Where no scan waits to be told, both are one number, and the panel has it.
+  // Where no scan awaits its observation both numbers are equal, and the panel shows them.
   const settled = rows.filter(({ timeS, least, most }) => timeS > 0 && least === most);
   expect(settled.length).toBeGreaterThan(0);
   for (const { timeS, explored, covered } of settled.slice(0, 3)) {
@@ -153,7 +151,7 @@ test("counts what was explored and covered as the server does, at any time", asy
   }
 });
 
-/** Clicks the time line at a share of its length. */
+/** Clicks the timeline at a share of its length. */
 async function clickLine(page: Page, share: number): Promise<void> {
   const box = (await page.getByTestId("timeline").boundingBox())!;
   await page.mouse.click(box.x + box.width * share, box.y + box.height / 2);
@@ -197,7 +195,7 @@ test("the time line goes where it is told", async ({ page, servers }) => {
     await page.keyboard.press(key);
     await shown.expectTime(page, to);
   }
-  // The same keys count when nothing has the focus.
+  // The same keys work without focus.
   await line.blur();
   await shown.showAt(page, 50);
   await page.keyboard.press("ArrowRight");
@@ -214,7 +212,7 @@ test("marks tell when shares were explored, and lead there", async ({ page, serv
   for (const [share, time] of info.reached) {
     const mark = page.getByTestId(`milestone-${share}`);
     await expect(mark).toHaveAttribute("title", `${share} % explored at ${shown.whole(time)}`);
-    // Marks at the end lie over one another: the keyboard and screen readers get at each of them.
+    // Marks at the end overlap: keyboard and screen readers reach each of them.
     await mark.dispatchEvent("click");
     await shown.expectTime(page, shown.secondsOf(time));
   }
@@ -249,7 +247,7 @@ test("is played, held, and played to its end", async ({ page, servers }) => {
   await page.getByTestId("play").click();
   await shown.expectTime(page, end);
   expect((await state()).isPlaying).toBe(false);
-  // From the end it begins again.
+  // At the end it starts over.
   await page.getByTestId("play").click();
   await expect.poll(() => shown.timeOf(page)).toBeLessThan(end - 1);
 });
@@ -271,14 +269,14 @@ test("a moment is the same picture however one came to it", async ({ page, serve
   shown.expectOther(first, later, "100 s and 300 s");
   shown.expectSame(first, again, "100 s before and after 300 s");
 
-  // By hand over the time line, too, with another agent in between.
+  // Through the timeline as well, with another agent in between.
   await page.keyboard.press("2");
   await clickLine(page, 0.9);
   await page.keyboard.press("Escape");
   await clickLine(page, 0.1);
   shown.expectSame(first, await shown.pictureAt(page, 100), "100 s after a round trip");
 
-  // And in a page that has never shown anything else.
+  // And in a page that has not shown anything else.
   await page.reload();
   await shown.ready(page);
   shown.expectSame(first, await shown.pictureAt(page, 100), "100 s in a new page");

@@ -1,21 +1,24 @@
 /** Selecting an agent by buttons and digit keys. Pure. */
 
-/** The agent that the bar's buttons lead to: the cave lies between the last one and the first. */
+/** The selection after a step; the whole cave lies between the last agent and the first. */
 export function nextSelection(selected: number | null, step: 1 | -1, agents: number): number | null {
-  // Place 0 is the cave, and agent n has place n + 1.
+  // Index 0 is the cave, and agent n has index n + 1.
   const places = agents + 1;
   const place = ((selected === null ? 0 : selected + 1) + step + places) % places;
   return place === 0 ? null : place - 1;
 }
 
-/** How long a second digit may take, milliseconds. */
+/** Maximum time between two digits of one number, milliseconds. */
 const DIGITS_MS = 600;
 
-/** Digits that are typed become the number of an agent; two of them one number if they come quickly and there is such an agent. */
+/**
+ * Parses typed digits as agent numbers; two digits in quick succession are one number if such an
+ * agent exists.
+ */
 export class AgentNumberInput {
   #last: { digit: number; atMs: number } | null = null;
 
-  /** The agent that is meant now; null: there is none of that number. */
+  /** The agent that the digits name; null if there is no such agent. */
   typed(digit: number, atMs: number, agents: number): number | null {
     const before = this.#last;
     this.#last = { digit, atMs };

@@ -1,18 +1,16 @@
-/**
- * The cards of the side panel that tell of agents: a table of all, or everything of the one that is selected.
- */
+/** The agent cards of the side panel: a table of all agents, or the details of the selected one. */
 import type { AgentState, Progress, Run } from "../data/run.ts";
 import { agentColour } from "../scene/colours.ts";
 import { FactList } from "./cards.ts";
 import { el, fill, iconButton, setHidden, setText } from "./dom.ts";
-import { bytes, clockTime, count, finePercent, heading, metres, percent, place } from "./format.ts";
+import { bytes, clockTime, count, finePercent, heading, metres, percent, positionText } from "./format.ts";
 import { nameOf, progressAt } from "./panel-state.ts";
 import type { PanelState } from "./panel-state.ts";
 
-/** Progress is told every 10 s; what is as old as a tick is of now. */
+/** Progress is published every 10 s; progress of the same tick counts as current. */
 const FRESH_S = 0.05;
 
-/** Of which time numbers are that the server tells now and then; null if they are of now. */
+/** Note on the age of progress values; null if they are current. */
 function ageOf(progress: Progress | null, timeS: number): string | null {
   if (!progress) return "not told yet";
   return timeS - progress.timeS > FRESH_S ? `as of ${clockTime(progress.timeS)}` : null;
@@ -34,7 +32,7 @@ interface Row {
   readonly distance: HTMLElement;
 }
 
-/** All agents; a click selects one. */
+/** The table of agents; a click selects one. */
 export class AgentsCard {
   readonly root: HTMLElement;
   readonly #body = el("tbody", { testid: "agents" });
@@ -100,7 +98,7 @@ export class AgentsCard {
   }
 }
 
-/** Everything of the selected agent. */
+/** The details of the selected agent. */
 export class AgentCard {
   readonly root: HTMLElement;
   readonly #title = el("h2", { class: "card-title", testid: "agent-title" });
@@ -138,10 +136,10 @@ export class AgentCard {
     const facts = this.#facts;
     facts.set("Controller", run.setup.controllers[selected] ?? null);
     facts.set("Task", taskOf(agent));
-    facts.set("Position", `${place(agent.position)} m`);
+    facts.set("Position", `${positionText(agent.position)} m`);
     facts.set("Heading", heading(agent.yawRad));
     facts.set("Speed", `${agent.speedMS.toFixed(2)} m/s`);
-    facts.set("Target", target ? `${place(target)} m` : "none");
+    facts.set("Target", target ? `${positionText(target)} m` : "none");
     facts.set("Hears", agent.contacts.length === 0 ? "nobody" : agent.contacts.join(", "));
     facts.set("Sent", `${count(agent.sent.messages)} parcels, ${bytes(agent.sent.bytes)}`);
     facts.set("Received", `${count(agent.received.messages)} parcels, ${bytes(agent.received.bytes)}`);

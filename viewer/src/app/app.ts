@@ -1,6 +1,6 @@
 /**
- * The page: holds what is shown (run, time, selection, layers), passes orders on, and tells the panels. What a thing looks like is
- * in its own file.
+ * The application: owns the state of the page (run, time, selection, layers), executes actions, and
+ * updates the panels. Each part of the page is rendered in its own module.
  */
 import type { Run } from "../data/run.ts";
 import { openFile, openLive, openUrl } from "../data/sources.ts";
@@ -21,17 +21,19 @@ import { PLAY_RATES, shifted } from "./rates.ts";
 import { STATE } from "./services.ts";
 import { Shell } from "./shell.ts";
 
-/** How often panels are told, seconds on the wall. */
+/** Period of panel updates, seconds of wall time. */
 const PANEL_PERIOD_S = 0.12;
 
-/** How long the page waits to see whether a simulator has served it before it shows the other ways to a run. */
+/**
+ * Time to probe for a simulator that serves the page, before other ways to open a run are shown.
+ */
 const PROBE_MS = 600;
 
-/** What the address of the page asks for. */
+/** Options in the address of the page. */
 export interface PageOptions {
   readonly timeS: number | null;
   readonly agent: number | null;
-  /** Nothing but the picture and a caption. */
+  /** Whether only the image and a caption are shown. */
   readonly isPicture: boolean;
 }
 
@@ -45,14 +47,14 @@ export class App implements PageActions {
   live: LiveConnection | null = null;
   #selected: number | null = null;
   #busy: string | null = null;
-  /** Grows with each opening: one that was overtaken by another is dropped. */
+  /** Incremented by every opening; an opening that was superseded is dropped. */
   #opening = 0;
   #unlisten: () => void = () => undefined;
   #isReady: () => void = () => undefined;
   #panelsUpdatedS = -Infinity;
-  /** Whether the panels show something else than what is so. */
+  /** Whether the panels are out of date. */
   #isStale = true;
-  /** Whether the time that the address asks for has not been read yet. */
+  /** Whether the time in the address has not been read yet. */
   #isSeeking = false;
   readonly #settings: ViewSettings;
   #options: PageOptions;
@@ -112,26 +114,26 @@ export class App implements PageActions {
     }
   }
 
-  /** Gives up what is being opened. */
+  /** Cancels the opening in progress. */
   cancel(): void {
     this.#opening += 1;
     this.disconnect();
     this.#setBusy(null);
   }
 
-  /** Connects with a simulator. `isProbe`: that there is none is no problem. */
+  /** Connects to a simulator. A probe does not report that there is none. */
   connect(address: string, isProbe = false): void {
     this.disconnect();
     this.#opening += 1;
     const url = socketAddress(address);
     this.#setBusy(isProbe ? "Looking for a simulator" : `Connecting with ${url}`);
-    // A server that is no simulator may leave the attempt without an answer: nobody is to wait for that.
+    // Another kind of server may not answer at all: do not keep the user waiting.
     if (isProbe) setTimeout(() => this.live?.state === "connecting" && this.#setBusy(null), PROBE_MS);
     const listener = {
       changed: () => this.#liveChanged(isProbe),
       feedOpened: (feed: LiveFeed) => void this.#feedOpened(feed),
     };
-    // The constructor may tell of changes already, before there is anything to tell of.
+    // The constructor may already call the listener, before `live` is assigned.
     this.live = null;
     this.live = new LiveConnection(url, listener, browserEnvironment(openLive), { once: isProbe });
     this.#liveChanged(isProbe);
@@ -167,7 +169,7 @@ export class App implements PageActions {
       const text = isOver
         ? "The run is over and its simulator has left. If another one comes, it is shown."
         : live.problem;
-      // Before there was any connection, the welcome screen says what is tried.
+      // While a probe is connecting, the welcome screen shows its state.
       const kind = isOver ? "notice" : "warning";
       this.shell.banners.set("connection", live.state === "connecting" && isProbe ? null : text, kind);
       if (live.state === "open") this.#setBusy(live.session === "" ? null : "Receiving the run");
@@ -231,7 +233,7 @@ export class App implements PageActions {
     this.#changed();
   }
 
-  /** The simulator while it is followed, else the picture. */
+  /** Toggles the simulator while it is followed, else the playback. */
   togglePlay(): void {
     const { run, live, clock } = this;
     if (!run) return;
@@ -255,7 +257,7 @@ export class App implements PageActions {
     this.#changed();
   }
 
-  /** Has the simulator do something; a refusal is shown. */
+  /** Sends a command to the simulator; an error is shown as a banner. */
   control(what: (live: LiveConnection) => Promise<void> | void): void {
     const live = this.live;
     if (!live) return;
@@ -294,7 +296,7 @@ export class App implements PageActions {
     return this.clock.rate;
   }
 
-  /** Holds the picture at a time and draws exactly that. */
+  /** Pauses at a time and renders it in full. */
   async showAt(timeS: number): Promise<void> {
     await this.ready;
     const run = this.run;
@@ -334,7 +336,7 @@ export class App implements PageActions {
       this.shell.renderStats.frameDrawn(wallS);
       this.#isStale = true;
     }
-    // While things move panels are told now and then; when they have come to rest, of all.
+    // Panels are updated periodically while frames are drawn, and once more at rest.
     if (!this.#isStale || (isDrawn && wallS - this.#panelsUpdatedS < PANEL_PERIOD_S)) return;
     this.#updatePanels(wallS);
     if (this.run && !this.#isSeeking) this.#isReady();

@@ -1,6 +1,4 @@
-/**
- * The cards of the side panel that tell of a run: what it is and how far it has come, its counters, its scenario.
- */
+/** The run cards of the side panel: setup and progress, counters, scenario. */
 import type { Run } from "../data/run.ts";
 import { el, fill, setHidden, setText } from "./dom.ts";
 import { clockTime, count, finePercent, metres, speedFactor, percent, words } from "./format.ts";
@@ -8,7 +6,7 @@ import { sharesAt, teamOf } from "./panel-state.ts";
 import type { PanelState } from "./panel-state.ts";
 import { stateOf } from "./state-text.ts";
 
-/** A card with a heading; the heading folds it. */
+/** A collapsible card with a heading. */
 export function card(
   title: string,
   testid: string,
@@ -23,7 +21,7 @@ export function card(
   );
 }
 
-/** Names and values, one row each; a row without a value is hidden. */
+/** A list of names and values; a row without a value is hidden. */
 export class FactList {
   readonly root = el("dl", { class: "facts" });
   readonly #rows = new Map<string, { name: HTMLElement; value: HTMLElement }>();
@@ -44,7 +42,7 @@ export class FactList {
   }
 }
 
-/** Title, state, progress and what kind of run it is. */
+/** Title, state, progress and setup of the run. */
 export class RunCard {
   readonly root: HTMLElement;
   readonly #title = el("h1", { class: "run-title", testid: "run-title" });
@@ -138,7 +136,7 @@ function lidarOf(run: Run): string {
   return parts.join(", ");
 }
 
-/** The counters of the result, once there is one. */
+/** The counters of the result; hidden until there is one. */
 export class CountersCard {
   readonly #body = el("tbody", { testid: "counters" });
   readonly root = card("Counters", "counters-card", false, el("table", { class: "numbers" }, this.#body));
@@ -159,7 +157,7 @@ export class CountersCard {
   }
 }
 
-/** The scenario as it was written. */
+/** The scenario, TOML. */
 export class ScenarioCard {
   readonly #text = el("pre", { class: "scenario", tabindex: 0, testid: "scenario" });
   readonly root = card("Scenario", "scenario-card", false, this.#text);

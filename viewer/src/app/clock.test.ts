@@ -46,9 +46,9 @@ describe("a recording", () => {
 });
 
 describe("following", () => {
-  /** A run at a pace, whose news come every `lumpS` seconds. */
-  const endAt = (wallS: number, pace: number, lumpS: number) =>
-    pace * Math.floor(wallS / lumpS + 1e-9) * lumpS;
+  /** End of a run at a constant speed whose updates arrive every `burstS` seconds. */
+  const endAt = (wallS: number, pace: number, burstS: number) =>
+    pace * Math.floor(wallS / burstS + 1e-9) * burstS;
 
   it("shows the end of the run a moment ago, evenly, though news come in lumps", () => {
     const clock = new Clock();

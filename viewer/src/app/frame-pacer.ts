@@ -1,25 +1,26 @@
 /**
- * When the next picture may be drawn, and how fine. Pure: it is told what pictures have cost.
+ * Decides when the next frame may be drawn, and in which quality. Pure: the cost of frames is
+ * passed in.
  *
- * The simulator may run on the same cores, and with software rendering a picture can cost a quarter of a second of them. So a
- * picture begins a little later than the last one is done, and pictures that cost much are drawn in less detail and with fewer pixels
- * while things move.
+ * The simulator may run on the same cores, and with software rendering a frame can take a quarter
+ * of a second of them. So there is a pause between frames, and while things move, expensive frames
+ * are drawn in less detail and with fewer pixels.
  */
 
-/** When the next picture may begin, as a multiple of what the last one took. */
+/** Earliest start of the next frame, as a multiple of the duration of the last one. */
 const REST = 1.1;
-/** Above this a picture counts as slow, below the other as quick; milliseconds. */
+/** Frames above the first limit are slow, below the second one quick; milliseconds. */
 const SLOW_MS = 90;
 const QUICK_MS = 22;
-/** One of these is enough. */
+/** One frame above this reduces the quality at once. */
 const VERY_SLOW_MS = 300;
-/** So many slow or quick pictures in a row change how fine they are. */
+/** Number of consecutive slow or quick frames that change the quality. */
 const SLOW_ROW = 3;
 const QUICK_ROW = 40;
 
-/** How fine a picture is. */
+/** Quality of a frame. */
 export interface Quality {
-  /** Of the full pixel ratio. */
+  /** Share of the full pixel ratio. */
   readonly share: number;
   /** Whether the cave is drawn in less detail. */
   readonly isCoarse: boolean;
@@ -30,7 +31,7 @@ const STEPS: readonly Quality[] = [
   FULL,
   ...[1, 0.75, 0.5, 0.375].map((share) => ({ share, isCoarse: true })),
 ];
-/** Without a graphics card, pictures with all pixels can take seconds, and those in full detail are never quick enough. */
+/** Without a GPU, full frames can take seconds, and full detail is never fast enough. */
 const SOFTWARE = { least: 1, first: 3 };
 
 export class FramePacer {
@@ -41,18 +42,18 @@ export class FramePacer {
   #notBeforeMs = -Infinity;
   #costMs = 0;
 
-  /** `isSoftware`: there is no graphics card. */
+  /** `isSoftware`: frames are rendered by the CPU. */
   constructor(isSoftware = false) {
     this.#least = isSoftware ? SOFTWARE.least : 0;
     this.#step = isSoftware ? SOFTWARE.first : 0;
   }
 
-  /** How fine to draw while things move. */
+  /** Quality while things move. */
   get quality(): Quality {
     return STEPS[this.#step]!;
   }
 
-  /** What the last picture cost, smoothed; milliseconds. */
+  /** Smoothed cost of a frame, milliseconds. */
   get costMs(): number {
     return this.#costMs;
   }
@@ -61,7 +62,9 @@ export class FramePacer {
     return nowMs >= this.#notBeforeMs;
   }
 
-  /** A picture was begun and done at these moments. `counts` is false for one that was drawn finer than others. */
+  /**
+   * Reports the start and end of a frame. `counts` is false for frames drawn in another quality.
+   */
   done(beganMs: number, doneMs: number, counts: boolean): void {
     const costMs = Math.max(0, doneMs - beganMs);
     this.#notBeforeMs = beganMs + costMs * REST;

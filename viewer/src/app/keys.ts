@@ -1,11 +1,11 @@
 /**
- * Keys of the whole page. Keys that belong to what has the focus, or to a dialog, are left to it.
+ * Keyboard shortcuts of the page. Keys that the focused element or a dialog handles are left to it.
  */
 import { ownsKey } from "./dom.ts";
 
 export interface KeyActions {
   togglePlay(): void;
-  /** By seconds. */
+  /** Relative seek, seconds. */
   seekBy(stepS: number): void;
   seekTo(end: "start" | "end"): void;
   changeRate(steps: number): void;
@@ -56,7 +56,8 @@ export function listenToKeys(actions: KeyActions): void {
     }
     event.preventDefault();
   });
-  // What the pointer has pressed does not keep the focus: the space bar is to play after that, not to press it again.
+  // A clicked control gives up the focus, so that the space bar toggles playback instead of
+  // pressing the control again.
   window.addEventListener("click", ({ detail, target }) => {
     if (detail === 0 || !(target instanceof HTMLElement) || target.closest("dialog")) return;
     if (document.activeElement?.matches("button, summary, input[type=checkbox]")) {

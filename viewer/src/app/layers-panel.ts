@@ -1,13 +1,11 @@
-/**
- * The panel of layers: what is shown, how solid the near walls are, and where the cave is cut open.
- */
+/** The panel of view options: layers, opacity of near walls, and the cut plane. */
 import type { Layers, View } from "../scene/scene.ts";
 import { el, iconButton, slider, toggle } from "./dom.ts";
 import type { Slider } from "./dom.ts";
 
 type LayerName = keyof Layers;
 
-/** What each layer is called, in the order of the panel. */
+/** Name, label and tooltip of each layer, in the order of the panel. */
 const LAYERS: readonly (readonly [LayerName, string, string])[] = [
   ["walls", "Walls", "The walls of the cave"],
   ["unexplored", "Unexplored", "Free cells that nobody has seen"],
@@ -21,7 +19,7 @@ const LAYERS: readonly (readonly [LayerName, string, string])[] = [
   ["labels", "Names", "Names of agents"],
 ];
 
-/** Layers that show something of the selected agent only. */
+/** Layers that need a selected agent. */
 const OF_SELECTED: ReadonlySet<LayerName> = new Set(["hits", "belief"]);
 
 export class LayersPanel {

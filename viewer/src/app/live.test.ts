@@ -15,7 +15,7 @@ interface Sent {
   readonly parameters?: unknown;
 }
 
-/** The end of a connection that the tests hold. */
+/** A socket whose server side is driven by the tests. */
 class Socket implements IWebSocket {
   binaryType = "";
   protocol = "";
@@ -63,7 +63,7 @@ class Socket implements IWebSocket {
     return this.sent.filter(({ op }) => op === "fetchAsset").map(({ uri }) => uri!);
   }
 
-  /** Answers the last request for bytes. */
+  /** Answers the last asset request. */
   give(data: Uint8Array | string, requestId = this.lastFetch.requestId): void {
     const error = typeof data === "string" ? new TextEncoder().encode(data) : new Uint8Array();
     const body = typeof data === "string" ? new Uint8Array() : data;
@@ -111,7 +111,7 @@ let now: number;
 let changes: number;
 let environment: ConnectionEnvironment;
 
-/** Lets time pass; what falls due is done in order. */
+/** Advances the time and runs due timers in order. */
 function pass(milliseconds: number): void {
   const end = now + milliseconds;
   for (;;) {

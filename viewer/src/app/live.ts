@@ -1,10 +1,11 @@
 /**
- * The connection with a simulator: pulls the bytes of the run under way, calls services, sets the speed, and comes back after the
- * connection was lost.
+ * Client connection to a simulator: pulls the bytes of the live run, calls services, sets the
+ * real-time factor, and reconnects after the connection was lost.
  *
- * A run is pulled piece by piece, one request at a time, so nothing is lost, and a page that is slow only lags. Bytes go to a feed
- * in order and without gaps, over however many connections; another run of the simulator is another feed. The machine knows
- * nothing of the screen: whoever wants to know what has changed is told by `changed`.
+ * A run is pulled piece by piece, one request at a time, so nothing is lost and a slow page only
+ * lags behind. Bytes go to a feed in order and without gaps, across reconnections; another run of
+ * the simulator gets another feed. The connection is independent of the user interface, which it
+ * notifies through a listener.
  */
 import { FoxgloveClient } from "@foxglove/ws-protocol";
 import type { FetchAssetResponse, IWebSocket, ServerInfo, Service } from "@foxglove/ws-protocol";
@@ -12,58 +13,58 @@ import type { LiveFeed } from "../data/sources.ts";
 import { ServiceCalls } from "./service-calls.ts";
 import * as services from "./services.ts";
 
-/** The subprotocol that the simulator speaks. */
+/** WebSocket subprotocol of the simulator. */
 export const SUBPROTOCOL = "foxglove.sdk.v1";
 
-/** An answer at least so long means that more is there already. */
+/** A response of at least this size means that more is available now. */
 const FULL_BYTES = 512 * 1024;
 const PULL_PERIOD_MS = 50;
 const RECONNECT_MS = 1000;
 const STATE_POLL_MS = 1000;
-/** A server that does not answer a first attempt within this time is not there. */
+/** Time after which an unanswered connection attempt has failed. */
 const CONNECT_TIMEOUT_MS = 4000;
 const RTF = "execution.rtf";
-/** What the sessions of a server without a run begin with. */
+/** Session prefix of a server without a run. */
 const IDLE_PREFIX = "idle-";
 
 export type ConnectionState =
-  /** The first attempt is under way. */
+  /** The first attempt is in progress. */
   | "connecting"
   | "open"
-  /** It was lost, and is tried again. */
+  /** The connection was lost and is being retried. */
   | "lost"
-  /** Nobody will try any more: there is no simulator, or the page has closed it. */
+  /** Given up: there is no simulator, or the page has closed the connection. */
   | "closed";
 
-/** What the machine needs of its environment; tests give it others. */
+/** I/O of a connection, replaced in tests. */
 export interface ConnectionEnvironment {
   openSocket(url: string): IWebSocket;
-  /** Calls back after a time, unless the function it returns was called before. */
+  /** Starts a timer; the returned function cancels it. */
   later(milliseconds: number, then: () => void): () => void;
   openFeed(id: string, title: string): LiveFeed;
 }
 
 export interface ConnectionListener {
-  /** Something that `LiveConnection` shows is another. */
+  /** Some public state of the connection has changed. */
   changed(): void;
-  /** A run of the simulator begins to come. */
+  /** A run of the simulator starts to arrive. */
   feedOpened(feed: LiveFeed): void;
 }
 
 export class LiveConnection {
   readonly url: string;
   state: ConnectionState = "connecting";
-  /** Why the connection is not open, in words; null if it is. */
+  /** Why the connection is not open, for people; null if it is. */
   problem: string | null = null;
-  /** The run under way; empty: none. */
+  /** Session of the live run; empty: none. */
   session = "";
-  /** Whether runs can be started from here. */
+  /** Whether the server can start runs. */
   isIdleServer = false;
-  /** Whether everything of the run has come, and no more will. */
+  /** Whether the whole run has been received. */
   hasEnded = false;
-  /** What the server says of its clock; null: not known. */
+  /** State reported by the server, see `STATE`; null: not known. */
   simulationState: number | null = null;
-  /** Sim seconds for each second; 0: as fast as possible; null: not known. */
+  /** Requested real-time factor; 0: as fast as possible; null: not known. */
   rtf: number | null = null;
 
   readonly #listener: ConnectionListener;
@@ -74,12 +75,12 @@ export class LiveConnection {
   #feed: LiveFeed | null = null;
   #offset = 0;
   #lastRequest = 0;
-  /** The request that is under way, or 0. */
+  /** Id of the pending asset request, or 0. */
   #pending = 0;
   #wasOpen = false;
   #cancels = new Map<string, () => void>();
 
-  /** `once`: a first attempt that fails is not repeated. */
+  /** `once`: do not retry the first attempt. */
   constructor(
     url: string,
     listener: ConnectionListener,
@@ -99,7 +100,7 @@ export class LiveConnection {
     this.#endFeed();
   }
 
-  /** Calls a service; throws with the server's words if it was refused. */
+  /** Calls a service; throws the server's message if it was refused. */
   async #request(name: string, data: Uint8Array): Promise<void> {
     const outcome = services.readOutcome(await this.#calls.call(name, data));
     this.#pollState();
@@ -124,7 +125,7 @@ export class LiveConnection {
     return this.#request(services.SERVICES.reset, services.resetRequest());
   }
 
-  /** Ends the run for good. */
+  /** Ends the run. */
   stop(): Promise<void> {
     return this.#request(services.SERVICES.setState, services.setStateRequest(services.STATE.quitting));
   }
@@ -136,14 +137,14 @@ export class LiveConnection {
     this.#listener.changed();
   }
 
-  /** Starts a run; returns what is wrong with the scenario, or null if it has started. */
+  /** Starts a run; resolves to the error in the scenario, or null if the run has started. */
   async start(scenario: string): Promise<string | null> {
     const data = await this.#calls.call(services.SERVICES.startRun, services.startRequest(scenario));
     const answer = services.readStart(data);
     return answer.started ? null : answer.message || "The simulator did not start the run.";
   }
 
-  /** Whether there is a run to be controlled. */
+  /** Whether there is a run to control. */
   get canControl(): boolean {
     return (
       this.state === "open" &&
@@ -153,7 +154,7 @@ export class LiveConnection {
     );
   }
 
-  /** Whether a run can be started: there is none, or it is over. */
+  /** Whether a run can be started: the server is idle. */
   get canStart(): boolean {
     return this.state === "open" && this.isIdleServer && (this.session === "" || this.hasEnded);
   }
@@ -170,7 +171,7 @@ export class LiveConnection {
     }
     const client = new FoxgloveClient({ ws: socket });
     this.#client = client;
-    // What an old connection still has to say is of no interest.
+    // Events of a superseded connection are ignored.
     const ifPresent =
       <Args extends unknown[]>(then: (...args: Args) => void) =>
       (...args: Args) => {
@@ -213,7 +214,7 @@ export class LiveConnection {
       "close",
       ifPresent(() => this.#onClose()),
     );
-    // A close always follows; what the error was, a browser does not tell.
+    // A close event always follows; browsers do not reveal the cause of the error.
     client.on("error", () => undefined);
     this.#calls.connect((request) => client.sendServiceCallRequest(request));
     this.#after("attempt", CONNECT_TIMEOUT_MS, () => this.#onClose());
@@ -281,7 +282,7 @@ export class LiveConnection {
       this.#endFeed();
       this.#listener.changed();
     } else if (answer.error.startsWith("gone")) {
-      // The server says which run it is now; if it does not, a new connection asks.
+      // The server announces its present run; if it does not, reconnecting asks for it.
       this.#endFeed();
       this.session = "";
       this.#after("pull", RECONNECT_MS, () => this.#onClose());
@@ -293,7 +294,7 @@ export class LiveConnection {
     }
   }
 
-  /** Nothing more of this run will come. */
+  /** Ends the feed of the present run. */
   #endFeed(): void {
     this.#feed?.end();
     this.#feed = null;
@@ -316,7 +317,7 @@ export class LiveConnection {
         this.simulationState = state;
         this.#listener.changed();
       })
-      // Whoever is too busy to answer is asked again.
+      // The state is polled again.
       .catch(() => undefined);
   }
 
@@ -365,12 +366,12 @@ export class LiveConnection {
   }
 }
 
-/** The run that a server has; empty: none. */
+/** The session of the server's run; empty: none. */
 function sessionOf({ sessionId }: ServerInfo): string {
   return sessionId === undefined || sessionId.startsWith(IDLE_PREFIX) ? "" : sessionId;
 }
 
-/** The environment of a page. */
+/** The I/O of a browser page. */
 export function browserEnvironment(openFeed: ConnectionEnvironment["openFeed"]): ConnectionEnvironment {
   return {
     openSocket: (url) => new WebSocket(url, [SUBPROTOCOL]) as IWebSocket,
@@ -382,7 +383,7 @@ export function browserEnvironment(openFeed: ConnectionEnvironment["openFeed"]):
   };
 }
 
-/** An address as people write it, as one of a WebSocket: `host:port` and `http://host:port` are fine, too. */
+/** Normalises a WebSocket address: `host:port` and `http://host:port` are accepted as well. */
 export function socketAddress(text: string): string {
   const trimmed = text.trim();
   if (/^wss?:\/\//i.test(trimmed)) return trimmed;

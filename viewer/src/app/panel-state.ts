@@ -1,21 +1,19 @@
-/**
- * What a run has to say of one moment, for the panels. Pure.
- */
+/** Queries on a run for the panels. Pure. */
 import type { Progress, Run } from "../data/run.ts";
 import type { LiveConnection } from "./live.ts";
 
-/** What the panels show. */
+/** The state that the panels show. */
 export interface PanelState {
   readonly run: Run;
   readonly timeS: number;
   readonly selected: number | null;
-  /** The simulator that the run comes from; null: a recording. */
+  /** The simulator of the run; null: a recording. */
   readonly live: LiveConnection | null;
-  /** Sim seconds for each second on the wall in which a run under way grows. */
+  /** Measured real-time factor of a live run. */
   readonly realTimeFactor: number;
 }
 
-/** What the server has said last at this time, the result included; null: nothing yet. */
+/** The last progress message up to this time, the result included; null: none yet. */
 export function progressAt(run: Pick<Run, "progress" | "result">, timeS: number): Progress | null {
   const { progress, result } = run;
   if (result && result.timeS <= timeS) return result;
@@ -29,7 +27,10 @@ export function progressAt(run: Pick<Run, "progress" | "result">, timeS: number)
   return progress[low - 1] ?? null;
 }
 
-/** Shares of the free cells at this time: the server's own at the end, before that those of the cells. */
+/**
+ * Shares of the free cells at this time: those of the result at the end, before that counted from
+ * the cells.
+ */
 export function sharesAt(run: Run, timeS: number): { explored: number; covered: number } {
   const { result } = run;
   if (result && result.timeS <= timeS) return { explored: result.explored, covered: result.covered };
@@ -37,7 +38,7 @@ export function sharesAt(run: Run, timeS: number): { explored: number; covered: 
   return { explored: run.seenAt(timeS) / free, covered: run.coveredAt(timeS) / free };
 }
 
-/** Resolves when so much of a run is known, or no more will be. */
+/** Resolves when the run is known up to this time, or completely. */
 export function waitUntilKnown(run: Run, timeS: number): Promise<void> {
   if (run.endS >= timeS || run.isComplete) return Promise.resolve();
   return new Promise((resolve) => {
@@ -49,7 +50,10 @@ export function waitUntilKnown(run: Run, timeS: number): Promise<void> {
   });
 }
 
-/** Columns for the progressColumns: times, explored, covered, and the explored share of each agent. The end comes last. */
+/**
+ * Columns of the chart: times, explored, covered, and the explored share of each agent; the result
+ * is the last row.
+ */
 export function progressColumns(run: Pick<Run, "progress" | "result" | "setup">): (number | null)[][] {
   const { progress, result, setup } = run;
   const last = progress.at(-1);
@@ -66,12 +70,12 @@ export function progressColumns(run: Pick<Run, "progress" | "result" | "setup">)
   return columns;
 }
 
-/** The name of a controller, which may have its settings after it. */
+/** The name of a controller without its settings. */
 export function nameOf(controller: string): string {
   return controller.split(" ", 1)[0]!;
 }
 
-/** Controllers of a team in few words: `dsvp`, `8 dsvp, 2 rbw`. */
+/** Summary of the controllers of a team: `dsvp`, `8 dsvp, 2 rbw`. */
 export function teamOf(controllers: readonly string[]): string {
   const counts = new Map<string, number>();
   for (const name of controllers.map(nameOf)) counts.set(name, (counts.get(name) ?? 0) + 1);

@@ -1,5 +1,6 @@
 /**
- * The bar at the bottom: play, the time shown, how fast, the time line, and the way back to a run under way.
+ * The bar at the bottom: play button, time, playback rate, timeline, and the button that follows a
+ * live run.
  */
 import { el, iconButton, setHidden, setIcon, setText, textButton } from "./dom.ts";
 import { clockTime, speedFactor } from "./format.ts";

@@ -1,5 +1,6 @@
 /**
- * The progressColumns of explored and covered shares over time, with the time that is shown. A click goes there.
+ * Chart of the explored and covered shares over time, with a cursor at the time shown. A click
+ * seeks.
  */
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";

@@ -1,26 +1,29 @@
 /**
- * Draws pictures: only when one can differ from the last, with what the machine can bear (see `frame-pacer.ts`), and a last one in full
- * when all is at rest.
+ * Render loop: draws a frame only if it can differ from the last one, in a quality that the machine
+ * can sustain (see `frame-pacer.ts`), and a last one in full quality when everything is at rest.
  *
- * What a picture costs is measured to the moment the graphics are done with it, without waiting for them: with software rendering
- * the work is done in another process, and the time that `render` takes says nothing.
+ * The cost of a frame is measured up to the GPU fence, without blocking: with software rendering
+ * another process does the work, and the duration of `render` says nothing.
  */
 import type { Scene } from "../scene/scene.ts";
 import { FULL, FramePacer, type Quality } from "./frame-pacer.ts";
 
-/** How often it is looked whether the graphics are done. */
+/** Period of polling the GPU fence. */
 const POLL_MS = 3;
-/** A picture that is not done within this time never will be: the graphics are gone. */
+/** A frame that is not done within this time never will be: the context is lost. */
 const LOST_MS = 5000;
-/** Things are at rest after so long without a change. */
+/** Everything counts as at rest after this time without a change. */
 const REST_MS = 400;
 
 export interface RenderLoopHost {
-  /** Goes on to a moment on the wall; says what time of the run to show, and whether things move by themselves. */
+  /**
+   * Advances to a wall time; returns the sim time to show, and whether it changes without user
+   * action.
+   */
   advance(wallS: number): { timeS: number; isMoving: boolean };
-  /** A picture has been drawn, or nothing had to be. */
+  /** A frame has been drawn, or none was needed. */
   frameDone(wallS: number, isDrawn: boolean): void;
-  /** A picture could not be drawn. */
+  /** Drawing a frame failed. */
   failed(error: Error): void;
 }
 
@@ -33,9 +36,12 @@ export class RenderLoop {
   #isScheduled = false;
   #isDrawing = false;
   #isHeld = false;
-  /** Whether pictures are full until something moves by itself: what a script has asked for stays as it was. */
+  /**
+   * Whether frames are in full quality until the time changes, so that what a script has drawn
+   * stays.
+   */
   #isExact = false;
-  /** Whether the last picture was full. */
+  /** Whether the last frame was in full quality. */
   #isFull = false;
   #changedMs = 0;
   #size = { width: 1, height: 1, ratio: 0 };
@@ -52,7 +58,7 @@ export class RenderLoop {
     return this.#size.ratio;
   }
 
-  /** Something may have changed. */
+  /** Requests a frame. */
   request(): void {
     this.#isRequested = true;
     this.#schedule();
@@ -63,7 +69,7 @@ export class RenderLoop {
     this.request();
   }
 
-  /** Draws one picture in full, and resolves when all that it needs has been drawn. */
+  /** Draws one frame in full quality; resolves when everything it needs has been drawn. */
   async drawExactly(timeS: number): Promise<void> {
     if (!this.#scene) return;
     this.#isHeld = true;

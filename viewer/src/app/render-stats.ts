@@ -1,6 +1,4 @@
-/**
- * RenderStats of the picture in a corner: frames in a second, what one costs, triangles.
- */
+/** Overlay with rendering statistics: frame rate, cost of a frame, triangles. */
 import type { Scene } from "../scene/scene.ts";
 import { el, setText } from "./dom.ts";
 import { count } from "./format.ts";

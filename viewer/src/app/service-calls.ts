@@ -1,6 +1,6 @@
 /**
- * Calls of the simulator's services that are under way: which service has which number on this connection, and which answer
- * belongs to which call. A call ends with its answer, with the server's refusal, or with the connection; it is never forgotten.
+ * Pending service calls: maps service names to the ids of this connection, and responses to calls.
+ * A call always ends: with its response, with a failure, or with the connection.
  */
 import type {
   Service,
@@ -17,7 +17,7 @@ interface Pending {
 
 interface Known {
   readonly id: number;
-  /** How requests are written: `cdr` or `json`. */
+  /** Encoding of requests: `cdr` or `json`. */
   readonly encoding: string;
 }
 

@@ -1,5 +1,6 @@
 /**
- * The frame of the page: where each part lies, which parts are there, and who is told what. It decides nothing.
+ * Layout of the page: creates its parts, shows or hides them, and passes state and actions on.
+ * Contains no logic of its own.
  */
 import type { View } from "../scene/scene.ts";
 import { AgentCard, AgentsCard } from "./agents-card.ts";
@@ -22,7 +23,7 @@ import { StartForm } from "./start-form.ts";
 import { PlaybackBar } from "./playback-bar.ts";
 import { Welcome } from "./welcome.ts";
 
-/** A hand that has moved farther than this between pressing and letting go has dragged, pixels. */
+/** A pointer that has moved farther than this between press and release has dragged, pixels. */
 const CLICK_PX = 4;
 
 export class Shell {
@@ -153,7 +154,7 @@ export class Shell {
     new ResizeObserver(() => resized(this.#stage.clientWidth, this.#stage.clientHeight)).observe(this.#stage);
   }
 
-  /** Tells of clicks on the picture that are no drags, in its CSS pixels. */
+  /** Reports clicks on the image that are no drags, in its CSS pixels. */
   onPick(picked: (x: number, y: number) => void): void {
     let pressed: { x: number; y: number } | null = null;
     this.#canvas.addEventListener("pointerdown", (event) => {

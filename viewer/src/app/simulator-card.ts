@@ -1,6 +1,4 @@
-/**
- * The card that controls a simulator: pause, steps, speed, the run from the beginning, the end of it, and another one.
- */
+/** The card that controls a simulator: pause, steps, speed, restart, stop, and new runs. */
 import { confirmed } from "./dialogs.ts";
 import { el, icon, iconButton, setHidden, setIcon, slider, textButton } from "./dom.ts";
 import type { Slider } from "./dom.ts";
@@ -12,7 +10,7 @@ import { STATE } from "./services.ts";
 const STEPS = [1, 10, 50] as const;
 
 export interface SimulatorActions {
-  /** Carries out an order; what goes wrong is shown. */
+  /** Sends a command to the simulator; errors are shown as a banner. */
   control(what: (live: LiveConnection) => Promise<void> | void): void;
   newRun(): void;
 }

@@ -1,6 +1,7 @@
 /**
- * The form that starts a run: the reference's settings, an advanced part, and the scenario that comes of them. The text of the
- * scenario may be edited; then it counts, and the form does not, until one goes back to the form.
+ * The form that starts a run: the settings of the reference, advanced settings, and the resulting
+ * scenario. Its text may be edited; then it is used instead of the form until the user returns to
+ * the form.
  */
 import { openDialog } from "./dialogs.ts";
 import { el, fill, select, setHidden, slider, textButton, toggle } from "./dom.ts";
@@ -27,7 +28,7 @@ const GENERATORS: readonly { value: Generator; label: string }[] = [
   { value: "file", label: "Map file" },
 ];
 
-/** Where the form is remembered. Infinity has no form in JSON: an unlimited range is 0 there. */
+/** Storage key of the form. JSON has no Infinity: an unlimited range is stored as 0. */
 const REMEMBERED = "start";
 
 type NumberKey = {
@@ -62,10 +63,10 @@ export class StartForm {
   readonly #back = textButton("Back to the form", { testid: "start-back" });
   readonly #go = textButton("Start", { class: "button primary big", testid: "start-go" });
   readonly #fields = el("div", { class: "form-fields" });
-  /** Parts of the form that are shown or not, by the values. */
+  /** Update the parts of the form that depend on the values. */
   #refreshers: (() => void)[] = [];
 
-  /** `start` returns what is wrong with the scenario, or null. */
+  /** `start` resolves to the error in the scenario, or null. */
   constructor(start: (scenario: string) => Promise<string | null>) {
     this.#start = start;
     const stored = load(REMEMBERED, {
@@ -166,7 +167,7 @@ export class StartForm {
     });
   }
 
-  /** A part that is there only while a condition holds. */
+  /** A part that is visible while a condition holds. */
   #when(condition: () => boolean, ...content: HTMLElement[]): HTMLElement {
     const part = el("div", { class: "form-part" }, ...content);
     this.#refreshers.push(() => setHidden(part, !condition()));
@@ -215,7 +216,7 @@ export class StartForm {
     const wasBuilding = values.generator === "building";
     values.generator = generator;
     if (generator === "building") {
-      // A building as high as a cave is wide would be solid for the most part.
+      // A building as high as a cave is wide would be mostly solid.
       this.#isLinked = false;
       values.size[2] = buildingHeight(values.buildingFloors);
     } else if (wasBuilding) {

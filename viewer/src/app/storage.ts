@@ -1,13 +1,15 @@
 /**
- * What the page remembers of how it was left, in the storage of the browser. Storage may be forbidden or full, and what is in it
- * may be of another version: then the defaults count, and nothing fails.
+ * Persistent settings in the browser's local storage. Storage may be forbidden, full or of another
+ * version of the page: then the defaults are used, and nothing fails.
  */
 
 const PREFIX = "maes.";
 
 type Plain = string | number | boolean | null | { readonly [key: string]: Plain };
 
-/** What was remembered, in the shape of the defaults: what is missing or of another type is as in the defaults. */
+/**
+ * Stored values in the shape of the defaults; missing ones and those of another type are replaced.
+ */
 export function merged<T>(defaults: T, stored: unknown): T {
   if (Array.isArray(defaults)) {
     const isAlike =
@@ -38,6 +40,6 @@ export function save(name: string, value: unknown): void {
   try {
     localStorage.setItem(PREFIX + name, JSON.stringify(value));
   } catch {
-    // Nothing is lost but a habit.
+    // Only the settings are lost.
   }
 }

@@ -55,7 +55,7 @@ describe("places and times", () => {
 });
 
 describe("milestones", () => {
-  /** A cell is seen every tenth of a second, up to `all`. */
+  /** One cell is seen every tenth of a second, up to `all`. */
   const seen = (all: number) => (timeS: number) => Math.min(all, Math.floor(timeS * 10 + 1e-6));
 
   it("are the first ticks in which so much was seen", () => {

@@ -1,14 +1,12 @@
-/**
- * Arithmetic of the time line: where a time lies, how far the line reaches, and when something happened. Pure.
- */
+/** Arithmetic of the timeline: positions, its length, and milestones. Pure. */
 import { TICK_S, type Result } from "../data/run.ts";
 
-/** Ends of a time line that grows, seconds. */
+/** Lengths of a growing timeline, seconds. */
 const ENDS_S = [60, 120, 300, 600, 900, 1200, 1800, 2700, 3600, 5400, 7200];
 
 /**
- * Where the line ends: at the end of a run that is complete; else at the next of a few lengths, so that what is known does not
- * shrink all the time while more is coming, and never beyond the end that the run has at the latest.
+ * End of the timeline: that of a complete run, else the next of a few lengths, so that the known
+ * part does not shrink all the time while the run grows; never beyond the time limit.
  */
 export function lineEndS(endS: number, durationS: number, isComplete: boolean): number {
   if (isComplete) return Math.max(endS, TICK_S);
@@ -18,23 +16,23 @@ export function lineEndS(endS: number, durationS: number, isComplete: boolean): 
   return Math.max(Math.min(end, durationS), endS, TICK_S);
 }
 
-/** The time at a place of the line; places outside are its ends. */
+/** The time at a pixel position, clamped to the ends. */
 export function timeAt(x: number, width: number, endS: number): number {
   if (width <= 0) return 0;
   return Math.min(1, Math.max(0, x / width)) * endS;
 }
 
-/** The share of the line before a time. */
+/** The share of the timeline before a time. */
 export function shareOf(timeS: number, endS: number): number {
   return endS <= 0 ? 0 : Math.min(1, Math.max(0, timeS / endS));
 }
 
-/** The tick in which `timeS` falls, as a time. */
+/** The start of the tick that contains `timeS`. */
 export function toTick(timeS: number): number {
   return Math.floor(timeS / TICK_S + 1e-6) * TICK_S;
 }
 
-/** Round times to be written along the line, so many at the most. */
+/** Round times for labels, at most `maxCount` intervals. */
 export function labels(endS: number, maxCount: number): number[] {
   const steps = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 28800, 86400];
   let step = steps.find((candidate) => endS / candidate <= maxCount);
@@ -45,15 +43,15 @@ export function labels(endS: number, maxCount: number): number[] {
 }
 
 export interface Milestone {
-  /** Share of the free cells that has been seen. */
+  /** Explored share of the free cells. */
   readonly share: number;
   readonly timeS: number;
 }
 
-/** Shares that are marked on the time line. */
+/** Shares that are marked on the timeline. */
 export const MILESTONE_SHARES = [0.5, 0.9, 0.99, 0.999, 1] as const;
 
-/** The same as the result of a run tells it; null: it does not. */
+/** The milestones in the counters of a result; null: it has none. */
 export function recordedMilestones(result: Pick<Result, "counters"> | null): Milestone[] | null {
   const found: Milestone[] = [];
   for (const share of MILESTONE_SHARES) {
@@ -64,8 +62,9 @@ export function recordedMilestones(result: Pick<Result, "counters"> | null): Mil
 }
 
 /**
- * When each of the shares was reached, as far as it was: the first tick in which that many cells had been seen. A recording has cells
- * only when an agent is told of them, which may be some seconds after its scan has seen them: see `recordedMilestones`.
+ * When each share was reached: the first tick with that many seen cells. A recording contains cells
+ * only when they are in an observation, some seconds after the scan at worst: prefer
+ * `recordedMilestones`.
  */
 export function milestones(
   seenAt: (timeS: number) => number,
@@ -75,7 +74,7 @@ export function milestones(
 ): Milestone[] {
   const reached: Milestone[] = [];
   for (const share of shares) {
-    // 0.9 * 10 is 9.000000000000002 in binary fractions for some products: no cell too many is asked for.
+    // Rounding errors such as 9.000000000000002 for 0.9 * 10 must not require one cell too many.
     const needed = Math.ceil(share * freeCells - 1e-6);
     if (freeCells === 0 || seenAt(endS) < needed) break;
     let low = 0;

@@ -1,6 +1,6 @@
 /**
- * The time line: what is known of a run, where in it the picture is, and when the cave was explored so far. It can be dragged, and
- * has the keys of a slider.
+ * The timeline: the known part of a run, the time shown, and exploration milestones. It can be
+ * dragged, and has the keys of a slider.
  */
 import type { Run } from "../data/run.ts";
 import { labels, lineEndS, milestones, shareOf, timeAt, recordedMilestones } from "./timeline-axis.ts";
@@ -8,7 +8,7 @@ import { el, fill, setText } from "./dom.ts";
 import { clockTime, finePercent, percent } from "./format.ts";
 import { sharesAt } from "./panel-state.ts";
 
-/** Seconds that the keys of the slider go. */
+/** Seek steps of the slider keys, seconds. */
 const KEY_STEPS_S: Record<string, number> = {
   ArrowLeft: -1,
   ArrowDown: -1,
@@ -18,7 +18,7 @@ const KEY_STEPS_S: Record<string, number> = {
   PageUp: 60,
 };
 
-/** Room that a label needs, pixels. */
+/** Width of a label, pixels. */
 const LABEL_PX = 72;
 
 export class Timeline {
@@ -74,7 +74,7 @@ export class Timeline {
   }
 
   #mark(run: Run): void {
-    // What was reached stays so: it is looked for only when more is known.
+    // Milestones only change when more of the run is known.
     const key = `${run.id} ${run.endS} ${this.#lineEndS} ${run.result !== null}`;
     if (key === this.#marked) return;
     this.#marked = key;

@@ -1,6 +1,6 @@
 /**
- * How the page is left and found again: layers, speed, which parts are open. It is remembered by the browser, except of a page that is
- * there for pictures: those are to be the same everywhere.
+ * Persistent view settings: layers, playback rate, open parts. They are stored in the browser,
+ * except with `?picture=1`: captured images must be the same everywhere.
  */
 import { DEFAULT_LAYERS } from "../scene/scene.ts";
 import type { View } from "../scene/scene.ts";
@@ -18,7 +18,7 @@ const DEFAULTS = {
   areStatsOpen: false,
 };
 
-/** A cut as it was remembered, which may be by another version of the page. */
+/** A stored cut, which may be of another version of the page. */
 function cutOf({ axis, share }: { axis: string; share: number }): View["cut"] {
   return axis === "x" || axis === "y" || axis === "z" ? { axis, share } : { axis: "z", share: 1 };
 }

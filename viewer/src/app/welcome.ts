@@ -1,6 +1,4 @@
-/**
- * What is there when there is no run: what the page is, and the ways to a run.
- */
+/** The welcome screen, shown while there is no run: the ways to open one. */
 import { el, icon, setHidden, setText, textButton } from "./dom.ts";
 import type { LiveConnection } from "./live.ts";
 import { load, save } from "./storage.ts";
@@ -10,7 +8,7 @@ export interface WelcomeActions {
   openUrl(url: string): void;
   connect(address: string): void;
   newRun(): void;
-  /** Gives up what is being opened. */
+  /** Cancels the opening in progress. */
   cancel(): void;
 }
 
@@ -105,7 +103,7 @@ export class Welcome {
     );
   }
 
-  /** `busy`: what is being opened; null: nothing is. */
+  /** `busy`: the opening in progress; null: none. */
   update(busy: string | null, live: LiveConnection | null): void {
     setHidden(this.#busy, busy === null);
     if (busy !== null) setText(this.#busyText, busy);

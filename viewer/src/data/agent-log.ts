@@ -1,8 +1,8 @@
 /**
- * What is known of one agent: where it was, what it was told and what it command.
+ * The history of one agent: its poses, its observations and its commands.
  *
- * Everything is found by binary search in what has been read; nothing depends on what was observation before. Rows are those of
- * `protocol.ts`.
+ * All queries are binary searches in what has been read, so an answer does not depend on earlier
+ * queries. Rows are those of `protocol.ts`.
  */
 
 import { Growable, rowsUpTo } from "./growable.ts";
@@ -15,7 +15,9 @@ import { Path } from "./path.ts";
 const TASKS = ["idle", "stop", "move", "turn", "path", "velocity"] as const;
 const COLLISIONS = ["none", "wall", "floor", "ceiling"] as const;
 
-/** The tick that has begun at a time; times are often a rounding error before their tick. */
+/**
+ * The tick that contains a time. Times are often a rounding error below the start of their tick.
+ */
 export function tickAt(timeS: number): number {
   return Math.floor(timeS / TICK_S + 1e-6);
 }
@@ -51,14 +53,14 @@ export class AgentLog {
   readonly #track = new GrowingTrack();
   readonly #observations = new Growable(new Float64Array(0));
   readonly #contacts = new Growable(new Uint32Array(0));
-  /** Where the contacts of each observation end. */
+  /** End of each observation's contacts in `#contacts`. */
   readonly #contactsEnd = new Growable(new Float64Array(0));
   readonly #commands = new Growable(new Float64Array(0));
   readonly #waypoints = new Growable(new Float64Array(0));
-  /** Where the path-waypoints of each command end. */
+  /** End of each command's waypoints in `#waypoints`. */
   readonly #waypointsEnd = new Growable(new Float64Array(0));
   readonly #infos: string[] = [];
-  /** The path of the command that was looked at last, and how far the body had come on it up to a pose. */
+  /** Cache: the path of the command queried last, and the progress on it up to a pose. */
   #path: { readonly command: number; readonly path: Path; pose: number; progressM: number } | null = null;
 
   constructor(id: number, terrain: Terrain) {
@@ -92,7 +94,7 @@ export class AgentLog {
     this.#infos.push(info);
   }
 
-  /** Of when the last scan before a time was that it has told of, and from where; null if there was none. */
+  /** Tick and pose of the last scan reported before a time; null if there was none. */
   scanAt(timeS: number): ScanPose | null {
     const observation = this.#observationAt(tickAt(timeS));
     const tick = observation < 0 ? NaN : this.#observation(observation, OBSERVATION.scanTick);
@@ -138,7 +140,10 @@ export class AgentLog {
     };
   }
 
-  /** Straight between the poses that are known, the heading the shorter path round; before and after them as at their ends. */
+  /**
+   * Interpolates linearly between the known poses, the heading along the shorter arc; clamps at
+   * both ends.
+   */
   poseAt(timeS: number): Pose {
     const { count, timeS: times, positions, yawRad: yaws } = this.#track;
     if (count === 0) {
@@ -183,7 +188,7 @@ export class AgentLog {
     return this.#commands.array[row * COMMAND.columns + column]!;
   }
 
-  /** The last observation up to a tick, or -1. */
+  /** Row of the last observation up to a tick, or -1. */
   #observationAt(tick: number): number {
     return (
       rowsUpTo(
@@ -195,7 +200,7 @@ export class AgentLog {
     );
   }
 
-  /** The command that the body carries out, or -1. */
+  /** Row of the command that the body executes, or -1. */
   #effective(observation: number, command: number): number {
     const effective = command < 0 ? -1 : this.#command(command, COMMAND.effective);
     if (effective >= 0 && observation >= 0 && this.#observation(observation, OBSERVATION.isIdle) === 1) {
@@ -216,7 +221,7 @@ export class AgentLog {
     const startS = this.#command(command, COMMAND.tick) * TICK_S;
     const first = rowsUpTo(times, count, 1, startS);
     const until = rowsUpTo(times, count, 1, timeS);
-    // What was worked out for an earlier time is gone on from, with the same outcome as from the start.
+    // Progress computed for an earlier time is continued; the result is that of a fresh start.
     if (this.#path?.command !== command || this.#path.pose > until) {
       const start = this.poseAt(startS);
       this.#path = { command, path: this.#pathOf(command, start), pose: first, progressM: 0 };
@@ -241,7 +246,7 @@ export class AgentLog {
     return [positions[3 * pose]!, positions[3 * pose + 1]!, positions[3 * pose + 2]!];
   }
 
-  /** Progress at a place that was reached behind the pose before `pose`. */
+  /** Progress at a position reached between the poses `pose - 1` and `pose`. */
   #advanced(path: Path, progressM: number, pose: number, place: Vec3, startS: number): number {
     const isFirst = pose === 0 || this.#track.timeS[pose - 1]! < startS;
     const from = isFirst ? this.poseAt(startS).position : this.#positionOf(pose - 1);
@@ -262,7 +267,7 @@ export class AgentLog {
       Math.sin(start.yawRad) * Math.cos(pitch),
       Math.sin(pitch),
     ];
-    // A wall ends every motion, so that the target of an endless one is there.
+    // A wall ends every motion, so the target of an unlimited one is at that wall.
     const wallM = firstWall(this.#terrain, start.position, direction, Infinity) ?? 0;
     const distanceM = Math.min(this.#command(command, COMMAND.distanceM), wallM);
     return new Path(

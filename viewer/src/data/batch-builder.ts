@@ -1,8 +1,9 @@
 /**
- * Collects what the messages of a run tell, in the form in which it goes to the page.
+ * Converts the messages of a run into the batches that the page receives.
  *
- * Invariant: batches one after the other hold everything once, in the order in which it was read. Cells lie in the map, and agents
- * take part; a message that says otherwise throws a RangeError.
+ * Invariant: consecutive batches hold everything exactly once, in the order in which it was read.
+ * Cell numbers lie in the map and agents are members of the run; a message that violates this
+ * throws a RangeError.
  */
 
 import type { Runs } from "./cdr.ts";
@@ -11,14 +12,17 @@ import * as messages from "./messages.ts";
 import { COMMAND, type Batch } from "./protocol.ts";
 import type { Progress, Result, Terrain, Vec3 } from "./run.ts";
 
-/** Ticks between two poses that are looked at one by one; of more than this, so many spread evenly. */
+/**
+ * Maximum number of interpolation steps between two poses; longer gaps are divided evenly into this
+ * many.
+ */
 const STEPS_MAX = 10_000;
 
-/** What is remembered of an agent from message to message. */
+/** State of an agent across messages. */
 class Agent {
   pose: { tick: number; position: Vec3; yawRad: number } | null = null;
   cell = -1;
-  /** The observation whose parts are coming in, as a row. */
+  /** Row of the observation whose fragments are arriving. */
   observation: number[] | null = null;
   contacts: number[] = [];
   stampTick = 0;
@@ -60,7 +64,7 @@ export class BatchBuilder {
     this.#areObservedPosesTrue = areObservedPosesTrue;
   }
 
-  /** A message of this tick was read: everything before it is known. */
+  /** Marks everything before this tick as known, because a message of this tick was read. */
   reach(tick: number): void {
     const before = Math.max(0, tick - 1);
     if (before > this.#endTick) {
@@ -147,7 +151,7 @@ export class BatchBuilder {
     }
   }
 
-  /** A body that was put elsewhere has not gone there. */
+  /** A body that was placed elsewhere did not travel there, so the path is not interpolated. */
   intervention(done: messages.Intervention): void {
     this.#checkTick(done.tick);
     const state = this.#agents[done.agent];
@@ -257,7 +261,7 @@ export class BatchBuilder {
     }
   }
 
-  /** Notes the cell of a place, if the body has not been in it just before. */
+  /** Records the cell of a position unless the body was already in it. */
   #enter(state: Agent, tick: number, position: Vec3): void {
     const { size, cellM } = this.#terrain;
     const [x, y, z] = [

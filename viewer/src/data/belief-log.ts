@@ -1,8 +1,9 @@
 /**
- * What each agent has been told and has seen for itself, as it stands in its observations, and what it knows from that.
+ * The log of what each agent has sensed and received, from which its belief map is derived.
  *
- * Kept small: runs of cells and the bytes of map mapMessages, because what an agent knows is worked out only for the one that is followed.
- * A message is taken to be known as soon as it is in an observation; agents that are asked out of turn may make use of it later.
+ * Kept compact (runs of cells and the bytes of map messages), because a belief is derived only for
+ * the agent that is followed. A message counts as known once it is in an observation; agents that
+ * are observed between their turns may use it later.
  */
 
 import type { Runs } from "./cdr.ts";
@@ -10,14 +11,16 @@ import { Growable } from "./growable.ts";
 import type { MapMessageReader } from "./map-message.ts";
 import { NEVER } from "./run.ts";
 
-/** Columns of a row for each part of an observation: its tick, and where its runs and mapMessages end. */
+/**
+ * Columns of the row of each observation fragment: its tick, and where its runs and messages end.
+ */
 const [TICK, RUNS_END, MESSAGES_END, COLUMNS] = [0, 1, 2, 3];
 
 export class BeliefLog {
   readonly #parts = new Growable(new Uint32Array(0));
   readonly #starts = new Growable(new Uint32Array(0));
   readonly #lengths = new Growable(new Uint16Array(0));
-  /** Where each message ends among the bytes. */
+  /** End of each message in `#bytes`. */
   readonly #messageEnds = new Growable(new Float64Array(0));
   readonly #bytes = new Growable(new Uint8Array(0));
 
@@ -37,7 +40,10 @@ export class BeliefLog {
     return this.#parts.count / COLUMNS;
   }
 
-  /** Tells of the cells of the parts from `first` on, in order; cells may come several times. */
+  /**
+   * Calls `learn` for the cells of the fragments from `first` on, in order; a cell may come several
+   * times.
+   */
   replay(first: number, reader: MapMessageReader, learn: (tick: number, cell: number) => void): void {
     const parts = this.#parts.array;
     let run = first === 0 ? 0 : parts[(first - 1) * COLUMNS + RUNS_END]!;
@@ -59,7 +65,7 @@ export class BeliefLog {
   }
 }
 
-/** Follows what one agent knows. */
+/** Derives the belief of one agent incrementally. */
 export class BeliefTracker {
   readonly request: number;
   readonly #log: BeliefLog;
@@ -74,7 +80,7 @@ export class BeliefTracker {
     this.#isKnown = new Uint8Array(cells);
   }
 
-  /** Tick in which the agent learned of each cell, of all so far. */
+  /** Tick in which the agent learned of each cell, for all fragments so far. */
   all(): Uint32Array {
     const knownTick = new Uint32Array(this.#isKnown.length).fill(NEVER);
     this.#replay((tick, cell) => {
@@ -83,7 +89,7 @@ export class BeliefTracker {
     return knownTick;
   }
 
-  /** Tick and cell of all that it has learned since it was asked last. */
+  /** Tick and cell of everything learned since the last call. */
   takeNew(): Uint32Array {
     const added = new Growable(new Uint32Array(0));
     this.#replay((tick, cell) => {

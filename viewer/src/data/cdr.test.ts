@@ -21,7 +21,7 @@ test("what another library has written is read", () => {
     .uint8(10)
     .uint8Array(Uint8Array.of(1, 2), true);
   writer.uint8(11).uint32Array([70000, 3], true).uint16Array([65535, 1], true).uint8(12);
-  // Lists without elements have nothing to align.
+  // An empty sequence has no element alignment.
   writer.float64Array([], true).uint8(13);
   const reader = new CdrReader(writer.data);
   expect([reader.u8(), reader.u16(), reader.u8(), reader.u32(), reader.u8(), reader.f64()]).toEqual([

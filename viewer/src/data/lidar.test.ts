@@ -2,7 +2,7 @@ import { describe, expect, test } from "vitest";
 import { cast, firstWall, lattice, shell } from "./lidar.ts";
 import type { Terrain, Vec3 } from "./run.ts";
 
-/** A hall of 8 x 5 x 5 free cells of half a metre. */
+/** A room of 8 x 5 x 5 free cells of half a metre. */
 function hall(): Terrain {
   const size: Vec3 = [10, 7, 7];
   const walls = new Uint8Array(10 * 7 * 7).fill(1);
@@ -62,7 +62,7 @@ describe("a scan goes no farther and no wider than it may", () => {
   test("field of view", () => {
     const yawRad = 2;
     const hits = hitsOf(cast(lattice(300, Infinity, Math.PI / 2, 0.5), hall(), PLACE, yawRad));
-    // A cone of a quarter turn has (1 - cos 45 degrees) / 2 of the sphere.
+    // A 90 degree cone covers (1 - cos 45 degrees) / 2 of the sphere.
     expect(hits.length).toBeGreaterThan(38);
     expect(hits.length).toBeLessThan(50);
     for (const [x, y, z] of hits) {
@@ -83,7 +83,8 @@ describe("a scan goes no farther and no wider than it may", () => {
 test("the lower axis steps first where two boundaries are reached at once", () => {
   const walls = Uint8Array.of(0, 0, 1, 0, 0, 0, 0, 0);
   const terrain = { size: [2, 2, 2] as Vec3, cellM: 1, walls };
-  // From the middle of the lowest cell through its uppermost corner: first to (1, 0, 0), then (1, 1, 0).
+  // From the centre of the lowest cell through its uppermost corner: first (1, 0, 0), then (1, 1,
+  // 0).
   expect(firstWall(terrain, [0.5, 0.5, 0.5], [1, 1, 1], Infinity)).toBeNull();
   walls.set([0, 1, 0, 0]);
   expect(firstWall(terrain, [0.5, 0.5, 0.5], [1, 1, 1], Infinity)).toBe(0.5);

@@ -2,7 +2,7 @@ import { expect, test } from "vitest";
 import { MapMessageReader } from "./map-message.ts";
 import type { Vec3 } from "./run.ts";
 
-/** Bits as they are documented, the first one lowest, behind some bytes. */
+/** Bytes followed by bits, least significant bit of each byte first. */
 function parcel(head: readonly number[], bits: string): Uint8Array {
   const digits = bits.replaceAll(" ", "");
   const bytes = Array.from({ length: Math.ceil(digits.length / 8) }, (_, byte) =>
@@ -19,7 +19,10 @@ function parcel(head: readonly number[], bits: string): Uint8Array {
   return Uint8Array.from([...head, ...bytes]);
 }
 
-/** Cells 3 and 5 of block 1; all of three octants and a part of one of block 2, two cells of block 5, covered ones among them. */
+/**
+ * Cells 3 and 5 of block 1; three octants and part of a fourth of block 2; two cells of block 5,
+ * some of them covered.
+ */
 const DOCUMENTED = parcel(
   [2, 2, 1, 2, 3],
   "100 0 100 110000 101000 0 1" +

@@ -1,9 +1,10 @@
 /**
- * Map parcels: what agents tell each other of the map.
+ * Decoder of map messages: what agents share of their maps.
  *
- * The bytes are those that `agent_node/src/sharing/parcel.rs` describes, version 2: who is told, then news of blocks of 4 x 4 x 4
- * cells as bits, the lowest bit of each byte first. Numbers of cells in a block are made of the bits of their places: x0, y0, z0, x1,
- * y1, z1 from the lowest. A parcel of which anything is wrong tells nothing, as agents have it.
+ * The format is version 2 of `agent_node/src/sharing/map_message.rs`: the receivers, then updates
+ * of blocks of 4 x 4 x 4 cells as a bit stream, least significant bit of each byte first. Cell
+ * numbers in a block interleave the bits of the coordinates: x0, y0, z0, x1, y1, z1 from the
+ * lowest. A malformed message is ignored as a whole, as agents do.
  */
 
 import type { Vec3 } from "./run.ts";
@@ -14,15 +15,15 @@ const BLOCK_CELLS = SIDE ** 3;
 const NUMBER_BYTES_MAX = 5;
 const GAP_BITS_MAX = 24;
 
-/** Reads map parcels for a map of one size and a team. */
+/** Decodes map messages for one map size and team size. */
 export class MapMessageReader {
   readonly #size: Vec3;
   readonly #blocks: Vec3;
   readonly #agents: number;
-  /** By number in a block: its place, and how far it lies behind the lowest cell. */
+  /** Coordinates in a block by cell number, and offset of the cell from the block's lowest one. */
   readonly #places: readonly Vec3[];
   readonly #offsets: readonly number[];
-  /** Cells of the parcel that is being read. */
+  /** Cells of the message that is being decoded. */
   #cells = new Uint32Array(1024);
   #count = 0;
 
@@ -37,7 +38,10 @@ export class MapMessageReader {
     this.#offsets = this.#places.map(([x, y, z]) => (z * size[1] + y) * size[0] + x);
   }
 
-  /** Cells that a parcel tells of, free or wall; valid until the next call. Null if it is no map parcel of this run. */
+  /**
+   * Cells that a message contains, free or wall; valid until the next call. Null if it is no map
+   * message of this run.
+   */
   cells(bytes: Uint8Array): Uint32Array | null {
     this.#count = 0;
     const numbers = { bytes, at: 1 };
@@ -99,7 +103,7 @@ export class MapMessageReader {
     return true;
   }
 
-  /** How many of the cells of a list are free; null if it is malformed. */
+  /** Number of free cells in a list; null if it is malformed. */
   #list(bits: BitReader, lowest: Vec3, start: number): number | null {
     const more = bits.gap();
     if (more === null || more >= BLOCK_CELLS) {
@@ -120,7 +124,7 @@ export class MapMessageReader {
     return more + 1 - walls;
   }
 
-  /** The same of octants. */
+  /** Number of free cells in octants; null if they are malformed. */
   #octants(bits: BitReader, lowest: Vec3, start: number): number | null {
     let free = 0;
     for (let octant = 0; octant < 8; octant++) {
@@ -153,7 +157,7 @@ export class MapMessageReader {
     return free;
   }
 
-  /** Adds a cell, if the map has it. */
+  /** Adds a cell; false if it lies outside the map. */
   #add(cell: number, lowest: Vec3, start: number): boolean {
     const place = this.#places[cell]!;
     if (place.some((at, axis) => lowest[axis]! + at >= this.#size[axis]!)) {
@@ -169,7 +173,7 @@ export class MapMessageReader {
   }
 }
 
-/** The next unsigned LEB128; null if there is none of at most 32 bits. */
+/** The next unsigned LEB128 integer; null if there is none of at most 32 bits. */
 function number(from: { readonly bytes: Uint8Array; at: number }): number | null {
   let value = 0;
   for (let place = 0; place < NUMBER_BYTES_MAX; place++) {
@@ -193,7 +197,7 @@ function ones(word: number): number {
   return count;
 }
 
-/** Bits, the lowest of each byte first; behind the end all are 0. */
+/** Bit stream, least significant bit of each byte first; zeros follow its end. */
 class BitReader {
   readonly #bytes: Uint8Array;
   #bit: number;
@@ -203,7 +207,7 @@ class BitReader {
     this.#bit = 8 * start;
   }
 
-  /** A word of at most 24 bits. */
+  /** The next `bits` bits, at most 24. */
   word(bits: number): number {
     const byte = this.#bit >>> 3;
     const bytes = this.#bytes;
@@ -217,7 +221,10 @@ class BitReader {
     return word;
   }
 
-  /** So many ones, a zero, and as many bits; null if they are more than a map has use for. */
+  /**
+   * An exponential Golomb code: a unary length, then as many bits; null if the length exceeds any
+   * map.
+   */
   gap(): number | null {
     let bits = 0;
     while (this.word(1) === 1) {
@@ -233,7 +240,7 @@ class BitReader {
     return this.#bit > 8 * this.#bytes.length;
   }
 
-  /** Whether nothing is left but the zeros that fill up the last byte. */
+  /** Whether only the zero padding of the last byte is left. */
   get isAtEnd(): boolean {
     const left = 8 * this.#bytes.length - this.#bit;
     return left >= 0 && left < 8 && (left === 0 || this.word(left) === 0);

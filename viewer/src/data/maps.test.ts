@@ -4,7 +4,7 @@ import { UnreadableError } from "./run.ts";
 
 const bytesOf = (hex: string) => Uint8Array.from(hex.match(/../g) ?? [], (byte) => parseInt(byte, 16));
 
-/** The room of `docs/maps.md`, and the same written by `sim_server map convert`. */
+/** The room of `docs/maps.md`, and the same as `maes map convert` writes it. */
 const ROOM_TEXT = `#####
 #####
 #####
@@ -24,7 +24,10 @@ const ROOM_PLAIN = "0a0c240ffff9ff9ff9ffff";
 const ROOM_PACKED =
   "004d33444d524c4501050000050000000400000003000000000000000000f03f010000000300000001000000010000005f725fdae8d0";
 
-/** A cave of `sim_server map generate --size 11x9x8 --kind noise --fill 0.45 --smoothing 1 --seed 3 --cell-m 0.5`, in both forms. */
+/**
+ * A cave of `maes map generate --size 11x9x8 --kind noise --fill 0.45 --smoothing 1 --seed 3
+ * --cell-m 0.5`, in both formats.
+ */
 const CAVE_PACKED =
   "004d33444d524c45010402000b0000000900000008000000000000000000e03f0c000000140000000a0000000b00000040fd78491226ced1d3279024c3bbbb67214c2484c567c52188";
 const CAVE_PLAIN =
@@ -60,7 +63,7 @@ test("a plain map goes with x slowest and y fastest", () => {
   );
   expect(size).toEqual([2, 3, 1]);
   expect(Array.from(walls)).toEqual([1, 0, 0, 1, 1, 0]);
-  // 2 x 2 x 2 cells, of which those at y = 1, and at z = 1, and at x = 1 are the second, third and fifth bit.
+  // 2 x 2 x 2 cells: y = 1 is the second bit, z = 1 the third and x = 1 the fifth.
   const cube = (bits: number) =>
     readMap("map.m3dm", Uint8Array.of(0b0000_0100, 0b0000_1000, 0b0001_0000, bits)).walls;
   expect([0b0100_0000, 0b0010_0000, 0b0000_1000].map((bits) => cube(bits).indexOf(1))).toEqual([2, 4, 1]);
@@ -101,7 +104,7 @@ describe("what is no map is refused", () => {
       for (let at = 0; at < bytes.length; at++) {
         const damaged = bytes.map((byte, index) => (index === at ? byte ^ 0x11 : byte));
         try {
-          // A plain map has no sum: a changed cell is another map.
+          // A plain map has no checksum: a changed bit is another map.
           expect(readMap("map.m3dm", damaged).walls).not.toEqual(readMap("map.m3dm", bytes).walls);
         } catch (error) {
           expect(error).toBeInstanceOf(UnreadableError);

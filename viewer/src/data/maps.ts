@@ -1,15 +1,16 @@
 /**
- * Reads the true map of a recording: plain M3DM, packed M3DM, and the text of older recordings.
+ * Reads the true map of a recording: plain M3DM, packed M3DM, and the text format of older
+ * recordings.
  *
- * The forms are those of `docs/maps.md`; cells come out in index order, 1 being wall. Memory for cells is taken after the lengths
- * have been compared. Nothing is repaired. Bytes that are no map throw an UnreadableError that names the byte.
+ * The formats are those of `docs/maps.md`. Lengths are checked before cells are allocated, and
+ * nothing is repaired: malformed bytes throw an UnreadableError that names the position.
  */
 
 import type { CellMap } from "./cell-map.ts";
 import { packedMap, isPacked } from "./packed-map.ts";
 import { UnreadableError } from "./run.ts";
 
-/** The map of an attachment, by the name that it has. */
+/** Reads the map of an attachment; its name tells the format. */
 export function readMap(name: string, bytes: Uint8Array): CellMap {
   if (name.endsWith(".txt")) {
     return textMap(new TextDecoder().decode(bytes));
@@ -17,7 +18,7 @@ export function readMap(name: string, bytes: Uint8Array): CellMap {
   return isPacked(bytes) ? packedMap(bytes) : plainMap(bytes);
 }
 
-/** Cells of one byte are read from bits: x slowest, then z, y fastest. */
+/** Plain M3DM: one bit per cell, x slowest, then z, y fastest. */
 function plainMap(bytes: Uint8Array): CellMap {
   if (bytes.length < 3) {
     throw new UnreadableError(`byte ${bytes.length}: the map ends within its header of 3 bytes`);
@@ -48,7 +49,7 @@ function plainMap(bytes: Uint8Array): CellMap {
   return { size: [sizeX, sizeY, sizeZ], cellM: null, walls };
 }
 
-/** Layers from the bottom to the top, the row of the highest y first. */
+/** Text: layers from the bottom to the top, the row of the highest y first. */
 function textMap(drawn: string): CellMap {
   const layers = drawn
     .replaceAll("\r", "")

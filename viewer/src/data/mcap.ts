@@ -1,31 +1,35 @@
 /**
- * Reads an MCAP file from its first byte to its last, as the bytes come.
+ * Incremental MCAP reader, from the first byte to the last.
  *
- * This module finds where records begin and end, so that it can tell where a file is damaged and never waits for more bytes than
- * a record may have; what is in a record, and in a chunk, is read by `@mcap/core`, which compares the sums of chunks before it gives
- * out their first message. The same code reads finished files, files without an end, and streams without chunks.
+ * This module finds the record boundaries, so that it can report where a file is damaged and never
+ * buffers more than the longest allowed record; `@mcap/core` decodes records and chunks, and checks
+ * the CRC of a chunk before it returns the first message. The same code reads finished files,
+ * truncated files, and streams without chunks.
  *
- * Invariants: nothing behind a damage is given out; no bytes make it throw.
+ * Invariants: nothing behind a damaged record is returned; no input makes it throw.
  */
 
 import { McapStreamReader, type McapTypes } from "@mcap/core";
 
 const MAGIC = [0x89, 0x4d, 0x43, 0x41, 0x50, 0x30, 0x0d, 0x0a];
 
-/** Kind and length of a record. */
+/** Opcode and length of a record. */
 const RECORD_HEADER_BYTES = 9;
 
-/** Channel, number and two times of a message. */
+/** Channel, sequence number and two timestamps of a message. */
 const MESSAGE_HEADER_BYTES = 22;
 
-/** No record that a simulator writes is longer; a damaged length must not fill the memory. */
+/**
+ * Upper bound of any record that the simulator writes, so that a damaged length cannot exhaust the
+ * memory.
+ */
 const RECORD_BYTES_MAX = 2 ** 28;
 
 const MESSAGE = 0x05;
 const ATTACHMENT = 0x09;
 const DATA_END = 0x0f;
 
-/** Where a record stands in the file. */
+/** Byte range of a record in the file. */
 export interface RecordLocation {
   readonly start: number;
   readonly length: number;
@@ -35,13 +39,13 @@ export interface McapSink {
   attachment(name: string, bytes: Uint8Array): void;
   channel(id: number, topic: string, type: string): void;
   /**
-   * Bytes are not kept by the reader, and may not be kept by the sink. `location` is that of the record they stand in: a chunk, or
-   * the message itself.
+   * The reader reuses `bytes`; the sink must not keep them. `location` is the record that contains
+   * the message: a chunk, or the message record itself.
    */
   message(channel: number, timeNs: bigint, bytes: Uint8Array, location: RecordLocation): void;
 }
 
-/** How reading has ended: at the end, or where and why not. */
+/** How reading ended. */
 export type McapEnd =
   | { readonly kind: "whole" }
   | { readonly kind: "not mcap"; readonly found: string }
@@ -54,10 +58,10 @@ export class McapScanner {
   readonly #sink: McapSink;
   readonly #records: McapStreamReader;
   readonly #types = new Map<number, string>();
-  /** Bytes of the record that is not whole yet. */
+  /** Bytes of the incomplete record. */
   #rest = new Uint8Array(0);
   #restBytes = 0;
-  /** Where `#rest` begins in the file. */
+  /** File offset of `#rest`. */
   #position = 0;
   #end: McapEnd | null = null;
 
@@ -69,12 +73,12 @@ export class McapScanner {
     });
   }
 
-  /** How reading has ended, once it has. */
+  /** How reading ended; null while it continues. */
   get end(): McapEnd | null {
     return this.#end;
   }
 
-  /** Takes in the next bytes of the file. */
+  /** Reads the next bytes of the file. */
   push(bytes: Uint8Array): void {
     let ahead = bytes;
     while (this.#end === null) {
@@ -102,7 +106,7 @@ export class McapScanner {
     }
   }
 
-  /** No more bytes will come. */
+  /** Ends the input. */
   finish(): McapEnd {
     const bytes = this.#position + this.#restBytes;
     if (this.#position === 0 && this.#end === null) {
@@ -115,12 +119,15 @@ export class McapScanner {
     return this.#end;
   }
 
-  /** Ends reading at a record that makes no sense. */
+  /** Stops reading at a malformed record. */
   #damage(reason: string): void {
     this.#end ??= { kind: "damaged", byte: this.#position, reason };
   }
 
-  /** Length of the next record, or of what has to be there to know it; null if the file cannot be read any further. */
+  /**
+   * Length of the next record, or of the header that determines it; null if the file cannot be read
+   * any further.
+   */
   #neededBytes(ahead: Uint8Array): number | null {
     if (this.#position === 0) {
       return MAGIC.length;
@@ -155,7 +162,7 @@ export class McapScanner {
     this.#restBytes = needed;
   }
 
-  /** Takes in a whole record, or the magic. */
+  /** Reads a complete record, or the magic bytes. */
   #takeRecord(record: Uint8Array): void {
     if (this.#position === 0) {
       if (!MAGIC.every((byte, at) => record[at] === byte)) {
@@ -200,7 +207,7 @@ export class McapScanner {
   }
 }
 
-/** The library takes the length of the data of an attachment on trust. */
+/** Checks the data length of an attachment, which the library does not. */
 function checkAttachment(record: Uint8Array): void {
   const view = new DataView(record.buffer, record.byteOffset, record.byteLength);
   let at = RECORD_HEADER_BYTES + 16;
@@ -223,7 +230,7 @@ function decompressed(zstd: Decompress, bytes: Uint8Array, length: bigint): Uint
   return content;
 }
 
-/** What is in a chunk; nothing if the record is none. */
+/** The decompressed content of a chunk record; empty for other records. */
 export function chunkContent(record: Uint8Array, zstd: Decompress): Uint8Array {
   const reader = new McapStreamReader({ noMagicPrefix: true, includeChunks: true });
   reader.append(record);
@@ -234,7 +241,7 @@ export function chunkContent(record: Uint8Array, zstd: Decompress): Uint8Array {
   return chunk.compression === "" ? chunk.records : decompressed(zstd, chunk.records, chunk.uncompressedSize);
 }
 
-/** The message of a channel and a time in what is in a chunk; null if there is none. */
+/** The message of a channel and a log time in the content of a chunk; null if there is none. */
 export function messageIn(content: Uint8Array, channel: number, timeNs: bigint): Uint8Array | null {
   const view = new DataView(content.buffer, content.byteOffset, content.byteLength);
   for (let at = 0; at + RECORD_HEADER_BYTES <= content.length;) {

@@ -1,23 +1,23 @@
 /**
- * The messages of a recording that the page makes use of, decoded.
+ * Decoders of the messages of a recording that the page uses.
  *
- * Message types are those of `msgs/msg`. What is not needed of a message is passed over. Throws a RangeError if bytes are not a
- * message of the type.
+ * Message types are those of `msgs/msg`; fields that the page does not use are skipped. Throws a
+ * RangeError if the bytes are not a message of the type.
  */
 
 import { CdrReader, type Runs } from "./cdr.ts";
 import { TICK_S, type Progress, type Result, type Vec3 } from "./run.ts";
 
-/** The version of the protocol whose messages these are. */
+/** Protocol version of these messages. */
 export const PROTOCOL = 3;
 
-/** From here on the numbers of contacts and senders are those of relays. */
+/** Ids of contacts and senders from here on are those of relays. */
 export const FIRST_RELAY = 0x80000000;
 
-/** Kind of parcels that hold maps. */
+/** Kind of agent messages that contain maps. */
 export const MAP_MESSAGE_KIND = 1;
 
-/** Kinds of tasks, by number. */
+/** Task kinds by number. */
 export const TaskKind = { Keep: 0, Stop: 1, Move: 2, Turn: 3, Path: 4, Velocity: 5 } as const;
 
 export interface AgentMessage {
@@ -25,7 +25,7 @@ export interface AgentMessage {
   readonly data: Uint8Array;
 }
 
-/** A part of what an agent learns when it is asked. */
+/** A fragment of an observation. */
 export interface Observation {
   readonly tick: number;
   readonly part: number;
@@ -34,10 +34,10 @@ export interface Observation {
   readonly yawRad: number;
   readonly isIdle: boolean;
   readonly collision: number;
-  /** Agents and relays. */
+  /** Ids of agents and relays in radio contact. */
   readonly contacts: readonly number[];
   readonly received: readonly AgentMessage[];
-  /** Not a number if there was none. */
+  /** NaN if there was no scan. */
   readonly scanTick: number;
   readonly seenFree: Runs;
   readonly seenWall: Runs;
@@ -49,7 +49,7 @@ export interface Command {
   readonly kind: number;
   readonly pitchRad: number;
   readonly distanceM: number;
-  /** x, y, z of each way-point. */
+  /** x, y, z of each waypoint. */
   readonly path: readonly number[];
   readonly sent: readonly AgentMessage[];
   readonly info: string;
@@ -83,7 +83,7 @@ export interface Intervention {
   readonly yawRad: number;
 }
 
-/** Points of a scan in the frame of the body, as x, y, z one after the other, and when the scan was. */
+/** Points of a scan in the body frame, x, y, z each, and the time of the scan. */
 export interface PointCloud {
   readonly timeS: number;
   readonly points: Float32Array;
@@ -93,7 +93,7 @@ function vector(reader: CdrReader): Vec3 {
   return [reader.f64(), reader.f64(), reader.f64()];
 }
 
-/** Passes over a header; its time in seconds. */
+/** Skips a header and returns its stamp in seconds. */
 function header(reader: CdrReader): number {
   const seconds = reader.i32();
   const nanoseconds = reader.u32();
@@ -161,7 +161,7 @@ export function command(bytes: Uint8Array): Command {
   const points = reader.count(24);
   const path = Array.from({ length: 3 * points }, () => reader.f64());
   reader.skip(4, 8);
-  // What the LiDAR is to do, and whether the view is wanted.
+  // LiDAR request and whether the belief map is wanted.
   reader.u8();
   reader.u32();
   reader.u8();
@@ -172,7 +172,7 @@ export function command(bytes: Uint8Array): Command {
   return { tick, kind, pitchRad, distanceM, path, sent, info, knownFree: reader.u32() };
 }
 
-/** The version of the protocol that a scenario is of: it stands first in all of them. */
+/** The protocol version of a scenario, which is its first field in every version. */
 export function protocolOf(bytes: Uint8Array): number {
   return new CdrReader(bytes).u32();
 }
@@ -219,7 +219,7 @@ export function scenario(bytes: Uint8Array): Scenario {
   };
 }
 
-/** What an agent runs. */
+/** The controller in a join message. */
 export function controllerOfJoin(bytes: Uint8Array): string {
   const reader = new CdrReader(bytes);
   reader.u64();
@@ -229,7 +229,7 @@ export function controllerOfJoin(bytes: Uint8Array): string {
   return reader.string();
 }
 
-/** The agents among the frames of a message on `/tf`. */
+/** The poses of agents in a message on `/tf`. */
 export function poses(bytes: Uint8Array): Pose[] {
   const reader = new CdrReader(bytes);
   const found: Pose[] = [];
@@ -246,7 +246,10 @@ export function poses(bytes: Uint8Array): Pose[] {
   return found;
 }
 
-/** The number in `agent_<id>/base_link`, or -1; of bytes, because there are as many frames as poses. */
+/**
+ * The number in `agent_<id>/base_link`, or -1. Parsed from bytes, because every pose has a frame
+ * name.
+ */
 function agentOfFrame(bytes: Uint8Array): number {
   const prefix = "agent_";
   for (let at = 0; at < prefix.length; at++) {
@@ -285,7 +288,7 @@ function sharesOf(reader: CdrReader) {
   };
 }
 
-/** The outcome; what only progress tells is taken from the last one. */
+/** The result; fields that only progress messages have are taken from the last of them. */
 export function result(bytes: Uint8Array, last: Progress | undefined): Result {
   const reader = new CdrReader(bytes);
   header(reader);
@@ -310,7 +313,7 @@ export function result(bytes: Uint8Array, last: Progress | undefined): Result {
   };
 }
 
-/** What was done to an agent from outside. */
+/** An external change of an agent: it was placed, or something else happened to it. */
 export function intervention(bytes: Uint8Array): Intervention {
   const reader = new CdrReader(bytes);
   header(reader);
@@ -319,7 +322,7 @@ export function intervention(bytes: Uint8Array): Intervention {
   return { tick, isPlaced, agent: reader.u32(), position: vector(reader), yawRad: reader.f64() };
 }
 
-/** A cloud of points of three 32-bit coordinates each. */
+/** A point cloud of three 32-bit floats per point. */
 export function pointCloud(bytes: Uint8Array): PointCloud {
   const reader = new CdrReader(bytes);
   const timeS = header(reader);
@@ -337,6 +340,6 @@ export function pointCloud(bytes: Uint8Array): PointCloud {
   if (step !== 12 || data.length % step !== 0) {
     throw new RangeError(`points of ${step} bytes in ${data.length}`);
   }
-  // A copy, because the bytes may lie anywhere in memory.
+  // Copied, because the bytes may be unaligned.
   return { timeS, points: new Float32Array(data.slice().buffer) };
 }

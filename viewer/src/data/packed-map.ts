@@ -1,9 +1,10 @@
 /**
- * Packed M3DM: maps of up to 1024 cells along an axis, as runs of right predictions.
+ * Packed M3DM: maps of up to 1024 cells along an axis, as runs of correct predictions.
  *
- * Each cell is predicted from those at x - 1, y - 1 and z - 1: it is what two of the three are, outside being wall. Where all three
- * agree wrong predictions are rare, so agreeing and differing cells have runs of their own; each run is an exponential Golomb code
- * (`docs/maps.md`). Memory for cells is taken after the lengths and the sum have been compared.
+ * Each cell is predicted by a majority vote of its neighbours at x - 1, y - 1 and z - 1; outside is
+ * wall. Wrong predictions are rare where all three agree, so agreeing and differing neighbourhoods
+ * have separate run lengths, each an exponential Golomb code (`docs/maps.md`). Lengths and checksum
+ * are checked before cells are allocated.
  */
 
 import { crc32Final, crc32Init, crc32Update } from "@foxglove/crc";
@@ -18,7 +19,7 @@ const HEADER_BYTES = 52;
 const CHECKSUM_AT = 48;
 const ORDER_MAX = 24;
 
-/** More cells than a map has. */
+/** Longer than any map. */
 const ENDLESS = 2 ** 31 - 1;
 
 export function isPacked(bytes: Uint8Array): boolean {
@@ -65,7 +66,7 @@ export function packedMap(bytes: Uint8Array): CellMap {
   return { size, cellM, walls };
 }
 
-/** A map may have a thousand million cells, so that the loop keeps all it needs at hand. */
+/** One flat loop, because a map may have a thousand million cells. */
 function decoded(size: Vec3, agreeing: RunReader, differing: RunReader): Uint8Array {
   const [sizeX, sizeY, sizeZ] = size;
   const layer = sizeX * sizeY;
@@ -95,7 +96,7 @@ function decoded(size: Vec3, agreeing: RunReader, differing: RunReader): Uint8Ar
   return walls;
 }
 
-/** The runs of one kind of cells. */
+/** Run lengths of one kind of neighbourhood. */
 class RunReader {
   readonly #bytes: Uint8Array;
   readonly #order: number;
@@ -109,12 +110,12 @@ class RunReader {
     this.#runsLeft = runs;
   }
 
-  /** Whether all has been read, and the last run has been used up. */
+  /** Whether all codes have been read and the last run is used up. */
   get isAtEnd(): boolean {
     return this.#hasEnded && this.#bytes.length === (this.#bit + 7) >> 3;
   }
 
-  /** Cells before the next wrong prediction; more than a map has if there is none. */
+  /** Number of cells before the next wrong prediction; longer than any map if there is none. */
   next(): number {
     if (this.#runsLeft === 0) {
       this.#hasEnded = true;

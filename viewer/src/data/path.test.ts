@@ -2,7 +2,7 @@ import { expect, test } from "vitest";
 import type { Vec3 } from "./run.ts";
 import { Path } from "./path.ts";
 
-/** Progress on a path through positions, one after the other. */
+/** Progress on a path at successive positions. */
 function follow(path: Path, start: Vec3, positions: readonly Vec3[]): number[] {
   let [progressM, before] = [0, start];
   return positions.map((position) => {

@@ -1,21 +1,23 @@
 /**
- * How far along a way of straight legs a body has come.
+ * Progress of a body along a path of straight legs.
  *
- * Invariant: progress never goes back, and depends on nothing but the way and the places that are told, in order.
+ * Invariant: progress never decreases, and depends only on the path and the sequence of positions.
  */
 
 import type { Vec3 } from "./run.ts";
 
-/** A body may be farther along its way than the distance between its poses shows, because they cut corners. */
+/**
+ * Added to the distance between two poses, which cuts corners and so underestimates the progress.
+ */
 const SLACK_M = 0.5;
 
-/** A way-point is passed when so little of the way to it is left. */
+/** A waypoint counts as passed when less than this is left to it. */
 const NEAR_M = 0.02;
 
 export class Path {
-  /** The start, then the way-points: x, y, z. */
+  /** The start, then the waypoints: x, y, z. */
   readonly #points: Float64Array;
-  /** Path from the start to each of the points. */
+  /** Path length from the start to each of the points. */
   readonly #lengths: number[] = [0];
 
   constructor(start: Vec3, points: ArrayLike<number>) {
@@ -32,7 +34,7 @@ export class Path {
     return Math.hypot(p[b]! - p[a]!, p[b + 1]! - p[a + 1]!, p[b + 2]! - p[a + 2]!);
   }
 
-  /** Progress in metres at a position, after a progress of `beforeM` and a motion of `movedM` since. */
+  /** Progress in metres at a position, given the previous progress and the distance moved since. */
   advanced(beforeM: number, movedM: number, position: Vec3): number {
     const untilM = beforeM + 1.5 * movedM + SLACK_M;
     const p = this.#points;
@@ -60,7 +62,7 @@ export class Path {
         const share = length > 0 ? along / length : 0;
         apart += (p[at + axis]! + share * (p[at + 3 + axis]! - p[at + axis]!) - position[axis]!) ** 2;
       }
-      // Of places that are as near the first one counts.
+      // Of equally near points the first one is taken.
       if (apart < best - 1e-9) {
         best = apart;
         progress = from + along;
@@ -69,7 +71,7 @@ export class Path {
     return progress;
   }
 
-  /** The way-points that are left. */
+  /** The waypoints ahead. */
   remaining(progressM: number): Vec3[] {
     const rest: Vec3[] = [];
     for (let point = 1; point < this.#lengths.length; point++) {

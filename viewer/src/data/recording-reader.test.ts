@@ -7,15 +7,15 @@ import * as make from "./testing-recording.ts";
 import { loadZstd, slowZstd, type Zstd } from "./zstd.ts";
 
 /**
- * 20 s of three agents in a small cave, of
- * `run.sh --transport memory --agents 3 --size 20 --seed 5 --duration 20 --controller dsvp --map noise --set lidar.range_m=6
- * --set recording.poses_period_ticks=25 --share-period 100`.
+ * 20 s of three agents in a small cave, made by `maes run --transport memory --agents 3 --size 20
+ * --seed 5 --duration 20 --controller dsvp --map noise --set lidar.range_m=6 --set
+ * recording.poses_period_ticks=25 --share-period 100`.
  */
 const CAVE = new Uint8Array(readFileSync(new URL("../../tests/fixtures/cave.mcap", import.meta.url)));
 
 const zstd: Zstd = await loadZstd();
 
-/** All that a run tells, to compare. */
+/** All answers of a run, to compare. */
 function toldBy(run: Run) {
   const times = Array.from({ length: 42 }, (_, half) => half / 2);
   const { setup, terrain, endS, isComplete, firstSeenTick, coveredTick, progress, result } = run;
@@ -106,13 +106,14 @@ describe("a recording of the simulator", () => {
     for (let at = 0; at < hits.positions.length; at += 3) {
       const [hx, hy, hz] = hits.positions.subarray(at, at + 3) as unknown as [number, number, number];
       expect(Math.hypot(hx - x, hy - y, hz - z)).toBeLessThan(6.001);
-      // A little farther on lies the wall.
+      // The wall begins slightly behind the hit.
       const inside = [hx + (hx - x) * 1e-4, hy + (hy - y) * 1e-4, hz + (hz - z) * 1e-4].map(Math.floor);
       const cell = (inside[2]! * size[1] + inside[1]!) * size[0] + inside[0]!;
       expect(walls[cell]).toBe(1);
       unseen += run.firstSeenTick[cell]! > 12 * 50 ? 1 : 0;
     }
-    // The pose of the scan lies between two that are known, so that some rays graze another wall than they did.
+    // The pose of the scan is interpolated, so some rays graze another wall than they did in the
+    // run.
     expect(unseen).toBeLessThan(0.01 * (hits.positions.length / 3));
   });
 
@@ -226,7 +227,7 @@ describe("what can be read of a recording is shown", () => {
   });
 });
 
-/** What there is of a recording up to the record that says that its data end. */
+/** A recording truncated before its data end record. */
 function withoutEnd(recording: Uint8Array): Uint8Array {
   const DATA_END_BYTES = 13;
   let whole = recording.length;
@@ -309,7 +310,7 @@ describe("no bytes make reading fail in another way", () => {
       make.result(5, 2, "interrupted"),
     ];
     const whole = [await make.recordingOf(messages), await make.recordingOf(messages, { hasChunks: false })];
-    // Nothing behind the end of the data is looked at.
+    // Nothing behind the data end record is read.
     forms = whole.map(withoutEnd);
   });
 

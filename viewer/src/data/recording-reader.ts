@@ -1,11 +1,12 @@
 /**
- * Reads a recording, or a run under way, into batches of what it tells.
+ * Reads a recording, or the stream of a live run, into batches.
  *
- * This is what the worker does, without the worker: bytes go in, and come out as the header (map and terms of the run), batches, and
- * answers to questions that only the one who has read the bytes can answer. No clock is looked at.
+ * This is the worker's logic without the worker: bytes go in; the header of the run, batches, and
+ * answers to queries that need the bytes again come out. It reads no clock.
  *
- * Invariants: what is given out does not depend on how the bytes are cut into pieces; nothing behind a damage is given out; what is no
- * recording of this simulator throws an UnreadableError, and nothing else is ever thrown.
+ * Invariants: the output does not depend on how the bytes are split; nothing behind a damaged
+ * record is used; input that is not a recording of this simulator throws an UnreadableError, and
+ * nothing else is ever thrown.
  */
 
 import { cast, type Lidar } from "./lidar.ts";
@@ -26,18 +27,18 @@ import type { Zstd } from "./zstd.ts";
 const SCENARIO_ATTACHMENT = "scenario.toml";
 const MAP_ATTACHMENT = /^map\.(m3dm|txt)$/;
 const TICK_NS = 20_000_000n;
-/** Columns of a row for each cloud of points: tick, and where its record stands. */
+/** Columns of a row for each point cloud: tick, and the location of its record. */
 const CLOUD = { tick: 0, start: 1, length: 2, channel: 3, columns: 4 } as const;
 
 interface Channel {
   readonly topic: string;
-  /** What the topic is about. */
+  /** The last part of the topic name; empty if the topic is not used. */
   readonly kind: string;
-  /** Whom it belongs to, or -1. */
+  /** Id of the agent, or -1. */
   readonly agent: number;
 }
 
-/** Gives out bytes of the file from a location on, if they can be had again. */
+/** Reads a byte range of the file again, if the source allows it. */
 export type FetchBytes = (start: number, length: number) => Promise<Uint8Array>;
 
 export class RecordingReader {
@@ -61,7 +62,7 @@ export class RecordingReader {
   #lastTick = 0;
   #chunk: { readonly start: number; readonly content: Uint8Array } | null = null;
 
-  /** `title` is what errors call it. */
+  /** `title` names the recording in error messages. */
   constructor(title: string, zstd: Zstd, fetchBytes: FetchBytes | null) {
     this.#title = title;
     this.#zstd = zstd;
@@ -76,17 +77,17 @@ export class RecordingReader {
     );
   }
 
-  /** What is set before the run begins, once there is something to look at. */
+  /** The header of the run, once it is complete. */
   get header(): RunHeader | null {
     return this.#isOpen ? this.#header : null;
   }
 
-  /** Whether more bytes are of no use. */
+  /** Whether further bytes are ignored. */
   get isAtEnd(): boolean {
     return this.#scanner.end !== null;
   }
 
-  /** Takes in the next bytes; they are not kept. */
+  /** Reads the next bytes; they are not kept. */
   push(bytes: Uint8Array): void {
     this.#scanner.push(bytes);
     if (this.#rejection) {
@@ -97,7 +98,7 @@ export class RecordingReader {
     }
   }
 
-  /** No more bytes will come. */
+  /** Ends the input. */
   finish(): void {
     const end = this.#scanner.finish();
     if (this.#rejection) {
@@ -123,7 +124,7 @@ export class RecordingReader {
     builder.finish(this.#lastTick, this.#problemText(problemOf(end)));
   }
 
-  /** The bytes that are left cannot be had. */
+  /** Ends the input because the remaining bytes are unavailable. */
   abort(reason: string): void {
     this.#builder?.finish(this.#lastTick, this.#problemText(`read in part: ${reason}`));
   }
@@ -133,7 +134,7 @@ export class RecordingReader {
     return problem && `${this.#title} is ${problem}. What could be read is shown, up to ${shownS} s.`;
   }
 
-  /** What has been read since the last batch; null if that is nothing. */
+  /** What has been read since the previous batch; null if that is nothing. */
   takeBatch(): Batch | null {
     const learned = this.#beliefTracker && {
       request: this.#beliefTracker.request,
@@ -142,7 +143,10 @@ export class RecordingReader {
     return this.#builder?.takeBatch(learned) ?? null;
   }
 
-  /** Begins to follow what an agent knows: tick in which it learned of each cell. Null ends it. */
+  /**
+   * Begins to follow an agent's belief and returns the tick in which it learned of each cell. Null
+   * ends following.
+   */
   follow(request: number, agent: number | null): Uint32Array | null {
     const log = agent === null ? undefined : this.#beliefLogs[agent];
     if (!log || !this.#header || !this.#mapMessages) {
@@ -158,7 +162,9 @@ export class RecordingReader {
     return this.#beliefTracker.all();
   }
 
-  /** The hits of an agent's last scan, as the recording has them, else cast from where the scan was. */
+  /**
+   * The hits of an agent's last scan: the recorded points, else ray-cast from the pose of the scan.
+   */
   async hits(agent: number, untilTick: number, scan: ScanPose | null): Promise<ScanHits | null> {
     const recorded = await this.#recordedHits(agent, untilTick);
     const [header, lidar] = [this.#header, this.#lidar];
@@ -188,7 +194,7 @@ export class RecordingReader {
       const bytes = messageIn(this.#chunk.content, row[CLOUD.channel]!, timeNs);
       return bytes && { ...messages.pointCloud(bytes), isInBodyFrame: true };
     } catch {
-      // The file has gone, or has changed since it was read; then hits are cast.
+      // The file is gone or was changed since; hits are ray-cast instead.
       return null;
     }
   }
@@ -210,7 +216,7 @@ export class RecordingReader {
     throw this.#rejection;
   }
 
-  /** A recording has its documents before everything that is said. */
+  /** A recording has its attachments before its first message. */
   #checkAttachments(): void {
     if (this.#toml === null || this.#map === null) {
       const missing = this.#toml === null ? SCENARIO_ATTACHMENT : "map.m3dm";
@@ -261,7 +267,8 @@ export class RecordingReader {
     if (kind === "join") {
       this.#controllers.set(agent, messages.controllerOfJoin(bytes));
     }
-    // Agents that are driven by others do not join; then it is the clock that tells that all are there.
+    // Externally controlled agents do not join; then the first other message shows that the run has
+    // begun.
     if (!this.#isOpen && (kind !== "join" || this.#controllers.size === header.setup.agents)) {
       this.#open(header);
     }
@@ -305,7 +312,7 @@ export class RecordingReader {
     return rows;
   }
 
-  /** All who take part are known. */
+  /** Completes the header with the controllers of the agents that joined. */
   #open(header: RunHeader): void {
     const { setup } = header;
     const controllers = setup.controllers.map((usual, agent) => this.#controllers.get(agent) ?? usual);
@@ -341,7 +348,7 @@ export class RecordingReader {
   }
 }
 
-/** What a topic is about, as far as that is of use here. */
+/** Parses a topic name. */
 function channelOf(topic: string): Channel {
   const ofAgent = /^\/agent_(\d{1,9})\/(join|observation|command|points)$/.exec(topic);
   if (ofAgent) {

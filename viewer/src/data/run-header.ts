@@ -1,7 +1,8 @@
 /**
- * What is set before a run begins, from the documents of its recording and the message on `/sim/scenario`.
+ * Setup and terrain of a run, from the attachments of its recording and the message on
+ * `/sim/scenario`.
  *
- * Throws a RangeError if they do not agree, or say what no scenario may say.
+ * Throws a RangeError if they contradict each other or exceed the limits of a scenario.
  */
 
 import { lattice, shell, type Lidar } from "./lidar.ts";
@@ -10,10 +11,10 @@ import type { Scenario } from "./messages.ts";
 import { TICK_S, type Setup, type Terrain } from "./run.ts";
 import type { RecordedScenario } from "./recorded-scenario.ts";
 
-/** What a scenario may have at the most. */
+/** Limits of a scenario. */
 const RAYS_MAX = 1_000_000;
 const SHELL_RADIUS_CELLS_MAX = 200;
-/** The same, with room for later ones. */
+/** The present limit of a scenario, with a margin for later versions. */
 const AGENTS_MAX = 1 << 16;
 
 export interface RunHeader {
@@ -21,7 +22,7 @@ export interface RunHeader {
   readonly terrain: Terrain;
 }
 
-/** The terms of a run; all agents have the controller that is usual there until they are known to run another one. */
+/** All agents have the scenario's default controller until their join messages name another. */
 export function runHeaderOf(
   message: Scenario,
   recorded: RecordedScenario,
@@ -70,7 +71,10 @@ function isShell({ lidarPattern }: RecordedScenario): boolean {
   return lidarPattern === "shell";
 }
 
-/** Whether agents are message where they truly are; if not, poses are those that the server shows, if it does. */
+/**
+ * Whether observed poses are true ones. They are not where the pose has sensor noise; then the true
+ * poses that the server records are used, if it does record them.
+ */
 export function areObservedPosesTrue(recorded: RecordedScenario): boolean {
   const hasNoise = (recorded.poseBoundM ?? 0) > 0;
   const hasTruePoses = (recorded.posesPeriodTicks ?? 1) > 0;

@@ -181,7 +181,7 @@ describe("tasks", () => {
     const target = (timeS: number) =>
       run.agentAt(0, timeS).path.map((point) => point.map((at) => Math.round(at * 1e4) / 1e4));
     expect(target(0)).toEqual([[1.5, 5, 1.5]]);
-    // One metre up is where the ceiling is.
+    // The ceiling is one metre above.
     expect(target(0.3)).toEqual([[3.2321, 1.5, 2.5]]);
     expect(target(0.5)).toEqual(target(0.3));
     expect(run.agentAt(0, 0.6)).toMatchObject({ task: "idle", path: [], collision: "wall" });

@@ -1,8 +1,9 @@
 /**
- * A run as the page holds it, which grows while its recording is read.
+ * The page's copy of a run, which grows while its recording is read.
  *
- * Answers come from what has been read by binary search, at any time and in any order, and with the same outcome; nothing is decoded
- * here. What has to be looked up in the recording again (what an agent knows, waypoints of scans) is observations of the one who reads.
+ * Queries are binary searches in what has been read; they may come in any order and always have the
+ * same answer. Nothing is decoded here: what needs the recording again (beliefs, points of scans)
+ * is requested from the reader.
  */
 
 import { AgentLog, tickAt } from "./agent-log.ts";
@@ -32,7 +33,7 @@ import {
   type Track,
 } from "./run.ts";
 
-/** The one who reads. */
+/** Connection to the reader of the recording. */
 export interface ReaderClient {
   send(request: Request): void;
   close(): void;
@@ -63,7 +64,7 @@ export class RunModel implements Run {
   #requests = 0;
   #isClosed = false;
   #belief: GrowingBelief | null = null;
-  /** The last request to follow an agent, until it is commands and after. */
+  /** The last request to follow an agent, pending or answered. */
   #following: {
     readonly request: number;
     readonly agent: number;
@@ -172,7 +173,7 @@ export class RunModel implements Run {
     this.#endReading();
   }
 
-  /** The reader has failed: what is there is all that there will be. */
+  /** Ends reading after a failure; what has been read so far stays. */
   fail(problem: string): void {
     this.problem = problem;
     this.isComplete = true;
@@ -193,7 +194,7 @@ export class RunModel implements Run {
     this.#hits.clear();
   }
 
-  /** Takes in what the reader says. */
+  /** Applies a reply of the reader. */
   take(reply: Reply): void {
     switch (reply.kind) {
       case "batch":
@@ -296,7 +297,7 @@ export class RunModel implements Run {
   }
 }
 
-/** A cell has this tick, and no longer that which it had before. */
+/** Moves a cell from one tick to another. */
 function move(counts: TickCounts, before: number, tick: number): void {
   if (before !== NEVER) {
     counts.add(before, -1);

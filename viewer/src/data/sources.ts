@@ -1,36 +1,39 @@
 /**
- * Where runs come from: a file, an address, or a run under way.
+ * Opens runs: from a file, from an address, or as the stream of a live run.
  *
- * Each run has a worker of its own, which ends with `close` of the run, or if the run cannot be read.
+ * Each run has its own worker, which ends with `Run.close`, or if the run cannot be read.
  */
 
 import { RunModel } from "./run-model.ts";
 import type { Reply, Request } from "./protocol.ts";
 import { UnreadableError, type Run } from "./run.ts";
 
-/** A run under way: the bytes of its recording as they come, in order. */
+/** A live run: the bytes of its recording, in order. */
 export interface LiveFeed {
-  /** Resolves once there is something to look at. */
+  /** Resolves when the header of the run is complete. */
   readonly run: Promise<Run>;
   /** The bytes are copied. */
   push(bytes: Uint8Array): void;
-  /** No more will come. */
+  /** Ends the stream. */
   end(): void;
 }
 
-/** Opens a recording; rejects with an UnreadableError if it is none. It goes on to grow while it is read. */
+/**
+ * Opens a recording; rejects with an UnreadableError if it is none. The run grows while the file is
+ * read.
+ */
 export function openFile(file: File): Promise<Run> {
   return open(nextId(file.name), file.name, { kind: "file", file }).run;
 }
 
-/** Opens a recording by its address. */
+/** Opens the recording at an address. */
 export function openUrl(url: string): Promise<Run> {
   const address = new URL(url, location.href);
   const title = decodeURIComponent(address.pathname.split("/").at(-1) || address.host);
   return open(nextId(title), title, { kind: "url", url: address.href, title }).run;
 }
 
-/** Opens a run under way. */
+/** Opens a live run. */
 export function openLive(id: string, title: string): LiveFeed {
   const { run, send } = open(id, title, { kind: "live", title });
   return {
@@ -73,7 +76,7 @@ function open(
         try {
           model = new RunModel(id, title, reply.setup, reply.terrain, reader);
         } catch (error) {
-          // A browser may not give out as much memory as a large map takes.
+          // A browser may refuse the memory that a large map needs.
           const size = reply.terrain.size.join(" x ");
           refuse(`${title} cannot be shown: its map has ${size} cells: ${(error as Error).message}`);
         }

@@ -1,7 +1,8 @@
 /**
- * Makes small recordings for tests, message by message.
+ * Builds small recordings for tests, message by message.
  *
- * Messages are written with `@foxglove/cdr` and files with the writer of `@mcap/core`, so that what is read here was written by others.
+ * Messages are written with `@foxglove/cdr` and files with `@mcap/core`, so that the readers are
+ * tested against independent writers.
  */
 
 import { CdrWriter } from "@foxglove/cdr";
@@ -21,9 +22,9 @@ export interface RecordedMessage {
 }
 
 export interface RecordingOptions {
-  /** Chunks have their sums compared; a run under way is sent without. */
+  /** Chunks have a CRC; the stream of a live run has no chunks. */
   readonly hasChunks?: boolean;
-  /** By name; the scenario and the map of the room unless given. */
+  /** By name; by default the scenario and the map of the room. */
   readonly attachments?: Readonly<Record<string, Uint8Array>>;
 }
 
@@ -63,7 +64,7 @@ export async function recordingOf(
   return file.get();
 }
 
-/** The same recording as a run under way is sent: without chunks. */
+/** The same recording as the stream of a live run: without chunks. */
 export async function asStream(recording: Uint8Array, zstd: Zstd): Promise<Uint8Array> {
   const reader = new McapStreamReader({
     decompressHandlers: { zstd: (bytes, length) => zstd(bytes, Number(length)) },
@@ -250,7 +251,7 @@ export function placed(agent: number, tick: number, position: Vec3): RecordedMes
   return { topic: "/sim/intervention", tick, bytes: writer.data };
 }
 
-/** A cloud of points in the frame of the body. */
+/** A point cloud in the body frame. */
 export function points(agent: number, tick: number, list: readonly Vec3[]): RecordedMessage {
   const writer = header(new CdrWriter(), tick).uint32(1).uint32(list.length).sequenceLength(3);
   ["x", "y", "z"].forEach((name, number) =>

@@ -7,7 +7,10 @@ import { loadZstd } from "./zstd.ts";
 
 const zstd = await loadZstd();
 
-/** A run read from bytes that come in pieces of a size, with a batch after each, of which the last one is told of as such. */
+/**
+ * Reads a run from pieces of `pieceBytes`, with a batch after each; `afterBatch` is called for
+ * every batch.
+ */
 export function readRun(
   bytes: Uint8Array,
   pieceBytes: number = bytes.length,

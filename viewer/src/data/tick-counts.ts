@@ -1,23 +1,23 @@
 /**
- * How many cells have got a tick by any time.
+ * Number of cells whose tick is at most a given one.
  *
- * A cell may get an earlier tick later on, because agents tell of their scans only when they are asked.
+ * A cell may get an earlier tick later on, because an observation reports scans with a delay.
  */
 
 import { rowsUpTo } from "./growable.ts";
 
 export class TickCounts {
-  /** Ticks in which there are cells, ascending, and how many. */
+  /** The distinct ticks, ascending, and the number of cells of each. */
   readonly #ticks: number[] = [];
   readonly #counts: number[] = [];
-  /** How many there are up to each of them; right for those before `#summed`. */
+  /** Prefix sums of `#counts`; valid before `#summed`. */
   readonly #sums: number[] = [];
   #summed = 0;
 
-  /** One more cell, or one less, has this tick. */
+  /** Adds a cell of this tick, or removes one. */
   add(tick: number, change: 1 | -1): void {
     const last = this.#ticks.length - 1;
-    // Mostly it is the last one.
+    // Usually it is the last one.
     let at = last;
     if (last < 0 || this.#ticks[last]! !== tick) {
       const upTo = rowsUpTo(this.#ticks, this.#ticks.length, 1, tick);

@@ -1,8 +1,8 @@
 /**
- * The worker that reads: bytes of a file, of an address, or of a run under way, in; batches out.
+ * The reader worker: bytes of a file, an address or a live run in; batches out.
  *
- * At most some twenty batches are sent in a second, so that the page is not kept busy by them. Questions are answered between two
- * pieces of a file. What is read is decided in `recording-reader.ts`.
+ * It sends some twenty batches per second at most, so that the page stays responsive, and answers
+ * queries between two pieces of a file. The logic is in `recording-reader.ts`.
  */
 
 import { transferablesOf, type Reply, type Request } from "./protocol.ts";
@@ -12,7 +12,7 @@ import { loadZstd } from "./zstd.ts";
 
 const BATCH_PERIOD_MS = 50;
 
-/** The first piece is small, so that there is something to look at soon. */
+/** Small, so that the first image comes soon. */
 const FIRST_PIECE_BYTES = 1 << 18;
 const PIECE_BYTES = 1 << 20;
 
@@ -24,7 +24,7 @@ const scope = self as unknown as Scope;
 
 const zstd = loadZstd();
 let reader: RecordingReader | null = null;
-/** Questions and pieces of a run under way that have come before reader could begin. */
+/** Queries and pieces of a live run that arrived before the reader was ready. */
 const waiting: Request[] = [];
 let isOpened = false;
 let hasFailed = false;
@@ -51,7 +51,7 @@ function sendBatch(): void {
   }
 }
 
-/** Sends what there is, now or when it is time to. */
+/** Sends a batch now, or when the batch period is over. */
 function sendInTime(): void {
   const waitMs = lastBatchMs + BATCH_PERIOD_MS - performance.now();
   if (waitMs <= 0) {
@@ -61,7 +61,7 @@ function sendInTime(): void {
   }
 }
 
-/** Says what went wrong; `subject` names what was read unless the error does. */
+/** Reports an error; `subject` names the source unless the error does. */
 function fail(subject: string, error: unknown): void {
   const reason = error instanceof Error ? error.message : String(error);
   const message = error instanceof UnreadableError ? reason : `${subject} cannot be read: ${reason}`;

@@ -4,7 +4,7 @@ import { occlusionAt, computeOcclusion } from "./ambient-occlusion.ts";
 
 const SIZE: Size = [20, 20, 20];
 
-/** A hall of rock with a free room from 4 to 15 along each axis. */
+/** Solid rock with a free room from 4 to 15 along each axis. */
 function room(): Uint8Array {
   const walls = new Uint8Array(20 ** 3).fill(1);
   for (let z = 4; z < 16; z++)

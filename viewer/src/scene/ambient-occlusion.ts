@@ -1,28 +1,38 @@
 /**
- * How the rock lies around each corner of cells: the direction out of it, and how open it is there. Light falls softly with it.
+ * Baked ambient occlusion: at each corner of the cell grid, the direction out of the rock and how
+ * open the surroundings are.
  *
- * It is built once for a map, on the grid of its cells or, for large maps, of blocks of them.
+ * It is computed once per map, on the grid of its cells or, for large maps, of blocks of cells.
  */
 
 import type { Size } from "./chunks.ts";
 import { CORNERS, NUMBERS_PER_CORNER } from "./mesher.ts";
 
-/** The light of occlusion at the corners of cells. */
+/** Ambient occlusion at the corners of cells or blocks. */
 export interface AmbientOcclusion {
-  /** Corners along each axis, of cells or of blocks. */
+  /** Corners along each axis. */
   readonly counts: Size;
-  /** Edge of a block in cells. */
+  /** Block edge in cells. */
   readonly step: number;
-  /** Four bytes for each corner, x fastest: the direction away from the rock (each part -1 to 1 as 0 to 255), and openness (0 to 1). */
+  /**
+   * Four bytes per corner, x fastest: direction away from the rock (components -1 to 1 as 0 to
+   * 255), and openness (0 to 1 as 0 to 255).
+   */
   readonly data: Uint8Array;
 }
 
-/** Passes of a blur of these radii, in cells, together say how open a place is: near folds, and the hall it lies in. */
+/**
+ * Radii in cells of the box blurs whose weighted sum is the openness: nearby folds, and the wider
+ * surroundings.
+ */
 const NEAR_RADIUS = 1;
 const FAR_RADIUS = 4;
 const NEAR_SHARE = 0.6;
 
-/** `walls` is 1 where there is rock; all outside is rock. The grid has at most `blocks` blocks. */
+/**
+ * `walls` is 1 where there is rock; everything outside is rock. The grid has at most `blocks`
+ * blocks.
+ */
 export function computeOcclusion(walls: Uint8Array, size: Size, blocks: number): AmbientOcclusion {
   let step = 1;
   let coarse: Size = size;
@@ -59,7 +69,7 @@ function rockOf(walls: Uint8Array, size: Size, coarse: Size, step: number): Floa
   return rock;
 }
 
-/** Replaces each value by the mean around it along x, then y, then z; outside is 1. */
+/** Separable box blur along x, y and z; outside is 1. */
 function blur(values: Float32Array, size: Size, radius: number): void {
   const strides = [1, size[0], size[0] * size[1]] as const;
   const line = new Float32Array(Math.max(...size) + 2 * radius);
@@ -118,8 +128,8 @@ function encode(near: Float32Array, far: Float32Array, size: Size): Uint8Array {
 }
 
 /**
- * The light at the corners of rectangles, for a mesher's corners: four bytes for each corner, and the mean of the rectangle's four
- * for each of its corners.
+ * Occlusion at the corners of a mesh: four bytes per corner, and for each corner the mean of its
+ * rectangle.
  */
 export function occlusionAt(
   occlusion: AmbientOcclusion,

@@ -1,4 +1,4 @@
-/** The ground of the picture: dark, a little lighter in the middle. */
+/** The background of the image: a dark radial gradient. */
 
 import { BufferAttribute, BufferGeometry, GLSL3, Mesh, RawShaderMaterial } from "three";
 import { FRAGMENT_HEAD, HEAD, type SharedUniforms } from "./glsl.ts";
@@ -18,7 +18,7 @@ void main() {
   vec2 p = vAt * vec2(min(picture.x / picture.y, 2.2) * 0.62, 1.0) - vec2(0.0, 0.12);
   float share = smoothstep(1.45, 0.0, length(p));
   vec3 c = mix(vec3(0.030, 0.037, 0.052), vec3(0.088, 0.108, 0.142), share);
-  // A pixel's own share of a step hides the bands of so slow a change.
+  // Dithering hides the bands of the slow gradient.
   uvec2 q = uvec2(gl_FragCoord.xy);
   uint h = (q.x * 1597334677u) ^ (q.y * 3812015801u);
   h = (h ^ (h >> 15)) * 2246822519u;

@@ -1,25 +1,26 @@
 /**
- * The map as it is drawn: its own cells, or, if there are too many of them, blocks of cells.
+ * The map at drawing resolution: its own cells or, if there are too many, blocks of cells.
  *
- * A block is free if at least half of its cells are; its time is the earliest of those of its free cells.
+ * A block is free if at least half of its cells are; its time is the earliest of those of its free
+ * cells.
  */
 
 import { NEVER, type Terrain } from "../data/run.ts";
 import type { Size } from "./chunks.ts";
 
-/** Terrain of blocks. */
+/** A map of blocks. */
 export interface BlockModel {
   readonly size: Size;
-  /** Edge of a block, metres. */
+  /** Block edge, metres. */
   readonly cellM: number;
-  /** 1 is wall, 0 free; by number of the block. */
+  /** 1 is wall, 0 free; by block number. */
   readonly walls: Uint8Array;
-  /** Cells along the edge of a block; 1: the arrays are the map's own. */
+  /** Block edge in cells; 1: the arrays are those of the map itself. */
   readonly step: number;
   readonly terrain: Terrain;
 }
 
-/** The model of a map with at most so many blocks in all, and along an axis. */
+/** The finest model with at most `blocksMax` blocks in all and `edgeMax` along an axis. */
 export function blockModelOf(terrain: Terrain, blocksMax: number, edgeMax: number): BlockModel {
   const { size, cellM, walls } = terrain;
   let step = 1;
@@ -37,9 +38,9 @@ export function blockModelOf(terrain: Terrain, blocksMax: number, edgeMax: numbe
   return { size: blocks, cellM: cellM * step, walls: solid, step, terrain };
 }
 
-/** Times of a model's blocks, kept up to those of the cells. */
+/** Times of the blocks of a model, derived from those of the cells. */
 export class BlockTimes {
-  /** By number of the block. */
+  /** By block number. */
   readonly times: Uint32Array;
 
   constructor(
@@ -50,12 +51,12 @@ export class BlockTimes {
     this.markAllChanged();
   }
 
-  /** The times of these cells have become known. Returns the blocks they lie in. */
+  /** Updates the blocks of cells whose times have changed, and returns these blocks. */
   markChanged(cells: Uint32Array): Uint32Array {
     return this.model.step === 1 ? cells : cells.map((cell) => this.#note(cell));
   }
 
-  /** Any time may have changed. */
+  /** Updates all blocks. */
   markAllChanged(): void {
     const { model, times, cellTimes } = this;
     const { size, walls } = model.terrain;
@@ -78,7 +79,7 @@ export class BlockTimes {
   }
 }
 
-/** Calls back with the first cell of each row (along x), and the block that it lies in. */
+/** Calls back with the first cell of each row along x, and its block. */
 function forEachRow(
   size: Size,
   blocks: Size,

@@ -1,7 +1,9 @@
 /**
- * The bodies of agents: a hull in the agent's colour between four ring guards, with a bright nose that shows the heading.
+ * The bodies of agents: a hull in the agent's colour between four ring guards, and a bright nose
+ * that shows the heading.
  *
- * A body is as large as it is in the run, but never smaller on the screen than a few pixels. Behind walls it is a pale shape.
+ * A body has its true size, but at least a few pixels on the screen. Behind walls it is a pale
+ * silhouette.
  */
 
 import {
@@ -62,12 +64,12 @@ void main() {
 }
 `;
 
-/** Half the width of the body on the screen, at least; CSS pixels. */
+/** Minimum radius of a body on the screen, CSS pixels. */
 export const BODY_RADIUS_PX = 10;
 
 export class Bodies {
   readonly meshes: readonly Mesh<BufferGeometry, RawShaderMaterial>[];
-  /** For each agent its body, and what is seen of it through walls. */
+  /** For each agent the body and its silhouette behind walls. */
   readonly #pairs: readonly (readonly [Mesh, Mesh])[];
   readonly #fine = bodyGeometry(true);
   readonly #coarse = bodyGeometry(false);
@@ -111,16 +113,16 @@ export class Bodies {
   }
 }
 
-/** A body of radius 1 that looks along +x, with round parts of more or fewer corners. */
-function bodyGeometry(isSuccess: boolean): BufferGeometry {
-  const [around, along] = isSuccess ? [20, 12] : [8, 5];
+/** A body of radius 1 facing +x, with a fine or a coarse tessellation. */
+function bodyGeometry(isFine: boolean): BufferGeometry {
+  const [around, along] = isFine ? [20, 12] : [8, 5];
   const hull = new SphereGeometry(1, around, along).scale(0.78, 0.34, 0.3);
-  const nose = new SphereGeometry(0.19, isSuccess ? 12 : 6, isSuccess ? 8 : 4).translate(0.7, 0, 0.02);
+  const nose = new SphereGeometry(0.19, isFine ? 12 : 6, isFine ? 8 : 4).translate(0.7, 0, 0.02);
   const fin = new BoxGeometry(0.36, 0.05, 0.36).translate(-0.6, 0, 0.24);
   const beams = [1, -1].map((turn) => new BoxGeometry(1.3, 0.09, 0.07).rotateZ((turn * Math.PI) / 4));
   const guards = [0, 1, 2, 3].map((corner) => {
     const [x, y] = [corner & 1 ? 0.5 : -0.5, corner & 2 ? 0.5 : -0.5];
-    return new TorusGeometry(0.34, 0.055, isSuccess ? 6 : 3, isSuccess ? 20 : 9).translate(x, y, 0.04);
+    return new TorusGeometry(0.34, 0.055, isFine ? 6 : 3, isFine ? 20 : 9).translate(x, y, 0.04);
   });
   const parts: readonly (readonly [BufferGeometry, number])[] = [
     [hull, 0],

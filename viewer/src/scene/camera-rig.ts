@@ -1,8 +1,8 @@
 /**
- * The camera and the hand on it: flights to what is selected, and dragging and turning the wheel.
+ * The camera and its controls: flights to the selection, and mouse, wheel and touch input.
  *
- * Dragging turns, with Shift or the middle button it moves the centre; the wheel goes nearer and farther; two fingers do both. During
- * a flight no hand is heeded. A drag that has moved is no click: the canvas sends no `click` after it.
+ * Dragging orbits, with Shift or the middle button it pans; the wheel zooms; two fingers do both.
+ * Input is ignored during a flight. A drag is no click: the canvas sends no `click` event after it.
  */
 
 import { PerspectiveCamera, type Vector3 } from "three";
@@ -19,7 +19,7 @@ import {
 } from "./orbit.ts";
 
 const FLIGHT_MS = 500;
-/** A hand that has moved less than this, in CSS pixels, has clicked. */
+/** A pointer that has moved less than this, in CSS pixels, has clicked. */
 const CLICK_PX = 4;
 
 interface Flight {
@@ -29,14 +29,14 @@ interface Flight {
 
 export class CameraRig {
   readonly camera = new PerspectiveCamera((FIELD_OF_VIEW_RAD * 180) / Math.PI, 1, 0.1, 1000);
-  /** Where the eye is or flies to; its centre is relative to what is followed. */
+  /** The present pose or the destination of the flight; its centre is relative to the anchor. */
   #orbit: Orbit = { centre: [0, 0, 0], yawRad: 0, pitchRad: 0.5, distanceM: 10 };
   #anchor: Vec3 = [0, 0, 0];
-  /** The last picture's. */
+  /** The pose in the last frame. */
   #shown: Orbit = this.#orbit;
   #flight: Flight | null = null;
   #limits: readonly [number, number] = [1, 100];
-  /** Half the length of the map's diagonal. */
+  /** Half the diagonal of the map. */
   #reachM = 1;
   readonly #pointers = new Map<number, { x: number; y: number }>();
   #draggedPx = 0;
@@ -62,23 +62,23 @@ export class CameraRig {
     canvas.addEventListener("click", swallow, { signal, capture: true });
   }
 
-  /** Whether the eye has moved since the last `update`, or is on its way. */
+  /** Whether the camera has moved since the last `update`, or is in flight. */
   get needsRedraw(): boolean {
     return this.#hasMoved || this.#flight !== null;
   }
 
-  /** Of what it looks at, at the end of a flight. */
+  /** Distance to the centre, at the end of a flight. */
   get distanceM(): number {
     return this.#orbit.distanceM;
   }
 
-  /** How near and how far the eye may go, and how far the map reaches from its middle. */
+  /** Limits of the distance, and the radius of the map around its middle; metres. */
   setLimits(limits: readonly [number, number], reachM: number): void {
     this.#limits = limits;
     this.#reachM = reachM;
   }
 
-  /** Looks from here on at an anchor (see `update`), at once or after a flight. */
+  /** Orbits an anchor (see `update`) from now on, at once or after a flight. */
   goTo(orbit: Orbit, anchor: Vec3, fly: boolean): void {
     this.#orbit = orbit;
     this.#anchor = anchor;
@@ -90,7 +90,7 @@ export class CameraRig {
     this.#flight = null;
   }
 
-  /** Puts the camera where it belongs; `anchor` is what it follows. */
+  /** Updates the camera; `anchor` is the position that it follows. */
   update(anchor: Vec3, mapCentre: Vec3): void {
     this.#anchor = anchor;
     this.#hasMoved = false;
@@ -111,7 +111,10 @@ export class CameraRig {
     this.camera.updateMatrixWorld();
   }
 
-  /** Towards the main light: from above and the left of where one looks, so that what faces the eye has shape from any side. */
+  /**
+   * Direction to the main light: from above and the left of the view, so that surfaces facing the
+   * camera have shading from any side.
+   */
   aimLight(target: Vector3): void {
     const right = rightOf(this.#orbit);
     const toEye = this.camera.getWorldDirection(target).negate();

@@ -1,8 +1,9 @@
 /**
- * The cave of a run, in as much detail as a picture has time for, and the frame around it.
+ * The cave of a run in two levels of detail, and the bounding box around it.
  *
- * In full it is drawn cell by cell (or, if the map is too large for that, in blocks of cells); in coarse detail in larger blocks: a fraction
- * of the faces, for pictures that must come soon. Each is built when it is first asked for.
+ * Full detail draws single cells (or, if the map is too large, blocks of cells); coarse detail
+ * draws larger blocks, a fraction of the faces, for frames that must be quick. Each level is built
+ * when it is first needed.
  */
 
 import { Group, Vector3, type WebGLRenderer } from "three";
@@ -13,20 +14,20 @@ import { blockModelOf, type BlockModel } from "./block-model.ts";
 import { Segments, type Segment } from "./ribbons.ts";
 import type { View } from "./view.ts";
 
-/** Maps with more cells are drawn in blocks of them: 256 along each axis. */
+/** Maps with more cells are drawn in blocks: 256 along each axis. */
 const BLOCKS_MAX = 2 ** 24;
 /** Likewise in coarse detail: 64 along each axis. */
 const COARSE_BLOCKS_MAX = 2 ** 18;
 
 export class Cave {
   readonly root = new Group();
-  /** What cannot be shown of this map, for people. */
+  /** Limitations in showing this map, for people. */
   readonly notices: readonly string[];
-  /** The middle of what is open, and how far it reaches along each axis; metres. */
+  /** Centre and extent of the free space, metres. */
   readonly middle: Vec3;
   readonly extentM: Vec3;
   readonly #full: BlockModel;
-  /** Where everything is drawn in full it is never made. */
+  /** Never built where everything is drawn in full detail. */
   #coarse: BlockModel | null = null;
   readonly #details = new Map<BlockModel, DetailLevel>();
   readonly #frame: Segments;
@@ -58,18 +59,24 @@ export class Cave {
     for (const detail of this.#details.values()) detail.markChanged(update);
   }
 
-  /** What the walls are to be compared with, or null. */
+  /** Sets the belief that the walls are compared with, or null. */
   setBelief(belief: Belief | null): void {
     this.#belief = belief;
     for (const detail of this.#details.values()) detail.setBelief(belief);
   }
 
-  /** Makes what the full picture of a moment is lacking, as far as the budget goes. Returns whether nothing is missing. */
+  /**
+   * Builds missing parts of the full-detail frame within the time budget. Returns whether nothing
+   * is missing.
+   */
   prepare(tick: number, view: View, budgetMs: number): boolean {
     return this.#detail(this.#full).make(tick, view, budgetMs).isComplete;
   }
 
-  /** Makes the picture of a moment as far as the budget goes. Until the full cave has all its walls, a coarse one stands in for it. */
+  /**
+   * Prepares the frame of a tick within the time budget. A coarse cave stands in until the full one
+   * has all its walls.
+   */
   show(
     renderer: WebGLRenderer,
     tick: number,
@@ -90,7 +97,9 @@ export class Cave {
     return { built, isComplete };
   }
 
-  /** Leaves out what stands between the eye and the rock that is nearest to a place it looks at, or, with null, nothing; metres. */
+  /**
+   * Cuts away the rock between the camera and a position that it follows, metres; null: nothing.
+   */
   setForegroundCut(eye: Vec3, place: Vec3 | null): void {
     const { value } = this.common.foreground;
     const share = place === null ? 1 : this.#freeShare(place, eye);
@@ -103,7 +112,7 @@ export class Cave {
     value.set(towards.x, towards.y, towards.z, -towards.dot(new Vector3(...place)) - share * lengthM);
   }
 
-  /** How far one gets from a place towards another one before there is rock, as a share of the way; 1: all the way. */
+  /** Share of the line between two positions that is free, from its start; 1: all of it. */
   #freeShare(from: Vec3, to: Vec3): number {
     const { size, cellM, walls } = this.run.terrain;
     const way = to.map((value, axis) => (value - from[axis]!) / cellM);
@@ -150,13 +159,13 @@ export class Cave {
   }
 }
 
-/** How finely a line of sight is followed. */
+/** Sampling of the line of sight. */
 const SIGHT_STEPS_PER_CELL = 8;
 
-/** Faces that lie in the plane of a cut go with what is beyond it; cells. */
+/** Offset of the cut plane, cells: faces in the plane belong to the part that is cut away. */
 const CUT_SLACK = 0.002;
 
-/** The lowest and the highest corner of the box around all free cells, in cells; the whole map if there are none. */
+/** Bounding box of all free cells, in cells; the whole map if there are none. */
 function boundsOf(walls: Uint8Array, size: Vec3): [Vec3, Vec3] {
   const low: Vec3 = [...size];
   const high: Vec3 = [0, 0, 0];

@@ -1,8 +1,9 @@
 /**
- * A layer of cells that changes with time, such as those that nobody has seen: its surface, chunk by chunk.
+ * A layer of cells that changes over time, such as the unexplored ones: its surface, chunk by
+ * chunk.
  *
- * A chunk is built again only if it looks different at the moment that is asked (see `ChunkStaleness`), and only while the picture's budget
- * lasts; what is left over is built for the next pictures, beginning where this one has stopped.
+ * A chunk is rebuilt only if it looks different at the given tick (see `ChunkStaleness`), and only
+ * within the time budget of the frame; the remaining chunks are rebuilt in later frames, in order.
  */
 
 import { GLSL3, Group, RawShaderMaterial, Vector3, type IUniform } from "three";
@@ -12,13 +13,13 @@ import { setDefines, FRAGMENT_HEAD, NORMALS, VERTEX_HEAD, type SharedUniforms } 
 import type { AmbientOcclusion } from "./ambient-occlusion.ts";
 import { Mesher, type Surface } from "./mesher.ts";
 
-/** What a layer consists of, and how it looks. */
+/** Contents and appearance of a layer. */
 export interface CellLayerStyle {
-  /** Which cells count at all. */
+  /** Whether a cell can be in the layer. */
   readonly counts: (cell: number) => boolean;
   /** Whether cells are in the layer before their time, or from then on. */
   readonly isBefore: boolean;
-  /** As shown, with the alpha of a face that is looked at squarely and of one at a glance. */
+  /** sRGB, with the alpha of a face seen frontally and at a grazing angle. */
   readonly colour: readonly [number, number, number];
   readonly alphas: readonly [number, number];
   readonly renderOrder: number;
@@ -39,7 +40,7 @@ void main() {
   gl_Position = projectionMatrix * viewMatrix * place;
   vec3 away = placeM - eye;
   float distanceM = length(away);
-  // Against rock the surface is as round as the rock.
+  // Against rock the shading normal is as smooth as that of the rock.
   vec3 rock = occlusion.rgb * 2.0 - 1.0;
   vec3 n = normalize(normal * 0.35 - rock * max(-dot(rock, normal), 0.0));
   float glance = 1.0 - clamp(-dot(n, away) / distanceM, 0.0, 1.0);
@@ -60,10 +61,10 @@ void main() {
 }
 `;
 
-/** Light is worked out at corners, so rectangles must not be long; cells. */
+/** Lighting is per vertex, so rectangles must be short; cells. */
 const LONGEST = 6;
 
-/** Cells along the edge of a chunk: small ones change more seldom, large ones are fewer to draw. */
+/** Chunk edge in cells: small chunks change less often, large ones need fewer draw calls. */
 function edgeFor(size: Size): number {
   return size[0] * size[1] * size[2] > 500_000 ? 25 : 16;
 }
@@ -113,7 +114,10 @@ export class CellLayer {
     this.#hasNews = true;
   }
 
-  /** Makes chunks until all are as they are at `tick`, or until `hasTime` says no. Returns how many were built, and whether all are right. */
+  /**
+   * Rebuilds stale chunks for `tick` while `hasTime` returns true. Returns how many were built, and
+   * whether none is stale.
+   */
   show(tick: number, hasTime: () => boolean): { readonly built: number; readonly isComplete: boolean } {
     if (tick === this.#shownTick && !this.#hasNews) return { built: 0, isComplete: true };
     let built = 0;
@@ -134,7 +138,7 @@ export class CellLayer {
     return { built, isComplete: true };
   }
 
-  /** Prepares the picture from an eye at a place in cells. */
+  /** Prepares a frame for a camera position in cells. */
   selectFacing(eye: Vector3, isCut: boolean): void {
     for (const mesh of this.#meshes) mesh?.selectFacing(eye);
     setDefines(this.#material, isCut ? ["CUT"] : []);

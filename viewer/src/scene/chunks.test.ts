@@ -60,7 +60,7 @@ describe("a grid of chunks", () => {
 });
 
 describe("the clocks of chunks", () => {
-  /** What a chunk and its border look like at a tick. */
+  /** The set cells of a chunk and its border at a tick. */
   function look(grid: Grid, chunk: number, times: Uint32Array, tick: number): string {
     const seen: number[] = [];
     for (let cell = 0; cell < times.length; cell++) {
@@ -98,7 +98,7 @@ describe("the clocks of chunks", () => {
       }
       const cells = drawCells(3);
       clocks.markChanged(cells);
-      // What was drawn without a cell that it should have shown counts as not drawn.
+      // A chunk that was built before a cell became known that it should show counts as not built.
       for (const cell of cells) {
         grid.forTouched(cell, (chunk) => {
           if (times[cell]! <= drawnFor[chunk]!) drawn[chunk] = undefined;

@@ -1,6 +1,4 @@
-/**
- * The walls of the cave and its layers of cells, in one degree of detail. Shows any moment of the run.
- */
+/** Walls and cell layers of the cave at one level of detail, for any tick of the run. */
 
 import { Group, Vector3, type WebGLRenderer } from "three";
 import { TICK_S, type Belief, type RunUpdate, type Run } from "../data/run.ts";
@@ -14,21 +12,21 @@ import type { View } from "./view.ts";
 import { TimesVolume } from "./volumes.ts";
 import { Walls } from "./walls.ts";
 
-/** Most texels of the light of occlusion. */
+/** Maximum number of texels of the ambient occlusion. */
 const OCCLUSION_TEXELS_MAX = 2 ** 23;
 
-/** What an agent knows, as the walls take it. */
+/** The belief of an agent as the wall shaders read it. */
 interface Known {
   readonly belief: Belief;
   readonly times: BlockTimes;
   readonly volume: TimesVolume;
-  /** Of the belief, when it was taken over. */
+  /** Revision of the belief that `times` reflects. */
   revision: number;
 }
 
-/** How far a picture has come. */
+/** Completeness of a frame. */
 export interface Progress {
-  /** Chunks that were built for it. */
+  /** Number of chunks built for it. */
   readonly built: number;
   /** Whether nothing is missing. */
   readonly isComplete: boolean;
@@ -72,7 +70,7 @@ export class DetailLevel {
     this.#covered.markChanged(this.#visited.markChanged(update.cells));
   }
 
-  /** What the walls are to be compared with, or null. */
+  /** Sets the belief that the walls are compared with, or null. */
   setBelief(belief: Belief | null): void {
     this.#known?.volume.dispose();
     this.#known = null;
@@ -82,7 +80,7 @@ export class DetailLevel {
     this.#known = { belief, times, volume, revision: belief.revision };
   }
 
-  /** Makes what the moment is lacking, as far as the budget goes. */
+  /** Builds missing parts for a tick within the time budget. */
   make(tick: number, { layers }: View, budgetMs: number): Progress {
     const endMs = performance.now() + budgetMs;
     const hasTime = (): boolean => performance.now() < endMs;
@@ -105,12 +103,12 @@ export class DetailLevel {
     return { built, isComplete };
   }
 
-  /** Whether all walls were made. */
+  /** Whether all walls are built. */
   get hasWalls(): boolean {
     return this.#walls.missing === 0;
   }
 
-  /** Prepares what there is for a picture. `isCut`: something is cut off or left out. */
+  /** Prepares a frame. `isCut`: some part is cut away. */
   show(renderer: WebGLRenderer, view: View, isCut: boolean): void {
     this.#times.upload(renderer);
     const eye = this.common.eye.value.clone().divideScalar(this.model.cellM);

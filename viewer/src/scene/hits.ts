@@ -1,4 +1,4 @@
-/** What a scan has hit: a point for each ray, from warm (near) to cool (far). */
+/** The hits of a scan as points, from warm (near) to cool (far). */
 
 import { BufferAttribute, BufferGeometry, GLSL3, Points, RawShaderMaterial, Vector3 } from "three";
 import type { Hits, Vec3 } from "../data/run.ts";
@@ -13,7 +13,7 @@ void main() {
   vTint = mix(mix(vec3(1.0, 0.86, 0.45), vec3(0.45, 0.95, 0.75), smoothstep(0.0, 0.5, share)),
     vec3(0.35, 0.6, 1.0), smoothstep(0.5, 1.0, share));
   vec4 view = viewMatrix * vec4(place, 1.0);
-  // A little towards the eye, so that points lie on walls rather than in them.
+  // Offset towards the camera, so that points lie on walls rather than in them.
   gl_Position = projectionMatrix * vec4(view.xyz * 0.997, 1.0);
   gl_PointSize = pixelRatio * clamp(0.09 / (pixelM * pixelRatio * -view.z), 1.6, 5.0);
 }
@@ -46,7 +46,7 @@ export class HitPoints {
     this.points.renderOrder = 5;
   }
 
-  /** `from` is where the scan was made. */
+  /** `from` is the position of the scan. */
   show(hits: Hits | null, from: Vec3): void {
     this.points.visible = hits !== null && hits.positions.length > 0;
     if (hits === this.#shown || hits === null) return;

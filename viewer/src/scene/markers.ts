@@ -1,6 +1,6 @@
 /**
- * Small marks that face the eye and have a size on the screen, drawn over everything: glows of agents, the ring of the selected one,
- * targets, way-points and labels. They are given anew for each picture, in the order in which they lie over each other.
+ * Screen-space markers over everything else: glows of agents, the ring of the selected one,
+ * targets, waypoints and labels. They are set for each frame, in drawing order.
  */
 
 import {
@@ -17,7 +17,7 @@ import type { Vec3 } from "../data/run.ts";
 import { quadIndices } from "./faces.ts";
 import { FRAGMENT_HEAD, VERTEX_HEAD, type SharedUniforms } from "./glsl.ts";
 
-/** What a mark looks like. */
+/** Shape of a marker. */
 export const MARKER = { glow: 0, ring: 1, target: 2, dot: 3, label: 4 } as const;
 
 export interface Marker {
@@ -25,15 +25,15 @@ export interface Marker {
   readonly place: Vec3;
   /** Half the width, CSS pixels. */
   readonly radiusPx: number;
-  /** How far above the place it is, CSS pixels. */
+  /** Offset above the position, CSS pixels. */
   readonly abovePx: number;
   readonly colour: readonly [number, number, number];
   readonly alpha: number;
-  /** Of a name: the number that is written. */
+  /** The number on a label. */
   readonly number: number;
 }
 
-/** Names are drawn once, side by side, into a sheet of so many columns and rows. */
+/** Labels are rendered once into a texture atlas with this many columns. */
 const COLUMNS = 8;
 const CELL_PX = 96;
 
@@ -69,7 +69,7 @@ in vec2 vOnSheet;
 in float vRadiusPx;
 flat in int vKind;
 uniform sampler2D labels;
-// A ring around the middle: 1 on it, falling to 0 within a pixel.
+// Coverage of a ring: 1 on it, falling to 0 within a pixel.
 float ring(float r, float at, float halfWidthPx) {
   return clamp(halfWidthPx + 0.5 - abs(r - at) * vRadiusPx, 0.0, 1.0);
 }
@@ -105,7 +105,7 @@ export class Markers {
   readonly #sheet: CanvasTexture;
   #capacity = 0;
 
-  /** `labels` is how many labels there may be, from 0 on. */
+  /** `labels` is the number of labels, which are 0, 1, 2... */
   constructor(common: SharedUniforms, labels: number) {
     const rows = Math.max(1, Math.ceil(labels / COLUMNS));
     this.#sheet = sheetOf(labels, rows);
@@ -163,12 +163,15 @@ export class Markers {
   }
 }
 
-/** Names in white on dark plates with a coloured edge: red is the share of any colour, green that of white in it. */
+/**
+ * Atlas of labels, white on dark plates with a coloured edge: red is the share of any colour, green
+ * that of white in it.
+ */
 function sheetOf(labels: number, rows: number): CanvasTexture {
   const canvas = document.createElement("canvas");
   canvas.width = COLUMNS * CELL_PX;
   canvas.height = rows * CELL_PX;
-  // It is read back at once: drawing it in the graphics' memory would wait for that.
+  // The canvas is read back at once, which a GPU canvas would have to wait for.
   const context = canvas.getContext("2d", { willReadFrequently: true });
   if (context === null) throw new Error("The browser gives no canvas to draw the labels of agents on.");
   context.textAlign = "center";

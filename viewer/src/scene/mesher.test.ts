@@ -10,7 +10,7 @@ function randomBlock(seed: number, share: number): Uint8Array {
   return Uint8Array.from({ length: ROW ** 3 }, () => (next() < share ? 1 : 0));
 }
 
-/** Each unit face of a surface as text: the cell that it belongs to, counted from the origin, and where it faces. */
+/** Each unit face of a surface as text: its cell, relative to the origin, and its direction. */
 function unitFaces(surface: Surface, origin: readonly number[], inward: boolean): string[] {
   const faces: string[] = [];
   const { corners } = surface;

@@ -1,8 +1,8 @@
 /**
- * Lines of some width that turn towards the eye: segments that are made anew for each picture (ways, contacts, the frame of the map),
- * and trails that grow (see `trails.ts`). Here are the shaders of both and the segments.
+ * Camera-facing ribbons: line segments that are set for each frame (paths, contacts, the bounding
+ * box). The shader code is shared with the trails (see `trails.ts`).
  *
- * Widths are in CSS pixels. A line is soft at its sides. Colours are as shown, with alpha.
+ * Widths are in CSS pixels, edges are soft. Colours are sRGB with alpha.
  */
 
 import {
@@ -20,10 +20,10 @@ import type { Vec3 } from "../data/run.ts";
 import { quadIndices } from "./faces.ts";
 import { FRAGMENT_HEAD, VERTEX_HEAD, type SharedUniforms } from "./glsl.ts";
 
-/** Half the width of the line around its core, in widths, for the glow. */
+/** Width of the ribbon including its glow, in line widths. */
 export const GLOW = 3;
 
-/** Turns a line's point towards the eye: `along` is its direction in view space. */
+/** Offsets a point of a ribbon sideways: `along` is the ribbon's direction in view space. */
 export const WIDEN = /* glsl */ `
 vec3 widen(vec3 place, vec3 along, float side, float halfWidthPx, float halfWidthLeastM) {
   vec3 across = cross(along, place);
@@ -69,7 +69,7 @@ void main() {
 }
 `;
 
-/** A soft line over what is there: in front of walls, or faintly behind them. */
+/** A soft line in front of walls, or a faint one behind them. */
 export function ribbonMaterial(
   common: SharedUniforms,
   shaders: { readonly vertex: string; readonly fragment: string },
@@ -89,7 +89,7 @@ export function ribbonMaterial(
   });
 }
 
-/** A straight piece of a line. */
+/** A straight line segment. */
 export interface Segment {
   readonly from: Vec3;
   readonly to: Vec3;
@@ -99,16 +99,16 @@ export interface Segment {
   readonly dashM: number;
 }
 
-/** What the corners of a piece consist of, and how many numbers each part has. */
+/** Vertex attributes and their sizes. */
 const ATTRIBUTES = { from: 3, to: 3, tint: 4, shape: 4 };
 
-/** Straight segments that are given anew for each picture. */
+/** Line segments that are set for each frame. */
 export class Segments {
   readonly meshes: readonly Mesh<BufferGeometry, RawShaderMaterial>[];
   #geometry = new BufferGeometry();
   #capacity = 0;
 
-  /** `behind` is how strongly what lies behind walls is drawn, 0 to 1. */
+  /** `behind` is the strength of the parts behind walls, 0 to 1. */
   constructor(common: SharedUniforms, behind: number, renderOrder: number) {
     const shaders = { vertex: VERTEX, fragment: FRAGMENT };
     const materials = [ribbonMaterial(common, shaders, false, 1)];

@@ -1,9 +1,9 @@
 /**
- * The picture of a run in three dimensions, on a canvas.
+ * Three-dimensional rendering of a run on a canvas.
  *
- * A picture depends on the run, the moment, the view and the camera, and on nothing that was shown before, once it is `settled`:
- * pictures that are drawn in passing may lag behind in the layers of cells, because each may only take so long.
- * The scene selects nothing on its own: it tells what lies at a place (`pick`).
+ * A frame depends only on the run, the time, the view options and the camera, and not on earlier
+ * frames, once it is `settled`: other frames have a time budget, so their cell layers may lag
+ * behind. The scene selects nothing on its own: it reports what lies at a position (`pick`).
  */
 
 import { Scene as Graph, Vector3, WebGLRenderer } from "three";
@@ -22,36 +22,36 @@ import { GLASS_BELOW } from "./wall-shaders.ts";
 export { DEFAULT_LAYERS, type Layers, type View } from "./view.ts";
 
 /**
- * How long a picture may make chunks: a share of the time since the last one, so that what is missing comes soon on a slow machine too,
- * between these bounds.
+ * Time budget of a frame for building chunks: a share of the time since the last frame, so that
+ * missing parts come soon on a slow machine too, between these bounds.
  */
 const BUDGET_SHARE = 0.2;
 const BUDGET_MS = [8, 60] as const;
-/** A coarse cave has few chunks: it is mostly built at once, so that a picture of another moment is whole. */
+/** A coarse cave has few chunks: most frames of another time are complete. */
 const COARSE_BUDGET_MS = [100, 200] as const;
 
-/** Where a cell is larger on the screen than this, one would see that the cave is coarse; CSS pixels. */
+/** The cave is drawn in full detail where cells are larger on the screen than this; CSS pixels. */
 const NEAR_CELL_PX = 12;
 
-/** How much is done for a picture. */
+/** Effort spent on a frame. */
 interface RenderEffort {
-  /** For making chunks. */
+  /** For building chunks. */
   readonly budgetMs: number;
-  /** Whether the cave is a coarse one. */
+  /** Whether the cave is drawn in coarse detail. */
   readonly isCoarse: boolean;
-  /** Whether faint walls are left out. */
+  /** Whether the faint walls are omitted. */
   readonly skipsGlass: boolean;
 }
 
-/** Whatever it takes. */
+/** No limits. */
 const FULL_EFFORT: RenderEffort = { budgetMs: Infinity, isCoarse: false, skipsGlass: false };
 
 const CAVE_YAW_RAD = (62 * Math.PI) / 180;
-/** Cells between the eye and a selected agent. */
+/** Distance of the camera from a selected agent, cells. */
 const AGENT_DISTANCE_CELLS = 11;
 const AGENT_PITCH_RAD = (24 * Math.PI) / 180;
 
-/** What is shown of a run. */
+/** The objects of a run. */
 interface LoadedRun {
   readonly run: Run;
   readonly cave: Cave;
@@ -61,7 +61,10 @@ interface LoadedRun {
 
 export class Scene {
   readonly view: View = defaultView();
-  /** Whether pictures are computed by the processor, as far as the browser tells: then each pixel counts. */
+  /**
+   * Whether frames are rendered by the CPU, as far as the browser reveals it: then the cost is per
+   * pixel.
+   */
   readonly isSoftware = isSoftwareRenderer();
   readonly #renderer: WebGLRenderer;
   readonly #graph = new Graph();
@@ -85,8 +88,8 @@ export class Scene {
   #stats = { triangles: 0, chunksRebuilt: 0, milliseconds: 0 };
 
   /**
-   * Throws with a readable message where there is no WebGL 2. `isForPictures`: edges are smooth whatever they cost; where the processor
-   * draws they are not otherwise.
+   * Throws a readable error without WebGL 2. `isForPictures`: antialias in any case; otherwise
+   * software rendering does not.
    */
   constructor(
     readonly canvas: HTMLCanvasElement,
@@ -104,7 +107,7 @@ export class Scene {
         { cause: error },
       );
     }
-    // To ask whether a shader is right would wait until it is made.
+    // Checking shader errors would wait for their compilation.
     this.#renderer.debug.checkShaderErrors = import.meta.env.DEV;
     const gl = this.#renderer.getContext() as WebGL2RenderingContext;
     this.#edgeMax = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
@@ -119,7 +122,7 @@ export class Scene {
     return this.#selected;
   }
 
-  /** What cannot be shown of the run, for people. */
+  /** Limitations in showing the run, for people. */
   get notices(): readonly string[] {
     return this.#loaded?.cave.notices ?? [];
   }
@@ -132,17 +135,23 @@ export class Scene {
     return this.#stats;
   }
 
-  /** Whether there is nothing to show, and never was. The first picture waits for the graphics, which must not keep a run from being opened. */
+  /**
+   * Whether nothing is shown and never was. The first frame waits for the GPU, which must not delay
+   * the opening of a run.
+   */
   get isBlank(): boolean {
     return this.#loaded === null && this.#lastFrameMs === -Infinity;
   }
 
-  /** Whether the next picture may differ from the last one though the time is the same: a flight, a hand on the camera, update. */
+  /**
+   * Whether the next frame may differ from the last one at the same time: a flight, camera input,
+   * or an update of the run.
+   */
   get needsRedraw(): boolean {
     return this.#isDirty || this.#isIncomplete || this.#cameraRig.needsRedraw;
   }
 
-  /** Shows another run, or none; the camera goes to the whole cave. */
+  /** Shows another run, or none; the camera moves to the whole cave. */
   setRun(run: Run | null): void {
     this.#clear();
     if (run === null) return;
@@ -158,11 +167,14 @@ export class Scene {
     const reachM = Math.hypot(...cave.extentM) / 2;
     this.#cameraRig.setLimits([1.5 * cellM, reachM * 7], reachM);
     this.#cameraRig.goTo(this.#caveOrbit(cave), cave.middle, false);
-    // The graphics make shaders while the chunks are made.
+    // Shaders compile while the chunks are built.
     this.#renderer.compile(this.#graph, this.#cameraRig.camera);
   }
 
-  /** Selects an agent, flies to it (no hand on the camera meanwhile) and keeps it in the middle; null: the whole cave. */
+  /**
+   * Selects an agent, flies to it (ignoring camera input meanwhile) and follows it; null: the whole
+   * cave.
+   */
   select(agent: number | null, options: { readonly fly: boolean } = { fly: true }): void {
     const loaded = this.#loaded;
     if (loaded === null || (agent !== null && !(agent >= 0 && agent < loaded.run.setup.agents))) return;
@@ -178,19 +190,19 @@ export class Scene {
     this.#cameraRig.goTo(orbit, state.position, options.fly);
   }
 
-  /** The agent at a place of the canvas in the last picture, CSS pixels. */
+  /** The agent at a position of the canvas in the last frame, CSS pixels. */
   pick(x: number, y: number): number | null {
     return this.#loaded?.team.pick(x, y) ?? null;
   }
 
-  /** To be called after `view` was changed. */
+  /** Must be called after `view` was changed. */
   viewChanged(): void {
     this.#isDirty = true;
   }
 
   /**
-   * `isCoarse`: without the faint walls towards the eye, which cost as much as all others, and with a coarse cave unless the eye is near,
-   * because more pictures matter more now.
+   * `isCoarse` favours the frame rate: without the faint walls towards the camera, which cost as
+   * much as all others, and with a coarse cave unless the camera is near.
    */
   render(timeS: number, { isCoarse }: { readonly isCoarse: boolean } = { isCoarse: false }): void {
     const sinceMs = performance.now() - this.#lastFrameMs;
@@ -200,12 +212,14 @@ export class Scene {
     this.#draw(timeS, { budgetMs, isCoarse: isCoarse && isFar, skipsGlass: isCoarse });
   }
 
-  /** Makes a little more of what the full picture of this moment needs. Returns whether all is there. */
+  /**
+   * Builds a little more of what the full frame at this time needs. Returns whether it is complete.
+   */
   prepare(timeS: number): boolean {
     return this.#loaded?.cave.prepare(tickAt(timeS), this.view, BUDGET_MS[1]) ?? true;
   }
 
-  /** Resolves when all that the picture of this moment needs is there and has been drawn. A flight is at its end then. */
+  /** Resolves when the complete frame at this time has been drawn. Ends a flight. */
   async settled(timeS: number): Promise<void> {
     this.#cameraRig.endFlight();
     const loaded = this.#loaded;
@@ -218,7 +232,7 @@ export class Scene {
     if (this.#loaded === loaded && this.needsRedraw) this.#draw(timeS, FULL_EFFORT);
   }
 
-  /** Width and height of the canvas in CSS pixels, and how many pixels each of them has. */
+  /** Sets the size of the canvas in CSS pixels, and the frame buffer pixels per CSS pixel. */
   resize(width: number, height: number, pixelRatio: number): void {
     this.#size = { width: Math.max(width, 1), height: Math.max(height, 1) };
     this.#common.pixelRatio.value = pixelRatio;
@@ -286,12 +300,15 @@ export class Scene {
     this.#stats = { triangles, chunksRebuilt: built, milliseconds: performance.now() - beganMs };
   }
 
-  /** How large a cell is where one looks, at the end of a flight; CSS pixels. */
+  /** Size of a cell at the orbit's centre, at the end of a flight; CSS pixels. */
   #cellPx(): number {
     return (this.#loaded?.run.terrain.cellM ?? 0) / (pixelM(this.#size.height) * this.#cameraRig.distanceM);
   }
 
-  /** Gives the canvas the size that was asked for. That waits for the graphics, which need a while at first: so it comes after all else. */
+  /**
+   * Applies the size of the canvas. This waits for the GPU, which is slow at first, so it comes
+   * last.
+   */
   #setSize(): void {
     const { x, y } = this.#common.picture.value;
     if (this.canvas.width !== x || this.canvas.height !== y) this.#renderer.setSize(x, y, false);
@@ -313,7 +330,7 @@ export class Scene {
 
   #caveOrbit(cave: Cave): Orbit {
     const { extentM } = cave;
-    // The flatter the map, the more one looks down on it.
+    // The flatter the map, the steeper the view.
     const flatness = Math.min(1, (extentM[2] * 2) / (extentM[0] + extentM[1]));
     const pitchRad = ((56 - 30 * flatness) * Math.PI) / 180;
     const orbit: Orbit = { centre: [0, 0, 0], yawRad: CAVE_YAW_RAD, pitchRad, distanceM: 1 };
@@ -321,7 +338,7 @@ export class Scene {
     return { ...orbit, distanceM: distanceToFit(orbit, extentM, aspect) * 1.03 };
   }
 
-  /** Asks for what the selected agent knows if it is to be shown, and lets go of it if not. */
+  /** Follows the belief of the selected agent while the layer is shown. */
   #follow(loaded: LoadedRun): void {
     const wanted = this.view.layers.belief ? this.#selected : null;
     if (wanted === this.#followed) return;
@@ -341,7 +358,7 @@ export class Scene {
     );
   }
 
-  /** Shows the hits that came last, and asks for those of this moment unless an answer is still to come. */
+  /** Shows the last hits received, and requests those of this time unless a request is pending. */
   #showHits(loaded: LoadedRun, timeS: number): void {
     const agent = this.view.layers.hits ? this.#selected : null;
     if (agent !== null && this.#pendingHits === null && this.#needsHits(timeS)) {
@@ -360,12 +377,12 @@ export class Scene {
   }
 }
 
-/** Metres that a pixel spans at a metre's distance, in a picture of this height in pixels. */
+/** Size of a pixel at a distance of one metre, for an image of this height in pixels. */
 function pixelM(heightPx: number): number {
   return (2 * Math.tan(FIELD_OF_VIEW_RAD / 2)) / heightPx;
 }
 
-/** The last tick of a moment. The small share makes up for rounding: a moment that is a tick's own shows what the tick brought. */
+/** The tick at a time. The offset absorbs rounding: the start of a tick belongs to it. */
 function tickAt(timeS: number): number {
   return Math.max(Math.floor(timeS / TICK_S + 1e-3), 0);
 }

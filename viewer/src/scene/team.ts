@@ -1,6 +1,4 @@
-/**
- * The agents of a run at a moment: bodies, trails, ways and targets, who hears whom, names.
- */
+/** The agents of a run at a time: bodies, trails, paths and targets, contacts, labels. */
 
 import { Group, Vector3, type PerspectiveCamera } from "three";
 import type { AgentState, Run, Vec3 } from "../data/run.ts";
@@ -12,7 +10,7 @@ import { Segments, type Segment } from "./ribbons.ts";
 import { Trail } from "./trails.ts";
 import type { View } from "./view.ts";
 
-/** Where an agent is on the canvas, CSS pixels from its upper left corner. */
+/** Position of an agent on the canvas, CSS pixels from the upper left corner. */
 interface ScreenAgent {
   readonly state: AgentState;
   readonly x: number;
@@ -21,7 +19,7 @@ interface ScreenAgent {
   readonly radiusPx: number;
 }
 
-/** How the picture is taken. */
+/** Camera and size of the canvas. */
 export interface Viewport {
   readonly camera: PerspectiveCamera;
   /** Of the canvas, CSS pixels. */
@@ -29,10 +27,10 @@ export interface Viewport {
   readonly height: number;
 }
 
-/** Bodies with a larger radius on the screen are drawn finely. */
+/** Bodies above this radius on the screen get a fine tessellation. */
 const LARGE_PX = 22;
 const LABEL_RADIUS_PX = 15;
-/** How far from an agent a click may be. */
+/** Tolerance of a click around an agent. */
 const PICK_SLACK_PX = 8;
 
 export class Team {
@@ -77,7 +75,7 @@ export class Team {
     this.#markers.show(markers);
   }
 
-  /** The agent at a place of the canvas in the last picture. */
+  /** The agent at a position of the canvas in the last frame. */
   pick(x: number, y: number): number | null {
     let best: ScreenAgent | null = null;
     for (const agent of this.#onScreen) {
@@ -190,7 +188,7 @@ export class Team {
     }
   }
 
-  /** Names, the nearest ones on top; those that others cover are faint. */
+  /** Labels, the nearest ones on top; occluded ones are faint. */
   #labels(selected: number | null): Marker[] {
     const isBefore = (a: ScreenAgent, b: ScreenAgent): number =>
       Number(b.state.id === selected) - Number(a.state.id === selected) ||

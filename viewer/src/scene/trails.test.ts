@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import { randomNumbers } from "./testing.ts";
 import { TrackSimplifier } from "./trails.ts";
 
-/** A way with legs at different paces, and rests. */
+/** A track with legs at different speeds, and pauses. */
 function way(seed: number): number[][] {
   const next = randomNumbers(seed);
   const points: number[][] = [];

@@ -1,9 +1,9 @@
 /**
- * Where agents were: one line for each, brightest where it is youngest.
+ * Trails of agents: one ribbon each, brightest at the most recent end.
  *
- * A track has a point for every few ticks; the trail keeps only as many as it needs to stay within a hand's breadth of where the
- * agent was at each time. Points are appended as the run becomes known and are never built again; a moment is shown by how many of
- * them are drawn, and by the piece from the last of them to the agent.
+ * A track has a point every few ticks; the trail keeps only as many as it needs to stay within a
+ * tolerance of the agent's position at each time. Points are appended as the run becomes known and
+ * never rebuilt; the draw range and the segment from the last point to the agent give any time.
  */
 
 import { BufferAttribute, BufferGeometry, DynamicDrawUsage, Mesh, type RawShaderMaterial } from "three";
@@ -12,15 +12,15 @@ import { FRAGMENT_HEAD, VERTEX_HEAD, type SharedUniforms } from "./glsl.ts";
 import { GLOW, ribbonMaterial, WIDEN } from "./ribbons.ts";
 
 const TOLERANCE_M = 0.1;
-/** Points that are left out in a row, at most; bounds the work for each point. */
+/** Maximum number of points skipped in a row; bounds the cost per point. */
 const SKIPPED_MAX = 48;
 
-/** Leaves out points of a track that a straight way at an even pace comes near enough to. */
+/** Simplifies a track: omits points that a straight motion at constant speed approximates. */
 export class TrackSimplifier {
   #anchor: readonly number[] | null = null;
   #skipped: (readonly number[])[] = [];
 
-  /** Takes the next point (t, x, y, z) and calls back with each one that is kept. */
+  /** Adds the next point (t, x, y, z) and calls back with each one that is kept. */
   push(point: readonly number[], keep: (point: readonly number[]) => void): void {
     if (this.#anchor === null) {
       this.#anchor = point;
@@ -121,7 +121,7 @@ export class Trail {
     });
   }
 
-  /** Takes over what has become known of the track. */
+  /** Adds the new points of a track. */
   extend(track: Track): void {
     const { timeS, positions } = track;
     for (; this.#read < track.count; this.#read++) {
@@ -131,7 +131,10 @@ export class Trail {
     }
   }
 
-  /** Shows the trail up to a time. Returns where its last point is, for the piece to the agent; null: there is none. */
+  /**
+   * Shows the trail up to a time. Returns its last point, for the segment to the agent; null: there
+   * is none.
+   */
   show(timeS: number, look: { readonly bright: number; readonly widthPx: number }): Vec3 | null {
     let count = 0;
     for (let low = 0, high = this.#count; low < high; count = low) {

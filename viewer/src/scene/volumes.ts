@@ -1,7 +1,7 @@
 /**
- * What a run says of each cell, as three-dimensional textures that shaders read.
+ * Times of cells as three-dimensional textures.
  *
- * The texture is the array of times itself; only layers (of z) that have changed are sent again.
+ * The texture data is the array of times itself; only changed layers (of z) are uploaded again.
  */
 
 import {
@@ -18,7 +18,7 @@ import type { Size } from "./chunks.ts";
 /** Times of cells, or of blocks of them. */
 export class TimesVolume {
   readonly texture: Data3DTexture;
-  /** The same array, from which single layers are sent. */
+  /** A texture of the same array, from which single layers are copied. */
   readonly #source: Data3DTexture;
   #isUploaded = false;
   #low = Infinity;
@@ -48,7 +48,7 @@ export class TimesVolume {
     this.#high = this.size[2] - 1;
   }
 
-  /** Sends what has changed to the graphics. */
+  /** Uploads the changes to the GPU. */
   upload(renderer: WebGLRenderer): void {
     if (!this.#isUploaded) {
       this.texture.needsUpdate = true;

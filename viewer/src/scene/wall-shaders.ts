@@ -1,17 +1,21 @@
 /**
  * Shaders of the walls; see `walls.ts` for what they show.
  *
- * Light is worked out at the corners of rectangles, which are short, and what has been seen at each pixel: a picture that is drawn
- * without graphics hardware spends most of its time in pixels. Unless the map is cut no pixel is discarded, so that none behind others
- * is worked out at all; and what a view does not need is not compiled, because such a machine works out both sides of a condition.
+ * Lighting is per vertex, because rectangles are short, and the seen state per pixel: software
+ * rendering spends most of its time in fragment shaders. Fragments are discarded only where the map
+ * is cut, so that early depth tests apply otherwise; features that a view does not need are not
+ * compiled, because software evaluates both sides of a condition.
  */
 
 import { FRAGMENT_HEAD, NORMALS, VERTEX_HEAD } from "./glsl.ts";
 
-/** The edges of cells are drawn where a cell has at least so many pixels on the screen. */
+/** Cell edges are drawn where a cell has at least this many pixels. */
 export const CELL_PX_LEAST = 10;
 
-/** Below this opacity walls towards the eye are clear panes, which tell nothing of what has been seen. */
+/**
+ * Below this opacity walls towards the camera are clear glass, which does not show what has been
+ * seen.
+ */
 export const GLASS_BELOW = 0.4;
 
 const VERTEX = /* glsl */ `${VERTEX_HEAD}${NORMALS}
@@ -28,7 +32,7 @@ flat out int facing;
 
 const vec3 STONE = vec3(0.64, 0.44, 0.265);
 const vec3 STONE_HIGH = vec3(0.74, 0.60, 0.43);
-// Layers of stone, and a little of each rectangle's own.
+// Strata, and a slight variation of each rectangle.
 vec3 stoneAt(uvec3 at) {
   float layer = abs(fract(float(at.z) * 0.0716) * 2.0 - 1.0);
   uint h = at.x * 73856093u ^ at.y * 19349663u ^ at.z * 83492791u;
@@ -36,12 +40,12 @@ vec3 stoneAt(uvec3 at) {
   return mix(STONE, STONE_HIGH, layer) * (0.94 + 0.12 / 255.0 * float((h >> 16) & 255u));
 }
 
-// Where all corners of a rectangle go that is left out; what decides it must be the same for all of them.
+// Position of the corners of an omitted rectangle; the condition must be the same for all of them.
 const vec4 NOWHERE = vec4(0.0, 0.0, 2.0, 1.0);
-// The middle of what one looks at lies in this direction.
+// Direction to the middle of the view.
 vec3 look() { return -vec3(viewMatrix[0].z, viewMatrix[1].z, viewMatrix[2].z); }
 
-// Rectangles of different lengths meet along edges; half a pixel more on each side leaves no gaps between them.
+// Rectangles of different lengths meet along edges; half a pixel more on each side closes the gaps.
 vec3 widened(vec3 place) {
   int axis = facing >> 1;
   int turn = gl_VertexID & 3;
@@ -75,7 +79,7 @@ out float edgeStrength;
 void main() {
   ${VERTEX_PLACE}
   #ifndef RIM
-  // A step in a wall that as a whole looks away from the eye would hang in the air.
+  // A step in a wall that as a whole looks away from the camera would float in the air.
   if (dot(occlusionMean.rgb * 2.0 - 1.0, look()) > 0.38) gl_Position = NOWHERE;
   #endif
   vec3 smoothNormal = occlusion.rgb * 2.0 - 1.0;
@@ -101,11 +105,11 @@ void main() {
   ${VERTEX_PLACE}
   vec3 smoothNormal = occlusion.rgb * 2.0 - 1.0;
   vec3 n = normalize(flatNormal * 0.2 + smoothNormal);
-  // The rock's side of the face; a pane is clearest where one looks straight through.
+  // The rock's side of the face; glass is clearest where one looks straight through.
   float glance = 1.0 - abs(dot(n, away));
   float key = max(dot(-mix(n, flatNormal, 0.4 + 0.6 * opacity), light), 0.0);
   lit = vec3(0.24, 0.28, 0.36) + vec3(1.1, 1.0, 0.88) * key * key;
-  // Panes that nobody would see are left out.
+  // Glass that would be invisible is omitted.
   float glanceMean = 1.0 - abs(dot(normalize(flatNormal * 0.2 + occlusionMean.rgb * 2.0 - 1.0), look()));
   if (opacity < ${GLASS_BELOW.toFixed(2)} && glanceMean < 0.35) gl_Position = NOWHERE;
   alpha = mix(opacity * (0.1 + 2.6 * glance * glance * glance), 1.0, opacity * opacity);
@@ -126,7 +130,7 @@ uniform sampler2D heat;
 
 const vec3 NIGHT = vec3(0.058, 0.092, 0.180);
 
-// What the wall before a free cell looks like without light.
+// Unlit colour of the wall in front of a free cell.
 vec3 surface() {
   ivec3 cell = ivec3(freeCells);
   uint seen = texelFetch(times, cell, 0).r;
@@ -138,7 +142,7 @@ vec3 surface() {
   uint told = texelFetch(known, cell, 0).r;
   c = told > nowTick ? c * 0.16 + NIGHT * 0.5 : mix(c, knownColour, 0.42);
   #endif
-  // What was seen just now shines for some seconds.
+  // What was seen recently glows for some seconds.
   float fresh = max(1.0 - float(nowTick - seen) * 0.004, 0.0);
   c *= 1.0 + 0.5 * fresh * fresh;
   #endif

@@ -1,11 +1,13 @@
 /**
- * The walls of the cave: faces between rock and free cells, coloured by when what lies before them was seen.
+ * The walls of the cave: faces between rock and free cells, coloured by when the free cell was
+ * seen.
  *
- * Faces that look at the eye are solid; those that look away, between the eye and the inside of the cave, are a faint shell or left
- * out, so that one looks into the cave as into a model that is cut open. Where the map is cut, a rim of rock is drawn around what is
- * open. All colours come from textures, so that another moment costs nothing here.
+ * Faces towards the camera are solid; those that look away, between the camera and the inside of
+ * the cave, are a faint shell or omitted, so that the cave looks like a model cut open. Where the
+ * map is cut, a rim of rock is drawn around the free space. All colours come from textures, so
+ * another time costs nothing here.
  *
- * Faces are built chunk by chunk, a few at a time; they never change.
+ * Faces are built chunk by chunk, a few per frame; they never change.
  */
 
 import {
@@ -38,15 +40,15 @@ import {
 } from "./wall-shaders.ts";
 
 const EDGE = 32;
-/** Light is worked out at corners, so rectangles must not be long; cells. */
+/** Lighting is per vertex, so rectangles must be short; cells. */
 const LONGEST = 4;
 
-/** How walls are to be drawn. */
+/** Appearance of the walls. */
 export interface WallLook {
   readonly isVisible: boolean;
   readonly opacity: number;
   readonly isHeat: boolean;
-  /** The last time of the scale of `heat`, ticks. */
+  /** End of the scale of `heat`, ticks. */
   readonly heatTicks: number;
   /** Times at which one agent learned of the cells, and its colour. */
   readonly known: { readonly volume: TimesVolume; readonly colour: Vector3 } | null;
@@ -106,12 +108,12 @@ export class Walls {
     this.group.add(this.#shell, this.#rim.mesh);
   }
 
-  /** Chunks whose faces have yet to be made. */
+  /** Number of chunks whose faces are not built yet. */
   get missing(): number {
     return this.#grid.chunks - this.#built;
   }
 
-  /** Makes the faces of one more chunk. */
+  /** Builds the faces of one more chunk. */
   buildNext(): void {
     const chunk = this.#built++;
     const { walls } = this.model;
@@ -132,7 +134,7 @@ export class Walls {
     this.#shell.add(back.mesh);
   }
 
-  /** Prepares the picture from an eye at a place in cells. */
+  /** Prepares a frame for a camera position in cells. */
   show(look: WallLook, eye: Vector3, isCut: boolean): void {
     const shared = [
       ...(isCut ? ["CUT"] : []),
@@ -156,7 +158,10 @@ export class Walls {
     this.#back.depthWrite = isSolid;
   }
 
-  /** Draws the rim of rock where the map is cut beyond `placeCells` along an axis; null: it is not cut. */
+  /**
+   * Draws the rim of rock where the map is cut beyond `placeCells` along an axis; null: it is not
+   * cut.
+   */
   cutAt(cut: { readonly axis: number; readonly placeCells: number } | null): void {
     const layer = cut === null ? -1 : Math.ceil(cut.placeCells) - 1;
     const { mesh } = this.#rim;
@@ -175,7 +180,7 @@ export class Walls {
     this.#heat.dispose();
   }
 
-  /** Whether any cell is so near that its edges are drawn. */
+  /** Whether any cell is near enough for its edges to be drawn. */
   #hasEdges(eye: Vector3): boolean {
     const nearest = eye.clone().clamp(new Vector3(), new Vector3(...this.model.size));
     return nearest.distanceTo(eye) * this.common.pixelM.value * CELL_PX_LEAST < 1;
@@ -189,7 +194,10 @@ export class Walls {
   }
 }
 
-/** Rock of a layer that has a free cell of the layer among its eight neighbours: the faces of it along the axis. */
+/**
+ * The rim: rock of a layer with a free cell of the layer among its eight neighbours, as faces along
+ * the axis.
+ */
 function rimOf(model: BlockModel, axis: number, layer: number): Uint16Array {
   const { size, walls } = model;
   const strides = [1, size[0], size[0] * size[1]] as const;

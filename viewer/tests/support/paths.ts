@@ -1,8 +1,8 @@
 /**
- * Where the things are that the tests need and do not make: the binaries, the built page, scenarios.
+ * Paths of the test inputs: binaries, the built page, scenarios.
  *
- * `MAES_BIN_DIR` names the folder of the binaries (default: those of a release build of the workspace), `MAES_PAGE` the folder of the
- * built page (default: `dist`).
+ * `MAES_BIN_DIR` is the folder of the binaries (default: the release build of the workspace),
+ * `MAES_PAGE` that of the built page (default: `dist`).
  */
 import { join, resolve } from "node:path";
 
@@ -13,17 +13,17 @@ const BIN_DIR = resolve(process.env["MAES_BIN_DIR"] ?? join(VIEWER, "../target/r
 /** The built page. */
 export const PAGE = resolve(process.env["MAES_PAGE"] ?? join(VIEWER, "dist"));
 
-/** The scenario that tests begin with: five agents, a cave of 50 cells along each axis. */
+/** The default scenario: five agents, a cave of 50 cells along each axis. */
 export const SCENARIO = join(VIEWER, "../launch_scripts/scenarios/default.toml");
 
 export function binary(name: "sim_server" | "agent_node"): string {
   return join(BIN_DIR, name);
 }
 
-/** The script that carries out a run with one command. */
+/** The script that executes a complete run. */
 export const RUN_SCRIPT = join(VIEWER, "../launch_scripts/run.sh");
 
-/** The environment of programs, in the ROS domain that whoever runs the tests has given them, or one that is this worker's. */
+/** Environment of child processes, in the ROS domain of the caller, or else one of this worker. */
 export function environment(worker: number): NodeJS.ProcessEnv {
   return {
     ...process.env,

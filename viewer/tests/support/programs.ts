@@ -1,5 +1,6 @@
 /**
- * Programs that tests start. Each belongs to somebody who ends it; if the test runner itself dies, the kernel ends them.
+ * Child processes of tests. The test that starts one ends it; if the test runner dies, the kernel
+ * does.
  */
 import { spawn, type ChildProcess } from "node:child_process";
 
@@ -7,7 +8,7 @@ export class Program {
   readonly name: string;
   stdout = "";
   stderr = "";
-  /** How it has ended, as soon as it has: its exit code, or -1 after a signal. */
+  /** Exit code, or -1 after a signal. */
   readonly ended: Promise<number>;
   readonly #child: ChildProcess;
   #code: number | null = null;
@@ -41,7 +42,7 @@ export class Program {
     });
   }
 
-  /** Waits for what the program says; fails if it ends without having said it. */
+  /** Waits for output that matches; rejects if the process ends without it. */
   says(stream: "stdout" | "stderr", what: RegExp): Promise<RegExpExecArray> {
     return new Promise((resolve, reject) => {
       const look = (): void => {
@@ -56,7 +57,7 @@ export class Program {
     });
   }
 
-  /** Ends it without a chance to say anything, and waits until it is gone. */
+  /** Kills the process and waits for its end. */
   async kill(): Promise<void> {
     this.#child.kill("SIGKILL");
     await this.ended;
@@ -67,7 +68,7 @@ export class Program {
   }
 }
 
-/** Carries out a program that ends by itself; returns what it has printed. */
+/** Executes a program to its end; returns its standard output. */
 export async function outputOf(
   path: string,
   args: readonly string[],

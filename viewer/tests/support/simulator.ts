@@ -1,7 +1,7 @@
-/** What a simulator says to a page, over another connection than the page's own. */
+/** Queries a simulator over a connection of their own. */
 import type { Page } from "@playwright/test";
 
-/** A parameter of the server that has served the page. */
+/** A parameter of the server that serves the page. */
 export function parameterOf(page: Page, name: string): Promise<unknown> {
   return page.evaluate(
     (name) =>
