@@ -56,14 +56,14 @@ function start(program, words) {
   const ended = new Promise((done) => child.on("close", done));
   const says = (pattern) =>
     new Promise((found, failed) => {
-      const look = () => {
+      const check = () => {
         const match = lines.map((line) => line.match(pattern)).find(Boolean);
         if (!match) return;
-        waiting.delete(look);
+        waiting.delete(check);
         found(match[1] ?? match[0]);
       };
-      waiting.add(look);
-      look();
+      waiting.add(check);
+      check();
       void ended.then(() =>
         failed(new Error(`${program} has ended without saying ${pattern}:\n${lines.join("\n")}`)),
       );
@@ -72,10 +72,10 @@ function start(program, words) {
 }
 
 const median = (values) => [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)];
-const tell = (what, values) => process.stdout.write(`${JSON.stringify({ what, ...values })}\n`);
+const report = (what, values) => process.stdout.write(`${JSON.stringify({ what, ...values })}\n`);
 
 /** A run at 10 times real time, observed or not: wall time of its ticks, and frame rate. */
-async function run(isLookedAt) {
+async function run(isObserved) {
   const scenario = join(root, "launch_scripts/scenarios/default.toml");
   const words = `--size 100 --seed 3 --agents 20 --rtf 10 --duration ${seconds}`.split(" ");
   const shown = [
@@ -89,11 +89,11 @@ async function run(isLookedAt) {
     "stop_when_explored=false",
   ];
   const server = start(join(binaries, "sim_server"), ["run", scenario, ...words, ...shown]);
-  const address = await server.says(/to look on: (http:\/\/\S+)/);
+  const address = await server.says(/(http:\/\/\S+)/);
   const agents = Array.from({ length: 20 }, (_, id) =>
     start(join(binaries, "agent_node"), ["--id", String(id)]),
   );
-  await server.says(/all 20 agents are there/);
+  await server.says(/all 20 agents/);
   const browser = await chromium.launch({ executablePath: chromiumIn(process.env), args: flags });
   try {
     const tab = await browser.newPage({ viewport: { width: 1280, height: 720 } });
@@ -110,10 +110,10 @@ async function run(isLookedAt) {
     });
     const begun = performance.now();
     await tab.getByTestId("sim-play").click();
-    if (!isLookedAt) await tab.goto("about:blank");
+    if (!isObserved) await tab.goto("about:blank");
     const digest = await server.says(/^digest: (\w+)/);
     const wallS = (performance.now() - begun) / 1000;
-    const drawn = isLookedAt ? await tab.evaluate(() => window.drawn) : 0;
+    const drawn = isObserved ? await tab.evaluate(() => window.drawn) : 0;
     return { wallS, digest, fps: drawn / wallS };
   } finally {
     await browser.close();
@@ -122,25 +122,29 @@ async function run(isLookedAt) {
 }
 
 /**
- * Executed in the page: `window.pictured` collects the frames that the GPU has finished and in
+ * Executed in the page: `window.finishedFrames` collects the frames that the GPU has finished and in
  * which nothing is missing, with their sim time, whether they are in full quality, and the wall
  * time (milliseconds since 1970).
  */
-function watchPictures() {
+function watchFrames() {
   const { scene } = window.maes;
-  const gl = document.querySelector("canvas.picture").getContext("webgl2");
+  const gl = document.querySelector("[data-testid=canvas]").getContext("webgl2");
   const render = scene.render.bind(scene);
-  window.pictured = [];
+  window.finishedFrames = [];
   scene.render = (timeS, quality) => {
     render(timeS, quality);
     if (scene.needsRedraw) return;
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
-    const look = () => {
-      if (gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) return void setTimeout(look, 3);
-      window.pictured.push({ timeS, isFull: !quality.isCoarse && quality.share === 1, atMs: Date.now() });
+    const check = () => {
+      if (gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) return void setTimeout(check, 3);
+      window.finishedFrames.push({
+        timeS,
+        isFull: !quality.isCoarse && quality.share === 1,
+        atMs: Date.now(),
+      });
     };
-    look();
+    check();
   };
 }
 
@@ -148,12 +152,12 @@ function watchPictures() {
  * Time from a moment to the first frame at the requested time, and to the first one in full
  * quality; seconds.
  */
-async function pictures(tab, sinceMs) {
+async function framesAfter(tab, sinceMs) {
   const first = async (isFull) => {
     const found = await tab.waitForFunction(
       ([isFull, sinceMs]) => {
         const { run, state } = window.maes;
-        return window.pictured.find(
+        return window.finishedFrames.find(
           (one) => run && one.atMs >= sinceMs && one.timeS === state.timeS && (one.isFull || !isFull),
         );
       },
@@ -182,19 +186,19 @@ async function recording(file) {
     const begunMs = Date.now();
     await tab.goto(address);
     await tab.waitForFunction(() => window.maes?.scene, null, { timeout: 60_000 });
-    await tab.evaluate(watchPictures);
-    const begin = await pictures(tab, begunMs);
+    await tab.evaluate(watchFrames);
+    const begin = await framesAfter(tab, begunMs);
     await tab.waitForFunction(() => window.maes.run.isComplete, null, { timeout: 60_000 });
     const line = await tab.getByTestId("timeline").boundingBox();
     const seeks = [];
     for (const share of [0.5, 0.05, 0.95, 0.02, 0.1, 0.3]) {
       const soughtMs = Date.now();
       await tab.mouse.click(line.x + share * line.width, line.y + line.height / 2);
-      seeks.push(await pictures(tab, soughtMs));
+      seeks.push(await framesAfter(tab, soughtMs));
     }
     return {
-      firstPictureS: begin.anyS,
-      firstFullPictureS: begin.fullS,
+      firstFrameS: begin.anyS,
+      firstFullFrameS: begin.fullS,
       seekS: Math.max(...seeks.map((seek) => seek.anyS)),
       seekFullS: Math.max(...seeks.map((seek) => seek.fullS)),
     };
@@ -217,19 +221,19 @@ async function record() {
 
 const recordings = [];
 const alone = [];
-const watched = [];
+const observed = [];
 try {
   const file = isAsked("recording") ? await record() : "";
   for (let round = 0; round < rounds; round += 1) {
     if (isAsked("recording")) {
       recordings.push(await recording(file));
-      tell("recording", recordings.at(-1));
+      report("recording", recordings.at(-1));
     }
     if (isAsked("run")) {
       alone.push(await run(false));
-      tell("run that nobody looks at", alone.at(-1));
-      watched.push(await run(true));
-      tell("run that is looked at", watched.at(-1));
+      report("run without observer", alone.at(-1));
+      observed.push(await run(true));
+      report("run with observer", observed.at(-1));
     }
   }
 } finally {
@@ -238,12 +242,12 @@ try {
 if (isAsked("recording")) {
   const names = Object.keys(recordings[0]);
   const medians = names.map((name) => [name, median(recordings.map((one) => one[name]))]);
-  tell("medians of recordings", Object.fromEntries(medians));
+  report("medians of recordings", Object.fromEntries(medians));
 }
 if (isAsked("run")) {
-  tell("medians of runs", {
-    fps: median(watched.map((one) => one.fps)),
-    wallRatio: median(watched.map((one, round) => one.wallS / alone[round].wallS)),
-    digests: new Set([...alone, ...watched].map((one) => one.digest)).size,
+  report("medians of runs", {
+    fps: median(observed.map((one) => one.fps)),
+    wallRatio: median(observed.map((one, round) => one.wallS / alone[round].wallS)),
+    digests: new Set([...alone, ...observed].map((one) => one.digest)).size,
   });
 }

@@ -53,7 +53,7 @@ export class HeadlessPage {
       throw new CaptureError(`${address} cannot be opened: ${firstLine(error)}`);
     });
     if (!answer?.ok())
-      throw new CaptureError(`${address} cannot be opened: the server says ${answer?.status()}`);
+      throw new CaptureError(`${address} cannot be opened: the server answers ${answer?.status()}`);
     return new HeadlessPage(browser, page, devtools);
   }
 
@@ -138,7 +138,7 @@ function reasonOf(error) {
   );
   if (said?.[1] !== undefined) return said[1];
   const line = firstLine(error);
-  return line.includes("has been closed") ? "it has ended at once" : line;
+  return line.includes("has been closed") ? "it exited at once" : line;
 }
 
 /** @param {Pick<CaptureRequest, "url" | "agent">} request */
@@ -158,20 +158,20 @@ function addressOf({ url, agent }) {
  */
 function readWhole() {
   const maes = window.maes;
-  if (!maes) return Promise.resolve({ failure: "this is not the page of the viewer" });
+  if (!maes) return Promise.resolve({ failure: "this is not the viewer page" });
   return new Promise((resolve) => {
-    const look = () => {
+    const poll = () => {
       const { run, scene } = maes;
-      const { opening, graphics, picture, fault } = maes.state.problems;
-      const failure = graphics ?? picture ?? fault;
+      const { opening, graphics, render, error } = maes.state.problems;
+      const failure = graphics ?? render ?? error;
       if (failure !== undefined) resolve({ failure });
       else if (opening !== undefined) resolve({ refusal: opening });
       else if (run?.isComplete && scene) {
         const layers = Object.keys(scene.view.layers);
         resolve({ endS: run.endS, agents: run.setup.agents, layers, problem: run.problem });
-      } else setTimeout(look, 20);
+      } else setTimeout(poll, 20);
     };
-    look();
+    poll();
   });
 }
 
@@ -179,7 +179,7 @@ function readWhole() {
 async function arrange({ agent, layers, timeS }) {
   const maes = window.maes;
   const scene = maes?.scene;
-  if (!maes || !scene) throw new Error("the page has gone");
+  if (!maes || !scene) throw new Error("the page is gone");
   if (layers) {
     for (const layer of /** @type {(keyof typeof scene.view.layers)[]} */ (Object.keys(scene.view.layers))) {
       scene.view.layers[layer] = layers.includes(layer);
@@ -202,11 +202,12 @@ async function arrange({ agent, layers, timeS }) {
 async function draw(timeS) {
   const maes = window.maes;
   const scene = maes?.scene;
-  if (!maes || !scene) return "the page has gone";
+  if (!maes || !scene) return "the page is gone";
   await maes.showAt(timeS);
   await new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve)));
-  const { picture, fault } = maes.state.problems;
+  const { render, error } = maes.state.problems;
   const gl = scene.canvas.getContext("webgl2");
-  if (!gl || gl.isContextLost()) return "the graphics of the browser have failed; a smaller --size may help";
-  return picture ?? fault ?? null;
+  if (!gl || gl.isContextLost())
+    return "the graphics context of the browser was lost; a smaller --size may help";
+  return render ?? error ?? null;
 }

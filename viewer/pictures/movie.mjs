@@ -40,7 +40,7 @@ export async function startMovie(ffmpeg, format, path) {
  */
 function openMp4(ffmpeg, fps, path) {
   const encoder = run(ffmpeg, [
-    ...pictures(fps, "pipe:0"),
+    ...frameInput(fps, "pipe:0"),
     // BT.709, which players expect of HD video, with explicit labels.
     ...["-vf", "scale=out_color_matrix=bt709:out_range=tv:flags=accurate_rnd+full_chroma_int,format=yuv420p"],
     ...["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"],
@@ -75,8 +75,8 @@ async function openGif(ffmpeg, fps, path) {
     finish: async () => {
       await file.close();
       const encoder = run(ffmpeg, [
-        ...pictures(fps, kept),
-        ...pictures(fps, kept),
+        ...frameInput(fps, kept),
+        ...frameInput(fps, kept),
         "-filter_complex",
         // Ordered dithering is stable between frames; other patterns flicker, and make large files.
         "[0:v]palettegen=stats_mode=full[colours];[1:v][colours]paletteuse=dither=bayer:bayer_scale=3:diff_mode=rectangle",
@@ -93,7 +93,7 @@ async function openGif(ffmpeg, fps, path) {
  * @param {number} fps
  * @param {string} from
  */
-function pictures(fps, from) {
+function frameInput(fps, from) {
   return ["-f", "image2pipe", "-framerate", String(fps), "-c:v", "png", "-i", from];
 }
 

@@ -14,7 +14,7 @@ const CHROMIUM_NAMES = ["chromium", "chromium-browser", "google-chrome", "google
 export function chromiumIn(environment) {
   const named = environment["MAES_CHROMIUM"];
   if (named) {
-    if (!isProgram(named)) throw new CaptureError(`MAES_CHROMIUM is ${named}, which is no program`);
+    if (!isProgram(named)) throw new CaptureError(`MAES_CHROMIUM is ${named}, which is not an executable`);
     return named;
   }
   const found = inPath(CHROMIUM_NAMES, environment);

@@ -58,14 +58,14 @@ export function parseRequest(text) {
   };
   const kind = endingOf(common.out);
   if (isPicture) {
-    if (kind !== "png") throw new InvalidRequest(`--out ${common.out}: a picture ends in .png`);
+    if (kind !== "png") throw new InvalidRequest(`--out ${common.out}: an image ends in .png`);
     return { ...common, kind, atS: numberOf("--at", fields["at"]) };
   }
   if (kind !== "mp4" && kind !== "gif")
     throw new InvalidRequest(`--out ${common.out}: a movie ends in .mp4 or .gif`);
   const [width, height] = common.size;
   if (kind === "mp4" && (width % 2 !== 0 || height % 2 !== 0)) {
-    throw new InvalidRequest(`--size ${width}x${height}: an MP4 has even sides`);
+    throw new InvalidRequest(`--size ${width}x${height}: an MP4 needs an even width and height`);
   }
   const fpsMax = kind === "gif" ? GIF_FPS_MAX : FPS_MAX;
   return {
@@ -89,7 +89,7 @@ export function frameTimesOf(request, recording) {
   const { agent, layers } = request;
   if (agent !== null && agent >= recording.agents) {
     const are =
-      recording.agents === 1 ? "there is agent 0 only" : `the agents are 0 to ${recording.agents - 1}`;
+      recording.agents === 1 ? "the only agent is 0" : `the agents are 0 to ${recording.agents - 1}`;
     throw new InvalidRequest(`--agent ${agent}: ${are}`);
   }
   const unknown = layers?.find((layer) => !recording.layers.includes(layer));
@@ -128,7 +128,7 @@ export function frameTimes(fromS, toS, lengthS, fps) {
   const frames = Math.round(lengthS * fps);
   if (frames < 2) {
     throw new InvalidRequest(
-      `--seconds ${lengthS} --fps ${fps}: that is ${frames} frames, and a movie has 2 at least`,
+      `--seconds ${lengthS} --fps ${fps}: that is ${frames} frames; a movie needs at least 2`,
     );
   }
   // Interpolated so that both ends are exact despite rounding.
@@ -151,7 +151,7 @@ function objectOf(text) {
     value = null;
   }
   if (typeof value !== "object" || value === null || Array.isArray(value)) {
-    throw new InvalidRequest("expected one argument: a JSON object that says what to take a picture of");
+    throw new InvalidRequest("expected one argument: a JSON object with the capture request");
   }
   return /** @type {Record<string, unknown>} */ (value);
 }
@@ -197,7 +197,7 @@ function sizeOf(value) {
 function agentOf(value) {
   if (value === null) return null;
   if (typeof value !== "number" || !Number.isInteger(value) || value < 0) {
-    throw new InvalidRequest(`--agent ${JSON.stringify(value)}: expected the number of an agent, from 0 on`);
+    throw new InvalidRequest(`--agent ${JSON.stringify(value)}: expected an agent id from 0 on`);
   }
   return value;
 }
@@ -209,9 +209,7 @@ function agentOf(value) {
 function layersOf(value) {
   if (value === null) return null;
   if (!Array.isArray(value) || value.length === 0 || value.some((name) => typeof name !== "string")) {
-    throw new InvalidRequest(
-      `--layers ${JSON.stringify(value)}: expected names of layers, separated by commas`,
-    );
+    throw new InvalidRequest(`--layers ${JSON.stringify(value)}: expected layer names separated by commas`);
   }
   return value;
 }

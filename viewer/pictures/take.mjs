@@ -70,7 +70,7 @@ async function record(page, times, movie) {
   let reportedMs = performance.now();
   for (const [frame, timeS] of times.entries()) {
     await movie.add(await page.take(timeS, { isQuick: true }));
-    if (process.ppid !== parent) throw new CaptureError("the command that ordered the movie has ended");
+    if (process.ppid !== parent) throw new CaptureError("the command that requested the movie has ended");
     const isLast = frame === times.length - 1;
     if (!isLast && performance.now() - reportedMs < PROGRESS_MS) continue;
     reportedMs = performance.now();
@@ -86,13 +86,13 @@ async function record(page, times, movie) {
 async function partOf(out) {
   if (await isFolder(out)) throw new InvalidRequest(`--out ${out}: it is a folder`);
   if (!(await isFolder(dirname(out))))
-    throw new InvalidRequest(`--out ${out}: there is no folder ${dirname(out)}`);
+    throw new InvalidRequest(`--out ${out}: the folder ${dirname(out)} does not exist`);
   const part = join(dirname(out), `.${basename(out)}.${process.pid}.part`);
   try {
     await (await open(part, "wx")).close();
   } catch (error) {
     const { code } = /** @type {NodeJS.ErrnoException} */ (error);
-    throw new InvalidRequest(`--out ${out}: no file can be made there (${code ?? firstLine(error)})`);
+    throw new InvalidRequest(`--out ${out}: the file cannot be created (${code ?? firstLine(error)})`);
   }
   removeAtExit(part);
   return part;

@@ -47,18 +47,18 @@ async function choose(page: Page, name: string, content: Buffer): Promise<void> 
   await page.getByTestId("file").setInputFiles(path);
 }
 
-test("what is no recording is refused in words", async ({ page, servers }) => {
+test("other files are rejected with a message", async ({ page, servers }) => {
   await page.goto(new URL("/?recording=", await servers.view(recording("cave"))).href);
   const banner = page.getByTestId("banner-opening");
-  for (const [name, content, told] of [
+  for (const [name, content, expected] of [
     ["notes.mcap", Buffer.from("These are only some words.\n".repeat(20)), /MCAP/],
     ["empty.mcap", Buffer.alloc(0), /empty|MCAP/],
     ["other.mcap", await foreignMcap(), /recording/],
-    ["start.mcap", readFileSync(recording("cave")).subarray(0, 100), /cut off behind byte 100/],
+    ["start.mcap", readFileSync(recording("cave")).subarray(0, 100), /cut off after byte 100/],
   ] as const) {
     await choose(page, name, content);
     await expect(banner).toContainText(name);
-    await expect(banner).toHaveText(told);
+    await expect(banner).toHaveText(expected);
     // Another recording can be opened.
     await expect(page.getByTestId("drop-zone")).toBeVisible();
     await page.getByTestId("banner-opening-close").click();
@@ -73,7 +73,7 @@ test("what is no recording is refused in words", async ({ page, servers }) => {
   await expect(page.getByTestId("run-title")).toHaveText("cave.mcap");
 });
 
-test("of a recording that is cut off the beginning is shown", async ({ page, servers }) => {
+test("a cut recording is shown up to the cut", async ({ page, servers }) => {
   await page.goto(new URL("/?recording=", await servers.view(recording("cave"))).href);
   const whole = readFileSync(recording("cave"));
   await choose(page, "cut.mcap", whole.subarray(0, Math.floor(whole.length / 2)));
@@ -93,7 +93,7 @@ test("of a recording that is cut off the beginning is shown", async ({ page, ser
   shown.expectSame(cut, await shown.pictureAt(page, 20), "20 s of a part and of the whole");
 });
 
-test("an address where nothing is, is told", async ({ page, servers }) => {
+test("an unreachable address is reported", async ({ page, servers }) => {
   const url = await servers.view(recording("cave"));
   await page.goto(new URL("/?recording=nothing.mcap", url).href);
   await expect(page.getByTestId("banner-opening")).toContainText("nothing.mcap");
@@ -114,7 +114,7 @@ test("an address where nothing is, is told", async ({ page, servers }) => {
   await expect(page.getByTestId("run-title")).toHaveText(name.split("/").at(-1)!);
 });
 
-test("the page lives through the death of its server", async ({ page, servers }) => {
+test("the page survives the death of its server", async ({ page, servers }) => {
   const flags = [SCENARIO, "--rtf", "5", "--set", "stop_when_explored=false"];
   const { server, url } = await servers.run(flags);
   const agents = servers.agents(AGENTS);
@@ -125,7 +125,7 @@ test("the page lives through the death of its server", async ({ page, servers })
   await server.kill();
   await agents.kill();
   await expect(page.getByTestId("run-state")).toHaveText("connection lost");
-  await expect(page.getByTestId("banner-connection")).toContainText("was lost. Trying again.");
+  await expect(page.getByTestId("banner-connection")).toContainText("was lost. Reconnecting.");
   await expect(page.getByTestId("sim-play")).toBeDisabled();
   // What was received stays available.
   expect(await page.evaluate(() => window.maes!.run!.id)).toBe(id);

@@ -49,7 +49,7 @@ async function openForm(page: Page, button: string): Promise<void> {
 
 const toml = (page: Page): Promise<string> => page.getByTestId("start-toml").inputValue();
 
-test("the form begins as the reference, and keeps its ranges", async ({ page, servers }) => {
+test("the form has the defaults and ranges of the reference", async ({ page, servers }) => {
   const { url } = await idle(servers);
   await page.goto(url);
   await openForm(page, "welcome-new");
@@ -96,35 +96,35 @@ test("the form begins as the reference, and keeps its ranges", async ({ page, se
   expect((await toml(page)).split("\n")).toContain("fill = 0.53");
 });
 
-test("what is wrong with a scenario is told beside the form", async ({ page, servers }) => {
+test("errors of a scenario are shown beside the form", async ({ page, servers }) => {
   const { url } = await idle(servers);
   await page.goto(url);
   await openForm(page, "welcome-new");
   const problems = page.getByTestId("start-problems");
   // Found by the form itself.
   await page.getByTestId("start-spheresRadiusMin").fill("9");
-  await expect(problems).toHaveText("Radius: the smallest one is above the largest one.");
+  await expect(problems).toHaveText("Radius: the smallest exceeds the largest.");
   await page.getByTestId("start-go").click();
   await expect(page.getByTestId("start-form")).toBeVisible();
   await page.getByTestId("start-spheresRadiusMin").fill("3");
   await expect(problems).toBeHidden();
   // Found by the server.
   const text = await toml(page);
-  for (const [edited, told] of [
+  for (const [edited, expected] of [
     [text.replace("count = 3", "count = 0"), /agents\.count/],
     [text.replace("count = 3", "count ="), /:17:8: /],
     [text.replace("count = 3", "counts = 3"), /counts/],
   ] as const) {
     await page.getByTestId("start-toml").fill(edited);
     await page.getByTestId("start-go").click();
-    await expect(problems).toHaveText(told);
+    await expect(problems).toHaveText(expected);
     await expect(page.getByTestId("start-go")).toBeEnabled();
   }
   await page.getByTestId("start-back").click();
   expect(await toml(page)).toBe(text);
 });
 
-test("one run after the other is started, and ends", async ({ page, servers }) => {
+test("consecutive runs start and end", async ({ page, servers }) => {
   const { url, agentsForNext } = await idle(servers);
   await page.goto(url);
   await openForm(page, "welcome-new");

@@ -48,7 +48,7 @@ function sumOf(page: Page) {
   });
 }
 
-test("a paused run is let go, held, and stepped", async ({ page, servers }) => {
+test("a paused run is resumed, paused and stepped", async ({ page, servers }) => {
   // With all poses in the recording every tick has a message.
   const { url } = await servers.run([...ENDLESS, "--rtf", "2", "--set", "recording.poses_period_ticks=1"]);
   servers.agents(AGENTS);
@@ -84,7 +84,7 @@ test("a paused run is let go, held, and stepped", async ({ page, servers }) => {
   await expectState(page, "paused");
 });
 
-test("the speed is the server's", async ({ page, servers }) => {
+test("the real-time factor is the server's", async ({ page, servers }) => {
   const { url } = await servers.run([...ENDLESS, "--rtf", "2"]);
   servers.agents(AGENTS);
   await shown.open(page, url);
@@ -101,7 +101,7 @@ test("the speed is the server's", async ({ page, servers }) => {
   }
 });
 
-test("one can look back while the run goes on", async ({ page, servers }) => {
+test("earlier times can be shown while the run continues", async ({ page, servers }) => {
   const { url } = await servers.run([...ENDLESS, "--rtf", "5"]);
   servers.agents(AGENTS);
   await shown.open(page, url);
@@ -135,7 +135,7 @@ test("one can look back while the run goes on", async ({ page, servers }) => {
   await expect.poll(async () => (await shown.endOf(page)) - (await shown.timeOf(page))).toBeCloseTo(0, 6);
 });
 
-test("a run begins again, and is stopped", async ({ page, servers }) => {
+test("a run is restarted, and stopped", async ({ page, servers }) => {
   const { server, url } = await servers.run([...ENDLESS, "--rtf", "10"]);
   servers.agents(AGENTS);
   await shown.open(page, url);
@@ -160,16 +160,16 @@ test("a run begins again, and is stopped", async ({ page, servers }) => {
   await confirm(page, "sim-stop");
   await expectState(page, "ended");
   await server.ended;
-  const told = digestIn(server.stdout);
+  const digest = digestIn(server.stdout);
   await page.keyboard.press("End");
-  await expect(page.getByTestId("fact-digest")).toHaveAttribute("title", told);
+  await expect(page.getByTestId("fact-digest")).toHaveAttribute("title", digest);
   const end = await page.evaluate(() => window.maes!.run!.result!);
   expect(server.stdout).toContain(`(tick ${end.tick})`);
   await expect(page.getByTestId("fact-ended")).toHaveText(`${end.reason}, at ${shown.clock(end.timeS)}`);
   await expect(page.getByTestId("banner-connection")).toContainText("The run is over");
 });
 
-test("who looks on and takes a hand in it leaves no trace", async ({ page, servers }) => {
+test("observing and controlling a run does not change its digest", async ({ page, servers }) => {
   const flags = ["--duration", "20"];
   const { server, url } = await servers.run([SCENARIO, ...flags, "--paused", "true", "--rtf", "5"]);
   servers.agents(AGENTS);
@@ -187,10 +187,10 @@ test("who looks on and takes a hand in it leaves no trace", async ({ page, serve
   await expectState(page, "ended");
   await page.keyboard.press("End");
   await expect(page.getByTestId("fact-digest")).toHaveAttribute("title", digestIn(server.stdout));
-  expect(digestIn(server.stdout)).toBe(await servers.digestUnseen(flags));
+  expect(digestIn(server.stdout)).toBe(await servers.digestUnobserved(flags));
 });
 
-test("two pages see the same, whenever they came", async ({ page, context, watch, servers }) => {
+test("two pages show the same, whenever they connected", async ({ page, context, watch, servers }) => {
   const { url } = await servers.run([...ENDLESS, "--rtf", "10"]);
   servers.agents(AGENTS);
   await shown.open(page, url);

@@ -12,7 +12,7 @@ const TICK_S = 0.02;
 /** Parses a number with spaces between thousands. */
 const numberOf = (text: string): number => Number(text.replace(/\s/g, ""));
 
-test("is opened by the file chooser", async ({ page, servers }) => {
+test("opens from the file chooser", async ({ page, servers }) => {
   await page.goto(new URL("/?recording=", await servers.view(FILE)).href);
   await expect(page.getByTestId("welcome")).toBeVisible();
   const chooser = page.waitForEvent("filechooser");
@@ -24,10 +24,10 @@ test("is opened by the file chooser", async ({ page, servers }) => {
   // Another recording replaces it.
   await page.getByTestId("file").setInputFiles(recording("radio"));
   await expect(page.getByTestId("run-title")).toHaveText("radio.mcap");
-  await expect(page.getByTestId("fact-radio")).toHaveText("15.0 m");
+  await expect(page.getByTestId("fact-radio-range")).toHaveText("15.0 m");
 });
 
-test("is opened where it is dropped", async ({ page, servers }) => {
+test("opens by drag and drop", async ({ page, servers }) => {
   await page.goto(new URL("/?recording=", await servers.view(FILE)).href);
   await expect(page.getByTestId("drop-zone")).toBeVisible();
   const bytes = readFileSync(FILE).toString("base64");
@@ -41,14 +41,14 @@ test("is opened where it is dropped", async ({ page, servers }) => {
   await expect(page.getByTestId("run-title")).toHaveText("dropped.mcap");
 });
 
-test("is opened at a time, with an agent", async ({ page, servers }) => {
+test("opens at a time, with an agent", async ({ page, servers }) => {
   await shown.open(page, `${await servers.view(FILE)}&time=100&agent=3`);
   await shown.expectTime(page, 100);
   await expect(page.getByTestId("agent-title")).toHaveText("Agent 3");
   await expect(page.getByTestId("time-now")).toHaveText("01:40");
 });
 
-test("shows the numbers that it has", async ({ page, servers }) => {
+test("shows its numbers", async ({ page, servers }) => {
   const info = await servers.info(FILE);
   await shown.openWhole(page, await servers.view(FILE));
   const end = shown.secondsOf(info.endTime);
@@ -94,27 +94,23 @@ test("shows the numbers that it has", async ({ page, servers }) => {
   for (const [id, agent] of info.agents.entries()) {
     await page.getByTestId(`agent-row-${id}`).click();
     await expect(page.getByTestId("agent-title")).toHaveText(`Agent ${id}`);
-    await expect(page.getByTestId("fact-way-travelled")).toHaveText(agent.distance);
+    await expect(page.getByTestId("fact-distance-travelled")).toHaveText(agent.distance);
     expect(twoPlaces(result!.exploredBy[id])).toBe(agent.explored);
     expect(twoPlaces(result!.coveredBy[id])).toBe(agent.covered);
-    await expect(page.getByTestId("fact-explored-itself")).toHaveText(
-      shown.finePercent(result!.exploredBy[id]!),
-    );
-    await expect(page.getByTestId("fact-covered-itself")).toHaveText(
-      shown.finePercent(result!.coveredBy[id]!),
-    );
-    await expect(page.getByTestId("fact-knows")).toHaveText(shown.finePercent(result!.believedBy[id]!));
+    await expect(page.getByTestId("fact-explored")).toHaveText(shown.finePercent(result!.exploredBy[id]!));
+    await expect(page.getByTestId("fact-covered")).toHaveText(shown.finePercent(result!.coveredBy[id]!));
+    await expect(page.getByTestId("fact-known")).toHaveText(shown.finePercent(result!.believedBy[id]!));
     await page.getByTestId("agent-close").click();
   }
 });
 
-test("counts what was explored and covered as the server does, at any time", async ({ page, servers }) => {
+test("counts explored and covered cells like the server, at any time", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const rows = await page.evaluate((tickS) => {
     const run = window.maes!.run!;
     const agents = Array.from({ length: run.setup.agents }, (_, id) => id);
     /** When every agent had another observation. */
-    const allAskedS = (timeS: number): number => {
+    const allObservedS = (timeS: number): number => {
       let atS = timeS;
       while (atS < run.endS && agents.some((id) => run.agentAt(id, atS).observedS < timeS)) atS += tickS;
       return atS;
@@ -126,7 +122,7 @@ test("counts what was explored and covered as the server does, at any time", asy
       covered,
       // A recording contains cells once they are in an observation, which follows the scan.
       least: share(run.seenAt(timeS - tickS)),
-      most: share(run.seenAt(allAskedS(timeS))),
+      most: share(run.seenAt(allObservedS(timeS))),
       counted: share(run.seenAt(timeS)),
       visited: share(run.coveredAt(timeS)),
     }));
@@ -157,7 +153,7 @@ async function clickLine(page: Page, share: number): Promise<void> {
   await page.mouse.click(box.x + box.width * share, box.y + box.height / 2);
 }
 
-test("the time line goes where it is told", async ({ page, servers }) => {
+test("the timeline seeks", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const end = await shown.endOf(page);
   const line = page.getByTestId("timeline");
@@ -205,7 +201,7 @@ test("the time line goes where it is told", async ({ page, servers }) => {
   await expect(line).toHaveAttribute("aria-valuetext", `00:00 of ${shown.clock(end)}`);
 });
 
-test("marks tell when shares were explored, and lead there", async ({ page, servers }) => {
+test("milestones show when shares were explored, and seek there", async ({ page, servers }) => {
   const info = await servers.info(FILE);
   await shown.openWhole(page, await servers.view(FILE));
   expect([...info.reached.keys()]).toEqual(["50", "90", "99", "99.9", "100"]);
@@ -221,7 +217,7 @@ test("marks tell when shares were explored, and lead there", async ({ page, serv
   await shown.expectTime(page, shown.secondsOf(info.reached.get("50")!));
 });
 
-test("is played, held, and played to its end", async ({ page, servers }) => {
+test("plays, pauses, and plays to its end", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const end = await shown.endOf(page);
   const state = () => page.evaluate(() => window.maes!.state);
@@ -252,7 +248,7 @@ test("is played, held, and played to its end", async ({ page, servers }) => {
   await expect.poll(() => shown.timeOf(page)).toBeLessThan(end - 1);
 });
 
-test("the curve leads where it is clicked", async ({ page, servers }) => {
+test("a click on the chart seeks", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const end = await shown.endOf(page);
   const over = page.getByTestId("chart").locator(".u-over");
@@ -261,7 +257,7 @@ test("the curve leads where it is clicked", async ({ page, servers }) => {
   await expect.poll(async () => Math.abs((await shown.timeOf(page)) - end / 2)).toBeLessThan(end / 50);
 });
 
-test("a moment is the same picture however one came to it", async ({ page, servers }) => {
+test("a time has the same image whatever was shown before", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const first = await shown.pictureAt(page, 100);
   const later = await shown.pictureAt(page, 300);
@@ -282,11 +278,7 @@ test("a moment is the same picture however one came to it", async ({ page, serve
   shown.expectSame(first, await shown.pictureAt(page, 100), "100 s in a new page");
 });
 
-test("a large cave is coarse while it moves, and drawn in full when it rests", async ({
-  page,
-  context,
-  servers,
-}) => {
+test("a large cave is coarse in motion, and in full detail at rest", async ({ page, context, servers }) => {
   const triangles = () => page.evaluate(() => window.maes!.scene!.stats.triangles);
   const url = await servers.view(recording("hall"));
   await shown.openWhole(page, url);

@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import { AgentNumberInput, nextSelection } from "./agent-selection.ts";
 
 describe("agents", () => {
-  it("are gone through with the cave between the last and the first", () => {
+  it("cycle through the cave between the last and the first", () => {
     const seen: (number | null)[] = [];
     for (let place: number | null = null, turn = 0; turn < 4; turn++)
       seen.push((place = nextSelection(place, 1, 3)));
@@ -11,7 +11,7 @@ describe("agents", () => {
     expect(nextSelection(0, -1, 3)).toBeNull();
   });
 
-  it("are named by a digit, or by two that come quickly", () => {
+  it("are selected by a digit, or two in quick succession", () => {
     const digits = new AgentNumberInput();
     expect(digits.typed(1, 0, 20)).toBe(1);
     expect(digits.typed(2, 500, 20)).toBe(12);
@@ -23,7 +23,7 @@ describe("agents", () => {
     expect(digits.typed(4, 9100, 20)).toBe(4);
   });
 
-  it("that do not exist are not named", () => {
+  it("that do not exist are not selected", () => {
     const digits = new AgentNumberInput();
     expect(digits.typed(7, 0, 5)).toBeNull();
     expect(digits.typed(2, 100, 5)).toBe(2);

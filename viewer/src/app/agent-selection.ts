@@ -3,9 +3,9 @@
 /** The selection after a step; the whole cave lies between the last agent and the first. */
 export function nextSelection(selected: number | null, step: 1 | -1, agents: number): number | null {
   // Index 0 is the cave, and agent n has index n + 1.
-  const places = agents + 1;
-  const place = ((selected === null ? 0 : selected + 1) + step + places) % places;
-  return place === 0 ? null : place - 1;
+  const positions = agents + 1;
+  const index = ((selected === null ? 0 : selected + 1) + step + positions) % positions;
+  return index === 0 ? null : index - 1;
 }
 
 /** Maximum time between two digits of one number, milliseconds. */

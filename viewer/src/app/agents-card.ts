@@ -12,7 +12,7 @@ const FRESH_S = 0.05;
 
 /** Note on the age of progress values; null if they are current. */
 function ageOf(progress: Progress | null, timeS: number): string | null {
-  if (!progress) return "not told yet";
+  if (!progress) return "not reported yet";
   return timeS - progress.timeS > FRESH_S ? `as of ${clockTime(progress.timeS)}` : null;
 }
 
@@ -21,8 +21,9 @@ function swatch(agent: number): HTMLElement {
 }
 
 function taskOf(agent: AgentState): string {
-  const task = agent.task === "path" ? "on its way" : agent.task === "move" ? "straight on" : agent.task;
-  return agent.collision === "none" ? task : `${task}, at a ${agent.collision}`;
+  const task =
+    agent.task === "path" ? "following a path" : agent.task === "move" ? "moving straight" : agent.task;
+  return agent.collision === "none" ? task : `${task}, collision with ${agent.collision}`;
 }
 
 interface Row {
@@ -43,7 +44,7 @@ export class AgentsCard {
 
   constructor(select: (agent: number) => void) {
     this.#select = select;
-    const head = ["Agent", "Task", "Explored", "Path"].map((name) => el("th", { scope: "col" }, name));
+    const head = ["Agent", "Task", "Explored", "Distance"].map((name) => el("th", { scope: "col" }, name));
     this.root = el(
       "section",
       { class: "card", testid: "agents-card" },
@@ -129,7 +130,7 @@ export class AgentCard {
       this.#shown = selected;
       fill(this.#title, swatch(selected), `Agent ${selected}`);
     }
-    setText(this.#info, agent.info || "This controller says nothing of itself.");
+    setText(this.#info, agent.info || "The controller has no status text.");
     this.#info.classList.toggle("quiet", agent.info === "");
 
     const target = agent.path.at(-1);
@@ -140,10 +141,10 @@ export class AgentCard {
     facts.set("Heading", heading(agent.yawRad));
     facts.set("Speed", `${agent.speedMS.toFixed(2)} m/s`);
     facts.set("Target", target ? `${positionText(target)} m` : "none");
-    facts.set("Hears", agent.contacts.length === 0 ? "nobody" : agent.contacts.join(", "));
-    facts.set("Sent", `${count(agent.sent.messages)} parcels, ${bytes(agent.sent.bytes)}`);
-    facts.set("Received", `${count(agent.received.messages)} parcels, ${bytes(agent.received.bytes)}`);
-    facts.set("Last asked", clockTime(agent.observedS));
+    facts.set("Contacts", agent.contacts.length === 0 ? "none" : agent.contacts.join(", "));
+    facts.set("Sent", `${count(agent.sent.messages)} messages, ${bytes(agent.sent.bytes)}`);
+    facts.set("Received", `${count(agent.received.messages)} messages, ${bytes(agent.received.bytes)}`);
+    facts.set("Last observation", clockTime(agent.observedS));
 
     const progress = progressAt(run, timeS);
     const age = ageOf(progress, timeS);
@@ -153,10 +154,10 @@ export class AgentCard {
       const value = values?.[selected];
       return value === undefined ? null : finePercent(value);
     };
-    this.#progressFacts.set("Explored itself", share(progress?.exploredBy));
-    this.#progressFacts.set("Covered itself", share(progress?.coveredBy));
-    this.#progressFacts.set("Knows", share(progress?.believedBy));
+    this.#progressFacts.set("Explored", share(progress?.exploredBy));
+    this.#progressFacts.set("Covered", share(progress?.coveredBy));
+    this.#progressFacts.set("Known", share(progress?.believedBy));
     const distanceM = progress?.distanceM[selected];
-    this.#progressFacts.set("Path travelled", distanceM === undefined ? null : metres(distanceM));
+    this.#progressFacts.set("Distance travelled", distanceM === undefined ? null : metres(distanceM));
   }
 }

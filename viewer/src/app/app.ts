@@ -74,7 +74,7 @@ export class App implements PageActions {
     this.loop = new RenderLoop(canvas, scene, {
       advance: (wallS) => this.#advance(wallS),
       frameDone: (wallS, isDrawn) => this.#afterFrame(wallS, isDrawn),
-      failed: (error) => this.shell.banners.set("picture", `The picture cannot be drawn: ${error.message}`),
+      failed: (error) => this.shell.banners.set("render", `Rendering failed: ${error.message}`),
     });
     this.shell.onResize((width, height) => this.loop.resize(width, height));
     this.shell.onPick((x, y) => {
@@ -126,7 +126,7 @@ export class App implements PageActions {
     this.disconnect();
     this.#opening += 1;
     const url = socketAddress(address);
-    this.#setBusy(isProbe ? "Looking for a simulator" : `Connecting with ${url}`);
+    this.#setBusy(isProbe ? "Looking for a simulator" : `Connecting to ${url}`);
     // Another kind of server may not answer at all: do not keep the user waiting.
     if (isProbe) setTimeout(() => this.live?.state === "connecting" && this.#setBusy(null), PROBE_MS);
     const listener = {
@@ -167,7 +167,7 @@ export class App implements PageActions {
     } else {
       const isOver = live.hasEnded && live.state === "lost";
       const text = isOver
-        ? "The run is over and its simulator has left. If another one comes, it is shown."
+        ? "The run is over and its simulator has exited. A new one at this address will be shown."
         : live.problem;
       // While a probe is connecting, the welcome screen shows its state.
       const kind = isOver ? "notice" : "warning";
@@ -210,7 +210,7 @@ export class App implements PageActions {
     this.seek(timeS);
   }
 
-  // ---------------------------------------------------------------- orders
+  // ---------------------------------------------------------------- actions
 
   get selected(): number | null {
     return this.#selected;
@@ -268,7 +268,7 @@ export class App implements PageActions {
   }
 
   async startRun(scenario: string): Promise<string | null> {
-    if (!this.live) throw new Error("There is no connection with a simulator.");
+    if (!this.live) throw new Error("Not connected to a simulator.");
     return this.live.start(scenario);
   }
 
@@ -321,7 +321,7 @@ export class App implements PageActions {
     };
   }
 
-  // ---------------------------------------------------------------- pictures
+  // ---------------------------------------------------------------- frames
 
   #advance(wallS: number): { timeS: number; isMoving: boolean } {
     const { run, clock } = this;

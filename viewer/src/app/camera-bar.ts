@@ -31,9 +31,12 @@ export class CameraBar {
     this.root = el(
       "div",
       { class: "camera-bar float", testid: "camera-bar", role: "toolbar", "aria-label": "Camera" },
-      iconButton("previous", "Agent before ([)", { testid: "camera-prev", onclick: () => actions.step(-1) }),
+      iconButton("previous", "Previous agent ([)", {
+        testid: "camera-prev",
+        onclick: () => actions.step(-1),
+      }),
       this.#cave,
-      iconButton("next", "Agent after (])", { testid: "camera-next", onclick: () => actions.step(1) }),
+      iconButton("next", "Next agent (])", { testid: "camera-next", onclick: () => actions.step(1) }),
       unexplored.root,
     );
   }

@@ -102,10 +102,7 @@ export class RunCard {
     setText(this.#barText, `${left} - ${percent(explored)}`);
     this.#progress.setAttribute("aria-valuenow", String(Math.floor(explored * 100)));
 
-    this.#facts.set(
-      "Pace",
-      live && !run.isComplete ? `${speedFactor(panel.realTimeFactor)} real time` : null,
-    );
+    this.#facts.set("Real-time factor", live && !run.isComplete ? speedFactor(panel.realTimeFactor) : null);
     this.#factsOf(run, timeS);
   }
 
@@ -119,7 +116,7 @@ export class RunCard {
     this.#facts.set("Duration", clockTime(setup.durationS));
     this.#facts.set("LiDAR", lidarOf(run));
     this.#facts.set(
-      "Radio",
+      "Radio range",
       setup.communicationRangeM === Infinity ? null : metres(setup.communicationRangeM),
     );
     const result = run.result && timeS >= run.result.timeS ? run.result : null;

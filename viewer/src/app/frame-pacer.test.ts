@@ -1,8 +1,8 @@
 import { describe, expect, it } from "vitest";
 import { FramePacer } from "./frame-pacer.ts";
 
-describe("pacing", () => {
-  it("begins the next picture a little after the last one is done", () => {
+describe("frame pacing", () => {
+  it("leaves a pause between frames", () => {
     const pacer = new FramePacer();
     expect(pacer.mayBegin(0)).toBe(true);
     pacer.done(0, 100, true);
@@ -10,7 +10,7 @@ describe("pacing", () => {
     expect(pacer.mayBegin(111)).toBe(true);
   });
 
-  it("takes less detail and fewer pixels when pictures are slow, and more again when they are quick", () => {
+  it("reduces the quality of slow frames, and restores it for quick ones", () => {
     const pacer = new FramePacer();
     const slow = (pictures: number): void => {
       for (let picture = 0; picture < pictures; picture++) pacer.done(0, 200, true);
@@ -29,14 +29,14 @@ describe("pacing", () => {
     expect(pacer.quality).toEqual({ share: 1, isCoarse: false });
   });
 
-  it("begins with fewer without a graphics card, and never has full detail", () => {
+  it("starts at reduced quality in software, never in full detail", () => {
     const pacer = new FramePacer(true);
     expect(pacer.quality).toEqual({ share: 0.5, isCoarse: true });
     for (let picture = 0; picture < 1000; picture++) pacer.done(0, 5, true);
     expect(pacer.quality).toEqual({ share: 1, isCoarse: true });
   });
 
-  it("takes less at once when a picture is very slow", () => {
+  it("reduces the quality at once for a very slow frame", () => {
     const pacer = new FramePacer();
     for (let picture = 0; picture < 2; picture++) pacer.done(0, 301, true);
     expect(pacer.quality.share).toBe(0.75);
@@ -44,7 +44,7 @@ describe("pacing", () => {
     expect(pacer.quality.share).toBe(0.75);
   });
 
-  it("is not put off by one slow picture, nor by one that was meant to be fine", () => {
+  it("ignores a single slow frame, and frames of another quality", () => {
     const pacer = new FramePacer();
     for (let picture = 0; picture < 20; picture++) {
       pacer.done(0, picture % 3 === 0 ? 250 : 50, true);

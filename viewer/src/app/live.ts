@@ -131,7 +131,7 @@ export class LiveConnection {
   }
 
   setRtf(rtf: number): void {
-    if (!this.#client || this.state !== "open") throw new Error("There is no connection with the simulator.");
+    if (!this.#client || this.state !== "open") throw new Error("Not connected to the simulator.");
     this.rtf = rtf;
     this.#client.setParameters([{ name: RTF, value: rtf, type: "float64" }]);
     this.#listener.changed();
@@ -165,7 +165,7 @@ export class LiveConnection {
       socket = this.#environment.openSocket(this.url);
     } catch (error) {
       this.#abandon(
-        `${this.url} is no address of a simulator: ${(error as Error).message} Expected: ws://host:port.`,
+        `${this.url} is not the address of a simulator: ${(error as Error).message} Expected ws://host:port.`,
       );
       return;
     }
@@ -225,7 +225,7 @@ export class LiveConnection {
     const metadata = info.metadata ?? {};
     if (metadata["maes"] === undefined) {
       this.#abandon(
-        `${this.url} answers as "${info.name}", which is not a simulator of this page (no "maes" in what it says of itself).`,
+        `${this.url} is the server "${info.name}", not a MAES simulator (its metadata has no key "maes").`,
       );
       return;
     }
@@ -288,7 +288,7 @@ export class LiveConnection {
       this.#after("pull", RECONNECT_MS, () => this.#onClose());
       this.#listener.changed();
     } else {
-      this.problem = `The simulator does not hand over its run: ${answer.error}`;
+      this.problem = `The simulator does not send its run: ${answer.error}`;
       this.#after("pull", RECONNECT_MS, () => this.#pull());
       this.#listener.changed();
     }
@@ -329,8 +329,8 @@ export class LiveConnection {
     }
     this.state = this.#wasOpen ? "lost" : "connecting";
     this.problem = this.#wasOpen
-      ? `The connection with ${this.url} was lost. Trying again.`
-      : `No simulator answers at ${this.url}. Trying again.`;
+      ? `The connection to ${this.url} was lost. Reconnecting.`
+      : `No simulator answers at ${this.url}. Retrying.`;
     this.simulationState = null;
     this.#after("reconnect", RECONNECT_MS, () => this.#connect());
     this.#listener.changed();

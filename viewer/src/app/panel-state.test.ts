@@ -26,7 +26,7 @@ const RESULT: Result = {
 };
 
 describe("progress", () => {
-  it("is the last that was told", () => {
+  it("is the last one published", () => {
     const run = { progress: TOLD, result: RESULT };
     expect(progressAt(run, 9.99)?.timeS).toBe(0);
     expect(progressAt(run, 10)?.timeS).toBe(10);
@@ -35,7 +35,7 @@ describe("progress", () => {
     expect(progressAt({ progress: [], result: null }, 5)).toBeNull();
   });
 
-  it("makes progressColumns that end with the result, once", () => {
+  it("columns end with the result, once", () => {
     const setup = { agents: 2 } as never;
     const [times, explored, covered, ...agents] = progressColumns({ progress: TOLD, result: RESULT, setup });
     expect(times).toEqual([0, 10, 20, 24.5]);

@@ -35,13 +35,13 @@ export class PlaybackBar {
     this.#live = textButton("Live", {
       class: "button live-button",
       testid: "go-live",
-      title: "Follow the run under way (G)",
+      title: "Follow the live run (G)",
       onclick: actions.goLive,
     });
     this.#rate = el("select", {
       class: "rate",
       testid: "rate",
-      "aria-label": "How fast the recording is played",
+      "aria-label": "Playback speed",
     });
     for (const rate of PLAY_RATES) this.#rate.append(el("option", { value: rate }, speedFactor(rate)));
     this.#rate.addEventListener("change", () => actions.setRate(Number(this.#rate.value)));
@@ -71,7 +71,7 @@ export class PlaybackBar {
     if (isLive && clock.isFollowing) {
       const isPlaying = live.simulationState === STATE.playing;
       if (isPlaying) setIcon(this.#play, "pause", "Pause the simulation (Space)");
-      else setIcon(this.#play, "play", "Let the simulation go on (Space)");
+      else setIcon(this.#play, "play", "Resume the simulation (Space)");
       this.#play.disabled = !live.canControl;
       return;
     }

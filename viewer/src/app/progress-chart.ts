@@ -18,11 +18,11 @@ const AXIS_TEXT = "#8c98aa";
 
 export class ProgressChart {
   readonly root: HTMLElement;
-  readonly #place = el("div", { class: "chart", testid: "chart" });
+  readonly #container = el("div", { class: "chart", testid: "chart" });
   readonly #empty = el(
     "p",
     { class: "quiet" },
-    "No progress has been told yet; it comes every 10 s of sim time.",
+    "No progress yet; the server publishes it every 10 s of sim time.",
   );
   readonly #cursor = el("div", { class: "chart-cursor" });
   readonly #seek: (timeS: number) => void;
@@ -41,7 +41,7 @@ export class ProgressChart {
       el("span", { class: "key key-covered" }, "covered"),
       el("span", { class: "key key-agents" }, "explored by each agent"),
     );
-    this.root = el("div", {}, this.#place, this.#empty, legend);
+    this.root = el("div", {}, this.#container, this.#empty, legend);
   }
 
   update(run: Run, timeS: number, selected: number | null): void {
@@ -54,7 +54,7 @@ export class ProgressChart {
       this.#endS = endS;
       plot.setData(progressColumns(run) as uPlot.AlignedData);
       setHidden(this.#empty, points > 0);
-      setHidden(this.#place, points === 0);
+      setHidden(this.#container, points === 0);
     }
     if (selected !== this.#selected) {
       this.#selected = selected;
@@ -101,7 +101,7 @@ export class ProgressChart {
         ],
       },
       [[], [], []],
-      this.#place,
+      this.#container,
     );
     this.#plot.over.append(this.#cursor);
     this.#plot.over.addEventListener("click", (event) => {

@@ -150,16 +150,16 @@ export class RenderLoop {
     gl.flush();
     const untilMs = performance.now() + LOST_MS;
     return new Promise((resolve) => {
-      const look = () => {
+      const poll = () => {
         const isDone = gl.isContextLost() || gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.SIGNALED;
         if (!isDone && performance.now() < untilMs) {
-          setTimeout(look, POLL_MS);
+          setTimeout(poll, POLL_MS);
           return;
         }
         gl.deleteSync(fence);
         resolve();
       };
-      look();
+      poll();
     });
   }
 }

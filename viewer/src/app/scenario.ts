@@ -215,18 +215,18 @@ export function toToml(values: FormValues): string {
 export function faults(values: FormValues): string[] {
   const found: string[] = [];
   if (values.generator === "file" && values.mapFile.trim() === "") {
-    found.push("Map file: the path of a map is expected, as the simulator sees it.");
+    found.push("Map file: expected the path of a map on the machine of the simulator.");
   }
   if (!Number.isSafeInteger(values.seed) || values.seed < 0) {
-    found.push("Seed: a whole number from 0 on is expected.");
+    found.push("Seed: expected an integer from 0 on.");
   }
   if (values.generator === "spheres") {
     if (values.spheresRadiusMin > values.spheresRadiusMax) {
-      found.push("Radius: the smallest one is above the largest one.");
+      found.push("Radius: the smallest exceeds the largest.");
     }
     const limit = radiusLimit(values.size);
     if (values.spheresRadiusMax > limit) {
-      found.push(`Radius: ${limit} cells at the most fit into a map of ${values.size.join(" x ")} cells.`);
+      found.push(`Radius: at most ${limit} cells fit into a map of ${values.size.join(" x ")} cells.`);
     }
   }
   if (values.generator === "building" && values.size[2] < buildingHeight(values.buildingFloors)) {

@@ -57,7 +57,7 @@ export class ServiceCalls {
   call(name: string, data: Uint8Array): Promise<Uint8Array> {
     const service = this.#known.get(name);
     if (!this.#send || !service) {
-      return Promise.reject(new Error(`The simulator does not offer ${name} at present.`));
+      return Promise.reject(new Error(`The simulator does not offer ${name}.`));
     }
     this.#lastCall += 1;
     const callId = this.#lastCall;

@@ -62,7 +62,9 @@ export function startRequest(scenario: string): Uint8Array {
 export function readStart(data: Uint8Array): { started: boolean; message: string } {
   const answer: unknown = JSON.parse(new TextDecoder().decode(data));
   if (typeof answer !== "object" || answer === null || !("started" in answer)) {
-    throw new Error(`The simulator answered ${JSON.stringify(answer)} to start_run; "started" was expected.`);
+    throw new Error(
+      `The simulator answered ${JSON.stringify(answer)} to start_run; expected an object with "started".`,
+    );
   }
   const message = "message" in answer ? String(answer.message) : "";
   return { started: answer.started === true, message };

@@ -60,8 +60,8 @@ export class Shell {
     this.#canvas = canvas;
     this.#view = view;
     this.#isPicture = isPicture;
-    canvas.className = "picture";
-    canvas.setAttribute("data-testid", "picture");
+    canvas.className = "canvas";
+    canvas.setAttribute("data-testid", "canvas");
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", "The cave and its agents in three dimensions");
 
@@ -106,7 +106,7 @@ export class Shell {
     this.#agents = new AgentsCard((agent) => actions.select(agent));
     this.#agent = new AgentCard(() => actions.select(null));
     this.#chart = new ProgressChart((timeS) => actions.seek(timeS));
-    this.#chartCard = card("Over time", "chart-card", true, this.#chart.root);
+    this.#chartCard = card("Progress over time", "chart-card", true, this.#chart.root);
     this.#toolbar = el(
       "nav",
       { class: "toolbar float", "aria-label": "Page" },

@@ -41,12 +41,11 @@ export class SimulatorCard {
       });
       return button;
     });
-    this.#restart = iconButton("restart", "Begin the run again", {
+    this.#restart = iconButton("restart", "Restart the run", {
       class: "icon-button framed",
       testid: "sim-restart",
       onclick: async () => {
-        if (!(await confirmed("Begin this run again?", "What has come of it so far is given up.", "Restart")))
-          return;
+        if (!(await confirmed("Restart this run?", "Its progress so far is discarded.", "Restart"))) return;
         actions.control((live) => live.restart());
       },
     });
@@ -56,7 +55,11 @@ export class SimulatorCard {
       title: "End the run",
       onclick: async () => {
         if (
-          !(await confirmed("End this run?", "It ends now, with a result. It cannot go on.", "Stop the run"))
+          !(await confirmed(
+            "End this run?",
+            "It ends now, with a result, and cannot be resumed.",
+            "Stop the run",
+          ))
         )
           return;
         actions.control((live) => live.stop());
@@ -103,7 +106,7 @@ export class SimulatorCard {
     const { canControl, simulationState } = live;
     this.#isPlaying = simulationState === STATE.playing;
     if (this.#isPlaying) setIcon(this.#play, "pause", "Pause the simulation");
-    else setIcon(this.#play, "play", "Let the simulation go on");
+    else setIcon(this.#play, "play", "Resume the simulation");
     this.#play.disabled = !canControl;
     this.#restart.disabled = !canControl;
     this.#stop.disabled = !canControl;
@@ -114,6 +117,6 @@ export class SimulatorCard {
     }
     setHidden(this.#new, !live.isIdleServer);
     this.#new.disabled = !live.canStart;
-    this.#new.title = live.canStart ? "" : "The run under way has to end first";
+    this.#new.title = live.canStart ? "" : "The current run has to end first";
   }
 }

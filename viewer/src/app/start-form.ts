@@ -58,7 +58,7 @@ export class StartForm {
   readonly #edited = el(
     "p",
     { class: "note", hidden: true },
-    "The text was edited: it counts, and the form does not.",
+    "The text was edited: it is used instead of the form.",
   );
   readonly #back = textButton("Back to the form", { testid: "start-back" });
   readonly #go = textButton("Start", { class: "button primary big", testid: "start-go" });
@@ -274,7 +274,7 @@ export class StartForm {
     return el(
       "label",
       { class: "field" },
-      el("span", {}, "Path of the map, as the simulator sees it"),
+      el("span", {}, "Path of the map on the machine of the simulator"),
       input,
     );
   }
@@ -331,7 +331,7 @@ export class StartForm {
       ),
       this.#when(
         is("noise"),
-        this.#slider("Walls at first", "noiseFillPercent", RANGES.noiseFillPercent, share).root,
+        this.#slider("Initial wall share", "noiseFillPercent", RANGES.noiseFillPercent, share).root,
         this.#slider("Smoothing", "noiseSmoothing", RANGES.smoothing).root,
       ),
       this.#when(
@@ -352,7 +352,7 @@ export class StartForm {
         flag("Searches take sim time", "isSearchBudgeted"),
         this.#when(
           () => values.isSearchBudgeted,
-          this.#slider("A* iterations in a tick", "searchCellsPerTick", RANGES.searchCellsPerTick).root,
+          this.#slider("A* iterations per tick", "searchCellsPerTick", RANGES.searchCellsPerTick).root,
         ),
       ),
       this.#rangeField(),

@@ -3,8 +3,8 @@ import { load, merged, save } from "./storage.ts";
 
 const DEFAULTS = { rate: 10, isOpen: true, layers: { walls: true, heat: false }, size: [50, 50, 50] };
 
-describe("what was remembered", () => {
-  it("counts where it fits", () => {
+describe("stored settings", () => {
+  it("are used where they fit", () => {
     const stored = { rate: 2, layers: { heat: true }, size: [30, 40, 50] };
     expect(merged(DEFAULTS, stored)).toEqual({
       ...DEFAULTS,
@@ -21,9 +21,9 @@ describe("what was remembered", () => {
     [],
     { rate: "2", isOpen: 1, layers: null, size: [1], gone: 3 },
     { size: ["a", 1, 2] },
-  ])("is left out where it does not: %j", (stored) => expect(merged(DEFAULTS, stored)).toEqual(DEFAULTS));
+  ])("are ignored where they do not fit: %j", (stored) => expect(merged(DEFAULTS, stored)).toEqual(DEFAULTS));
 
-  it("is the default where there is no storage", () => {
+  it("are the defaults without storage", () => {
     save("look", DEFAULTS);
     expect(load("look", DEFAULTS)).toBe(DEFAULTS);
   });

@@ -146,7 +146,7 @@ export class Timeline {
     const share = explored >= 0.99 ? finePercent(explored) : percent(explored);
     setText(
       this.#hint,
-      known ? `${clockTime(timeS)}, ${share} explored` : `${clockTime(timeS)}, not known yet`,
+      known ? `${clockTime(timeS)}, ${share} explored` : `${clockTime(timeS)}, not received yet`,
     );
   }
 }

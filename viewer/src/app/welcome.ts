@@ -95,7 +95,8 @@ export class Welcome {
       el(
         "p",
         { class: "welcome-lead" },
-        "Teams of agents explore caves and buildings in three dimensions. ViewSettings at a recording, or at a simulator while it runs.",
+        "Watch teams of agents explore caves and buildings in three dimensions: open a recording, or connect to a " +
+          "running simulator.",
       ),
       this.#busy,
       this.#server,
@@ -114,8 +115,8 @@ export class Welcome {
     setText(
       this.#serverText,
       live?.isIdleServer
-        ? `The simulator at ${live.url} is ready and runs nothing.`
-        : `Connected with ${live?.url ?? ""}; it runs nothing at present.`,
+        ? `The simulator at ${live.url} is idle.`
+        : `Connected to ${live?.url ?? ""}, which has no active run.`,
     );
   }
 }

@@ -145,24 +145,19 @@ export class AgentLog {
    * both ends.
    */
   poseAt(timeS: number): Pose {
-    const { count, timeS: times, positions, yawRad: yaws } = this.#track;
+    const { count, timeS: times, yawRad: yaws } = this.#track;
     if (count === 0) {
       return { position: [0, 0, 0], yawRad: 0, speedMS: 0 };
     }
-    const place = (pose: number): Vec3 => [
-      positions[3 * pose]!,
-      positions[3 * pose + 1]!,
-      positions[3 * pose + 2]!,
-    ];
     const after = rowsUpTo(times, count, 1, timeS);
     if (after === 0 || count === 1) {
-      return { position: place(0), yawRad: yaws[0]!, speedMS: 0 };
+      return { position: this.#positionOf(0), yawRad: yaws[0]!, speedMS: 0 };
     }
     const b = Math.min(after, count - 1);
     const a = b - 1;
     const spanS = times[b]! - times[a]!;
     const share = spanS > 0 ? Math.min(1, (timeS - times[a]!) / spanS) : 1;
-    const [from, to] = [place(a), place(b)];
+    const [from, to] = [this.#positionOf(a), this.#positionOf(b)];
     const turn = yaws[b]! - yaws[a]!;
     const yaw = yaws[a]! + share * (turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI)));
     return {
@@ -247,10 +242,10 @@ export class AgentLog {
   }
 
   /** Progress at a position reached between the poses `pose - 1` and `pose`. */
-  #advanced(path: Path, progressM: number, pose: number, place: Vec3, startS: number): number {
+  #advanced(path: Path, progressM: number, pose: number, position: Vec3, startS: number): number {
     const isFirst = pose === 0 || this.#track.timeS[pose - 1]! < startS;
     const from = isFirst ? this.poseAt(startS).position : this.#positionOf(pose - 1);
-    return path.advanced(progressM, distance(from, place), place);
+    return path.advanced(progressM, distance(from, position), position);
   }
 
   #pathOf(command: number, start: Pose): Path {

@@ -25,7 +25,7 @@ export class CdrReader {
 
   constructor(bytes: Uint8Array) {
     if (bytes.length < HEADER_BYTES || bytes[0] !== 0 || bytes[1] !== 1) {
-      throw new RangeError("no little-endian CDR");
+      throw new RangeError("not little-endian CDR");
     }
     this.#bytes = bytes;
     this.#view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);

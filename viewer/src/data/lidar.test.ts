@@ -3,7 +3,7 @@ import { cast, firstWall, lattice, shell } from "./lidar.ts";
 import type { Terrain, Vec3 } from "./run.ts";
 
 /** A room of 8 x 5 x 5 free cells of half a metre. */
-function hall(): Terrain {
+function room(): Terrain {
   const size: Vec3 = [10, 7, 7];
   const walls = new Uint8Array(10 * 7 * 7).fill(1);
   for (let z = 1; z < 6; z++) {
@@ -24,7 +24,7 @@ function hitsOf(positions: Float32Array): Vec3[] {
   ]);
 }
 
-test("the lattice is even and of length one", () => {
+test("lattice directions are even unit vectors", () => {
   const { directions } = lattice(500, 1, 2 * Math.PI, 1);
   let sum = [0, 0, 0];
   for (let at = 0; at < directions.length; at += 3) {
@@ -36,12 +36,12 @@ test("the lattice is even and of length one", () => {
   expect(directions[0]).toBeCloseTo(1 - 1 / 500, 12);
 });
 
-test("a shell has as many rays as the simulator says", () => {
+test("a shell has as many rays as in the simulator", () => {
   expect([5, 6].map((radius) => shell(radius, 7).directions.length / 3)).toEqual([222, 354]);
 });
 
-test("all rays of a scan inside a hall meet its walls", () => {
-  const hits = hitsOf(cast(lattice(300, Infinity, 2 * Math.PI, 0.5), hall(), PLACE, 0));
+test("all rays of a scan inside a room hit its walls", () => {
+  const hits = hitsOf(cast(lattice(300, Infinity, 2 * Math.PI, 0.5), room(), PLACE, 0));
   expect(hits).toHaveLength(300);
   for (const [x, y, z] of hits) {
     const apart = [x - 0.5, 4.5 - x, y - 0.5, 3 - y, z - 0.5, 3 - z];
@@ -50,9 +50,9 @@ test("all rays of a scan inside a hall meet its walls", () => {
   }
 });
 
-describe("a scan goes no farther and no wider than it may", () => {
+describe("limits of a scan", () => {
   test("range", () => {
-    const hits = hitsOf(cast(lattice(300, 1.4, 2 * Math.PI, 0.5), hall(), PLACE, 0));
+    const hits = hitsOf(cast(lattice(300, 1.4, 2 * Math.PI, 0.5), room(), PLACE, 0));
     const apart = hits.map((hit) => Math.hypot(...hit.map((at, axis) => at - PLACE[axis]!)));
     expect(hits.length).toBeGreaterThan(100);
     expect(hits.length).toBeLessThan(300);
@@ -61,7 +61,7 @@ describe("a scan goes no farther and no wider than it may", () => {
 
   test("field of view", () => {
     const yawRad = 2;
-    const hits = hitsOf(cast(lattice(300, Infinity, Math.PI / 2, 0.5), hall(), PLACE, yawRad));
+    const hits = hitsOf(cast(lattice(300, Infinity, Math.PI / 2, 0.5), room(), PLACE, yawRad));
     // A 90 degree cone covers (1 - cos 45 degrees) / 2 of the sphere.
     expect(hits.length).toBeGreaterThan(38);
     expect(hits.length).toBeLessThan(50);
@@ -73,7 +73,7 @@ describe("a scan goes no farther and no wider than it may", () => {
   });
 
   test("shell", () => {
-    const hits = hitsOf(cast(shell(3, 2 * Math.PI), hall(), PLACE, 0));
+    const hits = hitsOf(cast(shell(3, 2 * Math.PI), room(), PLACE, 0));
     const apart = hits.map((hit) => Math.hypot(...hit.map((at, axis) => at - PLACE[axis]!)));
     expect(hits.length).toBeGreaterThan(0);
     expect(Math.max(...apart)).toBeLessThan(3 * 0.5 + 1e-6);
@@ -90,8 +90,8 @@ test("the lower axis steps first where two boundaries are reached at once", () =
   expect(firstWall(terrain, [0.5, 0.5, 0.5], [1, 1, 1], Infinity)).toBe(0.5);
 });
 
-test("what is no place or no direction ends", () => {
-  const terrain = hall();
+test("invalid positions and directions have no hit", () => {
+  const terrain = room();
   expect(firstWall(terrain, [-1, 1, 1], [1, 0, 0], Infinity)).toBeNull();
   expect(firstWall(terrain, PLACE, [0, 0, 0], Infinity)).toBeNull();
   expect(firstWall(terrain, [NaN, 1, 1], [1, 0, 0], Infinity)).toBeNull();

@@ -35,7 +35,7 @@ function cellsOf(bytes: Uint8Array, size: Vec3, agents: number): number[] | null
   return cells && Array.from(cells).sort((a, b) => a - b);
 }
 
-test("the documented parcel", () => {
+test("the documented message", () => {
   const cells = cellsOf(DOCUMENTED, [8, 8, 8], 5)!;
   const at = (x: number, y: number, z: number) => (z * 8 + y) * 8 + x;
   const block = (lowest: Vec3, numbers: readonly number[]) =>
@@ -52,13 +52,13 @@ test("the documented parcel", () => {
   expect(cells).toEqual(expected.sort((a, b) => a - b));
 });
 
-test("parcels of other runs tell nothing", () => {
+test("messages of other runs are ignored", () => {
   expect(cellsOf(DOCUMENTED, [8, 8, 4], 5)).toBeNull();
   expect(cellsOf(DOCUMENTED, [8, 5, 8], 5)).toBeNull();
   expect(cellsOf(DOCUMENTED, [8, 8, 8], 4)).toBeNull();
 });
 
-test("malformed parcels tell nothing", () => {
+test("malformed messages are ignored", () => {
   const refused: [string, Uint8Array][] = [
     ["nothing", Uint8Array.of()],
     ["another version", Uint8Array.of(1, 0, 0)],
@@ -79,7 +79,7 @@ test("malformed parcels tell nothing", () => {
   expect(cellsOf(Uint8Array.of(2, 0, 0), [8, 8, 8], 2)).toEqual([]);
 });
 
-test("parcels that are cut off tell nothing, and changed ones nothing outside the map", () => {
+test("truncated messages are ignored, and corrupted ones stay inside the map", () => {
   const size: Vec3 = [7, 8, 6];
   const reader = new MapMessageReader(size, 5);
   for (let length = 0; length < DOCUMENTED.length; length++) {

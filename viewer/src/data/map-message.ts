@@ -21,7 +21,7 @@ export class MapMessageReader {
   readonly #blocks: Vec3;
   readonly #agents: number;
   /** Coordinates in a block by cell number, and offset of the cell from the block's lowest one. */
-  readonly #places: readonly Vec3[];
+  readonly #coordinates: readonly Vec3[];
   readonly #offsets: readonly number[];
   /** Cells of the message that is being decoded. */
   #cells = new Uint32Array(1024);
@@ -31,11 +31,11 @@ export class MapMessageReader {
     this.#size = size;
     this.#blocks = [Math.ceil(size[0] / SIDE), Math.ceil(size[1] / SIDE), Math.ceil(size[2] / SIDE)];
     this.#agents = agents;
-    this.#places = Array.from({ length: BLOCK_CELLS }, (_, number): Vec3 => {
+    this.#coordinates = Array.from({ length: BLOCK_CELLS }, (_, number): Vec3 => {
       const bit = (at: number) => (number >> at) & 1;
       return [bit(0) + 2 * bit(3), bit(1) + 2 * bit(4), bit(2) + 2 * bit(5)];
     });
-    this.#offsets = this.#places.map(([x, y, z]) => (z * size[1] + y) * size[0] + x);
+    this.#offsets = this.#coordinates.map(([x, y, z]) => (z * size[1] + y) * size[0] + x);
   }
 
   /**
@@ -137,10 +137,10 @@ export class MapMessageReader {
         return null;
       }
       let cells = 0;
-      for (let place = 0; place < 8; place++) {
-        if ((known >> place) & 1) {
+      for (let bit = 0; bit < 8; bit++) {
+        if ((known >> bit) & 1) {
           cells++;
-          if (!this.#add(8 * octant + place, lowest, start)) {
+          if (!this.#add(8 * octant + bit, lowest, start)) {
             return null;
           }
         }
@@ -159,8 +159,8 @@ export class MapMessageReader {
 
   /** Adds a cell; false if it lies outside the map. */
   #add(cell: number, lowest: Vec3, start: number): boolean {
-    const place = this.#places[cell]!;
-    if (place.some((at, axis) => lowest[axis]! + at >= this.#size[axis]!)) {
+    const coordinates = this.#coordinates[cell]!;
+    if (coordinates.some((at, axis) => lowest[axis]! + at >= this.#size[axis]!)) {
       return false;
     }
     if (this.#count === this.#cells.length) {
@@ -176,12 +176,12 @@ export class MapMessageReader {
 /** The next unsigned LEB128 integer; null if there is none of at most 32 bits. */
 function number(from: { readonly bytes: Uint8Array; at: number }): number | null {
   let value = 0;
-  for (let place = 0; place < NUMBER_BYTES_MAX; place++) {
+  for (let index = 0; index < NUMBER_BYTES_MAX; index++) {
     const byte = from.bytes[from.at++];
     if (byte === undefined) {
       return null;
     }
-    value += (byte & 0x7f) * 2 ** (7 * place);
+    value += (byte & 0x7f) * 2 ** (7 * index);
     if (byte < 0x80) {
       return value < 2 ** 32 ? value : null;
     }

@@ -33,7 +33,7 @@ const CAVE_PACKED =
 const CAVE_PLAIN =
   "162048ffffffffffffffffffffffffffffffffffffffffffffbc5e2ffffffffffe7f3f1e6ffffffffffc7f3d9eeffffffffffc7f3ddeeffffffffff0783c1c6ffffffffff0783c1e1fffffffe7f0f03c1c1fffffffffffffffffffffffffffffffffffffffff";
 
-test("all three forms of a room are the same", () => {
+test("all three formats of a room are equal", () => {
   const text = readMap("map.txt", new TextEncoder().encode(ROOM_TEXT));
   expect(text.size).toEqual([5, 4, 3]);
   const free = Array.from(text.walls.keys()).filter((cell) => text.walls[cell] === 0);
@@ -47,7 +47,7 @@ test("rows of text go from the highest y downwards", () => {
   expect(Array.from(walls)).toEqual([0, 0, 1, 0, 0, 1, 0, 0]);
 });
 
-test("both forms of a cave are the same", () => {
+test("both formats of a cave are equal", () => {
   const packed = readMap("map.m3dm", bytesOf(CAVE_PACKED));
   expect(packed.size).toEqual([11, 9, 8]);
   expect(packed.cellM).toBe(0.5);
@@ -77,14 +77,14 @@ test("a solid cube of the documented header", () => {
   expect(walls.every((wall) => wall === 1)).toBe(true);
 });
 
-describe("what is no map is refused", () => {
+describe("malformed maps are rejected", () => {
   test.each([
-    ["a packed map cut off", ROOM_PACKED.slice(0, -2), "the packed map has 53 bytes, expected are 54"],
+    ["a packed map cut off", ROOM_PACKED.slice(0, -2), "the packed map has 53 bytes, expected 54"],
     ["half a header", ROOM_PACKED.slice(0, 60), "ends within its header of 52 bytes"],
     ["another version", ROOM_PACKED.replace("4c4501", "4c4502"), "version 2 of the packed map"],
-    ["a changed byte", ROOM_PACKED.replace(/d0$/, "d1"), "the sum is not that of the map"],
+    ["a changed byte", ROOM_PACKED.replace(/d0$/, "d1"), "the checksum of the map does not match"],
     ["two bytes", "0a0c", "ends within its header of 3 bytes"],
-    ["a byte too many", `${ROOM_PLAIN}00`, "has 11 bytes, these are 12"],
+    ["a byte too many", `${ROOM_PLAIN}00`, "has 11 bytes, not 12"],
     ["padding that is set", ROOM_PLAIN.replace("240f", "248f"), "the padding of the map is not all 0"],
   ])("%s", (_, hex, message) => {
     expect(() => readMap("map.m3dm", bytesOf(hex))).toThrow(message);
@@ -92,9 +92,7 @@ describe("what is no map is refused", () => {
 
   test("rows of different lengths", () => {
     const drawn = new TextEncoder().encode("###\n##\n");
-    expect(() => readMap("map.txt", drawn)).toThrow(
-      "layer 1, row 2 of the drawn map: expected are 2 rows of 3",
-    );
+    expect(() => readMap("map.txt", drawn)).toThrow("layer 1, row 2 of the text map: expected 2 rows of 3");
     expect(() => readMap("map.txt", new Uint8Array(0))).toThrow("no cells");
   });
 

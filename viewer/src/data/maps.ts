@@ -31,7 +31,7 @@ function plainMap(bytes: Uint8Array): CellMap {
   if (cells === 0 || (cells + padding) % 8 !== 0 || bytes.length !== length) {
     throw new UnreadableError(
       `a map of ${sizeX} x ${sizeY} x ${sizeZ} cells with ${padding} bits of padding has ${length} bytes, ` +
-        `these are ${bytes.length}`,
+        `not ${bytes.length}`,
     );
   }
   if (bytes[3]! >> (8 - padding) !== 0) {
@@ -59,13 +59,13 @@ function textMap(drawn: string): CellMap {
   const [sizeX, sizeY, sizeZ] = [layers[0]?.[0]?.length ?? 0, layers[0]?.length ?? 0, layers.length];
   const walls = new Uint8Array(sizeX * sizeY * sizeZ);
   if (walls.length === 0) {
-    throw new UnreadableError("the drawn map has no cells");
+    throw new UnreadableError("the text map has no cells");
   }
   layers.forEach((layer, z) => {
     layer.forEach((row, line) => {
       if (layer.length !== sizeY || row.length !== sizeX || /[^#. ]/.test(row)) {
         throw new UnreadableError(
-          `layer ${z + 1}, row ${line + 1} of the drawn map: expected are ${sizeY} rows of ${sizeX} of the ` +
+          `layer ${z + 1}, row ${line + 1} of the text map: expected ${sizeY} rows of ${sizeX} of the ` +
             "characters #, . and space",
         );
       }

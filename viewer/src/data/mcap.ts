@@ -112,7 +112,7 @@ export class McapScanner {
     if (this.#position === 0 && this.#end === null) {
       this.#end = {
         kind: "not mcap",
-        found: bytes === 0 ? "nothing: it is empty" : `no more than ${bytes} bytes`,
+        found: bytes === 0 ? "an empty file" : `only ${bytes} bytes`,
       };
     }
     this.#end ??= { kind: this.#restBytes === 0 ? "missing" : "cut off", bytes };
@@ -141,11 +141,11 @@ export class McapScanner {
     header.set(ahead.subarray(0, RECORD_HEADER_BYTES - kept), kept);
     const length = new DataView(header.buffer).getBigUint64(1, true);
     if (header[0]! === 0 || header[0]! > DATA_END) {
-      this.#damage(`a record of the unknown kind 0x${header[0]!.toString(16).padStart(2, "0")}`);
+      this.#damage(`unknown record opcode 0x${header[0]!.toString(16).padStart(2, "0")}`);
       return null;
     }
     if (length > RECORD_BYTES_MAX) {
-      this.#damage(`a record of ${length} bytes, more than the ${RECORD_BYTES_MAX} that are allowed`);
+      this.#damage(`a record of ${length} bytes, above the limit of ${RECORD_BYTES_MAX}`);
       return null;
     }
     return RECORD_HEADER_BYTES + Number(length);
@@ -167,7 +167,7 @@ export class McapScanner {
     if (this.#position === 0) {
       if (!MAGIC.every((byte, at) => record[at] === byte)) {
         const found = Array.from(record, (byte) => byte.toString(16).padStart(2, "0")).join(" ");
-        this.#end = { kind: "not mcap", found: `the bytes ${found} at its beginning` };
+        this.#end = { kind: "not mcap", found: `the bytes ${found}` };
       }
       return;
     }
@@ -221,11 +221,11 @@ function checkAttachment(record: Uint8Array): void {
 
 function decompressed(zstd: Decompress, bytes: Uint8Array, length: bigint): Uint8Array {
   if (length > RECORD_BYTES_MAX) {
-    throw new RangeError(`a chunk of ${length} bytes, more than the ${RECORD_BYTES_MAX} that are allowed`);
+    throw new RangeError(`a chunk of ${length} bytes, above the limit of ${RECORD_BYTES_MAX}`);
   }
   const content = zstd(bytes, Number(length));
   if (content.length !== Number(length)) {
-    throw new RangeError(`a chunk of ${content.length} bytes that says it has ${length}`);
+    throw new RangeError(`a chunk of ${content.length} bytes whose header says ${length}`);
   }
   return content;
 }

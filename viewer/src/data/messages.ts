@@ -153,7 +153,7 @@ export function command(bytes: Uint8Array): Command {
   reader.u32();
   const kind = reader.u8();
   if (kind > TaskKind.Velocity) {
-    throw new RangeError(`a task of kind ${kind}`);
+    throw new RangeError(`unknown task kind ${kind}`);
   }
   const pitchRad = reader.f64();
   const distanceM = reader.f64();

@@ -37,24 +37,24 @@ export function packedMap(bytes: Uint8Array): CellMap {
   if (bytes[8] !== 1 || bytes[9]! > ORDER_MAX || bytes[10]! > ORDER_MAX) {
     throw new UnreadableError(
       `byte 8: version ${bytes[8]} of the packed map with codes of order ${bytes[9]} and ${bytes[10]}, ` +
-        `expected is version 1 with orders of up to ${ORDER_MAX}`,
+        `expected version 1 with orders of up to ${ORDER_MAX}`,
     );
   }
   const size: Vec3 = [number(12), number(16), number(20)];
   const cellM = view.getFloat64(24, true);
   if (size.some((cells) => cells < 1 || cells > AXIS_MAX) || !(cellM > 0 && cellM < Infinity)) {
     throw new UnreadableError(
-      `byte 12: a map of ${size.join(" x ")} cells of ${cellM} m, expected are 1 to ${AXIS_MAX} along each axis`,
+      `byte 12: a map of ${size.join(" x ")} cells of ${cellM} m, expected 1 to ${AXIS_MAX} along each axis`,
     );
   }
   const lengths = [number(40), number(44)] as const;
   if (bytes.length !== HEADER_BYTES + lengths[0] + lengths[1]) {
     throw new UnreadableError(
-      `the packed map has ${bytes.length} bytes, expected are ${HEADER_BYTES + lengths[0] + lengths[1]}`,
+      `the packed map has ${bytes.length} bytes, expected ${HEADER_BYTES + lengths[0] + lengths[1]}`,
     );
   }
   if (checksumOf(bytes) !== number(CHECKSUM_AT)) {
-    throw new UnreadableError("byte 48: the sum is not that of the map: it is damaged");
+    throw new UnreadableError("byte 48: the checksum of the map does not match: it is damaged");
   }
   const differingAt = HEADER_BYTES + lengths[0];
   const agreeing = new RunReader(bytes.subarray(HEADER_BYTES, differingAt), bytes[9]!, number(32));

@@ -16,7 +16,7 @@ function follow(path: Path, start: Vec3, positions: readonly Vec3[]): number[] {
   });
 }
 
-test("path-points are left out once they were passed", () => {
+test("passed waypoints are omitted", () => {
   const path = new Path([0, 0, 0], [2, 0, 0, 2, 3, 0]);
   const progress = follow(
     path,
@@ -37,7 +37,7 @@ test("path-points are left out once they were passed", () => {
   ]);
 });
 
-test("a path that comes back to itself is not cut short", () => {
+test("a self-intersecting path is not cut short", () => {
   const path = new Path([0, 0, 0], [4, 0, 0, 4, 1, 0, 0, 1, 0, 0, 0, 0, 4, 0, 0]);
   expect(
     follow(
@@ -65,7 +65,7 @@ test("a path that comes back to itself is not cut short", () => {
   expect(back.map((m) => Math.round(m * 100) / 100)).toEqual([2, 4, 5, 7, 9, 10, 11]);
 });
 
-test("a body that stands still or goes astray does not go on", () => {
+test("a body that rests or strays makes no progress", () => {
   const path = new Path([0, 0, 0], [9, 0, 0]);
   expect(
     follow(

@@ -16,7 +16,7 @@ const CAVE = new Uint8Array(readFileSync(new URL("../../tests/fixtures/cave.mcap
 const zstd: Zstd = await loadZstd();
 
 /** All answers of a run, to compare. */
-function toldBy(run: Run) {
+function answersOf(run: Run) {
   const times = Array.from({ length: 42 }, (_, half) => half / 2);
   const { setup, terrain, endS, isComplete, firstSeenTick, coveredTick, progress, result } = run;
   const agents = setup.controllers.map((_, agent) => times.map((timeS) => run.agentAt(agent, timeS)));
@@ -29,7 +29,7 @@ describe("a recording of the simulator", () => {
   const result = run.result!;
   const { freeCells } = run.terrain;
 
-  test("is what it says it is", () => {
+  test("has its setup and result", () => {
     expect(run.problem).toBeNull();
     expect(run.isComplete).toBe(true);
     expect(run.endS).toBe(20);
@@ -49,12 +49,12 @@ describe("a recording of the simulator", () => {
     expect(run.progress.map(({ timeS }) => timeS)).toEqual([0, 10, 20]);
   });
 
-  test("has as many cells seen as its result says, exactly", () => {
+  test("has exactly as many seen cells as its result", () => {
     expect(run.seenAt(run.endS)).toBeCloseTo(result.explored * freeCells, 6);
     expect(run.seenAt(run.endS)).toBeGreaterThan(700);
   });
 
-  test("has as many cells visited as its result says, but for corners between two poses", () => {
+  test("has as many covered cells as its result, but for cut corners", () => {
     const visited = result.covered * freeCells;
     expect(Math.abs(run.coveredAt(run.endS) - visited)).toBeLessThanOrEqual(1);
     for (const { timeS, covered } of run.progress) {
@@ -62,7 +62,7 @@ describe("a recording of the simulator", () => {
     }
   });
 
-  test("counts cells by when they were seen", () => {
+  test("counts cells by the tick they were seen", () => {
     for (const timeS of [0, 3.3, 10, 19.98]) {
       const tick = Math.round(timeS * 50);
       const seen = run.firstSeenTick.filter((first, cell) => first <= tick && run.terrain.walls[cell] === 0);
@@ -70,7 +70,7 @@ describe("a recording of the simulator", () => {
     }
   });
 
-  test("each agent knows as much as it said in its last answer", async () => {
+  test("each agent knows as many cells as in its last command", async () => {
     for (const agent of [0, 1, 2]) {
       const belief = await run.follow(agent);
       const lastAnswer = run.agentAt(agent, run.endS - 0.02).observedS * 50;
@@ -83,7 +83,7 @@ describe("a recording of the simulator", () => {
     expect(await run.follow(null)).toBeNull();
   });
 
-  test("agents have moved as far as the result says, less what two poses cut off", () => {
+  test("agents have travelled as far as in the result, but for cut corners", () => {
     for (const agent of [0, 1, 2]) {
       const { count, positions } = run.track(agent);
       let way = 0;
@@ -95,7 +95,7 @@ describe("a recording of the simulator", () => {
     }
   });
 
-  test("what a scan has hit are walls that are known", async () => {
+  test("scan hits are known walls", async () => {
     const hits = (await run.hitsAt(1, 12))!;
     expect(hits.isCast).toBe(true);
     expect(hits.timeS).toBeLessThanOrEqual(12);
@@ -117,7 +117,7 @@ describe("a recording of the simulator", () => {
     expect(unseen).toBeLessThan(0.01 * (hits.positions.length / 3));
   });
 
-  test("what is told of an agent does not depend on what was asked before", () => {
+  test("agent states do not depend on earlier queries", () => {
     const other = readRun(CAVE);
     const times = Array.from({ length: 400 }, (_, at) => (at * 7.3) % 20.5);
     const forwards = [...times].sort((a, b) => a - b).map((timeS) => [timeS, run.agentAt(2, timeS)] as const);
@@ -127,7 +127,7 @@ describe("a recording of the simulator", () => {
     }
   });
 
-  test("an agent that goes along a way has fewer and fewer way-points left", () => {
+  test("an agent on a path has ever fewer waypoints ahead", () => {
     let isOnAWay = 0;
     for (const agent of [0, 1, 2]) {
       for (let tick = 1; tick < 1000; tick++) {
@@ -142,20 +142,20 @@ describe("a recording of the simulator", () => {
   });
 });
 
-describe("however its bytes come, a run is the same", () => {
-  const told = toldBy(readRun(CAVE));
+describe("a run is the same however its bytes arrive", () => {
+  const expected = answersOf(readRun(CAVE));
 
   test.each([1, 7, 1000, 4096])("in pieces of %i bytes", (pieceBytes) => {
-    expect(toldBy(readRun(CAVE, pieceBytes))).toEqual(told);
+    expect(answersOf(readRun(CAVE, pieceBytes))).toEqual(expected);
   });
 
-  test("as a run under way is sent", async () => {
+  test("as the stream of a live run", async () => {
     const stream = await make.asStream(CAVE, zstd);
-    expect(toldBy(readRun(stream))).toEqual(told);
-    expect(toldBy(readRun(stream, 5000))).toEqual(told);
+    expect(answersOf(readRun(stream))).toEqual(expected);
+    expect(answersOf(readRun(stream, 5000))).toEqual(expected);
   });
 
-  test("followed from the start on, or at its end", async () => {
+  test("with a belief followed from the start, or at the end", async () => {
     const known = (await readRun(CAVE).follow(1))!.knownTick;
     const followed = await new Promise<Uint32Array>((resolve) => {
       readRun(CAVE, 2000, (run, isLast) => {
@@ -169,7 +169,7 @@ describe("however its bytes come, a run is the same", () => {
     expect(known.some((tick) => tick > 900 && tick !== NEVER)).toBe(true);
   });
 
-  test("decompressed in either way", () => {
+  test("with either decompressor", () => {
     const reader = new McapStreamReader({
       decompressHandlers: {
         zstd: (bytes, length) => {
@@ -188,13 +188,11 @@ describe("however its bytes come, a run is the same", () => {
   });
 });
 
-describe("what can be read of a recording is shown", () => {
-  test("of one that was cut off, with the place", () => {
+describe("partly readable recordings are shown", () => {
+  test("cut off, with the position", () => {
     const at = CAVE.length / 2;
     const run = readRun(CAVE.subarray(0, at));
-    expect(run.problem).toMatch(
-      /^test\.mcap is cut off behind byte \d+\. What could be read is shown, up to \d+\.\d s\.$/,
-    );
+    expect(run.problem).toMatch(/^test\.mcap is cut off after byte \d+\. It is shown up to \d+\.\d s\.$/);
     expect(run.problem).toContain(`byte ${at}.`);
     expect(run.isComplete).toBe(true);
     expect(run.result).toBeNull();
@@ -207,7 +205,7 @@ describe("what can be read of a recording is shown", () => {
     }
   });
 
-  test("of one that is damaged, with the place and the reason", () => {
+  test("damaged, with the position and the reason", () => {
     const damaged = CAVE.slice();
     const at = Math.floor(0.4 * CAVE.length);
     damaged[at]! ^= 0x40;
@@ -218,11 +216,11 @@ describe("what can be read of a recording is shown", () => {
     expect(run.seenAt(2)).toBe(readRun(CAVE).seenAt(2));
   });
 
-  test("of one without its end", async () => {
+  test("incomplete", async () => {
     const messages = [make.scenario(1), make.join(0, "mine"), make.poses(0, [[1.5, 1.5, 1.5]])];
     const whole = await make.recordingOf(messages, { hasChunks: false });
     expect(readRun(withoutEnd(whole)).problem).toContain(
-      "is without an end: its server was killed, or is still at work",
+      "is incomplete: its server was killed, or is still recording",
     );
   });
 });
@@ -237,7 +235,7 @@ function withoutEnd(recording: Uint8Array): Uint8Array {
   return recording.subarray(0, whole - DATA_END_BYTES);
 }
 
-describe("what is no recording is refused, with what was found", () => {
+describe("other input is rejected, with what was found", () => {
   const refused = (bytes: Uint8Array) => {
     let message = "";
     try {
@@ -249,41 +247,41 @@ describe("what is no recording is refused, with what was found", () => {
     return message;
   };
 
-  test("bytes of something else", () => {
+  test("other bytes", () => {
     const expected =
-      "test.mcap is no recording: expected is an MCAP file, which begins with the bytes 89 4d 43 41 50";
-    expect(refused(new Uint8Array(0))).toBe(`${expected}, found is nothing: it is empty`);
-    expect(refused(new Uint8Array(5))).toBe(`${expected}, found is no more than 5 bytes`);
+      "test.mcap is not a recording: expected an MCAP file, which begins with the bytes 89 4d 43 41 50";
+    expect(refused(new Uint8Array(0))).toBe(`${expected}; found an empty file`);
+    expect(refused(new Uint8Array(5))).toBe(`${expected}; found only 5 bytes`);
     expect(refused(new TextEncoder().encode("duration_s = 5"))).toBe(
-      `${expected}, found is the bytes 64 75 72 61 74 69 6f 6e at its beginning`,
+      `${expected}; found the bytes 64 75 72 61 74 69 6f 6e`,
     );
   });
 
-  test("recordings of something else", async () => {
+  test("other recordings", async () => {
     const other = { topic: "/camera/image", tick: 1, bytes: new Uint8Array(9) };
     expect(refused(await make.recordingOf([other], { attachments: {} }))).toBe(
-      "test.mcap is an MCAP file, but no recording of this simulator: it has the topics /camera/image, " +
-        "and no attachment scenario.toml before them",
+      "test.mcap is an MCAP file, but not a recording of this simulator: it has the topics /camera/image, " +
+        "but no attachment scenario.toml before them",
     );
     const toml = { "scenario.toml": new TextEncoder().encode(make.SCENARIO_TOML) };
     expect(refused(await make.recordingOf([], { attachments: toml }))).toContain("no attachment map.m3dm");
     const map = { ...toml, "map.m3dm": Uint8Array.of(1) };
     expect(refused(await make.recordingOf([], { attachments: map }))).toContain(
-      "its attachment map.m3dm is no map",
+      "its attachment map.m3dm cannot be read",
     );
   });
 
-  test("recordings without a beginning", async () => {
+  test("recordings without a scenario", async () => {
     expect(refused(await make.recordingOf([]))).toContain(
       "is a recording without a run: it has no message on /sim/scenario",
     );
     expect(refused(await make.recordingOf([make.scenario(2, 2)]))).toBe(
-      "test.mcap is a recording of version 2 of the protocol; this page reads version 3",
+      "test.mcap is a recording of protocol version 2; this page reads version 3",
     );
   });
 });
 
-describe("no bytes make reading fail in another way", () => {
+describe("no input fails in another way", () => {
   let forms: Uint8Array[] = [];
 
   beforeAll(async () => {
@@ -330,9 +328,9 @@ describe("no bytes make reading fail in another way", () => {
     }
   };
 
-  test("the bytes are read as far as they go", async () => {
+  test("whole", async () => {
     for (const form of forms) {
-      expect(await readAnyhow(form)).toContain("is without an end");
+      expect(await readAnyhow(form)).toContain("is incomplete");
     }
   });
 
@@ -354,9 +352,9 @@ describe("no bytes make reading fail in another way", () => {
     }
   });
 
-  test("with a length that no record has", async () => {
+  test("with an excessive record length", async () => {
     const long = forms[1]!.slice();
     long.fill(0x7f, 9, 17);
-    expect(await readAnyhow(long)).toContain("more than the 268435456 that are allowed");
+    expect(await readAnyhow(long)).toContain("above the limit of 268435456");
   });
 });

@@ -106,14 +106,17 @@ export class RecordingReader {
     }
     if (end.kind === "not mcap") {
       throw new UnreadableError(
-        `${this.#title} is no recording: expected is an MCAP file, which begins with the bytes 89 4d 43 41 50, found is ${end.found}`,
+        `${this.#title} is not a recording: expected an MCAP file, which begins with the bytes 89 4d 43 41 50; ` +
+          `found ${end.found}`,
       );
     }
     const builder = this.#builder;
     if (builder === null) {
       const problem = problemOf(end);
       if (problem) {
-        throw new UnreadableError(`${this.#title} cannot be read: it is ${problem}, before its run begins`);
+        throw new UnreadableError(
+          `${this.#title} cannot be read: it is ${problem}, before the start of its run`,
+        );
       }
       this.#checkAttachments();
       throw new UnreadableError(
@@ -126,12 +129,12 @@ export class RecordingReader {
 
   /** Ends the input because the remaining bytes are unavailable. */
   abort(reason: string): void {
-    this.#builder?.finish(this.#lastTick, this.#problemText(`read in part: ${reason}`));
+    this.#builder?.finish(this.#lastTick, this.#problemText(`incomplete: ${reason}`));
   }
 
   #problemText(problem: string | null): string | null {
     const shownS = (this.#lastTick * TICK_S).toFixed(1);
-    return problem && `${this.#title} is ${problem}. What could be read is shown, up to ${shownS} s.`;
+    return problem && `${this.#title} is ${problem}. It is shown up to ${shownS} s.`;
   }
 
   /** What has been read since the previous batch; null if that is nothing. */
@@ -206,7 +209,7 @@ export class RecordingReader {
       try {
         this.#map = readMap(name, bytes);
       } catch (error) {
-        this.#reject(`${this.#title}: its attachment ${name} is no map: ${reasonOf(error)}`);
+        this.#reject(`${this.#title}: its attachment ${name} cannot be read: ${reasonOf(error)}`);
       }
     }
   }
@@ -223,8 +226,8 @@ export class RecordingReader {
       const topics = Array.from(this.#channels.values(), ({ topic }) => topic);
       const found = topics.length === 0 ? "no topics" : `the topics ${topics.slice(0, 5).join(", ")}`;
       this.#reject(
-        `${this.#title} is an MCAP file, but no recording of this simulator: it has ${found}, ` +
-          `and no attachment ${missing} before them`,
+        `${this.#title} is an MCAP file, but not a recording of this simulator: it has ${found}, ` +
+          `but no attachment ${missing} before them`,
       );
     }
   }
@@ -237,7 +240,7 @@ export class RecordingReader {
     }
     const tick = Number(timeNs / TICK_NS);
     if (tick < this.#lastTick) {
-      throw new RangeError(`${channel.topic} of tick ${tick} stands behind tick ${this.#lastTick}`);
+      throw new RangeError(`${channel.topic} of tick ${tick} follows tick ${this.#lastTick}`);
     }
     try {
       this.#dispatch(channel, tick, bytes, id, location);
@@ -324,25 +327,26 @@ export class RecordingReader {
     const protocol = messages.protocolOf(bytes);
     if (protocol !== messages.PROTOCOL) {
       this.#reject(
-        `${this.#title} is a recording of version ${protocol} of the protocol; this page reads version ${messages.PROTOCOL}`,
+        `${this.#title} is a recording of protocol version ${protocol}; this page reads version ` +
+          `${messages.PROTOCOL}`,
       );
     }
     if (this.#builder) {
       throw new RangeError("a second scenario");
     }
-    const told = messages.scenario(bytes);
+    const scenario = messages.scenario(bytes);
     const toml = this.#toml!;
     const recorded = recordedScenario(toml);
-    const header = runHeaderOf(told, recorded, toml, this.#map!);
+    const header = runHeaderOf(scenario, recorded, toml, this.#map!);
     const { agents } = header.setup;
     this.#header = header;
-    this.#lidar = lidarOf(told, recorded);
+    this.#lidar = lidarOf(scenario, recorded);
     this.#beliefLogs = Array.from({ length: agents }, () => new BeliefLog());
     this.#mapMessages = new MapMessageReader(header.terrain.size, agents);
     this.#builder = new BatchBuilder(
       header.terrain,
       agents,
-      told.durationTicks,
+      scenario.durationTicks,
       areObservedPosesTrue(recorded),
     );
   }
@@ -364,9 +368,9 @@ function problemOf(end: McapEnd): string | null {
     case "not mcap":
       return null;
     case "missing":
-      return "without an end: its server was killed, or is still at work";
+      return "incomplete: its server was killed, or is still recording";
     case "cut off":
-      return `cut off behind byte ${end.bytes}`;
+      return `cut off after byte ${end.bytes}`;
     case "damaged":
       return `damaged at byte ${end.byte}: ${end.reason}`;
   }

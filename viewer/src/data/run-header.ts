@@ -32,12 +32,12 @@ export function runHeaderOf(
   const { cellM, agents, rangeM, fovRad } = message;
   if (message.size.some((cells, axis) => cells !== map.size[axis]) || !(cellM > 0 && cellM < Infinity)) {
     throw new RangeError(
-      `it is of ${message.size.join(" x ")} cells of ${cellM} m, and the map has ${map.size.join(" x ")}`,
+      `the scenario has ${message.size.join(" x ")} cells of ${cellM} m, but the map has ${map.size.join(" x ")}`,
     );
   }
   if (agents > AGENTS_MAX || message.rays > RAYS_MAX) {
     throw new RangeError(
-      `it is of ${agents} agents with ${message.rays} rays, expected are ${AGENTS_MAX} and ${RAYS_MAX} at the most`,
+      `the scenario has ${agents} agents with ${message.rays} rays, expected at most ${AGENTS_MAX} and ${RAYS_MAX}`,
     );
   }
   let freeCells = map.walls.length;

@@ -13,7 +13,7 @@ async function runOf(messages: readonly make.RecordedMessage[], agents = 1) {
 }
 
 describe("poses", () => {
-  test("lie straight between those that are known, the heading the shorter way round", async () => {
+  test("are interpolated, the heading along the shorter arc", async () => {
     const run = await runOf([
       make.poses(0, [[1.5, 1.5, 1.5]], 3),
       make.poses(10, [[3.5, 1.5, 1.5]], -3),
@@ -28,7 +28,7 @@ describe("poses", () => {
     expect(run.track(0).count).toBe(3);
   });
 
-  test("of observations are among them, once for each tick", async () => {
+  test("of observations are included, once per tick", async () => {
     const run = await runOf([
       make.poses(0, [PLACE]),
       make.observation(0, 0, { position: PLACE }),
@@ -39,7 +39,7 @@ describe("poses", () => {
     expect(run.track(0).count).toBe(3);
   });
 
-  test("a body that was put elsewhere has not gone there", async () => {
+  test("a placed body has not travelled", async () => {
     const run = await runOf([
       make.poses(0, [PLACE]),
       make.placed(0, 5, [6.5, 4.5, 2.5]),
@@ -52,7 +52,7 @@ describe("poses", () => {
 });
 
 describe("cells", () => {
-  test("have the tick of the earliest scan that has told of them", async () => {
+  test("have the tick of the earliest scan that saw them", async () => {
     const [a, b] = [roomCell(1, 1, 1), roomCell(4, 1, 1)];
     const run = await runOf(
       [
@@ -75,7 +75,7 @@ describe("cells", () => {
     expect([7, 8, 10, 20].map((tick) => run.seenAt(tick / 50))).toEqual([0, 2, 4, 5]);
   });
 
-  test("of all parts of an observation count, with the scan of the first", async () => {
+  test("of all fragments count, with the scan tick of the first", async () => {
     const run = await runOf([
       make.observation(0, 10, {
         part: 0,
@@ -99,7 +99,7 @@ describe("cells", () => {
     });
   });
 
-  test("are visited in the tick in which a body first was in them", async () => {
+  test("are covered in the tick in which a body first entered them", async () => {
     const run = await runOf([make.poses(0, [PLACE]), make.poses(10, [[3.5, 1.5, 1.5]])]);
     expect([1, 2, 3].map((x) => run.coveredTick[roomCell(x, 1, 1)])).toEqual([0, 3, 8]);
     expect([0, 0.05, 0.06, 1].map((timeS) => run.coveredAt(timeS))).toEqual([1, 1, 2, 3]);
@@ -146,7 +146,7 @@ describe("tasks", () => {
     expect(run.agentAt(0, 0.399).collision).toBe("none");
   });
 
-  test("a path has the way-points that are left", async () => {
+  test("a path has the waypoints ahead", async () => {
     const path: Vec3[] = [
       [3.5, 1.5, 1.5],
       [3.5, 3.5, 1.5],
@@ -168,7 +168,7 @@ describe("tasks", () => {
     expect(run.agentAt(0, 0.5).path).toEqual(path);
   });
 
-  test("an endless move goes to the next wall, along the heading and up", async () => {
+  test("an unlimited move ends at the next wall, along heading and pitch", async () => {
     const run = await runOf([
       asked(0, { yawRad: Math.PI / 2 }),
       make.command(0, 0, { kind: 2, distanceM: Infinity }),
@@ -187,7 +187,7 @@ describe("tasks", () => {
     expect(run.agentAt(0, 0.6)).toMatchObject({ task: "idle", path: [], collision: "wall" });
   });
 
-  test("messages are counted, and relays are no agents", async () => {
+  test("messages are counted, and relays are not agents", async () => {
     const message = (bytes: number) => ({ kind: 2, data: new Uint8Array(bytes) });
     const run = await runOf([
       asked(0, { contacts: [1, 0x80000000], messages: [message(3)] }),
@@ -208,7 +208,7 @@ describe("tasks", () => {
 });
 
 describe("hits", () => {
-  test("are those that were recorded, in the frame of the map", async () => {
+  test("are the recorded ones, in the map frame", async () => {
     const run = await runOf([
       make.poses(0, [PLACE], Math.PI / 2),
       make.points(0, 0, [
@@ -225,7 +225,7 @@ describe("hits", () => {
     expect(rounded((await run.hitsAt(0, 0.2))!.positions)).toEqual([2.5, 2.5, 1.5]);
   });
 
-  test("are cast from where the last scan was if none were recorded", async () => {
+  test("are ray-cast from the last scan if none were recorded", async () => {
     const run = await runOf([
       make.observation(0, 0, { position: PLACE }),
       make.observation(0, 10, { position: [3.5, 1.5, 1.5], scanTick: 5n }),
@@ -237,8 +237,8 @@ describe("hits", () => {
   });
 });
 
-describe("those who ask", () => {
-  test("are told of the cells that are new, and of the end", async () => {
+describe("listeners and queries", () => {
+  test("updates have the new cells and the end", async () => {
     const cell = roomCell(2, 2, 1);
     const bytes = await make.recordingOf(
       [
@@ -262,9 +262,9 @@ describe("those who ask", () => {
     expect(run.result).toMatchObject({ reason: "explored", timeS: 0.4, digest: "ab".repeat(32) });
   });
 
-  test("may not ask for agents that do not take part", async () => {
+  test("unknown agents are rejected", async () => {
     const run = await runOf([make.poses(0, [PLACE])]);
-    expect(() => run.agentAt(1, 0)).toThrow("agent 1 does not take part, expected are 0 to 0");
+    expect(() => run.agentAt(1, 0)).toThrow("there is no agent 1, expected 0 to 0");
   });
 
   test("follow one agent at a time", async () => {
@@ -295,7 +295,7 @@ describe("those who ask", () => {
     ]);
   });
 
-  test("are told if nothing more can be read", async () => {
+  test("a failure of the reader is reported", async () => {
     const { setup, terrain } = await runOf([make.poses(0, [PLACE])]);
     const run = new RunModel("run", "run", setup, terrain, { send: () => {}, close: () => {} });
     let told = 0;

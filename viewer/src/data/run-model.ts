@@ -103,7 +103,7 @@ export class RunModel implements Run {
   #agent(id: number): AgentLog {
     const agent = this.#agents[id];
     if (!agent) {
-      throw new RangeError(`agent ${id} does not take part, expected are 0 to ${this.#agents.length - 1}`);
+      throw new RangeError(`there is no agent ${id}, expected 0 to ${this.#agents.length - 1}`);
     }
     return agent;
   }

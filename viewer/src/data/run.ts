@@ -167,7 +167,7 @@ export interface Run {
   /** The hits of an agent's last scan before `timeS`. */
   hitsAt(id: number, timeS: number): Promise<Hits | null>;
   /** Adds a listener; the returned function removes it. */
-  onUpdate(listener: (news: RunUpdate) => void): () => void;
+  onUpdate(listener: (update: RunUpdate) => void): () => void;
   /** Releases the reader; no query is allowed afterwards. */
   close(): void;
 }

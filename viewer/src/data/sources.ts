@@ -67,7 +67,7 @@ function open(
       reject(new UnreadableError(message));
     };
     worker.onerror = (event) =>
-      refuse(`${title} cannot be read: ${event.message || "the reader does not start"}`);
+      refuse(`${title} cannot be read: ${event.message || "the worker did not start"}`);
     worker.onmessage = ({ data: reply }: MessageEvent<Reply>) => {
       if (reply.kind === "unreadable") {
         refuse(reply.message);

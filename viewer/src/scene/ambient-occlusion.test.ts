@@ -12,7 +12,7 @@ function room(): Uint8Array {
   return walls;
 }
 
-describe.each([8000, 1000])("the light of occlusion on a grid of at most %i blocks", (blocks) => {
+describe.each([8000, 1000])("ambient occlusion on a grid of at most %i blocks", (blocks) => {
   const occlusion = computeOcclusion(room(), SIZE, blocks);
   const at = (x: number, y: number, z: number): { out: number[]; open: number } => {
     const corners = Uint16Array.from([0, 1, 2, 3].flatMap(() => [x, y, z, 0]));
@@ -21,19 +21,19 @@ describe.each([8000, 1000])("the light of occlusion on a grid of at most %i bloc
     return { out: [0, 1, 2].map((axis) => (each[axis]! - 127.5) / 127.5), open: each[3]! / 255 };
   };
 
-  it("stays within its bound", () => {
+  it("respects the limit of blocks", () => {
     const [x, y, z] = occlusion.counts;
     expect((x - 1) * (y - 1) * (z - 1)).toBeLessThanOrEqual(blocks);
   });
 
-  it("leads away from the rock", () => {
+  it("points away from the rock", () => {
     expect(at(4, 10, 10).out[0]).toBeGreaterThan(0.9);
     expect(at(10, 16, 10).out[1]).toBeLessThan(-0.9);
     const corner = at(4, 4, 4).out;
     for (const part of corner) expect(part).toBeCloseTo(1 / Math.sqrt(3), 1);
   });
 
-  it("is brightest in the middle of the room and darkest in its corners", () => {
+  it("is most open in the middle of the room, least in its corners", () => {
     const [middle, wall, corner, rock] = [at(10, 10, 10), at(4, 10, 10), at(4, 4, 4), at(0, 0, 0)].map(
       (light) => light.open,
     );

@@ -15,7 +15,7 @@ void main() {
 const FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}
 in vec2 vAt;
 void main() {
-  vec2 p = vAt * vec2(min(picture.x / picture.y, 2.2) * 0.62, 1.0) - vec2(0.0, 0.12);
+  vec2 p = vAt * vec2(min(frameSize.x / frameSize.y, 2.2) * 0.62, 1.0) - vec2(0.0, 0.12);
   float share = smoothstep(1.45, 0.0, length(p));
   vec3 c = mix(vec3(0.030, 0.037, 0.052), vec3(0.088, 0.108, 0.142), share);
   // Dithering hides the bands of the slow gradient.

@@ -9,8 +9,8 @@ function terrain(): Terrain {
   return { size: [5, 3, 2], cellM: 0.5, walls, freeCells: 8 };
 }
 
-describe("the map as it is drawn", () => {
-  it("is the map itself where it is small enough", () => {
+describe("the block model", () => {
+  it("is the map itself if that is small enough", () => {
     const map = terrain();
     const model = blockModelOf(map, 30, 5);
     expect(model.step).toBe(1);
@@ -22,7 +22,7 @@ describe("the map as it is drawn", () => {
     expect(blocks.markChanged(cells)).toBe(cells);
   });
 
-  it("is built of blocks that are free if half of their cells are", () => {
+  it("has blocks that are free if half of their cells are", () => {
     const model = blockModelOf(terrain(), 29, 5);
     expect(model.size).toEqual([3, 2, 1]);
     expect(model.cellM).toBe(1);

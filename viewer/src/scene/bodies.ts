@@ -27,14 +27,14 @@ in vec3 position;
 in vec3 normal;
 in float part;
 out vec3 vNormal;
-out vec3 vPlaceM;
+out vec3 vPositionM;
 flat out int vPart;
 void main() {
-  vec4 place = modelMatrix * vec4(position, 1.0);
+  vec4 world = modelMatrix * vec4(position, 1.0);
   vNormal = mat3(modelMatrix) * normal;
-  vPlaceM = place.xyz;
+  vPositionM = world.xyz;
   vPart = int(part);
-  gl_Position = projectionMatrix * viewMatrix * place;
+  gl_Position = projectionMatrix * viewMatrix * world;
 }
 `;
 
@@ -47,12 +47,12 @@ void main() {
 
 const FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}
 in vec3 vNormal;
-in vec3 vPlaceM;
+in vec3 vPositionM;
 flat in int vPart;
 uniform vec3 tint;
 void main() {
   vec3 n = normalize(vNormal);
-  vec3 toEye = normalize(eye - vPlaceM);
+  vec3 toEye = normalize(eye - vPositionM);
   float key = max(dot(n, light), 0.0);
   float rim = pow(1.0 - max(dot(n, toEye), 0.0), 3.0);
   float shine = pow(max(dot(n, normalize(light + toEye)), 0.0), 40.0);
@@ -97,9 +97,9 @@ export class Bodies {
     this.meshes = pairs.flat();
   }
 
-  show(id: number, place: Vec3, yawRad: number, radiusM: number, isLarge: boolean): void {
+  show(id: number, position: Vec3, yawRad: number, radiusM: number, isLarge: boolean): void {
     for (const mesh of this.#pairs[id]!) {
-      mesh.position.set(...place);
+      mesh.position.set(...position);
       mesh.rotation.set(0, 0, yawRad);
       mesh.scale.setScalar(radiusM);
       mesh.geometry = isLarge ? this.#fine : this.#coarse;

@@ -101,10 +101,10 @@ export class CameraRig {
       if (share >= 1) this.#flight = null;
     }
     this.#shown = orbit;
-    const place = cameraPositionOf(orbit);
-    this.camera.position.set(...place);
+    const position = cameraPositionOf(orbit);
+    this.camera.position.set(...position);
     this.camera.lookAt(...orbit.centre);
-    const farM = Math.hypot(...place.map((value, axis) => value - mapCentre[axis]!)) + this.#reachM * 1.6;
+    const farM = Math.hypot(...position.map((value, axis) => value - mapCentre[axis]!)) + this.#reachM * 1.6;
     this.camera.near = Math.max(Math.min(orbit.distanceM, farM) * 0.02, 0.02);
     this.camera.far = farM;
     this.camera.updateProjectionMatrix();
@@ -151,7 +151,9 @@ export class CameraRig {
   #move(event: PointerEvent): void {
     const before = this.#pointers.get(event.pointerId);
     if (before === undefined) return;
-    const others = [...this.#pointers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
+    const others = [...this.#pointers]
+      .filter(([id]) => id !== event.pointerId)
+      .map(([, position]) => position);
     const now = { x: event.clientX, y: event.clientY };
     this.#pointers.set(event.pointerId, now);
     const [right, down] = [now.x - before.x, now.y - before.y];
@@ -161,8 +163,8 @@ export class CameraRig {
     const height = Math.max(this.canvas.clientHeight, 1);
     const other = others[0];
     if (other !== undefined) {
-      const spread = (place: { x: number; y: number }): number =>
-        Math.max(Math.hypot(place.x - other.x, place.y - other.y), 1);
+      const spread = (position: { x: number; y: number }): number =>
+        Math.max(Math.hypot(position.x - other.x, position.y - other.y), 1);
       const nearer = zoomed(this.#orbit, spread(before) / spread(now), this.#limits);
       this.#change(panned(nearer, right / height / 2, down / height / 2));
     } else if (event.shiftKey || (event.buttons & 4) !== 0) {

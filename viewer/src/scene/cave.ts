@@ -43,7 +43,7 @@ export class Cave {
     this.#full = blockModelOf(terrain, BLOCKS_MAX, edgeMax);
     const { step } = this.#full;
     this.notices =
-      step === 1 ? [] : [`The map is large: it is drawn in blocks of ${step} cells along each edge.`];
+      step === 1 ? [] : [`The map is large: it is drawn in blocks of ${step} x ${step} x ${step} cells.`];
     const { cellM } = terrain;
     const [low, high] = boundsOf(terrain.walls, terrain.size);
     this.middle = low.map((value, axis) => ((value + high[axis]!) / 2) * cellM) as Vec3;
@@ -100,25 +100,25 @@ export class Cave {
   /**
    * Cuts away the rock between the camera and a position that it follows, metres; null: nothing.
    */
-  setForegroundCut(eye: Vec3, place: Vec3 | null): void {
+  setForegroundCut(eye: Vec3, position: Vec3 | null): void {
     const { value } = this.common.foreground;
-    const share = place === null ? 1 : this.#freeShare(place, eye);
+    const share = position === null ? 1 : this.#freeShare(position, eye);
     this.#hasForeground = share < 1;
     value.set(0, 0, 0, -1);
-    if (place === null || share === 1) return;
-    const towards = new Vector3(...eye).sub(new Vector3(...place));
+    if (position === null || share === 1) return;
+    const towards = new Vector3(...eye).sub(new Vector3(...position));
     const lengthM = towards.length();
     towards.divideScalar(lengthM);
-    value.set(towards.x, towards.y, towards.z, -towards.dot(new Vector3(...place)) - share * lengthM);
+    value.set(towards.x, towards.y, towards.z, -towards.dot(new Vector3(...position)) - share * lengthM);
   }
 
   /** Share of the line between two positions that is free, from its start; 1: all of it. */
   #freeShare(from: Vec3, to: Vec3): number {
     const { size, cellM, walls } = this.run.terrain;
-    const way = to.map((value, axis) => (value - from[axis]!) / cellM);
-    const steps = Math.ceil(Math.hypot(...way) * SIGHT_STEPS_PER_CELL);
+    const line = to.map((value, axis) => (value - from[axis]!) / cellM);
+    const steps = Math.ceil(Math.hypot(...line) * SIGHT_STEPS_PER_CELL);
     for (let step = 1; step <= steps; step++) {
-      const cell = way.map((part, axis) => Math.floor(from[axis]! / cellM + (part * step) / steps));
+      const cell = line.map((part, axis) => Math.floor(from[axis]! / cellM + (part * step) / steps));
       const isInside = cell.every((value, axis) => value >= 0 && value < size[axis]!);
       if (!isInside || walls[(cell[2]! * size[1] + cell[1]!) * size[0] + cell[0]!] !== 0)
         return (step - 1) / steps;

@@ -30,15 +30,15 @@ in vec4 corner;
 in vec4 occlusion;
 uniform vec3 tint;
 uniform vec2 alphas;
-out vec3 placeM;
+out vec3 positionM;
 out vec4 painted;
 const vec3 HAZE_SHOWN = vec3(0.051, 0.065, 0.088);
 void main() {
   vec3 normal = NORMALS[int(corner.w)];
-  vec4 place = modelMatrix * vec4(corner.xyz, 1.0);
-  placeM = place.xyz;
-  gl_Position = projectionMatrix * viewMatrix * place;
-  vec3 away = placeM - eye;
+  vec4 world = modelMatrix * vec4(corner.xyz, 1.0);
+  positionM = world.xyz;
+  gl_Position = projectionMatrix * viewMatrix * world;
+  vec3 away = positionM - eye;
   float distanceM = length(away);
   // Against rock the shading normal is as smooth as that of the rock.
   vec3 rock = occlusion.rgb * 2.0 - 1.0;
@@ -51,11 +51,11 @@ void main() {
 `;
 
 const FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}
-in vec3 placeM;
+in vec3 positionM;
 in vec4 painted;
 void main() {
   #ifdef CUT
-  if (isCut(placeM)) discard;
+  if (isCut(positionM)) discard;
   #endif
   colour = painted;
 }

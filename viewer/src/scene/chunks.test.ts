@@ -20,7 +20,7 @@ function chunkOf(grid: Grid, [x, y, z]: readonly number[]): number {
 describe("a grid of chunks", () => {
   const grid = new Grid(SIZE, EDGE);
 
-  it("tells which chunks a cell touches", () => {
+  it("finds the chunks that a cell touches", () => {
     for (let cell = 0; cell < CELLS; cell++) {
       const at = place(cell);
       const expected = new Set([chunkOf(grid, at)]);
@@ -35,7 +35,7 @@ describe("a grid of chunks", () => {
     }
   });
 
-  it("fills a chunk with its cells and the border around it", () => {
+  it("fills a chunk and its border", () => {
     const next = randomNumbers(3);
     const isIn = Array.from({ length: CELLS }, () => next() < 0.3);
     const row = EDGE + 2;
@@ -59,7 +59,7 @@ describe("a grid of chunks", () => {
   });
 });
 
-describe("the clocks of chunks", () => {
+describe("chunk staleness", () => {
   /** The set cells of a chunk and its border at a tick. */
   function look(grid: Grid, chunk: number, times: Uint32Array, tick: number): string {
     const seen: number[] = [];
@@ -69,7 +69,7 @@ describe("the clocks of chunks", () => {
     return seen.join();
   }
 
-  it.each([1, 2, 3])("have a chunk built again exactly if it looks different (seed %i)", (seed) => {
+  it.each([1, 2, 3])("a chunk is stale exactly if it looks different (seed %i)", (seed) => {
     const next = randomNumbers(seed);
     const grid = new Grid(SIZE, EDGE);
     const times = new Uint32Array(CELLS).fill(NEVER);
@@ -108,7 +108,7 @@ describe("the clocks of chunks", () => {
     expect(kept).toBeGreaterThan(100);
   });
 
-  it("do not regard cells that do not count", () => {
+  it("ignores cells that do not count", () => {
     const grid = new Grid(SIZE, EDGE);
     const times = new Uint32Array(CELLS).fill(NEVER);
     const clocks = new ChunkStaleness(grid, times, (cell) => cell !== 5);

@@ -72,8 +72,8 @@ const HEAT: readonly Rgb[] = [
 
 /** Colour of a share of the duration, 0 (the start) to 1, as the layer `heat` shows it. */
 export function heatRgb(share: number): Rgb {
-  const place = Math.min(Math.max(share, 0), 1) * (HEAT.length - 1);
-  const low = Math.min(Math.floor(place), HEAT.length - 2);
-  const [a, b, rest] = [HEAT[low]!, HEAT[low + 1]!, place - low];
+  const scaled = Math.min(Math.max(share, 0), 1) * (HEAT.length - 1);
+  const low = Math.min(Math.floor(scaled), HEAT.length - 2);
+  const [a, b, rest] = [HEAT[low]!, HEAT[low + 1]!, scaled - low];
   return [a[0] + (b[0] - a[0]) * rest, a[1] + (b[1] - a[1]) * rest, a[2] + (b[2] - a[2]) * rest];
 }

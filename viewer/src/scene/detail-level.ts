@@ -146,8 +146,8 @@ export class DetailLevel {
     this.#walls.show(look, eye, isCut);
     const axis = "xyz".indexOf(view.cut.axis);
     const { terrain, step } = this.model;
-    const placeCells = (terrain.size[axis]! / step) * view.cut.share;
-    this.#walls.cutAt(view.cut.share < 1 ? { axis, placeCells } : null);
+    const positionCells = (terrain.size[axis]! / step) * view.cut.share;
+    this.#walls.cutAt(view.cut.share < 1 ? { axis, positionCells } : null);
   }
 }
 

@@ -101,8 +101,8 @@ export class FacesMesh {
     const { low, high, surface } = this.#faces;
     let drawn = 0;
     for (let axis = 0; axis < 3; axis++) {
-      const place = eye.getComponent(axis);
-      const [isAbove, isBelow] = [place > low[axis]!, place < high[axis]!];
+      const coordinate = eye.getComponent(axis);
+      const [isAbove, isBelow] = [coordinate > low[axis]!, coordinate < high[axis]!];
       if (this.looksAway ? isBelow : isAbove) drawn |= 1 << (2 * axis);
       if (this.looksAway ? isAbove : isBelow) drawn |= 2 << (2 * axis);
     }
@@ -112,11 +112,11 @@ export class FacesMesh {
     geometry.clearGroups();
     let from = 0;
     let to = 0;
-    for (const [place, facing] of FACING_ORDER.entries()) {
-      const end = surface.ends[place]!;
+    for (const [slot, facing] of FACING_ORDER.entries()) {
+      const end = surface.ends[slot]!;
       const isDrawn = ((drawn >> facing) & 1) === 1;
       if (isDrawn) to = end;
-      if (!isDrawn || place === FACING_ORDER.length - 1) {
+      if (!isDrawn || slot === FACING_ORDER.length - 1) {
         if (to > from) geometry.addGroup(from * 6, (to - from) * 6, 0);
         from = end;
         to = end;

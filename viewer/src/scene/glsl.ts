@@ -26,7 +26,7 @@ export interface SharedUniforms {
   /** Likewise, for the rock between the camera and the agent that it follows. */
   readonly foreground: IUniform<Vector4>;
   /** Width and height of the frame buffer, pixels. */
-  readonly picture: IUniform<Vector2>;
+  readonly frameSize: IUniform<Vector2>;
   /** Size of a pixel at a distance of one metre, metres. */
   readonly pixelM: IUniform<number>;
   /** Frame buffer pixels per CSS pixel. */
@@ -41,7 +41,7 @@ export function makeSharedUniforms(): SharedUniforms {
     haze: { value: new Vector2(0, 0) },
     cut: { value: new Vector4(0, 0, 0, -1) },
     foreground: { value: new Vector4(0, 0, 0, -1) },
-    picture: { value: new Vector2(1, 1) },
+    frameSize: { value: new Vector2(1, 1) },
     pixelM: { value: 0.001 },
     pixelRatio: { value: 1 },
   };
@@ -65,7 +65,7 @@ uniform vec3 eye;
 uniform vec2 haze;
 uniform vec4 cut;
 uniform vec4 foreground;
-uniform vec2 picture;
+uniform vec2 frameSize;
 uniform float pixelM;
 uniform float pixelRatio;
 `;
@@ -90,5 +90,5 @@ out vec4 colour;
 const vec3 HAZE = vec3(0.0026, 0.0042, 0.0078);
 vec3 square(vec3 c) { return c * c; }
 vec3 shown(vec3 c) { return sqrt(c); }
-bool isCut(vec3 placeM) { return max(dot(cut, vec4(placeM, 1.0)), dot(foreground, vec4(placeM, 1.0))) > 0.0; }
+bool isCut(vec3 positionM) { return max(dot(cut, vec4(positionM, 1.0)), dot(foreground, vec4(positionM, 1.0))) > 0.0; }
 `;

@@ -5,14 +5,14 @@ import type { Hits, Vec3 } from "../data/run.ts";
 import { FRAGMENT_HEAD, VERTEX_HEAD, type SharedUniforms } from "./glsl.ts";
 
 const VERTEX = /* glsl */ `${VERTEX_HEAD}
-in vec3 place;
+in vec3 point;
 uniform vec3 from;
 out vec3 vTint;
 void main() {
-  float share = 1.0 - exp(-distance(place, from) / 14.0);
+  float share = 1.0 - exp(-distance(point, from) / 14.0);
   vTint = mix(mix(vec3(1.0, 0.86, 0.45), vec3(0.45, 0.95, 0.75), smoothstep(0.0, 0.5, share)),
     vec3(0.35, 0.6, 1.0), smoothstep(0.5, 1.0, share));
-  vec4 view = viewMatrix * vec4(place, 1.0);
+  vec4 view = viewMatrix * vec4(point, 1.0);
   // Offset towards the camera, so that points lie on walls rather than in them.
   gl_Position = projectionMatrix * vec4(view.xyz * 0.997, 1.0);
   gl_PointSize = pixelRatio * clamp(0.09 / (pixelM * pixelRatio * -view.z), 1.6, 5.0);
@@ -53,7 +53,7 @@ export class HitPoints {
     this.#shown = hits;
     this.points.geometry.dispose();
     this.points.geometry = new BufferGeometry();
-    this.points.geometry.setAttribute("place", new BufferAttribute(hits.positions, 3));
+    this.points.geometry.setAttribute("point", new BufferAttribute(hits.positions, 3));
     this.points.geometry.setDrawRange(0, hits.positions.length / 3);
     (this.points.material.uniforms.from!.value as Vector3).set(...from);
   }

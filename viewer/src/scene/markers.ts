@@ -22,7 +22,7 @@ export const MARKER = { glow: 0, ring: 1, target: 2, dot: 3, label: 4 } as const
 
 export interface Marker {
   readonly kind: (typeof MARKER)[keyof typeof MARKER];
-  readonly place: Vec3;
+  readonly anchor: Vec3;
   /** Half the width, CSS pixels. */
   readonly radiusPx: number;
   /** Offset above the position, CSS pixels. */
@@ -38,9 +38,9 @@ const COLUMNS = 8;
 const CELL_PX = 96;
 
 const VERTEX = /* glsl */ `${VERTEX_HEAD}
-in vec3 place;
+in vec3 anchor;
 in vec4 tint;
-in vec4 shape; // corner number, kind, radius and height above the place in CSS pixels
+in vec4 shape; // corner number, kind, radius and height above the anchor in CSS pixels
 in float number;
 uniform vec2 sheet;
 out vec4 vTint;
@@ -56,9 +56,9 @@ void main() {
   vRadiusPx = shape.z * pixelRatio;
   vec2 cell = vec2(mod(number, sheet.x), floor(number / sheet.x));
   vOnSheet = (cell + vec2(0.5 + 0.5 * vAt.x, 0.5 - 0.5 * vAt.y)) / sheet;
-  vec4 centre = projectionMatrix * viewMatrix * vec4(place, 1.0);
+  vec4 centre = projectionMatrix * viewMatrix * vec4(anchor, 1.0);
   vec2 offset = (vAt * shape.z + vec2(0.0, shape.w)) * pixelRatio;
-  gl_Position = centre + vec4(offset / picture * 2.0 * centre.w, 0.0, 0.0);
+  gl_Position = centre + vec4(offset / frameSize * 2.0 * centre.w, 0.0, 0.0);
 }
 `;
 
@@ -98,7 +98,7 @@ void main() {
 }
 `;
 
-const ATTRIBUTES = { place: 3, tint: 4, shape: 4, number: 1 };
+const ATTRIBUTES = { anchor: 3, tint: 4, shape: 4, number: 1 };
 
 export class Markers {
   readonly mesh: Mesh<BufferGeometry, RawShaderMaterial>;
@@ -130,8 +130,8 @@ export class Markers {
     const { geometry } = this.mesh;
     const parts = Object.keys(ATTRIBUTES).map((name) => geometry.getAttribute(name) as BufferAttribute);
     for (let corner = 0; corner < markers.length * 4; corner++) {
-      const { kind, place, radiusPx, abovePx, colour, alpha, number } = markers[corner >> 2]!;
-      parts[0]!.setXYZ(corner, ...place);
+      const { kind, anchor, radiusPx, abovePx, colour, alpha, number } = markers[corner >> 2]!;
+      parts[0]!.setXYZ(corner, ...anchor);
       parts[1]!.setXYZW(corner, ...colour, alpha);
       parts[2]!.setXYZW(corner, corner & 3, kind, radiusPx, abovePx);
       parts[3]!.setX(corner, number);
@@ -173,7 +173,7 @@ function sheetOf(labels: number, rows: number): CanvasTexture {
   canvas.height = rows * CELL_PX;
   // The canvas is read back at once, which a GPU canvas would have to wait for.
   const context = canvas.getContext("2d", { willReadFrequently: true });
-  if (context === null) throw new Error("The browser gives no canvas to draw the labels of agents on.");
+  if (context === null) throw new Error("The browser provides no 2D canvas for the labels of agents.");
   context.textAlign = "center";
   context.textBaseline = "middle";
   for (let name = 0; name < labels; name++) {

@@ -33,7 +33,7 @@ describe("an orbit", () => {
     expect(rightOf(level)[1]).toBe(-1);
   });
 
-  it("lets what is in front of the centre follow the hand when it is turned", () => {
+  it("rotates so that the foreground follows the pointer", () => {
     const front = cameraPositionOf({ ...ORBIT, distanceM: 5 });
     const after = turned(ORBIT, 0.01, 0.01);
     const moved = minus(front, ORBIT.centre);
@@ -45,7 +45,7 @@ describe("an orbit", () => {
     for (const down of [-9, 9]) expect(Math.abs(turned(ORBIT, 0, down).pitchRad)).toBeLessThan(Math.PI / 2);
   });
 
-  it("moves its centre across the line of sight, by as much as the hand spans at its distance", () => {
+  it("pans across the line of sight, by the pointer's span at the centre", () => {
     const after = panned(ORBIT, 0.5, 0.25);
     const way = minus(after.centre, ORBIT.centre);
     const height = 2 * Math.tan(FIELD_OF_VIEW_RAD / 2) * 25;
@@ -55,7 +55,7 @@ describe("an orbit", () => {
     expect(Math.hypot(...way)).toBeCloseTo(height * Math.hypot(0.5, 0.25));
   });
 
-  it("keeps its limits", () => {
+  it("respects the zoom limits", () => {
     expect(zoomed(ORBIT, 0.001, [2, 80]).distanceM).toBe(2);
     expect(zoomed(ORBIT, 1000, [2, 80]).distanceM).toBe(80);
     expect(zoomed(ORBIT, 2, [2, 80]).distanceM).toBe(50);
@@ -65,13 +65,13 @@ describe("an orbit", () => {
 describe("a flight", () => {
   const there: Orbit = { centre: [0, 0, 0], yawRad: -2.8, pitchRad: 0.1, distanceM: 100 };
 
-  it("begins and ends where it should", () => {
+  it("starts and ends at the given poses", () => {
     expect(between(ORBIT, there, 0)).toEqual(ORBIT);
     expect(between(ORBIT, there, 1)).toBe(there);
     expect(between(ORBIT, there, 7)).toBe(there);
   });
 
-  it("takes the shorter turn", () => {
+  it("takes the shorter rotation", () => {
     const from: Orbit = { ...ORBIT, yawRad: 3 };
     const middle = between(from, there, 0.5);
     expect(middle.yawRad).toBeCloseTo(3 + (2 * Math.PI - 5.8) / 2);
@@ -81,13 +81,13 @@ describe("a flight", () => {
   });
 });
 
-describe("the distance from which all is to be seen", () => {
+describe("distance to fit", () => {
   it.each([
     [0.9, 0.4, 1.6],
     [0, 1.2, 0.5],
     [-2, -0.3, 3],
   ])(
-    "has every corner of the box in the picture, and one at its edge (yaw %f, pitch %f, aspect %f)",
+    "shows every corner of the box, one at the edge (yaw %f, pitch %f, aspect %f)",
     (yawRad, pitchRad, aspect) => {
       const extent: Vec3 = [60, 40, 13];
       const orbit: Orbit = { centre: [0, 0, 0], yawRad, pitchRad, distanceM: 1 };

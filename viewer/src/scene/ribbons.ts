@@ -25,12 +25,12 @@ export const GLOW = 3;
 
 /** Offsets a point of a ribbon sideways: `along` is the ribbon's direction in view space. */
 export const WIDEN = /* glsl */ `
-vec3 widen(vec3 place, vec3 along, float side, float halfWidthPx, float halfWidthLeastM) {
-  vec3 across = cross(along, place);
+vec3 widen(vec3 position, vec3 along, float side, float halfWidthPx, float halfWidthLeastM) {
+  vec3 across = cross(along, position);
   float size = length(across);
-  if (size < 1e-9) return place;
-  float halfWidthM = max(halfWidthPx * pixelRatio * pixelM * abs(place.z), halfWidthLeastM);
-  return place + across / size * (side * halfWidthM);
+  if (size < 1e-9) return position;
+  float halfWidthM = max(halfWidthPx * pixelRatio * pixelM * abs(position.z), halfWidthLeastM);
+  return position + across / size * (side * halfWidthM);
 }
 `;
 
@@ -46,12 +46,12 @@ flat out float vDashM;
 void main() {
   vec3 a = (viewMatrix * vec4(from, 1.0)).xyz;
   vec3 b = (viewMatrix * vec4(to, 1.0)).xyz;
-  vec3 place = mix(a, b, shape.x);
+  vec3 position = mix(a, b, shape.x);
   vTint = tint;
   vSide = shape.y * ${GLOW.toFixed(1)};
   vAlongM = shape.x * distance(from, to);
   vDashM = shape.w;
-  gl_Position = projectionMatrix * vec4(widen(place, b - a, shape.y, shape.z * 0.5 * ${GLOW.toFixed(1)}, 0.0), 1.0);
+  gl_Position = projectionMatrix * vec4(widen(position, b - a, shape.y, shape.z * 0.5 * ${GLOW.toFixed(1)}, 0.0), 1.0);
 }
 `;
 

@@ -103,7 +103,8 @@ export class Scene {
       });
     } catch (error) {
       throw new Error(
-        "This browser gives no WebGL 2, which the picture is drawn with. Another browser, or graphics acceleration in its settings, may help.",
+        "This browser does not support WebGL 2, which rendering needs. Try another browser, or enable graphics " +
+          "acceleration in its settings.",
         { cause: error },
       );
     }
@@ -236,7 +237,7 @@ export class Scene {
   resize(width: number, height: number, pixelRatio: number): void {
     this.#size = { width: Math.max(width, 1), height: Math.max(height, 1) };
     this.#common.pixelRatio.value = pixelRatio;
-    this.#common.picture.value.set(this.#size.width, this.#size.height).multiplyScalar(pixelRatio).floor();
+    this.#common.frameSize.value.set(this.#size.width, this.#size.height).multiplyScalar(pixelRatio).floor();
     this.#cameraRig.camera.aspect = this.#size.width / this.#size.height;
     this.#isDirty = true;
   }
@@ -310,7 +311,7 @@ export class Scene {
    * last.
    */
   #setSize(): void {
-    const { x, y } = this.#common.picture.value;
+    const { x, y } = this.#common.frameSize.value;
     if (this.canvas.width !== x || this.canvas.height !== y) this.#renderer.setSize(x, y, false);
   }
 
@@ -322,7 +323,7 @@ export class Scene {
     this.#cameraRig.aimLight(common.light.value);
     const followed = this.#selected === null ? null : cave.run.agentAt(this.#selected, timeS).position;
     cave.setForegroundCut(camera.position.toArray(), followed);
-    common.pixelM.value = pixelM(common.picture.value.y);
+    common.pixelM.value = pixelM(common.frameSize.value.y);
     const reachM = Math.hypot(...cave.extentM) / 2;
     const middleM = camera.position.distanceTo(new Vector3(...cave.middle));
     common.haze.value.set(Math.max(middleM - reachM * 0.75, 0), 1 / (reachM * 1.75));

@@ -58,7 +58,7 @@ export class Team {
 
   show(timeS: number, view: View, selected: number | null, viewport: Viewport): void {
     const states = this.#colours.map((_, id) => this.run.agentAt(id, timeS));
-    this.#onScreen = states.map((state) => this.#place(state, viewport));
+    this.#onScreen = states.map((state) => this.#project(state, viewport));
     const segments: Segment[] = [];
     const markers: Marker[] = [];
     for (const agent of this.#onScreen) {
@@ -102,7 +102,7 @@ export class Team {
     return (this.#radiusM(agent.state.id) / halfHeightM) * (viewport.height / 2);
   }
 
-  #place(state: AgentState, viewport: Viewport): ScreenAgent {
+  #project(state: AgentState, viewport: Viewport): ScreenAgent {
     const view = new Vector3(...state.position).applyMatrix4(viewport.camera.matrixWorldInverse);
     const depthM = -view.z;
     const screen = view.applyMatrix4(viewport.camera.projectionMatrix);
@@ -139,7 +139,7 @@ export class Team {
 
   #glowMarkers(agent: ScreenAgent, selected: number | null): Marker[] {
     const { id, position } = agent.state;
-    const base = { place: position, abovePx: 0, colour: this.#colours[id]!, number: 0 };
+    const base = { anchor: position, abovePx: 0, colour: this.#colours[id]!, number: 0 };
     const glow = { ...base, kind: MARKER.glow, radiusPx: agent.radiusPx * 2 + 10, alpha: 0.42 };
     if (id !== selected) return [glow];
     return [
@@ -164,7 +164,7 @@ export class Team {
         dashM: 0.8 * this.run.terrain.cellM,
       });
       const isLast = index + 1 === state.path.length;
-      const mark = { place: to, abovePx: 0, colour, number: 0 };
+      const mark = { anchor: to, abovePx: 0, colour, number: 0 };
       if (isLast) markers.push({ ...mark, kind: MARKER.target, radiusPx: isChosen ? 11 : 7, alpha });
       else if (isChosen) markers.push({ ...mark, kind: MARKER.dot, radiusPx: 2.5, alpha });
       from = to;
@@ -206,7 +206,7 @@ export class Team {
       if (isFree) placed.push({ x: agent.x, y });
       return {
         kind: MARKER.label,
-        place: agent.state.position,
+        anchor: agent.state.position,
         radiusPx: LABEL_RADIUS_PX,
         abovePx,
         colour: this.#colours[agent.state.id]!,

@@ -20,8 +20,8 @@ function way(seed: number): number[][] {
   return points;
 }
 
-describe("thinning a track", () => {
-  it.each([1, 2, 3])("keeps few points, and none that is left out is far off (seed %i)", (seed) => {
+describe("track simplification", () => {
+  it.each([1, 2, 3])("keeps few points, all omitted ones within the tolerance (seed %i)", (seed) => {
     const points = way(seed);
     const kept: (readonly number[])[] = [];
     const simplifier = new TrackSimplifier();

@@ -46,7 +46,7 @@ export class TrackSimplifier {
 }
 
 const VERTEX = /* glsl */ `${VERTEX_HEAD}${WIDEN}
-in vec3 place;
+in vec3 point;
 in vec3 before;
 in vec3 after;
 in vec2 shape; // time in seconds, side (-1 or 1)
@@ -54,26 +54,26 @@ uniform float widthPx;
 uniform float leastM;
 out float vTimeS;
 out float vSide;
-out vec3 vPlaceM;
+out vec3 vPositionM;
 void main() {
-  vec3 at = (viewMatrix * vec4(place, 1.0)).xyz;
-  vec3 come = at - (viewMatrix * vec4(before, 1.0)).xyz;
-  vec3 go = (viewMatrix * vec4(after, 1.0)).xyz - at;
-  float comeM = length(come);
-  float goM = length(go);
-  vec3 way = (comeM > 1e-6 ? come / comeM : vec3(0.0)) + (goM > 1e-6 ? go / goM : vec3(0.0));
-  if (dot(way, way) < 1e-4) way = come;
+  vec3 at = (viewMatrix * vec4(point, 1.0)).xyz;
+  vec3 incoming = at - (viewMatrix * vec4(before, 1.0)).xyz;
+  vec3 outgoing = (viewMatrix * vec4(after, 1.0)).xyz - at;
+  float incomingM = length(incoming);
+  float outgoingM = length(outgoing);
+  vec3 tangent = (incomingM > 1e-6 ? incoming / incomingM : vec3(0.0)) + (outgoingM > 1e-6 ? outgoing / outgoingM : vec3(0.0));
+  if (dot(tangent, tangent) < 1e-4) tangent = incoming;
   vTimeS = shape.x;
   vSide = shape.y * ${GLOW.toFixed(1)};
-  vPlaceM = place;
-  gl_Position = projectionMatrix * vec4(widen(at, way, shape.y, widthPx * 0.5 * ${GLOW.toFixed(1)}, leastM * ${GLOW.toFixed(1)}), 1.0);
+  vPositionM = point;
+  gl_Position = projectionMatrix * vec4(widen(at, tangent, shape.y, widthPx * 0.5 * ${GLOW.toFixed(1)}, leastM * ${GLOW.toFixed(1)}), 1.0);
 }
 `;
 
 const FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}
 in float vTimeS;
 in float vSide;
-in vec3 vPlaceM;
+in vec3 vPositionM;
 uniform float strength;
 uniform vec3 tint;
 uniform float nowS;
@@ -84,13 +84,13 @@ void main() {
   float age = max(nowS - vTimeS, 0.0);
   float young = exp(-age / 40.0);
   float alpha = (core * mix(0.32, 1.0, young) + glow * young) * strength * bright;
-  if (isCut(vPlaceM)) alpha *= 0.2;
+  if (isCut(vPositionM)) alpha *= 0.2;
   if (alpha < 0.004) discard;
   colour = vec4(mix(tint * mix(0.72, 1.0, young), vec3(1.0), 0.35 * young * core), min(alpha, 1.0));
 }
 `;
 
-const SIZES = { place: 3, before: 3, after: 3, shape: 2 };
+const SIZES = { point: 3, before: 3, after: 3, shape: 2 };
 
 /** The trail of one agent. */
 export class Trail {
@@ -150,9 +150,9 @@ export class Trail {
     }
     this.#geometry.setDrawRange(0, Math.max(count - 1, 0) * 6);
     if (count === 0) return null;
-    const place = this.#geometry.getAttribute("place");
+    const point = this.#geometry.getAttribute("point");
     const vertex = (count - 1) * 2;
-    return [place.getX(vertex), place.getY(vertex), place.getZ(vertex)];
+    return [point.getX(vertex), point.getY(vertex), point.getZ(vertex)];
   }
 
   hide(): void {
@@ -164,18 +164,18 @@ export class Trail {
     for (const mesh of this.meshes) mesh.material.dispose();
   }
 
-  #append(timeS: number, place: Vec3): void {
+  #append(timeS: number, point: Vec3): void {
     if (this.#count === this.#capacity) this.#grow();
     const at = this.#count * 2;
-    const before = this.#count === 0 ? place : this.#last;
+    const before = this.#count === 0 ? point : this.#last;
     for (const vertex of [at, at + 1]) {
-      this.#attribute("place").setXYZ(vertex, ...place);
+      this.#attribute("point").setXYZ(vertex, ...point);
       this.#attribute("before").setXYZ(vertex, ...before);
-      this.#attribute("after").setXYZ(vertex, ...place);
+      this.#attribute("after").setXYZ(vertex, ...point);
       this.#attribute("shape").setXY(vertex, timeS, vertex === at ? -1 : 1);
     }
     if (this.#count > 0)
-      for (const vertex of [at - 2, at - 1]) this.#attribute("after").setXYZ(vertex, ...place);
+      for (const vertex of [at - 2, at - 1]) this.#attribute("after").setXYZ(vertex, ...point);
     for (const [name, size] of Object.entries(SIZES)) {
       const attribute = this.#attribute(name);
       const from = Math.max(at - 2, 0);
@@ -183,7 +183,7 @@ export class Trail {
       attribute.needsUpdate = true;
     }
     this.#times[this.#count] = timeS;
-    this.#last = place;
+    this.#last = point;
     this.#count++;
   }
 

@@ -25,7 +25,7 @@ in vec4 occlusionMean;
 uniform float cellM;
 uniform float opacity;
 out vec3 freeCells;
-out vec3 placeM;
+out vec3 positionM;
 flat out vec3 stone;
 out float haziness;
 flat out int facing;
@@ -46,21 +46,21 @@ const vec4 NOWHERE = vec4(0.0, 0.0, 2.0, 1.0);
 vec3 look() { return -vec3(viewMatrix[0].z, viewMatrix[1].z, viewMatrix[2].z); }
 
 // Rectangles of different lengths meet along edges; half a pixel more on each side closes the gaps.
-vec3 widened(vec3 place) {
+vec3 widened(vec3 position) {
   int axis = facing >> 1;
   int turn = gl_VertexID & 3;
   if (((facing & 1) == 1) != (axis == 1)) turn = 3 - turn;
   vec2 outward = vec2(turn == 1 || turn == 2 ? 1.0 : -1.0, turn >= 2 ? 1.0 : -1.0);
   vec3 across = axis == 0 ? vec3(0.0, outward) : axis == 1 ? vec3(outward.x, 0.0, outward.y) : vec3(outward, 0.0);
-  return place + across * (0.5 * pixelM * distance(eye, place));
+  return position + across * (0.5 * pixelM * distance(eye, position));
 }
 `;
 
 const VERTEX_PLACE = /* glsl */ `
   facing = int(corner.w);
-  placeM = widened((modelMatrix * vec4(corner.xyz, 1.0)).xyz);
-  gl_Position = projectionMatrix * viewMatrix * vec4(placeM, 1.0);
-  vec3 away = placeM - eye;
+  positionM = widened((modelMatrix * vec4(corner.xyz, 1.0)).xyz);
+  gl_Position = projectionMatrix * viewMatrix * vec4(positionM, 1.0);
+  vec3 away = positionM - eye;
   float distanceM = length(away);
   away /= distanceM;
   haziness = hazinessAt(distanceM);
@@ -118,7 +118,7 @@ void main() {
 
 const FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}${NORMALS}
 in vec3 freeCells;
-in vec3 placeM;
+in vec3 positionM;
 flat in vec3 stone;
 in float haziness;
 flat in int facing;
@@ -139,8 +139,8 @@ vec3 surface() {
   #else
   vec3 c = stone;
   #ifdef KNOWN
-  uint told = texelFetch(known, cell, 0).r;
-  c = told > nowTick ? c * 0.16 + NIGHT * 0.5 : mix(c, knownColour, 0.42);
+  uint knownTick = texelFetch(known, cell, 0).r;
+  c = knownTick > nowTick ? c * 0.16 + NIGHT * 0.5 : mix(c, knownColour, 0.42);
   #endif
   // What was seen recently glows for some seconds.
   float fresh = max(1.0 - float(nowTick - seen) * 0.004, 0.0);
@@ -158,7 +158,7 @@ in float edgeStrength;
 #endif
 void main() {
   #ifdef CUT
-  if (isCut(placeM)) discard;
+  if (isCut(positionM)) discard;
   #endif
   vec3 c = surface() * lit;
   #ifdef EDGES
@@ -175,7 +175,7 @@ in vec3 lit;
 in float alpha;
 void main() {
   #ifdef CUT
-  if (isCut(placeM)) discard;
+  if (isCut(positionM)) discard;
   #endif
   #ifdef GLASS
   vec3 c = vec3(0.34, 0.32, 0.31) * lit;

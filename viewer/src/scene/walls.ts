@@ -159,15 +159,15 @@ export class Walls {
   }
 
   /**
-   * Draws the rim of rock where the map is cut beyond `placeCells` along an axis; null: it is not
+   * Draws the rim of rock where the map is cut beyond `positionCells` along an axis; null: it is not
    * cut.
    */
-  cutAt(cut: { readonly axis: number; readonly placeCells: number } | null): void {
-    const layer = cut === null ? -1 : Math.ceil(cut.placeCells) - 1;
+  cutAt(cut: { readonly axis: number; readonly positionCells: number } | null): void {
+    const layer = cut === null ? -1 : Math.ceil(cut.positionCells) - 1;
     const { mesh } = this.#rim;
     mesh.visible = cut !== null && layer >= 0 && layer < this.model.size[cut.axis]!;
     if (cut === null || !mesh.visible) return;
-    mesh.position.set(0, 0, 0).setComponent(cut.axis, cut.placeCells - (layer + 1));
+    mesh.position.set(0, 0, 0).setComponent(cut.axis, cut.positionCells - (layer + 1));
     const key = `${cut.axis} ${layer}`;
     if (key === this.#rimKey) return;
     this.#rimKey = key;
@@ -189,7 +189,7 @@ export class Walls {
   #rimFaces(axis: number, layer: number): Faces {
     const corners = layer < 0 ? new Uint16Array(0) : rimOf(this.model, axis, layer);
     const count = corners.length / (NUMBERS_PER_CORNER * CORNERS);
-    const ends = FACING_ORDER.map((_, place) => (place < FACING_ORDER.indexOf(axis * 2) ? 0 : count));
+    const ends = FACING_ORDER.map((_, slot) => (slot < FACING_ORDER.indexOf(axis * 2) ? 0 : count));
     return new Faces({ corners, ends }, this.occlusion, this.index, [0, 0, 0], this.model.size);
   }
 }
@@ -217,11 +217,11 @@ function rimOf(model: BlockModel, axis: number, layer: number): Uint16Array {
       if (!isRim) continue;
       const turn = axis === 1 ? [0, 3, 2, 1] : [0, 1, 2, 3];
       for (const corner of turn) {
-        const place = [0, 0, 0];
-        place[axis] = layer + 1;
-        place[u!] = i + (corner === 1 || corner === 2 ? 1 : 0);
-        place[v!] = j + (corner >= 2 ? 1 : 0);
-        quads.push(...place, axis * 2);
+        const vertex = [0, 0, 0];
+        vertex[axis] = layer + 1;
+        vertex[u!] = i + (corner === 1 || corner === 2 ? 1 : 0);
+        vertex[v!] = j + (corner >= 2 ? 1 : 0);
+        quads.push(...vertex, axis * 2);
       }
     }
   }

@@ -27,7 +27,7 @@ export class Servers {
   /** Starts a run that can be observed; returns the server and the address of the page. */
   async run(flags: readonly string[], address = "127.0.0.1:0"): Promise<{ server: Program; url: string }> {
     const server = this.#start("sim_server", ["run", ...flags, "--view", address, "--page", PAGE]);
-    const url = (await server.says("stderr", /to look on: (http:\S+)/))[1]!;
+    const url = (await server.says("stderr", /(http:\/\/\S+)/))[1]!;
     return { server, url };
   }
 
@@ -46,7 +46,7 @@ export class Servers {
   }
 
   /** The digest of a run without observers. */
-  async digestUnseen(flags: readonly string[]): Promise<string> {
+  async digestUnobserved(flags: readonly string[]): Promise<string> {
     return digestIn(await outputOf(RUN_SCRIPT, [SCENARIO, "--transport", "memory", ...flags], this.#env));
   }
 

@@ -53,7 +53,7 @@ export async function pictureAt(page: Page, timeS: number): Promise<Buffer> {
 
 /** The present image, without the panels over it: a PNG. */
 export function picture(page: Page): Promise<Buffer> {
-  return page.getByTestId("picture").screenshot({ style: WITHOUT_PANELS });
+  return page.getByTestId("canvas").screenshot({ style: WITHOUT_PANELS });
 }
 
 /** Compares two images to the last pixel, without printing their bytes. */
