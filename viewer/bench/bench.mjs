@@ -54,7 +54,7 @@ function start(program, words) {
     });
   }
   const ended = new Promise((done) => child.on("close", done));
-  const says = (pattern) =>
+  const prints = (pattern) =>
     new Promise((found, failed) => {
       const check = () => {
         const match = lines.map((line) => line.match(pattern)).find(Boolean);
@@ -68,7 +68,7 @@ function start(program, words) {
         failed(new Error(`${program} has ended without saying ${pattern}:\n${lines.join("\n")}`)),
       );
     });
-  return { child, lines, ended, says };
+  return { child, lines, ended, prints };
 }
 
 const median = (values) => [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)];
@@ -89,11 +89,11 @@ async function run(isObserved) {
     "stop_when_explored=false",
   ];
   const server = start(join(binaries, "sim_server"), ["run", scenario, ...words, ...shown]);
-  const address = await server.says(/(http:\/\/\S+)/);
+  const address = await server.prints(/(http:\/\/\S+)/);
   const agents = Array.from({ length: 20 }, (_, id) =>
     start(join(binaries, "agent_node"), ["--id", String(id)]),
   );
-  await server.says(/all 20 agents/);
+  await server.prints(/all 20 agents/);
   const browser = await chromium.launch({ executablePath: chromiumIn(process.env), args: flags });
   try {
     const tab = await browser.newPage({ viewport: { width: 1280, height: 720 } });
@@ -111,7 +111,7 @@ async function run(isObserved) {
     const begun = performance.now();
     await tab.getByTestId("sim-play").click();
     if (!isObserved) await tab.goto("about:blank");
-    const digest = await server.says(/^digest: (\w+)/);
+    const digest = await server.prints(/^digest: (\w+)/);
     const wallS = (performance.now() - begun) / 1000;
     const drawn = isObserved ? await tab.evaluate(() => window.drawn) : 0;
     return { wallS, digest, fps: drawn / wallS };
@@ -179,7 +179,7 @@ async function recording(file) {
     "--page",
     page,
   ]);
-  const address = await server.says(/(http:\/\/\S+)/);
+  const address = await server.prints(/(http:\/\/\S+)/);
   const browser = await chromium.launch({ executablePath: chromiumIn(process.env), args: flags });
   try {
     const tab = await browser.newPage({ viewport: { width: 1280, height: 720 } });

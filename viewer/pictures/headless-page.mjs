@@ -133,10 +133,10 @@ async function browserType() {
  * @param {unknown} error
  */
 function reasonOf(error) {
-  const said = /\[pid=\d+\]\[err\]\s*(.*(?:FATAL|ERROR|error).*)/.exec(
+  const printed = /\[pid=\d+\]\[err\]\s*(.*(?:FATAL|ERROR|error).*)/.exec(
     error instanceof Error ? error.message : "",
   );
-  if (said?.[1] !== undefined) return said[1];
+  if (printed?.[1] !== undefined) return printed[1];
   const line = firstLine(error);
   return line.includes("has been closed") ? "it exited at once" : line;
 }

@@ -371,8 +371,8 @@ describe("commands", () => {
   it("that are refused report the reason", async () => {
     const live = open();
     const done = live.pause();
-    socket().answer(callOf(SERVICES.setState), outcome(103, "no way there"));
-    await expect(done).rejects.toThrow("no way there");
+    socket().answer(callOf(SERVICES.setState), outcome(103, "invalid transition"));
+    await expect(done).rejects.toThrow("invalid transition");
     const failed = live.restart();
     const { serviceId, callId } = callOf(SERVICES.reset);
     socket().say({ op: "serviceCallFailure", serviceId, callId, message: "busy" });
@@ -382,7 +382,7 @@ describe("commands", () => {
   it("succeed if the state is already reached", async () => {
     const live = open();
     const done = live.play();
-    socket().answer(callOf(SERVICES.setState), outcome(101, "so already"));
+    socket().answer(callOf(SERVICES.setState), outcome(101, "already in that state"));
     await expect(done).resolves.toBeUndefined();
   });
 
@@ -404,9 +404,9 @@ describe("commands", () => {
     socket().answer(callOf(SERVICES.getState), writer.data);
     await settled();
     expect(live.simulationState).toBe(2);
-    const asked = socket().calls.length;
+    const calls = socket().calls.length;
     pass(1000);
-    expect(socket().calls.length).toBe(asked + 1);
+    expect(socket().calls.length).toBe(calls + 1);
   });
 
   it("set the real-time factor", () => {

@@ -195,11 +195,11 @@ export class LiveConnection {
     );
     client.on(
       "serviceCallResponse",
-      ifPresent((answer) => this.#calls.answered(answer)),
+      ifPresent((answer) => this.#calls.onResponse(answer)),
     );
     client.on(
       "serviceCallFailure",
-      ifPresent((failure) => this.#calls.failed(failure)),
+      ifPresent((failure) => this.#calls.onFailure(failure)),
     );
     client.on(
       "parameterValues",

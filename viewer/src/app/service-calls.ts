@@ -68,12 +68,12 @@ export class ServiceCalls {
     return answer;
   }
 
-  answered(answer: ServiceCallResponse): void {
+  onResponse(answer: ServiceCallResponse): void {
     const { buffer, byteOffset, byteLength } = answer.data;
     this.#take(answer.callId)?.resolve(new Uint8Array(buffer as ArrayBuffer, byteOffset, byteLength));
   }
 
-  failed(failure: ServiceCallFailure): void {
+  onFailure(failure: ServiceCallFailure): void {
     const call = this.#take(failure.callId);
     call?.reject(new Error(`The simulator refused ${call.name}: ${failure.message}`));
   }

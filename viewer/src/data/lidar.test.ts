@@ -14,7 +14,7 @@ function room(): Terrain {
   return { size, cellM: 0.5, walls, freeCells: 200 };
 }
 
-const PLACE: Vec3 = [1.15, 1.7, 1.8];
+const POSITION: Vec3 = [1.15, 1.7, 1.8];
 
 function hitsOf(positions: Float32Array): Vec3[] {
   return Array.from({ length: positions.length / 3 }, (_, hit) => [
@@ -41,7 +41,7 @@ test("a shell has as many rays as in the simulator", () => {
 });
 
 test("all rays of a scan inside a room hit its walls", () => {
-  const hits = hitsOf(cast(lattice(300, Infinity, 2 * Math.PI, 0.5), room(), PLACE, 0));
+  const hits = hitsOf(cast(lattice(300, Infinity, 2 * Math.PI, 0.5), room(), POSITION, 0));
   expect(hits).toHaveLength(300);
   for (const [x, y, z] of hits) {
     const apart = [x - 0.5, 4.5 - x, y - 0.5, 3 - y, z - 0.5, 3 - z];
@@ -52,8 +52,8 @@ test("all rays of a scan inside a room hit its walls", () => {
 
 describe("limits of a scan", () => {
   test("range", () => {
-    const hits = hitsOf(cast(lattice(300, 1.4, 2 * Math.PI, 0.5), room(), PLACE, 0));
-    const apart = hits.map((hit) => Math.hypot(...hit.map((at, axis) => at - PLACE[axis]!)));
+    const hits = hitsOf(cast(lattice(300, 1.4, 2 * Math.PI, 0.5), room(), POSITION, 0));
+    const apart = hits.map((hit) => Math.hypot(...hit.map((at, axis) => at - POSITION[axis]!)));
     expect(hits.length).toBeGreaterThan(100);
     expect(hits.length).toBeLessThan(300);
     expect(Math.max(...apart)).toBeLessThan(1.4 + 1e-6);
@@ -61,20 +61,20 @@ describe("limits of a scan", () => {
 
   test("field of view", () => {
     const yawRad = 2;
-    const hits = hitsOf(cast(lattice(300, Infinity, Math.PI / 2, 0.5), room(), PLACE, yawRad));
+    const hits = hitsOf(cast(lattice(300, Infinity, Math.PI / 2, 0.5), room(), POSITION, yawRad));
     // A 90 degree cone covers (1 - cos 45 degrees) / 2 of the sphere.
     expect(hits.length).toBeGreaterThan(38);
     expect(hits.length).toBeLessThan(50);
     for (const [x, y, z] of hits) {
-      const way: Vec3 = [x - PLACE[0], y - PLACE[1], z - PLACE[2]];
-      const ahead = (Math.cos(yawRad) * way[0] + Math.sin(yawRad) * way[1]) / Math.hypot(...way);
+      const offset: Vec3 = [x - POSITION[0], y - POSITION[1], z - POSITION[2]];
+      const ahead = (Math.cos(yawRad) * offset[0] + Math.sin(yawRad) * offset[1]) / Math.hypot(...offset);
       expect(ahead).toBeGreaterThan(Math.SQRT1_2 - 1e-6);
     }
   });
 
   test("shell", () => {
-    const hits = hitsOf(cast(shell(3, 2 * Math.PI), room(), PLACE, 0));
-    const apart = hits.map((hit) => Math.hypot(...hit.map((at, axis) => at - PLACE[axis]!)));
+    const hits = hitsOf(cast(shell(3, 2 * Math.PI), room(), POSITION, 0));
+    const apart = hits.map((hit) => Math.hypot(...hit.map((at, axis) => at - POSITION[axis]!)));
     expect(hits.length).toBeGreaterThan(0);
     expect(Math.max(...apart)).toBeLessThan(3 * 0.5 + 1e-6);
   });
@@ -93,7 +93,7 @@ test("the lower axis steps first where two boundaries are reached at once", () =
 test("invalid positions and directions have no hit", () => {
   const terrain = room();
   expect(firstWall(terrain, [-1, 1, 1], [1, 0, 0], Infinity)).toBeNull();
-  expect(firstWall(terrain, PLACE, [0, 0, 0], Infinity)).toBeNull();
+  expect(firstWall(terrain, POSITION, [0, 0, 0], Infinity)).toBeNull();
   expect(firstWall(terrain, [NaN, 1, 1], [1, 0, 0], Infinity)).toBeNull();
-  expect(firstWall(terrain, PLACE, [NaN, 0, 0], Infinity)).toBeNull();
+  expect(firstWall(terrain, POSITION, [NaN, 0, 0], Infinity)).toBeNull();
 });

@@ -3,7 +3,7 @@ import { MapMessageReader } from "./map-message.ts";
 import type { Vec3 } from "./run.ts";
 
 /** Bytes followed by bits, least significant bit of each byte first. */
-function parcel(head: readonly number[], bits: string): Uint8Array {
+function mapMessage(head: readonly number[], bits: string): Uint8Array {
   const digits = bits.replaceAll(" ", "");
   const bytes = Array.from({ length: Math.ceil(digits.length / 8) }, (_, byte) =>
     parseInt(
@@ -23,7 +23,7 @@ function parcel(head: readonly number[], bits: string): Uint8Array {
  * Cells 3 and 5 of block 1; three octants and part of a fourth of block 2; two cells of block 5,
  * some of them covered.
  */
-const DOCUMENTED = parcel(
+const DOCUMENTED = mapMessage(
   [2, 2, 1, 2, 3],
   "100 0 100 110000 101000 0 1" +
     "0 10 110 1110 10 11111000 11 00100 0 0 0 0 0" +
@@ -60,22 +60,22 @@ test("messages of other runs are ignored", () => {
 
 test("malformed messages are ignored", () => {
   const refused: [string, Uint8Array][] = [
-    ["nothing", Uint8Array.of()],
+    ["no bytes", Uint8Array.of()],
     ["another version", Uint8Array.of(1, 0, 0)],
-    ["no blocks behind their number", Uint8Array.of(2, 0, 1)],
+    ["a missing block", Uint8Array.of(2, 0, 1)],
     ["a byte too many", Uint8Array.of(2, 0, 0, 7)],
-    ["a number of six bytes", Uint8Array.of(2, 0x80, 0x80, 0x80, 0x80, 0x80, 0)],
-    ["an octant that says nothing", parcel([2, 0, 1], "0 10 0 0 0 0 0 0 0 0")],
-    ["a whole octant the long way", parcel([2, 0, 1], "0 10 10 11111111 0 0 0 0 0 0 0 0")],
-    ["mixed walls that are none", parcel([2, 0, 1], "0 10 11 11 00000000 0 0 0 0 0 0 0")],
-    ["a list that descends", parcel([2, 0, 1], "0 0 100 101000 110000 0 1")],
-    ["covered cells that are none", parcel([2, 0, 1], "0 110 0 000000 0 0")],
-    ["a filling that is set", parcel([2, 0, 1], "0 0 0 000000 0 1")],
+    ["a varint of six bytes", Uint8Array.of(2, 0x80, 0x80, 0x80, 0x80, 0x80, 0)],
+    ["an empty octant", mapMessage([2, 0, 1], "0 10 0 0 0 0 0 0 0 0")],
+    ["a whole octant in long form", mapMessage([2, 0, 1], "0 10 10 11111111 0 0 0 0 0 0 0 0")],
+    ["mixed walls without a wall", mapMessage([2, 0, 1], "0 10 11 11 00000000 0 0 0 0 0 0 0")],
+    ["a descending list", mapMessage([2, 0, 1], "0 0 100 101000 110000 0 1")],
+    ["covered cells without one", mapMessage([2, 0, 1], "0 110 0 000000 0 0")],
+    ["padding that is set", mapMessage([2, 0, 1], "0 0 0 000000 0 1")],
   ];
   for (const [what, bytes] of refused) {
     expect(cellsOf(bytes, [8, 8, 8], 2), what).toBeNull();
   }
-  expect(cellsOf(parcel([2, 0, 1], "0 0 0 000000 0"), [8, 8, 8], 2)).toEqual([0]);
+  expect(cellsOf(mapMessage([2, 0, 1], "0 0 0 000000 0"), [8, 8, 8], 2)).toEqual([0]);
   expect(cellsOf(Uint8Array.of(2, 0, 0), [8, 8, 8], 2)).toEqual([]);
 });
 

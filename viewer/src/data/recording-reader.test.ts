@@ -86,12 +86,14 @@ describe("a recording of the simulator", () => {
   test("agents have travelled as far as in the result, but for cut corners", () => {
     for (const agent of [0, 1, 2]) {
       const { count, positions } = run.track(agent);
-      let way = 0;
+      let distanceM = 0;
       for (let at = 3; at < 3 * count; at += 3) {
-        way += Math.hypot(...[0, 1, 2].map((axis) => positions[at + axis]! - positions[at - 3 + axis]!));
+        distanceM += Math.hypot(
+          ...[0, 1, 2].map((axis) => positions[at + axis]! - positions[at - 3 + axis]!),
+        );
       }
-      expect(way).toBeLessThanOrEqual(result.distanceM[agent]! + 1e-3);
-      expect(way).toBeGreaterThan(0.95 * result.distanceM[agent]!);
+      expect(distanceM).toBeLessThanOrEqual(result.distanceM[agent]! + 1e-3);
+      expect(distanceM).toBeGreaterThan(0.95 * result.distanceM[agent]!);
     }
   });
 

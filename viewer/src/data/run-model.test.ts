@@ -6,7 +6,7 @@ import { readRun } from "./testing.ts";
 import * as make from "./testing-recording.ts";
 import { roomCell } from "./testing-recording.ts";
 
-const PLACE: Vec3 = [1.5, 1.5, 1.5];
+const POSITION: Vec3 = [1.5, 1.5, 1.5];
 
 async function runOf(messages: readonly make.RecordedMessage[], agents = 1) {
   return readRun(await make.recordingOf([make.scenario(agents), ...messages]));
@@ -30,8 +30,8 @@ describe("poses", () => {
 
   test("of observations are included, once per tick", async () => {
     const run = await runOf([
-      make.poses(0, [PLACE]),
-      make.observation(0, 0, { position: PLACE }),
+      make.poses(0, [POSITION]),
+      make.observation(0, 0, { position: POSITION }),
       make.observation(0, 4, { position: [2.5, 1.5, 1.5] }),
       make.poses(10, [[2.5, 3.5, 1.5]]),
     ]);
@@ -41,11 +41,11 @@ describe("poses", () => {
 
   test("a placed body has not travelled", async () => {
     const run = await runOf([
-      make.poses(0, [PLACE]),
+      make.poses(0, [POSITION]),
       make.placed(0, 5, [6.5, 4.5, 2.5]),
       make.poses(10, [[6.5, 4.5, 2.5]]),
     ]);
-    expect(run.agentAt(0, 0.08).position).toEqual(PLACE);
+    expect(run.agentAt(0, 0.08).position).toEqual(POSITION);
     expect(run.agentAt(0, 0.1).position).toEqual([6.5, 4.5, 2.5]);
     expect(run.coveredAt(1)).toBe(2);
   });
@@ -100,27 +100,27 @@ describe("cells", () => {
   });
 
   test("are covered in the tick in which a body first entered them", async () => {
-    const run = await runOf([make.poses(0, [PLACE]), make.poses(10, [[3.5, 1.5, 1.5]])]);
+    const run = await runOf([make.poses(0, [POSITION]), make.poses(10, [[3.5, 1.5, 1.5]])]);
     expect([1, 2, 3].map((x) => run.coveredTick[roomCell(x, 1, 1)])).toEqual([0, 3, 8]);
     expect([0, 0.05, 0.06, 1].map((timeS) => run.coveredAt(timeS))).toEqual([1, 1, 2, 3]);
   });
 });
 
 describe("tasks", () => {
-  const asked = (tick: number, of: make.ObservationOf = {}) =>
-    make.observation(0, tick, { position: PLACE, ...of });
+  const observed = (tick: number, of: make.ObservationOf = {}) =>
+    make.observation(0, tick, { position: POSITION, ...of });
 
   test("hold until they are replaced or done", async () => {
     const run = await runOf([
-      asked(0),
+      observed(0),
       make.command(0, 0, { kind: 3, info: "looks" }),
-      asked(5, { isActive: true }),
+      observed(5, { isActive: true }),
       make.command(0, 5),
-      asked(10),
+      observed(10),
       make.command(0, 10),
-      asked(15),
+      observed(15),
       make.command(0, 15, { kind: 5, info: "drifts" }),
-      asked(20, { isActive: true, collision: 2 }),
+      observed(20, { isActive: true, collision: 2 }),
       make.command(0, 20, { kind: 1 }),
     ]);
     const states = [0, 4, 5, 9, 10, 15, 20].map((tick) => run.agentAt(0, tick / 50));
@@ -152,11 +152,11 @@ describe("tasks", () => {
       [3.5, 3.5, 1.5],
     ];
     const run = await runOf([
-      asked(0),
+      observed(0),
       make.command(0, 0, { kind: 4, path }),
       make.poses(50, [[3.5, 1.5, 1.5]]),
       make.poses(100, [[3.5, 3, 1.5]]),
-      asked(110, { position: [3.5, 3.5, 1.5] }),
+      observed(110, { position: [3.5, 3.5, 1.5] }),
     ]);
     expect([0.5, 1.5, 2.19, 2.2].map((timeS) => run.agentAt(0, timeS).path)).toEqual([
       path,
@@ -170,13 +170,13 @@ describe("tasks", () => {
 
   test("an unlimited move ends at the next wall, along heading and pitch", async () => {
     const run = await runOf([
-      asked(0, { yawRad: Math.PI / 2 }),
+      observed(0, { yawRad: Math.PI / 2 }),
       make.command(0, 0, { kind: 2, distanceM: Infinity }),
-      asked(10, { isActive: true, yawRad: 0 }),
+      observed(10, { isActive: true, yawRad: 0 }),
       make.command(0, 10, { kind: 2, distanceM: 2, pitchRad: Math.PI / 6 }),
-      asked(20, { isActive: true, yawRad: 0 }),
+      observed(20, { isActive: true, yawRad: 0 }),
       make.command(0, 20),
-      asked(30, { collision: 1 }),
+      observed(30, { collision: 1 }),
     ]);
     const target = (timeS: number) =>
       run.agentAt(0, timeS).path.map((point) => point.map((at) => Math.round(at * 1e4) / 1e4));
@@ -190,9 +190,9 @@ describe("tasks", () => {
   test("messages are counted, and relays are not agents", async () => {
     const message = (bytes: number) => ({ kind: 2, data: new Uint8Array(bytes) });
     const run = await runOf([
-      asked(0, { contacts: [1, 0x80000000], messages: [message(3)] }),
+      observed(0, { contacts: [1, 0x80000000], messages: [message(3)] }),
       make.command(0, 0, { messages: [message(10), message(20)] }),
-      asked(50, { messages: [message(4), message(5)] }),
+      observed(50, { messages: [message(4), message(5)] }),
       make.command(0, 50, { messages: [message(1)] }),
     ]);
     expect(run.agentAt(0, 0.5)).toMatchObject({
@@ -210,7 +210,7 @@ describe("tasks", () => {
 describe("hits", () => {
   test("are the recorded ones, in the map frame", async () => {
     const run = await runOf([
-      make.poses(0, [PLACE], Math.PI / 2),
+      make.poses(0, [POSITION], Math.PI / 2),
       make.points(0, 0, [
         [2, 0, 0],
         [0, 1, 0.5],
@@ -227,7 +227,7 @@ describe("hits", () => {
 
   test("are ray-cast from the last scan if none were recorded", async () => {
     const run = await runOf([
-      make.observation(0, 0, { position: PLACE }),
+      make.observation(0, 0, { position: POSITION }),
       make.observation(0, 10, { position: [3.5, 1.5, 1.5], scanTick: 5n }),
     ]);
     expect(await run.hitsAt(0, 0.1)).toBeNull();
@@ -243,35 +243,35 @@ describe("listeners and queries", () => {
     const bytes = await make.recordingOf(
       [
         make.scenario(1),
-        make.poses(0, [PLACE]),
+        make.poses(0, [POSITION]),
         make.observation(0, 10, { scanTick: 10n, free: [[cell, 2]] }),
         make.result(20, 1, "explored"),
       ],
       { hasChunks: false },
     );
-    const told: { cells: number[]; hasEnded: boolean }[] = [];
+    const updates: { cells: number[]; hasEnded: boolean }[] = [];
     let isListening = false;
     const run = readRun(bytes, 200, (growing) => {
       if (!isListening) {
         isListening = true;
-        growing.onUpdate(({ cells, hasEnded }) => told.push({ cells: Array.from(cells), hasEnded }));
+        growing.onUpdate(({ cells, hasEnded }) => updates.push({ cells: Array.from(cells), hasEnded }));
       }
     });
-    expect(told.flatMap(({ cells }) => cells).sort((a, b) => a - b)).toEqual([cell, cell + 1]);
-    expect(told.filter(({ hasEnded }) => hasEnded)).toHaveLength(1);
+    expect(updates.flatMap(({ cells }) => cells).sort((a, b) => a - b)).toEqual([cell, cell + 1]);
+    expect(updates.filter(({ hasEnded }) => hasEnded)).toHaveLength(1);
     expect(run.result).toMatchObject({ reason: "explored", timeS: 0.4, digest: "ab".repeat(32) });
   });
 
   test("unknown agents are rejected", async () => {
-    const run = await runOf([make.poses(0, [PLACE])]);
+    const run = await runOf([make.poses(0, [POSITION])]);
     expect(() => run.agentAt(1, 0)).toThrow("there is no agent 1, expected 0 to 0");
   });
 
   test("follow one agent at a time", async () => {
-    const { setup, terrain } = await runOf([make.poses(0, [PLACE, PLACE])], 2);
-    const asked: Request[] = [];
+    const { setup, terrain } = await runOf([make.poses(0, [POSITION, POSITION])], 2);
+    const requests: Request[] = [];
     const run = new RunModel("run", "run", setup, terrain, {
-      send: (request) => asked.push(request),
+      send: (request) => requests.push(request),
       close: () => {},
     });
     const answer = (request: Request) => {
@@ -280,8 +280,8 @@ describe("listeners and queries", () => {
     };
     const [first, second] = [run.follow(0), run.follow(1)];
     expect(run.follow(1)).toBe(second);
-    expect(asked).toMatchObject([{ agent: 0 }, { agent: 1 }]);
-    asked.forEach(answer);
+    expect(requests).toMatchObject([{ agent: 0 }, { agent: 1 }]);
+    requests.forEach(answer);
     expect(await first).toBeNull();
     const belief = (await second)!;
     expect(belief).toMatchObject({ agent: 1, revision: 0 });
@@ -296,13 +296,13 @@ describe("listeners and queries", () => {
   });
 
   test("a failure of the reader is reported", async () => {
-    const { setup, terrain } = await runOf([make.poses(0, [PLACE])]);
+    const { setup, terrain } = await runOf([make.poses(0, [POSITION])]);
     const run = new RunModel("run", "run", setup, terrain, { send: () => {}, close: () => {} });
-    let told = 0;
-    run.onUpdate(() => told++);
+    let updates = 0;
+    run.onUpdate(() => updates++);
     const hits = run.hitsAt(0, 0);
     run.fail("the reader is gone");
     expect(run).toMatchObject({ problem: "the reader is gone", isComplete: true });
-    expect([await hits, told]).toEqual([null, 1]);
+    expect([await hits, updates]).toEqual([null, 1]);
   });
 });

@@ -21,9 +21,9 @@ const minus = (a: Vec3, b: Vec3): Vec3 => [a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 describe("an orbit", () => {
   it("looks at its centre from its distance", () => {
-    const way = minus(ORBIT.centre, cameraPositionOf(ORBIT));
-    expect(Math.hypot(...way)).toBeCloseTo(25);
-    expect(dot(way, viewDirectionOf(ORBIT))).toBeCloseTo(25);
+    const offset = minus(ORBIT.centre, cameraPositionOf(ORBIT));
+    expect(Math.hypot(...offset)).toBeCloseTo(25);
+    expect(dot(offset, viewDirectionOf(ORBIT))).toBeCloseTo(25);
     expect(dot(viewDirectionOf(ORBIT), rightOf(ORBIT))).toBeCloseTo(0);
   });
 
@@ -47,12 +47,12 @@ describe("an orbit", () => {
 
   it("pans across the line of sight, by the pointer's span at the centre", () => {
     const after = panned(ORBIT, 0.5, 0.25);
-    const way = minus(after.centre, ORBIT.centre);
+    const offset = minus(after.centre, ORBIT.centre);
     const height = 2 * Math.tan(FIELD_OF_VIEW_RAD / 2) * 25;
-    expect(dot(way, viewDirectionOf(ORBIT))).toBeCloseTo(0);
-    expect(dot(way, rightOf(ORBIT))).toBeCloseTo(-0.5 * height);
-    expect(way[2]).toBeGreaterThan(0);
-    expect(Math.hypot(...way)).toBeCloseTo(height * Math.hypot(0.5, 0.25));
+    expect(dot(offset, viewDirectionOf(ORBIT))).toBeCloseTo(0);
+    expect(dot(offset, rightOf(ORBIT))).toBeCloseTo(-0.5 * height);
+    expect(offset[2]).toBeGreaterThan(0);
+    expect(Math.hypot(...offset)).toBeCloseTo(height * Math.hypot(0.5, 0.25));
   });
 
   it("respects the zoom limits", () => {
@@ -96,10 +96,10 @@ describe("distance to fit", () => {
       const tan = Math.tan(FIELD_OF_VIEW_RAD / 2);
       const shares = [0, 1, 2, 3, 4, 5, 6, 7].map((bits) => {
         const corner = extent.map((value, axis) => ((bits >> axis) & 1 ? value : -value) / 2) as Vec3;
-        const way = minus(corner, eye);
-        const depth = dot(way, look);
-        const across = dot(way, right);
-        const up = Math.sqrt(Math.max(dot(way, way) - depth ** 2 - across ** 2, 0));
+        const offset = minus(corner, eye);
+        const depth = dot(offset, look);
+        const across = dot(offset, right);
+        const up = Math.sqrt(Math.max(dot(offset, offset) - depth ** 2 - across ** 2, 0));
         return Math.max(Math.abs(across) / (depth * tan * aspect), up / (depth * tan));
       });
       expect(Math.max(...shares)).toBeCloseTo(1);

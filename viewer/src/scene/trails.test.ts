@@ -3,7 +3,7 @@ import { randomNumbers } from "./testing.ts";
 import { TrackSimplifier } from "./trails.ts";
 
 /** A track with legs at different speeds, and pauses. */
-function way(seed: number): number[][] {
+function track(seed: number): number[][] {
   const next = randomNumbers(seed);
   const points: number[][] = [];
   let place = [0, 0, 0];
@@ -22,7 +22,7 @@ function way(seed: number): number[][] {
 
 describe("track simplification", () => {
   it.each([1, 2, 3])("keeps few points, all omitted ones within the tolerance (seed %i)", (seed) => {
-    const points = way(seed);
+    const points = track(seed);
     const kept: (readonly number[])[] = [];
     const simplifier = new TrackSimplifier();
     for (const point of points) simplifier.push(point, (one) => kept.push(one));

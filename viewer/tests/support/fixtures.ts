@@ -21,13 +21,13 @@ export class Servers {
   /** Serves the page with a recording; returns its address. */
   async view(file: string): Promise<string> {
     const server = this.#start("sim_server", ["view", file, "--address", "127.0.0.1:0", "--page", PAGE]);
-    return (await server.says("stdout", /^(http:\S+)$/m))[1]!;
+    return (await server.prints("stdout", /^(http:\S+)$/m))[1]!;
   }
 
   /** Starts a run that can be observed; returns the server and the address of the page. */
   async run(flags: readonly string[], address = "127.0.0.1:0"): Promise<{ server: Program; url: string }> {
     const server = this.#start("sim_server", ["run", ...flags, "--view", address, "--page", PAGE]);
-    const url = (await server.says("stderr", /(http:\/\/\S+)/))[1]!;
+    const url = (await server.prints("stderr", /(http:\/\/\S+)\s/))[1]!;
     return { server, url };
   }
 

@@ -22,17 +22,17 @@ export class Program {
     });
     this.#child.stdout!.setEncoding("utf8").on("data", (text: string) => {
       this.stdout += text;
-      this.#tell();
+      this.#notify();
     });
     this.#child.stderr!.setEncoding("utf8").on("data", (text: string) => {
       this.stderr += text;
-      this.#tell();
+      this.#notify();
     });
     this.ended = new Promise((resolve) => {
       const end = (code: number): void => {
         this.#code ??= code;
         resolve(code);
-        this.#tell();
+        this.#notify();
       };
       this.#child.on("error", (error) => {
         this.stderr += `${error.message}\n`;
@@ -43,7 +43,7 @@ export class Program {
   }
 
   /** Waits for output that matches; rejects if the process ends without it. */
-  says(stream: "stdout" | "stderr", what: RegExp): Promise<RegExpExecArray> {
+  prints(stream: "stdout" | "stderr", what: RegExp): Promise<RegExpExecArray> {
     return new Promise((resolve, reject) => {
       const look = (): void => {
         const found = what.exec(this[stream]);
@@ -63,7 +63,7 @@ export class Program {
     await this.ended;
   }
 
-  #tell(): void {
+  #notify(): void {
     for (const listener of [...this.#listeners]) listener();
   }
 }

@@ -8,12 +8,12 @@ export function parameterOf(page: Page, name: string): Promise<unknown> {
       new Promise((resolve, reject) => {
         const socket = new WebSocket(`ws://${location.host}`, ["foxglove.sdk.v1"]);
         socket.onopen = () =>
-          socket.send(JSON.stringify({ op: "getParameters", parameterNames: [name], id: "asked" }));
+          socket.send(JSON.stringify({ op: "getParameters", parameterNames: [name], id: "query" }));
         socket.onerror = () => reject(new Error("The server does not answer"));
         socket.onmessage = ({ data }) => {
           if (typeof data !== "string") return;
           const message = JSON.parse(data) as { op: string; id?: string; parameters?: { value: unknown }[] };
-          if (message.op !== "parameterValues" || message.id !== "asked") return;
+          if (message.op !== "parameterValues" || message.id !== "query") return;
           socket.close();
           resolve(message.parameters?.[0]?.value);
         };
