@@ -153,8 +153,8 @@ function addressOf({ url, agent }) {
 // These functions are sent to the page as text: they cannot refer to this file.
 
 /**
- * @returns {Promise<(RecordingFacts & { problem: string | null }) | { refusal: string } | {
- * failure: string }>}
+ * @returns {Promise<(RecordingFacts & { problem: string | null }) | { refusal: string }
+ *   | { failure: string }>}
  */
 function readWhole() {
   const maes = window.maes;

@@ -32,7 +32,7 @@ const LAYERS_OF_AGENT = ["hits", "belief"];
  *
  * @typedef {CommonRequest & { kind: "png", atS: number }} ImageRequest
  * @typedef {CommonRequest & { kind: "mp4" | "gif", fromS: number | null, toS: number | null,
- * lengthS: number, fps: number }} MovieRequest
+ *   lengthS: number, fps: number }} MovieRequest
  * @typedef {ImageRequest | MovieRequest} CaptureRequest
  *
  * @typedef {object} RecordingFacts Facts of a recording that has been read completely.

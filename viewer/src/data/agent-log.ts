@@ -24,7 +24,7 @@ export function tickAt(timeS: number): number {
 
 class GrowingTrack implements Track {
   readonly times = new Growable(new Float64Array(0));
-  readonly places = new Growable(new Float32Array(0));
+  readonly xyz = new Growable(new Float32Array(0));
   readonly yaws = new Growable(new Float32Array(0));
 
   get count(): number {
@@ -34,7 +34,7 @@ class GrowingTrack implements Track {
     return this.times.array;
   }
   get positions(): Float32Array {
-    return this.places.array;
+    return this.xyz.array;
   }
   get yawRad(): Float32Array {
     return this.yaws.array;
@@ -74,7 +74,7 @@ export class AgentLog {
 
   addPose(tick: number, x: number, y: number, z: number, yawRad: number): void {
     this.#track.times.push(tick * TICK_S);
-    this.#track.places.append([x, y, z]);
+    this.#track.xyz.append([x, y, z]);
     this.#track.yaws.push(yawRad);
   }
 

@@ -152,22 +152,22 @@ export class BatchBuilder {
   }
 
   /** A body that was placed elsewhere did not travel there, so the path is not interpolated. */
-  intervention(done: messages.Intervention): void {
-    this.#checkTick(done.tick);
-    const state = this.#agents[done.agent];
-    if (!state || !done.isPlaced) {
+  intervention(change: messages.Intervention): void {
+    this.#checkTick(change.tick);
+    const state = this.#agents[change.agent];
+    if (!state || !change.isPlaced) {
       return;
     }
-    if (state.pose && state.pose.tick < done.tick) {
-      this.#pose(done.agent, done.tick, state.pose.position, state.pose.yawRad);
+    if (state.pose && state.pose.tick < change.tick) {
+      this.#pose(change.agent, change.tick, state.pose.position, state.pose.yawRad);
     }
     state.pose = null;
-    this.#pose(done.agent, done.tick, done.position, done.yawRad);
+    this.#pose(change.agent, change.tick, change.position, change.yawRad);
   }
 
-  progress(observed: Progress): void {
-    this.#progress.push(observed);
-    this.#lastProgress = observed;
+  progress(progress: Progress): void {
+    this.#progress.push(progress);
+    this.#lastProgress = progress;
     this.#hasChanges = true;
   }
 

@@ -17,7 +17,7 @@ import { NEVER } from "./run.ts";
 const [TICK, RUNS_END, MESSAGES_END, COLUMNS] = [0, 1, 2, 3];
 
 export class BeliefLog {
-  readonly #parts = new Growable(new Uint32Array(0));
+  readonly #fragments = new Growable(new Uint32Array(0));
   readonly #starts = new Growable(new Uint32Array(0));
   readonly #lengths = new Growable(new Uint16Array(0));
   /** End of each message in `#bytes`. */
@@ -33,11 +33,11 @@ export class BeliefLog {
       this.#bytes.append(message);
       this.#messageEnds.push(this.#bytes.count);
     }
-    this.#parts.append([tick, this.#starts.count, this.#messageEnds.count]);
+    this.#fragments.append([tick, this.#starts.count, this.#messageEnds.count]);
   }
 
-  get parts(): number {
-    return this.#parts.count / COLUMNS;
+  get fragments(): number {
+    return this.#fragments.count / COLUMNS;
   }
 
   /**
@@ -45,18 +45,18 @@ export class BeliefLog {
    * times.
    */
   replay(first: number, reader: MapMessageReader, learn: (tick: number, cell: number) => void): void {
-    const parts = this.#parts.array;
-    let run = first === 0 ? 0 : parts[(first - 1) * COLUMNS + RUNS_END]!;
-    let message = first === 0 ? 0 : parts[(first - 1) * COLUMNS + MESSAGES_END]!;
-    for (let part = first; part < this.parts; part++) {
-      const tick = parts[part * COLUMNS + TICK]!;
-      for (const end = parts[part * COLUMNS + RUNS_END]!; run < end; run++) {
+    const fragments = this.#fragments.array;
+    let run = first === 0 ? 0 : fragments[(first - 1) * COLUMNS + RUNS_END]!;
+    let message = first === 0 ? 0 : fragments[(first - 1) * COLUMNS + MESSAGES_END]!;
+    for (let fragment = first; fragment < this.fragments; fragment++) {
+      const tick = fragments[fragment * COLUMNS + TICK]!;
+      for (const end = fragments[fragment * COLUMNS + RUNS_END]!; run < end; run++) {
         const start = this.#starts.array[run]!;
         for (let cell = start + this.#lengths.array[run]!; cell-- > start;) {
           learn(tick, cell);
         }
       }
-      for (const end = parts[part * COLUMNS + MESSAGES_END]!; message < end; message++) {
+      for (const end = fragments[fragment * COLUMNS + MESSAGES_END]!; message < end; message++) {
         const from = message === 0 ? 0 : this.#messageEnds.array[message - 1]!;
         const cells = reader.cells(this.#bytes.array.subarray(from, this.#messageEnds.array[message]!));
         cells?.forEach((cell) => learn(tick, cell));
@@ -71,7 +71,7 @@ export class BeliefTracker {
   readonly #log: BeliefLog;
   readonly #reader: MapMessageReader;
   readonly #isKnown: Uint8Array;
-  #parts = 0;
+  #fragments = 0;
 
   constructor(request: number, log: BeliefLog, reader: MapMessageReader, cells: number) {
     this.request = request;
@@ -101,12 +101,12 @@ export class BeliefTracker {
 
   #replay(learn: (tick: number, cell: number) => void): void {
     const isKnown = this.#isKnown;
-    this.#log.replay(this.#parts, this.#reader, (tick, cell) => {
+    this.#log.replay(this.#fragments, this.#reader, (tick, cell) => {
       if (isKnown[cell] === 0) {
         isKnown[cell] = 1;
         learn(tick, cell);
       }
     });
-    this.#parts = this.#log.parts;
+    this.#fragments = this.#log.fragments;
   }
 }

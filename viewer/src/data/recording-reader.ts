@@ -318,7 +318,7 @@ export class RecordingReader {
   /** Completes the header with the controllers of the agents that joined. */
   #open(header: RunHeader): void {
     const { setup } = header;
-    const controllers = setup.controllers.map((usual, agent) => this.#controllers.get(agent) ?? usual);
+    const controllers = setup.controllers.map((fallback, agent) => this.#controllers.get(agent) ?? fallback);
     this.#header = { ...header, setup: { ...setup, controllers } };
     this.#isOpen = true;
   }

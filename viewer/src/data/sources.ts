@@ -61,24 +61,24 @@ function open(
   };
   const run = new Promise<Run>((resolve, reject) => {
     let model: RunModel | null = null;
-    const refuse = (message: string) => {
+    const abort = (message: string) => {
       worker.terminate();
       model?.fail(message);
       reject(new UnreadableError(message));
     };
     worker.onerror = (event) =>
-      refuse(`${title} cannot be read: ${event.message || "the worker did not start"}`);
+      abort(`${title} cannot be read: ${event.message || "the worker did not start"}`);
     worker.onmessage = ({ data: reply }: MessageEvent<Reply>) => {
       if (reply.kind === "unreadable") {
-        refuse(reply.message);
+        abort(reply.message);
       } else if (reply.kind === "opened") {
         const reader = { send, close: () => worker.terminate() };
         try {
           model = new RunModel(id, title, reply.setup, reply.terrain, reader);
         } catch (error) {
-          // A browser may refuse the memory that a large map needs.
+          // A browser may abort the memory that a large map needs.
           const size = reply.terrain.size.join(" x ");
-          refuse(`${title} cannot be shown: its map has ${size} cells: ${(error as Error).message}`);
+          abort(`${title} cannot be shown: its map has ${size} cells: ${(error as Error).message}`);
         }
       } else if (model) {
         model.take(reply);

@@ -164,9 +164,9 @@ export class Team {
         dashM: 0.8 * this.run.terrain.cellM,
       });
       const isLast = index + 1 === state.path.length;
-      const mark = { anchor: to, abovePx: 0, colour, number: 0 };
-      if (isLast) markers.push({ ...mark, kind: MARKER.target, radiusPx: isChosen ? 11 : 7, alpha });
-      else if (isChosen) markers.push({ ...mark, kind: MARKER.dot, radiusPx: 2.5, alpha });
+      const marker = { anchor: to, abovePx: 0, colour, number: 0 };
+      if (isLast) markers.push({ ...marker, kind: MARKER.target, radiusPx: isChosen ? 11 : 7, alpha });
+      else if (isChosen) markers.push({ ...marker, kind: MARKER.dot, radiusPx: 2.5, alpha });
       from = to;
     }
   }
@@ -195,7 +195,7 @@ export class Team {
       a.depthM - b.depthM ||
       a.state.id - b.state.id;
     const placed: { x: number; y: number }[] = [];
-    const names = [...this.#onScreen].sort(isBefore).map((agent): Marker => {
+    const labels = [...this.#onScreen].sort(isBefore).map((agent): Marker => {
       const abovePx = agent.radiusPx + LABEL_RADIUS_PX + 4;
       const y = agent.y - abovePx;
       const isFree = placed.every(
@@ -214,6 +214,6 @@ export class Team {
         number: agent.state.id,
       };
     });
-    return names.reverse();
+    return labels.reverse();
   }
 }
