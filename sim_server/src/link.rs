@@ -14,7 +14,7 @@ use msgs::sensor_msgs::PointCloud2;
 use crate::control::Request;
 use simulation::lockstep::SourceId;
 use simulation::scenario::Rtf;
-use simulation::views::{Listeners, Picture, View};
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
 /// A message from an agent process.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,11 +58,11 @@ pub trait Link {
     /// Keeps what an agent that is driven by standard messages is told in this tick; it is sent with its observation.
     fn drive(&mut self, _agent: AgentId, _odometry: Odometry, _points: Option<PointCloud2>) {}
     /// What somebody listens to now, or `None` if that is nothing. A transport that nobody else can use has no onlookers.
-    fn listeners(&mut self) -> Option<&Listeners> {
+    fn listeners(&mut self) -> Option<&Subscribers> {
         None
     }
     /// Shows something to those who listen.
-    fn show(&mut self, _view: View, _picture: &Picture) {}
+    fn show(&mut self, _view: VisualisationTopic, _picture: &VisualisationMessage) {}
     /// Tells onlookers the pace, at the beginning and when somebody has set another one.
     fn pace(&mut self, _rtf: Rtf) {}
     /// Tells people something that was told on the terminal.

@@ -32,7 +32,7 @@ use crate::link::{Inbound, Incoming, Level, Link};
 use simulation::lockstep::SourceId;
 use simulation::parameters;
 use simulation::scenario::{self, Rtf};
-use simulation::views::{Listeners, Picture, View};
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
 use driven::Driven;
 use services::{Asked, Services};
@@ -220,11 +220,11 @@ impl Link for RosLink {
         }
     }
 
-    fn listeners(&mut self) -> Option<&Listeners> {
+    fn listeners(&mut self) -> Option<&Subscribers> {
         self.gallery.listeners(&self.context)
     }
 
-    fn show(&mut self, view: View, picture: &Picture) {
+    fn show(&mut self, view: VisualisationTopic, picture: &VisualisationMessage) {
         self.gallery.show(&mut self.node, view, picture);
     }
 

@@ -39,9 +39,9 @@ use crate::link::{Level, Link};
 use crate::playback::{Playback, Said};
 use simulation::digest::{Chain, Digest};
 use simulation::scenario::{OnAgentLoss, Scenario};
-use simulation::views::Views;
+use simulation::visualisation::VisualisationScheduler;
 use simulation::wire;
-use simulation::world::{Action, Since, World};
+use simulation::world::{Action, Commit, World};
 
 use control::Phase;
 use exchange::{Answer, Asked, Exchange, Meanwhile, PATIENCE, Patience, Silence};
@@ -207,7 +207,7 @@ fn carry_out<'a>(
         digest_recorded: None,
         progress_recorded: None,
         reported: now(),
-        views: Views::new(scenario.views.clone(), scenario.agents.count),
+        views: VisualisationScheduler::new(scenario.views.clone(), scenario.agents.count),
         infos: vec![String::new(); scenario.agents.count as usize],
         started: now(),
     };
@@ -267,7 +267,7 @@ struct Run<'a> {
     digest_recorded: Option<Tick>,
     progress_recorded: Option<Tick>,
     reported: Instant,
-    views: Views,
+    views: VisualisationScheduler,
     /// The last information text of each agent.
     infos: Vec<String>,
     /// When the ticks began, wall time.
@@ -392,17 +392,17 @@ impl Run<'_> {
             let wake = self.wakes[agent.index()];
             let happened = self.world.events(agent, wake.events);
             let since = if wake.is_due(self.world.tick(), happened) {
-                Since::LastCounted
+                Commit::Committed
             } else if let Some(said) = &self.said {
                 // Out of turn only those have counted who have done something.
                 if !said.commands.contains_key(&agent) {
                     continue;
                 }
-                Since::LastAsked
+                Commit::Speculative
             } else if self.scenario.execution.look_ahead {
                 continue;
             } else {
-                Since::LastAsked
+                Commit::Speculative
             };
             if self.driven.contains(&agent) && !self.is_replaying() {
                 self.drive(agent);
@@ -462,10 +462,10 @@ impl Run<'_> {
                 continue;
             };
             let parts = match since {
-                Since::LastCounted => parts,
-                Since::LastAsked if answer.does_nothing() => continue,
-                Since::LastAsked => {
-                    let whole = self.world.observe(agent, Since::LastCounted);
+                Commit::Committed => parts,
+                Commit::Speculative if answer.does_nothing() => continue,
+                Commit::Speculative => {
+                    let whole = self.world.observe(agent, Commit::Committed);
                     wire::observation_parts(&whole, Part::RUNNING)
                 }
             };

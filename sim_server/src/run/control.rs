@@ -19,7 +19,7 @@ use super::{FAREWELL, Run, RunError};
 use crate::control::entities::Team;
 use crate::control::{self, Request};
 use simulation::wire;
-use simulation::world::Since;
+use simulation::world::Commit;
 use simulation::world::body::Pose;
 
 /// Requests that are answered between two ticks at the most, so that a flood of them does not stop the clock.
@@ -166,9 +166,9 @@ impl Run<'_> {
             return Ok(not_now("agents are awaited"));
         }
         // Told out of turn, so that the end of the recording has what it was never told.
-        let observation = self.world.observe(agent, Since::LastAsked);
+        let observation = self.world.observe(agent, Commit::Speculative);
         let parts = wire::observation_parts(&observation, Part::ENDED);
-        let told = [Asked { agent, since: Since::LastAsked, parts }];
+        let told = [Asked { agent, since: Commit::Speculative, parts }];
         let mut meanwhile = Meanwhile { watcher: self.watcher, log: &mut self.log, stop: self.stop };
         self.exchange.farewell(self.world.tick(), &told, FAREWELL, &mut meanwhile)?;
         self.remove(agent)?;

@@ -26,9 +26,9 @@ use crate::link::{Level, Link};
 use crate::recorder::RecordError;
 use simulation::lockstep::{Barrier, Refusal, Roster, listed};
 use simulation::scenario::{OnAgentLoss, Rtf};
-use simulation::views::{Listeners, Picture, View};
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 use simulation::world::body::Motion;
-use simulation::world::{Action, Since};
+use simulation::world::{Action, Commit};
 
 /// Wall time of silence after which an observation is sent again the first time; it doubles from then on.
 const SEND_AGAIN_FIRST: Duration = Duration::from_millis(100);
@@ -51,7 +51,7 @@ pub(super) struct Asked {
     /// Who.
     pub(super) agent: AgentId,
     /// Whether it is its turn, or it is asked all the same.
-    pub(super) since: Since,
+    pub(super) since: Commit,
     /// What it is told.
     pub(super) parts: Vec<Part>,
 }
@@ -70,11 +70,11 @@ pub(super) struct Answer {
 impl Answer {
     /// Whether the run would be the same without it.
     pub(super) fn does_nothing(&self) -> bool {
-        let Action { motion, lidar, want_view, parcels } = &self.action;
+        let Action { motion, lidar, want_view, messages } = &self.action;
         *motion == Motion::Keep
             && *lidar == ScanRequest::Keep
             && !want_view
-            && parcels.is_empty()
+            && messages.is_empty()
             && self.message.info.is_empty()
     }
 }
@@ -195,12 +195,12 @@ impl<'a> Exchange<'a> {
     }
 
     /// See [`Link::listeners`].
-    pub(super) fn listeners(&mut self) -> Option<&Listeners> {
+    pub(super) fn listeners(&mut self) -> Option<&Subscribers> {
         self.link.listeners()
     }
 
     /// See [`Link::show`].
-    pub(super) fn show(&mut self, view: View, picture: &Picture) {
+    pub(super) fn show(&mut self, view: VisualisationTopic, picture: &VisualisationMessage) {
         self.link.show(view, picture);
     }
 

@@ -12,7 +12,7 @@ use super::now;
 use crate::journal::Journal;
 use crate::recorder::{RecordError, Recorder};
 use simulation::digest::Chain;
-use simulation::views::{Picture, View};
+use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 
 /// Wall time after which the open chunk of the recording is saved provisionally.
 const SAVE_PERIOD: Duration = Duration::from_millis(500);
@@ -82,7 +82,7 @@ pub(super) struct Log<'s> {
     sim_topics: [Topic; 6],
     agent_topics: Vec<[Topic; 3]>,
     /// Of the views that have been recorded so far.
-    view_topics: BTreeMap<View, Topic>,
+    view_topics: BTreeMap<VisualisationTopic, Topic>,
     bytes: Vec<u8>,
     saved: Instant,
 }
@@ -143,7 +143,12 @@ impl<'s> Log<'s> {
     }
 
     /// Writes a message of a view.
-    pub(super) fn write_view(&mut self, view: View, tick: Tick, picture: &Picture) -> Result<(), RecordError> {
+    pub(super) fn write_view(
+        &mut self,
+        view: VisualisationTopic,
+        tick: Tick,
+        picture: &VisualisationMessage,
+    ) -> Result<(), RecordError> {
         self.encode(picture);
         let topic = self.view_topics.entry(view).or_insert_with(|| view.topic());
         let written = self.outlets.write(topic, tick, &self.bytes);

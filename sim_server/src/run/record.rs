@@ -5,9 +5,9 @@ use msgs::maes_msgs;
 use super::exchange::Asked;
 use super::log::Kind;
 use super::{Run, RunError};
-use simulation::views::{Picture, View};
+use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 use simulation::wire;
-use simulation::world::Since;
+use simulation::world::Commit;
 
 /// Sim time between two digests in the recording: a second.
 const DIGEST_TICKS: u64 = 50;
@@ -38,7 +38,7 @@ impl Run<'_> {
             self.digest_recorded = Some(tick);
             let digest = maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest: self.chain.digest().0 };
             self.log.write(Kind::Digest, tick, &digest)?;
-            self.show_own(View::Digest, Picture::Digest(digest));
+            self.show_own(VisualisationTopic::Digest, VisualisationMessage::Digest(digest));
         }
         Ok(())
     }
@@ -57,7 +57,7 @@ impl Run<'_> {
     /// Records what agents were told in a tick that was given up. It is not part of the digest.
     pub(super) fn record_unanswered(&mut self, asked: &[Asked]) -> Result<(), RunError> {
         let tick = self.world.tick();
-        for Asked { agent, parts, .. } in asked.iter().filter(|asked| asked.since == Since::LastCounted) {
+        for Asked { agent, parts, .. } in asked.iter().filter(|asked| asked.since == Commit::Committed) {
             for part in parts {
                 self.log.write(Kind::Observation(*agent), tick, part)?;
             }

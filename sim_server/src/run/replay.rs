@@ -17,7 +17,7 @@ use crate::link::Level;
 use crate::playback::{Ending, Playback, Said};
 use simulation::scenario::OnAgentLoss;
 use simulation::wire;
-use simulation::world::Since;
+use simulation::world::Commit;
 
 impl Run<'_> {
     /// Whether nobody is asked, because it is known what they have answered.
@@ -140,7 +140,7 @@ impl Run<'_> {
         match wire::placement(intervention) {
             Some(pose) => self.place(agent, pose)?.map_err(|reason| misfit(format!("agent {agent}: {reason}"))),
             None => {
-                self.world.observe(agent, Since::LastAsked);
+                self.world.observe(agent, Commit::Speculative);
                 self.remove(agent)
             }
         }

@@ -9,7 +9,7 @@ use super::exchange::{Asked, Meanwhile};
 use super::log::Kind;
 use super::{FAREWELL, MILESTONE_COUNTER, Outcome, Run, RunError};
 use simulation::wire;
-use simulation::world::Since;
+use simulation::world::Commit;
 
 impl Run<'_> {
     /// Tells the agents, and ends the recording.
@@ -17,9 +17,9 @@ impl Run<'_> {
         let tick = self.world.tick();
         let mut ends = Vec::new();
         for agent in self.world.agents() {
-            let observation = self.world.observe(agent, Since::LastCounted);
+            let observation = self.world.observe(agent, Commit::Committed);
             let parts = wire::observation_parts(&observation, Part::ENDED);
-            ends.push(Asked { agent, since: Since::LastCounted, parts });
+            ends.push(Asked { agent, since: Commit::Committed, parts });
         }
         self.desk.end_steps("the run has ended");
         let told: Vec<Asked> = ends.iter().filter(|end| !self.lost.contains(&end.agent)).cloned().collect();

@@ -10,7 +10,7 @@ use msgs::maes_msgs;
 use super::{Run, RunError, now};
 use crate::link::Level;
 use simulation::digest::Digest;
-use simulation::views::{self, Facts, Moment, Picture, View};
+use simulation::visualisation::{self, PublishTime, RunStatus, VisualisationMessage, VisualisationTopic};
 use simulation::wire;
 
 impl Run<'_> {
@@ -19,9 +19,9 @@ impl Run<'_> {
         if !self.log.is_recording() {
             return Ok(());
         }
-        let facts = Facts { infos: &self.infos, lost: &self.lost, pace: None };
+        let facts = RunStatus { infos: &self.infos, lost: &self.lost, rtf: None };
         let tick = self.world.tick();
-        for (view, picture) in self.views.to_record(&mut self.world, &facts) {
+        for (view, picture) in self.views.due_for_recording(&mut self.world, &facts) {
             self.log.write_view(view, tick, &picture)?;
         }
         Ok(())
@@ -32,9 +32,9 @@ impl Run<'_> {
         let Some(listeners) = self.exchange.listeners() else { return };
         let elapsed = self.started.elapsed();
         let pace = (!elapsed.is_zero()).then(|| sim_time(self.world.tick()).div_duration_f64(elapsed));
-        let facts = Facts { infos: &self.infos, lost: &self.lost, pace };
-        let moment = Moment { wall_ns: nanoseconds(elapsed), is_still: !self.desk.control().may_tick() };
-        let pictures = self.views.to_show(&mut self.world, &facts, listeners, moment);
+        let facts = RunStatus { infos: &self.infos, lost: &self.lost, rtf: pace };
+        let moment = PublishTime { wall_ns: nanoseconds(elapsed), is_paused: !self.desk.control().may_tick() };
+        let pictures = self.views.due_live(&mut self.world, &facts, listeners, moment);
         for (view, picture) in pictures {
             self.exchange.show(view, &picture);
         }
@@ -43,23 +43,23 @@ impl Run<'_> {
     /// Has an agent that is driven by standard messages told where it is, and what its scan of this tick has found.
     pub(super) fn drive(&mut self, agent: AgentId) {
         let has_scan = self.world.last_scan(agent).is_some_and(|(_, tick)| tick == self.world.tick());
-        let points = if has_scan { views::points(&self.world, agent) } else { None };
-        let mut odometry = views::odometry(&self.world, agent);
-        odometry.pose.pose.position = wire::point(&self.world.told_position(agent));
+        let points = if has_scan { visualisation::points(&self.world, agent) } else { None };
+        let mut odometry = visualisation::odometry(&self.world, agent);
+        odometry.pose.pose.position = wire::point(&self.world.measured_position(agent));
         self.exchange.drive(agent, odometry, points);
     }
 
     /// Shows a message that the run loop has made by itself, if it may.
-    pub(super) fn show_own(&mut self, view: View, picture: Picture) {
+    pub(super) fn show_own(&mut self, view: VisualisationTopic, picture: VisualisationMessage) {
         let Some(listeners) = self.exchange.listeners() else { return };
-        if self.views.may_show(view, listeners, nanoseconds(self.started.elapsed())) {
+        if self.views.may_publish(view, listeners, nanoseconds(self.started.elapsed())) {
             self.exchange.show(view, &picture);
         }
     }
 
     /// Shows how the run has ended.
     pub(super) fn show_end(&mut self, result: &maes_msgs::Result, ended_well: bool) {
-        self.exchange.show(View::Result, &Picture::Result(Box::new(result.clone())));
+        self.exchange.show(VisualisationTopic::Result, &VisualisationMessage::Result(Box::new(result.clone())));
         let level = if ended_well { Level::Info } else { Level::Error };
         let digest = Digest(result.digest);
         self.exchange
