@@ -32,7 +32,7 @@ use crate::transport::{AgentTransport, ControlInput, Inbound, Incoming, Level, O
 use simulation::lockstep::SourceId;
 use simulation::parameters;
 use simulation::scenario::{self, Rtf};
-use simulation::views::{Listeners, Picture, View};
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
 use driven::Driven;
 use services::{Asked, Services};
@@ -230,11 +230,11 @@ impl ObserverOutput for RosLink {
         self.progress.publish(&mut self.node, progress);
     }
 
-    fn subscribers(&mut self) -> Option<&Listeners> {
+    fn subscribers(&mut self) -> Option<&Subscribers> {
         self.gallery.listeners(&self.context)
     }
 
-    fn publish(&mut self, view: View, picture: &Picture) {
+    fn publish(&mut self, view: VisualisationTopic, picture: &VisualisationMessage) {
         self.gallery.show(&mut self.node, view, picture);
     }
 

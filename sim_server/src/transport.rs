@@ -17,7 +17,7 @@ pub use msgs::rcl_interfaces::Level;
 use msgs::sensor_msgs::PointCloud2;
 use simulation::lockstep::SourceId;
 use simulation::scenario::Rtf;
-use simulation::views::{Listeners, Picture, View};
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
 use crate::control::Request;
 
@@ -71,11 +71,11 @@ pub trait ObserverOutput {
     /// Publishes the progress.
     fn progress(&mut self, _progress: &Progress) {}
     /// The visualisation topics that have subscribers, or `None` if none has.
-    fn subscribers(&mut self) -> Option<&Listeners> {
+    fn subscribers(&mut self) -> Option<&Subscribers> {
         None
     }
     /// Publishes a message of a visualisation topic.
-    fn publish(&mut self, _view: View, _picture: &Picture) {}
+    fn publish(&mut self, _view: VisualisationTopic, _picture: &VisualisationMessage) {}
     /// Publishes the limit of the real-time factor, at the start and after each change.
     fn real_time_factor(&mut self, _rtf: Rtf) {}
     /// Publishes a line of the log.

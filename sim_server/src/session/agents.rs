@@ -14,6 +14,8 @@ use std::time::Duration;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, Observation as Fragment, Scenario};
+use msgs::scan_request::ScanRequest;
+use msgs::trigger::Trigger;
 
 use super::log::SessionLog;
 use super::{RunError, RunObserver, RunStart};
@@ -21,10 +23,10 @@ use crate::recorder::RecordError;
 use crate::transport::{AgentTransport, Level, Transport};
 use crate::wall_clock::now;
 use observation_log::ObservationLog;
-use simulation::lockstep::{Barrier, Membership, Refusal, Wake, listed};
+use simulation::lockstep::{Barrier, Membership, Refusal, listed};
 use simulation::scenario::OnAgentLoss;
 use simulation::world::body::Motion;
-use simulation::world::{Action, LidarRequest, Since};
+use simulation::world::{Action, Commit};
 
 /// Wall time without a reply after which an observation is resent for the first time; the interval doubles from then on.
 const RESEND_FIRST: Duration = Duration::from_millis(100);
@@ -47,7 +49,7 @@ const REFUSAL_REPORTS_MAX: u64 = 5;
 pub(super) struct ObservationRequest {
     pub(super) agent: AgentId,
     /// Whether the agent is due, or is asked out of turn.
-    pub(super) since: Since,
+    pub(super) since: Commit,
     pub(super) fragments: Vec<Fragment>,
 }
 
@@ -58,17 +60,17 @@ pub(super) struct CommandReply {
     pub(super) message: Command,
     pub(super) action: Action,
     /// When the agent is due next.
-    pub(super) trigger: Wake,
+    pub(super) trigger: Trigger,
 }
 
 impl CommandReply {
     /// Whether the run would be the same without it.
     pub(super) fn is_no_op(&self) -> bool {
-        let Action { motion, lidar, want_view, parcels } = &self.action;
+        let Action { motion, lidar, want_view, messages } = &self.action;
         *motion == Motion::Keep
-            && *lidar == LidarRequest::Keep
+            && *lidar == ScanRequest::Keep
             && !want_view
-            && parcels.is_empty()
+            && messages.is_empty()
             && self.message.info.is_empty()
     }
 }

@@ -15,7 +15,7 @@ use super::agents::POLL_PERIOD;
 use super::{RunError, SHUTDOWN_TIMEOUT, Session};
 use crate::control::entities::Team;
 use crate::control::{self, Request};
-use simulation::world::Since;
+use simulation::world::Commit;
 
 /// Most requests that are answered between two ticks, so that a flood does not stop the clock.
 const REQUESTS_MAX: usize = 32;
@@ -156,7 +156,7 @@ impl Session<'_, '_> {
             return Ok(not_now("agents are awaited"));
         }
         // The observation stays pending, so that the end of the recording holds what was never committed.
-        let last = [self.engine.request(agent, Since::LastAsked, Fragment::ENDED)];
+        let last = [self.engine.request(agent, Commit::Speculative, Fragment::ENDED)];
         let tick = self.engine.tick();
         let (sessions, mut context) = self.waiting();
         sessions.shut_down(tick, &last, SHUTDOWN_TIMEOUT, &mut context)?;

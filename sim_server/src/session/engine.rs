@@ -18,12 +18,12 @@ use super::agents::{CommandReply, ObservationRequest, Replies};
 use super::log::{Kind, SessionLog};
 use super::{MILESTONE_COUNTER, RunError};
 use crate::playback::Said;
+use msgs::trigger::Trigger;
 use simulation::digest::Chain;
-use simulation::lockstep::Wake;
 use simulation::scenario::Scenario;
 use simulation::wire;
 use simulation::world::body::Pose;
-use simulation::world::{Action, Since, World};
+use simulation::world::{Action, Commit, World};
 
 /// A committed exchange with an agent.
 pub(super) struct Committed {
@@ -38,7 +38,7 @@ pub(super) struct Engine<'a> {
     pub(super) world: World,
     pub(super) chain: Chain,
     pool: rayon::ThreadPool,
-    triggers: Vec<Wake>,
+    triggers: Vec<Trigger>,
     /// Agents without a process: lost or removed.
     pub(super) lost: BTreeSet<AgentId>,
     /// Agents removed since the last tick, whose bodies stop in this one.
@@ -59,7 +59,7 @@ impl<'a> Engine<'a> {
             chain: Chain::new(&scenario.identity(), &world),
             world,
             pool: rayon::ThreadPoolBuilder::new().num_threads(threads).build()?,
-            triggers: vec![Wake::AT_ONCE; agents],
+            triggers: vec![Trigger::NEXT_TICK; agents],
             lost: BTreeSet::new(),
             removed: Vec::new(),
             interventions: 0,
@@ -84,14 +84,14 @@ impl<'a> Engine<'a> {
     }
 
     /// The agents to ask in this tick, ascending. `recorded` has the replies of a tick that is re-executed.
-    pub(super) fn due(&mut self, recorded: Option<&Said>) -> Vec<(AgentId, Since)> {
+    pub(super) fn due(&mut self, recorded: Option<&Said>) -> Vec<(AgentId, Commit)> {
         let tick = self.tick();
         let mut due = Vec::new();
         for agent in self.world.agents().filter(|agent| !self.lost.contains(agent)) {
             let trigger = self.triggers[agent.index()];
             let happened = self.world.events(agent, trigger.events);
             if trigger.is_due(tick, happened) {
-                due.push((agent, Since::LastCounted));
+                due.push((agent, Commit::Committed));
                 continue;
             }
             // Out of turn, a recording has only replies that did something.
@@ -100,14 +100,14 @@ impl<'a> Engine<'a> {
                 None => !self.scenario.execution.look_ahead,
             };
             if is_asked {
-                due.push((agent, Since::LastAsked));
+                due.push((agent, Commit::Speculative));
             }
         }
         due
     }
 
     /// The observation of an agent as a request.
-    pub(super) fn request(&mut self, agent: AgentId, since: Since, phase: u8) -> ObservationRequest {
+    pub(super) fn request(&mut self, agent: AgentId, since: Commit, phase: u8) -> ObservationRequest {
         let observation = self.world.observe(agent, since);
         ObservationRequest { agent, since, fragments: wire::observation_parts(&observation, phase) }
     }
@@ -128,9 +128,9 @@ impl<'a> Engine<'a> {
                 continue;
             };
             let fragments = match since {
-                Since::LastCounted => fragments,
-                Since::LastAsked if reply.is_no_op() => continue,
-                Since::LastAsked => self.request(agent, Since::LastCounted, Fragment::RUNNING).fragments,
+                Commit::Committed => fragments,
+                Commit::Speculative if reply.is_no_op() => continue,
+                Commit::Speculative => self.request(agent, Commit::Committed, Fragment::RUNNING).fragments,
             };
             for fragment in &fragments {
                 log.exchange(Kind::Observation(agent), tick, fragment, &mut self.chain)?;
@@ -166,7 +166,7 @@ impl<'a> Engine<'a> {
         let placed = self.world.place(agent, pose);
         if placed.is_ok() {
             // Its trigger was meant for another place.
-            self.triggers[agent.index()] = Wake::AT_ONCE;
+            self.triggers[agent.index()] = Trigger::NEXT_TICK;
             self.record_intervention(agent, Some(&pose), log)?;
         }
         Ok(placed)

@@ -12,7 +12,7 @@ use crate::journal::Journal;
 use crate::recorder::{RecordError, Recorder};
 use crate::wall_clock::now;
 use simulation::digest::Chain;
-use simulation::views::{Picture, View};
+use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 
 /// Wall time after which the open chunk of the recording is saved provisionally.
 const SAVE_PERIOD: Duration = Duration::from_millis(500);
@@ -70,7 +70,7 @@ pub(super) struct SessionLog<'s> {
     sim_topics: [Topic; 6],
     agent_topics: Vec<[Topic; 3]>,
     /// Topics of the recorded visualisation messages so far.
-    view_topics: BTreeMap<View, Topic>,
+    view_topics: BTreeMap<VisualisationTopic, Topic>,
     bytes: Vec<u8>,
     saved: Instant,
 }
@@ -139,7 +139,12 @@ impl<'s> SessionLog<'s> {
     }
 
     /// Writes a visualisation message.
-    pub(super) fn write_view(&mut self, view: View, tick: Tick, picture: &Picture) -> Result<(), RecordError> {
+    pub(super) fn write_view(
+        &mut self,
+        view: VisualisationTopic,
+        tick: Tick,
+        picture: &VisualisationMessage,
+    ) -> Result<(), RecordError> {
         self.encode(picture);
         let topic = self.view_topics.entry(view).or_insert_with(|| view.topic());
         let written = write(&mut self.live, &mut self.sink, topic, tick, &self.bytes);

@@ -10,19 +10,21 @@ use super::engine::Engine;
 use crate::transport::Transport;
 use crate::wall_clock::{nanoseconds, now};
 use simulation::scenario::Scenario;
-use simulation::views::{self, Facts, Moment, Picture, View, Views};
+use simulation::visualisation::{
+    self, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
+};
 use simulation::wire;
 
 /// The visualisation topics of a run, and its wall clock.
 pub(super) struct Observers {
-    views: Views,
+    views: VisualisationScheduler,
     /// Start of the first tick, wall time.
     started: Instant,
 }
 
 impl Observers {
     pub(super) fn new(scenario: &Scenario) -> Self {
-        Self { views: Views::new(scenario.views.clone(), scenario.agents.count), started: now() }
+        Self { views: VisualisationScheduler::new(scenario.views.clone(), scenario.agents.count), started: now() }
     }
 
     /// Starts the wall clock of the run.
@@ -36,27 +38,32 @@ impl Observers {
     }
 
     /// The visualisation messages to record at the start of this tick.
-    pub(super) fn to_record(&mut self, engine: &mut Engine<'_>) -> Vec<(View, Picture)> {
+    pub(super) fn to_record(&mut self, engine: &mut Engine<'_>) -> Vec<(VisualisationTopic, VisualisationMessage)> {
         let Engine { world, infos, lost, .. } = engine;
-        self.views.to_record(world, &Facts { infos, lost, pace: None })
+        self.views.due_for_recording(world, &RunStatus { infos, lost, rtf: None })
     }
 
     /// Publishes what is due to topics with subscribers. Works at any time, also while the clock is held.
     pub(super) fn publish(&mut self, engine: &mut Engine<'_>, may_tick: bool, transport: &mut dyn Transport) {
         let Some(subscribers) = transport.subscribers() else { return };
         let elapsed = self.started.elapsed();
-        let pace = (!elapsed.is_zero()).then(|| sim_time(engine.tick()).div_duration_f64(elapsed));
+        let rtf = (!elapsed.is_zero()).then(|| sim_time(engine.tick()).div_duration_f64(elapsed));
         let Engine { world, infos, lost, .. } = engine;
-        let moment = Moment { wall_ns: nanoseconds(elapsed), is_still: !may_tick };
-        for (view, picture) in self.views.to_show(world, &Facts { infos, lost, pace }, subscribers, moment) {
+        let moment = PublishTime { wall_ns: nanoseconds(elapsed), is_paused: !may_tick };
+        for (view, picture) in self.views.due_live(world, &RunStatus { infos, lost, rtf }, subscribers, moment) {
             transport.publish(view, &picture);
         }
     }
 
     /// Publishes a message that the session has made itself, if its topic has subscribers and its rate allows.
-    pub(super) fn publish_own(&mut self, view: View, picture: Picture, transport: &mut dyn Transport) {
+    pub(super) fn publish_own(
+        &mut self,
+        view: VisualisationTopic,
+        picture: VisualisationMessage,
+        transport: &mut dyn Transport,
+    ) {
         let Some(subscribers) = transport.subscribers() else { return };
-        if self.views.may_show(view, subscribers, nanoseconds(self.started.elapsed())) {
+        if self.views.may_publish(view, subscribers, nanoseconds(self.started.elapsed())) {
             transport.publish(view, &picture);
         }
     }
@@ -66,9 +73,9 @@ impl Observers {
 pub(super) fn send_sensors(engine: &mut Engine<'_>, agent: AgentId, transport: &mut dyn Transport) {
     let world = &engine.world;
     let has_scan = world.last_scan(agent).is_some_and(|(_, tick)| tick == world.tick());
-    let points = if has_scan { views::points(world, agent) } else { None };
-    let mut odometry = views::odometry(world, agent);
-    odometry.pose.pose.position = wire::point(&world.told_position(agent));
+    let points = if has_scan { visualisation::points(world, agent) } else { None };
+    let mut odometry = visualisation::odometry(world, agent);
+    odometry.pose.pose.position = wire::point(&world.measured_position(agent));
     transport.set_sensors(agent, odometry, points);
 }
 

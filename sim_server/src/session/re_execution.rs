@@ -15,7 +15,7 @@ use crate::playback::{Ending, Playback, Said};
 use crate::transport::Level;
 use simulation::scenario::OnAgentLoss;
 use simulation::wire;
-use simulation::world::Since;
+use simulation::world::Commit;
 
 /// What a recording says of the present tick.
 enum RecordedTick {
@@ -155,7 +155,7 @@ impl Session<'_, '_> {
                 placed.map_err(|reason| misfit(format!("agent {agent}: {reason}")))
             }
             None => {
-                self.engine.request(agent, Since::LastAsked, Fragment::RUNNING);
+                self.engine.request(agent, Commit::Speculative, Fragment::RUNNING);
                 self.engine.remove(agent, &mut self.log)
             }
         }

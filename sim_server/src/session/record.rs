@@ -7,9 +7,9 @@ use msgs::maes_msgs;
 use super::agents::ObservationRequest;
 use super::log::Kind;
 use super::{RunError, Session};
-use simulation::views::{Picture, View};
+use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 use simulation::wire;
-use simulation::world::Since;
+use simulation::world::Commit;
 
 /// Sim time between two digests in the recording: one second.
 const DIGEST_TICKS: u64 = 50;
@@ -53,7 +53,11 @@ impl Session<'_, '_> {
             let digest = self.engine.chain.digest().0;
             let digest = maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest };
             self.log.write(Kind::Digest, tick, &digest)?;
-            self.observers.publish_own(View::Digest, Picture::Digest(digest), self.transport);
+            self.observers.publish_own(
+                VisualisationTopic::Digest,
+                VisualisationMessage::Digest(digest),
+                self.transport,
+            );
         }
         Ok(())
     }
@@ -72,7 +76,7 @@ impl Session<'_, '_> {
     /// Records the observations of a tick that was given up. The digest does not cover them.
     pub(super) fn record_unanswered(&mut self, requests: &[ObservationRequest]) -> Result<(), RunError> {
         let tick = self.engine.tick();
-        for request in requests.iter().filter(|request| request.since == Since::LastCounted) {
+        for request in requests.iter().filter(|request| request.since == Commit::Committed) {
             for fragment in &request.fragments {
                 self.log.write(Kind::Observation(request.agent), tick, fragment)?;
             }

@@ -11,9 +11,9 @@ use super::log::Kind;
 use super::{Outcome, RunError, SHUTDOWN_TIMEOUT, Session};
 use crate::transport::Level;
 use simulation::digest::Digest;
-use simulation::views::{Picture, View};
+use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 use simulation::wire;
-use simulation::world::Since;
+use simulation::world::Commit;
 
 impl Session<'_, '_> {
     /// Shuts the agents down, and completes the recording.
@@ -21,7 +21,7 @@ impl Session<'_, '_> {
         let tick = self.engine.tick();
         let mut last: Vec<ObservationRequest> = Vec::new();
         for agent in self.engine.world.agents() {
-            last.push(self.engine.request(agent, Since::LastCounted, Fragment::ENDED));
+            last.push(self.engine.request(agent, Commit::Committed, Fragment::ENDED));
         }
         self.control.end_steps("the run has ended");
         let is_present = |request: &&ObservationRequest| !self.engine.lost.contains(&request.agent);
@@ -62,7 +62,7 @@ impl Session<'_, '_> {
     }
 
     fn publish_result(&mut self, result: &maes_msgs::Result, ended_well: bool) {
-        self.transport.publish(View::Result, &Picture::Result(Box::new(result.clone())));
+        self.transport.publish(VisualisationTopic::Result, &VisualisationMessage::Result(Box::new(result.clone())));
         let level = if ended_well { Level::Info } else { Level::Error };
         let (tick, reason, digest) = (result.tick, &result.reason, Digest(result.digest));
         self.transport.log(level, &format!("the run has ended in tick {tick}: {reason}; digest {digest}"));

@@ -18,7 +18,7 @@ use crate::control::Request;
 use crate::transport::{AgentTransport, ControlInput, Incoming, Level, ObserverOutput, Transport};
 use crate::wall_clock::now;
 use simulation::scenario::{self, Rtf};
-use simulation::views::{Listeners, Picture, View};
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
 /// Wall time between two tellings of the time.
 const CLOCK_PERIOD: Duration = Duration::from_millis(33);
@@ -28,14 +28,14 @@ pub struct Watched<'v, L> {
     link: L,
     viewing: &'v Viewing,
     scenario: &'v scenario::Scenario,
-    channels: BTreeMap<View, Arc<RawChannel>>,
-    view_of_topic: BTreeMap<String, View>,
+    channels: BTreeMap<VisualisationTopic, Arc<RawChannel>>,
+    view_of_topic: BTreeMap<String, VisualisationTopic>,
     /// Who looks on here, as of `revision`.
-    here: BTreeMap<View, u64>,
+    here: BTreeMap<VisualisationTopic, u64>,
     revision: u64,
     /// Those of the link, when they were last asked for.
-    there: Listeners,
-    all: Listeners,
+    there: Subscribers,
+    all: Subscribers,
     clock_told: Option<Instant>,
     tick: Tick,
     is_time_told: bool,
@@ -52,8 +52,8 @@ impl<'v, L: Transport> Watched<'v, L> {
             view_of_topic: BTreeMap::new(),
             here: BTreeMap::new(),
             revision: 0,
-            there: Listeners::new(),
-            all: Listeners::new(),
+            there: Subscribers::new(),
+            all: Subscribers::new(),
             clock_told: None,
             tick: Tick::ZERO,
             is_time_told: true,
@@ -64,7 +64,7 @@ impl<'v, L: Transport> Watched<'v, L> {
     fn open_channels(&mut self, run: u64) {
         self.channels.clear();
         let context = &self.viewing.context;
-        for view in View::all(self.scenario.agents.count) {
+        for view in VisualisationTopic::all(self.scenario.agents.count) {
             let channel = channel(context, &view.topic());
             self.view_of_topic.insert(channel.topic().to_owned(), view);
             self.channels.insert(view, channel);
@@ -92,8 +92,8 @@ impl<'v, L: Transport> Watched<'v, L> {
 }
 
 /// Numbers of arrivals that grow whenever one of both does.
-fn merge(all: &mut Listeners, here: &BTreeMap<View, u64>, there: &Listeners) {
-    let sum = |view: &View| here.get(view).unwrap_or(&0) + there.get(view).unwrap_or(&0);
+fn merge(all: &mut Subscribers, here: &BTreeMap<VisualisationTopic, u64>, there: &Subscribers) {
+    let sum = |view: &VisualisationTopic| here.get(view).unwrap_or(&0) + there.get(view).unwrap_or(&0);
     all.retain(|view, _| here.contains_key(view) || there.contains_key(view));
     for &view in here.keys().chain(there.keys()) {
         all.insert(view, sum(&view));
@@ -143,7 +143,7 @@ impl<L: Transport> ObserverOutput for Watched<'_, L> {
         self.link.progress(progress);
     }
 
-    fn subscribers(&mut self) -> Option<&Listeners> {
+    fn subscribers(&mut self) -> Option<&Subscribers> {
         let is_other_here = self.look_here();
         let there = self.link.subscribers();
         if self.here.is_empty() {
@@ -160,13 +160,13 @@ impl<L: Transport> ObserverOutput for Watched<'_, L> {
         Some(&self.all)
     }
 
-    fn publish(&mut self, view: View, picture: &Picture) {
-        let is_last = view == View::Result;
+    fn publish(&mut self, view: VisualisationTopic, picture: &VisualisationMessage) {
+        let is_last = view == VisualisationTopic::Result;
         if is_last || self.here.is_empty() || self.there.contains_key(&view) {
             self.link.publish(view, picture);
         }
         if is_last {
-            if let Picture::Result(result) = picture {
+            if let VisualisationMessage::Result(result) = picture {
                 self.viewing.hall.say_latched(&view.topic().name, cdr::encode(picture), Tick(result.tick));
             }
         } else if self.here.contains_key(&view)

@@ -14,17 +14,17 @@ const TEXT_BYTES_BARE: usize = 12;
 
 /// What the run loop knows of a run beside its world.
 #[derive(Debug, Clone, Copy)]
-pub struct Facts<'a> {
+pub struct RunStatus<'a> {
     /// The last information text of each agent.
     pub infos: &'a [String],
     /// Agents that were lost.
     pub lost: &'a BTreeSet<AgentId>,
     /// Sim seconds for each second of wall time since the start.
-    pub pace: Option<f64>,
+    pub rtf: Option<f64>,
 }
 
 /// A status of the run and one of each agent, in messages that are not too large.
-pub(super) fn info(world: &World, facts: &Facts<'_>) -> Vec<DiagnosticArray> {
+pub(super) fn info(world: &World, facts: &RunStatus<'_>) -> Vec<DiagnosticArray> {
     let bare = DiagnosticArray { header: header(world.tick()), status: Vec::new() };
     let mut done = Vec::new();
     let mut filling = bare.clone();
@@ -42,7 +42,7 @@ pub(super) fn info(world: &World, facts: &Facts<'_>) -> Vec<DiagnosticArray> {
     done
 }
 
-fn of_run(world: &World, facts: &Facts<'_>) -> DiagnosticStatus {
+fn of_run(world: &World, facts: &RunStatus<'_>) -> DiagnosticStatus {
     let coverage = world.coverage();
     let mut values = vec![
         value("tick", world.tick().0),
@@ -50,12 +50,12 @@ fn of_run(world: &World, facts: &Facts<'_>) -> DiagnosticStatus {
         value("covered", format!("{:.4}", coverage.covered())),
         value("agents_lost", facts.lost.len()),
     ];
-    values.extend(facts.pace.map(|pace| value("rtf", format!("{pace:.1}"))));
+    values.extend(facts.rtf.map(|rtf| value("rtf", format!("{rtf:.1}"))));
     let message = format!("{:.1} % explored", coverage.explored() * 100.0);
     DiagnosticStatus { name: "run".to_owned(), message, values, ..DiagnosticStatus::default() }
 }
 
-fn of_agents(world: &World, facts: &Facts<'_>) -> impl Iterator<Item = DiagnosticStatus> {
+fn of_agents(world: &World, facts: &RunStatus<'_>) -> impl Iterator<Item = DiagnosticStatus> {
     let coverage = world.coverage();
     let each = world.distance_m().into_iter().zip(coverage.explored_by()).zip(coverage.believed_by());
     world.agents().zip(each).map(|(agent, ((distance_m, explored), believed))| {
@@ -86,6 +86,7 @@ fn value(key: &str, value: impl ToString) -> KeyValue {
 /// Bytes on the wire of a status, rounded up.
 fn bytes_of(status: &DiagnosticStatus) -> usize {
     let DiagnosticStatus { level: _, name, message, hardware_id, values } = status;
-    let texts = [name, message, hardware_id].into_iter().chain(values.iter().flat_map(|pair| [&pair.key, &pair.value]));
-    texts.map(|text| TEXT_BYTES_BARE + text.len()).sum::<usize>() + TEXT_BYTES_BARE
+    let status =
+        [name, message, hardware_id].into_iter().chain(values.iter().flat_map(|pair| [&pair.key, &pair.value]));
+    status.map(|text| TEXT_BYTES_BARE + text.len()).sum::<usize>() + TEXT_BYTES_BARE
 }

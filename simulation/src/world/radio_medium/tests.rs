@@ -1,14 +1,16 @@
 use std::f64::consts::TAU;
 
+use msgs::body_model::BodyModel;
+use msgs::scan_request::ScanRequest;
 use proptest::prelude::*;
 use voxels::{Extent, Grid, Terrain};
 
 use super::*;
-use crate::world::body::{BodyModel, Motion, Pose};
+use crate::world::body::{Motion, Pose};
 use crate::world::comms::{Comms, ContactModel};
-use crate::world::errors::Errors;
 use crate::world::lidar::{Pattern, Scanner};
-use crate::world::{CONTACTS, LidarRequest, PARCEL, ScanSchedule, Since, WorldParams};
+use crate::world::noise::SensorNoise;
+use crate::world::{CONTACTS, Commit, PARCEL, ScanSchedule, WorldParams};
 
 const A: AgentId = AgentId(0);
 const B: AgentId = AgentId(1);
@@ -43,29 +45,29 @@ fn params(comms: Comms) -> WorldParams {
         scanner: Scanner::new(Pattern::Lattice { rays: 10 }, f64::INFINITY, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms,
-        errors: Errors::default(),
+        noise: SensorNoise::default(),
     }
 }
 
-fn parcel(peer: Peer, data: &[u8]) -> Parcel {
-    Parcel { peer, kind: 7, data: data.to_vec() }
+fn message(peer: Peer, data: &[u8]) -> AgentMessage {
+    AgentMessage { peer, kind: 7, data: data.to_vec() }
 }
 
-fn sends(parcels: Vec<Parcel>) -> Action {
-    Action { motion: Motion::Keep, lidar: LidarRequest::Keep, want_view: false, parcels }
+fn sends(messages: Vec<AgentMessage>) -> Action {
+    Action { motion: Motion::Keep, lidar: ScanRequest::Keep, want_view: false, messages }
 }
 
-fn told(world: &mut World, agent: AgentId) -> Vec<Parcel> {
-    world.observe(agent, Since::LastCounted).parcels
+fn told(world: &mut World, agent: AgentId) -> Vec<AgentMessage> {
+    world.observe(agent, Commit::Committed).messages
 }
 
 #[test]
 fn chance_loses_its_share_and_is_the_same_every_time() {
     let lost = |seed, loss| {
         let mut world = hall(Comms { loss, seed, ..perfect() });
-        let arrived: Vec<Vec<Parcel>> = (0..500)
+        let arrived: Vec<Vec<AgentMessage>> = (0..500)
             .map(|n| {
-                let numbered = |m: u8| parcel(Peer::One(B), &[m, (n % 256) as u8]);
+                let numbered = |m: u8| message(Peer::One(B), &[m, (n % 256) as u8]);
                 world.step([(A, sends(vec![numbered(0), numbered(1)]))].into());
                 told(&mut world, B)
             })
@@ -88,13 +90,13 @@ fn what_others_send_changes_nothing_of_what_is_lost() {
         let mut world = gallery(Comms { contact: ContactModel::Global, loss: 0.5, seed: 9, ..perfect() }, 3);
         (0..200_u8)
             .map(|n| {
-                let mut actions = BTreeMap::from([(B, sends(vec![parcel(Peer::Everybody, &[n])]))]);
+                let mut actions = BTreeMap::from([(B, sends(vec![message(Peer::Broadcast, &[n])]))]);
                 if with_other {
-                    actions.insert(A, sends(vec![parcel(Peer::Everybody, b"x"); 3]));
+                    actions.insert(A, sends(vec![message(Peer::Broadcast, b"x"); 3]));
                 }
                 world.step(actions);
                 let mut arrived = told(&mut world, AgentId(2));
-                arrived.retain(|parcel| parcel.peer == Peer::One(B));
+                arrived.retain(|message| message.peer == Peer::One(B));
                 arrived
             })
             .collect::<Vec<_>>()
@@ -104,20 +106,20 @@ fn what_others_send_changes_nothing_of_what_is_lost() {
 
 #[test]
 fn a_slow_radio_sends_in_order_and_loses_what_does_not_fit() {
-    // 1000 bytes in a second are 20 in a tick; a parcel takes 16 beside its data.
+    // 1000 bytes in a second are 20 in a tick; a message takes 16 beside its data.
     let mut world = hall(Comms { bytes_per_s: 1000.0, queue_bytes: 100, ..perfect() });
-    let parcels = (0..4).map(|n| parcel(Peer::One(B), &[n; 24])).collect();
-    world.step([(A, sends(parcels))].into());
+    let messages = (0..4).map(|n| message(Peer::One(B), &[n; 24])).collect();
+    world.step([(A, sends(messages))].into());
     let mut arrived = Vec::new();
     for tick in 1..20 {
-        arrived.extend(told(&mut world, B).into_iter().map(|parcel| (tick, parcel.data[0])));
+        arrived.extend(told(&mut world, B).into_iter().map(|message| (tick, message.data[0])));
         world.step(BTreeMap::new());
     }
     // Two wait, and the third and the fourth do not fit.
     assert_eq!(arrived, [(2, 0), (4, 1)]);
     assert_eq!((world.totals().parcels_queue_full, world.totals().parcels_delivered), (2, 2));
     // Idle time is not saved up.
-    world.step([(A, sends(vec![parcel(Peer::One(B), &[9; 24])]))].into());
+    world.step([(A, sends(vec![message(Peer::One(B), &[9; 24])]))].into());
     assert_eq!(told(&mut world, B), []);
     world.step(BTreeMap::new());
     assert_eq!(told(&mut world, B).len(), 1);
@@ -127,7 +129,7 @@ fn a_slow_radio_sends_in_order_and_loses_what_does_not_fit() {
 fn contact_counts_when_a_parcel_has_been_sent() {
     let range = ContactModel::LineOfSightAndRange { range_m: 5.0 };
     let mut world = hall(Comms { contact: range, bytes_per_s: 1000.0, queue_bytes: 1000, ..perfect() });
-    world.step([(A, sends(vec![parcel(Peer::Everybody, &[1; 24])]))].into());
+    world.step([(A, sends(vec![message(Peer::Broadcast, &[1; 24])]))].into());
     let away = Pose { position: Point3::new(6.8 - 0.3, 2.5, 1.5), yaw_rad: 0.0 };
     world.place(B, away).unwrap();
     world.step(BTreeMap::new());
@@ -137,18 +139,18 @@ fn contact_counts_when_a_parcel_has_been_sent() {
 #[test]
 fn relays_join_agents_and_keep_what_is_written() {
     let mut world = gallery(Comms { relays_per_agent: 1, ..perfect() }, 2);
-    let contacts = |world: &mut World, agent| world.observe(agent, Since::LastCounted).contacts.len();
+    let contacts = |world: &mut World, agent| world.observe(agent, Commit::Committed).contacts.len();
     assert_eq!((contacts(&mut world, A), contacts(&mut world, B)), (0, 0));
     // One in each leg of the gallery, in sight of each other.
     let place = |world: &mut World, agent, x, y| {
         world.place(agent, Pose { position: Point3::new(x, y, 1.5), yaw_rad: 0.0 }).unwrap();
     };
     place(&mut world, A, 1.5, 3.5);
-    world.step([(A, sends(vec![parcel(Peer::NewRelay, b"corner"), parcel(Peer::NewRelay, b"none left")]))].into());
+    world.step([(A, sends(vec![message(Peer::NewRelay, b"corner"), message(Peer::NewRelay, b"none left")]))].into());
     assert_eq!((world.totals().relays_left, world.totals().relays_refused), (1, 1));
     place(&mut world, A, 1.5, 1.5);
     place(&mut world, B, 7.5, 3.5);
-    world.step([(B, sends(vec![parcel(Peer::NewRelay, b"")]))].into());
+    world.step([(B, sends(vec![message(Peer::NewRelay, b"")]))].into());
     place(&mut world, B, 7.5, 1.5);
     assert_eq!(world.relays().len(), 2);
     assert_eq!(world.relay_links(), [(0, 1)]);
@@ -157,20 +159,23 @@ fn relays_join_agents_and_keep_what_is_written() {
 
     let first = RelayId { owner: A, number: 0 };
     let second = RelayId { owner: B, number: 0 };
-    let observation = world.observe(A, Since::LastCounted);
+    let observation = world.observe(A, Commit::Committed);
     assert_eq!(observation.relays, [(first, Point3::new(1.5, 3.5, 1.5))]);
     assert_eq!(world.totals().relay_readings, 1, "B has read the corner from the other corner");
     told(&mut world, B);
-    // Out of sight, so out of reach for writing; but parcels go over both.
-    let words =
-        vec![parcel(Peer::Relay(second), b"far"), parcel(Peer::Relay(first), b"near"), parcel(Peer::One(B), b"hello")];
+    // Out of sight, so out of reach for writing; but messages go over both.
+    let words = vec![
+        message(Peer::Relay(second), b"far"),
+        message(Peer::Relay(first), b"near"),
+        message(Peer::One(B), b"hello"),
+    ];
     world.step([(A, sends(words))].into());
     assert_eq!((world.totals().relay_writings, world.totals().relay_writings_lost), (1, 1));
-    assert_eq!(told(&mut world, B), [parcel(Peer::One(A), b"hello")]);
+    assert_eq!(told(&mut world, B), [message(Peer::One(A), b"hello")]);
     place(&mut world, B, 7.5, 3.5);
     world.step(BTreeMap::new());
     assert_eq!(world.events(B, CONTACTS | PARCEL), CONTACTS | PARCEL);
-    assert_eq!(told(&mut world, B), [parcel(Peer::Relay(first), b"near")]);
+    assert_eq!(told(&mut world, B), [message(Peer::Relay(first), b"near")]);
     world.step(BTreeMap::new());
     assert_eq!(told(&mut world, B), [], "told once");
 }
@@ -178,12 +183,12 @@ fn relays_join_agents_and_keep_what_is_written() {
 #[test]
 fn relays_are_read_from_near_by_if_that_is_asked() {
     let mut world = hall(Comms { relays_per_agent: 1, relay_read_range_m: 2.0, ..perfect() });
-    world.step([(A, sends(vec![parcel(Peer::NewRelay, b"x")]))].into());
-    assert_eq!(world.observe(B, Since::LastCounted).relays, []);
+    world.step([(A, sends(vec![message(Peer::NewRelay, b"x")]))].into());
+    assert_eq!(world.observe(B, Commit::Committed).relays, []);
     world.place(B, Pose { position: Point3::new(3.5, 2.5, 2.5), yaw_rad: 0.0 }).unwrap();
     world.step(BTreeMap::new());
-    let observation = world.observe(B, Since::LastCounted);
-    assert_eq!((observation.relays.len(), observation.parcels.len()), (1, 1));
+    let observation = world.observe(B, Commit::Committed);
+    assert_eq!((observation.relays.len(), observation.messages.len()), (1, 1));
 }
 
 proptest! {
@@ -194,20 +199,20 @@ proptest! {
     ) {
         let mut queue = Queue::default();
         for (n, &size) in sizes.iter().enumerate() {
-            let parcel = Parcel { kind: n as u8, ..parcel(Peer::Everybody, &vec![0; size]) };
-            prop_assert!(queue.push(parcel, u64::MAX));
+            let message = AgentMessage { kind: n as u8, ..message(Peer::Broadcast, &vec![0; size]) };
+            prop_assert!(queue.push(message, u64::MAX));
         }
         let all: u64 = sizes.iter().map(|&size| (size + PARCEL_BYTES_BARE) as u64).sum();
         prop_assert_eq!(queue.bytes, all);
         let mut sent = Vec::new();
         let mut bytes = 0;
         let mut ticks = 0.0;
-        while !queue.parcels.is_empty() {
+        while !queue.messages.is_empty() {
             ticks += 1.0;
             let through = queue.send(bytes_per_tick);
             bytes += through.iter().map(bytes_on_air).sum::<u64>();
             prop_assert!(bytes as f64 <= ticks * bytes_per_tick + 1e-6, "never faster than it can");
-            sent.extend(through.into_iter().map(|parcel| (usize::from(parcel.kind), parcel.data.len())));
+            sent.extend(through.into_iter().map(|message| (usize::from(message.kind), message.data.len())));
         }
         prop_assert!((ticks - 1.0) * bytes_per_tick <= all as f64 + 1e-6, "nor slower");
         prop_assert_eq!((bytes, queue.bytes), (all, 0));
@@ -222,7 +227,7 @@ proptest! {
             let arrived: Vec<_> = sizes
                 .iter()
                 .map(|&(sender, size)| {
-                    world.step([(AgentId(sender), sends(vec![parcel(Peer::Everybody, &vec![1; size]); 2]))].into());
+                    world.step([(AgentId(sender), sends(vec![message(Peer::Broadcast, &vec![1; size]); 2]))].into());
                     [A, B].map(|agent| told(&mut world, agent))
                 })
                 .collect();

@@ -6,13 +6,13 @@ use crate::scenario::Rtf;
 
 /// The pace from a tick on that began at a known time.
 #[derive(Debug)]
-pub struct Pace {
+pub struct Pacer {
     rtf: Rtf,
     from: Tick,
     begun_ns: u64,
 }
 
-impl Pace {
+impl Pacer {
     /// Counts from tick 0 and time 0 on.
     #[must_use]
     pub fn new(rtf: Rtf) -> Self {
@@ -26,13 +26,13 @@ impl Pace {
     }
 
     /// Goes at another rate from now on.
-    pub fn change(&mut self, rtf: Rtf, tick: Tick, wall_ns: u64) {
+    pub fn set_rtf(&mut self, rtf: Rtf, tick: Tick, wall_ns: u64) {
         self.rtf = rtf;
-        self.go_on(tick, wall_ns);
+        self.restart(tick, wall_ns);
     }
 
     /// Counts from this tick and this moment on: what came before is no reason to hurry or to wait.
-    pub fn go_on(&mut self, tick: Tick, wall_ns: u64) {
+    pub fn restart(&mut self, tick: Tick, wall_ns: u64) {
         self.from = tick;
         self.begun_ns = wall_ns;
     }
@@ -56,17 +56,17 @@ mod tests {
 
     #[test]
     fn what_came_before_a_pause_does_not_count() {
-        let mut pace = Pace::new(Rtf::Limit(1e-3));
+        let mut pace = Pacer::new(Rtf::Limit(1e-3));
         let second = Tick(50);
         assert_eq!(pace.wait_ns(second, 0), Some(1_000_000_000_000));
         assert_eq!(pace.wait_ns(second, 400_000_000_000), Some(600_000_000_000));
-        pace.go_on(second, 7);
+        pace.restart(second, 7);
         assert_eq!(pace.wait_ns(second, 7), None);
         assert_eq!(pace.wait_ns(second.after(1), 8), Some(19_999_999_999));
-        pace.change(Rtf::Limit(2.0), second, 100);
+        pace.set_rtf(Rtf::Limit(2.0), second, 100);
         assert_eq!(pace.wait_ns(second.after(1), 100), Some(10_000_000));
         assert_eq!(pace.wait_ns(second.after(1), 10_000_100), None);
-        pace.change(Rtf::MAX, second, 100);
+        pace.set_rtf(Rtf::MAX, second, 100);
         assert_eq!(pace.wait_ns(second.after(1), 100), None);
     }
 }

@@ -6,25 +6,12 @@ use std::collections::BTreeMap;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::relay_id::RelayId;
+use msgs::scan_request::ScanRequest;
 use nalgebra::{Point3, Vector3};
 
 use super::body::{Collision, Motion, Pose};
-use super::comms::Parcel;
-use super::lidar::View;
-
-/// What an agent asks of its LiDAR.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum LidarRequest {
-    /// As before.
-    #[default]
-    Keep,
-    /// No scans.
-    Never,
-    /// One scan in the next tick.
-    Once,
-    /// A scan every so many ticks (at least 1), the next one in the next tick.
-    Every(u32),
-}
+use super::comms::AgentMessage;
+use super::lidar::ScanView;
 
 /// Things that can happen to an agent between two observations: a set of the bits of `maes_msgs/Wake`.
 pub type Events = u8;
@@ -36,7 +23,7 @@ pub const COLLISION: Events = msgs::maes_msgs::Wake::COLLISION;
 pub const NEW_CELL: Events = msgs::maes_msgs::Wake::NEW_CELL;
 /// The contacts differ from those of the last observation.
 pub const CONTACTS: Events = msgs::maes_msgs::Wake::CONTACTS;
-/// A parcel has arrived.
+/// A message has arrived.
 pub const PARCEL: Events = msgs::maes_msgs::Wake::PARCEL;
 
 /// What the world does for an agent in one tick: a command, without its wake condition.
@@ -45,18 +32,18 @@ pub struct Action {
     /// Task of the body.
     pub motion: Motion,
     /// Request to the LiDAR.
-    pub lidar: LidarRequest,
+    pub lidar: ScanRequest,
     /// Whether the next observation is to hold the view of the last scan.
     pub want_view: bool,
     /// To send in this tick.
-    pub parcels: Vec<Parcel>,
+    pub messages: Vec<AgentMessage>,
 }
 
 impl Action {
     /// What becomes of an agent that does not answer any more: its body stops, and its LiDAR is off where agents decide about it;
     /// a schedule that takes turns goes on scanning for it.
     pub const LOST: Self =
-        Self { motion: Motion::Stop, lidar: LidarRequest::Never, want_view: false, parcels: Vec::new() };
+        Self { motion: Motion::Stop, lidar: ScanRequest::Never, want_view: false, messages: Vec::new() };
 }
 
 /// What an agent learns. Cell lists are ascending indices.
@@ -83,7 +70,7 @@ pub struct Observation {
     /// Relays in reach and where they are, ascending.
     pub relays: Vec<(RelayId, Point3<f64>)>,
     /// Arrived since the last observation.
-    pub parcels: Vec<Parcel>,
+    pub messages: Vec<AgentMessage>,
     /// Tick of the last scan.
     pub scan_tick: Option<Tick>,
     /// Free cells seen for the first time since the last observation.
@@ -91,16 +78,16 @@ pub struct Observation {
     /// Walls seen for the first time since the last observation.
     pub seen_wall: Vec<u32>,
     /// The last scan as a whole, on request.
-    pub view: Option<View>,
+    pub view: Option<ScanView>,
 }
 
 /// How much of what an agent has not been told yet an observation takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Since {
+pub enum Commit {
     /// Everything since the last observation that counted.
-    LastCounted,
+    Committed,
     /// Only what is new since the agent was last asked, for an agent that is asked out of turn.
-    LastAsked,
+    Speculative,
 }
 
 /// Running totals of a world, for the result of a run.

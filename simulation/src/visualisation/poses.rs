@@ -18,7 +18,7 @@ use crate::world::World;
 /// Bytes on the wire of a pose with a header, with padding.
 const POSE_BYTES: usize = 72;
 
-/// Way-points in a path at the most; those after them are left out.
+/// Waypoints in a path at the most; those after them are left out.
 const POSES_MAX: usize = (VIEW_BYTES_MAX - MESSAGE_BYTES_BARE) / POSE_BYTES;
 
 /// Lines between agents at the most; those after them are left out.
@@ -79,10 +79,10 @@ pub fn odometry(world: &World, agent: AgentId) -> Odometry {
 }
 
 /// A way along these points.
-pub(super) fn path(tick: Tick, way_points: &[Point3<f64>]) -> Path {
+pub(super) fn path(tick: Tick, waypoints: &[Point3<f64>]) -> Path {
     let pose =
-        |way_point| PoseStamped { header: header(tick), pose: Pose { position: point(way_point), ..Pose::default() } };
-    Path { header: header(tick), poses: way_points.iter().take(POSES_MAX).map(pose).collect() }
+        |waypoint| PoseStamped { header: header(tick), pose: Pose { position: point(waypoint), ..Pose::default() } };
+    Path { header: header(tick), poses: waypoints.iter().take(POSES_MAX).map(pose).collect() }
 }
 
 /// A line between each two agents in contact, from each agent to the relays that it reaches, and between relays that hear each

@@ -1,18 +1,20 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use msgs::body_model::BodyModel;
 use msgs::cdr;
 use msgs::limits::VIEW_BYTES_MAX;
+use msgs::scan_request::ScanRequest;
 use nalgebra::Vector3;
 use rayon::ThreadPoolBuilder;
 use voxels::{Extent, Grid, Terrain};
 
 use super::*;
-use crate::world::body::{BodyModel, Motion, Pose};
+use crate::world::body::{Motion, Pose};
 use crate::world::comms::{Comms, ContactModel};
-use crate::world::errors::Errors;
 use crate::world::lidar::{Pattern, Scanner};
-use crate::world::{Action, LidarRequest, ScanSchedule, WorldParams};
+use crate::world::noise::SensorNoise;
+use crate::world::{Action, ScanSchedule, WorldParams};
 
 /// A tunnel of 1 x 1 x 8 free cells of 1 m along x, from (1, 1, 1) to (8, 1, 1).
 fn tunnel() -> Grid<Terrain> {
@@ -31,7 +33,7 @@ fn world() -> World {
         scanner: Scanner::new(Pattern::Lattice { rays: 1000 }, 1.0, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: 5.0 }),
-        errors: Errors::default(),
+        noise: SensorNoise::default(),
     };
     let pose = |x, yaw_rad| Pose { position: Point3::new(x, 1.5, 1.5), yaw_rad };
     World::new(tunnel(), params, &[pose(1.5, FRAC_PI_2), pose(5.5, 0.0)])
@@ -39,28 +41,38 @@ fn world() -> World {
 
 fn step(world: &mut World, actions: impl IntoIterator<Item = (u32, Motion)>) {
     world.look(&ThreadPoolBuilder::new().num_threads(1).build().unwrap());
-    let action = |motion| Action { motion, lidar: LidarRequest::Keep, want_view: false, parcels: Vec::new() };
+    let action = |motion| Action { motion, lidar: ScanRequest::Keep, want_view: false, messages: Vec::new() };
     world.step(actions.into_iter().map(|(agent, motion)| (AgentId(agent), action(motion))).collect());
 }
 
-fn facts<'a>(lost: &'a BTreeSet<AgentId>, infos: &'a [String]) -> Facts<'a> {
-    Facts { infos, lost, pace: Some(7.25) }
+fn facts<'a>(lost: &'a BTreeSet<AgentId>, infos: &'a [String]) -> RunStatus<'a> {
+    RunStatus { infos, lost, rtf: Some(7.25) }
 }
 
-fn views(record: Vec<RecordedView>) -> Views {
-    Views::new(ViewsSection { record, ..ViewsSection::default() }, 2)
+fn views(record: Vec<RecordedView>) -> VisualisationScheduler {
+    VisualisationScheduler::new(ViewsSection { record, ..ViewsSection::default() }, 2)
 }
 
 /// What is shown to listeners, with how many messages of each view.
-fn shown(views: &mut Views, world: &mut World, listeners: &[(View, u64)], wall_ms: u64) -> BTreeMap<View, usize> {
-    shown_at(views, world, listeners, Moment { wall_ns: wall_ms * 1_000_000, is_still: true })
+fn shown(
+    views: &mut VisualisationScheduler,
+    world: &mut World,
+    listeners: &[(VisualisationTopic, u64)],
+    wall_ms: u64,
+) -> BTreeMap<VisualisationTopic, usize> {
+    shown_at(views, world, listeners, PublishTime { wall_ns: wall_ms * 1_000_000, is_paused: true })
 }
 
-fn shown_at(views: &mut Views, world: &mut World, listeners: &[(View, u64)], now: Moment) -> BTreeMap<View, usize> {
+fn shown_at(
+    views: &mut VisualisationScheduler,
+    world: &mut World,
+    listeners: &[(VisualisationTopic, u64)],
+    now: PublishTime,
+) -> BTreeMap<VisualisationTopic, usize> {
     let (lost, infos) = (BTreeSet::new(), vec![String::new(); 2]);
     let listeners = listeners.iter().copied().collect();
     let mut counts = BTreeMap::new();
-    for (view, _) in views.to_show(world, &facts(&lost, &infos), &listeners, now) {
+    for (view, _) in views.due_live(world, &facts(&lost, &infos), &listeners, now) {
         *counts.entry(view).or_default() += 1;
     }
     counts
@@ -68,8 +80,8 @@ fn shown_at(views: &mut Views, world: &mut World, listeners: &[(View, u64)], now
 
 #[test]
 fn every_view_has_a_topic_of_its_own() {
-    let topics: BTreeSet<String> = View::all(3).map(|view| view.topic().to_string()).collect();
-    assert_eq!(topics.len(), View::all(3).count());
+    let topics: BTreeSet<String> = VisualisationTopic::all(3).map(|view| view.topic().to_string()).collect();
+    assert_eq!(topics.len(), VisualisationTopic::all(3).count());
     let known: BTreeSet<String> = topics::all(3).iter().map(Topic::to_string).collect();
     assert!(topics.is_subset(&known));
 }
@@ -78,9 +90,9 @@ fn every_view_has_a_topic_of_its_own() {
 fn no_tick_is_shown_twice_while_time_goes_on() {
     let mut world = world();
     let mut views = views(Vec::new());
-    let mut count = |world: &mut World, arrivals, is_still| {
-        let transforms = [(View::Transforms, arrivals)];
-        shown_at(&mut views, world, &transforms, Moment { wall_ns: 0, is_still }).values().sum::<usize>()
+    let mut count = |world: &mut World, arrivals, is_paused| {
+        let transforms = [(VisualisationTopic::Transforms, arrivals)];
+        shown_at(&mut views, world, &transforms, PublishTime { wall_ns: 0, is_paused }).values().sum::<usize>()
     };
     assert_eq!(count(&mut world, 1, false), 1);
     assert_eq!(count(&mut world, 2, false), 0, "the second reader waits for the next tick");
@@ -108,17 +120,17 @@ fn an_odometry_is_in_the_map_and_its_twist_in_the_body() {
 #[test]
 fn a_path_is_what_is_left_of_the_task() {
     let mut world = world();
-    let way_points: Vec<Point3<f64>> = [6.0, 7.0].map(|x| Point3::new(x, 1.5, 1.5)).into();
-    step(&mut world, [(1, Motion::Path(way_points.clone()))]);
-    assert_eq!(world.body(AgentId(1)).way_points(), way_points);
+    let waypoints: Vec<Point3<f64>> = [6.0, 7.0].map(|x| Point3::new(x, 1.5, 1.5)).into();
+    step(&mut world, [(1, Motion::Path(waypoints.clone()))]);
+    assert_eq!(world.body(AgentId(1)).waypoints(), waypoints);
     let mut views = views(Vec::new());
-    let path = [(View::Path(AgentId(1)), 1)];
+    let path = [(VisualisationTopic::Path(AgentId(1)), 1)];
     assert_eq!(shown(&mut views, &mut world, &path, 0).len(), 1);
     // The same once more is not news.
     (0..19).for_each(|_| step(&mut world, []));
     assert_eq!(shown(&mut views, &mut world, &path, 1000).len(), 0);
     (0..100).for_each(|_| step(&mut world, []));
-    assert_eq!(world.body(AgentId(1)).way_points(), way_points[1..]);
+    assert_eq!(world.body(AgentId(1)).waypoints(), waypoints[1..]);
     assert_eq!(shown(&mut views, &mut world, &path, 2000).len(), 1);
 }
 
@@ -126,7 +138,7 @@ fn a_path_is_what_is_left_of_the_task() {
 fn a_cloud_has_the_stamp_of_its_scan_and_comes_once() {
     let mut world = world();
     let mut views = views(Vec::new());
-    let points = [(View::Points(AgentId(0)), 1)];
+    let points = [(VisualisationTopic::Points(AgentId(0)), 1)];
     assert_eq!(shown(&mut views, &mut world, &points, 0).len(), 0);
     step(&mut world, []);
     let cloud = super::points(&world, AgentId(0)).unwrap();
@@ -146,7 +158,13 @@ fn a_cloud_has_the_stamp_of_its_scan_and_comes_once() {
 fn live_views_keep_to_a_rate_and_new_readers_are_shown_everything() {
     let mut world = world();
     let mut views = views(Vec::new());
-    let all = |arrivals| [(View::Transforms, arrivals), (View::Map, arrivals), (View::Unexplored, arrivals)];
+    let all = |arrivals| {
+        [
+            (VisualisationTopic::Transforms, arrivals),
+            (VisualisationTopic::Map, arrivals),
+            (VisualisationTopic::Unexplored, arrivals),
+        ]
+    };
     let map_and_all = shown(&mut views, &mut world, &all(1), 0);
     assert_eq!(map_and_all.len(), 3);
     step(&mut world, []);
@@ -155,12 +173,15 @@ fn live_views_keep_to_a_rate_and_new_readers_are_shown_everything() {
     let again = shown(&mut views, &mut world, &all(1), 40);
     assert_eq!(
         again.into_keys().collect::<Vec<_>>(),
-        [View::Transforms],
+        [VisualisationTopic::Transforms],
         "walls stay, and a look at what is unseen is not due"
     );
     (0..40).for_each(|_| step(&mut world, []));
     let changed = shown(&mut views, &mut world, &all(1), 80);
-    assert_eq!(changed.into_keys().collect::<Vec<_>>(), [View::Transforms, View::Unexplored]);
+    assert_eq!(
+        changed.into_keys().collect::<Vec<_>>(),
+        [VisualisationTopic::Transforms, VisualisationTopic::Unexplored]
+    );
     assert_eq!(shown(&mut views, &mut world, &all(1), 200).len(), 0, "the world stands still");
     assert_eq!(shown(&mut views, &mut world, &all(2), 201), map_and_all, "somebody has come");
 }
@@ -200,7 +221,7 @@ fn texts_tell_of_the_run_and_of_each_agent() {
     let world = world();
     let infos = vec!["looking around".to_owned(), "x".repeat(1000)];
     let lost = BTreeSet::from([AgentId(1)]);
-    let told = texts::info(&world, &facts(&lost, &infos));
+    let told = status::info(&world, &facts(&lost, &infos));
     let statuses = &told[0].status;
     assert_eq!(statuses.iter().map(|status| status.name.as_str()).collect::<Vec<_>>(), ["run", "agent_0", "agent_1"]);
     assert_eq!(statuses[1].message, "looking around");
@@ -215,14 +236,14 @@ fn recorded_views_hang_on_sim_time_alone_and_fit_into_samples() {
         use RecordedView::{Contacts, Info, Map, Odom, Path, Points, TfStatic, Unexplored};
         vec![TfStatic, Odom, Points, Path, Map, Unexplored, Contacts, Info]
     };
-    let run = |pace| {
+    let run = |rtf| {
         let mut world = world();
         let mut views = views(every());
         let (lost, infos) = (BTreeSet::new(), vec!["busy".to_owned(), String::new()]);
         let mut recorded = Vec::new();
         for _ in 0..60 {
-            let facts = Facts { pace, ..facts(&lost, &infos) };
-            for (view, picture) in views.to_record(&mut world, &facts) {
+            let facts = RunStatus { rtf, ..facts(&lost, &infos) };
+            for (view, picture) in views.due_for_recording(&mut world, &facts) {
                 let bytes = cdr::encode(&picture);
                 assert!(bytes.len() <= VIEW_BYTES_MAX, "{view:?}");
                 recorded.push((world.tick(), view, bytes));
@@ -233,11 +254,11 @@ fn recorded_views_hang_on_sim_time_alone_and_fit_into_samples() {
     };
     let recorded = run(Some(1.0));
     assert_eq!(recorded, run(None));
-    let ticks = |wanted: View| -> Vec<u64> {
+    let ticks = |wanted: VisualisationTopic| -> Vec<u64> {
         recorded.iter().filter(|(_, view, _)| *view == wanted).map(|(tick, _, _)| tick.0).collect()
     };
-    assert_eq!(ticks(View::Odometry(AgentId(1))), (0..60).step_by(5).collect::<Vec<_>>());
-    assert_eq!(ticks(View::Points(AgentId(1))), [1, 11, 21, 31, 41, 51]);
-    assert_eq!(ticks(View::Map), [0]);
-    assert_eq!(ticks(View::Info), [0, 50]);
+    assert_eq!(ticks(VisualisationTopic::Odometry(AgentId(1))), (0..60).step_by(5).collect::<Vec<_>>());
+    assert_eq!(ticks(VisualisationTopic::Points(AgentId(1))), [1, 11, 21, 31, 41, 51]);
+    assert_eq!(ticks(VisualisationTopic::Map), [0]);
+    assert_eq!(ticks(VisualisationTopic::Info), [0, 50]);
 }

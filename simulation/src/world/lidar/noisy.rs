@@ -16,18 +16,18 @@ use nalgebra::Point3;
 use voxels::{Cell, walk};
 
 use super::cast::{self, Field, Found};
-use super::{Pattern, Scanner, SensorMemory, View};
+use super::{Pattern, ScanView, Scanner, SensorMemory};
 use crate::world::body::Pose;
-use crate::world::errors::Errors;
+use crate::world::noise::SensorNoise;
 
 /// Votes by which what is told of a cell has to lead.
 const VOTES: i8 = 3;
 
 /// The scan that errs: whose and when.
 #[derive(Debug, Clone, Copy)]
-pub struct Blur<'a> {
+pub struct NoisyScan<'a> {
     /// How much.
-    pub errors: &'a Errors,
+    pub noise: &'a SensorNoise,
     /// Whose scan.
     pub agent: AgentId,
     /// When it was cast.
@@ -44,11 +44,11 @@ struct Told<'a> {
 
 impl Scanner {
     /// As [`Scanner::scan`], with errors: cells that have got their votes are marked as seen and appended.
-    pub fn scan_blurred(
+    pub fn scan_noisy(
         &self,
         memory: &mut SensorMemory,
         pose: &Pose,
-        blur: Blur<'_>,
+        blur: NoisyScan<'_>,
         new_free: &mut Vec<u32>,
         new_wall: &mut Vec<u32>,
     ) {
@@ -86,10 +86,10 @@ impl Scanner {
     }
 
     /// As [`Scanner::view`], with errors: of each cell what most rays of the scan tell.
-    pub fn view_blurred(&self, memory: &SensorMemory, pose: &Pose, blur: Blur<'_>) -> View {
+    pub fn view_noisy(&self, memory: &SensorMemory, pose: &Pose, blur: NoisyScan<'_>) -> ScanView {
         let extent = memory.extent;
         let mut votes = vec![0_i32; extent.volume()];
-        let mut view = View::default();
+        let mut view = ScanView::default();
         self.follow(memory, pose, blur, |told| {
             let mut vote = |cell: Cell, vote: i32| {
                 if let Some(index) = extent.index(cell) {
@@ -111,13 +111,13 @@ impl Scanner {
     }
 
     /// As [`Scanner::hits`], with errors.
-    pub fn hits_blurred(&self, memory: &SensorMemory, pose: &Pose, blur: Blur<'_>) -> Vec<Point3<f64>> {
+    pub fn hits_noisy(&self, memory: &SensorMemory, pose: &Pose, blur: NoisyScan<'_>) -> Vec<Point3<f64>> {
         let mut hits = Vec::new();
         self.follow(memory, pose, blur, |told| hits.extend(told.wall.map(|(_, hit)| hit)));
         hits
     }
 
-    fn follow(&self, memory: &SensorMemory, pose: &Pose, blur: Blur<'_>, mut tell: impl FnMut(Told<'_>)) {
+    fn follow(&self, memory: &SensorMemory, pose: &Pose, blur: NoisyScan<'_>, mut tell: impl FnMut(Told<'_>)) {
         let Some(start) = self.start(memory, pose) else { return };
         let extent = memory.extent;
         let is_wall = |cell: Cell| cast::is_wall(memory.kinds[memory.slot_of(cell)]);
@@ -126,13 +126,13 @@ impl Scanner {
             Pattern::Lattice { .. } => self.range_m,
             Pattern::Shell { .. } => extent.cell_m(),
         };
-        let mut rng = blur.errors.of_scan(blur.agent, blur.tick);
+        let mut rng = blur.noise.scan_stream(blur.agent, blur.tick);
         let mut crossed: Vec<(Cell, f64)> = Vec::new();
         for bundle in &self.bundles {
             for lane in bundle.lanes(start.cone()) {
                 let direction = bundle.direction(lane);
                 let length = direction.norm();
-                let noise = blur.errors.of_return(&mut rng).map(|noise_m| noise_m / length);
+                let noise = blur.noise.sample_return(&mut rng).map(|noise_m| noise_m / length);
                 crossed.clear();
                 let mut entered_wall = None;
                 let mut seems = None;
@@ -188,12 +188,12 @@ mod tests {
     }
 
     /// What is told of so many scans.
-    fn told(errors: &Errors, scans: u64) -> [Vec<u32>; 2] {
+    fn told(noise: &SensorNoise, scans: u64) -> [Vec<u32>; 2] {
         let mut memory = SensorMemory::new(&hall());
         let (mut free, mut wall) = (Vec::new(), Vec::new());
         for tick in (0..scans).map(Tick) {
-            let blur = Blur { errors, agent: AgentId(0), tick };
-            scanner().scan_blurred(&mut memory, &POSE, blur, &mut free, &mut wall);
+            let blur = NoisyScan { noise, agent: AgentId(0), tick };
+            scanner().scan_noisy(&mut memory, &POSE, blur, &mut free, &mut wall);
         }
         free.sort_unstable();
         wall.sort_unstable();
@@ -207,22 +207,22 @@ mod tests {
         scanner().scan(&mut memory, &POSE, &mut free, &mut wall);
         free.sort_unstable();
         wall.sort_unstable();
-        let exact = Errors::default();
+        let exact = SensorNoise::default();
         // Cells that few rays meet have got their votes after some scans.
         assert_eq!(told(&exact, 3), [free, wall]);
-        let blur = Blur { errors: &exact, agent: AgentId(0), tick: Tick(0) };
+        let blur = NoisyScan { noise: &exact, agent: AgentId(0), tick: Tick(0) };
         let view = scanner().view(&memory, &POSE);
-        let blurred = scanner().view_blurred(&memory, &POSE, blur);
+        let blurred = scanner().view_noisy(&memory, &POSE, blur);
         assert_eq!((&view.free, &view.wall), (&blurred.free, &blurred.wall));
         assert_eq!(view.hits.len(), blurred.hits.len());
-        assert_eq!(scanner().hits_blurred(&memory, &POSE, blur), blurred.hits);
+        assert_eq!(scanner().hits_noisy(&memory, &POSE, blur), blurred.hits);
     }
 
     #[test]
     fn noise_of_less_than_a_cell_is_outvoted() {
         let hall = hall();
-        let errors = Errors { range_sigma_m: 0.2, missed_returns: 0.3, ..Errors::default() };
-        let [free, wall] = told(&errors, 5);
+        let noise = SensorNoise { range_sigma_m: 0.2, missed_returns: 0.3, ..SensorNoise::default() };
+        let [free, wall] = told(&noise, 5);
         let is_free = |cell: u32| hall.as_slice()[cell as usize] == Terrain::Free;
         let wrong =
             free.iter().filter(|&&cell| !is_free(cell)).count() + wall.iter().filter(|&&cell| is_free(cell)).count();
@@ -232,23 +232,23 @@ mod tests {
     #[test]
     fn noise_of_more_than_a_cell_is_not() {
         let hall = hall();
-        let [free, _] = told(&Errors { range_sigma_m: 3.0, ..Errors::default() }, 5);
+        let [free, _] = told(&SensorNoise { range_sigma_m: 3.0, ..SensorNoise::default() }, 5);
         assert!(free.iter().any(|&cell| hall.as_slice()[cell as usize] == Terrain::Wall));
     }
 
     #[test]
     fn who_misses_all_returns_sees_nothing_but_its_own_cell() {
-        let [free, wall] = told(&Errors { missed_returns: 1.0, ..Errors::default() }, 5);
+        let [free, wall] = told(&SensorNoise { missed_returns: 1.0, ..SensorNoise::default() }, 5);
         assert_eq!((free.len(), wall.len()), (1, 0));
     }
 
     #[test]
     fn a_scan_hangs_on_its_agent_and_tick_alone() {
-        let errors = Errors { range_sigma_m: 0.5, ..Errors::default() };
+        let noise = SensorNoise { range_sigma_m: 0.5, ..SensorNoise::default() };
         let memory = SensorMemory::new(&hall());
         let hits = |agent, tick| {
-            let blur = Blur { errors: &errors, agent: AgentId(agent), tick: Tick(tick) };
-            scanner().hits_blurred(&memory, &POSE, blur)
+            let blur = NoisyScan { noise: &noise, agent: AgentId(agent), tick: Tick(tick) };
+            scanner().hits_noisy(&memory, &POSE, blur)
         };
         assert_eq!(hits(0, 1), hits(0, 1));
         assert_ne!(hits(0, 1), hits(0, 2));

@@ -1,11 +1,11 @@
-//! The phase communicate: what becomes of parcels between the command that sends them and the inbox.
+//! The phase communicate: what becomes of messages between the command that sends them and the inbox.
 //!
 //! First relays are left behind, then they are written on; then each agent, in the order of the ids, sends what it has to
 //! send; last, relays tell their news to those that reach them. A radio of a limited rate sends in the order of the commands, each
-//! parcel as a whole once its last byte is through; what waits is bounded, and what does not fit is lost. Whether a parcel arrives
+//! message as a whole once its last byte is through; what waits is bounded, and what does not fit is lost. Whether a message arrives
 //! is judged when it has been sent: the receiver is in contact then, chance lets it through, and the inbox has room.
 //!
-//! **Chance.** Whether a parcel is lost is a draw that is named by the sender, the tick, how many the sender has sent before in
+//! **Chance.** Whether a message is lost is a draw that is named by the sender, the tick, how many the sender has sent before in
 //! this tick, and the receiver. So no draw hangs on another, or on who is asked first.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -16,16 +16,16 @@ use msgs::relay_id::RelayId;
 use nalgebra::Point3;
 use rand_chacha::rand_core::Rng;
 
-use super::comms::{ContactTable, Parcel, Peer};
+use super::comms::{AgentMessage, ContactTable, Peer};
 use super::relays::{Relay, Relays};
 use super::{Action, World};
 
-/// Receivers of one parcel at the most, so that draws of one parcel do not run into those of the next.
+/// Receivers of one message at the most, so that draws of one message do not run into those of the next.
 const RECEIVERS_MAX: u128 = 1 << 32;
 
 /// What is between the agents.
 #[derive(Debug)]
-pub(super) struct Air {
+pub(super) struct RadioMedium {
     queues: Vec<Queue>,
     pub(super) relays: Relays,
 }
@@ -33,14 +33,14 @@ pub(super) struct Air {
 /// Parcels that wait at an agent to be sent.
 #[derive(Debug, Clone, Default)]
 struct Queue {
-    parcels: VecDeque<Parcel>,
+    messages: VecDeque<AgentMessage>,
     /// Bytes on the air that they take.
     bytes: u64,
     /// Bytes that have been sent of the first one.
     sent: f64,
 }
 
-impl Air {
+impl RadioMedium {
     /// Nothing on its way between so many agents.
     pub(super) fn new(agents: usize) -> Self {
         Self { queues: vec![Queue::default(); agents], relays: Relays::new(agents) }
@@ -48,42 +48,42 @@ impl Air {
 }
 
 impl Queue {
-    /// Puts a parcel at the end, unless more than `bytes_max` would wait.
-    fn push(&mut self, parcel: Parcel, bytes_max: u64) -> bool {
-        let bytes = bytes_on_air(&parcel);
+    /// Puts a message at the end, unless more than `bytes_max` would wait.
+    fn push(&mut self, message: AgentMessage, bytes_max: u64) -> bool {
+        let bytes = bytes_on_air(&message);
         if self.bytes + bytes > bytes_max {
             return false;
         }
         self.bytes += bytes;
-        self.parcels.push_back(parcel);
+        self.messages.push_back(message);
         true
     }
 
-    /// Sends for one tick: the parcels that are through by its end, in order. What a radio without work could have sent is not
+    /// Sends for one tick: the messages that are through by its end, in order. What a radio without work could have sent is not
     /// saved up.
-    fn send(&mut self, bytes_per_tick: f64) -> Vec<Parcel> {
+    fn send(&mut self, bytes_per_tick: f64) -> Vec<AgentMessage> {
         let mut through = Vec::new();
         self.sent += bytes_per_tick;
-        while let Some(first) = self.parcels.front() {
+        while let Some(first) = self.messages.front() {
             let bytes = bytes_on_air(first);
             if self.sent < bytes as f64 {
                 return through;
             }
             self.sent -= bytes as f64;
             self.bytes -= bytes;
-            through.extend(self.parcels.pop_front());
+            through.extend(self.messages.pop_front());
         }
         self.sent = 0.0;
         through
     }
 }
 
-/// What a parcel takes on the air: empty ones count as well.
-fn bytes_on_air(parcel: &Parcel) -> u64 {
-    (parcel.data.len() + PARCEL_BYTES_BARE) as u64
+/// What a message takes on the air: empty ones count as well.
+fn bytes_on_air(message: &AgentMessage) -> u64 {
+    (message.data.len() + PARCEL_BYTES_BARE) as u64
 }
 
-/// Whether chance loses the parcel that `sender` sends in a tick after so many others, on its way to `receiver`.
+/// Whether chance loses the message that `sender` sends in a tick after so many others, on its way to `receiver`.
 fn is_lost(loss: f64, seed: u64, tick: Tick, sender: AgentId, others: usize, receiver: AgentId) -> bool {
     if loss <= 0.0 {
         return false;
@@ -100,13 +100,13 @@ impl World {
     /// The relays that agents have left behind, in the order of leaving.
     #[must_use]
     pub fn relays(&self) -> &[Relay] {
-        self.air.relays.all()
+        self.radio.relays.all()
     }
 
     /// The pairs of relays that hear each other, by place in [`World::relays`].
     #[must_use]
     pub fn relay_links(&self) -> &[(usize, usize)] {
-        self.air.relays.links()
+        self.radio.relays.links()
     }
 
     pub(super) fn communicate(&mut self, actions: &BTreeMap<AgentId, Action>) {
@@ -116,26 +116,26 @@ impl World {
         let (bytes_per_tick, queue_bytes) = (comms.bytes_per_s * Tick::TICK_S, comms.queue_bytes);
         let is_unlimited = comms.bytes_per_s == f64::INFINITY;
         for sender in self.agents() {
-            let parcels = actions.get(&sender).map_or(&[][..], |action| &action.parcels);
-            let to_agents = parcels.iter().filter(|parcel| matches!(parcel.peer, Peer::One(_) | Peer::Everybody));
+            let messages = actions.get(&sender).map_or(&[][..], |action| &action.messages);
+            let to_agents = messages.iter().filter(|message| matches!(message.peer, Peer::One(_) | Peer::Broadcast));
             if is_unlimited {
-                to_agents.enumerate().for_each(|(others, parcel)| self.deliver(sender, parcel, others));
+                to_agents.enumerate().for_each(|(others, message)| self.deliver(sender, message, others));
                 continue;
             }
-            let queue = &mut self.air.queues[sender.index()];
-            let refused = to_agents.filter(|&parcel| !queue.push(parcel.clone(), queue_bytes)).count();
+            let queue = &mut self.radio.queues[sender.index()];
+            let refused = to_agents.filter(|&message| !queue.push(message.clone(), queue_bytes)).count();
             self.totals.parcels_queue_full += refused as u64;
             let through = queue.send(bytes_per_tick);
-            through.iter().enumerate().for_each(|(others, parcel)| self.deliver(sender, parcel, others));
+            through.iter().enumerate().for_each(|(others, message)| self.deliver(sender, message, others));
         }
         self.tell_news_of_relays();
     }
 
-    /// A parcel has been sent, after so many others in this tick.
-    fn deliver(&mut self, sender: AgentId, parcel: &Parcel, others: usize) {
-        let receivers = match parcel.peer {
+    /// A message has been sent, after so many others in this tick.
+    fn deliver(&mut self, sender: AgentId, message: &AgentMessage, others: usize) {
+        let receivers = match message.peer {
             Peer::One(receiver) => vec![receiver],
-            Peer::Everybody => self.contacts_of(sender),
+            Peer::Broadcast => self.contacts_of(sender),
             Peer::Relay(_) | Peer::NewRelay => Vec::new(),
         };
         let (loss, seed, tick) = (self.params.comms.loss, self.params.comms.seed, self.tick);
@@ -149,24 +149,26 @@ impl World {
                 self.totals.parcels_lost_radio += 1;
                 continue;
             }
-            let untold = &mut self.agents[receiver.index()].untold;
-            if !untold.post(Parcel { peer: Peer::One(sender), ..parcel.clone() }) {
+            let pending_observation = &mut self.agents[receiver.index()].pending_observation;
+            if !pending_observation.post(AgentMessage { peer: Peer::One(sender), ..message.clone() }) {
                 self.totals.parcels_inbox_full += 1;
                 continue;
             }
             self.totals.parcels_delivered += 1;
-            let bytes = parcel.data.len() as u64;
+            let bytes = message.data.len() as u64;
             self.totals.parcel_bytes_delivered += bytes;
-            *self.totals.parcel_bytes_by_kind.entry(parcel.kind).or_default() += bytes;
+            *self.totals.parcel_bytes_by_kind.entry(message.kind).or_default() += bytes;
         }
     }
 
     fn leave_relays(&mut self, actions: &BTreeMap<AgentId, Action>) {
         for (&owner, action) in actions {
-            for Parcel { kind, data, .. } in action.parcels.iter().filter(|parcel| parcel.peer == Peer::NewRelay) {
+            for AgentMessage { kind, data, .. } in
+                action.messages.iter().filter(|message| message.peer == Peer::NewRelay)
+            {
                 let position = self.spheres[owner.index()].centre;
                 let content = (*kind, data.clone());
-                if self.air.relays.leave(owner, position, content, &self.params.comms, &self.terrain) {
+                if self.radio.relays.leave(owner, position, content, &self.params.comms, &self.terrain) {
                     self.totals.relays_left += 1;
                     self.contacts = None;
                 } else {
@@ -178,11 +180,12 @@ impl World {
 
     fn write_on_relays(&mut self, actions: &BTreeMap<AgentId, Action>) {
         for (&writer, action) in actions {
-            for Parcel { peer, kind, data } in &action.parcels {
+            for AgentMessage { peer, kind, data } in &action.messages {
                 let Peer::Relay(relay) = *peer else { continue };
                 let from = self.spheres[writer.index()].centre;
                 let content = (*kind, data.clone());
-                let is_written = self.air.relays.write(writer, from, relay, content, &self.params.comms, &self.terrain);
+                let is_written =
+                    self.radio.relays.write(writer, from, relay, content, &self.params.comms, &self.terrain);
                 self.totals.relay_writings += u64::from(is_written);
                 self.totals.relay_writings_lost += u64::from(!is_written);
             }
@@ -196,10 +199,10 @@ impl World {
         }
         for agent in self.agents() {
             let from = self.spheres[agent.index()].centre;
-            for relay in self.air.relays.reached(agent, &from, &self.params.comms, &self.terrain) {
-                let Some(parcel) = self.air.relays.news(agent, relay) else { continue };
-                if self.agents[agent.index()].untold.post(parcel) {
-                    self.air.relays.has_read(agent, relay);
+            for relay in self.radio.relays.reached(agent, &from, &self.params.comms, &self.terrain) {
+                let Some(message) = self.radio.relays.news(agent, relay) else { continue };
+                if self.agents[agent.index()].pending_observation.post(message) {
+                    self.radio.relays.has_read(agent, relay);
                     self.totals.relay_readings += 1;
                 }
             }
@@ -212,7 +215,7 @@ impl World {
             return Vec::new();
         }
         let from = self.spheres[agent.index()].centre;
-        let mut reached = self.air.relays.reached(agent, &from, &self.params.comms, &self.terrain);
+        let mut reached = self.radio.relays.reached(agent, &from, &self.params.comms, &self.terrain);
         let distance_m = |&relay: &usize| (self.relays()[relay].position - from).norm();
         reached.sort_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
         reached.truncate(RELAYS_TOLD_MAX);
@@ -240,9 +243,10 @@ impl World {
         let positions: Vec<Point3<f64>> = self.spheres.iter().map(|sphere| sphere.centre).collect();
         let mut networks = Vec::new();
         if !self.relays().is_empty() {
-            let Self { air, params, terrain, .. } = self;
+            let Self { radio, params, terrain, .. } = self;
             let by_agent = (0..).map(AgentId).zip(&positions);
-            networks = by_agent.map(|(agent, from)| air.relays.networks(agent, from, &params.comms, terrain)).collect();
+            networks =
+                by_agent.map(|(agent, from)| radio.relays.networks(agent, from, &params.comms, terrain)).collect();
         }
         self.contacts = Some(ContactTable::new(positions, networks));
     }

@@ -13,7 +13,7 @@
 mod cells;
 mod cloud;
 mod poses;
-mod texts;
+mod status;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -35,14 +35,14 @@ use crate::world::World;
 use cells::{Unexplored, walls};
 pub use cloud::points;
 pub use poses::odometry;
-pub use texts::Facts;
+pub use status::RunStatus;
 
 /// Wall time between two pieces of one view: a reader must be able to take each before the next comes.
 const PIECE_PERIOD_NS: u64 = 10_000_000;
 
 /// Something to look at: a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum View {
+pub enum VisualisationTopic {
     /// The poses of all bodies.
     Transforms,
     /// The frames that do not move.
@@ -67,7 +67,7 @@ pub enum View {
     Result,
 }
 
-impl View {
+impl VisualisationTopic {
     /// All views of a run with this many agents.
     pub fn all(agents: u32) -> impl Iterator<Item = Self> {
         let of_run = [
@@ -110,27 +110,27 @@ impl View {
 
 /// A message of a view.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Picture {
-    /// Of [`View::Transforms`] and [`View::StaticTransforms`].
+pub enum VisualisationMessage {
+    /// Of [`VisualisationTopic::Transforms`] and [`VisualisationTopic::StaticTransforms`].
     Transforms(TFMessage),
-    /// Of [`View::Odometry`].
+    /// Of [`VisualisationTopic::Odometry`].
     Odometry(Box<Odometry>),
-    /// Of [`View::Points`].
+    /// Of [`VisualisationTopic::Points`].
     Points(PointCloud2),
-    /// Of [`View::Path`].
+    /// Of [`VisualisationTopic::Path`].
     Path(Path),
-    /// Of [`View::Map`], [`View::Unexplored`] and [`View::Contacts`].
+    /// Of [`VisualisationTopic::Map`], [`VisualisationTopic::Unexplored`] and [`VisualisationTopic::Contacts`].
     Marker(Box<Marker>),
-    /// Of [`View::Info`].
+    /// Of [`VisualisationTopic::Info`].
     Info(DiagnosticArray),
-    /// Of [`View::Digest`].
+    /// Of [`VisualisationTopic::Digest`].
     Digest(maes_msgs::Digest),
-    /// Of [`View::Result`].
+    /// Of [`VisualisationTopic::Result`].
     Result(Box<maes_msgs::Result>),
 }
 
 /// As the message that it holds.
-impl Serialize for Picture {
+impl Serialize for VisualisationMessage {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Transforms(message) => message.serialize(serializer),
@@ -146,43 +146,43 @@ impl Serialize for Picture {
 }
 
 /// The views that somebody listens to, each with how many readers have ever come: more than before means that there is a new one.
-pub type Listeners = BTreeMap<View, u64>;
+pub type Subscribers = BTreeMap<VisualisationTopic, u64>;
 
 /// Messages that are to be shown or recorded, in order.
-pub type Pictures = Vec<(View, Picture)>;
+pub type VisualisationMessages = Vec<(VisualisationTopic, VisualisationMessage)>;
 
 /// When something is shown.
 #[derive(Debug, Clone, Copy)]
-pub struct Moment {
+pub struct PublishTime {
     /// Nanoseconds since some moment on the wall.
     pub wall_ns: u64,
     /// Whether sim time stands still until somebody says otherwise.
-    pub is_still: bool,
+    pub is_paused: bool,
 }
 
 /// What has been shown of a run, and when.
 #[derive(Debug)]
-pub struct Views {
+pub struct VisualisationScheduler {
     settings: ViewsSection,
-    recorded_views: Vec<View>,
+    recorded_views: Vec<VisualisationTopic>,
     live: Shown,
     recorded: Shown,
 }
 
-impl Views {
+impl VisualisationScheduler {
     /// Nothing shown yet of a run with this many agents.
     #[must_use]
     pub fn new(settings: ViewsSection, agents: u32) -> Self {
         let asked: BTreeSet<RecordedView> = settings.record.iter().copied().collect();
         let recorded_views =
-            View::all(agents).filter(|view| recorded_as(*view).is_some_and(|name| asked.contains(&name)));
+            VisualisationTopic::all(agents).filter(|view| recorded_as(*view).is_some_and(|name| asked.contains(&name)));
         Self { recorded_views: recorded_views.collect(), settings, live: Shown::default(), recorded: Shown::default() }
     }
 
     /// What there is to record at the start of this tick. To be asked in every tick.
-    pub fn to_record(&mut self, world: &mut World, facts: &Facts<'_>) -> Pictures {
+    pub fn due_for_recording(&mut self, world: &mut World, facts: &RunStatus<'_>) -> VisualisationMessages {
         let mut pictures = Vec::new();
-        let facts = Facts { pace: None, ..*facts };
+        let facts = RunStatus { rtf: None, ..*facts };
         for &view in &self.recorded_views {
             let period = self.settings.period_ticks(view);
             if self.recorded.is_due(view, world, period) {
@@ -195,9 +195,15 @@ impl Views {
     }
 
     /// What there is to show now: at most one piece of what comes in pieces.
-    pub fn to_show(&mut self, world: &mut World, facts: &Facts<'_>, listeners: &Listeners, now: Moment) -> Pictures {
+    pub fn due_live(
+        &mut self,
+        world: &mut World,
+        facts: &RunStatus<'_>,
+        listeners: &Subscribers,
+        now: PublishTime,
+    ) -> VisualisationMessages {
         let mut pictures = Vec::new();
-        let Moment { wall_ns, is_still } = now;
+        let PublishTime { wall_ns, is_paused } = now;
         for (&view, &arrivals) in listeners {
             let entry = self.live.entry(view);
             let is_new = entry.arrivals < arrivals;
@@ -206,7 +212,7 @@ impl Views {
                 continue;
             }
             if is_new {
-                if !is_still && entry.shown == Some(world.tick()) {
+                if !is_paused && entry.shown == Some(world.tick()) {
                     // It is shown again in the next tick: transforms of a tick that has been told are refused by those who have them.
                     continue;
                 }
@@ -228,7 +234,7 @@ impl Views {
     }
 
     /// Whether a message of the run loop's own, such as the digest, may be shown now.
-    pub fn may_show(&mut self, view: View, listeners: &Listeners, wall_ns: u64) -> bool {
+    pub fn may_publish(&mut self, view: VisualisationTopic, listeners: &Subscribers, wall_ns: u64) -> bool {
         let pause_ns = self.settings.pause_ns();
         let entry = self.live.entry(view);
         let may = listeners.contains_key(&view) && wall_ns >= entry.open_ns;
@@ -240,24 +246,24 @@ impl Views {
 }
 
 /// What a scenario calls a view that it can have recorded. The others are recorded in any case, or never.
-fn recorded_as(view: View) -> Option<RecordedView> {
+fn recorded_as(view: VisualisationTopic) -> Option<RecordedView> {
     match view {
-        View::Odometry(_) => Some(RecordedView::Odom),
-        View::Points(_) => Some(RecordedView::Points),
-        View::Path(_) => Some(RecordedView::Path),
-        View::StaticTransforms => Some(RecordedView::TfStatic),
-        View::Map => Some(RecordedView::Map),
-        View::Unexplored => Some(RecordedView::Unexplored),
-        View::Contacts => Some(RecordedView::Contacts),
-        View::Info => Some(RecordedView::Info),
-        View::Transforms | View::Digest | View::Result => None,
+        VisualisationTopic::Odometry(_) => Some(RecordedView::Odom),
+        VisualisationTopic::Points(_) => Some(RecordedView::Points),
+        VisualisationTopic::Path(_) => Some(RecordedView::Path),
+        VisualisationTopic::StaticTransforms => Some(RecordedView::TfStatic),
+        VisualisationTopic::Map => Some(RecordedView::Map),
+        VisualisationTopic::Unexplored => Some(RecordedView::Unexplored),
+        VisualisationTopic::Contacts => Some(RecordedView::Contacts),
+        VisualisationTopic::Info => Some(RecordedView::Info),
+        VisualisationTopic::Transforms | VisualisationTopic::Digest | VisualisationTopic::Result => None,
     }
 }
 
 /// What has been shown to one audience.
 #[derive(Debug, Default)]
 struct Shown {
-    entries: BTreeMap<View, Entry>,
+    entries: BTreeMap<VisualisationTopic, Entry>,
     paths: BTreeMap<AgentId, Vec<Point3<f64>>>,
     unexplored: Option<Unexplored>,
     /// Walls that are still to be shown, the last ones first.
@@ -277,29 +283,29 @@ struct Entry {
 }
 
 impl Shown {
-    fn entry(&mut self, view: View) -> &mut Entry {
+    fn entry(&mut self, view: VisualisationTopic) -> &mut Entry {
         self.entries.entry(view).or_default()
     }
 
     /// As if nothing had been shown of a view, for a reader that has just come.
-    fn forget(&mut self, view: View) {
+    fn forget(&mut self, view: VisualisationTopic) {
         let entry = self.entry(view);
         (entry.shown, entry.open_ns) = (None, 0);
         match view {
-            View::Path(agent) => drop(self.paths.remove(&agent)),
-            View::Unexplored => self.unexplored = None,
+            VisualisationTopic::Path(agent) => drop(self.paths.remove(&agent)),
+            VisualisationTopic::Unexplored => self.unexplored = None,
             _ => {}
         }
     }
 
     /// Whether this is a tick in which a view is shown: a multiple of its period, or, of points, after a scan. What was never
     /// shown is due at once.
-    fn is_due(&mut self, view: View, world: &World, period_ticks: u64) -> bool {
+    fn is_due(&mut self, view: VisualisationTopic, world: &World, period_ticks: u64) -> bool {
         let shown = self.entry(view).shown;
         match (view, shown) {
-            (View::Digest | View::Result, _) => false,
-            (View::StaticTransforms | View::Map, shown) => shown.is_none(),
-            (View::Points(agent), shown) => world.last_scan(agent).is_some_and(|(_, scan)| {
+            (VisualisationTopic::Digest | VisualisationTopic::Result, _) => false,
+            (VisualisationTopic::StaticTransforms | VisualisationTopic::Map, shown) => shown.is_none(),
+            (VisualisationTopic::Points(agent), shown) => world.last_scan(agent).is_some_and(|(_, scan)| {
                 // One of this tick has not been cast yet, or is not over.
                 scan < world.tick() && shown.is_none_or(|shown| scan.0 >= shown.0 + period_ticks)
             }),
@@ -309,70 +315,92 @@ impl Shown {
     }
 
     /// Notes that a view is shown now.
-    fn note(&mut self, view: View, world: &World) {
+    fn note(&mut self, view: VisualisationTopic, world: &World) {
         self.entry(view).shown = match view {
-            View::Points(agent) => world.last_scan(agent).map(|(_, scan)| scan),
+            VisualisationTopic::Points(agent) => world.last_scan(agent).map(|(_, scan)| scan),
             _ => Some(world.tick()),
         };
     }
 
     /// Makes the messages of a view; of one that comes in pieces, finds out which pieces are to be shown.
-    fn look(&mut self, view: View, world: &mut World, facts: &Facts<'_>, pictures: &mut Pictures) {
+    fn look(
+        &mut self,
+        view: VisualisationTopic,
+        world: &mut World,
+        facts: &RunStatus<'_>,
+        pictures: &mut VisualisationMessages,
+    ) {
         match view {
-            View::Transforms => push(pictures, view, poses::transforms(world).map(Picture::Transforms)),
-            View::StaticTransforms => {
-                push(pictures, view, poses::static_transforms(world.agents(), world.tick()).map(Picture::Transforms))
+            VisualisationTopic::Transforms => {
+                push(pictures, view, poses::transforms(world).map(VisualisationMessage::Transforms))
             }
-            View::Odometry(agent) => push(pictures, view, [Picture::Odometry(Box::new(odometry(world, agent)))]),
-            View::Points(agent) => push(pictures, view, points(world, agent).map(Picture::Points)),
-            View::Path(agent) => {
-                let way_points = world.body(agent).way_points();
-                if self.paths.get(&agent) != Some(&way_points) {
-                    push(pictures, view, [Picture::Path(poses::path(world.tick(), &way_points))]);
-                    self.paths.insert(agent, way_points);
+            VisualisationTopic::StaticTransforms => push(
+                pictures,
+                view,
+                poses::static_transforms(world.agents(), world.tick()).map(VisualisationMessage::Transforms),
+            ),
+            VisualisationTopic::Odometry(agent) => {
+                push(pictures, view, [VisualisationMessage::Odometry(Box::new(odometry(world, agent)))])
+            }
+            VisualisationTopic::Points(agent) => {
+                push(pictures, view, points(world, agent).map(VisualisationMessage::Points))
+            }
+            VisualisationTopic::Path(agent) => {
+                let waypoints = world.body(agent).waypoints();
+                if self.paths.get(&agent) != Some(&waypoints) {
+                    push(pictures, view, [VisualisationMessage::Path(poses::path(world.tick(), &waypoints))]);
+                    self.paths.insert(agent, waypoints);
                 }
             }
-            View::Map => {
+            VisualisationTopic::Map => {
                 self.walls = walls(world.terrain(), world.tick());
                 self.walls.reverse();
             }
-            View::Unexplored => {
+            VisualisationTopic::Unexplored => {
                 let unexplored = self.unexplored.get_or_insert_with(|| Unexplored::new(world.terrain()));
                 unexplored.look(world.coverage().explored_cells());
             }
-            View::Contacts => push(pictures, view, [Picture::Marker(Box::new(poses::contacts(world)))]),
-            View::Info => push(pictures, view, texts::info(world, facts).into_iter().map(Picture::Info)),
-            View::Digest | View::Result => {}
+            VisualisationTopic::Contacts => {
+                push(pictures, view, [VisualisationMessage::Marker(Box::new(poses::contacts(world)))])
+            }
+            VisualisationTopic::Info => {
+                push(pictures, view, status::info(world, facts).into_iter().map(VisualisationMessage::Info))
+            }
+            VisualisationTopic::Digest | VisualisationTopic::Result => {}
         }
     }
 
     /// Takes the next piece that is to be shown of a view, if there is one.
-    fn piece(&mut self, view: View, world: &World, pictures: &mut Pictures) -> bool {
+    fn piece(&mut self, view: VisualisationTopic, world: &World, pictures: &mut VisualisationMessages) -> bool {
         let piece = match view {
-            View::Map => self.walls.pop(),
-            View::Unexplored => self.unexplored.as_mut().and_then(|unexplored| {
+            VisualisationTopic::Map => self.walls.pop(),
+            VisualisationTopic::Unexplored => self.unexplored.as_mut().and_then(|unexplored| {
                 unexplored.next(world.terrain(), world.coverage().explored_cells(), world.tick())
             }),
             _ => None,
         };
         let is_there = piece.is_some();
-        push(pictures, view, piece.map(|marker| Picture::Marker(Box::new(marker))));
+        push(pictures, view, piece.map(|marker| VisualisationMessage::Marker(Box::new(marker))));
         is_there
     }
 }
 
 /// What does not change in a run with this terrain and so many agents, as it is shown and recorded at tick 0: frames and walls.
 #[must_use]
-pub fn still(terrain: &Grid<Terrain>, agents: u32) -> Pictures {
+pub fn static_messages(terrain: &Grid<Terrain>, agents: u32) -> VisualisationMessages {
     let mut pictures = Vec::new();
     let transforms = poses::static_transforms((0..agents).map(AgentId), Tick::ZERO);
-    push(&mut pictures, View::StaticTransforms, transforms.map(Picture::Transforms));
+    push(&mut pictures, VisualisationTopic::StaticTransforms, transforms.map(VisualisationMessage::Transforms));
     let walls = walls(terrain, Tick::ZERO).into_iter();
-    push(&mut pictures, View::Map, walls.map(|marker| Picture::Marker(Box::new(marker))));
+    push(&mut pictures, VisualisationTopic::Map, walls.map(|marker| VisualisationMessage::Marker(Box::new(marker))));
     pictures
 }
 
-fn push(pictures: &mut Pictures, view: View, new: impl IntoIterator<Item = Picture>) {
+fn push(
+    pictures: &mut VisualisationMessages,
+    view: VisualisationTopic,
+    new: impl IntoIterator<Item = VisualisationMessage>,
+) {
     pictures.extend(new.into_iter().map(|picture| (view, picture)));
 }
 

@@ -10,7 +10,7 @@ use super::has_room_from_walls;
 const BUCKETS_MAX: f64 = 64.0;
 
 /// Bodies on a map, sorted into cubic buckets by where their centres are.
-pub(super) struct Crowd<'a> {
+pub(super) struct PlacedBodies<'a> {
     terrain: &'a Grid<Terrain>,
     min_distance_m: f64,
     /// Edge of a bucket: no body reaches farther than into the buckets around its own.
@@ -20,7 +20,7 @@ pub(super) struct Crowd<'a> {
     buckets: Vec<Vec<Sphere>>,
 }
 
-impl<'a> Crowd<'a> {
+impl<'a> PlacedBodies<'a> {
     /// Nobody yet. `radii_m` are those of all bodies that may come; the centres of two of them stay at least `min_distance_m`
     /// apart.
     pub(super) fn new(terrain: &'a Grid<Terrain>, radii_m: &[f64], min_distance_m: f64) -> Self {

@@ -12,7 +12,7 @@ use voxels::Extent;
 
 /// What errs, and how much.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Errors {
+pub struct SensorNoise {
     /// Standard deviation of measured distances, metres.
     pub range_sigma_m: f64,
     /// Probability that a ray that meets a wall brings nothing back.
@@ -32,26 +32,26 @@ pub(super) struct Drift {
     offset_m: Vector3<f64>,
 }
 
-impl Errors {
+impl SensorNoise {
     /// Whether scans err.
     #[must_use]
-    pub fn blur_scans(&self) -> bool {
+    pub fn affects_scans(&self) -> bool {
         self.range_sigma_m > 0.0 || self.missed_returns > 0.0
     }
 
-    fn blur_poses(&self) -> bool {
+    fn affects_poses(&self) -> bool {
         self.pose_bound_m > 0.0 && self.pose_step_m > 0.0
     }
 
     /// The chance that is in the scan of an agent in a tick.
-    pub(super) fn of_scan(&self, agent: AgentId, tick: Tick) -> ChaCha8Rng {
+    pub(super) fn scan_stream(&self, agent: AgentId, tick: Tick) -> ChaCha8Rng {
         let mut rng = random_streams::stream(self.seed, agent.0.into(), "sensor.scan");
         rng.set_stream(tick.0);
         rng
     }
 
     /// What chance does to one return: `None` if it is missed, else how much farther it seems, metres.
-    pub(super) fn of_return(&self, rng: &mut ChaCha8Rng) -> Option<f64> {
+    pub(super) fn sample_return(&self, rng: &mut ChaCha8Rng) -> Option<f64> {
         // All are drawn in any case, so that a ray draws as much whatever the scenario says.
         let [miss, one, other] = [uniform(rng), uniform(rng), uniform(rng)];
         // Box and Muller; 1 - one is never 0.
@@ -63,35 +63,35 @@ impl Errors {
 
 impl Drift {
     /// No error at the start.
-    pub(super) fn new(errors: &Errors, agent: AgentId) -> Self {
-        Self { rng: random_streams::stream(errors.seed, agent.0.into(), "sensor.pose"), offset_m: Vector3::zeros() }
+    pub(super) fn new(noise: &SensorNoise, agent: AgentId) -> Self {
+        Self { rng: random_streams::stream(noise.seed, agent.0.into(), "sensor.pose"), offset_m: Vector3::zeros() }
     }
 
     /// The error one tick later.
-    pub(super) fn advance(&mut self, errors: &Errors) {
-        if !errors.blur_poses() {
+    pub(super) fn advance(&mut self, noise: &SensorNoise) {
+        if !noise.affects_poses() {
             return;
         }
-        let bound_m = errors.pose_bound_m;
+        let bound_m = noise.pose_bound_m;
         for along in self.offset_m.iter_mut() {
-            let step_m = (2.0 * uniform(&mut self.rng) - 1.0) * errors.pose_step_m;
+            let step_m = (2.0 * uniform(&mut self.rng) - 1.0) * noise.pose_step_m;
             *along = (*along + step_m).clamp(-bound_m, bound_m);
         }
     }
 
     /// The position that is told of a true one; always a place in the map.
-    pub(super) fn told(&self, position: &Point3<f64>, extent: Extent) -> Point3<f64> {
+    pub(super) fn measured(&self, position: &Point3<f64>, extent: Extent) -> Point3<f64> {
         if self.offset_m == Vector3::zeros() {
             return *position;
         }
         let edge = extent.cell_m();
         let size = extent.size();
-        let mut told = position + self.offset_m;
+        let mut measured = position + self.offset_m;
         for axis in 0..3 {
             // Within the outermost cells, however large the map is and numbers are rounded.
-            told[axis] = told[axis].clamp(0.0, (f64::from(size[axis]) - 0.5) * edge);
+            measured[axis] = measured[axis].clamp(0.0, (f64::from(size[axis]) - 0.5) * edge);
         }
-        told
+        measured
     }
 }
 
@@ -107,9 +107,9 @@ mod tests {
 
     #[test]
     fn returns_are_as_noisy_as_they_are_to_be() {
-        let errors = Errors { range_sigma_m: 0.5, missed_returns: 0.25, ..Errors::default() };
-        let mut rng = errors.of_scan(AgentId(3), Tick(7));
-        let returns: Vec<f64> = (0..40_000).filter_map(|_| errors.of_return(&mut rng)).collect();
+        let noise = SensorNoise { range_sigma_m: 0.5, missed_returns: 0.25, ..SensorNoise::default() };
+        let mut rng = noise.scan_stream(AgentId(3), Tick(7));
+        let returns: Vec<f64> = (0..40_000).filter_map(|_| noise.sample_return(&mut rng)).collect();
         let number = returns.len() as f64;
         let mean = returns.iter().sum::<f64>() / number;
         let variance = returns.iter().map(|noise| (noise - mean) * (noise - mean)).sum::<f64>() / number;
@@ -119,8 +119,8 @@ mod tests {
 
     #[test]
     fn scans_draw_by_agent_and_tick() {
-        let errors = Errors { seed: 1, ..Errors::default() };
-        let first = |agent, tick| errors.of_scan(AgentId(agent), Tick(tick)).next_u64();
+        let noise = SensorNoise { seed: 1, ..SensorNoise::default() };
+        let first = |agent, tick| noise.scan_stream(AgentId(agent), Tick(tick)).next_u64();
         assert_eq!(first(0, 5), first(0, 5));
         assert_ne!(first(0, 5), first(0, 6));
         assert_ne!(first(0, 5), first(1, 5));
@@ -128,19 +128,19 @@ mod tests {
 
     #[test]
     fn a_told_position_drifts_within_its_bounds_and_the_map() {
-        let errors = Errors { pose_bound_m: 0.5, pose_step_m: 0.05, ..Errors::default() };
-        let mut drift = Drift::new(&errors, AgentId(0));
+        let noise = SensorNoise { pose_bound_m: 0.5, pose_step_m: 0.05, ..SensorNoise::default() };
+        let mut drift = Drift::new(&noise, AgentId(0));
         let extent = Extent::new([4, 4, 4], 1.0).unwrap();
         let (middle, corner) = (Point3::new(2.0, 2.0, 2.0), Point3::new(0.1, 3.9, 0.1));
-        assert_eq!(drift.told(&middle, extent), middle);
+        assert_eq!(drift.measured(&middle, extent), middle);
         let mut farthest: f64 = 0.0;
         for _ in 0..5000 {
-            let before = drift.told(&middle, extent);
-            drift.advance(&errors);
-            let now = drift.told(&middle, extent);
+            let before = drift.measured(&middle, extent);
+            drift.advance(&noise);
+            let now = drift.measured(&middle, extent);
             assert!((now - before).amax() <= 0.05 + 1e-12);
             farthest = farthest.max((now - middle).amax());
-            assert!(extent.contains(extent.cell_of(&drift.told(&corner, extent))));
+            assert!(extent.contains(extent.cell_of(&drift.measured(&corner, extent))));
         }
         assert!(farthest > 0.45 && farthest <= 0.5 + 1e-12, "{farthest}");
     }
