@@ -64,7 +64,7 @@ fn path(criterion: &mut Criterion) {
             });
         }
         let path = found.as_ref().expect("the cave hangs together");
-        eprintln!("{name} neighbours, straightened: {} way-points", straighten(path, &map, RADIUS_M).len());
+        eprintln!("{name} neighbours, straightened: {} waypoints", straighten(path, &map, RADIUS_M).len());
         criterion.bench_function(&format!("path {name} neighbours straighten"), |bencher| {
             bencher.iter(|| straighten(black_box(path), &map, RADIUS_M));
         });

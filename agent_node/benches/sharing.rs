@@ -12,7 +12,7 @@ use std::hint::black_box;
 use std::ops::ControlFlow;
 
 use agent_node::exploration_map::{Change, ExplorationMap};
-use agent_node::observation::{Contact, Received};
+use agent_node::observation::{Contact, ReceivedMessage};
 use agent_node::sharing::{DEFAULT_PERIOD_TICKS, Sharing};
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use msgs::ids::{AgentId, Tick};
@@ -78,11 +78,11 @@ fn scan(terrain: &Grid<Terrain>, from: Cell, directions: &[Vector3<f64>], map: &
 struct Agent {
     map: ExplorationMap,
     sharing: Sharing,
-    received: Vec<Received>,
+    received: Vec<ReceivedMessage>,
 }
 
 impl Agent {
-    fn exchange(&mut self, contacts: &[Contact], now: Tick) -> Vec<agent_node::command::Parcel> {
+    fn exchange(&mut self, contacts: &[Contact], now: Tick) -> Vec<agent_node::command::AgentMessage> {
         self.sharing.incoming(&mut self.map, &self.received);
         self.sharing.outgoing(&self.map, contacts, now, PARCEL_BYTES_MAX)
     }
@@ -102,7 +102,7 @@ fn round(agents: &mut [Agent], now: Tick) -> (usize, usize) {
             assert_eq!(parcel.to, None, "all are told the same");
             bytes += parcel.data.len();
             parcels += 1;
-            posted.push(Received { from: AgentId(id), kind: parcel.kind, data: parcel.data });
+            posted.push(ReceivedMessage { from: AgentId(id), kind: parcel.kind, data: parcel.data });
         }
         agent.received.clear();
     }

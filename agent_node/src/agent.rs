@@ -16,34 +16,34 @@ use msgs::ids::{AgentId, Tick};
 use msgs::limits::{LIST_BYTES_MAX, PARCEL_BYTES_BARE, PARCEL_BYTES_MAX, POINT_BYTES};
 use msgs::maes_msgs::{self, Observation as Part};
 
-use crate::command::{Command, Motion, Wake};
+use crate::command::{Command, Motion, Trigger};
 use crate::controllers::{Controller, Ctx};
 use crate::exploration_map::ExplorationMap;
-use crate::observation::{Briefing, Observation};
-use crate::sharing::{MAP_PARCEL, Sharing};
-use crate::travel::Travel;
-use crate::wire::{self, Collected, Collector, WireError};
+use crate::observation::{RunInfo, Observation};
+use crate::sharing::{MAP_MESSAGE, Sharing};
+use crate::navigation::NavigationTask;
+use crate::wire::{self, Reassembled, FragmentReassembler, WireError};
 
 /// One agent.
 pub struct Agent {
     id: AgentId,
-    briefing: Briefing,
+    run_info: RunInfo,
     map: ExplorationMap,
     sharing: Sharing,
-    travel: Travel,
+    navigation: NavigationTask,
     controller: Box<dyn Controller>,
-    collector: Collector,
-    answered: Option<maes_msgs::Command>,
+    reassembler: FragmentReassembler,
+    last_reply: Option<maes_msgs::Command>,
     /// When the next observation counts: the wake of the last answer that counted.
-    due: Wake,
+    due: Trigger,
     /// The controller's part of it.
-    controller_due: Wake,
+    controller_trigger: Trigger,
     /// Whether the controller wants the view in the next observation it gets.
     controller_wants_view: bool,
     /// What the controller was not asked about in ticks that were due for sharing alone.
-    untold: Option<Observation>,
+    deferred: Option<Observation>,
     /// What was told out of turn since the last observation that counted.
-    unlearnt: Option<Observation>,
+    unmerged: Option<Observation>,
 }
 
 /// What an agent does about a part of an observation.
@@ -52,32 +52,32 @@ pub enum Reaction {
     /// Nothing: other parts are missing, or it is an old one.
     None,
     /// It answers.
-    Answer(maes_msgs::Command),
-    /// It gives the receipt for the end of the run.
-    Farewell(maes_msgs::Command),
+    Reply(maes_msgs::Command),
+    /// It gives the acknowledgement for the end of the run.
+    Acknowledge(maes_msgs::Command),
 }
 
 impl Agent {
-    /// An agent that knows nothing but its briefing.
+    /// An agent that knows nothing but its run_info.
     ///
     /// # Panics
     /// If it does not take part in the run.
     #[must_use]
-    pub fn new(id: AgentId, briefing: Briefing, controller: Box<dyn Controller>) -> Self {
+    pub fn new(id: AgentId, run_info: RunInfo, controller: Box<dyn Controller>) -> Self {
         Self {
             id,
-            map: ExplorationMap::new(briefing.extent),
-            sharing: Sharing::new(briefing.share_period_ticks, briefing.agents),
-            travel: Travel::new(briefing.bodies.of(id).radius_m, briefing.extent.cell_m()),
-            briefing,
+            map: ExplorationMap::new(run_info.extent),
+            sharing: Sharing::new(run_info.share_period_ticks, run_info.agents),
+            navigation: NavigationTask::new(run_info.bodies.of(id).radius_m, run_info.extent.cell_m()),
+            run_info,
             controller,
-            collector: Collector::default(),
-            answered: None,
-            due: Wake::NEXT_TICK,
-            controller_due: Wake::NEXT_TICK,
+            reassembler: FragmentReassembler::default(),
+            last_reply: None,
+            due: Trigger::NEXT_TICK,
+            controller_trigger: Trigger::NEXT_TICK,
             controller_wants_view: false,
-            untold: None,
-            unlearnt: None,
+            deferred: None,
+            unmerged: None,
         }
     }
 
@@ -102,7 +102,7 @@ impl Agent {
     /// The last tick it has answered.
     #[must_use]
     pub fn last_tick(&self) -> Option<Tick> {
-        self.answered.as_ref().map(|command| Tick(command.tick))
+        self.last_reply.as_ref().map(|command| Tick(command.tick))
     }
 
     /// Takes in a part of an observation.
@@ -114,105 +114,105 @@ impl Agent {
     /// Never: a map has fewer cells than a number of 32 bits can say.
     pub fn take(&mut self, part: Part) -> Result<Reaction, WireError> {
         if part.phase != Part::ENDED
-            && let Some(answered) = &self.answered
-            && part.tick <= answered.tick
+            && let Some(last_reply) = &self.last_reply
+            && part.tick <= last_reply.tick
         {
-            let is_asked_again = part.tick == answered.tick && part.part + 1 == part.parts;
-            return Ok(if is_asked_again { Reaction::Answer(answered.clone()) } else { Reaction::None });
+            let is_resent = part.tick == last_reply.tick && part.part + 1 == part.parts;
+            return Ok(if is_resent { Reaction::Reply(last_reply.clone()) } else { Reaction::None });
         }
-        let Some(Collected { has_ended, mut observation }) = self.collector.take(part, &self.briefing)? else {
+        let Some(Reassembled { has_ended, mut observation }) = self.reassembler.take(part, &self.run_info)? else {
             return Ok(Reaction::None);
         };
         let tick = observation.tick;
         if has_ended {
-            self.learn(&mut observation);
-            let receipt = wire::command(self.id, tick, Command::keep(Wake::NEXT_TICK));
-            return Ok(Reaction::Farewell(receipt));
+            self.merge(&mut observation);
+            let acknowledgement = wire::command(self.id, tick, Command::keep(Trigger::NEXT_TICK));
+            return Ok(Reaction::Acknowledge(acknowledgement));
         }
         let command = if self.due.is_due(tick, observation.events) {
-            self.answer_in_turn(observation)
-        } else if self.controller.is_asked_between() {
-            self.answer_out_of_turn(observation)
+            self.reply_to_trigger(observation)
+        } else if self.controller.is_polled_between_triggers() {
+            self.reply_to_poll(observation)
         } else {
             Command::keep(self.due)
         };
         let command = maes_msgs::Command {
             known_free: u32::try_from(self.map.free()).expect("an extent has at most 2^30 cells"),
-            failed_searches: self.travel.failures(),
+            failed_searches: self.navigation.failures(),
             ..wire::command(self.id, tick, command)
         };
-        self.answered = Some(command.clone());
-        Ok(Reaction::Answer(command))
+        self.last_reply = Some(command.clone());
+        Ok(Reaction::Reply(command))
     }
 
-    fn answer_in_turn(&mut self, mut observation: Observation) -> Command {
+    fn reply_to_trigger(&mut self, mut observation: Observation) -> Command {
         // The server tells it once more.
-        self.unlearnt = None;
-        self.learn(&mut observation);
-        if let Some(earlier) = self.untold.take() {
-            observation = observation.with_news_of(earlier);
+        self.unmerged = None;
+        self.merge(&mut observation);
+        if let Some(earlier) = self.deferred.take() {
+            observation = observation.merged_with(earlier);
         }
-        if self.controller_due.is_due(observation.tick, observation.events) {
+        if self.controller_trigger.is_due(observation.tick, observation.events) {
             let command = self.decide(&observation);
-            self.count(command, &observation)
+            self.commit(command, &observation)
         } else {
-            let command = Command { want_view: self.controller_wants_view, ..Command::keep(self.controller_due) };
-            let command = self.count(command, &observation);
-            self.untold = Some(observation);
+            let command = Command { want_view: self.controller_wants_view, ..Command::keep(self.controller_trigger) };
+            let command = self.commit(command, &observation);
+            self.deferred = Some(observation);
             command
         }
     }
 
-    fn answer_out_of_turn(&mut self, observation: Observation) -> Command {
+    fn reply_to_poll(&mut self, observation: Observation) -> Command {
         let mut shown = observation.clone();
-        shown.parcels.retain(|parcel| parcel.kind != MAP_PARCEL);
-        let mut whole = match self.unlearnt.take() {
-            Some(earlier) => observation.with_news_of(earlier),
+        shown.messages.retain(|message| message.kind != MAP_MESSAGE);
+        let mut whole = match self.unmerged.take() {
+            Some(earlier) => observation.merged_with(earlier),
             None => observation,
         };
         let command = self.decide(&shown);
-        if command.does_nothing() {
-            self.unlearnt = Some(whole);
+        if command.is_noop() {
+            self.unmerged = Some(whole);
             return Command::keep(self.due);
         }
-        self.learn(&mut whole);
-        self.count(command, &whole)
+        self.merge(&mut whole);
+        self.commit(command, &whole)
     }
 
     fn decide(&mut self, observation: &Observation) -> Command {
-        let mut ctx = Ctx::new(self.id, &self.briefing, observation, &mut self.map, &mut self.travel);
+        let mut ctx = Ctx::new(self.id, &self.run_info, observation, &mut self.map, &mut self.navigation);
         self.controller.decide(observation, &mut ctx)
     }
 
     /// Learns what was seen and what other agents say; takes their map parcels out of the observation.
-    fn learn(&mut self, observation: &mut Observation) {
+    fn merge(&mut self, observation: &mut Observation) {
         self.map.note_free(&observation.seen.free);
         self.map.note_wall(&observation.seen.wall);
-        self.map.note_covered(self.briefing.extent.cell_of(&observation.pose.position));
-        self.sharing.incoming(&mut self.map, &observation.parcels);
-        observation.parcels.retain(|parcel| parcel.kind != MAP_PARCEL);
+        self.map.note_covered(self.run_info.extent.cell_of(&observation.pose.position));
+        self.sharing.incoming(&mut self.map, &observation.messages);
+        observation.messages.retain(|message| message.kind != MAP_MESSAGE);
     }
 
     /// Completes a command that counts with what there is to share.
-    fn count(&mut self, mut command: Command, observation: &Observation) -> Command {
-        self.controller_due = command.wake;
+    fn commit(&mut self, mut command: Command, observation: &Observation) -> Command {
+        self.controller_trigger = command.trigger;
         self.controller_wants_view = command.want_view;
         let Observation { tick, contacts, .. } = observation;
-        let parcels = self.sharing.outgoing(&self.map, contacts, *tick, room_for_parcels(&command));
-        command.parcels.extend(parcels);
-        command.wake = command.wake.or(self.sharing.wants_to_be_asked_at(contacts, *tick));
-        self.due = command.wake;
+        let messages = self.sharing.outgoing(&self.map, contacts, *tick, message_budget(&command));
+        command.messages.extend(messages);
+        command.trigger = command.trigger.or(self.sharing.next_trigger(contacts, *tick));
+        self.due = command.trigger;
         command
     }
 }
 
 /// Bytes that are left in a command for more parcels.
-fn room_for_parcels(command: &Command) -> usize {
-    let of_parcels = command.parcels.iter().map(|parcel| parcel.data.len());
+fn message_budget(command: &Command) -> usize {
+    let of_parcels = command.messages.iter().map(|message| message.data.len());
     let sizes = of_parcels.chain(command.relays.iter().map(|order| order.data.len()));
     let (number, data) = sizes.fold((0, 0), |(number, data), size| (number + 1, data + size));
-    let way_points = if let Motion::Path(way_points) = &command.motion { way_points.len() } else { 0 };
-    let lists = POINT_BYTES * way_points + PARCEL_BYTES_BARE * number + data;
+    let waypoints = if let Motion::Path(waypoints) = &command.motion { waypoints.len() } else { 0 };
+    let lists = POINT_BYTES * waypoints + PARCEL_BYTES_BARE * number + data;
     PARCEL_BYTES_MAX.saturating_sub(data).min(LIST_BYTES_MAX.saturating_sub(lists))
 }
 

@@ -30,7 +30,7 @@ pub enum Motion {
         /// How far.
         angle_rad: f64,
     },
-    /// Visit 1 to 1024 way-points in turn.
+    /// Visit 1 to 1024 waypoints in turn.
     Path(Vec<Point3<f64>>),
     /// Hold a velocity, clamped to what the body can do.
     Velocity {
@@ -57,7 +57,7 @@ impl Motion {
 
 /// A request to the LiDAR.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum LidarRequest {
+pub enum ScanRequest {
     /// As before; at the start: as the scenario says.
     #[default]
     Keep,
@@ -71,7 +71,7 @@ pub enum LidarRequest {
 
 /// Bytes to send.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Parcel {
+pub struct AgentMessage {
     /// To whom; `None`: everybody in contact.
     pub to: Option<AgentId>,
     /// What the bytes are, for accounting.
@@ -93,14 +93,14 @@ pub struct RelayOrder {
 
 /// When an agent wants to be asked again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Wake {
+pub struct Trigger {
     /// In this tick at the latest.
     pub at: Tick,
     /// Earlier, after any of these events: bits of `maes_msgs/Wake`.
     pub events: u8,
 }
 
-impl Wake {
+impl Trigger {
     /// In the next tick.
     pub const NEXT_TICK: Self = Self { at: Tick::ZERO, events: 0 };
 
@@ -138,15 +138,15 @@ pub struct Command {
     /// Task of the body.
     pub motion: Motion,
     /// Request to the LiDAR.
-    pub lidar: LidarRequest,
+    pub lidar: ScanRequest,
     /// Whether the next observation is to hold the view of the last scan.
     pub want_view: bool,
     /// To send in this tick.
-    pub parcels: Vec<Parcel>,
+    pub messages: Vec<AgentMessage>,
     /// Relays to leave and to write on in this tick.
     pub relays: Vec<RelayOrder>,
     /// When to ask again.
-    pub wake: Wake,
+    pub trigger: Trigger,
     /// A text for people, at most 1024 bytes; empty: as before.
     pub info: String,
 }
@@ -154,49 +154,49 @@ pub struct Command {
 impl Command {
     /// Goes on as before until `wake`.
     #[must_use]
-    pub fn keep(wake: Wake) -> Self {
-        Self::new(Motion::Keep, wake)
+    pub fn keep(trigger: Trigger) -> Self {
+        Self::new(Motion::Keep, trigger)
     }
 
     /// Takes up a task, and leaves everything else as it is.
     #[must_use]
-    pub fn new(motion: Motion, wake: Wake) -> Self {
+    pub fn new(motion: Motion, trigger: Trigger) -> Self {
         Self {
             motion,
-            lidar: LidarRequest::Keep,
+            lidar: ScanRequest::Keep,
             want_view: false,
-            parcels: Vec::new(),
+            messages: Vec::new(),
             relays: Vec::new(),
-            wake,
+            trigger,
             info: String::new(),
         }
     }
 
-    /// The same, and sends bytes: `kind` is the sender's mark (not [`crate::sharing::MAP_PARCEL`]), `to` the receiver (`None`:
+    /// The same, and sends bytes: `kind` is the sender's mark (not [`crate::sharing::MAP_MESSAGE`]), `to` the receiver (`None`:
     /// everybody in contact).
     #[must_use]
-    pub fn sending(mut self, to: Option<AgentId>, kind: u8, data: Vec<u8>) -> Self {
-        self.parcels.push(Parcel { to, kind, data });
+    pub fn with_message(mut self, to: Option<AgentId>, kind: u8, data: Vec<u8>) -> Self {
+        self.messages.push(AgentMessage { to, kind, data });
         self
     }
 
     /// The same, and leaves a relay behind, which keeps these bytes. Who has none left leaves none.
     #[must_use]
-    pub fn leaving_relay(mut self, kind: u8, data: Vec<u8>) -> Self {
+    pub fn with_relay(mut self, kind: u8, data: Vec<u8>) -> Self {
         self.relays.push(RelayOrder { relay: None, kind, data });
         self
     }
 
     /// The same, and has a relay in reach keep these bytes instead of what it kept.
     #[must_use]
-    pub fn writing_on(mut self, relay: RelayId, kind: u8, data: Vec<u8>) -> Self {
+    pub fn with_relay_update(mut self, relay: RelayId, kind: u8, data: Vec<u8>) -> Self {
         self.relays.push(RelayOrder { relay: Some(relay), kind, data });
         self
     }
 
     /// The same, with a text for people, of which as much is kept as fits ([`msgs::limits::INFO_BYTES_MAX`]).
     #[must_use]
-    pub fn saying(mut self, info: impl Into<String>) -> Self {
+    pub fn with_info(mut self, info: impl Into<String>) -> Self {
         self.info = info.into();
         let end = (0..=INFO_BYTES_MAX.min(self.info.len())).rev().find(|&end| self.info.is_char_boundary(end));
         self.info.truncate(end.unwrap_or(0));
@@ -205,18 +205,18 @@ impl Command {
 
     /// The same, and asks for the view of the last scan in the next observation.
     #[must_use]
-    pub fn asking_for_view(mut self) -> Self {
+    pub fn with_view_request(mut self) -> Self {
         self.want_view = true;
         self
     }
 
     /// Whether the run would be the same without it: out of turn the server takes no notice of it, its wake included.
     #[must_use]
-    pub fn does_nothing(&self) -> bool {
+    pub fn is_noop(&self) -> bool {
         self.motion == Motion::Keep
-            && self.lidar == LidarRequest::Keep
+            && self.lidar == ScanRequest::Keep
             && !self.want_view
-            && self.parcels.is_empty()
+            && self.messages.is_empty()
             && self.relays.is_empty()
             && self.info.is_empty()
     }
@@ -230,17 +230,17 @@ mod tests {
     fn the_shorter_way_ends_at_the_same_heading() {
         for degrees in -720..=720 {
             let angle_rad = f64::from(degrees) * PI / 180.0;
-            let Motion::Turn { angle_rad: way } = Motion::turn(angle_rad) else { panic!() };
-            assert!(way.abs() <= PI + 1e-12);
-            let turns = (angle_rad - way) / TAU;
+            let Motion::Turn { angle_rad: shorter } = Motion::turn(angle_rad) else { panic!() };
+            assert!(shorter.abs() <= PI + 1e-12);
+            let turns = (angle_rad - shorter) / TAU;
             assert!((turns - turns.round()).abs() < 1e-9);
         }
     }
 
     #[test]
     fn a_text_for_people_is_cut_where_a_character_ends() {
-        let said = Command::keep(Wake::NEXT_TICK).saying("\u{e9}".repeat(INFO_BYTES_MAX));
+        let said = Command::keep(Trigger::NEXT_TICK).with_info("\u{e9}".repeat(INFO_BYTES_MAX));
         assert_eq!(said.info.len(), INFO_BYTES_MAX / 2 * 2);
-        assert_eq!(Command::keep(Wake::NEXT_TICK).saying("short").info, "short");
+        assert_eq!(Command::keep(Trigger::NEXT_TICK).with_info("short").info, "short");
     }
 }

@@ -1,4 +1,4 @@
-//! An agent process. Start reading at [`agent_node::run`]; every exit code is made here.
+//! An agent process. Start reading at [`agent_node::host`]; every exit code is made here.
 
 use std::process::ExitCode;
 
@@ -29,8 +29,8 @@ mod serve {
     use std::sync::atomic::AtomicBool;
 
     use agent_node::cli::Cli;
-    use agent_node::ros::RosLink;
-    use agent_node::run::{self, Options, RunError};
+    use agent_node::ros::RosTransport;
+    use agent_node::host::{self, Options, RunError};
     use ros_node::ros_env::RosEnv;
 
     /// A failure of the system or of the protocol.
@@ -59,7 +59,7 @@ mod serve {
         }
         ros_node::stopped::end_when_continued()?;
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
-        let mut link = RosLink::new(&cli.id.0, cli.has_parameters(), &env)?;
+        let mut transport = RosTransport::new(&cli.id.0, cli.has_parameters(), &env)?;
         let options = Options {
             chaos_delay: cli.chaos_delay(),
             server_timeout: cli.server_timeout(),
@@ -70,7 +70,7 @@ mod serve {
             settings: cli.set,
             instance: getrandom::u64()?,
         };
-        Ok(run::run(&mut link, &options, &stop)?)
+        Ok(host::run(&mut transport, &options, &stop)?)
     }
 }
 

@@ -1,4 +1,4 @@
-//! What an agent learns: the briefing at the start, and an observation each time it is asked.
+//! What an agent learns: the run_info at the start, and an observation each time it is asked.
 //!
 //! Lengths in metres, angles in radians, frame `map` unless a name says otherwise.
 
@@ -7,11 +7,11 @@ use msgs::relay_id::RelayId;
 use nalgebra::{Point3, Vector3};
 use voxels::Extent;
 
-use crate::body::Bodies;
+use crate::bodies::Bodies;
 
 /// What an agent may know of the run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Briefing {
+pub struct RunInfo {
     /// The run ends at this tick at the latest.
     pub duration: Tick,
     /// The map: where it lies and how many cells it has.
@@ -78,7 +78,7 @@ pub struct Contact {
 
 /// Bytes that arrived.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Received {
+pub struct ReceivedMessage {
     /// Who sent them.
     pub from: AgentId,
     /// The sender's mark.
@@ -138,7 +138,7 @@ pub struct Observation {
     /// Relays in reach now, ascending.
     pub relays: Vec<Relay>,
     /// What has arrived since the last observation.
-    pub parcels: Vec<Received>,
+    pub messages: Vec<ReceivedMessage>,
     /// What relays in reach keep, as far as the agent has not been told.
     pub readings: Vec<Reading>,
     /// Tick of the last scan.
@@ -152,7 +152,7 @@ pub struct Observation {
 impl Observation {
     /// This observation, with the news of an earlier one that nobody has looked at.
     #[must_use]
-    pub fn with_news_of(self, earlier: Self) -> Self {
+    pub fn merged_with(self, earlier: Self) -> Self {
         let together = |earlier: Vec<u32>, later: Vec<u32>| {
             if earlier.is_empty() {
                 return later;
@@ -163,13 +163,13 @@ impl Observation {
             cells.sort();
             cells
         };
-        let mut parcels = earlier.parcels;
-        parcels.extend(self.parcels);
+        let mut messages = earlier.messages;
+        messages.extend(self.messages);
         let mut readings = earlier.readings;
         readings.extend(self.readings);
         Self {
             events: earlier.events | self.events,
-            parcels,
+            messages,
             readings,
             seen: Cells {
                 free: together(earlier.seen.free, self.seen.free),

@@ -2,7 +2,7 @@
 //!
 //! In reading order: [`Moves`] is how a body of a given size may go from one cell to the next; [`Graph`] is these moves on a
 //! map; [`Search`] finds the cheapest way on a graph; [`Budgeted`] and [`Background`] say when the answer of a search may be
-//! used; [`straighten`] turns a way into way-points, and [`direct`] says whether no search is needed.
+//! used; [`straighten`] turns a way into waypoints, and [`direct`] says whether no search is needed.
 //!
 //! Invariants: the sphere of the body, moved along anything that is found here, touches neither wall nor unexplored cells
 //! (what it touches where it starts excepted); costs are integers and every order is total, so an answer depends on the map

@@ -21,23 +21,23 @@ use ros_node::rosout::Rosout;
 use ros_node::{Inbox, Outlet, RosError, Sample, SharedParameters, Tally, Workshop, linger, now};
 use ros2_client::{Context, Node};
 
-use crate::link::{Inbound, Level, Link};
+use crate::transport::{Inbound, Level, ServerTransport};
 use crate::parameters;
 
 /// The agents of a process in a ROS network.
-pub struct RosLink {
+pub struct RosTransport {
     /// Messages, and `None` for what has been dealt with.
     inbox: Inbox<Result<Option<Inbound>, String>>,
-    seats: Vec<Seat>,
+    agents: Vec<AgentEndpoints>,
     ignored: Tally,
     /// Who looks at what the agents believe, by seat.
     audience: Audience,
-    onlookers: BTreeMap<AgentId, u64>,
+    observers: BTreeMap<AgentId, u64>,
     context: Context,
 }
 
 /// An agent of this process.
-struct Seat {
+struct AgentEndpoints {
     agent: AgentId,
     join: Outlet<Join>,
     command: Outlet<Command>,
@@ -47,24 +47,24 @@ struct Seat {
     node: Node,
 }
 
-impl RosLink {
+impl RosTransport {
     /// Joins the network as these agents, with services by which people read their parameters, or without.
     ///
     /// # Errors
     /// If the network cannot be joined, or the system has not enough of something.
-    pub fn new(agents: &[AgentId], has_parameters: bool, env: &RosEnv) -> Result<Self, RosError> {
+    pub fn new(ids: &[AgentId], has_parameters: bool, env: &RosEnv) -> Result<Self, RosError> {
         // Six services need three times what the protocol needs.
         let share = if has_parameters { 4 } else { 1 };
-        ros_node::allow_open_files(u32::try_from(agents.len() * share).unwrap_or(u32::MAX))?;
+        ros_node::allow_open_files(u32::try_from(ids.len() * share).unwrap_or(u32::MAX))?;
         let context = ros_node::join(env, false)?;
         let mut workshop = Workshop::of(&context);
         let mut inbox = Inbox::default();
-        let mut seats = Vec::new();
+        let mut agents = Vec::new();
         let server = Server::default();
-        for &agent in agents {
+        for &agent in ids {
             let name = format!("agent_{agent}");
             let mut node = ros_node::node(&context, &name)?;
-            if seats.is_empty() {
+            if agents.is_empty() {
                 let found = server.clone();
                 workshop.inlet(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
                     let source = sample.source;
@@ -102,56 +102,56 @@ impl RosLink {
                     Err(reason) => Err(reason),
                 })?;
             }
-            seats.push(Seat { agent, join, command, belief, rosout, parameters, node });
+            agents.push(AgentEndpoints { agent, join, command, belief, rosout, parameters, node });
         }
-        let beliefs: Vec<_> = agents.iter().map(|&agent| topics::belief(agent)).collect();
-        let audience = Audience::new(&beliefs);
+        let map_topics: Vec<_> = ids.iter().map(|&agent| topics::belief(agent)).collect();
+        let audience = Audience::new(&map_topics);
         let ignored = Tally::new("message ignored".to_owned());
-        Ok(RosLink { inbox, seats, ignored, audience, onlookers: BTreeMap::new(), context })
+        Ok(RosTransport { inbox, agents, ignored, audience, observers: BTreeMap::new(), context })
     }
 
-    fn seat(&mut self, agent: AgentId) -> Option<&mut Seat> {
-        self.seats.iter_mut().find(|seat| seat.agent == agent)
+    fn endpoints(&mut self, agent: AgentId) -> Option<&mut AgentEndpoints> {
+        self.agents.iter_mut().find(|endpoints| endpoints.agent == agent)
     }
 }
 
-impl Link for RosLink {
-    fn join(&mut self, join: &Join) {
-        if let Some(seat) = self.seat(AgentId(join.agent)) {
-            seat.join.publish(&mut seat.node, join);
+impl ServerTransport for RosTransport {
+    fn send_join(&mut self, join: &Join) {
+        if let Some(endpoints) = self.endpoints(AgentId(join.agent)) {
+            endpoints.join.publish(&mut endpoints.node, join);
         }
     }
 
-    fn answer(&mut self, command: &Command) {
-        if let Some(seat) = self.seat(AgentId(command.agent)) {
-            seat.command.publish(&mut seat.node, command);
+    fn send_command(&mut self, command: &Command) {
+        if let Some(endpoints) = self.endpoints(AgentId(command.agent)) {
+            endpoints.command.publish(&mut endpoints.node, command);
         }
     }
 
-    fn onlookers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
+    fn observers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
         if self.audience.look(&self.context) {
-            let numbered = self.seats.iter().enumerate();
-            self.onlookers =
-                numbered.filter_map(|(number, seat)| Some((seat.agent, self.audience.arrivals(number)?))).collect();
+            let numbered = self.agents.iter().enumerate();
+            self.observers =
+                numbered.filter_map(|(number, endpoints)| Some((endpoints.agent, self.audience.arrivals(number)?))).collect();
         }
-        (!self.onlookers.is_empty()).then_some(&self.onlookers)
+        (!self.observers.is_empty()).then_some(&self.observers)
     }
 
-    fn show(&mut self, agent: AgentId, part: &Marker) {
-        if let Some(seat) = self.seat(agent) {
-            seat.belief.publish(&mut seat.node, part);
+    fn publish_map(&mut self, agent: AgentId, part: &Marker) {
+        if let Some(endpoints) = self.endpoints(agent) {
+            endpoints.belief.publish(&mut endpoints.node, part);
         }
     }
 
     fn log(&mut self, agent: AgentId, level: Level, text: &str) {
-        if let Some(seat) = self.seat(agent) {
-            seat.rosout.say(&mut seat.node, level, text);
+        if let Some(endpoints) = self.endpoints(agent) {
+            endpoints.rosout.say(&mut endpoints.node, level, text);
         }
     }
 
-    fn describe(&mut self, agent: AgentId, parameters: Vec<Parameter>) {
-        if let Some(seat) = self.seat(agent) {
-            seat.parameters.borrow_mut().declare(parameters);
+    fn declare_parameters(&mut self, agent: AgentId, parameters: Vec<Parameter>) {
+        if let Some(endpoints) = self.endpoints(agent) {
+            endpoints.parameters.borrow_mut().declare(parameters);
         }
     }
 
@@ -161,7 +161,7 @@ impl Link for RosLink {
             let left = timeout.saturating_sub(begun.elapsed());
             match self.inbox.receive(left)? {
                 Ok(None) => {}
-                Ok(Some(Inbound::JoinReply(reply))) if self.seat(AgentId(reply.agent)).is_none() => {}
+                Ok(Some(Inbound::JoinReply(reply))) if self.endpoints(AgentId(reply.agent)).is_none() => {}
                 Ok(Some(message)) => return Some(message),
                 Err(reason) => self.ignored.add(&reason),
             }
@@ -172,7 +172,7 @@ impl Link for RosLink {
     }
 }
 
-impl Drop for RosLink {
+impl Drop for RosTransport {
     fn drop(&mut self) {
         linger(false);
     }

@@ -1,7 +1,7 @@
 //! Agents tell each other what they know: the protocol by which maps are shared, over parcels.
 //!
 //! Each agent tells each peer, once, what is new since it last told it, its own findings and those it was told by others
-//! alike, but nothing that the peer told it, nor what others have told the peer in its hearing: a parcel names all who are told
+//! alike, but nothing that the peer told it, nor what others have told the peer in its provenance: a parcel names all who are told
 //! the same in the same tick, and what they were told then is not told to them again.
 //!
 //! Exchanges take place in the ticks that are multiples of the period, as in the reference, so that all agents in contact tell
@@ -19,11 +19,11 @@
 //! Invariants: the cost of an exchange is that of the news; what is sent hangs on the order of nothing but the journal and the
 //! ids; a parcel that is refused changes nothing but what is counted.
 //!
-//! This module does not decide when an agent is asked; it says when it wants to be ([`Sharing::wants_to_be_asked_at`]). It must
+//! This module does not decide when an agent is asked; it says when it wants to be ([`Sharing::next_trigger`]). It must
 //! be called in ticks that count only.
 
 mod bits;
-mod parcel;
+mod map_message;
 #[cfg(test)]
 mod tests;
 
@@ -34,13 +34,13 @@ use msgs::ids::{AgentId, Tick};
 use msgs::limits::{PARCEL_BYTES_BARE, PARCEL_BYTES_MAX};
 use msgs::maes_msgs::Wake as Events;
 
-use crate::command::{Parcel, Wake};
+use crate::command::{AgentMessage, Trigger};
 use crate::exploration_map::{CHANGES_MAX, Delta, ExplorationMap};
-use crate::observation::{Contact, Received};
-pub use parcel::{ParcelError, VERSION};
+use crate::observation::{Contact, ReceivedMessage};
+pub use map_message::{MapMessageError, VERSION};
 
 /// The mark of map parcels; all other marks are the controllers'.
-pub const MAP_PARCEL: u8 = 1;
+pub const MAP_MESSAGE: u8 = 1;
 
 /// Ticks between exchanges in the reference: 5.02 s.
 pub const DEFAULT_PERIOD_TICKS: u32 = 251;
@@ -57,7 +57,7 @@ pub struct Sharing {
     period: u64,
     agents: u32,
     peers: BTreeMap<AgentId, Peer>,
-    hearings: Vec<Hearing>,
+    provenances: Vec<Provenance>,
     totals: Totals,
 }
 
@@ -80,36 +80,36 @@ struct Peer {
 
 /// Who knows a part of the journal, because it was learnt from a parcel.
 #[derive(Debug, Clone)]
-struct Hearing {
+struct Provenance {
     positions: Range<usize>,
     /// The sender, and all who were told the same.
-    knowing: Vec<AgentId>,
+    holders: Vec<AgentId>,
 }
 
 /// What came of the parcels of one observation.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Report {
     /// Map parcels that were taken in.
-    pub parcels: usize,
+    pub messages: usize,
     /// Entries that they made in the journal.
     pub news: usize,
     /// Map parcels that were refused: from whom, and why.
-    pub refused: Vec<(AgentId, ParcelError)>,
+    pub refused: Vec<(AgentId, MapMessageError)>,
 }
 
 /// Running totals of an agent's map parcels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Totals {
     /// Sent; one to everybody in contact counts once.
-    pub parcels_sent: u64,
+    pub messages_sent: u64,
     /// Bytes of data in them.
     pub bytes_sent: u64,
-    /// Taken in.
-    pub parcels_taken: u64,
+    /// Setting in.
+    pub messages_taken: u64,
     /// Bytes of data in them.
     pub bytes_taken: u64,
     /// Refused because they were malformed, or their senders have told of more than they can know.
-    pub parcels_refused: u64,
+    pub messages_refused: u64,
     /// Bytes of data in them.
     pub bytes_refused: u64,
     /// Cells that the parcels taken in told of, known or not: the work that they were.
@@ -133,7 +133,7 @@ impl Sharing {
             period: period_ticks.into(),
             agents,
             peers: BTreeMap::new(),
-            hearings: Vec::new(),
+            provenances: Vec::new(),
             totals: Totals::default(),
         }
     }
@@ -148,13 +148,13 @@ impl Sharing {
     ///
     /// A parcel that is malformed is refused as a whole and reported, and so is all that comes from a sender that has told of more
     /// cells than it can have news of.
-    pub fn incoming(&mut self, map: &mut ExplorationMap, parcels: &[Received]) -> Report {
+    pub fn incoming(&mut self, map: &mut ExplorationMap, messages: &[ReceivedMessage]) -> Report {
         let mut report = Report::default();
-        for Received { from, data, .. } in parcels.iter().filter(|parcel| parcel.kind == MAP_PARCEL) {
+        for ReceivedMessage { from, data, .. } in messages.iter().filter(|message| message.kind == MAP_MESSAGE) {
             let (receivers, delta) = match self.admit(map, *from, data) {
                 Ok(content) => content,
                 Err(reason) => {
-                    self.totals.parcels_refused += 1;
+                    self.totals.messages_refused += 1;
                     self.totals.bytes_refused += data.len() as u64;
                     report.refused.push((*from, reason));
                     continue;
@@ -163,11 +163,11 @@ impl Sharing {
             let start = map.journal_len();
             map.merge(&delta, *from);
             let positions = start..map.journal_len();
-            self.totals.parcels_taken += 1;
+            self.totals.messages_taken += 1;
             self.totals.bytes_taken += data.len() as u64;
-            report.parcels += 1;
+            report.messages += 1;
             report.news += positions.len();
-            self.remember(Hearing { positions, knowing: receivers.into_iter().chain([*from]).collect() });
+            self.remember(Provenance { positions, holders: receivers.into_iter().chain([*from]).collect() });
         }
         report
     }
@@ -178,30 +178,30 @@ impl Sharing {
         map: &ExplorationMap,
         from: AgentId,
         data: &[u8],
-    ) -> Result<(Vec<AgentId>, Delta), ParcelError> {
+    ) -> Result<(Vec<AgentId>, Delta), MapMessageError> {
         let allowance = (CHANGES_MAX * map.extent().volume()) as u64;
         let sender = self.peers.entry(from).or_default();
         if sender.is_barred {
-            return Err(ParcelError::Barred { allowance });
+            return Err(MapMessageError::Barred { allowance });
         }
-        let (receivers, delta) = parcel::decode(data, map.extent(), self.agents)?;
+        let (receivers, delta) = map_message::decode(data, map.extent(), self.agents)?;
         let cells = delta.len() as u64;
         if sender.claims + cells > allowance {
             sender.is_barred = true;
-            return Err(ParcelError::Barred { allowance });
+            return Err(MapMessageError::Barred { allowance });
         }
         sender.claims += cells;
         self.totals.cells_taken += cells;
         Ok((receivers, delta))
     }
 
-    fn remember(&mut self, hearing: Hearing) {
-        match self.hearings.last_mut() {
-            _ if hearing.positions.is_empty() => {}
-            Some(last) if last.positions.end == hearing.positions.start && last.knowing == hearing.knowing => {
-                last.positions.end = hearing.positions.end;
+    fn remember(&mut self, provenance: Provenance) {
+        match self.provenances.last_mut() {
+            _ if provenance.positions.is_empty() => {}
+            Some(last) if last.positions.end == provenance.positions.start && last.holders == provenance.holders => {
+                last.positions.end = provenance.positions.end;
             }
-            _ => self.hearings.push(hearing),
+            _ => self.provenances.push(provenance),
         }
     }
 
@@ -213,10 +213,10 @@ impl Sharing {
         contacts: &[Contact],
         now: Tick,
         mut budget: usize,
-    ) -> Vec<Parcel> {
-        let mut parcels = Vec::new();
+    ) -> Vec<AgentMessage> {
+        let mut messages = Vec::new();
         if self.period == 0 {
-            return parcels;
+            return messages;
         }
         for contact in contacts {
             let peer = self.peers.entry(contact.agent).or_default();
@@ -234,9 +234,9 @@ impl Sharing {
                 }
                 let mut send = |to, data: Vec<u8>| {
                     budget -= data.len() + PARCEL_BYTES_BARE;
-                    self.totals.parcels_sent += 1;
+                    self.totals.messages_sent += 1;
                     self.totals.bytes_sent += data.len() as u64;
-                    parcels.push(Parcel { to, kind: MAP_PARCEL, data });
+                    messages.push(AgentMessage { to, kind: MAP_MESSAGE, data });
                 };
                 if receivers.len() == contacts.len() {
                     send(None, data);
@@ -246,7 +246,7 @@ impl Sharing {
             }
             self.told(contacts, end);
         }
-        parcels
+        messages
     }
 
     /// What the contacts are to be told next, as the data of parcels and for whom each is, and the position of the journal at which
@@ -260,7 +260,7 @@ impl Sharing {
             let mut batch = Batch::new();
             for (receivers, positions) in news {
                 let delta = Delta::of(map.extent(), positions.into_iter().flat_map(|range| map.changes(range)));
-                let data = parcel::encode(&receivers, &delta);
+                let data = map_message::encode(&receivers, &delta);
                 bytes += copies(&receivers, contacts) * (data.len() + PARCEL_BYTES_BARE);
                 batch.push((receivers, data));
             }
@@ -269,7 +269,7 @@ impl Sharing {
             }
             let needed = (cell_bits * bytes).div_ceil(budget);
             // With `CELL_BYTES_MAX` it surely fits.
-            cell_bits = needed.min(8 * parcel::CELL_BYTES_MAX).max(cell_bits + 1);
+            cell_bits = needed.min(8 * map_message::CELL_BYTES_MAX).max(cell_bits + 1);
         }
     }
 
@@ -277,9 +277,9 @@ impl Sharing {
     /// in the next tick if something is left over, else when an exchange with a present contact is due, and when contacts
     /// change.
     #[must_use]
-    pub fn wants_to_be_asked_at(&self, contacts: &[Contact], now: Tick) -> Wake {
+    pub fn next_trigger(&self, contacts: &[Contact], now: Tick) -> Trigger {
         if self.period == 0 || self.agents < 2 {
-            return Wake { at: Tick(u64::MAX), events: 0 };
+            return Trigger { at: Tick(u64::MAX), events: 0 };
         }
         let due = |contact: &Contact| match self.peers.get(&contact.agent) {
             Some(Peer { cursor, until, last: Some(last), .. }) if cursor == until => {
@@ -287,7 +287,7 @@ impl Sharing {
             }
             _ => now.next(),
         };
-        Wake { at: contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)), events: Events::CONTACTS }
+        Trigger { at: contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)), events: Events::CONTACTS }
     }
 
     /// From where the first of the contacts has been told, as many news as fit into the budget if they take so many bits a cell;
@@ -301,21 +301,21 @@ impl Sharing {
         let start = waiting.iter().map(|(_, peer)| peer.cursor).min()?;
         let mut at = start;
         let mut news = News::new();
-        let mut hearings = self.hearings[self.hearings.partition_point(|hearing| hearing.positions.end <= at)..].iter();
-        let mut hearing = hearings.next();
+        let mut provenances = self.provenances[self.provenances.partition_point(|provenance| provenance.positions.end <= at)..].iter();
+        let mut provenance = provenances.next();
         // Piece by piece of the journal; a piece is new to the same peers throughout.
         loop {
-            if hearing.is_some_and(|hearing| hearing.positions.end <= at) {
-                hearing = hearings.next();
+            if provenance.is_some_and(|provenance| provenance.positions.end <= at) {
+                provenance = provenances.next();
             }
-            let heard = hearing.filter(|hearing| hearing.positions.start <= at);
+            let heard = provenance.filter(|provenance| provenance.positions.start <= at);
             let hearing_edge =
-                hearing.map(|hearing| if heard.is_some() { hearing.positions.end } else { hearing.positions.start });
+                provenance.map(|provenance| if heard.is_some() { provenance.positions.end } else { provenance.positions.start });
             let peer_edges = waiting.iter().flat_map(|(_, peer)| [peer.cursor, peer.until]);
             let Some(end) = peer_edges.chain(hearing_edge).filter(|&edge| edge > at).min() else {
                 break;
             };
-            let knows = |agent: &AgentId| heard.is_some_and(|hearing| hearing.knowing.contains(agent));
+            let knows = |agent: &AgentId| heard.is_some_and(|provenance| provenance.holders.contains(agent));
             let receivers: Vec<AgentId> = waiting
                 .iter()
                 .filter(|(agent, peer)| peer.cursor <= at && at < peer.until && !knows(agent))
@@ -328,7 +328,7 @@ impl Sharing {
             let copies = copies(&receivers, contacts);
             let bare = match news.contains_key(&receivers) {
                 true => 0,
-                false => copies * (parcel::bare_bytes_max(receivers.len()) + PARCEL_BYTES_BARE),
+                false => copies * (map_message::bare_bytes_max(receivers.len()) + PARCEL_BYTES_BARE),
             };
             let fitting = 8 * budget.saturating_sub(bare) / (copies * cell_bits);
             let taken = (end - at).min(fitting);

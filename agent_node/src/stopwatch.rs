@@ -40,8 +40,8 @@ impl Controller for Timed {
         command
     }
 
-    fn is_asked_between(&self) -> bool {
-        self.controller.is_asked_between()
+    fn is_polled_between_triggers(&self) -> bool {
+        self.controller.is_polled_between_triggers()
     }
 }
 

@@ -17,11 +17,11 @@ use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
 use super::settings::{SettingError, Settings};
-use super::{Controller, Ctx, aside};
-use crate::command::{Command, Motion, Wake};
+use super::{Controller, Ctx, collision_recovery};
+use crate::command::{Command, Motion, Trigger};
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::observation::Observation;
-use crate::travel::{Journey, SearchTime};
+use crate::navigation::{NavigationStatus, SearchTime};
 
 /// Where a line may lead, the first ones first, and how many cells far.
 const LINES: [(Cell, u32); 6] = [
@@ -44,7 +44,7 @@ enum Task {
     /// A line that has begun in this cell, by this step from cell to cell.
     Line(Cell, Cell),
     /// On its way to this cell.
-    Way(Cell),
+    Transit(Cell),
 }
 
 /// The controller of one agent.
@@ -54,7 +54,7 @@ pub struct Boustrophedon {
     rng: ChaCha8Rng,
     task: Task,
     /// Cells to which there was no way.
-    given_up: BTreeSet<Cell>,
+    abandoned: BTreeSet<Cell>,
 }
 
 impl Boustrophedon {
@@ -64,11 +64,11 @@ impl Boustrophedon {
     /// If a setting is not allowed.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let search_time = settings.search_time()?;
-        Ok(Self { search_time, rng, task: Task::None, given_up: BTreeSet::new() })
+        Ok(Self { search_time, rng, task: Task::None, abandoned: BTreeSet::new() })
     }
 
     /// Notes the cells of a line that the body has been in: it was not asked in each of them. Somebody may have put it elsewhere.
-    fn note_line(ctx: &mut Ctx<'_>, from: Cell, step: Cell) {
+    fn mark_line_covered(ctx: &mut Ctx<'_>, from: Cell, step: Cell) {
         let here = ctx.cell();
         let line = std::iter::successors(Some(from), |&cell| Some(cell + step)).take(LINE_CELLS_MAX as usize + 1);
         if let Some(passed) = line.clone().position(|cell| cell == here) {
@@ -77,7 +77,7 @@ impl Boustrophedon {
     }
 
     /// The step and the end of the line that is to be gone next, if there is one.
-    fn line(ctx: &Ctx<'_>) -> Option<(Cell, Cell)> {
+    fn next_line(ctx: &Ctx<'_>) -> Option<(Cell, Cell)> {
         let here = ctx.cell();
         // Lines lead from centre to centre.
         if ctx.map().extent().centre(here) != ctx.position() {
@@ -101,7 +101,7 @@ impl Boustrophedon {
         let here = ctx.position();
         let others: Vec<Point3<f64>> = observation.contacts.iter().map(|contact| contact.position).collect();
         let is_wanted =
-            |map: &ExplorationMap, cell| map.state(cell) == CellState::Free && !self.given_up.contains(&cell);
+            |map: &ExplorationMap, cell| map.state(cell) == CellState::Free && !self.abandoned.contains(&cell);
         let is_ours = |map: &ExplorationMap, cell: Cell| {
             let centre = map.extent().centre(cell);
             let own_m = (centre - here).norm();
@@ -116,41 +116,41 @@ impl Controller for Boustrophedon {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         // Before the first scan it knows nothing but its own cell.
         if observation.scan_tick.is_none() {
-            return Command::keep(Wake::NEXT_TICK);
+            return Command::keep(Trigger::NEXT_TICK);
         }
         if let Task::Line(from, step) = self.task {
-            Self::note_line(ctx, from, step);
+            Self::mark_line_covered(ctx, from, step);
         }
         if self.task != Task::None && observation.events & Events::COLLISION != 0 {
             self.task = Task::None;
-            return aside::make_way(&mut self.rng, ctx);
+            return collision_recovery::step_aside(&mut self.rng, ctx);
         }
-        if let Some((step, end)) = Self::line(ctx) {
+        if let Some((step, end)) = Self::next_line(ctx) {
             self.task = Task::Line(ctx.cell(), step);
             let motion = Motion::Path(vec![ctx.map().extent().centre(end)]);
-            return Command::new(motion, Wake::TASK_DONE).saying("ploughs");
+            return Command::new(motion, Trigger::TASK_DONE).with_info("ploughs");
         }
         let under_way = match self.task {
-            Task::Way(goal) if goal != ctx.cell() && ctx.map().state(goal) == CellState::Free => Some(goal),
+            Task::Transit(goal) if goal != ctx.cell() && ctx.map().state(goal) == CellState::Free => Some(goal),
             _ => None,
         };
         let Some(goal) = under_way.or_else(|| self.nearest(observation, ctx)) else {
             self.task = Task::None;
-            return Command::new(Motion::Stop, Wake::on(Events::PARCEL | Events::CONTACTS))
-                .saying("knows nothing to cover");
+            return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
+                .with_info("knows nothing to cover");
         };
-        self.task = Task::Way(goal);
+        self.task = Task::Transit(goal);
         match ctx.go_to_cell(goal, self.search_time) {
-            Journey::Go(motion) => {
+            NavigationStatus::Go(motion) => {
                 let Cell { x, y, z } = goal;
-                Command::new(motion, Wake::TASK_DONE).saying(format!("goes to {x} {y} {z}"))
+                Command::new(motion, Trigger::TASK_DONE).with_info(format!("goes to {x} {y} {z}"))
             }
             // The body has to keep still, or the way would begin where it is no more.
-            Journey::Searching(wake) => Command::new(Motion::Stop, wake).saying("searches a way"),
-            Journey::NoWay => {
-                self.given_up.insert(goal);
+            NavigationStatus::Searching(trigger) => Command::new(Motion::Stop, trigger).with_info("searches a way"),
+            NavigationStatus::NoPath => {
+                self.abandoned.insert(goal);
                 self.task = Task::None;
-                Command::new(Motion::Stop, Wake::NEXT_TICK)
+                Command::new(Motion::Stop, Trigger::NEXT_TICK)
             }
         }
     }
@@ -159,7 +159,7 @@ impl Controller for Boustrophedon {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::command::LidarRequest;
+    use crate::command::ScanRequest;
     use crate::controllers::testing::{World, flat};
     use crate::observation::Contact;
 
@@ -199,7 +199,7 @@ mod tests {
         world.look();
         let command = world.ask(&mut controller("instant"));
         assert_eq!(command.motion, Motion::Path(vec![world.map.extent().centre(flat(6, 5))]));
-        assert_eq!((command.wake, command.lidar, command.parcels.len()), (Wake::TASK_DONE, LidarRequest::Keep, 0));
+        assert_eq!((command.trigger, command.lidar, command.messages.len()), (Trigger::TASK_DONE, ScanRequest::Keep, 0));
     }
 
     #[test]

@@ -6,25 +6,25 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::{Point3, Vector3};
 use voxels::Cell;
 
-use crate::body::{Body, BodyKind};
+use crate::bodies::{Body, BodyKind};
 use crate::command::Motion;
 use crate::exploration_map::ExplorationMap;
-use crate::observation::{Briefing, Observation, Pose};
+use crate::observation::{RunInfo, Observation, Pose};
 use crate::path::{Goal, Graph, Moves, Neighbours, Path, Scratch, direct, find};
-use crate::travel::{Journey, SearchTime, Travel};
+use crate::navigation::{NavigationStatus, SearchTime, NavigationTask};
 
-/// Largest coordinate of a way-point, metres.
+/// Largest coordinate of a waypoint, metres.
 const COORDINATE_MAX: f64 = 1e6;
 
 /// The agent as its controller sees it: who and where it is, what it believes, and how it gets to places.
 #[derive(Debug)]
 pub struct Ctx<'a> {
     agent: AgentId,
-    briefing: &'a Briefing,
+    run_info: &'a RunInfo,
     tick: Tick,
     pose: Pose,
     map: &'a mut ExplorationMap,
-    travel: &'a mut Travel,
+    navigation: &'a mut NavigationTask,
 }
 
 impl<'a> Ctx<'a> {
@@ -32,12 +32,12 @@ impl<'a> Ctx<'a> {
     #[must_use]
     pub fn new(
         agent: AgentId,
-        briefing: &'a Briefing,
+        run_info: &'a RunInfo,
         observation: &Observation,
         map: &'a mut ExplorationMap,
-        travel: &'a mut Travel,
+        navigation: &'a mut NavigationTask,
     ) -> Self {
-        Self { agent, briefing, tick: observation.tick, pose: observation.pose, map, travel }
+        Self { agent, run_info, tick: observation.tick, pose: observation.pose, map, navigation }
     }
 
     /// The agent.
@@ -49,13 +49,13 @@ impl<'a> Ctx<'a> {
     /// What its body can do.
     #[must_use]
     pub fn body(&self) -> &'a Body {
-        self.briefing.bodies.of(self.agent)
+        self.run_info.bodies.of(self.agent)
     }
 
     /// What is known of the run.
     #[must_use]
-    pub fn briefing(&self) -> &'a Briefing {
-        self.briefing
+    pub fn run_info(&self) -> &'a RunInfo {
+        self.run_info
     }
 
     /// The tick that is answered.
@@ -117,25 +117,25 @@ impl<'a> Ctx<'a> {
     /// cells that it knows to be free, of which neighbours share a face, an edge or a corner.
     ///
     /// If the search takes time, keep still, and ask for the same cell again when it says so.
-    pub fn go_to_cell(&mut self, goal: Cell, time: SearchTime) -> Journey {
+    pub fn go_to_cell(&mut self, goal: Cell, time: SearchTime) -> NavigationStatus {
         self.go_to_cell_by(goal, Neighbours::TwentySix, time)
     }
 
     /// As [`Ctx::go_to_cell`], along a path with these neighbours.
-    pub fn go_to_cell_by(&mut self, goal: Cell, neighbours: Neighbours, time: SearchTime) -> Journey {
-        self.travel.to_cell(self.map, &self.pose.position, goal, neighbours, time, self.tick)
+    pub fn go_to_cell_by(&mut self, goal: Cell, neighbours: Neighbours, time: SearchTime) -> NavigationStatus {
+        self.navigation.to_cell(self.map, &self.pose.position, goal, neighbours, time, self.tick)
     }
 
     /// From now on [`Ctx::go_to_cell`] finds no way if its search would have to look at more cells than so many. It bounds how
     /// long a decision takes: 10 000 cells are some milliseconds.
-    pub fn give_up_after(&mut self, cells_max: u64) {
-        self.travel.give_up_after(cells_max);
+    pub fn limit_searches(&mut self, cells_max: u64) {
+        self.navigation.limit_searches(cells_max);
     }
 
     /// The motion along a path that begins in the cell of the body, with as few legs as do.
     #[must_use]
-    pub fn follow(&self, path: &Path) -> Journey {
-        self.travel.motion_along(self.map, &self.pose.position, path)
+    pub fn follow(&self, path: &Path) -> NavigationStatus {
+        self.navigation.motion_along(self.map, &self.pose.position, path)
     }
 
     /// Whether the straight leg to the centre of a cell is known to be clear for the body.
@@ -147,21 +147,21 @@ impl<'a> Ctx<'a> {
     /// The cells beside the body's, across a face, an edge or a corner, that [`Ctx::is_clear_to`] holds for: where it can step
     /// aside to.
     #[must_use]
-    pub fn clear_beside(&self) -> Vec<Cell> {
+    pub fn clear_neighbours(&self) -> Vec<Cell> {
         self.cell().neighbours26().into_iter().filter(|&cell| self.is_clear_to(cell)).collect()
     }
 
     /// The cell with the shortest way to it, through neighbours across faces, edges and corners, of those that are wanted.
     pub fn nearest(&mut self, is_wanted: impl Fn(&ExplorationMap, Cell) -> bool) -> Option<Cell> {
         let start = self.cell();
-        let (map, moves, scratch) = self.searching(Neighbours::TwentySix);
+        let (map, moves, scratch) = self.search_workspace(Neighbours::TwentySix);
         let path = find(Graph::new(map, moves), scratch, start, Goal::Where(&|cell| is_wanted(map, cell)))?;
         path.cells.last().copied()
     }
 
     /// For searches of one's own with [`crate::path`]: the map, the moves of the body, and what searches write on.
-    pub fn searching(&mut self, neighbours: Neighbours) -> (&ExplorationMap, &Moves, &mut Scratch) {
-        let (moves, scratch) = self.travel.searching(neighbours);
+    pub fn search_workspace(&mut self, neighbours: Neighbours) -> (&ExplorationMap, &Moves, &mut Scratch) {
+        let (moves, scratch) = self.navigation.search_workspace(neighbours);
         (self.map, moves, scratch)
     }
 }

@@ -35,11 +35,11 @@ use rand_chacha::ChaCha8Rng;
 use voxels::{Cell, FACES};
 
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Wake};
+use crate::command::{Command, Motion, Trigger};
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::observation::{Cells, Observation};
 use crate::path::Neighbours;
-use crate::travel::{Journey, SearchTime};
+use crate::navigation::{NavigationStatus, SearchTime};
 use tree::{Index, Tree};
 
 /// The direction of exploration: the reference's (0, 0, 1).
@@ -124,15 +124,15 @@ impl DsvpMaes3d {
         self.is_trying_again = best.is_none();
         let Some(node) = best else {
             let at = if trees.may_grow(map) { Tick::ZERO } else { ctx.tick().after(scan_period(ctx)) };
-            return Command::keep(Wake { at, events: Events::PARCEL }).saying("exploration: no destination");
+            return Command::keep(Trigger { at, events: Events::PARCEL }).with_info("exploration: no destination");
         };
         let at = trees.local.at(node);
         trees.destination = Some((at, node));
         let cell = cell_of(at);
         match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
-            Journey::Go(motion) => self.goes(motion, format!("exploration: to {}", text(cell))),
-            Journey::NoWay | Journey::Searching(_) => {
-                Command::keep(Wake::NEXT_TICK).saying(format!("exploration: no way to {}", text(cell)))
+            NavigationStatus::Go(motion) => self.goes(motion, format!("exploration: to {}", text(cell))),
+            NavigationStatus::NoPath | NavigationStatus::Searching(_) => {
+                Command::keep(Trigger::NEXT_TICK).with_info(format!("exploration: no way to {}", text(cell)))
             }
         }
     }
@@ -150,9 +150,9 @@ impl DsvpMaes3d {
                 continue;
             }
             command = match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
-                Journey::Go(motion) => self.goes(motion, format!("relocation: to {}", text(cell))),
-                Journey::NoWay | Journey::Searching(_) => {
-                    Command::keep(Wake::NEXT_TICK).saying(format!("relocation: no way to {}", text(cell)))
+                NavigationStatus::Go(motion) => self.goes(motion, format!("relocation: to {}", text(cell))),
+                NavigationStatus::NoPath | NavigationStatus::Searching(_) => {
+                    Command::keep(Trigger::NEXT_TICK).with_info(format!("relocation: no way to {}", text(cell)))
                 }
             };
             break;
@@ -160,7 +160,7 @@ impl DsvpMaes3d {
         self.frontiers.list_again();
         if self.frontiers.list.is_empty() {
             self.is_done = true;
-            command.wake = NEVER;
+            command.trigger = NEVER;
             command.info.push_str(if command.info.is_empty() { "no frontiers left" } else { "; no frontiers left" });
         }
         command
@@ -168,14 +168,14 @@ impl DsvpMaes3d {
 
     fn goes(&mut self, motion: Motion, info: String) -> Command {
         self.notices_at = None;
-        Command::new(motion, UNDER_WAY).saying(info)
+        Command::new(motion, UNDER_WAY).with_info(info)
     }
 }
 
 /// Under way the list of frontiers is kept up in each new cell.
-const UNDER_WAY: Wake = Wake { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL };
+const UNDER_WAY: Trigger = Trigger { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL };
 
-const NEVER: Wake = Wake { at: Tick(u64::MAX), events: 0 };
+const NEVER: Trigger = Trigger { at: Tick(u64::MAX), events: 0 };
 
 impl Controller for DsvpMaes3d {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
@@ -187,7 +187,7 @@ impl Controller for DsvpMaes3d {
             acts_at = *self.notices_at.get_or_insert(observation.tick.after(1));
         }
         let Some(view) = &observation.view else {
-            return Command::keep(Wake::NEXT_TICK).asking_for_view();
+            return Command::keep(Trigger::NEXT_TICK).with_view_request();
         };
         if self.cell.replace(ctx.cell()) != Some(ctx.cell()) {
             self.frontiers.push_new(view, ctx.map());
@@ -195,11 +195,11 @@ impl Controller for DsvpMaes3d {
         let command = if observation.is_active {
             Command::keep(UNDER_WAY)
         } else if observation.tick < acts_at {
-            Command::keep(Wake::at(acts_at))
+            Command::keep(Trigger::at(acts_at))
         } else {
             self.stage(view, ctx)
         };
-        command.asking_for_view()
+        command.with_view_request()
     }
 }
 
@@ -397,7 +397,7 @@ fn in_cells(point: Point3<f64>, ctx: &Ctx<'_>) -> Point3<f64> {
 
 /// Ticks until a scan can have brought news to a body at rest.
 fn scan_period(ctx: &Ctx<'_>) -> u64 {
-    u64::from(ctx.briefing().lidar_period_ticks.max(1))
+    u64::from(ctx.run_info().lidar_period_ticks.max(1))
 }
 
 fn text(cell: Cell) -> String {

@@ -34,10 +34,10 @@ use voxels::Cell;
 
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Wake};
+use crate::command::{Command, Motion, Trigger};
 use crate::exploration_map::CellState;
 use crate::observation::Observation;
-use crate::travel::{Journey, SearchTime};
+use crate::navigation::{NavigationStatus, SearchTime};
 use flood::Flood;
 use last_scan::LastScan;
 use places::Places;
@@ -56,13 +56,13 @@ const REFUSAL_TICKS: u64 = 1500;
 const POCKET_CELLS_MAX: usize = 4096;
 
 /// Searches for paths end after so many cells: about a millisecond.
-const WAY_CELLS_MAX: u64 = 1 << 12;
+const SEARCH_CELLS_MAX: u64 = 1 << 12;
 
 /// Goals farther away than so many steps from cell to cell are gone to in stages, each of which a search is sure to find.
 const STAGE_STEPS: usize = 48;
 
 /// Waits after a collision are drawn from half a second to two and a half.
-const DODGE_TICKS: std::ops::Range<u64> = 25..125;
+const EVASION_TICKS: std::ops::Range<u64> = 25..125;
 
 /// Why the agent goes where it goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,7 +70,7 @@ enum Purpose {
     /// To an unvisited cell in sight.
     Explore,
     /// To an occlusion point.
-    LookBehind,
+    OcclusionPoint,
     /// To the boundary of its region.
     Boundary,
     /// To an unvisited cell it knows of.
@@ -78,12 +78,12 @@ enum Purpose {
     /// To a place on the way to one of these, which is the cell.
     Towards(Cell),
     /// Out of somebody's way.
-    Dodge,
+    Evade,
 }
 
 impl Purpose {
     fn is_search(self) -> bool {
-        matches!(self, Self::LookBehind | Self::Boundary | Self::Remembered | Self::Towards(_))
+        matches!(self, Self::OcclusionPoint | Self::Boundary | Self::Remembered | Self::Towards(_))
     }
 
     /// What is meant by going to a cell.
@@ -94,10 +94,10 @@ impl Purpose {
     fn text(self) -> &'static str {
         match self {
             Self::Explore => "exploring",
-            Self::LookBehind => "search mode: looking behind a corner",
+            Self::OcclusionPoint => "search mode: looking behind a corner",
             Self::Boundary => "search mode: to the boundary of the region",
             Self::Remembered | Self::Towards(_) => "search mode: back to what is unvisited",
-            Self::Dodge => "making way",
+            Self::Evade => "making way",
         }
     }
 }
@@ -115,12 +115,12 @@ pub struct Lvd {
     flood: Flood,
     places: Places,
     /// Where the agent is going, and why.
-    errand: Option<(Cell, Purpose)>,
+    destination: Option<(Cell, Purpose)>,
     /// Cells it does not try until then.
     refused: Vec<(Cell, Tick)>,
     waits_until: Tick,
     has_asked_for_view: bool,
-    said: String,
+    last_info: String,
 }
 
 impl Lvd {
@@ -153,54 +153,54 @@ impl Lvd {
             scan: LastScan::default(),
             flood: Flood::default(),
             places: Places::new(merge_m),
-            errand: None,
+            destination: None,
             refused: Vec::new(),
             waits_until: Tick::ZERO,
             has_asked_for_view: false,
-            said: String::new(),
+            last_info: String::new(),
         })
     }
 
-    fn goes_on(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, goal: Cell, purpose: Purpose) -> Command {
-        self.errand = Some((goal, purpose));
-        ctx.give_up_after(WAY_CELLS_MAX);
+    fn pursue(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, goal: Cell, purpose: Purpose) -> Command {
+        self.destination = Some((goal, purpose));
+        ctx.limit_searches(SEARCH_CELLS_MAX);
         let is_cut_off = !ctx.is_clear_to(goal) && self.flood.is_cut_off(ctx.map(), goal, ctx.cell(), POCKET_CELLS_MAX);
-        let journey = if is_cut_off { Journey::NoWay } else { ctx.go_to_cell(goal, self.search_time) };
-        match journey {
-            Journey::Go(motion) => {
-                let command = Command::new(motion, Wake::on(UNDER_WAY));
+        let status = if is_cut_off { NavigationStatus::NoPath } else { ctx.go_to_cell(goal, self.search_time) };
+        match status {
+            NavigationStatus::Go(motion) => {
+                let command = Command::new(motion, Trigger::on(UNDER_WAY));
                 let centre = ctx.map().extent().centre(goal);
                 let text =
                     format!("destination ({:.2}, {:.2}, {:.2}), {}", centre.x, centre.y, centre.z, purpose.text());
-                self.saying(command, text)
+                self.with_new_info(command, text)
             }
-            Journey::Searching(wake) => Command::keep(wake),
-            Journey::NoWay => {
+            NavigationStatus::Searching(trigger) => Command::keep(trigger),
+            NavigationStatus::NoPath => {
                 self.refuse(purpose.aim(goal), observation.tick);
-                self.errand = None;
-                self.asks_for_view(observation)
+                self.destination = None;
+                self.request_view(observation)
             }
         }
     }
 
-    fn saying(&mut self, command: Command, text: String) -> Command {
-        if text == self.said {
+    fn with_new_info(&mut self, command: Command, text: String) -> Command {
+        if text == self.last_info {
             return command;
         }
-        self.said = text;
-        command.saying(self.said.clone())
+        self.last_info = text;
+        command.with_info(self.last_info.clone())
     }
 
-    fn asks_for_view(&mut self, observation: &Observation) -> Command {
+    fn request_view(&mut self, observation: &Observation) -> Command {
         self.has_asked_for_view = true;
-        Command::keep(Wake::at(observation.tick.next())).asking_for_view()
+        Command::keep(Trigger::at(observation.tick.next())).with_view_request()
     }
 
     /// Ends the present task to choose again with the view of the last scan.
-    fn breaks_off(&mut self) -> Command {
-        self.errand = None;
+    fn abort_task(&mut self) -> Command {
+        self.destination = None;
         self.has_asked_for_view = true;
-        Command::new(Motion::Stop, Wake::NEXT_TICK).asking_for_view()
+        Command::new(Motion::Stop, Trigger::NEXT_TICK).with_view_request()
     }
 
     fn refuse(&mut self, cell: Cell, now: Tick) {
@@ -208,15 +208,15 @@ impl Lvd {
     }
 
     fn while_active(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Command {
-        let keep = Command::keep(Wake::on(UNDER_WAY));
-        let Some((goal, purpose)) = self.errand else { return keep };
+        let keep = Command::keep(Trigger::on(UNDER_WAY));
+        let Some((goal, purpose)) = self.destination else { return keep };
         let is_done = match purpose {
             Purpose::Explore | Purpose::Remembered => ctx.map().state(goal) == CellState::Covered,
             Purpose::Towards(goal) => ctx.map().state(goal) == CellState::Covered,
-            Purpose::LookBehind | Purpose::Boundary | Purpose::Dodge => false,
+            Purpose::OcclusionPoint | Purpose::Boundary | Purpose::Evade => false,
         };
         if is_done || purpose.is_search() && self.sees_unvisited(observation, ctx) {
-            return self.breaks_off();
+            return self.abort_task();
         }
         keep
     }
@@ -234,23 +234,23 @@ impl Lvd {
     }
 
     /// Waits or steps aside at random, so that two agents in each other's way do not do the same for ever.
-    fn dodges(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        if let Some((goal, purpose)) = self.errand.take() {
+    fn evade(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        if let Some((goal, purpose)) = self.destination.take() {
             self.refuse(purpose.aim(goal), observation.tick);
         }
-        let asides = ctx.clear_beside();
+        let asides = ctx.clear_neighbours();
         if !asides.is_empty() && self.rng.random_bool(0.5) {
             let aside = asides[self.rng.random_range(0..asides.len())];
-            return self.goes_on(observation, ctx, aside, Purpose::Dodge);
+            return self.pursue(observation, ctx, aside, Purpose::Evade);
         }
-        self.waits_until = observation.tick.after(self.rng.random_range(DODGE_TICKS));
-        Command::keep(Wake::at(self.waits_until))
+        self.waits_until = observation.tick.after(self.rng.random_range(EVASION_TICKS));
+        Command::keep(Trigger::at(self.waits_until))
     }
 
-    fn chooses(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+    fn choose(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let region = Region::new(observation, ctx);
         if let Some(goal) = self.nearest_unvisited(ctx, &region) {
-            return self.goes_on(observation, ctx, goal, Purpose::Explore);
+            return self.pursue(observation, ctx, goal, Purpose::Explore);
         }
         let search = searching::Search {
             ctx: &*ctx,
@@ -262,22 +262,22 @@ impl Lvd {
         };
         let in_sight = search
             .occlusion_point()
-            .map(|goal| (goal, Purpose::LookBehind))
+            .map(|goal| (goal, Purpose::OcclusionPoint))
             .or_else(|| search.boundary().map(|goal| (goal, Purpose::Boundary)));
         if let Some((goal, purpose)) = in_sight {
-            return self.goes_on(observation, ctx, goal, purpose);
+            return self.pursue(observation, ctx, goal, purpose);
         }
         match search.nearest_on_map(&mut self.flood) {
             Poll::Ready(Some(goal)) => {
                 let stage = self.flood.towards(ctx.map(), goal, STAGE_STEPS);
                 let purpose = if stage == goal { Purpose::Remembered } else { Purpose::Towards(goal) };
-                self.goes_on(observation, ctx, stage, purpose)
+                self.pursue(observation, ctx, stage, purpose)
             }
-            Poll::Pending => self.asks_for_view(observation),
+            Poll::Pending => self.request_view(observation),
             Poll::Ready(None) => {
-                self.errand = None;
-                let wake = Wake { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
-                self.saying(Command::keep(wake), "nothing left to do, waiting for news".to_owned())
+                self.destination = None;
+                let trigger = Trigger { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
+                self.with_new_info(Command::keep(trigger), "nothing left to do, waiting for news".to_owned())
             }
         }
     }
@@ -307,7 +307,7 @@ impl Controller for Lvd {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let now = observation.tick;
         if !ctx.map().extent().contains(ctx.cell()) {
-            return Command::keep(Wake::at(now.after(WAIT_TICKS)));
+            return Command::keep(Trigger::at(now.after(WAIT_TICKS)));
         }
         self.refused.retain(|&(_, until)| until > now);
         if let Some(view) = &observation.view {
@@ -318,17 +318,17 @@ impl Controller for Lvd {
             return self.while_active(observation, ctx);
         }
         if now < self.waits_until {
-            return Command::keep(Wake::at(self.waits_until));
+            return Command::keep(Trigger::at(self.waits_until));
         }
         if observation.events & Events::COLLISION != 0 {
-            return self.dodges(observation, ctx);
+            return self.evade(observation, ctx);
         }
-        if let Some((goal, purpose)) = self.errand {
+        if let Some((goal, purpose)) = self.destination {
             if observation.events & Events::TASK_DONE == 0 {
                 // The way there is being searched for.
-                return self.goes_on(observation, ctx, goal, purpose);
+                return self.pursue(observation, ctx, goal, purpose);
             }
-            self.errand = None;
+            self.destination = None;
             if purpose.is_search() && purpose.aim(goal) == goal {
                 self.places.visit(goal, now);
             }
@@ -337,10 +337,10 @@ impl Controller for Lvd {
             }
         }
         if observation.view.is_none() && (observation.scan_tick.is_none() || !self.has_asked_for_view) {
-            return self.asks_for_view(observation);
+            return self.request_view(observation);
         }
         self.has_asked_for_view = false;
-        self.chooses(observation, ctx)
+        self.choose(observation, ctx)
     }
 }
 

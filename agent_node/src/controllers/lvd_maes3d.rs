@@ -25,11 +25,11 @@ use super::lvd::last_scan::LastScan;
 use super::lvd::occlusion;
 use super::lvd::places::squared;
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Wake};
+use crate::command::{Command, Motion, Trigger};
 use crate::exploration_map::CellState;
 use crate::observation::Observation;
 use crate::path::Neighbours;
-use crate::travel::{Journey, SearchTime};
+use crate::navigation::{NavigationStatus, SearchTime};
 
 /// Cells seen from so near are visited, in cells.
 const VISIT_RADIUS_CELLS: f64 = 3.75;
@@ -127,17 +127,17 @@ impl LvdMaes3d {
 
     fn goes_to(&mut self, ctx: &mut Ctx<'_>, cell: Cell) -> Command {
         match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
-            Journey::Go(motion) => self.sets_out(ctx, cell, motion),
+            NavigationStatus::Go(motion) => self.sets_out(ctx, cell, motion),
             // It becomes idle again.
-            Journey::Searching(_) | Journey::NoWay => looks_again(Wake::NEXT_TICK),
+            NavigationStatus::Searching(_) | NavigationStatus::NoPath => looks_again(Trigger::NEXT_TICK),
         }
     }
 
     fn sets_out(&mut self, ctx: &Ctx<'_>, cell: Cell, motion: Motion) -> Command {
         self.notices_at = None;
         self.destination = Some(ctx.map().extent().centre(cell));
-        let command = Command::new(motion, Wake::on(UNDER_WAY)).asking_for_view();
-        self.saying(command)
+        let command = Command::new(motion, Trigger::on(UNDER_WAY)).with_view_request();
+        self.with_new_info(command)
     }
 
     fn goes_to_own_centre(&mut self, ctx: &Ctx<'_>) -> Command {
@@ -145,7 +145,7 @@ impl LvdMaes3d {
         self.sets_out(ctx, own, Motion::Path(vec![ctx.map().extent().centre(own)]))
     }
 
-    fn saying(&mut self, command: Command) -> Command {
+    fn with_new_info(&mut self, command: Command) -> Command {
         let Some(to) = self.destination else { return command };
         let mode = if self.is_in_search_mode { "search mode" } else { "exploration mode" };
         let text = format!("destination ({:.1}, {:.1}, {:.1}), {mode}", to.x, to.y, to.z);
@@ -153,7 +153,7 @@ impl LvdMaes3d {
             return command;
         }
         self.said.clone_from(&text);
-        command.saying(text)
+        command.with_info(text)
     }
 
     fn chooses(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
@@ -166,13 +166,13 @@ impl LvdMaes3d {
         self.is_in_search_mode = true;
         match self.occlusion_point(extent, ctx.cell(), &others) {
             Ok(Some(cell)) => self.goes_to(ctx, cell),
-            Ok(None) | Err(OutOfBounds) => looks_again(Wake::NEXT_TICK),
+            Ok(None) | Err(OutOfBounds) => looks_again(Trigger::NEXT_TICK),
         }
     }
 }
 
-fn looks_again(wake: Wake) -> Command {
-    Command::keep(wake).asking_for_view()
+fn looks_again(trigger: Trigger) -> Command {
+    Command::keep(trigger).with_view_request()
 }
 
 /// Whether no other agent's cell is nearer to a cell than the own one.
@@ -186,7 +186,7 @@ impl Controller for LvdMaes3d {
         let now = observation.tick;
         let extent = ctx.map().extent();
         if !extent.contains(ctx.cell()) {
-            return looks_again(Wake::at(now.next()));
+            return looks_again(Trigger::at(now.next()));
         }
         if let Some(view) = &observation.view {
             self.scan.load(extent, view);
@@ -200,14 +200,14 @@ impl Controller for LvdMaes3d {
             if self.is_in_search_mode && is_any_unvisited {
                 self.is_in_search_mode = false;
                 // That changes no status, so who is idle goes on and chooses; who then has nowhere to go stays with it.
-                let chosen = if is_idle { self.chooses(observation, ctx) } else { looks_again(Wake::NEXT_TICK) };
+                let chosen = if is_idle { self.chooses(observation, ctx) } else { looks_again(Trigger::NEXT_TICK) };
                 return if chosen.motion == Motion::Keep { self.goes_to_own_centre(ctx) } else { chosen };
             }
         }
         match (observation.is_active, is_idle) {
-            (true, _) => looks_again(Wake::on(UNDER_WAY)),
+            (true, _) => looks_again(Trigger::on(UNDER_WAY)),
             (false, true) => self.chooses(observation, ctx),
-            (false, false) => looks_again(Wake::at(now.next())),
+            (false, false) => looks_again(Trigger::at(now.next())),
         }
     }
 }

@@ -16,10 +16,10 @@ use voxels::Cell;
 
 use super::relays::Relays;
 use super::settings::{SettingError, Settings};
-use super::{Controller, Ctx, aside};
-use crate::command::{Command, Motion, Wake};
+use super::{Controller, Ctx, collision_recovery};
+use crate::command::{Command, Motion, Trigger};
 use crate::observation::Observation;
-use crate::travel::{Journey, SearchTime};
+use crate::navigation::{NavigationStatus, SearchTime};
 
 /// The mark of relays that keep nothing.
 const RELAY_MARK: u8 = 0;
@@ -33,10 +33,10 @@ pub struct NearestFrontier {
     /// The frontier it goes to.
     goal: Option<Cell>,
     /// Frontiers it has been in without seeing what is beyond, because the sensor does not reach there. It leaves them alone.
-    given_up: BTreeSet<Cell>,
+    abandoned: BTreeSet<Cell>,
     relays: Relays,
-    /// The way-points that it goes along.
-    way: Vec<Point3<f64>>,
+    /// The waypoints that it goes along.
+    waypoints: Vec<Point3<f64>>,
 }
 
 impl NearestFrontier {
@@ -47,22 +47,22 @@ impl NearestFrontier {
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let search_time = settings.search_time()?;
         let relays = Relays::new(settings)?;
-        Ok(Self { search_time, rng, goal: None, given_up: BTreeSet::new(), relays, way: Vec::new() })
+        Ok(Self { search_time, rng, goal: None, abandoned: BTreeSet::new(), relays, waypoints: Vec::new() })
     }
 
     /// The frontier with the shortest way to it.
     fn nearest(&self, ctx: &mut Ctx<'_>) -> Option<Cell> {
-        ctx.nearest(|map, cell| map.is_frontier(cell) && !self.given_up.contains(&cell))
+        ctx.nearest(|map, cell| map.is_frontier(cell) && !self.abandoned.contains(&cell))
     }
 
     /// The command, and a relay is left behind if this is the place for it.
-    fn beside_relay(&mut self, command: Command, observation: &Observation, ctx: &Ctx<'_>) -> Command {
+    fn with_relay_if_needed(&mut self, command: Command, observation: &Observation, ctx: &Ctx<'_>) -> Command {
         let here = ctx.position();
-        // Way-points behind it are passed.
-        let passed = self.way.iter().position(|next| (next - here).norm() < ctx.map().extent().cell_m() / 2.0);
-        self.way.drain(..passed.map_or(0, |passed| passed + 1));
-        match self.relays.is_one_left(observation, ctx, &self.way) {
-            true => command.leaving_relay(RELAY_MARK, Vec::new()),
+        // Waypoints behind it are passed.
+        let passed = self.waypoints.iter().position(|next| (next - here).norm() < ctx.map().extent().cell_m() / 2.0);
+        self.waypoints.drain(..passed.map_or(0, |passed| passed + 1));
+        match self.relays.should_drop(observation, ctx, &self.waypoints) {
+            true => command.with_relay(RELAY_MARK, Vec::new()),
             false => command,
         }
     }
@@ -72,21 +72,21 @@ impl Controller for NearestFrontier {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         // Before the first scan it knows nothing but its own cell. The task of the body, here none, is left as it is.
         if observation.scan_tick.is_none() {
-            return Command::keep(Wake::NEXT_TICK);
+            return Command::keep(Trigger::NEXT_TICK);
         }
         // Events tell what has happened since the last decision; `observation.collision` would tell of old collisions as well.
         if self.goal.is_some() && observation.events & Events::COLLISION != 0 {
             self.goal = None;
-            return aside::make_way(&mut self.rng, ctx);
+            return collision_recovery::step_aside(&mut self.rng, ctx);
         }
         // Under way it wants to be asked in each new cell, because from there it may have seen what is beyond the frontier.
-        let under_way = Wake::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL);
+        let under_way = Trigger::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL);
         let mut goal = self.goal.filter(|&goal| ctx.map().is_frontier(goal));
         if goal.is_some() && observation.is_active {
-            return self.beside_relay(Command::keep(under_way), observation, ctx);
+            return self.with_relay_if_needed(Command::keep(under_way), observation, ctx);
         }
         if let Some(reached) = goal.filter(|&goal| goal == ctx.cell()) {
-            self.given_up.insert(reached);
+            self.abandoned.insert(reached);
             goal = None;
         }
         // A goal that is still one is gone to again: a search that takes time is asked for its answer like this.
@@ -94,24 +94,24 @@ impl Controller for NearestFrontier {
         let Some(goal) = self.goal else {
             // All is explored that it can get to. What others know may change that: they are heard when they come into contact, and
             // map parcels are in the map before the controller is asked.
-            return Command::new(Motion::Stop, Wake::on(Events::PARCEL | Events::CONTACTS)).saying("knows no frontier");
+            return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS)).with_info("knows no frontier");
         };
         let Cell { x, y, z } = goal;
         match ctx.go_to_cell(goal, self.search_time) {
-            Journey::Go(motion) => {
-                if let Motion::Path(way) = &motion {
-                    self.way.clone_from(way);
+            NavigationStatus::Go(motion) => {
+                if let Motion::Path(waypoints) = &motion {
+                    self.waypoints.clone_from(waypoints);
                 }
-                let command = Command::new(motion, under_way).saying(format!("goes to the frontier {x} {y} {z}"));
-                self.beside_relay(command, observation, ctx)
+                let command = Command::new(motion, under_way).with_info(format!("goes to the frontier {x} {y} {z}"));
+                self.with_relay_if_needed(command, observation, ctx)
             }
             // The body has to keep still, or the way would begin where it is no more.
-            Journey::Searching(wake) => {
-                Command::new(Motion::Stop, wake).saying(format!("searches a way to {x} {y} {z}"))
+            NavigationStatus::Searching(trigger) => {
+                Command::new(Motion::Stop, trigger).with_info(format!("searches a way to {x} {y} {z}"))
             }
-            Journey::NoWay => {
-                self.given_up.insert(goal);
-                Command::new(Motion::Stop, Wake::NEXT_TICK)
+            NavigationStatus::NoPath => {
+                self.abandoned.insert(goal);
+                Command::new(Motion::Stop, Trigger::NEXT_TICK)
             }
         }
     }
@@ -121,9 +121,9 @@ impl Controller for NearestFrontier {
 mod tests {
     use msgs::ids::Tick;
 
-    use super::aside::PATIENCE_TICKS;
+    use super::collision_recovery::HOLD_TICKS;
     use super::*;
-    use crate::command::LidarRequest;
+    use crate::command::ScanRequest;
     use crate::controllers::testing::{World, flat};
 
     const CAVE: &str = "\
@@ -142,8 +142,8 @@ mod tests {
     }
 
     fn destination(world: &World, command: &Command) -> Cell {
-        let Motion::Path(way_points) = &command.motion else { panic!("{command:?}") };
-        world.map.extent().cell_of(way_points.last().unwrap())
+        let Motion::Path(waypoints) = &command.motion else { panic!("{command:?}") };
+        world.map.extent().cell_of(waypoints.last().unwrap())
     }
 
     #[test]
@@ -151,7 +151,7 @@ mod tests {
         for (search_time, goes_at_once) in [("instant", true), ("budgeted", false), ("background", false)] {
             let mut world = World::new(CAVE, flat(1, 6));
             let mut controller = controller(search_time);
-            assert_eq!(world.ask(&mut controller), Command::keep(Wake::NEXT_TICK), "nothing has been scanned");
+            assert_eq!(world.ask(&mut controller), Command::keep(Trigger::NEXT_TICK), "nothing has been scanned");
             let mut decisions = 0;
             let mut searches = 0;
             let last = loop {
@@ -161,15 +161,15 @@ mod tests {
                 let command = world.ask(&mut controller);
                 match &command.motion {
                     Motion::Path(_) => world.arrive(&command.motion),
-                    Motion::Stop if command.wake.events != 0 => break command,
+                    Motion::Stop if command.trigger.events != 0 => break command,
                     Motion::Stop => {
                         searches += 1;
-                        world.observation.tick = command.wake.at.max(world.observation.tick.next());
+                        world.observation.tick = command.trigger.at.max(world.observation.tick.next());
                     }
                     motion => panic!("{motion:?}"),
                 }
             };
-            assert_eq!(last.wake, Wake::on(Events::PARCEL | Events::CONTACTS));
+            assert_eq!(last.trigger, Trigger::on(Events::PARCEL | Events::CONTACTS));
             assert_eq!(world.map.frontier_count(), 0);
             assert_eq!(world.map.free(), CAVE.matches('.').count());
             assert_eq!(searches == 0, goes_at_once, "{search_time}");
@@ -195,7 +195,7 @@ mod tests {
         assert_eq!(destination(&world, &go), flat(5, 0));
         world.put(flat(3, 0));
         let keep = world.ask(&mut controller);
-        assert_eq!(keep, Command::keep(Wake::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL)));
+        assert_eq!(keep, Command::keep(Trigger::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL)));
         world.map.note_wall(&[6]);
         world.put(flat(4, 0));
         let stop = world.ask(&mut controller);
@@ -233,14 +233,14 @@ mod tests {
             world.wait(10);
             world.collide();
             let aside = world.ask(&mut controller);
-            assert_eq!((aside.info.as_str(), aside.wake.events), ("makes way", 0));
-            let wait = aside.wake.at.0 - world.observation.tick.0;
-            assert!(PATIENCE_TICKS.contains(&wait));
+            assert_eq!((aside.info.as_str(), aside.trigger.events), ("makes way", 0));
+            let wait = aside.trigger.at.0 - world.observation.tick.0;
+            assert!(HOLD_TICKS.contains(&wait));
             waits.insert(wait);
             places.insert(destination(&world, &aside));
             // The step aside is refused as well: it waits all the same, and then goes on.
             world.collide();
-            world.observation.tick = aside.wake.at;
+            world.observation.tick = aside.trigger.at;
         }
         assert!(waits.len() > 30 && places.len() == 8, "{waits:?} {places:?}");
     }
@@ -250,6 +250,6 @@ mod tests {
         let mut world = World::new(CAVE, flat(1, 6));
         world.look();
         let command = world.ask(&mut controller("instant"));
-        assert_eq!((command.lidar, command.want_view, command.parcels.len()), (LidarRequest::Keep, false, 0));
+        assert_eq!((command.lidar, command.want_view, command.messages.len()), (ScanRequest::Keep, false, 0));
     }
 }

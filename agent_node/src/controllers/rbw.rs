@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Wake};
+use crate::command::{Command, Motion, Trigger};
 use crate::observation::{Observation, Surface};
 
 /// Elevation before the first floor or ceiling: the reference's 45 degrees.
@@ -70,21 +70,21 @@ impl Rbw {
 impl Controller for Rbw {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         if observation.is_active {
-            return Command::keep(Wake::TASK_DONE);
+            return Command::keep(Trigger::TASK_DONE);
         }
         if self.heading_rad.is_none() {
-            return Command::new(self.turn(0.0, TAU, ctx), Wake::TASK_DONE);
+            return Command::new(self.turn(0.0, TAU, ctx), Trigger::TASK_DONE);
         }
         match observation.collision.map(|collision| collision.surface) {
             Some(Surface::Wall) => {
                 let turn = self.turn(self.turn_min_rad, self.turn_max_rad, ctx);
-                return Command::new(turn, Wake::TASK_DONE);
+                return Command::new(turn, Trigger::TASK_DONE);
             }
             Some(Surface::Floor) => self.pitch_rad = self.rng.random_range(self.pitch_min_rad..=self.pitch_max_rad),
             Some(Surface::Ceiling) => self.pitch_rad = -self.rng.random_range(self.pitch_min_rad..=self.pitch_max_rad),
             None => {}
         }
-        Command::new(self.straight_on(ctx), Wake::TASK_DONE)
+        Command::new(self.straight_on(ctx), Trigger::TASK_DONE)
     }
 }
 
@@ -114,7 +114,7 @@ mod tests {
         let mut rbw = walk(&[]).unwrap();
         let mut observation = idle();
         observation.is_active = true;
-        assert_eq!(world.ask_about(&mut rbw, &observation), Command::keep(Wake::TASK_DONE));
+        assert_eq!(world.ask_about(&mut rbw, &observation), Command::keep(Trigger::TASK_DONE));
     }
 
     #[test]
@@ -137,8 +137,8 @@ mod tests {
         let mut world = World::empty().aerial();
         let mut rbw = walk(&["turn_min_rad=1.5", "turn_max_rad=1.5"]).unwrap();
         let mut off = |about: &Observation| {
-            let Motion::Path(way_points) = world.ask_about(&mut rbw, about).motion else { panic!("no path") };
-            (way_points[0] - about.pose.position).normalize()
+            let Motion::Path(waypoints) = world.ask_about(&mut rbw, about).motion else { panic!("no path") };
+            (waypoints[0] - about.pose.position).normalize()
         };
         let first = off(&idle());
         assert!((first.z - libm::sin(FIRST_PITCH_RAD)).abs() < 1e-9, "{first}");

@@ -36,30 +36,30 @@ impl Relays {
         Ok(Self { is_on, left: 0 })
     }
 
-    /// Whether to leave a relay here before going on along these way-points; then it counts as left.
-    pub fn is_one_left(&mut self, observation: &Observation, ctx: &Ctx<'_>, way: &[Point3<f64>]) -> bool {
-        if !self.is_on || self.left >= ctx.briefing().relays_per_agent {
+    /// Whether to leave a relay here before going on along these waypoints; then it counts as left.
+    pub fn should_drop(&mut self, observation: &Observation, ctx: &Ctx<'_>, path: &[Point3<f64>]) -> bool {
+        if !self.is_on || self.left >= ctx.run_info().relays_per_agent {
             return false;
         }
         let Observation { contacts, relays, .. } = observation;
         let others =
             || contacts.iter().map(|contact| contact.position).chain(relays.iter().map(|relay| relay.position));
-        let range_m = ctx.briefing().communication_range_m;
-        let is_joined = |from: &Point3<f64>| {
+        let range_m = ctx.run_info().communication_range_m;
+        let is_connected = |from: &Point3<f64>| {
             others().any(|other| (other - from).norm() <= range_m && is_in_sight(ctx.map(), from, &other))
         };
         let here = ctx.position();
-        let there = along(&here, way, AHEAD_CELLS * ctx.map().extent().cell_m());
-        let is_last = is_joined(&here) && !is_joined(&there);
+        let there = along(&here, path, AHEAD_CELLS * ctx.map().extent().cell_m());
+        let is_last = is_connected(&here) && !is_connected(&there);
         self.left += u32::from(is_last);
         is_last
     }
 }
 
 /// The place so far along a way.
-fn along(from: &Point3<f64>, way: &[Point3<f64>], mut length_m: f64) -> Point3<f64> {
+fn along(from: &Point3<f64>, path: &[Point3<f64>], mut length_m: f64) -> Point3<f64> {
     let mut here = *from;
-    for next in way {
+    for next in path {
         let leg_m = (next - here).norm();
         if leg_m > length_m {
             return here + (next - here) * (length_m / leg_m);
@@ -111,11 +111,11 @@ mod tests {
         let mut relays = relays(setting);
         let mut left = Vec::new();
         for step in 2..=7 {
-            let (cell, way) =
+            let (cell, path) =
                 if step <= 5 { (flat(step, 3), vec![corner, end]) } else { (flat(5, 8 - step), vec![end]) };
             world.put(cell);
             let observation = world.observation.clone();
-            if relays.is_one_left(&observation, &world.ctx(), &way) {
+            if relays.should_drop(&observation, &world.ctx(), &path) {
                 left.push(step);
                 let id = RelayId { owner: AgentId(1), number: left.len() as u32 - 1 };
                 world.observation.relays.push(Relay { id, position: observation.pose.position });
@@ -138,8 +138,8 @@ mod tests {
         world.observation.contacts = vec![Contact { agent: AgentId(0), position: Point3::new(1.5, 3.5, 0.5) }];
         let observation = world.observation.clone();
         let mut relays = relays("on");
-        let way = [Point3::new(5.5, 1.5, 0.5)];
-        let left: Vec<bool> = (0..4).map(|_| relays.is_one_left(&observation, &world.ctx(), &way)).collect();
+        let path = [Point3::new(5.5, 1.5, 0.5)];
+        let left: Vec<bool> = (0..4).map(|_| relays.should_drop(&observation, &world.ctx(), &path)).collect();
         assert_eq!(left, [true, true, false, false]);
     }
 

@@ -5,8 +5,9 @@ use std::num::NonZeroU64;
 
 use thiserror::Error;
 
+use super::suggestion::did_you_mean;
 use crate::path::Budgeted;
-use crate::travel::SearchTime;
+use crate::navigation::SearchTime;
 
 /// Why a setting does not fit.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -18,12 +19,12 @@ pub enum SettingError {
         text: String,
     },
     /// The controller has no such key.
-    #[error("setting `{key}`: unknown; {}", if known.is_empty() { "there are none".to_owned() } else { format!("known are {known}") })]
+    #[error("setting `{key}`: unknown; {}", known_are(key, known))]
     Unknown {
         /// The key.
         key: String,
-        /// The keys there are.
-        known: String,
+        /// The keys of the controller.
+        known: Vec<&'static str>,
     },
     /// The value is not allowed.
     #[error("setting {key} = {value}: {allowed}")]
@@ -37,23 +38,30 @@ pub enum SettingError {
     },
 }
 
+fn known_are(key: &str, known: &[&str]) -> String {
+    match known {
+        [] => "there are none".to_owned(),
+        _ => format!("known are {}{}", known.join(", "), did_you_mean(key, known)),
+    }
+}
+
 /// Ticks that a search takes in the background: 0.5 s.
 const BACKGROUND_TICKS: u64 = 25;
 
 /// A setting that a controller has taken.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Taken {
+pub struct Setting {
     /// Its key.
     pub key: &'static str,
     /// What it is: given, or the default.
-    pub value: TakenValue,
+    pub value: SettingValue,
     /// What is allowed, in words.
     pub allowed: String,
 }
 
 /// The value of a setting.
 #[derive(Debug, Clone, PartialEq)]
-pub enum TakenValue {
+pub enum SettingValue {
     /// A number, and the least and the greatest that is allowed.
     Number(f64, f64, f64),
     /// A whole number, and the least and the greatest that is allowed.
@@ -66,7 +74,7 @@ pub enum TakenValue {
 #[derive(Debug, Clone, Default)]
 pub struct Settings {
     left: BTreeMap<String, String>,
-    taken: Vec<Taken>,
+    taken: Vec<Setting>,
 }
 
 impl Settings {
@@ -94,7 +102,7 @@ impl Settings {
         let number = self.parsed(key, default, &allowed, |text| {
             text.parse().ok().filter(|number: &f64| *number >= low && *number <= high)
         })?;
-        self.taken.push(Taken { key, value: TakenValue::Number(number, low, high), allowed });
+        self.taken.push(Setting { key, value: SettingValue::Number(number, low, high), allowed });
         Ok(number)
     }
 
@@ -123,7 +131,7 @@ impl Settings {
         let allowed = format!("expected a whole number from {low} to {high}");
         let number = self
             .parsed(key, default, &allowed, |text| text.parse().ok().filter(|number| (low..=high).contains(number)))?;
-        self.taken.push(Taken { key, value: TakenValue::Integer(number, low, high), allowed });
+        self.taken.push(Setting { key, value: SettingValue::Integer(number, low, high), allowed });
         Ok(number)
     }
 
@@ -135,7 +143,7 @@ impl Settings {
         let allowed = format!("expected one of {}", words.join(", "));
         let position = self.parsed(key, 0, &allowed, |text| words.iter().position(|word| *word == text))?;
         let value = words.get(position).map(ToString::to_string).unwrap_or_default();
-        self.taken.push(Taken { key, value: TakenValue::Word(value), allowed });
+        self.taken.push(Setting { key, value: SettingValue::Word(value), allowed });
         Ok(position)
     }
 
@@ -157,12 +165,12 @@ impl Settings {
     ///
     /// # Errors
     /// If there are others.
-    pub fn finish(self) -> Result<Vec<Taken>, SettingError> {
+    pub fn finish(self) -> Result<Vec<Setting>, SettingError> {
         match self.left.into_keys().next() {
             None => Ok(self.taken),
             Some(key) => {
-                let known: Vec<&str> = self.taken.iter().map(|taken| taken.key).collect();
-                Err(SettingError::Unknown { key, known: known.join(", ") })
+                let known = self.taken.iter().map(|setting| setting.key).collect();
+                Err(SettingError::Unknown { key, known })
             }
         }
     }

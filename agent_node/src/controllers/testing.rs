@@ -2,7 +2,7 @@
 //!
 //! There are two ways to drive it. Step by step: [`World::look`], [`World::ask`], and then [`World::arrive`] or [`World::collide`],
 //! which end a motion at once and as a whole. Or in ticks: [`World::run`], in which the agent scans whenever it is asked, and moves
-//! along its way-points. The body is a point that moves half a metre in a tick and turns at once; the real one is the server's.
+//! along its waypoints. The body is a point that moves half a metre in a tick and turns at once; the real one is the server's.
 //!
 //! Invariant: every command that a controller gives here is legal, or the test fails (`legal`).
 
@@ -16,12 +16,12 @@ use nalgebra::{Point3, Vector3};
 use voxels::{Cell, Extent, Grid, Terrain, line_of_sight};
 
 use super::{Controller, Ctx};
-use crate::body::{Bodies, Body, BodyKind};
-use crate::command::{Command, Motion, Wake};
+use crate::bodies::{Bodies, Body, BodyKind};
+use crate::command::{Command, Motion, Trigger};
 pub(crate) use crate::exploration_map::drawing::drawn;
 use crate::exploration_map::{CellState, ExplorationMap};
-use crate::observation::{Briefing, Cells, Collision, Contact, Observation, Pose, Surface};
-use crate::travel::Travel;
+use crate::observation::{RunInfo, Cells, Collision, Contact, Observation, Pose, Surface};
+use crate::navigation::NavigationTask;
 
 /// The agent.
 const AGENT: AgentId = AgentId(1);
@@ -47,7 +47,7 @@ pub(crate) fn idle() -> Observation {
         events: 0,
         contacts: Vec::new(),
         relays: Vec::new(),
-        parcels: Vec::new(),
+        messages: Vec::new(),
         readings: Vec::new(),
         scan_tick: None,
         seen: Cells::default(),
@@ -63,13 +63,13 @@ pub(crate) fn collided(observation: Observation, surface: Surface) -> Observatio
 /// One agent in a world.
 pub(crate) struct World {
     terrain: Grid<Terrain>,
-    briefing: Briefing,
-    travel: Travel,
+    run_info: RunInfo,
+    navigation: NavigationTask,
     pub(crate) map: ExplorationMap,
     /// What it is told next. Those in contact stand in its way when it moves in ticks.
     pub(crate) observation: Observation,
-    way: VecDeque<Point3<f64>>,
-    wake: Wake,
+    waypoints: VecDeque<Point3<f64>>,
+    trigger: Trigger,
     wants_view: bool,
     /// What it has said.
     pub(crate) said: Vec<String>,
@@ -94,7 +94,7 @@ impl World {
 
     /// The same with bodies that need not turn first.
     pub(crate) fn aerial(mut self) -> Self {
-        self.briefing.bodies = team_of(Body { kind: BodyKind::Aerial, radius_m: RADIUS_M, ..Body::SUBMARINE });
+        self.run_info.bodies = team_of(Body { kind: BodyKind::Aerial, radius_m: RADIUS_M, ..Body::SUBMARINE });
         self
     }
 
@@ -105,7 +105,7 @@ impl World {
 
     fn of(terrain: Grid<Terrain>, start: Cell) -> Self {
         let extent = terrain.extent();
-        let briefing = Briefing {
+        let run_info = RunInfo {
             duration: Tick(90_000),
             extent,
             agents: 3,
@@ -122,12 +122,12 @@ impl World {
         let pose = Pose { position: extent.centre(start), yaw_rad: 0.0 };
         Self {
             terrain,
-            briefing,
-            travel: Travel::new(RADIUS_M, 1.0),
+            run_info,
+            navigation: NavigationTask::new(RADIUS_M, 1.0),
             map: ExplorationMap::new(extent),
             observation: Observation { pose, ..idle() },
-            way: VecDeque::new(),
-            wake: Wake::NEXT_TICK,
+            waypoints: VecDeque::new(),
+            trigger: Trigger::NEXT_TICK,
             wants_view: false,
             said: Vec::new(),
             decisions: 0,
@@ -190,11 +190,11 @@ impl World {
                 self.ends();
                 self.observation.is_active = true;
                 if let Motion::Path(points) = motion {
-                    self.way = points.iter().copied().collect();
+                    self.waypoints = points.iter().copied().collect();
                 }
             }
         }
-        self.wake = command.wake;
+        self.trigger = command.trigger;
         self.wants_view = command.want_view;
         if !command.info.is_empty() {
             self.said.push(command.info.clone());
@@ -204,15 +204,15 @@ impl World {
 
     /// What a controller would be given with the present observation.
     pub(crate) fn ctx(&mut self) -> Ctx<'_> {
-        Ctx::new(AGENT, &self.briefing, &self.observation, &mut self.map, &mut self.travel)
+        Ctx::new(AGENT, &self.run_info, &self.observation, &mut self.map, &mut self.navigation)
     }
 
     /// Asks a controller about an observation, whatever the world is like, and does nothing of what it says.
     pub(crate) fn ask_about(&mut self, controller: &mut dyn Controller, observation: &Observation) -> Command {
         self.decisions += 1;
-        let Self { briefing, map, travel, .. } = self;
+        let Self { run_info, map, navigation, .. } = self;
         map.note_covered(map.extent().cell_of(&observation.pose.position));
-        let command = controller.decide(observation, &mut Ctx::new(AGENT, briefing, observation, map, travel));
+        let command = controller.decide(observation, &mut Ctx::new(AGENT, run_info, observation, map, navigation));
         legal::assert_legal(&command);
         command
     }
@@ -221,7 +221,7 @@ impl World {
     pub(crate) fn run(&mut self, controller: &mut dyn Controller, ticks: u64) {
         let end = self.observation.tick.after(ticks);
         while self.observation.tick < end {
-            if self.wake.is_due(self.observation.tick, self.observation.events) {
+            if self.trigger.is_due(self.observation.tick, self.observation.events) {
                 self.look();
                 let motion = self.ask(controller).motion;
                 assert!(
@@ -235,10 +235,10 @@ impl World {
     }
 
     fn advance(&mut self) {
-        let Some(&target) = self.way.front() else { return };
+        let Some(&target) = self.waypoints.front() else { return };
         let here = self.observation.pose.position;
-        let way = target - here;
-        let next = if way.norm() <= STEP_M { target } else { here + way.normalize() * STEP_M };
+        let offset = target - here;
+        let next = if offset.norm() <= STEP_M { target } else { here + offset.normalize() * STEP_M };
         let is_hit = |other: &Contact| {
             let (before, after) = ((other.position - here).norm(), (other.position - next).norm());
             after < NEAR_M && after < before
@@ -258,8 +258,8 @@ impl World {
             self.observation.events |= Events::NEW_CELL;
         }
         if next == target {
-            self.way.pop_front();
-            if self.way.is_empty() {
+            self.waypoints.pop_front();
+            if self.waypoints.is_empty() {
                 self.observation.is_active = false;
                 self.observation.events |= Events::TASK_DONE;
             }
@@ -267,7 +267,7 @@ impl World {
     }
 
     fn ends(&mut self) {
-        self.way.clear();
+        self.waypoints.clear();
         self.observation.is_active = false;
     }
 
@@ -276,10 +276,10 @@ impl World {
         self.observation.tick = self.observation.tick.after(ticks);
     }
 
-    /// The end of a task; a path ends at its last way-point.
+    /// The end of a task; a path ends at its last waypoint.
     pub(crate) fn arrive(&mut self, motion: &Motion) {
-        if let Motion::Path(way_points) = motion {
-            self.observation.pose.position = *way_points.last().unwrap();
+        if let Motion::Path(waypoints) = motion {
+            self.observation.pose.position = *waypoints.last().unwrap();
             self.observation.events |= Events::NEW_CELL;
         }
         self.observation.collision = None;
@@ -319,9 +319,9 @@ pub(crate) const fn flat(x: i32, y: i32) -> Cell {
 
 /// Whether a body of [`RADIUS_M`] that goes through these points, in a map with cells of 1 m, comes near to nothing but cells that
 /// are known to be free. Looked up point by point along the way, unlike what it is to check.
-pub(crate) fn is_through_free_cells(map: &ExplorationMap, from: &Point3<f64>, way_points: &[Point3<f64>]) -> bool {
+pub(crate) fn is_through_free_cells(map: &ExplorationMap, from: &Point3<f64>, waypoints: &[Point3<f64>]) -> bool {
     let mut from = *from;
-    way_points.iter().all(|to| {
+    waypoints.iter().all(|to| {
         let steps = ((to - from).norm() / 0.02).ceil().max(1.0);
         let is_clear_at = |step: usize| {
             let centre = from + (to - from) * (step as f64 / steps);

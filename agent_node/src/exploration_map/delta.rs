@@ -4,7 +4,7 @@
 //! block is made of the bits of its place in it: x0, y0, z0, x1, y1, z1 from the lowest; each eight cells in a row of numbers
 //! are an *octant*, a cube of 2 x 2 x 2. Blocks at the upper ends of the map may have cells that lie outside it.
 //!
-//! This module does not know how news travel, nor whether they are true.
+//! This module does not know how news navigation, nor whether they are true.
 
 use voxels::Extent;
 

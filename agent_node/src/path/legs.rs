@@ -1,4 +1,4 @@
-//! Straight legs: whether the way to a cell is clear, and as few way-points as do for a path.
+//! Straight legs: whether the way to a cell is clear, and as few waypoints as do for a path.
 
 use msgs::limits::PATH_POINTS_MAX;
 use nalgebra::Point3;
@@ -24,12 +24,12 @@ pub fn direct(map: &ExplorationMap, from: &Point3<f64>, to: Cell, radius_m: f64)
     })
 }
 
-/// Way-points (metres, frame `map`) for a body of `radius_m` metres that stands at the centre of the first cell of a path: its
+/// Waypoints (metres, frame `map`) for a body of `radius_m` metres that stands at the centre of the first cell of a path: its
 /// last cell, and before it the cells at which a straight leg must end because the next cells cannot be reached directly.
 ///
-/// From each way-point the leg goes to the last cell of the path, within 256 cells, to which it is [`direct`]; a single step of
-/// the path is always taken for clear. The start is no way-point, so a path of one cell has none. A path that needs more than
-/// [`PATH_POINTS_MAX`] way-points is cut there: where it ends then, the rest must be asked for again.
+/// From each waypoint the leg goes to the last cell of the path, within 256 cells, to which it is [`direct`]; a single step of
+/// the path is always taken for clear. The start is no waypoint, so a path of one cell has none. A path that needs more than
+/// [`PATH_POINTS_MAX`] waypoints is cut there: where it ends then, the rest must be asked for again.
 #[must_use]
 pub fn straighten(path: &Path, map: &ExplorationMap, radius_m: f64) -> Vec<Point3<f64>> {
     path.cells.first().map_or_else(Vec::new, |&first| pull(path, map, radius_m, centre(first)))
@@ -37,7 +37,7 @@ pub fn straighten(path: &Path, map: &ExplorationMap, radius_m: f64) -> Vec<Point
 
 /// As [`straighten`] for a body that stands anywhere in the first cell of the path (metres, frame `map`).
 ///
-/// If it cannot get to the second cell or beyond directly, the centre of the first cell is its first way-point.
+/// If it cannot get to the second cell or beyond directly, the centre of the first cell is its first waypoint.
 #[must_use]
 pub fn straighten_from(from: &Point3<f64>, path: &Path, map: &ExplorationMap, radius_m: f64) -> Vec<Point3<f64>> {
     pull(path, map, radius_m, in_cells((*from).into(), map.extent().cell_m()))

@@ -492,7 +492,7 @@ proptest! {
     }
 }
 
-/// Whether a way-point, in cells, is where what the body touches at first does not count: the centre of its first cell, and the
+/// Whether a waypoint, in cells, is where what the body touches at first does not count: the centre of its first cell, and the
 /// next one's if the first is not usable.
 fn is_excepted(graph: Graph<'_>, path: &Path, point: [f64; 3]) -> bool {
     let is_here = |&cell: &Cell| (Point3::from(centre(cell)) - Point3::from(point)).norm() < 1e-9;

@@ -7,19 +7,19 @@ use nalgebra::Vector3;
 /// The difference between a way (its points, relative to where it starts) and equally spaced points, as many and as far in all,
 /// straight along `direction` (length 1): the sum of the distances of the points that are matched, in the unit of the points. A
 /// point may be matched with several of the other series, in order, so that the sum is least.
-pub(super) fn difference(way: &[Vector3<f64>], direction: Vector3<f64>) -> f64 {
+pub(super) fn difference(path: &[Vector3<f64>], direction: Vector3<f64>) -> f64 {
     let mut length = 0.0;
     let mut last = Vector3::zeros();
-    for point in way {
+    for point in path {
         length += (point - last).norm();
         last = *point;
     }
-    let spacing = length / way.len().max(1) as f64;
-    let ahead: Vec<Vector3<f64>> = (1..=way.len()).map(|number| direction * (spacing * number as f64)).collect();
+    let spacing = length / path.len().max(1) as f64;
+    let ahead: Vec<Vector3<f64>> = (1..=path.len()).map(|number| direction * (spacing * number as f64)).collect();
     // The least sums that match all points of the way so far with 0, 1, 2 ... points ahead.
     let mut sums = vec![f64::INFINITY; ahead.len() + 1];
     sums[0] = 0.0;
-    for point in way {
+    for point in path {
         let mut diagonal = std::mem::replace(&mut sums[0], f64::INFINITY);
         for (number, other) in ahead.iter().enumerate() {
             let least = diagonal.min(sums[number]).min(sums[number + 1]);

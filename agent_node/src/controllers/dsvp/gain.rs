@@ -13,7 +13,7 @@ use crate::exploration_map::{CellState, ExplorationMap};
 
 /// Counts what viewpoints would see.
 #[derive(Debug, Clone)]
-pub(in crate::controllers) struct Viewer {
+pub(in crate::controllers) struct GainEstimator {
     /// The cells of all rays, relative to the viewpoint, one ray after the other, nearest first.
     cells: Vec<Cell>,
     /// Where each ray ends.
@@ -27,7 +27,7 @@ pub(in crate::controllers) struct Viewer {
     viewpoint: u32,
 }
 
-impl Viewer {
+impl GainEstimator {
     /// So many rays, in all directions, of so many cells.
     pub(in crate::controllers) fn new(rays: u32, range_cells: f64, depth: u32) -> Self {
         let reach = range_cells.ceil().max(1.0) as i32;
@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn sees_as_far_as_its_range_and_as_deep_as_it_is_allowed() {
         let map = corridor();
-        let gain = |range, depth, x| Viewer::new(2000, range, depth).gain(&map, Cell::new(x, 1, 1));
+        let gain = |range, depth, x| GainEstimator::new(2000, range, depth).gain(&map, Cell::new(x, 1, 1));
         assert_eq!(gain(5.0, 9, 8), 5);
         assert_eq!(gain(5.0, 2, 8), 2);
         assert_eq!(gain(5.0, 9, 5), 2);
@@ -115,13 +115,13 @@ mod tests {
         let mut map = corridor();
         let wall = map.extent().index(Cell::new(9, 1, 1)).unwrap() as u32;
         map.note_wall(&[wall]);
-        let mut viewer = Viewer::new(500, 8.0, 8);
-        assert_eq!(viewer.gain(&map, Cell::new(8, 1, 1)), 0);
+        let mut gain_estimator = GainEstimator::new(500, 8.0, 8);
+        assert_eq!(gain_estimator.gain(&map, Cell::new(8, 1, 1)), 0);
         let empty = ExplorationMap::new(Extent::new([21; 3], 1.0).unwrap());
-        let mut viewer = Viewer::new(5000, 3.0, 9);
+        let mut gain_estimator = GainEstimator::new(5000, 3.0, 9);
         // All cells within 3, some of the edge more or less.
-        let all = viewer.gain(&empty, Cell::new(10, 10, 10));
+        let all = gain_estimator.gain(&empty, Cell::new(10, 10, 10));
         assert!((100..260).contains(&all), "{all}");
-        assert_eq!(viewer.gain(&empty, Cell::new(10, 10, 10)), all);
+        assert_eq!(gain_estimator.gain(&empty, Cell::new(10, 10, 10)), all);
     }
 }

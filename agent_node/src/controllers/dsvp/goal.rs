@@ -21,19 +21,19 @@ pub(super) enum Goal {
         frontier: Cell,
     },
     /// With news, to where another agent was last.
-    Peer {
+    Pursuit {
         /// Who.
         agent: AgentId,
         /// Where.
         cell: Cell,
     },
     /// With news, to anywhere.
-    Anywhere {
+    Wandering {
         /// Where.
         cell: Cell,
     },
     /// Out of the way of others.
-    Aside {
+    Evasion {
         /// Where.
         cell: Cell,
     },
@@ -45,9 +45,9 @@ impl Goal {
         match self {
             Self::Viewpoint { cell, .. }
             | Self::Frontier { cell, .. }
-            | Self::Peer { cell, .. }
-            | Self::Anywhere { cell }
-            | Self::Aside { cell } => cell,
+            | Self::Pursuit { cell, .. }
+            | Self::Wandering { cell }
+            | Self::Evasion { cell } => cell,
         }
     }
 
@@ -57,9 +57,9 @@ impl Goal {
         match self {
             Self::Viewpoint { cell, gain } => format!("exploration to {}, {gain} unexplored cells", at(cell)),
             Self::Frontier { cell, .. } => format!("relocation to {}", at(cell)),
-            Self::Peer { agent, cell } => format!("with news to agent {agent}, last at {}", at(cell)),
-            Self::Aside { cell } => format!("out of the way to {}", at(cell)),
-            Self::Anywhere { cell } => format!("with news to {}", at(cell)),
+            Self::Pursuit { agent, cell } => format!("with news to agent {agent}, last at {}", at(cell)),
+            Self::Evasion { cell } => format!("out of the way to {}", at(cell)),
+            Self::Wandering { cell } => format!("with news to {}", at(cell)),
         }
     }
 }

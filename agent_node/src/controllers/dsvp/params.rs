@@ -3,7 +3,7 @@
 use msgs::ids::Tick;
 
 use super::super::settings::{SettingError, Settings};
-use super::auction::Terms;
+use super::auction::AuctionParams;
 use super::tree::{Growth, Valuation};
 
 /// Parameters of the planner. Lengths in metres.
@@ -119,7 +119,7 @@ impl Params {
     }
 }
 
-impl Terms {
+impl AuctionParams {
     /// Takes them from settings of the same names, the lease in seconds.
     pub(super) fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
         Ok(Self {

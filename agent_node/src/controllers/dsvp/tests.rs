@@ -115,7 +115,7 @@ fn a_viewpoint_that_shows_less_than_was_hoped_is_not_chosen_again() {
     world.observation.scan_tick = Some(world.observation.tick);
     let mut blind = Dsvp { goal: Some(Goal::Viewpoint { cell, gain: 9 }), ..planner(&["gain_min=1"]) };
     world.ask(&mut blind);
-    assert!(blind.barren.contains(&cell));
+    assert!(blind.unproductive.contains(&cell));
 }
 
 #[test]

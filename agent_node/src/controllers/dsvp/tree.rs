@@ -11,8 +11,8 @@ use nalgebra::{Point3, Vector3};
 use rand::{Rng, RngExt};
 use voxels::{Cell, Extent};
 
-use super::gain::Viewer;
-use super::others::Others;
+use super::gain::GainEstimator;
+use super::obstacles::Obstacles;
 use crate::exploration_map::ExplorationMap;
 use crate::path::direct;
 
@@ -75,7 +75,7 @@ impl Tree {
 
     /// What is left of the tree around a new root: the part that hangs together within the horizon, if some node within an edge
     /// can be reached straight; else the root alone.
-    pub(in crate::controllers) fn moved_to(&self, root: Cell, map: &ExplorationMap, growth: &Growth) -> Self {
+    pub(in crate::controllers) fn rerooted_at(&self, root: Cell, map: &ExplorationMap, growth: &Growth) -> Self {
         let centre = map.extent().centre(root);
         let mut near: Vec<(f64, usize)> = (0..self.nodes.len())
             .map(|node| (length_between(self.nodes[node].cell, root), node))
@@ -129,7 +129,7 @@ impl Tree {
         map: &ExplorationMap,
         growth: &Growth,
         frontiers: &[Cell],
-        others: &Others,
+        obstacles: &Obstacles,
         rng: &mut impl Rng,
     ) {
         let root = self.root();
@@ -146,7 +146,7 @@ impl Tree {
             let from = self.nodes[nearest].cell;
             let cell = towards(from, sample, growth.extension, &extent);
             let is_new = cell != from && is_within(cell, root, growth.horizon) && !self.holds(cell);
-            let is_open = || !others.block(&extent.centre(from), &extent.centre(cell));
+            let is_open = || !obstacles.block(&extent.centre(from), &extent.centre(cell));
             if is_new && is_open() && direct(map, &extent.centre(from), cell, growth.radius_m) {
                 self.add(cell, nearest);
             }
@@ -167,27 +167,27 @@ impl Tree {
     pub(in crate::controllers) fn best(
         &self,
         map: &ExplorationMap,
-        viewer: &mut Viewer,
+        gain_estimator: &mut GainEstimator,
         valuation: &Valuation,
         direction: Option<Vector3<f64>>,
-        worth: &dyn Fn(Cell, f64) -> f64,
+        utility_factor: &dyn Fn(Cell, f64) -> f64,
     ) -> Option<Branch> {
         let cell_m = map.extent().cell_m();
         let mut gains = vec![0; self.nodes.len()];
         let mut sums = vec![0.0; self.nodes.len()];
         let mut best: Option<(f64, usize)> = None;
         for (number, node) in self.nodes.iter().enumerate().skip(1) {
-            let gain = viewer.gain(map, node.cell);
+            let gain = gain_estimator.gain(map, node.cell);
             gains[number] = gain;
             let counts =
-                if gain < valuation.gain_min { 0.0 } else { f64::from(gain) * worth(node.cell, node.length * cell_m) };
+                if gain < valuation.gain_min { 0.0 } else { f64::from(gain) * utility_factor(node.cell, node.length * cell_m) };
             sums[number] = sums[node.parent] + counts * libm::exp(-valuation.lambda_distance * node.length * cell_m);
             if counts == 0.0 {
                 continue;
             }
             let value = match direction {
                 Some(direction) if valuation.lambda_direction > 0.0 => {
-                    let apart_m = super::dtw::difference(&self.points(number), direction) * cell_m;
+                    let apart_m = super::dtw::difference(&self.path_points(number), direction) * cell_m;
                     sums[number] * libm::exp(-valuation.lambda_direction * apart_m)
                 }
                 _ => sums[number],
@@ -197,11 +197,11 @@ impl Tree {
             }
         }
         let (_, end) = best?;
-        Some(Branch { cells: self.way_to(end), gain: gains[end] })
+        Some(Branch { cells: self.path_to(end), gain: gains[end] })
     }
 
     /// The cells from the root to a node.
-    fn way_to(&self, end: usize) -> Vec<Cell> {
+    fn path_to(&self, end: usize) -> Vec<Cell> {
         let mut cells = vec![self.nodes[end].cell];
         let mut node = end;
         while node != 0 {
@@ -213,9 +213,9 @@ impl Tree {
     }
 
     /// The way to a node relative to the root, in cells, without the root.
-    fn points(&self, end: usize) -> Vec<Vector3<f64>> {
+    fn path_points(&self, end: usize) -> Vec<Vector3<f64>> {
         let root = self.root();
-        self.way_to(end).into_iter().skip(1).map(|cell| vector(cell - root)).collect()
+        self.path_to(end).into_iter().skip(1).map(|cell| vector(cell - root)).collect()
     }
 }
 

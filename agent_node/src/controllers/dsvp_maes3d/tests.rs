@@ -13,14 +13,14 @@ fn planner() -> DsvpMaes3d {
 fn act(world: &mut World, planner: &mut DsvpMaes3d) -> Command {
     let late = world.ask(planner);
     assert_eq!(late.motion, Motion::Keep);
-    assert_eq!(late.wake, Wake::at(world.observation.tick.next()));
+    assert_eq!(late.trigger, Trigger::at(world.observation.tick.next()));
     world.wait(1);
     world.ask(planner)
 }
 
 fn destination(world: &World, command: &Command) -> Cell {
-    let Motion::Path(way_points) = &command.motion else { panic!("{command:?}") };
-    world.map.extent().cell_of(way_points.last().unwrap())
+    let Motion::Path(waypoints) = &command.motion else { panic!("{command:?}") };
+    world.map.extent().cell_of(waypoints.last().unwrap())
 }
 
 /// A wide room whose right side is unknown.
@@ -46,13 +46,13 @@ const BENT: &str = "\
 fn waits_for_a_scan_and_a_tick_and_always_asks_for_the_view() {
     let mut world = World::known(&room(), flat(4, 4));
     let mut planner = planner();
-    assert_eq!(world.ask(&mut planner), Command::keep(Wake::NEXT_TICK).asking_for_view());
+    assert_eq!(world.ask(&mut planner), Command::keep(Trigger::NEXT_TICK).with_view_request());
     world.observation = Observation { tick: Tick(1), ..in_room().observation };
     // One tick after the start the status becomes idle, scan or no scan.
     let go = world.ask(&mut planner);
     assert!(matches!(go.motion, Motion::Path(_)) && go.want_view, "{go:?}");
-    assert_eq!(go.wake, UNDER_WAY);
-    assert_eq!(world.ask(&mut planner), Command::keep(UNDER_WAY).asking_for_view());
+    assert_eq!(go.trigger, UNDER_WAY);
+    assert_eq!(world.ask(&mut planner), Command::keep(UNDER_WAY).with_view_request());
     // The end of a task is noticed a tick late; a collision at once.
     world.arrive(&go.motion);
     let go = act(&mut world, &mut planner);
@@ -235,7 +235,7 @@ fn relocation_burns_what_can_be_reached_straight() {
     let go = act(&mut world, &mut planner);
     assert_eq!(destination(&world, &go), flat(1, 3));
     assert!(planner.is_done && planner.frontiers.list.is_empty());
-    assert_eq!(go.wake, NEVER);
+    assert_eq!(go.trigger, NEVER);
 
     // From the other end the last is reached straight and thrown away; the one round the corner stops the loop.
     let mut world = World::known(BENT, flat(3, 3));
@@ -269,7 +269,7 @@ fn who_is_done_stays_so() {
     world.show(&[flat(0, 0), flat(1, 0), flat(2, 0)]);
     let mut planner = planner();
     let end = act(&mut world, &mut planner);
-    assert_eq!((end.motion, end.info.as_str(), end.wake), (Motion::Keep, "no frontiers left", NEVER));
+    assert_eq!((end.motion, end.info.as_str(), end.trigger), (Motion::Keep, "no frontiers left", NEVER));
     let mut world = in_room();
     world.observation.events = Events::PARCEL;
     assert_eq!(world.ask(&mut planner), Command::keep(NEVER));
@@ -346,8 +346,8 @@ fn without_a_destination_it_tries_again_and_lists_frontiers_once() {
     let first = act(&mut world, &mut planner);
     assert_eq!((&first.motion, first.info.as_str()), (&Motion::Keep, "exploration: no destination"));
     // Nothing can come of it before there are news.
-    let wait = Wake { at: world.observation.tick.after(10), events: Events::PARCEL };
-    assert_eq!(first.wake, wait);
+    let wait = Trigger { at: world.observation.tick.after(10), events: Events::PARCEL };
+    assert_eq!(first.trigger, wait);
     let listed = planner.frontiers.list.len();
     assert_eq!(listed, 7 + 2);
     world.wait(10);

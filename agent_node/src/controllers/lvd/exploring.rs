@@ -61,9 +61,9 @@ pub(crate) fn leg_through(ctx: &Ctx<'_>, region: &Region, cell: Cell, max_m: f64
     let map = ctx.map();
     let extent = map.extent();
     let from = ctx.position();
-    let way = extent.centre(cell) - from;
-    let to_cell_m = way.norm();
-    let direction = way.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+    let offset = extent.centre(cell) - from;
+    let to_cell_m = offset.norm();
+    let direction = offset.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
     let mut ends = vec![cell];
     let mut unvisited_m = to_cell_m;
     let mut along_m = to_cell_m + extent.cell_m();

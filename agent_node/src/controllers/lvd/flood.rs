@@ -58,8 +58,8 @@ impl Flood {
         now: Tick,
         judge: impl FnMut(Cell) -> Verdict,
     ) -> Poll<Option<Cell>> {
-        let goes_on = self.began.is_some_and(|(cell, tick)| cell == start && tick.next() == now);
-        if !(goes_on && self.marks.len() == map.extent().volume()) {
+        let is_continued = self.began.is_some_and(|(cell, tick)| cell == start && tick.next() == now);
+        if !(is_continued && self.marks.len() == map.extent().volume()) {
             self.begin(map, start);
         }
         let answer = self.spread(map, cells_max, judge);
@@ -112,7 +112,7 @@ impl Flood {
     /// Where the way of the last flood to a cell that it has reached has got to after `steps` steps; the cell itself if that is
     /// nearer.
     pub(crate) fn towards(&self, map: &ExplorationMap, goal: Cell, steps: usize) -> Cell {
-        let mut way = VecDeque::from([goal]);
+        let mut path = VecDeque::from([goal]);
         let mut cell = goal;
         while let Some(index) = map.extent().index(cell)
             && let Some(&mark) = self.marks.get(index)
@@ -120,10 +120,10 @@ impl Flood {
             && let Some(&entered_by) = FACES.get((mark & ((1 << FACE_BITS) - 1)) as usize)
         {
             cell = cell - entered_by;
-            way.push_front(cell);
-            way.truncate(steps + 1);
+            path.push_front(cell);
+            path.truncate(steps + 1);
         }
-        way.back().copied().unwrap_or(goal)
+        path.back().copied().unwrap_or(goal)
     }
 
     /// Whether there is no way over faces from `from` to `to` through free cells, because the free cells around `from` end before
@@ -192,8 +192,8 @@ mod tests {
         let [start, goal] = [0, 2].map(|x| Cell::new(x, 0, 0));
         assert_eq!(flood.nearest(&map, start, 100, Tick(1), at(goal)), Poll::Ready(Some(goal)));
         let after = [0, 1, 2, 3, 5, 6, 9].map(|steps| flood.towards(&map, goal, steps));
-        let way = [(0, 0), (0, 1), (0, 2), (1, 2), (2, 1), (2, 0), (2, 0)].map(|(x, y)| Cell::new(x, y, 0));
-        assert_eq!(after, way);
+        let path = [(0, 0), (0, 1), (0, 2), (1, 2), (2, 1), (2, 0), (2, 0)].map(|(x, y)| Cell::new(x, y, 0));
+        assert_eq!(after, path);
     }
 
     #[test]

@@ -62,7 +62,7 @@ fn acts_a_tick_late_at_the_start_and_after_each_task() {
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = LvdMaes3d::new();
     world.look();
-    assert_eq!(world.ask(&mut lvd).wake, Wake::at(Tick(1)));
+    assert_eq!(world.ask(&mut lvd).trigger, Trigger::at(Tick(1)));
     world.observation.tick = Tick(1);
     world.look();
     assert_eq!(world.ask(&mut lvd).motion, to(Cell::new(7, 11, 0)));
@@ -70,7 +70,7 @@ fn acts_a_tick_late_at_the_start_and_after_each_task() {
     world.look();
     world.observation.is_active = false;
     world.observation.tick = Tick(50);
-    assert_eq!(world.ask(&mut lvd).wake, Wake::at(Tick(51)));
+    assert_eq!(world.ask(&mut lvd).trigger, Trigger::at(Tick(51)));
     world.observation.tick = Tick(51);
     assert_ne!(world.ask(&mut lvd).motion, Motion::Keep);
 }
@@ -164,7 +164,7 @@ fn a_wall_at_the_edge_of_the_map_is_an_error() {
     let mut observation = world.observation.clone();
     observation.tick = Tick(5);
     lvd.notices_at = Some(Tick(5));
-    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Wake::NEXT_TICK));
+    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Trigger::NEXT_TICK));
     assert!(lvd.selections.is_empty());
 }
 
@@ -175,7 +175,7 @@ fn with_nothing_to_do_it_tries_again_in_each_tick() {
     world.look();
     let mut observation = world.observation.clone();
     observation.tick = Tick(5);
-    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Wake::NEXT_TICK));
+    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Trigger::NEXT_TICK));
     assert!(lvd.is_in_search_mode);
 }
 
@@ -192,10 +192,10 @@ fn ways_are_searched_for_over_faces_and_take_no_time() {
     let start = Cell::new(3, 7, 2);
     let mut world = World::known(&hall(), start);
     let far = world.left(&[]).into_iter().filter(|&cell| squared(cell - start) > 15);
-    let way = |world: &mut World, goal, by| world.ctx().go_to_cell_by(goal, by, SearchTime::Instant);
-    let mut both = far.map(|goal| (goal, [Neighbours::Six, Neighbours::TwentySix].map(|by| way(&mut world, goal, by))));
+    let path = |world: &mut World, goal, by| world.ctx().go_to_cell_by(goal, by, SearchTime::Instant);
+    let mut both = far.map(|goal| (goal, [Neighbours::Six, Neighbours::TwentySix].map(|by| path(&mut world, goal, by))));
     let (goal, [over_faces, _]) = both.find(|(_, [one, other])| one != other).unwrap();
     world.observation.view = Some(Cells { free: vec![world.map.extent().index(goal).unwrap() as u32], wall: vec![] });
     let mut lvd = LvdMaes3d { notices_at: Some(Tick::ZERO), ..LvdMaes3d::new() };
-    assert_eq!(Journey::Go(world.ask(&mut lvd).motion), over_faces);
+    assert_eq!(NavigationStatus::Go(world.ask(&mut lvd).motion), over_faces);
 }

@@ -11,9 +11,9 @@ use proptest::prelude::*;
 use voxels::{Cell, Extent, Grid, Terrain};
 
 use super::{AGENT, World};
-use crate::command::{Command, LidarRequest, Motion};
+use crate::command::{Command, ScanRequest, Motion};
 use crate::controllers::{NAMES, build};
-use crate::observation::{Cells, Collision, Contact, Observation, Pose, Reading, Received, Relay, Surface};
+use crate::observation::{Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, Surface};
 
 /// The world that observations are of, cells.
 const SIZE: [u32; 3] = [6, 5, 6];
@@ -44,9 +44,9 @@ pub(super) fn assert_legal(command: &Command) {
         }
     };
     assert!(is_legal_motion, "{command:?}");
-    assert_ne!(command.lidar, LidarRequest::Every(0), "{command:?}");
+    assert_ne!(command.lidar, ScanRequest::Every(0), "{command:?}");
     assert!(command.info.len() <= INFO_BYTES_MAX, "{command:?}");
-    let of_parcels = command.parcels.iter().map(|parcel| parcel.data.len());
+    let of_parcels = command.messages.iter().map(|message| message.data.len());
     let of_relays = command.relays.iter().map(|order| order.data.len());
     assert!(of_relays.clone().all(|bytes| bytes <= RELAY_BYTES_MAX), "{command:?}");
     assert!(of_parcels.chain(of_relays).sum::<usize>() <= PARCEL_BYTES_MAX, "{command:?}");
@@ -87,7 +87,7 @@ prop_compose! {
         (is_active, collision, events) in (any::<bool>(), prop::option::of(collision()), any::<u8>()),
         contacts in vec((0u32..4, place()), 0..3),
         relays in vec((0u32..4, place()), 0..3),
-        parcels in vec((0u32..4, any::<u8>(), vec(any::<u8>(), 0..40)), 0..3),
+        messages in vec((0u32..4, any::<u8>(), vec(any::<u8>(), 0..40)), 0..3),
         (has_scanned, seen, view) in (prop::bool::weighted(0.8), cells(), prop::option::of(cells())),
     ) -> Observation {
         Observation {
@@ -101,7 +101,7 @@ prop_compose! {
             contacts: contacts.into_iter().map(|(agent, position)| Contact { agent: AgentId(agent), position }).collect(),
             relays: relays.iter().map(|&(number, position)| Relay { id: relay(number), position }).collect(),
             readings: relays.iter().map(|&(number, _)| Reading { relay: relay(number), kind: 1, data: Vec::new() }).collect(),
-            parcels: parcels.into_iter().map(|(from, kind, data)| Received { from: AgentId(from), kind, data }).collect(),
+            messages: messages.into_iter().map(|(from, kind, data)| ReceivedMessage { from: AgentId(from), kind, data }).collect(),
             scan_tick: has_scanned.then_some(Tick(tick)),
             seen,
             view,

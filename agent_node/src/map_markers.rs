@@ -38,7 +38,7 @@ enum Group {
 
 /// What has been shown of one agent's map.
 #[derive(Debug)]
-pub struct BeliefView {
+pub struct MapMarkers {
     blocks: Blocks,
     /// Position in the journal of the map up to which changes have been looked at.
     position: usize,
@@ -49,7 +49,7 @@ pub struct BeliefView {
     waiting: Vec<Marker>,
 }
 
-impl BeliefView {
+impl MapMarkers {
     /// Nothing shown yet of a map of this extent.
     #[must_use]
     pub fn new(extent: Extent) -> Self {
@@ -139,7 +139,7 @@ mod tests {
     use super::*;
 
     /// What there is to show: block, group and number of cells.
-    fn shown(view: &mut BeliefView, map: &ExplorationMap) -> Vec<(i32, String, usize)> {
+    fn shown(view: &mut MapMarkers, map: &ExplorationMap) -> Vec<(i32, String, usize)> {
         view.look(map);
         std::iter::from_fn(|| view.next(map, Tick(7)))
             .map(|marker| {
@@ -159,7 +159,7 @@ mod tests {
         // Two blocks along x: cells 0 to 12, and 13 to 19.
         let extent = Extent::new([20, 1, 1], 0.5).unwrap();
         let mut map = ExplorationMap::new(extent);
-        let mut view = BeliefView::new(extent);
+        let mut view = MapMarkers::new(extent);
         assert_eq!(shown(&mut view, &map), []);
         map.note_free(&[11, 12]);
         map.note_wall(&[10]);
@@ -179,7 +179,7 @@ mod tests {
         let extent = Extent::new([13, 13, 13], 1.0).unwrap();
         let mut map = ExplorationMap::new(extent);
         map.note_wall(&(0..extent.volume() as u32).collect::<Vec<_>>());
-        let mut view = BeliefView::new(extent);
+        let mut view = MapMarkers::new(extent);
         assert_eq!(shown(&mut view, &map), named(&[(0, "walls", 2197)]));
     }
 }

@@ -8,57 +8,57 @@ use nalgebra::Point3;
 use voxels::Cell;
 
 use super::super::Ctx;
-use super::others::Others;
+use super::obstacles::Obstacles;
 use crate::command::Motion;
 use crate::observation::Observation;
 use crate::path::{Neighbours, Path, straighten};
-use crate::regions::{Regions, Ways};
-use crate::travel::Journey;
+use crate::abstract_graph::{AbstractGraph, ShortestPaths};
+use crate::navigation::NavigationStatus;
 
 /// Steps from cell to cell, or along edges of the tree, that an agent takes to get clear of others before it goes straight.
-const STEPS_PAST_OTHERS_MAX: usize = 4;
+const CLEARING_STEPS_MAX: usize = 4;
 
 /// The bodies that may be in the way of this one.
-pub(super) fn others_near(observation: &Observation, ctx: &Ctx<'_>) -> Others {
-    Others::near(
+pub(super) fn obstacles_near(observation: &Observation, ctx: &Ctx<'_>) -> Obstacles {
+    Obstacles::near(
         &observation.contacts,
         &ctx.position(),
         ctx.body().radius_m,
-        &ctx.briefing().bodies,
+        &ctx.run_info().bodies,
         ctx.map().extent(),
     )
 }
 
 /// The motion of a body that is to be at rest: one that is so already is not told to stop.
-pub(super) fn rest(observation: &Observation) -> Motion {
+pub(super) fn hold(observation: &Observation) -> Motion {
     if observation.is_active { Motion::Stop } else { Motion::Keep }
 }
 
-/// Length of a motion along way-points that begins at `from`, metres; 0 for other motions.
-pub(super) fn length_m(from: &Point3<f64>, motion: &Motion) -> f64 {
-    let Motion::Path(way_points) = motion else { return 0.0 };
-    std::iter::once(from).chain(way_points).zip(way_points).map(|(from, to)| (to - from).norm()).sum()
+/// Length of a motion along waypoints that begins at `from`, metres; 0 for other motions.
+pub(super) fn path_length_m(from: &Point3<f64>, motion: &Motion) -> f64 {
+    let Motion::Path(waypoints) = motion else { return 0.0 };
+    std::iter::once(from).chain(waypoints).zip(waypoints).map(|(from, to)| (to - from).norm()).sum()
 }
 
 /// The motion to a cell in a region that has been reached, if there is a way past the other agents.
-pub(super) fn way(ctx: &mut Ctx<'_>, regions: &Regions, ways: &Ways, to: Cell, others: &Others) -> Option<Motion> {
+pub(super) fn motion_to(ctx: &mut Ctx<'_>, graph: &AbstractGraph, paths: &ShortestPaths, to: Cell, obstacles: &Obstacles) -> Option<Motion> {
     let here = ctx.cell();
-    let (map, moves, scratch) = ctx.searching(Neighbours::TwentySix);
-    let path = ways.path(regions, map, moves, scratch, (here, to), &|cell| others.take(cell))?;
-    past(ctx, &path, others)
+    let (map, moves, scratch) = ctx.search_workspace(Neighbours::TwentySix);
+    let path = paths.path(graph, map, moves, scratch, (here, to), &|cell| obstacles.occupy(cell))?;
+    motion_along(ctx, &path, obstacles)
 }
 
 /// The motion along a path, past the other agents: with as few legs as do, after as few steps from cell to cell as are needed to
 /// get clear of them.
-pub(super) fn past(ctx: &Ctx<'_>, path: &Path, others: &Others) -> Option<Motion> {
+pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles) -> Option<Motion> {
     let (map, radius_m) = (ctx.map(), ctx.body().radius_m);
-    let is_open = |motion: &Motion| !others.block_motion(&ctx.position(), motion);
-    let Journey::Go(straight) = ctx.follow(path) else { return None };
+    let is_clear = |motion: &Motion| !obstacles.block_motion(&ctx.position(), motion);
+    let NavigationStatus::Go(straight) = ctx.follow(path) else { return None };
     let after = |steps: usize| {
         let rest = Path { cells: path.cells[steps..].to_vec(), cost: 0 };
         let by_steps = path.cells[1..=steps].iter().map(|&cell| map.extent().centre(cell));
         Motion::Path(by_steps.chain(straighten(&rest, map, radius_m)).take(PATH_POINTS_MAX).collect())
     };
-    let steps_max = STEPS_PAST_OTHERS_MAX.min(path.cells.len() - 1);
-    std::iter::once(straight).chain((1..=steps_max).map(after)).find(is_open)
+    let steps_max = CLEARING_STEPS_MAX.min(path.cells.len() - 1);
+    std::iter::once(straight).chain((1..=steps_max).map(after)).find(is_clear)
 }

@@ -9,7 +9,7 @@
 //! than the one that was joined have no effect, except that of its own server which says that it begins again: then the agents
 //! begin again, too, and know nothing.
 
-mod show;
+mod map_publisher;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,28 +22,28 @@ use thiserror::Error;
 
 use crate::agent::{Agent, Reaction};
 use crate::controllers::{self, ControllerError};
-use crate::link::{Inbound, Level, Link};
+use crate::transport::{Inbound, Level, ServerTransport};
 use crate::parameters;
 use crate::stopwatch::DecisionTimes;
 use crate::wire::{self, WireError};
 
-use show::Shown;
+use map_publisher::PublishedMap;
 
 /// Wall time between two attempts to join.
 const JOIN_PERIOD: Duration = Duration::from_millis(200);
 
 /// Wall time of silence after which the server is asked for a sign of life, and between two such questions.
-const SIGN_PERIOD: Duration = Duration::from_secs(1);
+const PROBE_PERIOD: Duration = Duration::from_secs(1);
 
 /// Wall time of silence, once a server has announced another run, after which the one that was joined is taken to be over; what
 /// servers allow for a decision by default.
-const OVERTAKEN: Duration = Duration::from_secs(10);
+const SUPERSEDED_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Wall time between two looks at the link that counts as silence, at the most: more means that this process was busy or stopped.
-const LOOK_MAX: Duration = Duration::from_millis(200);
+const POLL_GAP_MAX: Duration = Duration::from_millis(200);
 
 /// Wall time for which the loop waits for a message before it looks at its other duties.
-const PATIENCE: Duration = Duration::from_millis(50);
+const RECEIVE_TIMEOUT: Duration = Duration::from_millis(50);
 
 /// What a process is to run.
 #[derive(Debug, Clone)]
@@ -89,7 +89,7 @@ pub enum RunError {
     #[error(
         "a server has announced run {other:016x}, and that of run {run:016x}, which was joined, has not ended it and is silent"
     )]
-    Overtaken {
+    Superseded {
         /// Number of the run that was joined.
         run: u64,
         /// Number of the other one.
@@ -112,25 +112,25 @@ pub enum RunError {
 ///
 /// # Errors
 /// If the server refuses an agent, breaks the protocol or is gone, or there is no such controller.
-pub fn run(link: &mut dyn Link, options: &Options, stop: &AtomicBool) -> Result<(), RunError> {
-    let mut next = scenario(link, stop);
-    let mut shown = BTreeMap::new();
+pub fn run(transport: &mut dyn ServerTransport, options: &Options, stop: &AtomicBool) -> Result<(), RunError> {
+    let mut next = scenario(transport, stop);
+    let mut published = BTreeMap::new();
     while let Some(scenario) = next {
-        let mut process = Process::new(link, options, &scenario, shown)?;
-        let served = process.serve(stop);
+        let mut host = Host::new(transport, options, &scenario, published)?;
+        let served = host.serve(stop);
         if let Err(error) = &served {
-            process.tell_all(Level::Error, &error.to_string());
+            host.log_for_all(Level::Error, &error.to_string());
         }
         next = served?;
-        shown = process.shown();
+        published = host.published();
     }
     Ok(())
 }
 
 /// Waits for the scenario of a run; that of a recording which is played is none.
-fn scenario(link: &mut dyn Link, stop: &AtomicBool) -> Option<Scenario> {
+fn scenario(transport: &mut dyn ServerTransport, stop: &AtomicBool) -> Option<Scenario> {
     while !stop.load(Ordering::Relaxed) {
-        if let Some(Inbound::Scenario(scenario)) = link.receive(PATIENCE)
+        if let Some(Inbound::Scenario(scenario)) = transport.receive(RECEIVE_TIMEOUT)
             && scenario.run != Scenario::NO_RUN
         {
             return Some(scenario);
@@ -140,8 +140,8 @@ fn scenario(link: &mut dyn Link, stop: &AtomicBool) -> Option<Scenario> {
 }
 
 /// The agents of this process that are not done.
-struct Process<'a> {
-    link: &'a mut dyn Link,
+struct Host<'a> {
+    transport: &'a mut dyn ServerTransport,
     run: u64,
     origin: u64,
     /// The same run, begun again.
@@ -152,53 +152,53 @@ struct Process<'a> {
     chaos_delay: Duration,
     server_timeout: Duration,
     label: String,
-    seats: BTreeMap<AgentId, Seat>,
+    agents: BTreeMap<AgentId, HostedAgent>,
     joined_last: Option<Instant>,
     /// For how long nothing has been heard of the server.
     silence: Duration,
-    looked: Instant,
+    polled_at: Instant,
     map_hz: f64,
 }
 
-struct Seat {
+struct HostedAgent {
     agent: Agent,
     is_accepted: bool,
-    shown: Shown,
+    published: PublishedMap,
 }
 
-impl<'a> Process<'a> {
+impl<'a> Host<'a> {
     /// `shown` is what was shown of the agents in a run that has begun again.
     fn new(
-        link: &'a mut dyn Link,
+        transport: &'a mut dyn ServerTransport,
         options: &Options,
         scenario: &Scenario,
-        mut shown: BTreeMap<AgentId, Shown>,
+        mut published: BTreeMap<AgentId, PublishedMap>,
     ) -> Result<Self, RunError> {
         let wrong = |source| RunError::Wire { agent: options.agents.first().copied().unwrap_or_default(), source };
-        let briefing = wire::briefing(scenario).map_err(wrong)?;
-        let name = options.controller.as_ref().unwrap_or(&briefing.controller);
-        let mut settings = if *name == briefing.controller { briefing.settings.clone() } else { Vec::new() };
+        let run_info = wire::run_info(scenario).map_err(wrong)?;
+        let name = options.controller.as_ref().unwrap_or(&run_info.controller);
+        let mut settings = if *name == run_info.controller { run_info.settings.clone() } else { Vec::new() };
         settings.extend(options.settings.iter().cloned());
-        let taken = controllers::taken(name, &settings)?;
-        let mut seats = BTreeMap::new();
+        let resolved = controllers::resolve_settings(name, &settings)?;
+        let mut agents = BTreeMap::new();
         for &id in &options.agents {
-            if id.0 >= briefing.agents {
-                let reason = format!("this run has agents 0 to {}", briefing.agents.saturating_sub(1));
+            if id.0 >= run_info.agents {
+                let reason = format!("this run has agents 0 to {}", run_info.agents.saturating_sub(1));
                 return Err(RunError::Refused { agent: id, reason });
             }
-            let mut controller = controllers::build(name, &settings, id, briefing.agents_seed)?;
+            let mut controller = controllers::build(name, &settings, id, run_info.agents_seed)?;
             if let Some(times) = &options.decision_times {
                 controller = times.of(controller);
             }
-            let shown = shown.remove(&id).unwrap_or_else(|| Shown::new(briefing.extent));
-            let agent = Agent::new(id, briefing.clone(), controller);
-            seats.insert(id, Seat { agent, is_accepted: false, shown });
-            link.describe(id, parameters::of_controller(name, &taken));
+            let published = published.remove(&id).unwrap_or_else(|| PublishedMap::new(run_info.extent));
+            let agent = Agent::new(id, run_info.clone(), controller);
+            agents.insert(id, HostedAgent { agent, is_accepted: false, published });
+            transport.declare_parameters(id, parameters::of_controller(name, &resolved));
         }
         let label = if settings.is_empty() { name.clone() } else { format!("{name} {}", settings.join(" ")) };
         let Options { instance, chaos_delay, server_timeout, .. } = *options;
         Ok(Self {
-            link,
+            transport,
             run: scenario.run,
             origin: scenario.origin,
             next: None,
@@ -207,44 +207,44 @@ impl<'a> Process<'a> {
             chaos_delay,
             server_timeout,
             label,
-            seats,
+            agents,
             joined_last: None,
             silence: Duration::ZERO,
-            looked: now(),
+            polled_at: now(),
             map_hz: options.map_hz,
         })
     }
 
     /// Takes part until the run is over or `stop` is set; or until it begins again, as what it gives out.
     fn serve(&mut self, stop: &AtomicBool) -> Result<Option<Scenario>, RunError> {
-        let mut patience = PATIENCE;
-        while !self.seats.is_empty() && self.next.is_none() && !stop.load(Ordering::Relaxed) {
+        let mut timeout = RECEIVE_TIMEOUT;
+        while !self.agents.is_empty() && self.next.is_none() && !stop.load(Ordering::Relaxed) {
             self.join();
-            if let Some(message) = self.link.receive(patience) {
+            if let Some(message) = self.transport.receive(timeout) {
                 self.handle(message)?;
             }
-            patience = self.show_beliefs();
-            self.listen_for_the_server()?;
+            timeout = self.publish_maps();
+            self.check_server_silence()?;
         }
         Ok(self.next.take())
     }
 
     /// Asks to take part, now and then, until all agents are accepted; after that, asks a silent server for a sign of life.
     fn join(&mut self) {
-        let is_joining = self.seats.values().any(|seat| !seat.is_accepted);
-        let is_doubtful = self.silence >= SIGN_PERIOD || self.other_run.is_some();
-        let period = if is_joining { JOIN_PERIOD } else { SIGN_PERIOD };
-        if !(is_joining || is_doubtful) || self.joined_last.is_some_and(|last| last.elapsed() < period) {
+        let is_joining = self.agents.values().any(|hosted| !hosted.is_accepted);
+        let is_server_silent = self.silence >= PROBE_PERIOD || self.other_run.is_some();
+        let period = if is_joining { JOIN_PERIOD } else { PROBE_PERIOD };
+        if !(is_joining || is_server_silent) || self.joined_last.is_some_and(|last| last.elapsed() < period) {
             return;
         }
-        for (id, seat) in self.seats.iter().filter(|(_, seat)| !(is_joining && seat.is_accepted)) {
-            self.link.join(&Join {
+        for (id, hosted) in self.agents.iter().filter(|(_, hosted)| !(is_joining && hosted.is_accepted)) {
+            self.transport.send_join(&Join {
                 run: self.run,
                 agent: id.0,
                 instance: self.instance,
                 protocol: PROTOCOL,
                 controller: self.label.clone(),
-                last_tick: seat.agent.last_tick().map_or(Join::NONE, |tick| tick.0),
+                last_tick: hosted.agent.last_tick().map_or(Join::NONE, |tick| tick.0),
             });
         }
         self.joined_last = Some(now());
@@ -275,13 +275,13 @@ impl<'a> Process<'a> {
     }
 
     /// Counts the silence, and gives up if it has lasted too long.
-    fn listen_for_the_server(&mut self) -> Result<(), RunError> {
-        let looked = now();
-        self.silence += looked.duration_since(self.looked).min(LOOK_MAX);
-        self.looked = looked;
+    fn check_server_silence(&mut self) -> Result<(), RunError> {
+        let polled_at = now();
+        self.silence += polled_at.duration_since(self.polled_at).min(POLL_GAP_MAX);
+        self.polled_at = polled_at;
         match self.other_run {
-            Some(other) if self.silence >= self.server_timeout.min(OVERTAKEN) => {
-                Err(RunError::Overtaken { run: self.run, other })
+            Some(other) if self.silence >= self.server_timeout.min(SUPERSEDED_TIMEOUT) => {
+                Err(RunError::Superseded { run: self.run, other })
             }
             _ if self.silence >= self.server_timeout => {
                 Err(RunError::ServerSilent { run: self.run, seconds: self.server_timeout.as_secs_f64() })
@@ -294,13 +294,13 @@ impl<'a> Process<'a> {
         let JoinReply { run: _, agent, instance, accepted, reason } = reply;
         let agent = AgentId(agent);
         if instance == self.instance
-            && let Some(seat) = self.seats.get_mut(&agent)
+            && let Some(hosted) = self.agents.get_mut(&agent)
         {
             if !accepted {
                 return Err(RunError::Refused { agent, reason });
             }
-            if !std::mem::replace(&mut seat.is_accepted, true) {
-                self.link.log(agent, Level::Info, &format!("takes part with {}", self.label));
+            if !std::mem::replace(&mut hosted.is_accepted, true) {
+                self.transport.log(agent, Level::Info, &format!("takes part with {}", self.label));
             }
         }
         Ok(())
@@ -308,17 +308,17 @@ impl<'a> Process<'a> {
 
     fn handle_observation(&mut self, part: Part) -> Result<(), RunError> {
         let id = AgentId(part.agent);
-        let Some(seat) = self.seats.get_mut(&id).filter(|seat| seat.is_accepted) else {
+        let Some(hosted) = self.agents.get_mut(&id).filter(|hosted| hosted.is_accepted) else {
             return Ok(());
         };
-        match seat.agent.take(part).map_err(|source| RunError::Wire { agent: id, source })? {
+        match hosted.agent.take(part).map_err(|source| RunError::Wire { agent: id, source })? {
             Reaction::None => {}
-            Reaction::Answer(command) => self.answer(command),
-            Reaction::Farewell(receipt) => {
-                self.answer(receipt);
-                self.show_last(id);
-                self.link.log(id, Level::Info, "the run is over");
-                self.seats.remove(&id);
+            Reaction::Reply(command) => self.answer(command),
+            Reaction::Acknowledge(acknowledgement) => {
+                self.answer(acknowledgement);
+                self.publish_rest(id);
+                self.transport.log(id, Level::Info, "the run is over");
+                self.agents.remove(&id);
             }
         }
         Ok(())
@@ -328,7 +328,7 @@ impl<'a> Process<'a> {
         if !self.chaos_delay.is_zero() {
             wait_up_to(self.chaos_delay);
         }
-        self.link.answer(&Command { run: self.run, ..command });
+        self.transport.send_command(&Command { run: self.run, ..command });
     }
 }
 
@@ -403,8 +403,8 @@ mod tests {
         }
     }
 
-    impl Link for Server {
-        fn join(&mut self, join: &Join) {
+    impl ServerTransport for Server {
+        fn send_join(&mut self, join: &Join) {
             self.joins.push(join.clone());
             if self.replies > 0 {
                 self.replies -= 1;
@@ -414,7 +414,7 @@ mod tests {
             }
         }
 
-        fn answer(&mut self, command: &Command) {
+        fn send_command(&mut self, command: &Command) {
             self.answers.push(command.clone());
         }
 
@@ -480,6 +480,6 @@ mod tests {
         assert!(matches!(error, RunError::ServerSilent { run: OURS, .. }), "{error}");
         let mut server = Server::saying(vec![scenario(OURS), scenario(OTHER)], 1);
         let error = server.runs().unwrap_err();
-        assert!(matches!(error, RunError::Overtaken { run: OURS, other: OTHER }), "{error}");
+        assert!(matches!(error, RunError::Superseded { run: OURS, other: OTHER }), "{error}");
     }
 }

@@ -54,7 +54,7 @@ const ALL: u32 = 0xff;
 
 /// Why bytes are no map parcel of this run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-pub enum ParcelError {
+pub enum MapMessageError {
     /// It is of another version.
     #[error("version {0}, expected {VERSION}")]
     Version(u8),
@@ -197,18 +197,18 @@ fn scattered(word: u32, mask: u32) -> u32 {
 ///
 /// # Errors
 /// If the bytes are not a parcel for a map of this extent and a team of `agents`.
-pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<(Vec<AgentId>, Delta), ParcelError> {
+pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<(Vec<AgentId>, Delta), MapMessageError> {
     let mut reader = Reader { bytes, at: 0 };
     let version = reader.byte()?;
     if version != VERSION {
-        return Err(ParcelError::Version(version));
+        return Err(MapMessageError::Version(version));
     }
     let mut receivers = Vec::new();
     let mut next = 0u64;
     for _ in 0..reader.number()? {
         let agent = next + u64::from(reader.number()?);
         if agent >= agents.into() {
-            return Err(ParcelError::Agent { agent, agents });
+            return Err(MapMessageError::Agent { agent, agents });
         }
         receivers.push(AgentId(agent as u32));
         next = agent + 1;
@@ -218,7 +218,7 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<(Vec<A
     Ok((receivers, delta))
 }
 
-fn blocks(bytes: &[u8], count: u32, layout: Layout, parcel_bytes: usize) -> Result<Vec<Block>, ParcelError> {
+fn blocks(bytes: &[u8], count: u32, layout: Layout, parcel_bytes: usize) -> Result<Vec<Block>, MapMessageError> {
     // The count is not to be trusted with memory.
     let mut blocks = Vec::with_capacity((count as usize).min(8 * bytes.len() / BLOCK_BITS_MIN));
     let mut reader = Bits::new(bytes);
@@ -226,27 +226,27 @@ fn blocks(bytes: &[u8], count: u32, layout: Layout, parcel_bytes: usize) -> Resu
     for _ in 0..count {
         let gap = reader.gap();
         if reader.has_overrun() {
-            return Err(ParcelError::Short(parcel_bytes));
+            return Err(MapMessageError::Short(parcel_bytes));
         }
         let index = gap.map_or(u32::MAX, |gap| next + gap);
         if index >= layout.count() {
-            return Err(ParcelError::Outside { block: index.into() });
+            return Err(MapMessageError::Outside { block: index.into() });
         }
         let block = block(&mut reader, index);
         if reader.has_overrun() {
-            return Err(ParcelError::Short(parcel_bytes));
+            return Err(MapMessageError::Short(parcel_bytes));
         }
-        let block = block.ok_or(ParcelError::Block(index))?;
+        let block = block.ok_or(MapMessageError::Block(index))?;
         if block.known & !layout.inside(index) != 0 {
-            return Err(ParcelError::Outside { block: index.into() });
+            return Err(MapMessageError::Outside { block: index.into() });
         }
         blocks.push(block);
         next = index + 1;
     }
     match reader.rest() {
         (0, 0) => Ok(blocks),
-        (0, _) => Err(ParcelError::Filling),
-        (left, _) => Err(ParcelError::Long(left)),
+        (0, _) => Err(MapMessageError::Filling),
+        (left, _) => Err(MapMessageError::Long(left)),
     }
 }
 
@@ -327,23 +327,23 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn byte(&mut self) -> Result<u8, ParcelError> {
-        let byte = *self.bytes.get(self.at).ok_or(ParcelError::Short(self.bytes.len()))?;
+    fn byte(&mut self) -> Result<u8, MapMessageError> {
+        let byte = *self.bytes.get(self.at).ok_or(MapMessageError::Short(self.bytes.len()))?;
         self.at += 1;
         Ok(byte)
     }
 
-    fn number(&mut self) -> Result<u32, ParcelError> {
+    fn number(&mut self) -> Result<u32, MapMessageError> {
         let start = self.at;
         let mut number = 0u64;
         for place in 0..NUMBER_BYTES_MAX {
             let byte = self.byte()?;
             number |= u64::from(byte & 0x7f) << (7 * place);
             if byte & 0x80 == 0 {
-                return u32::try_from(number).map_err(|_| ParcelError::Number(start));
+                return u32::try_from(number).map_err(|_| MapMessageError::Number(start));
             }
         }
-        Err(ParcelError::Number(start))
+        Err(MapMessageError::Number(start))
     }
 }
 
@@ -387,9 +387,9 @@ mod tests {
         assert_eq!(bytes, expected);
         let map = extent([8, 8, 8]);
         assert_eq!(decode(&bytes, map, 5), Ok((vec![AgentId(1), AgentId(4)], delta)));
-        assert_eq!(decode(&bytes, extent([8, 8, 4]), 5), Err(ParcelError::Outside { block: 5 }));
-        assert_eq!(decode(&bytes, extent([8, 5, 8]), 5), Err(ParcelError::Outside { block: 2 }));
-        assert_eq!(decode(&bytes, map, 4), Err(ParcelError::Agent { agent: 4, agents: 4 }));
+        assert_eq!(decode(&bytes, extent([8, 8, 4]), 5), Err(MapMessageError::Outside { block: 5 }));
+        assert_eq!(decode(&bytes, extent([8, 5, 8]), 5), Err(MapMessageError::Outside { block: 2 }));
+        assert_eq!(decode(&bytes, map, 4), Err(MapMessageError::Agent { agent: 4, agents: 4 }));
     }
 
     #[test]

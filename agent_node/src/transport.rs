@@ -24,22 +24,22 @@ pub enum Inbound {
 }
 
 /// The side of a transport that serves the agents of one process.
-pub trait Link {
+pub trait ServerTransport {
     /// Asks to take part.
-    fn join(&mut self, join: &Join);
+    fn send_join(&mut self, join: &Join);
     /// Answers an observation.
-    fn answer(&mut self, command: &Command);
+    fn send_command(&mut self, command: &Command);
     /// The agents whose maps somebody looks at, each with how many people have ever come to do so; `None` if there are none. A
-    /// transport that nobody else can use has no onlookers.
-    fn onlookers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
+    /// transport that nobody else can use has no observers.
+    fn observers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
         None
     }
     /// Shows them a part of it.
-    fn show(&mut self, _agent: AgentId, _part: &Marker) {}
+    fn publish_map(&mut self, _agent: AgentId, _part: &Marker) {}
     /// Tells people something of an agent.
     fn log(&mut self, _agent: AgentId, _level: Level, _text: &str) {}
     /// Tells people what an agent is, where they can ask.
-    fn describe(&mut self, _agent: AgentId, _parameters: Vec<Parameter>) {}
+    fn declare_parameters(&mut self, _agent: AgentId, _parameters: Vec<Parameter>) {}
     /// The next message, or `None` if none came in time.
     fn receive(&mut self, timeout: Duration) -> Option<Inbound>;
 }

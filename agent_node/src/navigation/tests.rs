@@ -12,28 +12,28 @@ const ROUND: &str = "\
     ..#.##.\n\
     #.#....\n";
 
-fn travel() -> Travel {
-    Travel::new(RADIUS_M, 1.0)
+fn navigation() -> NavigationTask {
+    NavigationTask::new(RADIUS_M, 1.0)
 }
 
 /// Asks for the way from the left to the right of [`ROUND`].
-fn ask(travel: &mut Travel, map: &ExplorationMap, goal: Cell, time: SearchTime, now: u64) -> Journey {
+fn ask(navigation: &mut NavigationTask, map: &ExplorationMap, goal: Cell, time: SearchTime, now: u64) -> NavigationStatus {
     let from = map.extent().centre(flat(1, 0));
-    travel.to_cell(map, &from, goal, Neighbours::Six, time, Tick(now))
+    navigation.to_cell(map, &from, goal, Neighbours::Six, time, Tick(now))
 }
 
 /// The tick in which there is an answer, and the answer.
-fn ask_until_answered(travel: &mut Travel, map: &ExplorationMap, time: SearchTime, now: u64) -> (u64, Journey) {
-    match ask(travel, map, flat(3, 0), time, now) {
-        Journey::Searching(wake) => {
-            assert_eq!(wake.events, 0);
-            let at = wake.at.0;
+fn ask_until_answered(navigation: &mut NavigationTask, map: &ExplorationMap, time: SearchTime, now: u64) -> (u64, NavigationStatus) {
+    match ask(navigation, map, flat(3, 0), time, now) {
+        NavigationStatus::Searching(trigger) => {
+            assert_eq!(trigger.events, 0);
+            let at = trigger.at.0;
             assert!(at > now);
             // Looking earlier changes nothing.
             for early in now..at {
-                assert_eq!(ask(travel, map, flat(3, 0), time, early), Journey::Searching(wake));
+                assert_eq!(ask(navigation, map, flat(3, 0), time, early), NavigationStatus::Searching(trigger));
             }
-            (at, ask(travel, map, flat(3, 0), time, at))
+            (at, ask(navigation, map, flat(3, 0), time, at))
         }
         answer => (now, answer),
     }
@@ -42,23 +42,23 @@ fn ask_until_answered(travel: &mut Travel, map: &ExplorationMap, time: SearchTim
 #[test]
 fn the_search_time_changes_when_but_not_what() {
     let map = drawn(ROUND);
-    let mut travel = travel();
-    let (at, instant) = ask_until_answered(&mut travel, &map, SearchTime::Instant, 40);
+    let mut navigation = navigation();
+    let (at, instant) = ask_until_answered(&mut navigation, &map, SearchTime::Instant, 40);
     assert_eq!(at, 40);
-    let Journey::Go(Motion::Path(way_points)) = &instant else { panic!("{instant:?}") };
-    assert_eq!(way_points.last(), Some(&map.extent().centre(flat(3, 0))));
+    let NavigationStatus::Go(Motion::Path(waypoints)) = &instant else { panic!("{instant:?}") };
+    assert_eq!(waypoints.last(), Some(&map.extent().centre(flat(3, 0))));
 
     let expansions = {
-        let (moves, scratch) = travel.searching(Neighbours::Six);
+        let (moves, scratch) = navigation.search_workspace(Neighbours::Six);
         let mut search = Search::new(Graph::new(&map, moves), scratch, flat(1, 0), Goal::Cell(flat(3, 0)));
         assert!(search.run().is_some());
         search.expansions()
     };
-    let (at, budgeted) = ask_until_answered(&mut travel, &map, SearchTime::Budgeted(FIVE), 40);
+    let (at, budgeted) = ask_until_answered(&mut navigation, &map, SearchTime::Budgeted(FIVE), 40);
     assert_eq!(at, 40 + expansions.div_ceil(5));
     assert_eq!(budgeted, instant);
 
-    let (at, background) = ask_until_answered(&mut travel, &map, SearchTime::Background(25), 40);
+    let (at, background) = ask_until_answered(&mut navigation, &map, SearchTime::Background(25), 40);
     assert_eq!(at, 65);
     assert_eq!(background, instant);
 }
@@ -66,13 +66,13 @@ fn the_search_time_changes_when_but_not_what() {
 #[test]
 fn an_answer_is_given_late_if_it_is_asked_for_late() {
     let map = drawn(ROUND);
-    let mut travel = travel();
-    let instant = ask(&mut travel, &map, flat(3, 0), SearchTime::Instant, 0);
+    let mut navigation = navigation();
+    let instant = ask(&mut navigation, &map, flat(3, 0), SearchTime::Instant, 0);
     for time in [SearchTime::BUDGETED, SearchTime::Background(25)] {
-        assert!(matches!(ask(&mut travel, &map, flat(3, 0), time, 0), Journey::Searching(_)));
-        assert_eq!(ask(&mut travel, &map, flat(3, 0), time, 1000), instant);
+        assert!(matches!(ask(&mut navigation, &map, flat(3, 0), time, 0), NavigationStatus::Searching(_)));
+        assert_eq!(ask(&mut navigation, &map, flat(3, 0), time, 1000), instant);
         // It was handed out: the next one is a new question.
-        assert!(matches!(ask(&mut travel, &map, flat(3, 0), time, 1000), Journey::Searching(_)));
+        assert!(matches!(ask(&mut navigation, &map, flat(3, 0), time, 1000), NavigationStatus::Searching(_)));
     }
 }
 
@@ -80,13 +80,13 @@ fn an_answer_is_given_late_if_it_is_asked_for_late() {
 fn another_question_in_between_starts_the_first_one_anew() {
     let map = drawn(ROUND);
     for time in [SearchTime::Budgeted(FIVE), SearchTime::Background(25)] {
-        let mut travel = travel();
-        let instant = ask(&mut travel, &map, flat(3, 0), SearchTime::Instant, 0);
-        let Journey::Searching(first) = ask(&mut travel, &map, flat(3, 0), time, 0) else { panic!() };
-        assert!(matches!(ask(&mut travel, &map, flat(6, 3), time, 1), Journey::Searching(_)));
-        let Journey::Searching(again) = ask(&mut travel, &map, flat(3, 0), time, 2) else { panic!() };
+        let mut navigation = navigation();
+        let instant = ask(&mut navigation, &map, flat(3, 0), SearchTime::Instant, 0);
+        let NavigationStatus::Searching(first) = ask(&mut navigation, &map, flat(3, 0), time, 0) else { panic!() };
+        assert!(matches!(ask(&mut navigation, &map, flat(6, 3), time, 1), NavigationStatus::Searching(_)));
+        let NavigationStatus::Searching(again) = ask(&mut navigation, &map, flat(3, 0), time, 2) else { panic!() };
         assert_eq!(again.at, first.at.after(2));
-        assert_eq!(ask(&mut travel, &map, flat(3, 0), time, again.at.0), instant);
+        assert_eq!(ask(&mut navigation, &map, flat(3, 0), time, again.at.0), instant);
     }
 }
 
@@ -96,13 +96,13 @@ fn an_answer_is_that_of_the_map_that_was_asked() {
     let mut after = before.clone();
     after.note_free(&[7 + 2]);
     for time in [SearchTime::Budgeted(FIVE), SearchTime::Background(25)] {
-        let mut travel = travel();
-        let Journey::Searching(wake) = ask(&mut travel, &before, flat(3, 0), time, 0) else { panic!() };
-        let Journey::Go(Motion::Path(asked_before)) = ask(&mut travel, &after, flat(3, 0), time, wake.at.0) else {
+        let mut navigation = navigation();
+        let NavigationStatus::Searching(trigger) = ask(&mut navigation, &before, flat(3, 0), time, 0) else { panic!() };
+        let NavigationStatus::Go(Motion::Path(asked_before)) = ask(&mut navigation, &after, flat(3, 0), time, trigger.at.0) else {
             panic!()
         };
-        let instant = ask(&mut travel, &after, flat(3, 0), SearchTime::Instant, 0);
-        let Journey::Go(Motion::Path(asked_after)) = instant else { panic!() };
+        let instant = ask(&mut navigation, &after, flat(3, 0), SearchTime::Instant, 0);
+        let NavigationStatus::Go(Motion::Path(asked_after)) = instant else { panic!() };
         assert!(asked_before.len() > asked_after.len(), "{asked_before:?} {asked_after:?}");
     }
 }
@@ -111,8 +111,8 @@ fn an_answer_is_that_of_the_map_that_was_asked() {
 fn a_straight_way_takes_no_search() {
     let map = drawn(ROUND);
     for time in [SearchTime::Instant, SearchTime::BUDGETED, SearchTime::Background(25)] {
-        let straight = Journey::Go(Motion::Path(vec![map.extent().centre(flat(1, 1))]));
-        assert_eq!(ask(&mut travel(), &map, flat(1, 1), time, 0), straight);
+        let straight = NavigationStatus::Go(Motion::Path(vec![map.extent().centre(flat(1, 1))]));
+        assert_eq!(ask(&mut navigation(), &map, flat(1, 1), time, 0), straight);
     }
 }
 
@@ -120,16 +120,16 @@ fn a_straight_way_takes_no_search() {
 fn no_way_is_an_answer() {
     let map = drawn(&ROUND.replacen(".......", "...?...", 1));
     for time in [SearchTime::Instant, SearchTime::Budgeted(FIVE), SearchTime::Background(25)] {
-        let (_, answer) = ask_until_answered(&mut travel(), &map, time, 0);
-        assert_eq!(answer, Journey::NoWay);
+        let (_, answer) = ask_until_answered(&mut navigation(), &map, time, 0);
+        assert_eq!(answer, NavigationStatus::NoPath);
     }
     // Neither walls, nor unexplored cells, nor cells outside the map can be gone to.
     for goal in [flat(1, 2), flat(3, 3), flat(7, 0), flat(-1, 0)] {
-        assert_eq!(ask(&mut travel(), &map, goal, SearchTime::Instant, 0), Journey::NoWay, "{goal:?}");
+        assert_eq!(ask(&mut navigation(), &map, goal, SearchTime::Instant, 0), NavigationStatus::NoPath, "{goal:?}");
     }
     // A body that is wider than the way.
-    let mut wide = Travel::new(0.6, 1.0);
-    assert_eq!(ask(&mut wide, &drawn(ROUND), flat(3, 0), SearchTime::Instant, 0), Journey::NoWay);
+    let mut wide = NavigationTask::new(0.6, 1.0);
+    assert_eq!(ask(&mut wide, &drawn(ROUND), flat(3, 0), SearchTime::Instant, 0), NavigationStatus::NoPath);
 }
 
 fn worlds() -> impl Strategy<Value = String> {
@@ -158,16 +158,16 @@ proptest! {
         let neighbours = if is_by_faces { Neighbours::Six } else { Neighbours::TwentySix };
         let mut answers = Vec::new();
         for time in [SearchTime::Instant, SearchTime::BUDGETED, SearchTime::Background(25)] {
-            let mut travel = travel();
-            let mut journey = travel.to_cell(&map, &from, goal, neighbours, time, Tick(7));
-            if let Journey::Searching(wake) = journey {
-                journey = travel.to_cell(&map, &from, goal, neighbours, time, wake.at);
+            let mut navigation = navigation();
+            let mut status = navigation.to_cell(&map, &from, goal, neighbours, time, Tick(7));
+            if let NavigationStatus::Searching(trigger) = status {
+                status = navigation.to_cell(&map, &from, goal, neighbours, time, trigger.at);
             }
-            if let Journey::Go(Motion::Path(way_points)) = &journey {
-                prop_assert!(is_through_free_cells(&map, &from, way_points), "{way_points:?}\n{world}");
-                prop_assert_eq!(way_points.last(), Some(&map.extent().centre(goal)));
+            if let NavigationStatus::Go(Motion::Path(waypoints)) = &status {
+                prop_assert!(is_through_free_cells(&map, &from, waypoints), "{waypoints:?}\n{world}");
+                prop_assert_eq!(waypoints.last(), Some(&map.extent().centre(goal)));
             }
-            answers.push(journey);
+            answers.push(status);
         }
         prop_assert_eq!(&answers[0], &answers[1]);
         prop_assert_eq!(&answers[0], &answers[2]);

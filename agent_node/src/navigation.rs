@@ -12,7 +12,7 @@ use msgs::ids::Tick;
 use nalgebra::Point3;
 use voxels::Cell;
 
-use crate::command::{Motion, Wake};
+use crate::command::{Motion, Trigger};
 use crate::exploration_map::ExplorationMap;
 use crate::path::{
     Background, Budgeted, Goal, Graph, Moves, Neighbours, Path, Scratch, Search, direct, straighten_from,
@@ -36,13 +36,13 @@ impl SearchTime {
 
 /// What came of the wish to go to a cell.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Journey {
+pub enum NavigationStatus {
     /// There is a way: this motion leads there.
     Go(Motion),
     /// The search goes on; to be asked for again then.
-    Searching(Wake),
+    Searching(Trigger),
     /// The agent knows of no way.
-    NoWay,
+    NoPath,
 }
 
 /// An answer that is kept back.
@@ -76,7 +76,7 @@ struct Pending {
 
 /// The searches of one agent.
 #[derive(Debug)]
-pub struct Travel {
+pub struct NavigationTask {
     radius_m: f64,
     to_faces: Moves,
     to_all: Moves,
@@ -87,7 +87,7 @@ pub struct Travel {
     failures: u32,
 }
 
-impl Travel {
+impl NavigationTask {
     /// For a body of `radius_m` metres on cells with edges of `cell_m` metres.
     #[must_use]
     pub fn new(radius_m: f64, cell_m: f64) -> Self {
@@ -116,12 +116,12 @@ impl Travel {
     }
 
     /// From now on searches find no way if they would have to look at more cells than so many, whatever they cost in sim time.
-    pub fn give_up_after(&mut self, cells_max: u64) {
+    pub fn limit_searches(&mut self, cells_max: u64) {
         self.cells_max = cells_max;
     }
 
     /// The moves of the body, and what its searches write on.
-    pub fn searching(&mut self, neighbours: Neighbours) -> (&Moves, &mut Scratch) {
+    pub fn search_workspace(&mut self, neighbours: Neighbours) -> (&Moves, &mut Scratch) {
         match neighbours {
             Neighbours::Six => (&self.to_faces, &mut self.scratch),
             Neighbours::TwentySix => (&self.to_all, &mut self.scratch),
@@ -138,28 +138,28 @@ impl Travel {
         neighbours: Neighbours,
         time: SearchTime,
         now: Tick,
-    ) -> Journey {
+    ) -> NavigationStatus {
         if direct(map, from, goal, self.radius_m) {
             self.pending = None;
-            return Journey::Go(Motion::Path(vec![map.extent().centre(goal)]));
+            return NavigationStatus::Go(Motion::Path(vec![map.extent().centre(goal)]));
         }
         let start = map.extent().cell_of(from);
         let Poll::Ready(path) = self.search(map, start, goal, neighbours, time, now) else {
             let at = self.pending.as_ref().map_or(Tick::ZERO, |pending| pending.answer.usable_at());
-            return Journey::Searching(Wake { at, events: 0 });
+            return NavigationStatus::Searching(Trigger { at, events: 0 });
         };
         self.pending = None;
-        let journey = path.map_or(Journey::NoWay, |path| self.motion_along(map, from, &path));
-        self.failures += u32::from(journey == Journey::NoWay);
-        journey
+        let status = path.map_or(NavigationStatus::NoPath, |path| self.motion_along(map, from, &path));
+        self.failures += u32::from(status == NavigationStatus::NoPath);
+        status
     }
 
     /// The motion along a path that begins in the cell of the body.
     #[must_use]
-    pub fn motion_along(&self, map: &ExplorationMap, from: &Point3<f64>, path: &Path) -> Journey {
-        let way_points = straighten_from(from, path, map, self.radius_m);
+    pub fn motion_along(&self, map: &ExplorationMap, from: &Point3<f64>, path: &Path) -> NavigationStatus {
+        let waypoints = straighten_from(from, path, map, self.radius_m);
         // A path of one cell whose centre cannot be reached straight: the body is as near as it can get.
-        if way_points.is_empty() { Journey::NoWay } else { Journey::Go(Motion::Path(way_points)) }
+        if waypoints.is_empty() { NavigationStatus::NoPath } else { NavigationStatus::Go(Motion::Path(waypoints)) }
     }
 
     fn search(
@@ -181,7 +181,7 @@ impl Travel {
             }
             (None, SearchTime::Instant | SearchTime::Budgeted(_)) => {
                 let cells_max = self.cells_max;
-                let (moves, scratch) = self.searching(neighbours);
+                let (moves, scratch) = self.search_workspace(neighbours);
                 let mut search =
                     Search::new(Graph::new(map, moves), scratch, start, Goal::Cell(goal)).at_most(cells_max);
                 match time {

@@ -1,16 +1,16 @@
 //! The known free space in coarse: blocks of cells, the connected regions in each, and ways from region to region.
 //!
 //! It answers on a map of a million cells, in a millisecond or so, what is where and how far: a *region* is a set of cells of one
-//! block, all usable for the body and connected through faces within the block. Regions of neighbouring blocks are linked where
+//! block, all usable for the body and connected through faces within the block. AbstractGraph of neighbouring blocks are relinked where
 //! a face leads from one to the other. It stands for the global graph of the planners that know one.
 //!
-//! Invariants: every usable cell lies in exactly one region; two regions are linked in both directions or not at all; a frontier
+//! Invariants: every usable cell lies in exactly one region; two regions are relinked in both directions or not at all; a frontier
 //! of the map is listed with exactly one region, or with none if its block has none. All of it is renewed from the journal of the
 //! map, at a cost proportional to the news, and hangs on the map alone, not on when it was renewed.
 //!
 //! Lengths are estimates: from centre to centre through the best face. This module plans nothing.
 
-mod ways;
+mod shortest_paths;
 
 #[cfg(test)]
 mod tests;
@@ -20,7 +20,7 @@ use voxels::{Cell, Extent, FACES};
 use crate::exploration_map::{ExplorationMap, Finding};
 use crate::path::{Graph, Moves};
 
-pub use ways::Ways;
+pub use shortest_paths::ShortestPaths;
 
 /// Edge of a block, cells.
 pub const BLOCK_CELLS: i32 = 5;
@@ -41,13 +41,13 @@ pub struct Region {
     pub centre: Cell,
     /// The frontiers in it, ascending.
     pub frontiers: Vec<Cell>,
-    links: Vec<Link>,
-    /// A number below [`Regions::slots`] that no other region has at the same time.
+    edges: Vec<Edge>,
+    /// A number below [`AbstractGraph::slots`] that no other region has at the same time.
     slot: u32,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Link {
+struct Edge {
     to: RegionId,
     /// Slot of that region.
     slot: u32,
@@ -62,9 +62,9 @@ struct Block {
     regions: Vec<Region>,
 }
 
-/// Regions of one map.
+/// AbstractGraph of one map.
 #[derive(Debug, Clone)]
-pub struct Regions {
+pub struct AbstractGraph {
     extent: Extent,
     /// Blocks along each axis.
     size: [i32; 3],
@@ -78,7 +78,7 @@ pub struct Regions {
     free_slots: Vec<u32>,
 }
 
-impl Regions {
+impl AbstractGraph {
     /// Nothing is known yet. `radius_m` is that of the body.
     #[must_use]
     pub fn new(extent: Extent, radius_m: f64) -> Self {
@@ -89,13 +89,13 @@ impl Regions {
     }
 
     /// Takes in what is new on the map, which must be the same map each time; `moves` are those of the body.
-    pub fn renew(&mut self, map: &ExplorationMap, moves: &Moves) {
+    pub fn update(&mut self, map: &ExplorationMap, moves: &Moves) {
         let mut changed = Vec::new();
-        let mut looked_at = Vec::new();
+        let mut reviewed = Vec::new();
         for change in map.changes_since(self.read) {
             let cell = self.extent.cell_at(change.cell as usize);
             // What has become known concerns the frontiers beside it, and, if it is free, who can be there.
-            self.for_blocks_near(cell, 1, |block| push(&mut looked_at, block));
+            self.for_blocks_near(cell, 1, |block| push(&mut reviewed, block));
             if self.reach > 1 {
                 self.for_blocks_near(cell, self.reach, |block| push(&mut changed, block));
             } else if self.region_of(cell).is_some() != (change.finding != Finding::Wall)
@@ -105,20 +105,20 @@ impl Regions {
             }
         }
         self.read = map.journal_len();
-        let mut linked = changed.clone();
-        tidy(&mut changed);
-        tidy(&mut looked_at);
+        let mut relinked = changed.clone();
+        sort_and_dedup(&mut changed);
+        sort_and_dedup(&mut reviewed);
         let graph = Graph::new(map, moves);
         for &block in &changed {
             self.label(block, graph);
-            linked.extend(self.neighbours(block).into_iter().flatten());
+            relinked.extend(self.neighbours(block).into_iter().flatten());
         }
-        for &block in changed.iter().chain(looked_at.iter().filter(|block| changed.binary_search(block).is_err())) {
+        for &block in changed.iter().chain(reviewed.iter().filter(|block| changed.binary_search(block).is_err())) {
             self.list_frontiers(block, map);
         }
-        tidy(&mut linked);
-        for block in linked {
-            self.link(block);
+        sort_and_dedup(&mut relinked);
+        for block in relinked {
+            self.edge(block);
         }
     }
 
@@ -237,7 +237,7 @@ impl Regions {
             }
             let centre = corner + middle(&mut members);
             let slot = self.slot();
-            regions.push(Region { centre, frontiers: Vec::new(), links: Vec::new(), slot });
+            regions.push(Region { centre, frontiers: Vec::new(), edges: Vec::new(), slot });
         }
         self.blocks[block as usize] = Some(Box::new(Block { labels, regions }));
     }
@@ -267,13 +267,13 @@ impl Regions {
         })
     }
 
-    /// Renews the links that start in a block.
-    fn link(&mut self, block: u32) {
+    /// Renews the edges that start in a block.
+    fn edge(&mut self, block: u32) {
         let Some(mut here) = self.blocks[block as usize].take() else {
             return;
         };
         for region in &mut here.regions {
-            region.links.clear();
+            region.edges.clear();
         }
         let corner = self.corner(block);
         for (face, neighbour) in FACES.into_iter().zip(self.neighbours(block)) {
@@ -293,9 +293,9 @@ impl Regions {
                 let to = RegionId { block: number, number: other - 1 };
                 let slot = far.slot;
                 let length = distance(region.centre, corner + cell) + 1.0 + distance(corner + beyond, far.centre);
-                match region.links.iter_mut().find(|link| link.to == to) {
-                    Some(link) => link.length = link.length.min(length),
-                    None => region.links.push(Link { to, slot, length }),
+                match region.edges.iter_mut().find(|edge| edge.to == to) {
+                    Some(edge) => edge.length = edge.length.min(length),
+                    None => region.edges.push(Edge { to, slot, length }),
                 }
             }
         }
@@ -310,7 +310,7 @@ fn push(blocks: &mut Vec<u32>, block: u32) {
     }
 }
 
-fn tidy(blocks: &mut Vec<u32>) {
+fn sort_and_dedup(blocks: &mut Vec<u32>) {
     blocks.sort_unstable();
     blocks.dedup();
 }

@@ -5,31 +5,31 @@
 use nalgebra::Point3;
 use voxels::{Cell, Extent};
 
-use crate::body::Bodies;
+use crate::bodies::Bodies;
 use crate::command::Motion;
 use crate::observation::Contact;
 
 /// Distance between the centres of two bodies below which a way is blocked, as a multiple of that at which they touch.
-const BERTH: f64 = 1.025;
+const CLEARANCE: f64 = 1.025;
 
 /// Bodies farther away than this will have moved on before one gets there, as a multiple of the distance at which they touch.
 const NEAR: f64 = 6.0;
 
 /// Bodies that are in the way.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::controllers) struct Others {
+pub(in crate::controllers) struct Obstacles {
     extent: Extent,
-    near: Vec<Other>,
+    near: Vec<Obstacle>,
 }
 
 /// A body, and how near to it another one may come, from centre to centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Other {
+struct Obstacle {
     at: Point3<f64>,
-    berth_m: f64,
+    clearance_m: f64,
 }
 
-impl Others {
+impl Obstacles {
     /// Those near to a body of some radius at `here`; metres, frame `map`. `bodies` are those of the team.
     pub(in crate::controllers) fn near(
         contacts: &[Contact],
@@ -40,17 +40,17 @@ impl Others {
     ) -> Self {
         let is_near = |contact: &Contact| {
             let touch_m = radius_m + bodies.of(contact.agent).radius_m;
-            let other = Other { at: contact.position, berth_m: BERTH * touch_m };
-            ((contact.position - here).norm() < NEAR * touch_m).then_some(other)
+            let obstacle = Obstacle { at: contact.position, clearance_m: CLEARANCE * touch_m };
+            ((contact.position - here).norm() < NEAR * touch_m).then_some(obstacle)
         };
         Self { extent, near: contacts.iter().filter_map(is_near).collect() }
     }
 
     /// Whether a body at the centre of a cell would be in touch with one of them, or nearly.
-    pub(in crate::controllers) fn take(&self, cell: Cell) -> bool {
+    pub(in crate::controllers) fn occupy(&self, cell: Cell) -> bool {
         !self.near.is_empty() && {
             let centre = self.extent.centre(cell);
-            self.near.iter().any(|other| (other.at - centre).norm() < other.berth_m)
+            self.near.iter().any(|obstacle| (obstacle.at - centre).norm() < obstacle.clearance_m)
         }
     }
 
@@ -59,19 +59,19 @@ impl Others {
     pub(in crate::controllers) fn block(&self, from: &Point3<f64>, to: &Point3<f64>) -> bool {
         let by = to - from;
         let length_squared = by.norm_squared();
-        self.near.iter().any(|other| {
+        self.near.iter().any(|obstacle| {
             let share =
-                if length_squared > 0.0 { ((other.at - from).dot(&by) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
-            let apart = (other.at - (from + by * share)).norm();
-            apart < other.berth_m && share > 0.0
+                if length_squared > 0.0 { ((obstacle.at - from).dot(&by) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
+            let apart = (obstacle.at - (from + by * share)).norm();
+            apart < obstacle.clearance_m && share > 0.0
         })
     }
 
-    /// Whether a body on a path of way-points would come too near to one of them.
+    /// Whether a body on a path of waypoints would come too near to one of them.
     pub(in crate::controllers) fn block_motion(&self, from: &Point3<f64>, motion: &Motion) -> bool {
-        let Motion::Path(way_points) = motion else { return false };
-        let starts = std::iter::once(from).chain(way_points);
-        starts.zip(way_points).any(|(from, to)| self.block(from, to))
+        let Motion::Path(waypoints) = motion else { return false };
+        let starts = std::iter::once(from).chain(waypoints);
+        starts.zip(waypoints).any(|(from, to)| self.block(from, to))
     }
 }
 
@@ -80,18 +80,18 @@ mod tests {
     use msgs::ids::AgentId;
 
     use super::*;
-    use crate::body::Body;
+    use crate::bodies::Body;
 
     /// A body at some place, of agent 1 with a radius of 0.4 m, or of agent 2 with 1.4 m.
-    fn of(agent: u32, at: [f64; 3]) -> Others {
+    fn of(agent: u32, at: [f64; 3]) -> Obstacles {
         let contacts = [Contact { agent: AgentId(agent), position: Point3::from(at) }];
         let large = Body { radius_m: 1.4, ..Body::SUBMARINE };
         let bodies = Bodies::new(vec![Body::SUBMARINE, large], vec![0, 0, 1]).unwrap();
         let extent = Extent::new([20, 20, 20], 1.0).unwrap();
-        Others::near(&contacts, &Point3::new(1.5, 1.5, 1.5), 0.4, &bodies, extent)
+        Obstacles::near(&contacts, &Point3::new(1.5, 1.5, 1.5), 0.4, &bodies, extent)
     }
 
-    fn others(at: [f64; 3]) -> Others {
+    fn obstacle(at: [f64; 3]) -> Obstacles {
         of(1, at)
     }
 
@@ -100,19 +100,19 @@ mod tests {
         let (here, ahead) = (Point3::new(1.5, 1.5, 1.5), Point3::new(12.5, 1.5, 1.5));
         assert!(!of(1, [4.5, 3.2, 1.5]).block(&here, &ahead) && of(2, [4.5, 3.2, 1.5]).block(&here, &ahead));
         assert!(!of(1, [9.5, 1.5, 1.5]).block(&here, &ahead) && of(2, [9.5, 1.5, 1.5]).block(&here, &ahead));
-        assert!(of(2, [4.5, 1.5, 1.5]).take(Cell::new(3, 2, 1)));
+        assert!(of(2, [4.5, 1.5, 1.5]).occupy(Cell::new(3, 2, 1)));
     }
 
     #[test]
     fn a_body_in_the_way_blocks_and_one_behind_does_not() {
         let here = Point3::new(1.5, 1.5, 1.5);
         let ahead = Point3::new(6.5, 1.5, 1.5);
-        assert!(others([3.5, 1.5, 1.5]).block(&here, &ahead));
-        assert!(others([3.5, 2.3, 1.5]).block(&here, &ahead));
-        assert!(!others([3.5, 2.5, 1.5]).block(&here, &ahead));
-        assert!(!others([0.7, 1.5, 1.5]).block(&here, &ahead));
-        assert!(!others([9.5, 1.5, 1.5]).block(&here, &Point3::new(12.5, 1.5, 1.5)), "far away");
-        assert!(others([3.5, 1.5, 1.5]).take(Cell::new(3, 1, 1)));
-        assert!(!others([3.5, 1.5, 1.5]).take(Cell::new(4, 1, 1)));
+        assert!(obstacle([3.5, 1.5, 1.5]).block(&here, &ahead));
+        assert!(obstacle([3.5, 2.3, 1.5]).block(&here, &ahead));
+        assert!(!obstacle([3.5, 2.5, 1.5]).block(&here, &ahead));
+        assert!(!obstacle([0.7, 1.5, 1.5]).block(&here, &ahead));
+        assert!(!obstacle([9.5, 1.5, 1.5]).block(&here, &Point3::new(12.5, 1.5, 1.5)), "far away");
+        assert!(obstacle([3.5, 1.5, 1.5]).occupy(Cell::new(3, 1, 1)));
+        assert!(!obstacle([3.5, 1.5, 1.5]).occupy(Cell::new(4, 1, 1)));
     }
 }

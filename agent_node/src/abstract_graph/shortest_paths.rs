@@ -1,20 +1,20 @@
-//! Shortest ways from one region to all others.
+//! Shortest paths from one region to all others.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
 
 use voxels::Cell;
 
-use super::{BLOCK_CELLS, Region, RegionId, Regions};
+use super::{BLOCK_CELLS, Region, RegionId, AbstractGraph};
 use crate::exploration_map::ExplorationMap;
 use crate::path::{Goal, Graph, Moves, Path, Scratch, Search};
 
 /// Fractions of a cell that lengths are counted in, so that they have a total order.
 const PER_CELL: f32 = 1024.0;
 
-/// Ways from one cell to the regions, shortest first. They hold as long as the regions are not renewed.
+/// ShortestPaths from one cell to the regions, shortest first. They hold as long as the regions are not renewed.
 #[derive(Debug, Clone, Default)]
-pub struct Ways {
+pub struct ShortestPaths {
     /// By slot of the region; an entry of another epoch means nothing.
     reached: Vec<Reached>,
     epoch: u32,
@@ -31,13 +31,13 @@ struct Reached {
     is_done: bool,
 }
 
-impl Ways {
-    /// Begins at a cell; there are no ways from a cell that lies in no region.
-    pub fn begin(&mut self, regions: &Regions, from: Cell) {
+impl ShortestPaths {
+    /// Begins at a cell; there are no paths from a cell that lies in no region.
+    pub fn begin(&mut self, graph: &AbstractGraph, from: Cell) {
         self.epoch += 1;
-        self.reached.resize(regions.slots as usize, Reached::default());
+        self.reached.resize(graph.slots as usize, Reached::default());
         self.queue.clear();
-        if let Some((start, region)) = regions.region_of(from).and_then(|start| Some((start, regions.get(start)?))) {
+        if let Some((start, region)) = graph.region_of(from).and_then(|start| Some((start, graph.get(start)?))) {
             self.reached[region.slot as usize] = Reached { epoch: self.epoch, length: 0, from: None, is_done: false };
             self.queue.push(Reverse((0, start)));
         }
@@ -45,22 +45,22 @@ impl Ways {
 
     /// The next region in the order of the length of the way, which is in cells. To be called until there is none, or as long as
     /// one cares.
-    pub fn next<'r>(&mut self, regions: &'r Regions) -> Option<(RegionId, &'r Region, f64)> {
+    pub fn next<'r>(&mut self, graph: &'r AbstractGraph) -> Option<(RegionId, &'r Region, f64)> {
         loop {
             let Reverse((length, id)) = self.queue.pop()?;
-            let Some(region) = regions.get(id) else { continue };
+            let Some(region) = graph.get(id) else { continue };
             let here = &mut self.reached[region.slot as usize];
             if std::mem::replace(&mut here.is_done, true) {
                 continue;
             }
-            for link in &region.links {
-                let to = length + (link.length * PER_CELL) as u32;
-                let there = &mut self.reached[link.slot as usize];
+            for edge in &region.edges {
+                let to = length + (edge.length * PER_CELL) as u32;
+                let there = &mut self.reached[edge.slot as usize];
                 let is_new = there.epoch != self.epoch;
-                // Of equally long ways the one over the region with the lowest id, whichever is found first.
+                // Of equally long paths the one over the region with the lowest id, whichever is found first.
                 if is_new || !there.is_done && (to, Some(id)) < (there.length, there.from) {
                     if is_new || to < there.length {
-                        self.queue.push(Reverse((to, link.to)));
+                        self.queue.push(Reverse((to, edge.to)));
                     }
                     *there = Reached { epoch: self.epoch, length: to, from: Some(id), is_done: false };
                 }
@@ -69,8 +69,8 @@ impl Ways {
         }
     }
 
-    fn reached(&self, regions: &Regions, region: RegionId) -> Option<&Reached> {
-        let reached = self.reached.get(regions.get(region)?.slot as usize)?;
+    fn reached(&self, graph: &AbstractGraph, region: RegionId) -> Option<&Reached> {
+        let reached = self.reached.get(graph.get(region)?.slot as usize)?;
         (reached.epoch == self.epoch && reached.is_done).then_some(reached)
     }
 
@@ -78,26 +78,26 @@ impl Ways {
     /// beside them, and through no cell that `keeps_out`.
     pub fn path(
         &self,
-        regions: &Regions,
+        graph: &AbstractGraph,
         map: &ExplorationMap,
         moves: &Moves,
         scratch: &mut Scratch,
         (from, to): (Cell, Cell),
         keeps_out: &dyn Fn(Cell) -> bool,
     ) -> Option<Path> {
-        let end = regions.region_of(to).filter(|&end| self.reached(regions, end).is_some())?;
+        let end = graph.region_of(to).filter(|&end| self.reached(graph, end).is_some())?;
         let mut corridor = BTreeSet::new();
-        let back = std::iter::successors(Some(end), |&region| self.reached(regions, region)?.from);
+        let back = std::iter::successors(Some(end), |&region| self.reached(graph, region)?.from);
         for region in back {
-            let corner = regions.corner(region.block);
+            let corner = graph.corner(region.block);
             corridor.insert(region.block);
             for beside in Cell::default().neighbours26() {
                 let by = Cell::new(beside.x * BLOCK_CELLS, beside.y * BLOCK_CELLS, beside.z * BLOCK_CELLS);
-                corridor.extend(regions.block_of(corner + by));
+                corridor.extend(graph.block_of(corner + by));
             }
         }
         let is_open = |cell: Cell| {
-            regions.block_of(cell).is_some_and(|block| corridor.contains(&block)) && (cell == to || !keeps_out(cell))
+            graph.block_of(cell).is_some_and(|block| corridor.contains(&block)) && (cell == to || !keeps_out(cell))
         };
         Search::new(Graph::new(map, moves), scratch, from, Goal::Cell(to)).within(&is_open).run()
     }
