@@ -6,13 +6,14 @@ use std::time::Duration;
 use agent_node::body::{Body, BodyKind};
 use agent_node::controllers::NAMES;
 use experiments::single::{Grouping, Team, run};
+use msgs::body_model;
 use msgs::cdr;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Result as RunResult;
 use sim_server::run::Watcher;
 use sim_server::setup;
 use simulation::scenario::Scenario;
-use simulation::world::{World, body};
+use simulation::world::World;
 
 struct Nobody;
 
@@ -84,7 +85,7 @@ fn an_agent_learns_of_all_bodies_what_the_scenario_says() {
     let others = scenario.other_bodies();
     for agent in (0..4).map(AgentId) {
         let (body, model) = (briefing.bodies.of(agent), others.get(&agent).unwrap_or(&scenario.body));
-        assert_eq!(body.kind == BodyKind::Aerial, model.kind == body::BodyKind::Aerial);
+        assert_eq!(body.kind == BodyKind::Aerial, model.kind == body_model::BodyKind::Aerial);
         let numbers = [
             body.radius_m,
             body.speed_max_m_s,

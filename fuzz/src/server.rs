@@ -15,10 +15,10 @@ use msgs::ids::{AgentId, Tick};
 use msgs::limits::{OBSERVATION_BYTES_MAX, PROTOCOL};
 use msgs::maes_msgs::{self, Command, Join, JoinReply, Observation, Parcel, Progress, Task, Wake};
 use sim_server::link::{Inbound, Incoming, Link};
-use simulation::lockstep::SourceId;
 use sim_server::run::Watcher;
-use simulation::scenario::Scenario;
 use sim_server::setup;
+use simulation::lockstep::SourceId;
+use simulation::scenario::Scenario;
 use simulation::wire;
 use simulation::world::World;
 

@@ -31,13 +31,13 @@ use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Part};
+use msgs::trigger::Trigger;
 
 use crate::control::Beginning;
 use crate::control::desk::Desk;
 use crate::link::{Level, Link};
 use crate::playback::{Playback, Said};
 use simulation::digest::{Chain, Digest};
-use simulation::lockstep::Wake;
 use simulation::scenario::{OnAgentLoss, Scenario};
 use simulation::views::Views;
 use simulation::wire;
@@ -190,7 +190,7 @@ fn carry_out<'a>(
         playback,
         said: None,
         chain: Chain::new(&scenario.identity(), &world),
-        wakes: vec![Wake::AT_ONCE; scenario.agents.count as usize],
+        wakes: vec![Trigger::NEXT_TICK; scenario.agents.count as usize],
         driven: scenario.driven(),
         lost: BTreeSet::new(),
         desk: Desk::new(start.is_paused, start.rtf, crate::control::features()),
@@ -249,7 +249,7 @@ struct Run<'a> {
     said: Option<Said>,
     world: World,
     chain: Chain,
-    wakes: Vec<Wake>,
+    wakes: Vec<Trigger>,
     driven: BTreeSet<AgentId>,
     lost: BTreeSet<AgentId>,
     desk: Desk,

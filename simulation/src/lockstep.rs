@@ -1,7 +1,7 @@
 //! The lock-step: who takes part, who is asked in a tick, and when the answers are complete.
 //!
-//! Three pure state machines. [`Roster`] grants each agent id to one process. [`Wake`] says whether an agent is due. [`Barrier`]
-//! collects the answers of one tick.
+//! Three pure state machines. [`Roster`] grants each agent id to one process. [`Trigger`](msgs::trigger::Trigger) says
+//! whether an agent is due. [`Barrier`] collects the answers of one tick.
 //!
 //! Invariants: an id belongs to one process at a time; the barrier of a tick is complete exactly when every awaited agent has
 //! given one legal answer for that tick, whatever the order of arrival; a refused message changes nothing.
@@ -14,8 +14,6 @@ use std::fmt;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
 use thiserror::Error;
-
-use crate::world::Events;
 
 /// The process that sent a message, as the transport identifies it: one value for each process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -268,26 +266,6 @@ impl Roster {
     }
 }
 
-/// When an agent wants to be asked again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Wake {
-    /// At the latest in this tick.
-    pub at: Tick,
-    /// Earlier, after any of these events.
-    pub events: Events,
-}
-
-impl Wake {
-    /// As soon as possible: what holds before the first command.
-    pub const AT_ONCE: Self = Self { at: Tick::ZERO, events: 0 };
-
-    /// Whether the agent is due at `tick`, given what has happened since its last observation.
-    #[must_use]
-    pub fn is_due(&self, tick: Tick, happened: Events) -> bool {
-        tick >= self.at || happened & self.events != 0
-    }
-}
-
 /// The answers of one tick.
 #[derive(Debug, Clone)]
 pub struct Barrier<C> {
@@ -432,16 +410,6 @@ mod tests {
         wrong.topic = AgentId(1);
         assert!(matches!(roster.join(wrong), Err(Refusal::WrongTopic { .. })));
         assert_eq!(roster.missing().len(), 2);
-    }
-
-    #[test]
-    fn due_at_the_tick_or_at_an_event() {
-        let wake = Wake { at: Tick(10), events: 0b101 };
-        assert!(!wake.is_due(Tick(9), 0b010));
-        assert!(wake.is_due(Tick(9), 0b100));
-        assert!(wake.is_due(Tick(10), 0));
-        assert!(wake.is_due(Tick(11), 0));
-        assert!(Wake::AT_ONCE.is_due(Tick(0), 0));
     }
 
     #[test]

@@ -14,12 +14,12 @@ mod sensor;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 
+use msgs::body_model::BodyModel;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::BODIES_MAX;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::world::body::BodyModel;
 use crate::world::spawn::SpawnSpec;
 
 pub use bodies::BodyEntry;

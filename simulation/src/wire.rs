@@ -14,16 +14,17 @@ use msgs::limits::{
 };
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
 use msgs::relay_id::RelayId;
+use msgs::scan_request::ScanRequest;
 use msgs::std_msgs::Header;
+use msgs::trigger::Trigger;
 use nalgebra::{Point3, Vector3};
 use voxels::Extent;
 
-use crate::lockstep::Wake;
 use crate::scenario::{AgentsSection, Scenario};
-use crate::world::body::{BodyKind, BodyModel, Motion, Pose};
+use crate::world::body::{Motion, Pose};
 use crate::world::collision::Surface;
 use crate::world::comms::{Parcel, Peer};
-use crate::world::{Action, LidarRequest, Observation, World};
+use crate::world::{Action, Observation, World};
 
 /// Bytes on the wire of a contact, with padding.
 const CONTACT_BYTES: usize = 32;
@@ -142,13 +143,13 @@ impl Parts {
 ///
 /// # Errors
 /// The field, its value and what is allowed, if the command is not legal for a team of `agents`.
-pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Wake), String> {
+pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Trigger), String> {
     if message.info.len() > INFO_BYTES_MAX {
         return Err(format!("info has {} bytes, at most {INFO_BYTES_MAX} are allowed", message.info.len()));
     }
     let action = Action {
         motion: motion(&message.task)?,
-        lidar: lidar_request(message.lidar)?,
+        lidar: ScanRequest::try_from(message.lidar).map_err(|error| error.to_string())?,
         want_view: message.want_view,
         parcels: parcels(&message.parcels, agents)?,
     };
@@ -157,8 +158,9 @@ pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Wak
     if list_bytes > LIST_BYTES_MAX {
         return Err(format!("path and parcels take {list_bytes} bytes, at most {LIST_BYTES_MAX} are allowed"));
     }
-    let wake = Wake { at: Tick(message.wake.at_tick.max(message.tick.saturating_add(1))), events: message.wake.events };
-    Ok((action, wake))
+    let trigger =
+        Trigger { at: Tick(message.wake.at_tick.max(message.tick.saturating_add(1))), events: message.wake.events };
+    Ok((action, trigger))
 }
 
 fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
@@ -208,18 +210,6 @@ fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
         },
         other => return Err(format!("task.kind = {other}, 0 to 5 are allowed")),
     })
-}
-
-fn lidar_request(request: maes_msgs::LidarRequest) -> Result<LidarRequest, String> {
-    use maes_msgs::LidarRequest as Message;
-    match request.kind {
-        Message::KEEP => Ok(LidarRequest::Keep),
-        Message::NEVER => Ok(LidarRequest::Never),
-        Message::ONCE => Ok(LidarRequest::Once),
-        Message::EVERY if request.period_ticks >= 1 => Ok(LidarRequest::Every(request.period_ticks)),
-        Message::EVERY => Err("lidar.period_ticks = 0, at least 1 is allowed".to_owned()),
-        other => Err(format!("lidar.kind = {other}, 0 to 3 are allowed")),
-    }
 }
 
 fn parcels(messages: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<Parcel>, String> {
@@ -312,31 +302,15 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
 
 /// The bodies that there are, and by agent which of them is its own.
 fn bodies(scenario: &Scenario) -> (Vec<maes_msgs::Body>, Vec<u8>) {
-    let mut bodies = vec![body(&scenario.body)];
+    let mut bodies = vec![maes_msgs::Body::from(scenario.body)];
     let mut body_of = vec![0; scenario.agents.count as usize];
     for (number, entry) in (1..=u8::MAX).zip(&scenario.bodies) {
-        bodies.push(body(&entry.keys.over(&scenario.body)));
+        bodies.push(entry.keys.over(&scenario.body).into());
         for &agent in &entry.agents {
             body_of[agent as usize] = number;
         }
     }
     (bodies, body_of)
-}
-
-fn body(model: &BodyModel) -> maes_msgs::Body {
-    maes_msgs::Body {
-        kind: match model.kind {
-            BodyKind::Submarine => maes_msgs::Body::SUBMARINE,
-            BodyKind::Aerial => maes_msgs::Body::AERIAL,
-        },
-        radius_m: model.radius_m,
-        speed_max_m_s: model.speed_max_m_s,
-        acceleration_m_s2: model.acceleration_m_s2,
-        deceleration_m_s2: model.deceleration_m_s2,
-        turn_rate_max_rad_s: model.turn_rate_max_rad_s,
-        turn_acceleration_rad_s2: model.turn_acceleration_rad_s2,
-        turn_deceleration_rad_s2: model.turn_deceleration_rad_s2,
-    }
 }
 
 /// The settings of controllers, each `KEY=VALUE`.

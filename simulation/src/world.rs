@@ -24,23 +24,23 @@ mod untold;
 
 use std::collections::BTreeMap;
 
+use msgs::body_model::BodyModel;
 use msgs::ids::{AgentId, Tick};
 use msgs::relay_id::RelayId;
+use msgs::scan_request::ScanRequest;
 use nalgebra::Point3;
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use voxels::{Cell, Grid, Terrain};
 
 use air::Air;
-use body::{Body, BodyModel, Pose};
+use body::{Body, Pose};
 use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
 use coverage::Coverage;
 use errors::{Drift, Errors};
 use lidar::{Blur, Scanner, SensorMemory};
-pub use terms::{
-    Action, COLLISION, CONTACTS, Events, LidarRequest, NEW_CELL, Observation, PARCEL, Since, TASK_DONE, Totals,
-};
+pub use terms::{Action, COLLISION, CONTACTS, Events, NEW_CELL, Observation, PARCEL, Since, TASK_DONE, Totals};
 use untold::Untold;
 
 /// Everything about a world that is not its terrain.
@@ -388,16 +388,16 @@ impl World {
             state.want_view = action.want_view;
             state.body.take_up(action.motion);
             match (action.lidar, self.params.schedule) {
-                (LidarRequest::Keep, _) | (_, ScanSchedule::TakeTurns) => {}
-                (LidarRequest::Never, _) => {
+                (ScanRequest::Keep, _) | (_, ScanSchedule::TakeTurns) => {}
+                (ScanRequest::Never, _) => {
                     state.scan_period_ticks = None;
                     state.next_scan = None;
                 }
-                (LidarRequest::Once, _) => {
+                (ScanRequest::Once, _) => {
                     state.scan_period_ticks = None;
                     state.next_scan = Some(next_tick);
                 }
-                (LidarRequest::Every(period_ticks), _) => {
+                (ScanRequest::Every(period_ticks), _) => {
                     state.scan_period_ticks = Some(period_ticks);
                     state.next_scan = Some(next_tick);
                 }

@@ -11,13 +11,13 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::Observation as Part;
 use msgs::service::Ask;
 use msgs::simulation_interfaces::{INVALID_POSE, Result as Outcome, ResultResponse, SetEntityStateRequest};
+use msgs::trigger::Trigger;
 
 use super::exchange::{Asked, Meanwhile, PATIENCE};
 use super::log::Kind;
 use super::{FAREWELL, Run, RunError};
 use crate::control::entities::Team;
 use crate::control::{self, Request};
-use simulation::lockstep::Wake;
 use simulation::wire;
 use simulation::world::Since;
 use simulation::world::body::Pose;
@@ -144,7 +144,7 @@ impl Run<'_> {
         let placed = self.world.place(agent, pose);
         if placed.is_ok() {
             // It is somewhere else, whatever it has wanted to wait for.
-            self.wakes[agent.index()] = Wake::AT_ONCE;
+            self.wakes[agent.index()] = Trigger::NEXT_TICK;
             self.intervene(agent, Some(&pose))?;
         }
         Ok(placed)

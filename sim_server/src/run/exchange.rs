@@ -14,7 +14,9 @@ use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, Observation as Part, Progress, Scenario};
 
 use msgs::nav_msgs::Odometry;
+use msgs::scan_request::ScanRequest;
 use msgs::sensor_msgs::PointCloud2;
+use msgs::trigger::Trigger;
 
 use super::history::History;
 use super::log::Log;
@@ -22,11 +24,11 @@ use super::{RunError, Start, Watcher, now};
 use crate::control::Request;
 use crate::link::{Level, Link};
 use crate::recorder::RecordError;
-use simulation::lockstep::{Barrier, Refusal, Roster, Wake, listed};
+use simulation::lockstep::{Barrier, Refusal, Roster, listed};
 use simulation::scenario::{OnAgentLoss, Rtf};
 use simulation::views::{Listeners, Picture, View};
 use simulation::world::body::Motion;
-use simulation::world::{Action, LidarRequest, Since};
+use simulation::world::{Action, Since};
 
 /// Wall time of silence after which an observation is sent again the first time; it doubles from then on.
 const SEND_AGAIN_FIRST: Duration = Duration::from_millis(100);
@@ -62,7 +64,7 @@ pub(super) struct Answer {
     /// What it does.
     pub(super) action: Action,
     /// When to ask again.
-    pub(super) wake: Wake,
+    pub(super) wake: Trigger,
 }
 
 impl Answer {
@@ -70,7 +72,7 @@ impl Answer {
     pub(super) fn does_nothing(&self) -> bool {
         let Action { motion, lidar, want_view, parcels } = &self.action;
         *motion == Motion::Keep
-            && *lidar == LidarRequest::Keep
+            && *lidar == ScanRequest::Keep
             && !want_view
             && parcels.is_empty()
             && self.message.info.is_empty()

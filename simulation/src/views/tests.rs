@@ -1,18 +1,20 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use msgs::body_model::BodyModel;
 use msgs::cdr;
 use msgs::limits::VIEW_BYTES_MAX;
+use msgs::scan_request::ScanRequest;
 use nalgebra::Vector3;
 use rayon::ThreadPoolBuilder;
 use voxels::{Extent, Grid, Terrain};
 
 use super::*;
-use crate::world::body::{BodyModel, Motion, Pose};
+use crate::world::body::{Motion, Pose};
 use crate::world::comms::{Comms, ContactModel};
 use crate::world::errors::Errors;
 use crate::world::lidar::{Pattern, Scanner};
-use crate::world::{Action, LidarRequest, ScanSchedule, WorldParams};
+use crate::world::{Action, ScanSchedule, WorldParams};
 
 /// A tunnel of 1 x 1 x 8 free cells of 1 m along x, from (1, 1, 1) to (8, 1, 1).
 fn tunnel() -> Grid<Terrain> {
@@ -39,7 +41,7 @@ fn world() -> World {
 
 fn step(world: &mut World, actions: impl IntoIterator<Item = (u32, Motion)>) {
     world.look(&ThreadPoolBuilder::new().num_threads(1).build().unwrap());
-    let action = |motion| Action { motion, lidar: LidarRequest::Keep, want_view: false, parcels: Vec::new() };
+    let action = |motion| Action { motion, lidar: ScanRequest::Keep, want_view: false, parcels: Vec::new() };
     world.step(actions.into_iter().map(|(agent, motion)| (AgentId(agent), action(motion))).collect());
 }
 

@@ -109,7 +109,7 @@ proptest! {
                 }
                 Motion::Keep | Motion::Stop => {}
             }
-            prop_assert!(action.lidar != LidarRequest::Every(0));
+            prop_assert!(action.lidar != ScanRequest::Every(0));
         }
     }
 }
@@ -143,14 +143,14 @@ fn refusals_name_field_value_and_what_is_allowed() {
 }
 
 #[test]
-fn asking_again_is_never_before_the_next_tick() {
-    let wake = |tick, at_tick| {
+fn next_request_is_never_before_the_next_tick() {
+    let trigger = |tick, at_tick| {
         let message = Command { tick, wake: WakeMessage { at_tick, events: 3 }, ..Command::default() };
         command(&message, 5).unwrap().1
     };
-    assert_eq!(wake(7, 0).at, Tick(8));
-    assert_eq!(wake(7, 20), Wake { at: Tick(20), events: 3 });
-    assert_eq!(wake(u64::MAX, 0).at, Tick(u64::MAX));
+    assert_eq!(trigger(7, 0).at, Tick(8));
+    assert_eq!(trigger(7, 20), Trigger { at: Tick(20), events: 3 });
+    assert_eq!(trigger(u64::MAX, 0).at, Tick(u64::MAX));
 }
 
 #[test]

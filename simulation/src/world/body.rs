@@ -12,17 +12,16 @@
 //! This module does not decide who moves first, and it knows no messages.
 
 mod aerial;
-mod model;
 mod ramp;
 
 use std::collections::VecDeque;
 use std::f64::consts::{PI, TAU};
 
+use msgs::body_model::{BodyKind, BodyModel};
 use nalgebra::{Point3, Vector3};
 
 use super::collision::{Contact, Obstacles, Sphere, Surface};
 use aerial::Flight;
-pub use model::{BodyKeys, BodyKind, BodyModel};
 use ramp::{Ramp, RampLimits, approached};
 
 /// A leg whose rest is below this is finished. Reference: 0.001 voxel and 0.001 degree.

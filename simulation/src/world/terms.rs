@@ -6,25 +6,12 @@ use std::collections::BTreeMap;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::relay_id::RelayId;
+use msgs::scan_request::ScanRequest;
 use nalgebra::{Point3, Vector3};
 
 use super::body::{Collision, Motion, Pose};
 use super::comms::Parcel;
 use super::lidar::View;
-
-/// What an agent asks of its LiDAR.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum LidarRequest {
-    /// As before.
-    #[default]
-    Keep,
-    /// No scans.
-    Never,
-    /// One scan in the next tick.
-    Once,
-    /// A scan every so many ticks (at least 1), the next one in the next tick.
-    Every(u32),
-}
 
 /// Things that can happen to an agent between two observations: a set of the bits of `maes_msgs/Wake`.
 pub type Events = u8;
@@ -45,7 +32,7 @@ pub struct Action {
     /// Task of the body.
     pub motion: Motion,
     /// Request to the LiDAR.
-    pub lidar: LidarRequest,
+    pub lidar: ScanRequest,
     /// Whether the next observation is to hold the view of the last scan.
     pub want_view: bool,
     /// To send in this tick.
@@ -56,7 +43,7 @@ impl Action {
     /// What becomes of an agent that does not answer any more: its body stops, and its LiDAR is off where agents decide about it;
     /// a schedule that takes turns goes on scanning for it.
     pub const LOST: Self =
-        Self { motion: Motion::Stop, lidar: LidarRequest::Never, want_view: false, parcels: Vec::new() };
+        Self { motion: Motion::Stop, lidar: ScanRequest::Never, want_view: false, parcels: Vec::new() };
 }
 
 /// What an agent learns. Cell lists are ascending indices.

@@ -51,7 +51,7 @@ fn at(x: f64, y: f64, z: f64) -> Pose {
 }
 
 fn action(motion: Motion) -> Action {
-    Action { motion, lidar: LidarRequest::Keep, want_view: false, parcels: Vec::new() }
+    Action { motion, lidar: ScanRequest::Keep, want_view: false, parcels: Vec::new() }
 }
 
 fn endless(pitch_rad: f64) -> Motion {
@@ -82,22 +82,22 @@ fn a_hall_is_explored_at_the_first_look() {
 fn scans_come_as_the_scenario_or_the_agent_says() {
     let pool = pool(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
-    let scan_ticks = |world: &mut World, request: Option<LidarRequest>, ticks: u64| -> Vec<u64> {
+    let scan_ticks = |world: &mut World, request: Option<ScanRequest>, ticks: u64| -> Vec<u64> {
         let first = world.tick().0;
         (first..first + ticks)
             .filter(|&tick| {
                 world.look(&pool);
                 let scanned = world.observe(A, Since::LastCounted).scan_tick == Some(Tick(tick));
-                let lidar = if tick == first { request.unwrap_or_default() } else { LidarRequest::Keep };
+                let lidar = if tick == first { request.unwrap_or_default() } else { ScanRequest::Keep };
                 world.step([(A, Action { lidar, ..action(Motion::Keep) })].into());
                 scanned
             })
             .collect()
     };
     assert_eq!(scan_ticks(&mut world, None, 21), [0, 10, 20]);
-    assert_eq!(scan_ticks(&mut world, Some(LidarRequest::Every(4)), 9), [22, 26]);
-    assert_eq!(scan_ticks(&mut world, Some(LidarRequest::Never), 20), [30]);
-    assert_eq!(scan_ticks(&mut world, Some(LidarRequest::Once), 20), [51]);
+    assert_eq!(scan_ticks(&mut world, Some(ScanRequest::Every(4)), 9), [22, 26]);
+    assert_eq!(scan_ticks(&mut world, Some(ScanRequest::Never), 20), [30]);
+    assert_eq!(scan_ticks(&mut world, Some(ScanRequest::Once), 20), [51]);
     // The body has not moved: only its first scan had to be cast.
     assert_eq!((world.totals().scans, world.totals().scans_cast), (7, 1));
 }
@@ -111,7 +111,7 @@ fn in_turns_one_agent_scans_in_each_tick() {
         world.look(&pool);
         let scanned = [A, B].map(|agent| world.observe(agent, Since::LastCounted).scan_tick == Some(Tick(tick)));
         assert_eq!(scanned, [tick % 2 == 0, tick % 2 == 1]);
-        world.step([(A, Action { lidar: LidarRequest::Never, ..action(Motion::Keep) })].into());
+        world.step([(A, Action { lidar: ScanRequest::Never, ..action(Motion::Keep) })].into());
     }
 }
 

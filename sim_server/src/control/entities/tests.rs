@@ -1,10 +1,10 @@
 use std::collections::BTreeMap;
 
+use msgs::body_model::BodyModel;
 use msgs::std_msgs::Header;
 use voxels::{Grid, Terrain};
 
 use super::*;
-use simulation::world::body::BodyModel;
 use simulation::world::comms::{Comms, ContactModel};
 use simulation::world::errors::Errors;
 use simulation::world::lidar::{Pattern, Scanner};

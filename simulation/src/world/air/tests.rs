@@ -1,14 +1,16 @@
 use std::f64::consts::TAU;
 
+use msgs::body_model::BodyModel;
+use msgs::scan_request::ScanRequest;
 use proptest::prelude::*;
 use voxels::{Extent, Grid, Terrain};
 
 use super::*;
-use crate::world::body::{BodyModel, Motion, Pose};
+use crate::world::body::{Motion, Pose};
 use crate::world::comms::{Comms, ContactModel};
 use crate::world::errors::Errors;
 use crate::world::lidar::{Pattern, Scanner};
-use crate::world::{CONTACTS, LidarRequest, PARCEL, ScanSchedule, Since, WorldParams};
+use crate::world::{CONTACTS, PARCEL, ScanSchedule, Since, WorldParams};
 
 const A: AgentId = AgentId(0);
 const B: AgentId = AgentId(1);
@@ -52,7 +54,7 @@ fn parcel(peer: Peer, data: &[u8]) -> Parcel {
 }
 
 fn sends(parcels: Vec<Parcel>) -> Action {
-    Action { motion: Motion::Keep, lidar: LidarRequest::Keep, want_view: false, parcels }
+    Action { motion: Motion::Keep, lidar: ScanRequest::Keep, want_view: false, parcels }
 }
 
 fn told(world: &mut World, agent: AgentId) -> Vec<Parcel> {

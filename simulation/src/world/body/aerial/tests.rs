@@ -1,10 +1,11 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use msgs::body_model::BodyModel;
 use proptest::prelude::*;
 use voxels::{Extent, Grid, Terrain};
 
 use super::super::super::spawn::check_room;
-use super::super::{BodyModel, Collision, Motion, Pose, Surface};
+use super::super::{Collision, Motion, Pose, Surface};
 use super::*;
 
 const DT_S: f64 = 0.02;

@@ -1,47 +1,54 @@
-//! What bodies can do: the kinds and their parameters, with the defaults of each kind.
+//! The kinematic model of a body: its kind and its limits, with the defaults of each kind.
 //!
-//! This module checks nothing: see [`crate::scenario::Scenario::parse`].
+//! The server moves bodies by it, agents predict travel times with it. Its serde form is the table `[body]` of a
+//! scenario, its message is `maes_msgs/Body`. Values are not validated here: the parser of scenarios does that.
 
 use std::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
-/// How a body moves.
+use crate::maes_msgs;
+
+/// The kinematics of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BodyKind {
-    /// The reference's: it turns first, and then moves along its heading.
+    /// Turns on the spot, then moves along its heading; the body of MAES3D.
     #[default]
     Submarine,
-    /// It moves in any direction at once, and turns on its way.
+    /// Accelerates in any direction and turns while it moves.
     Aerial,
 }
 
-/// What a body can do: the table `[body]` of a scenario, in which keys that are left out are those of its kind.
+/// Kind and limits of a body, a sphere.
+///
+/// Deserialises from the table `[body]` of a scenario, in which missing keys take the defaults of the kind.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "BodyKeys")]
 pub struct BodyModel {
-    /// How it moves. Not written where it is the default, so that scenarios without other bodies stay the same, byte for byte.
+    /// Kinematics. Not serialised where it is the default, so that the text of a scenario with submarines only stays
+    /// the same, byte for byte.
     #[serde(skip_serializing_if = "is_submarine")]
     pub kind: BodyKind,
-    /// Radius of the sphere.
+    /// Radius of the sphere, metres.
     pub radius_m: f64,
-    /// Top speed along the path.
+    /// Maximum speed along the path, m/s.
     pub speed_max_m_s: f64,
-    /// How fast it speeds up.
+    /// Acceleration along the path, m/s^2.
     pub acceleration_m_s2: f64,
-    /// How fast it brakes.
+    /// Deceleration along the path, m/s^2.
     pub deceleration_m_s2: f64,
-    /// Top turn rate.
+    /// Maximum turn rate about the vertical, rad/s.
     pub turn_rate_max_rad_s: f64,
-    /// How fast a turn speeds up.
+    /// Acceleration of a turn, rad/s^2.
     pub turn_acceleration_rad_s2: f64,
-    /// How fast a turn brakes.
+    /// Deceleration of a turn, rad/s^2.
     pub turn_deceleration_rad_s2: f64,
 }
 
 impl BodyModel {
-    /// The reference's constants; there the turn is 100, 50 and 25 degrees.
+    /// The limits of the submarine of MAES3D, where turns are 100, 50 and 25 degrees.
     pub const SUBMARINE: Self = Self {
         kind: BodyKind::Submarine,
         radius_m: 0.4,
@@ -53,7 +60,7 @@ impl BodyModel {
         turn_deceleration_rad_s2: TAU * 25.0 / 360.0,
     };
 
-    /// A small multicopter indoors.
+    /// The limits of a small indoor multicopter.
     pub const AERIAL: Self = Self {
         kind: BodyKind::Aerial,
         radius_m: 0.4,
@@ -65,7 +72,7 @@ impl BodyModel {
         turn_deceleration_rad_s2: 4.0,
     };
 
-    /// What a body of a kind can do unless it is said.
+    /// The default limits of a kind.
     #[must_use]
     pub fn of(kind: BodyKind) -> Self {
         match kind {
@@ -74,7 +81,7 @@ impl BodyModel {
         }
     }
 
-    /// The keys of a scenario that have numbers, with what they are here.
+    /// The numeric keys of the table `[body]`, each with its value in this model.
     #[must_use]
     pub fn numbers(&self) -> [(&'static str, f64); 7] {
         [
@@ -99,7 +106,7 @@ fn is_submarine(kind: &BodyKind) -> bool {
     *kind == BodyKind::Submarine
 }
 
-/// The keys of a body as they are written, each of which can be left out.
+/// The keys of a body in a scenario, all of them optional.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BodyKeys {
@@ -122,11 +129,12 @@ pub struct BodyKeys {
 }
 
 impl BodyKeys {
-    /// The body that differs in these keys from another one, or from what is usual for its kind if it is of another kind.
+    /// The model with these keys; missing keys are those of `base`, or the defaults of the kind if `base` is of another
+    /// kind.
     #[must_use]
-    pub fn over(&self, other: &BodyModel) -> BodyModel {
-        let kind = self.kind.unwrap_or(other.kind);
-        let usual = if kind == other.kind { *other } else { BodyModel::of(kind) };
+    pub fn over(&self, base: &BodyModel) -> BodyModel {
+        let kind = self.kind.unwrap_or(base.kind);
+        let usual = if kind == base.kind { *base } else { BodyModel::of(kind) };
         BodyModel {
             kind,
             radius_m: self.radius_m.unwrap_or(usual.radius_m),
@@ -158,5 +166,66 @@ impl From<BodyModel> for BodyKeys {
             turn_acceleration_rad_s2: Some(body.turn_acceleration_rad_s2),
             turn_deceleration_rad_s2: Some(body.turn_deceleration_rad_s2),
         }
+    }
+}
+
+impl From<BodyModel> for maes_msgs::Body {
+    fn from(model: BodyModel) -> Self {
+        Self {
+            kind: match model.kind {
+                BodyKind::Submarine => Self::SUBMARINE,
+                BodyKind::Aerial => Self::AERIAL,
+            },
+            radius_m: model.radius_m,
+            speed_max_m_s: model.speed_max_m_s,
+            acceleration_m_s2: model.acceleration_m_s2,
+            deceleration_m_s2: model.deceleration_m_s2,
+            turn_rate_max_rad_s: model.turn_rate_max_rad_s,
+            turn_acceleration_rad_s2: model.turn_acceleration_rad_s2,
+            turn_deceleration_rad_s2: model.turn_deceleration_rad_s2,
+        }
+    }
+}
+
+/// A `maes_msgs/Body` whose `kind` is none of the constants.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("kind = {kind}, 0 (submarine) or 1 (aerial) is allowed")]
+pub struct UnknownBodyKind {
+    /// The value of the message.
+    pub kind: u8,
+}
+
+impl TryFrom<&maes_msgs::Body> for BodyModel {
+    type Error = UnknownBodyKind;
+
+    fn try_from(message: &maes_msgs::Body) -> Result<Self, UnknownBodyKind> {
+        Ok(Self {
+            kind: match message.kind {
+                maes_msgs::Body::SUBMARINE => BodyKind::Submarine,
+                maes_msgs::Body::AERIAL => BodyKind::Aerial,
+                kind => return Err(UnknownBodyKind { kind }),
+            },
+            radius_m: message.radius_m,
+            speed_max_m_s: message.speed_max_m_s,
+            acceleration_m_s2: message.acceleration_m_s2,
+            deceleration_m_s2: message.deceleration_m_s2,
+            turn_rate_max_rad_s: message.turn_rate_max_rad_s,
+            turn_acceleration_rad_s2: message.turn_acceleration_rad_s2,
+            turn_deceleration_rad_s2: message.turn_deceleration_rad_s2,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn message_round_trips() {
+        for model in [BodyModel::SUBMARINE, BodyModel { radius_m: 0.2, ..BodyModel::AERIAL }] {
+            assert_eq!(BodyModel::try_from(&maes_msgs::Body::from(model)), Ok(model));
+        }
+        let unknown = maes_msgs::Body { kind: 2, ..BodyModel::SUBMARINE.into() };
+        assert_eq!(BodyModel::try_from(&unknown), Err(UnknownBodyKind { kind: 2 }));
     }
 }
