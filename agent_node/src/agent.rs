@@ -19,10 +19,10 @@ use msgs::maes_msgs::{self, Observation as Part};
 use crate::command::{Command, Motion, Trigger};
 use crate::controllers::{Controller, Ctx};
 use crate::exploration_map::ExplorationMap;
-use crate::observation::{RunInfo, Observation};
-use crate::sharing::{MAP_MESSAGE, Sharing};
 use crate::navigation::NavigationTask;
-use crate::wire::{self, Reassembled, FragmentReassembler, WireError};
+use crate::observation::{Observation, RunInfo};
+use crate::sharing::{MAP_MESSAGE, Sharing};
+use crate::wire::{self, FragmentReassembler, Reassembled, WireError};
 
 /// One agent.
 pub struct Agent {

@@ -2,72 +2,19 @@
 //!
 //! This module moves nothing: that is the server's.
 
+pub use msgs::body_model::{BodyKind, BodyModel};
 use msgs::ids::AgentId;
 
-/// How a body moves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BodyKind {
-    /// It turns first, and then moves along its heading.
-    Submarine,
-    /// It moves in any direction at once, and turns on its way.
-    Aerial,
-}
-
-/// What a body can do.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Body {
-    /// How it moves.
-    pub kind: BodyKind,
-    /// Radius of the sphere, metres.
-    pub radius_m: f64,
-    /// Top speed along its path.
-    pub speed_max_m_s: f64,
-    /// How fast it speeds up.
-    pub acceleration_m_s2: f64,
-    /// How fast it brakes.
-    pub deceleration_m_s2: f64,
-    /// Top turn rate.
-    pub turn_rate_max_rad_s: f64,
-    /// How fast a turn speeds up.
-    pub turn_acceleration_rad_s2: f64,
-    /// How fast a turn brakes.
-    pub turn_deceleration_rad_s2: f64,
-}
-
-impl Body {
-    /// One that flies.
-    #[cfg(test)]
-    pub(crate) const AERIAL: Self = Self {
-        kind: BodyKind::Aerial,
-        speed_max_m_s: 3.0,
-        acceleration_m_s2: 2.0,
-        deceleration_m_s2: 2.0,
-        ..Self::SUBMARINE
-    };
-
-    /// The submarine of a scenario that does not say what bodies can do: what paces are measured with.
-    pub const SUBMARINE: Self = Self {
-        kind: BodyKind::Submarine,
-        radius_m: 0.4,
-        speed_max_m_s: 1.5,
-        acceleration_m_s2: 0.5,
-        deceleration_m_s2: 0.25,
-        turn_rate_max_rad_s: 1.745_329_251_994_329_5,
-        turn_acceleration_rad_s2: 0.872_664_625_997_164_8,
-        turn_deceleration_rad_s2: 0.436_332_312_998_582_4,
-    };
-
-    /// How long a straight leg takes from rest to rest, seconds: with the turn before it, by this angle at the most, if the body
-    /// has to turn first.
-    #[must_use]
-    pub fn leg_s(&self, length_m: f64, turn_rad: f64) -> f64 {
-        let go_s = ramp_s(length_m, self.speed_max_m_s, self.acceleration_m_s2, self.deceleration_m_s2);
-        match self.kind {
-            BodyKind::Aerial => go_s,
-            BodyKind::Submarine => {
-                let (faster, slower) = (self.turn_acceleration_rad_s2, self.turn_deceleration_rad_s2);
-                go_s + ramp_s(turn_rad, self.turn_rate_max_rad_s, faster, slower)
-            }
+/// How long a straight leg takes from rest to rest, seconds: with the turn before it, by at most this angle, if the body
+/// has to turn first.
+#[must_use]
+pub fn leg_s(body: &BodyModel, length_m: f64, turn_rad: f64) -> f64 {
+    let go_s = ramp_s(length_m, body.speed_max_m_s, body.acceleration_m_s2, body.deceleration_m_s2);
+    match body.kind {
+        BodyKind::Aerial => go_s,
+        BodyKind::Submarine => {
+            let (faster, slower) = (body.turn_acceleration_rad_s2, body.turn_deceleration_rad_s2);
+            go_s + ramp_s(turn_rad, body.turn_rate_max_rad_s, faster, slower)
         }
     }
 }
@@ -82,7 +29,7 @@ fn ramp_s(distance: f64, speed_max: f64, acceleration: f64, deceleration: f64) -
 /// The bodies of a team.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bodies {
-    different: Vec<Body>,
+    different: Vec<BodyModel>,
     /// Which of them, by agent.
     body_of: Vec<u8>,
 }
@@ -90,7 +37,7 @@ pub struct Bodies {
 impl Bodies {
     /// The bodies that there are, and by agent which of them is its own; none if an agent has one that there is not.
     #[must_use]
-    pub fn new(different: Vec<Body>, body_of: Vec<u8>) -> Option<Self> {
+    pub fn new(different: Vec<BodyModel>, body_of: Vec<u8>) -> Option<Self> {
         body_of.iter().all(|&body| usize::from(body) < different.len()).then_some(Self { different, body_of })
     }
 
@@ -99,12 +46,12 @@ impl Bodies {
     /// # Panics
     /// If there is no such agent.
     #[must_use]
-    pub fn of(&self, agent: AgentId) -> &Body {
+    pub fn of(&self, agent: AgentId) -> &BodyModel {
         &self.different[usize::from(self.body_of[agent.index()])]
     }
 
     /// The bodies by agent.
-    pub fn iter(&self) -> impl Iterator<Item = &Body> {
+    pub fn iter(&self) -> impl Iterator<Item = &BodyModel> {
         self.body_of.iter().map(|&body| &self.different[usize::from(body)])
     }
 }
@@ -119,24 +66,24 @@ mod tests {
     fn legs_take_as_long_as_the_bodies_do() {
         // Measured with the server's bodies, which lose up to a tenth of a second to whole ticks.
         for (body, length_m, turn_rad, expected_s) in [
-            (Body::SUBMARINE, 10.0, 0.0, 10.6),
-            (Body::SUBMARINE, 1.0, 0.0, 3.22),
-            (Body::SUBMARINE, 1.0, FRAC_PI_2, 3.22 + 3.08),
-            (Body::SUBMARINE, 0.0, 0.0, 0.0),
-            (Body::AERIAL, 8.0, FRAC_PI_2, 4.17),
-            (Body::AERIAL, 2.0, FRAC_PI_2, 2.0),
+            (BodyModel::SUBMARINE, 10.0, 0.0, 10.6),
+            (BodyModel::SUBMARINE, 1.0, 0.0, 3.22),
+            (BodyModel::SUBMARINE, 1.0, FRAC_PI_2, 3.22 + 3.08),
+            (BodyModel::SUBMARINE, 0.0, 0.0, 0.0),
+            (BodyModel::AERIAL, 8.0, FRAC_PI_2, 4.17),
+            (BodyModel::AERIAL, 2.0, FRAC_PI_2, 2.0),
         ] {
-            let reckoned_s = body.leg_s(length_m, turn_rad);
+            let reckoned_s = leg_s(&body, length_m, turn_rad);
             assert!((reckoned_s - expected_s).abs() <= 0.6, "{length_m} m: {reckoned_s} s, not {expected_s} s");
         }
     }
 
     #[test]
     fn every_agent_has_one_of_the_bodies() {
-        let small = Body { radius_m: 0.1, ..Body::SUBMARINE };
-        let bodies = Bodies::new(vec![Body::SUBMARINE, small], vec![0, 1]).unwrap();
+        let small = BodyModel { radius_m: 0.1, ..BodyModel::SUBMARINE };
+        let bodies = Bodies::new(vec![BodyModel::SUBMARINE, small], vec![0, 1]).unwrap();
         assert_eq!(bodies.of(AgentId(1)), &small);
-        assert_eq!(bodies.iter().collect::<Vec<_>>(), [&Body::SUBMARINE, &small]);
+        assert_eq!(bodies.iter().collect::<Vec<_>>(), [&BodyModel::SUBMARINE, &small]);
         assert_eq!(Bodies::new(vec![small], vec![0, 1]), None);
     }
 }

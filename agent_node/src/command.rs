@@ -4,10 +4,11 @@
 
 use std::f64::consts::{PI, TAU};
 
-use msgs::ids::{AgentId, Tick};
+use msgs::ids::AgentId;
 use msgs::limits::INFO_BYTES_MAX;
-use msgs::maes_msgs::Wake as Events;
 use msgs::relay_id::RelayId;
+pub use msgs::scan_request::ScanRequest;
+pub use msgs::trigger::Trigger;
 use nalgebra::{Point3, Vector3};
 
 /// A task for the body. One that replaces another starts from rest.
@@ -55,20 +56,6 @@ impl Motion {
     }
 }
 
-/// A request to the LiDAR.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum ScanRequest {
-    /// As before; at the start: as the scenario says.
-    #[default]
-    Keep,
-    /// No scans from now on.
-    Never,
-    /// One scan in the next tick.
-    Once,
-    /// A scan every so many ticks (at least 1), the next one in the next tick.
-    Every(u32),
-}
-
 /// Bytes to send.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AgentMessage {
@@ -89,47 +76,6 @@ pub struct RelayOrder {
     pub kind: u8,
     /// What it is to keep from now on.
     pub data: Vec<u8>,
-}
-
-/// When an agent wants to be asked again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Trigger {
-    /// In this tick at the latest.
-    pub at: Tick,
-    /// Earlier, after any of these events: bits of `maes_msgs/Wake`.
-    pub events: u8,
-}
-
-impl Trigger {
-    /// In the next tick.
-    pub const NEXT_TICK: Self = Self { at: Tick::ZERO, events: 0 };
-
-    /// Once the task has ended, by itself or by a collision.
-    pub const TASK_DONE: Self = Self { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION };
-
-    /// In a tick at the latest.
-    #[must_use]
-    pub fn at(tick: Tick) -> Self {
-        Self { at: tick, events: 0 }
-    }
-
-    /// After any of these events, bits of `maes_msgs/Wake`.
-    #[must_use]
-    pub fn on(events: u8) -> Self {
-        Self { at: Tick(u64::MAX), events }
-    }
-
-    /// Whether it is time to ask in a tick, after `events` (bits of `maes_msgs/Wake`) since the agent was last asked.
-    #[must_use]
-    pub fn is_due(&self, tick: Tick, events: u8) -> bool {
-        tick >= self.at || events & self.events != 0
-    }
-
-    /// When either of two wants to be asked.
-    #[must_use]
-    pub fn or(self, other: Self) -> Self {
-        Self { at: self.at.min(other.at), events: self.events | other.events }
-    }
 }
 
 /// What an agent answers to an observation.

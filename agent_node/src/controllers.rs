@@ -234,10 +234,7 @@ mod tests {
     fn unknown_names_and_wrong_settings_are_refused() {
         let refused = |name: &str, settings: &[String]| check(name, settings).unwrap_err().to_string();
         let known = NAMES.join(", ");
-        assert_eq!(
-            refused("rwb", &[]),
-            format!("controller rwb: unknown; known are {known}; did you mean `rbw`?")
-        );
+        assert_eq!(refused("rwb", &[]), format!("controller rwb: unknown; known are {known}; did you mean `rbw`?"));
         assert!(refused("dspv", &[]).ends_with("; did you mean `dsvp`?"));
         assert_eq!(refused("astar", &[]), format!("controller astar: unknown; known are {known}"));
         assert_eq!(

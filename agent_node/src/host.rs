@@ -22,9 +22,9 @@ use thiserror::Error;
 
 use crate::agent::{Agent, Reaction};
 use crate::controllers::{self, ControllerError};
-use crate::transport::{Inbound, Level, ServerTransport};
 use crate::parameters;
 use crate::stopwatch::DecisionTimes;
+use crate::transport::{Inbound, Level, ServerTransport};
 use crate::wire::{self, WireError};
 
 use map_publisher::PublishedMap;

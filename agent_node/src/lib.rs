@@ -11,21 +11,21 @@
 
 pub mod agent;
 
+pub mod abstract_graph;
 pub mod bodies;
 pub mod cli;
 pub mod command;
 pub mod controllers;
 pub mod exploration_map;
+pub mod host;
 pub mod map_markers;
+pub mod navigation;
 pub mod observation;
 pub mod parameters;
 pub mod path;
-pub mod abstract_graph;
 #[cfg(feature = "ros")]
 pub mod ros;
-pub mod host;
 pub mod sharing;
 pub mod stopwatch;
-pub mod navigation;
 pub mod transport;
 pub mod wire;

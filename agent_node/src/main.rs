@@ -29,8 +29,8 @@ mod serve {
     use std::sync::atomic::AtomicBool;
 
     use agent_node::cli::Cli;
-    use agent_node::ros::RosTransport;
     use agent_node::host::{self, Options, RunError};
+    use agent_node::ros::RosTransport;
     use ros_node::ros_env::RosEnv;
 
     /// A failure of the system or of the protocol.

@@ -21,8 +21,8 @@ use ros_node::rosout::Rosout;
 use ros_node::{Inbox, Outlet, RosError, Sample, SharedParameters, Tally, Workshop, linger, now};
 use ros2_client::{Context, Node};
 
-use crate::transport::{Inbound, Level, ServerTransport};
 use crate::parameters;
+use crate::transport::{Inbound, Level, ServerTransport};
 
 /// The agents of a process in a ROS network.
 pub struct RosTransport {
@@ -131,8 +131,9 @@ impl ServerTransport for RosTransport {
     fn observers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
         if self.audience.look(&self.context) {
             let numbered = self.agents.iter().enumerate();
-            self.observers =
-                numbered.filter_map(|(number, endpoints)| Some((endpoints.agent, self.audience.arrivals(number)?))).collect();
+            self.observers = numbered
+                .filter_map(|(number, endpoints)| Some((endpoints.agent, self.audience.arrivals(number)?)))
+                .collect();
         }
         (!self.observers.is_empty()).then_some(&self.observers)
     }

@@ -301,7 +301,8 @@ impl Sharing {
         let start = waiting.iter().map(|(_, peer)| peer.cursor).min()?;
         let mut at = start;
         let mut news = News::new();
-        let mut provenances = self.provenances[self.provenances.partition_point(|provenance| provenance.positions.end <= at)..].iter();
+        let mut provenances =
+            self.provenances[self.provenances.partition_point(|provenance| provenance.positions.end <= at)..].iter();
         let mut provenance = provenances.next();
         // Piece by piece of the journal; a piece is new to the same peers throughout.
         loop {
@@ -309,8 +310,8 @@ impl Sharing {
                 provenance = provenances.next();
             }
             let heard = provenance.filter(|provenance| provenance.positions.start <= at);
-            let hearing_edge =
-                provenance.map(|provenance| if heard.is_some() { provenance.positions.end } else { provenance.positions.start });
+            let hearing_edge = provenance
+                .map(|provenance| if heard.is_some() { provenance.positions.end } else { provenance.positions.start });
             let peer_edges = waiting.iter().flat_map(|(_, peer)| [peer.cursor, peer.until]);
             let Some(end) = peer_edges.chain(hearing_edge).filter(|&edge| edge > at).min() else {
                 break;

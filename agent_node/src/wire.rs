@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
+use msgs::body_model::UnknownBodyKind;
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
@@ -16,9 +17,11 @@ use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 use voxels::{Extent, ExtentError, RunsError};
 
-use crate::bodies::{Bodies, Body, BodyKind};
-use crate::command::{Command, ScanRequest, Motion};
-use crate::observation::{RunInfo, Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, Surface};
+use crate::bodies::{Bodies, BodyModel};
+use crate::command::{Command, Motion};
+use crate::observation::{
+    Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, RunInfo, Surface,
+};
 
 /// Why a message of the server cannot be used.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -96,7 +99,7 @@ fn bodies(scenario: &maes_msgs::Scenario) -> Result<Bodies, WireError> {
         let value = format!("{} entries", body_of.len());
         return Err(wrong("body_of", value, format!("one for each of {agents} agents")));
     }
-    let different: Result<Vec<Body>, WireError> = bodies.iter().map(body).collect();
+    let different: Result<Vec<BodyModel>, WireError> = bodies.iter().map(body).collect();
     let last = bodies.len().saturating_sub(1);
     let beyond = || body_of.iter().find(|&&body| usize::from(body) > last || bodies.is_empty());
     Bodies::new(different?, body_of.clone()).ok_or_else(|| {
@@ -105,24 +108,10 @@ fn bodies(scenario: &maes_msgs::Scenario) -> Result<Bodies, WireError> {
     })
 }
 
-fn body(message: &maes_msgs::Body) -> Result<Body, WireError> {
-    let kind = match message.kind {
-        maes_msgs::Body::SUBMARINE => BodyKind::Submarine,
-        maes_msgs::Body::AERIAL => BodyKind::Aerial,
-        other => {
-            let allowed = "0 (submarine) or 1 (aerial)".to_owned();
-            return Err(WireError::Bodies { field: "bodies.kind", value: other.to_string(), allowed });
-        }
-    };
-    Ok(Body {
-        kind,
-        radius_m: message.radius_m,
-        speed_max_m_s: message.speed_max_m_s,
-        acceleration_m_s2: message.acceleration_m_s2,
-        deceleration_m_s2: message.deceleration_m_s2,
-        turn_rate_max_rad_s: message.turn_rate_max_rad_s,
-        turn_acceleration_rad_s2: message.turn_acceleration_rad_s2,
-        turn_deceleration_rad_s2: message.turn_deceleration_rad_s2,
+fn body(message: &maes_msgs::Body) -> Result<BodyModel, WireError> {
+    BodyModel::try_from(message).map_err(|UnknownBodyKind { kind }| {
+        let allowed = "0 (submarine) or 1 (aerial)".to_owned();
+        WireError::Bodies { field: "bodies.kind", value: kind.to_string(), allowed }
     })
 }
 
@@ -274,7 +263,7 @@ pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Comma
         run: 0,
         agent: agent.0,
         task: task(command.motion),
-        lidar: scan_request(command.lidar),
+        lidar: command.lidar.into(),
         want_view: command.want_view,
         parcels: command
             .messages
@@ -290,7 +279,7 @@ pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Comma
                 data: order.data,
             }))
             .collect(),
-        wake: maes_msgs::Wake { at_tick: command.trigger.at.0, events: command.trigger.events },
+        wake: command.trigger.into(),
         info: command.info,
         known_free: 0,
         failed_searches: 0,
@@ -316,17 +305,6 @@ fn task(motion: Motion) -> maes_msgs::Task {
             ..bare
         },
     }
-}
-
-fn scan_request(request: ScanRequest) -> maes_msgs::LidarRequest {
-    use maes_msgs::LidarRequest as Message;
-    let (kind, period_ticks) = match request {
-        ScanRequest::Keep => (Message::KEEP, 0),
-        ScanRequest::Never => (Message::NEVER, 0),
-        ScanRequest::Once => (Message::ONCE, 0),
-        ScanRequest::Every(period_ticks) => (Message::EVERY, period_ticks),
-    };
-    Message { kind, period_ticks }
 }
 
 fn point(point: &geometry_msgs::Point) -> Point3<f64> {
@@ -435,6 +413,9 @@ mod tests {
     fn parts_agree_on_how_many_they_are() {
         let mut reassembler = FragmentReassembler::default();
         assert_eq!(reassembler.take(part(5, 1, 2, 10), &run()), Ok(None));
-        assert_eq!(reassembler.take(part(5, 0, 1, 0), &run()), Err(WireError::Part { tick: Tick(5), part: 0, parts: 1 }));
+        assert_eq!(
+            reassembler.take(part(5, 0, 1, 0), &run()),
+            Err(WireError::Part { tick: Tick(5), part: 0, parts: 1 })
+        );
     }
 }

@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, BinaryHeap};
 
 use voxels::Cell;
 
-use super::{BLOCK_CELLS, Region, RegionId, AbstractGraph};
+use super::{AbstractGraph, BLOCK_CELLS, Region, RegionId};
 use crate::exploration_map::ExplorationMap;
 use crate::path::{Goal, Graph, Moves, Path, Scratch, Search};
 

@@ -20,8 +20,8 @@ use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx, collision_recovery};
 use crate::command::{Command, Motion, Trigger};
 use crate::exploration_map::{CellState, ExplorationMap};
-use crate::observation::Observation;
 use crate::navigation::{NavigationStatus, SearchTime};
+use crate::observation::Observation;
 
 /// Where a line may lead, the first ones first, and how many cells far.
 const LINES: [(Cell, u32); 6] = [
@@ -199,7 +199,10 @@ mod tests {
         world.look();
         let command = world.ask(&mut controller("instant"));
         assert_eq!(command.motion, Motion::Path(vec![world.map.extent().centre(flat(6, 5))]));
-        assert_eq!((command.trigger, command.lidar, command.messages.len()), (Trigger::TASK_DONE, ScanRequest::Keep, 0));
+        assert_eq!(
+            (command.trigger, command.lidar, command.messages.len()),
+            (Trigger::TASK_DONE, ScanRequest::Keep, 0)
+        );
     }
 
     #[test]

@@ -6,12 +6,12 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::{Point3, Vector3};
 use voxels::Cell;
 
-use crate::bodies::{Body, BodyKind};
+use crate::bodies::{BodyKind, BodyModel};
 use crate::command::Motion;
 use crate::exploration_map::ExplorationMap;
-use crate::observation::{RunInfo, Observation, Pose};
+use crate::navigation::{NavigationStatus, NavigationTask, SearchTime};
+use crate::observation::{Observation, Pose, RunInfo};
 use crate::path::{Goal, Graph, Moves, Neighbours, Path, Scratch, direct, find};
-use crate::navigation::{NavigationStatus, SearchTime, NavigationTask};
 
 /// Largest coordinate of a waypoint, metres.
 const COORDINATE_MAX: f64 = 1e6;
@@ -48,7 +48,7 @@ impl<'a> Ctx<'a> {
 
     /// What its body can do.
     #[must_use]
-    pub fn body(&self) -> &'a Body {
+    pub fn body(&self) -> &'a BodyModel {
         self.run_info.bodies.of(self.agent)
     }
 

@@ -16,12 +16,12 @@
 //! reach, or an agent it has met.
 
 mod auction;
+mod avoidance;
 mod dtw;
 mod gain;
 mod goal;
 mod obstacles;
 mod params;
-mod avoidance;
 mod pursuit;
 #[cfg(test)]
 mod tests;
@@ -40,18 +40,18 @@ use voxels::Cell;
 
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
-use crate::command::{Command, ScanRequest, Motion, Trigger};
+use crate::abstract_graph::{AbstractGraph, RegionId, ShortestPaths};
+use crate::command::{Command, Motion, ScanRequest, Trigger};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
 use crate::path::{Neighbours, Path};
-use crate::abstract_graph::{RegionId, AbstractGraph, ShortestPaths};
 pub use auction::CLAIMS_MESSAGE;
 use auction::{Auction, AuctionParams};
+use avoidance::{hold, motion_along, motion_to, obstacles_near, path_length_m};
 use gain::GainEstimator;
 use goal::Goal;
 use obstacles::Obstacles;
 pub use params::Params;
-use avoidance::{hold, motion_along, motion_to, obstacles_near, path_length_m};
 use pursuit::LastKnownPositions;
 use tree::{Tree, vector};
 
@@ -158,7 +158,9 @@ impl Dsvp {
                 gain_range_m.min(run_info.lidar_range_m).min(100.0 * extent.cell_m()) / extent.cell_m(),
                 gain_depth,
             ),
-            auction: self.auction_params.map(|auction_params| Auction::new(auction_params, &run_info.bodies, ctx.agent(), extent)),
+            auction: self
+                .auction_params
+                .map(|auction_params| Auction::new(auction_params, &run_info.bodies, ctx.agent(), extent)),
         });
         if let Some(auction) = &mut model.auction {
             auction.receive(&observation.messages, observation.tick, run_info.agents);
@@ -237,7 +239,9 @@ impl Dsvp {
     /// A command that also tells the agents in contact of the claims, if there is an auction.
     fn with_claims(&self, command: Command, observation: &Observation) -> Command {
         match self.model.as_ref().and_then(|model| model.auction.as_ref()) {
-            Some(auction) if !observation.contacts.is_empty() => command.with_message(None, CLAIMS_MESSAGE, auction.encode()),
+            Some(auction) if !observation.contacts.is_empty() => {
+                command.with_message(None, CLAIMS_MESSAGE, auction.encode())
+            }
             _ => command,
         }
     }
@@ -311,7 +315,8 @@ impl Dsvp {
             }
             auction.map_or(1.0, |auction| auction.utility_factor(cell, path_m, observation.tick))
         };
-        let branch = tree.best(map, &mut model.gain_estimator, &self.params.valuation(), self.direction, &utility_factor);
+        let branch =
+            tree.best(map, &mut model.gain_estimator, &self.params.valuation(), self.direction, &utility_factor);
         self.tree = Some(tree);
         let Some((branch, end)) = branch.and_then(|branch| branch.cells.last().copied().map(|end| (branch, end)))
         else {

@@ -37,9 +37,9 @@ use voxels::{Cell, FACES};
 use super::{Controller, Ctx};
 use crate::command::{Command, Motion, Trigger};
 use crate::exploration_map::{CellState, ExplorationMap};
+use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::{Cells, Observation};
 use crate::path::Neighbours;
-use crate::navigation::{NavigationStatus, SearchTime};
 use tree::{Index, Tree};
 
 /// The direction of exploration: the reference's (0, 0, 1).
@@ -173,7 +173,8 @@ impl DsvpMaes3d {
 }
 
 /// Under way the list of frontiers is kept up in each new cell.
-const UNDER_WAY: Trigger = Trigger { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL };
+const UNDER_WAY: Trigger =
+    Trigger { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL };
 
 const NEVER: Trigger = Trigger { at: Tick(u64::MAX), events: 0 };
 

@@ -36,8 +36,8 @@ use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
 use crate::command::{Command, Motion, Trigger};
 use crate::exploration_map::CellState;
-use crate::observation::Observation;
 use crate::navigation::{NavigationStatus, SearchTime};
+use crate::observation::Observation;
 use flood::Flood;
 use last_scan::LastScan;
 use places::Places;
@@ -276,7 +276,8 @@ impl Lvd {
             Poll::Pending => self.request_view(observation),
             Poll::Ready(None) => {
                 self.destination = None;
-                let trigger = Trigger { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
+                let trigger =
+                    Trigger { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
                 self.with_new_info(Command::keep(trigger), "nothing left to do, waiting for news".to_owned())
             }
         }

@@ -27,9 +27,9 @@ use super::lvd::places::squared;
 use super::{Controller, Ctx};
 use crate::command::{Command, Motion, Trigger};
 use crate::exploration_map::CellState;
+use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
 use crate::path::Neighbours;
-use crate::navigation::{NavigationStatus, SearchTime};
 
 /// Cells seen from so near are visited, in cells.
 const VISIT_RADIUS_CELLS: f64 = 3.75;

@@ -18,8 +18,8 @@ use super::relays::Relays;
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx, collision_recovery};
 use crate::command::{Command, Motion, Trigger};
-use crate::observation::Observation;
 use crate::navigation::{NavigationStatus, SearchTime};
+use crate::observation::Observation;
 
 /// The mark of relays that keep nothing.
 const RELAY_MARK: u8 = 0;
@@ -94,7 +94,8 @@ impl Controller for NearestFrontier {
         let Some(goal) = self.goal else {
             // All is explored that it can get to. What others know may change that: they are heard when they come into contact, and
             // map parcels are in the map before the controller is asked.
-            return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS)).with_info("knows no frontier");
+            return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
+                .with_info("knows no frontier");
         };
         let Cell { x, y, z } = goal;
         match ctx.go_to_cell(goal, self.search_time) {

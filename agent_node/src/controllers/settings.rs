@@ -6,8 +6,8 @@ use std::num::NonZeroU64;
 use thiserror::Error;
 
 use super::suggestion::did_you_mean;
-use crate::path::Budgeted;
 use crate::navigation::SearchTime;
+use crate::path::Budgeted;
 
 /// Why a setting does not fit.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]

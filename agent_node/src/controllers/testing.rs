@@ -16,12 +16,12 @@ use nalgebra::{Point3, Vector3};
 use voxels::{Cell, Extent, Grid, Terrain, line_of_sight};
 
 use super::{Controller, Ctx};
-use crate::bodies::{Bodies, Body, BodyKind};
+use crate::bodies::{Bodies, BodyKind, BodyModel};
 use crate::command::{Command, Motion, Trigger};
 pub(crate) use crate::exploration_map::drawing::drawn;
 use crate::exploration_map::{CellState, ExplorationMap};
-use crate::observation::{RunInfo, Cells, Collision, Contact, Observation, Pose, Surface};
 use crate::navigation::NavigationTask;
+use crate::observation::{Cells, Collision, Contact, Observation, Pose, RunInfo, Surface};
 
 /// The agent.
 const AGENT: AgentId = AgentId(1);
@@ -94,7 +94,8 @@ impl World {
 
     /// The same with bodies that need not turn first.
     pub(crate) fn aerial(mut self) -> Self {
-        self.run_info.bodies = team_of(Body { kind: BodyKind::Aerial, radius_m: RADIUS_M, ..Body::SUBMARINE });
+        self.run_info.bodies =
+            team_of(BodyModel { kind: BodyKind::Aerial, radius_m: RADIUS_M, ..BodyModel::SUBMARINE });
         self
     }
 
@@ -112,7 +113,7 @@ impl World {
             agents_seed: 1,
             controller: String::new(),
             settings: Vec::new(),
-            bodies: team_of(Body { radius_m: RADIUS_M, ..Body::SUBMARINE }),
+            bodies: team_of(BodyModel { radius_m: RADIUS_M, ..BodyModel::SUBMARINE }),
             lidar_range_m: f64::INFINITY,
             lidar_period_ticks: 10,
             communication_range_m: f64::INFINITY,
@@ -308,7 +309,7 @@ impl World {
 }
 
 /// A team of equal bodies, with one agent more than there are, of which observations that are not true may speak.
-fn team_of(body: Body) -> Bodies {
+fn team_of(body: BodyModel) -> Bodies {
     Bodies::new(vec![body], vec![0; 4]).unwrap()
 }
 

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use voxels::Extent;
 
-use super::{RECEIVE_TIMEOUT, Host, HostedAgent, now};
+use super::{Host, HostedAgent, RECEIVE_TIMEOUT, now};
 use crate::map_markers::MapMarkers;
 use crate::transport::Level;
 

@@ -17,13 +17,24 @@ fn navigation() -> NavigationTask {
 }
 
 /// Asks for the way from the left to the right of [`ROUND`].
-fn ask(navigation: &mut NavigationTask, map: &ExplorationMap, goal: Cell, time: SearchTime, now: u64) -> NavigationStatus {
+fn ask(
+    navigation: &mut NavigationTask,
+    map: &ExplorationMap,
+    goal: Cell,
+    time: SearchTime,
+    now: u64,
+) -> NavigationStatus {
     let from = map.extent().centre(flat(1, 0));
     navigation.to_cell(map, &from, goal, Neighbours::Six, time, Tick(now))
 }
 
 /// The tick in which there is an answer, and the answer.
-fn ask_until_answered(navigation: &mut NavigationTask, map: &ExplorationMap, time: SearchTime, now: u64) -> (u64, NavigationStatus) {
+fn ask_until_answered(
+    navigation: &mut NavigationTask,
+    map: &ExplorationMap,
+    time: SearchTime,
+    now: u64,
+) -> (u64, NavigationStatus) {
     match ask(navigation, map, flat(3, 0), time, now) {
         NavigationStatus::Searching(trigger) => {
             assert_eq!(trigger.events, 0);
@@ -98,7 +109,9 @@ fn an_answer_is_that_of_the_map_that_was_asked() {
     for time in [SearchTime::Budgeted(FIVE), SearchTime::Background(25)] {
         let mut navigation = navigation();
         let NavigationStatus::Searching(trigger) = ask(&mut navigation, &before, flat(3, 0), time, 0) else { panic!() };
-        let NavigationStatus::Go(Motion::Path(asked_before)) = ask(&mut navigation, &after, flat(3, 0), time, trigger.at.0) else {
+        let NavigationStatus::Go(Motion::Path(asked_before)) =
+            ask(&mut navigation, &after, flat(3, 0), time, trigger.at.0)
+        else {
             panic!()
         };
         let instant = ask(&mut navigation, &after, flat(3, 0), SearchTime::Instant, 0);

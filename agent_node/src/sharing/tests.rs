@@ -294,7 +294,8 @@ fn malformed_parcels_are_refused_and_other_kinds_left_alone() {
     let totals = *sharing.totals();
     assert_eq!((totals.messages_refused, totals.messages_taken), (2, 1));
     // Every byte of map parcels is one or the other; those of other kinds are none of its business.
-    let bytes: usize = received.iter().filter(|message| message.kind == MAP_MESSAGE).map(|message| message.data.len()).sum();
+    let bytes: usize =
+        received.iter().filter(|message| message.kind == MAP_MESSAGE).map(|message| message.data.len()).sum();
     assert_eq!(totals.bytes_refused + totals.bytes_taken, bytes as u64);
     assert_eq!((map.free(), map.state(Cell::new(3, 0, 0))), (1, CellState::Free));
 }

@@ -1,7 +1,7 @@
 /**
  * Map parcels: what agents tell each other of the map.
  *
- * The bytes are those that `agent_node/src/sharing/parcel.rs` describes, version 2: who is told, then news of blocks of 4 x 4 x 4
+ * The bytes are those that `agent_node/src/sharing/map_message.rs` describes, version 2: who is told, then news of blocks of 4 x 4 x 4
  * cells as bits, the lowest bit of each byte first. Numbers of cells in a block are made of the bits of their places: x0, y0, z0, x1,
  * y1, z1 from the lowest. A parcel of which anything is wrong tells nothing, as agents have it.
  */

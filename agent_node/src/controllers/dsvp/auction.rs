@@ -21,7 +21,7 @@ use msgs::ids::{AgentId, Tick};
 use voxels::{Cell, Extent};
 
 use super::tree::length_between;
-use crate::bodies::{Bodies, Body, BodyKind};
+use crate::bodies::{Bodies, BodyKind, BodyModel, leg_s};
 use crate::observation::{Contact, ReceivedMessage};
 
 /// The mark of the parcels in which agents with an auction tell each other of their claims.
@@ -187,9 +187,11 @@ impl Auction {
         };
         let without_goal = |contact: &&Contact| !self.claims.contains_key(&contact.agent);
         let centre = self.extent.centre(cell);
-        let beside =
-            |contact: &Contact| self.own_equivalent_m(contact.agent, (contact.position - centre).norm() * detour) < path_m;
-        if self.rival_claims().any(|(agent, claim)| sooner(agent, claim)) || contacts.iter().filter(without_goal).any(beside)
+        let beside = |contact: &Contact| {
+            self.own_equivalent_m(contact.agent, (contact.position - centre).norm() * detour) < path_m
+        };
+        if self.rival_claims().any(|(agent, claim)| sooner(agent, claim))
+            || contacts.iter().filter(without_goal).any(beside)
         {
             trespass_m
         } else {
@@ -207,11 +209,13 @@ impl Auction {
 
 /// The pace of a body, m/s, if it is `submarine_m_s` for submarines: one that need not turn first, or is faster, goes its usual leg
 /// in less time.
-fn planning_speed_m_s(body: &Body, submarine_m_s: f64) -> f64 {
+fn planning_speed_m_s(body: &BodyModel, submarine_m_s: f64) -> f64 {
     let (length_m, turn_rad) = REFERENCE_LEG;
     match body.kind {
         BodyKind::Submarine => submarine_m_s,
-        BodyKind::Aerial => submarine_m_s * Body::SUBMARINE.leg_s(length_m, turn_rad) / body.leg_s(length_m, turn_rad),
+        BodyKind::Aerial => {
+            submarine_m_s * leg_s(&BodyModel::SUBMARINE, length_m, turn_rad) / leg_s(body, length_m, turn_rad)
+        }
     }
 }
 
@@ -240,8 +244,14 @@ mod tests {
 
     use super::*;
 
-    const PARAMS: AuctionParams =
-        AuctionParams { spread_m: 10.0, discount: 0.9, trespass_m: 40.0, detour: 1.3, pace_m_s: 0.8, lease_ticks: 1500 };
+    const PARAMS: AuctionParams = AuctionParams {
+        spread_m: 10.0,
+        discount: 0.9,
+        trespass_m: 40.0,
+        detour: 1.3,
+        pace_m_s: 0.8,
+        lease_ticks: 1500,
+    };
 
     fn extent() -> Extent {
         Extent::new([50; 3], 1.0).unwrap()
@@ -249,7 +259,7 @@ mod tests {
 
     /// Of agents 0 to 3, all alike.
     fn bodies() -> Bodies {
-        Bodies::new(vec![Body::SUBMARINE], vec![0; 4]).unwrap()
+        Bodies::new(vec![BodyModel::SUBMARINE], vec![0; 4]).unwrap()
     }
 
     fn messages_of(from: &Auction) -> Vec<ReceivedMessage> {
@@ -290,7 +300,7 @@ mod tests {
     #[test]
     fn in_a_mixed_team_the_one_that_will_be_there_sooner_keeps_it() {
         // Agent 1 flies.
-        let bodies = Bodies::new(vec![Body::SUBMARINE, Body::AERIAL], vec![0, 1, 0, 0]).unwrap();
+        let bodies = Bodies::new(vec![BodyModel::SUBMARINE, BodyModel::AERIAL], vec![0, 1, 0, 0]).unwrap();
         let is_outbid = |claims| two_of(&bodies, claims).map(|auction| auction.is_outbid(Tick(101)));
         assert_eq!(is_outbid([(GOAL, 10.0), (BESIDE, 18.0)]), [true, false]);
         assert_eq!(is_outbid([(GOAL, 10.0), (BESIDE, 40.0)]), [false, true]);
@@ -304,7 +314,11 @@ mod tests {
     fn what_another_has_claimed_is_worth_less_and_costs_more_the_nearer_it_is() {
         let [_, auction] = two([(GOAL, 5.0), (FAR, 9.0)]);
         let utility_factor = |cell| auction.utility_factor(cell, 30.0, Tick(101));
-        assert!(utility_factor(GOAL) < 0.2 && utility_factor(GOAL) < utility_factor(BESIDE) && utility_factor(BESIDE) < 0.2, "{}", utility_factor(BESIDE));
+        assert!(
+            utility_factor(GOAL) < 0.2 && utility_factor(GOAL) < utility_factor(BESIDE) && utility_factor(BESIDE) < 0.2,
+            "{}",
+            utility_factor(BESIDE)
+        );
         assert!(utility_factor(Cell::new(2, 2, 2)) > 0.9);
         let penalty_m = |cell, path_m| auction.penalty_m(cell, path_m, &[], Tick(101));
         assert_eq!(penalty_m(GOAL, 30.0), 40.0);

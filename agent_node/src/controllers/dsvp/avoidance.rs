@@ -9,11 +9,11 @@ use voxels::Cell;
 
 use super::super::Ctx;
 use super::obstacles::Obstacles;
+use crate::abstract_graph::{AbstractGraph, ShortestPaths};
 use crate::command::Motion;
+use crate::navigation::NavigationStatus;
 use crate::observation::Observation;
 use crate::path::{Neighbours, Path, straighten};
-use crate::abstract_graph::{AbstractGraph, ShortestPaths};
-use crate::navigation::NavigationStatus;
 
 /// Steps from cell to cell, or along edges of the tree, that an agent takes to get clear of others before it goes straight.
 const CLEARING_STEPS_MAX: usize = 4;
@@ -41,7 +41,13 @@ pub(super) fn path_length_m(from: &Point3<f64>, motion: &Motion) -> f64 {
 }
 
 /// The motion to a cell in a region that has been reached, if there is a way past the other agents.
-pub(super) fn motion_to(ctx: &mut Ctx<'_>, graph: &AbstractGraph, paths: &ShortestPaths, to: Cell, obstacles: &Obstacles) -> Option<Motion> {
+pub(super) fn motion_to(
+    ctx: &mut Ctx<'_>,
+    graph: &AbstractGraph,
+    paths: &ShortestPaths,
+    to: Cell,
+    obstacles: &Obstacles,
+) -> Option<Motion> {
     let here = ctx.cell();
     let (map, moves, scratch) = ctx.search_workspace(Neighbours::TwentySix);
     let path = paths.path(graph, map, moves, scratch, (here, to), &|cell| obstacles.occupy(cell))?;

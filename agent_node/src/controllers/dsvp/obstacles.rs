@@ -60,8 +60,11 @@ impl Obstacles {
         let by = to - from;
         let length_squared = by.norm_squared();
         self.near.iter().any(|obstacle| {
-            let share =
-                if length_squared > 0.0 { ((obstacle.at - from).dot(&by) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
+            let share = if length_squared > 0.0 {
+                ((obstacle.at - from).dot(&by) / length_squared).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
             let apart = (obstacle.at - (from + by * share)).norm();
             apart < obstacle.clearance_m && share > 0.0
         })
@@ -80,13 +83,13 @@ mod tests {
     use msgs::ids::AgentId;
 
     use super::*;
-    use crate::bodies::Body;
+    use crate::bodies::BodyModel;
 
     /// A body at some place, of agent 1 with a radius of 0.4 m, or of agent 2 with 1.4 m.
     fn of(agent: u32, at: [f64; 3]) -> Obstacles {
         let contacts = [Contact { agent: AgentId(agent), position: Point3::from(at) }];
-        let large = Body { radius_m: 1.4, ..Body::SUBMARINE };
-        let bodies = Bodies::new(vec![Body::SUBMARINE, large], vec![0, 0, 1]).unwrap();
+        let large = BodyModel { radius_m: 1.4, ..BodyModel::SUBMARINE };
+        let bodies = Bodies::new(vec![BodyModel::SUBMARINE, large], vec![0, 0, 1]).unwrap();
         let extent = Extent::new([20, 20, 20], 1.0).unwrap();
         Obstacles::near(&contacts, &Point3::new(1.5, 1.5, 1.5), 0.4, &bodies, extent)
     }

@@ -42,9 +42,10 @@ impl LastKnownPositions {
     /// The agents out of contact that may still be at their last known positions, longest out of contact first, as goals.
     pub(super) fn candidates(&self, contacts: &[Contact], here: Cell) -> impl Iterator<Item = Goal> + use<> {
         let is_in_contact = |agent: AgentId| contacts.iter().any(|contact| contact.agent == agent);
-        let candidates = self.0.iter().filter(|(agent, last_known)| {
-            !is_in_contact(**agent) && !last_known.is_absent && last_known.cell != here
-        });
+        let candidates = self
+            .0
+            .iter()
+            .filter(|(agent, last_known)| !is_in_contact(**agent) && !last_known.is_absent && last_known.cell != here);
         let mut candidates: Vec<(Tick, AgentId, Cell)> =
             candidates.map(|(&agent, last_known)| (last_known.seen, agent, last_known.cell)).collect();
         candidates.sort_unstable();

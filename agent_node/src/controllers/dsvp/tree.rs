@@ -179,8 +179,11 @@ impl Tree {
         for (number, node) in self.nodes.iter().enumerate().skip(1) {
             let gain = gain_estimator.gain(map, node.cell);
             gains[number] = gain;
-            let counts =
-                if gain < valuation.gain_min { 0.0 } else { f64::from(gain) * utility_factor(node.cell, node.length * cell_m) };
+            let counts = if gain < valuation.gain_min {
+                0.0
+            } else {
+                f64::from(gain) * utility_factor(node.cell, node.length * cell_m)
+            };
             sums[number] = sums[node.parent] + counts * libm::exp(-valuation.lambda_distance * node.length * cell_m);
             if counts == 0.0 {
                 continue;

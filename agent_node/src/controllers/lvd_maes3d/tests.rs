@@ -193,7 +193,8 @@ fn ways_are_searched_for_over_faces_and_take_no_time() {
     let mut world = World::known(&hall(), start);
     let far = world.left(&[]).into_iter().filter(|&cell| squared(cell - start) > 15);
     let path = |world: &mut World, goal, by| world.ctx().go_to_cell_by(goal, by, SearchTime::Instant);
-    let mut both = far.map(|goal| (goal, [Neighbours::Six, Neighbours::TwentySix].map(|by| path(&mut world, goal, by))));
+    let mut both =
+        far.map(|goal| (goal, [Neighbours::Six, Neighbours::TwentySix].map(|by| path(&mut world, goal, by))));
     let (goal, [over_faces, _]) = both.find(|(_, [one, other])| one != other).unwrap();
     world.observation.view = Some(Cells { free: vec![world.map.extent().index(goal).unwrap() as u32], wall: vec![] });
     let mut lvd = LvdMaes3d { notices_at: Some(Tick::ZERO), ..LvdMaes3d::new() };

@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use voxels::{Cell, Extent, Grid, Terrain};
 
 use super::{AGENT, World};
-use crate::command::{Command, ScanRequest, Motion};
+use crate::command::{Command, Motion, ScanRequest};
 use crate::controllers::{NAMES, build};
 use crate::observation::{Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, Surface};
 
