@@ -1,16 +1,19 @@
-//! An agent: takes in what it observes, shares its map, lets its controller decide, and answers each tick once.
+//! An agent: merges its observations into its map, shares the map, calls its controller, and
+//! replies to each tick once.
 //!
-//! Invariants: in a tick that counts, the map holds everything that was observed and told before the controller is asked; a tick
-//! that was answered is answered in the same words when it is asked again.
+//! Invariants: in a committed tick, the map holds all that was observed and received before the
+//! controller is called; a resent observation gets the same reply, byte for byte.
 //!
-//! **In turn and out of turn.** A server that does not look ahead asks agents in every tick, and takes no notice of an answer
-//! before the wake condition of the last answer that counted, unless the answer does something. It tells everything again when
-//! the agent is due. So that asking changes nothing, an agent that is asked out of turn learns nothing, shares nothing, and does
-//! not ask its controller, unless that wants to be asked in between: then it keeps what it is told aside, for the case that the
-//! controller acts all the same, and the answer counts.
+//! **Committed and speculative.** A server without look-ahead requests a command in every tick. It
+//! ignores replies before the trigger of the last committed command fires, unless the reply acts,
+//! and it repeats the observation delta once the agent is due. So that such polling changes
+//! nothing, an agent that is polled between triggers merges nothing, sends nothing, and does not
+//! call its controller, unless [`Controller::is_polled_between_triggers`]: then it keeps the
+//! observation aside, in case the controller acts all the same and the reply is committed.
 //!
-//! **Whom a wake is for.** Map sharing has wake conditions of its own. In a tick that is due for sharing alone, the controller is
-//! not asked: the news wait for the tick that it has asked for, so that it need not know of sharing. It does not see map parcels.
+//! **Two triggers.** Map sharing has triggers of its own. In a tick that is due for sharing alone,
+//! the controller is not called: the observation is deferred to the tick that the controller has
+//! asked for, so controllers need not know of sharing. They do not see map messages either.
 
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{LIST_BYTES_MAX, PARCEL_BYTES_BARE, PARCEL_BYTES_MAX, POINT_BYTES};
@@ -34,34 +37,35 @@ pub struct Agent {
     controller: Box<dyn Controller>,
     reassembler: FragmentReassembler,
     last_reply: Option<maes_msgs::Command>,
-    /// When the next observation counts: the wake of the last answer that counted.
+    /// The trigger of the last committed command.
     due: Trigger,
-    /// The controller's part of it.
+    /// The controller's part of the trigger.
     controller_trigger: Trigger,
-    /// Whether the controller wants the view in the next observation it gets.
+    /// Whether the controller has requested the view in its next observation.
     controller_wants_view: bool,
-    /// What the controller was not asked about in ticks that were due for sharing alone.
+    /// Observations of ticks that were due for sharing alone, which the controller has not seen.
     deferred: Option<Observation>,
-    /// What was told out of turn since the last observation that counted.
+    /// Observations received between triggers since the last committed one, not merged into the
+    /// map.
     unmerged: Option<Observation>,
 }
 
-/// What an agent does about a part of an observation.
+/// The reaction to a fragment of an observation.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reaction {
-    /// Nothing: other parts are missing, or it is an old one.
+    /// None: other fragments are missing, or the observation is outdated.
     None,
-    /// It answers.
+    /// A command.
     Reply(maes_msgs::Command),
-    /// It gives the acknowledgement for the end of the run.
+    /// The acknowledgement of the end of the run.
     Acknowledge(maes_msgs::Command),
 }
 
 impl Agent {
-    /// An agent that knows nothing but its run_info.
+    /// An agent with an unexplored map.
     ///
     /// # Panics
-    /// If it does not take part in the run.
+    /// If the agent is not part of the run.
     #[must_use]
     pub fn new(id: AgentId, run_info: RunInfo, controller: Box<dyn Controller>) -> Self {
         Self {
@@ -81,37 +85,37 @@ impl Agent {
         }
     }
 
-    /// Its id.
+    /// The id of the agent.
     #[must_use]
     pub fn id(&self) -> AgentId {
         self.id
     }
 
-    /// What it believes.
+    /// The map of the agent.
     #[must_use]
     pub fn map(&self) -> &ExplorationMap {
         &self.map
     }
 
-    /// How it shares its map.
+    /// The state of its map sharing.
     #[must_use]
     pub fn sharing(&self) -> &Sharing {
         &self.sharing
     }
 
-    /// The last tick it has answered.
+    /// The last tick that was replied to.
     #[must_use]
     pub fn last_tick(&self) -> Option<Tick> {
         self.last_reply.as_ref().map(|command| Tick(command.tick))
     }
 
-    /// Takes in a part of an observation.
+    /// Processes a fragment of an observation.
     ///
     /// # Errors
-    /// If the server does not keep to the protocol.
+    /// If the server violates the protocol.
     ///
     /// # Panics
-    /// Never: a map has fewer cells than a number of 32 bits can say.
+    /// Never: a map has fewer than 2^32 cells.
     pub fn take(&mut self, part: Part) -> Result<Reaction, WireError> {
         if part.phase != Part::ENDED
             && let Some(last_reply) = &self.last_reply
@@ -146,7 +150,7 @@ impl Agent {
     }
 
     fn reply_to_trigger(&mut self, mut observation: Observation) -> Command {
-        // The server tells it once more.
+        // The server repeats it in this observation.
         self.unmerged = None;
         self.merge(&mut observation);
         if let Some(earlier) = self.deferred.take() {
@@ -184,7 +188,8 @@ impl Agent {
         self.controller.decide(observation, &mut ctx)
     }
 
-    /// Learns what was seen and what other agents say; takes their map parcels out of the observation.
+    /// Merges what was seen and the map messages into the map; removes the map messages from the
+    /// observation.
     fn merge(&mut self, observation: &mut Observation) {
         self.map.note_free(&observation.seen.free);
         self.map.note_wall(&observation.seen.wall);
@@ -193,7 +198,8 @@ impl Agent {
         observation.messages.retain(|message| message.kind != MAP_MESSAGE);
     }
 
-    /// Completes a command that counts with what there is to share.
+    /// Completes a command that will be committed: with map messages, and with the trigger of map
+    /// sharing.
     fn commit(&mut self, mut command: Command, observation: &Observation) -> Command {
         self.controller_trigger = command.trigger;
         self.controller_wants_view = command.want_view;
@@ -206,7 +212,7 @@ impl Agent {
     }
 }
 
-/// Bytes that are left in a command for more parcels.
+/// Bytes left in a command for further messages.
 fn message_budget(command: &Command) -> usize {
     let of_parcels = command.messages.iter().map(|message| message.data.len());
     let sizes = of_parcels.chain(command.relays.iter().map(|order| order.data.len()));

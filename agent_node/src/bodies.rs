@@ -1,12 +1,12 @@
-//! What the bodies of the team can do, as far as agents reckon with it.
+//! The bodies of the team, and how long they take for a leg.
 //!
-//! This module moves nothing: that is the server's.
+//! The server simulates the motion; agents only predict it.
 
 pub use msgs::body_model::{BodyKind, BodyModel};
 use msgs::ids::AgentId;
 
-/// How long a straight leg takes from rest to rest, seconds: with the turn before it, by at most this angle, if the body
-/// has to turn first.
+/// Time of a straight leg from rest to rest, seconds: including the turn before it, by at most this
+/// angle, if the body turns on the spot.
 #[must_use]
 pub fn leg_s(body: &BodyModel, length_m: f64, turn_rad: f64) -> f64 {
     let go_s = ramp_s(length_m, body.speed_max_m_s, body.acceleration_m_s2, body.deceleration_m_s2);
@@ -30,21 +30,22 @@ fn ramp_s(distance: f64, speed_max: f64, acceleration: f64, deceleration: f64) -
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bodies {
     different: Vec<BodyModel>,
-    /// Which of them, by agent.
+    /// Index of the model, by agent.
     body_of: Vec<u8>,
 }
 
 impl Bodies {
-    /// The bodies that there are, and by agent which of them is its own; none if an agent has one that there is not.
+    /// The distinct models, and the index of the model of each agent; `None` if an index is out of
+    /// range.
     #[must_use]
     pub fn new(different: Vec<BodyModel>, body_of: Vec<u8>) -> Option<Self> {
         body_of.iter().all(|&body| usize::from(body) < different.len()).then_some(Self { different, body_of })
     }
 
-    /// What the body of an agent of the run can do.
+    /// The body of an agent of the run.
     ///
     /// # Panics
-    /// If there is no such agent.
+    /// If the run has no such agent.
     #[must_use]
     pub fn of(&self, agent: AgentId) -> &BodyModel {
         &self.different[usize::from(self.body_of[agent.index()])]

@@ -1,4 +1,4 @@
-//! What an agent answers.
+//! The reply of a controller: motion, scans, messages, relays, and the next trigger.
 //!
 //! Lengths in metres, angles in radians, frame `map` unless a name says otherwise.
 
@@ -11,31 +11,32 @@ pub use msgs::scan_request::ScanRequest;
 pub use msgs::trigger::Trigger;
 use nalgebra::{Point3, Vector3};
 
-/// A task for the body. One that replaces another starts from rest.
+/// A task for the body. A new task starts from rest.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum Motion {
-    /// Go on with the present task.
+    /// Continue the present task.
     #[default]
     Keep,
     /// End the present task, at rest at once.
     Stop,
-    /// Straight along the heading, raised by `pitch_rad` (-pi/2 ..= pi/2), for `distance_m` (infinity: until a collision).
+    /// Straight along the heading, raised by `pitch_rad`, for `distance_m` (infinity: until a
+    /// collision).
     Move {
-        /// Elevation above the horizontal.
+        /// Elevation above the horizontal, -pi/2 ..= pi/2.
         pitch_rad: f64,
         /// At least 0.
         distance_m: f64,
     },
     /// Turn about the vertical, positive to the left, -2 pi ..= 2 pi.
     Turn {
-        /// How far.
+        /// Radians.
         angle_rad: f64,
     },
-    /// Visit 1 to 1024 waypoints in turn.
+    /// Visit 1 to 1024 waypoints in sequence (metres, frame `map`).
     Path(Vec<Point3<f64>>),
-    /// Hold a velocity, clamped to what the body can do.
+    /// Hold a velocity, clamped to the limits of the body.
     Velocity {
-        /// In the frame of the body: x forward, y left, z up; m/s.
+        /// Frame of the body: x forward, y left, z up; m/s.
         linear_in_body_m_s: Vector3<f64>,
         /// Positive to the left.
         yaw_rate_rad_s: f64,
@@ -43,68 +44,70 @@ pub enum Motion {
 }
 
 impl Motion {
-    /// Straight along the heading, raised by `pitch_rad` (-pi/2 ..= pi/2), for `distance_m` (infinity: until a collision).
+    /// Straight along the heading, raised by `pitch_rad` (-pi/2 ..= pi/2), for `distance_m`
+    /// (infinity: until a collision).
     #[must_use]
     pub fn straight(pitch_rad: f64, distance_m: f64) -> Self {
         Self::Move { pitch_rad, distance_m }
     }
 
-    /// Turn to where a turn by `angle_rad` ends, by the shorter way; half a turn goes to the right.
+    /// Turn to the heading at which a turn by `angle_rad` ends, the shorter way round; half a turn
+    /// goes to the right.
     #[must_use]
     pub fn turn(angle_rad: f64) -> Self {
         Self::Turn { angle_rad: angle_rad - TAU * libm::floor((angle_rad + PI) / TAU) }
     }
 }
 
-/// Bytes to send.
+/// A message to other agents (`maes_msgs/Parcel`).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AgentMessage {
-    /// To whom; `None`: everybody in contact.
+    /// The receiver; `None`: all agents in contact.
     pub to: Option<AgentId>,
-    /// What the bytes are, for accounting.
+    /// The sender's mark, by which messages are told apart and counted.
     pub kind: u8,
-    /// The content; 57344 bytes at most over all parcels of a command.
+    /// At most 57344 bytes over all messages and relay commands of a command.
     pub data: Vec<u8>,
 }
 
-/// Something to do with a relay. It keeps 4096 bytes at the most, which count among those of the parcels of a command.
+/// A command to a relay: to be dropped, or to store other bytes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RelayOrder {
-    /// Which one; `None`: one that is left behind where the body is.
+    /// The relay; `None`: drop one at the position of the body.
     pub relay: Option<RelayId>,
-    /// What the bytes are, for who reads them.
+    /// The mark of the content.
     pub kind: u8,
-    /// What it is to keep from now on.
+    /// The new content; at most 4096 bytes.
     pub data: Vec<u8>,
 }
 
-/// What an agent answers to an observation.
+/// The reply to an observation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Command {
     /// Task of the body.
     pub motion: Motion,
     /// Request to the LiDAR.
     pub lidar: ScanRequest,
-    /// Whether the next observation is to hold the view of the last scan.
+    /// Whether the next observation includes the view of the last scan.
     pub want_view: bool,
-    /// To send in this tick.
+    /// Messages to send in this tick.
     pub messages: Vec<AgentMessage>,
-    /// Relays to leave and to write on in this tick.
+    /// Relay commands of this tick.
     pub relays: Vec<RelayOrder>,
-    /// When to ask again.
+    /// When the controller is due next.
     pub trigger: Trigger,
-    /// A text for people, at most 1024 bytes; empty: as before.
+    /// A text for people, at most 1024 bytes; empty: unchanged.
     pub info: String,
 }
 
 impl Command {
-    /// Goes on as before until `wake`.
+    /// Continues the present task until `trigger` fires.
     #[must_use]
     pub fn keep(trigger: Trigger) -> Self {
         Self::new(Motion::Keep, trigger)
     }
 
-    /// Takes up a task, and leaves everything else as it is.
+    /// Starts a task; everything else is unchanged.
     #[must_use]
     pub fn new(motion: Motion, trigger: Trigger) -> Self {
         Self {
@@ -118,29 +121,29 @@ impl Command {
         }
     }
 
-    /// The same, and sends bytes: `kind` is the sender's mark (not [`crate::sharing::MAP_MESSAGE`]), `to` the receiver (`None`:
-    /// everybody in contact).
+    /// Adds a message: `kind` is the sender's mark (not [`crate::sharing::MAP_MESSAGE`]), `to` the
+    /// receiver (`None`: all agents in contact).
     #[must_use]
     pub fn with_message(mut self, to: Option<AgentId>, kind: u8, data: Vec<u8>) -> Self {
         self.messages.push(AgentMessage { to, kind, data });
         self
     }
 
-    /// The same, and leaves a relay behind, which keeps these bytes. Who has none left leaves none.
+    /// Drops a relay that stores these bytes, unless the agent has none left.
     #[must_use]
     pub fn with_relay(mut self, kind: u8, data: Vec<u8>) -> Self {
         self.relays.push(RelayOrder { relay: None, kind, data });
         self
     }
 
-    /// The same, and has a relay in reach keep these bytes instead of what it kept.
+    /// Replaces the content of a relay in reach.
     #[must_use]
     pub fn with_relay_update(mut self, relay: RelayId, kind: u8, data: Vec<u8>) -> Self {
         self.relays.push(RelayOrder { relay: Some(relay), kind, data });
         self
     }
 
-    /// The same, with a text for people, of which as much is kept as fits ([`msgs::limits::INFO_BYTES_MAX`]).
+    /// Sets the text for people, cut at [`msgs::limits::INFO_BYTES_MAX`].
     #[must_use]
     pub fn with_info(mut self, info: impl Into<String>) -> Self {
         self.info = info.into();
@@ -149,14 +152,15 @@ impl Command {
         self
     }
 
-    /// The same, and asks for the view of the last scan in the next observation.
+    /// Requests the view of the last scan in the next observation.
     #[must_use]
     pub fn with_view_request(mut self) -> Self {
         self.want_view = true;
         self
     }
 
-    /// Whether the run would be the same without it: out of turn the server takes no notice of it, its wake included.
+    /// Whether the run is the same without it: between triggers the server ignores such a command,
+    /// its trigger included.
     #[must_use]
     pub fn is_noop(&self) -> bool {
         self.motion == Motion::Keep

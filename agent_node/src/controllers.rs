@@ -1,10 +1,12 @@
 //! The controllers: the trait that they share, and the registry of all of them.
 //!
-//! [`REGISTRY`] is the only list of controllers: names, descriptions, settings and construction follow from it everywhere.
-//! A new controller is a file in this folder, its `mod` line, and its entry.
+//! [`REGISTRY`] is the only list of controllers: names, descriptions, settings and construction
+//! follow from it everywhere. A new controller is a file in this folder, its `mod` line, and its
+//! entry.
 //!
-//! Invariants: a controller decides from its arguments alone, draws from its own random stream, and terminates; equal
-//! observations give equal commands. This module knows no transport and no wall clock.
+//! Invariants: a controller decides from its arguments alone, draws from its own random stream, and
+//! terminates; equal observations give equal commands. This module knows no transport and no wall
+//! clock.
 
 pub mod boustrophedon;
 pub mod collision_recovery;
@@ -36,11 +38,13 @@ use suggestion::did_you_mean;
 pub trait Controller {
     /// Replies to an observation.
     ///
-    /// It is called when the trigger of its last command fires, whether the server looks ahead or not.
+    /// It is called when the trigger of its last command fires, whether the server looks ahead or
+    /// not.
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command;
 
-    /// Whether a server without look-ahead also calls it between triggers, which changes the run if it then acts. A reply
-    /// between triggers that does nothing ([`Command::is_noop`]) must leave the controller and the map unchanged.
+    /// Whether a server without look-ahead also calls it between triggers, which changes the run if
+    /// it then acts. A reply between triggers that does nothing ([`Command::is_noop`]) must leave
+    /// the controller and the map unchanged.
     fn is_polled_between_triggers(&self) -> bool {
         false
     }

@@ -1,13 +1,13 @@
-//! The agents of one process over a link: join, answer until the run is over.
+//! The host of the agents of one process: joins them to a run, and serves them until it is over.
 //!
-//! The loop is the same over every [`Link`]. Wall time decides nothing but when to ask again to take part, and when a process
-//! whose server is gone ends.
+//! The loop is the same over every [`ServerTransport`]. Wall time decides nothing but when to
+//! repeat a join, and when a process without a server ends.
 //!
-//! **Whether the server is there.** A server answers a join of an agent that it has accepted once more, so a process that has heard
-//! nothing for a while asks in this way. Silence that lasts ends the process. So a server that is busy, or held back to a slow
-//! pace, is waited for, and one that was killed is not waited for until somebody looks after its agents. Messages of another run
-//! than the one that was joined have no effect, except that of its own server which says that it begins again: then the agents
-//! begin again, too, and know nothing.
+//! **Liveness of the server.** The server answers a repeated join of an agent that it has accepted,
+//! so the host uses joins as probes when it has received nothing for a while; if the silence lasts,
+//! the process ends. So a busy or slow server is waited for, and a killed one is not waited for
+//! indefinitely. Messages of other runs are ignored, except that the server of this run announces a
+//! reset: then the agents are reset, too, with unexplored maps.
 
 mod map_publisher;
 
@@ -32,86 +32,89 @@ use map_publisher::PublishedMap;
 /// Wall time between two attempts to join.
 const JOIN_PERIOD: Duration = Duration::from_millis(200);
 
-/// Wall time of silence after which the server is asked for a sign of life, and between two such questions.
+/// Wall time without messages after which the server is probed, and between two probes.
 const PROBE_PERIOD: Duration = Duration::from_secs(1);
 
-/// Wall time of silence, once a server has announced another run, after which the one that was joined is taken to be over; what
-/// servers allow for a decision by default.
+/// Wall time without messages, once another run has been announced, after which the joined run is
+/// taken to be over; the default time limit of servers for a decision.
 const SUPERSEDED_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Wall time between two looks at the link that counts as silence, at the most: more means that this process was busy or stopped.
+/// Longest wall time between two polls that counts as silence: more means that this process was
+/// busy or suspended.
 const POLL_GAP_MAX: Duration = Duration::from_millis(200);
 
-/// Wall time for which the loop waits for a message before it looks at its other duties.
+/// Wall time to wait for a message before other duties.
 const RECEIVE_TIMEOUT: Duration = Duration::from_millis(50);
 
-/// What a process is to run.
+/// The options of a process.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Its agents.
+    /// The agents of this process.
     pub agents: Vec<AgentId>,
-    /// What they run, if not what the scenario says.
+    /// The controller, instead of the one of the scenario.
     pub controller: Option<String>,
-    /// Settings `KEY=VALUE`; they come after those of the scenario, which hold for the scenario's controller only.
+    /// Settings `KEY=VALUE`, after those of the scenario, which apply to the scenario's controller
+    /// only.
     pub settings: Vec<String>,
-    /// A number that no other process has.
+    /// A number unique to this process.
     pub instance: u64,
-    /// Wall time of silence after which the server is taken to be gone.
+    /// Wall time without messages after which the server is taken to be gone.
     pub server_timeout: Duration,
-    /// Waits up to so long, at random, before each answer: a test of the lock-step.
+    /// Longest random delay before each reply: a test of the lock-step.
     pub chaos_delay: Duration,
-    /// Looks at what has changed of a map in a second of wall time at the most, while somebody wants to see it.
+    /// Greatest rate of map updates while a map has subscribers, Hz of wall time.
     pub map_hz: f64,
-    /// Where to note how long decisions take.
+    /// Where to log the wall time of decisions.
     pub decision_times: Option<DecisionTimes>,
 }
 
-/// Why agents cannot go on.
+/// Why a host ends with an error.
 #[derive(Debug, Error)]
 pub enum RunError {
-    /// The run does not want them.
+    /// The server refuses an agent.
     #[error("agent {agent} was refused by the server: {reason}")]
     Refused {
-        /// Who.
+        /// The agent.
         agent: AgentId,
-        /// Why.
+        /// The reason that the server gives.
         reason: String,
     },
-    /// The server does not even say that it is there.
+    /// The server is silent.
     #[error("the server of run {run:016x} has said nothing for {seconds} s; it seems to be gone")]
     ServerSilent {
-        /// Number of the run.
+        /// Id of the run.
         run: u64,
-        /// How long, wall time.
+        /// Duration of the silence, seconds of wall time.
         seconds: f64,
     },
-    /// The server does not even say that it is there, and there is another one.
+    /// The server is silent, and another run has been announced.
     #[error(
         "a server has announced run {other:016x}, and that of run {run:016x}, which was joined, has not ended it and is silent"
     )]
     Superseded {
-        /// Number of the run that was joined.
+        /// Id of the joined run.
         run: u64,
-        /// Number of the other one.
+        /// Id of the other run.
         other: u64,
     },
-    /// There is no such controller.
+    /// The controller or a setting is unknown or illegal.
     #[error(transparent)]
     Controller(#[from] ControllerError),
-    /// The server does not keep to the protocol.
+    /// The server violates the protocol.
     #[error("agent {agent}: {source}")]
     Wire {
-        /// Who.
+        /// The agent.
         agent: AgentId,
-        /// What is wrong.
+        /// The violation.
         source: WireError,
     },
 }
 
-/// Runs agents until the run is over or `stop` is set.
+/// Hosts agents until the run is over or `stop` is set.
 ///
 /// # Errors
-/// If the server refuses an agent, breaks the protocol or is gone, or there is no such controller.
+/// If the server refuses an agent, violates the protocol or is gone, or the controller cannot be
+/// built.
 pub fn run(transport: &mut dyn ServerTransport, options: &Options, stop: &AtomicBool) -> Result<(), RunError> {
     let mut next = scenario(transport, stop);
     let mut published = BTreeMap::new();
@@ -127,7 +130,7 @@ pub fn run(transport: &mut dyn ServerTransport, options: &Options, stop: &Atomic
     Ok(())
 }
 
-/// Waits for the scenario of a run; that of a recording which is played is none.
+/// Waits for the scenario of a run; the scenario of a replayed recording is ignored.
 fn scenario(transport: &mut dyn ServerTransport, stop: &AtomicBool) -> Option<Scenario> {
     while !stop.load(Ordering::Relaxed) {
         if let Some(Inbound::Scenario(scenario)) = transport.receive(RECEIVE_TIMEOUT)
@@ -139,14 +142,14 @@ fn scenario(transport: &mut dyn ServerTransport, stop: &AtomicBool) -> Option<Sc
     None
 }
 
-/// The agents of this process that are not done.
+/// The agents of this process that are still running.
 struct Host<'a> {
     transport: &'a mut dyn ServerTransport,
     run: u64,
     origin: u64,
-    /// The same run, begun again.
+    /// The scenario after a reset.
     next: Option<Scenario>,
-    /// Another run that a server has announced.
+    /// Another run that has been announced.
     other_run: Option<u64>,
     instance: u64,
     chaos_delay: Duration,
@@ -154,7 +157,7 @@ struct Host<'a> {
     label: String,
     agents: BTreeMap<AgentId, HostedAgent>,
     joined_last: Option<Instant>,
-    /// For how long nothing has been heard of the server.
+    /// Duration without messages from the server.
     silence: Duration,
     polled_at: Instant,
     map_hz: f64,
@@ -167,7 +170,7 @@ struct HostedAgent {
 }
 
 impl<'a> Host<'a> {
-    /// `shown` is what was shown of the agents in a run that has begun again.
+    /// `published` is the state of the published maps, kept over a reset.
     fn new(
         transport: &'a mut dyn ServerTransport,
         options: &Options,
@@ -215,7 +218,8 @@ impl<'a> Host<'a> {
         })
     }
 
-    /// Takes part until the run is over or `stop` is set; or until it begins again, as what it gives out.
+    /// Serves the agents until the run is over or `stop` is set, or until a reset, whose scenario
+    /// it returns.
     fn serve(&mut self, stop: &AtomicBool) -> Result<Option<Scenario>, RunError> {
         let mut timeout = RECEIVE_TIMEOUT;
         while !self.agents.is_empty() && self.next.is_none() && !stop.load(Ordering::Relaxed) {
@@ -229,7 +233,7 @@ impl<'a> Host<'a> {
         Ok(self.next.take())
     }
 
-    /// Asks to take part, now and then, until all agents are accepted; after that, asks a silent server for a sign of life.
+    /// Repeats joins until all agents are accepted; after that, probes a silent server.
     fn join(&mut self) {
         let is_joining = self.agents.values().any(|hosted| !hosted.is_accepted);
         let is_server_silent = self.silence >= PROBE_PERIOD || self.other_run.is_some();
@@ -274,7 +278,7 @@ impl<'a> Host<'a> {
         }
     }
 
-    /// Counts the silence, and gives up if it has lasted too long.
+    /// Adds to the silence, and gives up if it has lasted too long.
     fn check_server_silence(&mut self) -> Result<(), RunError> {
         let polled_at = now();
         self.silence += polled_at.duration_since(self.polled_at).min(POLL_GAP_MAX);
@@ -334,7 +338,7 @@ impl<'a> Host<'a> {
 
 #[expect(clippy::disallowed_methods, reason = "disturbing the wall time is what this is for")]
 fn wait_up_to(longest: Duration) {
-    // A delay of zero is as good as any other if the system has no random numbers to give.
+    // Without random numbers from the system there is no delay.
     let share = f64::from(getrandom::u32().unwrap_or(0)) / f64::from(u32::MAX);
     std::thread::sleep(longest.mul_f64(share));
 }
@@ -365,7 +369,7 @@ mod tests {
         })
     }
 
-    /// The first run of a server, begun again.
+    /// The first run of a server, after a reset.
     fn begun_again(origin: u64, run: u64) -> Inbound {
         let Inbound::Scenario(scenario) = scenario(run) else { unreachable!("it is one") };
         Inbound::Scenario(Scenario { origin, ..scenario })
@@ -375,7 +379,7 @@ mod tests {
         Inbound::Observation(Part { run, phase, parts: 1, ..Part::default() })
     }
 
-    /// A server that says these things, and answers so many joins.
+    /// A server that sends these messages, and accepts this many joins.
     struct Server {
         says: Vec<Inbound>,
         replies: usize,
@@ -442,7 +446,7 @@ mod tests {
             ],
             1,
         );
-        // Whatever the other run says is heard in no time.
+        // Messages of the other run are ignored at once.
         server.runs().unwrap_or_else(|error| panic!("{error}"));
         assert!(server.joins.iter().all(|join| join.run == OURS));
         assert_eq!(server.answers.iter().map(|command| command.run).collect::<Vec<_>>(), [OURS; 2]);
@@ -456,7 +460,7 @@ mod tests {
                 observation(OURS, Part::RUNNING),
                 begun_again(OURS, OURS + 5),
                 observation(OURS, Part::RUNNING),
-                // What was said before it, late.
+                // A message from before the reset, late.
                 begun_again(OURS, OURS + 4),
                 observation(OURS + 5, Part::RUNNING),
                 observation(OURS + 5, Part::ENDED),

@@ -1,4 +1,5 @@
-//! An agent process. Start reading at [`agent_node::host`]; every exit code is made here.
+//! The process of one or more agents. Start reading at [`agent_node::host`]; every exit code is set
+//! here.
 
 use std::process::ExitCode;
 
@@ -35,7 +36,7 @@ mod serve {
 
     /// A failure of the system or of the protocol.
     const FAILED: u8 = 1;
-    /// The server has refused the agent.
+    /// The server has refused an agent.
     const REFUSED: u8 = 5;
 
     pub(super) fn run(cli: Cli) -> ExitCode {

@@ -1,9 +1,10 @@
-//! Ways to cells for controllers: asks for a path, keeps the answer back until it may be used, and makes a motion of it.
+//! Navigation to cells for controllers: requests a path, holds the result back until its sim time,
+//! and makes a motion of it.
 //!
-//! Invariants: an answer comes in the tick that was declared when it was asked for, whatever the machine; a motion that comes
-//! out of here leads only through cells that the agent knew to be free when it asked.
+//! Invariants: a result is available in the tick fixed at the request, on any machine; every motion
+//! leads only through cells that were known to be free at the request.
 //!
-//! This module keeps no goals: a controller that asks for another cell gives up the answer it was waiting for.
+//! Only one request is pending at a time: a request for another cell replaces it.
 
 use std::num::NonZeroU64;
 use std::task::Poll;
@@ -18,34 +19,34 @@ use crate::path::{
     Background, Budgeted, Goal, Graph, Moves, Neighbours, Path, Scratch, Search, direct, straighten_from,
 };
 
-/// What a search for a path costs in sim time.
+/// The sim time of a path search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SearchTime {
-    /// Nothing: the answer is there at once.
+    /// None: the result is available at once.
     Instant,
-    /// A tick for every so many cells that are looked at; see [`SearchTime::BUDGETED`].
+    /// One tick per this many expanded cells; see [`SearchTime::BUDGETED`].
     Budgeted(NonZeroU64),
-    /// So many ticks, however hard it is. Meanwhile it is searched for on another thread.
+    /// A fixed number of ticks, while another thread searches.
     Background(u64),
 }
 
 impl SearchTime {
-    /// The reference's pace: 100 cells in a tick.
+    /// The rate of the reference: 100 cells per tick.
     pub const BUDGETED: Self = Self::Budgeted(Budgeted::PER_TICK);
 }
 
-/// What came of the wish to go to a cell.
+/// The status of a navigation request.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NavigationStatus {
-    /// There is a way: this motion leads there.
+    /// A path exists: this motion follows it.
     Go(Motion),
-    /// The search goes on; to be asked for again then.
+    /// The search is pending: repeat the request when the trigger fires.
     Searching(Trigger),
-    /// The agent knows of no way.
+    /// No path is known.
     NoPath,
 }
 
-/// An answer that is kept back.
+/// A result that is held back.
 #[derive(Debug)]
 enum Answer {
     Budgeted(Budgeted),
@@ -74,21 +75,21 @@ struct Pending {
     answer: Answer,
 }
 
-/// The searches of one agent.
+/// The navigation task of one agent: the pending path search, and what searches need.
 #[derive(Debug)]
 pub struct NavigationTask {
     radius_m: f64,
     to_faces: Moves,
     to_all: Moves,
     scratch: Scratch,
-    /// Searches give up after so many cells.
+    /// Limit of expanded cells of a search.
     cells_max: u64,
     pending: Option<Pending>,
     failures: u32,
 }
 
 impl NavigationTask {
-    /// For a body of `radius_m` metres on cells with edges of `cell_m` metres.
+    /// For a body with a radius of `radius_m` metres on cells with edges of `cell_m` metres.
     #[must_use]
     pub fn new(radius_m: f64, cell_m: f64) -> Self {
         Self {
@@ -102,7 +103,7 @@ impl NavigationTask {
         }
     }
 
-    /// How often there was no way to a cell.
+    /// Number of requests without a path.
     #[must_use]
     pub fn failures(&self) -> u32 {
         self.failures
@@ -115,12 +116,13 @@ impl NavigationTask {
         }
     }
 
-    /// From now on searches find no way if they would have to look at more cells than so many, whatever they cost in sim time.
+    /// Limits later searches to this number of expanded cells, beyond which they find no path,
+    /// whatever their sim time.
     pub fn limit_searches(&mut self, cells_max: u64) {
         self.cells_max = cells_max;
     }
 
-    /// The moves of the body, and what its searches write on.
+    /// The moves of the body, and the scratch memory of its searches.
     pub fn search_workspace(&mut self, neighbours: Neighbours) -> (&Moves, &mut Scratch) {
         match neighbours {
             Neighbours::Six => (&self.to_faces, &mut self.scratch),
@@ -128,8 +130,9 @@ impl NavigationTask {
         }
     }
 
-    /// How to get from a point (metres, frame `map`) to a cell: straight if that is clear, else along the cheapest path through
-    /// `neighbours`, with as few legs as do. If the search takes time, it goes on with the same question and the body at rest.
+    /// The motion from a point (metres, frame `map`) to a cell: straight if that is clear, else
+    /// along the cheapest path through `neighbours`, with as few legs as possible. A pending search
+    /// continues with the same request and the body at rest.
     pub fn to_cell(
         &mut self,
         map: &ExplorationMap,
@@ -158,7 +161,8 @@ impl NavigationTask {
     #[must_use]
     pub fn motion_along(&self, map: &ExplorationMap, from: &Point3<f64>, path: &Path) -> NavigationStatus {
         let waypoints = straighten_from(from, path, map, self.radius_m);
-        // A path of one cell whose centre cannot be reached straight: the body is as near as it can get.
+        // A path of one cell whose centre cannot be reached straight: the body is as near as it can
+        // get.
         if waypoints.is_empty() { NavigationStatus::NoPath } else { NavigationStatus::Go(Motion::Path(waypoints)) }
     }
 

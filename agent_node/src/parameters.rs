@@ -1,11 +1,11 @@
-//! What an agent is, as parameters of its node. All are read-only: what an agent does is part of the run.
+//! The parameters of an agent's ROS 2 node. All are read-only, since they are part of the run.
 
 use msgs::ids::AgentId;
 use msgs::parameters::{Parameter, Value};
 
 use crate::controllers::settings::{Setting, SettingValue};
 
-/// The parameters that an agent has before it knows the scenario.
+/// The parameters before the scenario is known.
 #[must_use]
 pub fn of_agent(agent: AgentId) -> Vec<Parameter> {
     vec![
@@ -18,7 +18,7 @@ pub fn of_agent(agent: AgentId) -> Vec<Parameter> {
     ]
 }
 
-/// The parameters that say what an agent runs, with the settings of its controller.
+/// The parameters of a controller and its settings.
 #[must_use]
 pub fn of_controller(name: &str, settings: &[Setting]) -> Vec<Parameter> {
     let mut parameters = vec![Parameter::fixed("controller", name.to_owned(), "the algorithm that the agent runs")];

@@ -1,9 +1,11 @@
-//! The agents' link over ROS 2: one participant for the process, and one node `agent_<id>` for each of its agents.
+//! The ROS 2 transport of agents: one participant for the process, and one node `agent_<id>` for
+//! each of its agents.
 //!
-//! Invariants: what is sent for one agent never waits for another one (see [`ros_node`]); what is on a topic of another agent,
-//! or addressed to one, does not come out; nor does an observation or a reply that another process sends than the one that sent the
-//! first scenario, for everybody in the network can publish them. When to say something is decided in `run.rs`. This file is the only one here
-//! that knows the ROS client. Agents do not listen to `/clock`: an observation says what time it is.
+//! Invariants: sending for one agent never blocks another one (see [`ros_node`]); messages on or
+//! for another agent's topic are dropped, and so are observations and replies of any participant
+//! but the one that sent the first scenario, since every participant can publish them. The protocol
+//! itself is in `host.rs`. This is the only file here that knows the ROS client. Agents do not
+//! subscribe to `/clock`: an observation includes its tick.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -24,19 +26,19 @@ use ros2_client::{Context, Node};
 use crate::parameters;
 use crate::transport::{Inbound, Level, ServerTransport};
 
-/// The agents of a process in a ROS network.
+/// The agents of a process as nodes of a ROS 2 network.
 pub struct RosTransport {
-    /// Messages, and `None` for what has been dealt with.
+    /// Messages, and `None` for those handled already.
     inbox: Inbox<Result<Option<Inbound>, String>>,
     agents: Vec<AgentEndpoints>,
     ignored: Tally,
-    /// Who looks at what the agents believe, by seat.
+    /// The subscriptions to the maps, by agent.
     audience: Audience,
     observers: BTreeMap<AgentId, u64>,
     context: Context,
 }
 
-/// An agent of this process.
+/// The node of an agent with its publishers.
 struct AgentEndpoints {
     agent: AgentId,
     join: Outlet<Join>,
@@ -48,10 +50,10 @@ struct AgentEndpoints {
 }
 
 impl RosTransport {
-    /// Joins the network as these agents, with services by which people read their parameters, or without.
+    /// Creates the nodes of these agents, with parameter services or without.
     ///
     /// # Errors
-    /// If the network cannot be joined, or the system has not enough of something.
+    /// If the network cannot be joined, or a resource of the system is exhausted.
     pub fn new(ids: &[AgentId], has_parameters: bool, env: &RosEnv) -> Result<Self, RosError> {
         // Six services need three times what the protocol needs.
         let share = if has_parameters { 4 } else { 1 };
@@ -68,12 +70,12 @@ impl RosTransport {
                 let found = server.clone();
                 workshop.inlet(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
                     let source = sample.source;
-                    // Who plays a recording is no server.
+                    // A replayed recording has no server.
                     let mut scenario = message(sample)?;
                     if scenario.run != Scenario::NO_RUN {
                         found.is(source);
                     }
-                    // Only the server itself begins its run again.
+                    // Only the server itself resets its run.
                     if !found.may_be(source) {
                         scenario.origin = scenario.run;
                     }
@@ -179,27 +181,27 @@ impl Drop for RosTransport {
     }
 }
 
-/// The message of a sample, or whose bytes could not be read and why.
+/// The message of a sample, or the sender of undecodable bytes and the reason.
 fn message<M>(sample: Sample<M>) -> Result<M, String> {
     sample.message.map_err(|reason| format!("{reason}, sent by participant {:02x?}", sample.source))
 }
 
-/// The process whose scenario came in first: the one that is listened to.
+/// The participant that sent the first scenario, which is taken to be the server.
 #[derive(Clone, Default)]
 struct Server(Rc<Cell<Option<[u8; 16]>>>);
 
 impl Server {
-    /// It is this one, unless it is known already.
+    /// Sets the server, unless it is known.
     fn is(&self, source: [u8; 16]) {
         self.0.set(self.0.get().or(Some(source)));
     }
 
-    /// Whether it is this one, as far as is known.
+    /// Whether a participant is the server, as far as is known.
     fn may_be(&self, source: [u8; 16]) -> bool {
         self.0.get().is_none_or(|server| server == source)
     }
 
-    /// The message of a sample that it has sent.
+    /// The message of a sample, if the server sent it.
     fn message<M>(&self, sample: Sample<M>) -> Result<M, String> {
         let source = sample.source;
         if !self.may_be(source) {

@@ -1,7 +1,8 @@
-//! How agents meet the server: the small trait that ROS 2 and the in-memory transport implement.
+//! The transport between agents and the server: a trait that ROS 2 and the in-memory transport
+//! implement.
 //!
-//! Invariants: no method blocks on the server, except [`Link::receive`] for at most its time-out; what is sent may get lost, and
-//! is sent again when the other side asks again.
+//! Invariants: no method blocks on the server, except [`ServerTransport::receive`] for at most its
+//! timeout; messages may get lost, and are resent when the other side repeats its own.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -15,31 +16,31 @@ use msgs::visualization_msgs::Marker;
 /// A message from the server.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Inbound {
-    /// What may be known of the run.
+    /// The scenario of a run, as far as agents may know it.
     Scenario(Scenario),
-    /// The answer to a join of some process.
+    /// The reply to a join of any process.
     JoinReply(JoinReply),
-    /// A part of an observation for one of the agents of this process.
+    /// A fragment of an observation for one of the agents of this process.
     Observation(Observation),
 }
 
-/// The side of a transport that serves the agents of one process.
+/// The transport of the agents of one process to their server.
 pub trait ServerTransport {
-    /// Asks to take part.
+    /// Sends a join.
     fn send_join(&mut self, join: &Join);
-    /// Answers an observation.
+    /// Sends a command, the reply to an observation.
     fn send_command(&mut self, command: &Command);
-    /// The agents whose maps somebody looks at, each with how many people have ever come to do so; `None` if there are none. A
-    /// transport that nobody else can use has no observers.
+    /// The agents whose maps are observed, each with the number of subscriptions so far; `None` if
+    /// there are none, as on transports without observers.
     fn observers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
         None
     }
-    /// Shows them a part of it.
+    /// Publishes a marker of an agent's map to its observers.
     fn publish_map(&mut self, _agent: AgentId, _part: &Marker) {}
-    /// Tells people something of an agent.
+    /// Logs a text for an agent.
     fn log(&mut self, _agent: AgentId, _level: Level, _text: &str) {}
-    /// Tells people what an agent is, where they can ask.
+    /// Declares parameters of an agent's node.
     fn declare_parameters(&mut self, _agent: AgentId, _parameters: Vec<Parameter>) {}
-    /// The next message, or `None` if none came in time.
+    /// The next message, or `None` after the timeout.
     fn receive(&mut self, timeout: Duration) -> Option<Inbound>;
 }

@@ -1,7 +1,8 @@
-//! Messages to and from domain types: the only place of the agent that knows both.
+//! Conversion between messages and domain types: the only module of the agent that knows both.
 //!
-//! Invariant: what comes out of [`run_info`] and [`FragmentReassembler`] is consistent, whatever was sent: cells and places lie inside the
-//! map, numbers are numbers, agents take part, ticks are those of the run.
+//! Invariant: the results of [`run_info`] and [`FragmentReassembler`] are consistent, whatever was
+//! received: cells and points lie inside the map, numbers are finite, agents are part of the run,
+//! ticks are within its duration.
 //!
 //! This module sends nothing and knows no transport.
 
@@ -23,58 +24,58 @@ use crate::observation::{
     Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, RunInfo, Surface,
 };
 
-/// Why a message of the server cannot be used.
+/// Why a message of the server is rejected.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum WireError {
-    /// The map has an impossible size.
+    /// The extent of the map is illegal.
     #[error("scenario: {0}")]
     Extent(#[from] ExtentError),
-    /// The bodies are not those of the team.
+    /// The bodies do not match the team.
     #[error("scenario: {field} = {value}: expected {allowed}")]
     Bodies {
-        /// Which field.
+        /// The field.
         field: &'static str,
-        /// What it says.
+        /// Its value.
         value: String,
-        /// What it may say.
+        /// The legal values.
         allowed: String,
     },
-    /// A list of cells is not one of this map.
+    /// A list of cells does not fit the map.
     #[error("observation of tick {tick}: {source}")]
     Cells {
-        /// The tick.
+        /// The tick of the observation.
         tick: Tick,
         /// What is wrong.
         source: RunsError,
     },
-    /// Something is said that cannot be.
+    /// A value is illegal.
     #[error("observation of tick {tick}: {field} = {value}: expected {allowed}")]
     Value {
-        /// The tick.
+        /// The tick of the observation.
         tick: Tick,
-        /// Which field.
+        /// The field.
         field: &'static str,
-        /// What it says.
+        /// Its value.
         value: String,
-        /// What it may say.
+        /// The legal values.
         allowed: String,
     },
-    /// A part says that it is not one of its parts, or of more or fewer parts than the others do.
+    /// A fragment number is out of range, or the fragments disagree on their count.
     #[error("observation of tick {tick}: part {part} of {parts}")]
     Part {
-        /// The tick.
+        /// The tick of the observation.
         tick: Tick,
-        /// Number of the part.
+        /// Number of the fragment.
         part: u16,
-        /// How many there are to be.
+        /// Count of fragments.
         parts: u16,
     },
 }
 
-/// A scenario as a run_info.
+/// The run info of a scenario.
 ///
 /// # Errors
-/// If the map has an impossible size, or not every agent a body.
+/// If the extent is illegal, or the bodies do not match the team.
 pub fn run_info(scenario: &maes_msgs::Scenario) -> Result<RunInfo, WireError> {
     Ok(RunInfo {
         duration: Tick(scenario.duration_ticks),
@@ -115,7 +116,7 @@ fn body(message: &maes_msgs::Body) -> Result<BodyModel, WireError> {
     })
 }
 
-/// Puts the parts of observations together, in whatever order and however often they come.
+/// Reassembles observations from fragments, in any order and with repetitions.
 #[derive(Debug, Clone, Default)]
 pub struct FragmentReassembler {
     tick: Tick,
@@ -123,20 +124,20 @@ pub struct FragmentReassembler {
     parts: BTreeMap<u16, Part>,
 }
 
-/// An observation that is complete.
+/// A complete observation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reassembled {
     /// Whether the run is over.
     pub has_ended: bool,
-    /// What is learnt.
+    /// The observation.
     pub observation: Observation,
 }
 
 impl FragmentReassembler {
-    /// Takes a part; gives the observation if it was the last one missing.
+    /// Adds a fragment; returns the observation if it was the last one missing.
     ///
     /// # Errors
-    /// If the parts do not fit together or hold cells that are not in the map.
+    /// If the fragments disagree or hold values that are illegal in the run.
     pub fn take(&mut self, part: Part, run_info: &RunInfo) -> Result<Option<Reassembled>, WireError> {
         let tick = Tick(part.tick);
         let wrong = WireError::Part { tick, part: part.part, parts: part.parts };
@@ -160,7 +161,7 @@ impl FragmentReassembler {
     }
 }
 
-/// Whether an agent can rely on the numbers of a part: it reckons with them, and a number that is none would get everywhere.
+/// Checks the numbers of a fragment: a NaN would otherwise spread through all computations.
 fn check(part: &Part, run_info: &RunInfo) -> Result<(), WireError> {
     let tick = Tick(part.tick);
     let require = |holds: bool, field, value: &dyn std::fmt::Debug, allowed: &dyn std::fmt::Display| match holds {
@@ -255,7 +256,7 @@ fn assemble(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<Re
     Ok(Reassembled { has_ended, observation })
 }
 
-/// A command as a message, without the number of the run.
+/// A command as a message, without the id of the run.
 #[must_use]
 pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Command {
     maes_msgs::Command {

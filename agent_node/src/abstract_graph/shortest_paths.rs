@@ -1,4 +1,4 @@
-//! Shortest paths from one region to all others.
+//! Dijkstra's algorithm on the abstract graph: shortest paths from one region to all others.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
@@ -9,16 +9,17 @@ use super::{AbstractGraph, BLOCK_CELLS, Region, RegionId};
 use crate::exploration_map::ExplorationMap;
 use crate::path::{Goal, Graph, Moves, Path, Scratch, Search};
 
-/// Fractions of a cell that lengths are counted in, so that they have a total order.
+/// Lengths are counted in this fraction of a cell, so that they have a total order.
 const PER_CELL: f32 = 1024.0;
 
-/// ShortestPaths from one cell to the regions, shortest first. They hold as long as the regions are not renewed.
+/// The shortest paths from one cell to the regions, found in ascending order of length. They are
+/// valid until the graph is updated.
 #[derive(Debug, Clone, Default)]
 pub struct ShortestPaths {
-    /// By slot of the region; an entry of another epoch means nothing.
+    /// By slot of the region; entries of another epoch are stale.
     reached: Vec<Reached>,
     epoch: u32,
-    /// Length of the way, region.
+    /// Length of the path and its region.
     queue: BinaryHeap<Reverse<(u32, RegionId)>>,
 }
 
@@ -27,12 +28,12 @@ struct Reached {
     epoch: u32,
     length: u32,
     from: Option<RegionId>,
-    /// Whether no shorter way can be found any more.
+    /// Whether the path is final.
     is_done: bool,
 }
 
 impl ShortestPaths {
-    /// Begins at a cell; there are no paths from a cell that lies in no region.
+    /// Starts at a cell. From a cell outside all regions there are no paths.
     pub fn begin(&mut self, graph: &AbstractGraph, from: Cell) {
         self.epoch += 1;
         self.reached.resize(graph.slots as usize, Reached::default());
@@ -43,8 +44,8 @@ impl ShortestPaths {
         }
     }
 
-    /// The next region in the order of the length of the way, which is in cells. To be called until there is none, or as long as
-    /// one cares.
+    /// The next region in ascending order of path length (cells), until all reachable regions have
+    /// been returned.
     pub fn next<'r>(&mut self, graph: &'r AbstractGraph) -> Option<(RegionId, &'r Region, f64)> {
         loop {
             let Reverse((length, id)) = self.queue.pop()?;
@@ -57,7 +58,8 @@ impl ShortestPaths {
                 let to = length + (edge.length * PER_CELL) as u32;
                 let there = &mut self.reached[edge.slot as usize];
                 let is_new = there.epoch != self.epoch;
-                // Of equally long paths the one over the region with the lowest id, whichever is found first.
+                // Among paths of equal length the one over the region with the lowest id wins,
+                // whichever is found first.
                 if is_new || !there.is_done && (to, Some(id)) < (there.length, there.from) {
                     if is_new || to < there.length {
                         self.queue.push(Reverse((to, edge.to)));
@@ -74,8 +76,9 @@ impl ShortestPaths {
         (reached.epoch == self.epoch && reached.is_done).then_some(reached)
     }
 
-    /// The cheapest path from a cell to another one, in a region that has been reached, through the blocks of the way and those
-    /// beside them, and through no cell that `keeps_out`.
+    /// The cheapest path from a cell to a cell in a region that has been reached. The search is
+    /// confined to the blocks along the abstract path and their neighbours, without the cells that
+    /// `keeps_out`.
     pub fn path(
         &self,
         graph: &AbstractGraph,

@@ -12,7 +12,7 @@ fn moves() -> Moves {
     Moves::new(RADIUS_M, 1.0, Neighbours::TwentySix)
 }
 
-/// Tells a map all of a world but the cells of which `is_hidden`.
+/// Reveals a world to a map, except the cells that `is_hidden`.
 fn reveal(map: &mut ExplorationMap, world: &Grid<Terrain>, is_hidden: impl Fn(Cell) -> bool) {
     let extent = world.extent();
     for cell in extent.cells().filter(|&cell| !is_hidden(cell)) {
@@ -24,13 +24,13 @@ fn reveal(map: &mut ExplorationMap, world: &Grid<Terrain>, is_hidden: impl Fn(Ce
     }
 }
 
-/// Begins the ways at a cell, and has them find the length of the way to every region that can be reached, cells.
+/// Runs Dijkstra's algorithm from a cell: the path length to every reachable region, cells.
 fn lengths(paths: &mut ShortestPaths, graph: &AbstractGraph, from: Cell) -> BTreeMap<RegionId, f64> {
     paths.begin(graph, from);
     std::iter::from_fn(|| paths.next(graph)).map(|(id, _, length)| (id, length)).collect()
 }
 
-/// Two rooms with a door between, far to the side.
+/// Two rooms, joined by a door at the far side.
 const ROOMS: &str = "
 #############
 #.....#.....#

@@ -10,7 +10,7 @@ use super::*;
 use crate::command::AgentMessage;
 use crate::observation::ReceivedMessage;
 
-/// Counts how often it is asked.
+/// Counts its decisions.
 struct Counting(u32);
 
 impl Controller for Counting {
@@ -22,7 +22,7 @@ impl Controller for Counting {
     }
 }
 
-/// What this many agents are told of a small run.
+/// The run info of a small run with this many agents.
 fn run_info(agents: u32) -> RunInfo {
     let scenario = maes_msgs::Scenario {
         size: [4, 4, 4],
@@ -68,7 +68,7 @@ fn the_end_is_receipted_even_in_a_tick_that_was_answered() {
     assert_eq!((agent.map().free(), agent.map().covered()), (3, 1));
 }
 
-/// Acts at random when it is due, on all that it has learnt; keeps a protocol of what it was shown in these ticks.
+/// Acts at random when it is due, depending on all it knows; logs the observations of these ticks.
 struct Whim {
     rng: ChaCha8Rng,
     wake: Trigger,
@@ -106,7 +106,7 @@ impl Controller for Whim {
     }
 }
 
-/// What the world keeps of an agent, as the server does.
+/// The pending observation of an agent, as the server keeps it.
 #[derive(Default)]
 struct Mailbox {
     free: Vec<u32>,
@@ -121,7 +121,8 @@ struct Mailbox {
 const AGENTS: u32 = 4;
 const SIDE: u32 = 12;
 
-/// Plays a world that hangs on nothing but its seed; the commands that counted, and what the controllers were shown.
+/// Simulates a world that depends on its seed alone; the committed commands and the observations of
+/// the controllers.
 fn play(
     seed: u64,
     looks_ahead: bool,
@@ -241,7 +242,7 @@ fn asking_out_of_turn_changes_nothing() {
     }
 }
 
-/// Asks to be asked at its ticks only, and notes what it is shown.
+/// Is due at the given ticks only, and logs its observations.
 struct Sleeper {
     ticks: Vec<u64>,
     shown: Rc<RefCell<Vec<Observation>>>,
@@ -282,7 +283,7 @@ fn a_controller_is_asked_when_it_wants_to_be_and_misses_nothing() {
     let received = ReceivedMessage { from: AgentId(1), kind: 7, data: vec![3] };
     assert_eq!(shown[1].messages, [received.clone(), received]);
     assert_eq!(shown[1].events, 0b111);
-    // Four cells seen, the own one of which is covered, and one heard of.
+    // Four cells seen, of which its own is covered, and one received.
     assert_eq!((agent.map().free(), agent.map().covered()), (5, 1));
 }
 

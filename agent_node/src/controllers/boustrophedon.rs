@@ -1,13 +1,15 @@
-//! Boustrophedon: ploughs the free space line by line until the body has been in every cell, as an ox ploughs a field. It covers, and
-//! explores on the way.
+//! Boustrophedon: sweeps the free space line by line, as an ox ploughs a field, until the body has
+//! been in every cell. It covers, and explores on the way.
 //!
-//! From where it is, the agent goes straight on through free cells that nobody has covered: along x as far as they reach, or else one
-//! cell along y, or else one along z, so that lines fill a layer and layers a hall (Choset and Pignon, Coverage Path Planning: The
-//! Boustrophedon Cellular Decomposition, FSR 1997, with the map that is there in place of cells that are known before). Where no
-//! such cell is left beside it, it goes by the shortest way to the nearest one that is not nearer to an agent in contact; then to
-//! the nearest of all. What others say they have covered is on the map, and is left to them.
+//! From where it is, the agent goes straight on through uncovered free cells: along x as far as
+//! they reach, else one cell along y, else one along z, so that lines fill a layer and layers a
+//! room (Choset and Pignon, Coverage Path Planning: The Boustrophedon Cellular Decomposition, FSR
+//! 1997, but on the map so far instead of a map known beforehand). If no uncovered cell is beside
+//! it, it takes the shortest path to the nearest one that no agent in contact is nearer to; else to
+//! the nearest of all. Cells that others report as covered are left out.
 //!
-//! It asks for the next line when one is at its end, and so takes few decisions. Unexplored space it ploughs as soon as it is seen.
+//! It decides at the end of a line, so decisions are few. New free space is swept as soon as it is
+//! seen.
 
 use std::collections::BTreeSet;
 
@@ -23,7 +25,7 @@ use crate::exploration_map::{CellState, ExplorationMap};
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
 
-/// Where a line may lead, the first ones first, and how many cells far.
+/// The directions of a line in order of preference, and the greatest length of each, cells.
 const LINES: [(Cell, u32); 6] = [
     (Cell::new(1, 0, 0), LINE_CELLS_MAX),
     (Cell::new(-1, 0, 0), LINE_CELLS_MAX),
@@ -33,17 +35,18 @@ const LINES: [(Cell, u32); 6] = [
     (Cell::new(0, 0, -1), 1),
 ];
 
-/// Cells of a line at the most: more would not be a longer way between two decisions, but a later look at what others have done.
+/// Greatest length of a line, cells: longer ones would only delay the next look at what other
+/// agents have covered.
 const LINE_CELLS_MAX: u32 = 32;
 
-/// What an agent is about.
+/// The present task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Task {
-    /// Nothing.
+    /// None.
     None,
-    /// A line that has begun in this cell, by this step from cell to cell.
+    /// A line, by its first cell and its step from cell to cell.
     Line(Cell, Cell),
-    /// On its way to this cell.
+    /// A path to this cell.
     Transit(Cell),
 }
 
@@ -53,7 +56,7 @@ pub struct Boustrophedon {
     search_time: SearchTime,
     rng: ChaCha8Rng,
     task: Task,
-    /// Cells to which there was no way.
+    /// Cells without a path to them.
     abandoned: BTreeSet<Cell>,
 }
 
@@ -61,13 +64,14 @@ impl Boustrophedon {
     /// Settings: `search_time`, see [`Settings::search_time`].
     ///
     /// # Errors
-    /// If a setting is not allowed.
+    /// If a setting is out of range.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let search_time = settings.search_time()?;
         Ok(Self { search_time, rng, task: Task::None, abandoned: BTreeSet::new() })
     }
 
-    /// Notes the cells of a line that the body has been in: it was not asked in each of them. Somebody may have put it elsewhere.
+    /// Marks the cells of the line up to the body as covered, since the controller is not called in
+    /// each of them. The body may have been moved elsewhere (`set_entity_state`).
     fn mark_line_covered(ctx: &mut Ctx<'_>, from: Cell, step: Cell) {
         let here = ctx.cell();
         let line = std::iter::successors(Some(from), |&cell| Some(cell + step)).take(LINE_CELLS_MAX as usize + 1);
@@ -76,10 +80,10 @@ impl Boustrophedon {
         }
     }
 
-    /// The step and the end of the line that is to be gone next, if there is one.
+    /// The step and the last cell of the next line, if there is one.
     fn next_line(ctx: &Ctx<'_>) -> Option<(Cell, Cell)> {
         let here = ctx.cell();
-        // Lines lead from centre to centre.
+        // Lines lead from cell centre to cell centre.
         if ctx.map().extent().centre(here) != ctx.position() {
             return None;
         }
@@ -96,7 +100,8 @@ impl Boustrophedon {
         })
     }
 
-    /// The nearest cell that is to be covered, by way: one that is not nearer to another agent in contact, if there is one.
+    /// The uncovered cell with the shortest path, among those that no agent in contact is nearer to
+    /// if there are any.
     fn nearest(&self, observation: &Observation, ctx: &mut Ctx<'_>) -> Option<Cell> {
         let here = ctx.position();
         let others: Vec<Point3<f64>> = observation.contacts.iter().map(|contact| contact.position).collect();
@@ -114,7 +119,7 @@ impl Boustrophedon {
 
 impl Controller for Boustrophedon {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        // Before the first scan it knows nothing but its own cell.
+        // Before the first scan only the own cell is known.
         if observation.scan_tick.is_none() {
             return Command::keep(Trigger::NEXT_TICK);
         }
@@ -145,7 +150,7 @@ impl Controller for Boustrophedon {
                 let Cell { x, y, z } = goal;
                 Command::new(motion, Trigger::TASK_DONE).with_info(format!("goes to {x} {y} {z}"))
             }
-            // The body has to keep still, or the way would begin where it is no more.
+            // The body must stay at rest, since the path begins where it is now.
             NavigationStatus::Searching(trigger) => Command::new(Motion::Stop, trigger).with_info("searches a way"),
             NavigationStatus::NoPath => {
                 self.abandoned.insert(goal);
@@ -207,7 +212,7 @@ mod tests {
 
     #[test]
     fn what_is_nearer_to_another_agent_is_left_to_it_while_there_is_something_else() {
-        // All is covered but both ends of a corridor.
+        // Only both ends of a corridor are not covered.
         let mut world = World::known("#########\n#.......#\n#########\n", flat(3, 1));
         (2..7).for_each(|x| world.map.note_covered(flat(x, 1)));
         world.look();

@@ -1,7 +1,8 @@
-//! What to do when something is in the way that the map does not have: another agent.
+//! Recovery after a collision with something that the map does not have: another agent.
 //!
-//! A wait alone would not do, for both would go on against each other; so the agent first goes to a cell beside it, if one is clear.
-//! Chance sees to it that two agents do not do the same for ever.
+//! Waiting alone is not enough, since both agents would then run into each other again: the agent
+//! moves to a clear neighbouring cell first. Random choices keep two agents from repeating the same
+//! moves for ever.
 
 use std::ops::RangeInclusive;
 
@@ -11,10 +12,10 @@ use rand_chacha::ChaCha8Rng;
 use super::Ctx;
 use crate::command::{Command, Motion, Trigger};
 
-/// Ticks to keep out of the way after a collision: 0.5 to 4 s.
+/// Ticks to hold after a collision: 0.5 to 4 s.
 pub const HOLD_TICKS: RangeInclusive<u64> = 25..=200;
 
-/// Steps aside at random, and waits there for a moment.
+/// Moves to a random clear neighbour, if there is one, and holds there.
 pub fn step_aside(rng: &mut ChaCha8Rng, ctx: &Ctx<'_>) -> Command {
     let beside = ctx.clear_neighbours();
     let motion = match beside.len() {

@@ -1,19 +1,22 @@
-//! Dual-Stage Viewpoint Planner (DSVP) in three dimensions, for many agents.
+//! Dual-Stage Viewpoint Planner (DSVP) in three dimensions, for teams.
 //!
-//! Source: Zhu et al., IROS 2021 (see `dsvp/tree.rs`), and its use for several agents in the papers on MAES3D. In the *exploration*
-//! stage the agent grows a tree of viewpoints within its horizon and goes along the branch that is worth most; when no viewpoint
-//! is worth anything, the *relocation* stage takes it to the nearest frontier of all that it knows and can reach.
+//! Source: Zhu et al., IROS 2021 (see `dsvp/tree.rs`), and its multi-agent use in the papers on
+//! MAES3D. In the *exploration* stage the agent grows a tree of viewpoints within its horizon and
+//! follows the branch with the highest gain; if no viewpoint has a gain, the *relocation* stage
+//! takes it to the nearest reachable frontier of its map.
 //!
-//! Beyond the papers: the gain of a viewpoint is found by rays; the way of the relocation is the shortest one on a coarse graph
-//! of all known free space ([`crate::abstract_graph`]), which has the place of the global graph; a goal is given up as soon as what it
-//! was for has been seen, by whomever; an agent that knows of no frontier carries what it knows to the agent it has not met for
-//! longest, and explores again when news bring frontiers.
+//! Beyond the papers: viewpoint gains are computed by ray casting; the relocation path is the
+//! shortest one on the abstract graph of all known free space ([`crate::abstract_graph`]), which
+//! replaces the global RRG; a goal is dropped as soon as its unexplored cells have been seen by any
+//! agent; an agent that knows no frontier pursues the agent it has been out of contact with for
+//! longest, to deliver its map, and explores again when map updates bring frontiers.
 //!
-//! **Frontiers of other agents.** A frontier is a fact about a map: what an agent learns of another's map brings the other's
-//! frontiers, less those that it knows better about. So the exchange of maps is the exchange of frontiers.
+//! **Frontiers of other agents.** Frontiers are a function of the map: merging another agent's map
+//! brings its frontiers, except those that the own map already resolves. So exchanging maps
+//! exchanges frontiers.
 //!
-//! Invariants: it goes only through cells that it knows to be free; it never waits for ever as long as it knows a frontier it can
-//! reach, or an agent it has met.
+//! Invariants: it moves only through cells known to be free; it never waits indefinitely while it
+//! knows a reachable frontier or the last position of another agent.
 
 mod auction;
 mod avoidance;
@@ -55,51 +58,54 @@ pub use params::Params;
 use pursuit::LastKnownPositions;
 use tree::{Tree, vector};
 
-/// Longest wait after a collision with another agent, ticks: about the time in which the other one gets out of the way.
+/// Longest wait after a collision with another agent, ticks: about the time in which the other one
+/// moves away.
 const BACKOFF_TICKS_MAX: u64 = 100;
 
-/// Ticks after which an agent without a goal thinks again, even without news.
+/// Ticks after which an agent without a goal plans again, even if the map has not changed.
 const IDLE_TICKS: u64 = 250;
 
-/// Ticks that an agent at rest waits for a scan, if it does not get the one it asked for in the next tick.
+/// Ticks that an agent at rest waits for a scan if the one it requested for the next tick does not
+/// come.
 const SCAN_TIMEOUT_TICKS: u64 = 50;
 
-/// Goals that are tried when there is no way to some because other agents are in it.
+/// Goals to try when other agents block the paths to some.
 const ATTEMPTS: usize = 3;
 
-/// How far an agent goes out of the way of others, cells of way at the most.
+/// Greatest length of an evasive path, cells.
 const EVASION_CELLS_MAX: f64 = 15.0;
 
 /// The planner of one agent.
 #[derive(Debug)]
 pub struct Dsvp {
     params: Params,
-    /// Of the auction, if there is one.
+    /// Parameters of the auction, if there is one.
     auction_params: Option<AuctionParams>,
     rng: ChaCha8Rng,
-    /// Made with the first observation, which says how large the map is.
+    /// Built at the first observation, when the extent of the map is known.
     model: Option<WorldModel>,
     /// The last local tree.
     tree: Option<Tree>,
-    /// Where the last plan of the exploration stage led to, as seen from where it began; length 1.
+    /// Direction of the last branch from its root to its end; unit vector.
     direction: Option<Vector3<f64>>,
     goal: Option<Goal>,
-    /// How many cells were known when it made its last plan.
+    /// Number of known cells at the last plan.
     known_cells: usize,
-    /// There was nothing better to go for than what another agent is nearer to.
+    /// Whether the present goal was taken although another agent outbids it, for lack of a better
+    /// one.
     is_contested: bool,
-    /// At rest until then, because another agent was in the way.
+    /// Until when it waits at rest because another agent blocked its path.
     waits_until: Option<Tick>,
-    /// Since when it is at rest, for a scan that shows what there is to see from here.
+    /// Since when it has been at rest, waiting for a scan from here.
     at_rest_since: Option<Tick>,
     last_known: LastKnownPositions,
-    /// Frontiers that have been looked at from as near as can be, to no avail.
+    /// Frontiers that stayed frontiers when observed from the nearest viewpoint.
     abandoned: BTreeSet<Cell>,
-    /// Viewpoints from which a scan did not show what they were chosen for.
+    /// Viewpoints from which a scan did not reveal the cells they were chosen for.
     unproductive: BTreeSet<Cell>,
 }
 
-/// What the planner knows of the map in its own way.
+/// The planner's own data derived from the map.
 #[derive(Debug)]
 struct WorldModel {
     graph: AbstractGraph,
@@ -112,16 +118,16 @@ impl Dsvp {
     /// Settings: those of [`Params`].
     ///
     /// # Errors
-    /// If a setting is not allowed.
+    /// If a setting is out of range.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         Ok(Self::with(Params::from_settings(settings)?, None, rng))
     }
 
-    /// With an auction: agents share out what there is to explore. Settings: those of [`Params`], and `spread_m`, `discount`,
-    /// `trespass_m`, `detour`, `pace_m_s`, `lease_s` (see docs/controllers.md).
+    /// The planner with an auction of goals. Settings: those of [`Params`], and `spread_m`,
+    /// `discount`, `trespass_m`, `detour`, `pace_m_s`, `lease_s` (see docs/controllers.md).
     ///
     /// # Errors
-    /// If a setting is not allowed.
+    /// If a setting is out of range.
     pub fn with_auction(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         Ok(Self::with(Params::from_settings(settings)?, Some(AuctionParams::from_settings(settings)?), rng))
     }
@@ -145,7 +151,7 @@ impl Dsvp {
         }
     }
 
-    /// Takes in what is new.
+    /// Updates the derived data: claims received, abstract graph, last known positions.
     fn update(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) {
         let run_info = ctx.run_info();
         let extent = run_info.extent;
@@ -170,7 +176,7 @@ impl Dsvp {
         self.last_known.record(&observation.contacts, extent, observation.tick);
     }
 
-    /// Whether there is still reason to go where it goes.
+    /// Whether the present goal is still worth pursuing.
     fn is_goal_valid(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> bool {
         let Some(model) = &mut self.model else { return false };
         let is_outbid = || model.auction.as_ref().is_some_and(|auction| auction.is_outbid(observation.tick));
@@ -192,12 +198,13 @@ impl Dsvp {
         }
     }
 
-    /// Whether the map has changed since the last plan in a way that may have brought something to explore.
+    /// Whether the map has changed since the last plan, so that new frontiers are possible.
     fn has_map_changed(&self, map: &ExplorationMap) -> bool {
         map.free() + map.wall() != self.known_cells
     }
 
-    /// At rest and with all seen that can be seen from here, or its goal is none any more: where to?
+    /// Chooses the next goal; called at rest after a scan, or when the present goal has become
+    /// invalid.
     fn plan(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let obstacles = obstacles_near(observation, ctx);
         let plan = match self.explore(observation, ctx, &obstacles) {
@@ -236,7 +243,7 @@ impl Dsvp {
         self.with_claims(command, observation)
     }
 
-    /// A command that also tells the agents in contact of the claims, if there is an auction.
+    /// Adds the claims for the agents in contact to a command, if there is an auction.
     fn with_claims(&self, command: Command, observation: &Observation) -> Command {
         match self.model.as_ref().and_then(|model| model.auction.as_ref()) {
             Some(auction) if !observation.contacts.is_empty() => {
@@ -246,14 +253,14 @@ impl Dsvp {
         }
     }
 
-    /// When to ask an agent that is on its way.
+    /// The trigger while under way.
     fn trigger(&self) -> Trigger {
         let news = if self.auction_params.is_some() { Events::CONTACTS | Events::PARCEL } else { 0 };
         Trigger::TASK_DONE.or(Trigger::on(Events::NEW_CELL | news))
     }
 
-    /// Obstacle agents are in the way. It waits for them to go on or goes aside, by chance, so that no two agents wait for each other
-    /// for ever.
+    /// Other agents block all paths: waits or evades at random, so that no two agents wait for each
+    /// other for ever.
     fn resolve_blockage(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Command {
         if self.rng.random_bool(0.5)
             && let Some((goal, motion)) = self.evade(ctx, obstacles)
@@ -266,7 +273,7 @@ impl Dsvp {
         Command::new(hold(observation), Trigger::at(until)).with_info("gives way")
     }
 
-    /// To a region nearby, at random.
+    /// To a random region nearby.
     fn evade(&mut self, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Option<(Goal, Motion)> {
         let WorldModel { graph, paths, .. } = self.model.as_mut()?;
         let here = ctx.cell();
@@ -331,12 +338,12 @@ impl Dsvp {
         }
     }
 
-    /// The relocation stage: to the nearest frontier of all, or with an auction to the one that costs least.
+    /// The relocation stage: to the nearest frontier, or with an auction to the one of least cost.
     fn relocate(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
         let Some(WorldModel { graph, paths, auction, .. }) = &mut self.model else { return Plan::Nothing };
         let here = ctx.cell();
         let cell_m = ctx.map().extent().cell_m();
-        // The cheapest ones so far: what they cost, from where to look, at what.
+        // The cheapest candidates so far: cost, viewpoint, frontier.
         let mut best: Vec<(f64, Cell, Cell)> = Vec::new();
         paths.begin(graph, here);
         while let Some((id, region, length)) = paths.next(graph) {
@@ -370,8 +377,8 @@ impl Dsvp {
         if best.is_empty() { Plan::Nothing } else { Plan::Blocked }
     }
 
-    /// Nothing is left to explore as far as this agent knows: it takes what it knows to the agent that it has not met for longest,
-    /// and once it has looked for all of them, to anywhere.
+    /// No frontier is left on this map: carries the map to the agent out of contact for longest;
+    /// once all have been tried, to a random region.
     fn pursue(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
         let Some(WorldModel { graph, paths, .. }) = &mut self.model else { return Plan::Nothing };
         if observation.contacts.len() + 1 >= ctx.run_info().agents as usize {
@@ -398,14 +405,14 @@ impl Dsvp {
     }
 }
 
-/// What came of a stage.
+/// The result of a stage.
 #[derive(Debug, Clone, PartialEq)]
 enum Plan {
-    /// There is something to go for.
+    /// A goal and the motion to it.
     Go(Goal, Motion),
-    /// There would be, but other agents are in the way.
+    /// There are goals, but other agents block the paths to them.
     Blocked,
-    /// There is not.
+    /// No goal.
     Nothing,
 }
 
@@ -442,7 +449,7 @@ impl Controller for Dsvp {
     }
 }
 
-/// One frontier of each region within the horizon: the one nearest to the agent.
+/// For each region within the horizon the frontier nearest to the agent.
 fn local_frontiers(graph: &AbstractGraph, here: Cell, horizon: i32) -> Vec<Cell> {
     let nearest = |frontiers: &[Cell]| frontiers.iter().copied().min_by(|a, b| by_distance(here, a, b));
     graph.near(here, horizon).filter_map(|(_, region)| nearest(&region.frontiers)).collect()
@@ -452,7 +459,8 @@ fn by_distance(here: Cell, a: &Cell, b: &Cell) -> Ordering {
     tree::length_between(here, *a).total_cmp(&tree::length_between(here, *b)).then(a.cmp(b))
 }
 
-/// The local frontiers that lie most in the direction of travel; without one yet, some at random.
+/// The local frontiers most aligned with the direction of travel; random ones if there is no
+/// direction yet.
 fn most_ahead(
     mut frontiers: Vec<Cell>,
     here: Cell,
@@ -471,7 +479,8 @@ fn most_ahead(
     frontiers
 }
 
-/// From where to look at a frontier: it itself, or the centre of its region if the body does not fit into it.
+/// The viewpoint of a frontier: the frontier itself, or the centre of its region if the body does
+/// not fit into it.
 fn viewpoint(graph: &AbstractGraph, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
     if graph.region_of(frontier) == Some(region) { frontier } else { centre }
 }

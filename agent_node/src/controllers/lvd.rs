@@ -1,19 +1,21 @@
-//! Local Voronoi Decomposition: each agent explores what is nearer to it than to those it hears.
+//! Local Voronoi Decomposition (LVD): each agent explores what is nearer to it than to the agents
+//! in contact.
 //!
-//! After the papers on MAES3D (and Fu, Bandyopadhyay and Ang 2009, whom they follow), with the rules that their code leaves out.
-//! At each decision:
+//! After the papers on MAES3D (and Fu, Bandyopadhyay and Ang 2009, whom they follow), with the
+//! rules that their code leaves out. At each decision:
 //! 1. **Region.** A cell is the agent's own if no agent in contact is nearer to it (`region`).
-//! 2. **Exploration mode.** A cell is *unvisited* if it is free and not covered; the agent covers the free cells that it sees
-//!    within a small radius, and shares the marks with its map. It goes to the nearest unvisited cell of its own region that the
-//!    last scan has seen (`exploring`).
-//! 3. **Search mode**, if there is none: it goes to an occlusion point, preferably one it has never visited, else the one it has
-//!    not visited for the longest time; else to the nearest boundary of its region; else to the nearest unvisited cell that it
-//!    knows a way to; else it waits for news (`searching`). It leaves search mode as soon as it sees an unvisited cell in its
-//!    own region.
+//! 2. **Exploration mode.** A cell is *unvisited* if it is free and not covered; the agent covers
+//!    the free cells that it sees within a small radius, and shares the marks with its map. It goes
+//!    to the nearest unvisited cell of its own region in the last scan (`exploring`).
+//! 3. **Search mode**, if there is none: it goes to an occlusion point, preferably one never
+//!    visited, else the one visited longest ago; else to the nearest boundary of its region; else
+//!    to the nearest unvisited cell with a known path; else it waits for map updates (`searching`).
+//!    It leaves search mode as soon as it sees an unvisited cell in its own region.
 //!
-//! Invariants: it asks for nothing that is refused, whatever it observes; however large the map is, no decision looks at more
-//! than 200 000 of its cells beside those in view, and what takes longer goes on in the next tick. What differs from the reference
-//! as coded: docs/reference-differences.md, and [`super::lvd_maes3d`].
+//! Invariants: all its commands are legal, whatever it observes; on maps of any size, a decision
+//! examines at most 200 000 cells beside those in view, and longer searches continue in the next
+//! tick. Differences from the reference as coded: docs/reference-differences.md, and
+//! [`super::lvd_maes3d`].
 
 pub(crate) mod exploring;
 pub(crate) mod flood;
@@ -43,41 +45,43 @@ use last_scan::LastScan;
 use places::Places;
 use region::Region;
 
-/// What ends a leg, and what can change the mind of an agent under way.
+/// The events that end a leg or can change the destination of an agent under way.
 const UNDER_WAY: u8 = Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL;
 
-/// How long an agent without a goal waits for news at a time: 5 s, as the reference's map sharing.
+/// How long an agent without a destination waits for map updates at a time: 5 s, as the reference's
+/// map sharing.
 const WAIT_TICKS: u64 = 250;
 
-/// How long a cell is left alone to which there was no way, or on the way to which something was hit: 30 s.
+/// How long a destination is avoided after a failed search or a collision on the path to it: 30 s.
 const REFUSAL_TICKS: u64 = 1500;
 
-/// A goal among fewer cells that is cut off is found to be so without a search for a path.
+/// A destination in a pocket of fewer cells is recognised as cut off without a path search.
 const POCKET_CELLS_MAX: usize = 4096;
 
-/// Searches for paths end after so many cells: about a millisecond.
+/// Most cells that a path search expands: about a millisecond.
 const SEARCH_CELLS_MAX: u64 = 1 << 12;
 
-/// Goals farther away than so many steps from cell to cell are gone to in stages, each of which a search is sure to find.
+/// Destinations farther away than this many steps are approached in stages, each of which a search
+/// is sure to find.
 const STAGE_STEPS: usize = 48;
 
-/// Waits after a collision are drawn from half a second to two and a half.
+/// Waits after a collision, ticks: half a second to two and a half.
 const EVASION_TICKS: std::ops::Range<u64> = 25..125;
 
-/// Why the agent goes where it goes.
+/// The purpose of a destination.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Purpose {
-    /// To an unvisited cell in sight.
+    /// An unvisited cell in sight.
     Explore,
-    /// To an occlusion point.
+    /// An occlusion point, to look behind a corner.
     OcclusionPoint,
-    /// To the boundary of its region.
+    /// The boundary of the region.
     Boundary,
-    /// To an unvisited cell it knows of.
+    /// A known unvisited cell out of sight.
     Remembered,
-    /// To a place on the way to one of these, which is the cell.
+    /// A stage on the path to the given destination.
     Towards(Cell),
-    /// Out of somebody's way.
+    /// A clear neighbour, to let another agent pass.
     Evade,
 }
 
@@ -86,7 +90,7 @@ impl Purpose {
         matches!(self, Self::OcclusionPoint | Self::Boundary | Self::Remembered | Self::Towards(_))
     }
 
-    /// What is meant by going to a cell.
+    /// The final destination of a stage, or the cell itself.
     fn aim(self, goal: Cell) -> Cell {
         if let Self::Towards(aim) = self { aim } else { goal }
     }
@@ -102,7 +106,7 @@ impl Purpose {
     }
 }
 
-/// One agent's exploration.
+/// The exploration of one agent.
 #[derive(Debug)]
 pub struct Lvd {
     rng: ChaCha8Rng,
@@ -114,9 +118,9 @@ pub struct Lvd {
     scan: LastScan,
     flood: Flood,
     places: Places,
-    /// Where the agent is going, and why.
+    /// The present destination and its purpose.
     destination: Option<(Cell, Purpose)>,
-    /// Cells it does not try until then.
+    /// Destinations to avoid, and until when.
     refused: Vec<(Cell, Tick)>,
     waits_until: Tick,
     has_asked_for_view: bool,
@@ -125,17 +129,20 @@ pub struct Lvd {
 
 impl Lvd {
     /// Settings:
-    /// - `visit_radius_m`: free cells seen from so near, and from at most 24 cells, are visited (reference: 3.75; in one of its
-    ///   branches 6.75);
-    /// - `leg_max_m`: how far a straight leg may go on through unvisited cells (ours, 20; reference, and 0: to the nearest one);
-    /// - `near_m`: of 26 directions, those whose nearest unvisited cell is farther than the nearest one of all by no more than
-    ///   this are as good, and the longest leg decides, then their order (ours, 4; reference, and 0: the nearest cell alone);
-    /// - `merge_m`: occlusion points so near to each other are one (ours, 3.75; the paper merges near ones, without a number);
-    /// - `visits_max`: how often search mode goes to the same place (ours, 3);
+    /// - `visit_radius_m`: free cells seen from within this distance, and from at most 24 cells,
+    ///   are visited (reference: 3.75; in one of its branches 6.75);
+    /// - `leg_max_m`: greatest length of a straight leg on through unvisited cells (ours, 20;
+    ///   reference, and 0: to the nearest one);
+    /// - `near_m`: of 26 directions, those whose nearest unvisited cell is at most this much
+    ///   farther than the nearest of all tie, and the longest leg decides, then their order (ours,
+    ///   4; reference, and 0: the nearest cell alone);
+    /// - `merge_m`: occlusion points within this distance are merged (ours, 3.75; the paper merges
+    ///   near ones, without a number);
+    /// - `visits_max`: how often search mode visits the same place (ours, 3);
     /// - `search_time`, `search_ticks`, `search_cells_per_tick`: see [`Settings::search_time`].
     ///
     /// # Errors
-    /// If a setting is not allowed.
+    /// If a setting is out of range.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let visit_radius_m = settings.number("visit_radius_m", 3.75, 0.0, 1e6)?;
         let near_m = settings.number("near_m", 4.0, 0.0, 1e6)?;
@@ -196,7 +203,7 @@ impl Lvd {
         Command::keep(Trigger::at(observation.tick.next())).with_view_request()
     }
 
-    /// Ends the present task to choose again with the view of the last scan.
+    /// Ends the present task, to choose again with the view of the last scan.
     fn abort_task(&mut self) -> Command {
         self.destination = None;
         self.has_asked_for_view = true;
@@ -221,7 +228,7 @@ impl Lvd {
         keep
     }
 
-    /// Whether a cell that was seen for the first time since the last observation is unvisited and in the own region.
+    /// Whether a cell that was first seen in this observation is unvisited and in the own region.
     fn sees_unvisited(&self, observation: &Observation, ctx: &Ctx<'_>) -> bool {
         let extent = ctx.map().extent();
         let region = Region::new(observation, ctx);
@@ -233,7 +240,7 @@ impl Lvd {
         })
     }
 
-    /// Waits or steps aside at random, so that two agents in each other's way do not do the same for ever.
+    /// Waits or moves aside at random, so that two agents do not block each other for ever.
     fn evade(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         if let Some((goal, purpose)) = self.destination.take() {
             self.refuse(purpose.aim(goal), observation.tick);
@@ -291,7 +298,7 @@ impl Lvd {
         let near = compass.iter().flatten().filter(|&&(distance, _)| in_m(distance) <= nearest_m + self.near_m);
         let legs =
             near.map(|&(_, cell)| exploring::leg_through(ctx, region, cell, self.leg_max_m, self.visit_radius_m));
-        // Of several, the first one in the order of the compass.
+        // Of equal lengths the first in the order of the compass.
         let longest = legs.fold(None, |best: Option<exploring::Leg>, leg| match best {
             Some(best) if best.length_m >= leg.length_m => Some(best),
             _ => Some(leg),
@@ -326,7 +333,7 @@ impl Controller for Lvd {
         }
         if let Some((goal, purpose)) = self.destination {
             if observation.events & Events::TASK_DONE == 0 {
-                // The way there is being searched for.
+                // The path there is being searched for.
                 return self.pursue(observation, ctx, goal, purpose);
             }
             self.destination = None;

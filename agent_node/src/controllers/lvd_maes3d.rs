@@ -1,18 +1,26 @@
-//! Local Voronoi Decomposition as it is coded in MAES3D, for comparison with its results.
+//! Local Voronoi Decomposition as coded in MAES3D, for comparison with its results.
 //!
-//! Axes: our x is its x, our y its z, our z its y. What it does that [`super::lvd`] does not:
-//! - it acts a tick late after a task that ended by itself, and at the start: there the status becomes idle only then;
-//! - it looks at the view of the last scan alone, which may be from another place, and goes to the single nearest cell;
-//! - of cells that are equally near, the first in ray order counts: rays go from the +z side (our +y) to the other;
-//! - the region is that of cell centres, and cells between two agents belong to both;
-//! - search mode ends with any visible cell that was not covered, in whosever region, by going to the centre of the own cell;
-//! - selections of an occlusion point are counted, not visits, and if all were selected before, the one listed last counts;
-//! - points near each other are not merged, and there is no other thing to do: it stays and tries again in each tick;
-//! - a wall at the edge of the map that is seen in search mode is an error, and the agent does nothing in that tick.
+//! Axes: our x is its x, our y its z, our z its y. Differences from [`super::lvd`]:
+//! - it acts a tick late after a task that ended by itself, and at the start, because the status
+//!   becomes idle only then;
+//! - it uses the view of the last scan alone, which may be from another place, and goes to the
+//!   single nearest cell;
+//! - of cells at equal distances, the first in ray order wins: rays go from the +z side (our +y) to
+//!   the other;
+//! - the region is decided by cell centres, and cells between two agents belong to both;
+//! - search mode ends with any visible uncovered cell, in any region, by going to the centre of the
+//!   own cell;
+//! - selections of an occlusion point count, not visits, and if all were selected before, the last
+//!   one listed wins;
+//! - points near each other are not merged, and there is no fallback: it stays and tries again in
+//!   each tick;
+//! - a wall at the edge of the map that is seen in search mode is an error, and the agent does
+//!   nothing in that tick.
 //!
-//! What cannot be reproduced: the order of rays on the same circle about the pole (here: upwards, then along x), the walls that
-//! are listed once for each of their rays (here once), a look at the true map for a straight way (here the own map is asked), the
-//! time that a search on another thread takes (here none), and paths that are some cells longer than need be.
+//! Not reproducible: the order of rays on the same circle about the pole (here upwards, then along
+//! x), walls listed once for each of their rays (here once), straight paths checked on the true map
+//! (here on the agent's own), the duration of a search on another thread (here none), and paths
+//! some cells longer than necessary.
 
 use std::collections::BTreeMap;
 
@@ -31,20 +39,20 @@ use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
 use crate::path::Neighbours;
 
-/// Cells seen from so near are visited, in cells.
+/// Cells seen from within this distance are visited, in cells.
 const VISIT_RADIUS_CELLS: f64 = 3.75;
 
 const UNDER_WAY: u8 = Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL;
 
-/// The reference would have looked at a cell outside the map.
+/// The reference would have read a cell outside the map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct OutOfBounds;
 
-/// One agent's exploration.
+/// The exploration of one agent.
 #[derive(Debug, Clone, Default)]
 pub struct LvdMaes3d {
     scan: LastScan,
-    /// How often an occlusion point was selected.
+    /// Selections by occlusion point.
     selections: BTreeMap<Cell, u64>,
     is_in_search_mode: bool,
     destination: Option<Point3<f64>>,
@@ -54,13 +62,13 @@ pub struct LvdMaes3d {
 }
 
 impl LvdMaes3d {
-    /// It has no settings.
+    /// The controller has no settings.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Marks what is near and in view as visited; gives whether anything in view was not.
+    /// Marks nearby cells in view as visited; returns whether any cell in view was not.
     fn visits(&self, ctx: &mut Ctx<'_>) -> bool {
         let extent = ctx.map().extent();
         let own = ctx.cell();
@@ -88,7 +96,7 @@ impl LvdMaes3d {
         })
     }
 
-    /// The occlusion point to go to, which is counted as selected.
+    /// The occlusion point to visit; counts its selection.
     fn occlusion_point(&mut self, extent: Extent, own: Cell, others: &[Cell]) -> Result<Option<Cell>, OutOfBounds> {
         let mut nearest: Option<(i32, Cell)> = None;
         let mut last = None;
@@ -199,7 +207,8 @@ impl Controller for LvdMaes3d {
             let is_any_unvisited = self.visits(ctx);
             if self.is_in_search_mode && is_any_unvisited {
                 self.is_in_search_mode = false;
-                // That changes no status, so who is idle goes on and chooses; who then has nowhere to go stays with it.
+                // The status does not change by that, so an idle agent continues and chooses;
+                // without a destination it stays at its centre.
                 let chosen = if is_idle { self.chooses(observation, ctx) } else { looks_again(Trigger::NEXT_TICK) };
                 return if chosen.motion == Motion::Keep { self.goes_to_own_centre(ctx) } else { chosen };
             }

@@ -1,11 +1,13 @@
-//! Nearest frontier: goes where the nearest unexplored cells are, until there are none. The example to start a controller from.
+//! Nearest frontier: moves to the nearest frontier until there are none. The example to start a
+//! controller from.
 //!
-//! A *frontier* is a cell known to be free that has an unexplored cell next to it. The agent searches its own map for the frontier
-//! with the shortest way, goes there, and looks for the next one once that has become an ordinary cell, which mostly happens long
-//! before it arrives.
+//! A *frontier* is a cell known to be free with an unexplored neighbour. The agent searches its own
+//! map for the frontier with the shortest path, moves there, and looks for the next one once that
+//! cell is no frontier any more, which mostly happens long before it arrives.
 //!
-//! With `relays=on` it leaves relays behind where it would lose contact ([`super::relays`]). It does not coordinate: agents that know the same go to the same places. It finds no way round an agent that stays for ever in
-//! a passage one cell wide.
+//! With `relays=on` it drops relays where it would lose contact ([`super::relays`]). It does not
+//! coordinate: agents with equal maps go to the same frontiers. It does not find a path around an
+//! agent that stays in a passage one cell wide.
 
 use std::collections::BTreeSet;
 
@@ -21,21 +23,22 @@ use crate::command::{Command, Motion, Trigger};
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
 
-/// The mark of relays that keep nothing.
+/// The mark of its relays, which store nothing.
 const RELAY_MARK: u8 = 0;
 
-/// The controller of one agent: what it remembers from one decision to the next.
+/// The controller of one agent: its state between decisions.
 #[derive(Debug, Clone)]
 pub struct NearestFrontier {
     search_time: SearchTime,
-    /// Its own stream of random numbers. Nothing else may be random, or a run could not be repeated.
+    /// Its own random stream. Any other source of randomness would make runs unrepeatable.
     rng: ChaCha8Rng,
-    /// The frontier it goes to.
+    /// The frontier it moves to.
     goal: Option<Cell>,
-    /// Frontiers it has been in without seeing what is beyond, because the sensor does not reach there. It leaves them alone.
+    /// Frontiers it has been in without seeing what is beyond, because the sensor does not reach
+    /// there.
     abandoned: BTreeSet<Cell>,
     relays: Relays,
-    /// The waypoints that it goes along.
+    /// The waypoints ahead of it.
     waypoints: Vec<Point3<f64>>,
 }
 
@@ -43,22 +46,22 @@ impl NearestFrontier {
     /// Settings: `search_time`, see [`Settings::search_time`], and `relays`, see [`Relays::new`].
     ///
     /// # Errors
-    /// If a setting is not allowed.
+    /// If a setting is out of range.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let search_time = settings.search_time()?;
         let relays = Relays::new(settings)?;
         Ok(Self { search_time, rng, goal: None, abandoned: BTreeSet::new(), relays, waypoints: Vec::new() })
     }
 
-    /// The frontier with the shortest way to it.
+    /// The frontier with the shortest path.
     fn nearest(&self, ctx: &mut Ctx<'_>) -> Option<Cell> {
         ctx.nearest(|map, cell| map.is_frontier(cell) && !self.abandoned.contains(&cell))
     }
 
-    /// The command, and a relay is left behind if this is the place for it.
+    /// The command, with a relay dropped here if needed.
     fn with_relay_if_needed(&mut self, command: Command, observation: &Observation, ctx: &Ctx<'_>) -> Command {
         let here = ctx.position();
-        // Waypoints behind it are passed.
+        // Waypoints that it has passed are removed.
         let passed = self.waypoints.iter().position(|next| (next - here).norm() < ctx.map().extent().cell_m() / 2.0);
         self.waypoints.drain(..passed.map_or(0, |passed| passed + 1));
         match self.relays.should_drop(observation, ctx, &self.waypoints) {
@@ -70,16 +73,19 @@ impl NearestFrontier {
 
 impl Controller for NearestFrontier {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        // Before the first scan it knows nothing but its own cell. The task of the body, here none, is left as it is.
+        // Before the first scan only the own cell is known. The task of the body, here none, is
+        // unchanged.
         if observation.scan_tick.is_none() {
             return Command::keep(Trigger::NEXT_TICK);
         }
-        // Events tell what has happened since the last decision; `observation.collision` would tell of old collisions as well.
+        // Events are those since the last decision; `observation.collision` would include old
+        // collisions.
         if self.goal.is_some() && observation.events & Events::COLLISION != 0 {
             self.goal = None;
             return collision_recovery::step_aside(&mut self.rng, ctx);
         }
-        // Under way it wants to be asked in each new cell, because from there it may have seen what is beyond the frontier.
+        // Under way it decides in each new cell, since it may have seen beyond the frontier from
+        // there.
         let under_way = Trigger::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL);
         let mut goal = self.goal.filter(|&goal| ctx.map().is_frontier(goal));
         if goal.is_some() && observation.is_active {
@@ -89,11 +95,11 @@ impl Controller for NearestFrontier {
             self.abandoned.insert(reached);
             goal = None;
         }
-        // A goal that is still one is gone to again: a search that takes time is asked for its answer like this.
+        // A goal that is still a frontier is requested again: this polls a search that takes time.
         self.goal = goal.or_else(|| self.nearest(ctx));
         let Some(goal) = self.goal else {
-            // All is explored that it can get to. What others know may change that: they are heard when they come into contact, and
-            // map parcels are in the map before the controller is asked.
+            // All reachable space is explored. Maps of other agents may change that: they arrive on
+            // contact, and map messages are merged before the controller is called.
             return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
                 .with_info("knows no frontier");
         };
@@ -106,7 +112,7 @@ impl Controller for NearestFrontier {
                 let command = Command::new(motion, under_way).with_info(format!("goes to the frontier {x} {y} {z}"));
                 self.with_relay_if_needed(command, observation, ctx)
             }
-            // The body has to keep still, or the way would begin where it is no more.
+            // The body must stay at rest, since the path begins where it is now.
             NavigationStatus::Searching(trigger) => {
                 Command::new(Motion::Stop, trigger).with_info(format!("searches a way to {x} {y} {z}"))
             }
@@ -215,7 +221,7 @@ mod tests {
         assert_eq!(destination(&world, &second), flat(4, 0));
         world.arrive(&second.motion);
         assert_eq!(world.ask(&mut controller).info, "knows no frontier");
-        // News of another agent.
+        // A map update from another agent.
         world.map.note_free(&[5]);
         world.observation.events = Events::PARCEL;
         assert_eq!(world.ask(&mut controller).info, "knows no frontier", "nothing beyond");
@@ -239,7 +245,7 @@ mod tests {
             assert!(HOLD_TICKS.contains(&wait));
             waits.insert(wait);
             places.insert(destination(&world, &aside));
-            // The step aside is refused as well: it waits all the same, and then goes on.
+            // The step aside fails as well: it holds all the same, and then continues.
             world.collide();
             world.observation.tick = aside.trigger.at;
         }

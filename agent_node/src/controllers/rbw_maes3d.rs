@@ -1,8 +1,9 @@
-//! Random Ballistic Walk as it is coded in MAES3D, for comparison with its results.
+//! Random Ballistic Walk as coded in MAES3D, for comparison with its results.
 //!
-//! Differences from [`super::rbw`]: the first heading is that of the start, at 45 degrees upwards; angles are whole degrees;
-//! half a turn goes to the right; and the agent acts one tick later after a task that ended by itself, and at the start,
-//! because there the status becomes idle only in the tick after.
+//! Differences from [`super::rbw`]: the first heading is that of the start, at 45 degrees upwards;
+//! angles are whole degrees; half a turn goes to the right; and the agent acts one tick late after
+//! a task that ended by itself, and at the start, because the status becomes idle only in the tick
+//! after.
 
 use std::f64::consts::PI;
 
@@ -26,7 +27,7 @@ pub struct RbwMaes3d {
 }
 
 impl RbwMaes3d {
-    /// It has no settings.
+    /// The controller has no settings.
     #[must_use]
     pub fn new(rng: ChaCha8Rng) -> Self {
         Self { rng, pitch_deg: FIRST_PITCH_DEG, notices_at: None }

@@ -1,6 +1,7 @@
 //! The nearest known name to a misspelt one.
 
-/// Appended to an error about an unknown name: `; did you mean ...?`, or nothing if no known name is near.
+/// Appended to an error about an unknown name: `; did you mean ...?`, or nothing if no known name
+/// is near.
 pub(super) fn did_you_mean<K: AsRef<str>>(unknown: &str, known: &[K]) -> String {
     let distance = |name: &&str| strsim::osa_distance(unknown, name);
     let nearest = known.iter().map(AsRef::as_ref).min_by_key(distance);

@@ -1,10 +1,11 @@
-//! For tests of controllers: a small world drawn as text, with one agent that learns by looking around.
+//! Test harness for controllers: a small world drawn as text, with one agent.
 //!
-//! There are two ways to drive it. Step by step: [`World::look`], [`World::ask`], and then [`World::arrive`] or [`World::collide`],
-//! which end a motion at once and as a whole. Or in ticks: [`World::run`], in which the agent scans whenever it is asked, and moves
-//! along its waypoints. The body is a point that moves half a metre in a tick and turns at once; the real one is the server's.
+//! It is driven in one of two modes. Step by step: [`World::look`], [`World::ask`], and then
+//! [`World::arrive`] or [`World::collide`], which end a motion at once. Or in ticks:
+//! [`World::run`], in which the agent scans before each decision and moves along its waypoints. The
+//! body is a point that moves half a metre in a tick and turns at once, unlike the server's.
 //!
-//! Invariant: every command that a controller gives here is legal, or the test fails (`legal`).
+//! Invariant: every command of a controller is legal, or the test fails (`legal`).
 
 mod legal;
 
@@ -23,19 +24,20 @@ use crate::exploration_map::{CellState, ExplorationMap};
 use crate::navigation::NavigationTask;
 use crate::observation::{Cells, Collision, Contact, Observation, Pose, RunInfo, Surface};
 
-/// The agent.
+/// The id of the agent.
 const AGENT: AgentId = AgentId(1);
 
-/// How far the body gets in a tick.
+/// Distance covered in a tick.
 const STEP_M: f64 = 0.5;
 
-/// Two bodies that come nearer than this collide.
+/// Distance between bodies below which they collide.
 const NEAR_M: f64 = 2.0 * RADIUS_M;
 
 /// Radius of the body, metres.
 pub(crate) const RADIUS_M: f64 = 0.4;
 
-/// At rest in the middle of a cube of ten cells, in the first tick; nothing has happened and nothing was scanned.
+/// At rest in the middle of a cube of ten cells, in the first tick, without events and before the
+/// first scan.
 pub(crate) fn idle() -> Observation {
     Observation {
         tick: Tick::ZERO,
@@ -66,28 +68,28 @@ pub(crate) struct World {
     run_info: RunInfo,
     navigation: NavigationTask,
     pub(crate) map: ExplorationMap,
-    /// What it is told next. Those in contact stand in its way when it moves in ticks.
+    /// The next observation. Agents in contact are obstacles when it moves in ticks.
     pub(crate) observation: Observation,
     waypoints: VecDeque<Point3<f64>>,
     trigger: Trigger,
     wants_view: bool,
-    /// What it has said.
+    /// The texts for people so far.
     pub(crate) said: Vec<String>,
     pub(crate) decisions: u32,
     pub(crate) collisions: u32,
-    /// Cells that the body has been in, in order, as far as it has moved in ticks.
+    /// Cells visited by the body while it moved in ticks, in order.
     pub(crate) been: Vec<Cell>,
 }
 
 impl World {
-    /// At the centre of a free cell of a world that is drawn; `?` is wall there, and nothing is known.
+    /// At the centre of a free cell of a drawn world; `?` is wall there, and nothing is known.
     pub(crate) fn new(text: &str, start: Cell) -> Self {
         let terrain = Grid::from_text(&text.replace('?', "#")).unwrap();
         assert_eq!(terrain.get(start), Some(&Terrain::Free));
         Self::of(terrain, start)
     }
 
-    /// The same, and all that is drawn but `?` is known; no scan has been made.
+    /// The same with all cells but `?` known, before the first scan.
     pub(crate) fn known(text: &str, start: Cell) -> Self {
         Self { map: drawn(text), ..Self::new(text, start) }
     }
@@ -99,7 +101,7 @@ impl World {
         self
     }
 
-    /// The empty cube of [`idle`], of which nothing is known.
+    /// The empty, unexplored cube of [`idle`].
     pub(crate) fn empty() -> Self {
         Self::of(Grid::new(Extent::new([10; 3], 1.0).unwrap(), Terrain::Free), Cell::new(5, 5, 5))
     }
@@ -155,7 +157,7 @@ impl World {
         Cells { free: indices(free), wall: indices(wall) }
     }
 
-    /// A scan: learns all that can be seen from here, and has it in the view if the controller has asked for it.
+    /// A scan: reveals all visible cells, and includes the view if the controller has requested it.
     pub(crate) fn look(&mut self) {
         let view = self.view();
         let extent = self.map.extent();
@@ -170,7 +172,7 @@ impl World {
         self.observation.scan_tick = Some(self.observation.tick);
     }
 
-    /// Shows these cells as the last scan, and nothing else.
+    /// Replaces the last scan by these cells.
     pub(crate) fn show(&mut self, cells: &[Cell]) {
         let mut free: Vec<u32> = cells.iter().map(|&cell| self.map.extent().index(cell).unwrap() as u32).collect();
         free.sort_unstable();
@@ -178,7 +180,7 @@ impl World {
         self.observation.scan_tick = Some(self.observation.tick);
     }
 
-    /// Asks a controller now; the task it sets is under way then, and what was told is old.
+    /// Requests a decision; its task is then under way, and the observation delta is empty.
     pub(crate) fn ask(&mut self, controller: &mut dyn Controller) -> Command {
         let observation = self.observation.clone();
         let command = self.ask_about(controller, &observation);
@@ -203,12 +205,12 @@ impl World {
         command
     }
 
-    /// What a controller would be given with the present observation.
+    /// The context of a decision on the present observation.
     pub(crate) fn ctx(&mut self) -> Ctx<'_> {
         Ctx::new(AGENT, &self.run_info, &self.observation, &mut self.map, &mut self.navigation)
     }
 
-    /// Asks a controller about an observation, whatever the world is like, and does nothing of what it says.
+    /// Requests a decision on any observation, and ignores it.
     pub(crate) fn ask_about(&mut self, controller: &mut dyn Controller, observation: &Observation) -> Command {
         self.decisions += 1;
         let Self { run_info, map, navigation, .. } = self;
@@ -218,7 +220,8 @@ impl World {
         command
     }
 
-    /// Runs so many ticks, asking the controller when it wants to be asked. It may only go along paths.
+    /// Runs for this many ticks, with decisions whenever the trigger fires. Only paths are
+    /// supported.
     pub(crate) fn run(&mut self, controller: &mut dyn Controller, ticks: u64) {
         let end = self.observation.tick.after(ticks);
         while self.observation.tick < end {
@@ -272,12 +275,12 @@ impl World {
         self.observation.is_active = false;
     }
 
-    /// Lets ticks go by, in which nothing moves.
+    /// Lets ticks pass in which nothing moves.
     pub(crate) fn wait(&mut self, ticks: u64) {
         self.observation.tick = self.observation.tick.after(ticks);
     }
 
-    /// The end of a task; a path ends at its last waypoint.
+    /// Completes a task; a path ends at its last waypoint.
     pub(crate) fn arrive(&mut self, motion: &Motion) {
         if let Motion::Path(waypoints) = motion {
             self.observation.pose.position = *waypoints.last().unwrap();
@@ -288,27 +291,28 @@ impl World {
         self.ends();
     }
 
-    /// A motion was refused because another agent is in the way.
+    /// A collision with another agent.
     pub(crate) fn collide(&mut self) {
         self.observation.collision = Some(Collision { surface: Surface::Wall, with_agent: true });
         self.observation.events |= Events::COLLISION;
         self.ends();
     }
 
-    /// Puts the body somewhere else.
+    /// Moves the body elsewhere.
     pub(crate) fn put(&mut self, cell: Cell) {
         self.observation.pose.position = self.map.extent().centre(cell);
         self.observation.events |= Events::NEW_CELL;
     }
 
-    /// Free cells of the world that are not in one of these states on the agent's map.
+    /// Free cells of the world that are in none of these states on the agent's map.
     pub(crate) fn left(&self, states: &[CellState]) -> Vec<Cell> {
         let free = self.terrain.iter().filter(|(_, terrain)| **terrain == Terrain::Free);
         free.map(|(cell, _)| cell).filter(|&cell| !states.contains(&self.map.state(cell))).collect()
     }
 }
 
-/// A team of equal bodies, with one agent more than there are, of which observations that are not true may speak.
+/// A team of equal bodies, with one agent more than the run has, since observations here may be
+/// inconsistent.
 fn team_of(body: BodyModel) -> Bodies {
     Bodies::new(vec![body], vec![0; 4]).unwrap()
 }
@@ -318,8 +322,8 @@ pub(crate) const fn flat(x: i32, y: i32) -> Cell {
     Cell::new(x, y, 0)
 }
 
-/// Whether a body of [`RADIUS_M`] that goes through these points, in a map with cells of 1 m, comes near to nothing but cells that
-/// are known to be free. Looked up point by point along the way, unlike what it is to check.
+/// Whether a body of [`RADIUS_M`] on these waypoints, in a map with cells of 1 m, touches only
+/// cells known to be free. Checked point by point along the path, unlike the code under test.
 pub(crate) fn is_through_free_cells(map: &ExplorationMap, from: &Point3<f64>, waypoints: &[Point3<f64>]) -> bool {
     let mut from = *from;
     waypoints.iter().all(|to| {

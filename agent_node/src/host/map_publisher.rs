@@ -1,6 +1,6 @@
-//! What observers get to see of the agents of a process: their maps, in pieces.
+//! Publishes the maps of the agents as markers for observers.
 //!
-//! Invariant: nothing here changes what an agent answers, and nothing of it waits; the answer comes first.
+//! Invariant: publishing neither changes nor delays a reply; replies come first.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -12,13 +12,14 @@ use super::{Host, HostedAgent, RECEIVE_TIMEOUT, now};
 use crate::map_markers::MapMarkers;
 use crate::transport::Level;
 
-/// Wall time between two pieces of one map: a reader must be able to take each before the next comes.
+/// Wall time between two markers of one map, so that subscribers can keep up.
 const MARKER_PERIOD: Duration = Duration::from_millis(10);
 
-/// Pieces that are shown at the end in one go: readers that are there for a moment longer would rather have them than not.
+/// Most markers published in one go at the end of the run, for subscribers that stay a moment
+/// longer.
 const FINAL_MARKERS_MAX: usize = 64;
 
-/// What has been shown of one agent's map, and when.
+/// The state of one published map.
 pub(super) struct PublishedMap {
     view: MapMarkers,
     observers: u64,
@@ -33,8 +34,8 @@ impl PublishedMap {
 }
 
 impl Host<'_> {
-    /// Shows what has changed of the maps to those who look at them: at most a piece of each. Says how long to wait for the next
-    /// message, with as much patience as there is without observers.
+    /// Publishes the changes of the maps to their observers: at most one marker of each map.
+    /// Returns how long to wait for the next message: the usual time if there are no observers.
     pub(super) fn publish_maps(&mut self) -> Duration {
         let Some(observers) = self.transport.observers().cloned() else { return RECEIVE_TIMEOUT };
         let look_period = Duration::from_secs_f64(1.0 / self.map_hz);
@@ -59,7 +60,7 @@ impl Host<'_> {
         MARKER_PERIOD
     }
 
-    /// Shows what is left of a map at the end of the run.
+    /// Publishes what is left of a map at the end of the run.
     pub(super) fn publish_rest(&mut self, id: AgentId) {
         let Some(hosted) = self.agents.get_mut(&id) else { return };
         if self.transport.observers().is_none_or(|observers| !observers.contains_key(&id)) {
@@ -73,7 +74,7 @@ impl Host<'_> {
         }
     }
 
-    /// What has been shown of the agents, for a run that begins again.
+    /// The state of the published maps, kept over a reset.
     pub(super) fn published(&mut self) -> BTreeMap<AgentId, PublishedMap> {
         let begun_again = |(id, mut hosted): (AgentId, HostedAgent)| {
             hosted.published.view.begin_again();
@@ -82,7 +83,7 @@ impl Host<'_> {
         std::mem::take(&mut self.agents).into_iter().map(begun_again).collect()
     }
 
-    /// Tells people something of all agents that are still here.
+    /// Logs a text for all agents that are still running.
     pub(super) fn log_for_all(&mut self, level: Level, text: &str) {
         for &id in self.agents.keys() {
             self.transport.log(id, level, text);

@@ -5,7 +5,7 @@ use crate::controllers::testing::{RADIUS_M, drawn, flat, is_through_free_cells};
 
 const FIVE: NonZeroU64 = NonZeroU64::new(5).unwrap();
 
-/// Two rooms and a way round between them.
+/// Two rooms and a detour between them.
 const ROUND: &str = "\
     .......\n\
     .#####.\n\
@@ -16,7 +16,7 @@ fn navigation() -> NavigationTask {
     NavigationTask::new(RADIUS_M, 1.0)
 }
 
-/// Asks for the way from the left to the right of [`ROUND`].
+/// Requests the path from the left to the right of [`ROUND`].
 fn ask(
     navigation: &mut NavigationTask,
     map: &ExplorationMap,
@@ -28,7 +28,7 @@ fn ask(
     navigation.to_cell(map, &from, goal, Neighbours::Six, time, Tick(now))
 }
 
-/// The tick in which there is an answer, and the answer.
+/// The tick of the result, and the result.
 fn ask_until_answered(
     navigation: &mut NavigationTask,
     map: &ExplorationMap,
@@ -40,7 +40,7 @@ fn ask_until_answered(
             assert_eq!(trigger.events, 0);
             let at = trigger.at.0;
             assert!(at > now);
-            // Looking earlier changes nothing.
+            // Polling earlier changes nothing.
             for early in now..at {
                 assert_eq!(ask(navigation, map, flat(3, 0), time, early), NavigationStatus::Searching(trigger));
             }
@@ -82,7 +82,7 @@ fn an_answer_is_given_late_if_it_is_asked_for_late() {
     for time in [SearchTime::BUDGETED, SearchTime::Background(25)] {
         assert!(matches!(ask(&mut navigation, &map, flat(3, 0), time, 0), NavigationStatus::Searching(_)));
         assert_eq!(ask(&mut navigation, &map, flat(3, 0), time, 1000), instant);
-        // It was handed out: the next one is a new question.
+        // The result was handed out: the next request is a new one.
         assert!(matches!(ask(&mut navigation, &map, flat(3, 0), time, 1000), NavigationStatus::Searching(_)));
     }
 }
@@ -136,11 +136,11 @@ fn no_way_is_an_answer() {
         let (_, answer) = ask_until_answered(&mut navigation(), &map, time, 0);
         assert_eq!(answer, NavigationStatus::NoPath);
     }
-    // Neither walls, nor unexplored cells, nor cells outside the map can be gone to.
+    // Walls, unexplored cells and cells outside the map are no goals.
     for goal in [flat(1, 2), flat(3, 3), flat(7, 0), flat(-1, 0)] {
         assert_eq!(ask(&mut navigation(), &map, goal, SearchTime::Instant, 0), NavigationStatus::NoPath, "{goal:?}");
     }
-    // A body that is wider than the way.
+    // A body that is wider than the passage.
     let mut wide = NavigationTask::new(0.6, 1.0);
     assert_eq!(ask(&mut wide, &drawn(ROUND), flat(3, 0), SearchTime::Instant, 0), NavigationStatus::NoPath);
 }
@@ -166,7 +166,7 @@ proptest! {
         let state = map.state(start);
         prop_assume!(state == crate::exploration_map::CellState::Free);
         let from = Point3::from(map.extent().centre(start).coords.add_scalar(-0.5) + nalgebra::Vector3::from(within));
-        // What the body touches where it starts does not count, so it must be nothing.
+        // Cells touched at the start are exempt, so there must be none.
         prop_assume!(is_through_free_cells(&map, &from, &[from]));
         let neighbours = if is_by_faces { Neighbours::Six } else { Neighbours::TwentySix };
         let mut answers = Vec::new();

@@ -7,12 +7,12 @@ use crate::exploration_map::{CellState, Change, Finding};
 
 const BUDGET: usize = PARCEL_BYTES_MAX;
 
-/// Agents with their maps, and a world that delivers.
+/// Agents with their maps, and a world that delivers their messages.
 struct Team {
     maps: Vec<ExplorationMap>,
     sharings: Vec<Sharing>,
     inboxes: Vec<Vec<ReceivedMessage>>,
-    /// Changes told so far: from, to, cell, finding.
+    /// Cells sent so far: from, to, cell, finding.
     told: Vec<(u32, u32, u32, u8)>,
 }
 
@@ -27,7 +27,7 @@ impl Team {
         }
     }
 
-    /// One tick of agents who are in contact pairwise as `pairs` says; the bytes that each of them sent.
+    /// One tick with the pairs of agents in contact; the bytes that each of them sent.
     fn tick(&mut self, now: u64, pairs: &[(u32, u32)], budget: usize) -> Vec<usize> {
         let mut sent = vec![0; self.maps.len()];
         let mut posted = Vec::new();
@@ -110,12 +110,12 @@ fn two_agents_tell_each_other_at_once_and_then_once_a_period() {
     assert_eq!(team.states(0), team.states(1));
     team.maps[0].note_covered(Cell::new(2, 0, 0));
     assert_eq!(team.tick(9, &pair, BUDGET), [0, 0]);
-    // What came from the other is no news for it.
+    // Changes received from the peer are not sent back.
     assert_eq!(team.tick(10, &pair, BUDGET), [6, 0]);
     team.tick(11, &pair, BUDGET);
     assert_eq!(team.states(0), team.states(1));
     assert_eq!(team.maps[1].covered(), 1);
-    // A turn that was missed is made up for.
+    // A missed turn is made up for.
     team.maps[1].note_free(&[100]);
     assert_eq!(team.tick(15, &[], BUDGET), [0, 0]);
     assert!(team.tick(17, &pair, BUDGET)[1] > 0);
@@ -184,7 +184,7 @@ fn what_does_not_fit_goes_on_in_the_next_ticks() {
     let mut team = Team::new(2, extent(size), 1000);
     let pair = [(0, 1)];
     let volume = size * size * size;
-    // Nothing is longer on the wire than cells without neighbours.
+    // Isolated cells have the longest encoding.
     let scattered: Vec<u32> = (0..volume).filter(|cell| cell % 3 == 0).collect();
     team.maps[0].note_free(&scattered);
     let budget = 2500;
@@ -193,7 +193,7 @@ fn what_does_not_fit_goes_on_in_the_next_ticks() {
         let sent = team.tick(ticks, &pair, budget)[0];
         let is_left_over = team.trigger(0, &pair, ticks).at == Tick(ticks + 1);
         assert!(sent > budget - 2 * BUDGET_MIN || !is_left_over, "{sent}");
-        // News of the meantime have to wait for the next exchange.
+        // Later changes have to wait for the next exchange.
         team.maps[0].note_free(&[1 + 3 * ticks as u32]);
         ticks += 1;
         if !is_left_over {
@@ -246,7 +246,8 @@ fn an_exchange_takes_few_bytes_for_a_cell() {
         |cell: Cell, x: i32| f64::from((cell.x - x).pow(2) + (cell.y - 25).pow(2) + (cell.z - 25).pow(2)).sqrt();
     let is_free = |cell: Cell| HALLS_X.into_iter().any(|x| distance(cell, x) < RADIUS);
     let mut told = 0;
-    // Three halls that open into each other; of the second and third, the part is news that is not in the one before.
+    // Three rooms that open into each other; for the second and third, only the part beyond the one
+    // before is new.
     for (exchange, x) in (0..).zip(HALLS_X) {
         let map = &mut team.maps[0];
         let seen: Vec<Cell> = map.extent().cells().filter(|&cell| distance(cell, x) < RADIUS + 1.0).collect();
@@ -293,14 +294,15 @@ fn malformed_parcels_are_refused_and_other_kinds_left_alone() {
     assert_eq!(report, Report { messages: 1, news: 1, refused: refused.to_vec() });
     let totals = *sharing.totals();
     assert_eq!((totals.messages_refused, totals.messages_taken), (2, 1));
-    // Every byte of map parcels is one or the other; those of other kinds are none of its business.
+    // Every byte of map messages is counted as merged or rejected; messages of other kinds are not
+    // counted.
     let bytes: usize =
         received.iter().filter(|message| message.kind == MAP_MESSAGE).map(|message| message.data.len()).sum();
     assert_eq!(totals.bytes_refused + totals.bytes_taken, bytes as u64);
     assert_eq!((map.free(), map.state(Cell::new(3, 0, 0))), (1, CellState::Free));
 }
 
-/// All that a liar can say in one parcel: the whole map is free, or all of it wall.
+/// The most that one false message can report: the whole map is free, or all of it wall.
 fn whole_map(extent: Extent, finding: Finding) -> ReceivedMessage {
     let all = (0..extent.volume() as u32).map(|cell| Change { cell, finding, from: None });
     ReceivedMessage { from: AgentId(2), kind: MAP_MESSAGE, data: map_message::encode(&[], &Delta::of(extent, all)) }
@@ -322,14 +324,14 @@ fn a_flood_is_cut_off_and_costs_nothing_from_then_on() {
     let totals = *sharing.totals();
     assert_eq!((totals.cells_taken, totals.messages_refused), (CHANGES_MAX as u64 * volume, 50 * 64 - 4));
     assert!(map.journal_len() as u64 <= CHANGES_MAX as u64 * volume);
-    // Even what is malformed gets the same answer, since nobody looks at it.
+    // Malformed messages get the same answer, since messages of barred senders are not decoded.
     let refused = |sharing: &mut Sharing, map: &mut ExplorationMap, from: u32, data: &[u8]| {
         let message = ReceivedMessage { from: AgentId(from), kind: MAP_MESSAGE, data: data.to_vec() };
         sharing.incoming(map, &[message]).refused
     };
     let barred = MapMessageError::Barred { allowance: 4 * volume };
     assert_eq!(refused(&mut sharing, &mut map, 2, &[9]), [(AgentId(2), barred)]);
-    // Others are heard as before, and the own sensor has the last word.
+    // Other senders are not affected, and the own sensor still overrides.
     assert_eq!(refused(&mut sharing, &mut map, 1, &lies[0].data), []);
     map.note_wall(&[5]);
     assert_eq!(map.state(Cell::new(5, 0, 0)), CellState::Wall);
@@ -341,7 +343,7 @@ fn the_honest_bulk_of_a_first_meeting_of_all_is_no_flood() {
     let extent = extent(30);
     let mut team = Team::new(agents, extent, 50);
     let volume = extent.volume() as u32;
-    // Each has seen all of the map and visited half of it: nobody can have more to say.
+    // Each has seen all of the map and visited half of it: the most that an agent can have to send.
     for (id, map) in (0..).zip(&mut team.maps) {
         map.note_free(&(0..volume).collect::<Vec<_>>());
         (0..volume).filter(|cell| cell % 2 == id % 2).for_each(|cell| map.note_covered(extent.cell_at(cell as usize)));
@@ -382,7 +384,7 @@ proptest! {
     ) {
         let agents = 4;
         let mut team = Team::new(agents, extent(3), 3);
-        // What each has found, from little to much weight: nothing, wall, free, covered.
+        // What each has found, in ascending precedence: nothing, wall, free, covered.
         let mut own = vec![[0u8; 27]; agents as usize];
         let mut now = 0;
         for (at, (agent, cell, what)) in findings.into_iter().enumerate() {

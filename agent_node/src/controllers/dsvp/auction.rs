@@ -1,18 +1,22 @@
-//! Who goes where: agents tell each other what they are on their way for, and leave it to each other.
+//! The auction: agents claim goals with bids, exchange their claims, and leave contested goals to
+//! the best bid.
 //!
-//! An agent *claims* its goal, with the length of its way there as the bid, and tells the agents in contact, together with the
-//! claims that it knows of. Of two that claim about the same, the shorter way wins (then the lower id), and the other one looks
-//! for something else; as all of them know the same bids, all come to the same end, in as many rounds as there are conflicts. In
-//! a team of bodies that are not equally fast it is times that are compared: ways over paces, which all know of all bodies. What
-//! others have claimed is worth less to everybody else, the less the nearer it is to the claim, and what another agent will get
-//! to sooner, once it is where it claims to go, is left to it.
+//! An agent *claims* its goal with the length of its path there as the bid, and sends all claims
+//! that it knows to the agents in contact. Of two conflicting claims the shorter path wins (then
+//! the lower id), and the loser replans; since all agents know the same bids, they agree after at
+//! most as many rounds as there are conflicts. In teams of bodies with different speeds, the bids
+//! are travel times: path length over speed, which is known for all bodies. A goal claimed by
+//! another agent has less utility, the less the nearer it is to the claim, and a frontier that
+//! another agent will reach sooner from its claimed goal is left to it.
 //!
-//! Source of the ideas: W. Burgard, M. Moors, C. Stachniss, F. Schneider, "Coordinated Multi-Robot Exploration", IEEE T-RO 2005
-//! (utility discounted by the goals of others); R. Zlot, A. Stentz, M. B. Dias, S. Thayer, "Multi-Robot Exploration Controlled by
-//! a Market Economy", ICRA 2002 (bids that need no connection at all times).
+//! Sources: W. Burgard, M. Moors, C. Stachniss, F. Schneider, "Coordinated Multi-Robot
+//! Exploration", IEEE T-RO 2005 (utility discounted by the goals of others); R. Zlot, A. Stentz, M.
+//! B. Dias, S. Thayer, "Multi-Robot Exploration Controlled by a Market Economy", ICRA 2002 (bids
+//! that tolerate the loss of communication).
 //!
-//! Invariants: a claim is forgotten when its lease is over, so that an agent that is lost blocks nothing for long; a malformed
-//! parcel changes nothing; what is known hangs on the parcels alone, and of several claims of one agent the latest counts.
+//! Invariants: a claim expires with its lease, so a lost agent does not block goals for long; a
+//! malformed message changes nothing; the claims depend on the messages alone, and of several
+//! claims of one agent the latest holds.
 
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_3;
@@ -24,54 +28,54 @@ use super::tree::length_between;
 use crate::bodies::{Bodies, BodyKind, BodyModel, leg_s};
 use crate::observation::{Contact, ReceivedMessage};
 
-/// The mark of the parcels in which agents with an auction tell each other of their claims.
+/// The mark of messages that carry claims.
 pub const CLAIMS_MESSAGE: u8 = 2;
 
 const VERSION: u8 = 1;
 
-/// What the pace of a body is reckoned with: the length of a leg, metres, and the turn before it, radians. Both are about what is
-/// usual in caves.
+/// The leg by which body speeds are compared: its length, metres, and the turn before it, radians.
+/// Both are typical of caves.
 const REFERENCE_LEG: (f64, f64) = (4.0, FRAC_PI_3);
 
-/// Bytes of a claim in a parcel.
+/// Bytes of a claim in a message.
 const CLAIM_BYTES: usize = 28;
 
-/// No claim holds longer than this after it was heard: ten minutes.
+/// Upper bound on the remaining lease of a received claim: ten minutes.
 const LEASE_TICKS_MAX: u64 = 30_000;
 
-/// How claims weigh.
+/// Parameters of the auction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct AuctionParams {
     /// Distance from a claim at which its effect has fallen to about 0.4, metres.
     pub(super) spread_m: f64,
-    /// Share of its worth that what is claimed loses to others.
+    /// Share of its utility that a claimed goal loses for others.
     pub(super) discount: f64,
-    /// What it costs to go where another agent will be sooner, metres of way.
+    /// Cost of a frontier that another agent will reach sooner, metres of path.
     pub(super) trespass_m: f64,
-    /// How much longer ways are than straight lines.
+    /// Ratio of path length to straight distance.
     pub(super) detour: f64,
-    /// At what pace submarines are reckoned to go, m/s.
+    /// Planning speed of submarines, m/s.
     pub(super) pace_m_s: f64,
-    /// How long a claim holds beyond the time the way takes, ticks.
+    /// Duration of a claim beyond the travel time, ticks.
     pub(super) lease_ticks: u64,
 }
 
-/// What an agent is on its way for.
+/// A claimed goal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Claim {
-    /// Where to.
+    /// The viewpoint.
     pub(super) cell: Cell,
-    /// Length of the way when it was claimed, metres: the bid.
+    /// The bid: path length at the time of the claim, metres.
     pub(super) path_m: f64,
     pub(super) made: Tick,
     pub(super) ends: Tick,
 }
 
-/// The claims that an agent knows of, its own included.
+/// The claims that an agent knows, its own included.
 #[derive(Debug, Clone)]
 pub(super) struct Auction {
     params: AuctionParams,
-    /// At what pace agents are reckoned to go, m/s, by agent.
+    /// Planning speed by agent, m/s.
     speeds_m_s: Vec<f64>,
     own: AgentId,
     extent: Extent,
@@ -79,13 +83,13 @@ pub(super) struct Auction {
 }
 
 impl Auction {
-    /// The auction as `own` knows it, in a team of these bodies, on a map of this extent: there are no claims yet.
+    /// The auction as seen by the agent `own`, without claims.
     pub(super) fn new(params: AuctionParams, bodies: &Bodies, own: AgentId, extent: Extent) -> Self {
         let speeds_m_s = bodies.iter().map(|body| planning_speed_m_s(body, params.pace_m_s)).collect();
         Self { params, speeds_m_s, own, extent, claims: BTreeMap::new() }
     }
 
-    /// Takes in what has been told; forgets claims that are over. `agents` is how many there are in the run.
+    /// Merges received claims and drops expired ones. `agents` is the team size.
     pub(super) fn receive(&mut self, messages: &[ReceivedMessage], now: Tick, agents: u32) {
         for message in messages.iter().filter(|message| message.kind == CLAIMS_MESSAGE) {
             for (agent, claim) in decode(&message.data, self.extent, agents).into_iter().flatten() {
@@ -106,12 +110,12 @@ impl Auction {
         self.claims.insert(self.own, Claim { cell, path_m, made: now, ends });
     }
 
-    /// Gives up the own claim.
+    /// Withdraws the own claim.
     pub(super) fn withdraw(&mut self) {
         self.claims.remove(&self.own);
     }
 
-    /// What to tell the agents in contact.
+    /// The message that carries all known claims.
     pub(super) fn encode(&self) -> Vec<u8> {
         let mut bytes = vec![VERSION];
         for (agent, claim) in &self.claims {
@@ -133,26 +137,27 @@ impl Auction {
         self.speeds_m_s[agent.index()]
     }
 
-    /// Length of the way that an agent has left to its goal, metres.
+    /// Remaining path length of an agent to its claimed goal, metres.
     fn remaining_m(&self, agent: AgentId, claim: &Claim, now: Tick) -> f64 {
         let passed_s = now.0.saturating_sub(claim.made.0) as f64 * Tick::TICK_S;
         (claim.path_m - passed_s * self.speed_m_s(agent)).max(0.0)
     }
 
-    /// How far this agent goes while another one goes so far, metres.
+    /// The path length this agent covers while another one covers `path_m`, metres.
     fn own_equivalent_m(&self, agent: AgentId, path_m: f64) -> f64 {
         path_m * (self.speed_m_s(self.own) / self.speed_m_s(agent))
     }
 
-    /// Between the centres of two cells, metres.
+    /// Distance between the centres of two cells, metres.
     fn distance_m(&self, a: Cell, b: Cell) -> f64 {
         length_between(a, b) * self.extent.cell_m()
     }
 
-    /// Whether another agent claims about what this one claims, and is nearer to it.
+    /// Whether another agent has a better bid on a conflicting claim.
     pub(super) fn is_outbid(&self, now: Tick) -> bool {
         let Some(own) = self.claims.get(&self.own) else { return false };
-        // In a way that is the same for all who reckon it, to the last bit.
+        // Compared without a division where speeds are equal, so that all agents get the same
+        // result to the last bit.
         let is_equally_fast = |agent| self.speed_m_s(agent).total_cmp(&self.speed_m_s(self.own)).is_eq();
         let remaining_s = |agent, claim| self.remaining_m(agent, claim, now) / self.speed_m_s(agent);
         self.rival_claims().any(|(agent, claim)| {
@@ -166,7 +171,8 @@ impl Auction {
         })
     }
 
-    /// By what the worth of a viewpoint is multiplied, as far as `way_m` metres away: 1 if nobody else goes near it.
+    /// The factor on the utility of a viewpoint at path length `path_m`, metres: 1 if no other
+    /// claim is near.
     pub(super) fn utility_factor(&self, cell: Cell, path_m: f64, now: Tick) -> f64 {
         self.rival_claims()
             .filter(|&(agent, claim)| {
@@ -178,7 +184,8 @@ impl Auction {
             .product()
     }
 
-    /// What to add to the length of the way to a frontier, metres: nothing if nobody else goes near it or will be there sooner.
+    /// The cost added to the path length to a frontier, metres: 0 if no other claim is near and no
+    /// other agent will reach it sooner.
     pub(super) fn penalty_m(&self, cell: Cell, path_m: f64, contacts: &[Contact], now: Tick) -> f64 {
         let AuctionParams { trespass_m, detour, .. } = self.params;
         let sooner = |agent: AgentId, claim: &Claim| {
@@ -200,15 +207,15 @@ impl Auction {
         }
     }
 
-    /// 1 at a claim, falling to 0 away from it.
+    /// 1 at a claim, falling to 0 with the distance.
     fn proximity(&self, claim: &Claim, cell: Cell) -> f64 {
         let apart = self.distance_m(claim.cell, cell) / self.params.spread_m;
         libm::exp(-apart * apart)
     }
 }
 
-/// The pace of a body, m/s, if it is `submarine_m_s` for submarines: one that need not turn first, or is faster, goes its usual leg
-/// in less time.
+/// The planning speed of a body, m/s, given that of submarines: a body that need not turn first, or
+/// is faster, covers the reference leg in less time.
 fn planning_speed_m_s(body: &BodyModel, submarine_m_s: f64) -> f64 {
     let (length_m, turn_rad) = REFERENCE_LEG;
     match body.kind {
@@ -219,7 +226,7 @@ fn planning_speed_m_s(body: &BodyModel, submarine_m_s: f64) -> f64 {
     }
 }
 
-/// The claims in a parcel, if it is one.
+/// The claims of a message, if it is well-formed.
 fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Option<Vec<(AgentId, Claim)>> {
     let (version, claims) = bytes.split_first()?;
     if *version != VERSION || claims.len() % CLAIM_BYTES != 0 || claims.len() / CLAIM_BYTES > agents as usize {
@@ -257,7 +264,7 @@ mod tests {
         Extent::new([50; 3], 1.0).unwrap()
     }
 
-    /// Of agents 0 to 3, all alike.
+    /// Equal bodies for agents 0 to 3.
     fn bodies() -> Bodies {
         Bodies::new(vec![BodyModel::SUBMARINE], vec![0; 4]).unwrap()
     }
@@ -266,7 +273,7 @@ mod tests {
         vec![ReceivedMessage { from: from.own, kind: CLAIMS_MESSAGE, data: from.encode() }]
     }
 
-    /// Two agents that claim something; each has heard the other.
+    /// Two agents, each with a claim that the other has received.
     fn two(claims: [(Cell, f64); 2]) -> [Auction; 2] {
         two_of(&bodies(), claims)
     }
@@ -299,7 +306,7 @@ mod tests {
 
     #[test]
     fn in_a_mixed_team_the_one_that_will_be_there_sooner_keeps_it() {
-        // Agent 1 flies.
+        // Agent 1 is aerial.
         let bodies = Bodies::new(vec![BodyModel::SUBMARINE, BodyModel::AERIAL], vec![0, 1, 0, 0]).unwrap();
         let is_outbid = |claims| two_of(&bodies, claims).map(|auction| auction.is_outbid(Tick(101)));
         assert_eq!(is_outbid([(GOAL, 10.0), (BESIDE, 18.0)]), [true, false]);
@@ -338,7 +345,7 @@ mod tests {
     #[test]
     fn a_claim_is_remembered_without_contact_until_its_lease_is_over() {
         let [mut auction, _] = two([(FAR, 5.0), (GOAL, 8.0)]);
-        // 8 m at 0.8 m/s are 10 s, and 30 s more: 2000 ticks.
+        // 8 m at 0.8 m/s are 10 s; 30 s more make 2000 ticks.
         auction.receive(&[], Tick(2099), 4);
         assert!(auction.utility_factor(GOAL, 30.0, Tick(2099)) < 0.2);
         auction.receive(&[], Tick(2100), 4);

@@ -1,7 +1,8 @@
-//! Motions past the other agents.
+//! Motions that avoid the other agents.
 //!
-//! Invariants: a motion that comes out of here leads only through cells that are known to be free, and comes too near to none of the
-//! bodies nearby, save where it starts. This module does not choose where to go, nor what to do if there is no such motion.
+//! Invariants: every motion leads only through cells known to be free, and keeps its clearance to
+//! the bodies nearby except where it starts. This module chooses neither the goal nor what happens
+//! if there is no such motion.
 
 use msgs::limits::PATH_POINTS_MAX;
 use nalgebra::Point3;
@@ -15,10 +16,11 @@ use crate::navigation::NavigationStatus;
 use crate::observation::Observation;
 use crate::path::{Neighbours, Path, straighten};
 
-/// Steps from cell to cell, or along edges of the tree, that an agent takes to get clear of others before it goes straight.
+/// Cells of a path, or edges of the tree, that an agent follows one by one to get clear of other
+/// bodies before it takes straight legs.
 const CLEARING_STEPS_MAX: usize = 4;
 
-/// The bodies that may be in the way of this one.
+/// The bodies that may block this one.
 pub(super) fn obstacles_near(observation: &Observation, ctx: &Ctx<'_>) -> Obstacles {
     Obstacles::near(
         &observation.contacts,
@@ -29,18 +31,18 @@ pub(super) fn obstacles_near(observation: &Observation, ctx: &Ctx<'_>) -> Obstac
     )
 }
 
-/// The motion of a body that is to be at rest: one that is so already is not told to stop.
+/// The motion of a body that is to be at rest: `Keep` if it is already.
 pub(super) fn hold(observation: &Observation) -> Motion {
     if observation.is_active { Motion::Stop } else { Motion::Keep }
 }
 
-/// Length of a motion along waypoints that begins at `from`, metres; 0 for other motions.
+/// Length of a motion along waypoints from `from`, metres; 0 for other motions.
 pub(super) fn path_length_m(from: &Point3<f64>, motion: &Motion) -> f64 {
     let Motion::Path(waypoints) = motion else { return 0.0 };
     std::iter::once(from).chain(waypoints).zip(waypoints).map(|(from, to)| (to - from).norm()).sum()
 }
 
-/// The motion to a cell in a region that has been reached, if there is a way past the other agents.
+/// The motion to a cell in a region that has been reached, if a path avoids the other agents.
 pub(super) fn motion_to(
     ctx: &mut Ctx<'_>,
     graph: &AbstractGraph,
@@ -54,8 +56,8 @@ pub(super) fn motion_to(
     motion_along(ctx, &path, obstacles)
 }
 
-/// The motion along a path, past the other agents: with as few legs as do, after as few steps from cell to cell as are needed to
-/// get clear of them.
+/// The motion along a path that avoids the other agents: as few legs as possible, after as few
+/// single steps as needed to get clear of them.
 pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles) -> Option<Motion> {
     let (map, radius_m) = (ctx.map(), ctx.body().radius_m);
     let is_clear = |motion: &Motion| !obstacles.block_motion(&ctx.position(), motion);

@@ -1,6 +1,6 @@
-//! The bodies of the agents in contact, as obstacles.
+//! The bodies of the agents in contact as moving obstacles.
 //!
-//! They move on, so only those nearby count. This module knows nothing of their plans.
+//! They move on, so only nearby ones matter. Their plans are unknown here.
 
 use nalgebra::Point3;
 use voxels::{Cell, Extent};
@@ -9,20 +9,22 @@ use crate::bodies::Bodies;
 use crate::command::Motion;
 use crate::observation::Contact;
 
-/// Distance between the centres of two bodies below which a way is blocked, as a multiple of that at which they touch.
+/// Distance between body centres below which a path is blocked, as a multiple of the distance at
+/// which the bodies touch.
 const CLEARANCE: f64 = 1.025;
 
-/// Bodies farther away than this will have moved on before one gets there, as a multiple of the distance at which they touch.
+/// Bodies beyond this distance will have moved on before one gets there, as a multiple of the
+/// distance at which the bodies touch.
 const NEAR: f64 = 6.0;
 
-/// Bodies that are in the way.
+/// The bodies nearby.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::controllers) struct Obstacles {
     extent: Extent,
     near: Vec<Obstacle>,
 }
 
-/// A body, and how near to it another one may come, from centre to centre.
+/// A body and the clearance between centres that it needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Obstacle {
     at: Point3<f64>,
@@ -30,7 +32,8 @@ struct Obstacle {
 }
 
 impl Obstacles {
-    /// Those near to a body of some radius at `here`; metres, frame `map`. `bodies` are those of the team.
+    /// The obstacles near a body with a radius at `here`; metres, frame `map`. `bodies` are those
+    /// of the team.
     pub(in crate::controllers) fn near(
         contacts: &[Contact],
         here: &Point3<f64>,
@@ -46,7 +49,7 @@ impl Obstacles {
         Self { extent, near: contacts.iter().filter_map(is_near).collect() }
     }
 
-    /// Whether a body at the centre of a cell would be in touch with one of them, or nearly.
+    /// Whether a body at the centre of a cell would violate the clearance of an obstacle.
     pub(in crate::controllers) fn occupy(&self, cell: Cell) -> bool {
         !self.near.is_empty() && {
             let centre = self.extent.centre(cell);
@@ -54,8 +57,8 @@ impl Obstacles {
         }
     }
 
-    /// Whether a body that moves straight would come too near to one of them. Where it starts does not count, as long as it does
-    /// not come nearer still.
+    /// Whether a body on a straight leg would violate the clearance of an obstacle. A violation at
+    /// the start does not count unless the leg comes nearer still.
     pub(in crate::controllers) fn block(&self, from: &Point3<f64>, to: &Point3<f64>) -> bool {
         let by = to - from;
         let length_squared = by.norm_squared();
@@ -70,7 +73,7 @@ impl Obstacles {
         })
     }
 
-    /// Whether a body on a path of waypoints would come too near to one of them.
+    /// Whether a body on a path of waypoints would violate the clearance of an obstacle.
     pub(in crate::controllers) fn block_motion(&self, from: &Point3<f64>, motion: &Motion) -> bool {
         let Motion::Path(waypoints) = motion else { return false };
         let starts = std::iter::once(from).chain(waypoints);
@@ -85,7 +88,7 @@ mod tests {
     use super::*;
     use crate::bodies::BodyModel;
 
-    /// A body at some place, of agent 1 with a radius of 0.4 m, or of agent 2 with 1.4 m.
+    /// An obstacle: agent 1 with a radius of 0.4 m, or agent 2 with 1.4 m.
     fn of(agent: u32, at: [f64; 3]) -> Obstacles {
         let contacts = [Contact { agent: AgentId(agent), position: Point3::from(at) }];
         let large = BodyModel { radius_m: 1.4, ..BodyModel::SUBMARINE };

@@ -1,7 +1,8 @@
-//! Last known positions of the other agents: where to carry news to when nothing is left to explore.
+//! Last known positions of the other agents: where to carry news to when nothing is left to
+//! explore.
 //!
-//! M-TARE (Cao et al., Science Robotics 2023) calls meeting on purpose a pursuit; here it is taken up only by an agent
-//! that knows no frontier.
+//! M-TARE (Cao et al., Science Robotics 2023) calls meeting on purpose a pursuit; here it is taken
+//! up only by an agent that knows no frontier.
 
 use std::collections::BTreeMap;
 
@@ -39,7 +40,8 @@ impl LastKnownPositions {
         }
     }
 
-    /// The agents out of contact that may still be at their last known positions, longest out of contact first, as goals.
+    /// The agents out of contact that may still be at their last known positions, longest out of
+    /// contact first, as goals.
     pub(super) fn candidates(&self, contacts: &[Contact], here: Cell) -> impl Iterator<Item = Goal> + use<> {
         let is_in_contact = |agent: AgentId| contacts.iter().any(|contact| contact.agent == agent);
         let candidates = self

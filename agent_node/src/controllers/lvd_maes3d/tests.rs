@@ -22,7 +22,8 @@ const FIELD: &str = "\
 ###############
 ";
 
-/// A hall with a pillar, below and above rock, so that no wall at the edge of the map is looked at from inside.
+/// A room with a pillar, with rock below and above, so that no wall at the edge of the map is
+/// visible from inside.
 fn hall() -> String {
     let rock = "###############\n".repeat(15);
     let edge = "###############\n".repeat(2);
@@ -39,7 +40,7 @@ fn contact(x: i32, y: i32, z: i32) -> Contact {
     Contact { agent: AgentId(0), position: Extent::new([15, 15, 15], 1.0).unwrap().centre(Cell::new(x, y, z)) }
 }
 
-/// An agent in search mode whose last scan is that from where it stands.
+/// An agent in search mode with a scan from where it is.
 fn searching_in(world: &mut World) -> LvdMaes3d {
     world.look();
     let mut lvd = LvdMaes3d { is_in_search_mode: true, ..LvdMaes3d::new() };
@@ -141,7 +142,7 @@ fn anything_unvisited_in_view_ends_search_mode_at_the_centre_of_the_own_cell() {
     observation.is_active = true;
     observation.events = Events::NEW_CELL;
     assert_eq!(world.ask_about(&mut lvd, &observation).motion, Motion::Keep);
-    // Another map, of which one cell is not visited; it is somebody else's.
+    // On another map, one cell is not visited; it belongs to another agent.
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = searching_in(&mut world);
     for cell in world.left(&[CellState::Covered]).into_iter().filter(|&cell| cell != Cell::new(13, 13, 0)) {

@@ -18,7 +18,7 @@ fn nobody() -> Bodies {
     Bodies::new(Vec::new(), Vec::new()).unwrap()
 }
 
-/// The cells of the nodes, the root first.
+/// The cells of the nodes, root first.
 fn cells_of(tree: &Tree) -> Vec<Cell> {
     tree.nodes.iter().map(|node| node.cell).collect()
 }
