@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
-use agent_node::link::Inbound as ToAgents;
+use agent_node::transport::Inbound as ToAgents;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
 use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
@@ -96,12 +96,12 @@ impl AgentsEnd {
     }
 }
 
-impl agent_node::link::Link for AgentsEnd {
-    fn join(&mut self, join: &Join) {
+impl agent_node::transport::ServerTransport for AgentsEnd {
+    fn send_join(&mut self, join: &Join) {
         self.send(join.agent, ToServer::Join(join.clone()));
     }
 
-    fn answer(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Command) {
         self.send(command.agent, ToServer::Command(command.clone()));
     }
 

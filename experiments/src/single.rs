@@ -5,7 +5,7 @@ use std::thread;
 use std::time::Duration;
 
 use agent_node::controllers;
-use agent_node::run::{Options, RunError as AgentError};
+use agent_node::host::{Options, RunError as AgentError};
 use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Progress;
@@ -122,7 +122,7 @@ pub fn run(
                 };
                 let agents_stop = &agents_stop;
                 scope.spawn(move || {
-                    let ended = agent_node::run::run(&mut end, &options, agents_stop);
+                    let ended = agent_node::host::run(&mut end, &options, agents_stop);
                     if ended.is_err() {
                         stop.store(true, Ordering::Relaxed);
                     }

@@ -1,4 +1,4 @@
-//! The bytes of a map parcel.
+//! The encoding of a map message.
 //!
 //! | bytes | content |
 //! |---|---|
@@ -8,9 +8,10 @@
 //! | number | how many blocks of the map there is news of |
 //! | bits | these blocks, ascending; the last byte is filled up with zeros |
 //!
-//! A *number* is an unsigned LEB128: 7 bits in each byte, the lowest first, the top bit set in all bytes but the last; at most
-//! 2^32 - 1, at most 5 bytes. Blocks, the numbers of cells in them and their octants are those of
-//! [`Block`]; words and gaps of bits are those of `bits.rs`. Of a block there is:
+//! A *number* is an unsigned LEB128: 7 bits in each byte, the lowest first, the top bit set in all
+//! bytes but the last; at most 2^32 - 1, at most 5 bytes. Blocks, the numbers of cells in them and
+//! their octants are those of [`Block`]; words and gaps of bits are those of `bits.rs`. A block
+//! has:
 //!
 //! | bits | content |
 //! |---|---|
@@ -20,10 +21,11 @@
 //! | | as octants, for each of the eight: `0` if there is news of none of its cells; `11` if of all; `10` and a word of 8 bits with a one for each that there is news of; and behind `10` and `11`: `0` if all these cells are free, `10` if all are wall, or `11` and for each of them one bit whether it is wall |
 //! | if covered ones are among them | one bit for each of the free cells, ascending, whether it is covered |
 //!
-//! Nothing follows the last block. A cell takes 27/64 of a bit in a block that is all free, and 64 bits at the most.
+//! Nothing follows the last block. A cell takes between 27/64 of a bit, in a block that is all
+//! free, and 64 bits.
 //!
-//! Invariant: what [`decode`] gives is ascending, says something of each block, all of it inside the map, and is about agents that
-//! take part; a parcel of which any bit is wrong gives nothing at all.
+//! Invariant: the result of [`decode`] is ascending, without empty blocks, inside the map, and
+//! names only agents of the run; a message with any wrong bit is rejected as a whole.
 
 use msgs::ids::AgentId;
 use thiserror::Error;
@@ -32,70 +34,70 @@ use voxels::Extent;
 use super::bits::{Reader as Bits, Writer, gap_bits};
 use crate::exploration_map::{Block, Delta, Layout, bits};
 
-/// Version of the form.
+/// Version of the encoding.
 pub const VERSION: u8 = 2;
 
-/// The most bytes that one more cell can make a parcel longer by: a block of its own, covered and far from the others, takes 61
-/// bits, of which the gap takes 49.
+/// Most bytes that one more cell can add to a message: a block of its own, covered and far from the
+/// others, takes 61 bits, of which the gap takes 49.
 pub(super) const CELL_BYTES_MAX: usize = 8;
 
-/// The most bytes of a parcel for so many receivers beside its cells.
+/// Most bytes of a message for this many receivers, without its cells.
 pub(super) const fn bare_bytes_max(receivers: usize) -> usize {
     2 + NUMBER_BYTES_MAX * (receivers + 2)
 }
 
 const NUMBER_BYTES_MAX: usize = 5;
 
-/// The fewest bits of a block: a gap of 0, a list of one cell.
+/// Fewest bits of a block: a gap of 0, a list of one cell.
 const BLOCK_BITS_MIN: usize = 10;
 
 /// An octant with all of its cells.
 const ALL: u32 = 0xff;
 
-/// Why bytes are no map parcel of this run.
+/// Why bytes are no map message of this run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-pub enum ParcelError {
-    /// It is of another version.
+pub enum MapMessageError {
+    /// Another version of the encoding.
     #[error("version {0}, expected {VERSION}")]
     Version(u8),
-    /// It ends too early.
+    /// Truncated after this many bytes.
     #[error("it ends after {0} bytes, in the middle of its content")]
     Short(usize),
-    /// A number is too large.
+    /// A number out of range, at this byte.
     #[error("the number at byte {0} is larger than 4294967295 or longer than 5 bytes")]
     Number(usize),
-    /// An agent does not take part.
+    /// A receiver that is not part of the run.
     #[error("it is for agent {agent}, allowed are 0 to {}", agents.saturating_sub(1))]
     Agent {
-        /// The id.
+        /// The id of the receiver.
         agent: u64,
-        /// How many take part.
+        /// Number of agents of the run.
         agents: u32,
     },
-    /// A cell lies outside the map.
+    /// A cell outside the map.
     #[error("it tells of cells in block {block} that the map does not have")]
     Outside {
-        /// The block's number.
+        /// The number of the block.
         block: u64,
     },
-    /// A block is not as it ought to be.
+    /// A block that is empty or not encoded canonically.
     #[error("block {0} says nothing, or the same in a longer way than it is to be said")]
     Block(u32),
-    /// The last byte is not filled up with zeros.
+    /// Padding that is not zero.
     #[error("a bit is set behind its end")]
     Filling,
-    /// Its sender has told of more cells than an agent can have news of.
+    /// More cells from its sender than an agent can know.
     #[error("its sender has told of more than {allowance} cells, as often as there can be news")]
     Barred {
-        /// How many cells one sender may tell of in a run.
+        /// Number of cells that one sender may report in a run.
         allowance: u64,
     },
-    /// Something follows.
+    /// Trailing bytes, by their number.
     #[error("{0} bytes follow its end")]
     Long(usize),
 }
 
-/// Says something to some agents, ascending by id.
+/// Encodes a delta for receivers, ascending by id.
 pub(super) fn encode(receivers: &[AgentId], delta: &Delta) -> Vec<u8> {
     let mut bytes = vec![VERSION];
     put(&mut bytes, receivers.len() as u32);
@@ -116,7 +118,7 @@ pub(super) fn encode(receivers: &[AgentId], delta: &Delta) -> Vec<u8> {
     bytes
 }
 
-/// The octants of a block: which cells there is news of, and which of them are wall.
+/// The octants of a block: reported cells, and those of them that are wall.
 fn octants(block: &Block) -> impl Iterator<Item = (u32, u32)> {
     block.known.to_le_bytes().into_iter().zip(block.wall.to_le_bytes()).map(|(known, wall)| (known.into(), wall.into()))
 }
@@ -125,7 +127,7 @@ fn put_block(writer: &mut Writer<'_>, block: &Block) {
     let cells = block.known.count_ones();
     let list_bits = gap_bits(cells - 1) + 7 * cells;
     let octants_bits: u32 = octants(block).map(octant_bits).sum();
-    // The bit more that octants take without covered cells.
+    // The additional bit of octants without covered cells.
     let is_list = list_bits <= octants_bits + u32::from(block.covered == 0);
     match (block.covered == 0, is_list) {
         (true, true) => writer.word(0, 1),
@@ -177,7 +179,7 @@ fn put_octant(writer: &mut Writer<'_>, known: u32, wall: u32) {
     }
 }
 
-/// The bits of an octant that stand at the ones of a mask, moved together at the lower end.
+/// The bits of an octant at the ones of a mask, gathered at the lower end.
 fn gathered(octant: u32, mask: u32) -> u32 {
     if mask == ALL {
         return octant;
@@ -185,7 +187,7 @@ fn gathered(octant: u32, mask: u32) -> u32 {
     bits(mask.into()).zip(0..).fold(0, |word, (from, to)| word | (octant >> from & 1) << to)
 }
 
-/// The other way round: bits at the lower end, moved to the ones of a mask.
+/// The inverse: bits at the lower end, scattered to the ones of a mask.
 fn scattered(word: u32, mask: u32) -> u32 {
     if mask == ALL {
         return word;
@@ -193,22 +195,22 @@ fn scattered(word: u32, mask: u32) -> u32 {
     bits(mask.into()).zip(0..).fold(0, |octant, (to, from)| octant | (word >> from & 1) << to)
 }
 
-/// What was said, and to whom.
+/// Decodes a message: its receivers and its delta.
 ///
 /// # Errors
-/// If the bytes are not a parcel for a map of this extent and a team of `agents`.
-pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<(Vec<AgentId>, Delta), ParcelError> {
+/// If the bytes are no map message for a map of this extent and a team of `agents`.
+pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<(Vec<AgentId>, Delta), MapMessageError> {
     let mut reader = Reader { bytes, at: 0 };
     let version = reader.byte()?;
     if version != VERSION {
-        return Err(ParcelError::Version(version));
+        return Err(MapMessageError::Version(version));
     }
     let mut receivers = Vec::new();
     let mut next = 0u64;
     for _ in 0..reader.number()? {
         let agent = next + u64::from(reader.number()?);
         if agent >= agents.into() {
-            return Err(ParcelError::Agent { agent, agents });
+            return Err(MapMessageError::Agent { agent, agents });
         }
         receivers.push(AgentId(agent as u32));
         next = agent + 1;
@@ -218,39 +220,39 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<(Vec<A
     Ok((receivers, delta))
 }
 
-fn blocks(bytes: &[u8], count: u32, layout: Layout, parcel_bytes: usize) -> Result<Vec<Block>, ParcelError> {
-    // The count is not to be trusted with memory.
+fn blocks(bytes: &[u8], count: u32, layout: Layout, parcel_bytes: usize) -> Result<Vec<Block>, MapMessageError> {
+    // The count is untrusted and must not reserve memory.
     let mut blocks = Vec::with_capacity((count as usize).min(8 * bytes.len() / BLOCK_BITS_MIN));
     let mut reader = Bits::new(bytes);
     let mut next = 0;
     for _ in 0..count {
         let gap = reader.gap();
         if reader.has_overrun() {
-            return Err(ParcelError::Short(parcel_bytes));
+            return Err(MapMessageError::Short(parcel_bytes));
         }
         let index = gap.map_or(u32::MAX, |gap| next + gap);
         if index >= layout.count() {
-            return Err(ParcelError::Outside { block: index.into() });
+            return Err(MapMessageError::Outside { block: index.into() });
         }
         let block = block(&mut reader, index);
         if reader.has_overrun() {
-            return Err(ParcelError::Short(parcel_bytes));
+            return Err(MapMessageError::Short(parcel_bytes));
         }
-        let block = block.ok_or(ParcelError::Block(index))?;
+        let block = block.ok_or(MapMessageError::Block(index))?;
         if block.known & !layout.inside(index) != 0 {
-            return Err(ParcelError::Outside { block: index.into() });
+            return Err(MapMessageError::Outside { block: index.into() });
         }
         blocks.push(block);
         next = index + 1;
     }
     match reader.rest() {
         (0, 0) => Ok(blocks),
-        (0, _) => Err(ParcelError::Filling),
-        (left, _) => Err(ParcelError::Long(left)),
+        (0, _) => Err(MapMessageError::Filling),
+        (left, _) => Err(MapMessageError::Long(left)),
     }
 }
 
-/// A block; `None` if it is not as documented, which what lies behind the end of the bytes may be or not.
+/// Decodes a block; `None` if it is not as documented. Bits beyond the end may make it either.
 fn block(reader: &mut Bits<'_>, index: u32) -> Option<Block> {
     let is_bare_list = !reader.bit();
     let has_covered = !is_bare_list && reader.bit();
@@ -285,7 +287,7 @@ fn block(reader: &mut Bits<'_>, index: u32) -> Option<Block> {
     (block.known != 0 && has_covered == (block.covered != 0)).then_some(block)
 }
 
-/// Which cells of an octant there is news of, and which are wall; `None` if it is not as documented.
+/// Decodes an octant: reported cells and walls; `None` if it is not as documented.
 fn octant(reader: &mut Bits<'_>) -> Option<(u32, u32)> {
     if !reader.bit() {
         return Some((0, 0));
@@ -327,23 +329,23 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn byte(&mut self) -> Result<u8, ParcelError> {
-        let byte = *self.bytes.get(self.at).ok_or(ParcelError::Short(self.bytes.len()))?;
+    fn byte(&mut self) -> Result<u8, MapMessageError> {
+        let byte = *self.bytes.get(self.at).ok_or(MapMessageError::Short(self.bytes.len()))?;
         self.at += 1;
         Ok(byte)
     }
 
-    fn number(&mut self) -> Result<u32, ParcelError> {
+    fn number(&mut self) -> Result<u32, MapMessageError> {
         let start = self.at;
         let mut number = 0u64;
         for place in 0..NUMBER_BYTES_MAX {
             let byte = self.byte()?;
             number |= u64::from(byte & 0x7f) << (7 * place);
             if byte & 0x80 == 0 {
-                return u32::try_from(number).map_err(|_| ParcelError::Number(start));
+                return u32::try_from(number).map_err(|_| MapMessageError::Number(start));
             }
         }
-        Err(ParcelError::Number(start))
+        Err(MapMessageError::Number(start))
     }
 }
 
@@ -387,9 +389,9 @@ mod tests {
         assert_eq!(bytes, expected);
         let map = extent([8, 8, 8]);
         assert_eq!(decode(&bytes, map, 5), Ok((vec![AgentId(1), AgentId(4)], delta)));
-        assert_eq!(decode(&bytes, extent([8, 8, 4]), 5), Err(ParcelError::Outside { block: 5 }));
-        assert_eq!(decode(&bytes, extent([8, 5, 8]), 5), Err(ParcelError::Outside { block: 2 }));
-        assert_eq!(decode(&bytes, map, 4), Err(ParcelError::Agent { agent: 4, agents: 4 }));
+        assert_eq!(decode(&bytes, extent([8, 8, 4]), 5), Err(MapMessageError::Outside { block: 5 }));
+        assert_eq!(decode(&bytes, extent([8, 5, 8]), 5), Err(MapMessageError::Outside { block: 2 }));
+        assert_eq!(decode(&bytes, map, 4), Err(MapMessageError::Agent { agent: 4, agents: 4 }));
     }
 
     #[test]

@@ -1,15 +1,15 @@
-//! The agents of one process over a link: join, answer until the run is over.
+//! The host of the agents of one process: joins them to a run, and serves them until it is over.
 //!
-//! The loop is the same over every [`Link`]. Wall time decides nothing but when to ask again to take part, and when a process
-//! whose server is gone ends.
+//! The loop is the same over every [`ServerTransport`]. Wall time decides nothing but when to
+//! repeat a join, and when a process without a server ends.
 //!
-//! **Whether the server is there.** A server answers a join of an agent that it has accepted once more, so a process that has heard
-//! nothing for a while asks in this way. Silence that lasts ends the process. So a server that is busy, or held back to a slow
-//! pace, is waited for, and one that was killed is not waited for until somebody looks after its agents. Messages of another run
-//! than the one that was joined have no effect, except that of its own server which says that it begins again: then the agents
-//! begin again, too, and know nothing.
+//! **Liveness of the server.** The server answers a repeated join of an agent that it has accepted,
+//! so the host uses joins as probes when it has received nothing for a while; if the silence lasts,
+//! the process ends. So a busy or slow server is waited for, and a killed one is not waited for
+//! indefinitely. Messages of other runs are ignored, except that the server of this run announces a
+//! reset: then the agents are reset, too, with unexplored maps.
 
-mod show;
+mod map_publisher;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,115 +22,118 @@ use thiserror::Error;
 
 use crate::agent::{Agent, Reaction};
 use crate::controllers::{self, ControllerError};
-use crate::link::{Inbound, Level, Link};
 use crate::parameters;
 use crate::stopwatch::DecisionTimes;
+use crate::transport::{Inbound, Level, ServerTransport};
 use crate::wire::{self, WireError};
 
-use show::Shown;
+use map_publisher::PublishedMap;
 
 /// Wall time between two attempts to join.
 const JOIN_PERIOD: Duration = Duration::from_millis(200);
 
-/// Wall time of silence after which the server is asked for a sign of life, and between two such questions.
-const SIGN_PERIOD: Duration = Duration::from_secs(1);
+/// Wall time without messages after which the server is probed, and between two probes.
+const PROBE_PERIOD: Duration = Duration::from_secs(1);
 
-/// Wall time of silence, once a server has announced another run, after which the one that was joined is taken to be over; what
-/// servers allow for a decision by default.
-const OVERTAKEN: Duration = Duration::from_secs(10);
+/// Wall time without messages, once another run has been announced, after which the joined run is
+/// taken to be over; the default time limit of servers for a decision.
+const SUPERSEDED_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Wall time between two looks at the link that counts as silence, at the most: more means that this process was busy or stopped.
-const LOOK_MAX: Duration = Duration::from_millis(200);
+/// Longest wall time between two polls that counts as silence: more means that this process was
+/// busy or suspended.
+const POLL_GAP_MAX: Duration = Duration::from_millis(200);
 
-/// Wall time for which the loop waits for a message before it looks at its other duties.
-const PATIENCE: Duration = Duration::from_millis(50);
+/// Wall time to wait for a message before other duties.
+const RECEIVE_TIMEOUT: Duration = Duration::from_millis(50);
 
-/// What a process is to run.
+/// The options of a process.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Its agents.
+    /// The agents of this process.
     pub agents: Vec<AgentId>,
-    /// What they run, if not what the scenario says.
+    /// The controller, instead of the one of the scenario.
     pub controller: Option<String>,
-    /// Settings `KEY=VALUE`; they come after those of the scenario, which hold for the scenario's controller only.
+    /// Settings `KEY=VALUE`, after those of the scenario, which apply to the scenario's controller
+    /// only.
     pub settings: Vec<String>,
-    /// A number that no other process has.
+    /// A number unique to this process.
     pub instance: u64,
-    /// Wall time of silence after which the server is taken to be gone.
+    /// Wall time without messages after which the server is taken to be gone.
     pub server_timeout: Duration,
-    /// Waits up to so long, at random, before each answer: a test of the lock-step.
+    /// Longest random delay before each reply: a test of the lock-step.
     pub chaos_delay: Duration,
-    /// Looks at what has changed of a map in a second of wall time at the most, while somebody wants to see it.
+    /// Greatest rate of map updates while a map has subscribers, Hz of wall time.
     pub map_hz: f64,
-    /// Where to note how long decisions take.
+    /// Where to log the wall time of decisions.
     pub decision_times: Option<DecisionTimes>,
 }
 
-/// Why agents cannot go on.
+/// Why a host ends with an error.
 #[derive(Debug, Error)]
 pub enum RunError {
-    /// The run does not want them.
+    /// The server refuses an agent.
     #[error("agent {agent} was refused by the server: {reason}")]
     Refused {
-        /// Who.
+        /// The agent.
         agent: AgentId,
-        /// Why.
+        /// The reason that the server gives.
         reason: String,
     },
-    /// The server does not even say that it is there.
+    /// The server is silent.
     #[error("the server of run {run:016x} has said nothing for {seconds} s; it seems to be gone")]
     ServerSilent {
-        /// Number of the run.
+        /// Id of the run.
         run: u64,
-        /// How long, wall time.
+        /// Duration of the silence, seconds of wall time.
         seconds: f64,
     },
-    /// The server does not even say that it is there, and there is another one.
+    /// The server is silent, and another run has been announced.
     #[error(
         "a server has announced run {other:016x}, and that of run {run:016x}, which was joined, has not ended it and is silent"
     )]
-    Overtaken {
-        /// Number of the run that was joined.
+    Superseded {
+        /// Id of the joined run.
         run: u64,
-        /// Number of the other one.
+        /// Id of the other run.
         other: u64,
     },
-    /// There is no such controller.
+    /// The controller or a setting is unknown or illegal.
     #[error(transparent)]
     Controller(#[from] ControllerError),
-    /// The server does not keep to the protocol.
+    /// The server violates the protocol.
     #[error("agent {agent}: {source}")]
     Wire {
-        /// Who.
+        /// The agent.
         agent: AgentId,
-        /// What is wrong.
+        /// The violation.
         source: WireError,
     },
 }
 
-/// Runs agents until the run is over or `stop` is set.
+/// Hosts agents until the run is over or `stop` is set.
 ///
 /// # Errors
-/// If the server refuses an agent, breaks the protocol or is gone, or there is no such controller.
-pub fn run(link: &mut dyn Link, options: &Options, stop: &AtomicBool) -> Result<(), RunError> {
-    let mut next = scenario(link, stop);
-    let mut shown = BTreeMap::new();
+/// If the server refuses an agent, violates the protocol or is gone, or the controller cannot be
+/// built.
+pub fn run(transport: &mut dyn ServerTransport, options: &Options, stop: &AtomicBool) -> Result<(), RunError> {
+    let mut next = scenario(transport, stop);
+    let mut published = BTreeMap::new();
     while let Some(scenario) = next {
-        let mut process = Process::new(link, options, &scenario, shown)?;
-        let served = process.serve(stop);
+        let mut host = Host::new(transport, options, &scenario, published)?;
+        let served = host.serve(stop);
         if let Err(error) = &served {
-            process.tell_all(Level::Error, &error.to_string());
+            host.log_for_all(Level::Error, &error.to_string());
         }
         next = served?;
-        shown = process.shown();
+        published = host.published();
     }
     Ok(())
 }
 
-/// Waits for the scenario of a run; that of a recording which is played is none.
-fn scenario(link: &mut dyn Link, stop: &AtomicBool) -> Option<Scenario> {
+/// Waits for the scenario of a run; the scenario of a replayed recording is ignored.
+fn scenario(transport: &mut dyn ServerTransport, stop: &AtomicBool) -> Option<Scenario> {
     while !stop.load(Ordering::Relaxed) {
-        if let Some(Inbound::Scenario(scenario)) = link.receive(PATIENCE)
+        if let Some(Inbound::Scenario(scenario)) = transport.receive(RECEIVE_TIMEOUT)
             && scenario.run != Scenario::NO_RUN
         {
             return Some(scenario);
@@ -139,66 +142,66 @@ fn scenario(link: &mut dyn Link, stop: &AtomicBool) -> Option<Scenario> {
     None
 }
 
-/// The agents of this process that are not done.
-struct Process<'a> {
-    link: &'a mut dyn Link,
+/// The agents of this process that are still running.
+struct Host<'a> {
+    transport: &'a mut dyn ServerTransport,
     run: u64,
     origin: u64,
-    /// The same run, begun again.
+    /// The scenario after a reset.
     next: Option<Scenario>,
-    /// Another run that a server has announced.
+    /// Another run that has been announced.
     other_run: Option<u64>,
     instance: u64,
     chaos_delay: Duration,
     server_timeout: Duration,
     label: String,
-    seats: BTreeMap<AgentId, Seat>,
+    agents: BTreeMap<AgentId, HostedAgent>,
     joined_last: Option<Instant>,
-    /// For how long nothing has been heard of the server.
+    /// Duration without messages from the server.
     silence: Duration,
-    looked: Instant,
+    polled_at: Instant,
     map_hz: f64,
 }
 
-struct Seat {
+struct HostedAgent {
     agent: Agent,
     is_accepted: bool,
-    shown: Shown,
+    published: PublishedMap,
 }
 
-impl<'a> Process<'a> {
-    /// `shown` is what was shown of the agents in a run that has begun again.
+impl<'a> Host<'a> {
+    /// `published` is the state of the published maps, kept over a reset.
     fn new(
-        link: &'a mut dyn Link,
+        transport: &'a mut dyn ServerTransport,
         options: &Options,
         scenario: &Scenario,
-        mut shown: BTreeMap<AgentId, Shown>,
+        mut published: BTreeMap<AgentId, PublishedMap>,
     ) -> Result<Self, RunError> {
         let wrong = |source| RunError::Wire { agent: options.agents.first().copied().unwrap_or_default(), source };
-        let briefing = wire::briefing(scenario).map_err(wrong)?;
-        let name = options.controller.as_ref().unwrap_or(&briefing.controller);
-        let mut settings = if *name == briefing.controller { briefing.settings.clone() } else { Vec::new() };
+        let run_info = wire::run_info(scenario).map_err(wrong)?;
+        let name = options.controller.as_ref().unwrap_or(&run_info.controller);
+        let mut settings = if *name == run_info.controller { run_info.settings.clone() } else { Vec::new() };
         settings.extend(options.settings.iter().cloned());
-        let taken = controllers::taken(name, &settings)?;
-        let mut seats = BTreeMap::new();
+        let resolved = controllers::resolve_settings(name, &settings)?;
+        let mut agents = BTreeMap::new();
         for &id in &options.agents {
-            if id.0 >= briefing.agents {
-                let reason = format!("this run has agents 0 to {}", briefing.agents.saturating_sub(1));
+            if id.0 >= run_info.agents {
+                let reason = format!("this run has agents 0 to {}", run_info.agents.saturating_sub(1));
                 return Err(RunError::Refused { agent: id, reason });
             }
-            let mut controller = controllers::build(name, &settings, id, briefing.agents_seed)?;
+            let mut controller = controllers::build(name, &settings, id, run_info.agents_seed)?;
             if let Some(times) = &options.decision_times {
                 controller = times.of(controller);
             }
-            let shown = shown.remove(&id).unwrap_or_else(|| Shown::new(briefing.extent));
-            let agent = Agent::new(id, briefing.clone(), controller);
-            seats.insert(id, Seat { agent, is_accepted: false, shown });
-            link.describe(id, parameters::of_controller(name, &taken));
+            let published = published.remove(&id).unwrap_or_else(|| PublishedMap::new(run_info.extent));
+            let agent = Agent::new(id, run_info.clone(), controller);
+            agents.insert(id, HostedAgent { agent, is_accepted: false, published });
+            transport.declare_parameters(id, parameters::of_controller(name, &resolved));
         }
         let label = if settings.is_empty() { name.clone() } else { format!("{name} {}", settings.join(" ")) };
         let Options { instance, chaos_delay, server_timeout, .. } = *options;
         Ok(Self {
-            link,
+            transport,
             run: scenario.run,
             origin: scenario.origin,
             next: None,
@@ -207,44 +210,45 @@ impl<'a> Process<'a> {
             chaos_delay,
             server_timeout,
             label,
-            seats,
+            agents,
             joined_last: None,
             silence: Duration::ZERO,
-            looked: now(),
+            polled_at: now(),
             map_hz: options.map_hz,
         })
     }
 
-    /// Takes part until the run is over or `stop` is set; or until it begins again, as what it gives out.
+    /// Serves the agents until the run is over or `stop` is set, or until a reset, whose scenario
+    /// it returns.
     fn serve(&mut self, stop: &AtomicBool) -> Result<Option<Scenario>, RunError> {
-        let mut patience = PATIENCE;
-        while !self.seats.is_empty() && self.next.is_none() && !stop.load(Ordering::Relaxed) {
+        let mut timeout = RECEIVE_TIMEOUT;
+        while !self.agents.is_empty() && self.next.is_none() && !stop.load(Ordering::Relaxed) {
             self.join();
-            if let Some(message) = self.link.receive(patience) {
+            if let Some(message) = self.transport.receive(timeout) {
                 self.handle(message)?;
             }
-            patience = self.show_beliefs();
-            self.listen_for_the_server()?;
+            timeout = self.publish_maps();
+            self.check_server_silence()?;
         }
         Ok(self.next.take())
     }
 
-    /// Asks to take part, now and then, until all agents are accepted; after that, asks a silent server for a sign of life.
+    /// Repeats joins until all agents are accepted; after that, probes a silent server.
     fn join(&mut self) {
-        let is_joining = self.seats.values().any(|seat| !seat.is_accepted);
-        let is_doubtful = self.silence >= SIGN_PERIOD || self.other_run.is_some();
-        let period = if is_joining { JOIN_PERIOD } else { SIGN_PERIOD };
-        if !(is_joining || is_doubtful) || self.joined_last.is_some_and(|last| last.elapsed() < period) {
+        let is_joining = self.agents.values().any(|hosted| !hosted.is_accepted);
+        let is_server_silent = self.silence >= PROBE_PERIOD || self.other_run.is_some();
+        let period = if is_joining { JOIN_PERIOD } else { PROBE_PERIOD };
+        if !(is_joining || is_server_silent) || self.joined_last.is_some_and(|last| last.elapsed() < period) {
             return;
         }
-        for (id, seat) in self.seats.iter().filter(|(_, seat)| !(is_joining && seat.is_accepted)) {
-            self.link.join(&Join {
+        for (id, hosted) in self.agents.iter().filter(|(_, hosted)| !(is_joining && hosted.is_accepted)) {
+            self.transport.send_join(&Join {
                 run: self.run,
                 agent: id.0,
                 instance: self.instance,
                 protocol: PROTOCOL,
                 controller: self.label.clone(),
-                last_tick: seat.agent.last_tick().map_or(Join::NONE, |tick| tick.0),
+                last_tick: hosted.agent.last_tick().map_or(Join::NONE, |tick| tick.0),
             });
         }
         self.joined_last = Some(now());
@@ -274,14 +278,14 @@ impl<'a> Process<'a> {
         }
     }
 
-    /// Counts the silence, and gives up if it has lasted too long.
-    fn listen_for_the_server(&mut self) -> Result<(), RunError> {
-        let looked = now();
-        self.silence += looked.duration_since(self.looked).min(LOOK_MAX);
-        self.looked = looked;
+    /// Adds to the silence, and gives up if it has lasted too long.
+    fn check_server_silence(&mut self) -> Result<(), RunError> {
+        let polled_at = now();
+        self.silence += polled_at.duration_since(self.polled_at).min(POLL_GAP_MAX);
+        self.polled_at = polled_at;
         match self.other_run {
-            Some(other) if self.silence >= self.server_timeout.min(OVERTAKEN) => {
-                Err(RunError::Overtaken { run: self.run, other })
+            Some(other) if self.silence >= self.server_timeout.min(SUPERSEDED_TIMEOUT) => {
+                Err(RunError::Superseded { run: self.run, other })
             }
             _ if self.silence >= self.server_timeout => {
                 Err(RunError::ServerSilent { run: self.run, seconds: self.server_timeout.as_secs_f64() })
@@ -294,13 +298,13 @@ impl<'a> Process<'a> {
         let JoinReply { run: _, agent, instance, accepted, reason } = reply;
         let agent = AgentId(agent);
         if instance == self.instance
-            && let Some(seat) = self.seats.get_mut(&agent)
+            && let Some(hosted) = self.agents.get_mut(&agent)
         {
             if !accepted {
                 return Err(RunError::Refused { agent, reason });
             }
-            if !std::mem::replace(&mut seat.is_accepted, true) {
-                self.link.log(agent, Level::Info, &format!("takes part with {}", self.label));
+            if !std::mem::replace(&mut hosted.is_accepted, true) {
+                self.transport.log(agent, Level::Info, &format!("takes part with {}", self.label));
             }
         }
         Ok(())
@@ -308,17 +312,17 @@ impl<'a> Process<'a> {
 
     fn handle_observation(&mut self, part: Part) -> Result<(), RunError> {
         let id = AgentId(part.agent);
-        let Some(seat) = self.seats.get_mut(&id).filter(|seat| seat.is_accepted) else {
+        let Some(hosted) = self.agents.get_mut(&id).filter(|hosted| hosted.is_accepted) else {
             return Ok(());
         };
-        match seat.agent.take(part).map_err(|source| RunError::Wire { agent: id, source })? {
+        match hosted.agent.take(part).map_err(|source| RunError::Wire { agent: id, source })? {
             Reaction::None => {}
-            Reaction::Answer(command) => self.answer(command),
-            Reaction::Farewell(receipt) => {
-                self.answer(receipt);
-                self.show_last(id);
-                self.link.log(id, Level::Info, "the run is over");
-                self.seats.remove(&id);
+            Reaction::Reply(command) => self.answer(command),
+            Reaction::Acknowledge(acknowledgement) => {
+                self.answer(acknowledgement);
+                self.publish_rest(id);
+                self.transport.log(id, Level::Info, "the run is over");
+                self.agents.remove(&id);
             }
         }
         Ok(())
@@ -328,13 +332,13 @@ impl<'a> Process<'a> {
         if !self.chaos_delay.is_zero() {
             wait_up_to(self.chaos_delay);
         }
-        self.link.answer(&Command { run: self.run, ..command });
+        self.transport.send_command(&Command { run: self.run, ..command });
     }
 }
 
 #[expect(clippy::disallowed_methods, reason = "disturbing the wall time is what this is for")]
 fn wait_up_to(longest: Duration) {
-    // A delay of zero is as good as any other if the system has no random numbers to give.
+    // Without random numbers from the system there is no delay.
     let share = f64::from(getrandom::u32().unwrap_or(0)) / f64::from(u32::MAX);
     std::thread::sleep(longest.mul_f64(share));
 }
@@ -365,7 +369,7 @@ mod tests {
         })
     }
 
-    /// The first run of a server, begun again.
+    /// The first run of a server, after a reset.
     fn begun_again(origin: u64, run: u64) -> Inbound {
         let Inbound::Scenario(scenario) = scenario(run) else { unreachable!("it is one") };
         Inbound::Scenario(Scenario { origin, ..scenario })
@@ -375,7 +379,7 @@ mod tests {
         Inbound::Observation(Part { run, phase, parts: 1, ..Part::default() })
     }
 
-    /// A server that says these things, and answers so many joins.
+    /// A server that sends these messages, and accepts this many joins.
     struct Server {
         says: Vec<Inbound>,
         replies: usize,
@@ -403,8 +407,8 @@ mod tests {
         }
     }
 
-    impl Link for Server {
-        fn join(&mut self, join: &Join) {
+    impl ServerTransport for Server {
+        fn send_join(&mut self, join: &Join) {
             self.joins.push(join.clone());
             if self.replies > 0 {
                 self.replies -= 1;
@@ -414,7 +418,7 @@ mod tests {
             }
         }
 
-        fn answer(&mut self, command: &Command) {
+        fn send_command(&mut self, command: &Command) {
             self.answers.push(command.clone());
         }
 
@@ -442,7 +446,7 @@ mod tests {
             ],
             1,
         );
-        // Whatever the other run says is heard in no time.
+        // Messages of the other run are ignored at once.
         server.runs().unwrap_or_else(|error| panic!("{error}"));
         assert!(server.joins.iter().all(|join| join.run == OURS));
         assert_eq!(server.answers.iter().map(|command| command.run).collect::<Vec<_>>(), [OURS; 2]);
@@ -456,7 +460,7 @@ mod tests {
                 observation(OURS, Part::RUNNING),
                 begun_again(OURS, OURS + 5),
                 observation(OURS, Part::RUNNING),
-                // What was said before it, late.
+                // A message from before the reset, late.
                 begun_again(OURS, OURS + 4),
                 observation(OURS + 5, Part::RUNNING),
                 observation(OURS + 5, Part::ENDED),
@@ -480,6 +484,6 @@ mod tests {
         assert!(matches!(error, RunError::ServerSilent { run: OURS, .. }), "{error}");
         let mut server = Server::saying(vec![scenario(OURS), scenario(OTHER)], 1);
         let error = server.runs().unwrap_err();
-        assert!(matches!(error, RunError::Overtaken { run: OURS, other: OTHER }), "{error}");
+        assert!(matches!(error, RunError::Superseded { run: OURS, other: OTHER }), "{error}");
     }
 }

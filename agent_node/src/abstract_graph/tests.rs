@@ -12,7 +12,7 @@ fn moves() -> Moves {
     Moves::new(RADIUS_M, 1.0, Neighbours::TwentySix)
 }
 
-/// Tells a map all of a world but the cells of which `is_hidden`.
+/// Reveals a world to a map, except the cells that `is_hidden`.
 fn reveal(map: &mut ExplorationMap, world: &Grid<Terrain>, is_hidden: impl Fn(Cell) -> bool) {
     let extent = world.extent();
     for cell in extent.cells().filter(|&cell| !is_hidden(cell)) {
@@ -24,13 +24,13 @@ fn reveal(map: &mut ExplorationMap, world: &Grid<Terrain>, is_hidden: impl Fn(Ce
     }
 }
 
-/// Begins the ways at a cell, and has them find the length of the way to every region that can be reached, cells.
-fn lengths(ways: &mut Ways, regions: &Regions, from: Cell) -> BTreeMap<RegionId, f64> {
-    ways.begin(regions, from);
-    std::iter::from_fn(|| ways.next(regions)).map(|(id, _, length)| (id, length)).collect()
+/// Runs Dijkstra's algorithm from a cell: the path length to every reachable region, cells.
+fn lengths(paths: &mut ShortestPaths, graph: &AbstractGraph, from: Cell) -> BTreeMap<RegionId, f64> {
+    paths.begin(graph, from);
+    std::iter::from_fn(|| paths.next(graph)).map(|(id, _, length)| (id, length)).collect()
 }
 
-/// Two rooms with a door between, far to the side.
+/// Two rooms, joined by a door at the far side.
 const ROOMS: &str = "
 #############
 #.....#.....#
@@ -51,17 +51,17 @@ fn the_way_to_the_next_room_leads_through_the_door() {
     let world = rooms();
     let mut map = ExplorationMap::new(world.extent());
     reveal(&mut map, &world, |_| false);
-    let mut regions = Regions::new(map.extent(), RADIUS_M);
-    regions.renew(&map, &moves());
+    let mut graph = AbstractGraph::new(map.extent(), RADIUS_M);
+    graph.update(&map, &moves());
     let (from, to) = (Cell::new(1, 1, 0), Cell::new(11, 1, 0));
-    let mut ways = Ways::default();
-    let length = lengths(&mut ways, &regions, from)[&regions.region_of(to).unwrap()];
+    let mut paths = ShortestPaths::default();
+    let length = lengths(&mut paths, &graph, from)[&graph.region_of(to).unwrap()];
     assert!((11.0..18.0).contains(&length), "{length}");
     let mut scratch = Scratch::new();
-    let path = ways.path(&regions, &map, &moves(), &mut scratch, (from, to), &|_| false).unwrap();
+    let path = paths.path(&graph, &map, &moves(), &mut scratch, (from, to), &|_| false).unwrap();
     assert!(path.cells.contains(&Cell::new(6, 5, 0)), "{path:?}");
     let shut = |cell| cell == Cell::new(6, 5, 0);
-    assert_eq!(ways.path(&regions, &map, &moves(), &mut scratch, (from, to), &shut), None);
+    assert_eq!(paths.path(&graph, &map, &moves(), &mut scratch, (from, to), &shut), None);
 }
 
 #[test]
@@ -69,12 +69,12 @@ fn what_cannot_be_reached_is_no_region_of_the_ways() {
     let world = rooms();
     let mut map = ExplorationMap::new(world.extent());
     reveal(&mut map, &world, |cell| cell.x == 6);
-    let mut regions = Regions::new(map.extent(), RADIUS_M);
-    regions.renew(&map, &moves());
-    let reached = lengths(&mut Ways::default(), &regions, Cell::new(1, 1, 0));
-    let frontiers: usize = reached.keys().map(|&region| regions.get(region).unwrap().frontiers.len()).sum();
+    let mut graph = AbstractGraph::new(map.extent(), RADIUS_M);
+    graph.update(&map, &moves());
+    let reached = lengths(&mut ShortestPaths::default(), &graph, Cell::new(1, 1, 0));
+    let frontiers: usize = reached.keys().map(|&region| graph.get(region).unwrap().frontiers.len()).sum();
     assert_eq!((frontiers, map.frontier_count()), (7, 14));
-    assert!(regions.region_of(Cell::new(11, 1, 0)).is_some_and(|far| !reached.contains_key(&far)));
+    assert!(graph.region_of(Cell::new(11, 1, 0)).is_some_and(|far| !reached.contains_key(&far)));
 }
 
 fn noise() -> impl Strategy<Value = Vec<u8>> {
@@ -97,21 +97,21 @@ proptest! {
         let extent = Extent::new([11, 9, 8], 1.0).unwrap();
         let moves = Moves::new(radius, 1.0, Neighbours::TwentySix);
         let mut map = ExplorationMap::new(extent);
-        let mut by_bits = Regions::new(extent, radius);
+        let mut by_bits = AbstractGraph::new(extent, radius);
         apply(&mut map, &cells, 0..cut);
-        by_bits.renew(&map, &moves);
+        by_bits.update(&map, &moves);
         apply(&mut map, &cells, cut..cells.len());
-        by_bits.renew(&map, &moves);
-        let mut at_once = Regions::new(extent, radius);
-        at_once.renew(&map, &moves);
+        by_bits.update(&map, &moves);
+        let mut at_once = AbstractGraph::new(extent, radius);
+        at_once.update(&map, &moves);
         for cell in extent.cells() {
             prop_assert_eq!(by_bits.region_of(cell), at_once.region_of(cell));
             prop_assert_eq!(by_bits.region_of(cell).is_some(), Graph::new(&map, &moves).is_usable(cell));
         }
         for (a, b) in by_bits.near(Cell::default(), 20).zip(at_once.near(Cell::default(), 20)) {
             prop_assert_eq!(a.0, b.0);
-            let links = |region: &Region| -> Vec<_> { region.links.iter().map(|link| (link.to, link.length)).collect() };
-            prop_assert_eq!(links(a.1), links(b.1));
+            let edges = |region: &Region| -> Vec<_> { region.edges.iter().map(|edge| (edge.to, edge.length)).collect() };
+            prop_assert_eq!(edges(a.1), edges(b.1));
             prop_assert_eq!((&a.1.frontiers, a.1.centre), (&b.1.frontiers, b.1.centre));
         }
         let listed: usize = at_once.near(Cell::default(), 20).map(|(_, region)| region.frontiers.len()).sum();
@@ -126,18 +126,18 @@ proptest! {
         let mut map = ExplorationMap::new(extent);
         apply(&mut map, &cells, 0..cells.len());
         let six = Moves::new(RADIUS_M, 1.0, Neighbours::Six);
-        let mut regions = Regions::new(extent, RADIUS_M);
-        regions.renew(&map, &six);
+        let mut graph = AbstractGraph::new(extent, RADIUS_M);
+        graph.update(&map, &six);
         let mut scratch = Scratch::new();
-        let Some(from) = extent.cells().find(|&cell| regions.region_of(cell).is_some()) else { return Ok(()) };
-        let mut ways = Ways::default();
-        let reached = lengths(&mut ways, &regions, from);
+        let Some(from) = extent.cells().find(|&cell| graph.region_of(cell).is_some()) else { return Ok(()) };
+        let mut paths = ShortestPaths::default();
+        let reached = lengths(&mut paths, &graph, from);
         for to in extent.cells().step_by(7) {
             let path = Search::new(Graph::new(&map, &six), &mut scratch, from, Goal::Cell(to)).run();
-            let is_reached = regions.region_of(to).is_some_and(|region| reached.contains_key(&region));
+            let is_reached = graph.region_of(to).is_some_and(|region| reached.contains_key(&region));
             prop_assert_eq!(is_reached, path.is_some());
             if path.is_some() {
-                prop_assert!(ways.path(&regions, &map, &six, &mut scratch, (from, to), &|_| false).is_some());
+                prop_assert!(paths.path(&graph, &map, &six, &mut scratch, (from, to), &|_| false).is_some());
             }
         }
     }

@@ -1,9 +1,10 @@
-//! Ways to cells for controllers: asks for a path, keeps the answer back until it may be used, and makes a motion of it.
+//! Navigation to cells for controllers: requests a path, holds the result back until its sim time,
+//! and makes a motion of it.
 //!
-//! Invariants: an answer comes in the tick that was declared when it was asked for, whatever the machine; a motion that comes
-//! out of here leads only through cells that the agent knew to be free when it asked.
+//! Invariants: a result is available in the tick fixed at the request, on any machine; every motion
+//! leads only through cells that were known to be free at the request.
 //!
-//! This module keeps no goals: a controller that asks for another cell gives up the answer it was waiting for.
+//! Only one request is pending at a time: a request for another cell replaces it.
 
 use std::num::NonZeroU64;
 use std::task::Poll;
@@ -12,40 +13,40 @@ use msgs::ids::Tick;
 use nalgebra::Point3;
 use voxels::Cell;
 
-use crate::command::{Motion, Wake};
+use crate::command::{Motion, Trigger};
 use crate::exploration_map::ExplorationMap;
 use crate::path::{
     Background, Budgeted, Goal, Graph, Moves, Neighbours, Path, Scratch, Search, direct, straighten_from,
 };
 
-/// What a search for a path costs in sim time.
+/// The sim time of a path search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SearchTime {
-    /// Nothing: the answer is there at once.
+    /// None: the result is available at once.
     Instant,
-    /// A tick for every so many cells that are looked at; see [`SearchTime::BUDGETED`].
+    /// One tick per this many expanded cells; see [`SearchTime::BUDGETED`].
     Budgeted(NonZeroU64),
-    /// So many ticks, however hard it is. Meanwhile it is searched for on another thread.
+    /// A fixed number of ticks, while another thread searches.
     Background(u64),
 }
 
 impl SearchTime {
-    /// The reference's pace: 100 cells in a tick.
+    /// The rate of the reference: 100 cells per tick.
     pub const BUDGETED: Self = Self::Budgeted(Budgeted::PER_TICK);
 }
 
-/// What came of the wish to go to a cell.
+/// The status of a navigation request.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Journey {
-    /// There is a way: this motion leads there.
+pub enum NavigationStatus {
+    /// A path exists: this motion follows it.
     Go(Motion),
-    /// The search goes on; to be asked for again then.
-    Searching(Wake),
-    /// The agent knows of no way.
-    NoWay,
+    /// The search is pending: repeat the request when the trigger fires.
+    Searching(Trigger),
+    /// No path is known.
+    NoPath,
 }
 
-/// An answer that is kept back.
+/// A result that is held back.
 #[derive(Debug)]
 enum Answer {
     Budgeted(Budgeted),
@@ -74,21 +75,21 @@ struct Pending {
     answer: Answer,
 }
 
-/// The searches of one agent.
+/// The navigation task of one agent: the pending path search, and what searches need.
 #[derive(Debug)]
-pub struct Travel {
+pub struct NavigationTask {
     radius_m: f64,
     to_faces: Moves,
     to_all: Moves,
     scratch: Scratch,
-    /// Searches give up after so many cells.
+    /// Limit of expanded cells of a search.
     cells_max: u64,
     pending: Option<Pending>,
     failures: u32,
 }
 
-impl Travel {
-    /// For a body of `radius_m` metres on cells with edges of `cell_m` metres.
+impl NavigationTask {
+    /// For a body with a radius of `radius_m` metres on cells with edges of `cell_m` metres.
     #[must_use]
     pub fn new(radius_m: f64, cell_m: f64) -> Self {
         Self {
@@ -102,7 +103,7 @@ impl Travel {
         }
     }
 
-    /// How often there was no way to a cell.
+    /// Number of requests without a path.
     #[must_use]
     pub fn failures(&self) -> u32 {
         self.failures
@@ -115,21 +116,23 @@ impl Travel {
         }
     }
 
-    /// From now on searches find no way if they would have to look at more cells than so many, whatever they cost in sim time.
-    pub fn give_up_after(&mut self, cells_max: u64) {
+    /// Limits later searches to this number of expanded cells, beyond which they find no path,
+    /// whatever their sim time.
+    pub fn limit_searches(&mut self, cells_max: u64) {
         self.cells_max = cells_max;
     }
 
-    /// The moves of the body, and what its searches write on.
-    pub fn searching(&mut self, neighbours: Neighbours) -> (&Moves, &mut Scratch) {
+    /// The moves of the body, and the scratch memory of its searches.
+    pub fn search_workspace(&mut self, neighbours: Neighbours) -> (&Moves, &mut Scratch) {
         match neighbours {
             Neighbours::Six => (&self.to_faces, &mut self.scratch),
             Neighbours::TwentySix => (&self.to_all, &mut self.scratch),
         }
     }
 
-    /// How to get from a point (metres, frame `map`) to a cell: straight if that is clear, else along the cheapest path through
-    /// `neighbours`, with as few legs as do. If the search takes time, it goes on with the same question and the body at rest.
+    /// The motion from a point (metres, frame `map`) to a cell: straight if that is clear, else
+    /// along the cheapest path through `neighbours`, with as few legs as possible. A pending search
+    /// continues with the same request and the body at rest.
     pub fn to_cell(
         &mut self,
         map: &ExplorationMap,
@@ -138,28 +141,29 @@ impl Travel {
         neighbours: Neighbours,
         time: SearchTime,
         now: Tick,
-    ) -> Journey {
+    ) -> NavigationStatus {
         if direct(map, from, goal, self.radius_m) {
             self.pending = None;
-            return Journey::Go(Motion::Path(vec![map.extent().centre(goal)]));
+            return NavigationStatus::Go(Motion::Path(vec![map.extent().centre(goal)]));
         }
         let start = map.extent().cell_of(from);
         let Poll::Ready(path) = self.search(map, start, goal, neighbours, time, now) else {
             let at = self.pending.as_ref().map_or(Tick::ZERO, |pending| pending.answer.usable_at());
-            return Journey::Searching(Wake { at, events: 0 });
+            return NavigationStatus::Searching(Trigger { at, events: 0 });
         };
         self.pending = None;
-        let journey = path.map_or(Journey::NoWay, |path| self.motion_along(map, from, &path));
-        self.failures += u32::from(journey == Journey::NoWay);
-        journey
+        let status = path.map_or(NavigationStatus::NoPath, |path| self.motion_along(map, from, &path));
+        self.failures += u32::from(status == NavigationStatus::NoPath);
+        status
     }
 
     /// The motion along a path that begins in the cell of the body.
     #[must_use]
-    pub fn motion_along(&self, map: &ExplorationMap, from: &Point3<f64>, path: &Path) -> Journey {
-        let way_points = straighten_from(from, path, map, self.radius_m);
-        // A path of one cell whose centre cannot be reached straight: the body is as near as it can get.
-        if way_points.is_empty() { Journey::NoWay } else { Journey::Go(Motion::Path(way_points)) }
+    pub fn motion_along(&self, map: &ExplorationMap, from: &Point3<f64>, path: &Path) -> NavigationStatus {
+        let waypoints = straighten_from(from, path, map, self.radius_m);
+        // A path of one cell whose centre cannot be reached straight: the body is as near as it can
+        // get.
+        if waypoints.is_empty() { NavigationStatus::NoPath } else { NavigationStatus::Go(Motion::Path(waypoints)) }
     }
 
     fn search(
@@ -181,7 +185,7 @@ impl Travel {
             }
             (None, SearchTime::Instant | SearchTime::Budgeted(_)) => {
                 let cells_max = self.cells_max;
-                let (moves, scratch) = self.searching(neighbours);
+                let (moves, scratch) = self.search_workspace(neighbours);
                 let mut search =
                     Search::new(Graph::new(map, moves), scratch, start, Goal::Cell(goal)).at_most(cells_max);
                 match time {

@@ -1,16 +1,20 @@
-//! The known free space in coarse: blocks of cells, the connected regions in each, and ways from region to region.
+//! The abstract graph of the known free space: blocks of cells, the connected regions in each, and
+//! edges between adjacent regions.
 //!
-//! It answers on a map of a million cells, in a millisecond or so, what is where and how far: a *region* is a set of cells of one
-//! block, all usable for the body and connected through faces within the block. Regions of neighbouring blocks are linked where
-//! a face leads from one to the other. It stands for the global graph of the planners that know one.
+//! It is built like the clusters of HPA* (Botea, Müller, Schaeffer, 2004) and plays the part of the
+//! global graph of DSVP and TARE: on a map of a million cells it answers in about a millisecond
+//! where the frontiers are and how long the paths to them are. A *region* is a set of cells of one
+//! block, all usable for the body and connected through faces within the block. Regions of
+//! neighbouring blocks have an edge if a face leads from one to the other.
 //!
-//! Invariants: every usable cell lies in exactly one region; two regions are linked in both directions or not at all; a frontier
-//! of the map is listed with exactly one region, or with none if its block has none. All of it is renewed from the journal of the
-//! map, at a cost proportional to the news, and hangs on the map alone, not on when it was renewed.
+//! Invariants: every usable cell lies in exactly one region; edges are symmetric; a frontier of the
+//! map is listed with exactly one region, or with none if its block has none. The graph is updated
+//! incrementally from the journal of the map, at a cost proportional to the changes, and depends on
+//! the map alone, not on when it was updated.
 //!
 //! Lengths are estimates: from centre to centre through the best face. This module plans nothing.
 
-mod ways;
+mod shortest_paths;
 
 #[cfg(test)]
 mod tests;
@@ -20,66 +24,67 @@ use voxels::{Cell, Extent, FACES};
 use crate::exploration_map::{ExplorationMap, Finding};
 use crate::path::{Graph, Moves};
 
-pub use ways::Ways;
+pub use shortest_paths::ShortestPaths;
 
 /// Edge of a block, cells.
 pub const BLOCK_CELLS: i32 = 5;
 
 const CELLS: usize = (BLOCK_CELLS * BLOCK_CELLS * BLOCK_CELLS) as usize;
 
-/// A region: its block, and its number in it.
+/// A region: its block and its number within the block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RegionId {
     block: u32,
     number: u8,
 }
 
-/// What is known of a region.
+/// A node of the graph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
-    /// The cell of it that is nearest to its middle.
+    /// The cell of the region that is nearest to its mean.
     pub centre: Cell,
-    /// The frontiers in it, ascending.
+    /// The frontiers of the region, ascending.
     pub frontiers: Vec<Cell>,
-    links: Vec<Link>,
-    /// A number below [`Regions::slots`] that no other region has at the same time.
+    edges: Vec<Edge>,
+    /// A number below [`AbstractGraph::slots`], unique among the present regions: the index of
+    /// per-region data.
     slot: u32,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Link {
+struct Edge {
     to: RegionId,
-    /// Slot of that region.
+    /// Slot of the target region.
     slot: u32,
-    /// Length of the way between the centres, cells.
+    /// Length of the path between the centres, cells.
     length: f32,
 }
 
 #[derive(Debug, Clone)]
 struct Block {
-    /// Of each cell, x fastest: the number of its region and one, or 0.
+    /// For each cell, x fastest: 1 + the number of its region, or 0.
     labels: [u8; CELLS],
     regions: Vec<Region>,
 }
 
-/// Regions of one map.
+/// The abstract graph of one map.
 #[derive(Debug, Clone)]
-pub struct Regions {
+pub struct AbstractGraph {
     extent: Extent,
     /// Blocks along each axis.
     size: [i32; 3],
     blocks: Vec<Option<Box<Block>>>,
-    /// The journal of the map is taken in up to here.
+    /// Position in the journal of the map up to which changes are applied.
     read: usize,
-    /// How far, in cells, a change can make a cell usable or not.
+    /// Distance in cells within which a change can make a cell usable or unusable.
     reach: i32,
-    /// How many slots there are, and those of them that no region has.
+    /// Number of slots ever used, and those that are free again.
     slots: u32,
     free_slots: Vec<u32>,
 }
 
-impl Regions {
-    /// Nothing is known yet. `radius_m` is that of the body.
+impl AbstractGraph {
+    /// The graph of an unexplored map. `radius_m` is the radius of the body.
     #[must_use]
     pub fn new(extent: Extent, radius_m: f64) -> Self {
         let size = extent.size().map(|cells| cells.div_ceil(BLOCK_CELLS as u32) as i32);
@@ -88,14 +93,16 @@ impl Regions {
         Self { extent, size, blocks: vec![None; blocks], read: 0, reach, slots: 0, free_slots: Vec::new() }
     }
 
-    /// Takes in what is new on the map, which must be the same map each time; `moves` are those of the body.
-    pub fn renew(&mut self, map: &ExplorationMap, moves: &Moves) {
+    /// Applies the changes of the map since the last update. It must be the same map each time;
+    /// `moves` are those of the body.
+    pub fn update(&mut self, map: &ExplorationMap, moves: &Moves) {
         let mut changed = Vec::new();
-        let mut looked_at = Vec::new();
+        let mut reviewed = Vec::new();
         for change in map.changes_since(self.read) {
             let cell = self.extent.cell_at(change.cell as usize);
-            // What has become known concerns the frontiers beside it, and, if it is free, who can be there.
-            self.for_blocks_near(cell, 1, |block| push(&mut looked_at, block));
+            // A change affects the frontiers of the cells beside it and, if the cell is free, which
+            // cells are usable.
+            self.for_blocks_near(cell, 1, |block| push(&mut reviewed, block));
             if self.reach > 1 {
                 self.for_blocks_near(cell, self.reach, |block| push(&mut changed, block));
             } else if self.region_of(cell).is_some() != (change.finding != Finding::Wall)
@@ -105,24 +112,24 @@ impl Regions {
             }
         }
         self.read = map.journal_len();
-        let mut linked = changed.clone();
-        tidy(&mut changed);
-        tidy(&mut looked_at);
+        let mut relinked = changed.clone();
+        sort_and_dedup(&mut changed);
+        sort_and_dedup(&mut reviewed);
         let graph = Graph::new(map, moves);
         for &block in &changed {
             self.label(block, graph);
-            linked.extend(self.neighbours(block).into_iter().flatten());
+            relinked.extend(self.neighbours(block).into_iter().flatten());
         }
-        for &block in changed.iter().chain(looked_at.iter().filter(|block| changed.binary_search(block).is_err())) {
+        for &block in changed.iter().chain(reviewed.iter().filter(|block| changed.binary_search(block).is_err())) {
             self.list_frontiers(block, map);
         }
-        tidy(&mut linked);
-        for block in linked {
-            self.link(block);
+        sort_and_dedup(&mut relinked);
+        for block in relinked {
+            self.edge(block);
         }
     }
 
-    /// The region that a cell lies in.
+    /// The region that contains a cell.
     #[must_use]
     pub fn region_of(&self, cell: Cell) -> Option<RegionId> {
         let block = self.block_of(cell)?;
@@ -130,13 +137,13 @@ impl Regions {
         Some(RegionId { block, number })
     }
 
-    /// What is known of a region, unless it is no more.
+    /// A region, unless it no longer exists.
     #[must_use]
     pub fn get(&self, region: RegionId) -> Option<&Region> {
         self.blocks.get(region.block as usize)?.as_ref()?.regions.get(usize::from(region.number))
     }
 
-    /// The regions of the blocks within so many cells of a cell along each axis, ascending.
+    /// The regions of the blocks within this many cells of a cell along each axis, ascending.
     pub fn near(&self, cell: Cell, cells: i32) -> impl Iterator<Item = (RegionId, &Region)> {
         let axis = |at: i32, size: i32| {
             ((at - cells).div_euclid(BLOCK_CELLS).max(0), (at + cells).div_euclid(BLOCK_CELLS).min(size - 1))
@@ -195,7 +202,7 @@ impl Regions {
         })
     }
 
-    /// Finds the regions of a block anew.
+    /// Recomputes the regions of a block.
     fn label(&mut self, block: u32, graph: Graph<'_>) {
         let corner = self.corner(block);
         let mut usable = [false; CELLS];
@@ -237,12 +244,12 @@ impl Regions {
             }
             let centre = corner + middle(&mut members);
             let slot = self.slot();
-            regions.push(Region { centre, frontiers: Vec::new(), links: Vec::new(), slot });
+            regions.push(Region { centre, frontiers: Vec::new(), edges: Vec::new(), slot });
         }
         self.blocks[block as usize] = Some(Box::new(Block { labels, regions }));
     }
 
-    /// Lists the frontiers of a block anew.
+    /// Recomputes the frontier lists of a block.
     fn list_frontiers(&mut self, block: u32, map: &ExplorationMap) {
         let corner = self.corner(block);
         let Some(Block { labels, regions }) = self.blocks[block as usize].as_deref_mut() else {
@@ -254,7 +261,8 @@ impl Regions {
         for (place, label) in labels.iter().enumerate() {
             let cell = corner + offset(place);
             if map.is_frontier(cell) {
-                // A frontier that the body does not fit into is looked at from the first region of its block.
+                // A frontier that the body does not fit into is observed from the first region of
+                // its block.
                 regions[usize::from(label.saturating_sub(1))].frontiers.push(cell);
             }
         }
@@ -267,13 +275,13 @@ impl Regions {
         })
     }
 
-    /// Renews the links that start in a block.
-    fn link(&mut self, block: u32) {
+    /// Recomputes the edges that start in a block.
+    fn edge(&mut self, block: u32) {
         let Some(mut here) = self.blocks[block as usize].take() else {
             return;
         };
         for region in &mut here.regions {
-            region.links.clear();
+            region.edges.clear();
         }
         let corner = self.corner(block);
         for (face, neighbour) in FACES.into_iter().zip(self.neighbours(block)) {
@@ -293,9 +301,9 @@ impl Regions {
                 let to = RegionId { block: number, number: other - 1 };
                 let slot = far.slot;
                 let length = distance(region.centre, corner + cell) + 1.0 + distance(corner + beyond, far.centre);
-                match region.links.iter_mut().find(|link| link.to == to) {
-                    Some(link) => link.length = link.length.min(length),
-                    None => region.links.push(Link { to, slot, length }),
+                match region.edges.iter_mut().find(|edge| edge.to == to) {
+                    Some(edge) => edge.length = edge.length.min(length),
+                    None => region.edges.push(Edge { to, slot, length }),
                 }
             }
         }
@@ -303,14 +311,14 @@ impl Regions {
     }
 }
 
-/// Adds a block, unless it was added last.
+/// Appends a block unless it is the last one already.
 fn push(blocks: &mut Vec<u32>, block: u32) {
     if blocks.last() != Some(&block) {
         blocks.push(block);
     }
 }
 
-fn tidy(blocks: &mut Vec<u32>) {
+fn sort_and_dedup(blocks: &mut Vec<u32>) {
     blocks.sort_unstable();
     blocks.dedup();
 }
@@ -334,7 +342,7 @@ fn place_of(offset: Cell) -> usize {
     ((offset.z * BLOCK_CELLS + offset.y) * BLOCK_CELLS + offset.x) as usize
 }
 
-/// The cell that is nearest to the mean of all; sorts them.
+/// The cell nearest to the mean of all; sorts the cells.
 fn middle(cells: &mut [Cell]) -> Cell {
     cells.sort_unstable();
     let count = cells.len() as i32;
@@ -346,7 +354,7 @@ fn middle(cells: &mut [Cell]) -> Cell {
     cells.iter().min_by_key(|cell| apart(cell)).copied().unwrap_or_default()
 }
 
-/// Between the centres of two cells, in cells.
+/// Distance between the centres of two cells, cells.
 fn distance(a: Cell, b: Cell) -> f32 {
     let [x, y, z] = [a.x - b.x, a.y - b.y, a.z - b.z].map(|by| by as f32);
     (x * x + y * y + z * z).sqrt()

@@ -1,10 +1,11 @@
-//! What an agent believes of the map, as cubes for viewers: only what has changed, block by block.
+//! Markers of an agent's map for visualisation: only changes, block by block.
 //!
-//! Three groups: `walls`, `frontiers`, and `free` for all other free cells. The journal of the map says which blocks may look
-//! different; a frontier may come and go with a change next door, so the blocks of the neighbours count as changed, too.
+//! Three namespaces: `walls`, `frontiers`, and `free` for all other free cells. The journal of the
+//! map gives the blocks that may have changed; a change can turn neighbouring cells into frontiers
+//! or back, so the blocks of the neighbours count as changed, too.
 //!
-//! Invariants: looking changes nothing of the map; no message is larger than [`msgs::limits::VIEW_BYTES_MAX`]. This module
-//! knows no transport and no clock.
+//! Invariants: the map is only read; no message is larger than [`msgs::limits::VIEW_BYTES_MAX`].
+//! This module knows no transport and no clock.
 
 use std::collections::BTreeSet;
 
@@ -22,7 +23,7 @@ const BLOCK_SIDE: u32 = 13;
 const _: () =
     assert!((BLOCK_SIDE * BLOCK_SIDE * BLOCK_SIDE) as usize <= (VIEW_BYTES_MAX - MESSAGE_BYTES_BARE) / POINT_BYTES);
 
-/// The groups and their colours.
+/// The namespaces and their colours.
 const GROUPS: [(Group, &str, ColorRGBA); 3] = [
     (Group::Wall, "walls", ColorRGBA { r: 0.6, g: 0.6, b: 0.55, a: 1.0 }),
     (Group::Free, "free", ColorRGBA { r: 0.2, g: 0.6, b: 0.9, a: 0.08 }),
@@ -36,21 +37,21 @@ enum Group {
     Frontier,
 }
 
-/// What has been shown of one agent's map.
+/// The state of one map's markers.
 #[derive(Debug)]
-pub struct BeliefView {
+pub struct MapMarkers {
     blocks: Blocks,
-    /// Position in the journal of the map up to which changes have been looked at.
+    /// Position in the journal of the map up to which changes have been read.
     position: usize,
     changed: BTreeSet<u32>,
-    /// Groups of blocks that something was shown of.
+    /// Markers that exist at observers: block and namespace.
     shown: BTreeSet<(u32, usize)>,
-    /// Messages of the block that is being shown, the last one first.
+    /// Markers of the present block, last one first.
     waiting: Vec<Marker>,
 }
 
-impl BeliefView {
-    /// Nothing shown yet of a map of this extent.
+impl MapMarkers {
+    /// No markers yet for a map of this extent.
     #[must_use]
     pub fn new(extent: Extent) -> Self {
         Self {
@@ -62,19 +63,20 @@ impl BeliefView {
         }
     }
 
-    /// Shows everything again, for a reader that has just come.
+    /// Sends everything again, for a new subscriber.
     pub fn show_again(&mut self) {
         self.changed.extend(self.shown.iter().map(|&(block, _)| block));
     }
 
-    /// Nothing is known any more, of a map of the same extent: what was shown is taken back.
+    /// Starts over with an unexplored map of the same extent: all markers will be deleted or
+    /// replaced.
     pub fn begin_again(&mut self) {
         self.position = 0;
         self.waiting.clear();
         self.show_again();
     }
 
-    /// Finds out what has changed since it was last looked.
+    /// Reads the changes of the map since the last call.
     pub fn look(&mut self, map: &ExplorationMap) {
         let extent = map.extent();
         for change in map.changes_since(self.position) {
@@ -85,7 +87,7 @@ impl BeliefView {
         self.position = map.journal_len();
     }
 
-    /// The next message that is to be shown, with the sim time of `tick`.
+    /// The next marker to publish, stamped with `tick`.
     pub fn next(&mut self, map: &ExplorationMap, tick: Tick) -> Option<Marker> {
         loop {
             if let Some(marker) = self.waiting.pop() {
@@ -96,7 +98,8 @@ impl BeliefView {
         }
     }
 
-    /// Makes the messages of a block. A group that there was and is no more is deleted; one that there never was is not mentioned.
+    /// Makes the markers of a block. A marker whose cells are gone is deleted; one that never
+    /// existed is not mentioned.
     fn make(&mut self, block: u32, map: &ExplorationMap, tick: Tick) {
         let extent = map.extent();
         let mut cells: [Vec<Point>; GROUPS.len()] = Default::default();
@@ -138,8 +141,8 @@ fn group_of(map: &ExplorationMap, cell: Cell) -> Option<Group> {
 mod tests {
     use super::*;
 
-    /// What there is to show: block, group and number of cells.
-    fn shown(view: &mut BeliefView, map: &ExplorationMap) -> Vec<(i32, String, usize)> {
+    /// The pending markers: block, namespace and number of cells.
+    fn shown(view: &mut MapMarkers, map: &ExplorationMap) -> Vec<(i32, String, usize)> {
         view.look(map);
         std::iter::from_fn(|| view.next(map, Tick(7)))
             .map(|marker| {
@@ -159,7 +162,7 @@ mod tests {
         // Two blocks along x: cells 0 to 12, and 13 to 19.
         let extent = Extent::new([20, 1, 1], 0.5).unwrap();
         let mut map = ExplorationMap::new(extent);
-        let mut view = BeliefView::new(extent);
+        let mut view = MapMarkers::new(extent);
         assert_eq!(shown(&mut view, &map), []);
         map.note_free(&[11, 12]);
         map.note_wall(&[10]);
@@ -179,7 +182,7 @@ mod tests {
         let extent = Extent::new([13, 13, 13], 1.0).unwrap();
         let mut map = ExplorationMap::new(extent);
         map.note_wall(&(0..extent.volume() as u32).collect::<Vec<_>>());
-        let mut view = BeliefView::new(extent);
+        let mut view = MapMarkers::new(extent);
         assert_eq!(shown(&mut view, &map), named(&[(0, "walls", 2197)]));
     }
 }
