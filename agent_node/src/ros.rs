@@ -15,10 +15,12 @@ use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
 use msgs::parameters::{Named, Parameter};
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
-use ros_node::audience::Audience;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
-use ros_node::{Inbox, Outlet, RosError, Sample, SharedParameters, Tally, Workshop, linger, now};
+use ros_node::{
+    EndpointFactory, Inbox, Publisher, RosError, Sample, SharedParameters, SubscriptionTracker, ThrottledWarning,
+    linger, now,
+};
 use ros2_client::{Context, Node};
 
 use crate::link::{Inbound, Level, Link};
@@ -29,9 +31,9 @@ pub struct RosLink {
     /// Messages, and `None` for what has been dealt with.
     inbox: Inbox<Result<Option<Inbound>, String>>,
     seats: Vec<Seat>,
-    ignored: Tally,
+    ignored: ThrottledWarning,
     /// Who looks at what the agents believe, by seat.
-    audience: Audience,
+    audience: SubscriptionTracker,
     onlookers: BTreeMap<AgentId, u64>,
     context: Context,
 }
@@ -39,9 +41,9 @@ pub struct RosLink {
 /// An agent of this process.
 struct Seat {
     agent: AgentId,
-    join: Outlet<Join>,
-    command: Outlet<Command>,
-    belief: Outlet<Marker>,
+    join: Publisher<Join>,
+    command: Publisher<Command>,
+    belief: Publisher<Marker>,
     rosout: Rosout,
     parameters: SharedParameters,
     node: Node,
@@ -57,7 +59,7 @@ impl RosLink {
         let share = if has_parameters { 4 } else { 1 };
         ros_node::allow_open_files(u32::try_from(agents.len() * share).unwrap_or(u32::MAX))?;
         let context = ros_node::join(env, false)?;
-        let mut workshop = Workshop::of(&context);
+        let mut workshop = EndpointFactory::new(&context);
         let mut inbox = Inbox::default();
         let mut seats = Vec::new();
         let server = Server::default();
@@ -66,7 +68,7 @@ impl RosLink {
             let mut node = ros_node::node(&context, &name)?;
             if seats.is_empty() {
                 let found = server.clone();
-                workshop.inlet(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
+                workshop.subscribe(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
                     let source = sample.source;
                     // Who plays a recording is no server.
                     let mut scenario = message(sample)?;
@@ -80,17 +82,20 @@ impl RosLink {
                     Ok(Some(Inbound::Scenario(scenario)))
                 })?;
                 let server = server.clone();
-                workshop.inlet(&mut node, &topics::join_reply(), &mut inbox, move |sample: Sample<JoinReply>| {
-                    server.message(sample).map(Inbound::JoinReply).map(Some)
-                })?;
+                workshop.subscribe(
+                    &mut node,
+                    &topics::join_reply(),
+                    &mut inbox,
+                    move |sample: Sample<JoinReply>| server.message(sample).map(Inbound::JoinReply).map(Some),
+                )?;
             }
             let server = server.clone();
-            workshop.inlet(&mut node, &topics::observation(agent), &mut inbox, move |sample| {
+            workshop.subscribe(&mut node, &topics::observation(agent), &mut inbox, move |sample| {
                 observation(agent, server.message(sample)?).map(Inbound::Observation).map(Some)
             })?;
-            let join = workshop.outlet(&mut node, &topics::join(agent))?;
-            let command = workshop.outlet(&mut node, &topics::command(agent))?;
-            let belief = workshop.outlet(&mut node, &topics::belief(agent))?;
+            let join = workshop.publisher(&mut node, &topics::join(agent))?;
+            let command = workshop.publisher(&mut node, &topics::command(agent))?;
+            let belief = workshop.publisher(&mut node, &topics::belief(agent))?;
             let rosout = Rosout::new(&mut workshop, &mut node, &name)?;
             let parameters = SharedParameters::default();
             parameters.borrow_mut().declare(parameters::of_agent(agent));
@@ -105,8 +110,8 @@ impl RosLink {
             seats.push(Seat { agent, join, command, belief, rosout, parameters, node });
         }
         let beliefs: Vec<_> = agents.iter().map(|&agent| topics::belief(agent)).collect();
-        let audience = Audience::new(&beliefs);
-        let ignored = Tally::new("message ignored".to_owned());
+        let audience = SubscriptionTracker::new(&beliefs);
+        let ignored = ThrottledWarning::new("message ignored".to_owned());
         Ok(RosLink { inbox, seats, ignored, audience, onlookers: BTreeMap::new(), context })
     }
 
@@ -129,7 +134,7 @@ impl Link for RosLink {
     }
 
     fn onlookers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
-        if self.audience.look(&self.context) {
+        if self.audience.poll(&self.context) {
             let numbered = self.seats.iter().enumerate();
             self.onlookers =
                 numbered.filter_map(|(number, seat)| Some((seat.agent, self.audience.arrivals(number)?))).collect();
@@ -145,7 +150,7 @@ impl Link for RosLink {
 
     fn log(&mut self, agent: AgentId, level: Level, text: &str) {
         if let Some(seat) = self.seat(agent) {
-            seat.rosout.say(&mut seat.node, level, text);
+            seat.rosout.log(&mut seat.node, level, text);
         }
     }
 

@@ -14,9 +14,11 @@ pub mod comparison;
 pub mod control;
 pub mod difference;
 pub mod exit;
+#[cfg(feature = "view")]
+pub mod foxglove;
 pub mod info;
-pub mod journal;
 pub mod link;
+pub mod live_stream;
 pub mod map_cli;
 pub mod playback;
 pub mod recorder;
@@ -28,5 +30,4 @@ pub mod run;
 pub mod setup;
 pub mod terminal;
 pub mod verify;
-#[cfg(feature = "view")]
-pub mod viewing;
+pub mod wall_clock;

@@ -1,6 +1,6 @@
 //! Playing a recording: which message is due when.
 //!
-//! [`Programme`] says what of a recording is played, [`Pass`] gives it out tick by tick, [`Shelf`] keeps what late readers have to
+//! [`PlaybackSchedule`] says what of a recording is played, [`PlaybackCursor`] gives it out tick by tick, [`LatchedCache`] keeps what late readers have to
 //! be told, and [`Player`] says which tick comes when: by its rate, by pauses and steps, and over and over again.
 //!
 //! Invariants: messages come out in the order of the file, each in the tick of its stamp; what comes out is what stands in the
@@ -9,9 +9,9 @@
 //! This module knows no transport and no clock: the wall time is an argument, nanoseconds since some moment. `ros/replay.rs`
 //! publishes.
 
-mod pass;
-mod programme;
-mod shelf;
+mod cursor;
+mod latched_cache;
+mod schedule;
 
 #[cfg(test)]
 mod tests;
@@ -19,17 +19,16 @@ mod tests;
 use msgs::ids::Tick;
 use msgs::simulation_interfaces::SimulatorFeatures;
 
-use crate::control::Request;
-use crate::control::desk::Desk;
+use crate::control::{Request, SimulationControl};
 use simulation::scenario::Rtf;
 
-pub use pass::{Cue, Pass};
-pub use programme::{Programme, ReplayError, Wishes};
-pub use shelf::Shelf;
+pub use cursor::{PlaybackCursor, ScheduledMessage};
+pub use latched_cache::LatchedCache;
+pub use schedule::{PlaybackOptions, PlaybackSchedule, ReplayError};
 
 /// How a recording is played.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Manner {
+pub struct PlaybackTiming {
     /// Sim seconds for each second of wall time, at the most.
     pub rate: Rtf,
     /// Whether it begins again after its end.
@@ -58,13 +57,13 @@ pub fn features() -> SimulatorFeatures {
 
 /// What is to be done now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Turn {
+pub enum PlayerAction {
     /// Say what belongs to this tick.
     Play(Tick),
     /// Wait for so long, wall time in ns, or until somebody asks something.
     Wait(u64),
     /// Wait until somebody asks something: time stands still.
-    Rest,
+    Idle,
     /// Go back to the beginning, and ask again.
     Rewind,
     /// Everything has been played, or somebody has asked for the end.
@@ -73,7 +72,7 @@ pub enum Turn {
 
 /// Says which tick comes when.
 pub struct Player {
-    desk: Desk,
+    control: SimulationControl,
     first: Tick,
     last: Tick,
     next: Tick,
@@ -82,42 +81,42 @@ pub struct Player {
 }
 
 impl Player {
-    /// Plays the ticks of a programme; the first one is due at `wall_ns`.
+    /// Plays the ticks of a schedule; the first one is due at `wall_ns`.
     #[must_use]
-    pub fn new(programme: &Programme, manner: Manner, wall_ns: u64) -> Self {
-        let (first, last) = programme.ticks();
-        let mut desk = Desk::new(manner.is_paused, manner.rate, features());
-        desk.go_on(first, wall_ns);
-        Self { desk, first, last, next: first, is_loop: manner.is_loop, sim_ticks: 0 }
+    pub fn new(schedule: &PlaybackSchedule, timing: PlaybackTiming, wall_ns: u64) -> Self {
+        let (first, last) = schedule.ticks();
+        let mut control = SimulationControl::new(timing.is_paused, timing.rate, features());
+        control.restart_pacing(first, wall_ns);
+        Self { control, first, last, next: first, is_loop: timing.is_loop, sim_ticks: 0 }
     }
 
     /// What is to be done now. At the end of the recording a replay that does not play waits, so that one can look at the end.
-    pub fn turn(&mut self, wall_ns: u64) -> Turn {
-        if self.desk.is_quitting() {
-            return Turn::End;
+    pub fn next_action(&mut self, wall_ns: u64) -> PlayerAction {
+        if self.control.is_quitting() {
+            return PlayerAction::End;
         }
-        if !self.desk.control().may_tick() {
-            return Turn::Rest;
+        if !self.control.may_tick() {
+            return PlayerAction::Idle;
         }
         if self.next > self.last {
             if self.is_loop {
                 // The last tick lasts as long as any other.
-                if let Some(wait_ns) = self.desk.wait_ns(self.next, wall_ns) {
-                    return Turn::Wait(wait_ns);
+                if let Some(wait_ns) = self.control.wait_ns(self.next, wall_ns) {
+                    return PlayerAction::Wait(wait_ns);
                 }
                 self.next = self.first;
-                self.desk.go_on(self.first, wall_ns);
-                return Turn::Rewind;
+                self.control.restart_pacing(self.first, wall_ns);
+                return PlayerAction::Rewind;
             }
-            if self.desk.control().is_stepping() {
-                self.desk.end_steps("the recording is at its end");
-                return Turn::Rest;
+            if self.control.is_stepping() {
+                self.control.end_steps("the recording is at its end");
+                return PlayerAction::Idle;
             }
-            return Turn::End;
+            return PlayerAction::End;
         }
-        match self.desk.wait_ns(self.next, wall_ns) {
-            Some(wait_ns) => Turn::Wait(wait_ns),
-            None => Turn::Play(self.next),
+        match self.control.wait_ns(self.next, wall_ns) {
+            Some(wait_ns) => PlayerAction::Wait(wait_ns),
+            None => PlayerAction::Play(self.next),
         }
     }
 
@@ -125,18 +124,18 @@ impl Player {
     pub fn played(&mut self) {
         self.sim_ticks += u64::from(self.next > self.first);
         self.next = self.next.next();
-        self.desk.ticked();
-        self.desk.steps_are_visible();
+        self.control.ticked();
+        self.control.report_steps();
     }
 
     /// Answers a request; nobody can ask for anything that a replay does not offer.
     pub fn answer(&mut self, request: Request, wall_ns: u64) {
-        drop(self.desk.answer(request, self.next, wall_ns));
+        drop(self.control.answer(request, self.next, wall_ns));
     }
 
     /// Answers whoever waits for steps that will not be made any more.
     pub fn end(&mut self) {
-        self.desk.end_steps("the replay has ended");
+        self.control.end_steps("the replay has ended");
     }
 
     /// How far it is: the tick that was played last, or the first one.
@@ -148,7 +147,7 @@ impl Player {
     /// Whether somebody has asked for the end.
     #[must_use]
     pub fn is_quitting(&self) -> bool {
-        self.desk.is_quitting()
+        self.control.is_quitting()
     }
 
     /// Sim time that has passed, ticks: what is played again counts again.

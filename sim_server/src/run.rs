@@ -32,8 +32,8 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Part};
 
-use crate::control::Beginning;
-use crate::control::desk::Desk;
+use crate::control::Reset;
+use crate::control::SimulationControl;
 use crate::link::{Level, Link};
 use crate::playback::{Playback, Said};
 use simulation::digest::{Chain, Digest};
@@ -50,6 +50,7 @@ use log::{Kind, Log, Outlets};
 pub use nobody::Nobody;
 pub use start::Start;
 
+pub(crate) use crate::wall_clock::now;
 pub use error::RunError;
 
 /// Wall time after which people are told how far the run is, and what they are told of is saved.
@@ -193,7 +194,7 @@ fn carry_out<'a>(
         wakes: vec![Wake::AT_ONCE; scenario.agents.count as usize],
         driven: scenario.driven(),
         lost: BTreeSet::new(),
-        desk: Desk::new(start.is_paused, start.rtf, crate::control::features()),
+        desk: SimulationControl::new(start.is_paused, start.rtf, crate::control::features()),
         interventions: 0,
         leaving: Vec::new(),
         log: Log::new(outlets, scenario.agents.count),
@@ -221,7 +222,7 @@ fn carry_out<'a>(
         Ok(ControlFlow::Break(reason)) => Ok(reason),
         Err(error) => Err(error),
     };
-    if let Some(Beginning { is_paused }) = run.desk.beginning() {
+    if let Some(Reset { is_paused }) = run.desk.pending_reset() {
         run.log.give_up();
         run.desk.end_steps("the simulation was reset");
         return Err(RunError::Reset(start.again(is_paused, run.desk.rtf())));
@@ -252,7 +253,7 @@ struct Run<'a> {
     wakes: Vec<Wake>,
     driven: BTreeSet<AgentId>,
     lost: BTreeSet<AgentId>,
-    desk: Desk,
+    desk: SimulationControl,
     /// How often something was done to the run from outside.
     interventions: u64,
     /// Who has left the run since the last tick, and does nothing from now on.
@@ -319,7 +320,7 @@ impl Run<'_> {
     /// Ticks until the run is over; says why it is.
     fn ticks(&mut self) -> Result<String, RunError> {
         let end = self.scenario.duration_ticks();
-        self.desk.go_on(self.world.tick(), self.wall_ns());
+        self.desk.restart_pacing(self.world.tick(), self.wall_ns());
         loop {
             if !self.is_replaying() {
                 self.hold_pace()?;
@@ -327,7 +328,7 @@ impl Run<'_> {
             }
             self.record_state()?;
             if !self.is_replaying() {
-                self.desk.steps_are_visible();
+                self.desk.report_steps();
                 self.show();
             }
             if self.reported.elapsed() >= REPORT_PERIOD {
@@ -496,13 +497,4 @@ impl Run<'_> {
     fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
-}
-
-/// Wall time.
-#[expect(
-    clippy::disallowed_methods,
-    reason = "time-outs, pacing and reports are of wall time; no result hangs on them"
-)]
-pub(crate) fn now() -> Instant {
-    Instant::now()
 }

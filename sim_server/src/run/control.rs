@@ -42,7 +42,7 @@ impl Run<'_> {
     pub(super) fn hold_pace(&mut self) -> Result<(), RunError> {
         let tick = self.world.tick();
         while !self.is_stopped()
-            && self.desk.control().may_tick()
+            && self.desk.may_tick()
             && let Some(wait_ns) = self.desk.wait_ns(tick, self.wall_ns())
             && !self.exchange.is_asked()
         {
@@ -57,7 +57,7 @@ impl Run<'_> {
             if self.answer_requests(Phase::Running)?.is_break() || self.is_stopped() {
                 return Ok(ControlFlow::Break(()));
             }
-            let wait = if self.desk.control().may_tick() {
+            let wait = if self.desk.may_tick() {
                 match self.desk.wait_ns(self.world.tick(), self.wall_ns()) {
                     Some(wait_ns) => Duration::from_nanos(wait_ns),
                     None => return Ok(ControlFlow::Continue(())),
@@ -86,12 +86,12 @@ impl Run<'_> {
                 break;
             };
             self.answer_request(request, phase)?;
-            if self.desk.beginning().is_some() {
+            if self.desk.pending_reset().is_some() {
                 // What is asked next is asked of the run that begins then.
                 break;
             }
         }
-        let is_over = self.desk.is_quitting() || self.desk.beginning().is_some();
+        let is_over = self.desk.is_quitting() || self.desk.pending_reset().is_some();
         Ok(if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 
@@ -133,7 +133,7 @@ impl Run<'_> {
             Ok(placement) => placement,
             Err(outcome) => return Ok(outcome),
         };
-        if phase == Phase::Admission || !self.desk.control().is_at_rest() {
+        if phase == Phase::Admission || !self.desk.is_at_rest() {
             return Ok(not_now("pause the simulation before a state is set"));
         }
         Ok(self.place(agent, pose)?.map_or_else(|reason| Outcome::failure(INVALID_POSE, reason), |()| Outcome::ok()))

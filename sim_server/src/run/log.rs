@@ -9,7 +9,7 @@ use msgs::topics::{self, Topic};
 use serde::Serialize;
 
 use super::now;
-use crate::journal::Journal;
+use crate::live_stream::LiveStream;
 use crate::recorder::{RecordError, Recorder};
 use simulation::digest::Chain;
 use simulation::views::{Picture, View};
@@ -44,7 +44,7 @@ enum Sink<'s> {
 /// Where messages go, beside the digest, and what those who look on read meanwhile.
 pub(super) struct Outlets<'s> {
     sink: Sink<'s>,
-    journal: Option<Journal>,
+    journal: Option<LiveStream>,
 }
 
 impl<'s> Outlets<'s> {
@@ -164,7 +164,7 @@ impl<'s> Log<'s> {
     /// Saves provisionally if it is time to. To be called while the loop waits, too.
     pub(super) fn save_now_and_then(&mut self) -> Result<(), RecordError> {
         if let Some(journal) = &mut self.outlets.journal {
-            journal.flush_now_and_then();
+            journal.flush_if_due();
         }
         if self.saved.elapsed() >= SAVE_PERIOD { self.save_provisionally() } else { Ok(()) }
     }
@@ -238,7 +238,7 @@ pub struct Records {
     /// The recording, if there is to be one.
     pub recorder: Option<Recorder>,
     /// What those who look on read, if there may be some.
-    pub journal: Option<Journal>,
+    pub journal: Option<LiveStream>,
 }
 
 impl From<Records> for Outlets<'_> {

@@ -96,7 +96,7 @@ impl Run<'_> {
         self.log.publish()?;
         self.note(Level::Info, &format!("carried out again up to tick {tick}; the run goes on from there"));
         let told = self.tell_past()?;
-        self.desk.go_on(tick, self.wall_ns());
+        self.desk.restart_pacing(tick, self.wall_ns());
         Ok(told.map_break(|()| INTERRUPTED.to_owned()))
     }
 

@@ -33,7 +33,7 @@ impl Run<'_> {
         let elapsed = self.started.elapsed();
         let pace = (!elapsed.is_zero()).then(|| sim_time(self.world.tick()).div_duration_f64(elapsed));
         let facts = Facts { infos: &self.infos, lost: &self.lost, pace };
-        let moment = Moment { wall_ns: nanoseconds(elapsed), is_still: !self.desk.control().may_tick() };
+        let moment = Moment { wall_ns: nanoseconds(elapsed), is_still: !self.desk.may_tick() };
         let pictures = self.views.to_show(&mut self.world, &facts, listeners, moment);
         for (view, picture) in pictures {
             self.exchange.show(view, &picture);

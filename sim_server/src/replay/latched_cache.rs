@@ -14,29 +14,29 @@ type Subject = (String, i32);
 
 /// The last message about each thing, of a topic whose late readers get what the publisher still keeps.
 #[derive(Debug)]
-pub struct Shelf {
+pub struct LatchedCache {
     topic: Topic,
     /// How many messages the present publisher has published.
     said: u64,
     /// By subject: the number of the message, which is 0 if the publisher that has said it is gone, and the message.
     last: BTreeMap<Subject, (u64, Encoded)>,
     /// What has to be said again.
-    wanted: BTreeSet<Subject>,
+    missing: BTreeSet<Subject>,
 }
 
-impl Shelf {
+impl LatchedCache {
     /// Of a topic with late readers, before anything is said.
     #[must_use]
-    pub fn of(topic: &Topic) -> Option<Self> {
+    pub fn for_topic(topic: &Topic) -> Option<Self> {
         let is_latched = topic.qos.durability == Durability::TransientLocal;
-        is_latched.then(|| Self { topic: topic.clone(), said: 0, last: BTreeMap::new(), wanted: BTreeSet::new() })
+        is_latched.then(|| Self { topic: topic.clone(), said: 0, last: BTreeMap::new(), missing: BTreeSet::new() })
     }
 
     /// Notes that a message has been published.
-    pub fn note(&mut self, message: &Encoded) {
+    pub fn record_published(&mut self, message: &Encoded) {
         let subject = self.subject(message);
         self.said += 1;
-        self.wanted.remove(&subject);
+        self.missing.remove(&subject);
         self.last.insert(subject, (self.said, message.clone()));
     }
 
@@ -53,22 +53,22 @@ impl Shelf {
     }
 
     /// There is a new publisher, which has said nothing yet.
-    pub fn forget_history(&mut self) {
+    pub fn publisher_replaced(&mut self) {
         self.said = 0;
         self.last.values_mut().for_each(|(number, _)| *number = 0);
     }
 
     /// A new reader has come: what the publisher does not keep for it any more has to be said again.
-    pub fn greet(&mut self) {
+    pub fn reader_joined(&mut self) {
         let kept_from = self.said.saturating_sub(u64::from(self.topic.qos.depth)) + 1;
         let lost = self.last.iter().filter(|(_, (number, _))| *number < kept_from).map(|(subject, _)| subject.clone());
-        self.wanted.extend(lost);
+        self.missing.extend(lost);
     }
 
     /// The next message that has to be said again, as it is now, until it is noted.
     #[must_use]
-    pub fn wanted(&self) -> Option<&Encoded> {
-        let subject = self.wanted.first()?;
+    pub fn next_missing(&self) -> Option<&Encoded> {
+        let subject = self.missing.first()?;
         self.last.get(subject).map(|(_, message)| message)
     }
 

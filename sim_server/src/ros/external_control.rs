@@ -15,145 +15,146 @@ use msgs::nav_msgs::Odometry;
 use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::topics;
-use ros_node::audience::dds_name;
-use ros_node::{Inbox, Outlet, RosError, Sample, Workshop, now, source_of};
+use ros_node::dds_topic_name;
+use ros_node::{EndpointFactory, Inbox, Publisher, RosError, Sample, source_of};
 use ros2_client::{Context, Node};
 
 use super::Item;
-use super::views::Gallery;
+use super::visualisation::VisualisationPublishers;
 use crate::link::{Inbound, Incoming};
+use crate::wall_clock::now;
 use simulation::lockstep::SourceId;
 use simulation::twist;
 use simulation::views::{Picture, View};
 
 /// Wall time between two looks for a process that drives an agent.
-const LOOK_PERIOD: Duration = Duration::from_millis(50);
+const POLL_PERIOD: Duration = Duration::from_millis(50);
 
 /// The agents of a run that are driven by standard messages.
-pub(super) struct Driven {
-    agents: BTreeMap<AgentId, DrivenAgent>,
+pub(super) struct ExternalAgents {
+    agents: BTreeMap<AgentId, ExternalAgent>,
     /// Messages on behalf of the nodes.
-    said: VecDeque<Incoming>,
-    looked: Option<Instant>,
+    outgoing: VecDeque<Incoming>,
+    polled: Option<Instant>,
 }
 
 #[derive(Default)]
-struct DrivenAgent {
+struct ExternalAgent {
     /// What it is told in this tick.
     pictures: Vec<(View, Picture)>,
     /// Who drives it, once that is known.
     source: Option<SourceId>,
     is_accepted: bool,
     /// The tick that it was asked last: what comes before the first is no answer.
-    asked: Rc<Cell<Option<Tick>>>,
+    requested: Rc<Cell<Option<Tick>>>,
 }
 
-impl Driven {
+impl ExternalAgents {
     /// Listens to the velocities for these agents. `own_run` will have the number of the run once it is known.
     ///
     /// # Errors
     /// If the middleware refuses an endpoint.
     pub(super) fn new(
         agents: &BTreeSet<AgentId>,
-        workshop: &mut Workshop,
+        endpoints: &mut EndpointFactory,
         node: &mut Node,
         inbox: &mut Inbox<Item>,
         own_run: &Rc<Cell<Option<u64>>>,
     ) -> Result<Self, RosError> {
-        let mut driven = BTreeMap::new();
+        let mut external = BTreeMap::new();
         for &agent in agents {
-            let entry = DrivenAgent::default();
-            let (asked, own_run) = (Rc::clone(&entry.asked), Rc::clone(own_run));
-            workshop.inlet(node, &topics::cmd_vel(agent), inbox, move |sample: Sample<TwistStamped>| {
-                let Some(run) = own_run.get().filter(|_| asked.get().is_some()) else { return Item::Nothing };
+            let entry = ExternalAgent::default();
+            let (requested, own_run) = (Rc::clone(&entry.requested), Rc::clone(own_run));
+            endpoints.subscribe(node, &topics::cmd_vel(agent), inbox, move |sample: Sample<TwistStamped>| {
+                let Some(run) = own_run.get().filter(|_| requested.get().is_some()) else { return Item::Handled };
                 let command = sample.message.and_then(|twist| twist::command(run, agent, &twist));
                 let message = command.map_or_else(|reason| Inbound::Undecodable { reason }, Inbound::Command);
                 Item::Agent(Incoming { topic_agent: agent, source: SourceId(sample.source), message })
             })?;
-            driven.insert(agent, entry);
+            external.insert(agent, entry);
         }
-        Ok(Self { agents: driven, said: VecDeque::new(), looked: None })
+        Ok(Self { agents: external, outgoing: VecDeque::new(), polled: None })
     }
 
     /// Nobody has been asked anything yet: a run begins.
-    pub(super) fn begin_again(&mut self) {
-        self.said.clear();
+    pub(super) fn reset(&mut self) {
+        self.outgoing.clear();
         for agent in self.agents.values_mut() {
             agent.pictures.clear();
             agent.is_accepted = false;
-            agent.asked.set(None);
+            agent.requested.set(None);
         }
     }
 
     /// Whether there are any: they need the clock, whether it is heard already or not.
-    pub(super) fn are_any(&self) -> bool {
-        !self.agents.is_empty()
+    pub(super) fn is_empty(&self) -> bool {
+        self.agents.is_empty()
     }
 
     /// What is said on behalf of a node: a join once it has been found, and a receipt at the end.
     pub(super) fn next(&mut self, context: &Context, run: Option<u64>) -> Option<Incoming> {
         if let Some(run) = run
             && self.agents.values().any(|agent| !agent.is_accepted)
-            && self.looked.is_none_or(|looked| looked.elapsed() >= LOOK_PERIOD)
+            && self.polled.is_none_or(|polled| polled.elapsed() >= POLL_PERIOD)
         {
-            self.looked = Some(now());
-            self.find(context, run);
+            self.polled = Some(now());
+            self.find_controllers(context, run);
         }
-        self.said.pop_front()
+        self.outgoing.pop_front()
     }
 
-    fn find(&mut self, context: &Context, run: u64) {
+    fn find_controllers(&mut self, context: &Context, run: u64) {
         let writers = context.domain_participant().discovered_writers();
-        for (&agent, driven) in self.agents.iter_mut().filter(|(_, driven)| !driven.is_accepted) {
-            let topic = dds_name(&topics::cmd_vel(agent));
+        for (&agent, external) in self.agents.iter_mut().filter(|(_, external)| !external.is_accepted) {
+            let topic = dds_topic_name(&topics::cmd_vel(agent));
             let of_agent = writers.iter().filter(|writer| *writer.publication_topic_data.topic_name() == topic);
             let sources = of_agent.map(|writer| SourceId(source_of(writer.publication_topic_data.key)));
-            driven.source = driven.source.or(sources.min());
-            if let Some(source) = driven.source {
+            external.source = external.source.or(sources.min());
+            if let Some(source) = external.source {
                 let message = Inbound::Join(twist::join(run, agent));
-                self.said.push_back(Incoming { topic_agent: agent, source, message });
+                self.outgoing.push_back(Incoming { topic_agent: agent, source, message });
             }
         }
     }
 
     /// Takes note of the answer to a join.
-    pub(super) fn note_reply(&mut self, reply: &JoinReply) {
-        if let Some(driven) = self.agents.get_mut(&AgentId(reply.agent)) {
-            driven.is_accepted |= reply.accepted;
+    pub(super) fn receive_reply(&mut self, reply: &JoinReply) {
+        if let Some(external) = self.agents.get_mut(&AgentId(reply.agent)) {
+            external.is_accepted |= reply.accepted;
         }
     }
 
     /// Keeps what an agent is told in this tick.
     pub(super) fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
-        if let Some(driven) = self.agents.get_mut(&agent) {
+        if let Some(external) = self.agents.get_mut(&agent) {
             let points = points.map(|points| (View::Points(agent), Picture::Points(points)));
             let odometry = (View::Odometry(agent), Picture::Odometry(Box::new(odometry)));
-            driven.pictures = points.into_iter().chain([odometry]).collect();
+            external.pictures = points.into_iter().chain([odometry]).collect();
         }
     }
 
     /// Asks an agent, or asks it again, with what was kept, once its observation is complete.
-    pub(super) fn ask(
+    pub(super) fn send(
         &mut self,
         node: &mut Node,
-        clock: &mut Outlet<Clock>,
-        gallery: &mut Gallery,
+        clock: &mut Publisher<Clock>,
+        visualisation: &mut VisualisationPublishers,
         agent: AgentId,
         part: &Part,
     ) {
-        let Some(driven) = self.agents.get_mut(&agent).filter(|_| part.part + 1 == part.parts) else { return };
+        let Some(external) = self.agents.get_mut(&agent).filter(|_| part.part + 1 == part.parts) else { return };
         let tick = Tick(part.tick);
         if part.phase == Part::ENDED {
-            if let Some(source) = driven.source {
+            if let Some(source) = external.source {
                 let message = Inbound::Command(twist::receipt(part.run, agent, tick));
-                self.said.push_back(Incoming { topic_agent: agent, source, message });
+                self.outgoing.push_back(Incoming { topic_agent: agent, source, message });
             }
             return;
         }
-        for (view, picture) in &driven.pictures {
-            gallery.show(node, *view, picture);
+        for (view, picture) in &external.pictures {
+            visualisation.show(node, *view, picture);
         }
-        if driven.asked.replace(Some(tick)) == Some(tick) {
+        if external.requested.replace(Some(tick)) == Some(tick) {
             // Something of it may have been lost, perhaps the clock.
             clock.publish(node, &Clock { clock: tick.into() });
         }

@@ -1,4 +1,4 @@
-//! What of a recording is played: topics, times, and the scenery that it does not hold itself.
+//! What of a recording is played: topics, times, and the static_messages that it does not hold itself.
 
 use std::collections::BTreeMap;
 
@@ -7,15 +7,15 @@ use msgs::ids::Tick;
 use msgs::topics::{self, Topic};
 use thiserror::Error;
 
-use super::Cue;
-use crate::recording::{Channel, End, Recording};
+use super::ScheduledMessage;
+use crate::recording::{Channel, End, Recording, SCENARIO_ATTACHMENT};
 use crate::setup;
 use simulation::scenario::Scenario;
 use simulation::views;
 
 /// What somebody wants to have played.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Wishes {
+pub struct PlaybackOptions {
     /// Names of topics, or beginnings of names with a `*` behind; none: all topics.
     pub only: Vec<String>,
     /// The same of topics that are left out.
@@ -75,45 +75,45 @@ fn up_to(end_s: &Option<f64>) -> String {
 
 /// What is played, and what people should know of it.
 #[derive(Debug)]
-pub struct Programme {
+pub struct PlaybackSchedule {
     topics: Vec<Topic>,
     number_of: BTreeMap<String, usize>,
-    scenery: Vec<Cue>,
+    static_messages: Vec<ScheduledMessage>,
     first: Tick,
     last: Tick,
     notes: Vec<String>,
 }
 
-impl Programme {
+impl PlaybackSchedule {
     /// Looks through a recording for what is to be played.
     ///
     /// # Errors
     /// If nothing would be, or a wish makes no sense.
-    pub fn new(recording: &Recording, wishes: &Wishes) -> Result<Self, ReplayError> {
-        let start_s = wishes.start_s;
+    pub fn new(recording: &Recording, options: &PlaybackOptions) -> Result<Self, ReplayError> {
+        let start_s = options.start_s;
         if !(start_s.is_finite() && start_s >= 0.0) {
             return Err(ReplayError::Start(start_s));
         }
-        if let Some(end_s) = wishes.end_s.filter(|end_s| !(end_s.is_finite() && *end_s > start_s)) {
+        if let Some(end_s) = options.end_s.filter(|end_s| !(end_s.is_finite() && *end_s > start_s)) {
             return Err(ReplayError::End { end_s, start_s });
         }
-        let mut found = Found::of(recording);
+        let mut found = RecordingIndex::of(recording);
         let Some(last_there) = found.last else { return Err(ReplayError::Nothing(recording.file().to_owned())) };
         let first = Tick(nanoseconds(start_s).div_ceil(Tick::TICK_NS));
-        let last = wishes.end_s.map_or(last_there, |end_s| Tick(nanoseconds(end_s) / Tick::TICK_NS).min(last_there));
+        let last = options.end_s.map_or(last_there, |end_s| Tick(nanoseconds(end_s) / Tick::TICK_NS).min(last_there));
         if first > last {
-            let (end_s, last_s) = (wishes.end_s, seconds(last_there));
+            let (end_s, last_s) = (options.end_s, seconds(last_there));
             return Err(ReplayError::NoTick { file: recording.file().to_owned(), start_s, end_s, last_s });
         }
-        let made = found.add_scenery(recording);
-        found.keep(recording, wishes)?;
+        let made = found.add_static_messages(recording);
+        found.keep(recording, options)?;
         let topics: Vec<Topic> = found.topics.into_values().collect();
         let number_of: BTreeMap<_, _> = topics.iter().map(|topic| topic.name.clone()).zip(0..).collect();
-        let scenery = made.into_iter().filter_map(|(name, message)| {
+        let static_messages = made.into_iter().filter_map(|(name, message)| {
             let topic = *number_of.get(&name)?;
-            Some(Cue { topic, message })
+            Some(ScheduledMessage { topic, message })
         });
-        Ok(Self { scenery: scenery.collect(), topics, number_of, first, last, notes: found.notes })
+        Ok(Self { static_messages: static_messages.collect(), topics, number_of, first, last, notes: found.notes })
     }
 
     /// The topics, by their numbers.
@@ -141,8 +141,8 @@ impl Programme {
     }
 
     /// What is said before everything else, although it does not stand in the recording.
-    pub(super) fn scenery(&self) -> &[Cue] {
-        &self.scenery
+    pub(super) fn static_messages(&self) -> &[ScheduledMessage] {
+        &self.static_messages
     }
 }
 
@@ -159,14 +159,14 @@ fn is_of_type(topic: &Topic, channel: &Channel) -> bool {
 }
 
 /// What stands in a recording.
-struct Found {
+struct RecordingIndex {
     /// By name, those that can be played.
     topics: BTreeMap<String, Topic>,
     last: Option<Tick>,
     notes: Vec<String>,
 }
 
-impl Found {
+impl RecordingIndex {
     fn of(recording: &Recording) -> Self {
         let mut found = Self { topics: BTreeMap::new(), last: None, notes: Vec::new() };
         let mut refused: BTreeMap<String, (u64, String)> = BTreeMap::new();
@@ -199,12 +199,12 @@ impl Found {
     }
 
     /// Makes what does not change in the run, and what the recording does not hold, so that there is always a cave to look at.
-    fn add_scenery(&mut self, recording: &Recording) -> Vec<(String, Encoded)> {
+    fn add_static_messages(&mut self, recording: &Recording) -> Vec<(String, Encoded)> {
         let lacks = |topic: Topic| !self.topics.contains_key(&topic.name);
         if !lacks(topics::map()) && !lacks(topics::tf_static()) {
             return Vec::new();
         }
-        let pictures = match scenery(recording) {
+        let pictures = match static_messages(recording) {
             Ok(pictures) => pictures,
             Err(error) => {
                 self.notes.push(format!("{}: there is no map to look at: {error}", recording.file()));
@@ -222,8 +222,8 @@ impl Found {
     }
 
     /// Leaves out what nobody wants.
-    fn keep(&mut self, recording: &Recording, wishes: &Wishes) -> Result<(), ReplayError> {
-        for (flag, patterns) in [("--topics", &wishes.only), ("--exclude", &wishes.exclude)] {
+    fn keep(&mut self, recording: &Recording, options: &PlaybackOptions) -> Result<(), ReplayError> {
+        for (flag, patterns) in [("--topics", &options.only), ("--exclude", &options.exclude)] {
             let is_there = |pattern: &&String| self.topics.keys().any(|name| fits(pattern, name));
             if let Some(pattern) = patterns.iter().find(|pattern| !is_there(pattern)) {
                 let topics = self.topics.keys().cloned().collect();
@@ -233,7 +233,7 @@ impl Found {
         }
         let any = |patterns: &[String], name: &str| patterns.iter().any(|pattern| fits(pattern, name));
         self.topics
-            .retain(|name, _| (wishes.only.is_empty() || any(&wishes.only, name)) && !any(&wishes.exclude, name));
+            .retain(|name, _| (options.only.is_empty() || any(&options.only, name)) && !any(&options.exclude, name));
         if self.topics.is_empty() { Err(ReplayError::Nothing(recording.file().to_owned())) } else { Ok(()) }
     }
 }
@@ -242,8 +242,8 @@ fn fits(pattern: &str, name: &str) -> bool {
     pattern.strip_suffix('*').map_or(pattern == name, |beginning| name.starts_with(beginning))
 }
 
-fn scenery(recording: &Recording) -> anyhow::Result<views::Pictures> {
-    let scenario = Scenario::parse(setup::SCENARIO_ATTACHMENT, &recording.scenario(), &[])?;
+fn static_messages(recording: &Recording) -> anyhow::Result<views::Pictures> {
+    let scenario = Scenario::parse(SCENARIO_ATTACHMENT, &recording.scenario(), &[])?;
     let map = setup::recorded_map(recording, &scenario)?.ok_or_else(|| anyhow::anyhow!("it has no attachment"))?;
     Ok(views::still(&map, scenario.agents.count))
 }

@@ -1,0 +1,136 @@
+//! The publishers of what people look at.
+//!
+//! They are there from the start, so that people find the topics; but nothing is published that nobody listens to.
+
+use std::collections::BTreeSet;
+
+use msgs::diagnostic_msgs::DiagnosticArray;
+use msgs::ids::AgentId;
+use msgs::maes_msgs::{Digest, Result as Outcome};
+use msgs::nav_msgs::{Odometry, Path};
+use msgs::sensor_msgs::PointCloud2;
+use msgs::tf2_msgs::TFMessage;
+use msgs::topics;
+use msgs::visualization_msgs::Marker;
+use ros_node::{EndpointFactory, Publisher, RosError, SubscriptionTracker};
+use ros2_client::{Context, Node};
+
+use simulation::views::{Listeners, Picture, View};
+
+/// The number of `/clock` in the audience; the views come after it.
+const CLOCK: usize = 0;
+
+/// The views, and who looks at them.
+pub(super) struct VisualisationPublishers {
+    driven: BTreeSet<AgentId>,
+    publishers: Vec<(View, TopicPublisher)>,
+    subscriptions: SubscriptionTracker,
+    listeners: Listeners,
+}
+
+/// The publisher of a view.
+enum TopicPublisher {
+    Transforms(Publisher<TFMessage>),
+    Odometry(Publisher<Odometry>),
+    Points(Publisher<PointCloud2>),
+    Path(Publisher<Path>),
+    Marker(Publisher<Marker>),
+    Info(Publisher<DiagnosticArray>),
+    Digest(Publisher<Digest>),
+    Result(Publisher<Outcome>),
+}
+
+impl VisualisationPublishers {
+    /// Offers the views of a run with this many agents. Those that drive an agent are shown in their own time: who listens to them
+    /// does not matter.
+    ///
+    /// # Errors
+    /// If the middleware refuses a publisher.
+    pub(super) fn new(
+        endpoints: &mut EndpointFactory,
+        node: &mut Node,
+        agents: u32,
+        driven: &BTreeSet<AgentId>,
+    ) -> Result<Self, RosError> {
+        let mut publishers = Vec::new();
+        let mut tracked = vec![topics::clock()];
+        for view in View::all(agents) {
+            let topic = view.topic();
+            let publisher = match view {
+                View::Transforms | View::StaticTransforms => {
+                    TopicPublisher::Transforms(endpoints.publisher(node, &topic)?)
+                }
+                View::Odometry(_) => TopicPublisher::Odometry(endpoints.publisher(node, &topic)?),
+                View::Points(_) => TopicPublisher::Points(endpoints.publisher(node, &topic)?),
+                View::Path(_) => TopicPublisher::Path(endpoints.publisher(node, &topic)?),
+                View::Map | View::Unexplored | View::Contacts => {
+                    TopicPublisher::Marker(endpoints.publisher(node, &topic)?)
+                }
+                View::Info => TopicPublisher::Info(endpoints.publisher(node, &topic)?),
+                View::Digest => TopicPublisher::Digest(endpoints.publisher(node, &topic)?),
+                View::Result => TopicPublisher::Result(endpoints.publisher(node, &topic)?),
+            };
+            publishers.push((view, publisher));
+            tracked.push(topic);
+        }
+        // In the order of the views, so that a publisher can be found.
+        let mut numbered: Vec<_> = publishers.into_iter().zip(tracked.split_off(1)).collect();
+        numbered.sort_by_key(|((view, _), _)| *view);
+        let (publishers, view_topics): (Vec<_>, Vec<_>) = numbered.into_iter().unzip();
+        tracked.extend(view_topics);
+        let driven = driven.clone();
+        Ok(Self { driven, publishers, subscriptions: SubscriptionTracker::new(&tracked), listeners: Listeners::new() })
+    }
+
+    /// Who has just come is seen, too, when it is next asked who listens.
+    pub(super) fn poll_immediately(&mut self) {
+        self.subscriptions.poll_immediately();
+    }
+
+    /// What somebody listens to.
+    pub(super) fn listeners(&mut self, context: &Context) -> Option<&Listeners> {
+        self.poll(context);
+        (!self.listeners.is_empty()).then_some(&self.listeners)
+    }
+
+    /// Whether nobody has listened to anything when it was last looked.
+    pub(super) fn has_listeners(&self) -> bool {
+        !self.listeners.is_empty()
+    }
+
+    /// Whether somebody listens to the clock.
+    pub(super) fn clock_has_subscribers(&mut self, context: &Context) -> bool {
+        self.poll(context);
+        self.subscriptions.has_subscribers(CLOCK)
+    }
+
+    fn poll(&mut self, context: &Context) {
+        if self.subscriptions.poll(context) {
+            let arrivals = |(number, (view, _)): (usize, &(View, TopicPublisher))| {
+                let (View::Odometry(agent) | View::Points(agent)) = *view else { return self.arrivals(number, *view) };
+                if self.driven.contains(&agent) { None } else { self.arrivals(number, *view) }
+            };
+            self.listeners = self.publishers.iter().enumerate().filter_map(arrivals).collect();
+        }
+    }
+
+    fn arrivals(&self, number: usize, view: View) -> Option<(View, u64)> {
+        Some((view, self.subscriptions.arrivals(CLOCK + 1 + number)?))
+    }
+
+    /// Publishes something.
+    pub(super) fn show(&mut self, node: &mut Node, view: View, picture: &Picture) {
+        let Ok(number) = self.publishers.binary_search_by_key(&view, |(view, _)| *view) else { return };
+        match (&mut self.publishers[number].1, picture) {
+            (TopicPublisher::Transforms(publisher), Picture::Transforms(message)) => publisher.publish(node, message),
+            (TopicPublisher::Odometry(publisher), Picture::Odometry(message)) => publisher.publish(node, message),
+            (TopicPublisher::Points(publisher), Picture::Points(message)) => publisher.publish(node, message),
+            (TopicPublisher::Path(publisher), Picture::Path(message)) => publisher.publish(node, message),
+            (TopicPublisher::Marker(publisher), Picture::Marker(message)) => publisher.publish(node, message),
+            (TopicPublisher::Info(publisher), Picture::Info(message)) => publisher.publish(node, message),
+            (TopicPublisher::Digest(publisher), Picture::Digest(message)) => publisher.publish(node, message),
+            (TopicPublisher::Result(publisher), Picture::Result(message)) => publisher.publish(node, message),
+            (_, picture) => unreachable!("a view has pictures of one type, not {picture:?}"),
+        }
+    }
+}
