@@ -1,13 +1,14 @@
-//! Playing a recording: which message is due when.
+//! Scheduling of a replay: which recorded message is due when.
 //!
-//! [`PlaybackSchedule`] says what of a recording is played, [`PlaybackCursor`] gives it out tick by tick, [`LatchedCache`] keeps what late readers have to
-//! be told, and [`Player`] says which tick comes when: by its rate, by pauses and steps, and over and over again.
+//! [`PlaybackSchedule`] selects topics and ticks, [`PlaybackCursor`] yields the messages tick by
+//! tick, [`LatchedCache`] holds what late readers of latched topics need, and [`Player`] decides
+//! which tick is due, given rate, pauses, steps and looping.
 //!
-//! Invariants: messages come out in the order of the file, each in the tick of its stamp; what comes out is what stands in the
-//! file, byte for byte; pauses, steps and the rate change when something comes, and nothing else.
+//! Invariants: messages come in the order of the file, each in the tick of its stamp, byte for byte
+//! as recorded; pauses, steps and the rate affect only their timing.
 //!
-//! This module knows no transport and no clock: the wall time is an argument, nanoseconds since some moment. `ros/replay.rs`
-//! publishes.
+//! This module knows no transport and no clock: wall time is an argument, in nanoseconds since an
+//! arbitrary epoch. `ros/replay.rs` publishes.
 
 mod cursor;
 mod latched_cache;
@@ -26,18 +27,18 @@ pub use cursor::{PlaybackCursor, ScheduledMessage};
 pub use latched_cache::LatchedCache;
 pub use schedule::{PlaybackOptions, PlaybackSchedule, ReplayError};
 
-/// How a recording is played.
+/// Rate and mode of a replay.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlaybackTiming {
-    /// Sim seconds for each second of wall time, at the most.
+    /// Maximum sim seconds per second of wall time.
     pub rate: Rtf,
-    /// Whether it begins again after its end.
+    /// Whether it restarts after its end.
     pub is_loop: bool,
-    /// Whether it waits at its beginning.
+    /// Whether it starts paused.
     pub is_paused: bool,
 }
 
-/// What a replay can do, and nothing else.
+/// The features of `GetSimulatorFeatures` that a replay supports.
 #[must_use]
 pub fn features() -> SimulatorFeatures {
     SimulatorFeatures {
@@ -55,22 +56,22 @@ pub fn features() -> SimulatorFeatures {
     }
 }
 
-/// What is to be done now.
+/// The next action of a replay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PlayerAction {
-    /// Say what belongs to this tick.
+    /// Publish the messages of this tick.
     Play(Tick),
-    /// Wait for so long, wall time in ns, or until somebody asks something.
+    /// Wait this long, wall time in ns, or until a request arrives.
     Wait(u64),
-    /// Wait until somebody asks something: time stands still.
+    /// Wait for a request: the replay is paused.
     Idle,
-    /// Go back to the beginning, and ask again.
+    /// Restart the cursor, then ask for the next action.
     Rewind,
-    /// Everything has been played, or somebody has asked for the end.
+    /// The replay has ended or was asked to quit.
     End,
 }
 
-/// Says which tick comes when.
+/// Decides which tick is due when.
 pub struct Player {
     control: SimulationControl,
     first: Tick,
@@ -90,7 +91,7 @@ impl Player {
         Self { control, first, last, next: first, is_loop: timing.is_loop, sim_ticks: 0 }
     }
 
-    /// What is to be done now. At the end of the recording a replay that does not play waits, so that one can look at the end.
+    /// The next action. At the end of the recording, a paused replay stays open.
     pub fn next_action(&mut self, wall_ns: u64) -> PlayerAction {
         if self.control.is_quitting() {
             return PlayerAction::End;
@@ -120,7 +121,7 @@ impl Player {
         }
     }
 
-    /// The tick that was to be played has been, and the clock has told of it.
+    /// Call after the tick was published, the clock included.
     pub fn played(&mut self) {
         self.sim_ticks += u64::from(self.next > self.first);
         self.next = self.next.next();
@@ -128,29 +129,29 @@ impl Player {
         self.control.report_steps();
     }
 
-    /// Answers a request; nobody can ask for anything that a replay does not offer.
+    /// Answers a request; the services of a replay offer no others.
     pub fn answer(&mut self, request: Request, wall_ns: u64) {
         drop(self.control.answer(request, self.next, wall_ns));
     }
 
-    /// Answers whoever waits for steps that will not be made any more.
+    /// Ends pending steps with an error.
     pub fn end(&mut self) {
         self.control.end_steps("the replay has ended");
     }
 
-    /// How far it is: the tick that was played last, or the first one.
+    /// The tick played last, or the first one.
     #[must_use]
     pub fn position(&self) -> Tick {
         Tick(self.next.0.saturating_sub(1)).max(self.first)
     }
 
-    /// Whether somebody has asked for the end.
+    /// Whether quitting was requested.
     #[must_use]
     pub fn is_quitting(&self) -> bool {
         self.control.is_quitting()
     }
 
-    /// Sim time that has passed, ticks: what is played again counts again.
+    /// Sim time that has passed, in ticks, over all rounds of a loop.
     #[must_use]
     pub fn sim_ticks(&self) -> u64 {
         self.sim_ticks

@@ -1,9 +1,10 @@
-//! The server's link over ROS 2: one participant with one node `sim_server`, its services, and three topics for each agent. What
-//! plays recordings is in [`replay`].
+//! The server's ROS 2 transport: one participant with one node `sim_server`, its services, and
+//! three topics per agent. [`replay`] plays recordings.
 //!
-//! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`ros_node`]); every message
-//! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
-//! and its folder are the only ones here that know the ROS client.
+//! Invariants: messages to one agent never wait for another agent or for observers (see
+//! [`ros_node`]); every message carries the participant that sent it. The run loop decides about
+//! membership, legality and resending. This file and its folder are the only ones of this crate
+//! that name the ROS client.
 
 mod external_control;
 mod services;
@@ -39,25 +40,23 @@ use external_control::ExternalAgents;
 use services::{ServiceEvent, Services};
 use visualisation::VisualisationPublishers;
 
-/// Wall time for which a new server listens before it says anything: enough, on a machine that is not busy, to find another
-/// server that was here first and to hear its scenario, so that the agents of that one do not hear of a second run. A server
-/// that is found later is refused all the same. Agents take as long to start.
+/// Wall time for which a new server listens before it announces its run: enough, on an idle
+/// machine, to discover a server that is already running and receive its scenario, so that agents
+/// of that run do not see a second one. A server that is discovered later is rejected all the same.
+/// Agents take as long to start.
 const LISTENING_TIME: Duration = Duration::from_millis(300);
 
-/// The name of the node.
 const NODE: &str = "sim_server";
 
-/// Wall time between two looks for requests while a run does not wait for anything.
+/// Minimum wall time between two polls for requests while the run loop does not wait for anything.
 const REQUEST_PERIOD: Duration = Duration::from_millis(5);
 
-/// Messages of agents that are kept at the most while requests are looked for; more stay where they are.
+/// Maximum agent messages queued while polling for requests; more stay with the middleware.
 const QUEUED_MAX: usize = 256;
 
-/// What comes in.
+/// An item of the inbox.
 enum Item {
-    /// From an agent.
     Agent(Incoming),
-    /// From somebody else.
     Service(ServiceEvent),
     /// Already handled.
     Handled,
@@ -72,18 +71,18 @@ impl From<ServiceEvent> for Item {
 /// The server in a ROS network.
 pub struct RosLink {
     inbox: Inbox<Item>,
-    /// Messages of agents that came in while requests were looked for.
+    /// Agent messages that arrived while polling for requests.
     queued: VecDeque<Incoming>,
     services: Services,
     requests_polled: Instant,
     created: Instant,
-    /// What is to be announced when this server has listened long enough.
+    /// The scenario that is still to be announced.
     unannounced: Option<Scenario>,
     own_run: Rc<Cell<Option<u64>>>,
     other_run: Rc<Cell<Option<u64>>>,
-    /// One for each agent that is a process of ours.
+    /// Publishers for agents of this protocol, by agent.
     observations: BTreeMap<AgentId, Publisher<Observation>>,
-    /// Those of the agents that are driven by standard messages.
+    /// Agents that are controlled with standard messages.
     external: ExternalAgents,
     scenario: Publisher<Scenario>,
     join_reply: Publisher<JoinReply>,
@@ -99,7 +98,7 @@ impl RosLink {
     /// Joins the network and offers the topics, services and parameters of a run.
     ///
     /// # Errors
-    /// If the network cannot be joined, or the system has not enough of something.
+    /// If the network cannot be joined or a system limit is reached.
     pub fn new(run: &scenario::Scenario, env: &RosEnv) -> Result<Self, RosError> {
         let (agents, driven) = (run.agents.count, run.driven());
         ros_node::allow_open_files(agents)?;
@@ -116,11 +115,11 @@ impl RosLink {
         let (own, other) = (own_source(&context), Rc::clone(&other_run));
         endpoints.subscribe(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
             match sample.message.map(|scenario| scenario.run) {
-                // What this server says itself, of the present run or one before it, and a recording that is played.
+                // Its own scenario, of the present run or an earlier one, and that of a replay.
                 Ok(_) if sample.source == own => {}
                 Ok(Scenario::NO_RUN) => {}
                 Ok(run) => other.set(Some(run)),
-                // What cannot be read is the scenario of another version.
+                // An undecodable scenario is that of another version.
                 Err(_) => other.set(Some(0)),
             }
             Item::Handled
@@ -137,7 +136,7 @@ impl RosLink {
             observations.insert(agent, endpoints.publisher(&mut node, &topics::observation(agent))?);
         }
         let rosout = Rosout::new(&mut endpoints, &mut node, NODE)?;
-        // What is needed comes first, so that nobody waits for what is only looked at.
+        // Created last, so that agents do not wait for visualisation topics.
         let visualisation = VisualisationPublishers::new(&mut endpoints, &mut node, agents, &driven)?;
         let services = Services::of_run(&mut node, &mut endpoints, &mut inbox, parameters::of(run))?;
         Ok(RosLink {
@@ -162,7 +161,7 @@ impl RosLink {
         })
     }
 
-    /// Says what is to be announced, once it may.
+    /// Announces the scenario once the listening time is over.
     fn announce_if_due(&mut self) {
         if self.other_run.get().is_none()
             && self.created.elapsed() >= LISTENING_TIME
@@ -257,7 +256,7 @@ impl Link for RosLink {
         }
         let request = self.services.next();
         if request.is_some() {
-            // Who has a tick made that is all it waits for hears of it.
+            // A caller that requested a tick must see its messages at once.
             self.visualisation.poll_immediately();
         }
         request

@@ -1,7 +1,8 @@
-//! Agents that are driven by standard messages, at the edge to ROS: who drives them, and what they are told.
+//! Agents that are controlled with standard messages (`cmd_vel`): their controller process, and the
+//! odometry and scans they receive.
 //!
-//! The first process that is found to publish velocities for such an agent drives it for the whole run; it is not asked whether it
-//! wants to. Of its twists, commands are made in [`simulation::twist`].
+//! The first process found to publish velocities for such an agent controls it for the whole run.
+//! [`simulation::twist`] converts its twists into commands.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -27,33 +28,34 @@ use simulation::lockstep::SourceId;
 use simulation::twist;
 use simulation::views::{Picture, View};
 
-/// Wall time between two looks for a process that drives an agent.
+/// Wall time between two polls for publishers of velocities.
 const POLL_PERIOD: Duration = Duration::from_millis(50);
 
-/// The agents of a run that are driven by standard messages.
+/// The externally controlled agents of a run.
 pub(super) struct ExternalAgents {
     agents: BTreeMap<AgentId, ExternalAgent>,
-    /// Messages on behalf of the nodes.
+    /// Messages on behalf of their controllers.
     outgoing: VecDeque<Incoming>,
     polled: Option<Instant>,
 }
 
 #[derive(Default)]
 struct ExternalAgent {
-    /// What it is told in this tick.
+    /// What it receives in this tick.
     pictures: Vec<(View, Picture)>,
-    /// Who drives it, once that is known.
+    /// The participant that controls it, once known.
     source: Option<SourceId>,
     is_accepted: bool,
-    /// The tick that it was asked last: what comes before the first is no answer.
+    /// The tick of the last observation; velocities before the first one are ignored.
     requested: Rc<Cell<Option<Tick>>>,
 }
 
 impl ExternalAgents {
-    /// Listens to the velocities for these agents. `own_run` will have the number of the run once it is known.
+    /// Subscribes to the velocities of these agents. `own_run` holds the number of the run once it
+    /// is known.
     ///
     /// # Errors
-    /// If the middleware refuses an endpoint.
+    /// If the middleware fails to create an endpoint.
     pub(super) fn new(
         agents: &BTreeSet<AgentId>,
         endpoints: &mut EndpointFactory,
@@ -76,7 +78,7 @@ impl ExternalAgents {
         Ok(Self { agents: external, outgoing: VecDeque::new(), polled: None })
     }
 
-    /// Nobody has been asked anything yet: a run begins.
+    /// Forgets the previous run.
     pub(super) fn reset(&mut self) {
         self.outgoing.clear();
         for agent in self.agents.values_mut() {
@@ -86,12 +88,13 @@ impl ExternalAgents {
         }
     }
 
-    /// Whether there are any: they need the clock, whether it is heard already or not.
+    /// Whether there are none. They need the clock even before its subscription is discovered.
     pub(super) fn is_empty(&self) -> bool {
         self.agents.is_empty()
     }
 
-    /// What is said on behalf of a node: a join once it has been found, and a receipt at the end.
+    /// The next message on behalf of a controller: a join once it is found, an acknowledgement at
+    /// the end.
     pub(super) fn next(&mut self, context: &Context, run: Option<u64>) -> Option<Incoming> {
         if let Some(run) = run
             && self.agents.values().any(|agent| !agent.is_accepted)
@@ -117,14 +120,14 @@ impl ExternalAgents {
         }
     }
 
-    /// Takes note of the answer to a join.
+    /// Handles the reply to a join.
     pub(super) fn receive_reply(&mut self, reply: &JoinReply) {
         if let Some(external) = self.agents.get_mut(&AgentId(reply.agent)) {
             external.is_accepted |= reply.accepted;
         }
     }
 
-    /// Keeps what an agent is told in this tick.
+    /// Keeps what an agent receives in this tick.
     pub(super) fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
         if let Some(external) = self.agents.get_mut(&agent) {
             let points = points.map(|points| (View::Points(agent), Picture::Points(points)));
@@ -133,7 +136,7 @@ impl ExternalAgents {
         }
     }
 
-    /// Asks an agent, or asks it again, with what was kept, once its observation is complete.
+    /// Sends or resends what was kept, once all fragments of the observation have arrived here.
     pub(super) fn send(
         &mut self,
         node: &mut Node,
@@ -155,7 +158,7 @@ impl ExternalAgents {
             visualisation.show(node, *view, picture);
         }
         if external.requested.replace(Some(tick)) == Some(tick) {
-            // Something of it may have been lost, perhaps the clock.
+            // A resend: some of it may have been lost, perhaps the clock.
             clock.publish(node, &Clock { clock: tick.into() });
         }
     }

@@ -1,6 +1,6 @@
-//! The services and parameters of the server, and of a replay: what is asked becomes requests.
+//! The services and parameters of the server and of a replay, converted into [`Request`]s.
 //!
-//! Parameters are answered here at once; everything else waits in a queue until the run looks at it.
+//! Parameter services are answered at once; all other requests are queued for the run loop.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -17,28 +17,27 @@ use crate::control::{Request, Steps};
 use simulation::parameters;
 use simulation::scenario::Rtf;
 
-/// Requests that wait at the most; one more is not answered.
+/// Maximum queued requests; a further one is not answered.
 const REQUESTS_MAX: usize = 256;
 
-/// What has come in on a service.
+/// An event on a service.
 pub(super) enum ServiceEvent {
-    /// Something for the run.
+    /// A request for the run.
     Request(Box<Request>),
-    /// Parameters were set.
     Set(Vec<Named>),
-    /// It needs nothing more.
+    /// A request that was answered at once.
     Answered,
-    /// Bytes that are no request.
+    /// Undecodable bytes.
     Undecodable(String),
 }
 
-/// What waits for the run.
+/// The services with their queued requests.
 pub(super) struct Services {
-    /// The name of the node.
+    /// Name of the node.
     name: &'static str,
     parameters: Rc<RefCell<Parameters>>,
     requests: VecDeque<Request>,
-    /// The pace that was set last, if the run does not know of it yet.
+    /// The real-time factor that was set last, until the run takes it.
     rtf: Option<Rtf>,
     events: Publisher<ParameterEvent>,
     ignored: ThrottledWarning,
@@ -67,7 +66,7 @@ impl Services {
         offer.parameters(declared)
     }
 
-    /// Offers those of a recording that is played: its time alone can be controlled.
+    /// Offers the services of a replay, which control time only.
     pub(super) fn of_replay<T: From<ServiceEvent> + 'static>(
         node: &mut Node,
         endpoints: &mut EndpointFactory,
@@ -79,7 +78,7 @@ impl Services {
         offer.parameters(declared)
     }
 
-    /// Takes note of what has come in.
+    /// Handles an event.
     pub(super) fn receive(&mut self, node: &mut Node, event: ServiceEvent) {
         self.was_called = true;
         match event {
@@ -98,7 +97,7 @@ impl Services {
         }
     }
 
-    /// The pace is this one, whoever has set it.
+    /// Sets the parameter of the real-time factor, whatever has changed it.
     pub(super) fn set_rtf(&mut self, node: &mut Node, rtf: Rtf) {
         let named = Named { name: parameters::RTF.to_owned(), value: parameters::value_of(rtf).into() };
         let is_known = self.parameters.borrow().values(std::slice::from_ref(&named.name)) == [named.value.clone()];
@@ -112,23 +111,23 @@ impl Services {
         self.events.publish(node, &event);
     }
 
-    /// Whether anybody has ever asked for anything, and so may wait for an answer.
+    /// Whether a service was ever called, so that a caller may wait for a response.
     pub(super) fn was_called(&self) -> bool {
         self.was_called
     }
 
-    /// Whether more may come in. What does not stays with the middleware, which keeps the latest ones of each service.
+    /// Whether the queue has room. Requests beyond it stay with the middleware, which keeps the
+    /// latest ones per service.
     pub(super) fn has_room(&self) -> bool {
         self.requests.len() < REQUESTS_MAX / 2
     }
 
-    /// The next request for the run.
     pub(super) fn next(&mut self) -> Option<Request> {
         self.rtf.take().map(Request::Rtf).or_else(|| self.requests.pop_front())
     }
 }
 
-/// A pace that there is not is refused, though it lies in the range.
+/// Refuses a real-time factor that is in range but not legal.
 fn check_rtf(named: &Named) -> Result<(), String> {
     if parameters::is_pace(&named.name) {
         parameters::pace(&named.name, named.value.double_value).map(drop)
@@ -137,9 +136,9 @@ fn check_rtf(named: &Named) -> Result<(), String> {
     }
 }
 
-/// Where services are offered.
+/// The node on which services are offered.
 struct ServiceOffer<'a, T> {
-    /// The name of the node, with which those of its services begin.
+    /// Name of the node, the prefix of its service names.
     name: &'static str,
     node: &'a mut Node,
     endpoints: &'a mut EndpointFactory,
@@ -153,7 +152,7 @@ impl<T: From<ServiceEvent> + 'static> ServiceOffer<'_, T> {
         })
     }
 
-    /// The services that are about time alone, and the action.
+    /// The services that control time, and the action.
     fn time_control(&mut self) -> Result<(), RosError> {
         self.service("get_simulator_features", Request::Features)?;
         self.service("get_simulation_state", Request::State)?;
@@ -171,7 +170,7 @@ impl<T: From<ServiceEvent> + 'static> ServiceOffer<'_, T> {
         })
     }
 
-    /// The parameters, after everything else.
+    /// The parameters, which come last.
     fn parameters(self, declared: Vec<Parameter>) -> Result<Services, RosError> {
         let Self { name, node, endpoints, inbox } = self;
         let mut parameters = Parameters::default();
@@ -186,7 +185,7 @@ impl<T: From<ServiceEvent> + 'static> ServiceOffer<'_, T> {
     }
 }
 
-/// A goal of the action.
+/// A goal of the action `SimulateSteps`.
 struct ActionSteps(Goal);
 
 impl Steps for ActionSteps {

@@ -1,6 +1,7 @@
-//! The publishers of what people look at.
+//! Publishers of the visualisation topics.
 //!
-//! They are there from the start, so that people find the topics; but nothing is published that nobody listens to.
+//! They exist from the start, so that tools find the topics; a topic without a reader is not
+//! published to.
 
 use std::collections::BTreeSet;
 
@@ -17,10 +18,10 @@ use ros2_client::{Context, Node};
 
 use simulation::views::{Listeners, Picture, View};
 
-/// The number of `/clock` in the audience; the views come after it.
+/// Index of `/clock` in the subscription tracker; the views follow.
 const CLOCK: usize = 0;
 
-/// The views, and who looks at them.
+/// The visualisation topics with their publishers and subscriptions.
 pub(super) struct VisualisationPublishers {
     driven: BTreeSet<AgentId>,
     publishers: Vec<(View, TopicPublisher)>,
@@ -28,7 +29,6 @@ pub(super) struct VisualisationPublishers {
     listeners: Listeners,
 }
 
-/// The publisher of a view.
 enum TopicPublisher {
     Transforms(Publisher<TFMessage>),
     Odometry(Publisher<Odometry>),
@@ -41,11 +41,12 @@ enum TopicPublisher {
 }
 
 impl VisualisationPublishers {
-    /// Offers the views of a run with this many agents. Those that drive an agent are shown in their own time: who listens to them
-    /// does not matter.
+    /// Offers the visualisation topics of a run with this many agents. Topics that feed an
+    /// externally controlled agent are published with its observations, whatever their
+    /// subscriptions.
     ///
     /// # Errors
-    /// If the middleware refuses a publisher.
+    /// If the middleware fails to create a publisher.
     pub(super) fn new(
         endpoints: &mut EndpointFactory,
         node: &mut Node,
@@ -73,7 +74,7 @@ impl VisualisationPublishers {
             publishers.push((view, publisher));
             tracked.push(topic);
         }
-        // In the order of the views, so that a publisher can be found.
+        // Sorted by view, for binary search.
         let mut numbered: Vec<_> = publishers.into_iter().zip(tracked.split_off(1)).collect();
         numbered.sort_by_key(|((view, _), _)| *view);
         let (publishers, view_topics): (Vec<_>, Vec<_>) = numbered.into_iter().unzip();
@@ -82,23 +83,23 @@ impl VisualisationPublishers {
         Ok(Self { driven, publishers, subscriptions: SubscriptionTracker::new(&tracked), listeners: Listeners::new() })
     }
 
-    /// Who has just come is seen, too, when it is next asked who listens.
+    /// Makes the next poll effective at once, because a reader may have just joined.
     pub(super) fn poll_immediately(&mut self) {
         self.subscriptions.poll_immediately();
     }
 
-    /// What somebody listens to.
+    /// The topics that have readers, or `None` without any.
     pub(super) fn listeners(&mut self, context: &Context) -> Option<&Listeners> {
         self.poll(context);
         (!self.listeners.is_empty()).then_some(&self.listeners)
     }
 
-    /// Whether nobody has listened to anything when it was last looked.
+    /// Whether any topic had a reader at the last poll.
     pub(super) fn has_listeners(&self) -> bool {
         !self.listeners.is_empty()
     }
 
-    /// Whether somebody listens to the clock.
+    /// Whether the clock has a reader.
     pub(super) fn clock_has_subscribers(&mut self, context: &Context) -> bool {
         self.poll(context);
         self.subscriptions.has_subscribers(CLOCK)
@@ -118,7 +119,7 @@ impl VisualisationPublishers {
         Some((view, self.subscriptions.arrivals(CLOCK + 1 + number)?))
     }
 
-    /// Publishes something.
+    /// Publishes a message of a view.
     pub(super) fn show(&mut self, node: &mut Node, view: View, picture: &Picture) {
         let Ok(number) = self.publishers.binary_search_by_key(&view, |(view, _)| *view) else { return };
         match (&mut self.publishers[number].1, picture) {
