@@ -139,10 +139,10 @@ fn what_cannot_be_played_is_told_in_one_line() {
         "--topics /chatter: no such topic in run.mcap, which has /agent_0/command,",
     );
     refused(&["run.mcap", "--exclude", "/sim*,/x*"], "--exclude /x*");
-    refused(&["run.mcap", "--exclude", "/*"], "no message of it is to be played");
+    refused(&["run.mcap", "--exclude", "/*"], "no message is left to play");
     refused(&["run.mcap", "--start", "-1"], "--start -1");
     refused(&["run.mcap", "--start", "5", "--end", "5"], "--end 5: expected");
-    refused(&["run.mcap", "--start", "21"], "it goes up to 20 s");
+    refused(&["run.mcap", "--start", "21"], "the recording ends at 20 s");
 }
 
 #[test]

@@ -13,8 +13,10 @@ pub mod comparison;
 pub mod control;
 pub mod difference;
 pub mod exit;
+#[cfg(feature = "view")]
+pub mod foxglove;
 pub mod info;
-pub mod journal;
+pub mod live_stream;
 pub mod map_cli;
 pub mod playback;
 pub mod recorder;
@@ -27,6 +29,4 @@ pub mod setup;
 pub mod terminal;
 pub mod transport;
 pub mod verify;
-#[cfg(feature = "view")]
-pub mod viewing;
 pub mod wall_clock;

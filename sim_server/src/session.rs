@@ -33,8 +33,7 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Fragment};
 
-use crate::control::desk::Desk;
-use crate::control::{Beginning, Request};
+use crate::control::{Request, Reset, SimulationControl};
 use crate::playback::{Playback, Said};
 use crate::transport::{Level, Transport};
 use crate::wall_clock::{nanoseconds, now};
@@ -129,7 +128,7 @@ pub fn run(
         external: scenario.driven(),
         engine: Engine::new(scenario, world)?,
         sessions: AgentSessions::new(start, agents, keeps_log, allows_replacement),
-        control: Desk::new(start.is_paused, start.rtf, crate::control::features()),
+        control: SimulationControl::new(start.is_paused, start.rtf, crate::control::features()),
         pending_request: None,
         log: SessionLog::new(sinks.into(), checker, agents),
         recorded: record::LastRecorded::default(),
@@ -150,7 +149,7 @@ pub fn run(
         Ok(ControlFlow::Break(reason)) => Ok(reason),
         Err(error) => Err(error),
     };
-    if let Some(Beginning { is_paused }) = session.control.beginning() {
+    if let Some(Reset { is_paused }) = session.control.pending_reset() {
         session.log.discard();
         session.control.end_steps("the simulation was reset");
         return Err(RunError::Reset(start.reset(is_paused, session.control.rtf())));
@@ -176,7 +175,7 @@ struct Session<'c, 'p> {
     external: BTreeSet<AgentId>,
     engine: Engine<'c>,
     sessions: AgentSessions,
-    control: Desk,
+    control: SimulationControl,
     /// A request that has arrived and was not answered yet.
     pending_request: Option<Request>,
     log: SessionLog<'c>,
@@ -194,7 +193,7 @@ struct Session<'c, 'p> {
 impl<'c> Session<'c, '_> {
     /// Executes ticks until the run is over; returns the reason.
     fn execute(&mut self) -> Result<String, RunError> {
-        self.control.go_on(self.engine.tick(), self.wall_ns());
+        self.control.restart_pacing(self.engine.tick(), self.wall_ns());
         if self.playback.is_some()
             && let ControlFlow::Break(reason) = self.re_execute()?
         {
@@ -204,7 +203,7 @@ impl<'c> Session<'c, '_> {
             self.hold_pace()?;
             self.transport.clock(self.engine.tick());
             self.record_state()?;
-            self.control.steps_are_visible();
+            self.control.report_steps();
             self.publish();
             if let Some(reason) = self.end_of_run()? {
                 return Ok(reason.to_owned());
@@ -331,7 +330,7 @@ impl<'c> Session<'c, '_> {
 
     /// Publishes what is due.
     fn publish(&mut self) {
-        let may_tick = self.control.control().may_tick();
+        let may_tick = self.control.may_tick();
         self.observers.publish(&mut self.engine, may_tick, self.transport);
     }
 

@@ -37,7 +37,7 @@ impl Session<'_, '_> {
     pub(super) fn hold_pace(&mut self) -> Result<(), RunError> {
         let tick = self.engine.tick();
         while !self.is_stopped()
-            && self.control.control().may_tick()
+            && self.control.may_tick()
             && let Some(wait_ns) = self.control.wait_ns(tick, self.wall_ns())
             && !self.has_request()
         {
@@ -52,7 +52,7 @@ impl Session<'_, '_> {
             if self.answer_requests(Phase::Running)?.is_break() || self.is_stopped() {
                 return Ok(ControlFlow::Break(()));
             }
-            let wait = if self.control.control().may_tick() {
+            let wait = if self.control.may_tick() {
                 match self.control.wait_ns(self.engine.tick(), self.wall_ns()) {
                     Some(wait_ns) => Duration::from_nanos(wait_ns),
                     None => return Ok(ControlFlow::Continue(())),
@@ -91,12 +91,12 @@ impl Session<'_, '_> {
                 break;
             };
             self.answer_request(request, phase)?;
-            if self.control.beginning().is_some() {
+            if self.control.pending_reset().is_some() {
                 // Later requests are for the run after the reset.
                 break;
             }
         }
-        let is_over = self.control.is_quitting() || self.control.beginning().is_some();
+        let is_over = self.control.is_quitting() || self.control.pending_reset().is_some();
         Ok(if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 
@@ -140,7 +140,7 @@ impl Session<'_, '_> {
             Ok(placement) => placement,
             Err(outcome) => return Ok(outcome),
         };
-        if phase == Phase::Admission || !self.control.control().is_at_rest() {
+        if phase == Phase::Admission || !self.control.is_at_rest() {
             return Ok(not_now("pause the simulation before a state is set"));
         }
         let placed = self.engine.place(agent, pose, &mut self.log)?;

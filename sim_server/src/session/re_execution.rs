@@ -111,7 +111,7 @@ impl Session<'_, '_> {
         self.note(Level::Info, &format!("re-executed up to tick {tick}; the run continues from there"));
         let replayed = self.replay_observation_logs()?;
         let wall_ns = self.wall_ns();
-        self.control.go_on(tick, wall_ns);
+        self.control.restart_pacing(tick, wall_ns);
         Ok(replayed)
     }
 

@@ -11,86 +11,98 @@ use msgs::simulation_interfaces::{
     FeaturesResponse, Result as Outcome, ResultResponse, SimulationState, SimulatorFeatures, StateResponse,
 };
 
-use super::{Beginning, Control, Request, State, Steps};
+use super::{Request, Reset, State, StateMachine, Steps};
 use simulation::pacer::Pacer;
 use simulation::scenario::Rtf;
 
 /// The state, the pace, and who waits.
-pub struct Desk {
+pub struct SimulationControl {
     features: SimulatorFeatures,
-    control: Control,
+    machine: StateMachine,
     pace: Pacer,
-    waiting: Option<Waiting>,
+    step_caller: Option<StepCaller>,
     /// How many of the steps are done, and how many are not, if that has not been told yet.
-    untold: Option<(u64, u64)>,
+    unreported: Option<(u64, u64)>,
 }
 
 /// Who waits for steps.
-enum Waiting {
-    Answer(Reply<ResultResponse>),
-    News(Box<dyn Steps>),
+enum StepCaller {
+    Service(Reply<ResultResponse>),
+    Action(Box<dyn Steps>),
 }
 
-impl Waiting {
+impl StepCaller {
     fn end(self, outcome: Outcome) {
         match self {
-            Self::Answer(reply) => reply.send(ResultResponse { result: outcome }),
-            Self::News(steps) => steps.end(outcome),
+            Self::Service(reply) => reply.send(ResultResponse { result: outcome }),
+            Self::Action(steps) => steps.finish(outcome),
         }
     }
 }
 
-impl Desk {
+impl SimulationControl {
     /// For something that begins at this pace, or paused, and can do this.
     #[must_use]
     pub fn new(is_paused: bool, rtf: Rtf, features: SimulatorFeatures) -> Self {
-        let can_begin_again = features.features.contains(&SimulatorFeatures::SIMULATION_RESET);
-        let control = Control::new(is_paused, can_begin_again);
-        Self { features, control, pace: Pacer::new(rtf), waiting: None, untold: None }
+        let can_reset = features.features.contains(&SimulatorFeatures::SIMULATION_RESET);
+        let machine = StateMachine::new(is_paused, can_reset);
+        Self { features, machine, pace: Pacer::new(rtf), step_caller: None, unreported: None }
     }
 
-    /// The state of the simulation.
+    /// See [`StateMachine::may_tick`].
     #[must_use]
-    pub fn control(&self) -> &Control {
-        &self.control
+    pub fn may_tick(&self) -> bool {
+        self.machine.may_tick()
+    }
+
+    /// See [`StateMachine::is_stepping`].
+    #[must_use]
+    pub fn is_stepping(&self) -> bool {
+        self.machine.is_stepping()
+    }
+
+    /// See [`StateMachine::is_at_rest`].
+    #[must_use]
+    pub fn is_at_rest(&self) -> bool {
+        self.machine.is_at_rest()
     }
 
     /// Time goes on from this tick: what came before is no reason to hurry or to wait.
-    pub fn go_on(&mut self, tick: Tick, wall_ns: u64) {
+    pub fn restart_pacing(&mut self, tick: Tick, wall_ns: u64) {
         self.pace.restart(tick, wall_ns);
     }
 
     /// Wall time for which the pace holds back a tick, ns, if it does; steps are made as fast as possible.
     #[must_use]
     pub fn wait_ns(&self, tick: Tick, wall_ns: u64) -> Option<u64> {
-        if self.control.is_stepping() { None } else { self.pace.wait_ns(tick, wall_ns) }
+        if self.machine.is_stepping() { None } else { self.pace.wait_ns(tick, wall_ns) }
     }
 
     /// A tick has been made.
     pub fn ticked(&mut self) {
-        self.untold = self.control.ticked();
+        self.unreported = self.machine.ticked();
     }
 
     /// The clock has told everybody of the last tick, so whoever has asked for it may be answered.
-    pub fn steps_are_visible(&mut self) {
-        let Some((done, left)) = self.untold.take() else {
+    pub fn report_steps(&mut self) {
+        let Some((done, left)) = self.unreported.take() else {
             return;
         };
-        if let Some(Waiting::News(steps)) = &self.waiting {
-            steps.tell(done, left);
+        if let Some(StepCaller::Action(steps)) = &self.step_caller {
+            steps.feedback(done, left);
         }
         if left == 0
-            && let Some(waiting) = self.waiting.take()
+            && let Some(step_caller) = self.step_caller.take()
         {
-            waiting.end(Outcome::ok());
+            step_caller.end(Outcome::ok());
         }
     }
 
     /// Makes no more steps, and says why to whoever waits for them.
     pub fn end_steps(&mut self, reason: &str) {
-        self.control.end_steps();
-        if let Some(waiting) = self.waiting.take() {
-            waiting.end(Outcome::failure(Outcome::OPERATION_FAILED, format!("not all steps were made: {reason}")));
+        self.machine.end_steps();
+        if let Some(step_caller) = self.step_caller.take() {
+            step_caller.end(Outcome::failure(Outcome::OPERATION_FAILED, format!("not all steps were made: {reason}")));
         }
     }
 
@@ -99,21 +111,21 @@ impl Desk {
         match request {
             Request::Features(ask) => ask.answer(|_| FeaturesResponse { features: self.features.clone() }),
             Request::State(ask) => {
-                let state = SimulationState { state: self.control.state().number() };
+                let state = SimulationState { state: self.machine.state().number() };
                 ask.answer(|_| StateResponse { state, result: Outcome::ok() });
             }
             Request::SetState(ask) => {
                 ask.answer(|request| ResultResponse { result: self.set_state(request.state.state, tick, wall_ns) });
             }
-            Request::Step(Ask { request, reply }) => self.begin_steps(request.steps, Waiting::Answer(reply)),
-            Request::Steps(steps) => self.begin_steps(steps.steps(), Waiting::News(steps)),
+            Request::Step(Ask { request, reply }) => self.begin_steps(request.steps, StepCaller::Service(reply)),
+            Request::Steps(steps) => self.begin_steps(steps.steps(), StepCaller::Action(steps)),
             Request::CancelSteps => {
-                if matches!(self.waiting, Some(Waiting::News(_))) {
+                if matches!(self.step_caller, Some(StepCaller::Action(_))) {
                     self.end_steps("the goal was cancelled");
                 }
             }
             Request::Reset(ask) => ask.answer(|request| {
-                let result = self.control.reset(request.scope).err().unwrap_or_else(Outcome::ok);
+                let result = self.machine.reset(request.scope).err().unwrap_or_else(Outcome::ok);
                 ResultResponse { result }
             }),
             Request::Rtf(rtf) => self.pace.set_rtf(rtf, tick, wall_ns),
@@ -124,8 +136,8 @@ impl Desk {
 
     /// How it is to begin again, if somebody has asked for that.
     #[must_use]
-    pub fn beginning(&self) -> Option<Beginning> {
-        self.control.beginning()
+    pub fn pending_reset(&self) -> Option<Reset> {
+        self.machine.pending_reset()
     }
 
     /// The pace.
@@ -137,18 +149,18 @@ impl Desk {
     /// Whether somebody has asked for the end.
     #[must_use]
     pub fn is_quitting(&self) -> bool {
-        self.control.state() == State::Quitting
+        self.machine.state() == State::Quitting
     }
 
-    fn begin_steps(&mut self, count: u64, waiting: Waiting) {
-        match self.control.step(count) {
-            Ok(()) => self.waiting = Some(waiting),
-            Err(outcome) => waiting.end(outcome),
+    fn begin_steps(&mut self, count: u64, step_caller: StepCaller) {
+        match self.machine.step(count) {
+            Ok(()) => self.step_caller = Some(step_caller),
+            Err(outcome) => step_caller.end(outcome),
         }
     }
 
     fn set_state(&mut self, number: u8, tick: Tick, wall_ns: u64) -> Outcome {
-        match self.control.set_state(number) {
+        match self.machine.set_state(number) {
             Ok(()) => {
                 self.end_steps("the state of the simulation was set");
                 self.pace.restart(tick, wall_ns);

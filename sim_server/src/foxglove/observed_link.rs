@@ -12,7 +12,7 @@ use msgs::sensor_msgs::PointCloud2;
 use msgs::topics::{self, Topic};
 use msgs::{cdr, schema};
 
-use super::Viewing;
+use super::FoxgloveServer;
 use super::services;
 use crate::control::Request;
 use crate::transport::{AgentTransport, ControlInput, Incoming, Level, ObserverOutput, Transport};
@@ -24,86 +24,86 @@ use simulation::visualisation::{Subscribers, VisualisationMessage, Visualisation
 const CLOCK_PERIOD: Duration = Duration::from_millis(33);
 
 /// A link that is looked at.
-pub struct Watched<'v, L> {
+pub struct ObservedLink<'v, L> {
     link: L,
-    viewing: &'v Viewing,
+    foxglove: &'v FoxgloveServer,
     scenario: &'v scenario::Scenario,
     channels: BTreeMap<VisualisationTopic, Arc<RawChannel>>,
     view_of_topic: BTreeMap<String, VisualisationTopic>,
     /// Who looks on here, as of `revision`.
-    here: BTreeMap<VisualisationTopic, u64>,
+    own: BTreeMap<VisualisationTopic, u64>,
     revision: u64,
     /// Those of the link, when they were last asked for.
-    there: Subscribers,
+    inner: Subscribers,
     all: Subscribers,
-    clock_told: Option<Instant>,
+    time_sent: Option<Instant>,
     tick: Tick,
-    is_time_told: bool,
+    is_time_sent: bool,
 }
 
-impl<'v, L: Transport> Watched<'v, L> {
+impl<'v, L: Transport> ObservedLink<'v, L> {
     /// Shows the run of a scenario over a link.
-    pub fn new(link: L, viewing: &'v Viewing, scenario: &'v scenario::Scenario) -> Self {
+    pub fn new(link: L, foxglove: &'v FoxgloveServer, scenario: &'v scenario::Scenario) -> Self {
         Self {
             link,
-            viewing,
+            foxglove,
             scenario,
             channels: BTreeMap::new(),
             view_of_topic: BTreeMap::new(),
-            here: BTreeMap::new(),
+            own: BTreeMap::new(),
             revision: 0,
-            there: Subscribers::new(),
+            inner: Subscribers::new(),
             all: Subscribers::new(),
-            clock_told: None,
+            time_sent: None,
             tick: Tick::ZERO,
-            is_time_told: true,
+            is_time_sent: true,
         }
     }
 
     /// Offers what there is to see of a run, anew.
     fn open_channels(&mut self, run: u64) {
         self.channels.clear();
-        let context = &self.viewing.context;
+        let context = &self.foxglove.context;
         for view in VisualisationTopic::all(self.scenario.agents.count) {
             let channel = channel(context, &view.topic());
             self.view_of_topic.insert(channel.topic().to_owned(), view);
             self.channels.insert(view, channel);
         }
         let others = [topics::scenario(), topics::progress()].map(|topic| channel(context, &topic));
-        self.viewing.hall.begin(run, self.scenario, self.channels.values().cloned().chain(others));
+        self.foxglove.hub.start_session(run, self.scenario, self.channels.values().cloned().chain(others));
     }
 
     /// Tells what time it is, unless that was told, or something else just before.
-    fn tell_time(&mut self) {
-        if !self.is_time_told && self.clock_told.is_none_or(|told| told.elapsed() >= CLOCK_PERIOD) {
-            self.clock_told = Some(now());
-            self.is_time_told = true;
-            self.viewing.server.broadcast_time(self.tick.time_ns());
+    fn broadcast_time(&mut self) {
+        if !self.is_time_sent && self.time_sent.is_none_or(|told| told.elapsed() >= CLOCK_PERIOD) {
+            self.time_sent = Some(now());
+            self.is_time_sent = true;
+            self.foxglove.server.broadcast_time(self.tick.time_ns());
         }
     }
 
     /// Finds out who looks on here now; says whether that may have changed.
-    fn look_here(&mut self) -> bool {
-        let Some(arrivals) = self.viewing.hall.arrivals(&mut self.revision) else { return false };
+    fn update_own(&mut self) -> bool {
+        let Some(arrivals) = self.foxglove.hub.arrivals(&mut self.revision) else { return false };
         let view = |(topic, arrivals)| Some((*self.view_of_topic.get(&topic)?, arrivals));
-        self.here = arrivals.into_iter().filter_map(view).collect();
+        self.own = arrivals.into_iter().filter_map(view).collect();
         true
     }
 }
 
 /// Numbers of arrivals that grow whenever one of both does.
-fn merge(all: &mut Subscribers, here: &BTreeMap<VisualisationTopic, u64>, there: &Subscribers) {
-    let sum = |view: &VisualisationTopic| here.get(view).unwrap_or(&0) + there.get(view).unwrap_or(&0);
-    all.retain(|view, _| here.contains_key(view) || there.contains_key(view));
-    for &view in here.keys().chain(there.keys()) {
+fn merge(all: &mut Subscribers, own: &BTreeMap<VisualisationTopic, u64>, inner: &Subscribers) {
+    let sum = |view: &VisualisationTopic| own.get(view).unwrap_or(&0) + inner.get(view).unwrap_or(&0);
+    all.retain(|view, _| own.contains_key(view) || inner.contains_key(view));
+    for &view in own.keys().chain(inner.keys()) {
         all.insert(view, sum(&view));
     }
 }
 
-impl<L: Transport> AgentTransport for Watched<'_, L> {
+impl<L: Transport> AgentTransport for ObservedLink<'_, L> {
     fn announce(&mut self, scenario: &Scenario) {
         self.open_channels(scenario.run);
-        self.viewing.hall.say_latched(&topics::scenario().name, cdr::encode(scenario), Tick::ZERO);
+        self.foxglove.hub.publish_latched(&topics::scenario().name, cdr::encode(scenario), Tick::ZERO);
         self.link.announce(scenario);
     }
 
@@ -117,7 +117,7 @@ impl<L: Transport> AgentTransport for Watched<'_, L> {
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         // The last of many ticks in quick succession, when none comes any more.
-        self.tell_time();
+        self.broadcast_time();
         self.link.receive(timeout)
     }
 
@@ -130,46 +130,46 @@ impl<L: Transport> AgentTransport for Watched<'_, L> {
     }
 }
 
-impl<L: Transport> ObserverOutput for Watched<'_, L> {
+impl<L: Transport> ObserverOutput for ObservedLink<'_, L> {
     fn clock(&mut self, tick: Tick) {
         self.link.clock(tick);
         self.tick = tick;
-        self.is_time_told = false;
-        self.tell_time();
+        self.is_time_sent = false;
+        self.broadcast_time();
     }
 
     fn progress(&mut self, progress: &Progress) {
-        self.viewing.hall.say_latched(&topics::progress().name, cdr::encode(progress), Tick(progress.tick));
+        self.foxglove.hub.publish_latched(&topics::progress().name, cdr::encode(progress), Tick(progress.tick));
         self.link.progress(progress);
     }
 
     fn subscribers(&mut self) -> Option<&Subscribers> {
-        let is_other_here = self.look_here();
+        let is_other_here = self.update_own();
         let there = self.link.subscribers();
-        if self.here.is_empty() {
+        if self.own.is_empty() {
             return there;
         }
         // In almost every tick both are as before, and then there is nothing to do.
-        let is_other_there = there.map_or(!self.there.is_empty(), |there| *there != self.there);
+        let is_other_there = there.map_or(!self.inner.is_empty(), |there| *there != self.inner);
         if is_other_there {
-            self.there = there.cloned().unwrap_or_default();
+            self.inner = there.cloned().unwrap_or_default();
         }
         if is_other_here || is_other_there {
-            merge(&mut self.all, &self.here, &self.there);
+            merge(&mut self.all, &self.own, &self.inner);
         }
         Some(&self.all)
     }
 
     fn publish(&mut self, view: VisualisationTopic, picture: &VisualisationMessage) {
         let is_last = view == VisualisationTopic::Result;
-        if is_last || self.here.is_empty() || self.there.contains_key(&view) {
+        if is_last || self.own.is_empty() || self.inner.contains_key(&view) {
             self.link.publish(view, picture);
         }
         if is_last {
             if let VisualisationMessage::Result(result) = picture {
-                self.viewing.hall.say_latched(&view.topic().name, cdr::encode(picture), Tick(result.tick));
+                self.foxglove.hub.publish_latched(&view.topic().name, cdr::encode(picture), Tick(result.tick));
             }
-        } else if self.here.contains_key(&view)
+        } else if self.own.contains_key(&view)
             && let Some(channel) = self.channels.get(&view)
         {
             let time_ns = self.tick.time_ns();
@@ -178,7 +178,7 @@ impl<L: Transport> ObserverOutput for Watched<'_, L> {
     }
 
     fn real_time_factor(&mut self, rtf: Rtf) {
-        self.viewing.hall.tell_pace(rtf);
+        self.foxglove.hub.set_rtf(rtf);
         self.link.real_time_factor(rtf);
     }
 
@@ -187,9 +187,9 @@ impl<L: Transport> ObserverOutput for Watched<'_, L> {
     }
 }
 
-impl<L: Transport> ControlInput for Watched<'_, L> {
+impl<L: Transport> ControlInput for ObservedLink<'_, L> {
     fn request(&mut self) -> Option<Request> {
-        self.link.request().or_else(|| self.viewing.wishes.try_iter().find_map(services::request))
+        self.link.request().or_else(|| self.foxglove.requests.try_iter().find_map(services::request))
     }
 
     fn accepts_requests(&self) -> bool {
@@ -197,12 +197,12 @@ impl<L: Transport> ControlInput for Watched<'_, L> {
     }
 }
 
-impl<L> Drop for Watched<'_, L> {
+impl<L> Drop for ObservedLink<'_, L> {
     fn drop(&mut self) {
-        for wish in self.viewing.wishes.try_iter() {
-            services::refuse(wish, "the run has ended");
+        for request in self.foxglove.requests.try_iter() {
+            services::refuse(request, "the run has ended");
         }
-        self.viewing.farewell();
+        self.foxglove.wait_for_readers();
     }
 }
 

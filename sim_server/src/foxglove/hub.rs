@@ -15,8 +15,8 @@ use foxglove::{PartialMetadata, RawChannel, WebSocketServerHandle};
 use msgs::ids::Tick;
 use msgs::parameters::Value;
 
-use super::services::{Wish, put};
-use crate::journal::{JournalReader, Page};
+use super::services::{ClientRequest, enqueue};
+use crate::live_stream::{LiveStreamReader, StreamChunk};
 use simulation::parameters;
 use simulation::scenario::{Rtf, Scenario};
 
@@ -24,45 +24,45 @@ use simulation::scenario::{Rtf, Scenario};
 const SCHEME: &str = "maes://run/";
 
 /// Bytes of an answer at the most.
-const PAGE_BYTES_MAX: usize = 1 << 20;
+const CHUNK_BYTES_MAX: usize = 1 << 20;
 
 /// Where clients and the run meet.
-pub(super) struct Hall {
+pub(super) struct Hub {
     state: Mutex<State>,
     /// Somebody has read the journal to its end.
-    was_read: Condvar,
-    wishes: SyncSender<Wish>,
+    stream_read: Condvar,
+    requests: SyncSender<ClientRequest>,
     server: OnceLock<Weak<WebSocketServerHandle>>,
 }
 
 #[derive(Default)]
 struct State {
     session: String,
-    journal: Option<JournalReader>,
+    stream: Option<LiveStreamReader>,
     /// That of a run that is not announced yet.
-    next_journal: Option<JournalReader>,
+    next_stream: Option<LiveStreamReader>,
     /// Who reads the journal, and whether to its end.
     readers: BTreeMap<u32, bool>,
     parameters: Vec<Parameter>,
-    topics: BTreeMap<String, Stand>,
+    topics: BTreeMap<String, TopicState>,
     /// Grows with every coming and going.
     revision: u64,
 }
 
 /// A topic, and who stands before it.
-struct Stand {
+struct TopicState {
     channel: Arc<RawChannel>,
-    present: BTreeSet<u32>,
+    subscribers: BTreeSet<u32>,
     arrivals: u64,
     /// What is said again to those who come late.
     last: Option<(Vec<u8>, u64)>,
 }
 
-impl Hall {
-    pub(super) fn new(wishes: SyncSender<Wish>) -> Self {
+impl Hub {
+    pub(super) fn new(requests: SyncSender<ClientRequest>) -> Self {
         let session = format!("idle-{:016x}", getrandom::u64().unwrap_or_default());
         let state = Mutex::new(State { session, ..State::default() });
-        Self { state, was_read: Condvar::new(), wishes, server: OnceLock::new() }
+        Self { state, stream_read: Condvar::new(), requests, server: OnceLock::new() }
     }
 
     pub(super) fn set_server(&self, server: &Arc<WebSocketServerHandle>) {
@@ -83,20 +83,25 @@ impl Hall {
     }
 
     /// A run is about to begin, with this journal.
-    pub(super) fn expect(&self, journal: JournalReader) {
-        self.state().next_journal = Some(journal);
+    pub(super) fn set_next_stream(&self, stream: LiveStreamReader) {
+        self.state().next_stream = Some(stream);
     }
 
     /// A run begins: clients forget what they know of another one.
-    pub(super) fn begin(&self, run: u64, scenario: &Scenario, channels: impl IntoIterator<Item = Arc<RawChannel>>) {
+    pub(super) fn start_session(
+        &self,
+        run: u64,
+        scenario: &Scenario,
+        channels: impl IntoIterator<Item = Arc<RawChannel>>,
+    ) {
         let session = format!("{run:016x}");
         let former = std::mem::take(&mut self.state().topics);
         // Clients whose channel is closed are told so, and come to the state for that.
-        former.into_values().for_each(|stand| stand.channel.close());
+        former.into_values().for_each(|topic| topic.channel.close());
         {
             let mut state = self.state();
             state.session.clone_from(&session);
-            state.journal = state.next_journal.take();
+            state.stream = state.next_stream.take();
             state.readers.clear();
             state.parameters = parameters::of(scenario)
                 .into_iter()
@@ -105,8 +110,8 @@ impl Hall {
             state.topics = channels
                 .into_iter()
                 .map(|channel| {
-                    let stand = Stand { channel, present: BTreeSet::new(), arrivals: 0, last: None };
-                    (stand.channel.topic().to_owned(), stand)
+                    let topic = TopicState { channel, subscribers: BTreeSet::new(), arrivals: 0, last: None };
+                    (topic.channel.topic().to_owned(), topic)
                 })
                 .collect();
             state.revision += 1;
@@ -123,22 +128,22 @@ impl Hall {
             return None;
         }
         *revision = state.revision;
-        let watched = state.topics.iter().filter(|(_, stand)| !stand.present.is_empty());
-        Some(watched.map(|(topic, stand)| (topic.clone(), stand.arrivals)).collect())
+        let observed = state.topics.iter().filter(|(_, topic)| !topic.subscribers.is_empty());
+        Some(observed.map(|(name, topic)| (name.clone(), topic.arrivals)).collect())
     }
 
     /// Says something that late comers are told, too.
-    pub(super) fn say_latched(&self, topic: &str, bytes: Vec<u8>, tick: Tick) {
+    pub(super) fn publish_latched(&self, topic: &str, bytes: Vec<u8>, tick: Tick) {
         let mut state = self.state();
-        if let Some(stand) = state.topics.get_mut(topic) {
-            stand.channel.log_with_meta(&bytes, PartialMetadata::with_log_time(tick.time_ns()));
-            stand.last = Some((bytes, tick.time_ns()));
+        if let Some(topic) = state.topics.get_mut(topic) {
+            topic.channel.log_with_meta(&bytes, PartialMetadata::with_log_time(tick.time_ns()));
+            topic.last = Some((bytes, tick.time_ns()));
         }
     }
 
     /// Notes the pace, and tells those who follow it if it is another one.
-    pub(super) fn tell_pace(&self, rtf: Rtf) {
-        let set = pace_parameter(rtf);
+    pub(super) fn set_rtf(&self, rtf: Rtf) {
+        let set = rtf_parameter(rtf);
         match self.state().parameters.iter_mut().find(|known| known.name == set.name) {
             Some(known) if *known != set => *known = set.clone(),
             _ => return,
@@ -149,53 +154,53 @@ impl Hall {
     }
 
     /// Waits until everybody who reads the journal has read it to its end, or has gone.
-    pub(super) fn wait_until_read(&self, timeout: Duration, is_deserted: impl Fn() -> bool) {
-        let is_read = |state: &State| is_deserted() || state.readers.values().all(|has_end| *has_end);
+    pub(super) fn wait_for_readers(&self, timeout: Duration, are_all_gone: impl Fn() -> bool) {
+        let is_read = |state: &State| are_all_gone() || state.readers.values().all(|has_end| *has_end);
         let (_state, _) = self
-            .was_read
+            .stream_read
             .wait_timeout_while(self.state(), timeout, |state| !is_read(state))
             .unwrap_or_else(PoisonError::into_inner);
     }
 
     /// A part of the journal, by the name of an asset.
-    fn page(&self, client: u32, uri: &str) -> Result<Vec<u8>, String> {
+    fn read_stream(&self, client: u32, uri: &str) -> Result<Vec<u8>, String> {
         let part = uri.strip_prefix(SCHEME).and_then(|rest| rest.split_once('/'));
         let named = part.and_then(|(session, offset)| Some((session, offset.parse().ok()?)));
         let (session, offset) = named.ok_or_else(|| format!("{uri}: expected {SCHEME}<session>/<offset>"))?;
-        let journal = {
+        let stream = {
             let mut state = self.state();
             if state.session != session {
                 return Err("gone".to_owned());
             }
-            let journal = state.journal.clone();
+            let stream = state.stream.clone();
             state.readers.entry(client).or_insert(false);
-            journal
+            stream
         };
         // No lock is held while the file is read.
-        match journal.ok_or("gone")?.read(offset, PAGE_BYTES_MAX)? {
-            Page::Bytes(bytes) => Ok(bytes),
-            Page::End => {
+        match stream.ok_or("gone")?.read(offset, CHUNK_BYTES_MAX)? {
+            StreamChunk::Bytes(bytes) => Ok(bytes),
+            StreamChunk::End => {
                 self.state().readers.insert(client, true);
-                self.was_read.notify_all();
+                self.stream_read.notify_all();
                 Err("ended".to_owned())
             }
         }
     }
 }
 
-impl ServerListener for Hall {
+impl ServerListener for Hub {
     fn on_client_disconnect(&self) {
-        self.was_read.notify_all();
+        self.stream_read.notify_all();
     }
 
     fn on_subscribe(&self, client: Client, channel: ChannelView<'_>) {
         let mut state = self.state();
         state.revision += 1;
-        if let Some(stand) = state.topics.get_mut(channel.topic()) {
-            stand.present.insert(client.id().into());
-            stand.arrivals += 1;
-            if let Some((bytes, time_ns)) = &stand.last {
-                stand.channel.log_with_meta_to_sink(bytes, PartialMetadata::with_log_time(*time_ns), client.sink_id());
+        if let Some(topic) = state.topics.get_mut(channel.topic()) {
+            topic.subscribers.insert(client.id().into());
+            topic.arrivals += 1;
+            if let Some((bytes, time_ns)) = &topic.last {
+                topic.channel.log_with_meta_to_sink(bytes, PartialMetadata::with_log_time(*time_ns), client.sink_id());
             }
         }
     }
@@ -203,20 +208,20 @@ impl ServerListener for Hall {
     fn on_unsubscribe(&self, client: Client, channel: ChannelView<'_>) {
         let mut state = self.state();
         state.revision += 1;
-        if let Some(stand) = state.topics.get_mut(channel.topic()) {
-            stand.present.remove(&client.id().into());
+        if let Some(topic) = state.topics.get_mut(channel.topic()) {
+            topic.subscribers.remove(&client.id().into());
         }
     }
 }
 
-impl AssetHandler for Hall {
+impl AssetHandler for Hub {
     fn fetch(&self, uri: String, responder: AssetResponder) {
-        let page = self.page(responder.client().id().into(), &uri);
-        responder.respond(page);
+        let chunk = self.read_stream(responder.client().id().into(), &uri);
+        responder.respond(chunk);
     }
 }
 
-impl ParameterHandler for Hall {
+impl ParameterHandler for Hub {
     fn get(&self, _: AnyClient, names: Vec<String>, _: Option<String>, responder: GetParametersResponder) {
         let all = self.state().parameters.clone();
         let is_asked = |parameter: &Parameter| names.is_empty() || names.contains(&parameter.name);
@@ -231,14 +236,14 @@ impl ParameterHandler for Hall {
                 Some(ParameterValue::Integer(value)) => value as f64,
                 _ => f64::NAN,
             };
-            let pace = match parameter.name.as_str() {
+            let rtf = match parameter.name.as_str() {
                 parameters::RTF => parameters::pace(parameters::RTF, value),
-                name => Err(format!("{name}: it cannot be set while a run is under way")),
+                name => Err(format!("{name}: cannot be set during a run")),
             };
-            match pace {
+            match rtf {
                 Ok(rtf) => {
-                    put(&self.wishes, Wish::Rtf(rtf));
-                    set.push(pace_parameter(rtf));
+                    enqueue(&self.requests, ClientRequest::Rtf(rtf));
+                    set.push(rtf_parameter(rtf));
                 }
                 Err(reason) => client.send_error(reason),
             }
@@ -247,7 +252,7 @@ impl ParameterHandler for Hall {
     }
 }
 
-fn pace_parameter(rtf: Rtf) -> Parameter {
+fn rtf_parameter(rtf: Rtf) -> Parameter {
     Parameter {
         name: parameters::RTF.to_owned(),
         r#type: Some(ParameterType::Float64),

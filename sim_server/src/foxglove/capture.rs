@@ -10,15 +10,15 @@ use clap::Args;
 use serde::Serialize;
 use thiserror::Error;
 
-use super::{NO_PAGE_HERE, Shelf, ViewingError, front};
+use super::{FoxgloveServerError, NO_PAGE_HERE, StaticFileServer, http_gateway};
 use crate::exit;
 
 /// A free port of this machine.
-const ANYWHERE: &str = "127.0.0.1:0";
+const FREE_PORT: &str = "127.0.0.1:0";
 
 /// What is to be seen.
 #[derive(Debug, Args)]
-pub struct Subject {
+pub struct CaptureArgs {
     /// The recording (.mcap)
     pub file: PathBuf,
     /// Pixels of the picture
@@ -38,14 +38,14 @@ pub struct Subject {
 /// One moment, or many.
 #[derive(Debug, Clone, Copy, Serialize)]
 #[serde(untagged)]
-pub enum Moments {
+pub enum CaptureTime {
     /// A picture.
-    One {
+    Snapshot {
         /// Sim time, s.
         at: f64,
     },
     /// A movie.
-    Many {
+    Movie {
         /// Sim time of the first picture, s; that of the recording if it is none.
         from: Option<f64>,
         /// Sim time of the last one, s; that of the recording if it is none.
@@ -59,15 +59,15 @@ pub enum Moments {
 
 /// Why there is no picture.
 #[derive(Debug, Error)]
-pub enum PictureError {
+pub enum CaptureError {
     /// The page cannot be offered.
     #[error(transparent)]
-    Viewing(#[from] ViewingError),
+    FoxgloveServer(#[from] FoxgloveServerError),
     /// There is no page.
     #[error("{NO_PAGE_HERE}")]
     NoPage,
     /// The browser's driver cannot be started.
-    #[error("node is needed for pictures, version 20.19 or later: {0}")]
+    #[error("Node.js 20.19 or later is required for snapshots and movies: {0}")]
     Node(std::io::Error),
     /// The driver has said what is wrong.
     #[error("no picture was taken")]
@@ -79,14 +79,14 @@ pub enum PictureError {
 
 /// What the driver is told.
 #[derive(Serialize)]
-struct Order<'a> {
+struct DriverOrder<'a> {
     url: String,
     out: &'a Path,
     size: [u32; 2],
     agent: Option<u32>,
     layers: Option<&'a [String]>,
     #[serde(flatten)]
-    moments: Moments,
+    time: CaptureTime,
 }
 
 /// Takes pictures into the file `out`: PNG for a moment, MP4 or GIF for many.
@@ -96,36 +96,35 @@ struct Order<'a> {
 ///
 /// # Panics
 /// Never: an order is plain data.
-pub fn take(subject: &Subject, moments: Moments, out: &Path) -> Result<(), PictureError> {
-    let page = front::page(subject.page.as_deref())?.ok_or(PictureError::NoPage)?;
-    let shelf = Shelf::open(ANYWHERE, &page, &subject.file)?;
-    let out = std::path::absolute(out).map_err(ViewingError::System)?;
-    let order = Order {
-        url: shelf.url(),
+pub fn take(args: &CaptureArgs, time: CaptureTime, out: &Path) -> Result<(), CaptureError> {
+    let page = http_gateway::page(args.page.as_deref())?.ok_or(CaptureError::NoPage)?;
+    let server = StaticFileServer::open(FREE_PORT, &page, &args.file)?;
+    let out = std::path::absolute(out).map_err(FoxgloveServerError::System)?;
+    let order = DriverOrder {
+        url: server.url(),
         out: &out,
-        size: subject.size,
-        agent: subject.agent,
-        layers: subject.layers.as_deref(),
-        moments,
+        size: args.size,
+        agent: args.agent,
+        layers: args.layers.as_deref(),
+        time,
     };
     let mut driver = Command::new("node");
     driver.arg(page.join("../pictures/take.mjs"));
     driver.arg(serde_json::to_string(&order).expect("an order is plain data"));
     // It sees by itself when this process has gone.
     let status = driver.stdin(Stdio::null()).status();
-    match status.map_err(PictureError::Node)?.code() {
+    match status.map_err(CaptureError::Node)?.code() {
         Some(0) => Ok(()),
-        code => Err(PictureError::Driver { is_bad_input: code == Some(exit::BAD_INPUT.into()) }),
+        code => Err(CaptureError::Driver { is_bad_input: code == Some(exit::BAD_INPUT.into()) }),
     }
 }
 
 /// The exit code of a failure.
 #[must_use]
-pub fn exit_code(error: &PictureError) -> u8 {
+pub fn exit_code(error: &CaptureError) -> u8 {
     match error {
-        PictureError::Driver { is_bad_input: true } | PictureError::Viewing(ViewingError::Page { .. }) => {
-            exit::BAD_INPUT
-        }
+        CaptureError::Driver { is_bad_input: true }
+        | CaptureError::FoxgloveServer(FoxgloveServerError::Page { .. }) => exit::BAD_INPUT,
         _ => exit::FAILED,
     }
 }
@@ -151,16 +150,16 @@ mod tests {
     }
 
     #[test]
-    fn an_order_says_what_is_to_be_seen() {
-        let subject = Order {
+    fn order_is_flat_json() {
+        let order = DriverOrder {
             url: "u".to_owned(),
             out: Path::new("/o.png"),
             size: [1, 2],
             agent: None,
             layers: Some(&["walls".to_owned()]),
-            moments: Moments::One { at: 1.5 },
+            time: CaptureTime::Snapshot { at: 1.5 },
         };
         let expected = serde_json::json!({ "url": "u", "out": "/o.png", "size": [1, 2], "agent": null, "layers": ["walls"], "at": 1.5 });
-        assert_eq!(serde_json::to_value(&subject).unwrap(), expected);
+        assert_eq!(serde_json::to_value(&order).unwrap(), expected);
     }
 }

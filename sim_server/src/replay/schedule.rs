@@ -1,4 +1,4 @@
-//! What of a recording is played: topics, times, and the scenery that it does not hold itself.
+//! Selection of topics and ticks of a recording, with static messages that it lacks.
 
 use std::collections::BTreeMap;
 
@@ -7,65 +7,48 @@ use msgs::ids::Tick;
 use msgs::topics::{self, Topic};
 use thiserror::Error;
 
-use super::Cue;
-use crate::recording::{Channel, End, Recording};
+use super::ScheduledMessage;
+use crate::recording::{Channel, End, Recording, SCENARIO_ATTACHMENT};
 use crate::setup;
 use simulation::scenario::Scenario;
 use simulation::visualisation;
 
-/// What somebody wants to have played.
+/// The user's selection of topics and time.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Wishes {
-    /// Names of topics, or beginnings of names with a `*` behind; none: all topics.
+pub struct PlaybackOptions {
+    /// Topic names, or prefixes followed by `*`; all topics if empty.
     pub only: Vec<String>,
-    /// The same of topics that are left out.
+    /// Topics to leave out, in the same form.
     pub exclude: Vec<String>,
-    /// Sim time from which on it is played, s.
+    /// Start, sim time in s.
     pub start_s: f64,
-    /// Sim time up to which it is played, s, if not to its end.
+    /// End, sim time in s; the end of the recording if `None`.
     pub end_s: Option<f64>,
 }
 
-/// Why a recording cannot be played as it was wished.
+/// Why a recording cannot be played as requested.
 #[derive(Debug, Error)]
 pub enum ReplayError {
-    /// There is no such time.
+    /// The start is no time.
     #[error("--start {0}: expected seconds of sim time, at least 0")]
     Start(f64),
-    /// The end is not behind the start.
+    /// The end is not after the start.
     #[error("--end {end_s}: expected seconds of sim time, more than --start, which is {start_s}")]
-    End {
-        /// What was wished, s.
-        end_s: f64,
-        /// From which time on, s.
-        start_s: f64,
-    },
-    /// Nothing was recorded in that time.
-    #[error("{file}: no tick from {start_s} s on{}: it goes up to {last_s} s", up_to(.end_s))]
-    NoTick {
-        /// The recording.
-        file: String,
-        /// From which time on, s.
-        start_s: f64,
-        /// Up to which time, s.
-        end_s: Option<f64>,
-        /// Its end, s.
-        last_s: f64,
-    },
-    /// No topic has that name.
+    End { end_s: f64, start_s: f64 },
+    /// The recording has no tick in that interval.
+    #[error("{file}: no tick from {start_s} s on{}: the recording ends at {last_s} s", up_to(.end_s))]
+    NoTick { file: String, start_s: f64, end_s: Option<f64>, last_s: f64 },
+    /// No topic matches.
     #[error("{flag} {pattern}: no such topic in {file}, which has {}", topics.join(", "))]
     NoTopic {
-        /// What the user typed.
+        /// The flag that names the topic.
         flag: &'static str,
-        /// The name.
         pattern: String,
-        /// The recording.
         file: String,
-        /// The topics that there are.
         topics: Vec<String>,
     },
-    /// Nothing is left.
-    #[error("{0}: no message of it is to be played")]
+    /// No message is left.
+    #[error("{0}: no message is left to play")]
     Nothing(String),
 }
 
@@ -73,50 +56,50 @@ fn up_to(end_s: &Option<f64>) -> String {
     end_s.map_or_else(String::new, |end_s| format!(" up to {end_s} s"))
 }
 
-/// What is played, and what people should know of it.
+/// What is played, with notes for the user.
 #[derive(Debug)]
-pub struct Programme {
+pub struct PlaybackSchedule {
     topics: Vec<Topic>,
     number_of: BTreeMap<String, usize>,
-    scenery: Vec<Cue>,
+    static_messages: Vec<ScheduledMessage>,
     first: Tick,
     last: Tick,
     notes: Vec<String>,
 }
 
-impl Programme {
-    /// Looks through a recording for what is to be played.
+impl PlaybackSchedule {
+    /// Indexes a recording.
     ///
     /// # Errors
-    /// If nothing would be, or a wish makes no sense.
-    pub fn new(recording: &Recording, wishes: &Wishes) -> Result<Self, ReplayError> {
-        let start_s = wishes.start_s;
+    /// If nothing is left to play or an option is not legal.
+    pub fn new(recording: &Recording, options: &PlaybackOptions) -> Result<Self, ReplayError> {
+        let start_s = options.start_s;
         if !(start_s.is_finite() && start_s >= 0.0) {
             return Err(ReplayError::Start(start_s));
         }
-        if let Some(end_s) = wishes.end_s.filter(|end_s| !(end_s.is_finite() && *end_s > start_s)) {
+        if let Some(end_s) = options.end_s.filter(|end_s| !(end_s.is_finite() && *end_s > start_s)) {
             return Err(ReplayError::End { end_s, start_s });
         }
-        let mut found = Found::of(recording);
-        let Some(last_there) = found.last else { return Err(ReplayError::Nothing(recording.file().to_owned())) };
+        let mut index = RecordingIndex::of(recording);
+        let Some(last_there) = index.last else { return Err(ReplayError::Nothing(recording.file().to_owned())) };
         let first = Tick(nanoseconds(start_s).div_ceil(Tick::TICK_NS));
-        let last = wishes.end_s.map_or(last_there, |end_s| Tick(nanoseconds(end_s) / Tick::TICK_NS).min(last_there));
+        let last = options.end_s.map_or(last_there, |end_s| Tick(nanoseconds(end_s) / Tick::TICK_NS).min(last_there));
         if first > last {
-            let (end_s, last_s) = (wishes.end_s, seconds(last_there));
+            let (end_s, last_s) = (options.end_s, seconds(last_there));
             return Err(ReplayError::NoTick { file: recording.file().to_owned(), start_s, end_s, last_s });
         }
-        let made = found.add_scenery(recording);
-        found.keep(recording, wishes)?;
-        let topics: Vec<Topic> = found.topics.into_values().collect();
+        let made = index.add_static_messages(recording);
+        index.select(recording, options)?;
+        let topics: Vec<Topic> = index.topics.into_values().collect();
         let number_of: BTreeMap<_, _> = topics.iter().map(|topic| topic.name.clone()).zip(0..).collect();
-        let scenery = made.into_iter().filter_map(|(name, message)| {
+        let static_messages = made.into_iter().filter_map(|(name, message)| {
             let topic = *number_of.get(&name)?;
-            Some(Cue { topic, message })
+            Some(ScheduledMessage { topic, message })
         });
-        Ok(Self { scenery: scenery.collect(), topics, number_of, first, last, notes: found.notes })
+        Ok(Self { static_messages: static_messages.collect(), topics, number_of, first, last, notes: index.notes })
     }
 
-    /// The topics, by their numbers.
+    /// The topics, by index.
     #[must_use]
     pub fn topics(&self) -> &[Topic] {
         &self.topics
@@ -128,21 +111,21 @@ impl Programme {
         (self.first, self.last)
     }
 
-    /// What people should know: what is not played, and why.
+    /// Notes for the user: what is not played, and why.
     #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// The number of a topic, if it is played.
+    /// Index of a channel's topic, if it is played.
     pub(super) fn number_of(&self, channel: &Channel) -> Option<usize> {
         let number = *self.number_of.get(&channel.topic)?;
         is_of_type(&self.topics[number], channel).then_some(number)
     }
 
-    /// What is said before everything else, although it does not stand in the recording.
-    pub(super) fn scenery(&self) -> &[Cue] {
-        &self.scenery
+    /// Messages made from the map that precede all others.
+    pub(super) fn static_messages(&self) -> &[ScheduledMessage] {
+        &self.static_messages
     }
 }
 
@@ -158,29 +141,29 @@ fn is_of_type(topic: &Topic, channel: &Channel) -> bool {
     topic.message.to_string() == channel.type_name
 }
 
-/// What stands in a recording.
-struct Found {
-    /// By name, those that can be played.
+/// The playable topics of a recording.
+struct RecordingIndex {
+    /// Playable topics by name.
     topics: BTreeMap<String, Topic>,
     last: Option<Tick>,
     notes: Vec<String>,
 }
 
-impl Found {
+impl RecordingIndex {
     fn of(recording: &Recording) -> Self {
-        let mut found = Self { topics: BTreeMap::new(), last: None, notes: Vec::new() };
+        let mut index = Self { topics: BTreeMap::new(), last: None, notes: Vec::new() };
         let mut refused: BTreeMap<String, (u64, String)> = BTreeMap::new();
         let mut messages = recording.messages();
         for message in &mut messages {
-            found.last = found.last.max(Some(message.tick()));
+            index.last = index.last.max(Some(message.tick()));
             let name = &message.channel.topic;
-            let wrong = match found.topics.get(name).cloned().or_else(|| topics::named(name)) {
-                None => "no topic of a run".to_owned(),
+            let wrong = match index.topics.get(name).cloned().or_else(|| topics::named(name)) {
+                None => "not a topic of a run".to_owned(),
                 Some(topic) if !is_of_type(&topic, &message.channel) => {
                     format!("its type is {}, not {}", message.channel.type_name, topic.message)
                 }
                 Some(topic) => {
-                    found.topics.entry(name.clone()).or_insert(topic);
+                    index.topics.entry(name.clone()).or_insert(topic);
                     match Encoded::new(&message.data) {
                         Ok(_) => continue,
                         Err(error) => error.to_string(),
@@ -189,25 +172,26 @@ impl Found {
             };
             refused.entry(name.clone()).or_insert((0, wrong)).0 += 1;
         }
-        let told = refused.iter().map(|(name, (count, wrong))| format!("{name}: {count} not played: {wrong}"));
-        found.notes.extend(told);
+        let notes = refused.iter().map(|(name, (count, wrong))| format!("{name}: {count} not played: {wrong}"));
+        index.notes.extend(notes);
         if let Some(end @ (End::Missing | End::CutOff { .. } | End::Damage { .. })) = messages.end() {
-            let last_s = seconds(found.last.unwrap_or_default());
-            found.notes.push(format!("{} is {end}; it can be played up to {last_s} s", recording.file()));
+            let last_s = seconds(index.last.unwrap_or_default());
+            index.notes.push(format!("{} is {end}; it can be played up to {last_s} s", recording.file()));
         }
-        found
+        index
     }
 
-    /// Makes what does not change in the run, and what the recording does not hold, so that there is always a cave to look at.
-    fn add_scenery(&mut self, recording: &Recording) -> Vec<(String, Encoded)> {
+    /// Makes the static messages (walls, transforms) that the recording lacks, so that there is
+    /// always a map to see.
+    fn add_static_messages(&mut self, recording: &Recording) -> Vec<(String, Encoded)> {
         let lacks = |topic: Topic| !self.topics.contains_key(&topic.name);
         if !lacks(topics::map()) && !lacks(topics::tf_static()) {
             return Vec::new();
         }
-        let pictures = match scenery(recording) {
+        let pictures = match static_messages(recording) {
             Ok(pictures) => pictures,
             Err(error) => {
-                self.notes.push(format!("{}: there is no map to look at: {error}", recording.file()));
+                self.notes.push(format!("{}: no map to show: {error}", recording.file()));
                 return Vec::new();
             }
         };
@@ -221,9 +205,9 @@ impl Found {
         made.into_iter().map(|(topic, message)| (topic.name, message)).collect()
     }
 
-    /// Leaves out what nobody wants.
-    fn keep(&mut self, recording: &Recording, wishes: &Wishes) -> Result<(), ReplayError> {
-        for (flag, patterns) in [("--topics", &wishes.only), ("--exclude", &wishes.exclude)] {
+    /// Applies the user's selection of topics.
+    fn select(&mut self, recording: &Recording, options: &PlaybackOptions) -> Result<(), ReplayError> {
+        for (flag, patterns) in [("--topics", &options.only), ("--exclude", &options.exclude)] {
             let is_there = |pattern: &&String| self.topics.keys().any(|name| fits(pattern, name));
             if let Some(pattern) = patterns.iter().find(|pattern| !is_there(pattern)) {
                 let topics = self.topics.keys().cloned().collect();
@@ -233,7 +217,7 @@ impl Found {
         }
         let any = |patterns: &[String], name: &str| patterns.iter().any(|pattern| fits(pattern, name));
         self.topics
-            .retain(|name, _| (wishes.only.is_empty() || any(&wishes.only, name)) && !any(&wishes.exclude, name));
+            .retain(|name, _| (options.only.is_empty() || any(&options.only, name)) && !any(&options.exclude, name));
         if self.topics.is_empty() { Err(ReplayError::Nothing(recording.file().to_owned())) } else { Ok(()) }
     }
 }
@@ -242,8 +226,8 @@ fn fits(pattern: &str, name: &str) -> bool {
     pattern.strip_suffix('*').map_or(pattern == name, |beginning| name.starts_with(beginning))
 }
 
-fn scenery(recording: &Recording) -> anyhow::Result<visualisation::VisualisationMessages> {
-    let scenario = Scenario::parse(setup::SCENARIO_ATTACHMENT, &recording.scenario(), &[])?;
-    let map = setup::recorded_map(recording, &scenario)?.ok_or_else(|| anyhow::anyhow!("it has no attachment"))?;
+fn static_messages(recording: &Recording) -> anyhow::Result<visualisation::VisualisationMessages> {
+    let scenario = Scenario::parse(SCENARIO_ATTACHMENT, &recording.scenario(), &[])?;
+    let map = setup::recorded_map(recording, &scenario)?.ok_or_else(|| anyhow::anyhow!("the recording has no map"))?;
     Ok(visualisation::static_messages(&map, scenario.agents.count))
 }

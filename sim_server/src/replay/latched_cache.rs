@@ -1,4 +1,4 @@
-//! What late readers of a topic have to be told: of each thing that it is about, what was said last.
+//! Cache of the latched messages of a topic for late readers: the last message per subject.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,40 +8,42 @@ use msgs::tf2_msgs::TFMessage;
 use msgs::topics::{Durability, Topic};
 use msgs::visualization_msgs::Marker;
 
-/// What a message is about. A later one about the same takes its place: a marker is about its `ns` and `id`, transforms are about
-/// their first frame, and everything else is about the same.
+/// The subject of a message, which a later message on it replaces: `ns` and `id` of a marker, the
+/// first child frame of transforms, and one subject for everything else.
 type Subject = (String, i32);
 
-/// The last message about each thing, of a topic whose late readers get what the publisher still keeps.
+/// The last message per subject of a latched topic, of which the publisher itself keeps only the
+/// last few.
 #[derive(Debug)]
-pub struct Shelf {
+pub struct LatchedCache {
     topic: Topic,
-    /// How many messages the present publisher has published.
+    /// Messages that the present publisher has published.
     said: u64,
-    /// By subject: the number of the message, which is 0 if the publisher that has said it is gone, and the message.
+    /// By subject: the sequence number of the message, 0 if its publisher was replaced, and the
+    /// message.
     last: BTreeMap<Subject, (u64, Encoded)>,
-    /// What has to be said again.
-    wanted: BTreeSet<Subject>,
+    /// Subjects to be retransmitted.
+    missing: BTreeSet<Subject>,
 }
 
-impl Shelf {
-    /// Of a topic with late readers, before anything is said.
+impl LatchedCache {
+    /// An empty cache, or `None` for a topic that is not latched.
     #[must_use]
-    pub fn of(topic: &Topic) -> Option<Self> {
+    pub fn for_topic(topic: &Topic) -> Option<Self> {
         let is_latched = topic.qos.durability == Durability::TransientLocal;
-        is_latched.then(|| Self { topic: topic.clone(), said: 0, last: BTreeMap::new(), wanted: BTreeSet::new() })
+        is_latched.then(|| Self { topic: topic.clone(), said: 0, last: BTreeMap::new(), missing: BTreeSet::new() })
     }
 
-    /// Notes that a message has been published.
-    pub fn note(&mut self, message: &Encoded) {
+    /// Records a published message.
+    pub fn record_published(&mut self, message: &Encoded) {
         let subject = self.subject(message);
         self.said += 1;
-        self.wanted.remove(&subject);
+        self.missing.remove(&subject);
         self.last.insert(subject, (self.said, message.clone()));
     }
 
     fn subject(&self, message: &Encoded) -> Subject {
-        // What cannot be read is about the same as everything else that cannot.
+        // Undecodable messages share one subject.
         if self.topic.message == Marker::TYPE {
             message.decode::<Marker>().map(|marker| (marker.ns, marker.id)).unwrap_or_default()
         } else if self.topic.message == TFMessage::TYPE {
@@ -52,27 +54,27 @@ impl Shelf {
         }
     }
 
-    /// There is a new publisher, which has said nothing yet.
-    pub fn forget_history(&mut self) {
+    /// The publisher was replaced; the new one keeps nothing.
+    pub fn publisher_replaced(&mut self) {
         self.said = 0;
         self.last.values_mut().for_each(|(number, _)| *number = 0);
     }
 
-    /// A new reader has come: what the publisher does not keep for it any more has to be said again.
-    pub fn greet(&mut self) {
+    /// A reader has joined: messages that the publisher no longer keeps must be retransmitted.
+    pub fn reader_joined(&mut self) {
         let kept_from = self.said.saturating_sub(u64::from(self.topic.qos.depth)) + 1;
         let lost = self.last.iter().filter(|(_, (number, _))| *number < kept_from).map(|(subject, _)| subject.clone());
-        self.wanted.extend(lost);
+        self.missing.extend(lost);
     }
 
-    /// The next message that has to be said again, as it is now, until it is noted.
+    /// The next message to retransmit, until it is recorded as published.
     #[must_use]
-    pub fn wanted(&self) -> Option<&Encoded> {
-        let subject = self.wanted.first()?;
+    pub fn next_missing(&self) -> Option<&Encoded> {
+        let subject = self.missing.first()?;
         self.last.get(subject).map(|(_, message)| message)
     }
 
-    /// Everything that is on it, in the order in which it was said.
+    /// All messages, in the order of publication.
     #[must_use]
     pub fn into_messages(self) -> Vec<Encoded> {
         let mut messages: Vec<_> = self.last.into_values().collect();

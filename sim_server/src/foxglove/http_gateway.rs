@@ -25,7 +25,7 @@ use tower_http::compression::Compression;
 use tower_http::services::{ServeDir, ServeFile};
 use tower_http::set_header::SetResponseHeader;
 
-use super::ViewingError;
+use super::FoxgloveServerError;
 
 /// Threads that serve clients.
 const THREADS: usize = 2;
@@ -34,7 +34,7 @@ const THREADS: usize = 2;
 const HEAD_BYTES_MAX: usize = 16 * 1024;
 
 /// Wall time for the head of a request to come.
-const HEAD_PATIENCE: Duration = Duration::from_secs(5);
+const HEAD_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Whose pages may connect to an address of this machine alone, beside those of this machine.
 const KNOWN_ORIGINS: [&str; 3] =
@@ -50,7 +50,7 @@ const RECORDING: &str = "recording";
 
 /// What there is at an address.
 #[derive(Debug, Clone)]
-pub(super) struct Site {
+pub(super) struct GatewayContent {
     /// The folder of the page.
     pub(super) page: Option<PathBuf>,
     /// Where WebSockets go.
@@ -70,9 +70,9 @@ pub(super) fn recording_path(file: &Path) -> String {
 ///
 /// # Errors
 /// If the folder that was named has no page.
-pub fn page(named: Option<&Path>) -> Result<Option<PathBuf>, ViewingError> {
+pub fn page(named: Option<&Path>) -> Result<Option<PathBuf>, FoxgloveServerError> {
     match named {
-        Some(folder) if !is_page(folder) => Err(ViewingError::Page { folder: folder.display().to_string() }),
+        Some(folder) if !is_page(folder) => Err(FoxgloveServerError::Page { folder: folder.display().to_string() }),
         Some(folder) => Ok(Some(folder.to_owned())),
         None => Ok(built_page()),
     }
@@ -90,47 +90,51 @@ fn built_page() -> Option<PathBuf> {
 }
 
 /// Takes an address, with threads to serve those who come there.
-pub(super) fn open(address: &str) -> Result<(Runtime, TcpListener), ViewingError> {
-    let runtime = Builder::new_multi_thread().worker_threads(THREADS).thread_name("viewing").enable_all().build()?;
-    let refused = |source| ViewingError::Address { address: address.to_owned(), source };
+pub(super) fn open(address: &str) -> Result<(Runtime, TcpListener), FoxgloveServerError> {
+    let runtime = Builder::new_multi_thread().worker_threads(THREADS).thread_name("foxglove").enable_all().build()?;
+    let refused = |source| FoxgloveServerError::Address { address: address.to_owned(), source };
     let listener = runtime.block_on(TcpListener::bind(address)).map_err(refused)?;
     Ok((runtime, listener))
 }
 
 /// Serves all who come, until the runtime ends.
-pub(super) fn serve(runtime: &Runtime, listener: TcpListener, site: Site) {
-    let site = Arc::new(site);
+pub(super) fn serve(runtime: &Runtime, listener: TcpListener, content: GatewayContent) {
+    let content = Arc::new(content);
     let is_private = listener.local_addr().is_ok_and(|address| address.ip().is_loopback());
     runtime.spawn(async move {
         loop {
             // That one client cannot be had is no reason to have none.
             if let Ok((stream, _)) = listener.accept().await {
-                tokio::spawn(receive(stream, Arc::clone(&site), is_private));
+                tokio::spawn(serve_connection(stream, Arc::clone(&content), is_private));
             }
         }
     });
 }
 
 /// Serves one connection; that it breaks is its own affair.
-async fn receive(mut stream: TcpStream, site: Arc<Site>, is_private: bool) {
-    let Ok(Ok(head)) = tokio::time::timeout(HEAD_PATIENCE, read_head(&mut stream)).await else { return };
+async fn serve_connection(mut stream: TcpStream, content: Arc<GatewayContent>, is_private: bool) {
+    let Ok(Ok(head)) = tokio::time::timeout(HEAD_TIMEOUT, read_head(&mut stream)).await else { return };
     let request = Request::parse(&head);
-    let _ = match (request.wants_websocket, site.foxglove) {
-        _ if is_private && !request.comes_from_here() => {
-            refuse(stream, "403 Forbidden", "this simulator is for pages of its own machine; --view ADDR:PORT opens it")
-                .await
+    let _ = match (request.wants_websocket, content.foxglove) {
+        _ if is_private && !request.is_same_machine() => {
+            refuse(
+                stream,
+                "403 Forbidden",
+                "this simulator serves pages of its own machine only; --view ADDR:PORT opens it to others",
+            )
+            .await
         }
-        (true, Some(foxglove)) => pass_on(stream, &head, foxglove).await,
+        (true, Some(foxglove)) => proxy(stream, &head, foxglove).await,
         (true, None) => refuse(stream, "404 Not Found", "there is no run here").await,
-        (false, _) => give_files(stream, head, &site).await.map_err(io::Error::other),
+        (false, _) => serve_files(stream, head, &content).await.map_err(io::Error::other),
     };
 }
 
 /// Answers requests for files, on a connection of which the first head was read.
-async fn give_files(stream: TcpStream, head: Vec<u8>, site: &Site) -> hyper::Result<()> {
+async fn serve_files(stream: TcpStream, head: Vec<u8>, content: &GatewayContent) -> hyper::Result<()> {
     let (reading, writing) = stream.into_split();
     let stream = TokioIo::new(join(Cursor::new(head).chain(reading), writing));
-    let Some(folder) = &site.page else {
+    let Some(folder) = &content.page else {
         let answer = service_fn(|_| async {
             let mut answer = Response::new(NO_PAGE.to_owned());
             answer.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("text/html; charset=utf-8"));
@@ -139,9 +143,9 @@ async fn give_files(stream: TcpStream, head: Vec<u8>, site: &Site) -> hyper::Res
         return http1::Builder::new().serve_connection(stream, answer).await;
     };
     // A page that was built anew is another one.
-    let fresh = |files| SetResponseHeader::overriding(files, CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-    let page = Compression::new(fresh(ServeDir::new(folder)));
-    let recording = site.recording.as_ref().map(ServeFile::new);
+    let uncached = |files| SetResponseHeader::overriding(files, CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+    let page = Compression::new(uncached(ServeDir::new(folder)));
+    let recording = content.recording.as_ref().map(ServeFile::new);
     let files = service_fn(move |request: hyper::Request<Incoming>| {
         let (page, recording) = (page.clone(), recording.clone());
         async move {
@@ -163,7 +167,7 @@ async fn refuse(mut stream: TcpStream, status: &str, reason: &str) -> io::Result
     stream.write_all(answer.as_bytes()).await
 }
 
-async fn pass_on(mut stream: TcpStream, head: &[u8], foxglove: SocketAddr) -> io::Result<()> {
+async fn proxy(mut stream: TcpStream, head: &[u8], foxglove: SocketAddr) -> io::Result<()> {
     let mut server = TcpStream::connect(foxglove).await?;
     server.set_nodelay(true)?;
     stream.set_nodelay(true)?;
@@ -211,17 +215,16 @@ impl Request {
 
     /// Whether it may be answered by an address of this machine alone. What is no browser names no origin. Browsers name the host as it
     /// stands in the address, so a name that somebody else has made point here is found out.
-    fn comes_from_here(&self) -> bool {
+    fn is_same_machine(&self) -> bool {
         let is_known = |origin: &str| {
-            KNOWN_ORIGINS.contains(&origin)
-                || origin.split_once("://").is_some_and(|(_, host)| is_of_this_machine(host))
+            KNOWN_ORIGINS.contains(&origin) || origin.split_once("://").is_some_and(|(_, host)| is_loopback_host(host))
         };
-        self.host.as_deref().is_none_or(is_of_this_machine) && self.origin.as_deref().is_none_or(is_known)
+        self.host.as_deref().is_none_or(is_loopback_host) && self.origin.as_deref().is_none_or(is_known)
     }
 }
 
 /// Whether a host, with or without a port, is this machine by any of its own names.
-fn is_of_this_machine(host: &str) -> bool {
+fn is_loopback_host(host: &str) -> bool {
     let name = match host.strip_prefix('[') {
         Some(rest) => rest.split(']').next().unwrap_or_default(),
         None => host.split(':').next().unwrap_or_default(),
@@ -238,14 +241,14 @@ mod tests {
     }
 
     #[test]
-    fn who_wants_a_websocket_is_known_by_the_head_alone() {
+    fn websocket_upgrade_is_read_from_the_head() {
         assert!(request("host: localhost:8765\r\nUPGRADE: WebSocket").wants_websocket);
         assert!(!request("host: localhost:8765").wants_websocket, "what comes after the head does not count");
     }
 
     #[test]
-    fn pages_from_elsewhere_may_not_talk_to_this_machine() {
-        let may = |lines: &str| request(lines).comes_from_here();
+    fn foreign_origins_are_refused() {
+        let may = |lines: &str| request(lines).is_same_machine();
         for lines in [
             "Host: localhost:8765",
             "Host: 127.0.0.1:8765\r\nOrigin: http://localhost:5173",

@@ -4,7 +4,7 @@
 //! [recording](crate::recorder), in the same order, and the same attachments. It lies in a file that has no name and goes with the process.
 //!
 //! Invariants: whoever reads never makes the run wait, and reads at its own pace; what has been read once never changes; that the
-//! journal cannot be written is told to those who read it, and is nothing to the run.
+//! stream cannot be written is told to those who read it, and is nothing to the run.
 //!
 //! This module knows no network: `viewing` hands the bytes out.
 
@@ -32,21 +32,21 @@ const FLUSH_PERIOD: Duration = Duration::from_millis(20);
 const FLUSH_BYTES: usize = 1 << 16;
 
 /// The end at which a run writes. Whoever has read everything is told so once this is dropped.
-pub struct Journal {
-    writer: Writer<NoSeek<Tail>>,
+pub struct LiveStream {
+    writer: Writer<NoSeek<StreamFile>>,
     channel_of_topic: BTreeMap<String, u16>,
     shared: Arc<Shared>,
-    flushed: Instant,
-    unflushed: usize,
+    last_flush: Instant,
+    unflushed_bytes: usize,
 }
 
 /// The end at which others read; clones read the same.
 #[derive(Clone)]
-pub struct JournalReader(Arc<Shared>);
+pub struct LiveStreamReader(Arc<Shared>);
 
 /// What a reader gets.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Page {
+pub enum StreamChunk {
     /// Bytes; none if there is nothing more yet.
     Bytes(Vec<u8>),
     /// The run has ended, and all was read.
@@ -62,32 +62,32 @@ struct Shared {
 }
 
 /// Where the MCAP writer writes to.
-struct Tail {
+struct StreamFile {
     unflushed: Vec<u8>,
     shared: Arc<Shared>,
 }
 
-impl Journal {
-    /// Begins a journal with its documents (scenario, map).
+impl LiveStream {
+    /// Begins a stream with its documents (scenario, map).
     ///
     /// # Errors
     /// If no file can be made for it.
-    pub fn begin(documents: &[Document<'_>]) -> io::Result<Self> {
+    pub fn create(documents: &[Document<'_>]) -> io::Result<Self> {
         let shared = Arc::new(Shared {
             file: tempfile::tempfile()?,
             length: AtomicU64::new(0),
             has_ended: AtomicBool::new(false),
             failure: Mutex::new(None),
         });
-        let tail = Tail { unflushed: Vec::new(), shared: Arc::clone(&shared) };
-        let writer = begin(tail, documents).map_err(io::Error::other)?;
-        Ok(Self { writer, channel_of_topic: BTreeMap::new(), shared, flushed: now(), unflushed: 0 })
+        let file = StreamFile { unflushed: Vec::new(), shared: Arc::clone(&shared) };
+        let writer = open_writer(file, documents).map_err(io::Error::other)?;
+        Ok(Self { writer, channel_of_topic: BTreeMap::new(), shared, last_flush: now(), unflushed_bytes: 0 })
     }
 
     /// A way to read it.
     #[must_use]
-    pub fn reader(&self) -> JournalReader {
-        JournalReader(Arc::clone(&self.shared))
+    pub fn reader(&self) -> LiveStreamReader {
+        LiveStreamReader(Arc::clone(&self.shared))
     }
 
     /// Adds a message, as CDR with its encapsulation header.
@@ -95,34 +95,34 @@ impl Journal {
         if self.shared.has_failed() {
             return;
         }
-        let written = self.put(topic, tick, cdr);
-        self.shared.unless_failed(written);
-        self.unflushed += cdr.len();
-        if self.unflushed >= FLUSH_BYTES {
+        let written = self.try_write(topic, tick, cdr);
+        self.shared.note_failure(written);
+        self.unflushed_bytes += cdr.len();
+        if self.unflushed_bytes >= FLUSH_BYTES {
             self.flush();
         } else {
-            self.flush_now_and_then();
+            self.flush_if_due();
         }
     }
 
     /// Lets others read what there is if it is time to. To be called while the run waits, too.
-    pub fn flush_now_and_then(&mut self) {
-        if self.unflushed > 0 && self.flushed.elapsed() >= FLUSH_PERIOD {
+    pub fn flush_if_due(&mut self) {
+        if self.unflushed_bytes > 0 && self.last_flush.elapsed() >= FLUSH_PERIOD {
             self.flush();
         }
     }
 
     fn flush(&mut self) {
-        (self.flushed, self.unflushed) = (now(), 0);
+        (self.last_flush, self.unflushed_bytes) = (now(), 0);
         let flushed = self.writer.flush();
-        self.shared.unless_failed(flushed);
+        self.shared.note_failure(flushed);
     }
 
-    fn put(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) -> McapResult<()> {
+    fn try_write(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) -> McapResult<()> {
         let channel_id = match self.channel_of_topic.get(&topic.name) {
             Some(&channel) => channel,
             None => {
-                let channel = recorder::announce(&mut self.writer, topic)?;
+                let channel = recorder::add_channel(&mut self.writer, topic)?;
                 self.channel_of_topic.insert(topic.name.clone(), channel);
                 channel
             }
@@ -133,21 +133,21 @@ impl Journal {
     }
 }
 
-impl Drop for Tail {
+impl Drop for StreamFile {
     /// The writer has come to its end. Also of a run that was given up there is nothing more to come.
     fn drop(&mut self) {
         let flushed = self.flush();
-        self.shared.unless_failed(flushed.map_err(mcap::McapError::Io));
+        self.shared.note_failure(flushed.map_err(mcap::McapError::Io));
         self.shared.has_ended.store(true, Ordering::Release);
     }
 }
 
-impl JournalReader {
+impl LiveStreamReader {
     /// What lies from `offset` on, `bytes_max` at the most.
     ///
     /// # Errors
     /// If it lies beyond the end, cannot be read, or could not be written; the text is for people.
-    pub fn read(&self, offset: u64, bytes_max: usize) -> Result<Page, String> {
+    pub fn read(&self, offset: u64, bytes_max: usize) -> Result<StreamChunk, String> {
         let shared = &self.0;
         // In this order: what was written before the end is there once the end is seen.
         let has_ended = shared.has_ended.load(Ordering::Acquire);
@@ -155,13 +155,13 @@ impl JournalReader {
         let left = length.checked_sub(offset).ok_or_else(|| format!("offset {offset}: expected 0 to {length}"))?;
         if left == 0 {
             if let Some(failure) = &*shared.failure.lock().unwrap_or_else(PoisonError::into_inner) {
-                return Err(format!("the server could not keep what comes next: {failure}"));
+                return Err(format!("the live stream ends here, because its file could not be written: {failure}"));
             }
-            return Ok(if has_ended { Page::End } else { Page::Bytes(Vec::new()) });
+            return Ok(if has_ended { StreamChunk::End } else { StreamChunk::Bytes(Vec::new()) });
         }
         let mut bytes = vec![0; usize::try_from(left).map_or(bytes_max, |left| left.min(bytes_max))];
         shared.file.read_exact_at(&mut bytes, offset).map_err(|error| error.to_string())?;
-        Ok(Page::Bytes(bytes))
+        Ok(StreamChunk::Bytes(bytes))
     }
 }
 
@@ -170,14 +170,14 @@ impl Shared {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).is_some()
     }
 
-    fn unless_failed(&self, done: McapResult<()>) {
+    fn note_failure(&self, done: McapResult<()>) {
         if let Err(error) = done {
             self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
         }
     }
 }
 
-impl Write for Tail {
+impl Write for StreamFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.unflushed.extend_from_slice(bytes);
         Ok(bytes.len())
@@ -192,9 +192,9 @@ impl Write for Tail {
     }
 }
 
-fn begin(tail: Tail, documents: &[Document<'_>]) -> McapResult<Writer<NoSeek<Tail>>> {
+fn open_writer(file: StreamFile, documents: &[Document<'_>]) -> McapResult<Writer<NoSeek<StreamFile>>> {
     let options = recorder::options().use_chunks(false).compression(None).disable_seeking(true);
-    let mut writer = options.create(NoSeek::new(tail))?;
+    let mut writer = options.create(NoSeek::new(file))?;
     recorder::attach(&mut writer, documents)?;
     Ok(writer)
 }
@@ -205,38 +205,38 @@ mod tests {
 
     use super::*;
 
-    fn read(reader: &JournalReader, offset: usize) -> Page {
+    fn read_chunk(reader: &LiveStreamReader, offset: usize) -> StreamChunk {
         reader.read(offset as u64, 1000).unwrap()
     }
 
     /// Everything there is, a few bytes at a time.
-    fn all(reader: &JournalReader) -> Vec<u8> {
+    fn read_all(reader: &LiveStreamReader) -> Vec<u8> {
         let mut bytes = Vec::new();
         loop {
             match reader.read(bytes.len() as u64, 7).unwrap() {
-                Page::Bytes(more) if more.is_empty() => panic!("it has ended"),
-                Page::Bytes(more) => bytes.extend(more),
-                Page::End => return bytes,
+                StreamChunk::Bytes(more) if more.is_empty() => panic!("the stream has ended"),
+                StreamChunk::Bytes(more) => bytes.extend(more),
+                StreamChunk::End => return bytes,
             }
         }
     }
 
     #[test]
-    fn it_can_be_read_while_it_grows_and_is_a_recording_in_the_end() {
+    fn stream_is_readable_while_it_grows_and_becomes_a_recording() {
         let document = Document { name: "scenario.toml", media_type: "text/plain", data: b"seed = 1" };
-        let mut journal = Journal::begin(&[document]).unwrap();
-        let reader = journal.reader();
-        let Page::Bytes(first) = read(&reader, 0) else { panic!("it has begun") };
+        let mut stream = LiveStream::create(&[document]).unwrap();
+        let reader = stream.reader();
+        let StreamChunk::Bytes(first) = read_chunk(&reader, 0) else { panic!("the stream has begun") };
         assert!(first.windows(8).any(|bytes| bytes == b"seed = 1"));
-        assert_eq!(read(&reader, first.len()), Page::Bytes(Vec::new()));
+        assert_eq!(read_chunk(&reader, first.len()), StreamChunk::Bytes(Vec::new()));
         for tick in 0..3 {
-            journal.write(&topics::clock(), Tick(tick), &cdr::encode(&Clock { clock: Tick(tick).into() }));
+            stream.write(&topics::clock(), Tick(tick), &cdr::encode(&Clock { clock: Tick(tick).into() }));
         }
-        journal.flush();
-        let Page::Bytes(second) = read(&reader, first.len()) else { panic!("it goes on") };
+        stream.flush();
+        let StreamChunk::Bytes(second) = read_chunk(&reader, first.len()) else { panic!("the stream continues") };
         assert!(!second.is_empty());
-        drop(journal);
-        let bytes = all(&reader);
+        drop(stream);
+        let bytes = read_all(&reader);
         assert!(bytes.starts_with(&[first, second].concat()));
         let ticks: Vec<u64> =
             mcap::MessageStream::new(&bytes).unwrap().map(|message| message.unwrap().log_time).collect();
@@ -247,10 +247,10 @@ mod tests {
     }
 
     #[test]
-    fn one_that_is_given_up_has_an_end_for_its_readers() {
-        let journal = Journal::begin(&[]).unwrap();
-        let reader = journal.reader();
-        drop(journal);
-        assert!(!all(&reader).is_empty());
+    fn dropped_stream_ends_for_its_readers() {
+        let stream = LiveStream::create(&[]).unwrap();
+        let reader = stream.reader();
+        drop(stream);
+        assert!(!read_all(&reader).is_empty());
     }
 }
