@@ -202,7 +202,7 @@ fn agents_whose_server_is_killed_end() {
     signal(run.process().pid(), "KILL");
     assert_eq!(run.ended().code, None);
     let ended = agent.ended().with_code(1);
-    assert!(ended.stderr.contains("has said nothing for 3 s; it seems to be gone"), "{ended}");
+    assert!(ended.stderr.contains("has been silent for 3 s; it seems to be gone"), "{ended}");
 }
 
 /// What was there when people were last told how far the run is, is in the file when they are told again.

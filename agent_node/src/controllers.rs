@@ -50,6 +50,8 @@ pub trait Controller {
     }
 }
 
+type Construct = fn(&mut Settings, ChaCha8Rng) -> Result<Box<dyn Controller>, SettingError>;
+
 /// An entry of the registry.
 #[derive(Debug)]
 pub struct Registration {
@@ -60,7 +62,7 @@ pub struct Registration {
     /// The purpose of its random stream. Two purposes that are equal give equal random numbers.
     stream: &'static str,
     /// Takes its settings and builds the controller of one agent.
-    construct: fn(&mut Settings, ChaCha8Rng) -> Result<Box<dyn Controller>, SettingError>,
+    construct: Construct,
 }
 
 /// All controllers, in the order in which they are listed everywhere.
@@ -243,7 +245,8 @@ mod tests {
         assert_eq!(refused("astar", &[]), format!("controller astar: unknown; known are {known}"));
         assert_eq!(
             refused("rbw", &["speed=1".to_owned()]),
-            "controller rbw: setting `speed`: unknown; known are pitch_min_rad, pitch_max_rad, turn_min_rad, turn_max_rad"
+            "controller rbw: setting `speed`: unknown; \
+             known are pitch_min_rad, pitch_max_rad, turn_min_rad, turn_max_rad"
         );
         assert!(refused("rbw", &["turn_mim_rad=1".to_owned()]).ends_with("; did you mean `turn_min_rad`?"));
         assert_eq!(

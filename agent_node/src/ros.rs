@@ -210,7 +210,7 @@ impl Server {
     fn message<M>(&self, sample: Sample<M>) -> Result<M, String> {
         let source = sample.source;
         if !self.may_be(source) {
-            return Err(format!("participant {source:02x?} is not the server, whose words these would be"));
+            return Err(format!("participant {source:02x?} is not the server of this run"));
         }
         message(sample)
     }

@@ -80,7 +80,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn is_a_set(changes in prop::collection::vec((0usize..9000, any::<bool>()), 0..400)) {
+        fn behaves_as_a_set(changes in prop::collection::vec((0usize..9000, any::<bool>()), 0..400)) {
             let mut set = CellSet::new(9000);
             let mut model = BTreeSet::new();
             for (cell, is_added) in changes {
