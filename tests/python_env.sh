@@ -3,7 +3,7 @@
 #
 #   tests/python_env.sh REQUIREMENTS.txt DIR
 #
-# What is there and up to date is kept. Needs Python 3.10 or later with venv, and PyPI or an index that pip is set to. Progress
+# An environment that is up to date is kept. Needs Python 3.10 or later with venv, and PyPI or an index that pip is set to. Progress
 # goes to stderr.
 
 set -euo pipefail

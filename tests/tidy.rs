@@ -93,7 +93,7 @@ fn one_file_of_the_server_names_the_agents() {
 }
 
 #[test]
-fn only_the_binaries_know_the_ros_client() {
+fn only_binaries_depend_on_the_ros_client() {
     let knows = |of: &str, flags: &[&str]| dependencies(of, flags).contains("ros2-client");
     for binary in ["sim_server", "agent_node"] {
         assert!(knows(binary, &[]), "{binary} talks ROS 2");
@@ -125,7 +125,7 @@ fn only_the_ros_files_name_the_ros_client() {
 }
 
 #[test]
-fn pure_modules_know_no_clock_no_files_no_network_and_no_threads() {
+fn pure_modules_use_no_system_interface() {
     let pure = [
         ("voxels", &[""][..]),
         ("sim_server", &["world", "lockstep", "mapgen", "digest", "wire", "views", "control", "pace", "replay"]),
