@@ -3,11 +3,15 @@
 use std::path::{Path, PathBuf};
 
 /// What a run is made by, from the folder of the workspace. What only looks at runs is not among it.
-const SOURCES: [&str; 9] = [
+const SOURCES: [&str; 13] = [
     "Cargo.lock",
     "voxels/src",
+    "random_streams/src",
+    "mapgen/src",
     "msgs/msg",
     "msgs/src",
+    "ros_node/src",
+    "simulation/src",
     "sim_server/src",
     "agent_node/src",
     "experiments/src/in_memory.rs",

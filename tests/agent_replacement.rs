@@ -9,7 +9,7 @@ use experiments::in_memory::AgentsEnd;
 use msgs::ids::AgentId;
 use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join};
-use sim_server::scenario::OnAgentLoss;
+use simulation::scenario::OnAgentLoss;
 
 use crate::support::memory::{Play, Played, honest};
 

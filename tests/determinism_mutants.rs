@@ -17,10 +17,10 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{JoinReply, Observation as Part, Progress, Scenario};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use sim_server::link::{Incoming, Link as ServerLink};
 use sim_server::recording::Recording;
-use sim_server::run::RunError;
-use sim_server::scenario::OnAgentLoss;
+use sim_server::session::RunError;
+use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput, Transport};
+use simulation::scenario::OnAgentLoss;
 
 use crate::agent_replacement::{Mortal, Successor, wait_for};
 use crate::support::lock;
@@ -49,7 +49,7 @@ struct Turner {
 
 impl Turner {
     fn new(agent: AgentId, source: Source, shared: &Arc<Mutex<ChaCha8Rng>>) -> Self {
-        Self { source, own: msgs::seed::stream(3, agent.0.into(), "turner"), shared: Arc::clone(shared) }
+        Self { source, own: random_streams::stream(3, agent.0.into(), "turner"), shared: Arc::clone(shared) }
     }
 
     fn heading(&mut self) -> u32 {
@@ -83,7 +83,7 @@ struct Variant {
     threads: u32,
     look_ahead: bool,
     is_delayed: bool,
-    server_link: fn(ServerEnd) -> Box<dyn ServerLink>,
+    server_link: fn(ServerEnd) -> Box<dyn Transport>,
 }
 
 const APART: Variant = Variant {
@@ -129,9 +129,9 @@ fn prepare(site: &Site, variant: Variant) -> Play {
 
 fn carry_out(play: Play, source: Source, is_delayed: bool) -> Played {
     play.with(move |end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
-        let shared = Arc::new(Mutex::new(msgs::seed::stream(3, 0, "shared")));
+        let shared = Arc::new(Mutex::new(random_streams::stream(3, 0, "shared")));
         let controller = |id| Box::new(Turner::new(id, source, &shared)) as Box<dyn Controller>;
-        let mut rng = msgs::seed::stream(3, ids[0].0.into(), "delays");
+        let mut rng = random_streams::stream(3, ids[0].0.into(), "delays");
         let pause = || {
             if is_delayed {
                 disturb(Duration::from_micros(rng.random_range(0..2000)));
@@ -154,7 +154,7 @@ fn run(source: Source, variant: Variant) -> (String, Vec<u8>) {
 }
 
 /// The variants whose run differs from the first one.
-fn found_by(source: Source, server_link: fn(ServerEnd) -> Box<dyn ServerLink>) -> Vec<&'static str> {
+fn found_by(source: Source, server_link: fn(ServerEnd) -> Box<dyn Transport>) -> Vec<&'static str> {
     let (digest, bytes) = run(source, Variant { server_link, ..APART });
     let differs = |variant: &Variant| {
         let (other_digest, other_bytes) = run(source, Variant { server_link, ..*variant });
@@ -191,7 +191,7 @@ struct Tampered {
     is_tampering: bool,
 }
 
-impl ServerLink for Tampered {
+impl AgentTransport for Tampered {
     fn announce(&mut self, scenario: &Scenario) {
         self.inner.announce(scenario);
     }
@@ -208,14 +208,6 @@ impl ServerLink for Tampered {
         self.inner.send(agent, &part);
     }
 
-    fn clock(&mut self, tick: Tick) {
-        self.inner.clock(tick);
-    }
-
-    fn progress(&mut self, progress: &Progress) {
-        self.inner.progress(progress);
-    }
-
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         if self.waiting.is_empty() {
             self.waiting.extend(self.inner.receive(timeout));
@@ -228,17 +220,28 @@ impl ServerLink for Tampered {
     }
 }
 
+impl ObserverOutput for Tampered {
+    fn clock(&mut self, tick: Tick) {
+        self.inner.clock(tick);
+    }
+
+    fn progress(&mut self, progress: &Progress) {
+        self.inner.progress(progress);
+    }
+}
+
+impl ControlInput for Tampered {}
+
 #[test]
 fn hash_order_in_observations_is_detected() {
-    let tampering =
-        |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_tampering: true }) as Box<dyn ServerLink>;
+    let tampering = |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_tampering: true }) as Box<dyn Transport>;
     assert_eq!(found_by(Source::Own, tampering), VARIANTS.map(|variant| variant.name));
 }
 
 #[test]
 fn reply_order_is_irrelevant() {
     let upside_down =
-        |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_tampering: false }) as Box<dyn ServerLink>;
+        |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_tampering: false }) as Box<dyn Transport>;
     assert_eq!(found_by(Source::Own, upside_down), [""; 0]);
 }
 
@@ -290,7 +293,7 @@ fn restarted_agent_divergence_is_named() {
     play.groups = vec![vec![0], vec![1], vec![2], vec![1]];
     let (is_taken, is_gone) = (AtomicBool::new(false), AtomicBool::new(false));
     let played = play.with(move |inner: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
-        let shared = Arc::new(Mutex::new(msgs::seed::stream(3, 0, "shared")));
+        let shared = Arc::new(Mutex::new(random_streams::stream(3, 0, "shared")));
         let controller = |id| Box::new(Turner::new(id, Source::HashOrder, &shared)) as Box<dyn Controller>;
         if ids != [AgentId(1)] {
             serve(inner, &ids, controller, || {}, is_over);

@@ -19,8 +19,9 @@ use ros2_client::{Context, MessageTypeName, Name, Node, NodeName, NodeOptions, P
 use rustdds::DomainParticipantBuilder;
 use serde::de::DeserializeOwned;
 use serde::ser::{Serialize, SerializeTuple, Serializer};
-use sim_server::link::{Inbound as ToServer, Incoming, Link as ServerLink, SourceId};
-use sim_server::run::RunError;
+use sim_server::session::RunError;
+use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
+use simulation::lockstep::SourceId;
 
 use crate::support::domains::Domain;
 use crate::support::memory::{Play, honest};
@@ -187,7 +188,7 @@ impl ForeignSender {
     }
 }
 
-impl ServerLink for ForeignSender {
+impl AgentTransport for ForeignSender {
     fn announce(&mut self, scenario: &Scenario) {
         self.inner.announce(scenario);
     }
@@ -220,6 +221,12 @@ impl ServerLink for ForeignSender {
         self.inner.send(agent, part);
     }
 
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        self.waiting.pop_front().or_else(|| self.inner.receive(timeout))
+    }
+}
+
+impl ObserverOutput for ForeignSender {
     fn clock(&mut self, tick: Tick) {
         self.inner.clock(tick);
     }
@@ -227,11 +234,9 @@ impl ServerLink for ForeignSender {
     fn progress(&mut self, progress: &Progress) {
         self.inner.progress(progress);
     }
-
-    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        self.waiting.pop_front().or_else(|| self.inner.receive(timeout))
-    }
 }
+
+impl ControlInput for ForeignSender {}
 
 #[test]
 fn foreign_senders_are_refused_without_effect() {
@@ -415,7 +420,7 @@ fn undecodable_messages_are_refused_without_effect() {
     let mut rogue = Rogue::new(site.domain());
     let noise_on_commands = rogue.publisher(&topics::command(AgentId(0)));
     let noise_on_joins = rogue.publisher(&topics::join(AgentId(1)));
-    let mut rng = msgs::seed::stream(1, 0, "noise");
+    let mut rng = random_streams::stream(1, 0, "noise");
     let mut noise = || Noise((0..rng.random_range(0..200)).map(|_| rng.random()).collect());
     publish_until(&mut run, "a message on a topic of agent 0 cannot be decoded", || {
         noise_on_commands.publish(noise()).is_ok()

@@ -15,7 +15,7 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::Vector3;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use sim_server::scenario::Scenario;
+use simulation::scenario::Scenario;
 
 use crate::support::memory::{Play, Played, serve};
 use crate::support::recordings::counter;
@@ -44,7 +44,7 @@ struct Gossip {
 
 impl Gossip {
     fn new(agent: AgentId, acts_between: bool) -> Self {
-        let rng = msgs::seed::stream(5, agent.0.into(), "gossip");
+        let rng = random_streams::stream(5, agent.0.into(), "gossip");
         Self { rng, wake: Wake::NEXT_TICK, observed: 0, acts_between }
     }
 
@@ -172,7 +172,7 @@ fn prepare(setting: Setting) -> Play {
 fn carry_out(play: Play, setting: Setting) -> Played {
     play.with(move |end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
         let controller = |id| Box::new(Gossip::new(id, setting.acts_between)) as Box<dyn Controller>;
-        let mut rng = msgs::seed::stream(5, ids[0].0.into(), "delays");
+        let mut rng = random_streams::stream(5, ids[0].0.into(), "delays");
         let pause = || {
             if setting.delays {
                 disturb(Duration::from_micros(rng.random_range(0..2000)));

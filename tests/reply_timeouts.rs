@@ -9,8 +9,8 @@ use agent_node::link::{Inbound, Link};
 use experiments::in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
-use sim_server::link::{Incoming, Link as ServerLink};
-use sim_server::scenario::Rtf;
+use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
+use simulation::scenario::Rtf;
 
 use crate::support::memory::{Play, Played, honest};
 use crate::support::processes::{Process, signal};
@@ -121,7 +121,7 @@ static CLOCK: AtomicU64 = AtomicU64::new(0);
 /// A server's end that stores the tick.
 struct Clocked(ServerEnd);
 
-impl ServerLink for Clocked {
+impl AgentTransport for Clocked {
     fn announce(&mut self, scenario: &Scenario) {
         self.0.announce(scenario);
     }
@@ -134,6 +134,12 @@ impl ServerLink for Clocked {
         self.0.send(agent, part);
     }
 
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        self.0.receive(timeout)
+    }
+}
+
+impl ObserverOutput for Clocked {
     fn clock(&mut self, tick: Tick) {
         self.0.clock(tick);
         CLOCK.store(tick.0, Ordering::Relaxed);
@@ -142,11 +148,9 @@ impl ServerLink for Clocked {
     fn progress(&mut self, progress: &Progress) {
         self.0.progress(progress);
     }
-
-    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        self.0.receive(timeout)
-    }
 }
+
+impl ControlInput for Clocked {}
 
 #[test]
 fn paced_run_can_be_stopped() {

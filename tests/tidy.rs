@@ -5,13 +5,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use sim_server::{scenario::Scenario, setup};
+use sim_server::setup;
+use simulation::scenario::Scenario;
 
 use crate::support::binaries::cargo;
 use crate::support::root;
 
 /// The crates whose code is delivered.
-const CRATES: [&str; 5] = ["voxels", "msgs", "sim_server", "agent_node", "experiments"];
+const CRATES: [&str; 9] =
+    ["voxels", "random_streams", "msgs", "ros_node", "mapgen", "simulation", "sim_server", "agent_node", "experiments"];
 
 /// Most lines of a file, its tests left out.
 const LINES_MAX: usize = 600;
@@ -74,13 +76,24 @@ fn dependencies_point_one_way() {
         let all = dependencies(of, flags);
         all.into_iter().filter(|name| CRATES.contains(&name.as_str())).collect()
     };
-    assert_eq!(ours("voxels", &[]), [""; 0]);
-    assert_eq!(ours("msgs", &[]), [""; 0]);
-    assert_eq!(ours("sim_server", &without_features), ["msgs", "voxels"]);
+    for leaf in ["voxels", "random_streams", "msgs"] {
+        assert_eq!(ours(leaf, &[]), [""; 0], "{leaf}");
+    }
+    assert_eq!(ours("ros_node", &[]), ["msgs"]);
+    assert_eq!(ours("mapgen", &[]), ["random_streams", "voxels"]);
+    let core = ["mapgen", "msgs", "random_streams", "simulation", "voxels"];
+    assert_eq!(
+        ours("simulation", &[]),
+        core.map(str::to_owned).into_iter().filter(|name| name != "simulation").collect::<Vec<_>>()
+    );
+    assert_eq!(ours("sim_server", &without_features), core);
     // The binary can have recorded agents decide again; the library, which is built without, cannot.
-    assert_eq!(ours("sim_server", &[]), ["agent_node", "msgs", "voxels"]);
-    assert_eq!(ours("agent_node", &[]), ["msgs", "voxels"]);
-    assert_eq!(ours("experiments", &[]), ["agent_node", "msgs", "sim_server", "voxels"]);
+    assert_eq!(
+        ours("sim_server", &[]),
+        ["agent_node", "mapgen", "msgs", "random_streams", "ros_node", "simulation", "voxels"]
+    );
+    assert_eq!(ours("agent_node", &without_features), ["msgs", "random_streams", "voxels"]);
+    assert_eq!(ours("agent_node", &[]), ["msgs", "random_streams", "ros_node", "voxels"]);
 }
 
 #[test]
@@ -99,9 +112,10 @@ fn only_binaries_depend_on_the_ros_client() {
         assert!(knows(binary, &[]), "{binary} talks ROS 2");
         assert!(!knows(binary, &["--no-default-features"]), "the feature `ros` of {binary} can be left out");
     }
-    // What both binaries share of it is behind a feature of their messages.
-    assert!(!knows("voxels", &[]) && !knows("msgs", &[]));
-    assert!(knows("msgs", &["--features", "ros"]));
+    for pure in ["voxels", "msgs", "mapgen", "simulation"] {
+        assert!(!knows(pure, &[]), "{pure} has no ROS client");
+    }
+    assert!(knows("ros_node", &[]));
 }
 
 #[test]
@@ -117,18 +131,26 @@ fn only_the_ros_files_name_the_ros_client() {
     let mut naming = BTreeSet::new();
     for (file, code) in CRATES.into_iter().flat_map(sources) {
         if code.contains("ros2_client") || code.contains("rustdds") {
-            assert!(file.ends_with("src/ros.rs") || file.contains("/src/ros/"), "{file} names the ROS client");
+            let may_name = file.starts_with("ros_node/") || file.ends_with("src/ros.rs") || file.contains("/src/ros/");
+            assert!(may_name, "{file} names the ROS client");
             naming.insert(file.split('/').next().unwrap_or_default().to_owned());
         }
     }
-    assert_eq!(naming.into_iter().collect::<Vec<_>>(), ["agent_node", "msgs", "sim_server"], "who has such files");
+    assert_eq!(
+        naming.into_iter().collect::<Vec<_>>(),
+        ["agent_node", "ros_node", "sim_server"],
+        "crates with such files"
+    );
 }
 
 #[test]
 fn pure_modules_use_no_system_interface() {
     let pure = [
         ("voxels", &[""][..]),
-        ("sim_server", &["world", "lockstep", "mapgen", "digest", "wire", "views", "control", "pace", "replay"]),
+        ("random_streams", &[""]),
+        ("mapgen", &[""]),
+        ("simulation", &[""]),
+        ("sim_server", &["control", "replay"]),
         ("agent_node", &["agent", "controllers", "exploration_map", "command", "observation", "wire", "belief_view"]),
     ];
     for (of, modules) in pure {

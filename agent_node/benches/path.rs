@@ -16,7 +16,7 @@ const RADIUS_M: f64 = 0.4;
 /// Spheres of 3 to 8 cells in rock until a fifth of the map is free; only what hangs together.
 fn cave() -> ExplorationMap {
     let extent = Extent::new([SIDE; 3], 1.0).expect("a legal size");
-    let mut rng = msgs::seed::stream(7, 0, "bench.cave");
+    let mut rng = random_streams::stream(7, 0, "bench.cave");
     let mut terrain = Grid::new(extent, Terrain::Wall);
     let mut free = 0;
     while free * 5 < extent.volume() {

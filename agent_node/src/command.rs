@@ -4,9 +4,10 @@
 
 use std::f64::consts::{PI, TAU};
 
-use msgs::ids::{AgentId, RelayId, Tick};
+use msgs::ids::{AgentId, Tick};
 use msgs::limits::INFO_BYTES_MAX;
 use msgs::maes_msgs::Wake as Events;
+use msgs::relay_id::RelayId;
 use nalgebra::{Point3, Vector3};
 
 /// A task for the body. One that replaces another starts from rest.

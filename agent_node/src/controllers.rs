@@ -110,7 +110,7 @@ fn build_and_list(
 ) -> Result<(Box<dyn Controller>, Vec<Taken>), ControllerError> {
     let unfit = |source| ControllerError::Setting { name: name.to_owned(), source };
     let mut settings = Settings::parse(settings).map_err(unfit)?;
-    let stream = |purpose| msgs::seed::stream(agents_seed, agent.0.into(), purpose);
+    let stream = |purpose| random_streams::stream(agents_seed, agent.0.into(), purpose);
     let controller: Box<dyn Controller> = match name {
         "lvd" => Box::new(lvd::Lvd::new(&mut settings, stream("lvd")).map_err(unfit)?),
         "lvd-maes3d" => Box::new(lvd_maes3d::LvdMaes3d::new()),

@@ -7,6 +7,8 @@
 //!
 //! This crate knows nothing of the true world: an agent has only what it sensed and what it was told.
 
+#![warn(missing_docs)]
+
 pub mod agent;
 pub mod belief_view;
 pub mod body;

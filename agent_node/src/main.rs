@@ -31,8 +31,7 @@ mod serve {
     use agent_node::cli::Cli;
     use agent_node::ros::RosLink;
     use agent_node::run::{self, Options, RunError};
-    use msgs::ros;
-    use msgs::ros_env::RosEnv;
+    use ros_node::ros_env::RosEnv;
 
     /// A failure of the system or of the protocol.
     const FAILED: u8 = 1;
@@ -58,7 +57,7 @@ mod serve {
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register(signal, Arc::clone(&stop))?;
         }
-        ros::stopped::end_when_continued()?;
+        ros_node::stopped::end_when_continued()?;
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
         let mut link = RosLink::new(&cli.id.0, cli.has_parameters(), &env)?;
         let options = Options {

@@ -2,7 +2,8 @@
 //!
 //! Lengths in metres, angles in radians, frame `map` unless a name says otherwise.
 
-use msgs::ids::{AgentId, RelayId, Tick};
+use msgs::ids::{AgentId, Tick};
+use msgs::relay_id::RelayId;
 use nalgebra::{Point3, Vector3};
 use voxels::Extent;
 

@@ -1,6 +1,6 @@
 //! The agents' link over ROS 2: one participant for the process, and one node `agent_<id>` for each of its agents.
 //!
-//! Invariants: what is sent for one agent never waits for another one (see [`msgs::ros`]); what is on a topic of another agent,
+//! Invariants: what is sent for one agent never waits for another one (see [`ros_node`]); what is on a topic of another agent,
 //! or addressed to one, does not come out; nor does an observation or a reply that another process sends than the one that sent the
 //! first scenario, for everybody in the network can publish them. When to say something is decided in `run.rs`. This file is the only one here
 //! that knows the ROS client. Agents do not listen to `/clock`: an observation says what time it is.
@@ -13,12 +13,12 @@ use std::time::Duration;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
 use msgs::parameters::{Named, Parameter};
-use msgs::ros::audience::Audience;
-use msgs::ros::rosout::Rosout;
-use msgs::ros::{self, Inbox, Outlet, RosError, Sample, SharedParameters, Tally, Workshop, linger, now};
-use msgs::ros_env::RosEnv;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
+use ros_node::audience::Audience;
+use ros_node::ros_env::RosEnv;
+use ros_node::rosout::Rosout;
+use ros_node::{Inbox, Outlet, RosError, Sample, SharedParameters, Tally, Workshop, linger, now};
 use ros2_client::{Context, Node};
 
 use crate::link::{Inbound, Level, Link};
@@ -55,15 +55,15 @@ impl RosLink {
     pub fn new(agents: &[AgentId], has_parameters: bool, env: &RosEnv) -> Result<Self, RosError> {
         // Six services need three times what the protocol needs.
         let share = if has_parameters { 4 } else { 1 };
-        ros::allow_open_files(u32::try_from(agents.len() * share).unwrap_or(u32::MAX))?;
-        let context = ros::join(env, false)?;
+        ros_node::allow_open_files(u32::try_from(agents.len() * share).unwrap_or(u32::MAX))?;
+        let context = ros_node::join(env, false)?;
         let mut workshop = Workshop::of(&context);
         let mut inbox = Inbox::default();
         let mut seats = Vec::new();
         let server = Server::default();
         for &agent in agents {
             let name = format!("agent_{agent}");
-            let mut node = ros::node(&context, &name)?;
+            let mut node = ros_node::node(&context, &name)?;
             if seats.is_empty() {
                 let found = server.clone();
                 workshop.inlet(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {

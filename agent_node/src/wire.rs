@@ -9,8 +9,9 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use msgs::geometry_msgs;
-use msgs::ids::{AgentId, RelayId, Tick};
+use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
+use msgs::relay_id::RelayId;
 use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 use voxels::{Extent, ExtentError, RunsError};

@@ -20,8 +20,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use sim_server::run::Nobody;
-use sim_server::scenario::{OnAgentLoss, Rtf, Scenario};
+use sim_server::session::NullObserver;
+use simulation::scenario::{OnAgentLoss, Rtf, Scenario};
 use thiserror::Error;
 
 use crate::single::{self, Grouping, SingleError, Team};
@@ -183,7 +183,7 @@ fn undisturbed(scenario: &Scenario, file: &Path) -> Result<PathBuf, FaultsError>
     scenario.execution.record = Some(file.to_owned());
     scenario.execution.rtf = Rtf::MAX;
     let team = Team { grouping: Grouping::Together, chaos_delay: Duration::ZERO, decision_times: None };
-    single::run(&scenario, &team, &mut Nobody, &AtomicBool::new(false))?;
+    single::run(&scenario, &team, &mut NullObserver, &AtomicBool::new(false))?;
     Ok(file.to_owned())
 }
 

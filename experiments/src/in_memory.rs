@@ -8,9 +8,10 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
 use agent_node::link::Inbound as ToAgents;
-use msgs::ids::{AgentId, Tick};
+use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
-use sim_server::link::{Inbound as ToServer, Incoming, SourceId};
+use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
+use simulation::lockstep::SourceId;
 
 /// The server's end.
 pub struct ServerEnd {
@@ -60,7 +61,7 @@ impl ServerEnd {
     }
 }
 
-impl sim_server::link::Link for ServerEnd {
+impl AgentTransport for ServerEnd {
     fn announce(&mut self, scenario: &Scenario) {
         self.send_to_all(&ToAgents::Scenario(scenario.clone()));
     }
@@ -75,16 +76,18 @@ impl sim_server::link::Link for ServerEnd {
         }
     }
 
-    fn clock(&mut self, _tick: Tick) {}
-
-    fn progress(&mut self, progress: &Progress) {
-        self.progress.push(progress.clone());
-    }
-
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         self.inbox.recv_timeout(timeout).ok()
     }
 }
+
+impl ObserverOutput for ServerEnd {
+    fn progress(&mut self, progress: &Progress) {
+        self.progress.push(progress.clone());
+    }
+}
+
+impl ControlInput for ServerEnd {}
 
 impl AgentsEnd {
     fn send(&self, agent: u32, message: ToServer) {

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use msgs::ids::Tick;
 use msgs::maes_msgs::{Progress, Result as RunResult};
-use sim_server::digest::Digest;
+use simulation::digest::Digest;
 
 use crate::plan::{BUILD, PlannedRun};
 use crate::rows::{AgentSample, RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallRow};

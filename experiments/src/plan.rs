@@ -12,8 +12,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use agent_node::controllers;
-use sim_server::scenario::{MapKind, Override, Scenario, ScenarioError, one_line};
-use sim_server::wire;
+use simulation::scenario::{MapKind, Override, Scenario, ScenarioError, one_line};
+use simulation::wire;
 use thiserror::Error;
 
 pub use read::SEEDS_EXPECTED;

@@ -6,17 +6,18 @@ use std::time::Duration;
 use agent_node::body::{Body, BodyKind};
 use agent_node::controllers::NAMES;
 use experiments::single::{Grouping, Team, run};
+use msgs::body_model;
 use msgs::cdr;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Result as RunResult;
-use sim_server::run::Watcher;
-use sim_server::scenario::Scenario;
+use sim_server::session::RunObserver;
 use sim_server::setup;
-use sim_server::world::{World, body};
+use simulation::scenario::Scenario;
+use simulation::world::World;
 
 struct Nobody;
 
-impl Watcher for Nobody {
+impl RunObserver for Nobody {
     fn waiting(&mut self, _missing: &[AgentId]) {}
     fn started(&mut self) {}
     fn progress(&mut self, _world: &World) {}
@@ -79,12 +80,12 @@ fn a_mixed_team_has_the_same_run_however_it_is_run() {
 fn an_agent_learns_of_all_bodies_what_the_scenario_says() {
     let scenario = Scenario::parse("the test's scenario", &mixed("rbw", ""), &[]).expect("a legal scenario");
     let (world, _report) = setup::build(&scenario).expect("there is such a world");
-    let told = cdr::encode(&sim_server::wire::scenario(&scenario, &world.terrain().extent(), world.rays()));
+    let told = cdr::encode(&simulation::wire::scenario(&scenario, &world.terrain().extent(), world.rays()));
     let briefing = agent_node::wire::briefing(&cdr::decode(&told).expect("a scenario")).expect("a legal briefing");
     let others = scenario.other_bodies();
     for agent in (0..4).map(AgentId) {
         let (body, model) = (briefing.bodies.of(agent), others.get(&agent).unwrap_or(&scenario.body));
-        assert_eq!(body.kind == BodyKind::Aerial, model.kind == body::BodyKind::Aerial);
+        assert_eq!(body.kind == BodyKind::Aerial, model.kind == body_model::BodyKind::Aerial);
         let numbers = [
             body.radius_m,
             body.speed_max_m_s,

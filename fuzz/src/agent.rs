@@ -55,7 +55,7 @@ fn play(data: &mut Unstructured<'_>) -> Result<()> {
         let Ok(Reaction::Answer(command) | Reaction::Farewell(command)) = agent.take(part(data, tick)?) else {
             continue;
         };
-        sim_server::wire::command(&command, AGENTS).unwrap_or_else(|reason| panic!("{name} answers: {reason}"));
+        simulation::wire::command(&command, AGENTS).unwrap_or_else(|reason| panic!("{name} answers: {reason}"));
         assert_eq!(command.agent, own.0);
         assert!(cdr::encode(&command).len() <= OBSERVATION_BYTES_MAX, "an answer fits into a sample");
     }

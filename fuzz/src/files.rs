@@ -5,7 +5,7 @@ use std::path::Path;
 use experiments::plan::Plan;
 use sim_server::info;
 use sim_server::recording::{End, Recording};
-use sim_server::scenario::Scenario;
+use simulation::scenario::Scenario;
 use voxels::{Grid, m3dm};
 
 /// The name of the files in errors.

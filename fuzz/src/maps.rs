@@ -1,6 +1,6 @@
 //! Targets of foreign map formats and the packed one: what is read is a map, and writing and reading it gives the same map.
 
-use sim_server::mapgen::{Fill, ImportOptions, ImportSpec, Kind, MapFormat};
+use mapgen::{Fill, ImportOptions, ImportSpec, Kind, MapFormat};
 use voxels::{Grid, Terrain, packed as format};
 
 /// Most cells of a map: the targets test reading, not memory.

@@ -17,7 +17,7 @@ use msgs::simulation_interfaces::{
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use sim_server::{parameters, scenario, twist, wire};
+use simulation::{parameters, scenario, twist, wire};
 
 /// Number of agents of the run.
 const AGENTS: u32 = 4;

@@ -13,13 +13,14 @@ use arbitrary::Unstructured;
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{OBSERVATION_BYTES_MAX, PROTOCOL};
-use msgs::maes_msgs::{self, Command, Join, JoinReply, Observation, Parcel, Progress, Task, Wake};
-use sim_server::link::{Inbound, Incoming, Link, SourceId};
-use sim_server::run::Watcher;
-use sim_server::scenario::Scenario;
+use msgs::maes_msgs::{self, Command, Join, JoinReply, Observation, Parcel, Task, Wake};
+use sim_server::session::{RunConfig, RunObserver};
 use sim_server::setup;
-use sim_server::wire;
-use sim_server::world::World;
+use sim_server::transport::{AgentTransport, ControlInput, Inbound, Incoming, ObserverOutput};
+use simulation::lockstep::SourceId;
+use simulation::scenario::Scenario;
+use simulation::wire;
+use simulation::world::World;
 
 use crate::hostile_messages::{self, Known};
 
@@ -111,7 +112,8 @@ impl<'a> Script<'a> {
         let scenario = Scenario::parse("run", SCENARIO, &[]).expect("a legal scenario");
         let (world, _) = setup::build(&scenario).expect("there is such a world");
         let mut notes = Notes(0);
-        let outcome = sim_server::run::run(&scenario, world, self, None, &mut notes, &AtomicBool::new(false));
+        let config = RunConfig::live(&scenario).expect("the system has random numbers");
+        let outcome = sim_server::session::run(config, world, self, None, &mut notes, &AtomicBool::new(false));
         let outcome = outcome.unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(Tick(outcome.result.tick), scenario.duration_ticks());
         (outcome.result, notes.0)
@@ -177,7 +179,7 @@ impl<'a> Script<'a> {
     }
 }
 
-impl Link for Script<'_> {
+impl AgentTransport for Script<'_> {
     fn announce(&mut self, scenario: &maes_msgs::Scenario) {
         self.run = scenario.run;
         for (agent, (_, instance)) in MEMBERS.into_iter().enumerate() {
@@ -214,10 +216,6 @@ impl Link for Script<'_> {
         }
     }
 
-    fn clock(&mut self, _tick: Tick) {}
-
-    fn progress(&mut self, _progress: &Progress) {}
-
     fn receive(&mut self, _timeout: Duration) -> Option<Incoming> {
         let incoming = self.said.pop_front()?;
         self.keep(&incoming);
@@ -226,10 +224,14 @@ impl Link for Script<'_> {
     }
 }
 
+impl ObserverOutput for Script<'_> {}
+
+impl ControlInput for Script<'_> {}
+
 /// Counts the notes of the server.
 struct Notes(usize);
 
-impl Watcher for Notes {
+impl RunObserver for Notes {
     fn waiting(&mut self, _missing: &[AgentId]) {}
 
     fn started(&mut self) {}

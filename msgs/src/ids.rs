@@ -6,9 +6,6 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::limits::RELAYS_PER_AGENT_MAX;
-use crate::maes_msgs::Parcel;
-
 /// The number of an agent: 0 .. number of agents - 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -32,35 +29,6 @@ impl AgentId {
 impl fmt::Display for AgentId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
-    }
-}
-
-/// A relay that an agent has left behind.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct RelayId {
-    /// Who left it.
-    pub owner: AgentId,
-    /// Which of that agent's it is: 0, 1, and so on, below [`RELAYS_PER_AGENT_MAX`].
-    pub number: u32,
-}
-
-impl RelayId {
-    /// The number by which messages name it.
-    pub const fn on_wire(self) -> u32 {
-        Parcel::FIRST_RELAY + RELAYS_PER_AGENT_MAX * self.owner.0 + self.number
-    }
-
-    /// The relay that a message names, if it is one.
-    pub fn from_wire(number: u32) -> Option<Self> {
-        let number = number.checked_sub(Parcel::FIRST_RELAY).filter(|_| number < Parcel::LEAVE_RELAY)?;
-        Some(Self { owner: AgentId(number / RELAYS_PER_AGENT_MAX), number: number % RELAYS_PER_AGENT_MAX })
-    }
-}
-
-/// As agent and number: `3.0` is the first one that agent 3 has left.
-impl fmt::Display for RelayId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}.{}", self.owner, self.number)
     }
 }
 

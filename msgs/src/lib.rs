@@ -10,11 +10,18 @@
 //! Invariants: no ROS client, no transport and no wall clock in here; names, units and frames of the fields are those of the
 //! `.msg` files (SI units, radians, frame `map` unless said otherwise). This crate does not check what a message says.
 
+#![warn(missing_docs)]
+
 pub mod ids;
 pub mod limits;
 pub mod topics;
 
 pub mod maes_msgs;
+pub mod relay_id;
+
+pub mod body_model;
+pub mod scan_request;
+pub mod trigger;
 
 pub mod builtin_interfaces;
 pub mod diagnostic_msgs;
@@ -33,8 +40,3 @@ pub mod message;
 pub mod parameters;
 pub mod schema;
 pub mod service;
-
-#[cfg(feature = "ros")]
-pub mod ros;
-pub mod ros_env;
-pub mod seed;

@@ -84,11 +84,13 @@ pub struct Qos {
 }
 
 impl Qos {
-    pub(crate) const fn reliable(depth: u32) -> Self {
+    /// Reliable, and kept for late readers only as far as the protocol resends: volatile.
+    pub const fn reliable(depth: u32) -> Self {
         Qos { reliability: Reliability::Reliable, durability: Durability::Volatile, depth }
     }
 
-    pub(crate) const fn latched(depth: u32) -> Self {
+    /// Reliable, with the last `depth` samples kept for late readers: transient local.
+    pub const fn latched(depth: u32) -> Self {
         Qos { reliability: Reliability::Reliable, durability: Durability::TransientLocal, depth }
     }
 

@@ -9,9 +9,9 @@ use clap::{Args, Parser, Subcommand};
 use crate::map_cli::MapCommand;
 #[cfg(feature = "ros")]
 use crate::replay::{Manner, Wishes};
-use crate::scenario::Override;
+use simulation::scenario::Override;
 #[cfg(feature = "ros")]
-use crate::scenario::Rtf;
+use simulation::scenario::Rtf;
 
 /// World server of a deterministic simulator of 3-D multi-agent exploration.
 #[derive(Debug, Parser)]
@@ -326,7 +326,7 @@ fn rate(text: &str) -> Result<Rtf, String> {
         return Ok(Rtf::MAX);
     }
     let limit = text.parse().map_err(|_| "expected a number or max".to_owned())?;
-    crate::parameters::pace(crate::parameters::RATE, limit)
+    simulation::parameters::pace(simulation::parameters::RATE, limit)
 }
 
 /// Reads `KEY=VALUE`; the value is TOML, or a plain word.
@@ -351,7 +351,8 @@ mod tests {
     fn a_map_file_takes_the_place_of_a_generator_and_nothing_else() {
         const TEXT: &str = "seed = 7\nduration_s = 60.0\n[map]\nkind = \"spheres\"\nsize = 50\ncell_m = 0.5\nseed = 3\n\
                             [map.spheres]\nsmoothing = 1\n[agents]\ncount = 3\n";
-        let parse = |text: &str, args: KeyArgs| crate::scenario::Scenario::parse("s.toml", text, &args.overrides());
+        let parse =
+            |text: &str, args: KeyArgs| simulation::scenario::Scenario::parse("s.toml", text, &args.overrides());
         let map = |map: &str, size: Option<i64>| KeyArgs {
             map: Some(map.to_owned()),
             size: size.map(Into::into),
@@ -360,7 +361,7 @@ mod tests {
         let from_file = parse(TEXT, map("a.m3dm", None)).unwrap();
         assert_eq!(from_file.map.file.as_deref(), Some(std::path::Path::new("a.m3dm")));
         assert_eq!((from_file.map.cell_m, from_file.map.seed, from_file.map.size), (Some(0.5), Some(3), None));
-        assert_eq!(from_file.map.spheres, crate::mapgen::SpheresSpec::default());
+        assert_eq!(from_file.map.spheres, mapgen::SpheresSpec::default());
         let refused = parse(TEXT, map("a.m3dm", Some(30))).unwrap_err().to_string();
         assert!(refused.contains("map.size = [30, 30, 30]: a map from a file has the size of the file"), "{refused}");
         let again = parse(&from_file.to_toml(), map("noise", Some(30))).unwrap();

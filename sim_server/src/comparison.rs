@@ -19,9 +19,9 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::difference::{self, Field};
-use crate::digest::Digest;
 use crate::recording::{End, Message, Messages, Recording};
-use crate::run::Checker;
+use crate::session::Checker;
+use simulation::digest::Digest;
 
 /// What the names of the counters of refusals begin with.
 const REFUSED: &str = "refused_";

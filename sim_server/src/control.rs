@@ -29,7 +29,7 @@ use msgs::simulation_interfaces::{
     SpawnEntity, StepSimulation,
 };
 
-use crate::scenario::Rtf;
+use simulation::scenario::Rtf;
 
 /// A request with the way to answer it.
 pub enum Request {

@@ -23,7 +23,7 @@ impl Controllers for OfThisBuild {
 
 /// Whether there is the controller that a scenario names, with its settings.
 #[cfg(feature = "view")]
-pub(crate) fn check(scenario: &sim_server::scenario::Scenario) -> anyhow::Result<()> {
+pub(crate) fn check(scenario: &simulation::scenario::Scenario) -> anyhow::Result<()> {
     let settings = scenario.agents.set.iter().map(|(key, value)| format!("{key}={}", super::word(value)));
     Ok(controllers::check(&scenario.agents.controller, &settings.collect::<Vec<_>>())?)
 }

@@ -75,7 +75,7 @@ pub fn text(info: &Info) -> String {
     }
     match &info.digest {
         Some(digest) => {
-            let hex = crate::digest::Digest(digest.digest);
+            let hex = simulation::digest::Digest(digest.digest);
             text += &format!("tick: {}\ndigest: {hex}", digest.tick);
         }
         None => text += "digest: none",

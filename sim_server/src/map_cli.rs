@@ -16,9 +16,7 @@ use thiserror::Error;
 use voxels::{Extent, ExtentError, close_shell, free_components};
 
 use crate::cli::assignment;
-use crate::mapgen::{
-    self, Built, FormatError, ImportOptions, ImportSpec, Imported, MapError, MapFormat, MapReport, Note,
-};
+use mapgen::{self, Built, FormatError, ImportOptions, ImportSpec, Imported, MapError, MapFormat, MapReport, Note};
 
 use slices::Slice;
 

@@ -14,8 +14,8 @@ use msgs::maes_msgs::{self, Command, Intervention, Join, Observation};
 use msgs::topics;
 use thiserror::Error;
 
-use crate::digest::Digest;
 use crate::recording::{Message, Messages, Recording};
+use simulation::digest::Digest;
 
 /// A message of a recording that cannot be read.
 #[derive(Debug, Error)]

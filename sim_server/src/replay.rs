@@ -21,7 +21,7 @@ use msgs::simulation_interfaces::SimulatorFeatures;
 
 use crate::control::Request;
 use crate::control::desk::Desk;
-use crate::scenario::Rtf;
+use simulation::scenario::Rtf;
 
 pub use pass::{Cue, Pass};
 pub use programme::{Programme, ReplayError, Wishes};

@@ -1,7 +1,7 @@
 //! The server's link over ROS 2: one participant with one node `sim_server`, its services, and three topics for each agent. What
 //! plays recordings is in [`replay`].
 //!
-//! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`msgs::ros`]); every message
+//! Invariants: what is sent to one agent never waits for another one, nor for onlookers (see [`ros_node`]); every message
 //! says which process it came from. Who takes part, what is legal and when to send again is decided in `run.rs`. This file
 //! and its folder are the only ones here that know the ROS client.
 
@@ -19,19 +19,20 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
 use msgs::nav_msgs::Odometry;
-use msgs::ros::rosout::Rosout;
-use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Workshop, linger, now, own_source};
-use msgs::ros_env::RosEnv;
 use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::topics;
+use ros_node::ros_env::RosEnv;
+use ros_node::rosout::Rosout;
+use ros_node::{Inbox, Outlet, RosError, Sample, Workshop, linger, now, own_source};
 use ros2_client::{Context, Node};
 
 use crate::control::Request;
-use crate::link::{Inbound, Incoming, Level, Link, SourceId};
-use crate::parameters;
-use crate::scenario::{self, Rtf};
-use crate::views::{Listeners, Picture, View};
+use crate::transport::{AgentTransport, ControlInput, Inbound, Incoming, Level, ObserverOutput};
+use simulation::lockstep::SourceId;
+use simulation::parameters;
+use simulation::scenario::{self, Rtf};
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
 use driven::Driven;
 use services::{Asked, Services};
@@ -100,9 +101,9 @@ impl RosLink {
     /// If the network cannot be joined, or the system has not enough of something.
     pub fn new(run: &scenario::Scenario, env: &RosEnv) -> Result<Self, RosError> {
         let (agents, driven) = (run.agents.count, run.driven());
-        ros::allow_open_files(agents)?;
-        let context = ros::join(env, true)?;
-        let mut node = ros::node(&context, NODE)?;
+        ros_node::allow_open_files(agents)?;
+        let context = ros_node::join(env, true)?;
+        let mut node = ros_node::node(&context, NODE)?;
         let mut workshop = Workshop::of(&context);
         let clock = workshop.outlet(&mut node, &topics::clock())?;
         let scenario = workshop.outlet(&mut node, &topics::scenario())?;
@@ -171,7 +172,7 @@ impl RosLink {
     }
 }
 
-impl Link for RosLink {
+impl AgentTransport for RosLink {
     fn announce(&mut self, scenario: &Scenario) {
         self.own_run.set(Some(scenario.run));
         self.nodes.begin_again();
@@ -189,16 +190,6 @@ impl Link for RosLink {
             Some(observations) => observations.publish(&mut self.node, part),
             None => self.nodes.ask(&mut self.node, &mut self.clock, &mut self.gallery, agent, part),
         }
-    }
-
-    fn clock(&mut self, tick: Tick) {
-        if self.nodes.are_any() || self.gallery.hears_the_clock(&self.context) {
-            self.clock.publish(&mut self.node, &Clock { clock: tick.into() });
-        }
-    }
-
-    fn progress(&mut self, progress: &Progress) {
-        self.progress.publish(&mut self.node, progress);
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
@@ -219,26 +210,44 @@ impl Link for RosLink {
         }
     }
 
-    fn listeners(&mut self) -> Option<&Listeners> {
-        self.gallery.listeners(&self.context)
-    }
-
-    fn show(&mut self, view: View, picture: &Picture) {
-        self.gallery.show(&mut self.node, view, picture);
-    }
-
-    fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
+    fn set_sensors(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
         self.nodes.drive(agent, odometry, points);
     }
 
-    fn pace(&mut self, rtf: Rtf) {
+    fn other_run(&self) -> Option<u64> {
+        self.other_run.get()
+    }
+}
+
+impl ObserverOutput for RosLink {
+    fn clock(&mut self, tick: Tick) {
+        if self.nodes.are_any() || self.gallery.hears_the_clock(&self.context) {
+            self.clock.publish(&mut self.node, &Clock { clock: tick.into() });
+        }
+    }
+
+    fn progress(&mut self, progress: &Progress) {
+        self.progress.publish(&mut self.node, progress);
+    }
+
+    fn subscribers(&mut self) -> Option<&Subscribers> {
+        self.gallery.listeners(&self.context)
+    }
+
+    fn publish(&mut self, view: VisualisationTopic, picture: &VisualisationMessage) {
+        self.gallery.show(&mut self.node, view, picture);
+    }
+
+    fn real_time_factor(&mut self, rtf: Rtf) {
         self.services.tell_pace(&mut self.node, rtf);
     }
 
     fn log(&mut self, level: Level, text: &str) {
         self.rosout.say(&mut self.node, level, text);
     }
+}
 
+impl ControlInput for RosLink {
     fn request(&mut self) -> Option<Request> {
         if self.asked_last.elapsed() >= REQUEST_PERIOD {
             while self.kept.len() < KEPT_MAX
@@ -261,12 +270,8 @@ impl Link for RosLink {
         request
     }
 
-    fn takes_requests(&self) -> bool {
+    fn accepts_requests(&self) -> bool {
         true
-    }
-
-    fn other_run(&self) -> Option<u64> {
-        self.other_run.get()
     }
 }
 

@@ -7,23 +7,22 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
+use mapgen::MapReport;
 use msgs::ids::Tick;
-use msgs::ros;
-use msgs::ros_env::RosEnv;
+use ros_node::ros_env::RosEnv;
 use sim_server::cli::{ReplayArgs, RunArgs};
-use sim_server::link::Link;
-use sim_server::mapgen::MapReport;
 use sim_server::playback::{Horizon, Playback};
 use sim_server::recording::Recording;
 use sim_server::replay::Programme;
 use sim_server::ros::{RosLink, replay};
-use sim_server::run::{self, Records, RunError};
-use sim_server::scenario::{Override, Scenario};
+use sim_server::session::{self, Mode, RecordingSinks, RunConfig, RunError};
 use sim_server::terminal::{self, Terminal};
+use sim_server::transport::Transport;
 #[cfg(feature = "view")]
 use sim_server::viewing::{self, Viewing, Watched};
-use sim_server::world::World;
 use sim_server::{exit, setup};
+use simulation::scenario::{Override, Scenario};
+use simulation::world::World;
 
 /// Wall time between two looks at whether an idle server is to end.
 #[cfg(feature = "view")]
@@ -118,7 +117,7 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     // What is wrong with the world is told before anything is taken.
     let made = job.make()?;
     let stop = stopped_by_signals()?;
-    ros::stopped::end_when_continued().context("handling signals")?;
+    ros_node::stopped::end_when_continued().context("handling signals")?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing,
         Err(error) => return failed(&error),
@@ -167,7 +166,7 @@ fn tell_address(_: Option<&Viewing>, _: &mut Terminal) {}
 fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<ExitCode> {
     const NAME: &str = "the scenario";
     let stop = stopped_by_signals()?;
-    ros::stopped::end_when_continued().context("handling signals")?;
+    ros_node::stopped::end_when_continued().context("handling signals")?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing.expect("an idle server is looked at"),
         Err(error) => return failed(&error),
@@ -236,8 +235,8 @@ type Made = (World, MapReport);
 struct Begun<'a> {
     world: World,
     map: MapReport,
-    link: Box<dyn Link + 'a>,
-    records: Records,
+    link: Box<dyn Transport + 'a>,
+    records: RecordingSinks,
     viewing: Option<&'a Viewing>,
 }
 
@@ -250,7 +249,7 @@ impl<'a> Job<'a> {
         built.map_err(|error| anyhow::anyhow!("{}: {error}", self.name))
     }
 
-    fn records(&self, world: &World, viewing: Option<&Viewing>) -> anyhow::Result<Records> {
+    fn records(&self, world: &World, viewing: Option<&Viewing>) -> anyhow::Result<RecordingSinks> {
         let file = self.scenario.execution.record.as_deref();
         let recorder = file.map(|file| setup::record(file, self.scenario, world)).transpose()?;
         #[cfg(feature = "view")]
@@ -260,19 +259,19 @@ impl<'a> Job<'a> {
             .context("viewing")?;
         #[cfg(not(feature = "view"))]
         let (journal, _) = (None, viewing);
-        Ok(Records { recorder, journal })
+        Ok(RecordingSinks { recorder, journal })
     }
 
     /// Joins the network and opens what is to be written.
     fn begin(&self, (world, map): Made, env: &RosEnv, viewing: Option<&'a Viewing>) -> anyhow::Result<Begun<'a>> {
         let link = RosLink::new(self.scenario, env)?;
         #[cfg(feature = "view")]
-        let link: Box<dyn Link + 'a> = match viewing {
+        let link: Box<dyn Transport + 'a> = match viewing {
             Some(viewing) => Box::new(Watched::new(link, viewing, self.scenario)),
             None => Box::new(link),
         };
         #[cfg(not(feature = "view"))]
-        let link: Box<dyn Link + 'a> = Box::new(link);
+        let link: Box<dyn Transport + 'a> = Box::new(link);
         let records = self.records(&world, viewing)?;
         Ok(Begun { world, map, link, records, viewing })
     }
@@ -293,15 +292,16 @@ impl<'a> Job<'a> {
             map.free_cells,
             map.free_fraction * 100.0
         ));
-        let mut ended = match playback {
-            None => run::run(scenario, world, &mut *link, records, terminal, stop),
-            Some(playback) => run::resume(scenario, world, &mut *link, records, terminal, stop, playback),
-        };
+        let config = RunConfig::new(scenario, playback.map_or(Mode::Live, Mode::Resume));
+        let mut ended = config.and_then(|config| session::run(config, world, &mut *link, records, terminal, stop));
         while let Err(RunError::Reset(start)) = ended {
             terminal.say("begins again, as somebody has asked for");
             let (world, _) = self.make()?;
             ended = match self.records(&world, viewing) {
-                Ok(records) => run::begin_again(start, scenario, world, &mut *link, records, terminal, stop),
+                Ok(records) => {
+                    let config = RunConfig::after_reset(scenario, start);
+                    session::run(config, world, &mut *link, records, terminal, stop)
+                }
                 Err(error) => return failed(&error),
             };
         }

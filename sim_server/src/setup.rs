@@ -7,13 +7,13 @@ use std::path::Path;
 use thiserror::Error;
 use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
 
-use crate::mapgen::{self, GeneratedMap, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
 use crate::recorder::{Document, RecordError, Recorder};
 use crate::recording::{Recording, RecordingError};
-use crate::scenario::{LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
-use crate::world::lidar::{Pattern, Scanner};
-use crate::world::spawn::{Site, SpawnError};
-use crate::world::{ScanSchedule, World, WorldParams};
+use mapgen::{self, GeneratedMap, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
+use simulation::scenario::{LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
+use simulation::world::lidar::{Pattern, Scanner};
+use simulation::world::spawn::{Site, SpawnError};
+use simulation::world::{ScanSchedule, World, WorldParams};
 
 /// Bytes for each cell of the map that a world takes, and each agent in it, rounded up.
 const WORLD_CELL_BYTES: usize = 2;
@@ -179,7 +179,7 @@ fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport),
     let GeneratedMap { terrain, entrances, report } = map;
     let agents = scenario.agents.count as usize;
     let errors = scenario.sensor.errors(scenario.seed);
-    let vote_bytes = if errors.blur_scans() { 1 } else { 0 };
+    let vote_bytes = if errors.affects_scans() { 1 } else { 0 };
     mapgen::check_memory(terrain.extent(), WORLD_CELL_BYTES + agents * (AGENT_CELL_BYTES + vote_bytes))
         .map_err(map_error(scenario))?;
     let site = Site { terrain: &terrain, entrances: &entrances, seed: scenario.seed };
@@ -278,7 +278,7 @@ fn params(scenario: &Scenario) -> WorldParams {
             LidarSchedule::Maes3d => ScanSchedule::TakeTurns,
         },
         comms: scenario.communication.comms(scenario.seed),
-        errors: scenario.sensor.errors(scenario.seed),
+        noise: scenario.sensor.errors(scenario.seed),
     }
 }
 

@@ -8,6 +8,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use experiments::single::{Grouping, Team};
+use mapgen::MapFormat;
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
 use msgs::maes_msgs::JoinReply;
@@ -15,11 +16,10 @@ use msgs::parameters::{ListRequest, Named, NamesRequest, SetRequest, Value};
 use msgs::simulation_interfaces::{
     EntityRequest, EntityState, FilterRequest, SetEntityStateRequest, SpawnEntityRequest, StepRequest,
 };
-use sim_server::mapgen::MapFormat;
 use sim_server::recording::Recording;
-use sim_server::run::Nobody;
-use sim_server::scenario::Scenario;
+use sim_server::session::NullObserver;
 use sim_server::setup;
+use simulation::scenario::Scenario;
 use voxels::{m3dm, packed};
 
 /// A run of two agents with map sharing, long enough for two chunks of the recording.
@@ -155,7 +155,8 @@ fn recorded(mut scenario: Scenario) -> Vec<u8> {
     let file = corpus().join("seeds.mcap");
     scenario.execution.record = Some(file.clone());
     let team = Team { grouping: Grouping::Apart, chaos_delay: Duration::ZERO, decision_times: None };
-    experiments::single::run(&scenario, &team, &mut Nobody, &AtomicBool::new(false)).expect("the run has a result");
+    experiments::single::run(&scenario, &team, &mut NullObserver, &AtomicBool::new(false))
+        .expect("the run has a result");
     let bytes = fs::read(&file).expect("there is a recording");
     fs::remove_file(&file).expect("it can be removed");
     bytes

@@ -16,13 +16,13 @@ use experiments::in_memory::{self, AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
 use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join};
-use sim_server::link::Link as ServerLink;
 use sim_server::playback::Playback;
 use sim_server::recording::Recording;
-use sim_server::run::{Outcome, RunError, Watcher};
-use sim_server::scenario::Scenario;
+use sim_server::session::{self, Mode, Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup;
-use sim_server::world::World;
+use sim_server::transport::Transport;
+use simulation::scenario::Scenario;
+use simulation::world::World;
 
 use super::{HANG, bounded};
 
@@ -36,7 +36,7 @@ pub(crate) struct Play {
     /// Called with every progress report.
     pub(crate) watch: Box<dyn FnMut(&World) + Send>,
     /// Wraps the server's end of the transport.
-    pub(crate) server_link: fn(ServerEnd) -> Box<dyn ServerLink>,
+    pub(crate) server_link: fn(ServerEnd) -> Box<dyn Transport>,
     /// The recording to resume.
     pub(crate) resumed: Option<Recording>,
     /// Ends the run once it is set.
@@ -102,14 +102,9 @@ impl Play {
                 for (end, agents) in agents_ends.into_iter().zip(groups) {
                     scope.spawn(|| node(end, agents, &is_over));
                 }
-                let outcome = match &resumed {
-                    None => sim_server::run::run(&scenario, world, &mut *link, recorder, &mut watcher, &stop),
-                    Some(recording) => {
-                        let playback = Playback::new(recording).expect("it can be read");
-                        let link = &mut *link;
-                        sim_server::run::resume(&scenario, world, link, recorder, &mut watcher, &stop, playback)
-                    }
-                };
+                let playback = resumed.as_ref().map(|recording| Playback::new(recording).expect("it can be read"));
+                let outcome = RunConfig::new(&scenario, playback.map_or(Mode::Live, Mode::Resume))
+                    .and_then(|config| session::run(config, world, &mut *link, recorder, &mut watcher, &stop));
                 is_over.store(true, Ordering::Relaxed);
                 outcome
             });
@@ -136,7 +131,7 @@ struct Notes {
     watch: Box<dyn FnMut(&World) + Send>,
 }
 
-impl Watcher for Notes {
+impl RunObserver for Notes {
     fn waiting(&mut self, _missing: &[AgentId]) {}
 
     fn started(&mut self) {}

@@ -10,6 +10,8 @@
 //!
 //! Nothing here knows about agents, time or chance.
 
+#![warn(missing_docs)]
+
 pub mod blocks;
 pub mod cell;
 pub mod components;

@@ -138,13 +138,13 @@ fn play(
         ..Default::default()
     };
     let briefing = wire::briefing(&scenario).unwrap();
-    let mut rng = msgs::seed::stream(seed, 0, "world");
+    let mut rng = random_streams::stream(seed, 0, "world");
     let mut agents = Vec::new();
     let mut shown = Vec::new();
     let mut boxes: Vec<Mailbox> = Vec::new();
     for id in 0..AGENTS {
         shown.push(Rc::new(RefCell::new(Vec::new())));
-        let rng = msgs::seed::stream(seed, id.into(), "whim");
+        let rng = random_streams::stream(seed, id.into(), "whim");
         let shown = Rc::clone(&shown[id as usize]);
         let whim = Whim { rng, wake: Wake::NEXT_TICK, shown, is_restless };
         agents.push(Agent::new(AgentId(id), briefing.clone(), Box::new(whim)));

@@ -74,7 +74,7 @@ mod tests {
     use crate::controllers::testing::{World, collided, idle};
 
     fn walk() -> RbwMaes3d {
-        RbwMaes3d::new(msgs::seed::stream(1, 0, "test"))
+        RbwMaes3d::new(random_streams::stream(1, 0, "test"))
     }
 
     #[test]

@@ -81,7 +81,8 @@ fn is_in_sight(map: &ExplorationMap, from: &Point3<f64>, to: &Point3<f64>) -> bo
 
 #[cfg(test)]
 mod tests {
-    use msgs::ids::{AgentId, RelayId};
+    use msgs::ids::AgentId;
+    use msgs::relay_id::RelayId;
 
     use super::*;
     use crate::controllers::testing::{World, flat};

@@ -10,8 +10,8 @@ use anyhow::Context;
 use clap::Args;
 use experiments::faults::{self, Options, Summary};
 use sim_server::cli::KeyArgs;
-use sim_server::scenario::Scenario;
 use sim_server::{exit, setup};
+use simulation::scenario::Scenario;
 
 use super::say;
 
@@ -123,7 +123,7 @@ pub(crate) fn run(args: &FaultsArgs) -> anyhow::Result<ExitCode> {
 /// Says what no agent may say.
 #[cfg(feature = "ros")]
 pub(crate) fn garbage(args: &GarbageArgs) -> anyhow::Result<ExitCode> {
-    let env = msgs::ros_env::RosEnv::from_vars(|name| std::env::var(name).ok())?;
+    let env = ros_node::ros_env::RosEnv::from_vars(|name| std::env::var(name).ok())?;
     faults::garbage::tell(u64::from(args.messages), args.agents, args.messages, &env)?;
     Ok(ExitCode::SUCCESS)
 }

@@ -7,11 +7,11 @@ use std::time::Duration;
 use msgs::ids::AgentId;
 use msgs::limits::{PARCEL_BYTES_MAX, PROTOCOL};
 use msgs::maes_msgs::{Command, Join, Parcel, Scenario, Task};
-use msgs::ros::{self, Inbox, Outlet, RosError, Sample, Workshop, linger};
-use msgs::ros_env::RosEnv;
 use msgs::topics;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use ros_node::ros_env::RosEnv;
+use ros_node::{Inbox, Outlet, RosError, Sample, Workshop, linger};
 
 /// Messages between two looks at which run there is.
 const BURST: u32 = 20;
@@ -27,8 +27,8 @@ const FIRST_LOOK: Duration = Duration::from_secs(10);
 /// # Errors
 /// If the network cannot be joined.
 pub fn tell(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Result<(), RosError> {
-    let context = ros::join(env, false)?;
-    let mut node = ros::node(&context, "garbage")?;
+    let context = ros_node::join(env, false)?;
+    let mut node = ros_node::node(&context, "garbage")?;
     let mut workshop = Workshop::of(&context);
     let mut inbox = Inbox::default();
     workshop.inlet(&mut node, &topics::scenario(), &mut inbox, |sample: Sample<Scenario>| sample.message)?;
@@ -37,7 +37,7 @@ pub fn tell(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Result<(), R
         let join = workshop.outlet(&mut node, &topics::join(agent))?;
         outlets.push((join, workshop.outlet(&mut node, &topics::command(agent))?));
     }
-    let mut rng = msgs::seed::stream(seed, 0, "garbage");
+    let mut rng = random_streams::stream(seed, 0, "garbage");
     // Wrong things of another run are refused at the door; with its number they get further.
     let mut run = 0;
     let mut look = FIRST_LOOK;

@@ -128,7 +128,7 @@ impl Plan {
     /// after which an agent is given up.
     #[must_use]
     pub fn of_seed(seed: u64, agents: u32, duration_s: f64, timeout_ms: u32) -> Self {
-        let mut rng = msgs::seed::stream(seed, 0, "faults");
+        let mut rng = random_streams::stream(seed, 0, "faults");
         let count = rng.random_range(1..=FAULTS_MAX);
         let mut faults: Vec<Timed> = (0..count)
             .map(|_| {

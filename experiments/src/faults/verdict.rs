@@ -98,5 +98,5 @@ pub fn digest(file: &Path) -> Result<String, String> {
     let result = recording.messages().filter(is_result).last();
     let result = result.ok_or_else(|| format!("{}: no result", file.display()))?;
     let result: maes_msgs::Result = result.decode().map_err(|error| error.to_string())?;
-    Ok(sim_server::digest::Digest(result.digest).to_string())
+    Ok(simulation::digest::Digest(result.digest).to_string())
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use sim_server::scenario::{Scenario, ScenarioError};
+use simulation::scenario::{Scenario, ScenarioError};
 use toml::Spanned;
 
 use super::{Axis, AxisValue, PlanError, RUNS_MAX};

@@ -7,7 +7,6 @@
 use std::f64::consts::SQRT_2;
 use std::ops::RangeInclusive;
 
-use msgs::seed;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
 use statrs::function::erf::erfc_inv;
@@ -117,7 +116,7 @@ fn interval(
     let mut drawn: Vec<Vec<f64>> = sizes.iter().map(|&size| vec![1.0; size]).collect();
     let estimate = figure(&drawn)?;
     let acceleration = acceleration(&mut drawn, &figure)?;
-    let mut rng = seed::stream(seed, 0, "statistics.bootstrap");
+    let mut rng = random_streams::stream(seed, 0, "statistics.bootstrap");
     let mut figures = Vec::with_capacity(resamples);
     for _ in 0..resamples {
         drawn.iter_mut().for_each(|times| draw(times, &mut rng));

@@ -17,9 +17,9 @@ use nalgebra::{Point3, Vector3};
 use regex_lite::{Regex, RegexBuilder};
 use serde::Serialize;
 
-use crate::wire;
-use crate::world::body::Pose;
-use crate::world::{World, collision};
+use simulation::wire;
+use simulation::world::body::Pose;
+use simulation::world::{World, collision};
 
 /// Bytes of a regular expression at the most, and of what it is compiled to.
 const FILTER_BYTES_MAX: usize = 1024;

@@ -4,8 +4,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::{GenerateArgs, Kind, MapCliError};
-use crate::mapgen::{BuildingSpec, MapSpec, NoiseSpec, SpheresSpec};
-use crate::scenario::one_line;
+use mapgen::{BuildingSpec, MapSpec, NoiseSpec, SpheresSpec};
+use simulation::scenario::one_line;
 
 /// What the options say, with the generator's defaults for what they leave out.
 pub(super) fn of(args: &GenerateArgs) -> Result<MapSpec, MapCliError> {

@@ -9,8 +9,9 @@ use thiserror::Error;
 
 use super::Cue;
 use crate::recording::{Channel, End, Recording};
-use crate::scenario::Scenario;
-use crate::{setup, views};
+use crate::setup;
+use simulation::scenario::Scenario;
+use simulation::visualisation;
 
 /// What somebody wants to have played.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -241,8 +242,8 @@ fn fits(pattern: &str, name: &str) -> bool {
     pattern.strip_suffix('*').map_or(pattern == name, |beginning| name.starts_with(beginning))
 }
 
-fn scenery(recording: &Recording) -> anyhow::Result<views::Pictures> {
+fn scenery(recording: &Recording) -> anyhow::Result<visualisation::VisualisationMessages> {
     let scenario = Scenario::parse(setup::SCENARIO_ATTACHMENT, &recording.scenario(), &[])?;
     let map = setup::recorded_map(recording, &scenario)?.ok_or_else(|| anyhow::anyhow!("it has no attachment"))?;
-    Ok(views::still(&map, scenario.agents.count))
+    Ok(visualisation::static_messages(&map, scenario.agents.count))
 }

@@ -1,7 +1,7 @@
 //! Agents that are driven by standard messages, at the edge to ROS: who drives them, and what they are told.
 //!
 //! The first process that is found to publish velocities for such an agent drives it for the whole run; it is not asked whether it
-//! wants to. Of its twists, commands are made in [`crate::twist`].
+//! wants to. Of its twists, commands are made in [`simulation::twist`].
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -12,18 +12,19 @@ use msgs::geometry_msgs::TwistStamped;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{JoinReply, Observation as Part};
 use msgs::nav_msgs::Odometry;
-use msgs::ros::audience::dds_name;
-use msgs::ros::{Inbox, Outlet, RosError, Sample, Workshop, now, source_of};
 use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::topics;
+use ros_node::audience::dds_name;
+use ros_node::{Inbox, Outlet, RosError, Sample, Workshop, now, source_of};
 use ros2_client::{Context, Node};
 
 use super::Item;
 use super::views::Gallery;
-use crate::link::{Inbound, Incoming, SourceId};
-use crate::twist;
-use crate::views::{Picture, View};
+use crate::transport::{Inbound, Incoming};
+use simulation::lockstep::SourceId;
+use simulation::twist;
+use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 
 /// Wall time between two looks for a process that drives an agent.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);
@@ -39,7 +40,7 @@ pub(super) struct Driven {
 #[derive(Default)]
 struct DrivenAgent {
     /// What it is told in this tick.
-    pictures: Vec<(View, Picture)>,
+    pictures: Vec<(VisualisationTopic, VisualisationMessage)>,
     /// Who drives it, once that is known.
     source: Option<SourceId>,
     is_accepted: bool,
@@ -125,8 +126,8 @@ impl Driven {
     /// Keeps what an agent is told in this tick.
     pub(super) fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
         if let Some(driven) = self.agents.get_mut(&agent) {
-            let points = points.map(|points| (View::Points(agent), Picture::Points(points)));
-            let odometry = (View::Odometry(agent), Picture::Odometry(Box::new(odometry)));
+            let points = points.map(|points| (VisualisationTopic::Points(agent), VisualisationMessage::Points(points)));
+            let odometry = (VisualisationTopic::Odometry(agent), VisualisationMessage::Odometry(Box::new(odometry)));
             driven.pictures = points.into_iter().chain([odometry]).collect();
         }
     }
@@ -144,7 +145,7 @@ impl Driven {
         let tick = Tick(part.tick);
         if part.phase == Part::ENDED {
             if let Some(source) = driven.source {
-                let message = Inbound::Command(twist::receipt(part.run, agent, tick));
+                let message = Inbound::Command(twist::acknowledgement(part.run, agent, tick));
                 self.said.push_back(Incoming { topic_agent: agent, source, message });
             }
             return;

@@ -1,7 +1,7 @@
 //! A recording on its ROS 2 topics: one participant with one node `replay`, its services, and a publisher for each topic.
 //!
 //! Invariants: everything is published with the type and the quality of service that it has in a run, as it stands in the file;
-//! readers are waited for, but each topic only for a moment (see [`msgs::ros::PatientOutlet`]); a late reader of a latched topic
+//! readers are waited for, but each topic only for a moment (see [`ros_node::PatientOutlet`]); a late reader of a latched topic
 //! is told all that holds. When something is due is decided in [`crate::replay`].
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,18 +9,18 @@ use std::time::{Duration, Instant};
 
 use msgs::cdr::Encoded;
 use msgs::ids::Tick;
-use msgs::ros::audience::Audience;
-use msgs::ros::{self, Inbox, PatientOutlet, RosError, Sent, Workshop, linger, now};
-use msgs::ros_env::RosEnv;
 use msgs::rosgraph_msgs::Clock;
 use msgs::topics;
+use ros_node::audience::Audience;
+use ros_node::ros_env::RosEnv;
+use ros_node::{Inbox, PatientOutlet, RosError, Sent, Workshop, linger, now};
 use ros2_client::{Context, Node};
 
 use super::services::{Asked, Services};
-use crate::parameters;
 use crate::recording::Recording;
 use crate::replay::{Cue, Manner, Pass, Player, Programme, Shelf, Turn};
 use crate::terminal::{self, Terminal};
+use simulation::parameters;
 
 /// The name of the node.
 const NODE: &str = "replay";
@@ -126,9 +126,11 @@ struct Seat {
 impl Stage {
     fn new(programme: &Programme, manner: Manner, env: &RosEnv) -> Result<Self, RosError> {
         // So many publishers take no more files than an agent of a run.
-        ros::allow_open_files(u32::try_from(programme.topics().len().div_ceil(TOPICS_OF_AGENT)).unwrap_or(u32::MAX))?;
-        let context = ros::join(env, true)?;
-        let mut node = ros::node(&context, NODE)?;
+        ros_node::allow_open_files(
+            u32::try_from(programme.topics().len().div_ceil(TOPICS_OF_AGENT)).unwrap_or(u32::MAX),
+        )?;
+        let context = ros_node::join(env, true)?;
+        let mut node = ros_node::node(&context, NODE)?;
         let mut workshop = Workshop::of(&context);
         let clock = workshop.patient_outlet(&context, &mut node, &topics::clock())?;
         let mut seats = Vec::new();

@@ -7,15 +7,15 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use msgs::parameters::{Named, Parameter, ParameterEvent, Parameters};
-use msgs::ros::{Goal, Inbox, Outlet, RosError, StepsEvent, Tally, Workshop};
 use msgs::service::{Ask, Service};
 use msgs::simulation_interfaces::Result as Outcome;
 use msgs::topics;
+use ros_node::{Goal, Inbox, Outlet, RosError, StepsEvent, Tally, Workshop};
 use ros2_client::Node;
 
 use crate::control::{Request, Steps};
-use crate::parameters;
-use crate::scenario::Rtf;
+use simulation::parameters;
+use simulation::scenario::Rtf;
 
 /// Requests that wait at the most; one more is not answered.
 const REQUESTS_MAX: usize = 256;

@@ -17,8 +17,8 @@ use msgs::parameters::Value;
 
 use super::services::{Wish, put};
 use crate::journal::{JournalReader, Page};
-use crate::parameters;
-use crate::scenario::{Rtf, Scenario};
+use simulation::parameters;
+use simulation::scenario::{Rtf, Scenario};
 
 /// What the names of assets begin with; a session and an offset follow.
 const SCHEME: &str = "maes://run/";

@@ -9,7 +9,7 @@ use msgs::service::{Ask, Reply};
 use serde::{Deserialize, Serialize};
 
 use crate::control::Request;
-use crate::scenario::Rtf;
+use simulation::scenario::Rtf;
 
 /// Something that a client wants.
 pub(super) enum Wish {

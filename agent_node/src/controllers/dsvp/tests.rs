@@ -8,11 +8,11 @@ use crate::observation::Contact;
 
 fn planner(settings: &[&str]) -> Dsvp {
     let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-    Dsvp::new(&mut Settings::parse(&settings).unwrap(), msgs::seed::stream(1, 0, "test")).unwrap()
+    Dsvp::new(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
 }
 
 fn bidder(agent: u32) -> Dsvp {
-    Dsvp::with_auction(&mut Settings::default(), msgs::seed::stream(1, agent.into(), "test")).unwrap()
+    Dsvp::with_auction(&mut Settings::default(), random_streams::stream(1, agent.into(), "test")).unwrap()
 }
 
 const CORRIDOR: &str = "

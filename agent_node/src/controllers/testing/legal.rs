@@ -2,8 +2,9 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use msgs::ids::{AgentId, RelayId, Tick};
+use msgs::ids::{AgentId, Tick};
 use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, RELAY_BYTES_MAX};
+use msgs::relay_id::RelayId;
 use nalgebra::{Point3, Vector3};
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;

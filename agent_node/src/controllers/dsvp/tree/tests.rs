@@ -51,7 +51,7 @@ proptest! {
     ) {
         let extent = Extent::new([12, 12, 4], 1.0).unwrap();
         let mut map = ExplorationMap::new(extent);
-        let mut rng = msgs::seed::stream(seed, 0, "tree");
+        let mut rng = random_streams::stream(seed, 0, "tree");
         for (index, kind) in (0..).zip(&cells) {
             match kind {
                 0 => map.note_wall(&[index]),
@@ -87,7 +87,7 @@ fn a_moved_tree_keeps_what_hangs_together() {
     let others = Others::near(&[], &Point3::origin(), 0.4, &nobody(), world.extent());
     let mut tree = Tree::new(Cell::new(5, 1, 0));
     let growth = Growth { samples: 20_000, ..GROWTH };
-    tree.grow(&map, &growth, &[], &others, &mut msgs::seed::stream(1, 0, "tree"));
+    tree.grow(&map, &growth, &[], &others, &mut random_streams::stream(1, 0, "tree"));
     assert_eq!(tree.nodes.len(), 11, "x from 1 to 11");
     let moved = tree.moved_to(Cell::new(8, 1, 0), &map, &GROWTH);
     assert_eq!(moved.nodes.len(), 10, "x from 2 to 11: {moved:?}");

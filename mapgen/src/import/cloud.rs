@@ -1,0 +1,129 @@
+//! Point clouds: every cell with a point is wall, every other one in the box around the points is free.
+//!
+//! That is what a cloud can say: what was hit. What lies behind a wall is free, too, then, and not connected with what lies before
+//! it, so the repair of maps fills it unless it is the larger part; `free_from` decides it.
+
+use std::collections::VecDeque;
+
+use voxels::{Cell, FACES, Grid, Terrain};
+
+use super::frame::{Bounds, Frame, Units};
+use super::{FormatError, ImportSpec, Imported, Note};
+
+/// A map of points of the file.
+///
+/// # Errors
+/// If there is no finite point, or the box around them has too many cells.
+pub(super) fn map(spec: &ImportSpec, points: &[[f64; 3]], mut notes: Vec<Note>) -> Result<Imported, FormatError> {
+    let units = Units::new(spec)?;
+    let finite = || points.iter().map(|&point| units.cells(point)).filter(|place| place.iter().all(|a| a.is_finite()));
+    let bounds = Bounds::of(finite()).ok_or(FormatError::Nothing("point with finite coordinates"))?;
+    let frame = Frame::around(units, bounds, true)?;
+    let mut terrain = frame.grid(Terrain::Free, spec)?;
+    voxels::close_shell(&mut terrain, 1);
+    let (mut used, mut hit) = (0, 0);
+    for place in finite() {
+        used += 1;
+        hit += u64::from(terrain.set(frame.cell(place), Terrain::Wall) == Some(Terrain::Free));
+    }
+    let dropped = points.len() - used;
+    notes.push(Note::new("points", format!("{used} in {hit} cells, {dropped} dropped because they are not finite")));
+    notes.push(frame.note());
+    notes.extend(keep_from(&mut terrain, spec.options.free_from, |place| frame.cell_of_place(place))?);
+    Ok(Imported { terrain, notes, stores_cell_m: false })
+}
+
+/// Fills free cells that are not connected with the cell of the option `free_from`, if it is given.
+///
+/// # Errors
+/// If that cell is wall or outside the map.
+pub(super) fn keep_from(
+    terrain: &mut Grid<Terrain>,
+    place: Option<[f64; 3]>,
+    cell_of: impl Fn([f64; 3]) -> Cell,
+) -> Result<Option<Note>, FormatError> {
+    let Some(place) = place else { return Ok(None) };
+    let extent = terrain.extent();
+    let start = cell_of(place);
+    if terrain.get(start) != Some(&Terrain::Free) {
+        return Err(FormatError::FreeFrom { place, is_outside: !extent.contains(start) });
+    }
+    // Kept cells are taken out of the map, and put back into a solid one.
+    let mut kept = Grid::new(extent, Terrain::Wall);
+    let mut open = VecDeque::from([start]);
+    terrain.set(start, Terrain::Wall);
+    kept.set(start, Terrain::Free);
+    while let Some(cell) = open.pop_front() {
+        for next in FACES.map(|face| cell + face) {
+            if terrain.get(next) == Some(&Terrain::Free) {
+                terrain.set(next, Terrain::Wall);
+                kept.set(next, Terrain::Free);
+                open.push_back(next);
+            }
+        }
+    }
+    let filled = super::super::free_cells(terrain);
+    *terrain = kept;
+    Ok(Some(Note::new("free_from", format!("{filled} free cells filled that are not connected with it"))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ImportOptions;
+
+    fn spec(options: ImportOptions, cell_m: f64) -> ImportSpec {
+        ImportSpec { options, cell_m: Some(cell_m), ..ImportSpec::new("a.pcd", Vec::new()) }
+    }
+
+    #[test]
+    fn points_are_walls_and_the_rest_of_their_box_is_free() {
+        let points = [[0.0, 0.0, 0.0], [1.2, 0.2, 0.1], [0.6, f64::NAN, 0.0], [1.4, 0.9, 0.4]];
+        let Imported { terrain, notes, stores_cell_m } =
+            map(&spec(ImportOptions::default(), 0.5), &points, Vec::new()).unwrap();
+        let wall = "#####\n#####\n#####\n#####\n";
+        assert_eq!(terrain.to_text(), format!("{wall}\n#####\n#..##\n##.##\n#####\n\n{wall}"));
+        assert_eq!(terrain.extent().cell_m(), 0.5);
+        assert!(!stores_cell_m);
+        assert_eq!(notes[0].text, "3 in 3 cells, 1 dropped because they are not finite");
+        assert_eq!(notes[1].text, "the map begins at (-0.5, -0.5, -0.5) m of the file");
+    }
+
+    #[test]
+    fn y_may_point_upwards_and_units_may_be_millimetres() {
+        let options = ImportOptions { up: Some(super::super::Up::Y), scale: Some(0.001), ..ImportOptions::default() };
+        let points = [[0.0, 0.0, 0.0], [0.0, 2000.0, -1000.0]];
+        let terrain = map(&spec(options, 1.0), &points, Vec::new()).unwrap().terrain;
+        assert_eq!(terrain.extent().size(), [3, 4, 5]);
+        assert_eq!(terrain.get(Cell::new(1, 2, 3)), Some(&Terrain::Wall));
+        assert_eq!(terrain.get(Cell::new(1, 1, 2)), Some(&Terrain::Free));
+    }
+
+    #[test]
+    fn what_is_not_connected_with_a_place_is_filled() {
+        let points: Vec<[f64; 3]> = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [2.0, 2.0], [5.0, 2.0]]
+            .into_iter()
+            .map(|[x, y]| [x, y, 0.0])
+            .collect();
+        let from = |place| spec(ImportOptions { free_from: Some(place), ..ImportOptions::default() }, 1.0);
+        let Imported { terrain, notes, .. } = map(&from([1.5, 1.5, 0.5]), &points, Vec::new()).unwrap();
+        assert_eq!(super::super::super::free_cells(&terrain), 5);
+        assert_eq!(notes[2].text, "8 free cells filled that are not connected with it");
+        let refused = map(&from([2.5, 1.5, 0.5]), &points, Vec::new()).unwrap_err().to_string();
+        assert_eq!(refused, "free_from = 2.5,1.5,0.5 lies in wall, expected a place in a free cell");
+        let refused = map(&from([9.5, 1.5, 0.5]), &points, Vec::new()).unwrap_err().to_string();
+        assert!(refused.contains("lies outside the map"), "{refused}");
+    }
+
+    #[test]
+    fn a_cloud_without_an_extent_is_refused() {
+        let refuse = |points: &[[f64; 3]]| {
+            map(&spec(ImportOptions::default(), 0.1), points, Vec::new()).unwrap_err().to_string()
+        };
+        assert_eq!(refuse(&[[0.0, f64::INFINITY, 0.0]]), "the file has no point with finite coordinates");
+        assert_eq!(
+            refuse(&[[0.0; 3], [0.0, 1e300, 0.0]]),
+            "map size along y is 4294967295 cells, allowed are 1 to 1024, with cells of 0.1 m; choose longer ones"
+        );
+    }
+}

@@ -1,0 +1,81 @@
+//! Meshes in Wavefront's OBJ format: vertices and faces; everything else is of no use here.
+//!
+//! A face of more than three corners becomes the triangles between its first corner and each of its other edges.
+
+use super::bytes::{Bytes, number, shown, three, words};
+use super::mesh::{self, Mesh};
+use super::{FormatError, ImportSpec, Imported};
+
+/// A map of an OBJ file.
+///
+/// # Errors
+/// If the file is none, or its mesh does not fit into a map.
+pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
+    let mut mesh = Mesh::default();
+    let mut text = Bytes::new(&spec.bytes);
+    while let Some((line, content)) = text.line() {
+        let mut words = words(content);
+        match words.next() {
+            Some(b"v") => mesh.vertices.push(three(line, &mut words, "a coordinate")?),
+            Some(b"f") => {
+                let corners: Result<Vec<u32>, FormatError> =
+                    words.map(|word| corner(line, word, mesh.vertices.len())).collect();
+                let corners = corners?;
+                if corners.len() < 3 {
+                    return Err(FormatError::line(
+                        line,
+                        format!("a face of {} corners, expected 3 or more", corners.len()),
+                    ));
+                }
+                mesh.triangles.extend(corners[1..].windows(2).map(|edge| [corners[0], edge[0], edge[1]]));
+            }
+            _ => {}
+        }
+    }
+    mesh::map(spec, &mesh)
+}
+
+/// The vertex of a corner such as `7`, `7/1/3` or, counted from the last one, `-2`.
+fn corner(line: usize, word: &[u8], vertices: usize) -> Result<u32, FormatError> {
+    let before = word.split(|&byte| byte == b'/').next();
+    let number: i64 = number(line, before, "a corner of a face")?;
+    let from_0 = if number < 0 { (vertices as i64).checked_add(number) } else { number.checked_sub(1) };
+    let is_vertex = |index: &i64| (0..vertices as i64).contains(index);
+    from_0
+        .filter(is_vertex)
+        .and_then(|index| u32::try_from(index).ok())
+        .ok_or_else(|| FormatError::line(line, format!("{} is none of the {vertices} vertices before it", shown(word))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::{ImportOptions, Kind};
+
+    #[test]
+    fn faces_name_vertices_from_the_first_and_from_the_last() {
+        // The unit cube, scaled to two cells: quads with and without normals, and one of triangles.
+        let text = "# a cube\no cube\nv 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nv 0 0 2\nv 2 0 2\nv 2 2 2\nv 0 2 2\nvn 0 0 1\n\
+                    f 1 4 3 2\nf 5//1 6//1 7//1 8//1\nf -8 -7 -3 -4\nf 2 3 7 6\nf 3 4 8\nf 3 8 7\ns off\nf 4/1/1 1/1/1 5/1/1 8/1/1\n";
+        let options = ImportOptions { inside: Some(Kind::Free), ..ImportOptions::default() };
+        let spec = ImportSpec { options, ..ImportSpec::new("a.obj", text.into()) };
+        let Imported { terrain, notes, .. } = read(&spec).unwrap();
+        assert_eq!(terrain.extent().size(), [4; 3]);
+        assert_eq!(crate::free_cells(&terrain), 8);
+        assert_eq!(notes[0].text, "12 triangles, 0 dropped because they have no area or are not finite");
+    }
+
+    #[test]
+    fn errors_name_the_line() {
+        let refuse = |text: &str| read(&ImportSpec::new("a.obj", text.into())).unwrap_err().to_string();
+        assert_eq!(refuse("v 1 2\n"), "line 1: a coordinate is missing");
+        assert_eq!(refuse("v 1 2 3\nf 1 1\n"), "line 2: a face of 2 corners, expected 3 or more");
+        assert_eq!(refuse("v 1 2 3\nf 1 1 2\n"), "line 2: \"2\" is none of the 1 vertices before it");
+        assert_eq!(refuse("v 1 2 3\nf 1 0 1\n"), "line 2: \"0\" is none of the 1 vertices before it");
+        assert_eq!(
+            refuse("v 1 2 3\nf 1 1 -9223372036854775808\n"),
+            "line 2: \"-9223372036854775808\" is none of the 1 vertices before it"
+        );
+        assert_eq!(refuse("hello\n"), "the file has no triangle");
+    }
+}

@@ -1,0 +1,114 @@
+use super::*;
+use crate::{MapSpec, SpheresSpec};
+use proptest::prelude::*;
+
+/// Garbage that begins as a file of each format does.
+const BEGINNINGS: [(&str, &[u8]); 12] = [
+    ("a.m3dm", b"\0M3DMRLE\x01\0\0\0"),
+    ("a.txt", b"##\n"),
+    ("a.bt", b"# Octomap OcTree binary file\nid OcTree\nres 0.5\ndata\n"),
+    ("a.pcd", b"FIELDS x y z\nPOINTS 3\nDATA ascii\n1 2 3\n"),
+    ("a.pcd", b"FIELDS x y z\nPOINTS 3\nDATA binary_compressed\n\x10\0\0\0\x24\0\0\0"),
+    ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n"),
+    ("a.ply", b"ply\nformat binary_big_endian 1.0\nelement vertex 2\nproperty list char int x\nend_header\n"),
+    ("a.obj", b"v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 2 3\nf 1 2 4\n"),
+    ("a.stl", b"solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 3 0 0\nvertex 0 3 0\nendloop\n"),
+    ("a.vox", b"VOX \x96\0\0\0MAIN\0\0\0\0\0\0\0\0SIZE\x0c\0\0\0\0\0\0\0\x03\0\0\0\x02\0\0\0\x01\0\0\0"),
+    ("a.pgm", b"P2 2 2 9\n"),
+    ("a.pgm", b"P5 2 2 300\n"),
+];
+
+#[test]
+fn what_an_option_is_not_for_is_refused() {
+    let refuse = |file: &str, options: ImportOptions| {
+        ImportSpec { options, ..ImportSpec::new(file, Vec::new()) }.read().unwrap_err().to_string()
+    };
+    let threshold = |share| ImportOptions { threshold: Some(share), ..ImportOptions::default() };
+    assert_eq!(refuse("a.m3dm", threshold(0.5)), "a.m3dm: threshold is not an option for .m3dm files, which have none");
+    assert_eq!(
+        refuse("a.obj", threshold(0.5)),
+        "a.obj: threshold is not an option for .obj files, which have fill, inside, up, scale, margin_cells, free_from"
+    );
+    assert_eq!(refuse("a.pgm", threshold(1.5)), "a.pgm: threshold = 1.5, allowed is 0 to 1");
+    let place = ImportOptions { free_from: Some([0.0, f64::NAN, 1.0]), ..ImportOptions::default() };
+    assert_eq!(refuse("a.pcd", place), "a.pcd: free_from = 0,NaN,1, allowed is three finite numbers");
+}
+
+#[test]
+fn a_cell_length_is_that_of_the_file_or_that_of_the_user() {
+    let terrain = Grid::new(Extent::new([3, 3, 3], 0.5).unwrap(), Terrain::Wall);
+    let packed = MapFormat::M3dm.write(&terrain, true).unwrap();
+    let plain = MapFormat::M3dm.write(&terrain, false).unwrap();
+    let read = |bytes: &[u8], cell_m| ImportSpec { cell_m, ..ImportSpec::new("a.m3dm", bytes.to_vec()) }.read();
+    let cell_m = |bytes: &[u8], asked| read(bytes, asked).unwrap().terrain.extent().cell_m();
+    assert_eq!([cell_m(&packed, None), cell_m(&packed, Some(0.5))], [0.5, 0.5]);
+    assert_eq!([cell_m(&plain, None), cell_m(&plain, Some(0.2))], [1.0, 0.2]);
+    assert_eq!(
+        read(&packed, Some(0.2)).unwrap_err().to_string(),
+        "a.m3dm: the file has cells of 0.5 m, asked for are cells of 0.2 m; leave cell_m out, or let them agree"
+    );
+    assert_eq!(ImportSpec::new("a.m3dm", packed).stored_cell_m(), Some(0.5));
+    assert_eq!(ImportSpec::new("a.m3dm", plain).stored_cell_m(), None);
+    assert!(read(b"x", Some(f64::NAN)).is_err());
+}
+
+#[test]
+fn a_packed_cave_takes_less_than_15_percent_of_a_plain_one() {
+    for seed in 1..=2 {
+        let spec = MapSpec::Spheres(SpheresSpec::default());
+        let cave = crate::generate(&spec, Extent::new([100; 3], 1.0).unwrap(), seed).unwrap().terrain;
+        let length = |is_packed| MapFormat::M3dm.write(&cave, is_packed).unwrap().len();
+        assert_eq!(length(false), 125_003);
+        assert!(length(true) * 100 < length(false) * 15, "seed {seed}: {} bytes", length(true));
+    }
+}
+
+#[test]
+fn maps_are_as_large_as_allowed() {
+    let bytes = [b"P2 5 5 1 ".as_slice(), &b"1 ".repeat(25)].concat();
+    let error = ImportSpec { cells_max: 99, ..ImportSpec::new("a.pgm", bytes) }.read().unwrap_err().to_string();
+    assert_eq!(error, "a.pgm: the map has 175 cells, allowed are 99");
+}
+
+#[test]
+fn a_map_is_surrounded_if_it_is_open_and_there_is_room() {
+    let open = Grid::from_text("#.\n##\n").unwrap();
+    let (around, note) = surrounded(open.clone(), 100).unwrap();
+    let wall = "####\n".repeat(4);
+    assert_eq!(around.to_text(), format!("{wall}\n####\n##.#\n####\n####\n\n{wall}"));
+    assert!(note.is_some());
+    assert_eq!(surrounded(around.clone(), 100), Ok((around, None)));
+    assert!(surrounded(open, 47).is_err());
+    let long = Grid::new(Extent::new([1023, 1, 1], 1.0).unwrap(), Terrain::Free);
+    assert_eq!(surrounded(long.clone(), usize::MAX), Ok((long, None)));
+}
+
+proptest! {
+    #[test]
+    fn garbage_is_refused_or_a_map(
+        which in 0..BEGINNINGS.len(), keep in any::<prop::sample::Index>(), rest in prop::collection::vec(any::<u8>(), 0..80),
+    ) {
+        let (file, beginning) = BEGINNINGS[which];
+        let whole = [beginning, &rest].concat();
+        let cut = beginning[..keep.index(beginning.len())].to_vec();
+        for bytes in [whole, cut, rest] {
+            let spec = ImportSpec { cells_max: 1 << 16, ..ImportSpec::new(file, bytes) };
+            match spec.read() {
+                Ok(imported) => prop_assert!(imported.terrain.extent().volume() <= 1 << 16),
+                Err(error) => prop_assert!(!error.to_string().contains('\n')),
+            }
+        }
+    }
+
+    #[test]
+    fn words_for_numbers_are_refused_or_a_map(
+        which in 0..BEGINNINGS.len(), words in prop::collection::vec("[-0-9.ef#v /]{1,9}", 0..30),
+    ) {
+        let (file, beginning) = BEGINNINGS[which];
+        let bytes = [beginning, words.join("\n").as_bytes()].concat();
+        let spec = ImportSpec { cells_max: 1 << 16, ..ImportSpec::new(file, bytes) };
+        if let Err(error) = spec.read() {
+            prop_assert!(!error.to_string().contains('\n'));
+        }
+    }
+}

@@ -1,0 +1,297 @@
+//! Map generation: a spec, an extent and a seed become the true terrain.
+//!
+//! Invariants of every generated map: at least one layer of wall on every side, at least one free cell, and all free
+//! cells connected through faces. The same spec, extent and seed give the same terrain; nothing else is looked at.
+//! Generation always ends: a request that cannot be met is an error.
+//!
+//! Nothing here opens a file, knows the time or draws a seed.
+
+#![warn(missing_docs)]
+
+pub mod building;
+pub mod export;
+pub mod import;
+pub mod noise;
+mod smoothing;
+pub mod spheres;
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+use voxels::{Extent, Grid, Pockets, Terrain, keep_largest_component};
+
+pub use building::{BuildingSpec, Built, Entrance};
+pub use import::{Fill, FormatError, ImportOptions, ImportSpec, Imported, Kind, MapFormat, Note, repair};
+pub use noise::NoiseSpec;
+pub use spheres::SpheresSpec;
+
+/// The shortest side of a generated map, in cells: one cell between two solid layers on either side.
+pub const SIDE_MIN: u32 = 5;
+
+/// How a map is made.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MapSpec {
+    /// Random Connected Spheres.
+    Spheres(SpheresSpec),
+    /// Smoothed Noise.
+    Noise(NoiseSpec),
+    /// Floors of hallways and rooms.
+    Building(BuildingSpec),
+}
+
+impl MapSpec {
+    /// Whether a map of this extent can be tried.
+    ///
+    /// # Errors
+    /// For the first parameter or side that is not usable; the error names it, its value and what is allowed.
+    pub fn check(&self, extent: Extent) -> Result<(), MapError> {
+        match self {
+            Self::Spheres(spec) => spec.check(extent),
+            Self::Noise(spec) => spec.check(extent),
+            Self::Building(spec) => spec.check(extent),
+        }
+    }
+}
+
+/// A terrain and how it came about.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GeneratedMap {
+    /// The true map.
+    pub terrain: Grid<Terrain>,
+    /// Where one comes in; none unless it is a building.
+    pub entrances: Vec<Entrance>,
+    /// What there is to say about it.
+    pub report: MapReport,
+}
+
+/// What map generation found and did.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MapReport {
+    /// The seed that makes this map again from the same spec and extent; an import does not depend on it.
+    pub seed: u64,
+    /// Free cells of the finished map.
+    pub free_cells: u64,
+    /// Free cells divided by all cells of the map.
+    pub free_fraction: f64,
+    /// What was carved, for [`MapSpec::Spheres`].
+    pub carved: Option<Carved>,
+    /// What was built, for [`MapSpec::Building`].
+    pub built: Option<Built>,
+    /// Free cells that became wall because they lay in a layer that must be solid.
+    pub shell_cells_closed: u64,
+    /// Caves that were filled because they were not connected to the largest one.
+    pub pockets_removed: u64,
+    /// Cells of these caves.
+    pub pocket_cells_removed: u64,
+}
+
+/// What Random Connected Spheres carved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Carved {
+    /// Number of spheres.
+    pub spheres: u64,
+    /// Number of tunnels between them.
+    pub tunnels: u64,
+}
+
+/// Why there is no map.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum MapError {
+    /// A parameter is outside the range in which a map of this extent can be made.
+    #[error("{key} is {value}, allowed is {allowed}")]
+    OutOfRange {
+        /// The parameter, as in the text form of a spec.
+        key: &'static str,
+        /// The refused value.
+        value: String,
+        /// The allowed range, both ends included unless it says otherwise.
+        allowed: String,
+    },
+    /// A side of the map is too short for the generators.
+    #[error("map size along {axis} is {cells} cells, generators need at least {SIDE_MIN}")]
+    SideTooShort {
+        /// `x`, `y` or `z`.
+        axis: char,
+        /// Cells along it.
+        cells: u32,
+    },
+    /// Every place where a sphere could be centred is free, and the fill ratio is not reached.
+    #[error(
+        "fill_ratio {asked} is out of reach on a map of {} cells with radii from {radius_min} to {radius_max}: \
+         {spheres} sphere(s) freed {reached:.4} of the volume, and no wall cell is left in which another one could be \
+         centred",
+        by(*size)
+    )]
+    FillUnreachable {
+        /// Cells along x, y and z.
+        size: [u32; 3],
+        /// The fill ratio of the spec.
+        asked: f64,
+        /// The share of the volume that the spheres freed.
+        reached: f64,
+        /// Number of spheres.
+        spheres: usize,
+        /// Smallest radius of the spec, in cells.
+        radius_min: u32,
+        /// Largest radius of the spec, in cells.
+        radius_max: u32,
+    },
+    /// The system has not enough memory for a map of this size.
+    #[error("a map of {} cells and what is known of it take {mib} MiB of memory, which cannot be had; choose a smaller one", by(*size))]
+    Memory {
+        /// Cells along x, y and z.
+        size: [u32; 3],
+        /// How much would be needed.
+        mib: usize,
+    },
+    /// Noise or smoothing has left nothing free.
+    #[error("the map has no free cell left after smoothing; change its fill, radii or smoothing")]
+    Empty,
+    /// A map file cannot be read.
+    #[error("{file}: {reason}")]
+    Import {
+        /// The file.
+        file: String,
+        /// What is wrong in it.
+        reason: FormatError,
+    },
+    /// A map file is solid.
+    #[error("{file}: the map has no free cell inside its outermost layer")]
+    ImportEmpty {
+        /// The file.
+        file: String,
+    },
+}
+
+/// Makes the map that `spec` and `seed` describe.
+///
+/// ```
+/// use mapgen::{MapSpec, NoiseSpec, generate};
+/// use voxels::Extent;
+///
+/// let spec = MapSpec::Noise(NoiseSpec::default());
+/// let extent = Extent::new([30, 30, 20], 1.0)?;
+/// let map = generate(&spec, extent, 42)?;
+/// assert_eq!(map.report.seed, 42);
+/// assert_eq!(map, generate(&spec, extent, 42)?);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// Those of [`MapSpec::check`]; [`MapError::Memory`]; [`MapError::FillUnreachable`]; [`MapError::Empty`] if nothing free is left.
+pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMap, MapError> {
+    check_memory(extent, GENERATION_CELL_BYTES)?;
+    let (draft, built, entrances) = match spec {
+        MapSpec::Spheres(spec) => (spheres::draft(spec, extent, seed)?, None, Vec::new()),
+        MapSpec::Noise(spec) => (noise::draft(spec, extent, seed)?, None, Vec::new()),
+        MapSpec::Building(spec) => {
+            let (draft, built, entrances) = building::draft(spec, extent, seed)?;
+            (draft, Some(built), entrances)
+        }
+    };
+    let Draft { mut terrain, carved, shell_cells_closed } = draft;
+    let pockets = keep_largest_component(&mut terrain);
+    if pockets.kept_cells == 0 {
+        return Err(MapError::Empty);
+    }
+    Ok(GeneratedMap { entrances, ..described(terrain, seed, pockets, (carved, built), shell_cells_closed) })
+}
+
+/// A finished map with its report.
+fn described(
+    terrain: Grid<Terrain>,
+    seed: u64,
+    pockets: Pockets,
+    (carved, built): (Option<Carved>, Option<Built>),
+    shell_cells_closed: usize,
+) -> GeneratedMap {
+    let report = MapReport {
+        seed,
+        free_cells: pockets.kept_cells as u64,
+        free_fraction: pockets.kept_cells as f64 / terrain.extent().volume() as f64,
+        carved,
+        built,
+        shell_cells_closed: shell_cells_closed as u64,
+        pockets_removed: pockets.filled_components as u64,
+        pocket_cells_removed: pockets.filled_cells as u64,
+    };
+    GeneratedMap { terrain, entrances: Vec::new(), report }
+}
+
+/// The entrances of the map that [`generate`] makes of the same arguments, without the map.
+///
+/// # Errors
+/// Those of [`MapSpec::check`]; [`MapError::OutOfRange`] if the building has fewer entrances than it should.
+pub fn entrances(spec: &MapSpec, extent: Extent, seed: u64) -> Result<Vec<Entrance>, MapError> {
+    match spec {
+        MapSpec::Building(spec) => building::entrances(spec, extent, seed),
+        MapSpec::Spheres(_) | MapSpec::Noise(_) => Ok(Vec::new()),
+    }
+}
+
+/// Bytes for each cell that generation takes at the most: the terrain, a copy, and the labels of its components.
+const GENERATION_CELL_BYTES: usize = 8;
+
+/// Whether the system would give so many bytes for each cell. It may promise more than it can hold to, but what it does not even
+/// promise is a clear error here, and the end of the process later on.
+///
+/// # Errors
+/// If it would not.
+pub fn check_memory(extent: Extent, cell_bytes: usize) -> Result<(), MapError> {
+    let bytes = extent.volume().saturating_mul(cell_bytes);
+    let error = |_| MapError::Memory { size: extent.size(), mib: bytes >> 20 };
+    Vec::<u8>::new().try_reserve_exact(bytes).map_err(error)
+}
+
+/// The number of free cells.
+pub fn free_cells(terrain: &Grid<Terrain>) -> u64 {
+    terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count() as u64
+}
+
+/// The blake3 hash that names a terrain: of its size (three little-endian `u32`, x first), then one byte per cell in
+/// index order, 0 free and 1 wall. The length of a cell's edge is not part of it.
+pub fn terrain_hash(terrain: &Grid<Terrain>) -> blake3::Hash {
+    let mut hasher = blake3::Hasher::new();
+    for cells in terrain.extent().size() {
+        hasher.update(&cells.to_le_bytes());
+    }
+    let mut bytes = Vec::new();
+    for cells in terrain.as_slice().chunks(1 << 16) {
+        bytes.clear();
+        bytes.extend(cells.iter().map(|&cell| cell as u8));
+        hasher.update(&bytes);
+    }
+    hasher.finalize()
+}
+
+/// What a generator hands over: a terrain that may still have pockets.
+struct Draft {
+    terrain: Grid<Terrain>,
+    carved: Option<Carved>,
+    shell_cells_closed: usize,
+}
+
+/// A size as people write it.
+fn by([x, y, z]: [u32; 3]) -> String {
+    format!("{x}x{y}x{z}")
+}
+
+fn check_sides(extent: Extent) -> Result<(), MapError> {
+    match ['x', 'y', 'z'].into_iter().zip(extent.size()).find(|&(_, cells)| cells < SIDE_MIN) {
+        Some((axis, cells)) => Err(MapError::SideTooShort { axis, cells }),
+        None => Ok(()),
+    }
+}
+
+fn in_range<T: Display + PartialOrd>(key: &'static str, value: T, range: RangeInclusive<T>) -> Result<(), MapError> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    let allowed = format!("{} to {}", range.start(), range.end());
+    Err(MapError::OutOfRange { key, value: value.to_string(), allowed })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,99 @@
+//! The six services by which the parameters of a node are read and set.
+//!
+//! They are answered where they come in; of what was set the owner is told through the inbox.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use ros2_client::Node;
+
+use super::{Inbox, RosError, Workshop};
+use msgs::parameters::{
+    DescribeParameters, DescriptorsResponse, GetParameterTypes, GetParameters, KindsResponse, ListParameters,
+    ListResponse, Named, Parameters, SetAtomicallyResponse, SetParameters, SetParametersAtomically, SetResponse,
+    ValuesResponse,
+};
+use msgs::service::{Ask, Service};
+
+/// Parameters that their owner and the services look at.
+pub type Shared = Rc<RefCell<Parameters>>;
+
+impl Workshop {
+    /// Offers the parameters of a node, whose name begins with a slash. What was set comes out of the inbox as what `convert`
+    /// makes of it; of bytes that are no request it is told why. `check` may refuse what type and range allow.
+    ///
+    /// # Errors
+    /// If the middleware refuses it.
+    pub fn parameters<T: 'static>(
+        &mut self,
+        node: &mut Node,
+        name: &str,
+        inbox: &mut Inbox<T>,
+        parameters: &Shared,
+        check: fn(&Named) -> Result<(), String>,
+        convert: impl Fn(Result<Vec<Named>, String>) -> T + 'static,
+    ) -> Result<(), RosError> {
+        let convert: Convert<T> = Rc::new(convert);
+        let (shared, made) = (Rc::clone(parameters), Rc::clone(&convert));
+        self.service(node, &format!("{name}/get_parameters"), inbox, move |asked| {
+            read(asked, &made, |ask: Ask<GetParameters>| {
+                ask.answer(|request| ValuesResponse { values: shared.borrow().values(&request.names) });
+            })
+        })?;
+        let (shared, made) = (Rc::clone(parameters), Rc::clone(&convert));
+        self.service(node, &format!("{name}/get_parameter_types"), inbox, move |asked| {
+            read(asked, &made, |ask: Ask<GetParameterTypes>| {
+                ask.answer(|request| {
+                    let values = shared.borrow().values(&request.names);
+                    KindsResponse { types: values.into_iter().map(|value| value.kind).collect() }
+                });
+            })
+        })?;
+        let (shared, made) = (Rc::clone(parameters), Rc::clone(&convert));
+        self.service(node, &format!("{name}/describe_parameters"), inbox, move |asked| {
+            read(asked, &made, |ask: Ask<DescribeParameters>| {
+                ask.answer(|request| DescriptorsResponse { descriptors: shared.borrow().descriptors(&request.names) });
+            })
+        })?;
+        let (shared, made) = (Rc::clone(parameters), Rc::clone(&convert));
+        self.service(node, &format!("{name}/list_parameters"), inbox, move |asked| {
+            read(asked, &made, |ask: Ask<ListParameters>| {
+                ask.answer(|request| ListResponse { result: shared.borrow().list(&request.prefixes, request.depth) });
+            })
+        })?;
+        let (shared, made) = (Rc::clone(parameters), Rc::clone(&convert));
+        self.service(node, &format!("{name}/set_parameters"), inbox, move |asked| {
+            let set = asked.map(|Ask { request, reply }: Ask<SetParameters>| {
+                let mut shared = shared.borrow_mut();
+                let outcomes: Vec<_> =
+                    request.parameters.iter().map(|named| check(named).and_then(|()| shared.set(named))).collect();
+                let set = request.parameters.into_iter().zip(&outcomes).filter(|(_, outcome)| outcome.is_ok());
+                let set = set.map(|(parameter, _)| parameter).collect();
+                reply.send(SetResponse::of(outcomes));
+                set
+            });
+            made(set)
+        })?;
+        let shared = Rc::clone(parameters);
+        self.service(node, &format!("{name}/set_parameters_atomically"), inbox, move |asked| {
+            let set = asked.map(|Ask { request, reply }: Ask<SetParametersAtomically>| {
+                let checked = request.parameters.iter().try_for_each(check);
+                let outcome = checked.and_then(|()| shared.borrow_mut().set_all(&request.parameters));
+                let set = if outcome.is_ok() { request.parameters } else { Vec::new() };
+                reply.send(SetAtomicallyResponse { result: outcome.into() });
+                set
+            });
+            convert(set)
+        })
+    }
+}
+
+type Convert<T> = Rc<dyn Fn(Result<Vec<Named>, String>) -> T>;
+
+/// A request that sets nothing.
+fn read<S: Service, T>(asked: Result<Ask<S>, String>, convert: &Convert<T>, answer: impl FnOnce(Ask<S>)) -> T {
+    convert(asked.map(|ask| {
+        answer(ask);
+        Vec::new()
+    }))
+}

@@ -1,0 +1,65 @@
+//! `[[bodies]]`: agents whose bodies can do something else than `[body]` says.
+//!
+//! This module checks nothing: see [`super::Scenario::parse`].
+
+use std::collections::BTreeMap;
+
+use msgs::body_model::{BodyKeys, BodyModel};
+use msgs::ids::AgentId;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::{Scenario, one_line};
+
+/// An entry of `[[bodies]]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "toml::Table")]
+pub struct BodyEntry {
+    /// Whose bodies.
+    pub agents: Vec<u32>,
+    /// What they can do: keys that are not given are those of `[body]`, or those of the kind if `[body]` is of another one.
+    #[serde(flatten)]
+    pub keys: BodyKeys,
+}
+
+/// A table that is no entry of `[[bodies]]`.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("an entry of `bodies`: {0}")]
+pub struct EntryError(String);
+
+impl TryFrom<toml::Table> for BodyEntry {
+    type Error = EntryError;
+
+    fn try_from(mut table: toml::Table) -> Result<Self, EntryError> {
+        let wrong = |error: toml::de::Error| EntryError(one_line(error.message()));
+        let agents = table.remove("agents").ok_or_else(|| EntryError("missing field `agents`".to_owned()))?;
+        Ok(Self { agents: agents.try_into().map_err(wrong)?, keys: table.try_into().map_err(wrong)? })
+    }
+}
+
+impl Scenario {
+    /// The bodies of the agents that have another one than `[body]` says.
+    #[must_use]
+    pub fn other_bodies(&self) -> BTreeMap<AgentId, BodyModel> {
+        let of_entry = |entry: &BodyEntry| {
+            let body = entry.keys.over(&self.body);
+            entry.agents.iter().map(move |&agent| (AgentId(agent), body)).collect::<Vec<_>>()
+        };
+        self.bodies.iter().flat_map(of_entry).collect()
+    }
+
+    /// The radius of each body, metres, by agent.
+    #[must_use]
+    pub fn radii_m(&self) -> Vec<f64> {
+        let others = self.other_bodies();
+        let body = |agent: u32| others.get(&AgentId(agent)).unwrap_or(&self.body);
+        (0..self.agents.count).map(|agent| body(agent).radius_m).collect()
+    }
+
+    /// Writes down what the entries leave out.
+    pub(super) fn complete_bodies(&mut self) {
+        for entry in &mut self.bodies {
+            entry.keys = entry.keys.over(&self.body).into();
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! Agents that are driven by standard messages, by a node that knows nothing of this project.
+//!
+//! Such a node gets odometry in every tick and a point cloud with every scan ([`crate::views`]), and answers each stamp of `/clock`
+//! with a `geometry_msgs/TwistStamped` of the same stamp on `/agent_<id>/cmd_vel`. This module makes of each twist the command that
+//! an agent of ours would have sent. So all that follows is the same: the lock-step waits for it, it is checked, recorded and part
+//! of the digest.
+//!
+//! Invariant: a twist becomes the same command whenever it comes. This module sends nothing and knows no transport.
+
+use msgs::geometry_msgs::TwistStamped;
+use msgs::ids::{AgentId, Tick};
+use msgs::limits::PROTOCOL;
+use msgs::maes_msgs::{Command, Join, LidarRequest, Task, Wake};
+
+use crate::wire::body_frame;
+
+/// What such an agent is called where others name their controller.
+const CONTROLLER: &str = "cmd_vel";
+
+/// The join on behalf of a node that has been found to publish velocities for an agent.
+#[must_use]
+pub fn join(run: u64, agent: AgentId) -> Join {
+    let (controller, last_tick) = (CONTROLLER.to_owned(), Join::NONE);
+    Join { run, agent: agent.0, instance: 0, protocol: PROTOCOL, controller, last_tick }
+}
+
+/// The command that a twist stands for: hold this velocity, scan as the scenario says, ask again in the next tick.
+///
+/// The twist is in the frame of the body: x forward, y left, z up. Only the yaw rate of its angular part counts, because the body
+/// stays upright.
+///
+/// # Errors
+/// What is wrong with the stamp or the frame. Numbers are checked where those of all commands are.
+pub fn command(run: u64, agent: AgentId, twist: &TwistStamped) -> Result<Command, String> {
+    let own_frame = body_frame(agent);
+    let frame = twist.header.frame_id.trim_start_matches('/');
+    if !["", "base_link", &own_frame].contains(&frame) {
+        return Err(format!(
+            "header.frame_id is \"{frame}\": expected \"{own_frame}\", \"base_link\" or nothing; a velocity is given in the frame \
+             of the body"
+        ));
+    }
+    Ok(Command {
+        tick: tick(twist)?.0,
+        run,
+        agent: agent.0,
+        task: Task {
+            kind: Task::VELOCITY,
+            linear_m_s: twist.twist.linear,
+            yaw_rate_rad_s: twist.twist.angular.z,
+            ..Task::default()
+        },
+        lidar: LidarRequest { kind: LidarRequest::KEEP, ..LidarRequest::default() },
+        wake: Wake { at_tick: 0, events: 0 },
+        ..Command::default()
+    })
+}
+
+/// The receipt for the end of a run.
+#[must_use]
+pub fn acknowledgement(run: u64, agent: AgentId, tick: Tick) -> Command {
+    Command { tick: tick.0, run, agent: agent.0, ..Command::default() }
+}
+
+/// The tick whose stamp a twist carries.
+fn tick(twist: &TwistStamped) -> Result<Tick, String> {
+    let stamp = &twist.header.stamp;
+    let nanoseconds = i128::from(stamp.sec) * 1_000_000_000 + i128::from(stamp.nanosec);
+    u64::try_from(nanoseconds)
+        .ok()
+        .filter(|nanoseconds| nanoseconds.is_multiple_of(Tick::TICK_NS))
+        .map(|nanoseconds| Tick(nanoseconds / Tick::TICK_NS))
+        .ok_or_else(|| {
+            format!(
+                "header.stamp is {}.{:09} s: expected that of a tick, as it is on /clock (multiples of {} s)",
+                stamp.sec,
+                stamp.nanosec,
+                Tick::TICK_S
+            )
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use msgs::builtin_interfaces::Time;
+    use msgs::geometry_msgs::{Twist, Vector3};
+    use msgs::std_msgs::Header;
+
+    use super::*;
+
+    const AGENT: AgentId = AgentId(3);
+
+    fn twist(sec: i32, nanosec: u32, frame: &str) -> TwistStamped {
+        let linear = Vector3 { x: 1.0, y: 0.5, z: -0.25 };
+        let angular = Vector3 { x: 7.0, y: 8.0, z: 0.5 };
+        let header = Header { stamp: Time { sec, nanosec }, frame_id: frame.to_owned() };
+        TwistStamped { header, twist: Twist { linear, angular } }
+    }
+
+    #[test]
+    fn a_twist_is_a_velocity_for_the_tick_of_its_stamp() {
+        let command = command(9, AGENT, &twist(2, 40_000_000, "agent_3/base_link")).unwrap();
+        assert_eq!((command.tick, command.run, command.agent), (102, 9, 3));
+        assert_eq!(command.task.kind, Task::VELOCITY);
+        assert_eq!(command.task.linear_m_s, Vector3 { x: 1.0, y: 0.5, z: -0.25 });
+        assert_eq!(command.task.yaw_rate_rad_s, 0.5);
+        assert!(crate::wire::command(&command, 4).is_ok());
+    }
+
+    #[test]
+    fn the_world_takes_no_numbers_that_are_none() {
+        let mut nonsense = twist(0, 0, "");
+        nonsense.twist.linear.x = f64::NAN;
+        let command = command(9, AGENT, &nonsense).unwrap();
+        assert!(crate::wire::command(&command, 4).is_err());
+    }
+
+    #[test]
+    fn a_stamp_between_two_ticks_and_a_foreign_frame_are_refused() {
+        let refusal = |twist| command(9, AGENT, &twist).unwrap_err();
+        assert!(refusal(twist(0, 30_000_000, "")).contains("0.030000000 s: expected that of a tick"));
+        assert!(refusal(twist(-1, 0, "")).contains("header.stamp is -1."));
+        assert!(refusal(twist(0, 0, "map")).contains("expected \"agent_3/base_link\""));
+        assert!(command(9, AGENT, &twist(0, 0, "base_link")).is_ok());
+    }
+}

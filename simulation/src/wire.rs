@@ -1,0 +1,420 @@
+//! Domain types to and from the messages of the protocol: the only place of the server that knows both. What is only looked at is
+//! made in [`crate::views`].
+//!
+//! Invariants: no part of an observation is larger than [`OBSERVATION_BYTES_MAX`] on the wire; what comes out of [`command`] is legal
+//! for the world, whatever was sent.
+//!
+//! This module sends nothing and knows no transport.
+
+use msgs::geometry_msgs;
+use msgs::ids::{AgentId, Tick};
+use msgs::limits::{
+    INFO_BYTES_MAX, LIST_BYTES_MAX, MESSAGE_BYTES_BARE, OBSERVATION_BYTES_MAX, PARCEL_BYTES_BARE, PARCEL_BYTES_MAX,
+    PATH_POINTS_MAX, POINT_BYTES, PROTOCOL, RELAY_BYTES_MAX,
+};
+use msgs::maes_msgs::{self, CellRuns, Observation as Part};
+use msgs::relay_id::RelayId;
+use msgs::scan_request::ScanRequest;
+use msgs::std_msgs::Header;
+use msgs::trigger::Trigger;
+use nalgebra::{Point3, Vector3};
+use voxels::Extent;
+
+use crate::scenario::{AgentsSection, Scenario};
+use crate::world::body::{Motion, Pose};
+use crate::world::collision::Surface;
+use crate::world::comms::{AgentMessage, Peer};
+use crate::world::{Action, Observation, World};
+
+/// Bytes on the wire of a contact, with padding.
+const CONTACT_BYTES: usize = 32;
+/// Bytes on the wire of a run of cells.
+const RUN_BYTES: usize = 6;
+
+/// The frame of the world.
+pub const MAP_FRAME: &str = "map";
+
+/// The header of something of a tick in the frame `map`.
+#[must_use]
+pub fn header(tick: Tick) -> Header {
+    Header { stamp: tick.into(), frame_id: MAP_FRAME.to_owned() }
+}
+
+/// An observation as messages, in order, without the number of the run. `phase` is [`Part::RUNNING`] or [`Part::ENDED`].
+#[must_use]
+pub fn observation_parts(observation: &Observation, phase: u8) -> Vec<Part> {
+    let first = Part {
+        header: header(observation.tick),
+        tick: observation.tick.0,
+        run: 0,
+        agent: observation.agent.0,
+        part: 0,
+        parts: 1,
+        phase,
+        position: point(&observation.pose.position),
+        yaw_rad: observation.pose.yaw_rad,
+        velocity_m_s: vector(&observation.velocity_in_map_m_s),
+        yaw_rate_rad_s: observation.yaw_rate_rad_s,
+        task_status: if observation.is_active { Part::ACTIVE } else { Part::IDLE },
+        collision: match observation.collision.map(|collision| collision.surface) {
+            None => Part::NONE,
+            Some(Surface::Wall) => Part::WALL,
+            Some(Surface::Floor) => Part::FLOOR,
+            Some(Surface::Ceiling) => Part::CEILING,
+        },
+        collision_with_agent: observation.collision.is_some_and(|collision| collision.with_agent),
+        events: observation.events,
+        contacts: Vec::new(),
+        parcels: Vec::new(),
+        scan_tick: observation.scan_tick.map_or(Part::NEVER, |tick| tick.0),
+        seen_free: CellRuns::default(),
+        seen_wall: CellRuns::default(),
+        has_view: observation.view.is_some(),
+        view_free: CellRuns::default(),
+        view_wall: CellRuns::default(),
+    };
+    let mut parts = Parts {
+        bare: first.clone(),
+        left: OBSERVATION_BYTES_MAX
+            - MESSAGE_BYTES_BARE
+            - CONTACT_BYTES * (observation.contacts.len() + observation.relays.len()),
+        done: Vec::new(),
+        filling: first,
+    };
+    parts.filling.contacts = observation
+        .contacts
+        .iter()
+        .map(|(agent, position)| (agent.0, position))
+        .chain(observation.relays.iter().map(|(relay, position)| (relay.on_wire(), position)))
+        .map(|(agent, position)| maes_msgs::Contact { agent, position: point(position) })
+        .collect();
+    for message in &observation.messages {
+        parts.make_room(PARCEL_BYTES_BARE + message.data.len());
+        parts.filling.parcels.push(parcel(message));
+    }
+    parts.add_runs(&observation.seen_free, |part| &mut part.seen_free);
+    parts.add_runs(&observation.seen_wall, |part| &mut part.seen_wall);
+    if let Some(view) = &observation.view {
+        parts.add_runs(&view.free, |part| &mut part.view_free);
+        parts.add_runs(&view.wall, |part| &mut part.view_wall);
+    }
+    parts.finish()
+}
+
+/// An observation that is being split.
+struct Parts {
+    bare: Part,
+    left: usize,
+    done: Vec<Part>,
+    filling: Part,
+}
+
+impl Parts {
+    fn make_room(&mut self, bytes: usize) {
+        if bytes > self.left {
+            self.done.push(std::mem::replace(&mut self.filling, self.bare.clone()));
+            self.left = OBSERVATION_BYTES_MAX - MESSAGE_BYTES_BARE;
+        }
+        self.left -= bytes;
+    }
+
+    fn add_runs(&mut self, cells: &[u32], list: impl Fn(&mut Part) -> &mut CellRuns) {
+        let (starts, lengths) = voxels::runs(cells.iter().copied());
+        for (start, length) in starts.into_iter().zip(lengths) {
+            self.make_room(RUN_BYTES);
+            let list = list(&mut self.filling);
+            list.start.push(start);
+            list.length.push(length);
+        }
+    }
+
+    fn finish(mut self) -> Vec<Part> {
+        self.done.push(self.filling);
+        let parts = u16::try_from(self.done.len()).expect("an inbox and a map fit into 65535 parts");
+        for (number, part) in (0..).zip(&mut self.done) {
+            part.part = number;
+            part.parts = parts;
+        }
+        self.done
+    }
+}
+
+/// A command as what it does and when to ask again.
+///
+/// # Errors
+/// The field, its value and what is allowed, if the command is not legal for a team of `agents`.
+pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Trigger), String> {
+    if message.info.len() > INFO_BYTES_MAX {
+        return Err(format!("info has {} bytes, at most {INFO_BYTES_MAX} are allowed", message.info.len()));
+    }
+    let action = Action {
+        motion: motion(&message.task)?,
+        lidar: ScanRequest::try_from(message.lidar).map_err(|error| error.to_string())?,
+        want_view: message.want_view,
+        messages: agent_messages(&message.parcels, agents)?,
+    };
+    let list_bytes = POINT_BYTES * message.task.path.len()
+        + message.parcels.iter().map(|parcel| PARCEL_BYTES_BARE + parcel.data.len()).sum::<usize>();
+    if list_bytes > LIST_BYTES_MAX {
+        return Err(format!("path and parcels take {list_bytes} bytes, at most {LIST_BYTES_MAX} are allowed"));
+    }
+    let trigger =
+        Trigger { at: Tick(message.wake.at_tick.max(message.tick.saturating_add(1))), events: message.wake.events };
+    Ok((action, trigger))
+}
+
+fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
+    use maes_msgs::Task;
+    Ok(match task.kind {
+        Task::KEEP => Motion::Keep,
+        Task::STOP => Motion::Stop,
+        Task::MOVE => Motion::Move {
+            pitch_rad: within(
+                "task.pitch_rad",
+                task.pitch_rad,
+                -std::f64::consts::FRAC_PI_2,
+                std::f64::consts::FRAC_PI_2,
+            )?,
+            distance_m: within("task.distance_m", task.distance_m, 0.0, f64::INFINITY)?,
+        },
+        Task::TURN => Motion::Turn {
+            angle_rad: within("task.angle_rad", task.angle_rad, -std::f64::consts::TAU, std::f64::consts::TAU)?,
+        },
+        Task::PATH => {
+            if task.path.is_empty() || task.path.len() > PATH_POINTS_MAX {
+                return Err(format!("task.path has {} waypoints, 1 to {PATH_POINTS_MAX} are allowed", task.path.len()));
+            }
+            let waypoints: Result<_, String> = task
+                .path
+                .iter()
+                .map(|point| {
+                    Ok(Point3::new(
+                        coordinate("task.path x", point.x)?,
+                        coordinate("task.path y", point.y)?,
+                        coordinate("task.path z", point.z)?,
+                    ))
+                })
+                .collect();
+            Motion::Path(waypoints?)
+        }
+        Task::VELOCITY => Motion::Velocity {
+            linear_in_body_m_s: Vector3::new(
+                coordinate("task.linear_m_s.x", task.linear_m_s.x)?,
+                coordinate("task.linear_m_s.y", task.linear_m_s.y)?,
+                coordinate("task.linear_m_s.z", task.linear_m_s.z)?,
+            ),
+            yaw_rate_rad_s: coordinate("task.yaw_rate_rad_s", task.yaw_rate_rad_s)?,
+        },
+        other => return Err(format!("task.kind = {other}, 0 to 5 are allowed")),
+    })
+}
+
+fn agent_messages(parcels: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<AgentMessage>, String> {
+    let bytes: usize = parcels.iter().map(|parcel| parcel.data.len()).sum();
+    if bytes > PARCEL_BYTES_MAX {
+        return Err(format!("the parcels hold {bytes} bytes, at most {PARCEL_BYTES_MAX} are allowed"));
+    }
+    parcels
+        .iter()
+        .map(|parcel| {
+            let relay = RelayId::from_wire(parcel.agent).filter(|relay| relay.owner.0 < agents);
+            let peer = match (parcel.agent, relay) {
+                (maes_msgs::Parcel::BROADCAST, _) => Peer::Broadcast,
+                (maes_msgs::Parcel::LEAVE_RELAY, _) => Peer::NewRelay,
+                (_, Some(relay)) => Peer::Relay(relay),
+                (agent, _) if agent < agents => Peer::One(AgentId(agent)),
+                (other, _) => {
+                    return Err(format!(
+                        "a parcel is for agent {other}, 0 to {}, BROADCAST, LEAVE_RELAY or a relay are allowed",
+                        agents - 1
+                    ));
+                }
+            };
+            let bytes = parcel.data.len();
+            if matches!(peer, Peer::Relay(_) | Peer::NewRelay) && bytes > RELAY_BYTES_MAX {
+                return Err(format!("a parcel to a relay holds {bytes} bytes, at most {RELAY_BYTES_MAX} are allowed"));
+            }
+            Ok(AgentMessage { peer, kind: parcel.kind, data: parcel.data.clone() })
+        })
+        .collect()
+}
+
+/// Lengths and rates beyond this are mistakes, and would only lose precision.
+const COORDINATE_MAX: f64 = 1e6;
+
+fn coordinate(field: &str, value: f64) -> Result<f64, String> {
+    within(field, value, -COORDINATE_MAX, COORDINATE_MAX)
+}
+
+fn within(field: &str, value: f64, low: f64, high: f64) -> Result<f64, String> {
+    if value >= low && value <= high {
+        Ok(value)
+    } else {
+        Err(format!("{field} = {value}, {low} to {high} is allowed"))
+    }
+}
+
+fn parcel(message: &AgentMessage) -> maes_msgs::Parcel {
+    maes_msgs::Parcel {
+        agent: match message.peer {
+            Peer::One(agent) => agent.0,
+            Peer::Broadcast => maes_msgs::Parcel::BROADCAST,
+            Peer::Relay(relay) => relay.on_wire(),
+            Peer::NewRelay => maes_msgs::Parcel::LEAVE_RELAY,
+        },
+        kind: message.kind,
+        data: message.data.clone(),
+    }
+}
+
+/// What agents may know of a scenario, without the number of a run.
+#[must_use]
+pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::Scenario {
+    let (bodies, body_of) = bodies(scenario);
+    maes_msgs::Scenario {
+        protocol: PROTOCOL,
+        run: 0,
+        origin: 0,
+        tick_ns: Tick::TICK_NS,
+        duration_ticks: scenario.duration_ticks().0,
+        size: extent.size(),
+        cell_m: extent.cell_m(),
+        agents: scenario.agents.count,
+        agents_seed: agents_seed(scenario.seed),
+        controller: scenario.agents.controller.clone(),
+        settings: settings(&scenario.agents),
+        bodies,
+        body_of,
+        lidar: maes_msgs::Lidar {
+            rays,
+            range_m: scenario.lidar.range_m,
+            fov_rad: scenario.lidar.fov_rad,
+            period_ticks: scenario.lidar.period_ticks,
+        },
+        communication_range_m: scenario.communication.range_m,
+        radio: scenario.communication.message(),
+        share_period_ticks: scenario.agents.share_period_ticks,
+    }
+}
+
+/// The bodies that there are, and by agent which of them is its own.
+fn bodies(scenario: &Scenario) -> (Vec<maes_msgs::Body>, Vec<u8>) {
+    let mut bodies = vec![maes_msgs::Body::from(scenario.body)];
+    let mut body_of = vec![0; scenario.agents.count as usize];
+    for (number, entry) in (1..=u8::MAX).zip(&scenario.bodies) {
+        bodies.push(entry.keys.over(&scenario.body).into());
+        for &agent in &entry.agents {
+            body_of[agent as usize] = number;
+        }
+    }
+    (bodies, body_of)
+}
+
+/// The settings of controllers, each `KEY=VALUE`.
+#[must_use]
+pub fn settings(agents: &AgentsSection) -> Vec<String> {
+    let setting = |(key, value): (&String, &toml::Value)| match value {
+        toml::Value::String(text) => format!("{key}={text}"),
+        other => format!("{key}={other}"),
+    };
+    agents.set.iter().map(setting).collect()
+}
+
+/// The seed that agents may know: one that the seed of the map cannot be told from.
+fn agents_seed(seed: u64) -> u64 {
+    use rand_chacha::rand_core::Rng;
+    random_streams::stream(seed, 0, "agents").next_u64()
+}
+
+/// How far a world has come.
+#[must_use]
+pub fn progress(world: &mut World) -> maes_msgs::Progress {
+    let pairs_in_contact = world.pairs_in_contact();
+    let coverage = world.coverage();
+    maes_msgs::Progress {
+        header: header(world.tick()),
+        tick: world.tick().0,
+        explored: coverage.explored(),
+        covered: coverage.covered(),
+        explored_by: coverage.explored_by(),
+        covered_by: coverage.covered_by(),
+        distance_m: world.distance_m(),
+        believed_by: coverage.believed_by(),
+        pairs_in_contact,
+        parcel_bytes: world.totals().parcel_bytes_delivered,
+    }
+}
+
+/// The poses of all bodies as transforms from `map` to `agent_<id>/base_link`.
+#[must_use]
+pub fn transforms(world: &World) -> msgs::tf2_msgs::TFMessage {
+    let transforms = world
+        .agents()
+        .map(|agent| {
+            let pose = world.body(agent).pose();
+            geometry_msgs::TransformStamped {
+                header: header(world.tick()),
+                child_frame_id: body_frame(agent),
+                transform: geometry_msgs::Transform {
+                    translation: vector(&pose.position.coords),
+                    rotation: rotation(pose.yaw_rad),
+                },
+            }
+        })
+        .collect();
+    msgs::tf2_msgs::TFMessage { transforms }
+}
+
+/// The frame of an agent's body: x forward, y left, z up, the origin in its centre.
+pub fn body_frame(agent: AgentId) -> String {
+    format!("agent_{agent}/base_link")
+}
+
+/// A pose as it is sent.
+#[must_use]
+pub fn pose(pose: &Pose) -> geometry_msgs::Pose {
+    geometry_msgs::Pose { position: point(&pose.position), orientation: rotation(pose.yaw_rad) }
+}
+
+/// The rotation about the vertical.
+pub fn rotation(yaw_rad: f64) -> geometry_msgs::Quaternion {
+    let (sin, cos) = libm::sincos(yaw_rad * 0.5);
+    geometry_msgs::Quaternion { x: 0.0, y: 0.0, z: sin, w: cos }
+}
+
+/// What was done to an agent before this tick: its body was put at a pose, or it was taken out of the run.
+#[must_use]
+pub fn intervention(tick: Tick, agent: AgentId, placed: Option<&Pose>) -> maes_msgs::Intervention {
+    maes_msgs::Intervention {
+        header: header(tick),
+        tick: tick.0,
+        kind: if placed.is_some() { maes_msgs::Intervention::PLACE } else { maes_msgs::Intervention::REMOVE },
+        agent: agent.0,
+        position: placed.map(|pose| point(&pose.position)).unwrap_or_default(),
+        yaw_rad: placed.map_or(0.0, |pose| pose.yaw_rad),
+    }
+}
+
+/// Where an intervention has put an agent; nowhere if it has taken it out of the run.
+#[must_use]
+pub fn placement(intervention: &maes_msgs::Intervention) -> Option<Pose> {
+    (intervention.kind == maes_msgs::Intervention::PLACE).then(|| Pose {
+        position: Point3::new(intervention.position.x, intervention.position.y, intervention.position.z),
+        yaw_rad: intervention.yaw_rad,
+    })
+}
+
+/// A point in metres as a message.
+#[must_use]
+pub fn point(point: &Point3<f64>) -> geometry_msgs::Point {
+    geometry_msgs::Point { x: point.x, y: point.y, z: point.z }
+}
+
+/// A vector as it is sent.
+#[must_use]
+pub fn vector(vector: &Vector3<f64>) -> geometry_msgs::Vector3 {
+    geometry_msgs::Vector3 { x: vector.x, y: vector.y, z: vector.z }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,187 @@
+use msgs::cdr;
+use msgs::maes_msgs::{Command, LidarRequest as LidarMessage, Parcel as ParcelMessage, Task, Wake as WakeMessage};
+use proptest::prelude::*;
+
+use super::*;
+use crate::world::body::Pose;
+use crate::world::lidar::ScanView;
+
+fn observation() -> Observation {
+    Observation {
+        tick: Tick(50),
+        agent: AgentId(3),
+        pose: Pose { position: Point3::new(1.0, 2.0, 3.0), yaw_rad: 0.5 },
+        velocity_in_map_m_s: Vector3::zeros(),
+        yaw_rate_rad_s: 0.0,
+        is_active: true,
+        collision: None,
+        events: 0,
+        relays: Vec::new(),
+        contacts: vec![(AgentId(1), Point3::new(4.0, 5.0, 6.0))],
+        messages: Vec::new(),
+        scan_tick: None,
+        seen_free: Vec::new(),
+        seen_wall: Vec::new(),
+        view: None,
+    }
+}
+
+fn indices(runs: &CellRuns) -> impl Iterator<Item = u32> + '_ {
+    voxels::indices(&runs.start, &runs.length)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20))]
+    #[test]
+    fn large_observations_are_split_without_loss(
+        step in 1..4_u32,
+        cells in 0..80_000_u32,
+        parcel_bytes in prop::collection::vec(0..=PARCEL_BYTES_MAX, 0..6),
+        contacts in 0..1000_u32,
+    ) {
+        let list: Vec<u32> = (0..cells).map(|cell| cell * step).collect();
+        let whole = Observation {
+            contacts: (0..contacts).map(|agent| (AgentId(agent), Point3::origin())).collect(),
+            messages: parcel_bytes
+                .iter()
+                .map(|&bytes| AgentMessage { peer: Peer::One(AgentId(1)), kind: 2, data: vec![7; bytes] })
+                .collect(),
+            seen_free: list.clone(),
+            seen_wall: list.clone(),
+            view: Some(ScanView { free: list.clone(), wall: list.clone(), hits: Vec::new() }),
+            ..observation()
+        };
+        let parts = observation_parts(&whole, Part::RUNNING);
+        let mut joined: [Vec<u32>; 4] = Default::default();
+        let mut parcels = Vec::new();
+        for (number, part) in parts.iter().enumerate() {
+            prop_assert_eq!((usize::from(part.part), usize::from(part.parts)), (number, parts.len()));
+            prop_assert!(cdr::encode(part).len() <= OBSERVATION_BYTES_MAX);
+            prop_assert_eq!((part.tick, part.agent, part.has_view), (50, 3, true));
+            joined[0].extend(indices(&part.seen_free));
+            joined[1].extend(indices(&part.seen_wall));
+            joined[2].extend(indices(&part.view_free));
+            joined[3].extend(indices(&part.view_wall));
+            parcels.extend(part.parcels.iter().map(|parcel| parcel.data.len()));
+        }
+        for joined in joined {
+            prop_assert_eq!(&joined, &list);
+        }
+        prop_assert_eq!(parcels, parcel_bytes);
+        prop_assert_eq!(parts[0].contacts.len(), contacts as usize);
+        prop_assert!(parts[1..].iter().all(|part| part.contacts.is_empty()));
+    }
+
+    #[test]
+    fn whatever_is_sent_is_refused_or_legal(
+        kind in 0..8_u8,
+        numbers in prop::array::uniform4(any::<f64>()),
+        path in prop::collection::vec(any::<f64>(), 0..5),
+        lidar in (0..6_u8, any::<u32>()),
+        receiver in any::<u32>(),
+    ) {
+        let [pitch_rad, distance_m, angle_rad, other] = numbers;
+        let message = Command {
+            task: Task {
+                kind,
+                pitch_rad,
+                distance_m,
+                angle_rad,
+                path: path.iter().map(|&x| geometry_msgs::Point { x, y: 0.0, z: 0.0 }).collect(),
+                linear_m_s: geometry_msgs::Vector3 { x: other, y: 0.0, z: 0.0 },
+                yaw_rate_rad_s: other,
+            },
+            lidar: LidarMessage { kind: lidar.0, period_ticks: lidar.1 },
+            parcels: vec![ParcelMessage { agent: receiver, kind: 0, data: Vec::new() }],
+            ..Command::default()
+        };
+        if let Ok((action, _)) = command(&message, 5) {
+            match action.motion {
+                Motion::Move { pitch_rad, distance_m } => {
+                    prop_assert!(pitch_rad.abs() <= std::f64::consts::FRAC_PI_2 && distance_m >= 0.0);
+                }
+                Motion::Turn { angle_rad } => prop_assert!(angle_rad.abs() <= std::f64::consts::TAU),
+                Motion::Path(points) => {
+                    prop_assert!(!points.is_empty() && points.iter().all(|point| point.x.abs() <= 1e6));
+                }
+                Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s } => {
+                    prop_assert!(linear_in_body_m_s.x.is_finite() && yaw_rate_rad_s.is_finite());
+                }
+                Motion::Keep | Motion::Stop => {}
+            }
+            prop_assert!(action.lidar != ScanRequest::Every(0));
+        }
+    }
+}
+
+#[track_caller]
+fn refuses(message: &Command, expected: &str) {
+    let reason = command(message, 5).unwrap_err();
+    assert!(reason.contains(expected), "{reason}");
+}
+
+#[test]
+fn refusals_name_field_value_and_what_is_allowed() {
+    let task = |task: Task| Command { task, ..Command::default() };
+    let moving = Task { kind: Task::MOVE, ..Task::default() };
+    refuses(&task(Task { kind: 6, ..Task::default() }), "task.kind = 6, 0 to 5 are allowed");
+    refuses(&task(Task { distance_m: f64::NAN, ..moving.clone() }), "task.distance_m = NaN, 0 to inf is allowed");
+    refuses(&task(Task { distance_m: -1.0, ..moving.clone() }), "task.distance_m = -1");
+    refuses(&task(Task { pitch_rad: 2.0, ..moving }), "task.pitch_rad = 2");
+    refuses(&task(Task { kind: Task::PATH, ..Task::default() }), "task.path has 0 waypoints, 1 to 1024 are allowed");
+    refuses(
+        &Command { lidar: LidarMessage { kind: LidarMessage::EVERY, period_ticks: 0 }, ..Command::default() },
+        "lidar.period_ticks = 0",
+    );
+    let parcel = |agent, bytes| ParcelMessage { agent, kind: 0, data: vec![0; bytes] };
+    refuses(&Command { parcels: vec![parcel(5, 1)], ..Command::default() }, "a parcel is for agent 5, 0 to 4");
+    refuses(
+        &Command { parcels: vec![parcel(1, 50_000), parcel(2, 50_000)], ..Command::default() },
+        "the parcels hold 100000 bytes, at most 57344 are allowed",
+    );
+    refuses(&Command { info: "x".repeat(2000), ..Command::default() }, "info has 2000 bytes");
+}
+
+#[test]
+fn next_request_is_never_before_the_next_tick() {
+    let trigger = |tick, at_tick| {
+        let message = Command { tick, wake: WakeMessage { at_tick, events: 3 }, ..Command::default() };
+        command(&message, 5).unwrap().1
+    };
+    assert_eq!(trigger(7, 0).at, Tick(8));
+    assert_eq!(trigger(7, 20), Trigger { at: Tick(20), events: 3 });
+    assert_eq!(trigger(u64::MAX, 0).at, Tick(u64::MAX));
+}
+
+#[test]
+fn a_scenario_says_which_body_each_agent_has() {
+    let text = "seed = 1\nduration_s = 1.0\nmap = { kind = \"spheres\", size = 20 }\nagents = { count = 4 }\n\
+                [[bodies]]\nagents = [3, 1]\nkind = \"aerial\"\n[[bodies]]\nagents = [2]\nradius_m = 0.2\n";
+    let told = scenario(&Scenario::parse("s.toml", text, &[]).unwrap(), &Extent::new([20; 3], 1.0).unwrap(), 10);
+    assert_eq!(told.body_of, [0, 1, 2, 1]);
+    let bodies: Vec<_> = told.bodies.iter().map(|body| (body.kind, body.radius_m, body.speed_max_m_s)).collect();
+    assert_eq!(bodies, [(0, 0.4, 1.5), (1, 0.4, 3.0), (0, 0.2, 1.5)]);
+}
+
+#[test]
+fn relays_are_named_as_they_are_told() {
+    let relay = RelayId { owner: AgentId(4), number: 7 };
+    let says = |agent, bytes| {
+        let parcel = maes_msgs::Parcel { agent, kind: 2, data: vec![1; bytes] };
+        command(&Command { parcels: vec![parcel], ..Command::default() }, 5).map(|(action, _)| action.messages[0].peer)
+    };
+    assert_eq!(says(relay.on_wire(), RELAY_BYTES_MAX), Ok(Peer::Relay(relay)));
+    assert_eq!(says(maes_msgs::Parcel::LEAVE_RELAY, 0), Ok(Peer::NewRelay));
+    assert!(
+        says(maes_msgs::Parcel::LEAVE_RELAY, RELAY_BYTES_MAX + 1).unwrap_err().contains("at most 4096 are allowed")
+    );
+    let foreign = RelayId { owner: AgentId(5), number: 0 };
+    assert!(says(foreign.on_wire(), 0).unwrap_err().contains("0 to 4, BROADCAST, LEAVE_RELAY or a relay are allowed"));
+
+    let place = Point3::new(1.0, 1.0, 1.0);
+    let messages = vec![AgentMessage { peer: Peer::Relay(relay), kind: 2, data: vec![5] }];
+    let told = Observation { relays: vec![(relay, place)], messages, ..observation() };
+    let parts = observation_parts(&told, Part::RUNNING);
+    assert_eq!(parts[0].contacts.iter().map(|contact| contact.agent).collect::<Vec<_>>(), [1, relay.on_wire()]);
+    assert_eq!(parts[0].parcels[0].agent, relay.on_wire());
+}

@@ -1,0 +1,433 @@
+//! The body of an agent: what a motion task does to a pose in one fixed update.
+//!
+//! There are two kinds. The submarine is the reference's: a sphere that turns about the vertical and moves along a line raised by
+//! a pitch angle, with bang-bang speed control. The aerial body (`body/aerial.rs`) goes in any direction at once, and turns
+//! meanwhile. Every leg (a straight move or a turn) starts from rest; a task that replaces another ends it at once, except that a
+//! velocity task goes on from the velocity of a velocity task.
+//!
+//! Invariants: a body never comes nearer to a wall or to another body than its radius allows (see [`super::collision`]);
+//! a leg of a path that has come to its end lands exactly on its waypoint, unless that is blocked; other legs of a submarine end
+//! within `MOVE_REST_M` or `TURN_REST_RAD` of where they lead, as in the reference; all quantities stay finite.
+//!
+//! This module does not decide who moves first, and it knows no messages.
+
+mod aerial;
+mod ramp;
+
+use std::collections::VecDeque;
+use std::f64::consts::{PI, TAU};
+
+use msgs::body_model::{BodyKind, BodyModel};
+use nalgebra::{Point3, Vector3};
+
+use super::collision::{Contact, Obstacles, Sphere, Surface};
+use aerial::Flight;
+use ramp::{Ramp, RampLimits, approached};
+
+/// A leg whose rest is below this is finished. Reference: 0.001 voxel and 0.001 degree.
+const MOVE_REST_M: f64 = 1e-3;
+const TURN_REST_RAD: f64 = 1e-3 * PI / 180.0;
+
+/// Where a body is and where it looks, in the frame `map`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Centre of the body, metres.
+    pub position: Point3<f64>,
+    /// Heading: 0 along x, positive to the left, in (-pi, pi].
+    pub yaw_rad: f64,
+}
+
+/// What an agent asks of its body.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Motion {
+    /// Go on with the present task.
+    Keep,
+    /// End the present task, at rest at once.
+    Stop,
+    /// Straight along the heading, raised by `pitch_rad`, for `distance_m` (infinity: until a collision).
+    Move {
+        /// Elevation above the horizontal, -pi/2 ..= pi/2.
+        pitch_rad: f64,
+        /// At least 0.
+        distance_m: f64,
+    },
+    /// Turn about the vertical, positive to the left, -2 pi ..= 2 pi.
+    Turn {
+        /// How far.
+        angle_rad: f64,
+    },
+    /// Visit waypoints (frame `map`) in turn: a submarine turns towards each, then moves straight; an aerial body moves at once.
+    Path(Vec<Point3<f64>>),
+    /// Hold a velocity, clamped to the body, until told otherwise.
+    Velocity {
+        /// In the frame of the body: x forward, y left, z up. A submarine cannot move sideways: y is taken as 0.
+        linear_in_body_m_s: Vector3<f64>,
+        /// Positive to the left.
+        yaw_rate_rad_s: f64,
+    },
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Task {
+    Idle,
+    Move { direction_in_map: Vector3<f64>, ramp: Ramp },
+    Turn { sign: f64, ramp: Ramp },
+    Path { leg: PathLeg, rest: VecDeque<Point3<f64>> },
+    Flight(Flight),
+    Velocity { target_in_body_m_s: Vector3<f64>, target_yaw_rate_rad_s: f64 },
+}
+
+/// The part of a path that is under way: towards `target`, turning first.
+#[derive(Debug, Clone, PartialEq)]
+struct PathLeg {
+    target: Point3<f64>,
+    turn: Option<(f64, Ramp)>,
+    go: Ramp,
+}
+
+/// What one fixed update did to a body.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Moved {
+    /// The task has ended, by itself or by a collision.
+    pub task_done: bool,
+    /// The motion of this tick was refused.
+    pub collided: bool,
+    /// Length of the way of this tick.
+    pub distance_m: f64,
+}
+
+/// The last refused motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Collision {
+    /// Which side of the body.
+    pub surface: Surface,
+    /// Whether another agent was in the way.
+    pub with_agent: bool,
+}
+
+/// A body and its present task.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    model: BodyModel,
+    pose: Pose,
+    task: Task,
+    velocity_in_body_m_s: Vector3<f64>,
+    yaw_rate_rad_s: f64,
+    collision: Option<Collision>,
+}
+
+impl Body {
+    /// A body at rest.
+    #[must_use]
+    pub fn at_rest(model: BodyModel, pose: Pose) -> Self {
+        Self {
+            model,
+            pose: Pose { yaw_rad: wrapped(pose.yaw_rad), ..pose },
+            task: Task::Idle,
+            velocity_in_body_m_s: Vector3::zeros(),
+            yaw_rate_rad_s: 0.0,
+            collision: None,
+        }
+    }
+
+    /// What it can do.
+    #[must_use]
+    pub fn model(&self) -> &BodyModel {
+        &self.model
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn pose(&self) -> &Pose {
+        &self.pose
+    }
+
+    /// What of the world it fills.
+    #[must_use]
+    pub fn sphere(&self) -> Sphere {
+        Sphere { centre: self.pose.position, radius_m: self.model.radius_m }
+    }
+
+    /// Whether a task is being carried out.
+    #[must_use]
+    pub fn is_active(&self) -> bool {
+        self.task != Task::Idle
+    }
+
+    /// The points that the present task still leads to, in order, frame `map`: the waypoints of a path, or the end of a move
+    /// that has one.
+    #[must_use]
+    pub fn waypoints(&self) -> Vec<Point3<f64>> {
+        match &self.task {
+            Task::Path { leg, rest } => std::iter::once(leg.target).chain(rest.iter().copied()).collect(),
+            Task::Flight(flight) => flight.waypoints(),
+            Task::Move { direction_in_map, ramp } if ramp.rest.is_finite() => {
+                vec![self.pose.position + direction_in_map * ramp.rest]
+            }
+            Task::Idle | Task::Move { .. } | Task::Turn { .. } | Task::Velocity { .. } => Vec::new(),
+        }
+    }
+
+    /// The collision of the last motion that was tried, if there was one.
+    #[must_use]
+    pub fn collision(&self) -> Option<Collision> {
+        self.collision
+    }
+
+    /// Velocity of the last fixed update, m/s, frame `map`.
+    #[must_use]
+    pub fn velocity_in_map_m_s(&self) -> Vector3<f64> {
+        turned(&self.velocity_in_body_m_s, self.pose.yaw_rad)
+    }
+
+    /// Velocity of the last fixed update, m/s, in the frame of the body: x forward, y left, z up.
+    #[must_use]
+    pub fn velocity_in_body_m_s(&self) -> Vector3<f64> {
+        self.velocity_in_body_m_s
+    }
+
+    /// Turn rate of the last fixed update, rad/s.
+    #[must_use]
+    pub fn yaw_rate_rad_s(&self) -> f64 {
+        self.yaw_rate_rad_s
+    }
+
+    /// Takes up a task. The motion is legal: finite numbers (an infinite move distance apart) within the documented ranges.
+    pub fn set_task(&mut self, motion: Motion) {
+        let keeps_velocity = matches!(self.task, Task::Velocity { .. });
+        self.task = match motion {
+            Motion::Keep => return,
+            Motion::Stop => Task::Idle,
+            Motion::Move { pitch_rad, distance_m } => {
+                Task::Move { direction_in_map: self.heading_raised_by(pitch_rad), ramp: Ramp::from_rest(distance_m) }
+            }
+            Motion::Turn { angle_rad } => {
+                Task::Turn { sign: angle_rad.signum(), ramp: Ramp::from_rest(angle_rad.abs()) }
+            }
+            Motion::Path(waypoints) if self.model.kind == BodyKind::Aerial => {
+                Flight::from_rest(&self.pose.position, waypoints).map_or(Task::Idle, Task::Flight)
+            }
+            Motion::Path(waypoints) => {
+                let mut rest = VecDeque::from(waypoints);
+                match rest.pop_front() {
+                    Some(target) => Task::Path { leg: self.leg_to(target), rest },
+                    None => Task::Idle,
+                }
+            }
+            Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s } => {
+                if !keeps_velocity {
+                    self.come_to_rest();
+                }
+                self.task =
+                    Task::Velocity { target_in_body_m_s: linear_in_body_m_s, target_yaw_rate_rad_s: yaw_rate_rad_s };
+                return;
+            }
+        };
+        self.come_to_rest();
+    }
+
+    /// Carries the task on by one fixed update of `dt_s` seconds.
+    pub fn advance(&mut self, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
+        let mut task = std::mem::replace(&mut self.task, Task::Idle);
+        let moved = match &mut task {
+            Task::Idle => {
+                self.come_to_rest();
+                return Moved::default();
+            }
+            Task::Move { direction_in_map, ramp } => self.go_on(*direction_in_map, ramp, obstacles, dt_s),
+            Task::Turn { sign, ramp } => {
+                let done = self.turn_on(*sign, ramp, dt_s);
+                Moved { task_done: done, ..Moved::default() }
+            }
+            Task::Path { leg, rest } => self.follow(leg, rest, obstacles, dt_s),
+            Task::Flight(flight) => self.fly(flight, obstacles, dt_s),
+            Task::Velocity { target_in_body_m_s, target_yaw_rate_rad_s } => {
+                let target = (*target_in_body_m_s, *target_yaw_rate_rad_s);
+                match self.model.kind {
+                    BodyKind::Submarine => self.hold(target, obstacles, dt_s),
+                    BodyKind::Aerial => self.hold_in_flight(target, obstacles, dt_s),
+                }
+            }
+        };
+        if moved.collided {
+            self.come_to_rest();
+        } else if !moved.task_done {
+            self.task = task;
+        }
+        moved
+    }
+
+    fn follow(
+        &mut self,
+        leg: &mut PathLeg,
+        rest: &mut VecDeque<Point3<f64>>,
+        obstacles: &Obstacles<'_>,
+        dt_s: f64,
+    ) -> Moved {
+        if let Some((sign, ramp)) = &mut leg.turn {
+            if self.turn_on(*sign, ramp, dt_s) {
+                leg.turn = None;
+            }
+            return Moved::default();
+        }
+        let way = leg.target - self.pose.position;
+        let direction = way.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+        let mut moved = self.go_on(direction, &mut leg.go, obstacles, dt_s);
+        if moved.task_done && !moved.collided {
+            // The exact target, so that rounding does not add up over the legs of a long path.
+            if !obstacles.blocks(&self.pose.position, &leg.target, self.model.radius_m) {
+                self.pose.position = leg.target;
+            }
+            if let Some(target) = rest.pop_front() {
+                *leg = self.leg_to(target);
+                moved.task_done = false;
+            }
+        }
+        moved
+    }
+
+    fn go_on(
+        &mut self,
+        direction_in_map: Vector3<f64>,
+        ramp: &mut Ramp,
+        obstacles: &Obstacles<'_>,
+        dt_s: f64,
+    ) -> Moved {
+        let (step_m, done) = match self.model.kind {
+            BodyKind::Submarine => ramp.next_step(&self.move_limits(), dt_s),
+            BodyKind::Aerial => ramp.next_landing_step(&self.move_limits(), dt_s),
+        };
+        let mut moved = self.shift(direction_in_map * step_m, obstacles, dt_s);
+        moved.task_done |= done;
+        moved
+    }
+
+    fn move_limits(&self) -> RampLimits {
+        RampLimits {
+            speed_max: self.model.speed_max_m_s,
+            acceleration: self.model.acceleration_m_s2,
+            deceleration: self.model.deceleration_m_s2,
+            rest_min: MOVE_REST_M,
+        }
+    }
+
+    fn turn_on(&mut self, sign: f64, ramp: &mut Ramp, dt_s: f64) -> bool {
+        let limits = RampLimits {
+            speed_max: self.model.turn_rate_max_rad_s,
+            acceleration: self.model.turn_acceleration_rad_s2,
+            deceleration: self.model.turn_deceleration_rad_s2,
+            rest_min: TURN_REST_RAD,
+        };
+        let (step_rad, done) = match self.model.kind {
+            BodyKind::Submarine => ramp.next_step(&limits, dt_s),
+            BodyKind::Aerial => ramp.next_landing_step(&limits, dt_s),
+        };
+        self.velocity_in_body_m_s = Vector3::zeros();
+        self.yaw_rate_rad_s = sign * step_rad / dt_s;
+        self.pose.yaw_rad = wrapped(self.pose.yaw_rad + sign * step_rad);
+        self.collision = None;
+        done
+    }
+
+    fn hold(
+        &mut self,
+        (target_in_body_m_s, target_yaw_rate_rad_s): (Vector3<f64>, f64),
+        obstacles: &Obstacles<'_>,
+        dt_s: f64,
+    ) -> Moved {
+        let target = self.clamped(Vector3::new(target_in_body_m_s.x, 0.0, target_in_body_m_s.z));
+        let velocity = self.velocity_towards(&self.velocity_in_body_m_s, &target, dt_s);
+        let rate_rad_s = self.rate_towards(target_yaw_rate_rad_s, dt_s);
+        let moved = self.shift(turned(&velocity, self.pose.yaw_rad) * dt_s, obstacles, dt_s);
+        if !moved.collided {
+            self.velocity_in_body_m_s = velocity;
+            self.yaw_rate_rad_s = rate_rad_s;
+            self.pose.yaw_rad = wrapped(self.pose.yaw_rad + rate_rad_s * dt_s);
+        }
+        moved
+    }
+
+    /// A velocity in the same direction, as fast as the body can go at the most.
+    fn clamped(&self, velocity_m_s: Vector3<f64>) -> Vector3<f64> {
+        let speed_m_s = velocity_m_s.norm();
+        let limit_m_s = self.model.speed_max_m_s;
+        if speed_m_s > limit_m_s { velocity_m_s * (limit_m_s / speed_m_s) } else { velocity_m_s }
+    }
+
+    /// The velocity after a tick in which it is brought from `present` towards `target`.
+    fn velocity_towards(&self, present: &Vector3<f64>, target: &Vector3<f64>, dt_s: f64) -> Vector3<f64> {
+        approached(present, target, self.model.acceleration_m_s2 * dt_s, self.model.deceleration_m_s2 * dt_s)
+    }
+
+    /// The turn rate after a tick in which it is brought towards `target_rad_s`.
+    fn rate_towards(&self, target_rad_s: f64, dt_s: f64) -> f64 {
+        let limit_rad_s = self.model.turn_rate_max_rad_s;
+        approached(
+            &Vector3::new(self.yaw_rate_rad_s, 0.0, 0.0),
+            &Vector3::new(target_rad_s.clamp(-limit_rad_s, limit_rad_s), 0.0, 0.0),
+            self.model.turn_acceleration_rad_s2 * dt_s,
+            self.model.turn_deceleration_rad_s2 * dt_s,
+        )
+        .x
+    }
+
+    /// Moves the centre by `displacement` (metres, frame `map`) if nothing is in the way.
+    fn shift(&mut self, displacement: Vector3<f64>, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
+        if let Some(contact) = obstacles.first_contact(&self.pose.position, &displacement, self.model.radius_m) {
+            self.collision = Some(Collision::from(contact));
+            return Moved { task_done: true, collided: true, distance_m: 0.0 };
+        }
+        self.pose.position += displacement;
+        self.velocity_in_body_m_s = turned(&(displacement / dt_s), -self.pose.yaw_rad);
+        self.yaw_rate_rad_s = 0.0;
+        self.collision = None;
+        Moved { task_done: false, collided: false, distance_m: displacement.norm() }
+    }
+
+    fn leg_to(&self, target: Point3<f64>) -> PathLeg {
+        let way = target - self.pose.position;
+        let is_vertical = libm::hypot(way.x, way.y) < MOVE_REST_M;
+        let turn_rad = if is_vertical { 0.0 } else { wrapped(libm::atan2(way.y, way.x) - self.pose.yaw_rad) };
+        PathLeg {
+            target,
+            turn: (turn_rad.abs() >= TURN_REST_RAD).then(|| (turn_rad.signum(), Ramp::from_rest(turn_rad.abs()))),
+            go: Ramp::from_rest(way.norm()),
+        }
+    }
+
+    fn heading_raised_by(&self, pitch_rad: f64) -> Vector3<f64> {
+        let (yaw_sin, yaw_cos) = libm::sincos(self.pose.yaw_rad);
+        let (pitch_sin, pitch_cos) = libm::sincos(pitch_rad);
+        Vector3::new(yaw_cos * pitch_cos, yaw_sin * pitch_cos, pitch_sin)
+    }
+
+    fn come_to_rest(&mut self) {
+        self.velocity_in_body_m_s = Vector3::zeros();
+        self.yaw_rate_rad_s = 0.0;
+    }
+}
+
+impl From<Contact> for Collision {
+    fn from(contact: Contact) -> Self {
+        Self { surface: Surface::of_normal(&contact.normal), with_agent: contact.with_agent }
+    }
+}
+
+/// `angle_rad` brought into (-pi, pi].
+#[must_use]
+pub fn wrapped(angle_rad: f64) -> f64 {
+    if angle_rad > -PI && angle_rad <= PI {
+        return angle_rad;
+    }
+    let turned = angle_rad - TAU * libm::floor((angle_rad + PI) / TAU);
+    if turned <= -PI { turned + TAU } else { turned }
+}
+
+/// `vector` turned about the vertical by `yaw_rad`.
+fn turned(vector: &Vector3<f64>, yaw_rad: f64) -> Vector3<f64> {
+    let (sin, cos) = libm::sincos(yaw_rad);
+    Vector3::new(vector.x * cos - vector.y * sin, vector.x * sin + vector.y * cos, vector.z)
+}
+
+#[cfg(test)]
+mod tests;

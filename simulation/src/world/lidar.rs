@@ -1,0 +1,257 @@
+//! What a LiDAR sees: rays from a body through the true terrain, and the memory of what they have met before.
+//!
+//! A scan visits exactly the cells that [`voxels::walk`] visits along each of its rays up to the first wall, the wall included,
+//! with the same arithmetic and the same tie rule; a test holds the two equal. Rays are fixed in the map frame (`maes3d.md` 1.4:
+//! they do not turn with the body); the heading only chooses which of them are used when the field of view is limited.
+//! There is no noise, but for scans that are to have it (`blurred`). Bodies do not hide what is behind them.
+//!
+//! Invariants: a scan changes nothing but the seen marks of its memory, and the marks it leaves are the same on every
+//! processor. This module does not know when scans are due, and tells nobody what it has seen.
+
+mod cast;
+mod noisy;
+mod pattern;
+
+use std::f64::consts::TAU;
+use std::fmt;
+use std::sync::Arc;
+
+use nalgebra::{Point3, Vector3};
+use voxels::{Extent, Grid, Terrain};
+
+use super::body::Pose;
+use cast::{FREE, Field, Found, Kernel, OUTSIDE, Start, WALL};
+pub use noisy::NoisyScan;
+use pattern::Bundle;
+
+/// How the rays of a scan are spread.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pattern {
+    /// A Fibonacci lattice: ray i of n has the azimuth `2 pi i / golden ratio` about the x axis of the map and the angle
+    /// `acos(1 - 2 (i + 0.5) / n)` from it.
+    Lattice {
+        /// Number of rays; 5124 in the reference (`maes3d.md` 1.4).
+        rays: u32,
+    },
+    /// One ray to every cell on the edge of a sphere about the body's cell: the reference's older sensing.
+    ///
+    /// The edge is the cells of the ball (offset length at most the radius) that share a face with a cell outside it. A ray
+    /// goes from the body's exact position along the offset of its edge cell and is as long as that offset, so it ends in
+    /// that cell, at the place that the body has in its own; nothing beyond the radius is seen. The reference counts 360 rays
+    /// for a radius of 5 and 528 for 6 because its list repeats mirror images; they are 222 and 354 different rays.
+    Shell {
+        /// Radius of the sphere in cells; 5 in the reference. A larger radius than 1774 counts as 1774, which sees the whole of
+        /// the largest map.
+        radius_cells: u32,
+    },
+}
+
+/// A LiDAR: its rays, how far it sees and how wide.
+#[derive(Clone)]
+pub struct Scanner {
+    pattern: Pattern,
+    bundles: Vec<Bundle>,
+    rays: u32,
+    range_m: f64,
+    /// Cosine of half the field of view, or `None` if that is all directions.
+    cone_cos: Option<f64>,
+}
+
+/// The rays would fill pages.
+impl fmt::Debug for Scanner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Scanner")
+            .field("pattern", &self.pattern)
+            .field("rays", &self.rays)
+            .field("range_m", &self.range_m)
+            .field("cone_cos", &self.cone_cos)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Scanner {
+    /// A LiDAR whose rays are `pattern`.
+    ///
+    /// A lattice sees cells that a ray enters within `range_m` metres, which may be infinite; a shell sees as far as its radius
+    /// and has no use for `range_m`. A ray is used if its angle from the heading is less than `fov_rad / 2`, so `fov_rad` is
+    /// the full opening angle of a cone in radians; from 2 pi on all rays are used.
+    pub fn new(pattern: Pattern, range_m: f64, fov_rad: f64) -> Self {
+        let directions = pattern.directions();
+        Self {
+            pattern,
+            rays: directions.len() as u32,
+            bundles: Bundle::pack(directions),
+            range_m,
+            cone_cos: (fov_rad < TAU).then(|| libm::cos(fov_rad / 2.0)),
+        }
+    }
+
+    /// Rays of a scan in all directions.
+    pub fn rays(&self) -> u32 {
+        self.rays
+    }
+
+    /// Whether scans from two poses are the same in an unchanged world: the heading counts only with a limited field of view.
+    pub fn sees_the_same(&self, a: &Pose, b: &Pose) -> bool {
+        a.position == b.position && (self.cone_cos.is_none() || a.yaw_rad == b.yaw_rad)
+    }
+
+    /// Casts a scan from `pose` and marks what it meets as seen.
+    ///
+    /// Appends the indices of the cells that this memory has not seen before: crossed free cells (and the body's own) to
+    /// `new_free`, walls that ended a ray to `new_wall`. **They come in no particular order, and that order differs between
+    /// processors: sort before anything depends on it.** A position outside the map sees nothing.
+    pub fn scan(&self, memory: &mut SensorMemory, pose: &Pose, new_free: &mut Vec<u32>, new_wall: &mut Vec<u32>) {
+        let Some(start) = self.start(memory, pose) else { return };
+        let first = [new_free.len(), new_wall.len()];
+        let mut found = Found { free: new_free, wall: new_wall };
+        let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
+        found.mark(&mut field, start.slot());
+        Kernel::best().scan(&mut field, &start, &self.bundles, &mut found);
+        for slot in new_free[first[0]..].iter_mut().chain(&mut new_wall[first[1]..]) {
+            *slot = memory.index_of(*slot);
+        }
+    }
+
+    /// What a scan from `pose` meets as a whole, seen before or not; changes nothing.
+    pub fn view(&self, memory: &SensorMemory, pose: &Pose) -> ScanView {
+        let mut view = ScanView::default();
+        let Some(start) = self.start(memory, pose) else { return view };
+        let cell_m = memory.extent.cell_m();
+        let mut met = vec![false; memory.kinds.len()];
+        let mut lists = Found { free: &mut view.free, wall: &mut view.wall };
+        let mut meet = |slot: usize, lists: &mut Found<'_>| {
+            if !std::mem::replace(&mut met[slot], true) {
+                lists.add(memory.kinds[slot], slot);
+            }
+        };
+        meet(start.slot(), &mut lists);
+        for bundle in &self.bundles {
+            for lane in bundle.lanes(start.cone()) {
+                let end = cast::cast_ray(&start, bundle, lane, |slot| {
+                    meet(slot, &mut lists);
+                    !cast::is_stop(memory.kinds[slot])
+                });
+                if let Some((slot, entry)) = end
+                    && cast::is_wall(memory.kinds[slot])
+                {
+                    view.hits.push(pose.position + bundle.direction(lane) * (entry * cell_m));
+                }
+            }
+        }
+        for list in [&mut view.free, &mut view.wall] {
+            list.iter_mut().for_each(|slot| *slot = memory.index_of(*slot));
+            list.sort_unstable();
+        }
+        view
+    }
+
+    /// Where the rays of a scan from `pose` meet walls: the hits of its [`Scanner::view`].
+    pub fn hits(&self, memory: &SensorMemory, pose: &Pose) -> Vec<Point3<f64>> {
+        let mut hits = Vec::new();
+        let Some(start) = self.start(memory, pose) else { return hits };
+        let cell_m = memory.extent.cell_m();
+        for bundle in &self.bundles {
+            for lane in bundle.lanes(start.cone()) {
+                let end = cast::cast_ray(&start, bundle, lane, |slot| !cast::is_stop(memory.kinds[slot]));
+                if let Some((slot, entry)) = end
+                    && cast::is_wall(memory.kinds[slot])
+                {
+                    hits.push(pose.position + bundle.direction(lane) * (entry * cell_m));
+                }
+            }
+        }
+        hits
+    }
+
+    fn start(&self, memory: &SensorMemory, pose: &Pose) -> Option<Start> {
+        let cell_m = memory.extent.cell_m();
+        let cell = memory.extent.cell_of(&pose.position);
+        let slot = memory.extent.contains(cell).then(|| memory.slot_of(cell))?;
+        let position = [pose.position.x, pose.position.y, pose.position.z].map(|metres| metres / cell_m);
+        let limit = match self.pattern {
+            Pattern::Lattice { .. } => self.range_m / cell_m,
+            Pattern::Shell { .. } => 1.0,
+        };
+        let cone = self
+            .cone_cos
+            .map(|cone_cos| (Vector3::new(libm::cos(pose.yaw_rad), libm::sin(pose.yaw_rad), 0.0), cone_cos));
+        Some(Start::new(cell, slot, memory.strides, position, limit, cone))
+    }
+}
+
+/// What one agent's LiDAR has seen so far, laid over the terrain, which all of them share: one byte per cell answers both "wall?" and
+/// "new?", unless it is new. Of cells that nobody has been near to it takes no memory, where the system provides it page by page.
+///
+/// The cells are surrounded by one layer of marks for the world outside, so that a ray needs no range test.
+#[derive(Clone)]
+pub struct SensorMemory {
+    extent: Extent,
+    strides: [usize; 3],
+    kinds: Arc<Vec<u8>>,
+    /// The kinds of the cells that have been seen, and 0 for the others.
+    seen: Vec<u8>,
+    /// By cell index, by how much rays that cross it outnumber those that end in it, as far as scans err; else empty.
+    votes: Vec<i8>,
+}
+
+/// The cells would fill pages.
+impl fmt::Debug for SensorMemory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SensorMemory").field("extent", &self.extent).finish_non_exhaustive()
+    }
+}
+
+impl SensorMemory {
+    /// The memory of a LiDAR that has not seen anything yet.
+    pub fn new(terrain: &Grid<Terrain>) -> Self {
+        let extent = terrain.extent();
+        let [x, y, z] = extent.size().map(|cells| cells as usize + 2);
+        let nothing =
+            Self { extent, strides: [1, x, x * y], kinds: Arc::default(), seen: Vec::new(), votes: Vec::new() };
+        let mut kinds = vec![OUTSIDE; x * y * z];
+        for (cell, terrain) in terrain.iter() {
+            kinds[nothing.slot_of(cell)] = match terrain {
+                Terrain::Free => FREE,
+                Terrain::Wall => WALL,
+            };
+        }
+        let seen = vec![0; kinds.len()];
+        Self { kinds: Arc::new(kinds), seen, ..nothing }
+    }
+
+    /// The memory of another LiDAR in the same terrain that has not seen anything yet.
+    #[must_use]
+    pub fn unused(&self) -> Self {
+        let (extent, strides, kinds) = (self.extent, self.strides, Arc::clone(&self.kinds));
+        Self { extent, strides, kinds, seen: vec![0; self.seen.len()], votes: Vec::new() }
+    }
+
+    /// Where a cell of the map lies in `kinds` and `seen`.
+    fn slot_of(&self, cell: voxels::Cell) -> usize {
+        let [x, y, z] = self.strides;
+        (cell.x + 1) as usize * x + (cell.y + 1) as usize * y + (cell.z + 1) as usize * z
+    }
+
+    /// The cell index of a slot that holds a cell of the map.
+    fn index_of(&self, slot: u32) -> u32 {
+        let [_, row, layer] = self.strides.map(|stride| stride as u32);
+        let [size_x, size_y, _] = self.extent.size();
+        let (z, in_layer) = (slot / layer - 1, slot % layer);
+        (z * size_y + in_layer / row - 1) * size_x + in_layer % row - 1
+    }
+}
+
+/// Everything that one scan meets.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ScanView {
+    /// Indices of the free cells, the body's own included, ascending.
+    pub free: Vec<u32>,
+    /// Indices of the walls that ended a ray, ascending.
+    pub wall: Vec<u32>,
+    /// Where rays met a wall, in the map frame, in metres, in the scanner's own fixed order of rays.
+    pub hits: Vec<Point3<f64>>,
+}
+
+#[cfg(test)]
+mod tests;

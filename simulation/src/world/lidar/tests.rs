@@ -1,0 +1,272 @@
+use std::collections::BTreeSet;
+use std::f64::consts::PI;
+use std::ops::ControlFlow;
+
+use proptest::prelude::*;
+use voxels::{Cell, is_wall_at, walk};
+
+use super::*;
+use crate::world::lidar::pattern::LANES;
+
+fn pose(position: [f64; 3], yaw_rad: f64) -> Pose {
+    Pose { position: position.into(), yaw_rad }
+}
+
+fn scanned(scanner: &Scanner, memory: &mut SensorMemory, pose: &Pose) -> (Vec<u32>, Vec<u32>) {
+    let (mut free, mut wall) = (Vec::new(), Vec::new());
+    scanner.scan(memory, pose, &mut free, &mut wall);
+    free.sort_unstable();
+    wall.sort_unstable();
+    (free, wall)
+}
+
+/// The rays of a pattern that lie within the field of view, by the angle itself.
+fn used(pattern: Pattern, yaw_rad: f64, fov_rad: f64) -> impl Iterator<Item = Vector3<f64>> {
+    let heading = Vector3::new(libm::cos(yaw_rad), libm::sin(yaw_rad), 0.0);
+    let all = pattern.directions().into_iter();
+    all.filter(move |direction| fov_rad >= TAU || heading.dot(&direction.normalize()) > libm::cos(fov_rad / 2.0))
+}
+
+/// What a scan sees, by `voxels::walk` alone.
+fn by_definition(
+    terrain: &Grid<Terrain>,
+    pose: &Pose,
+    pattern: Pattern,
+    range_m: f64,
+    fov_rad: f64,
+) -> (BTreeSet<u32>, BTreeSet<u32>) {
+    let extent = terrain.extent();
+    let index = |cell: Cell| extent.index(cell).unwrap() as u32;
+    let range_m = match pattern {
+        Pattern::Lattice { .. } => range_m,
+        Pattern::Shell { .. } => extent.cell_m(),
+    };
+    let (mut free, mut wall) = (BTreeSet::from([index(extent.cell_of(&pose.position))]), BTreeSet::new());
+    for direction in used(pattern, pose.yaw_rad, fov_rad) {
+        let _ = walk(extent, &pose.position, &direction, range_m, |cell, _| {
+            if is_wall_at(terrain, cell) {
+                wall.insert(index(cell));
+                return ControlFlow::Break(());
+            }
+            free.insert(index(cell));
+            ControlFlow::Continue(())
+        });
+    }
+    (free, wall)
+}
+
+#[test]
+fn the_lattice_is_evenly_spread() {
+    let rays = Pattern::Lattice { rays: 5124 }.directions();
+    assert_eq!(rays.len(), 5124);
+    assert!(rays.iter().all(|ray| (ray.norm() - 1.0).abs() < 1e-15));
+    assert!(rays.iter().sum::<Vector3<f64>>().norm() < 1e-2);
+    assert!(rays[0].x > 0.999 && rays[5123].x < -0.999);
+    for ray in rays.iter().step_by(97) {
+        let nearest = rays.iter().map(|other| ray.dot(other)).filter(|&cos| cos < 1.0 - 1e-12).fold(-1.0, f64::max);
+        let degrees = libm::acos(nearest).to_degrees();
+        assert!((2.4..2.9).contains(&degrees), "{degrees}");
+    }
+}
+
+#[test]
+fn the_lattice_turns_about_the_heading_at_yaw_0() {
+    let rays = Pattern::Lattice { rays: 4 }.directions();
+    let golden = (1.0 + 5f64.sqrt()) / 2.0;
+    let azimuth = TAU * 3.0 / golden;
+    let polar = libm::acos(1.0 - 2.0 * 3.5 / 4.0);
+    let expected =
+        Vector3::new(libm::cos(polar), libm::cos(azimuth) * libm::sin(polar), libm::sin(azimuth) * libm::sin(polar));
+    assert!((rays[3] - expected).norm() < 1e-14);
+}
+
+#[test]
+fn the_shell_is_the_edge_of_a_ball() {
+    let offsets = |radius_cells| Pattern::Shell { radius_cells }.directions();
+    assert_eq!((offsets(1).len(), offsets(2).len(), offsets(5).len(), offsets(6).len()), (6, 26, 222, 354));
+    assert!(offsets(5).iter().all(|offset| offset.norm() > 4.0 && offset.norm() <= 5.0));
+}
+
+#[test]
+fn every_ray_is_in_exactly_one_bundle() {
+    for pattern in [Pattern::Lattice { rays: 5124 }, Pattern::Lattice { rays: 3 }, Pattern::Shell { radius_cells: 5 }] {
+        let directions = pattern.directions();
+        let bundles = Bundle::pack(directions.clone());
+        let key = |d: Vector3<f64>| [d.x, d.y, d.z].map(f64::to_bits);
+        let packed: Vec<_> = bundles.iter().flat_map(|b| b.lanes(None).map(|lane| key(b.direction(lane)))).collect();
+        assert_eq!(packed.len(), directions.len());
+        assert_eq!(BTreeSet::from_iter(packed), BTreeSet::from_iter(directions.into_iter().map(key)));
+        assert!(bundles.len() <= pattern.directions().len().div_ceil(LANES) + 7);
+    }
+}
+
+#[test]
+fn a_shell_sees_every_cell_up_to_its_edge() {
+    let terrain = Grid::new(Extent::new([15, 15, 15], 0.5).unwrap(), Terrain::Free);
+    let scanner = Scanner::new(Pattern::Shell { radius_cells: 5 }, 0.1, TAU);
+    let body = pose([3.6, 3.9, 3.7], 0.0);
+    let (free, wall) = scanned(&scanner, &mut SensorMemory::new(&terrain), &body);
+    assert!(wall.is_empty(), "{wall:?}");
+    let extent = terrain.extent();
+    let own = extent.cell_of(&body.position);
+    let offsets: BTreeSet<Cell> = free.iter().map(|&index| extent.cell_at(index as usize) - own).collect();
+    for cell in extent.cells() {
+        let d = cell - own;
+        let squared = d.x * d.x + d.y * d.y + d.z * d.z;
+        assert!(squared > 25 || offsets.contains(&d), "{d:?} is missed");
+        assert!(squared <= 36 || !offsets.contains(&d), "{d:?} is too far");
+    }
+}
+
+#[test]
+fn a_cone_looks_along_the_heading() {
+    let terrain = Grid::from_text("#####\n#...#\n#...#\n#...#\n#####\n").unwrap();
+    let scanner = Scanner::new(Pattern::Lattice { rays: 5000 }, f64::INFINITY, PI / 2.0);
+    let columns = |yaw_rad| {
+        let (free, wall) = scanned(&scanner, &mut SensorMemory::new(&terrain), &pose([2.5, 2.5, 0.5], yaw_rad));
+        (free, wall)
+    };
+    assert_eq!(columns(0.0), (vec![8, 12, 13, 18], vec![9, 14, 19]));
+    assert_eq!(columns(PI), (vec![6, 11, 12, 16], vec![5, 10, 15]));
+    assert_eq!(columns(PI / 2.0), (vec![12, 16, 17, 18], vec![21, 22, 23]));
+}
+
+#[test]
+fn only_what_is_new_is_found() {
+    let terrain = Grid::from_text("......\n......\n").unwrap();
+    let scanner = Scanner::new(Pattern::Lattice { rays: 500 }, 1.4, TAU);
+    let mut memory = SensorMemory::new(&terrain);
+    let (first, _) = scanned(&scanner, &mut memory, &pose([1.5, 0.5, 0.5], 0.0));
+    let (again, _) = scanned(&scanner, &mut memory, &pose([1.5, 0.5, 0.5], 0.0));
+    let (beside, _) = scanned(&scanner, &mut memory, &pose([2.5, 0.5, 0.5], 0.0));
+    assert_eq!((first, again, beside), (vec![0, 1, 2, 6, 7, 8], vec![], vec![3, 9]));
+}
+
+#[test]
+fn a_position_outside_sees_nothing() {
+    let terrain = Grid::from_text("..\n").unwrap();
+    let scanner = Scanner::new(Pattern::Lattice { rays: 100 }, f64::INFINITY, TAU);
+    let mut memory = SensorMemory::new(&terrain);
+    for position in [[2.0, 0.5, 0.5], [-0.1, 0.5, 0.5], [f64::NAN, 0.5, 0.5]] {
+        assert_eq!(scanned(&scanner, &mut memory, &pose(position, 0.0)), (vec![], vec![]));
+        assert_eq!(scanner.view(&memory, &pose(position, 0.0)), ScanView::default());
+    }
+}
+
+#[test]
+fn the_heading_counts_only_with_a_limited_view() {
+    let scanner = |fov_rad| Scanner::new(Pattern::Lattice { rays: 10 }, 5.0, fov_rad);
+    let (here, turned, moved) = (pose([1.0; 3], 0.0), pose([1.0; 3], 1.0), pose([1.1; 3], 0.0));
+    assert!(scanner(TAU).sees_the_same(&here, &turned));
+    assert!(!scanner(TAU).sees_the_same(&here, &moved));
+    assert!(!scanner(3.0).sees_the_same(&here, &turned));
+    assert!(scanner(3.0).sees_the_same(&here, &here));
+}
+
+/// A world, its terrain drawn at random, with a free place in it: anywhere, on cell boundaries or in the middle of a cell.
+fn any_world() -> impl Strategy<Value = (Grid<Terrain>, [f64; 3])> {
+    let size = prop::array::uniform3(prop_oneof![1u32..4, 4u32..14]);
+    (size, prop_oneof![Just(1.0), Just(0.5), Just(0.3)], 0.0..0.5).prop_flat_map(|(size, cell_m, share)| {
+        let extent = Extent::new(size, cell_m).unwrap();
+        let walls = prop::collection::vec(prop::bool::weighted(share), extent.volume());
+        let place = prop::array::uniform3(prop_oneof![Just(0.0), Just(0.5), 0.0..1.0]);
+        (walls, any::<prop::sample::Index>(), place).prop_map(move |(walls, own, place)| {
+            let cells = walls.into_iter().map(|wall| if wall { Terrain::Wall } else { Terrain::Free });
+            let mut terrain = Grid::from_vec(extent, cells.collect()).unwrap();
+            let own = extent.cell_at(own.index(extent.volume()));
+            let corner = [own.x, own.y, own.z].map(f64::from);
+            let position = [0, 1, 2].map(|axis| (corner[axis] + place[axis]) * extent.cell_m());
+            // Rounding may lift a place on a boundary into the next cell, or push it below its own.
+            let own = extent.cell_of(&position.into());
+            terrain.set(own, Terrain::Free);
+            (terrain, position)
+        })
+    })
+}
+
+fn any_scanner() -> impl Strategy<Value = (Pattern, f64, f64)> {
+    let pattern = prop_oneof![
+        (1u32..400).prop_map(|rays| Pattern::Lattice { rays }),
+        (1u32..6).prop_map(|radius_cells| Pattern::Shell { radius_cells }),
+    ];
+    (pattern, prop_oneof![Just(f64::INFINITY), Just(1.0), 0.01..9.0], prop_oneof![Just(TAU), 0.1..TAU])
+}
+
+proptest! {
+    #[test]
+    fn a_scan_sees_what_walk_visits(
+        (terrain, position) in any_world(),
+        (pattern, range_m, fov_rad) in any_scanner(),
+        yaw_rad in -PI..PI,
+    ) {
+        let body = pose(position, yaw_rad);
+        prop_assume!(terrain.extent().contains(terrain.extent().cell_of(&body.position)));
+        let scanner = Scanner::new(pattern, range_m, fov_rad);
+        let (free, wall) = by_definition(&terrain, &body, pattern, range_m, fov_rad);
+        let sorted = |set: BTreeSet<u32>| set.into_iter().collect::<Vec<u32>>();
+        let expected = (sorted(free), sorted(wall));
+
+        let fresh = SensorMemory::new(&terrain);
+        let view = scanner.view(&fresh, &body);
+        prop_assert_eq!((&view.free, &view.wall), (&expected.0, &expected.1));
+
+        let mut memory = fresh.clone();
+        prop_assert_eq!(&scanned(&scanner, &mut memory, &body), &expected);
+        prop_assert_eq!(scanned(&scanner, &mut memory, &body), (vec![], vec![]));
+
+        for kernel in Kernel::available() {
+            let mut seen = vec![0; fresh.kinds.len()];
+            let mut field = Field { kinds: &fresh.kinds, seen: &mut seen };
+            let (mut free, mut wall) = (Vec::new(), Vec::new());
+            let mut found = Found { free: &mut free, wall: &mut wall };
+            let start = scanner.start(&fresh, &body).unwrap();
+            found.mark(&mut field, start.slot());
+            kernel.scan(&mut field, &start, &scanner.bundles, &mut found);
+            // Slot 0 is where lanes wait whose rays are at an end.
+            prop_assert_eq!(&seen[1..], &memory.seen[1..]);
+            prop_assert_eq!((free.len(), wall.len()), (expected.0.len(), expected.1.len()));
+        }
+    }
+
+    #[test]
+    fn several_scans_find_each_cell_once(
+        (terrain, position) in any_world(),
+        shift in prop::array::uniform3(-2.0..2.0),
+        (pattern, range_m, fov_rad) in any_scanner(),
+    ) {
+        let poses = [pose(position, 0.0), pose([0, 1, 2].map(|axis| position[axis] + shift[axis]), 2.0)];
+        let is_free = |pose: &&Pose| !is_wall_at(&terrain, terrain.extent().cell_of(&pose.position));
+        let scanner = Scanner::new(pattern, range_m, fov_rad);
+        let mut memory = SensorMemory::new(&terrain);
+        let mut known = BTreeSet::new();
+        for pose in poses.iter().filter(is_free) {
+            let (free, wall) = by_definition(&terrain, pose, pattern, range_m, fov_rad);
+            let all: BTreeSet<u32> = free.union(&wall).copied().collect();
+            let (new_free, new_wall) = scanned(&scanner, &mut memory, pose);
+            let new: BTreeSet<u32> = new_free.iter().chain(&new_wall).copied().collect();
+            prop_assert_eq!(&new, &all.difference(&known).copied().collect());
+            prop_assert!(new_free.iter().all(|index| free.contains(index)));
+            known.extend(all);
+        }
+    }
+
+    #[test]
+    fn hits_lie_on_the_faces_of_walls(
+        (terrain, position) in any_world(), (pattern, range_m, fov_rad) in any_scanner(),
+    ) {
+        let body = pose(position, 0.4);
+        prop_assume!(terrain.extent().contains(terrain.extent().cell_of(&body.position)));
+        let scanner = Scanner::new(pattern, range_m, fov_rad);
+        let view = scanner.view(&SensorMemory::new(&terrain), &body);
+        prop_assert_eq!(view.hits.is_empty(), view.wall.is_empty());
+        prop_assert!(view.hits.len() >= view.wall.len());
+        let cell_m = terrain.extent().cell_m();
+        for hit in view.hits {
+            let close = view.wall.iter().any(|&index| {
+                let off = (hit - terrain.extent().centre(terrain.extent().cell_at(index as usize))).abs().max();
+                (off / cell_m - 0.5).abs() < 1e-9
+            });
+            prop_assert!(close, "{hit} is on no wall");
+        }
+    }
+}

@@ -1,0 +1,371 @@
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::Vector3;
+use proptest::prelude::*;
+use voxels::Extent;
+
+use super::body::Motion;
+use super::comms::{AgentMessage, ContactModel, Peer};
+use super::lidar::Pattern;
+use msgs::limits::PARCEL_BYTES_MAX;
+
+use super::*;
+
+fn pool(threads: usize) -> ThreadPool {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
+}
+
+/// Contact in line of sight within a range.
+fn within(range_m: f64) -> Comms {
+    Comms::perfect(ContactModel::LineOfSightAndRange { range_m })
+}
+
+fn params() -> WorldParams {
+    WorldParams {
+        body: BodyModel::default(),
+        other_bodies: BTreeMap::new(),
+        scanner: Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
+        schedule: ScanSchedule::OnRequest { period_ticks: 10 },
+        comms: within(f64::INFINITY),
+        noise: SensorNoise::default(),
+    }
+}
+
+/// A closed hall of the given inner size.
+fn hall(inner: [u32; 3]) -> Grid<Terrain> {
+    let extent = Extent::new(inner.map(|cells| cells + 2), 1.0).unwrap();
+    let mut terrain = Grid::new(extent, Terrain::Free);
+    voxels::close_shell(&mut terrain, 1);
+    terrain
+}
+
+/// Two rooms with a door (`.` in the middle of the wall).
+fn two_rooms() -> Grid<Terrain> {
+    let solid = "#########\n#########\n#########\n#########\n#########\n";
+    let layer = "#########\n#...#...#\n#.......#\n#...#...#\n#########\n";
+    Grid::from_text(&[solid, layer, solid].join("\n")).unwrap()
+}
+
+fn at(x: f64, y: f64, z: f64) -> Pose {
+    Pose { position: Point3::new(x, y, z), yaw_rad: 0.0 }
+}
+
+fn action(motion: Motion) -> Action {
+    Action { motion, lidar: ScanRequest::Keep, want_view: false, messages: Vec::new() }
+}
+
+fn endless(pitch_rad: f64) -> Motion {
+    Motion::Move { pitch_rad, distance_m: f64::INFINITY }
+}
+
+const A: AgentId = AgentId(0);
+const B: AgentId = AgentId(1);
+
+#[test]
+fn a_hall_is_explored_at_the_first_look() {
+    let pool = pool(1);
+    let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
+    assert_eq!(world.coverage().explored(), 0.0);
+    assert_eq!(world.coverage().covered(), 1.0 / 60.0);
+    world.look(&pool);
+    assert!(world.coverage().is_explored());
+    assert_eq!(world.coverage().explored(), 1.0);
+    let observation = world.observe(A, Commit::Committed);
+    assert_eq!(observation.seen_free.len(), 60);
+    assert!(observation.seen_free.is_sorted() && observation.seen_wall.is_sorted());
+    assert_eq!(observation.scan_tick, Some(Tick::ZERO));
+    let again = world.observe(A, Commit::Committed);
+    assert!(again.seen_free.is_empty() && again.seen_wall.is_empty());
+}
+
+#[test]
+fn scans_come_as_the_scenario_or_the_agent_says() {
+    let pool = pool(1);
+    let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
+    let scan_ticks = |world: &mut World, request: Option<ScanRequest>, ticks: u64| -> Vec<u64> {
+        let first = world.tick().0;
+        (first..first + ticks)
+            .filter(|&tick| {
+                world.look(&pool);
+                let scanned = world.observe(A, Commit::Committed).scan_tick == Some(Tick(tick));
+                let lidar = if tick == first { request.unwrap_or_default() } else { ScanRequest::Keep };
+                world.step([(A, Action { lidar, ..action(Motion::Keep) })].into());
+                scanned
+            })
+            .collect()
+    };
+    assert_eq!(scan_ticks(&mut world, None, 21), [0, 10, 20]);
+    assert_eq!(scan_ticks(&mut world, Some(ScanRequest::Every(4)), 9), [22, 26]);
+    assert_eq!(scan_ticks(&mut world, Some(ScanRequest::Never), 20), [30]);
+    assert_eq!(scan_ticks(&mut world, Some(ScanRequest::Once), 20), [51]);
+    // The body has not moved: only its first scan had to be cast.
+    assert_eq!((world.totals().scans, world.totals().scans_cast), (7, 1));
+}
+
+#[test]
+fn in_turns_one_agent_scans_in_each_tick() {
+    let pool = pool(1);
+    let turns = WorldParams { schedule: ScanSchedule::TakeTurns, ..params() };
+    let mut world = World::new(hall([5, 4, 3]), turns, &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
+    for tick in 0..6 {
+        world.look(&pool);
+        let scanned = [A, B].map(|agent| world.observe(agent, Commit::Committed).scan_tick == Some(Tick(tick)));
+        assert_eq!(scanned, [tick % 2 == 0, tick % 2 == 1]);
+        world.step([(A, Action { lidar: ScanRequest::Never, ..action(Motion::Keep) })].into());
+    }
+}
+
+#[test]
+fn the_result_of_a_look_does_not_hang_on_threads() {
+    let starts = [at(1.5, 1.5, 1.5), at(3.5, 2.5, 1.5), at(7.5, 2.5, 1.5)];
+    let seen = |threads| {
+        let pool = pool(threads);
+        let mut world = World::new(two_rooms(), params(), &starts);
+        world.look(&pool);
+        [0, 1, 2].map(|agent| world.observe(AgentId(agent), Commit::Committed))
+    };
+    assert_eq!(seen(1), seen(2));
+    assert_eq!(seen(1), seen(8));
+}
+
+#[test]
+fn walls_and_range_end_contact() {
+    let starts = [at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5), at(7.5, 3.5, 1.5)];
+    let contacts = |range_m| {
+        let params = WorldParams { comms: within(range_m), ..params() };
+        let mut world = World::new(two_rooms(), params, &starts);
+        [0, 1, 2].map(|agent| {
+            let contacts = world.observe(AgentId(agent), Commit::Committed).contacts;
+            contacts.into_iter().map(|(other, _)| other.0).collect::<Vec<_>>()
+        })
+    };
+    // Through the door only the third one is seen from the first.
+    assert_eq!(contacts(f64::INFINITY), [vec![2], vec![2], vec![0, 1]]);
+    assert_eq!(contacts(3.0), [vec![], vec![2], vec![1]]);
+}
+
+#[test]
+fn parcels_reach_those_in_contact_in_the_next_observation() {
+    let starts = [at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5), at(7.5, 3.5, 1.5)];
+    let mut world = World::new(two_rooms(), params(), &starts);
+    let message = |peer, data: &[u8]| AgentMessage { peer, kind: 7, data: data.to_vec() };
+    let messages =
+        vec![message(Peer::Broadcast, b"all"), message(Peer::One(B), b"one"), message(Peer::One(A), b"self")];
+    world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
+    assert_eq!(world.observe(B, Commit::Committed).messages, []);
+    let third = world.observe(AgentId(2), Commit::Committed);
+    assert_eq!(third.messages, [message(Peer::One(A), b"all")]);
+    assert_eq!(third.events & PARCEL, PARCEL);
+    let totals = world.totals();
+    assert_eq!((totals.parcels_sent, totals.parcels_delivered, totals.parcels_out_of_contact), (3, 1, 2));
+    assert_eq!(totals.parcel_bytes_delivered, 3);
+}
+
+#[test]
+fn a_full_inbox_loses_what_comes_and_does_not_grow() {
+    let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
+    for _ in 0..70 {
+        let messages = vec![AgentMessage { peer: Peer::One(B), kind: 0, data: vec![0; PARCEL_BYTES_MAX] }];
+        world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
+    }
+    assert_eq!((world.totals().parcels_delivered, world.totals().parcels_inbox_full), (64, 6));
+    assert_eq!(world.observe(B, Commit::Committed).messages.len(), 64);
+}
+
+#[test]
+fn events_are_told_once_and_named_ones_wake() {
+    let pool = pool(1);
+    let mut world = World::new(two_rooms(), params(), &[at(1.5, 1.5, 1.5), at(7.5, 1.5, 1.5)]);
+    world.observe(A, Commit::Committed);
+    world.step([(A, action(Motion::Path(vec![Point3::new(1.5, 2.5, 1.5)])))].into());
+    let mut happened = 0;
+    for _ in 0..500 {
+        world.look(&pool);
+        happened |= world.events(A, TASK_DONE | COLLISION | NEW_CELL | CONTACTS | PARCEL);
+        world.step(BTreeMap::new());
+    }
+    assert_eq!(happened, TASK_DONE | NEW_CELL);
+    assert_eq!(world.events(A, TASK_DONE), TASK_DONE);
+    assert_eq!(world.events(A, COLLISION), 0);
+    assert_eq!(world.observe(A, Commit::Committed).events, TASK_DONE | NEW_CELL);
+    assert_eq!(world.observe(A, Commit::Committed).events, 0);
+    // Into the line of the door, then along it.
+    world.step([(B, action(Motion::Path(vec![Point3::new(7.5, 2.5, 1.5)])))].into());
+    for _ in 0..500 {
+        world.step(BTreeMap::new());
+    }
+    assert_eq!(world.events(A, CONTACTS), CONTACTS);
+    assert_eq!(world.observe(A, Commit::Committed).contacts.len(), 1);
+    assert_eq!(world.events(A, CONTACTS), 0);
+}
+
+#[test]
+fn asked_out_of_turn_everything_is_told_once_and_counted_once() {
+    let pool = pool(1);
+    let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
+    world.look(&pool);
+    let first = world.observe(A, Commit::Speculative);
+    assert_eq!(first.seen_free.len(), 60);
+    let message = |data: &[u8]| AgentMessage { peer: Peer::One(A), kind: 0, data: data.to_vec() };
+    world.step([(B, Action { messages: vec![message(b"x")], ..action(Motion::Keep) })].into());
+    let second = world.observe(A, Commit::Speculative);
+    assert_eq!((second.seen_free.len(), second.messages.len(), second.events & PARCEL), (0, 1, PARCEL));
+    let third = world.observe(A, Commit::Speculative);
+    assert_eq!((third.messages.len(), third.events & PARCEL), (0, 0));
+    let counted = world.observe(A, Commit::Committed);
+    assert_eq!((counted.seen_free.len(), counted.messages.len(), counted.events & PARCEL), (60, 1, PARCEL));
+}
+
+#[test]
+fn the_view_comes_on_request() {
+    let pool = pool(1);
+    let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
+    world.look(&pool);
+    assert_eq!(world.observe(A, Commit::Committed).view, None);
+    world.step([(A, Action { want_view: true, ..action(Motion::Keep) })].into());
+    let view = world.observe(A, Commit::Committed).view.unwrap();
+    assert_eq!(view.free.len(), 60);
+    world.step([(A, action(Motion::Keep))].into());
+    assert_eq!(world.observe(A, Commit::Committed).view, None);
+}
+
+#[test]
+fn two_bodies_that_meet_head_on_stop_and_never_overlap() {
+    let mut world =
+        World::new(hall([20, 3, 3]), params(), &[at(2.5, 2.5, 2.5), Pose { yaw_rad: PI, ..at(19.5, 2.5, 2.5) }]);
+    world.step([(A, action(endless(0.0))), (B, action(endless(0.0)))].into());
+    for _ in 0..2000 {
+        world.step(BTreeMap::new());
+        let gap = world.body(A).pose().position - world.body(B).pose().position;
+        assert!(gap.norm() >= 0.8 - 1e-12, "{gap}");
+    }
+    assert!([A, B].iter().all(|&agent| !world.body(agent).is_active()));
+    assert!(world.body(A).collision().unwrap().with_agent || world.body(B).collision().unwrap().with_agent);
+}
+
+fn any_motion() -> impl Strategy<Value = Motion> {
+    let point = prop::array::uniform3(-5.0..15.0_f64).prop_map(Point3::from);
+    prop_oneof![
+        Just(Motion::Keep),
+        Just(Motion::Stop),
+        (-1.6..1.6_f64, prop_oneof![Just(f64::INFINITY), 0.0..9.0_f64])
+            .prop_map(|(pitch_rad, distance_m)| Motion::Move { pitch_rad, distance_m }),
+        (-TAU..TAU).prop_map(|angle_rad| Motion::Turn { angle_rad }),
+        prop::collection::vec(point, 1..5).prop_map(Motion::Path),
+        (prop::array::uniform3(-9.0..9.0_f64), -9.0..9.0_f64).prop_map(|(linear, yaw_rate_rad_s)| {
+            Motion::Velocity { linear_in_body_m_s: Vector3::from(linear), yaw_rate_rad_s }
+        }),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn no_command_takes_a_body_out_of_free_space(
+        commands in prop::collection::vec((any_motion(), any_motion(), 1..200_usize), 1..30),
+    ) {
+        let terrain = two_rooms();
+        let mut world = World::new(terrain.clone(), params(), &[at(1.5, 1.5, 1.5), at(7.5, 3.5, 1.5)]);
+        for (of_a, of_b, ticks) in commands {
+            world.step([(A, action(of_a)), (B, action(of_b))].into());
+            for _ in 0..ticks {
+                world.step(BTreeMap::new());
+                let positions = [A, B].map(|agent| world.body(agent).pose().position);
+                prop_assert!((positions[0] - positions[1]).norm() >= 0.8 - 1e-9);
+                for position in positions {
+                    for (cell, &state) in terrain.iter() {
+                        if state == Terrain::Wall {
+                            let low = Point3::new(cell.x.into(), cell.y.into(), cell.z.into());
+                            let nearest = position.sup(&low).inf(&(low + Vector3::repeat(1.0)));
+                            prop_assert!((position - nearest).norm() >= 0.4 - 1e-9, "{position} is too near to {cell:?}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_body_is_put_where_there_is_room_and_its_agent_is_told() {
+    let mut world = World::new(two_rooms(), params(), &[at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5)]);
+    world.step(BTreeMap::from([(A, action(endless(0.0)))]));
+    assert!(world.body(A).is_active());
+    let moved = world.body(A).pose().position;
+    for (x, y) in [(4.5, 1.5), (3.7, 1.5), (6.0, 1.5), (100.0, 1.5), (f64::MAX, 1.5)] {
+        assert!(world.place(A, at(x, y, 1.5)).is_err(), "{x}, {y}");
+    }
+    assert_eq!(world.body(A).pose().position, moved);
+    world.observe(A, Commit::Committed);
+    let pairs = world.pairs_in_contact();
+    world.place(A, at(2.5, 1.5, 1.5)).unwrap();
+    assert_eq!((world.body(A).is_active(), world.body(A).pose().position.x), (false, 2.5));
+    assert_eq!(world.events(A, TASK_DONE | NEW_CELL), TASK_DONE | NEW_CELL);
+    assert_eq!((pairs, world.pairs_in_contact()), (0, 0));
+    world.place(B, at(5.5, 2.5, 1.5)).unwrap();
+    world.place(A, at(2.5, 2.5, 1.5)).unwrap();
+    assert_eq!(world.pairs_in_contact(), 1, "they see each other through the door");
+}
+
+#[test]
+fn bodies_of_a_mixed_team_meet_where_their_radii_do() {
+    let small = BodyModel { radius_m: 0.2, ..BodyModel::AERIAL };
+    let params = WorldParams { other_bodies: [(B, small)].into(), ..params() };
+    let facing = [at(2.5, 2.5, 2.5), Pose { yaw_rad: PI, ..at(19.5, 2.5, 2.5) }];
+    let mut world = World::new(hall([20, 3, 3]), params, &facing);
+    world.step([(A, action(endless(0.0))), (B, action(endless(0.0)))].into());
+    for _ in 0..2000 {
+        world.step(BTreeMap::new());
+    }
+    let [a, b] = [A, B].map(|agent| world.body(agent).pose().position);
+    let gap_m = (a - b).norm();
+    assert!((0.6 - 1e-9..0.7).contains(&gap_m), "{gap_m}");
+    assert!(world.place(B, at(a.x, a.y, a.z - 0.59)).is_err());
+    assert!(world.place(B, at(a.x, a.y, a.z - 0.61)).is_ok());
+    assert_eq!(world.body(B).model(), &small, "it stays what it is");
+}
+
+#[test]
+fn errors_hang_neither_on_threads_nor_on_who_is_asked() {
+    let noise = SensorNoise { range_sigma_m: 0.3, missed_returns: 0.1, pose_bound_m: 0.5, pose_step_m: 0.05, seed: 3 };
+    let starts = [at(1.5, 1.5, 1.5), at(3.5, 2.5, 1.5), at(7.5, 2.5, 1.5)];
+    let observed = |threads, is_asked_between: bool| {
+        let pool = pool(threads);
+        let mut world = World::new(two_rooms(), WorldParams { noise, ..params() }, &starts);
+        for _ in 0..100 {
+            world.look(&pool);
+            if is_asked_between {
+                world.observe(B, Commit::Speculative);
+            }
+            world.step(BTreeMap::new());
+        }
+        [A, B].map(|agent| world.observe(agent, Commit::Committed))
+    };
+    let first = observed(1, false);
+    assert_eq!(first, observed(4, true));
+    assert_ne!(first[0].pose.position, starts[0].position, "it has drifted");
+    assert!((first[0].pose.position - starts[0].position).amax() <= 0.5);
+    // B is where it says it is.
+    assert_eq!(
+        first[0].contacts.iter().find(|(other, _)| *other == B).map(|(_, at)| *at),
+        Some(first[1].pose.position)
+    );
+}
+
+#[test]
+fn what_is_taken_for_free_and_is_wall_is_no_score() {
+    let noise = SensorNoise { range_sigma_m: 2.0, ..SensorNoise::default() };
+    let pool = pool(1);
+    let mut world = World::new(two_rooms(), WorldParams { noise, ..params() }, &[at(1.5, 1.5, 1.5)]);
+    for _ in 0..100 {
+        world.look(&pool);
+        world.step(BTreeMap::new());
+    }
+    let told = world.observe(A, Commit::Committed).seen_free;
+    let truly_free = told.iter().filter(|&&cell| world.terrain().as_slice()[cell as usize] == Terrain::Free).count();
+    assert!(truly_free < told.len());
+    let score = world.coverage().explored() * world.coverage().free_cells() as f64;
+    assert_eq!(score.round() as usize, truly_free);
+    // Bodies that keep still scan again all the same.
+    assert_eq!(world.totals().scans_cast, 10);
+}
