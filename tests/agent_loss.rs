@@ -8,7 +8,8 @@ use crate::support::runs::{Run, Site, scenario};
 const LONG: [&str; 10] =
     ["--agents", "3", "--size", "30", "--seed", "7", "--duration", "600", "--set", "stop_when_explored=false"];
 
-/// Paces a run that a test lets end by itself. The time limit for a reply leaves room for a busy machine.
+/// Paces a run that a test lets end by itself. The time limit for a reply leaves room for a busy
+/// machine.
 const PACED: [&str; 6] = ["--rtf", "40", "--decision-timeout", "4", "--record", "run.mcap"];
 
 /// Paces a run that a test interrupts.
@@ -129,8 +130,8 @@ fn second_process_for_an_id_is_refused() {
 
     let claim = Process::start(site.binary("agent_node").args(["--id", "1"])).ended().with_code(5);
     assert_eq!(claim.stderr, "error: agent 1 was refused by the server: agent 1 is taken by another process");
-    let stranger = Process::start(site.binary("agent_node").args(["--id", "1-3"])).ended().with_code(5);
-    assert!(stranger.stderr.starts_with("error: agent "), "{stranger}");
+    let unknown = Process::start(site.binary("agent_node").args(["--id", "1-3"])).ended().with_code(5);
+    assert!(unknown.stderr.starts_with("error: agent "), "{unknown}");
     let second = Process::start(&mut site.run_sh(&LONG)).ended().with_code(2);
     assert!(second.stderr.starts_with("error: a run is under way in ROS domain "), "{second}");
 
@@ -147,11 +148,12 @@ fn second_process_for_an_id_is_refused() {
 fn unknown_id_is_ignored() {
     let site = Site::new();
     let mut run = started(&site, &[&SLOW]);
-    let mut stranger = Process::start(site.binary("agent_node").args(["--id", "3"]));
-    stranger.handles("TERM");
-    signal(stranger.pid(), "TERM");
-    // The server does not subscribe to the topics of agent 3, so that it is not even refused; but it can be terminated.
-    stranger.ended().with_code(0);
+    let mut unknown = Process::start(site.binary("agent_node").args(["--id", "3"]));
+    unknown.handles("TERM");
+    signal(unknown.pid(), "TERM");
+    // The server does not subscribe to the topics of agent 3, so that it is not even refused; but
+    // it can be terminated.
+    unknown.ended().with_code(0);
     signal(run.process().pid(), "INT");
     run.ended().with_code(130);
 }

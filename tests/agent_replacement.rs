@@ -1,4 +1,5 @@
-//! Replacement of lost agent processes under `faults.on_agent_loss = "wait"`: who may replace whom, with the same run.
+//! Replacement of lost agent processes under `faults.on_agent_loss = "wait"`: who may replace whom,
+//! with the same run.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -128,7 +129,8 @@ fn restarted_agent_gives_the_same_run() {
     }
 }
 
-/// The first process joins and dies before the clock starts, when its loss cannot have been noticed.
+/// The first process joins and dies before the clock starts, when its loss cannot have been
+/// noticed.
 #[test]
 fn agent_lost_before_the_start_is_replaced() {
     let (is_taken, is_gone, is_back) =

@@ -1,9 +1,11 @@
-"""Opens a recording with the usual Python packages, and checks it against itself and against `sim_server info`.
+"""Opens a recording with the usual Python packages, and checks it against itself and against
+`sim_server info`.
 
     check_recording.py RECORDING.mcap INFO.txt METADATA.yaml FREE_CELLS
 
-INFO.txt is the output of `sim_server info RECORDING.mcap`, METADATA.yaml that with `--metadata`, FREE_CELLS the number of free
-cells of the true map. Prints a summary; exit code 1 with the reason if a check fails.
+INFO.txt is the output of `sim_server info RECORDING.mcap`, METADATA.yaml that with `--metadata`,
+FREE_CELLS the number of free cells of the true map. Prints a summary; exit code 1 with the reason
+if a check fails.
 """
 
 import math
@@ -48,7 +50,8 @@ def cells(runs):
 
 
 def read_m3dm(data):
-    """Size in x, y, z and the set of free cell indices, from the bytes of a map file, bit by bit."""
+    """Size in x, y, z and the set of free cell indices, from the bytes of a map file, bit by bit.
+    """
     bits = "".join(f"{byte:08b}" for byte in data)
     size_x, size_z, size_y, padding = int(bits[:7], 2), int(bits[7:14], 2), int(bits[14:21], 2), int(bits[21:24], 2)
     body = bits[24 + padding :]

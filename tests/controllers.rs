@@ -1,4 +1,5 @@
-//! Every controller in complete runs: deterministic, on every kind of map, without a refused command.
+//! Every controller in complete runs: deterministic, on every kind of map, without a refused
+//! command.
 
 use std::process::Command;
 

@@ -2,8 +2,9 @@
 
     cyclone_observer.py
 
-Needs the package cyclonedds, and uses of ROS only the names of topics and types. Obeys ROS_DOMAIN_ID, on this machine only. Prints
-`ready` when it has subscribed, and `received everything` when it has. A failure goes to stderr, with exit code 1.
+Needs the package cyclonedds, and uses of ROS only the names of topics and types. Obeys
+ROS_DOMAIN_ID, on this machine only. Prints `ready` when it has subscribed, and `received
+everything` when it has. A failure goes to stderr, with exit code 1.
 """
 
 import os

@@ -1,7 +1,8 @@
 //! Equal scenarios give equal bytes.
 //!
-//! Complete recordings are compared, so that a difference in any message, stamp, counter or order is found. The runs: five
-//! agents in a cave of 50 x 50 x 50 cells, and the scenarios with the settings of the reference simulator.
+//! Complete recordings are compared, so that a difference in any message, stamp, counter or order
+//! is found. The runs: five agents in a cave of 50 x 50 x 50 cells, and the scenarios with the
+//! settings of the reference simulator.
 
 use std::collections::BTreeSet;
 use std::process::Command;

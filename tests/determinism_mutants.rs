@@ -1,8 +1,10 @@
-//! Mutation tests of the determinism tests: controllers and servers with an injected source of nondeterminism.
+//! Mutation tests of the determinism tests: controllers and servers with an injected source of
+//! nondeterminism.
 //!
-//! A mutant differs from the original in one number, taken from a forbidden source: the order of a hash table, a random stream
-//! shared by several agents, the wall clock. One of the comparisons of `determinism.rs` must detect each mutant, with the same
-//! function; the original must pass all of them.
+//! A mutant differs from the original in one number, taken from a forbidden source: the order of a
+//! hash table, a random stream shared by several agents, the wall clock. One of the comparisons of
+//! `determinism.rs` must detect each mutant, with the same function; the original must pass all of
+//! them.
 
 use std::hash::{BuildHasher, RandomState};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -40,7 +42,8 @@ enum Source {
     Clock,
 }
 
-/// Turns by a number and triggers seven ticks later. It reads its position, so that tampered observations show.
+/// Turns by a number and triggers seven ticks later. It reads its position, so that tampered
+/// observations show.
 struct Turner {
     source: Source,
     own: ChaCha8Rng,
@@ -95,7 +98,8 @@ const APART: Variant = Variant {
     server_link: |end| Box::new(end),
 };
 
-/// As in `determinism.rs`: repeated, grouped in processes, in another order, delayed, with threads, without look-ahead.
+/// As in `determinism.rs`: repeated, grouped in processes, in another order, delayed, with threads,
+/// without look-ahead.
 const VARIANTS: [Variant; 7] = [
     APART,
     Variant { name: "together", groups: &[&[0, 1, 2]], ..APART },

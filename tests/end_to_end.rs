@@ -1,29 +1,35 @@
-//! End-to-end tests: the installed programs, and the libraries in the combination that the programs use.
+//! End-to-end tests: the installed programs, and the libraries in the combination that the programs
+//! use.
 //!
-//! No test depends on speed: every wait is for a line, a message, a file or the end of a process, and wall time only turns a
-//! hang into a failure.
+//! No test depends on speed: every wait is for a line, a message, a file or the end of a process,
+//! and wall time only turns a hang into a failure.
 
 /// Processes, ROS domains, recordings and in-memory runs, shared by the tests.
 mod support;
 
 /// Every controller is deterministic and sends no illegal command, on every kind of map.
 mod controllers;
-/// The same scenario gives the same bytes: repeated, in another start order, with delays, more threads, another transport.
+/// The same scenario gives the same bytes: repeated, in another start order, with delays, more
+/// threads, another transport.
 mod determinism;
-/// Mutants: the comparisons of the determinism tests detect nondeterministic controllers and servers.
+/// Mutants: the comparisons of the determinism tests detect nondeterministic controllers and
+/// servers.
 mod determinism_mutants;
-/// Look-ahead is exact: requests at every tick do not change the run of agents that act only on their triggers.
+/// Look-ahead is exact: requests at every tick do not change the run of agents that act only on
+/// their triggers.
 mod look_ahead;
 
 /// Agents that are missing, die, hang, or join with an id in use.
 mod agent_loss;
 /// Replacement of lost agent processes.
 mod agent_replacement;
-/// Bad scenarios, maps, recordings and arguments: one line of error with the place, exit code 2, no file.
+/// Bad scenarios, maps, recordings and arguments: one line of error with the place, exit code 2, no
+/// file.
 mod bad_input;
 /// Plans of many runs, and their reports.
 mod experiments;
-/// Random fault injection: runs over ROS 2 are the same with processes killed, suspended and sent garbage.
+/// Random fault injection: runs over ROS 2 are the same with processes killed, suspended and sent
+/// garbage.
 mod faults;
 /// Illegal, foreign and undecodable messages: refused, counted, without effect.
 mod hostile_agents;
@@ -57,5 +63,7 @@ mod foxglove_server;
 /// The viewer in a browser.
 mod viewer;
 
+/// Foreign crates: licences, duplicate versions, sources, features.
+mod dependencies;
 /// Rules of the workspace that the compiler does not check.
 mod tidy;

@@ -1,4 +1,5 @@
-//! Plans of many runs with the installed command: interrupted and completed, on a cluster, over ROS 2, and reported.
+//! Plans of many runs with the installed command: interrupted and completed, on a cluster, over ROS
+//! 2, and reported.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -6,7 +6,8 @@ use experiments::faults::plan::{At, Fault, Plan};
 
 use crate::support::runs::{Site, text};
 
-/// The first seed whose plan has at most two faults, one of them such a fault in the middle of the run.
+/// The first seed whose plan has at most two faults, one of them such a fault in the middle of the
+/// run.
 fn seed_with(fits: impl Fn(&Fault) -> bool) -> u64 {
     let has = |seed: &u64| {
         let Plan { faults, .. } = Plan::of_seed(*seed, 5, 60.0, 1000);

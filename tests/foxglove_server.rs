@@ -1,4 +1,5 @@
-//! WebSocket clients read the live stream and control the run, which stays the same; recordings are served over HTTP.
+//! WebSocket clients read the live stream and control the run, which stays the same; recordings are
+//! served over HTTP.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;

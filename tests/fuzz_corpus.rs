@@ -1,6 +1,8 @@
-//! The fuzz targets over their corpora and seeded mutations of them: a short, reproducible version of `launch_scripts/fuzz.sh`.
+//! The fuzz targets over their corpora and seeded mutations of them: a short, reproducible version
+//! of `launch_scripts/fuzz.sh`.
 //!
-//! Mutations follow from a fixed seed and have a fixed number, so failures are reproducible. A failure names its input.
+//! Mutations follow from a fixed seed and have a fixed number, so failures are reproducible. A
+//! failure names its input.
 
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -60,7 +62,8 @@ fn feed(target: Target, what: &str, bytes: &[u8]) {
     }
 }
 
-/// Mutates a few places: bits, bytes, numbers of four bytes, repeated and removed pieces, and pieces of another input.
+/// Mutates a few places: bits, bytes, numbers of four bytes, repeated and removed pieces, and
+/// pieces of another input.
 fn mutated(mut bytes: Vec<u8>, other: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
     for _ in 0..rng.random_range(1..=PLACES_MAX) {
         if bytes.is_empty() {

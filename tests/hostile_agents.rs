@@ -1,4 +1,5 @@
-//! Illegal commands, foreign senders, floods and undecodable messages: refused, counted, and without effect on the digest.
+//! Illegal commands, foreign senders, floods and undecodable messages: refused, counted, and
+//! without effect on the digest.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::Ipv4Addr;
@@ -81,7 +82,8 @@ fn illegal(command: &Command) -> Vec<Command> {
     commands
 }
 
-/// A link that sends illegal commands of two agents in every tick, before and after each true command.
+/// A link that sends illegal commands of two agents in every tick, before and after each true
+/// command.
 struct IllegalSender {
     inner: AgentsEnd,
     last_tick: [Option<u64>; 2],
@@ -103,8 +105,8 @@ impl IllegalSender {
         for wrong in [tick.wrapping_sub(1), tick + 1, tick + 1_000_000, u64::MAX] {
             self.send_illegal("refused_wrong_tick", &changed(wrong, agent));
         }
-        for stranger in [2, 1000, u32::MAX] {
-            self.send_illegal("refused_unknown_agent", &changed(tick, stranger));
+        for unknown in [2, 1000, u32::MAX] {
+            self.send_illegal("refused_unknown_agent", &changed(tick, unknown));
         }
         if tick == 100 {
             for _ in 0..10_000 {
@@ -212,7 +214,8 @@ impl AgentTransport for ForeignSender {
         self.say(agent.0, welcome, ToServer::Command(Command { run: run ^ 1, ..command }));
         self.say(agent.0, welcome, ToServer::Join(Join { run: 0, ..join.clone() }));
         self.say(agent.0, FOREIGN, ToServer::Join(join.clone()));
-        // With the agent's own instance number, which is public: the agent must not receive a refusal.
+        // With the agent's own instance number, which is public: the agent must not receive a
+        // refusal.
         let borrowed = Join { instance: instance_of(agent.0), ..join.clone() };
         self.say(agent.0, FOREIGN, ToServer::Join(borrowed.clone()));
         self.say(agent.0, FOREIGN, ToServer::Join(Join { protocol: PROTOCOL + 1, ..borrowed.clone() }));

@@ -1,7 +1,9 @@
-//! Look-ahead is exact: agents that act only on their triggers have the same run with requests at every tick.
+//! Look-ahead is exact: agents that act only on their triggers have the same run with requests at
+//! every tick.
 //!
-//! The agents here use every feature of the protocol at random, and their choices depend on everything that they have observed:
-//! they send messages to each other, wait for every kind of event, and request scans and views.
+//! The agents here use every feature of the protocol at random, and their choices depend on
+//! everything that they have observed: they send messages to each other, wait for every kind of
+//! event, and request scans and views.
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -34,7 +36,8 @@ count = 4
 range_m = 5.0
 ";
 
-/// Acts at random when it is due. Between its triggers it keeps its task, or turns with `acts_between`.
+/// Acts at random when it is due. Between its triggers it keeps its task, or turns with
+/// `acts_between`.
 struct Gossip {
     rng: ChaCha8Rng,
     wake: Wake,

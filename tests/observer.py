@@ -1,10 +1,12 @@
-"""A ROS 2 node that observes a run: checks its nodes, topics and public messages with the stock types.
+"""A ROS 2 node that observes a run: checks its nodes, topics and public messages with the stock
+types.
 
     observer.py [--agents N] [--size S] [--look-ahead] [--then forever|result]
 
-Needs rclpy and maes_msgs (see launch_scripts/ros_env.sh). Prints `ready` when it has subscribed, and `received everything` when all
-checks have passed; then it ends, or stays for ever, or until it has the result of the run and prints `result DIGEST`. With
---look-ahead, agents do not get an observation at every tick. A failure goes to stderr, with exit code 1.
+Needs rclpy and maes_msgs (see launch_scripts/ros_env.sh). Prints `ready` when it has subscribed,
+and `received everything` when all checks have passed; then it ends, or stays for ever, or until
+it has the result of the run and prints `result DIGEST`. With --look-ahead, agents do not get an
+observation at every tick. A failure goes to stderr, with exit code 1.
 """
 
 import argparse

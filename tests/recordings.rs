@@ -1,4 +1,5 @@
-//! Recordings open with `rosbags`, `mcap`, `mcap-ros2-support` and `rerun-sdk` from PyPI, which the test installs.
+//! Recordings open with `rosbags`, `mcap`, `mcap-ros2-support` and `rerun-sdk` from PyPI, which the
+//! test installs.
 //!
 //! `check_recording.py` checks their content, independently of this project's code.
 
@@ -12,7 +13,8 @@ use crate::support::processes::Process;
 use crate::support::python;
 use crate::support::runs::{Site, scenario, text};
 
-/// Fails unless `check_recording.py` accepts `file` as the recording of a run in a map with so many free cells.
+/// Fails unless `check_recording.py` accepts `file` as the recording of a run in a map with so many
+/// free cells.
 #[track_caller]
 fn assert_opens(site: &Site, file: &Path, free_cells: u64) {
     let info = Process::start(site.binary("sim_server").arg("info").arg(file)).ended().with_code(0);

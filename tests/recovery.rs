@@ -1,4 +1,5 @@
-//! Recovery: with killed, hanging and duplicate agents and with killed servers, the run is the undisturbed one.
+//! Recovery: with killed, hanging and duplicate agents and with killed servers, the run is the
+//! undisturbed one.
 
 use crate::support::processes::{Process, signal};
 use crate::support::recordings::{Recording, refusals};
@@ -94,7 +95,8 @@ fn hanging_agent_can_be_replaced() {
     signal(agent, "CONT");
     run.ended().with_code(0);
     replacement.ended().with_code(0);
-    // A late message of the replaced process may have been refused and counted, so the counters may differ.
+    // A late message of the replaced process may have been refused and counted, so the counters may
+    // differ.
     let (recording, whole) = (site.recording("run.mcap"), Recording::from_bytes(&undisturbed(&site)));
     recording.assert_begins(&whole, 1);
     assert_eq!(recording.result_digest(), whole.result_digest());

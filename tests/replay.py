@@ -2,9 +2,9 @@
 
     replay.py SCENE [EXPECTED]
 
-Needs rclpy, maes_msgs and simulation_interfaces (see launch_scripts/ros_env.sh). EXPECTED is a file with a line for each expected
-message, `TOPIC TYPE HEX`, where HEX is its CDR with header. A scene is a function of this file. Exit code 0; a failure goes to
-stderr, with exit code 1.
+Needs rclpy, maes_msgs and simulation_interfaces (see launch_scripts/ros_env.sh). EXPECTED is a
+file with a line for each expected message, `TOPIC TYPE HEX`, where HEX is its CDR with header. A
+scene is a function of this file. Exit code 0; a failure goes to stderr, with exit code 1.
 """
 
 import importlib
@@ -75,7 +75,9 @@ def same(got, expected):
 
 
 def subject(kind, data):
-    """The key of a message of a latched topic: of a marker, `ns` and `id`, which follow stamp and frame."""
+    """The key of a message of a latched topic: of a marker, `ns` and `id`, which follow stamp and
+    frame.
+    """
     if kind != "visualization_msgs/msg/Marker":
         return None
     body, texts = data[4:], []
@@ -144,7 +146,9 @@ def late(file):
 
 
 def steps(_file):
-    """Pause, steps and rate of a part of a recording, from tick 525 to 600; then plays it to its end."""
+    """Pause, steps and rate of a part of a recording, from tick 525 to 600; then plays it to its
+    end.
+    """
     listener = Listener({"/sim/progress": "maes_msgs/msg/Progress"})
     one = caller()
     one.executor.add_node(listener.node)

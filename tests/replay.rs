@@ -1,4 +1,5 @@
-//! Replay of recordings on ROS 2 topics, with a node of a real ROS 2 (rclpy on Fast DDS) that receives and controls it.
+//! Replay of recordings on ROS 2 topics, with a node of a real ROS 2 (rclpy on Fast DDS) that
+//! receives and controls it.
 //!
 //! The node is `replay.py`.
 

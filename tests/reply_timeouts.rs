@@ -1,4 +1,5 @@
-//! The server while it waits for replies: it saves the recording, can be stopped, and tolerates late and repeated replies.
+//! The server while it waits for replies: it saves the recording, can be stopped, and tolerates
+//! late and repeated replies.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -46,7 +47,8 @@ impl<F: FnMut(&mut AgentsEnd, &Command, u32)> Link for Slow<F> {
     }
 }
 
-/// A run in which a closure sends the commands of agent 1. Its last argument: how many times the tick was requested.
+/// A run in which a closure sends the commands of agent 1. Its last argument: how many times the
+/// tick was requested.
 fn with_answers(play: Play, answer: impl Fn(&mut AgentsEnd, &Command, u32) + Send + Sync + 'static) -> Played {
     play.with(move |inner, ids, is_over| {
         let options = honest(u64::from(ids[0].0), ids.clone());

@@ -2,8 +2,9 @@
 
     services.py SCENE [ARGUMENT]
 
-Needs rclpy, maes_msgs and simulation_interfaces (see launch_scripts/ros_env.sh). A scene is a function of this file; the server
-has started paused, with two agents, unless the scene says otherwise. Exit code 0; a failure goes to stderr, with exit code 1.
+Needs rclpy, maes_msgs and simulation_interfaces (see launch_scripts/ros_env.sh). A scene is a
+function of this file; the server has started paused, with two agents, unless the scene says
+otherwise. Exit code 0; a failure goes to stderr, with exit code 1.
 """
 
 import math
@@ -327,7 +328,7 @@ def intervention(distance):
 
 
 def parameters(_argument):
-    """The parameters of the server, and of an agent that offers them, as people see them too."""
+    """The parameters of the server, and of an agent that offers them."""
     caller = Caller()
     names = caller.call("list_parameters", prefixes=[], depth=0).result.names
     for name in ("seed", "map.size", "execution.rtf", "use_sim_time", "agents.count"):
@@ -405,7 +406,9 @@ def hurry(_argument):
 
 
 def pace(argument):
-    """Waits for a real-time factor set by another client, and sets another one, which the run then has."""
+    """Waits for a real-time factor set by another client, and sets another one, which the run then
+    has.
+    """
     caller = Caller()
     caller.until(lambda: caller.get("execution.rtf")[0].double_value == float(argument))
     equal(caller.set("execution.rtf", number(3.0)).successful, True, "another one")

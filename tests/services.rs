@@ -1,4 +1,5 @@
-//! Simulation control from a node of a real ROS 2 (rclpy on Fast DDS, from `launch_scripts/ros_env.sh`): the services of
+//! Simulation control from a node of a real ROS 2 (rclpy on Fast DDS, from
+//! `launch_scripts/ros_env.sh`): the services of
 //! `simulation_interfaces`, parameters, and malformed requests. The node is `services.py`.
 
 use std::net::Ipv4Addr;

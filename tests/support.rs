@@ -1,7 +1,8 @@
 //! Processes, ROS domains, recordings and in-memory runs for the end-to-end tests.
 //!
-//! Invariants: no process outlives the test that started it; no two tests share a ROS domain; at most two runs are under way
-//! at a time, one for each core of the smallest machine; a wait that takes longer than [`HANG`] is a failure.
+//! Invariants: no process outlives the test that started it; no two tests share a ROS domain; at
+//! most two runs are under way at a time, one for each core of the smallest machine; a wait that
+//! takes longer than [`HANG`] is a failure.
 
 pub(crate) mod binaries;
 pub(crate) mod domains;
@@ -18,7 +19,8 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-/// Wall time after which a wait has failed: long enough for a machine with ten times as much to do as it has cores.
+/// Wall time after which a wait has failed: long enough for a machine with ten times as much to do
+/// as it has cores.
 pub(crate) const HANG: Duration = Duration::from_secs(600);
 
 /// The root of the workspace.
@@ -67,7 +69,8 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The result of `work`, which takes a slot, or a failure if it hangs. The wait for the slot has no limit.
+/// The result of `work`, which takes a slot, or a failure if it hangs. The wait for the slot has no
+/// limit.
 #[track_caller]
 pub(crate) fn bounded<T: Send + 'static>(what: &str, work: impl FnOnce() -> T + Send + 'static) -> T {
     let slot = Slot::take();

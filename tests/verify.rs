@@ -132,8 +132,8 @@ fn recordings_without_look_ahead_verify() {
     assert!(same.stdout.starts_with("the same run: "), "{same}");
 }
 
-/// Records a run of two agents. `leaves` is called before each command of agent 1, with its number from 1 and the flag that ends
-/// the run, and returns whether it is the agent's last one.
+/// Records a run of two agents. `leaves` is called before each command of agent 1, with its number
+/// from 1 and the flag that ends the run, and returns whether it is the agent's last one.
 fn ended_early(site: &Site, on_agent_loss: OnAgentLoss, leaves: fn(u32, &AtomicBool) -> bool) {
     let mut play = Play::of_two(20.0);
     play.scenario.faults.on_agent_loss = on_agent_loss;
@@ -180,7 +180,8 @@ fn run_with_a_lost_agent_verifies() {
     }
 }
 
-/// A server's end that pauses the run, places one agent where it is, resumes the run, and removes the other agent.
+/// A server's end that pauses the run, places one agent where it is, resumes the run, and removes
+/// the other agent.
 struct Intervening {
     inner: ServerEnd,
     requests: VecDeque<Request>,

@@ -1,4 +1,5 @@
-//! The viewer: its static checks and tests, in a real browser with real runs and recordings, and the snapshots and movies made with it.
+//! The viewer: its static checks and tests, in a real browser with real runs and recordings, and
+//! the snapshots and movies made with it.
 
 use std::process::Command;
 use std::sync::OnceLock;
@@ -9,7 +10,8 @@ use crate::support::recordings::Recording;
 use crate::support::runs::{Site, text};
 use crate::support::{Slot, root};
 
-/// Longest wall time for fetching packages, and for the tests of the viewer, seconds, for `timeout`.
+/// Longest wall time for fetching packages, and for the tests of the viewer, seconds, for
+/// `timeout`.
 const LIMIT_S: &str = "3000";
 
 /// Builds the viewer, once.
@@ -21,8 +23,9 @@ fn prepare() {
     });
 }
 
-/// The output of an npm command in the folder of the viewer. No run is under way meanwhile, because browsers that draw in software
-/// use all cores. Servers that it starts have a ROS domain of their own.
+/// The output of an npm command in the folder of the viewer. No run is under way meanwhile, because
+/// browsers that draw in software use all cores. Servers that it starts have a ROS domain of their
+/// own.
 fn npm(arguments: &[&str]) -> String {
     prepare();
     let site = Site::new();

@@ -1,4 +1,5 @@
-//! Hostile messages drawn from bytes: any message that can come in over the wire, most of them close to a legal one.
+//! Hostile messages drawn from bytes: any message that can come in over the wire, most of them
+//! close to a legal one.
 
 use arbitrary::{Result, Unstructured};
 use msgs::geometry_msgs::{Point, Vector3};

@@ -1,10 +1,11 @@
 //! Fuzz targets: one function for each kind of bytes from outside.
 //!
-//! A target takes any bytes and panics if a promise of docs/reliability.md is broken. The same functions run under libFuzzer
-//! (`launch_scripts/fuzz.sh`) and in an ordinary test over the corpus and seeded mutations of it (`tests/fuzz_corpus.rs`).
+//! A target takes any bytes and panics if a promise of docs/reliability.md is broken. The same
+//! functions run under libFuzzer (`launch_scripts/fuzz.sh`) and in an ordinary test over the corpus
+//! and seeded mutations of it (`tests/fuzz_corpus.rs`).
 //!
-//! Invariants: a target is a function of its bytes, touches no file and no network, and terminates. The caller limits its
-//! memory.
+//! Invariants: a target is a function of its bytes, touches no file and no network, and terminates.
+//! The caller limits its memory.
 
 mod agent;
 mod files;

@@ -1,4 +1,5 @@
-//! Targets of foreign map formats and the packed one: what is read is a map, and writing and reading it gives the same map.
+//! Targets of foreign map formats and the packed one: what is read is a map, and writing and
+//! reading it gives the same map.
 
 use mapgen::{Fill, ImportOptions, ImportSpec, Kind, MapFormat};
 use voxels::{Grid, Terrain, packed as format};

@@ -1,8 +1,9 @@
 //! Target `server`: the session loop, with two scripted agents and a hostile sender.
 //!
-//! The hostile sender is either the process of agent 1, and its messages come before the legal reply; or it is foreign. Every
-//! message of a foreign sender is refused, counted and without effect. With a hostile member, the run is that of the replies
-//! which the server has to accept, and of no other message.
+//! The hostile sender is either the process of agent 1, and its messages come before the legal
+//! reply; or it is foreign. Every message of a foreign sender is refused, counted and without
+//! effect. With a hostile member, the run is that of the replies which the server has to accept,
+//! and of no other message.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::OnceLock;
@@ -194,12 +195,7 @@ impl AgentTransport for Script<'_> {
     fn reply_join(&mut self, reply: &JoinReply) {
         let is_meant = |(source, instance): &(SourceId, u64)| *instance == reply.instance && *source != self.hostile;
         let honest_is_meant = MEMBERS.get(reply.agent as usize).is_some_and(is_meant);
-        assert!(
-            reply.accepted || !honest_is_meant,
-            "agent {} is told that it is refused: {}",
-            reply.agent,
-            reply.reason
-        );
+        assert!(reply.accepted || !honest_is_meant, "agent {} receives a refusal: {}", reply.agent, reply.reason);
     }
 
     fn send(&mut self, agent: AgentId, part: &Observation) {

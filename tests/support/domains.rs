@@ -4,7 +4,7 @@ use std::fs::File;
 use std::net::{Ipv4Addr, UdpSocket};
 use std::sync::atomic::{AtomicU16, Ordering};
 
-/// Above the domains that people choose, and below the ports that Linux hands out at random.
+/// Above the usual domains, and below the ports that Linux hands out at random.
 const DOMAINS: std::ops::Range<u16> = 30..100;
 
 /// A ROS domain that nothing else on this machine uses.
@@ -46,15 +46,16 @@ fn lock_if_free(domain: u16) -> Option<File> {
         file.try_lock().is_ok().then_some(file)
     };
     let lock = locked(format!("maes-test-domain-{domain}.lock"))?;
-    // Runs hold this one (`launch_scripts/run.sh`). It is released at once, for the runs of the test.
+    // Runs hold this one (`launch_scripts/run.sh`). It is released at once, for the runs of the
+    // test.
     locked(format!("maes-domain-{domain}.lock"))?;
     is_silent(domain).then_some(lock)
 }
 
 /// Whether no participant on this machine has a port of the domain open.
 ///
-/// DDSI-RTPS 2.5, 9.6.2.3: a domain has 250 ports from 7400 on. Its participants share the first two, for multicast, and the
-/// one with index n has 10 + 2n and 11 + 2n to itself.
+/// DDSI-RTPS 2.5, 9.6.2.3: a domain has 250 ports from 7400 on. Its participants share the first
+/// two, for multicast, and the one with index n has 10 + 2n and 11 + 2n to itself.
 fn is_silent(domain: u16) -> bool {
     let base = 7400 + 250 * domain;
     [0, 1].into_iter().chain(10..250).all(|offset| UdpSocket::bind((Ipv4Addr::UNSPECIFIED, base + offset)).is_ok())

@@ -159,7 +159,8 @@ pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
     }
 }
 
-/// Serves agents with controllers of the test until the run ends. `pause` is called before each command.
+/// Serves agents with controllers of the test until the run ends. `pause` is called before each
+/// command.
 pub(crate) fn serve(
     mut link: impl Link,
     ids: &[AgentId],

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use super::{binaries, root};
+use super::root;
 
 /// Longest wall time for downloading and building packages, seconds, for `timeout`.
 const INSTALLATION: &str = "1500";
@@ -29,15 +29,13 @@ pub(crate) fn for_cyclone() -> &'static Path {
 
 /// The interpreter with the packages of a requirements file.
 fn environment(name: &str) -> PathBuf {
-    let folder = binaries::target_folder().join(format!("python-{name}"));
-    let tests = root().join("tests");
     let mut command = Command::new("timeout");
-    command.arg(INSTALLATION).arg(tests.join("python_env.sh"));
-    command.arg(tests.join(format!("{name}_requirements.txt"))).arg(folder);
+    command.arg(INSTALLATION).arg(root().join("tests/python_env.sh")).arg(name);
     PathBuf::from(prepared(&mut command).trim_end())
 }
 
-/// Prepares a ROS 2 with the messages of this project. Commands run in it behind the arguments of [`in_ros`].
+/// Prepares a ROS 2 with the messages of this project. Commands run in it behind the arguments of
+/// [`in_ros`].
 pub(crate) fn prepare_ros() {
     static PREPARED: OnceLock<()> = OnceLock::new();
     PREPARED.get_or_init(|| {
