@@ -122,8 +122,9 @@ fn view(args: &sim_server::cli::ViewArgs) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::from(exit::FAILED));
         }
     };
-    print(&shelf.url());
+    // Before the address is printed: whoever reads it may send a signal at once.
     let mut signals = signal_hook::iterator::Signals::new([signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM])?;
+    print(&shelf.url());
     signals.forever().next();
     Ok(ExitCode::SUCCESS)
 }

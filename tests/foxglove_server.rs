@@ -1,4 +1,5 @@
-//! People look on through the WebSocket, pull the journal, and control the run; it stays the run that it is.
+//! WebSocket clients read the live stream and control the run, which stays the same; recordings are
+//! served over HTTP.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -22,7 +23,7 @@ const FLAGS: [&str; 8] = ["--agents", "2", "--size", "20", "--duration", "30", "
 /// A free port of this machine.
 const ANYWHERE: &str = "127.0.0.1:0";
 
-/// A run that begins paused, with its address.
+/// Starts a paused run; its Foxglove server's address.
 fn begun(site: &Site, flags: &[&str]) -> (Run, String) {
     let shown = ["--view", ANYWHERE, "--paused", "true", "--record", "run.mcap"];
     let mut run = site.start(&mut site.run_sh(&[&FLAGS[..], &shown, flags].concat()));
@@ -39,7 +40,7 @@ fn state(client: &mut Client) -> u8 {
     client.call::<StateResponse>("/sim_server/get_simulation_state", &NoRequest {}).state.state
 }
 
-/// What a server answers to an HTTP request with these lines.
+/// The response to an HTTP request with these header lines.
 fn get(address: &str, path: &str, lines: &str) -> String {
     let mut stream = TcpStream::connect(address).expect("the server is there");
     let request = format!("GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{lines}\r\n");
@@ -50,7 +51,7 @@ fn get(address: &str, path: &str, lines: &str) -> String {
 }
 
 #[test]
-fn the_journal_is_the_recording_and_looking_on_changes_nothing() {
+fn live_stream_equals_the_recording() {
     let site = Site::new();
     let (run, address) = begun(&site, &[]);
     let mut client = Client::connect(&address);
@@ -59,10 +60,10 @@ fn the_journal_is_the_recording_and_looking_on_changes_nothing() {
     }
     assert_eq!(set_state(&mut client, SimulationState::PLAYING), 1);
     let session = client.session();
-    let journal = Recording::from_bytes(&client.journal(&session));
+    let live_stream = Recording::from_bytes(&client.live_stream(&session));
     let ended = run.ended().with_code(0);
     let recording = site.recording("run.mcap");
-    assert_eq!(journal, recording, "{}", journal.first_difference(&recording));
+    assert_eq!(live_stream, recording, "{}", live_stream.first_difference(&recording));
     let alone = site.record(&[&["--transport", "memory"][..], &FLAGS].concat());
     assert_eq!(ended.digest(), alone.digest());
     for (topic, messages) in &client.messages {
@@ -76,12 +77,12 @@ fn the_journal_is_the_recording_and_looking_on_changes_nothing() {
 }
 
 #[test]
-fn a_run_is_controlled_as_over_ros() {
+fn foxglove_clients_control_the_run() {
     let site = Site::new();
     let (run, address) = begun(&site, &[]);
     let mut client = Client::connect(&address);
     assert_eq!(client.said["serverInfo"]["metadata"]["idle"], "false");
-    // The address is told before the run is announced.
+    // The address is printed before the topics of the run are advertised.
     client.read_until(|client| client.offered().contains(&"/agent_1/odom"));
     assert_eq!(state(&mut client), SimulationState::STOPPED);
     let stepped: ResultResponse = client.call("/sim_server/step_simulation", &StepRequest { steps: 7 });
@@ -89,14 +90,14 @@ fn a_run_is_controlled_as_over_ros() {
     assert_eq!(state(&mut client), SimulationState::PAUSED);
     assert_eq!(client.parameter("map.size"), json!(20));
     assert_eq!(client.set("execution.rtf", 2.5), json!([{ "name": "execution.rtf", "type": "float64", "value": 2.5 }]));
-    assert_eq!(state(&mut client), SimulationState::PAUSED, "what was asked before is done");
+    assert_eq!(state(&mut client), SimulationState::PAUSED, "requests are handled in order");
     assert_eq!(client.parameter("execution.rtf"), json!(2.5));
-    assert_eq!(client.set("execution.rtf", -1.0), json!([]), "there is no such pace");
+    assert_eq!(client.set("execution.rtf", -1.0), json!([]), "no such factor");
     assert_eq!(client.set("map.size", 30), json!([]), "the map stays as it is");
     let nonsense = client.call_raw("/sim_server/step_simulation", "cdr", &[0, 1, 0, 0, 7]);
     assert!(nonsense.unwrap_err().contains("StepSimulation_Request"));
     let old = client.session();
-    assert_eq!(set_state(&mut client, SimulationState::STOPPED), 1, "it begins again");
+    assert_eq!(set_state(&mut client, SimulationState::STOPPED), 1, "reset");
     let new = client.next_session();
     assert_eq!(client.fetch(&format!("maes://run/{old}/0")), Err("gone".to_owned()));
     assert!(client.fetch(&format!("maes://run/{new}/0")).is_ok_and(|bytes| bytes.starts_with(b"\x89MCAP")));
@@ -108,7 +109,7 @@ fn a_run_is_controlled_as_over_ros() {
 }
 
 #[test]
-fn the_pace_is_told_to_ros_and_by_ros() {
+fn real_time_factor_is_shared_with_ros() {
     let site = Site::new();
     python::prepare_ros();
     let (run, address) = begun(&site, &[]);
@@ -120,31 +121,31 @@ fn the_pace_is_told_to_ros_and_by_ros() {
     assert_eq!(set_state(&mut client, SimulationState::STOPPED), 1);
     client.next_session();
     assert_eq!(state(&mut client), SimulationState::STOPPED);
-    assert_eq!(client.parameter("execution.rtf"), json!(3.0), "a run that begins again keeps it");
+    assert_eq!(client.parameter("execution.rtf"), json!(3.0), "a reset keeps it");
     set_state(&mut client, SimulationState::QUITTING);
     run.ended().with_code(130);
 }
 
 #[test]
-fn a_client_that_does_not_read_holds_nothing_up() {
+fn slow_client_does_not_block_the_run() {
     let site = Site::new();
     let (run, address) = begun(&site, &[]);
-    let mut deaf = Client::connect(&address);
+    let mut slow = Client::connect(&address);
     for topic in ["/tf", "/sim/unexplored", "/agent_0/points", "/agent_1/points", "/sim/info"] {
-        deaf.subscribe(topic);
+        slow.subscribe(topic);
     }
     let mut client = Client::connect(&address);
     set_state(&mut client, SimulationState::PLAYING);
     let session = client.session();
-    let journal = Recording::from_bytes(&client.journal(&session));
-    // It is connected still, and has read nothing since.
+    let live_stream = Recording::from_bytes(&client.live_stream(&session));
+    // The slow client is still connected and has read nothing.
     run.ended().with_code(0);
-    assert_eq!(counter(&journal.result(), "agents_dropped"), 0);
-    drop(deaf);
+    assert_eq!(counter(&live_stream.result(), "agents_dropped"), 0);
+    drop(slow);
 }
 
 #[test]
-fn an_idle_server_starts_what_it_is_asked_for() {
+fn idle_server_starts_requested_runs() {
     let site = Site::new();
     let ready = site.path("ready");
     let mut server = site.binary("sim_server");
@@ -185,9 +186,9 @@ fn an_idle_server_starts_what_it_is_asked_for() {
         assert_eq!(start(&mut client, &scenario)["message"], "a run is under way; end it first");
         let mut team = site.binary("agent_node");
         let team = Process::start(team.args(["--id", &format!("0-{}", agents - 1)]));
-        let journal = Recording::from_bytes(&client.journal(&session));
+        let live_stream = Recording::from_bytes(&client.live_stream(&session));
         team.ended().with_code(0);
-        assert_eq!(journal.result().explored_by.len(), agents);
+        assert_eq!(live_stream.result().explored_by.len(), agents);
         server.process().prints("digest: ");
     }
     signal(server.process().pid(), "TERM");
@@ -195,7 +196,7 @@ fn an_idle_server_starts_what_it_is_asked_for() {
 }
 
 #[test]
-fn a_recording_is_given_out_in_parts_to_pages_of_this_machine_alone() {
+fn recording_is_served_in_ranges_to_local_pages() {
     let site = Site::new();
     let bytes = site.record(&[&["--transport", "memory"][..], &FLAGS].concat()).bytes;
     let file = site.file("some.mcap", &bytes);
@@ -218,7 +219,7 @@ fn a_recording_is_given_out_in_parts_to_pages_of_this_machine_alone() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_told_at_once() {
+fn view_errors_are_reported_at_start() {
     let site = Site::new();
     let taken = std::net::TcpListener::bind(ANYWHERE).expect("a port is free");
     let address = taken.local_addr().expect("it has one").to_string();

@@ -1,9 +1,10 @@
-"""A participant of another DDS (Cyclone) that looks on at a run of two agents.
+"""A participant of another DDS (Cyclone) that observes a run of two agents.
 
-    cyclone_onlooker.py
+    cyclone_observer.py
 
-Needs the package cyclonedds, and knows nothing of ROS but how it names topics and types. Obeys ROS_DOMAIN_ID, on this machine only.
-Says `ready` when it listens, and `seen everything` when it has. What is wrong goes to stderr, with exit code 1.
+Needs the package cyclonedds, and uses of ROS only the names of topics and types. Obeys
+ROS_DOMAIN_ID, on this machine only. Prints `ready` when it has subscribed, and `received
+everything` when it has. A failure goes to stderr, with exit code 1.
 """
 
 import os
@@ -11,7 +12,7 @@ import sys
 import time
 from dataclasses import dataclass
 
-# The first participants are found by all others, so that is where to look; loopback has no multicast.
+# Discovery by unicast to the first participants, because loopback has no multicast.
 os.environ["CYCLONEDDS_URI"] = """
 <CycloneDDS><Domain>
   <General>
@@ -246,16 +247,16 @@ def main():
     readers = {name: listen(participant, name, kind, policies) for name, (kind, policies, _) in TOPICS.items()}
     received = {name: [] for name in TOPICS}
     print("ready", flush=True)
-    told = time.monotonic()
+    printed = time.monotonic()
     while any(len(received[name]) < wanted for name, (_, _, wanted) in TOPICS.items()):
         for name, reader in readers.items():
             received[name].extend(sample for sample in reader.take(100) if sample.__class__ is TOPICS[name][0])
         time.sleep(0.02)
-        if time.monotonic() - told > 10.0:
-            told = time.monotonic()
+        if time.monotonic() - printed > 10.0:
+            printed = time.monotonic()
             print(f"received: {({name: len(came) for name, came in received.items()})}", file=sys.stderr, flush=True)
     check_what_came(received)
-    print("seen everything", flush=True)
+    print("received everything", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,10 @@
-//! The tests of determinism find what is not: controllers and servers with a fault of that kind are told from those without.
+//! Mutation tests of the determinism tests: controllers and servers with an injected source of
+//! nondeterminism.
 //!
-//! A mutant decides as its original does, but for one number that comes from where no number may come from: the order of a hash,
-//! a random stream that several agents share, the wall clock. Each must be found by one of the comparisons that
-//! `determinism.rs` makes, with the same function; the original must pass all of them.
+//! A mutant differs from the original in one number, taken from a forbidden source: the order of a
+//! hash table, a random stream shared by several agents, the wall clock. One of the comparisons of
+//! `determinism.rs` must detect each mutant, with the same function; the original must pass all of
+//! them.
 
 use std::hash::{BuildHasher, RandomState};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,25 +24,26 @@ use sim_server::session::RunError;
 use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput, Transport};
 use simulation::scenario::OnAgentLoss;
 
-use crate::lost_processes::{Mortal, Successor, wait_for};
+use crate::agent_replacement::{Mortal, Successor, wait_for};
 use crate::support::lock;
 use crate::support::memory::{Play, Played, serve};
 use crate::support::runs::{Site, difference};
 
-/// Where a controller has the number from that it turns by.
+/// Source of the angle that the controller turns by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Source {
-    /// A random stream of its own, as it should.
+    /// A random stream of its own: the original.
     Own,
-    /// The order in which a hash table would go through its headings.
+    /// The iteration order of a hash table.
     HashOrder,
-    /// A random stream of the process, whoever of its agents draws from it.
+    /// A random stream of the process, shared by its agents.
     SharedStream,
     /// The wall clock.
     Clock,
 }
 
-/// Turns by some number, and asks to be asked a little later. It looks where it is, so that it finds out about lies.
+/// Turns by a number and triggers seven ticks later. It reads its position, so that tampered
+/// observations show.
 struct Turner {
     source: Source,
     own: ChaCha8Rng,
@@ -75,9 +78,9 @@ impl Controller for Turner {
     }
 }
 
-/// How a run is carried out.
+/// A variant of the execution of a run.
 #[derive(Clone, Copy)]
-struct Way {
+struct Variant {
     name: &'static str,
     groups: &'static [&'static [u32]],
     threads: u32,
@@ -86,8 +89,8 @@ struct Way {
     server_link: fn(ServerEnd) -> Box<dyn Transport>,
 }
 
-const APART: Way = Way {
-    name: "again",
+const APART: Variant = Variant {
+    name: "repeated",
     groups: &[&[0], &[1], &[2]],
     threads: 1,
     look_ahead: true,
@@ -95,15 +98,16 @@ const APART: Way = Way {
     server_link: |end| Box::new(end),
 };
 
-/// As in `determinism.rs`: again, in one process, in several, in another order, late, on more threads, asked at every tick.
-const WAYS: [Way; 7] = [
+/// As in `determinism.rs`: repeated, grouped in processes, in another order, delayed, with threads,
+/// without look-ahead.
+const VARIANTS: [Variant; 7] = [
     APART,
-    Way { name: "together", groups: &[&[0, 1, 2]], ..APART },
-    Way { name: "two processes", groups: &[&[1, 2], &[0]], ..APART },
-    Way { name: "another order", groups: &[&[2], &[1], &[0]], ..APART },
-    Way { name: "late", is_delayed: true, ..APART },
-    Way { name: "threads", threads: 4, ..APART },
-    Way { name: "no look-ahead", look_ahead: false, ..APART },
+    Variant { name: "together", groups: &[&[0, 1, 2]], ..APART },
+    Variant { name: "two processes", groups: &[&[1, 2], &[0]], ..APART },
+    Variant { name: "another order", groups: &[&[2], &[1], &[0]], ..APART },
+    Variant { name: "delayed", is_delayed: true, ..APART },
+    Variant { name: "threads", threads: 4, ..APART },
+    Variant { name: "no look-ahead", look_ahead: false, ..APART },
 ];
 
 const SCENARIO: &str = "
@@ -117,12 +121,12 @@ size = 20
 count = 3
 ";
 
-fn prepare(site: &Site, way: Way) -> Play {
+fn prepare(site: &Site, variant: Variant) -> Play {
     let mut play = Play::new(SCENARIO);
-    play.scenario.execution.look_ahead = way.look_ahead;
-    play.scenario.execution.threads = way.threads;
-    play.groups = way.groups.iter().map(|group| group.to_vec()).collect();
-    play.server_link = way.server_link;
+    play.scenario.execution.look_ahead = variant.look_ahead;
+    play.scenario.execution.threads = variant.threads;
+    play.groups = variant.groups.iter().map(|group| group.to_vec()).collect();
+    play.server_link = variant.server_link;
     play.record = Some(site.path("run.mcap"));
     play
 }
@@ -146,49 +150,49 @@ fn disturb(delay: Duration) {
     std::thread::sleep(delay);
 }
 
-/// The digest and the bytes of a run.
-fn run(source: Source, way: Way) -> (String, Vec<u8>) {
+/// Digest and recording of a run.
+fn run(source: Source, variant: Variant) -> (String, Vec<u8>) {
     let site = Site::new();
-    let digest = carry_out(prepare(&site, way), source, way.is_delayed).digest();
+    let digest = carry_out(prepare(&site, variant), source, variant.is_delayed).digest();
     (digest, std::fs::read(site.path("run.mcap")).expect("there is a recording"))
 }
 
-/// The ways in which such a run is another one than the first.
+/// The variants whose run differs from the first one.
 fn found_by(source: Source, server_link: fn(ServerEnd) -> Box<dyn Transport>) -> Vec<&'static str> {
-    let (digest, bytes) = run(source, Way { server_link, ..APART });
-    let differs = |way: &Way| {
-        let (other_digest, other_bytes) = run(source, Way { server_link, ..*way });
+    let (digest, bytes) = run(source, Variant { server_link, ..APART });
+    let differs = |variant: &Variant| {
+        let (other_digest, other_bytes) = run(source, Variant { server_link, ..*variant });
         difference((&digest, &bytes), (&other_digest, &other_bytes)).is_some()
     };
-    WAYS.iter().filter(|way| differs(way)).map(|way| way.name).collect()
+    VARIANTS.iter().filter(|variant| differs(variant)).map(|variant| variant.name).collect()
 }
 
 #[test]
-fn the_original_is_the_same_in_every_way() {
+fn deterministic_controller_passes() {
     assert_eq!(found_by(Source::Own, |end| Box::new(end)), [""; 0]);
 }
 
 #[test]
-fn the_order_of_a_hash_is_found() {
-    assert_eq!(found_by(Source::HashOrder, |end| Box::new(end)), WAYS.map(|way| way.name));
+fn hash_order_is_detected() {
+    assert_eq!(found_by(Source::HashOrder, |end| Box::new(end)), VARIANTS.map(|variant| variant.name));
 }
 
 #[test]
-fn the_wall_clock_is_found() {
-    assert_eq!(found_by(Source::Clock, |end| Box::new(end)), WAYS.map(|way| way.name));
+fn wall_clock_is_detected() {
+    assert_eq!(found_by(Source::Clock, |end| Box::new(end)), VARIANTS.map(|variant| variant.name));
 }
 
 #[test]
-fn a_random_stream_that_agents_share_is_found_where_they_share_a_process() {
-    // Apart it is the same every time: that is why they are put together.
+fn shared_random_stream_is_detected() {
+    // With one process for each agent the fault does not show.
     assert_eq!(found_by(Source::SharedStream, |end| Box::new(end)), ["together", "two processes"]);
 }
 
-/// A server's end that hands answers on in another order, or tells agents something that hangs on a hash.
+/// A server's end that reverses the order of replies, or sends positions with an error from a hash.
 struct Tampered {
     inner: ServerEnd,
     waiting: Vec<Incoming>,
-    is_liar: bool,
+    is_tampering: bool,
 }
 
 impl AgentTransport for Tampered {
@@ -202,7 +206,7 @@ impl AgentTransport for Tampered {
 
     fn send(&mut self, agent: AgentId, part: &Part) {
         let mut part = part.clone();
-        if self.is_liar && part.phase == Part::RUNNING {
+        if self.is_tampering && part.phase == Part::RUNNING {
             part.position.x += (RandomState::new().hash_one(part.tick) % 1000) as f64 * 1e-6;
         }
         self.inner.send(agent, &part);
@@ -215,7 +219,7 @@ impl AgentTransport for Tampered {
                 self.waiting.push(next);
             }
         }
-        // The last comes first.
+        // Last in, first out.
         self.waiting.pop()
     }
 }
@@ -233,18 +237,19 @@ impl ObserverOutput for Tampered {
 impl ControlInput for Tampered {}
 
 #[test]
-fn a_server_that_tells_what_hangs_on_a_hash_is_found() {
-    let liar = |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_liar: true }) as Box<dyn Transport>;
-    assert_eq!(found_by(Source::Own, liar), WAYS.map(|way| way.name));
+fn hash_order_in_observations_is_detected() {
+    let tampering = |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_tampering: true }) as Box<dyn Transport>;
+    assert_eq!(found_by(Source::Own, tampering), VARIANTS.map(|variant| variant.name));
 }
 
 #[test]
-fn answers_in_another_order_are_no_other_run() {
-    let upside_down = |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_liar: false }) as Box<dyn Transport>;
+fn reply_order_is_irrelevant() {
+    let upside_down =
+        |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_tampering: false }) as Box<dyn Transport>;
     assert_eq!(found_by(Source::Own, upside_down), [""; 0]);
 }
 
-/// The server goes on with a part of a recorded run.
+/// Resumes the first half of a recorded run.
 fn resumed(source: Source) -> (Played, Vec<u8>, Vec<u8>) {
     let site = Site::new();
     carry_out(prepare(&site, APART), source, false).outcome();
@@ -268,27 +273,27 @@ fn assert_diverged(played: Played) {
 }
 
 #[test]
-fn a_run_goes_on_with_agents_that_decide_the_same_again() {
+fn resumed_run_is_the_same() {
     let (played, whole, completed) = resumed(Source::Own);
     let digest = played.digest();
     assert_eq!(difference((&digest, &whole), (&digest, &completed)), None);
 }
 
 #[test]
-fn a_run_does_not_go_on_with_agents_that_do_not() {
+fn resumed_run_detects_divergence() {
     for source in [Source::HashOrder, Source::Clock] {
         assert_diverged(resumed(source).0);
     }
 }
 
 #[test]
-fn an_agent_that_is_started_again_and_decides_otherwise_is_named() {
+fn restarted_agent_divergence_is_named() {
     let site = Site::new();
     let mut play = prepare(&site, APART);
     play.scenario.faults.on_agent_loss = OnAgentLoss::Wait;
     play.scenario.execution.decision_timeout_s = 0.3;
-    play.scenario.execution.join_timeout_s = 0.3;
-    // The last one is to take the place of agent 1.
+    play.scenario.execution.join_timeout_s = 2.0;
+    // The last process replaces the one of agent 1.
     play.groups = vec![vec![0], vec![1], vec![2], vec![1]];
     let (is_taken, is_gone) = (AtomicBool::new(false), AtomicBool::new(false));
     let played = play.with(move |inner: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {

@@ -1,10 +1,11 @@
-//! Runs that survive: agents and servers that die, hang or come twice, and the run is the same as if nothing had happened.
+//! Recovery: with killed, hanging and duplicate agents and with killed servers, the run is the
+//! undisturbed one.
 
 use crate::support::processes::{Process, signal};
 use crate::support::recordings::{Recording, refusals};
 use crate::support::runs::{Run, Site, text};
 
-/// A run of ten minutes of sim time in which agents meet and share their maps, and lost ones are waited for.
+/// A run of ten minutes of sim time in which agents share their maps, and lost agents are awaited.
 const FLAGS: [&str; 14] = [
     "--agents",
     "3",
@@ -22,23 +23,26 @@ const FLAGS: [&str; 14] = [
     "faults.on_agent_loss=wait",
 ];
 
-/// Holds it back, so that it is in the middle when a test needs it to be.
-const HELD_BACK: [&str; 6] = ["--rtf", "60", "--decision-timeout", "2", "--record", "run.mcap"];
+/// Paces a run that a test lets end by itself.
+const PACED: [&str; 6] = ["--rtf", "60", "--decision-timeout", "2", "--record", "run.mcap"];
+
+/// Paces a run that a test interrupts.
+const SLOW: [&str; 6] = ["--rtf", "10", "--decision-timeout", "2", "--record", "run.mcap"];
 
 const HELD: &str = "the clock is held until they are started again";
 
-fn held_back(site: &Site) -> Run {
-    let mut run = site.start(&mut site.run_sh(&[&FLAGS[..], &HELD_BACK].concat()));
-    run.is_under_way();
+fn started(site: &Site, pace: &[&str]) -> Run {
+    let mut run = site.start(&mut site.run_sh(&[&FLAGS[..], pace].concat()));
+    run.is_under_way(&site.path("run.mcap"));
     run
 }
 
-/// The bytes of the run without faults.
+/// The recording of the run without faults.
 fn undisturbed(site: &Site) -> Vec<u8> {
     site.record(&[&FLAGS[..], &["--transport", "memory"]].concat()).bytes
 }
 
-/// Fails unless the run has come to the end of the undisturbed one, with the same recording.
+/// Fails unless the run ends with the recording of the undisturbed one.
 #[track_caller]
 fn assert_undisturbed(site: &Site, run: Run) {
     run.ended().with_code(0);
@@ -53,25 +57,25 @@ fn assert_same(site: &Site, whole: &[u8]) {
     }
 }
 
-/// Goes on with the run.
+/// Resumes the run.
 fn resumed(site: &Site, flags: &[&str]) -> Run {
     let file = site.path("run.mcap");
     site.start(&mut site.run_sh(&[&["--resume", text(&file)][..], flags].concat()))
 }
 
 #[test]
-fn an_agent_that_is_killed_is_started_again_and_nothing_has_happened() {
+fn killed_agent_is_restarted() {
     let site = Site::new();
-    let mut run = held_back(&site);
+    let mut run = started(&site, &PACED);
     signal(run.process().member(&["agent_node", "--id 1-1"]), "KILL");
     run.process().says("agent 1 was started again and is told what it has observed so far");
     assert_undisturbed(&site, run);
 }
 
 #[test]
-fn an_agent_that_hangs_for_a_while_is_waited_for() {
+fn hanging_agent_is_awaited() {
     let site = Site::new();
-    let mut run = held_back(&site);
+    let mut run = started(&site, &PACED);
     let agent = run.process().member(&["agent_node", "--id 1-1"]);
     signal(agent, "STOP");
     run.process().says(HELD);
@@ -80,40 +84,42 @@ fn an_agent_that_hangs_for_a_while_is_waited_for() {
 }
 
 #[test]
-fn an_agent_that_hangs_can_be_replaced() {
+fn hanging_agent_can_be_replaced() {
     let site = Site::new();
-    let mut run = held_back(&site);
+    let mut run = started(&site, &PACED);
     let agent = run.process().member(&["agent_node", "--id 1-1"]);
     signal(agent, "STOP");
     run.process().says(HELD);
-    let successor = Process::start(site.binary("agent_node").args(["--id", "1"]));
+    let replacement = Process::start(site.binary("agent_node").args(["--id", "1"]));
     run.process().says("agent 1 was started again");
     signal(agent, "CONT");
     run.ended().with_code(0);
-    successor.ended().with_code(0);
-    // The one that was replaced may have said something that nobody wanted to hear any more, which is counted.
+    replacement.ended().with_code(0);
+    // A late message of the replaced process may have been refused and counted, so the counters may
+    // differ.
     let (recording, whole) = (site.recording("run.mcap"), Recording::from_bytes(&undisturbed(&site)));
     recording.assert_begins(&whole, 1);
     assert_eq!(recording.result_digest(), whole.result_digest());
 }
 
 #[test]
-fn an_agent_that_comes_twice_is_refused_once_the_first_one_has_shown_that_it_is_there() {
+fn duplicate_of_a_live_agent_is_refused() {
     let site = Site::new();
-    let mut run = held_back(&site);
+    let mut run = started(&site, &SLOW);
     let second = Process::start(site.binary("agent_node").args(["--id", "1"])).ended().with_code(5);
     assert_eq!(second.stderr, "error: agent 1 was refused by the server: agent 1 is taken by another process");
     run.process().says("refused: agent 1 is taken by another process");
-    run.ended().with_code(0);
+    signal(run.process().pid(), "INT");
+    run.ended().with_code(130);
     let (recording, whole) = (site.recording("run.mcap"), Recording::from_bytes(&undisturbed(&site)));
     recording.assert_begins(&whole, 1);
     assert_eq!(refusals(&recording.result()).into_keys().collect::<Vec<_>>(), ["refused_id_taken"]);
 }
 
 #[test]
-fn a_successor_has_to_run_the_same() {
+fn replacement_must_run_the_same_controller() {
     let site = Site::new();
-    let mut run = held_back(&site);
+    let mut run = started(&site, &PACED);
     let agent = run.process().member(&["agent_node", "--id 1-1"]);
     signal(agent, "STOP");
     run.process().says(HELD);
@@ -125,16 +131,16 @@ fn a_successor_has_to_run_the_same() {
 }
 
 #[test]
-fn a_run_whose_server_is_killed_goes_on_even_twice() {
+fn killed_server_is_resumed_twice() {
     let site = Site::new();
     let whole = undisturbed(&site);
-    let mut run = held_back(&site);
+    let mut run = started(&site, &SLOW);
     signal(run.process().member(&["sim_server", "run"]), "KILL");
     run.ended().with_code(137);
 
     let mut run = resumed(&site, &["--rtf", "60"]);
     run.process().says("; the run goes on from there");
-    run.is_under_way();
+    run.process().says("x real time");
     signal(run.process().member(&["sim_server", "run"]), "KILL");
     run.ended().with_code(137);
     site.recording("run.mcap").assert_begins(&Recording::from_bytes(&whole), 0);
@@ -145,7 +151,7 @@ fn a_run_whose_server_is_killed_goes_on_even_twice() {
 }
 
 #[test]
-fn a_run_goes_on_as_it_was_or_not_at_all() {
+fn resume_refuses_changed_scenarios() {
     let site = Site::new();
     let whole = undisturbed(&site);
     let file = site.file("run.mcap", &whole);
@@ -164,7 +170,7 @@ fn a_run_goes_on_as_it_was_or_not_at_all() {
 }
 
 #[test]
-fn a_run_goes_on_with_the_controllers_that_it_had() {
+fn resume_refuses_changed_controllers() {
     let site = Site::new();
     let whole = undisturbed(&site);
     let file = site.file("run.mcap", &whole[..whole.len() / 2]);

@@ -1,4 +1,5 @@
-//! What liars say, drawn from bytes: any message that can come in over the wire, most of them close to a true one.
+//! Hostile messages drawn from bytes: any message that can come in over the wire, most of them
+//! close to a legal one.
 
 use arbitrary::{Result, Unstructured};
 use msgs::geometry_msgs::{Point, Vector3};
@@ -6,22 +7,21 @@ use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
 use msgs::maes_msgs::{Command, Join, LidarRequest, Parcel, Task, Wake};
 use sim_server::transport::Inbound;
 
-/// What a liar knows, because it can listen to all topics.
+/// What a hostile sender knows from listening to all topics.
 pub(crate) struct Known {
-    /// The number of the run.
     pub(crate) run: u64,
-    /// The tick that is asked in.
+    /// The tick of the current requests.
     pub(crate) tick: u64,
-    /// How many agents take part.
+    /// Number of agents of the run.
     pub(crate) agents: u32,
-    /// How those that have joined call themselves.
+    /// Instance numbers of the joined processes.
     pub(crate) instances: Vec<u64>,
 }
 
-/// A message, and whose topic it comes in on.
-pub(crate) fn lie(data: &mut Unstructured<'_>, known: &Known) -> Result<(u32, Inbound)> {
+/// A message, and the agent on whose topic it comes in.
+pub(crate) fn message(data: &mut Unstructured<'_>, known: &Known) -> Result<(u32, Inbound)> {
     let agent = id(data, known.agents)?;
-    // A transport has topics of those who take part only.
+    // A transport has topics of the agents of the run only.
     let topic = if data.ratio(1, 8)? { data.int_in_range(0..=known.agents - 1)? } else { agent % known.agents };
     let run = if data.ratio(1, 8)? { data.arbitrary()? } else { known.run };
     let message = match data.int_in_range(0..=7)? {
@@ -85,7 +85,7 @@ fn task(data: &mut Unstructured<'_>) -> Result<Task> {
     })
 }
 
-/// A number: mostly one that could be meant, else anything that has 64 bits.
+/// A number: mostly a plausible one, else any 64 bits.
 pub(crate) fn number(data: &mut Unstructured<'_>) -> Result<f64> {
     if data.ratio(1, 8)? {
         return Ok(f64::from_bits(data.arbitrary()?));

@@ -1,10 +1,12 @@
-"""A ROS 2 node that looks on at a run: sees its nodes and topics, and receives what everybody may, with the stock types.
+"""A ROS 2 node that observes a run: checks its nodes, topics and public messages with the stock
+types.
 
-    onlooker.py [--agents N] [--size S] [--look-ahead] [--then forever|result]
+    observer.py [--agents N] [--size S] [--look-ahead] [--then forever|result]
 
-Needs rclpy and maes_msgs (see launch_scripts/ros_env.sh). Says `ready` when it listens, and `seen everything` when it has; then
-it ends, or goes on listening for ever, or until it has the result of the run and says `result DIGEST`. With --look-ahead agents are
-not asked at every tick. What is wrong goes to stderr, with exit code 1.
+Needs rclpy and maes_msgs (see launch_scripts/ros_env.sh). Prints `ready` when it has subscribed,
+and `received everything` when all checks have passed; then it ends, or stays for ever, or until
+it has the result of the run and prints `result DIGEST`. With --look-ahead, agents do not get an
+observation at every tick. A failure goes to stderr, with exit code 1.
 """
 
 import argparse
@@ -51,7 +53,7 @@ TYPES = {
     "/agent_0/path": "nav_msgs/msg/Path",
     "/agent_0/map": "visualization_msgs/msg/Marker",
 }
-# What is listened to, and how many messages of it have to come.
+# Subscriptions, and how many messages of each are required.
 SUBSCRIPTIONS = {
     "/clock": (Clock, RELIABLE, 50),
     "/tf": (TFMessage, RELIABLE, 10),
@@ -82,7 +84,7 @@ def nanoseconds(stamp):
     return stamp.sec * 1_000_000_000 + stamp.nanosec
 
 
-class Onlooker:
+class Observer:
     def __init__(self, node, arguments):
         self.node = node
         self.agents = arguments.agents
@@ -95,22 +97,22 @@ class Onlooker:
             node.create_subscription(kind, topic, lambda message, topic=topic: self.receive(topic, message), qos)
 
     def receive(self, topic, message):
-        # Enough is enough, for an onlooker that goes on for ever.
+        # An observer that stays for ever keeps a bounded number.
         if len(self.received[topic]) < 2000:
             self.received[topic].append(message)
 
     def missing(self):
-        """How many messages of which topics have not come."""
+        """Missing messages by topic."""
         left = {topic: count - len(self.received[topic]) for topic, count in self.wanted.items()}
         return {topic: count for topic, count in left.items() if count > 0}
 
     def unseen(self):
-        """Nodes and topics that are not in the graph."""
+        """Nodes and topics that are missing in the graph."""
         nodes = {(name, "/") for name in ["sim_server"] + [f"agent_{agent}" for agent in range(self.agents)]}
         topics = dict(self.node.get_topic_names_and_types())
         return sorted(nodes - set(self.node.get_node_names_and_namespaces())) + sorted(TYPES.keys() - topics.keys())
 
-    def has_seen_everything(self):
+    def has_received_everything(self):
         return not self.missing() and not self.unseen()
 
     def check(self):
@@ -160,7 +162,7 @@ class Onlooker:
             first = lambda message: message.transforms[0] if topic == "/tf" else message  # noqa: E731
             stamps = [nanoseconds(first(message).header.stamp) for message in self.received[topic]]
             check(stamps == sorted(set(stamps)), f"{topic} goes forwards")
-            # Who has just come is shown something at once; apart from that the period is kept.
+            # A new subscriber gets a message at once; the others follow the period.
             unexpected = [stamp for stamp in stamps if stamp % (5 * TICK_NS) != 0]
             check(len(unexpected) <= 4, f"{topic} comes every 5 ticks, but at {unexpected} ns")
         for odometry in self.received["/agent_0/odom"]:
@@ -176,16 +178,16 @@ class Onlooker:
             check(names == ["run"] + [f"agent_{agent}" for agent in range(self.agents)], f"{names}")
             values = {value.key: value.value for value in info.status[0].values}
             check(0.0 <= float(values["explored"]) <= 1.0 and float(values["rtf"]) > 0.0, f"{values}")
-        said = {(log.name, log.level) for log in self.received["/rosout"] if log.name != self.node.get_name()}
-        check(("sim_server", Log.INFO) in said, f"{said}")
-        check(any(name.startswith("agent_") for name, _ in said), f"{said}")
+        logs = {(log.name, log.level) for log in self.received["/rosout"] if log.name != self.node.get_name()}
+        check(("sim_server", Log.INFO) in logs, f"{logs}")
+        check(any(name.startswith("agent_") for name, _ in logs), f"{logs}")
 
     def check_markers(self):
         self.walls = self.cells("/sim/map", {"walls"})
         unexplored = self.cells("/sim/unexplored", {"unexplored"})
-        check(self.walls and not self.walls & unexplored, "what nobody has seen is free")
+        check(self.walls and not self.walls & unexplored, "unexplored cells are free")
         believed = self.cells("/agent_0/map", {"walls", "free", "frontiers"})
-        check(believed, "an agent believes something")
+        check(believed, "an agent has a map")
         for lines in self.received["/sim/contacts"]:
             check(lines.type == Marker.LINE_LIST and len(lines.points) % 2 == 0, "contacts are lines")
             check((lines.action == Marker.DELETE) == (not lines.points), "without contacts there are no lines")
@@ -202,7 +204,7 @@ class Onlooker:
         return found
 
     def check_points(self):
-        """Points lie on walls, seen from where the agent was at the moment of the scan."""
+        """Points lie on walls, from the pose of the agent at the tick of the scan."""
         poses = {observation.tick: observation for observation in self.received["/agent_0/observation"]}
         compared = 0
         for cloud in self.received["/agent_0/points"]:
@@ -225,7 +227,7 @@ class Onlooker:
                     at.position.z + z * far,
                 )
                 missed += tuple(math.floor(along) for along in hit) not in self.walls
-            # Beyond an edge there may be another cell.
+            # A ray at an edge may end in the next cell.
             check(missed <= cloud.width // 100, f"{missed} of {cloud.width} rays have not met a wall")
         check(compared > 0 or self.wanted["/agent_0/observation"] == 1, "a scan was in a tick that was observed")
 
@@ -238,22 +240,22 @@ def main():
     parser.add_argument("--then", choices=["forever", "result"])
     arguments = parser.parse_args()
     rclpy.init()
-    node = rclpy.create_node("onlooker")
-    onlooker = Onlooker(node, arguments)
+    node = rclpy.create_node("observer")
+    observer = Observer(node, arguments)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     print("ready", flush=True)
-    told = time.monotonic()
-    while not onlooker.has_seen_everything():
+    printed = time.monotonic()
+    while not observer.has_received_everything():
         executor.spin_once(timeout_sec=0.2)
-        if time.monotonic() - told > 10.0:
-            told = time.monotonic()
-            print(f"still missing: {onlooker.missing()} {onlooker.unseen()}", file=sys.stderr, flush=True)
-    onlooker.check()
-    print("seen everything", flush=True)
-    while arguments.then == "forever" or (arguments.then == "result" and not onlooker.received["/sim/result"]):
+        if time.monotonic() - printed > 10.0:
+            printed = time.monotonic()
+            print(f"still missing: {observer.missing()} {observer.unseen()}", file=sys.stderr, flush=True)
+    observer.check()
+    print("received everything", flush=True)
+    while arguments.then == "forever" or (arguments.then == "result" and not observer.received["/sim/result"]):
         executor.spin_once(timeout_sec=0.2)
-    for result in onlooker.received["/sim/result"]:
+    for result in observer.received["/sim/result"]:
         print(f"result {bytes(result.digest).hex()}", flush=True)
     node.destroy_node()
     rclpy.shutdown()

@@ -1,5 +1,5 @@
-//! Agents that are nodes of somebody else, in a real ROS 2 (rclpy on Fast DDS): one that speaks the protocol, and one that speaks
-//! standard messages only. Both are the examples that people begin with.
+//! External agents on a real ROS 2 (rclpy on Fast DDS): one with the protocol of this project, and
+//! one with standard messages only. Both are the examples of docs/own-node.md.
 
 use crate::support::processes::Process;
 use crate::support::recordings::Recording;
@@ -14,20 +14,20 @@ fn example(site: &Site, script: &str, agent: &str) -> Process {
     Process::start(&mut command)
 }
 
-/// Agent 0 speaks the protocol, agent 1 standard messages; agent 2 is ours.
+/// Agent 0 uses the protocol, agent 1 standard messages; agent 2 is an `agent_node`.
 fn mixed_team(order: &str) -> Outcome {
     let site = Site::new();
     let speaker = example(&site, "agent.py", "0");
     let _driver = example(&site, "cmd_vel_agent.py", "1");
     let team = ["--agents", "3", "--external", "0", "--set", "agents.cmd_vel=[1]", "--order", order];
     let cave = ["--size", "30", "--duration", "30", "--set", "stop_when_explored=false"];
-    let outcome = site.record(&[&team[..], &cave, &["--decision-timeout", "60"]].concat());
+    let outcome = site.record(&[&team[..], &cave, &["--decision-timeout", "60", "--join-timeout", "300"]].concat());
     speaker.ended().with_code(0);
     outcome
 }
 
 #[test]
-fn a_team_of_three_kinds_of_nodes_explores_a_cave_the_same_way_again() {
+fn mixed_team_is_deterministic() {
     let [first, again] = ["forward", "reverse"].map(mixed_team);
     assert_eq!(first.digest(), again.digest());
     let result = Recording::from_bytes(&first.bytes).result();
@@ -36,7 +36,7 @@ fn a_team_of_three_kinds_of_nodes_explores_a_cave_the_same_way_again() {
 }
 
 #[test]
-fn standard_messages_need_a_network() {
+fn cmd_vel_agents_require_ros() {
     let site = Site::new();
     let mut over_memory = site.run_sh(&["--agents", "2", "--transport", "memory", "--set", "agents.cmd_vel=[1]"]);
     let ended = site.start(&mut over_memory).ended().with_code(2);

@@ -1,7 +1,8 @@
-//! The targets of fuzzing over their corpora, and over seeded changes of them: a short run of what `launch_scripts/fuzz.sh` does for
-//! as long as one likes.
+//! The fuzz targets over their corpora and seeded mutations of them: a short, reproducible version
+//! of `launch_scripts/fuzz.sh`.
 //!
-//! Every change follows from a fixed seed, and the number of them is fixed, so a failure comes again. It says which input it was.
+//! Mutations follow from a fixed seed and have a fixed number, so failures are reproducible. A
+//! failure names its input.
 
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -11,8 +12,8 @@ use fuzz::{TARGETS, Target};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Changed inputs for each target: some seconds in all.
-const CHANGED: [(&str, usize); TARGETS.len()] = [
+/// Mutations for each target: some seconds in all.
+const MUTATIONS: [(&str, usize); TARGETS.len()] = [
     ("m3dm", 20_000),
     ("packed", 20_000),
     ("bt", 5_000),
@@ -30,13 +31,13 @@ const CHANGED: [(&str, usize); TARGETS.len()] = [
     ("agent", 5_000),
 ];
 
-/// Most places of an input that are changed.
-const CHANGES_MAX: usize = 8;
+/// Most places of an input that one mutation changes.
+const PLACES_MAX: usize = 8;
 
-/// Longest piece that is repeated or taken out, bytes.
+/// Longest piece that is repeated or removed, bytes.
 const PIECE_MAX: usize = 64;
 
-/// The inputs of a target, by name, in order.
+/// The corpus of a target: names and inputs, sorted.
 fn corpus(target: &str) -> Vec<(String, Vec<u8>)> {
     let folder: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(target);
     let entries = fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
@@ -52,7 +53,7 @@ fn corpus(target: &str) -> Vec<(String, Vec<u8>)> {
     inputs
 }
 
-/// Fails with the input if the target does.
+/// Fails with the input if the target panics.
 #[track_caller]
 fn feed(target: Target, what: &str, bytes: &[u8]) {
     if catch_unwind(AssertUnwindSafe(|| target(bytes))).is_err() {
@@ -61,9 +62,10 @@ fn feed(target: Target, what: &str, bytes: &[u8]) {
     }
 }
 
-/// Changes a few places: bits, bytes, numbers of four bytes, pieces that come twice or not at all, and what another input begins with.
-fn changed(mut bytes: Vec<u8>, other: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
-    for _ in 0..rng.random_range(1..=CHANGES_MAX) {
+/// Mutates a few places: bits, bytes, numbers of four bytes, repeated and removed pieces, and
+/// pieces of another input.
+fn mutated(mut bytes: Vec<u8>, other: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
+    for _ in 0..rng.random_range(1..=PLACES_MAX) {
         if bytes.is_empty() {
             return other.to_vec();
         }
@@ -93,8 +95,8 @@ fn changed(mut bytes: Vec<u8>, other: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
 }
 
 #[test]
-fn no_input_and_no_change_of_one_breaks_a_promise() {
-    for ((name, target), (of, count)) in TARGETS.into_iter().zip(CHANGED) {
+fn mutated_corpus_breaks_no_target() {
+    for ((name, target), (of, count)) in TARGETS.into_iter().zip(MUTATIONS) {
         assert_eq!(name, of, "the targets are those of the list");
         let inputs = corpus(name);
         for (input, bytes) in &inputs {
@@ -104,7 +106,7 @@ fn no_input_and_no_change_of_one_breaks_a_promise() {
         for number in 0..count {
             let (input, bytes) = &inputs[rng.random_range(0..inputs.len())];
             let (_, other) = &inputs[rng.random_range(0..inputs.len())];
-            feed(target, &format!("{input}, change {number}"), &changed(bytes.clone(), other, &mut rng));
+            feed(target, &format!("{input}, mutation {number}"), &mutated(bytes.clone(), other, &mut rng));
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Where lost agents are waited for: who may take the place of whom, and that the run is the same.
+//! Replacement of lost agent processes under `faults.on_agent_loss = "wait"`: who may replace whom,
+//! with the same run.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,10 +14,10 @@ use simulation::scenario::OnAgentLoss;
 
 use crate::support::memory::{Play, Played, honest};
 
-/// The instance of a process that comes back.
+/// The instance number of a process that joins a second time.
 const BACK: u64 = 77;
 
-/// The link of a process that dies after so many answers.
+/// The link of a process that dies after so many replies.
 pub(crate) struct Mortal<'a> {
     pub(crate) inner: AgentsEnd,
     pub(crate) answers_left: u32,
@@ -43,7 +44,7 @@ impl ServerTransport for Mortal<'_> {
     }
 }
 
-/// The link of a process that comes when another one is gone, and asks until it is let in.
+/// The link of a replacement, which repeats its join until it is accepted.
 pub(crate) struct Successor {
     pub(crate) inner: AgentsEnd,
     pub(crate) join: Option<Join>,
@@ -74,7 +75,7 @@ impl ServerTransport for Successor {
     }
 }
 
-/// Waits for something that another process does; what comes meanwhile is for nobody.
+/// Waits for a flag of another process or the end of the run.
 pub(crate) fn wait_for(flag: &AtomicBool, is_over: &AtomicBool) {
     while !flag.load(Ordering::Relaxed) && !is_over.load(Ordering::Relaxed) {
         std::thread::yield_now();
@@ -86,7 +87,7 @@ fn of_three_processes() -> Play {
     let mut play = Play::of_two(4.0);
     play.scenario.faults.on_agent_loss = OnAgentLoss::Wait;
     play.scenario.execution.decision_timeout_s = 0.3;
-    play.scenario.execution.join_timeout_s = 0.5;
+    play.scenario.execution.join_timeout_s = 2.0;
     play.groups = vec![vec![0], vec![1], vec![1]];
     play
 }
@@ -100,44 +101,45 @@ fn undisturbed() -> String {
     played.digest()
 }
 
-/// Runs agents over a link.
-fn take_part(link: &mut dyn ServerTransport, instance: u64, ids: &[AgentId], is_over: &AtomicBool) {
+/// Serves agents over a link.
+fn serve(link: &mut dyn ServerTransport, instance: u64, ids: &[AgentId], is_over: &AtomicBool) {
     agent_node::host::run(link, &honest(instance, ids.to_vec()), is_over).expect("agents are welcome");
 }
 
-/// Agent 1 dies after so many answers, and is started again.
+/// A run in which agent 1 dies after so many replies and is restarted.
 fn dying_after(answers_left: u32) -> Played {
     let (is_taken, is_gone) = (AtomicBool::new(false), AtomicBool::new(false));
     of_three_processes().with(move |mut inner, ids, is_over| {
         if ids == [AgentId(0)] {
-            take_part(&mut inner, 0, &ids, is_over);
+            serve(&mut inner, 0, &ids, is_over);
         } else if !is_taken.swap(true, Ordering::Relaxed) {
-            take_part(&mut Mortal { inner, answers_left, is_gone: &is_gone }, 1, &ids, &is_gone);
+            serve(&mut Mortal { inner, answers_left, is_gone: &is_gone }, 1, &ids, &is_gone);
         } else {
             wait_for(&is_gone, is_over);
-            take_part(&mut inner, 2, &ids, is_over);
+            serve(&mut inner, 2, &ids, is_over);
         }
     })
 }
 
 #[test]
-fn who_is_started_again_makes_for_the_same_run_whenever_it_died() {
+fn restarted_agent_gives_the_same_run() {
     let digest = undisturbed();
     for answers in [0, 1, 20] {
         assert_eq!(dying_after(answers).digest(), digest, "died after {answers} answers");
     }
 }
 
-/// The first process has an id and dies before the clock starts, when nobody can have found out about it.
+/// The first process joins and dies before the clock starts, when its loss cannot have been
+/// noticed.
 #[test]
-fn who_dies_while_others_are_awaited_is_replaced() {
+fn agent_lost_before_the_start_is_replaced() {
     let (is_taken, is_gone, is_back) =
         (AtomicBool::new(false), AtomicBool::new(false), Arc::new(AtomicBool::new(false)));
     let played = of_three_processes().with(move |mut inner, ids, is_over| {
         if ids == [AgentId(0)] {
-            // The server goes on listening for agent 0 until the successor has claimed the id of the other one.
+            // Agent 0 joins only after the replacement has sent its join.
             wait_for(&is_back, is_over);
-            take_part(&mut inner, 0, &ids, is_over);
+            serve(&mut inner, 0, &ids, is_over);
         } else if !is_taken.swap(true, Ordering::Relaxed) {
             let run = loop {
                 if let Some(Inbound::Scenario(scenario)) = inner.receive(Duration::from_millis(20)) {
@@ -160,13 +162,13 @@ fn who_dies_while_others_are_awaited_is_replaced() {
         } else {
             wait_for(&is_gone, is_over);
             let mut link = Claiming { inner, has_claimed: &is_back };
-            take_part(&mut link, 2, &ids, is_over);
+            serve(&mut link, 2, &ids, is_over);
         }
     });
     assert_eq!(played.digest(), undisturbed());
 }
 
-/// The link of a process that tells when it has claimed its id.
+/// A link that sets a flag when it has sent a join.
 struct Claiming<'a> {
     inner: AgentsEnd,
     has_claimed: &'a AtomicBool,
@@ -187,7 +189,7 @@ impl ServerTransport for Claiming<'_> {
     }
 }
 
-/// The link of a process that waits, after so many answers, until somebody was refused.
+/// A link that pauses, after so many replies, until a join was refused.
 struct Holding<'a> {
     inner: AgentsEnd,
     answers_left: u32,
@@ -215,24 +217,24 @@ impl ServerTransport for Holding<'_> {
     }
 }
 
-/// It could not be told its past, because it has answered that already, and would keep the place of those who can.
+/// It has replied to the observations that a replacement is sent again, and would occupy the id.
 #[test]
-fn who_was_replaced_does_not_come_back() {
+fn replaced_process_cannot_rejoin() {
     let [is_taken, is_gone, is_held, is_refused] = [const { AtomicBool::new(false) }; 4];
     let played = of_three_processes().with(move |mut inner, ids, is_over| {
         if ids == [AgentId(0)] {
-            take_part(&mut inner, 0, &ids, is_over);
+            serve(&mut inner, 0, &ids, is_over);
         } else if !is_taken.swap(true, Ordering::Relaxed) {
             let mut mortal = Mortal { inner, answers_left: 10, is_gone: &is_gone };
-            take_part(&mut mortal, 1, &ids, &is_gone);
+            serve(&mut mortal, 1, &ids, &is_gone);
             wait_for(&is_held, is_over);
             let mut run = 0;
-            // The last observations tell of which run.
+            // The number of the run is in the observations.
             while !is_over.load(Ordering::Relaxed) {
                 match mortal.receive(Duration::from_millis(20)) {
                     Some(Inbound::Observation(part)) => run = part.run,
                     Some(Inbound::JoinReply(reply)) if reply.instance == BACK => {
-                        assert!(!reply.accepted, "it knows too much");
+                        assert!(!reply.accepted, "it has replied already");
                         break;
                     }
                     _ => {}
@@ -244,7 +246,7 @@ fn who_was_replaced_does_not_come_back() {
         } else {
             wait_for(&is_gone, is_over);
             let mut link = Holding { inner, answers_left: 20, is_held: &is_held, is_refused: &is_refused, is_over };
-            take_part(&mut link, 2, &ids, is_over);
+            serve(&mut link, 2, &ids, is_over);
         }
     });
     assert_eq!(played.digest(), undisturbed());
