@@ -17,15 +17,16 @@ pub mod exit;
 pub mod info;
 pub mod journal;
 pub mod link;
-pub mod map_cli;
 pub mod playback;
 pub mod recorder;
 pub mod recording;
+pub mod renamed;
 pub mod replay;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod run;
 pub mod setup;
+pub mod summary;
 pub mod terminal;
 pub mod verify;
 #[cfg(feature = "view")]
