@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# Gives the readers of files and messages, the server and an agent bytes that nobody has thought of, for some time each.
+# Fuzzes the readers of files and messages, the server and an agent, for some time each.
 #
 #   launch_scripts/fuzz.sh [SECONDS_PER_TARGET] [TARGET...]      default: 600 s for each target
 #
-# Targets: m3dm packed bt pcd ply obj stl vox pgm scenario plan recording messages server agent (fuzz/src). Needs stable Rust and a C++ compiler. New inputs that reach
-# more code stay under target/fuzz/found/<target>, findings under target/fuzz/findings. Exit code 1 if there is one.
+# Targets: m3dm packed bt pcd ply obj stl vox pgm scenario plan recording messages server agent
+# (fuzz/src). Needs stable Rust and a C++ compiler. New inputs that reach more code stay under
+# target/fuzz/found/<target>, findings under target/fuzz/findings. Exit code 1 if there is one.
 set -uo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 all=(m3dm packed bt pcd ply obj stl vox pgm scenario plan recording messages server agent)
@@ -19,7 +20,8 @@ done
 work=${CARGO_TARGET_DIR:-$root/target}/fuzz
 triple=$(rustc -vV | sed -n 's/^host: //p')
 
-# What libFuzzer needs of the code, all of it stable. With --target, programs that only the build runs are left as they are.
+# What libFuzzer needs of the code, all of it stable. With --target, programs that only the build
+# runs are left as they are.
 pass=(-Cpasses=sancov-module)
 for option in level=4 inline-8bit-counters pc-table trace-compares; do
     pass+=("-Cllvm-args=-sanitizer-coverage-$option")

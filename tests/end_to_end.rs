@@ -19,6 +19,10 @@ mod oracle;
 mod bad_input;
 /// Plans of many runs, and their reports.
 mod experiments;
+/// Old names of commands print the new ones and do what they did.
+mod renamed_commands;
+/// `launch_scripts/spawn.sh` starts a server and agents by hand.
+mod spawn_script;
 /// Drawn faults: runs over ROS 2 whose processes are killed, stopped and lied to are the undisturbed ones.
 mod faults;
 /// Runs that are interrupted, servers that are killed, disks that are full.

@@ -3,6 +3,7 @@
 use std::process::Command;
 use std::sync::OnceLock;
 
+use crate::support::binaries;
 use crate::support::foxglove::Client;
 use crate::support::processes::{Process, signal};
 use crate::support::recordings::Recording;
@@ -16,8 +17,9 @@ const PATIENCE: &str = "1200";
 fn prepare() {
     static BUILT: OnceLock<()> = OnceLock::new();
     BUILT.get_or_init(|| {
-        let build = root().join("launch_scripts/view.sh");
-        done(Command::new("timeout").arg(PATIENCE).arg(build).args(["--build-only", "true"]));
+        let maes = binaries::folder().join("maes");
+        let view = ["view", "--build-only", "true"];
+        done(Command::new("timeout").arg(PATIENCE).arg(maes).args(view).current_dir(root()));
     });
 }
 
@@ -67,7 +69,7 @@ fn a_picture_of_a_moment_is_the_same_every_time() {
     let site = Site::new();
     let file = recording(&site);
     let snapshot = |arguments: &[&str]| {
-        let mut command = site.binary("sim_server");
+        let mut command = site.binary("maes");
         site.start(command.arg("snapshot").arg(&file).args(["--size", "320x200"]).args(arguments)).ended()
     };
     let taken = |at: &str, name: &str| {
@@ -97,7 +99,7 @@ fn a_movie_has_all_its_pictures() {
     let site = Site::new();
     let file = recording(&site);
     let movie = |arguments: &[&str]| {
-        let mut command = site.binary("experiments");
+        let mut command = site.binary("maes");
         site.start(command.arg("movie").arg(&file).args(["--size", "160x120", "--fps", "5"]).args(arguments)).ended()
     };
     for name in ["run.mp4", "run.gif"] {

@@ -201,8 +201,8 @@ fn a_recording_is_given_out_in_parts_to_pages_of_this_machine_alone() {
     let file = site.file("some.mcap", &bytes);
     site.file("index.html", "a page");
     let page = site.path(".");
-    let mut shown = site.binary("sim_server");
-    shown.arg("view").arg(&file).args(["--address", ANYWHERE, "--page"]).arg(&page);
+    let mut shown = site.binary("maes");
+    shown.arg("view").arg(&file).args(["--address", ANYWHERE, "--browser", "false", "--page"]).arg(&page);
     let mut shown = site.start(&mut shown);
     let url = shown.process().prints("http://");
     let address = url.trim_start_matches("http://").split('/').next().expect("an address").to_owned();
@@ -231,6 +231,7 @@ fn what_cannot_be_shown_is_told_at_once() {
     refused(&["run", text(&scenario), "--view", "nowhere"], 1, "nowhere");
     refused(&["run", "--idle"], 2, "--view");
     let no_recording = site.file("text.mcap", "no recording");
-    refused(&["view", text(&no_recording)], 2, "text.mcap");
+    let no_page = site.start(site.binary("maes").args(["view", text(&no_recording)])).ended().with_code(2);
+    assert!(no_page.stderr.contains("text.mcap"), "{no_page}");
     refused(&["run", text(&scenario), "--view", ANYWHERE, "--page", "/nowhere"], 2, "/nowhere");
 }

@@ -164,7 +164,7 @@ pub(crate) fn scenario(name: &str) -> PathBuf {
     root().join("launch_scripts/scenarios").join(name)
 }
 
-/// Arguments of `run.sh` or `experiments single` for a scenario and flags.
+/// A path as an argument.
 pub(crate) fn text(path: &Path) -> &str {
     path.to_str().expect("paths of tests are texts")
 }
