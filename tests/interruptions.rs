@@ -169,7 +169,7 @@ fn recording_of_a_killed_server_is_readable() {
     assert!(after.messages.len() >= before.messages.len());
     assert!(after.is_beginning_of(&whole), "what is left is how the run begins");
 
-    let info = Process::start(site.binary("sim_server").args(["info", "run.mcap"])).ended().with_code(0);
+    let info = Process::start(site.binary("maes").args(["info", "run.mcap"])).ended().with_code(0);
     assert!(info.stdout.contains("no result: the run did not come to its end"), "{info}");
     assert_eq!(info.digest().len(), 64);
 }

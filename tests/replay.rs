@@ -28,7 +28,7 @@ fn record(site: &Site, name: &str, views: &str) -> Recording {
 /// Starts a replay.
 fn replay(site: &Site, flags: &[&str]) -> Process {
     python::prepare_ros();
-    Process::start(site.binary("sim_server").args(["replay", "run.mcap"]).args(flags))
+    Process::start(site.binary("maes").args(["replay", "run.mcap"]).args(flags))
 }
 
 /// Starts a scene of `replay.py`.
@@ -128,7 +128,7 @@ fn unplayable_requests_are_refused() {
     let site = Site::new();
     record(&site, "run.mcap", "");
     let refused = |arguments: &[&str], words: &str| {
-        let ended = Process::start(site.binary("sim_server").arg("replay").args(arguments)).ended().with_code(2);
+        let ended = Process::start(site.binary("maes").arg("replay").args(arguments)).ended().with_code(2);
         assert!(ended.stderr.starts_with("error: ") && ended.stderr.lines().count() == 1, "{ended}");
         assert!(ended.stderr.contains(words), "{words}\n{ended}");
     };

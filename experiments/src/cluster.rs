@@ -59,16 +59,16 @@ fn slurm(folder: &Path, parts: usize) -> String {
     let quoted = format!("'{}'", folder.display().to_string().replace('\'', r"'\''"));
     format!(
         r#"#!/usr/bin/env bash
-# Carries out the plan in this folder: sbatch plan.slurm.sh
-# The folder has to be shared by all nodes. `experiments` is looked for in MAES_BIN_DIR, or else in PATH. To go on after a job that
-# was ended early, submit it again: runs that are done are not made again.
+# Runs the plan in this folder: sbatch plan.slurm.sh
+# The folder has to be shared by all nodes. `maes` is looked for in MAES_BIN_DIR, or else in PATH. To
+# continue after a job that was ended early, submit it again: runs that are done are skipped.
 #SBATCH --job-name=maes
 #SBATCH --array=0-{last}
 #SBATCH --cpus-per-task=1
 #SBATCH --mem-per-cpu=4G
 set -eu
 folder={quoted}
-exec "${{MAES_BIN_DIR:+$MAES_BIN_DIR/}}experiments" run "$folder/{PLAN}" --out "$folder" --jobs 1 --part "$SLURM_ARRAY_TASK_ID/{parts}"
+exec "${{MAES_BIN_DIR:+$MAES_BIN_DIR/}}maes" batch "$folder/{PLAN}" --out "$folder" --jobs 1 --part "$SLURM_ARRAY_TASK_ID/{parts}"
 "#,
         last = parts - 1
     )
@@ -76,9 +76,10 @@ exec "${{MAES_BIN_DIR:+$MAES_BIN_DIR/}}experiments" run "$folder/{PLAN}" --out "
 
 fn k8s(parts: usize) -> String {
     format!(
-        r#"# Carries out the plan in this folder: kubectl apply -f plan.k8s.yaml
-# IMAGE: any that has the binary `experiments` in its PATH. CLAIM: a volume that many pods may write to and that holds this folder
-# at its root. To go on after a job that was ended early, delete the job and apply it again: runs that are done are kept.
+        r#"# Runs the plan in this folder: kubectl apply -f plan.k8s.yaml
+# IMAGE: any that has the binary `maes` in its PATH. CLAIM: a volume that many pods may write to and
+# that holds this folder at its root. To continue after a job that was ended early, delete the job
+# and apply it again: runs that are done are kept.
 apiVersion: batch/v1
 kind: Job
 metadata:
@@ -92,9 +93,9 @@ spec:
     spec:
       restartPolicy: Never
       containers:
-        - name: experiments
+        - name: maes
           image: IMAGE
-          command: ["sh", "-c", "exec experiments run /plan/{PLAN} --out /plan --jobs 1 --part $JOB_COMPLETION_INDEX/{parts}"]
+          command: ["sh", "-c", "exec maes batch /plan/{PLAN} --out /plan --jobs 1 --part $JOB_COMPLETION_INDEX/{parts}"]
           resources:
             requests: {{cpu: "1", memory: 4Gi}}
             limits: {{memory: 4Gi}}

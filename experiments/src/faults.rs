@@ -13,7 +13,7 @@ pub mod plan;
 pub mod verdict;
 mod watch;
 
-use std::fs::{self, File, TryLockError};
+use std::fs;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -22,6 +22,8 @@ use std::time::Duration;
 
 use sim_server::session::NullObserver;
 use simulation::scenario::{OnAgentLoss, Rtf, Scenario};
+use supervisor::SupervisorError;
+use supervisor::domain::DomainLock;
 use thiserror::Error;
 
 use crate::single::{self, Grouping, SingleError, Team};
@@ -76,9 +78,9 @@ pub enum FaultsError {
         /// What the system says.
         source: std::io::Error,
     },
-    /// A run is under way in a domain.
-    #[error("a run is under way in ROS domain {0}; choose another --first-domain")]
-    DomainTaken(u32),
+    /// A domain cannot be had.
+    #[error(transparent)]
+    Domain(#[from] SupervisorError),
     /// The expected recording cannot be read.
     #[error("{0}")]
     Expected(String),
@@ -104,8 +106,8 @@ pub fn run(options: &Options, stop: &AtomicBool, say: &(dyn Fn(&str) + Sync)) ->
     };
     let digest = verdict::digest(&expected).map_err(FaultsError::Expected)?;
     say(&format!("expected digest: {digest}"));
-    let locks: Vec<File> =
-        (0..options.jobs.get() as u32).map(|job| lock_domain(options.first_domain + job)).collect::<Result<_, _>>()?;
+    let domains = (0..options.jobs.get() as u32).map(|job| (options.first_domain + job).to_string());
+    let locks: Vec<DomainLock> = domains.map(|domain| DomainLock::take(&domain)).collect::<Result<_, _>>()?;
     let counts = [const { AtomicUsize::new(0) }; 3];
     let [next, done, failed] = &counts;
     thread::scope(|scope| {
@@ -163,7 +165,7 @@ pub fn plan_of(scenario: &Scenario, seed: u64) -> Plan {
 }
 
 fn again(scenario: &Path, seed: u64) -> String {
-    format!("experiments faults {} --seed-only {seed}", scenario.display())
+    format!("maes faults {} --seed-only {seed}", scenario.display())
 }
 
 fn judge(bench: &Bench<'_>, plan: &Plan, expected: &Path) -> Result<Sameness, Failure> {
@@ -185,17 +187,6 @@ fn undisturbed(scenario: &Scenario, file: &Path) -> Result<PathBuf, FaultsError>
     let team = Team { grouping: Grouping::Together, chaos_delay: Duration::ZERO, decision_times: None };
     single::run(&scenario, &team, &mut NullObserver, &AtomicBool::new(false))?;
     Ok(file.to_owned())
-}
-
-/// Tells `run.sh`, and other processes of this kind, that the domain is taken.
-fn lock_domain(domain: u32) -> Result<File, FaultsError> {
-    let file = std::env::temp_dir().join(format!("maes-domain-{domain}.lock"));
-    let lock = File::create(&file).map_err(|source| write_error(&file, source))?;
-    match lock.try_lock() {
-        Ok(()) => Ok(lock),
-        Err(TryLockError::WouldBlock) => Err(FaultsError::DomainTaken(domain)),
-        Err(TryLockError::Error(source)) => Err(write_error(&file, source)),
-    }
 }
 
 fn write_error(file: &Path, source: std::io::Error) -> FaultsError {

@@ -17,15 +17,16 @@ pub mod exit;
 pub mod foxglove;
 pub mod info;
 pub mod live_stream;
-pub mod map_cli;
 pub mod playback;
 pub mod recorder;
 pub mod recording;
+pub mod renamed;
 pub mod replay;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod session;
 pub mod setup;
+pub mod summary;
 pub mod terminal;
 pub mod transport;
 pub mod verify;

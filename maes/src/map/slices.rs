@@ -1,4 +1,4 @@
-//! Layers of maps as people look at them: one of them cell by cell, a few side by side on a terminal, and many as a picture.
+//! Layers of maps: one cell by cell, a few side by side on a terminal, and many as a picture.
 
 use std::path::Path;
 
@@ -6,19 +6,20 @@ use voxels::{Cell, Grid, Terrain, is_wall_at};
 
 use super::MapCliError;
 
-/// Layers of an overview unless somebody wants another number.
+/// Layers of an overview by default.
 pub(super) const SHOWN: u32 = 3;
 
 /// Columns of text if there is no terminal that has a number of them.
 pub(super) const COLUMNS: usize = 80;
 
-/// Columns for each layer of an overview at the least, two of them free: its name has up to six characters.
+/// Least columns for each layer of an overview, two of them free: its name has up to six
+/// characters.
 const LAYER_COLUMNS_MIN: u32 = 10;
 
-/// Layers of a picture at the most.
+/// Most layers of a picture.
 const PICTURE_LAYERS: u32 = 16;
 
-/// Pixels along the longer side of a layer at the least: cells of small maps are several pixels wide.
+/// Least pixels along the longer side of a layer: cells of small maps are several pixels wide.
 const PICTURE_SIDE_MIN: u32 = 200;
 
 /// Pixels between two layers.
@@ -34,7 +35,7 @@ const AXES: [char; 3] = ['x', 'y', 'z'];
 
 /// One layer of cells: those whose coordinate along `axis` (0 is x, 2 is z) is `at`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Slice {
+pub(crate) struct Slice {
     axis: usize,
     at: u32,
 }
@@ -50,7 +51,8 @@ pub(super) fn parse(text: &str) -> Result<Slice, String> {
 }
 
 impl Slice {
-    /// The layer as text: the higher of the two remaining axes grows upwards, the other one to the right.
+    /// The layer as text: the higher of the two remaining axes grows upwards, the other one to the
+    /// right.
     pub(super) fn draw(self, terrain: &Grid<Terrain>, file: &Path) -> Result<String, MapCliError> {
         let size = terrain.extent().size();
         let Self { axis, at } = self;
@@ -73,7 +75,8 @@ impl Slice {
     }
 }
 
-/// The coordinates of `count` layers in the middles of equal parts of `size`, or of all layers if there are no more.
+/// The coordinates of `count` layers in the middles of equal parts of `size`, or of all layers if
+/// there are no more.
 fn spread(count: u32, size: u32) -> Vec<u32> {
     if count >= size {
         return (0..size).collect();
@@ -81,7 +84,8 @@ fn spread(count: u32, size: u32) -> Vec<u32> {
     (0..count).map(|number| (2 * number + 1) * size / (2 * count)).collect()
 }
 
-/// Layers along z side by side, in at most `columns` columns: a character is a block of cells, twice as high as wide.
+/// Layers along z side by side, in at most `columns` columns: a character is a block of cells,
+/// twice as high as wide.
 pub(super) fn overview(terrain: &Grid<Terrain>, count: u32, columns: usize) -> String {
     let [size_x, size_y, size_z] = terrain.extent().size();
     let columns = u32::try_from(columns).unwrap_or(u32::MAX).max(LAYER_COLUMNS_MIN);

@@ -1,4 +1,4 @@
-//! The command that makes a movie of a recording.
+//! `maes movie`: a movie of a recording.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -6,6 +6,8 @@ use std::process::ExitCode;
 use clap::Args;
 use sim_server::foxglove::capture::{self, CaptureArgs, CaptureTime};
 use sim_server::recording::Recording;
+
+use crate::output::say;
 
 /// Arguments of `movie`.
 #[derive(Debug, Args)]
@@ -24,7 +26,7 @@ pub(crate) struct MovieArgs {
     /// How long the movie lasts
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
     seconds: f64,
-    /// Pictures of each second
+    /// Pictures per second
     #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u32).range(1..=120))]
     fps: u32,
 }
@@ -35,12 +37,12 @@ fn movie(text: &str) -> Result<PathBuf, String> {
     if is_movie { Ok(path) } else { Err("expected a name that ends in .mp4 or .gif".to_owned()) }
 }
 
-/// Makes it.
-pub(crate) fn run(args: &MovieArgs) -> anyhow::Result<ExitCode> {
+/// Makes a movie.
+pub(crate) fn make(args: &MovieArgs) -> anyhow::Result<ExitCode> {
     Recording::open(&args.subject.file)?;
     let &MovieArgs { from, to, seconds, fps, .. } = args;
     if let Err(error) = capture::take(&args.subject, CaptureTime::Movie { from, to, seconds, fps }, &args.out) {
-        eprintln!("error: {error}");
+        say(&format!("error: {error}"));
         return Ok(ExitCode::from(capture::exit_code(&error)));
     }
     Ok(ExitCode::SUCCESS)

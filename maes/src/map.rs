@@ -1,9 +1,10 @@
-//! The commands `sim_server map generate|info|convert`.
+//! The commands `maes map generate|info|convert`.
 //!
-//! Results go to stdout. A command that fails has written no file: a file is complete under a temporary name before it
-//! takes its own. Maps themselves are made and read in [`mapgen`]; here are only files, options and
-//! words.
+//! Results go to stdout. A command that fails has written no file: a file is complete under a
+//! temporary name before it takes its own. Maps themselves are made and read in [`mapgen`]; here
+//! are only files, options and words.
 
+mod slices;
 mod spec;
 
 use std::fmt::Display;
@@ -15,16 +16,14 @@ use clap::{Args, Subcommand, ValueEnum};
 use thiserror::Error;
 use voxels::{Extent, ExtentError, close_shell, free_components};
 
-use crate::cli::assignment;
 use mapgen::{self, Built, FormatError, ImportOptions, ImportSpec, Imported, MapError, MapFormat, MapReport, Note};
 
+use sim_server::cli::assignment;
 use slices::Slice;
-
-mod slices;
 
 /// Make, describe and convert maps.
 #[derive(Debug, Clone, PartialEq, Subcommand)]
-pub enum MapCommand {
+pub(crate) enum MapCommand {
     /// Make a map and write it to a file.
     Generate(GenerateArgs),
     /// Describe map files as they stand.
@@ -35,48 +34,51 @@ pub enum MapCommand {
 
 /// Options of `map generate`.
 #[derive(Debug, Clone, PartialEq, Args)]
-pub struct GenerateArgs {
+pub(crate) struct GenerateArgs {
     /// How the map is made.
     #[arg(long, value_enum, default_value_t = Kind::Spheres)]
-    pub kind: Kind,
+    pub(crate) kind: Kind,
     /// Cells along every axis, as one number or as XxYxZ.
     #[arg(long, value_name = "S|XxYxZ", value_parser = parse_size)]
-    pub size: [u32; 3],
+    pub(crate) size: [u32; 3],
     /// Length of a cell's edge in metres; stored by --rle and .bt, and the unit of meshes.
     #[arg(long, value_name = "M", default_value_t = 1.0)]
-    pub cell_m: f64,
+    pub(crate) cell_m: f64,
     /// Seed of the map; without it one is drawn and printed.
     #[arg(long, value_name = "K")]
-    pub seed: Option<u64>,
-    /// Spheres: share of the volume to free [default: 0.2]. Noise: probability of wall [default: 0.53].
+    pub(crate) seed: Option<u64>,
+    /// Spheres: share of the volume to free [default: 0.2]. Noise: probability of wall [default:
+    /// 0.53].
     #[arg(long, value_name = "SHARE")]
-    pub fill: Option<f64>,
+    pub(crate) fill: Option<f64>,
     /// Spheres: smallest radius and radius of tunnels, in cells [default: 3].
     #[arg(long, value_name = "CELLS")]
-    pub radius_min: Option<u32>,
+    pub(crate) radius_min: Option<u32>,
     /// Spheres: largest radius in cells [default: 8].
     #[arg(long, value_name = "CELLS")]
-    pub radius_max: Option<u32>,
+    pub(crate) radius_max: Option<u32>,
     /// Spheres: nearest spheres that each one is joined to [default: 3].
     #[arg(long, value_name = "N")]
-    pub connections: Option<u32>,
+    pub(crate) connections: Option<u32>,
     /// Smoothing passes [default: 5].
     #[arg(long, value_name = "N")]
-    pub smoothing: Option<u32>,
-    /// Any parameter of the kind of map by its name in a scenario, for instance floors=5; comes last.
+    pub(crate) smoothing: Option<u32>,
+    /// Any parameter of the kind of map by its name in a scenario, for instance floors=5; comes
+    /// last.
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
-    pub set: Vec<(String, toml::Value)>,
-    /// Write packed M3DM, as is always done beyond 127 cells along an axis: smaller, and with the length of cells.
+    pub(crate) set: Vec<(String, toml::Value)>,
+    /// Write packed M3DM, as is always done beyond 127 cells along an axis: smaller, and with the
+    /// length of cells.
     #[arg(long)]
-    pub rle: bool,
+    pub(crate) rle: bool,
     /// The file to write: .m3dm, .txt, .bt, .obj or .stl.
     #[arg(short, long, value_name = "FILE")]
-    pub output: PathBuf,
+    pub(crate) output: PathBuf,
 }
 
 /// The generators that need no file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Kind {
+pub(crate) enum Kind {
     /// Random Connected Spheres.
     Spheres,
     /// Smoothed Noise.
@@ -87,53 +89,55 @@ pub enum Kind {
 
 /// Options of `map info`.
 #[derive(Debug, Clone, PartialEq, Args)]
-pub struct InfoArgs {
+pub(crate) struct InfoArgs {
     /// Map files of any known format.
     #[arg(required = true, value_name = "FILE")]
-    pub files: Vec<PathBuf>,
+    pub(crate) files: Vec<PathBuf>,
     /// Draw one layer of cells, for instance z=25.
     #[arg(long, value_name = "AXIS=K", value_parser = slices::parse)]
-    pub slice: Option<Slice>,
-    /// Draw so many layers side by side, scaled to the terminal; 0: none [default: 3 on a terminal, else 0].
+    pub(crate) slice: Option<Slice>,
+    /// Draw so many layers side by side, scaled to the terminal; 0: none [default: 3 on a terminal,
+    /// else 0].
     #[arg(long, value_name = "N")]
-    pub slices: Option<u32>,
+    pub(crate) slices: Option<u32>,
     /// Write layers as a picture; only with one map file.
     #[arg(long, value_name = "FILE.png")]
-    pub png: Option<PathBuf>,
+    pub(crate) png: Option<PathBuf>,
     /// Length of a cell's edge in metres [default: that of the file, or 1].
     #[arg(long, value_name = "M")]
-    pub cell_m: Option<f64>,
+    pub(crate) cell_m: Option<f64>,
     /// How the files are read.
     #[command(flatten)]
-    pub import: ImportOptions,
+    pub(crate) import: ImportOptions,
 }
 
 /// Options of `map convert`.
 #[derive(Debug, Clone, PartialEq, Args)]
-pub struct ConvertArgs {
+pub(crate) struct ConvertArgs {
     /// The map to read: .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, .vox or .pgm.
     #[arg(value_name = "IN")]
-    pub input: PathBuf,
+    pub(crate) input: PathBuf,
     /// The file to write: .m3dm, .txt, .bt, .obj or .stl.
     #[arg(value_name = "OUT")]
-    pub output: PathBuf,
+    pub(crate) output: PathBuf,
     /// Length of a cell's edge in metres [default: that of the file, or 1].
     #[arg(long, value_name = "M")]
-    pub cell_m: Option<f64>,
+    pub(crate) cell_m: Option<f64>,
     /// How the map is read.
     #[command(flatten)]
-    pub import: ImportOptions,
-    /// Write packed M3DM, as is always done beyond 127 cells along an axis: smaller, and with the length of cells.
+    pub(crate) import: ImportOptions,
+    /// Write packed M3DM, as is always done beyond 127 cells along an axis: smaller, and with the
+    /// length of cells.
     #[arg(long)]
-    pub rle: bool,
+    pub(crate) rle: bool,
     /// Leave the shell open where it is open, and the pockets.
     #[arg(long)]
-    pub as_is: bool,
+    pub(crate) as_is: bool,
 }
 
 /// Why a map command failed; always one line.
 #[derive(Debug, Error)]
-pub enum MapCliError {
+pub(crate) enum MapCliError {
     /// A file cannot be read.
     #[error("{}: cannot be read: {reason}", .file.display())]
     Read {
@@ -218,20 +222,18 @@ pub enum MapCliError {
     Print(#[from] io::Error),
 }
 
-/// Carries out one map command and prints its report on stdout.
-///
-/// # Errors
-/// For everything that is wrong with options and files; no file has been written or changed then.
-pub fn run(command: MapCommand) -> Result<(), MapCliError> {
+/// Runs a map command and prints its report on stdout. On an error no file has been written or
+/// changed.
+pub(crate) fn run(command: MapCommand) -> Result<(), MapCliError> {
     let columns = io::stdout().is_terminal().then(|| usize::from(console::Term::stdout().size().1));
     match run_to(command, columns, &mut io::stdout().lock()) {
-        // Whoever reads the report may stop reading it, like `head`.
+        // A reader may stop reading the report, as `head` does.
         Err(MapCliError::Print(error)) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         result => result,
     }
 }
 
-/// Carries out a command; `columns` is the width of the terminal, if `out` is one.
+/// Runs a command; `columns` is the width of the terminal, if `out` is one.
 fn run_to(command: MapCommand, columns: Option<usize>, out: &mut dyn Write) -> Result<(), MapCliError> {
     match command {
         MapCommand::Generate(args) => generate(&args, out),
@@ -421,7 +423,8 @@ fn read_bytes(file: &Path) -> Result<Vec<u8>, MapCliError> {
     fs::read(file).map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })
 }
 
-/// Writes a file under a temporary name beside it and then renames it, so that there is never half a file.
+/// Writes a file under a temporary name beside it and then renames it, so that there is never half
+/// a file.
 fn write_file(file: &Path, bytes: &[u8]) -> Result<(), MapCliError> {
     let mut name = std::ffi::OsString::from(".");
     name.push(file.file_name().unwrap_or_default());

@@ -1,10 +1,5 @@
-//! The commands about plans: what the user types, and what it sets going.
+//! Commands about plans: `batch`, `merge`, `report`.
 
-pub(crate) mod faults;
-#[cfg(feature = "view")]
-pub(crate) mod movie;
-
-use std::io::Write;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -12,10 +7,9 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::thread;
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::{Args, ValueEnum};
 use experiments::cluster::{self, System};
-use experiments::diff;
 use experiments::execute::{self, ExecuteError, Launcher, Options, Part, Stop, Summary, Transport};
 use experiments::faults::FaultsError;
 use experiments::merge;
@@ -25,17 +19,19 @@ use experiments::store::{Store, StoreError};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use sim_server::exit;
-use sim_server::recording::Recording;
+use supervisor::binaries;
 
-/// Arguments of `run`.
+use crate::output::{print, say};
+
+/// Arguments of `batch`.
 #[derive(Debug, Args)]
-pub(crate) struct RunArgs {
+pub(crate) struct BatchArgs {
     /// The plan (.toml)
     plan: PathBuf,
-    /// The folder for its runs and tables; runs that are there already are not made again
+    /// The folder for its runs and tables; runs that are there already are skipped
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Runs at a time [default: one for each core; over ROS 2: 1]
+    /// Runs in parallel [default: one for each core; over ROS 2: 1]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZero<usize>>,
     /// How messages go between a server and its agents
@@ -44,21 +40,21 @@ pub(crate) struct RunArgs {
     /// Only every N-th run, from the K-th on, K from 0
     #[arg(long, value_name = "K/N", value_parser = part)]
     part: Option<Part>,
-    /// Take out runs in the folder that are not of this plan and build
+    /// Remove runs from the folder that are not of this plan and build
     #[arg(long)]
     prune: bool,
-    /// Run nothing; write a job into the folder that carries out the plan on a cluster
+    /// Run nothing; write a job into the folder that runs the plan on a cluster
     #[arg(long, value_enum, value_name = "SYSTEM")]
     emit: Option<System>,
-    /// With --emit: how many jobs share the plan
+    /// With --emit: number of jobs that share the plan
     #[arg(long, value_name = "N", default_value = "16", requires = "emit")]
     parts: NonZero<usize>,
-    /// Over ROS 2: the domain of the first run at a time; the others have the next ones
+    /// Over ROS 2: the domain of the first parallel run; the others use the next ones
     #[arg(long, value_name = "ID", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=101))]
     first_domain: u32,
-    /// Over ROS 2: the script that starts a run
-    #[arg(long, value_name = "FILE", default_value = "launch_scripts/run.sh")]
-    launcher: PathBuf,
+    /// The script that started a run; has no effect any more
+    #[arg(long, value_name = "FILE", hide = true)]
+    launcher: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -88,15 +84,6 @@ pub(crate) struct ReportArgs {
     folder: PathBuf,
 }
 
-/// Arguments of `diff`.
-#[derive(Debug, Args)]
-pub(crate) struct DiffArgs {
-    /// A recording (.mcap)
-    first: PathBuf,
-    /// Another one (.mcap)
-    second: PathBuf,
-}
-
 fn part(text: &str) -> Result<Part, String> {
     let expected = || "expected K/N, such as 0/4, with K from 0 to N - 1".to_owned();
     let (index, parts) = text.split_once('/').ok_or_else(expected)?;
@@ -104,7 +91,7 @@ fn part(text: &str) -> Result<Part, String> {
     part.filter(|part| part.index < part.parts.get()).ok_or_else(expected)
 }
 
-/// Whether an error is the system's fault, not that of what was typed.
+/// Whether an error is a failure of the system, and not bad input.
 pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
     matches!(error.downcast_ref::<ExecuteError>(), Some(ExecuteError::Store(_)))
         || error.downcast_ref::<StoreError>().is_some()
@@ -112,12 +99,15 @@ pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
         || matches!(error.downcast_ref::<ReportError>(), Some(ReportError::Png { .. } | ReportError::Write { .. }))
 }
 
-/// Carries out what is left of a plan.
-pub(crate) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
+/// Executes what is left of a plan.
+pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
+    if args.launcher.is_some() {
+        say("note: `--launcher` has no effect any more: `maes` starts the processes itself");
+    }
     let plan = Plan::load(&args.plan)?;
     if let Some(system) = args.emit {
         let file = cluster::emit(&plan, &args.out, system, args.parts)?;
-        say(&format!("{}", file.display()));
+        print(&format!("{}", file.display()));
         return Ok(ExitCode::SUCCESS);
     }
     let cores = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
@@ -136,7 +126,7 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
                 if stop.soon.swap(true, Ordering::Relaxed) {
                     stop.at_once.store(true, Ordering::Relaxed);
                 } else {
-                    eprintln!("ending after the runs in flight; once more to give them up");
+                    say("ending after the runs under way; once more to give them up");
                 }
             }
         });
@@ -145,8 +135,8 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         summary
     })?;
     let Summary { skipped, done, failed, left } = summary;
-    say(&format!("{done} runs done, {skipped} were there already, {failed} failed, {left} left; build {BUILD}"));
-    say(&format!("{}", args.out.join("runs.csv").display()));
+    print(&format!("{done} runs done, {skipped} were there already, {failed} failed, {left} left; build {BUILD}"));
+    print(&format!("{}", args.out.join("runs.csv").display()));
     Ok(match summary {
         Summary { left: 1.., .. } => ExitCode::from(exit::BY_SIGNAL),
         Summary { failed: 1.., .. } => ExitCode::from(exit::FAILED),
@@ -154,20 +144,14 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     })
 }
 
-fn launcher(args: &RunArgs) -> anyhow::Result<Launcher> {
-    if !args.launcher.is_file() {
-        bail!("--launcher {}: no such file; it is launch_scripts/run.sh of the repository", args.launcher.display());
-    }
-    let binary = std::env::current_exe().context("finding the folder of the binaries")?;
-    let binaries = binary.parent().context("finding the folder of the binaries")?.to_owned();
-    let script = args.launcher.canonicalize().with_context(|| args.launcher.display().to_string())?;
-    Ok(Launcher { script, binaries, first_domain: args.first_domain })
+fn launcher(args: &BatchArgs) -> anyhow::Result<Launcher> {
+    Ok(Launcher { binaries: binaries::folder()?, first_domain: args.first_domain })
 }
 
 /// Joins folders.
 pub(crate) fn merge(args: &MergeArgs) -> anyhow::Result<ExitCode> {
     let runs = merge::merge(&args.folders, &args.out)?;
-    say(&format!("{runs} runs in {}", args.out.join("runs.csv").display()));
+    print(&format!("{runs} runs in {}", args.out.join("runs.csv").display()));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -176,20 +160,7 @@ pub(crate) fn report(args: &ReportArgs) -> anyhow::Result<ExitCode> {
     let Written { page, runs, lacking } = report::write(&args.folder)?;
     Store::open(&args.folder)?.write_tables()?;
     let lacking = if lacking > 0 { format!(", {lacking} lacking for a whole comparison") } else { String::new() };
-    say(&format!("{runs} runs{lacking}"));
-    say(&format!("{}", page.display()));
+    print(&format!("{runs} runs{lacking}"));
+    print(&format!("{}", page.display()));
     Ok(ExitCode::SUCCESS)
-}
-
-/// Compares two recordings.
-pub(crate) fn diff(args: &DiffArgs) -> anyhow::Result<ExitCode> {
-    let (first, second) = (Recording::open(&args.first)?, Recording::open(&args.second)?);
-    let verdict = diff::diff(&first, &second);
-    say(&diff::text(&verdict, &first, &second));
-    Ok(if verdict.is_same_run() { ExitCode::SUCCESS } else { ExitCode::from(exit::DIFFERENT) })
-}
-
-/// Results go to stdout; that nobody listens is no failure.
-fn say(text: &str) {
-    drop(writeln!(std::io::stdout(), "{text}"));
 }
