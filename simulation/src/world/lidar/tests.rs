@@ -132,7 +132,7 @@ fn a_cone_looks_along_the_heading() {
 }
 
 #[test]
-fn only_what_is_new_is_found() {
+fn scan_reports_new_cells_only() {
     let terrain = Grid::from_text("......\n......\n").unwrap();
     let scanner = Scanner::new(Pattern::Lattice { rays: 500 }, 1.4, TAU);
     let mut memory = SensorMemory::new(&terrain);
@@ -154,7 +154,7 @@ fn a_position_outside_sees_nothing() {
 }
 
 #[test]
-fn the_heading_counts_only_with_a_limited_view() {
+fn heading_matters_only_with_a_limited_view() {
     let scanner = |fov_rad| Scanner::new(Pattern::Lattice { rays: 10 }, 5.0, fov_rad);
     let (here, turned, moved) = (pose([1.0; 3], 0.0), pose([1.0; 3], 1.0), pose([1.1; 3], 0.0));
     assert!(scanner(TAU).sees_the_same(&here, &turned));
@@ -194,7 +194,7 @@ fn any_scanner() -> impl Strategy<Value = (Pattern, f64, f64)> {
 
 proptest! {
     #[test]
-    fn a_scan_sees_what_walk_visits(
+    fn scan_sees_what_walk_visits(
         (terrain, position) in any_world(),
         (pattern, range_m, fov_rad) in any_scanner(),
         yaw_rad in -PI..PI,
