@@ -3,6 +3,7 @@
 pub(crate) mod faults;
 #[cfg(feature = "view")]
 pub(crate) mod movie;
+mod progress;
 
 use std::io::Write;
 use std::num::NonZero;
@@ -14,7 +15,7 @@ use std::thread;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
-use experiments::cluster::{self, System};
+use experiments::cluster::{self, Scheduler};
 use experiments::diff;
 use experiments::execute::{self, ExecuteError, Launcher, Options, Part, Stop, Summary, Transport};
 use experiments::faults::FaultsError;
@@ -22,6 +23,7 @@ use experiments::merge;
 use experiments::plan::{BUILD, Plan};
 use experiments::report::{self, ReportError, Written};
 use experiments::store::{Store, StoreError};
+use progress::ProgressDisplay;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use sim_server::exit;
@@ -49,7 +51,7 @@ pub(crate) struct RunArgs {
     prune: bool,
     /// Run nothing; write a job into the folder that carries out the plan on a cluster
     #[arg(long, value_enum, value_name = "SYSTEM")]
-    emit: Option<System>,
+    emit: Option<SchedulerName>,
     /// With --emit: how many jobs share the plan
     #[arg(long, value_name = "N", default_value = "16", requires = "emit")]
     parts: NonZero<usize>,
@@ -67,6 +69,23 @@ enum TransportName {
     Memory,
     /// Over ROS 2, a process for each agent
     Ros2,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SchedulerName {
+    /// A job array for Slurm: sbatch plan.slurm.sh
+    Slurm,
+    /// An indexed job for Kubernetes: kubectl apply -f plan.k8s.yaml
+    K8s,
+}
+
+impl From<SchedulerName> for Scheduler {
+    fn from(name: SchedulerName) -> Self {
+        match name {
+            SchedulerName::Slurm => Self::Slurm,
+            SchedulerName::K8s => Self::K8s,
+        }
+    }
 }
 
 /// Arguments of `merge`.
@@ -115,8 +134,8 @@ pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
 /// Carries out what is left of a plan.
 pub(crate) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let plan = Plan::load(&args.plan)?;
-    if let Some(system) = args.emit {
-        let file = cluster::emit(&plan, &args.out, system, args.parts)?;
+    if let Some(scheduler) = args.emit {
+        let file = cluster::emit(&plan, &args.out, scheduler.into(), args.parts)?;
         say(&format!("{}", file.display()));
         return Ok(ExitCode::SUCCESS);
     }
@@ -140,7 +159,7 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
                 }
             }
         });
-        let summary = execute::execute(&plan, args.out.clone(), &options, &stop);
+        let summary = execute::execute(&plan, args.out.clone(), &options, &mut ProgressDisplay::default(), &stop);
         handle.close();
         summary
     })?;

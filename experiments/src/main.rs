@@ -15,7 +15,7 @@ use anyhow::Context;
 use clap::{Args, Parser, Subcommand};
 use commands::faults::FaultsArgs;
 use commands::{DiffArgs, MergeArgs, ReportArgs, RunArgs};
-use experiments::single::{self, Grouping, SingleError, Team};
+use experiments::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
 use sim_server::cli::KeyArgs;
 use sim_server::terminal::{self, Terminal};
 use sim_server::{exit, setup};
@@ -88,9 +88,9 @@ fn main() -> ExitCode {
         Ok(code) => code,
         Err(error) => {
             eprintln!("error: {error}");
-            match error.downcast_ref::<SingleError>() {
-                Some(SingleError::Run(error)) => exit::of_error(error),
-                Some(SingleError::Record(_)) => ExitCode::from(exit::FAILED),
+            match error.downcast_ref::<InProcessError>() {
+                Some(InProcessError::Run(error)) => exit::of_error(error),
+                Some(InProcessError::Record(_)) => ExitCode::from(exit::FAILED),
                 _ if commands::is_failure(&error) => ExitCode::from(exit::FAILED),
                 _ => ExitCode::from(exit::BAD_INPUT),
             }
@@ -107,18 +107,18 @@ fn run_single(args: &SingleArgs) -> anyhow::Result<ExitCode> {
     }
     let log = args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
     let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log);
-    let grouping = if args.together { Grouping::Together } else { Grouping::Apart };
+    let threads = if args.together { ThreadLayout::Shared } else { ThreadLayout::PerAgent };
     let chaos_delay = Duration::from_millis(args.chaos_delay_ms);
     let decision_times = args.decision_times.then(DecisionTimes::default);
-    let team = Team { grouping, chaos_delay, decision_times: decision_times.clone() };
-    let finished = single::run(&scenario, &team, &mut terminal, &stop);
+    let options = AgentOptions { threads, chaos_delay, decision_times: decision_times.clone() };
+    let finished = in_process::run(&scenario, &options, &mut terminal, &stop);
     terminal.clear();
     if let Some(times) = decision_times {
         eprintln!("{}", summary(&times.sorted()));
     }
     let outcome = finished
         .map_err(|error| match error {
-            SingleError::Setup(_) | SingleError::OverRosOnly(_) => {
+            InProcessError::Setup(_) | InProcessError::OverRosOnly(_) => {
                 anyhow::anyhow!("{}: {error}", args.scenario.display())
             }
             other => other.into(),

@@ -124,6 +124,6 @@ pub(crate) fn run(args: &FaultsArgs) -> anyhow::Result<ExitCode> {
 #[cfg(feature = "ros")]
 pub(crate) fn garbage(args: &GarbageArgs) -> anyhow::Result<ExitCode> {
     let env = ros_node::ros_env::RosEnv::from_vars(|name| std::env::var(name).ok())?;
-    faults::garbage::tell(u64::from(args.messages), args.agents, args.messages, &env)?;
+    faults::inject_garbage(u64::from(args.messages), args.agents, args.messages, &env)?;
     Ok(ExitCode::SUCCESS)
 }
