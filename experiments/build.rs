@@ -15,7 +15,7 @@ const SOURCES: [&str; 13] = [
     "sim_server/src",
     "agent_node/src",
     "experiments/src/in_memory.rs",
-    "experiments/src/single.rs",
+    "experiments/src/in_process.rs",
     "experiments/src/measure.rs",
 ];
 

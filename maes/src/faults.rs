@@ -137,6 +137,6 @@ pub(crate) fn faults(args: &FaultsArgs) -> anyhow::Result<ExitCode> {
 
 fn inject_garbage(args: &GarbageArgs) -> anyhow::Result<ExitCode> {
     let env = ros_node::ros_env::RosEnv::from_vars(|name| std::env::var(name).ok())?;
-    faults::garbage::tell(u64::from(args.messages), args.agents, args.messages, &env)?;
+    faults::inject_garbage(u64::from(args.messages), args.agents, args.messages, &env)?;
     Ok(ExitCode::SUCCESS)
 }

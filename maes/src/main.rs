@@ -9,6 +9,7 @@ mod map;
 mod movie;
 mod output;
 mod plans;
+mod progress;
 mod recordings;
 mod run;
 mod scenario;
@@ -20,8 +21,8 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
+use experiments::in_process::InProcessError;
 use experiments::plan::BUILD;
-use experiments::single::SingleError;
 use faults::FaultsArgs;
 use map::MapCommand;
 use movie::MovieArgs;
@@ -120,9 +121,9 @@ fn exit_code(error: &anyhow::Error) -> ExitCode {
     if let Some(error) = error.downcast_ref::<SupervisorError>() {
         return ExitCode::from(error.exit_code());
     }
-    match error.downcast_ref::<SingleError>() {
-        Some(SingleError::Run(error)) => exit::of_error(error),
-        Some(SingleError::Record(_)) => ExitCode::from(exit::FAILED),
+    match error.downcast_ref::<InProcessError>() {
+        Some(InProcessError::Run(error)) => exit::of_error(error),
+        Some(InProcessError::Record(_)) => ExitCode::from(exit::FAILED),
         _ if plans::is_failure(error) => ExitCode::from(exit::FAILED),
         _ => ExitCode::from(exit::BAD_INPUT),
     }

@@ -9,7 +9,7 @@ use std::thread;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use experiments::cluster::{self, System};
+use experiments::cluster::{self, Scheduler};
 use experiments::execute::{self, ExecuteError, Launcher, Options, Part, Stop, Summary, Transport};
 use experiments::faults::FaultsError;
 use experiments::merge;
@@ -22,6 +22,7 @@ use sim_server::exit;
 use supervisor::binaries;
 
 use crate::output::{print, say};
+use crate::progress::ProgressDisplay;
 
 /// Arguments of `batch`.
 #[derive(Debug, Args)]
@@ -45,7 +46,7 @@ pub(crate) struct BatchArgs {
     prune: bool,
     /// Run nothing; write a job into the folder that runs the plan on a cluster
     #[arg(long, value_enum, value_name = "SYSTEM")]
-    emit: Option<System>,
+    emit: Option<SchedulerName>,
     /// With --emit: number of jobs that share the plan
     #[arg(long, value_name = "N", default_value = "16", requires = "emit")]
     parts: NonZero<usize>,
@@ -63,6 +64,23 @@ enum TransportName {
     Memory,
     /// Over ROS 2, a process for each agent
     Ros2,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SchedulerName {
+    /// A job array for Slurm: sbatch plan.slurm.sh
+    Slurm,
+    /// An indexed job for Kubernetes: kubectl apply -f plan.k8s.yaml
+    K8s,
+}
+
+impl From<SchedulerName> for Scheduler {
+    fn from(name: SchedulerName) -> Self {
+        match name {
+            SchedulerName::Slurm => Self::Slurm,
+            SchedulerName::K8s => Self::K8s,
+        }
+    }
 }
 
 /// Arguments of `merge`.
@@ -105,8 +123,8 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
         say("note: `--launcher` has no effect any more: `maes` starts the processes itself");
     }
     let plan = Plan::load(&args.plan)?;
-    if let Some(system) = args.emit {
-        let file = cluster::emit(&plan, &args.out, system, args.parts)?;
+    if let Some(scheduler) = args.emit {
+        let file = cluster::emit(&plan, &args.out, scheduler.into(), args.parts)?;
         print(&format!("{}", file.display()));
         return Ok(ExitCode::SUCCESS);
     }
@@ -130,7 +148,7 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
                 }
             }
         });
-        let summary = execute::execute(&plan, args.out.clone(), &options, &stop);
+        let summary = execute::execute(&plan, args.out.clone(), &options, &mut ProgressDisplay::default(), &stop);
         handle.close();
         summary
     })?;

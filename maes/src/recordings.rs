@@ -7,9 +7,9 @@ use clap::Args;
 use experiments::diff;
 use msgs::ids::Tick;
 use ros_node::ros_env::RosEnv;
-use sim_server::foxglove::capture::{self, Moments, Subject};
+use sim_server::foxglove::capture::{self, CaptureArgs, CaptureTime};
 use sim_server::recording::{End, Recording};
-use sim_server::replay::{Manner, Programme, Wishes};
+use sim_server::replay::{PlaybackOptions, PlaybackSchedule, PlaybackTiming};
 use sim_server::terminal::Terminal;
 use sim_server::{bag, exit, info, ros, verify};
 use simulation::parameters::{self, RATE};
@@ -80,7 +80,7 @@ pub(crate) struct ReplayArgs {
 #[derive(Debug, Args)]
 pub(crate) struct SnapshotArgs {
     #[command(flatten)]
-    subject: Subject,
+    subject: CaptureArgs,
     /// Sim time of the moment
     #[arg(long, value_name = "SECONDS")]
     at: f64,
@@ -164,14 +164,14 @@ pub(crate) fn diff(args: &DiffArgs) -> anyhow::Result<ExitCode> {
 pub(crate) fn replay(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
     let recording = Recording::open(&args.file)?;
-    let wishes =
-        Wishes { only: args.topics.clone(), exclude: args.exclude.clone(), start_s: args.start, end_s: args.end };
-    let programme = Programme::new(&recording, &wishes)?;
-    let manner = Manner { rate: args.rate, is_loop: args.is_loop, is_paused: args.paused };
+    let options =
+        PlaybackOptions { only: args.topics.clone(), exclude: args.exclude.clone(), start_s: args.start, end_s: args.end };
+    let schedule = PlaybackSchedule::new(&recording, &options)?;
+    let timing = PlaybackTiming { rate: args.rate, is_loop: args.is_loop, is_paused: args.paused };
     let stop = signals::stop_flag()?;
-    let mut terminal = Terminal::new(programme.ticks().1, 0);
-    programme.notes().iter().for_each(|note| terminal.say(&format!("warning: {note}")));
-    let played = ros::replay::play(&recording, &programme, manner, &env, &mut terminal, &stop);
+    let mut terminal = Terminal::new(schedule.ticks().1, 0);
+    schedule.notes().iter().for_each(|note| terminal.say(&format!("warning: {note}")));
+    let played = ros::replay::play(&recording, &schedule, timing, &env, &mut terminal, &stop);
     terminal.clear();
     let played = match played {
         Ok(played) => played,
@@ -188,7 +188,7 @@ pub(crate) fn replay(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
 /// Takes a picture of a recording.
 pub(crate) fn snapshot(args: &SnapshotArgs) -> anyhow::Result<ExitCode> {
     Recording::open(&args.subject.file)?;
-    if let Err(error) = pictures::take(&args.subject, CaptureTime::Snapshot { at: args.at }, &args.out) {
+    if let Err(error) = capture::take(&args.subject, CaptureTime::Snapshot { at: args.at }, &args.out) {
         say(&format!("error: {error}"));
         return Ok(ExitCode::from(capture::exit_code(&error)));
     }

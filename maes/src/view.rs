@@ -12,7 +12,7 @@ use clap::{ArgMatches, Args};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use sim_server::exit;
-use sim_server::foxglove::{DEFAULT_ADDRESS, Shelf};
+use sim_server::foxglove::{DEFAULT_ADDRESS, StaticFileServer};
 use sim_server::recording::Recording;
 use supervisor::idle::IdleServer;
 use supervisor::{binaries, logs};
@@ -100,8 +100,8 @@ fn is_recording(file: &Path) -> bool {
 }
 
 fn show_recording(file: &Path, page: &Path, address: &str, browser: Option<bool>) -> anyhow::Result<ExitCode> {
-    let shelf = match Shelf::open(address, page, file) {
-        Ok(shelf) => shelf,
+    let server = match StaticFileServer::open(address, page, file) {
+        Ok(server) => server,
         Err(error) => {
             say(&format!("error: {error}"));
             return Ok(ExitCode::from(exit::FAILED));
@@ -109,8 +109,8 @@ fn show_recording(file: &Path, page: &Path, address: &str, browser: Option<bool>
     };
     // Before the address is printed: whoever reads it may interrupt this at once.
     let mut signals = Signals::new([SIGINT, SIGTERM]).context("handling signals")?;
-    print(&shelf.url());
-    Browser::new(browser).open(&shelf.url());
+    print(&server.url());
+    Browser::new(browser).open(&server.url());
     signals.forever().next();
     Ok(ExitCode::SUCCESS)
 }

@@ -173,7 +173,7 @@ mod tests {
             let left = free_components(&after);
             prop_assert_eq!(left.sizes.len(), found.sizes.len().min(1));
             prop_assert_eq!(left.sizes.first(), found.sizes.iter().max());
-            prop_assert_eq!(pockets.kept_cells + pockets.filled_cells, found.sizes.iter().sum());
+            prop_assert_eq!(pockets.kept_cells + pockets.filled_cells, found.sizes.iter().sum::<usize>());
         }
     }
 }

@@ -284,8 +284,8 @@ fn header(bytes: &[u8]) -> Result<Header, PackedError> {
     if got as u64 > length {
         return Err(PackedError::Trailing { length, surplus: got as u64 - length });
     }
-    let (stored, found) = (u32_at(SUM.start), sum_of(bytes));
-    if told != found {
+    let (stored, computed) = (u32_at(SUM.start), sum_of(bytes));
+    if stored != computed {
         return Err(PackedError::Sum { stored, computed });
     }
     let cells = extent.volume() as u64;

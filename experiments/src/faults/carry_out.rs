@@ -125,7 +125,7 @@ impl<'a> Stage<'a> {
         let recording = bench.folder.join("run.mcap");
         let mut late = BTreeMap::new();
         for Timed { fault, .. } in &plan.faults {
-            if let Fault::LateAnswers { agent, up_to_ms } = fault {
+            if let Fault::LateReplies { agent, up_to_ms } = fault {
                 late.insert(*agent, *up_to_ms);
             }
         }
@@ -332,7 +332,7 @@ impl<'a> Stage<'a> {
                 self.liars.push(ChildGuard::start(command)?);
             }
             // From the start on.
-            Fault::LateAnswers { .. } => {}
+            Fault::LateReplies { .. } => {}
         }
         Ok(false)
     }

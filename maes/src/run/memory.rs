@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use agent_node::stopwatch::DecisionTimes;
 use anyhow::Context;
-use experiments::single::{self, Grouping, SingleError, Team};
+use experiments::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
 use sim_server::exit;
 use sim_server::terminal::{self, Terminal};
 use simulation::scenario::Scenario;
@@ -26,18 +26,18 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     let stop = signals::stop_flag()?;
     let log = file.map(|file| File::create(&file).context(file.display().to_string())).transpose()?;
     let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log);
-    let grouping = if args.together { Grouping::Together } else { Grouping::Apart };
+    let threads = if args.together { ThreadLayout::Shared } else { ThreadLayout::PerAgent };
     let chaos_delay = Duration::from_millis(args.chaos_delay_ms.unwrap_or(0));
     let decision_times = args.decision_times.then(DecisionTimes::default);
-    let team = Team { grouping, chaos_delay, decision_times: decision_times.clone() };
-    let finished = single::run(scenario, &team, &mut terminal, &stop);
+    let options = AgentOptions { threads, chaos_delay, decision_times: decision_times.clone() };
+    let finished = in_process::run(scenario, &options, &mut terminal, &stop);
     terminal.clear();
     if let Some(times) = decision_times {
         say(&summary(&times.sorted()));
     }
     let outcome = finished
         .map_err(|error| match error {
-            SingleError::Setup(_) | SingleError::OverRosOnly(_) => anyhow::anyhow!("{}: {error}", args.name()),
+            InProcessError::Setup(_) | InProcessError::OverRosOnly(_) => anyhow::anyhow!("{}: {error}", args.name()),
             other => other.into(),
         })?
         .outcome;

@@ -1,4 +1,4 @@
-//! One run in one process, over the in-memory link.
+//! A run in one process: the server and its agents on threads, connected by [`crate::in_memory`].
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -20,105 +20,100 @@ use crate::in_memory;
 
 /// Why a run has no result.
 #[derive(Debug, Error)]
-pub enum SingleError {
-    /// The scenario cannot be set up.
+pub enum InProcessError {
     #[error(transparent)]
     Setup(#[from] SetupError),
-    /// Some agents are driven by standard messages, which there are over ROS 2 only.
-    #[error("agents.cmd_vel = {0:?}: expected [] without a network; nodes of somebody else take part over ROS 2 only")]
+    /// Some agents are controlled by standard messages, which exist over ROS 2 only.
+    #[error("agents.cmd_vel = {0:?}: expected [] without a network; foreign ROS 2 nodes join over ROS 2 only")]
     OverRosOnly(Vec<u32>),
-    /// The recording cannot be made.
     #[error(transparent)]
     Record(#[from] RecordError),
-    /// The server has given up.
+    /// The server has stopped with an error.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// An agent has given up.
+    /// An agent has stopped with an error.
     #[error(transparent)]
     Agent(#[from] AgentError),
 }
 
-/// How the agents of a run are spread over threads.
+/// The distribution of agents over threads. The result of a run does not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Grouping {
-    /// A thread for each.
-    Apart,
-    /// One thread for all.
-    Together,
+pub enum ThreadLayout {
+    /// One thread per agent.
+    PerAgent,
+    /// One thread for all agents.
+    Shared,
 }
 
-/// How the agents of a run are carried out, beside their controllers.
+/// How agents are executed, whatever their controllers.
 #[derive(Debug, Clone)]
-pub struct Team {
-    /// On which threads.
-    pub grouping: Grouping,
-    /// Each waits up to so long, at random, before each answer.
+pub struct AgentOptions {
+    pub threads: ThreadLayout,
+    /// Upper bound of the random delay before each reply.
     pub chaos_delay: Duration,
-    /// Where to note how long decisions take.
+    /// Collects the wall time of decisions.
     pub decision_times: Option<DecisionTimes>,
 }
 
-/// A run that has come to its end.
+/// A run with its result.
 #[derive(Debug, Clone)]
-pub struct Finished {
-    /// What became of it.
+pub struct CompletedRun {
     pub outcome: Outcome,
     /// Cells of the map along x, y and z.
     pub size: [u32; 3],
-    /// How far it had come, every ten seconds of sim time from the start on and at the end.
+    /// Progress from the start on, every ten seconds of sim time, and at the end.
     pub progress: Vec<Progress>,
 }
 
-/// Carries out a scenario. The recording goes where the scenario says. `stop` ends the run early once it is set, and is set if an
-/// agent gives up.
+/// Runs a scenario, and records it to the file that the scenario names. `stop` ends the run early;
+/// it is also set when an agent fails.
 ///
 /// # Errors
-/// If the scenario cannot be set up or carried out; that of an agent comes first.
+/// If the scenario cannot be set up, or the server or an agent fails; the error of an agent is
+/// reported first.
 pub fn run(
     scenario: &Scenario,
-    team: &Team,
+    options: &AgentOptions,
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
-) -> Result<Finished, SingleError> {
+) -> Result<CompletedRun, InProcessError> {
     if !scenario.agents.cmd_vel.is_empty() {
-        return Err(SingleError::OverRosOnly(scenario.agents.cmd_vel.clone()));
+        return Err(InProcessError::OverRosOnly(scenario.agents.cmd_vel.clone()));
     }
     let scenario = &setup::resolve(scenario.clone(), "the scenario")?;
     let (world, _report) = setup::build(scenario)?;
-    let told = wire::scenario(scenario, &world.terrain().extent(), world.rays());
-    // Before a file is made for a run that there cannot be.
-    controllers::build(&told.controller, &told.settings, AgentId(0), told.agents_seed).map_err(AgentError::from)?;
+    let announced = wire::scenario(scenario, &world.terrain().extent(), world.rays());
+    // Checked before a recording is created for a run that cannot start.
+    controllers::build(&announced.controller, &announced.settings, AgentId(0), announced.agents_seed)
+        .map_err(AgentError::from)?;
     let recorder = match &scenario.execution.record {
         Some(file) => Some(setup::record(file, scenario, &world)?),
         None => None,
     };
     let agents = (0..scenario.agents.count).map(AgentId);
-    let groups: Vec<Vec<AgentId>> = match team.grouping {
-        Grouping::Apart => agents.map(|agent| vec![agent]).collect(),
-        Grouping::Together => vec![agents.collect()],
+    let groups: Vec<Vec<AgentId>> = match options.threads {
+        ThreadLayout::PerAgent => agents.map(|agent| vec![agent]).collect(),
+        ThreadLayout::Shared => vec![agents.collect()],
     };
     let (mut server_end, agents_ends) = in_memory::link(&groups);
     let agents_stop = AtomicBool::new(false);
-    let outcome = thread::scope(|scope| -> Result<Outcome, SingleError> {
-        let server_ends = SetOnDrop(&agents_stop);
+    let outcome = thread::scope(|scope| -> Result<Outcome, InProcessError> {
+        let stop_agents = SetOnDrop(&agents_stop);
         let nodes: Vec<_> = (0..)
             .zip(groups)
             .zip(agents_ends)
             .map(|((instance, agents), mut end)| {
-                let (controller, settings) = (None, Vec::new());
-                let Team { chaos_delay, decision_times, .. } = team.clone();
-                // Nobody can end the server without the agents.
-                let server_timeout = Duration::MAX;
                 let options = Options {
                     agents,
-                    controller,
-                    settings,
+                    controller: None,
+                    settings: Vec::new(),
                     instance,
-                    server_timeout,
-                    chaos_delay,
-                    // Nobody looks on.
+                    // The server and the agents share a process, so the server cannot vanish alone.
+                    server_timeout: Duration::MAX,
+                    chaos_delay: options.chaos_delay,
+                    // Has no effect: this link publishes no maps.
                     map_hz: 1.0,
-                    decision_times,
+                    decision_times: options.decision_times.clone(),
                 };
                 let agents_stop = &agents_stop;
                 scope.spawn(move || {
@@ -132,16 +127,16 @@ pub fn run(
             .collect();
         let outcome = RunConfig::live(scenario)
             .and_then(|config| sim_server::session::run(config, world, &mut server_end, recorder, observer, stop));
-        drop(server_ends);
+        drop(stop_agents);
         for node in nodes {
             node.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
         }
         Ok(outcome?)
     })?;
-    Ok(Finished { outcome, size: told.size, progress: server_end.into_progress() })
+    Ok(CompletedRun { outcome, size: announced.size, progress: server_end.into_progress() })
 }
 
-/// Sets a flag at the end of a scope, even if that is a panic.
+/// Sets a flag at the end of a scope, also when the scope panics.
 struct SetOnDrop<'a>(&'a AtomicBool);
 
 impl Drop for SetOnDrop<'_> {

@@ -1,52 +1,51 @@
-//! What people see of a plan under way: a bar on a terminal, plain lines otherwise. All of it on stderr.
+//! The progress of a plan on stderr: a bar on a terminal, plain lines otherwise.
 
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
+use experiments::execute::PlanObserver;
+use experiments::plan::{self, PlannedRun};
+use experiments::rows::RunRow;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::plan::{self, PlannedRun};
-use crate::rows::RunRow;
-
 /// Shows how far a plan has come.
-pub(super) struct Display {
+pub(crate) struct ProgressDisplay {
     bar: Option<ProgressBar>,
     started: Instant,
-    /// Runs of the plan, with those that were there already.
+    /// Runs of the plan, including those that had a record before.
     runs: usize,
     ended: usize,
-    /// Work that was to be done when it began, and that is done since.
-    todo_cost: u64,
+    /// [`plan::cost`] of the runs that were pending at the start, and of those completed since.
+    pending_cost: u64,
     done_cost: u64,
     sim_s: f64,
 }
 
-impl Display {
-    /// For a plan of `runs` of which `todo` are to be done.
-    pub(super) fn new(runs: &[&PlannedRun], todo: &[&PlannedRun]) -> Self {
-        let mut display = Self {
-            bar: std::io::stderr().is_terminal().then(|| {
-                let bar = ProgressBar::with_draw_target(Some(runs.len() as u64), ProgressDrawTarget::stderr());
-                let style = ProgressStyle::with_template("{bar:30} {msg}").expect("the template is right");
-                bar.set_style(style);
-                bar
-            }),
-            started: now(),
-            runs: runs.len(),
-            ended: runs.len() - todo.len(),
-            todo_cost: todo.iter().map(|run| plan::cost(&run.scenario)).sum(),
-            done_cost: 0,
-            sim_s: 0.0,
-        };
-        if display.ended > 0 {
-            display.say(&format!("{} of {} runs are done already", display.ended, display.runs));
+impl Default for ProgressDisplay {
+    fn default() -> Self {
+        Self { bar: None, started: now(), runs: 0, ended: 0, pending_cost: 0, done_cost: 0, sim_s: 0.0 }
+    }
+}
+
+impl PlanObserver for ProgressDisplay {
+    fn started(&mut self, runs: &[&PlannedRun], pending: &[&PlannedRun]) {
+        self.bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::with_draw_target(Some(runs.len() as u64), ProgressDrawTarget::stderr());
+            let style = ProgressStyle::with_template("{bar:30} {msg}").expect("the template is right");
+            bar.set_style(style);
+            bar
+        });
+        self.started = now();
+        self.runs = runs.len();
+        self.ended = runs.len() - pending.len();
+        self.pending_cost = pending.iter().map(|run| plan::cost(&run.scenario)).sum();
+        if self.ended > 0 {
+            self.print(&format!("{} of {} runs are done already", self.ended, self.runs));
         }
-        display.show(None);
-        display
+        self.show(None);
     }
 
-    /// A run has come to its end.
-    pub(super) fn done(&mut self, run: &PlannedRun, row: &RunRow) {
+    fn completed(&mut self, run: &PlannedRun, row: &RunRow) {
         self.sim_s += row.end_s;
         self.count(run);
         let name = name(run);
@@ -54,20 +53,20 @@ impl Display {
         self.show(Some(&text));
     }
 
-    /// A run has failed.
-    pub(super) fn failed(&mut self, run: &PlannedRun, reason: &str) {
+    fn failed(&mut self, run: &PlannedRun, reason: &str) {
         self.count(run);
-        self.say(&format!("error: {}: {reason}", name(run)));
+        self.print(&format!("error: {}: {reason}", name(run)));
         self.show(None);
     }
 
-    /// Takes the bar away.
-    pub(super) fn end(&self) {
+    fn ended(&mut self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
     }
+}
 
+impl ProgressDisplay {
     fn count(&mut self, run: &PlannedRun) {
         self.ended += 1;
         self.done_cost += plan::cost(&run.scenario);
@@ -80,7 +79,7 @@ impl Display {
                 bar.set_position(self.ended as u64);
                 bar.set_message(state);
             }
-            (None, Some(event)) => self.say(&format!("{state} | {event}")),
+            (None, Some(event)) => self.print(&format!("{state} | {event}")),
             (None, None) => {}
         }
     }
@@ -90,22 +89,22 @@ impl Display {
         let mut text = format!("{}/{} runs", self.ended, self.runs);
         if self.done_cost > 0 {
             let rate = self.sim_s / wall.as_secs_f64().max(1e-3);
-            let left = (self.todo_cost - self.done_cost) as f64 / self.done_cost as f64;
+            let left = (self.pending_cost - self.done_cost) as f64 / self.done_cost as f64;
             text += &format!(" | {rate:.0} x real time | {} left", clock(wall.mul_f64(left)));
         }
         text
     }
 
-    fn say(&self, text: &str) {
+    fn print(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.println(text),
-            // A plan does not end because nobody listens any more.
+            // A closed stderr does not end the plan.
             None => drop(writeln!(std::io::stderr(), "{text}")),
         }
     }
 }
 
-/// What tells a run from the others of its plan.
+/// The axes and the seed of a run, which tell it from the others of its plan.
 fn name(run: &PlannedRun) -> String {
     let axes = run.axes.iter().map(|(key, value)| format!("{key} = {value}, "));
     format!("{}seed {}", axes.collect::<String>(), run.scenario.seed)
@@ -120,7 +119,7 @@ fn clock(time: Duration) -> String {
     }
 }
 
-#[expect(clippy::disallowed_methods, reason = "people are told how long it takes; no result hangs on it")]
+#[expect(clippy::disallowed_methods, reason = "the display shows a rate and an estimate; no result depends on it")]
 fn now() -> Instant {
     Instant::now()
 }
@@ -130,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_written_as_on_a_clock() {
+    fn clock_has_hours_only_if_needed() {
         assert_eq!(clock(Duration::from_secs(59)), "0:59");
         assert_eq!(clock(Duration::from_secs(3_725)), "1:02:05");
     }

@@ -1,6 +1,7 @@
-//! Somebody in the network of a run who says what no agent may say, thousands of times a second.
+//! An injector of invalid messages into the ROS domain of a run, thousands per second.
 //!
-//! Invariant: nothing of it claims an id that takes part, in this run: who does that is no liar, but an agent that hangs.
+//! Invariant: no message registers an agent id of this run validly: that is not an invalid message,
+//! but a duplicate agent, which is a fault of its own.
 
 use std::time::Duration;
 
@@ -13,20 +14,20 @@ use rand_chacha::ChaCha8Rng;
 use ros_node::ros_env::RosEnv;
 use ros_node::{EndpointFactory, Inbox, Publisher, RosError, Sample, linger};
 
-/// Messages between two looks at which run there is.
+/// Number of messages between two polls of the scenario topic.
 const BURST: u32 = 20;
 
-/// Wall time of such a look.
-const LOOK: Duration = Duration::from_millis(5);
+/// Timeout of a poll, wall time.
+const POLL: Duration = Duration::from_millis(5);
 
-/// Wall time that the first scenario may take to come.
-const FIRST_LOOK: Duration = Duration::from_secs(10);
+/// Timeout of the first poll, wall time: discovery takes a while.
+const FIRST_POLL: Duration = Duration::from_secs(10);
 
-/// Says so many wrong things on the topics of so many agents.
+/// Sends so many invalid messages on the topics of a team of so many agents.
 ///
 /// # Errors
 /// If the network cannot be joined.
-pub fn tell(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Result<(), RosError> {
+pub fn inject_garbage(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Result<(), RosError> {
     let context = ros_node::join(env, false)?;
     let mut node = ros_node::node(&context, "garbage")?;
     let mut workshop = EndpointFactory::new(&context);
@@ -38,16 +39,16 @@ pub fn tell(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Result<(), R
         outlets.push((join, workshop.publisher(&mut node, &topics::command(agent))?));
     }
     let mut rng = random_streams::stream(seed, 0, "garbage");
-    // Wrong things of another run are refused at the door; with its number they get further.
+    // Messages with another run id are refused first; those with the current one get further.
     let mut run = 0;
-    let mut look = FIRST_LOOK;
+    let mut timeout = FIRST_POLL;
     for number in 0..messages {
         if number % BURST == 0 {
-            while let Some(scenario) = inbox.receive(look) {
+            while let Some(scenario) = inbox.receive(timeout) {
                 run = scenario.map_or(run, |scenario| scenario.run);
-                look = LOOK;
+                timeout = POLL;
             }
-            look = LOOK;
+            timeout = POLL;
         }
         let topic = rng.random_range(0..agents);
         let (joins, commands) = &mut outlets[topic as usize];
