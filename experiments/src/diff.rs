@@ -6,9 +6,8 @@
 
 use sim_server::comparison::{Comparison, Difference};
 use sim_server::difference::Field;
-use sim_server::recording::{End, Recording};
-use sim_server::run::Checker;
-use sim_server::setup::SCENARIO_ATTACHMENT;
+use sim_server::recording::{End, Recording, SCENARIO_ATTACHMENT};
+use sim_server::session::Checker;
 
 /// What was found about two recordings.
 #[derive(Debug, Clone, PartialEq, Eq)]

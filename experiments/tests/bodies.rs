@@ -9,14 +9,14 @@ use msgs::body_model::{BodyKind, BodyModel};
 use msgs::cdr;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Result as RunResult;
-use sim_server::run::Watcher;
+use sim_server::session::RunObserver;
 use sim_server::setup;
 use simulation::scenario::Scenario;
 use simulation::world::World;
 
 struct Nobody;
 
-impl Watcher for Nobody {
+impl RunObserver for Nobody {
     fn waiting(&mut self, _missing: &[AgentId]) {}
     fn started(&mut self) {}
     fn progress(&mut self, _world: &World) {}

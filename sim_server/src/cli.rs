@@ -8,7 +8,7 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::map_cli::MapCommand;
 #[cfg(feature = "ros")]
-use crate::replay::{Manner, Wishes};
+use crate::replay::{PlaybackOptions, PlaybackTiming};
 use simulation::scenario::Override;
 #[cfg(feature = "ros")]
 use simulation::scenario::Rtf;
@@ -98,14 +98,19 @@ pub struct ReplayArgs {
 impl ReplayArgs {
     /// How it is to be played.
     #[must_use]
-    pub fn manner(&self) -> Manner {
-        Manner { rate: self.rate, is_loop: self.is_loop, is_paused: self.paused }
+    pub fn manner(&self) -> PlaybackTiming {
+        PlaybackTiming { rate: self.rate, is_loop: self.is_loop, is_paused: self.paused }
     }
 
     /// What is to be played.
     #[must_use]
-    pub fn wishes(&self) -> Wishes {
-        Wishes { only: self.topics.clone(), exclude: self.exclude.clone(), start_s: self.start, end_s: self.end }
+    pub fn wishes(&self) -> PlaybackOptions {
+        PlaybackOptions {
+            only: self.topics.clone(),
+            exclude: self.exclude.clone(),
+            start_s: self.start,
+            end_s: self.end,
+        }
     }
 }
 
@@ -116,7 +121,7 @@ pub struct ViewArgs {
     /// The recording (.mcap)
     pub file: PathBuf,
     /// Where the page is to be; port 0: a free one
-    #[arg(long, value_name = "ADDR:PORT", default_value = crate::viewing::DEFAULT_ADDRESS)]
+    #[arg(long, value_name = "ADDR:PORT", default_value = crate::foxglove::DEFAULT_ADDRESS)]
     pub address: String,
     /// The folder of the page, if it is not the one that was built here
     #[arg(long, value_name = "DIR")]
@@ -129,7 +134,7 @@ pub struct ViewArgs {
 pub struct SnapshotArgs {
     /// What is to be seen.
     #[command(flatten)]
-    pub subject: crate::viewing::pictures::Subject,
+    pub subject: crate::foxglove::capture::CaptureArgs,
     /// Sim time of the moment
     #[arg(long, value_name = "SECONDS")]
     pub at: f64,
@@ -157,7 +162,7 @@ pub struct RunArgs {
     pub scenario: Option<PathBuf>,
     /// Let people look on in a browser, or in Foxglove: a page and a Foxglove WebSocket at this address
     #[cfg(feature = "view")]
-    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = crate::viewing::DEFAULT_ADDRESS)]
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = crate::foxglove::DEFAULT_ADDRESS)]
     pub view: Option<String>,
     /// The folder of the page, if it is not the one that was built here
     #[cfg(feature = "view")]

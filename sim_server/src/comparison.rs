@@ -1,6 +1,6 @@
 //! Whether two runs say the same: message by message in order, up to the first in which they differ.
 //!
-//! **What is passed over.** Views (`[views]` of a scenario says which are recorded) are of who looks on, and the counters of refusals
+//! **What is passed over.** VisualisationScheduler (`[views]` of a scenario says which are recorded) are of who looks on, and the counters of refusals
 //! in a result of who has disturbed; neither is of the run. Everything else is compared bit by bit.
 //!
 //! Invariants: nothing is looked at behind the first difference; what a recording without its end does not hold is no difference.
@@ -20,7 +20,7 @@ use serde::de::DeserializeOwned;
 
 use crate::difference::{self, Field};
 use crate::recording::{End, Message, Messages, Recording};
-use crate::run::Checker;
+use crate::session::Checker;
 use simulation::digest::Digest;
 
 /// What the names of the counters of refusals begin with.

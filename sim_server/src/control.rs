@@ -1,6 +1,6 @@
 //! What people may ask of a run, and what it does about it: the state of the simulation by the standard.
 //!
-//! [`Control`] is a pure state machine: which states there are, which way leads from one to another, how many steps are to be
+//! [`StateMachine`] is a pure state machine: which states there are, which way leads from one to another, how many steps are to be
 //! made. It is asked before each tick whether there is to be one. [`desk`] answers with it what is about time alone, also for what is
 //! no run; [`entities`] finds agents and tells of them.
 //!
@@ -18,8 +18,8 @@
 //!
 //! This module knows no transport and no clock, and carries out nothing: `run/control.rs` does.
 
-pub mod desk;
 pub mod entities;
+mod simulation_control;
 
 use msgs::service::Ask;
 use msgs::simulation_interfaces::{
@@ -30,6 +30,8 @@ use msgs::simulation_interfaces::{
 };
 
 use simulation::scenario::Rtf;
+
+pub use simulation_control::SimulationControl;
 
 /// A request with the way to answer it.
 pub enum Request {
@@ -72,9 +74,9 @@ pub trait Steps {
     /// How many.
     fn steps(&self) -> u64;
     /// So many are done, and so many are not.
-    fn tell(&self, done: u64, left: u64);
+    fn feedback(&self, done: u64, left: u64);
     /// That is all.
-    fn end(self: Box<Self>, outcome: Outcome);
+    fn finish(self: Box<Self>, outcome: Outcome);
 }
 
 /// What the server can do, and nothing else.
@@ -141,33 +143,33 @@ struct Stepping {
 
 /// The state machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Control {
+pub struct StateMachine {
     state: State,
     stepping: Option<Stepping>,
-    can_begin_again: bool,
+    can_reset: bool,
     /// How it is to begin again, if it is to.
-    beginning: Option<Beginning>,
+    pending_reset: Option<Reset>,
 }
 
 /// How something that is to begin again begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Beginning {
+pub struct Reset {
     /// Whether it waits at tick 0.
     pub is_paused: bool,
 }
 
-impl Control {
+impl StateMachine {
     /// At tick 0; one that is not paused plays as soon as it can.
     #[must_use]
-    pub fn new(is_paused: bool, can_begin_again: bool) -> Self {
+    pub fn new(is_paused: bool, can_reset: bool) -> Self {
         let state = if is_paused { State::Stopped } else { State::Playing };
-        Self { state, stepping: None, can_begin_again, beginning: None }
+        Self { state, stepping: None, can_reset, pending_reset: None }
     }
 
     /// How it is to begin again, if it is to: whoever carries it out ends it then, and begins anew.
     #[must_use]
-    pub fn beginning(&self) -> Option<Beginning> {
-        self.beginning
+    pub fn pending_reset(&self) -> Option<Reset> {
+        self.pending_reset
     }
 
     /// Is to begin again, playing if time passes now; `scope` is a sum of the constants of `ResetSimulation`.
@@ -175,15 +177,15 @@ impl Control {
     /// # Errors
     /// The answer that says why not.
     pub fn reset(&mut self, scope: u8) -> Result<(), Outcome> {
-        if !self.can_begin_again {
-            return Err(no_way_back());
+        if !self.can_reset {
+            return Err(reset_unsupported());
         }
         if self.state == State::Quitting {
             return Err(Outcome::failure(Outcome::INCORRECT_STATE, "the simulation is about to end"));
         }
         let time_and_state = ResetRequest::SCOPE_TIME | ResetRequest::SCOPE_STATE;
         if scope == ResetRequest::SCOPE_DEFAULT || scope & time_and_state == time_and_state {
-            self.beginning = Some(Beginning { is_paused: !self.may_tick() });
+            self.pending_reset = Some(Reset { is_paused: !self.may_tick() });
         } else if scope != ResetRequest::SCOPE_SPAWNED {
             // Nothing can be spawned, so there would be nothing to take away.
             let reason = format!("scope = {scope}: expected 0 or 255 (all) or 3 (time and state), which go together");
@@ -232,11 +234,11 @@ impl Control {
             SimulationState::PLAYING => State::Playing,
             SimulationState::PAUSED => State::Paused,
             SimulationState::QUITTING => State::Quitting,
-            SimulationState::STOPPED if self.can_begin_again => {
-                self.beginning = Some(Beginning { is_paused: true });
+            SimulationState::STOPPED if self.can_reset => {
+                self.pending_reset = Some(Reset { is_paused: true });
                 return Ok(());
             }
-            SimulationState::STOPPED => return Err(no_way_back()),
+            SimulationState::STOPPED => return Err(reset_unsupported()),
             other => {
                 return Err(Outcome::failure(
                     INCORRECT_TRANSITION,
@@ -283,7 +285,7 @@ impl Control {
     }
 }
 
-fn no_way_back() -> Outcome {
+fn reset_unsupported() -> Outcome {
     Outcome::failure(
         Outcome::FEATURE_UNSUPPORTED,
         "it cannot begin again: end it with state 3 (QUITTING) and start the same anew",
@@ -304,8 +306,8 @@ pub fn spawn() -> standard::SpawnEntityResponse {
 mod tests {
     use super::*;
 
-    fn in_state(state: State) -> Control {
-        Control { state, ..Control::new(false, true) }
+    fn in_state(state: State) -> StateMachine {
+        StateMachine { state, ..StateMachine::new(false, true) }
     }
 
     /// The code of an answer.
@@ -314,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn every_way_from_every_state() {
+    fn transitions_between_all_states() {
         let to =
             [SimulationState::STOPPED, SimulationState::PLAYING, SimulationState::PAUSED, SimulationState::QUITTING];
         for (from, codes) in [
@@ -327,7 +329,7 @@ mod tests {
                 let mut control = in_state(from);
                 assert_eq!(code(control.set_state(target)), expected, "{from:?} to {target}");
                 let is_reset = expected == 1 && target == SimulationState::STOPPED;
-                assert_eq!(control.beginning(), is_reset.then_some(Beginning { is_paused: true }));
+                assert_eq!(control.pending_reset(), is_reset.then_some(Reset { is_paused: true }));
                 let reached = if expected == 1 && !is_reset { target } else { from.number() };
                 assert_eq!(control.state().number(), reached, "{from:?} to {target}");
             }
@@ -338,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_are_counted_and_end_in_a_pause() {
+    fn steps_end_in_paused() {
         for from in [State::Stopped, State::Paused] {
             let mut control = in_state(from);
             assert!(!control.may_tick());
@@ -355,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_under_way_can_be_ended() {
+    fn stepping_can_be_cancelled() {
         for (target, reached) in
             [(SimulationState::PAUSED, State::Paused), (SimulationState::QUITTING, State::Quitting)]
         {
@@ -368,31 +370,31 @@ mod tests {
     }
 
     #[test]
-    fn a_run_plays_unless_it_is_to_begin_paused() {
-        assert_eq!(Control::new(false, true).state(), State::Playing);
-        assert_eq!(Control::new(true, true).state(), State::Stopped);
+    fn initial_state_is_playing_or_stopped() {
+        assert_eq!(StateMachine::new(false, true).state(), State::Playing);
+        assert_eq!(StateMachine::new(true, true).state(), State::Stopped);
     }
 
     #[test]
-    fn all_begins_again_or_nothing_does() {
+    fn only_a_full_reset_is_supported() {
         for (from, is_paused) in [(State::Stopped, true), (State::Playing, false), (State::Paused, true)] {
             for scope in [0, 3, 7, 255] {
                 let mut control = in_state(from);
                 assert_eq!(control.reset(scope), Ok(()), "{from:?} {scope}");
-                assert_eq!(control.beginning(), Some(Beginning { is_paused }), "{from:?} {scope}");
+                assert_eq!(control.pending_reset(), Some(Reset { is_paused }), "{from:?} {scope}");
             }
             for scope in [1, 2, 5, 6, 8] {
                 let mut control = in_state(from);
-                assert_eq!((code(control.reset(scope)), control.beginning()), (Outcome::FEATURE_UNSUPPORTED, None));
+                assert_eq!((code(control.reset(scope)), control.pending_reset()), (Outcome::FEATURE_UNSUPPORTED, None));
             }
             let mut control = in_state(from);
-            assert_eq!((control.reset(4), control.beginning()), (Ok(()), None), "nothing was spawned");
+            assert_eq!((control.reset(4), control.pending_reset()), (Ok(()), None), "nothing was spawned");
         }
         assert_eq!(code(in_state(State::Quitting).reset(0)), Outcome::INCORRECT_STATE);
-        let mut once = Control::new(true, false);
+        let mut once = StateMachine::new(true, false);
         once.step(1).unwrap();
         assert_eq!(code(once.reset(0)), Outcome::FEATURE_UNSUPPORTED);
         assert_eq!(code(once.set_state(SimulationState::STOPPED)), Outcome::FEATURE_UNSUPPORTED);
-        assert_eq!(once.beginning(), None);
+        assert_eq!(once.pending_reset(), None);
     }
 }

@@ -10,9 +10,9 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use sim_server::cli::{Cli, Command, ScenarioArgs, VerifyArgs};
-use sim_server::recording::{End, Recording};
 #[cfg(feature = "view")]
-use sim_server::viewing;
+use sim_server::foxglove;
+use sim_server::recording::{End, Recording};
 use sim_server::{bag, exit, info, map_cli, setup, verify};
 
 fn main() -> ExitCode {
@@ -114,16 +114,17 @@ fn check(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
 fn view(args: &sim_server::cli::ViewArgs) -> anyhow::Result<ExitCode> {
     // What is no recording is told here, and not in the browser.
     Recording::open(&args.file)?;
-    let page = viewing::page(args.page.as_deref())?.ok_or_else(|| anyhow::anyhow!("{}", viewing::NO_PAGE_HERE))?;
-    let shelf = match viewing::Shelf::open(&args.address, &page, &args.file) {
+    let page = foxglove::page(args.page.as_deref())?.ok_or_else(|| anyhow::anyhow!("{}", foxglove::NO_PAGE_HERE))?;
+    let shelf = match foxglove::StaticFileServer::open(&args.address, &page, &args.file) {
         Ok(shelf) => shelf,
         Err(error) => {
             eprintln!("error: {error}");
             return Ok(ExitCode::from(exit::FAILED));
         }
     };
-    print(&shelf.url());
+    // Before the address is printed: whoever reads it may send a signal at once.
     let mut signals = signal_hook::iterator::Signals::new([signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM])?;
+    print(&shelf.url());
     signals.forever().next();
     Ok(ExitCode::SUCCESS)
 }
@@ -131,12 +132,12 @@ fn view(args: &sim_server::cli::ViewArgs) -> anyhow::Result<ExitCode> {
 /// Takes a picture of a recording.
 #[cfg(feature = "view")]
 fn snapshot(args: &sim_server::cli::SnapshotArgs) -> anyhow::Result<ExitCode> {
-    use sim_server::viewing::pictures::{self, Moments};
+    use sim_server::foxglove::capture::{self, CaptureTime};
 
     Recording::open(&args.subject.file)?;
-    if let Err(error) = pictures::take(&args.subject, Moments::One { at: args.at }, &args.out) {
+    if let Err(error) = capture::take(&args.subject, CaptureTime::Snapshot { at: args.at }, &args.out) {
         eprintln!("error: {error}");
-        return Ok(ExitCode::from(pictures::exit_code(&error)));
+        return Ok(ExitCode::from(capture::exit_code(&error)));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -76,8 +76,8 @@ pub struct Recorder {
     writer: Writer<Sink>,
     channels: Vec<Topic>,
     channel_of_topic: BTreeMap<String, usize>,
-    /// How many channels the writer knows: the others are announced in the chunk that is open.
-    channels_written: usize,
+    /// How many channels the writer knows: the others are known in the chunk that is open.
+    channels_known: usize,
     open: OpenChunk,
 }
 
@@ -100,14 +100,14 @@ impl Recorder {
         let unpublished = names(file).map_err(|source| file_error(file, source))?;
         let present = unpublished.as_ref().map_or(file, |(temporary, _)| temporary);
         let handle = File::create(present).map_err(|source| file_error(file, source))?;
-        let mut recorder = Self::begin(file, Sink::new(handle));
+        let mut recorder = Self::with_sink(file, Sink::new(handle));
         recorder.unpublished = unpublished;
         recorder.attach(documents)?;
         Ok(recorder)
     }
 
-    fn begin(file: &Path, sink: Sink) -> Self {
-        let writer = begin(sink.clone()).expect("memory can be written");
+    fn with_sink(file: &Path, sink: Sink) -> Self {
+        let writer = open_writer(sink.clone()).expect("memory can be written");
         Self {
             file: file.to_owned(),
             unpublished: None,
@@ -115,7 +115,7 @@ impl Recorder {
             writer,
             channels: Vec::new(),
             channel_of_topic: BTreeMap::new(),
-            channels_written: 0,
+            channels_known: 0,
             open: OpenChunk::default(),
         }
     }
@@ -187,19 +187,19 @@ impl Recorder {
     fn end_chunk(&mut self) -> Result<(), RecordError> {
         let open = std::mem::take(&mut self.open);
         let ended =
-            open.write(&mut self.writer, &self.channels, self.channels_written).and_then(|()| self.writer.flush());
-        self.channels_written = self.channels.len();
+            open.write(&mut self.writer, &self.channels, self.channels_known).and_then(|()| self.writer.flush());
+        self.channels_known = self.channels.len();
         ended.map_err(|source| self.mcap_error(source))
     }
 
     /// The records of the open chunk as they would stand in a file: written to a file in memory, with everything around cut
     /// off. It announces every channel again, so that it can be read whatever came before it.
     fn provisional_chunk(&self) -> McapResult<Vec<u8>> {
-        let mut bare = begin(Cursor::new(Vec::new()))?;
+        let mut bare = open_writer(Cursor::new(Vec::new()))?;
         bare.flush()?;
         let bytes_before = bare.into_inner().into_inner().len();
 
-        let mut writer = begin(Cursor::new(Vec::new()))?;
+        let mut writer = open_writer(Cursor::new(Vec::new()))?;
         self.open.write(&mut writer, &self.channels, 0)?;
         writer.flush()?;
         let mut bytes = writer.into_inner().into_inner();
@@ -256,10 +256,10 @@ impl OpenChunk {
         self.messages.push((channel, tick, self.bytes.len()));
     }
 
-    /// Writes the messages, after announcing the channels from number `announced` on.
-    fn write<W: Write + Seek>(&self, writer: &mut Writer<W>, channels: &[Topic], announced: usize) -> McapResult<()> {
-        for (number, channel) in channels.iter().enumerate().skip(announced) {
-            let id = announce(writer, channel)?;
+    /// Writes the messages, after announcing the channels from number `known` on.
+    fn write<W: Write + Seek>(&self, writer: &mut Writer<W>, channels: &[Topic], known: usize) -> McapResult<()> {
+        for (number, channel) in channels.iter().enumerate().skip(known) {
+            let id = add_channel(writer, channel)?;
             assert_eq!(id, channel_id(number), "channels are numbered in order");
         }
         let mut start = 0;
@@ -289,7 +289,7 @@ fn record_error(file: &Path, source: mcap::McapError) -> RecordError {
     }
 }
 
-fn begin<W: Write + Seek>(stream: W) -> McapResult<Writer<W>> {
+fn open_writer<W: Write + Seek>(stream: W) -> McapResult<Writer<W>> {
     // Chunks end where the recorder says; compression stays on this thread.
     options().compression(Some(Compression::Zstd)).chunk_size(None).compression_threads(0).create(stream)
 }
@@ -313,13 +313,13 @@ pub(crate) fn attach<W: Write + Seek>(writer: &mut Writer<W>, documents: &[Docum
     writer.flush()
 }
 
-/// Channels are numbered from 1, in the order they are announced.
+/// Channels are numbered from 1, in the order they are known.
 fn channel_id(number: usize) -> u16 {
     u16::try_from(number + 1).expect("a run has fewer than 65535 topics")
 }
 
 /// Tells a file of a topic.
-pub(crate) fn announce<W: Write + Seek>(writer: &mut Writer<W>, topic: &Topic) -> McapResult<u16> {
+pub(crate) fn add_channel<W: Write + Seek>(writer: &mut Writer<W>, topic: &Topic) -> McapResult<u16> {
     let definition = schema::text(topic.message);
     let schema = writer.add_schema(&topic.message.to_string(), "ros2msg", definition.as_bytes())?;
     let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), topic.qos.offered_qos_profiles())]);

@@ -20,7 +20,14 @@ use msgs::topics;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
-use crate::setup::SCENARIO_ATTACHMENT;
+/// Name of the attachment with the scenario.
+pub const SCENARIO_ATTACHMENT: &str = "scenario.toml";
+
+/// Name of the attachment with the true map.
+pub const MAP_ATTACHMENT: &str = "map.m3dm";
+
+/// Name of the attachment with the true map in recordings of earlier builds.
+pub const TEXT_MAP_ATTACHMENT: &str = "map.txt";
 
 /// Longest record that is read, bytes, unless the file is longer: a damaged length must not fill the memory.
 const RECORD_BYTES_MAX: usize = 1 << 26;

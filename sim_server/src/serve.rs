@@ -11,15 +11,15 @@ use mapgen::MapReport;
 use msgs::ids::Tick;
 use ros_node::ros_env::RosEnv;
 use sim_server::cli::{ReplayArgs, RunArgs};
-use sim_server::link::Link;
+#[cfg(feature = "view")]
+use sim_server::foxglove::{self, FoxgloveServer, ObservedLink};
 use sim_server::playback::{Horizon, Playback};
 use sim_server::recording::Recording;
-use sim_server::replay::Programme;
+use sim_server::replay::PlaybackSchedule;
 use sim_server::ros::{RosLink, replay};
-use sim_server::run::{self, Records, RunError};
+use sim_server::session::{self, Mode, RecordingSinks, RunConfig, RunError};
 use sim_server::terminal::{self, Terminal};
-#[cfg(feature = "view")]
-use sim_server::viewing::{self, Viewing, Watched};
+use sim_server::transport::Transport;
 use sim_server::{exit, setup};
 use simulation::scenario::{Override, Scenario};
 use simulation::world::World;
@@ -30,7 +30,7 @@ const IDLE_PERIOD: std::time::Duration = std::time::Duration::from_millis(100);
 
 /// Nobody can look on.
 #[cfg(not(feature = "view"))]
-enum Viewing {}
+enum FoxgloveServer {}
 
 /// A recording whose run goes on.
 struct Resumed {
@@ -65,7 +65,7 @@ impl Resumed {
 pub(super) fn replay(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
     let recording = Recording::open(&args.file)?;
-    let programme = Programme::new(&recording, &args.wishes())?;
+    let programme = PlaybackSchedule::new(&recording, &args.wishes())?;
     let stop = stopped_by_signals()?;
     let mut terminal = Terminal::new(programme.ticks().1, 0);
     programme.notes().iter().for_each(|note| terminal.say(&format!("warning: {note}")));
@@ -117,7 +117,7 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     // What is wrong with the world is told before anything is taken.
     let made = job.make()?;
     let stop = stopped_by_signals()?;
-    ros_node::stopped::end_when_continued().context("handling signals")?;
+    ros_node::suspension::exit_on_continue().context("handling signals")?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing,
         Err(error) => return failed(&error),
@@ -140,33 +140,33 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
 }
 
 #[cfg(feature = "view")]
-fn open_viewing(args: &RunArgs) -> anyhow::Result<Result<Option<Viewing>, viewing::ViewingError>> {
+fn open_viewing(args: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>, foxglove::FoxgloveServerError>> {
     let Some(address) = &args.view else { return Ok(Ok(None)) };
-    let page = viewing::page(args.page.as_deref())?;
-    Ok(Viewing::open(address, page.as_deref(), args.idle).map(Some))
+    let page = foxglove::page(args.page.as_deref())?;
+    Ok(FoxgloveServer::open(address, page.as_deref(), args.idle).map(Some))
 }
 
 #[cfg(not(feature = "view"))]
-fn open_viewing(_: &RunArgs) -> anyhow::Result<Result<Option<Viewing>, std::convert::Infallible>> {
+fn open_viewing(_: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>, std::convert::Infallible>> {
     Ok(Ok(None))
 }
 
 #[cfg(feature = "view")]
-fn tell_address(viewing: Option<&Viewing>, terminal: &mut Terminal) {
+fn tell_address(viewing: Option<&FoxgloveServer>, terminal: &mut Terminal) {
     if let Some(viewing) = viewing {
         terminal.say(&format!("to look on: http://{0} (Foxglove WebSocket: ws://{0})", viewing.address()));
     }
 }
 
 #[cfg(not(feature = "view"))]
-fn tell_address(_: Option<&Viewing>, _: &mut Terminal) {}
+fn tell_address(_: Option<&FoxgloveServer>, _: &mut Terminal) {}
 
 /// Serves the runs that people start on the page, one after the other, until it is interrupted.
 #[cfg(feature = "view")]
 fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<ExitCode> {
     const NAME: &str = "the scenario";
     let stop = stopped_by_signals()?;
-    ros_node::stopped::end_when_continued().context("handling signals")?;
+    ros_node::suspension::exit_on_continue().context("handling signals")?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing.expect("an idle server is looked at"),
         Err(error) => return failed(&error),
@@ -235,9 +235,9 @@ type Made = (World, MapReport);
 struct Begun<'a> {
     world: World,
     map: MapReport,
-    link: Box<dyn Link + 'a>,
-    records: Records,
-    viewing: Option<&'a Viewing>,
+    link: Box<dyn Transport + 'a>,
+    records: RecordingSinks,
+    viewing: Option<&'a FoxgloveServer>,
 }
 
 impl<'a> Job<'a> {
@@ -249,29 +249,34 @@ impl<'a> Job<'a> {
         built.map_err(|error| anyhow::anyhow!("{}: {error}", self.name))
     }
 
-    fn records(&self, world: &World, viewing: Option<&Viewing>) -> anyhow::Result<Records> {
+    fn records(&self, world: &World, viewing: Option<&FoxgloveServer>) -> anyhow::Result<RecordingSinks> {
         let file = self.scenario.execution.record.as_deref();
         let recorder = file.map(|file| setup::record(file, self.scenario, world)).transpose()?;
         #[cfg(feature = "view")]
-        let journal = viewing
-            .map(|viewing| setup::with_documents(self.scenario, world, |documents| viewing.journal(documents)))
+        let live = viewing
+            .map(|viewing| setup::with_documents(self.scenario, world, |documents| viewing.live_stream(documents)))
             .transpose()
             .context("viewing")?;
         #[cfg(not(feature = "view"))]
-        let (journal, _) = (None, viewing);
-        Ok(Records { recorder, journal })
+        let (live, _) = (None, viewing);
+        Ok(RecordingSinks { recorder, live })
     }
 
     /// Joins the network and opens what is to be written.
-    fn begin(&self, (world, map): Made, env: &RosEnv, viewing: Option<&'a Viewing>) -> anyhow::Result<Begun<'a>> {
+    fn begin(
+        &self,
+        (world, map): Made,
+        env: &RosEnv,
+        viewing: Option<&'a FoxgloveServer>,
+    ) -> anyhow::Result<Begun<'a>> {
         let link = RosLink::new(self.scenario, env)?;
         #[cfg(feature = "view")]
-        let link: Box<dyn Link + 'a> = match viewing {
-            Some(viewing) => Box::new(Watched::new(link, viewing, self.scenario)),
+        let link: Box<dyn Transport + 'a> = match viewing {
+            Some(viewing) => Box::new(ObservedLink::new(link, viewing, self.scenario)),
             None => Box::new(link),
         };
         #[cfg(not(feature = "view"))]
-        let link: Box<dyn Link + 'a> = Box::new(link);
+        let link: Box<dyn Transport + 'a> = Box::new(link);
         let records = self.records(&world, viewing)?;
         Ok(Begun { world, map, link, records, viewing })
     }
@@ -292,15 +297,16 @@ impl<'a> Job<'a> {
             map.free_cells,
             map.free_fraction * 100.0
         ));
-        let mut ended = match playback {
-            None => run::run(scenario, world, &mut *link, records, terminal, stop),
-            Some(playback) => run::resume(scenario, world, &mut *link, records, terminal, stop, playback),
-        };
+        let config = RunConfig::new(scenario, playback.map_or(Mode::Live, Mode::Resume));
+        let mut ended = config.and_then(|config| session::run(config, world, &mut *link, records, terminal, stop));
         while let Err(RunError::Reset(start)) = ended {
             terminal.say("begins again, as somebody has asked for");
             let (world, _) = self.make()?;
             ended = match self.records(&world, viewing) {
-                Ok(records) => run::begin_again(start, scenario, world, &mut *link, records, terminal, stop),
+                Ok(records) => {
+                    let config = RunConfig::after_reset(scenario, start);
+                    session::run(config, world, &mut *link, records, terminal, stop)
+                }
                 Err(error) => return failed(&error),
             };
         }

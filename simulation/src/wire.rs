@@ -23,7 +23,7 @@ use voxels::Extent;
 use crate::scenario::{AgentsSection, Scenario};
 use crate::world::body::{Motion, Pose};
 use crate::world::collision::Surface;
-use crate::world::comms::{Parcel, Peer};
+use crate::world::comms::{AgentMessage, Peer};
 use crate::world::{Action, Observation, World};
 
 /// Bytes on the wire of a contact, with padding.
@@ -88,9 +88,9 @@ pub fn observation_parts(observation: &Observation, phase: u8) -> Vec<Part> {
         .chain(observation.relays.iter().map(|(relay, position)| (relay.on_wire(), position)))
         .map(|(agent, position)| maes_msgs::Contact { agent, position: point(position) })
         .collect();
-    for parcel in &observation.parcels {
-        parts.make_room(PARCEL_BYTES_BARE + parcel.data.len());
-        parts.filling.parcels.push(parcel_message(parcel));
+    for message in &observation.messages {
+        parts.make_room(PARCEL_BYTES_BARE + message.data.len());
+        parts.filling.parcels.push(parcel(message));
     }
     parts.add_runs(&observation.seen_free, |part| &mut part.seen_free);
     parts.add_runs(&observation.seen_wall, |part| &mut part.seen_wall);
@@ -151,7 +151,7 @@ pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Tri
         motion: motion(&message.task)?,
         lidar: ScanRequest::try_from(message.lidar).map_err(|error| error.to_string())?,
         want_view: message.want_view,
-        parcels: parcels(&message.parcels, agents)?,
+        messages: agent_messages(&message.parcels, agents)?,
     };
     let list_bytes = POINT_BYTES * message.task.path.len()
         + message.parcels.iter().map(|parcel| PARCEL_BYTES_BARE + parcel.data.len()).sum::<usize>();
@@ -182,12 +182,9 @@ fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
         },
         Task::PATH => {
             if task.path.is_empty() || task.path.len() > PATH_POINTS_MAX {
-                return Err(format!(
-                    "task.path has {} way-points, 1 to {PATH_POINTS_MAX} are allowed",
-                    task.path.len()
-                ));
+                return Err(format!("task.path has {} waypoints, 1 to {PATH_POINTS_MAX} are allowed", task.path.len()));
             }
-            let way_points: Result<_, String> = task
+            let waypoints: Result<_, String> = task
                 .path
                 .iter()
                 .map(|point| {
@@ -198,7 +195,7 @@ fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
                     ))
                 })
                 .collect();
-            Motion::Path(way_points?)
+            Motion::Path(waypoints?)
         }
         Task::VELOCITY => Motion::Velocity {
             linear_in_body_m_s: Vector3::new(
@@ -212,17 +209,17 @@ fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
     })
 }
 
-fn parcels(messages: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<Parcel>, String> {
-    let bytes: usize = messages.iter().map(|parcel| parcel.data.len()).sum();
+fn agent_messages(parcels: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<AgentMessage>, String> {
+    let bytes: usize = parcels.iter().map(|parcel| parcel.data.len()).sum();
     if bytes > PARCEL_BYTES_MAX {
         return Err(format!("the parcels hold {bytes} bytes, at most {PARCEL_BYTES_MAX} are allowed"));
     }
-    messages
+    parcels
         .iter()
         .map(|parcel| {
             let relay = RelayId::from_wire(parcel.agent).filter(|relay| relay.owner.0 < agents);
             let peer = match (parcel.agent, relay) {
-                (maes_msgs::Parcel::BROADCAST, _) => Peer::Everybody,
+                (maes_msgs::Parcel::BROADCAST, _) => Peer::Broadcast,
                 (maes_msgs::Parcel::LEAVE_RELAY, _) => Peer::NewRelay,
                 (_, Some(relay)) => Peer::Relay(relay),
                 (agent, _) if agent < agents => Peer::One(AgentId(agent)),
@@ -237,7 +234,7 @@ fn parcels(messages: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<Parcel>, S
             if matches!(peer, Peer::Relay(_) | Peer::NewRelay) && bytes > RELAY_BYTES_MAX {
                 return Err(format!("a parcel to a relay holds {bytes} bytes, at most {RELAY_BYTES_MAX} are allowed"));
             }
-            Ok(Parcel { peer, kind: parcel.kind, data: parcel.data.clone() })
+            Ok(AgentMessage { peer, kind: parcel.kind, data: parcel.data.clone() })
         })
         .collect()
 }
@@ -257,16 +254,16 @@ fn within(field: &str, value: f64, low: f64, high: f64) -> Result<f64, String> {
     }
 }
 
-fn parcel_message(parcel: &Parcel) -> maes_msgs::Parcel {
+fn parcel(message: &AgentMessage) -> maes_msgs::Parcel {
     maes_msgs::Parcel {
-        agent: match parcel.peer {
+        agent: match message.peer {
             Peer::One(agent) => agent.0,
-            Peer::Everybody => maes_msgs::Parcel::BROADCAST,
+            Peer::Broadcast => maes_msgs::Parcel::BROADCAST,
             Peer::Relay(relay) => relay.on_wire(),
             Peer::NewRelay => maes_msgs::Parcel::LEAVE_RELAY,
         },
-        kind: parcel.kind,
-        data: parcel.data.clone(),
+        kind: message.kind,
+        data: message.data.clone(),
     }
 }
 

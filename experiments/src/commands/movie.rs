@@ -4,14 +4,14 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
+use sim_server::foxglove::capture::{self, CaptureArgs, CaptureTime};
 use sim_server::recording::Recording;
-use sim_server::viewing::pictures::{self, Moments, Subject};
 
 /// Arguments of `movie`.
 #[derive(Debug, Args)]
 pub(crate) struct MovieArgs {
     #[command(flatten)]
-    subject: Subject,
+    subject: CaptureArgs,
     /// The movie (.mp4 or .gif)
     #[arg(long, value_name = "FILE", value_parser = movie)]
     out: PathBuf,
@@ -39,9 +39,9 @@ fn movie(text: &str) -> Result<PathBuf, String> {
 pub(crate) fn run(args: &MovieArgs) -> anyhow::Result<ExitCode> {
     Recording::open(&args.subject.file)?;
     let &MovieArgs { from, to, seconds, fps, .. } = args;
-    if let Err(error) = pictures::take(&args.subject, Moments::Many { from, to, seconds, fps }, &args.out) {
+    if let Err(error) = capture::take(&args.subject, CaptureTime::Movie { from, to, seconds, fps }, &args.out) {
         eprintln!("error: {error}");
-        return Ok(ExitCode::from(pictures::exit_code(&error)));
+        return Ok(ExitCode::from(capture::exit_code(&error)));
     }
     Ok(ExitCode::SUCCESS)
 }

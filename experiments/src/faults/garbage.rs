@@ -11,7 +11,7 @@ use msgs::topics;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use ros_node::ros_env::RosEnv;
-use ros_node::{Inbox, Outlet, RosError, Sample, Workshop, linger};
+use ros_node::{EndpointFactory, Inbox, Publisher, RosError, Sample, linger};
 
 /// Messages between two looks at which run there is.
 const BURST: u32 = 20;
@@ -29,13 +29,13 @@ const FIRST_LOOK: Duration = Duration::from_secs(10);
 pub fn tell(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Result<(), RosError> {
     let context = ros_node::join(env, false)?;
     let mut node = ros_node::node(&context, "garbage")?;
-    let mut workshop = Workshop::of(&context);
+    let mut workshop = EndpointFactory::new(&context);
     let mut inbox = Inbox::default();
-    workshop.inlet(&mut node, &topics::scenario(), &mut inbox, |sample: Sample<Scenario>| sample.message)?;
-    let mut outlets: Vec<(Outlet<Join>, Outlet<Command>)> = Vec::new();
+    workshop.subscribe(&mut node, &topics::scenario(), &mut inbox, |sample: Sample<Scenario>| sample.message)?;
+    let mut outlets: Vec<(Publisher<Join>, Publisher<Command>)> = Vec::new();
     for agent in (0..agents).map(AgentId) {
-        let join = workshop.outlet(&mut node, &topics::join(agent))?;
-        outlets.push((join, workshop.outlet(&mut node, &topics::command(agent))?));
+        let join = workshop.publisher(&mut node, &topics::join(agent))?;
+        outlets.push((join, workshop.publisher(&mut node, &topics::command(agent))?));
     }
     let mut rng = random_streams::stream(seed, 0, "garbage");
     // Wrong things of another run are refused at the door; with its number they get further.

@@ -3,7 +3,7 @@ use msgs::maes_msgs::{Command, Counter, Observation};
 use msgs::topics::Topic;
 
 use crate::recorder::{Document, Recorder};
-use crate::setup::SCENARIO_ATTACHMENT;
+use crate::recording::SCENARIO_ATTACHMENT;
 
 type Said = (Topic, Tick, Vec<u8>);
 

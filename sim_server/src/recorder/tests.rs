@@ -172,7 +172,7 @@ impl sink::Store for SmallDisk {
 /// Records on a small disk as long as it can be done; what is on the disk afterwards.
 fn record_on(room: usize) -> (Result<(), RecordError>, Vec<u8>) {
     let disk = SmallDisk { room, bytes: Rc::default() };
-    let mut recorder = Recorder::begin(Path::new("a.mcap"), Sink::new(disk.clone()));
+    let mut recorder = Recorder::with_sink(Path::new("a.mcap"), Sink::new(disk.clone()));
     let record = |recorder: &mut Recorder| {
         recorder.attach(&[SCENARIO])?;
         for tick in 0..1700 {

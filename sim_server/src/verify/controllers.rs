@@ -188,7 +188,7 @@ pub fn text(checked: &Checked) -> String {
 mod tests {
     use super::*;
     use crate::recorder::{Document, Recorder};
-    use crate::setup::SCENARIO_ATTACHMENT;
+    use crate::recording::SCENARIO_ATTACHMENT;
     use msgs::cdr;
 
     /// Says how many parts it was told.

@@ -1,0 +1,165 @@
+//! Pictures of a recording, taken with the page itself in a browser that nobody sees.
+//!
+//! The page and the recording are offered on a port of this machine for as long as it takes; a script beside the page (`viewer/pictures`)
+//! drives the browser, and tells people what is wrong. Nothing here draws.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use clap::Args;
+use serde::Serialize;
+use thiserror::Error;
+
+use super::{FoxgloveServerError, NO_PAGE_HERE, StaticFileServer, http_gateway};
+use crate::exit;
+
+/// A free port of this machine.
+const FREE_PORT: &str = "127.0.0.1:0";
+
+/// What is to be seen.
+#[derive(Debug, Args)]
+pub struct CaptureArgs {
+    /// The recording (.mcap)
+    pub file: PathBuf,
+    /// Pixels of the picture
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
+    pub size: [u32; 2],
+    /// Look at this agent instead of the whole cave
+    #[arg(long, value_name = "ID")]
+    pub agent: Option<u32>,
+    /// What to draw, for example walls,unexplored,trails,labels; as the page does if it is not said
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub layers: Option<Vec<String>>,
+    /// The folder of the page, if it is not the one that was built here
+    #[arg(long, value_name = "DIR")]
+    pub page: Option<PathBuf>,
+}
+
+/// One moment, or many.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[serde(untagged)]
+pub enum CaptureTime {
+    /// A picture.
+    Snapshot {
+        /// Sim time, s.
+        at: f64,
+    },
+    /// A movie.
+    Movie {
+        /// Sim time of the first picture, s; that of the recording if it is none.
+        from: Option<f64>,
+        /// Sim time of the last one, s; that of the recording if it is none.
+        to: Option<f64>,
+        /// How long it lasts, s.
+        seconds: f64,
+        /// Pictures of each second.
+        fps: u32,
+    },
+}
+
+/// Why there is no picture.
+#[derive(Debug, Error)]
+pub enum CaptureError {
+    /// The page cannot be offered.
+    #[error(transparent)]
+    FoxgloveServer(#[from] FoxgloveServerError),
+    /// There is no page.
+    #[error("{NO_PAGE_HERE}")]
+    NoPage,
+    /// The browser's driver cannot be started.
+    #[error("Node.js 20.19 or later is required for snapshots and movies: {0}")]
+    Node(std::io::Error),
+    /// The driver has said what is wrong.
+    #[error("no picture was taken")]
+    Driver {
+        /// Whether what it was asked for makes no sense.
+        is_bad_input: bool,
+    },
+}
+
+/// What the driver is told.
+#[derive(Serialize)]
+struct DriverOrder<'a> {
+    url: String,
+    out: &'a Path,
+    size: [u32; 2],
+    agent: Option<u32>,
+    layers: Option<&'a [String]>,
+    #[serde(flatten)]
+    time: CaptureTime,
+}
+
+/// Takes pictures into the file `out`: PNG for a moment, MP4 or GIF for many.
+///
+/// # Errors
+/// If the page, the browser or the driver is missing, or what is asked for makes no sense; then there is no file.
+///
+/// # Panics
+/// Never: an order is plain data.
+pub fn take(args: &CaptureArgs, time: CaptureTime, out: &Path) -> Result<(), CaptureError> {
+    let page = http_gateway::page(args.page.as_deref())?.ok_or(CaptureError::NoPage)?;
+    let server = StaticFileServer::open(FREE_PORT, &page, &args.file)?;
+    let out = std::path::absolute(out).map_err(FoxgloveServerError::System)?;
+    let order = DriverOrder {
+        url: server.url(),
+        out: &out,
+        size: args.size,
+        agent: args.agent,
+        layers: args.layers.as_deref(),
+        time,
+    };
+    let mut driver = Command::new("node");
+    driver.arg(page.join("../pictures/take.mjs"));
+    driver.arg(serde_json::to_string(&order).expect("an order is plain data"));
+    // It sees by itself when this process has gone.
+    let status = driver.stdin(Stdio::null()).status();
+    match status.map_err(CaptureError::Node)?.code() {
+        Some(0) => Ok(()),
+        code => Err(CaptureError::Driver { is_bad_input: code == Some(exit::BAD_INPUT.into()) }),
+    }
+}
+
+/// The exit code of a failure.
+#[must_use]
+pub fn exit_code(error: &CaptureError) -> u8 {
+    match error {
+        CaptureError::Driver { is_bad_input: true }
+        | CaptureError::FoxgloveServer(FoxgloveServerError::Page { .. }) => exit::BAD_INPUT,
+        _ => exit::FAILED,
+    }
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides: Option<Vec<u32>> = text.split('x').map(|side| side.parse().ok()).collect();
+    match sides.as_deref() {
+        Some(&[width, height]) if (16..=8192).contains(&width) && (16..=8192).contains(&height) => Ok([width, height]),
+        _ => Err("expected two numbers of pixels from 16 to 8192, such as 1280x720".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes() {
+        assert_eq!(size("1280x720"), Ok([1280, 720]));
+        for wrong in ["1280", "0x720", "1280x720x3", "axb", "9000x100", ""] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn order_is_flat_json() {
+        let order = DriverOrder {
+            url: "u".to_owned(),
+            out: Path::new("/o.png"),
+            size: [1, 2],
+            agent: None,
+            layers: Some(&["walls".to_owned()]),
+            time: CaptureTime::Snapshot { at: 1.5 },
+        };
+        let expected = serde_json::json!({ "url": "u", "out": "/o.png", "size": [1, 2], "agent": null, "layers": ["walls"], "at": 1.5 });
+        assert_eq!(serde_json::to_value(&order).unwrap(), expected);
+    }
+}
