@@ -138,26 +138,26 @@ impl<'a> Comparison<'a> {
             && let Some(message) = self.next()
         {
             let place = place(&message);
-            self.found = Some(whole(&place, Some(place), None));
+            self.found = Some(message_difference(&place, Some(place), None));
         }
     }
 
     /// The next message of the recording that is of the run.
     fn next(&mut self) -> Option<Message> {
-        self.before.find(|message| Kind::of(&message.channel.topic).is_some())
+        self.before.find(|message| MessageKind::of(&message.channel.topic).is_some())
     }
 }
 
 impl Checker for Comparison<'_> {
     fn take(&mut self, topic: &str, tick: Tick, cdr: &[u8]) {
-        let Some(kind) = Kind::of(topic) else { return };
+        let Some(kind) = MessageKind::of(topic) else { return };
         if self.is_done() {
             return;
         }
         let now = Place { tick, topic };
         let Some(message) = self.next() else {
             match self.before.end() {
-                Some(End::Whole) => self.found = Some(whole(&now, None, Some(now))),
+                Some(End::Whole) => self.found = Some(message_difference(&now, None, Some(now))),
                 _ => self.close(),
             }
             return;
@@ -165,11 +165,11 @@ impl Checker for Comparison<'_> {
         let before = place(&message);
         if before != now {
             let first = if before.tick <= now.tick { before } else { now };
-            self.found = Some(whole(&first, Some(before), Some(now)));
+            self.found = Some(message_difference(&first, Some(before), Some(now)));
             return;
         }
         if message.data != cdr {
-            if kind == Kind::Result {
+            if kind == MessageKind::Result {
                 self.refusals = between_refusals(&message.data, cdr);
             }
             if let Some(field) = kind.between(&message.data, cdr) {
@@ -192,11 +192,11 @@ impl Checker for Comparison<'_> {
 
 /// Where a recorded command is not the one that is given now, if one is.
 #[must_use]
-pub fn with_command(recorded: &Message, now: Option<&maes_msgs::Command>) -> Option<Difference> {
+pub fn compare_command(recorded: &Message, now: Option<&maes_msgs::Command>) -> Option<Difference> {
     let place = place(recorded);
-    let Some(now) = now else { return Some(whole(&place, Some(place), None)) };
+    let Some(now) = now else { return Some(message_difference(&place, Some(place), None)) };
     let now = cdr::encode(now);
-    let field = (recorded.data != now).then(|| Kind::Command.between(&recorded.data, &now)).flatten();
+    let field = (recorded.data != now).then(|| MessageKind::Command.between(&recorded.data, &now)).flatten();
     field.map(|field| Difference::new(&place, field))
 }
 
@@ -205,14 +205,14 @@ fn place(message: &Message) -> Place<'_> {
 }
 
 /// A difference of whole messages.
-fn whole(at: &Place<'_>, before: Option<Place<'_>>, now: Option<Place<'_>>) -> Difference {
-    let words = |place: Option<Place<'_>>| place.map_or_else(|| NONE.to_owned(), |place| place.to_string());
-    Difference::new(at, Field { name: WHOLE_MESSAGE.to_owned(), before: words(before), now: words(now) })
+fn message_difference(at: &Place<'_>, before: Option<Place<'_>>, now: Option<Place<'_>>) -> Difference {
+    let text = |place: Option<Place<'_>>| place.map_or_else(|| NONE.to_owned(), |place| place.to_string());
+    Difference::new(at, Field { name: WHOLE_MESSAGE.to_owned(), before: text(before), now: text(now) })
 }
 
 /// A message of the run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum MessageKind {
     Scenario,
     Progress,
     Digest,
@@ -224,7 +224,7 @@ enum Kind {
     Command,
 }
 
-impl Kind {
+impl MessageKind {
     /// What is said on a topic, if it is of the run.
     fn of(topic: &str) -> Option<Self> {
         if let Some((_, rest)) = topics::split(topic) {
@@ -271,8 +271,8 @@ fn decoded<M: DeserializeOwned>(
     match (cdr::decode(before), cdr::decode(now)) {
         (Ok(before), Ok(now)) => between(&before, &now),
         _ => {
-            let words = |bytes: &[u8]| format!("{} that are no such message", bytes.len());
-            Some(Field { name: "bytes".to_owned(), before: words(before), now: words(now) })
+            let text = |bytes: &[u8]| format!("{} that are no such message", bytes.len());
+            Some(Field { name: "bytes".to_owned(), before: text(before), now: text(now) })
         }
     }
 }
@@ -291,8 +291,8 @@ fn between_digests(before: &maes_msgs::Digest, now: &maes_msgs::Digest) -> Optio
 }
 
 fn hashes(before: [u8; 32], now: [u8; 32]) -> Option<Field> {
-    let words = |digest| Digest(digest).to_string();
-    (before != now).then(|| Field { name: "digest".to_owned(), before: words(before), now: words(now) })
+    let text = |digest| Digest(digest).to_string();
+    (before != now).then(|| Field { name: "digest".to_owned(), before: text(before), now: text(now) })
 }
 
 /// The counters of refusals are left out.
@@ -317,11 +317,11 @@ fn counters(before: &maes_msgs::Result, now: &maes_msgs::Result, of: impl Fn(&st
     };
     let (before, now) = (by_name(before), by_name(now));
     let different = before.keys().chain(now.keys()).find(|name| before.get(*name) != now.get(*name))?;
-    let words = |value: Option<&u64>| value.map_or_else(|| "none".to_owned(), u64::to_string);
+    let text = |value: Option<&u64>| value.map_or_else(|| "none".to_owned(), u64::to_string);
     Some(Field {
         name: format!("counters.{different}"),
-        before: words(before.get(different)),
-        now: words(now.get(different)),
+        before: text(before.get(different)),
+        now: text(now.get(different)),
     })
 }
 

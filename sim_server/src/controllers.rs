@@ -4,13 +4,13 @@ use agent_node::agent::{Agent, Reaction};
 use agent_node::{controllers, wire};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Observation, Scenario};
-use sim_server::verify::controllers::{Controllers, Decider};
+use sim_server::verify::controllers::{AgentReplica, ControllerFactory};
 
 /// All controllers that come with the simulator.
 pub(crate) struct OfThisBuild;
 
-impl Controllers for OfThisBuild {
-    fn agent(&self, told: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn Decider>, String> {
+impl ControllerFactory for OfThisBuild {
+    fn agent(&self, told: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String> {
         let mut words = runs.split(' ');
         let name = words.next().unwrap_or_default();
         let settings: Vec<String> = words.map(str::to_owned).collect();
@@ -30,7 +30,7 @@ pub(crate) fn check(scenario: &simulation::scenario::Scenario) -> anyhow::Result
 
 struct OfAgent(Agent);
 
-impl Decider for OfAgent {
+impl AgentReplica for OfAgent {
     fn take(&mut self, part: Observation) -> Result<Option<Command>, String> {
         match self.0.take(part) {
             Ok(Reaction::Answer(command)) => Ok(Some(command)),

@@ -71,7 +71,7 @@ mod tests {
     use msgs::maes_msgs::{Command, Observation};
 
     #[test]
-    fn the_first_field_is_named_with_both_values() {
+    fn first_different_field_is_named() {
         let before = Command::default();
         assert_eq!(between(&before, &before.clone()), None);
         let mut now = before.clone();
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_compared_bit_by_bit() {
+    fn numbers_are_compared_bitwise() {
         let with = |distance_m| {
             let mut command = Command::default();
             command.task.distance_m = distance_m;

@@ -17,8 +17,8 @@ pub struct Info {
     pub messages: std::collections::BTreeMap<String, u64>,
     /// The last digest.
     pub digest: Option<maes_msgs::Digest>,
-    /// What agents were told of the run.
-    pub told: Option<maes_msgs::Scenario>,
+    /// What agents were announced of the run.
+    pub announced: Option<maes_msgs::Scenario>,
     /// How far it had come, from the start on.
     pub progress: Vec<maes_msgs::Progress>,
     /// The result, if the run came to its end.
@@ -50,7 +50,7 @@ pub fn of(recording: &Recording) -> Info {
         } else if *topic == topics::progress().name {
             info.progress.extend(message.decode());
         } else if *topic == topics::scenario().name {
-            info.told = message.decode().ok();
+            info.announced = message.decode().ok();
         }
     }
     if let Some(end @ (End::CutOff { .. } | End::Damage { .. })) = messages.end() {

@@ -42,7 +42,7 @@ pub struct Ending {
     /// As the result says.
     pub reason: String,
     /// Whether its last tick had begun: scans were cast and agents asked, but not all answers awaited.
-    pub is_given_up: bool,
+    pub is_mid_tick: bool,
 }
 
 /// A recorded run, from its start on.
@@ -59,7 +59,7 @@ pub struct Playback<'a> {
 
 /// What was said in a tick.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Said {
+pub struct RecordedTick {
     /// The digest at its start, if it was told.
     pub digest: Option<Digest>,
     /// What was done to the run before it, in order.
@@ -97,13 +97,14 @@ impl<'a> Playback<'a> {
                 observations.push(message);
             }
         }
-        let mut is_given_up = false;
+        let mut is_mid_tick = false;
         for message in observations {
-            let told: Observation = message.decode().map_err(|source| unreadable(recording, &message, source))?;
+            let observation: Observation =
+                message.decode().map_err(|source| unreadable(recording, &message, source))?;
             // Those who were not due have no observation of it, but scans show.
-            is_given_up |= told.phase == Observation::RUNNING || told.scan_tick == told.tick;
+            is_mid_tick |= observation.phase == Observation::RUNNING || observation.scan_tick == observation.tick;
         }
-        let ending = reason.map(|reason| Ending { reason, is_given_up });
+        let ending = reason.map(|reason| Ending { reason, is_mid_tick });
         let mut messages = recording.messages();
         let next = messages.next();
         Ok(Self { file: recording.file().to_owned(), messages, next, horizon, ending, joins })
@@ -139,28 +140,28 @@ impl<'a> Playback<'a> {
     ///
     /// # Errors
     /// If it cannot be read.
-    pub fn said(&mut self, tick: Tick) -> Result<Said, PlaybackError> {
+    pub fn read_tick(&mut self, tick: Tick) -> Result<RecordedTick, PlaybackError> {
         let is_covered = self.covers(tick);
-        let mut said = Said::default();
+        let mut recorded = RecordedTick::default();
         while let Some(message) = self.next.take_if(|message| message.tick() <= tick) {
             self.next = self.messages.next();
             let unreadable =
                 |source| PlaybackError { file: self.file.clone(), topic: message.channel.topic.clone(), tick, source };
             match message.of_agent() {
                 Some((agent, "command")) if is_covered => {
-                    said.commands.insert(agent, message.decode().map_err(unreadable)?);
+                    recorded.commands.insert(agent, message.decode().map_err(unreadable)?);
                 }
                 None if message.channel.topic == topics::intervention().name => {
-                    said.interventions.push(message.decode().map_err(unreadable)?);
+                    recorded.interventions.push(message.decode().map_err(unreadable)?);
                 }
                 None if message.channel.topic == topics::digest().name => {
-                    let told: maes_msgs::Digest = message.decode().map_err(unreadable)?;
-                    said.digest = Some(Digest(told.digest));
+                    let digest: maes_msgs::Digest = message.decode().map_err(unreadable)?;
+                    recorded.digest = Some(Digest(digest.digest));
                 }
                 _ => {}
             }
         }
-        Ok(said)
+        Ok(recorded)
     }
 }
 

@@ -270,9 +270,9 @@ impl Iterator for Messages<'_> {
                 }
                 Some(Err(source)) => {
                     let before_byte = self.records.position;
-                    let reason = match self.records.strange {
+                    let reason = match self.records.unexpected {
                         Some(kind) if before_byte == self.records.bytes.len() => {
-                            format!("a record of kind {kind:#04x} that no recording has there, or not like that")
+                            format!("a record of kind {kind:#04x} that no recording has at this place or in this form")
                         }
                         _ => source.to_string(),
                     };
@@ -289,21 +289,21 @@ struct Records<'a> {
     /// Up to the first byte of a record that a recording does not have.
     bytes: &'a [u8],
     /// The kind of that record.
-    strange: Option<u8>,
+    unexpected: Option<u8>,
     reader: LinearReader,
     position: usize,
 }
 
 impl<'a> Records<'a> {
     fn new(bytes: &'a [u8]) -> Self {
-        let strange = strange_record(bytes);
-        let bytes = strange.map_or(bytes, |at| &bytes[..=at]);
+        let unexpected = first_unexpected_record(bytes);
+        let bytes = unexpected.map_or(bytes, |at| &bytes[..=at]);
         let options = LinearReaderOptions::default()
             .with_skip_end_magic(true)
             .with_prevalidate_chunk_crcs(true)
             .with_record_length_limit(bytes.len().max(RECORD_BYTES_MAX));
         let reader = LinearReader::new_with_options(options);
-        Self { bytes, strange: strange.map(|at| bytes[at]), reader, position: 0 }
+        Self { bytes, unexpected: unexpected.map(|at| bytes[at]), reader, position: 0 }
     }
 
     fn next(&mut self) -> Option<mcap::McapResult<Record<'static>>> {
@@ -330,7 +330,7 @@ impl<'a> Records<'a> {
 ///
 /// The reader of the library passes over what it does not know, so a chunk whose kind is damaged would be missing without a word;
 /// in a chunk without compression it reads on behind the chunk's end, and it takes the length of the data of an attachment on trust.
-fn strange_record(bytes: &[u8]) -> Option<usize> {
+fn first_unexpected_record(bytes: &[u8]) -> Option<usize> {
     let mut at = mcap::MAGIC.len();
     while let Some((&kind, rest)) = bytes.get(at..).and_then(<[u8]>::split_first)
         && let Some((&length, rest)) = rest.split_first_chunk()
@@ -364,12 +364,12 @@ fn strange_record(bytes: &[u8]) -> Option<usize> {
 
 /// Whether an attachment is as long as its parts: two times, two texts, the length of the data, the data, and its sum.
 fn is_attachment(content: &[u8]) -> bool {
-    fn behind_a_text(bytes: &[u8]) -> Option<&[u8]> {
+    fn after_string(bytes: &[u8]) -> Option<&[u8]> {
         let (length, rest) = bytes.split_first_chunk()?;
         rest.get(u32::from_le_bytes(*length) as usize..)
     }
-    let behind_texts = content.get(2 * size_of::<u64>()..).and_then(behind_a_text).and_then(behind_a_text);
-    behind_texts.and_then(<[u8]>::split_first_chunk).is_some_and(|(length, rest)| {
+    let after_strings = content.get(2 * size_of::<u64>()..).and_then(after_string).and_then(after_string);
+    after_strings.and_then(<[u8]>::split_first_chunk).is_some_and(|(length, rest)| {
         u64::from_le_bytes(*length).checked_add(size_of::<u32>() as u64) == Some(rest.len() as u64)
     })
 }

@@ -35,7 +35,7 @@ use msgs::maes_msgs::{self, Observation as Part};
 use crate::control::Reset;
 use crate::control::SimulationControl;
 use crate::link::{Level, Link};
-use crate::playback::{Playback, Said};
+use crate::playback::{Playback, RecordedTick};
 use simulation::digest::{Chain, Digest};
 use simulation::lockstep::Wake;
 use simulation::scenario::{OnAgentLoss, Scenario};
@@ -247,7 +247,7 @@ struct Run<'a> {
     /// What is still to be carried out again.
     playback: Option<Playback<'a>>,
     /// What was said in this tick.
-    said: Option<Said>,
+    said: Option<RecordedTick>,
     world: World,
     chain: Chain,
     wakes: Vec<Wake>,

@@ -52,7 +52,7 @@ pub enum VerifyError {
     #[error(transparent)]
     Playback(#[from] PlaybackError),
     /// It holds something else than what comes of it.
-    #[error("{file}: {difference}{}", said(end))]
+    #[error("{file}: {difference}{}", file_end(end))]
     Different {
         /// The recording.
         file: String,
@@ -62,7 +62,7 @@ pub enum VerifyError {
         end: End,
     },
     /// Its run cannot be carried out again.
-    #[error("{file}: {source}{}", said(end))]
+    #[error("{file}: {source}{}", file_end(end))]
     Run {
         /// The recording.
         file: String,
@@ -89,7 +89,7 @@ impl VerifyError {
 }
 
 /// What is said about the end of a file, if there is something to say.
-fn said(end: &End) -> String {
+fn file_end(end: &End) -> String {
     match end {
         End::Whole => String::new(),
         end => format!(" (the file is {end})"),
@@ -145,7 +145,7 @@ pub fn text(verified: &Verified) -> String {
     let Verified { ticks, messages, reason, .. } = verified;
     let ending = match reason {
         Some(reason) => format!("up to the end of the run: {reason}"),
-        None => "up to where the recording leaves off, before the end of its run".to_owned(),
+        None => "up to the end of the file, before the end of the run".to_owned(),
     };
     let text = format!("verified {ticks} ticks and {messages} messages, {ending}");
     match &verified.end {

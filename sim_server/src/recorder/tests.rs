@@ -35,7 +35,7 @@ fn readable(file: &Path) -> Vec<(String, u64)> {
 }
 
 #[test]
-fn what_is_written_can_be_read() {
+fn written_messages_are_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let mut recorder = Recorder::create(&file, &[SCENARIO]).unwrap();
@@ -55,7 +55,7 @@ fn what_is_written_can_be_read() {
 }
 
 #[test]
-fn saving_provisionally_changes_no_byte_of_the_finished_file() {
+fn provisional_saves_leave_the_finished_file_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let files = ["plain", "saved"].map(|name| folder.path().join(name));
     for (file, saves) in files.iter().zip([false, true]) {
@@ -72,7 +72,7 @@ fn saving_provisionally_changes_no_byte_of_the_finished_file() {
 }
 
 #[test]
-fn everything_saved_provisionally_is_readable_at_once() {
+fn provisional_saves_are_readable_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let mut recorder = Recorder::create(&file, &[SCENARIO]).unwrap();
@@ -92,7 +92,7 @@ fn everything_saved_provisionally_is_readable_at_once() {
 }
 
 #[test]
-fn a_file_that_cannot_be_made_is_named() {
+fn error_names_the_file() {
     let error = Recorder::create(Path::new("/nowhere/a.mcap"), &[]).err().unwrap().to_string();
     assert!(error.contains("/nowhere/a.mcap"), "{error}");
 }
@@ -106,7 +106,7 @@ fn listed(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn a_recording_that_is_given_up_leaves_the_older_one_alone() {
+fn aborted_recording_keeps_the_older_one() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     for (older, expected) in [(None, &[][..]), (Some("older"), &["a.mcap"][..])] {
@@ -129,7 +129,7 @@ fn a_recording_that_is_given_up_leaves_the_older_one_alone() {
 }
 
 #[test]
-fn a_recording_behind_a_link_is_written_where_it_points() {
+fn symbolic_links_are_followed() {
     let folder = tempfile::tempdir().unwrap();
     let [file, link] = ["a.mcap", "b.mcap"].map(|name| folder.path().join(name));
     fs::write(&file, "older").unwrap();
@@ -188,7 +188,7 @@ fn record_on(room: usize) -> (Result<(), RecordError>, Vec<u8>) {
 }
 
 #[test]
-fn a_disk_that_is_full_leaves_a_beginning_without_an_end() {
+fn full_disk_leaves_whole_chunks_without_an_end() {
     let (recorded, whole) = record_on(usize::MAX);
     recorded.unwrap();
     let read = |bytes: &[u8]| -> Vec<u64> {
@@ -201,7 +201,10 @@ fn a_disk_that_is_full_leaves_a_beginning_without_an_end() {
         let (recorded, left) = record_on(room);
         recorded.unwrap_err();
         assert!(whole.starts_with(&left), "room {room}: cut off behind whole chunks");
-        assert!(left.len() < mcap::MAGIC.len() * 2 || !left.ends_with(mcap::MAGIC), "room {room}: a false end");
+        assert!(
+            left.len() < mcap::MAGIC.len() * 2 || !left.ends_with(mcap::MAGIC),
+            "room {room}: a false end of the file"
+        );
         assert!(all.starts_with(&read(&left)), "room {room}");
         lengths.push(left.len());
     }

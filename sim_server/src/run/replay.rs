@@ -14,7 +14,7 @@ use super::exchange::{Answer, Asked, Meanwhile, Patience, recorded_join};
 use super::log::Kind;
 use super::{COVERED, DURATION, EXPLORED, INTERRUPTED, QUIT, Run, RunError};
 use crate::link::Level;
-use crate::playback::{Ending, Playback, Said};
+use crate::playback::{Ending, Playback, RecordedTick};
 use simulation::scenario::OnAgentLoss;
 use simulation::wire;
 use simulation::world::Since;
@@ -67,7 +67,7 @@ impl Run<'_> {
         };
         let tick = self.world.tick();
         let is_known = playback.covers(tick);
-        let said = playback.said(tick)?;
+        let said = playback.read_tick(tick)?;
         let is_checked = self.log.checker().is_some();
         if self.log.checker().is_some_and(|checker| checker.is_done()) {
             return Ok(ControlFlow::Break(String::new()));
@@ -103,17 +103,17 @@ impl Run<'_> {
     /// Ends a run that is checked as it has ended; says why it has.
     fn end_again(&mut self) -> Result<String, RunError> {
         let tick = self.world.tick();
-        let Some(Ending { reason, is_given_up }) = self.playback.as_ref().and_then(Playback::ending).cloned() else {
+        let Some(Ending { reason, is_mid_tick }) = self.playback.as_ref().and_then(Playback::ending).cloned() else {
             return Ok(self.leave_off());
         };
         if [EXPLORED, COVERED, DURATION].contains(&reason.as_str()) {
             let reason = format!("the run has ended there, for the reason `{reason}`, and goes on here");
             return Err(RunError::OtherRun { tick, reason });
         }
-        if is_given_up {
+        if is_mid_tick {
             self.world.look(&self.pool);
             // Nobody has answered, so that those only are asked who are due.
-            self.said = Some(Said::default());
+            self.said = Some(RecordedTick::default());
             let asked = self.ask();
             self.said = None;
             self.record_unanswered(&asked)?;
@@ -150,7 +150,7 @@ impl Run<'_> {
     pub(super) fn answers_again(
         &mut self,
         asked: &[Asked],
-        mut said: Said,
+        mut said: RecordedTick,
     ) -> Result<BTreeMap<AgentId, Answer>, RunError> {
         let tick = self.world.tick();
         let misfit = |reason: String| RunError::OtherRun { tick, reason };

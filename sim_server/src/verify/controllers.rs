@@ -16,17 +16,17 @@ use crate::comparison::{self, Difference};
 use crate::recording::{Message, Recording};
 
 /// Where agents come from.
-pub trait Controllers: Sync {
+pub trait ControllerFactory: Sync {
     /// An agent that knows nothing but what all are told, and runs what it has said that it runs: a name, and settings
     /// `KEY=VALUE` behind it.
     ///
     /// # Errors
     /// Says why there is no such agent here.
-    fn agent(&self, told: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn Decider>, String>;
+    fn agent(&self, told: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String>;
 }
 
 /// An agent.
-pub trait Decider {
+pub trait AgentReplica {
     /// Tells it a part of an observation, and gives its answer once it has one.
     ///
     /// # Errors
@@ -41,7 +41,7 @@ pub struct Checked {
     pub commands: u64,
     /// Whose.
     pub agents: Vec<AgentId>,
-    /// Whose were not looked at, and why not.
+    /// Whose were not verdict at, and why not.
     pub unchecked: BTreeMap<AgentId, String>,
 }
 
@@ -72,7 +72,7 @@ pub enum ControllersError {
 
 /// What one agent was told and has answered, in order.
 #[derive(Debug, Default)]
-struct Past {
+struct AgentHistory {
     runs: String,
     messages: Vec<Message>,
 }
@@ -81,53 +81,59 @@ struct Past {
 ///
 /// # Errors
 /// If one of them decides otherwise; the first one by tick and number is named.
-pub fn check(recording: &Recording, before: Tick, controllers: &dyn Controllers) -> Result<Checked, ControllersError> {
-    let (told, pasts) = pasts(recording, before);
-    let looked_at: Vec<(AgentId, Looked)> =
-        pasts.into_par_iter().map(|(agent, past)| (agent, look_at(&told, agent, &past, controllers))).collect();
+pub fn check(
+    recording: &Recording,
+    before: Tick,
+    controllers: &dyn ControllerFactory,
+) -> Result<Checked, ControllersError> {
+    let (told, histories) = histories(recording, before);
+    let verdicts: Vec<(AgentId, Verdict)> = histories
+        .into_par_iter()
+        .map(|(agent, history)| (agent, check_agent(&told, agent, &history, controllers)))
+        .collect();
     let mut checked = Checked::default();
-    let mut first: Option<(Tick, AgentId, Wrong)> = None;
-    for (agent, looked) in looked_at {
-        match looked {
-            Looked::Same { commands } => {
+    let mut first: Option<(Tick, AgentId, Mismatch)> = None;
+    for (agent, verdict) in verdicts {
+        match verdict {
+            Verdict::Same { commands } => {
                 checked.commands += commands;
                 checked.agents.push(agent);
             }
-            Looked::Unknown { reason } => {
+            Verdict::Unchecked { reason } => {
                 checked.unchecked.insert(agent, reason);
             }
             // Agents come in order, so that of two in one tick the first stays.
-            Looked::Wrong { tick, wrong } if first.as_ref().is_none_or(|(first, ..)| tick < *first) => {
-                first = Some((tick, agent, wrong));
+            Verdict::Mismatch { tick, mismatch } if first.as_ref().is_none_or(|(first, ..)| tick < *first) => {
+                first = Some((tick, agent, mismatch));
             }
-            Looked::Wrong { .. } => {}
+            Verdict::Mismatch { .. } => {}
         }
     }
     let file = recording.file().to_owned();
     match first {
         None => Ok(checked),
-        Some((_, _, Wrong::Command(difference))) => Err(ControllersError::Different { file, difference }),
-        Some((tick, agent, Wrong::Agent(reason))) => Err(ControllersError::Agent { file, tick, agent, reason }),
+        Some((_, _, Mismatch::Command(difference))) => Err(ControllersError::Different { file, difference }),
+        Some((tick, agent, Mismatch::Agent(reason))) => Err(ControllersError::Agent { file, tick, agent, reason }),
     }
 }
 
 /// What agents are told of the run, and what each was told and has answered in all ticks before one.
-fn pasts(recording: &Recording, before: Tick) -> (Scenario, BTreeMap<AgentId, Past>) {
+fn histories(recording: &Recording, before: Tick) -> (Scenario, BTreeMap<AgentId, AgentHistory>) {
     let mut told = Scenario::default();
-    let mut pasts: BTreeMap<AgentId, Past> = BTreeMap::new();
+    let mut histories: BTreeMap<AgentId, AgentHistory> = BTreeMap::new();
     for message in recording.messages().take_while(|message| message.tick() < before) {
         if message.channel.topic == topics::scenario().name {
             told = message.decode().unwrap_or_default();
         }
         match message.of_agent() {
             Some((agent, "join")) => {
-                pasts.entry(agent).or_default().runs = message.decode().map_or_else(|_| String::new(), runs);
+                histories.entry(agent).or_default().runs = message.decode().map_or_else(|_| String::new(), runs);
             }
-            Some((agent, "observation" | "command")) => pasts.entry(agent).or_default().messages.push(message),
+            Some((agent, "observation" | "command")) => histories.entry(agent).or_default().messages.push(message),
             _ => {}
         }
     }
-    (told, pasts)
+    (told, histories)
 }
 
 fn runs(join: Join) -> String {
@@ -135,42 +141,47 @@ fn runs(join: Join) -> String {
 }
 
 /// What was found about one agent.
-enum Looked {
+enum Verdict {
     Same { commands: u64 },
-    Unknown { reason: String },
-    Wrong { tick: Tick, wrong: Wrong },
+    Unchecked { reason: String },
+    Mismatch { tick: Tick, mismatch: Mismatch },
 }
 
-/// What is wrong with what an agent has said.
-enum Wrong {
+/// What is mismatch with what an agent has said.
+enum Mismatch {
     Command(Box<Difference>),
     Agent(String),
 }
 
-fn look_at(told: &Scenario, agent: AgentId, past: &Past, controllers: &dyn Controllers) -> Looked {
-    let mut decider = match controllers.agent(told, agent, &past.runs) {
-        Ok(decider) => decider,
-        Err(reason) => return Looked::Unknown { reason },
+fn check_agent(
+    told: &Scenario,
+    agent: AgentId,
+    history: &AgentHistory,
+    controllers: &dyn ControllerFactory,
+) -> Verdict {
+    let mut replica = match controllers.agent(told, agent, &history.runs) {
+        Ok(replica) => replica,
+        Err(reason) => return Verdict::Unchecked { reason },
     };
     let mut commands = 0;
     let mut answer = None;
-    for message in &past.messages {
+    for message in &history.messages {
         let tick = message.tick();
         if message.of_agent().is_some_and(|(_, topic)| topic == "command") {
-            if let Some(difference) = comparison::with_command(message, answer.take().as_ref()) {
-                return Looked::Wrong { tick, wrong: Wrong::Command(Box::new(difference)) };
+            if let Some(difference) = comparison::compare_command(message, answer.take().as_ref()) {
+                return Verdict::Mismatch { tick, mismatch: Mismatch::Command(Box::new(difference)) };
             }
             commands += 1;
             continue;
         }
         let part = message.decode().map_err(|error| error.to_string());
-        match part.and_then(|part| decider.take(part)) {
+        match part.and_then(|part| replica.take(part)) {
             Ok(None) => {}
             Ok(Some(command)) => answer = Some(command),
-            Err(reason) => return Looked::Wrong { tick, wrong: Wrong::Agent(reason) },
+            Err(reason) => return Verdict::Mismatch { tick, mismatch: Mismatch::Agent(reason) },
         }
     }
-    Looked::Same { commands }
+    Verdict::Same { commands }
 }
 
 /// What people are told, a line each.
@@ -194,17 +205,17 @@ mod tests {
     /// Says how many parts it was told.
     struct Counting(u32);
 
-    impl Decider for Counting {
+    impl AgentReplica for Counting {
         fn take(&mut self, part: Observation) -> Result<Option<Command>, String> {
             self.0 += 1;
             Ok(Some(command(part.agent, part.tick, self.0)))
         }
     }
 
-    struct Counters;
+    struct CountingFactory;
 
-    impl Controllers for Counters {
-        fn agent(&self, _told: &Scenario, _agent: AgentId, runs: &str) -> Result<Box<dyn Decider>, String> {
+    impl ControllerFactory for CountingFactory {
+        fn agent(&self, _told: &Scenario, _agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String> {
             if runs == "counting" { Ok(Box::new(Counting(0))) } else { Err(format!("{runs}: unknown")) }
         }
     }
@@ -219,7 +230,7 @@ mod tests {
         let file = folder.path().join("run.mcap");
         let documents = [Document { name: SCENARIO_ATTACHMENT, media_type: "", data: b"" }];
         let mut recorder = Recorder::create(&file, &documents).unwrap();
-        for (agent, controller) in [(0, "counting"), (1, "of somebody"), (2, "counting")] {
+        for (agent, controller) in [(0, "counting"), (1, "of a user"), (2, "counting")] {
             let join = Join { agent, controller: controller.to_owned(), ..Join::default() };
             recorder.write(&topics::join(AgentId(agent)), Tick::ZERO, &cdr::encode(&join)).unwrap();
         }
@@ -235,21 +246,21 @@ mod tests {
     }
 
     #[test]
-    fn those_who_are_known_decide_again() {
-        let checked = check(&recording(|_| {}), Tick(3), &Counters).unwrap();
+    fn known_controllers_are_re_executed() {
+        let checked = check(&recording(|_| {}), Tick(3), &CountingFactory).unwrap();
         assert_eq!((checked.commands, checked.agents), (6, vec![AgentId(0), AgentId(2)]));
-        assert_eq!(checked.unchecked[&AgentId(1)], "of somebody: unknown");
+        assert_eq!(checked.unchecked[&AgentId(1)], "of a user: unknown");
     }
 
     #[test]
-    fn the_first_command_that_is_another_is_named() {
+    fn first_different_command_is_named() {
         let changed = recording(|command| {
             if (command.tick, command.agent) >= (1, 2) {
                 command.want_view = true;
             }
         });
-        let refused = check(&changed, Tick(3), &Counters).unwrap_err().to_string();
+        let refused = check(&changed, Tick(3), &CountingFactory).unwrap_err().to_string();
         assert!(refused.ends_with(": tick 1, agent 2, /agent_2/command: want_view was true and is false"), "{refused}");
-        assert!(check(&changed, Tick(1), &Counters).is_ok(), "what comes later is not looked at");
+        assert!(check(&changed, Tick(1), &CountingFactory).is_ok(), "what comes later is not verdict at");
     }
 }
