@@ -274,7 +274,7 @@ impl StateMachine {
 fn reset_unsupported() -> Outcome {
     Outcome::failure(
         Outcome::FEATURE_UNSUPPORTED,
-        "it cannot begin again: end it with state 3 (QUITTING) and start the same anew",
+        "a reset is not supported: set state 3 (QUITTING) and start it again",
     )
 }
 

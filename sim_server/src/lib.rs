@@ -1,12 +1,13 @@
-//! The world server: owns the true world and the clock of a run.
+//! The world server: it owns the true world and the clock of a run.
 //!
-//! In reading order: [`scenario`] says what a run is; [`mapgen`] makes its terrain and [`world`] its physics; [`lockstep`] says
-//! who is asked when; [`run`] puts them together over a [`link`]; [`wire`] translates to messages, [`recorder`] and [`digest`]
-//! keep them; [`recording`] reads them again, [`playback`] says what was said when, and [`replay`] when each message is due;
-//! [`comparison`] is what two of them do not have in common, and [`verify`] whether one is what comes of it; [`views`] are what
-//! people look at; `ros` is the link over ROS 2.
+//! In reading order: [`setup`] makes the world of a scenario, and [`run`] is the session loop over
+//! a [`link`], `ros` over ROS 2; [`control`] answers requests of `simulation_interfaces`;
+//! [`recorder`] and [`live_stream`] write what a run exchanges; [`recording`] reads it,
+//! [`playback`] by tick and [`replay`] by time; [`verify`] re-executes a recording and
+//! [`comparison`] finds the first difference; `foxglove` serves observers. The pure core is in the
+//! crate `simulation`.
 //!
-//! This crate knows nothing of what agents believe or how they decide.
+//! This crate does not know what agents believe or how they decide.
 
 pub mod bag;
 pub mod cli;

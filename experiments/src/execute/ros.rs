@@ -64,7 +64,7 @@ impl Launcher {
         let wall =
             wall_time(&text(&said)).ok_or(RunFailure::Failed("the server did not say its wall time".to_owned()))?;
         let info = info::read(&recording).map_err(|error| RunFailure::Failed(error.to_string()))?;
-        let Info { told: Some(told), result: Some(result), progress, .. } = info else {
+        let Info { announced: Some(told), result: Some(result), progress, .. } = info else {
             return Err(RunFailure::Failed("the recording has no end".to_owned()));
         };
         let wall = measure::wall_row(Tick(result.tick), wall, &[], &machine());

@@ -22,7 +22,7 @@ fn result(counters: &[(&str, u64)]) -> Recorded {
     (topics::result(), Tick(9), cdr::encode(&maes_msgs::Result { tick: 9, counters, ..maes_msgs::Result::default() }))
 }
 
-/// A recording of these messages; without its end if it is to be open.
+/// A recording of these messages; without an end record if open.
 fn recording(messages: &[Recorded], is_open: bool) -> Recording {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run.mcap");
@@ -41,7 +41,7 @@ fn recording(messages: &[Recorded], is_open: bool) -> Recording {
     Recording::open(&file).unwrap()
 }
 
-/// What is found if this is messages against a recording of that.
+/// The comparison of these messages with a recording.
 fn compared<'a>(recording: &'a Recording, now: &[Recorded]) -> Comparison<'a> {
     let mut comparison = Comparison::new(recording);
     for (topic, tick, data) in now {

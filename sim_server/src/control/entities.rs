@@ -192,7 +192,7 @@ impl Team<'_> {
         if *set_twist || *set_acceleration {
             return Err(Outcome::failure(
                 Outcome::FEATURE_UNSUPPORTED,
-                "a body moves as its agent's task says: only the pose can be set",
+                "the agent's task moves its body: only the pose can be set",
             ));
         }
         if !set_pose {

@@ -21,16 +21,16 @@ const FREE_PORT: &str = "127.0.0.1:0";
 pub struct CaptureArgs {
     /// The recording (.mcap)
     pub file: PathBuf,
-    /// Pixels of the picture
+    /// Size of the image in pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     pub size: [u32; 2],
-    /// Look at this agent instead of the whole cave
+    /// Point the camera at this agent instead of the whole map
     #[arg(long, value_name = "ID")]
     pub agent: Option<u32>,
-    /// What to draw, for example walls,unexplored,trails,labels; as the page does if it is not said
+    /// Layers to draw, for example walls,unexplored,trails,labels [default: those of the page]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub layers: Option<Vec<String>>,
-    /// The folder of the page, if it is not the one that was built here
+    /// The folder of the page [default: the one that was built here]
     #[arg(long, value_name = "DIR")]
     pub page: Option<PathBuf>,
 }
@@ -69,7 +69,7 @@ pub enum CaptureError {
     #[error("Node.js 20.19 or later is required for snapshots and movies: {0}")]
     Node(std::io::Error),
     /// The driver has reported an error.
-    #[error("no picture was taken")]
+    #[error("nothing was rendered")]
     Driver {
         /// Whether the request was not legal.
         is_bad_input: bool,
@@ -133,7 +133,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     let sides: Option<Vec<u32>> = text.split('x').map(|side| side.parse().ok()).collect();
     match sides.as_deref() {
         Some(&[width, height]) if (16..=8192).contains(&width) && (16..=8192).contains(&height) => Ok([width, height]),
-        _ => Err("expected two numbers of pixels from 16 to 8192, such as 1280x720".to_owned()),
+        _ => Err("expected width and height in pixels, each from 16 to 8192, such as 1280x720".to_owned()),
     }
 }
 

@@ -75,7 +75,7 @@ impl<'v, L: Link> ObservedLink<'v, L> {
 
     /// Broadcasts the time unless that was done, or anything else a moment ago.
     fn broadcast_time(&mut self) {
-        if !self.is_time_sent && self.time_sent.is_none_or(|told| told.elapsed() >= CLOCK_PERIOD) {
+        if !self.is_time_sent && self.time_sent.is_none_or(|sent| sent.elapsed() >= CLOCK_PERIOD) {
             self.time_sent = Some(now());
             self.is_time_sent = true;
             self.foxglove.server.broadcast_time(self.tick.time_ns());

@@ -86,7 +86,7 @@ fn provisional_saves_are_readable_at_once() {
             read.iter().filter(|(topic, _)| topic == "/sim/progress").map(|&(_, tick)| tick).collect();
         assert_eq!(ticks, (0..end).collect::<Vec<_>>());
     }
-    // Killed: nothing is finished, and all is still there.
+    // A killed process leaves everything saved.
     std::mem::forget(recorder);
     assert_eq!(readable(&file).len(), 1503);
 }
@@ -97,7 +97,7 @@ fn error_names_the_file() {
     assert!(error.contains("/nowhere/a.mcap"), "{error}");
 }
 
-/// Names in a folder.
+/// File names in a folder.
 fn listed(folder: &Path) -> Vec<String> {
     let mut names: Vec<_> =
         fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -139,7 +139,7 @@ fn symbolic_links_are_followed() {
     assert!(mcap::Summary::read(&fs::read(&file).unwrap()).unwrap().is_some());
 }
 
-/// A disk that has room for so many bytes, and takes what fits of the write that is too much.
+/// A disk with limited space, which takes the part of a write that fits.
 #[derive(Clone)]
 struct SmallDisk {
     room: usize,
@@ -169,7 +169,7 @@ impl sink::Store for SmallDisk {
     }
 }
 
-/// Records on a small disk as long as it can be done; what is on the disk afterwards.
+/// Records on a small disk until it fails; returns what is on the disk.
 fn record_on(room: usize) -> (Result<(), RecordError>, Vec<u8>) {
     let disk = SmallDisk { room, bytes: Rc::default() };
     let mut recorder = Recorder::with_sink(Path::new("a.mcap"), Sink::new(disk.clone()));

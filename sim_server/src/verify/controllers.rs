@@ -1,8 +1,8 @@
-//! Whether the agents of a recording have decided as their controllers do: each is told again what it was told, and its commands are
-//! compared.
+//! Verification of recorded commands: each agent is re-executed on its recorded observations, and
+//! its commands are compared.
 //!
-//! Every agent is asked on its own, side by side with the others, because what it was told is known. What agents are is not known
-//! here: whoever calls brings them along.
+//! Agents are re-executed independently and in parallel, because their observations are known. The
+//! caller provides the agents, which this crate does not know.
 
 use std::collections::BTreeMap;
 
@@ -15,81 +15,71 @@ use thiserror::Error;
 use crate::comparison::{self, Difference};
 use crate::recording::{Message, Recording};
 
-/// Where agents come from.
+/// Creates agents.
 pub trait ControllerFactory: Sync {
-    /// An agent that knows nothing but what all are told, and runs what it has said that it runs: a name, and settings
-    /// `KEY=VALUE` behind it.
+    /// Creates an agent from the announced scenario and the controller of its join message: a name,
+    /// followed by settings `KEY=VALUE`.
     ///
     /// # Errors
-    /// Says why there is no such agent here.
-    fn agent(&self, told: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String>;
+    /// The reason why there is no such agent here.
+    fn agent(&self, announced: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String>;
 }
 
-/// An agent.
+/// A re-executed agent.
 pub trait AgentReplica {
-    /// Tells it a part of an observation, and gives its answer once it has one.
+    /// Passes a fragment of an observation, and returns the command once there is one.
     ///
     /// # Errors
-    /// Says why it cannot go on.
+    /// The reason why it cannot continue.
     fn take(&mut self, part: Observation) -> Result<Option<Command>, String>;
 }
 
-/// What was found about the commands of a recording.
+/// The verified commands of a recording.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Checked {
-    /// How many commands are the same.
+    /// Number of equal commands.
     pub commands: u64,
-    /// Whose.
+    /// The agents checked.
     pub agents: Vec<AgentId>,
-    /// Whose were not verdict at, and why not.
+    /// The agents not checked, and why.
     pub unchecked: BTreeMap<AgentId, String>,
 }
 
-/// Why the commands of a recording do not hold.
+/// Why the commands of a recording do not verify.
 #[derive(Debug, Error)]
 pub enum ControllersError {
-    /// A command is not what is decided.
+    /// A command differs.
     #[error("{file}: {difference}")]
     Different {
-        /// The recording.
         file: String,
-        /// The first command that is different.
+        /// The first difference.
         difference: Box<Difference>,
     },
-    /// An agent cannot be told what the recording has.
+    /// An agent does not accept its observations.
     #[error("{file}: tick {tick}, agent {agent}: {reason}")]
-    Agent {
-        /// The recording.
-        file: String,
-        /// When.
-        tick: Tick,
-        /// Who.
-        agent: AgentId,
-        /// Why not.
-        reason: String,
-    },
+    Agent { file: String, tick: Tick, agent: AgentId, reason: String },
 }
 
-/// What one agent was told and has answered, in order.
+/// Observations and commands of one agent, in order.
 #[derive(Debug, Default)]
 struct AgentHistory {
     runs: String,
     messages: Vec<Message>,
 }
 
-/// Has the agents of a recording decide again, in all ticks before one.
+/// Re-executes the agents of a recording, in all ticks before one.
 ///
 /// # Errors
-/// If one of them decides otherwise; the first one by tick and number is named.
+/// If a command differs; the first one by tick and agent is reported.
 pub fn check(
     recording: &Recording,
     before: Tick,
     controllers: &dyn ControllerFactory,
 ) -> Result<Checked, ControllersError> {
-    let (told, histories) = histories(recording, before);
+    let (announced, histories) = histories(recording, before);
     let verdicts: Vec<(AgentId, Verdict)> = histories
         .into_par_iter()
-        .map(|(agent, history)| (agent, check_agent(&told, agent, &history, controllers)))
+        .map(|(agent, history)| (agent, check_agent(&announced, agent, &history, controllers)))
         .collect();
     let mut checked = Checked::default();
     let mut first: Option<(Tick, AgentId, Mismatch)> = None;
@@ -102,7 +92,7 @@ pub fn check(
             Verdict::Unchecked { reason } => {
                 checked.unchecked.insert(agent, reason);
             }
-            // Agents come in order, so that of two in one tick the first stays.
+            // Agents come in order, so the first of two in one tick stays.
             Verdict::Mismatch { tick, mismatch } if first.as_ref().is_none_or(|(first, ..)| tick < *first) => {
                 first = Some((tick, agent, mismatch));
             }
@@ -117,13 +107,13 @@ pub fn check(
     }
 }
 
-/// What agents are told of the run, and what each was told and has answered in all ticks before one.
+/// The announced scenario, and the history of each agent in all ticks before one.
 fn histories(recording: &Recording, before: Tick) -> (Scenario, BTreeMap<AgentId, AgentHistory>) {
-    let mut told = Scenario::default();
+    let mut announced = Scenario::default();
     let mut histories: BTreeMap<AgentId, AgentHistory> = BTreeMap::new();
     for message in recording.messages().take_while(|message| message.tick() < before) {
         if message.channel.topic == topics::scenario().name {
-            told = message.decode().unwrap_or_default();
+            announced = message.decode().unwrap_or_default();
         }
         match message.of_agent() {
             Some((agent, "join")) => {
@@ -133,33 +123,33 @@ fn histories(recording: &Recording, before: Tick) -> (Scenario, BTreeMap<AgentId
             _ => {}
         }
     }
-    (told, histories)
+    (announced, histories)
 }
 
 fn runs(join: Join) -> String {
     join.controller
 }
 
-/// What was found about one agent.
+/// The outcome for one agent.
 enum Verdict {
     Same { commands: u64 },
     Unchecked { reason: String },
     Mismatch { tick: Tick, mismatch: Mismatch },
 }
 
-/// What is mismatch with what an agent has said.
+/// Why an agent does not verify.
 enum Mismatch {
     Command(Box<Difference>),
     Agent(String),
 }
 
 fn check_agent(
-    told: &Scenario,
+    announced: &Scenario,
     agent: AgentId,
     history: &AgentHistory,
     controllers: &dyn ControllerFactory,
 ) -> Verdict {
-    let mut replica = match controllers.agent(told, agent, &history.runs) {
+    let mut replica = match controllers.agent(announced, agent, &history.runs) {
         Ok(replica) => replica,
         Err(reason) => return Verdict::Unchecked { reason },
     };
@@ -184,7 +174,7 @@ fn check_agent(
     Verdict::Same { commands }
 }
 
-/// What people are told, a line each.
+/// The report for the user.
 #[must_use]
 pub fn text(checked: &Checked) -> String {
     let Checked { commands, agents, unchecked } = checked;
@@ -202,7 +192,7 @@ mod tests {
     use crate::recording::SCENARIO_ATTACHMENT;
     use msgs::cdr;
 
-    /// Says how many parts it was told.
+    /// Counts the fragments it receives.
     struct Counting(u32);
 
     impl AgentReplica for Counting {
@@ -215,7 +205,7 @@ mod tests {
     struct CountingFactory;
 
     impl ControllerFactory for CountingFactory {
-        fn agent(&self, _told: &Scenario, _agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String> {
+        fn agent(&self, _announced: &Scenario, _agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String> {
             if runs == "counting" { Ok(Box::new(Counting(0))) } else { Err(format!("{runs}: unknown")) }
         }
     }
@@ -224,7 +214,7 @@ mod tests {
         Command { agent, tick, known_free, ..Command::default() }
     }
 
-    /// Of three agents and three ticks; the commands are changed.
+    /// Three agents and three ticks, with modified commands.
     fn recording(change: impl Fn(&mut Command)) -> Recording {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("run.mcap");
@@ -261,6 +251,6 @@ mod tests {
         });
         let refused = check(&changed, Tick(3), &CountingFactory).unwrap_err().to_string();
         assert!(refused.ends_with(": tick 1, agent 2, /agent_2/command: want_view was true and is false"), "{refused}");
-        assert!(check(&changed, Tick(1), &CountingFactory).is_ok(), "what comes later is not verdict at");
+        assert!(check(&changed, Tick(1), &CountingFactory).is_ok(), "later ticks are not checked");
     }
 }

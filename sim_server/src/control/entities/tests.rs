@@ -12,7 +12,7 @@ use simulation::world::{ScanSchedule, WorldParams};
 
 const RADIUS_M: f64 = 0.4;
 
-/// A hall with agents 0, 1 and 2 in a row, two metres apart.
+/// A room with agents 0, 1 and 2 in a row, two metres apart.
 fn world() -> World {
     let layer = "#########\n#.......#\n#.......#\n#########\n";
     let solid = "#########\n#########\n#########\n#########\n";
