@@ -6,8 +6,8 @@
 //! misses nothing and delays nothing.
 //!
 //! ```text
-//!   browser --- HTTP gateway ---+--- files of the page
-//!                               +--- Foxglove WebSocket --- [Hub] --- [ObservedLink] --- run loop and its link
+//!   browser --- HTTP gateway --+-- files of the page
+//!                              +-- Foxglove WebSocket -- [Hub] -- [ObservedLink] -- run loop, link
 //! ```
 //!
 //! Invariants: an observer never delays the run; its requests reach the run like those over ROS

@@ -13,7 +13,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Counter};
 
-use crate::run::{self, Outcome, Watcher, now};
+use crate::run::{self, Outcome, Watcher};
+use crate::wall_clock::now;
 use simulation::lockstep::listed;
 use simulation::world::World;
 
