@@ -2,34 +2,16 @@
 //! commands.
 
 use agent_node::agent::{Agent, Reaction};
-use agent_node::controllers::{self, ControllerError};
+use agent_node::controllers;
 use agent_node::wire;
-use anyhow::anyhow;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Observation, Scenario};
-use sim_server::verify::controllers::{Controllers, Decider};
-
-/// Least likeness of a name that is suggested, from 0 to 1.
-const LIKENESS_MIN: f64 = 0.7;
+use sim_server::verify::controllers::{AgentReplica, ControllerFactory};
 
 /// Whether there is the controller that a scenario names, with its settings.
 pub(crate) fn check(scenario: &simulation::scenario::Scenario) -> anyhow::Result<()> {
     let settings = scenario.agents.set.iter().map(|(key, value)| format!("{key}={}", word(value)));
-    let checked = controllers::check(&scenario.agents.controller, &settings.collect::<Vec<_>>());
-    checked.map_err(|error| match error {
-        ControllerError::Unknown { ref name } => match nearest(name) {
-            Some(nearest) => anyhow!("{error}; did you mean {nearest}?"),
-            None => error.into(),
-        },
-        other => other.into(),
-    })
-}
-
-/// The controller whose name is most like this one.
-fn nearest(name: &str) -> Option<&'static str> {
-    let likeness = controllers::NAMES.iter().map(|known| (strsim::jaro(name, known), *known));
-    let nearest = likeness.max_by(|one, two| one.0.total_cmp(&two.0))?;
-    (nearest.0 > LIKENESS_MIN).then_some(nearest.1)
+    Ok(controllers::check(&scenario.agents.controller, &settings.collect::<Vec<_>>())?)
 }
 
 /// A value as an agent reads it: a text without its quotes.
@@ -40,8 +22,8 @@ pub(crate) fn word(value: &toml::Value) -> String {
 /// All controllers that come with the simulator.
 pub(crate) struct OfThisBuild;
 
-impl Controllers for OfThisBuild {
-    fn agent(&self, told: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn Decider>, String> {
+impl ControllerFactory for OfThisBuild {
+    fn agent(&self, told: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String> {
         let mut words = runs.split(' ');
         let name = words.next().unwrap_or_default();
         let settings: Vec<String> = words.map(str::to_owned).collect();
@@ -54,7 +36,7 @@ impl Controllers for OfThisBuild {
 
 struct OfAgent(Agent);
 
-impl Decider for OfAgent {
+impl AgentReplica for OfAgent {
     fn take(&mut self, part: Observation) -> Result<Option<Command>, String> {
         match self.0.take(part) {
             Ok(Reaction::Reply(command)) => Ok(Some(command)),

@@ -33,7 +33,7 @@ const POLL_PERIOD: Duration = Duration::from_millis(5);
 /// Returns when every known participant has announced an endpoint, from when on it also receives
 /// the announcements of this process. Participants with the same middleware lose nothing and may be
 /// waiting here as well, so they are not waited for.
-#[expect(clippy::disallowed_methods, reason = "nothing tells that there is nobody else")]
+#[expect(clippy::disallowed_methods, reason = "no event marks the end of discovery")]
 pub(super) fn wait_for_discovery(participant: &DomainParticipant) {
     let events = participant.status_listener();
     let (mut discovered, mut with_endpoints) = (BTreeSet::new(), BTreeSet::new());

@@ -95,7 +95,7 @@ pub enum RosError {
         source: CreateError,
     },
     /// The limit of open files is too low.
-    #[error("{wanted} open files are needed for so many agents, but the limit is {allowed}; see `ulimit -n`")]
+    #[error("this many agents need {wanted} open files, but the limit is {allowed}; raise it with `ulimit -n`")]
     OpenFiles { wanted: u64, allowed: u64 },
 }
 
@@ -228,7 +228,7 @@ impl EndpointFactory {
         Ok(())
     }
 
-    #[expect(clippy::disallowed_methods, reason = "nothing tells when the middleware has announced an endpoint")]
+    #[expect(clippy::disallowed_methods, reason = "no event marks that an endpoint was announced")]
     fn pause(&mut self) {
         self.made += 1;
         if self.made.is_multiple_of(ENDPOINTS_PER_BATCH) {
@@ -323,10 +323,7 @@ impl ThrottledWarning {
 
 /// Waits for messages in flight, longer if there are observers. Call it before endpoints are
 /// dropped: samples of a dropped endpoint are not repaired.
-#[expect(
-    clippy::disallowed_methods,
-    reason = "the ROS client does not tell whether its messages have been acknowledged"
-)]
+#[expect(clippy::disallowed_methods, reason = "the ROS client does not report acknowledgements")]
 pub fn linger(has_observers: bool) {
     std::thread::sleep(if has_observers { LINGER_OBSERVED } else { LINGER });
 }

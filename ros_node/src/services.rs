@@ -71,7 +71,7 @@ impl CallerDiscovery {
     }
 
     /// Waits until the caller's response reader is discovered, if this is its first request.
-    #[expect(clippy::disallowed_methods, reason = "the ROS client does not tell when a reader has been found")]
+    #[expect(clippy::disallowed_methods, reason = "the ROS client has no event for a matched reader")]
     pub(super) fn wait_for(&self, id: &RmwRequestId) {
         let process = process(&id.writer_gid.to_bytes16());
         let mut known = self.known.borrow_mut();

@@ -1,18 +1,20 @@
-//! What a browser sees of a run: a page, and a Foxglove WebSocket with the views, the services, the parameters and the journal of the
-//! run, all at one address.
+//! The Foxglove server of a run: a web page and a Foxglove WebSocket at one address, with
+//! visualisation topics, services, parameters and the live stream.
 //!
-//! Foxglove and Lichtblick connect to it as they are. The project's own page (`viewer/`) pulls the [journal](crate::live_stream) piece by
-//! piece as an *asset* of the same connection, so that it misses nothing and nobody waits for it.
+//! Foxglove and Lichtblick connect to it unchanged. The project's own page (`viewer/`) reads the
+//! [live stream](crate::live_stream) in chunks as an *asset* of the same connection, so that it
+//! misses nothing and delays nothing.
 //!
 //! ```text
-//!   browser --- front ---+--- files of the page
-//!                        +--- Foxglove server --- [Hub] --- [ObservedLink] --- the run and its link
+//!   browser --- HTTP gateway --+-- files of the page
+//!                              +-- Foxglove WebSocket -- [Hub] -- [ObservedLink] -- run loop, link
 //! ```
 //!
-//! Invariants: nobody who looks on makes the run wait; what is asked for gets to the run through the same requests as over ROS
-//! ([`crate::control`]), and is answered between two ticks; one that is too slow loses messages, or its connection.
+//! Invariants: an observer never delays the run; its requests reach the run like those over ROS
+//! ([`crate::control`]) and are answered between two ticks; a client that is too slow loses
+//! messages, or its connection.
 //!
-//! This module does not know what a page draws.
+//! This module does not know what the page draws.
 
 pub mod capture;
 mod http_gateway;
@@ -44,63 +46,59 @@ use services::ClientRequest;
 pub use services::StartRequest;
 pub use static_files::StaticFileServer;
 
-/// Where runs are shown unless somebody says otherwise: the port that Foxglove looks for.
+/// The default address, with the port that Foxglove expects.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
 
-/// What is said where a page is needed that was not built.
+/// Error text for a page that was not built.
 pub const NO_PAGE_HERE: &str = "the page was not built: npm --prefix viewer ci && npm --prefix viewer run build, or launch_scripts/view.sh, which does both";
 
-/// Requests that wait for the run at the most; one more is refused.
+/// Maximum queued requests; a further one is refused.
 const REQUESTS_MAX: usize = 256;
 
-/// Messages that wait for one client at the most; then it loses the oldest ones.
+/// Maximum messages queued per client; beyond it the oldest are dropped.
 const BACKLOG_MESSAGES_MAX: usize = 1024;
 
-/// How long the journal's end waits for those who read it, wall time.
+/// Maximum wall time that the end of a run waits for readers of the live stream.
 const READERS_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Why nothing can be shown.
+/// Why the server cannot start.
 #[derive(Debug, Error)]
 pub enum FoxgloveServerError {
-    /// The address is not free, or is none of this machine.
+    /// The address cannot be bound.
     #[error("--view {address}: {source}")]
     Address {
-        /// As it was asked for.
+        /// As requested.
         address: String,
-        /// What the system says.
         source: io::Error,
     },
-    /// There is no page where somebody has said.
+    /// The folder has no page.
     #[error("--page {folder}: expected a folder with index.html")]
-    Page {
-        /// The folder.
-        folder: String,
-    },
-    /// The system has not enough of something.
+    Page { folder: String },
+    /// The system refuses.
     #[error("serving observers: {0}")]
     System(#[from] io::Error),
-    /// The library refuses.
+    /// The Foxglove library refuses.
     #[error("Foxglove server: {0}")]
     Foxglove(#[from] FoxgloveError),
 }
 
-/// Where people look on, from before a run until after it.
+/// The server, from before a run until after it.
 pub struct FoxgloveServer {
     hub: Arc<Hub>,
     server: Arc<WebSocketServerHandle>,
     context: Arc<Context>,
     requests: Receiver<ClientRequest>,
     address: SocketAddr,
-    /// Ends with everything that runs on it.
+    /// Its tasks end when it is dropped.
     _runtime: Runtime,
 }
 
 impl FoxgloveServer {
-    /// Opens at an address such as `127.0.0.1:8765`; port 0 is a free one. `page` is the folder of the page, if there is one.
-    /// `is_idle` says that runs can be started from there.
+    /// Listens at an address such as `127.0.0.1:8765`; port 0 selects a free one. `page` is the
+    /// folder of the page; `is_idle` offers the service that starts runs.
     ///
     /// # Errors
-    /// If the address cannot be had.
+    /// If the address cannot be bound.
     pub fn open(address: &str, page: Option<&Path>, is_idle: bool) -> Result<Self, FoxgloveServerError> {
         let (runtime, listener) = http_gateway::open(address)?;
         let local = listener.local_addr()?;
@@ -111,7 +109,7 @@ impl FoxgloveServer {
         let server = WebSocketServer::new()
             .name("MAES")
             .context(&context)
-            // Nobody but the front connects to it.
+            // Only the HTTP gateway connects to it.
             .bind("127.0.0.1", 0)
             .server_info(info.into_iter().collect())
             .session_id(hub.session())
@@ -133,23 +131,24 @@ impl FoxgloveServer {
         Ok(Self { hub, server, context, requests, address: local, _runtime: runtime })
     }
 
-    /// Where it is.
+    /// The address it listens at.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Begins the journal of the next run, which is shown once the run is announced.
+    /// Creates the live stream of the next run, which is served once the run is announced.
     ///
     /// # Errors
-    /// If no file can be made for it.
+    /// If its file cannot be created.
     pub fn live_stream(&self, documents: &[Document<'_>]) -> io::Result<LiveStream> {
         let stream = LiveStream::create(documents)?;
         self.hub.set_next_stream(stream.reader());
         Ok(stream)
     }
 
-    /// The next run that somebody wants to start, if one is asked for in time. Other requests are refused: there is no run.
+    /// The next request to start a run, if one arrives in time. Other requests are refused, because
+    /// there is no run.
     #[must_use]
     pub fn next_start(&self, timeout: Duration) -> Option<StartRequest> {
         match self.requests.recv_timeout(timeout).ok()? {
@@ -162,7 +161,7 @@ impl FoxgloveServer {
         }
     }
 
-    /// Gives those who read the journal time to read its end.
+    /// Waits until readers of the live stream have read its end.
     pub fn wait_for_readers(&self) {
         self.hub.wait_for_readers(READERS_TIMEOUT, || self.server.client_count() == 0);
     }

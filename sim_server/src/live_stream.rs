@@ -1,12 +1,13 @@
-//! Everything that a run writes down, as those who look on read it while it grows: a recording in the form of a stream.
+//! The live MCAP stream of a run: its recording as a stream that observers read while it grows.
 //!
-//! It is an MCAP file without chunks, so that it can be read up to its last message at any time: the same messages as in the
-//! [recording](crate::recorder), in the same order, and the same attachments. It lies in a file that has no name and goes with the process.
+//! It is an MCAP file without chunks, readable up to its last message at any time: the messages of
+//! the [recording](crate::recorder), in the same order, and the same attachments. Its file is
+//! unnamed and disappears with the process.
 //!
-//! Invariants: whoever reads never makes the run wait, and reads at its own pace; what has been read once never changes; that the
-//! stream cannot be written is told to those who read it, and is nothing to the run.
+//! Invariants: readers never delay the run and read at their own pace; bytes once read never
+//! change; a write error ends the stream for its readers and does not concern the run.
 //!
-//! This module knows no network: `viewing` hands the bytes out.
+//! This module knows no network: the Foxglove server serves the bytes.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -25,13 +26,13 @@ use msgs::topics::Topic;
 use crate::recorder::{self, Document};
 use crate::wall_clock::now;
 
-/// Wall time for which messages are kept back, so that they go to the file many at a time.
+/// Maximum wall time for which messages are buffered.
 const FLUSH_PERIOD: Duration = Duration::from_millis(20);
 
-/// Bytes that are kept back at the most.
+/// Maximum bytes that are buffered.
 const FLUSH_BYTES: usize = 1 << 16;
 
-/// The end at which a run writes. Whoever has read everything is told so once this is dropped.
+/// The writing end. Dropping it ends the stream.
 pub struct LiveStream {
     writer: Writer<NoSeek<StreamFile>>,
     channel_of_topic: BTreeMap<String, u16>,
@@ -40,16 +41,16 @@ pub struct LiveStream {
     unflushed_bytes: usize,
 }
 
-/// The end at which others read; clones read the same.
+/// The reading end; clones read the same stream.
 #[derive(Clone)]
 pub struct LiveStreamReader(Arc<Shared>);
 
-/// What a reader gets.
+/// The result of a read.
 #[derive(Debug, PartialEq, Eq)]
 pub enum StreamChunk {
-    /// Bytes; none if there is nothing more yet.
+    /// Bytes; none if there are no more yet.
     Bytes(Vec<u8>),
-    /// The run has ended, and all was read.
+    /// The run has ended and all bytes were read.
     End,
 }
 
@@ -57,21 +58,21 @@ struct Shared {
     file: File,
     length: AtomicU64,
     has_ended: AtomicBool,
-    /// Why nothing more can be written.
+    /// Why writing failed.
     failure: Mutex<Option<String>>,
 }
 
-/// Where the MCAP writer writes to.
+/// The buffered sink of the MCAP writer.
 struct StreamFile {
     unflushed: Vec<u8>,
     shared: Arc<Shared>,
 }
 
 impl LiveStream {
-    /// Begins a stream with its documents (scenario, map).
+    /// Creates a stream with its documents (scenario, map).
     ///
     /// # Errors
-    /// If no file can be made for it.
+    /// If its file cannot be created.
     pub fn create(documents: &[Document<'_>]) -> io::Result<Self> {
         let shared = Arc::new(Shared {
             file: tempfile::tempfile()?,
@@ -84,13 +85,13 @@ impl LiveStream {
         Ok(Self { writer, channel_of_topic: BTreeMap::new(), shared, last_flush: now(), unflushed_bytes: 0 })
     }
 
-    /// A way to read it.
+    /// A reader.
     #[must_use]
     pub fn reader(&self) -> LiveStreamReader {
         LiveStreamReader(Arc::clone(&self.shared))
     }
 
-    /// Adds a message, as CDR with its encapsulation header.
+    /// Appends a message, CDR with its encapsulation header.
     pub fn write(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) {
         if self.shared.has_failed() {
             return;
@@ -105,7 +106,7 @@ impl LiveStream {
         }
     }
 
-    /// Lets others read what there is if it is time to. To be called while the run waits, too.
+    /// Makes buffered messages readable if it is time to. Call it also while the run waits.
     pub fn flush_if_due(&mut self) {
         if self.unflushed_bytes > 0 && self.last_flush.elapsed() >= FLUSH_PERIOD {
             self.flush();
@@ -134,7 +135,7 @@ impl LiveStream {
 }
 
 impl Drop for StreamFile {
-    /// The writer has come to its end. Also of a run that was given up there is nothing more to come.
+    /// Ends the stream, also that of an aborted run.
     fn drop(&mut self) {
         let flushed = self.flush();
         self.shared.note_failure(flushed.map_err(mcap::McapError::Io));
@@ -143,13 +144,13 @@ impl Drop for StreamFile {
 }
 
 impl LiveStreamReader {
-    /// What lies from `offset` on, `bytes_max` at the most.
+    /// Reads up to `bytes_max` bytes from `offset` on.
     ///
     /// # Errors
-    /// If it lies beyond the end, cannot be read, or could not be written; the text is for people.
+    /// If the offset is beyond the end, or reading or writing has failed.
     pub fn read(&self, offset: u64, bytes_max: usize) -> Result<StreamChunk, String> {
         let shared = &self.0;
-        // In this order: what was written before the end is there once the end is seen.
+        // In this order: once the end is seen, so is everything written before it.
         let has_ended = shared.has_ended.load(Ordering::Acquire);
         let length = shared.length.load(Ordering::Acquire);
         let left = length.checked_sub(offset).ok_or_else(|| format!("offset {offset}: expected 0 to {length}"))?;
@@ -209,7 +210,7 @@ mod tests {
         reader.read(offset as u64, 1000).unwrap()
     }
 
-    /// Everything there is, a few bytes at a time.
+    /// The whole stream, a few bytes at a time.
     fn read_all(reader: &LiveStreamReader) -> Vec<u8> {
         let mut bytes = Vec::new();
         loop {

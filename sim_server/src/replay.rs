@@ -51,7 +51,7 @@ pub fn features() -> SimulatorFeatures {
             SimulatorFeatures::STEP_SIMULATION_ACTION,
         ],
         spawn_formats: Vec::new(),
-        custom_info: "a recording is played: a step is a tick of 20 ms of sim time, and nothing can be changed"
+        custom_info: "replay of a recording: a step is a tick of 20 ms of sim time, and nothing can be changed"
             .to_owned(),
     }
 }

@@ -34,7 +34,7 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Fragment};
 
 use crate::control::{Request, Reset, SimulationControl};
-use crate::playback::{Playback, Said};
+use crate::playback::{Playback, RecordedTick};
 use crate::transport::{Level, Transport};
 use crate::wall_clock::{nanoseconds, now};
 use simulation::digest::Digest;
@@ -251,7 +251,7 @@ impl<'c> Session<'c, '_> {
 
     /// Executes one tick, with the replies of the agents or with recorded ones. Breaks if the wait for replies is stopped:
     /// then the world stays as it is, and the recording has the observations of this tick.
-    fn tick(&mut self, recorded: Option<Said>) -> Result<ControlFlow<()>, RunError> {
+    fn tick(&mut self, recorded: Option<RecordedTick>) -> Result<ControlFlow<()>, RunError> {
         self.engine.look();
         let requests = self.requests(recorded.as_ref());
         let is_live = recorded.is_none();
@@ -276,7 +276,7 @@ impl<'c> Session<'c, '_> {
     }
 
     /// The requests of this tick. External agents get their standard sensor messages as well, while the run is live.
-    fn requests(&mut self, recorded: Option<&Said>) -> Vec<ObservationRequest> {
+    fn requests(&mut self, recorded: Option<&RecordedTick>) -> Vec<ObservationRequest> {
         let is_live = self.playback.is_none();
         let due = self.engine.due(recorded);
         let mut requests = Vec::with_capacity(due.len());

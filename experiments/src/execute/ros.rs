@@ -65,7 +65,7 @@ impl Launcher {
             return Err(RunFailure::Failed("the server has written no summary".to_owned()));
         };
         let info = info::read(&recording).map_err(|error| failed(&error))?;
-        let Info { told: Some(told), result: Some(result), progress, .. } = info else {
+        let Info { announced: Some(told), result: Some(result), progress, .. } = info else {
             return Err(RunFailure::Failed("the recording has no end".to_owned()));
         };
         let wall = measure::wall_row(Tick(result.tick), summary.wall(), &[], &machine());

@@ -1,9 +1,10 @@
-//! Where requests are dealt with that are about time alone: the state of the simulation, its pace, and who waits for steps.
+//! Simulation control over time: the state of the simulation, its real-time factor, and the callers
+//! that wait for steps.
 //!
-//! Invariants: a request is answered once, also if all ends first; steps that were asked for are answered when everybody has been
-//! told of the last one.
+//! Invariants: a request is answered exactly once, even if the run ends first; steps are answered
+//! after the clock has published the last of them.
 //!
-//! The wall time is an argument: nanoseconds since some moment.
+//! Wall time is an argument, in nanoseconds since an arbitrary epoch.
 
 use msgs::ids::Tick;
 use msgs::service::{Ask, Reply};
@@ -15,17 +16,17 @@ use super::{Request, Reset, State, StateMachine, Steps};
 use simulation::pacer::Pacer;
 use simulation::scenario::Rtf;
 
-/// The state, the pace, and who waits.
+/// State machine, real-time pacing and the pending caller of steps.
 pub struct SimulationControl {
     features: SimulatorFeatures,
     machine: StateMachine,
     pace: Pacer,
     step_caller: Option<StepCaller>,
-    /// How many of the steps are done, and how many are not, if that has not been told yet.
+    /// Steps done and left, until the caller gets them.
     unreported: Option<(u64, u64)>,
 }
 
-/// Who waits for steps.
+/// The caller that waits for steps.
 enum StepCaller {
     Service(Reply<ResultResponse>),
     Action(Box<dyn Steps>),
@@ -41,7 +42,7 @@ impl StepCaller {
 }
 
 impl SimulationControl {
-    /// For something that begins at this pace, or paused, and can do this.
+    /// A simulation that starts at this real-time factor, or paused, with these features.
     #[must_use]
     pub fn new(is_paused: bool, rtf: Rtf, features: SimulatorFeatures) -> Self {
         let can_reset = features.features.contains(&SimulatorFeatures::SIMULATION_RESET);
@@ -67,23 +68,24 @@ impl SimulationControl {
         self.machine.is_at_rest()
     }
 
-    /// Time goes on from this tick: what came before is no reason to hurry or to wait.
+    /// Restarts pacing at this tick: earlier delays are neither made up for nor waited out.
     pub fn restart_pacing(&mut self, tick: Tick, wall_ns: u64) {
         self.pace.restart(tick, wall_ns);
     }
 
-    /// Wall time for which the pace holds back a tick, ns, if it does; steps are made as fast as possible.
+    /// Wall time to wait before a tick, in ns, if the real-time factor requires it; steps run as
+    /// fast as possible.
     #[must_use]
     pub fn wait_ns(&self, tick: Tick, wall_ns: u64) -> Option<u64> {
         if self.machine.is_stepping() { None } else { self.pace.wait_ns(tick, wall_ns) }
     }
 
-    /// A tick has been made.
+    /// Counts a tick.
     pub fn ticked(&mut self) {
         self.unreported = self.machine.ticked();
     }
 
-    /// The clock has told everybody of the last tick, so whoever has asked for it may be answered.
+    /// Reports finished steps to their caller. Call it after the clock was published.
     pub fn report_steps(&mut self) {
         let Some((done, left)) = self.unreported.take() else {
             return;
@@ -98,7 +100,7 @@ impl SimulationControl {
         }
     }
 
-    /// Makes no more steps, and says why to whoever waits for them.
+    /// Drops pending steps and tells their caller why.
     pub fn end_steps(&mut self, reason: &str) {
         self.machine.end_steps();
         if let Some(step_caller) = self.step_caller.take() {
@@ -106,7 +108,7 @@ impl SimulationControl {
         }
     }
 
-    /// Answers a request before `tick`, or gives it back if it is not about time alone.
+    /// Answers a request before `tick`, or returns it if it is not about time alone.
     pub fn answer(&mut self, request: Request, tick: Tick, wall_ns: u64) -> Option<Request> {
         match request {
             Request::Features(ask) => ask.answer(|_| FeaturesResponse { features: self.features.clone() }),
@@ -134,19 +136,19 @@ impl SimulationControl {
         None
     }
 
-    /// How it is to begin again, if somebody has asked for that.
+    /// The requested reset.
     #[must_use]
     pub fn pending_reset(&self) -> Option<Reset> {
         self.machine.pending_reset()
     }
 
-    /// The pace.
+    /// The real-time factor.
     #[must_use]
     pub fn rtf(&self) -> Rtf {
         self.pace.rtf()
     }
 
-    /// Whether somebody has asked for the end.
+    /// Whether quitting was requested.
     #[must_use]
     pub fn is_quitting(&self) -> bool {
         self.machine.state() == State::Quitting

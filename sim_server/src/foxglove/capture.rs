@@ -1,7 +1,8 @@
-//! Pictures of a recording, taken with the page itself in a browser that nobody sees.
+//! Snapshots and movies of a recording, rendered by the page in a headless browser.
 //!
-//! The page and the recording are offered on a port of this machine for as long as it takes; a script beside the page (`viewer/pictures`)
-//! drives the browser, and tells people what is wrong. Nothing here draws.
+//! A temporary server on this machine serves page and recording; a script beside the page
+//! (`viewer/pictures`) drives the browser and reports errors to the user. This module renders
+//! nothing itself.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -13,71 +14,69 @@ use thiserror::Error;
 use super::{FoxgloveServerError, NO_PAGE_HERE, StaticFileServer, http_gateway};
 use crate::exit;
 
-/// A free port of this machine.
 const FREE_PORT: &str = "127.0.0.1:0";
 
-/// What is to be seen.
+/// What to render.
 #[derive(Debug, Args)]
 pub struct CaptureArgs {
     /// The recording (.mcap)
     pub file: PathBuf,
-    /// Pixels of the picture
+    /// Size of the image in pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     pub size: [u32; 2],
-    /// Look at this agent instead of the whole cave
+    /// Point the camera at this agent instead of the whole map
     #[arg(long, value_name = "ID")]
     pub agent: Option<u32>,
-    /// What to draw, for example walls,unexplored,trails,labels; as the page does if it is not said
+    /// Layers to draw, for example walls,unexplored,trails,labels [default: those of the page]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub layers: Option<Vec<String>>,
-    /// The folder of the page, if it is not the one that was built here
+    /// The folder of the page [default: the one that was built here]
     #[arg(long, value_name = "DIR")]
     pub page: Option<PathBuf>,
 }
 
-/// One moment, or many.
+/// Sim time of a snapshot or of a movie.
 #[derive(Debug, Clone, Copy, Serialize)]
 #[serde(untagged)]
 pub enum CaptureTime {
-    /// A picture.
+    /// A single image.
     Snapshot {
         /// Sim time, s.
         at: f64,
     },
-    /// A movie.
     Movie {
-        /// Sim time of the first picture, s; that of the recording if it is none.
+        /// Sim time of the first frame, s; the start of the recording if `None`.
         from: Option<f64>,
-        /// Sim time of the last one, s; that of the recording if it is none.
+        /// Sim time of the last frame, s; the end of the recording if `None`.
         to: Option<f64>,
-        /// How long it lasts, s.
+        /// Duration of the movie, s.
         seconds: f64,
-        /// Pictures of each second.
+        /// Frames per second.
         fps: u32,
     },
 }
 
-/// Why there is no picture.
+/// Why nothing was rendered.
 #[derive(Debug, Error)]
 pub enum CaptureError {
-    /// The page cannot be offered.
+    /// The page cannot be served.
     #[error(transparent)]
     FoxgloveServer(#[from] FoxgloveServerError),
-    /// There is no page.
+    /// The page was not built.
     #[error("{NO_PAGE_HERE}")]
     NoPage,
-    /// The browser's driver cannot be started.
+    /// The browser driver cannot be started.
     #[error("Node.js 20.19 or later is required for snapshots and movies: {0}")]
     Node(std::io::Error),
-    /// The driver has said what is wrong.
-    #[error("no picture was taken")]
+    /// The driver has reported an error.
+    #[error("nothing was rendered")]
     Driver {
-        /// Whether what it was asked for makes no sense.
+        /// Whether the request was not legal.
         is_bad_input: bool,
     },
 }
 
-/// What the driver is told.
+/// The order for the browser driver, as JSON.
 #[derive(Serialize)]
 struct DriverOrder<'a> {
     url: String,
@@ -89,10 +88,11 @@ struct DriverOrder<'a> {
     time: CaptureTime,
 }
 
-/// Takes pictures into the file `out`: PNG for a moment, MP4 or GIF for many.
+/// Renders into the file `out`: PNG for a snapshot, MP4 or GIF for a movie.
 ///
 /// # Errors
-/// If the page, the browser or the driver is missing, or what is asked for makes no sense; then there is no file.
+/// If the page, the browser or the driver is missing, or the order is not legal; then there is no
+/// file.
 ///
 /// # Panics
 /// Never: an order is plain data.
@@ -111,7 +111,7 @@ pub fn take(args: &CaptureArgs, time: CaptureTime, out: &Path) -> Result<(), Cap
     let mut driver = Command::new("node");
     driver.arg(page.join("../pictures/take.mjs"));
     driver.arg(serde_json::to_string(&order).expect("an order is plain data"));
-    // It sees by itself when this process has gone.
+    // The driver notices by itself when this process ends.
     let status = driver.stdin(Stdio::null()).status();
     match status.map_err(CaptureError::Node)?.code() {
         Some(0) => Ok(()),
@@ -133,7 +133,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     let sides: Option<Vec<u32>> = text.split('x').map(|side| side.parse().ok()).collect();
     match sides.as_deref() {
         Some(&[width, height]) if (16..=8192).contains(&width) && (16..=8192).contains(&height) => Ok([width, height]),
-        _ => Err("expected two numbers of pixels from 16 to 8192, such as 1280x720".to_owned()),
+        _ => Err("expected width and height in pixels, each from 16 to 8192, such as 1280x720".to_owned()),
     }
 }
 

@@ -1,7 +1,9 @@
-//! The address that browsers know: who wants a WebSocket is passed on to the Foxglove server, everybody else gets files of the page.
+//! The HTTP gateway: one address that proxies WebSocket upgrades to the Foxglove server and serves
+//! all other requests from files.
 //!
-//! A page in a browser may only talk to this address if it comes from here, from this machine, or from Foxglove, as long as the address is
-//! one of this machine alone: otherwise any page on the net that somebody looks at could control a run.
+//! On a loopback address, it accepts requests from pages of this machine or of Foxglove only:
+//! otherwise any web page that a user opens could control a run (DNS rebinding, cross-site
+//! WebSockets).
 
 use std::convert::Infallible;
 use std::io::{self, Cursor};
@@ -30,46 +32,46 @@ use super::FoxgloveServerError;
 /// Threads that serve clients.
 const THREADS: usize = 2;
 
-/// Bytes of the head of a request at the most.
+/// Maximum bytes of the head of a request.
 const HEAD_BYTES_MAX: usize = 16 * 1024;
 
-/// Wall time for the head of a request to come.
+/// Maximum wall time for the head of a request to arrive.
 const HEAD_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Whose pages may connect to an address of this machine alone, beside those of this machine.
+/// Foreign origins that may connect to a loopback address.
 const KNOWN_ORIGINS: [&str; 3] =
     ["https://app.foxglove.dev", "https://studio.foxglove.dev", "https://lichtblick-suite.github.io"];
 
-/// What is said instead of the page where it was not built.
+/// Served instead of a page that was not built.
 const NO_PAGE: &str = "<!doctype html><title>MAES</title><p>The simulator is here, but its page was not built. \
     Build it with <code>npm --prefix viewer ci &amp;&amp; npm --prefix viewer run build</code>, \
     or connect Foxglove or Lichtblick to this address (Foxglove WebSocket).";
 
-/// Where the recording is that is offered beside the page; its own name may follow, so that people see it.
+/// Path of the recording beside the page; its file name may follow, for display.
 const RECORDING: &str = "recording";
 
-/// What there is at an address.
+/// What the gateway serves.
 #[derive(Debug, Clone)]
 pub(super) struct GatewayContent {
-    /// The folder of the page.
     pub(super) page: Option<PathBuf>,
-    /// Where WebSockets go.
+    /// Target of WebSocket upgrades.
     pub(super) foxglove: Option<SocketAddr>,
-    /// A recording to look at.
+    /// A recording to serve.
     pub(super) recording: Option<PathBuf>,
 }
 
-/// The address of a recording beside the page. A name that would have to be written in another way there is left out.
+/// Path of a recording beside the page. A name that would need escaping is left out.
 pub(super) fn recording_path(file: &Path) -> String {
     let is_plain = |name: &&str| name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte));
     let name = file.file_name().and_then(|name| name.to_str()).filter(is_plain).unwrap_or("recording.mcap");
     format!("{RECORDING}/{name}")
 }
 
-/// Where the page lies: in the folder that somebody has named; else beside the binary, or where the workspace builds it, if it is there.
+/// The folder of the page: the named one, else beside the binary, else where the workspace builds
+/// it.
 ///
 /// # Errors
-/// If the folder that was named has no page.
+/// If the named folder has no page.
 pub fn page(named: Option<&Path>) -> Result<Option<PathBuf>, FoxgloveServerError> {
     match named {
         Some(folder) if !is_page(folder) => Err(FoxgloveServerError::Page { folder: folder.display().to_string() }),
@@ -89,7 +91,7 @@ fn built_page() -> Option<PathBuf> {
     candidates.into_iter().find(|candidate| is_page(candidate))
 }
 
-/// Takes an address, with threads to serve those who come there.
+/// Binds an address, with a runtime for its clients.
 pub(super) fn open(address: &str) -> Result<(Runtime, TcpListener), FoxgloveServerError> {
     let runtime = Builder::new_multi_thread().worker_threads(THREADS).thread_name("foxglove").enable_all().build()?;
     let refused = |source| FoxgloveServerError::Address { address: address.to_owned(), source };
@@ -97,13 +99,13 @@ pub(super) fn open(address: &str) -> Result<(Runtime, TcpListener), FoxgloveServ
     Ok((runtime, listener))
 }
 
-/// Serves all who come, until the runtime ends.
+/// Serves clients until the runtime ends.
 pub(super) fn serve(runtime: &Runtime, listener: TcpListener, content: GatewayContent) {
     let content = Arc::new(content);
     let is_private = listener.local_addr().is_ok_and(|address| address.ip().is_loopback());
     runtime.spawn(async move {
         loop {
-            // That one client cannot be had is no reason to have none.
+            // An error of one connection does not concern the others.
             if let Ok((stream, _)) = listener.accept().await {
                 tokio::spawn(serve_connection(stream, Arc::clone(&content), is_private));
             }
@@ -111,7 +113,7 @@ pub(super) fn serve(runtime: &Runtime, listener: TcpListener, content: GatewayCo
     });
 }
 
-/// Serves one connection; that it breaks is its own affair.
+/// Serves one connection; its errors are ignored.
 async fn serve_connection(mut stream: TcpStream, content: Arc<GatewayContent>, is_private: bool) {
     let Ok(Ok(head)) = tokio::time::timeout(HEAD_TIMEOUT, read_head(&mut stream)).await else { return };
     let request = Request::parse(&head);
@@ -130,7 +132,7 @@ async fn serve_connection(mut stream: TcpStream, content: Arc<GatewayContent>, i
     };
 }
 
-/// Answers requests for files, on a connection of which the first head was read.
+/// Serves files on a connection whose first head was read already.
 async fn serve_files(stream: TcpStream, head: Vec<u8>, content: &GatewayContent) -> hyper::Result<()> {
     let (reading, writing) = stream.into_split();
     let stream = TokioIo::new(join(Cursor::new(head).chain(reading), writing));
@@ -142,7 +144,7 @@ async fn serve_files(stream: TcpStream, head: Vec<u8>, content: &GatewayContent)
         });
         return http1::Builder::new().serve_connection(stream, answer).await;
     };
-    // A page that was built anew is another one.
+    // A rebuilt page must not come from the cache.
     let uncached = |files| SetResponseHeader::overriding(files, CACHE_CONTROL, HeaderValue::from_static("no-cache"));
     let page = Compression::new(uncached(ServeDir::new(folder)));
     let recording = content.recording.as_ref().map(ServeFile::new);
@@ -150,7 +152,7 @@ async fn serve_files(stream: TcpStream, head: Vec<u8>, content: &GatewayContent)
         let (page, recording) = (page.clone(), recording.clone());
         async move {
             match recording {
-                // As it is, so that parts of it can be asked for.
+                // Uncompressed, so that range requests work.
                 Some(recording) if request.uri().path().split('/').nth(1) == Some(RECORDING) => {
                     recording.oneshot(request).await.map(|answer| answer.map(Either::Left))
                 }
@@ -175,7 +177,7 @@ async fn proxy(mut stream: TcpStream, head: &[u8], foxglove: SocketAddr) -> io::
     copy_bidirectional(&mut stream, &mut server).await.map(drop)
 }
 
-/// Everything up to the empty line behind the head of a request, and what came with it.
+/// Reads up to the empty line behind the head of a request, and what came with it.
 async fn read_head(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
     let mut head = Vec::new();
     while !head.windows(4).any(|bytes| bytes == b"\r\n\r\n") {
@@ -186,13 +188,13 @@ async fn read_head(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
     Ok(head)
 }
 
-/// What has to be known of a request before it is passed on.
+/// The headers that decide about a request.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Request {
     wants_websocket: bool,
-    /// Where the page comes from that asks, if it is one.
+    /// Origin of the requesting page, if it is one.
     origin: Option<String>,
-    /// Whom it takes this address for.
+    /// The host it addresses.
     host: Option<String>,
 }
 
@@ -213,8 +215,8 @@ impl Request {
         request
     }
 
-    /// Whether it may be answered by an address of this machine alone. What is no browser names no origin. Browsers name the host as it
-    /// stands in the address, so a name that somebody else has made point here is found out.
+    /// Whether a loopback address may answer it. Clients other than browsers send no origin.
+    /// Browsers send the host of the URL, which exposes foreign names that resolve to this machine.
     fn is_same_machine(&self) -> bool {
         let is_known = |origin: &str| {
             KNOWN_ORIGINS.contains(&origin) || origin.split_once("://").is_some_and(|(_, host)| is_loopback_host(host))
@@ -223,7 +225,7 @@ impl Request {
     }
 }
 
-/// Whether a host, with or without a port, is this machine by any of its own names.
+/// Whether a host, with or without a port, is a name of this machine.
 fn is_loopback_host(host: &str) -> bool {
     let name = match host.strip_prefix('[') {
         Some(rest) => rest.split(']').next().unwrap_or_default(),

@@ -1,6 +1,7 @@
-//! What clients of the WebSocket and the run have in common: who looks at what, what was said last, the journal, the parameters.
+//! State shared by the clients of the WebSocket and the run: subscriptions, latched messages, live
+//! stream and parameters.
 //!
-//! Clients come in on threads of their own. All of them and the run meet in one lock that nobody holds for long.
+//! Client callbacks run on their own threads; one lock, always held briefly, guards the state.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::SyncSender;
@@ -20,16 +21,16 @@ use crate::live_stream::{LiveStreamReader, StreamChunk};
 use simulation::parameters;
 use simulation::scenario::{Rtf, Scenario};
 
-/// What the names of assets begin with; a session and an offset follow.
+/// Prefix of asset names; session and offset follow.
 const SCHEME: &str = "maes://run/";
 
-/// Bytes of an answer at the most.
+/// Maximum bytes of an answer.
 const CHUNK_BYTES_MAX: usize = 1 << 20;
 
-/// Where clients and the run meet.
+/// The shared state and its callbacks.
 pub(super) struct Hub {
     state: Mutex<State>,
-    /// Somebody has read the journal to its end.
+    /// Signalled when a client has read the live stream to its end, or has gone.
     stream_read: Condvar,
     requests: SyncSender<ClientRequest>,
     server: OnceLock<Weak<WebSocketServerHandle>>,
@@ -39,22 +40,22 @@ pub(super) struct Hub {
 struct State {
     session: String,
     stream: Option<LiveStreamReader>,
-    /// That of a run that is not announced yet.
+    /// The stream of a run that is not announced yet.
     next_stream: Option<LiveStreamReader>,
-    /// Who reads the journal, and whether to its end.
+    /// Clients that read the live stream, and whether to its end.
     readers: BTreeMap<u32, bool>,
     parameters: Vec<Parameter>,
     topics: BTreeMap<String, TopicState>,
-    /// Grows with every coming and going.
+    /// Grows with every change of subscriptions.
     revision: u64,
 }
 
-/// A topic, and who stands before it.
+/// A topic with its subscribers.
 struct TopicState {
     channel: Arc<RawChannel>,
     subscribers: BTreeSet<u32>,
     arrivals: u64,
-    /// What is said again to those who come late.
+    /// The latched message with its time in ns, for late subscribers.
     last: Option<(Vec<u8>, u64)>,
 }
 
@@ -66,7 +67,7 @@ impl Hub {
     }
 
     pub(super) fn set_server(&self, server: &Arc<WebSocketServerHandle>) {
-        // It is set once, before anybody comes.
+        // Set once, before any client connects.
         let _ = self.server.set(Arc::downgrade(server));
     }
 
@@ -82,12 +83,12 @@ impl Hub {
         self.server.get()?.upgrade()
     }
 
-    /// A run is about to begin, with this journal.
+    /// Sets the stream of the run that starts next.
     pub(super) fn set_next_stream(&self, stream: LiveStreamReader) {
         self.state().next_stream = Some(stream);
     }
 
-    /// A run begins: clients forget what they know of another one.
+    /// Starts the session of a run: clients drop their state of an earlier one.
     pub(super) fn start_session(
         &self,
         run: u64,
@@ -96,7 +97,7 @@ impl Hub {
     ) {
         let session = format!("{run:016x}");
         let former = std::mem::take(&mut self.state().topics);
-        // Clients whose channel is closed are told so, and come to the state for that.
+        // Closing a channel calls back into this state, so it happens without the lock.
         former.into_values().for_each(|topic| topic.channel.close());
         {
             let mut state = self.state();
@@ -121,7 +122,8 @@ impl Hub {
         }
     }
 
-    /// Who has ever come to each topic at which somebody stands now, if that may have changed since `revision`.
+    /// Subscriptions ever made to each topic that has subscribers now, if subscriptions may have
+    /// changed since `revision`.
     pub(super) fn arrivals(&self, revision: &mut u64) -> Option<Vec<(String, u64)>> {
         let state = self.state();
         if state.revision == *revision {
@@ -132,7 +134,7 @@ impl Hub {
         Some(observed.map(|(name, topic)| (name.clone(), topic.arrivals)).collect())
     }
 
-    /// Says something that late comers are told, too.
+    /// Publishes a message that late subscribers receive as well.
     pub(super) fn publish_latched(&self, topic: &str, bytes: Vec<u8>, tick: Tick) {
         let mut state = self.state();
         if let Some(topic) = state.topics.get_mut(topic) {
@@ -141,7 +143,7 @@ impl Hub {
         }
     }
 
-    /// Notes the pace, and tells those who follow it if it is another one.
+    /// Sets the parameter of the real-time factor, and publishes it if it has changed.
     pub(super) fn set_rtf(&self, rtf: Rtf) {
         let set = rtf_parameter(rtf);
         match self.state().parameters.iter_mut().find(|known| known.name == set.name) {
@@ -153,7 +155,7 @@ impl Hub {
         }
     }
 
-    /// Waits until everybody who reads the journal has read it to its end, or has gone.
+    /// Waits until every reader of the live stream has read its end or has gone.
     pub(super) fn wait_for_readers(&self, timeout: Duration, are_all_gone: impl Fn() -> bool) {
         let is_read = |state: &State| are_all_gone() || state.readers.values().all(|has_end| *has_end);
         let (_state, _) = self
@@ -162,7 +164,7 @@ impl Hub {
             .unwrap_or_else(PoisonError::into_inner);
     }
 
-    /// A part of the journal, by the name of an asset.
+    /// Reads a chunk of the live stream by the name of an asset.
     fn read_stream(&self, client: u32, uri: &str) -> Result<Vec<u8>, String> {
         let part = uri.strip_prefix(SCHEME).and_then(|rest| rest.split_once('/'));
         let named = part.and_then(|(session, offset)| Some((session, offset.parse().ok()?)));
@@ -176,7 +178,7 @@ impl Hub {
             state.readers.entry(client).or_insert(false);
             stream
         };
-        // No lock is held while the file is read.
+        // The lock is released while the file is read.
         match stream.ok_or("gone")?.read(offset, CHUNK_BYTES_MAX)? {
             StreamChunk::Bytes(bytes) => Ok(bytes),
             StreamChunk::End => {
@@ -260,7 +262,7 @@ fn rtf_parameter(rtf: Rtf) -> Parameter {
     }
 }
 
-/// A key of the scenario as a parameter of the WebSocket.
+/// A scenario key as a parameter of the WebSocket.
 fn parameter(name: String, value: &Value) -> Option<Parameter> {
     let (kind, value) = match value.kind {
         Value::BOOL => (None, ParameterValue::Bool(value.bool_value)),

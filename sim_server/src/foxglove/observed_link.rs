@@ -1,4 +1,4 @@
-//! A link with people who look on through the WebSocket: everything goes the same way as without them, and to them as well.
+//! A link that also serves the observers of the Foxglove server; messages pass through unchanged.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,20 +20,20 @@ use crate::wall_clock::now;
 use simulation::scenario::{self, Rtf};
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
-/// Wall time between two tellings of the time.
+/// Minimum wall time between two broadcasts of the time.
 const CLOCK_PERIOD: Duration = Duration::from_millis(33);
 
-/// A link that is looked at.
+/// A link with observers.
 pub struct ObservedLink<'v, L> {
     link: L,
     foxglove: &'v FoxgloveServer,
     scenario: &'v scenario::Scenario,
     channels: BTreeMap<VisualisationTopic, Arc<RawChannel>>,
     view_of_topic: BTreeMap<String, VisualisationTopic>,
-    /// Who looks on here, as of `revision`.
+    /// Subscriptions at the Foxglove server, as of `revision`.
     own: BTreeMap<VisualisationTopic, u64>,
     revision: u64,
-    /// Those of the link, when they were last asked for.
+    /// Subscriptions at the inner link, when last polled.
     inner: Subscribers,
     all: Subscribers,
     time_sent: Option<Instant>,
@@ -42,7 +42,7 @@ pub struct ObservedLink<'v, L> {
 }
 
 impl<'v, L: Transport> ObservedLink<'v, L> {
-    /// Shows the run of a scenario over a link.
+    /// Serves observers of a run over a link.
     pub fn new(link: L, foxglove: &'v FoxgloveServer, scenario: &'v scenario::Scenario) -> Self {
         Self {
             link,
@@ -60,7 +60,7 @@ impl<'v, L: Transport> ObservedLink<'v, L> {
         }
     }
 
-    /// Offers what there is to see of a run, anew.
+    /// Creates the channels of a run.
     fn open_channels(&mut self, run: u64) {
         self.channels.clear();
         let context = &self.foxglove.context;
@@ -73,16 +73,16 @@ impl<'v, L: Transport> ObservedLink<'v, L> {
         self.foxglove.hub.start_session(run, self.scenario, self.channels.values().cloned().chain(others));
     }
 
-    /// Tells what time it is, unless that was told, or something else just before.
+    /// Broadcasts the time unless that was done, or anything else a moment ago.
     fn broadcast_time(&mut self) {
-        if !self.is_time_sent && self.time_sent.is_none_or(|told| told.elapsed() >= CLOCK_PERIOD) {
+        if !self.is_time_sent && self.time_sent.is_none_or(|sent| sent.elapsed() >= CLOCK_PERIOD) {
             self.time_sent = Some(now());
             self.is_time_sent = true;
             self.foxglove.server.broadcast_time(self.tick.time_ns());
         }
     }
 
-    /// Finds out who looks on here now; says whether that may have changed.
+    /// Updates the subscriptions; returns whether they may have changed.
     fn update_own(&mut self) -> bool {
         let Some(arrivals) = self.foxglove.hub.arrivals(&mut self.revision) else { return false };
         let view = |(topic, arrivals)| Some((*self.view_of_topic.get(&topic)?, arrivals));
@@ -91,7 +91,7 @@ impl<'v, L: Transport> ObservedLink<'v, L> {
     }
 }
 
-/// Numbers of arrivals that grow whenever one of both does.
+/// Arrival counts that grow whenever one of the two does.
 fn merge(all: &mut Subscribers, own: &BTreeMap<VisualisationTopic, u64>, inner: &Subscribers) {
     let sum = |view: &VisualisationTopic| own.get(view).unwrap_or(&0) + inner.get(view).unwrap_or(&0);
     all.retain(|view, _| own.contains_key(view) || inner.contains_key(view));

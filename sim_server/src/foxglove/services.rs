@@ -1,4 +1,4 @@
-//! The services that clients of the WebSocket may call: those over ROS that are about time, and one that starts a run.
+//! The services of the WebSocket: those over ROS that control time, and one that starts a run.
 
 use std::sync::mpsc::{SyncSender, TrySendError};
 
@@ -11,30 +11,30 @@ use serde::{Deserialize, Serialize};
 use crate::control::Request;
 use simulation::scenario::Rtf;
 
-/// Something that a client wants.
+/// A request of a client.
 pub(super) enum ClientRequest {
-    /// A request for the run, by the number of its service, as CDR.
+    /// A request for the run: index of its service, and CDR payload.
     Service { service: usize, payload: Vec<u8>, responder: Responder },
-    /// Another pace.
+    /// Set the real-time factor.
     Rtf(Rtf),
-    /// Another run.
+    /// Start a run.
     Start(StartRequest),
 }
 
-/// Somebody wants to start a run, and waits to hear whether it has begun.
+/// A pending request to start a run.
 pub struct StartRequest {
-    /// The scenario, TOML.
+    /// Scenario as TOML.
     pub scenario: String,
     responder: Responder,
 }
 
-/// What `/sim_server/start_run` is asked, JSON.
+/// Request of `/sim_server/start_run`, JSON.
 #[derive(Deserialize)]
 struct StartBody {
     scenario: String,
 }
 
-/// What it answers.
+/// Its response, JSON.
 #[derive(Serialize)]
 struct StartResponse<'a> {
     started: bool,
@@ -42,17 +42,17 @@ struct StartResponse<'a> {
 }
 
 impl StartRequest {
-    /// Answers: the run has begun, or why not.
+    /// Answers whether the run has started, or why not.
     pub fn answer(self, outcome: Result<(), &str>) {
         let answer = StartResponse { started: outcome.is_ok(), message: outcome.err().unwrap_or_default() };
         self.responder.respond(serde_json::to_vec(&answer));
     }
 }
 
-/// How a request is made of what came in.
+/// Decodes the payload of a call.
 type Parse = fn(Vec<u8>, Responder) -> Result<Request, (String, Responder)>;
 
-/// The services: name, type, and the request that each of them makes.
+/// Services: name, type and decoder.
 const SERVICES: [(&str, &str, Parse); 5] = [
     ("get_simulator_features", "GetSimulatorFeatures", |bytes, to| ask(bytes, to).map(Request::Features)),
     ("get_simulation_state", "GetSimulationState", |bytes, to| ask(bytes, to).map(Request::State)),
@@ -61,7 +61,7 @@ const SERVICES: [(&str, &str, Parse); 5] = [
     ("reset_simulation", "ResetSimulation", |bytes, to| ask(bytes, to).map(Request::Reset)),
 ];
 
-/// Offers everything; what is called is put into `requests`.
+/// All services; their calls go into `requests`.
 pub(super) fn all(requests: &SyncSender<ClientRequest>, is_idle: bool) -> Vec<Service> {
     let mut services: Vec<Service> = SERVICES
         .iter()
@@ -98,7 +98,7 @@ fn start_service(requests: &SyncSender<ClientRequest>) -> Service {
     Service::builder("/sim_server/start_run", schema).handler(StartQueue(requests.clone()))
 }
 
-/// Puts calls into the queue for the run.
+/// Queues calls for the run.
 struct CallQueue<F> {
     requests: SyncSender<ClientRequest>,
     wrap: F,
@@ -121,7 +121,7 @@ impl Handler for StartQueue {
     }
 }
 
-/// Waits for nobody: who comes too often is refused.
+/// Queues a request without blocking, or refuses it.
 pub(super) fn enqueue(requests: &SyncSender<ClientRequest>, request: ClientRequest) {
     let (refused, reason) = match requests.try_send(request) {
         Ok(()) => return,
@@ -131,7 +131,7 @@ pub(super) fn enqueue(requests: &SyncSender<ClientRequest>, request: ClientReque
     refuse(refused, reason);
 }
 
-/// Says no.
+/// Refuses a request.
 pub(super) fn refuse(request: ClientRequest, reason: &str) {
     match request {
         ClientRequest::Service { responder, .. } => responder.respond_err(reason.to_owned()),
@@ -140,7 +140,7 @@ pub(super) fn refuse(request: ClientRequest, reason: &str) {
     }
 }
 
-/// What the run is asked; nothing, if it was answered already because it makes no sense.
+/// The request for the run, or `None` if it was answered already.
 pub(super) fn request(request: ClientRequest) -> Option<Request> {
     match request {
         ClientRequest::Rtf(rtf) => Some(Request::Rtf(rtf)),

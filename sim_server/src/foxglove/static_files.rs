@@ -1,4 +1,4 @@
-//! A page with a recording to look at, and no run.
+//! A static file server for the page and a recording, without a run.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -8,19 +8,19 @@ use tokio::runtime::Runtime;
 use super::FoxgloveServerError;
 use super::http_gateway::{self, GatewayContent};
 
-/// A recording that is offered to browsers, as long as this lives.
+/// Serves a recording until it is dropped.
 pub struct StaticFileServer {
     address: SocketAddr,
     path: String,
-    /// Ends with everything that runs on it.
+    /// Its tasks end when it is dropped.
     _runtime: Runtime,
 }
 
 impl StaticFileServer {
-    /// Offers a recording at an address such as `127.0.0.1:8765`; port 0 is a free one.
+    /// Serves a recording at an address such as `127.0.0.1:8765`; port 0 selects a free one.
     ///
     /// # Errors
-    /// If the address cannot be had.
+    /// If the address cannot be bound.
     pub fn open(address: &str, page: &Path, recording: &Path) -> Result<Self, FoxgloveServerError> {
         let (runtime, listener) = http_gateway::open(address)?;
         let local = listener.local_addr()?;
@@ -30,7 +30,7 @@ impl StaticFileServer {
         Ok(Self { address: local, path: http_gateway::recording_path(recording), _runtime: runtime })
     }
 
-    /// The address of the page with the recording.
+    /// URL of the page with the recording.
     #[must_use]
     pub fn url(&self) -> String {
         format!("http://{}/?recording={}", self.address, self.path)

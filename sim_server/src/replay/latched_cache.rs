@@ -18,7 +18,7 @@ type Subject = (String, i32);
 pub struct LatchedCache {
     topic: Topic,
     /// Messages that the present publisher has published.
-    said: u64,
+    published: u64,
     /// By subject: the sequence number of the message, 0 if its publisher was replaced, and the
     /// message.
     last: BTreeMap<Subject, (u64, Encoded)>,
@@ -31,15 +31,15 @@ impl LatchedCache {
     #[must_use]
     pub fn for_topic(topic: &Topic) -> Option<Self> {
         let is_latched = topic.qos.durability == Durability::TransientLocal;
-        is_latched.then(|| Self { topic: topic.clone(), said: 0, last: BTreeMap::new(), missing: BTreeSet::new() })
+        is_latched.then(|| Self { topic: topic.clone(), published: 0, last: BTreeMap::new(), missing: BTreeSet::new() })
     }
 
     /// Records a published message.
     pub fn record_published(&mut self, message: &Encoded) {
         let subject = self.subject(message);
-        self.said += 1;
+        self.published += 1;
         self.missing.remove(&subject);
-        self.last.insert(subject, (self.said, message.clone()));
+        self.last.insert(subject, (self.published, message.clone()));
     }
 
     fn subject(&self, message: &Encoded) -> Subject {
@@ -56,13 +56,13 @@ impl LatchedCache {
 
     /// The publisher was replaced; the new one keeps nothing.
     pub fn publisher_replaced(&mut self) {
-        self.said = 0;
+        self.published = 0;
         self.last.values_mut().for_each(|(number, _)| *number = 0);
     }
 
     /// A reader has joined: messages that the publisher no longer keeps must be retransmitted.
     pub fn reader_joined(&mut self) {
-        let kept_from = self.said.saturating_sub(u64::from(self.topic.qos.depth)) + 1;
+        let kept_from = self.published.saturating_sub(u64::from(self.topic.qos.depth)) + 1;
         let lost = self.last.iter().filter(|(_, (number, _))| *number < kept_from).map(|(subject, _)| subject.clone());
         self.missing.extend(lost);
     }

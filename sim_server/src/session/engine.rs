@@ -17,7 +17,7 @@ use msgs::maes_msgs::{Counter, Observation as Fragment};
 use super::agents::{CommandReply, ObservationRequest, Replies};
 use super::log::{Kind, SessionLog};
 use super::{MILESTONE_COUNTER, RunError};
-use crate::playback::Said;
+use crate::playback::RecordedTick;
 use msgs::trigger::Trigger;
 use simulation::digest::Chain;
 use simulation::scenario::Scenario;
@@ -84,7 +84,7 @@ impl<'a> Engine<'a> {
     }
 
     /// The agents to ask in this tick, ascending. `recorded` has the replies of a tick that is re-executed.
-    pub(super) fn due(&mut self, recorded: Option<&Said>) -> Vec<(AgentId, Commit)> {
+    pub(super) fn due(&mut self, recorded: Option<&RecordedTick>) -> Vec<(AgentId, Commit)> {
         let tick = self.tick();
         let mut due = Vec::new();
         for agent in self.world.agents().filter(|agent| !self.lost.contains(agent)) {

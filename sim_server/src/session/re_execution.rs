@@ -11,16 +11,16 @@ use msgs::maes_msgs::{Intervention, Observation as Fragment};
 use super::agents::{CommandReply, MissingReplies, ObservationRequest, Replies, TimeoutPolicy, recorded_join};
 use super::log::Kind;
 use super::{COVERED, DURATION, EXPLORED, INTERRUPTED, QUIT, RunError, Session};
-use crate::playback::{Ending, Playback, Said};
+use crate::playback::{Ending, Playback, RecordedTick};
 use crate::transport::Level;
 use simulation::scenario::OnAgentLoss;
 use simulation::wire;
 use simulation::world::Commit;
 
 /// What a recording says of the present tick.
-enum RecordedTick {
+enum NextTick {
     /// These replies.
-    Replies(Said),
+    Recorded(RecordedTick),
     /// Nothing more: the tick is the first that is executed live.
     Live,
     /// The run that is verified ends here, for this reason.
@@ -57,47 +57,47 @@ impl Session<'_, '_> {
                 return Ok(ControlFlow::Break(reason.to_owned()));
             }
             match self.recorded_tick()? {
-                RecordedTick::Replies(said) => {
-                    if self.tick(Some(said))?.is_break() {
+                NextTick::Recorded(recorded) => {
+                    if self.tick(Some(recorded))?.is_break() {
                         return Ok(ControlFlow::Break(INTERRUPTED.to_owned()));
                     }
                     self.control.ticked();
                 }
-                RecordedTick::Live => {
+                NextTick::Live => {
                     if self.go_live()?.is_break() {
                         return Ok(ControlFlow::Break(INTERRUPTED.to_owned()));
                     }
                     // The state of this tick is recorded already.
                     return Ok(self.advance()?.map_break(str::to_owned));
                 }
-                RecordedTick::End(reason) => return Ok(ControlFlow::Break(reason)),
+                NextTick::End(reason) => return Ok(ControlFlow::Break(reason)),
             }
         }
     }
 
     /// Looks up the present tick, and repeats its interventions.
-    fn recorded_tick(&mut self) -> Result<RecordedTick, RunError> {
+    fn recorded_tick(&mut self) -> Result<NextTick, RunError> {
         let tick = self.engine.tick();
         let playback = self.playback.as_mut().expect("a recording is re-executed");
         let is_known = playback.covers(tick);
-        let said = playback.said(tick)?;
+        let recorded = playback.read_tick(tick)?;
         if self.log.checker().is_some_and(|checker| checker.is_done()) {
-            return Ok(RecordedTick::End(String::new()));
+            return Ok(NextTick::End(String::new()));
         }
         let is_verified = self.log.checker().is_some();
         let digest = self.engine.chain.digest();
-        if let Some(before) = said.digest.filter(|before| !is_verified && *before != digest) {
+        if let Some(before) = recorded.digest.filter(|before| !is_verified && *before != digest) {
             let reason =
                 format!("the digest was {before} and is {digest}: the recording is of another build or scenario");
             return Err(RunError::OtherRun { tick, reason });
         }
-        for intervention in &said.interventions {
+        for intervention in &recorded.interventions {
             self.repeat_intervention(intervention)?;
         }
         Ok(match (is_known, is_verified) {
-            (true, _) => RecordedTick::Replies(said),
-            (false, true) => RecordedTick::End(self.end_recorded()?),
-            (false, false) => RecordedTick::Live,
+            (true, _) => NextTick::Recorded(recorded),
+            (false, true) => NextTick::End(self.end_recorded()?),
+            (false, false) => NextTick::Live,
         })
     }
 
@@ -118,17 +118,17 @@ impl Session<'_, '_> {
     /// Ends a verified run as its recording ends; returns the reason.
     fn end_recorded(&mut self) -> Result<String, RunError> {
         let tick = self.engine.tick();
-        let Some(Ending { reason, is_given_up }) = self.playback.as_ref().and_then(Playback::ending).cloned() else {
+        let Some(Ending { reason, is_mid_tick }) = self.playback.as_ref().and_then(Playback::ending).cloned() else {
             return Ok(self.end_check());
         };
         if [EXPLORED, COVERED, DURATION].contains(&reason.as_str()) {
             let reason = format!("the run has ended there, for the reason `{reason}`, and continues here");
             return Err(RunError::OtherRun { tick, reason });
         }
-        if is_given_up {
+        if is_mid_tick {
             self.engine.look();
             // Without replies, only the agents that are due count as asked.
-            let requests = self.requests(Some(&Said::default()));
+            let requests = self.requests(Some(&RecordedTick::default()));
             self.record_unanswered(&requests)?;
         }
         Ok(reason)
@@ -165,13 +165,13 @@ impl Session<'_, '_> {
     pub(super) fn recorded_replies(
         &mut self,
         requests: &[ObservationRequest],
-        mut said: Said,
+        mut recorded: RecordedTick,
     ) -> Result<Replies, RunError> {
         let tick = self.engine.tick();
         let misfit = |reason: String| RunError::OtherRun { tick, reason };
         let mut replies = Replies::new();
         for agent in requests.iter().map(|request| request.agent) {
-            match said.commands.remove(&agent) {
+            match recorded.commands.remove(&agent) {
                 Some(message) => {
                     let (action, trigger) = wire::command(&message, self.scenario.agents.count)
                         .map_err(|reason| misfit(format!("the command of agent {agent}: {reason}")))?;
@@ -183,7 +183,7 @@ impl Session<'_, '_> {
                 None => return Err(misfit(format!("agent {agent} is asked here, and has answered nothing there"))),
             }
         }
-        match said.commands.keys().next() {
+        match recorded.commands.keys().next() {
             None => Ok(replies),
             Some(agent) => Err(misfit(format!("agent {agent} has answered there, and is not asked here"))),
         }
