@@ -19,10 +19,6 @@ mod oracle;
 mod bad_input;
 /// Plans of many runs, and their reports.
 mod experiments;
-/// Old names of commands print the new ones and do what they did.
-mod renamed_commands;
-/// `launch_scripts/spawn.sh` starts a server and agents by hand.
-mod spawn_script;
 /// Drawn faults: runs over ROS 2 whose processes are killed, stopped and lied to are the undisturbed ones.
 mod faults;
 /// Runs that are interrupted, servers that are killed, disks that are full.
@@ -33,6 +29,10 @@ mod liars;
 mod lost_agents;
 /// Processes that take the place of others.
 mod lost_processes;
+/// Old names of commands print the new ones and do what they did.
+mod renamed_commands;
+/// `launch_scripts/spawn.sh` starts a server and agents by hand.
+mod spawn_script;
 /// Agents and servers that die, hang or come twice, and the run is the same as if nothing had happened.
 mod survival;
 /// While the server waits: recordings are saved, runs can be stopped, late and repeated answers are what they are.

@@ -31,7 +31,9 @@ fn every_scenario_is_on_the_page_and_ends_as_it_says() {
         if name == LARGE {
             continue;
         }
-        let run = Process::start(site.binary("maes").args(["run", "--transport", "memory", text(&file)])).ended().with_code(0);
+        let run = Process::start(site.binary("maes").args(["run", "--transport", "memory", text(&file)]))
+            .ended()
+            .with_code(0);
         assert_eq!(run.digest(), digest, "{name}");
         let (time, reason) = ends.split_once(", ").expect("a time and a reason");
         let end = format!("ended after {time} of sim time");

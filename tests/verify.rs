@@ -38,7 +38,12 @@ const SMALL: [&str; 10] =
 #[track_caller]
 fn record(site: &Site, name: &str, flags: &[&str]) -> Ended {
     let mut single = site.binary("maes");
-    single.args(["run", "--transport", "memory"]).arg(scenario("default.toml")).args(SMALL).args(flags).args(["--record", name]);
+    single
+        .args(["run", "--transport", "memory"])
+        .arg(scenario("default.toml"))
+        .args(SMALL)
+        .args(flags)
+        .args(["--record", name]);
     site.start(&mut single).ended().with_code(0)
 }
 

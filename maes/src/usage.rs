@@ -72,7 +72,10 @@ mod tests {
             ("maes run --agents five", "--agents five: invalid digit found in string"),
             ("maes run --size 3x4", "--size 3x4: expected a number of cells, or three joined by x, such as 100x80x30"),
             ("maes run --order sideways", "--order sideways: expected forward, reverse or shuffle"),
-            ("maes run --order reversed", "--order reversed: expected forward, reverse or shuffle; did you mean reverse?"),
+            (
+                "maes run --order reversed",
+                "--order reversed: expected forward, reverse or shuffle; did you mean reverse?",
+            ),
             ("maes run --external two", "--external two: expected ids of agents, such as 0,3"),
             ("maes run --agents-per-process 0", "--agents-per-process 0: expected a number from 1"),
             ("maes run --agent-set speed", "--agent-set speed: expected KEY=VALUE"),

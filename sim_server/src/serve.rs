@@ -3,9 +3,9 @@
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 #[cfg(feature = "view")]
 use std::process::{Command, Stdio};
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -288,7 +288,7 @@ impl<'a> Job<'a> {
         Ok(Begun { world, map, link, records, viewing })
     }
 
-    /// The run, and as often as somebody has it begin again.
+    /// The run, again after each reset.
     fn carry_out(
         &self,
         begun: Begun<'_>,
@@ -309,7 +309,7 @@ impl<'a> Job<'a> {
             Some(playback) => run::resume(scenario, world, &mut *link, records, terminal, stop, playback),
         };
         while let Err(RunError::Reset(start)) = ended {
-            terminal.say("begins again, as somebody has asked for");
+            terminal.say("the run begins again: a service call has reset it");
             let (world, _) = self.make()?;
             ended = match self.records(&world, viewing) {
                 Ok(records) => run::begin_again(start, scenario, world, &mut *link, records, terminal, stop),

@@ -37,7 +37,10 @@ const BY_SIGTERM: u8 = 128 + Signal::SIGTERM as u8;
 pub enum Source {
     File(PathBuf),
     /// A text; the server reads it from a file of this name in the folder of the logs.
-    Text { name: &'static str, toml: String },
+    Text {
+        name: &'static str,
+        toml: String,
+    },
     /// The recording that `--resume` names.
     Resumed,
 }
@@ -86,11 +89,7 @@ impl Run<'_> {
     ///
     /// # Errors
     /// If the run cannot begin, or a process cannot be started; no process is left then.
-    pub fn supervise(
-        &self,
-        interruptions: &dyn Fn() -> u32,
-        say: &dyn Fn(&str),
-    ) -> Result<Ended, SupervisorError> {
+    pub fn supervise(&self, interruptions: &dyn Fn() -> u32, say: &dyn Fn(&str)) -> Result<Ended, SupervisorError> {
         self.team.check(self.scenario)?;
         let domain = self.domain.map_or_else(domain::of_environment, |id| id.to_string());
         let _lock = DomainLock::take(&domain)?;
@@ -177,7 +176,7 @@ impl Supervision<'_> {
     /// Sends the server what the user has asked for: the first signal ends the run with a result,
     /// the second one ends the server at once.
     fn forward_interruptions(&mut self) {
-        for _ in self.forwarded..(self.interruptions)() {
+        while self.forwarded < (self.interruptions)() {
             self.forwarded += 1;
             send(&self.server, Signal::SIGTERM);
         }
@@ -188,11 +187,7 @@ impl Supervision<'_> {
     }
 
     /// Waits for the server's handshake; the exit code of a server that ends before.
-    fn await_ready(
-        &mut self,
-        ready: &mut ReadyPipe,
-        events: &mut ChildEvents,
-    ) -> Result<Option<u8>, SupervisorError> {
+    fn await_ready(&mut self, ready: &mut ReadyPipe, events: &mut ChildEvents) -> Result<Option<u8>, SupervisorError> {
         loop {
             self.forward_interruptions();
             let ended = self.server.ended().map_err(|source| SupervisorError::io("sim_server", source))?;

@@ -85,8 +85,7 @@ mod tests {
     use super::*;
 
     fn scenario(agents: &str) -> Scenario {
-        let text =
-            format!("seed = 1\nduration_s = 1.0\n[map]\nkind = \"spheres\"\nsize = 20\n[agents]\n{agents}\n");
+        let text = format!("seed = 1\nduration_s = 1.0\n[map]\nkind = \"spheres\"\nsize = 20\n[agents]\n{agents}\n");
         Scenario::parse("s.toml", &text, &[]).unwrap()
     }
 

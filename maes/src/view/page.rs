@@ -92,7 +92,8 @@ impl Places {
 /// Builds the page if it is older than its sources; `is_complete` says whether the packages that
 /// build it have to be there even if they have nothing to do.
 fn build(sources: &Path, is_complete: bool) -> Result<(), PageError> {
-    let [packages, lock, built] = ["node_modules", "package-lock.json", "dist/index.html"].map(|name| sources.join(name));
+    let [packages, lock, built] =
+        ["node_modules", "package-lock.json", "dist/index.html"].map(|name| sources.join(name));
     let is_stale = modified(&built).is_none_or(|built| newest(sources) > Some(built));
     if !is_stale && !is_complete {
         return Ok(());
