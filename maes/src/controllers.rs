@@ -45,21 +45,3 @@ impl AgentReplica for OfAgent {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_nearest_name_is_suggested() {
-        for (typed, suggested) in [
-            ("dspv", Some("dsvp")),
-            ("rwb", Some("rbw")),
-            ("LVD", None),
-            ("nearest_frontier", Some("nearest-frontier")),
-            ("x", None),
-        ] {
-            assert_eq!(nearest(typed), suggested, "{typed}");
-        }
-    }
-}

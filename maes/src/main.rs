@@ -36,7 +36,7 @@ use view::ViewArgs;
 
 /// A deterministic simulator of multi-robot exploration for ROS 2.
 #[derive(Debug, Parser)]
-#[command(name = "maes", version = BUILD, arg_required_else_help = true, max_term_width = 100)]
+#[command(name = "maes", version = BUILD, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

@@ -164,8 +164,12 @@ pub(crate) fn diff(args: &DiffArgs) -> anyhow::Result<ExitCode> {
 pub(crate) fn replay(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
     let recording = Recording::open(&args.file)?;
-    let options =
-        PlaybackOptions { only: args.topics.clone(), exclude: args.exclude.clone(), start_s: args.start, end_s: args.end };
+    let options = PlaybackOptions {
+        only: args.topics.clone(),
+        exclude: args.exclude.clone(),
+        start_s: args.start,
+        end_s: args.end,
+    };
     let schedule = PlaybackSchedule::new(&recording, &options)?;
     let timing = PlaybackTiming { rate: args.rate, is_loop: args.is_loop, is_paused: args.paused };
     let stop = signals::stop_flag()?;

@@ -46,8 +46,8 @@ pub(crate) struct RunArgs {
     /// --record names
     #[arg(long, value_name = "FILE.mcap")]
     resume: Option<PathBuf>,
-    /// How messages go between the server and its agents
-    #[arg(long, value_enum, default_value_t = Transport::Ros2)]
+    /// ros2: a server and a process for each agent; memory: all in this process, without a network
+    #[arg(long, value_enum, default_value_t = Transport::Ros2, value_name = "ros2|memory", hide_possible_values = true)]
     transport: Transport,
     /// Show the run in a browser or in Foxglove at this address; `maes view` does more
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = sim_server::foxglove::DEFAULT_ADDRESS)]
@@ -70,14 +70,20 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "N", value_parser = process_size, help_heading = "Agents")]
     agents_per_process: Option<NonZero<u32>>,
     /// The order in which agents start [default: forward]
-    #[arg(long, value_enum, help_heading = "Agents")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "forward|reverse|shuffle",
+        hide_possible_values = true,
+        help_heading = "Agents"
+    )]
     order: Option<OrderName>,
     /// Let each agent wait up to so long, at random, before each reply
     #[arg(long, value_name = "MS", help_heading = "Agents")]
     chaos_delay_ms: Option<u64>,
     /// Offer the properties of each agent as ROS parameters [default: if a process runs no more
     /// than 8 agents]
-    #[arg(long, value_name = "true|false", help_heading = "Agents")]
+    #[arg(long, value_name = "true|false", hide_possible_values = true, help_heading = "Agents")]
     agent_parameters: Option<bool>,
     /// Run all agents on one thread; only with --transport memory
     #[arg(long, help_heading = "Agents")]
@@ -95,9 +101,7 @@ pub(crate) struct RunArgs {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Transport {
-    /// Over ROS 2, a process for each agent
     Ros2,
-    /// In this process, without a network
     Memory,
 }
 

@@ -32,8 +32,6 @@ const FILE_HELP: &str = "A recording (.mcap), or a scenario (.toml) with any fla
     mut_arg("view", |arg| arg.hide(true)),
 )]
 pub(crate) struct ViewArgs {
-    #[command(flatten)]
-    run: RunArgs,
     /// Where the page is; port 0: a free one
     #[arg(long, value_name = "ADDR:PORT", default_value = DEFAULT_ADDRESS, value_parser = address)]
     address: String,
@@ -43,6 +41,8 @@ pub(crate) struct ViewArgs {
     /// Build the page, and nothing else
     #[arg(long, value_name = "true|false", num_args = 0..=1, default_missing_value = "true")]
     build_only: Option<bool>,
+    #[command(flatten)]
+    run: RunArgs,
 }
 
 /// Flags that are not of a run.

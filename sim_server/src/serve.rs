@@ -293,7 +293,7 @@ impl<'a> Job<'a> {
         Ok(Begun { world, map, link, records, viewing })
     }
 
-    /// The run, and as often as somebody has it begin again.
+    /// The run, again after each reset.
     fn carry_out(
         &self,
         begun: Begun<'_>,
@@ -312,7 +312,7 @@ impl<'a> Job<'a> {
         let config = RunConfig::new(scenario, playback.map_or(Mode::Live, Mode::Resume));
         let mut ended = config.and_then(|config| session::run(config, world, &mut *link, records, terminal, stop));
         while let Err(RunError::Reset(start)) = ended {
-            terminal.say("begins again, as somebody has asked for");
+            terminal.say("the run begins again: a service call has reset it");
             let (world, _) = self.make()?;
             ended = match self.records(&world, viewing) {
                 Ok(records) => {

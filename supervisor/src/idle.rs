@@ -49,7 +49,7 @@ impl IdleServer {
         let mut agents: Vec<ChildGuard> = Vec::new();
         let mut forwarded = 0;
         let code = loop {
-            for _ in forwarded..interruptions() {
+            while forwarded < interruptions() {
                 forwarded += 1;
                 send(&server, Signal::SIGTERM);
             }

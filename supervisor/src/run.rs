@@ -176,7 +176,7 @@ impl Supervision<'_> {
     /// Sends the server what the user has asked for: the first signal ends the run with a result,
     /// the second one ends the server at once.
     fn forward_interruptions(&mut self) {
-        for _ in self.forwarded..(self.interruptions)() {
+        while self.forwarded < (self.interruptions)() {
             self.forwarded += 1;
             send(&self.server, Signal::SIGTERM);
         }
