@@ -1,4 +1,5 @@
-//! `maes faults`: runs that are disturbed are the undisturbed one, and the program can tell if they are not.
+//! `maes faults`: runs that are disturbed are the undisturbed one, and the program can tell if they
+//! are not.
 
 use std::process::Command;
 

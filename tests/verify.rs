@@ -1,4 +1,5 @@
-//! `verify` accepts intact recordings and names the first wrong message of others; `diff` names the first difference.
+//! `verify` accepts intact recordings and names the first wrong message of others; `diff` names the
+//! first difference.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};

@@ -263,7 +263,8 @@ mod tests {
     }
 
     /// Fails unless a file holds what follows from the registry, or writes it with the environment
-    /// variable `UPDATE_DOCS`: `UPDATE_DOCS=1 cargo test --release -p agent_node controllers::tests`.
+    /// variable `UPDATE_DOCS`: `UPDATE_DOCS=1 cargo test --release -p agent_node
+    /// controllers::tests`.
     fn publish(file: &str, expected: impl FnOnce(&str) -> String) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(file);
         let present = std::fs::read_to_string(&path).unwrap_or_default();

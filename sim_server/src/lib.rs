@@ -1,7 +1,7 @@
 //! The world server: it owns the true world and the clock of a run.
 //!
-//! In reading order: [`setup`] makes the world of a scenario, and [`session`] executes its run over a
-//! [`transport`], `ros` over ROS 2; [`control`] answers requests of `simulation_interfaces`;
+//! In reading order: [`setup`] makes the world of a scenario, and [`session`] executes its run over
+//! a [`transport`], `ros` over ROS 2; [`control`] answers requests of `simulation_interfaces`;
 //! [`recorder`] and [`live_stream`] write what a run exchanges; [`recording`] reads it,
 //! [`playback`] by tick and [`replay`] by time; [`verify`] re-executes a recording and
 //! [`comparison`] finds the first difference; `foxglove` serves observers. The pure core is in the

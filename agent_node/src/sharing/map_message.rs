@@ -15,12 +15,12 @@
 //! 1. A gap: the number of blocks between the block before (or the start of the map) and it.
 //! 2. Its form: `0`: a list without covered cells; `10`: octants without covered cells; `110`: a
 //!    list with covered cells; `111`: octants with covered cells.
-//! 3. Its cells. A list is a gap, the number of cells less one; then the number of each cell in
-//!    the block, ascending, a word of 6 bits; then one bit for each of them, whether it is wall.
+//! 3. Its cells. A list is a gap, the number of cells less one; then the number of each cell in the
+//!    block, ascending, a word of 6 bits; then one bit for each of them, whether it is wall.
 //!    Otherwise each of the eight octants is `0` if none of its cells is reported; `11` if all are;
-//!    `10` and a word of 8 bits, with a one for each reported cell, if some are. After `10` and `11`
-//!    follows `0` if all these cells are free, `10` if all are wall, or `11` and one bit for each of
-//!    them, whether it is wall.
+//!    `10` and a word of 8 bits, with a one for each reported cell, if some are. After `10` and
+//!    `11` follows `0` if all these cells are free, `10` if all are wall, or `11` and one bit for
+//!    each of them, whether it is wall.
 //! 4. With covered cells, one bit for each free cell, ascending, whether it is covered.
 //!
 //! Nothing follows the last block. A cell takes between 27/64 of a bit, in a block that is all

@@ -1,8 +1,10 @@
-//! A run with its faults: starts the processes, disturbs them as the plan says, and waits for the end of the server.
+//! A run with its faults: starts the processes, disturbs them as the plan says, and waits for the
+//! end of the server.
 //!
-//! Invariants: every process ends with this; wall time positions a fault and ends a hang, and decides nothing else; whoever ends
-//! without having been told to is a failure, but for those who are refused because their id is taken (exit code 5), and those
-//! whose connection has not survived that they were stopped (exit code 1), which are started again as the launch script does.
+//! Invariants: every process ends with this; wall time positions a fault and ends a hang, and
+//! decides nothing else; whoever ends without having been told to is a failure, but for those who
+//! are refused because their id is taken (exit code 5), and those whose connection has not survived
+//! that they were stopped (exit code 1), which are started again as the launch script does.
 //!
 //! Not done here: whether the run was the right one ([`super::verdict`]).
 
@@ -287,7 +289,8 @@ impl<'a> Stage<'a> {
                 At::Joining(ms) => self.agents_since.is_some_and(|since| since.elapsed() >= millis(ms)),
                 At::Running(s) => self.watch.position_s().is_some_and(|position| position >= s),
             };
-            // Without agents there is nobody to disturb: what is known of the run is from before it was resumed.
+            // Without agents there is nobody to disturb: what is known of the run is from before it
+            // was resumed.
             if !is_time || self.agents_since.is_none() {
                 return Ok(false);
             }
@@ -337,7 +340,8 @@ impl<'a> Stage<'a> {
         Ok(false)
     }
 
-    /// Kills the server with all of its agents, and starts them anew; whether it had just ended the run.
+    /// Kills the server with all of its agents, and starts them anew; whether it had just ended the
+    /// run.
     fn kill_server(&mut self, again_ms: Option<u32>) -> Result<bool, Failure> {
         self.server = None;
         self.nodes.clear();

@@ -1,8 +1,9 @@
 //! Control requests, answered between two ticks.
 //!
-//! Invariants: each request is answered once, also if the run ends first; a request that changes the world is recorded as an
-//! intervention at the tick before which it takes effect, and enters the digest there; other requests leave no trace; while
-//! the clock is held the session keeps receiving, and no agent times out.
+//! Invariants: each request is answered once, also if the run ends first; a request that changes
+//! the world is recorded as an intervention at the tick before which it takes effect, and enters
+//! the digest there; other requests leave no trace; while the clock is held the session keeps
+//! receiving, and no agent times out.
 
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -155,7 +156,8 @@ impl Session<'_, '_> {
         if phase == Phase::Admission {
             return Ok(not_now("agents are awaited"));
         }
-        // The observation stays pending, so that the end of the recording holds what was never committed.
+        // The observation stays pending, so that the end of the recording holds what was never
+        // committed.
         let last = [self.engine.request(agent, Commit::Speculative, Fragment::ENDED)];
         let tick = self.engine.tick();
         let (sessions, mut context) = self.waiting();

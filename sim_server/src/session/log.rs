@@ -1,4 +1,5 @@
-//! The log of a session: every message on its way to the digest, and to a recording or to a checker.
+//! The log of a session: every message on its way to the digest, and to a recording or to a
+//! checker.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};

@@ -1,7 +1,8 @@
-//! Re-execution: the part of a run that is known from its recording. The recorded replies take the place of the agents.
+//! Re-execution: the part of a run that is known from its recording. The recorded replies take the
+//! place of the agents.
 //!
-//! Invariants: what is written is what was written then; a recording that does not fit what comes of the scenario here is not
-//! continued.
+//! Invariants: what is written is what was written then; a recording that does not fit what comes
+//! of the scenario here is not continued.
 
 use std::ops::ControlFlow;
 
@@ -28,7 +29,8 @@ enum NextTick {
 }
 
 impl Session<'_, '_> {
-    /// Admits the recorded agents of a run that is verified. Breaks with the reason if it had no tick.
+    /// Admits the recorded agents of a run that is verified. Breaks with the reason if it had no
+    /// tick.
     pub(super) fn admit_recorded(&mut self) -> Result<ControlFlow<String>, RunError> {
         let agents = self.engine.agents();
         let joins = self.playback.as_ref().map(Playback::joins).into_iter().flatten();
@@ -37,7 +39,8 @@ impl Session<'_, '_> {
         for (agent, controller) in joins.into_iter().filter(|(agent, _)| agent.index() < agents) {
             self.log.write(Kind::Join(agent), Tick::ZERO, &recorded_join(agent, controller))?;
         }
-        // A run that was interrupted during admission has a tick without replies; one that failed then has none.
+        // A run that was interrupted during admission has a tick without replies; one that failed
+        // then has none.
         let ending = self.playback.as_ref().and_then(Playback::ending);
         match ending {
             _ if is_complete => Ok(ControlFlow::Continue(())),
@@ -49,7 +52,8 @@ impl Session<'_, '_> {
         }
     }
 
-    /// Executes the recorded ticks. Continues with the first live tick executed, or breaks with the reason of the end.
+    /// Executes the recorded ticks. Continues with the first live tick executed, or breaks with the
+    /// reason of the end.
     pub(super) fn re_execute(&mut self) -> Result<ControlFlow<String>, RunError> {
         loop {
             self.record_state()?;
@@ -101,8 +105,8 @@ impl Session<'_, '_> {
         })
     }
 
-    /// Turns a resumed run live: the recording so far replaces the one that was read, and the agents replay their observation
-    /// logs. Breaks if that is stopped.
+    /// Turns a resumed run live: the recording so far replaces the one that was read, and the
+    /// agents replay their observation logs. Breaks if that is stopped.
     fn go_live(&mut self) -> Result<ControlFlow<()>, RunError> {
         let tick = self.engine.tick();
         self.playback = None;
@@ -161,7 +165,8 @@ impl Session<'_, '_> {
         }
     }
 
-    /// The recorded replies of a tick, if they fit its requests. Agents that were lost then are lost here.
+    /// The recorded replies of a tick, if they fit its requests. Agents that were lost then are
+    /// lost here.
     pub(super) fn recorded_replies(
         &mut self,
         requests: &[ObservationRequest],
