@@ -12,7 +12,7 @@ use msgs::maes_msgs::Progress;
 use sim_server::recorder::RecordError;
 use sim_server::run::{Outcome, RunError, Watcher};
 use sim_server::setup::{self, SetupError};
-use simulation::scenario::Scenario;
+use simulation::scenario::{Origins, Scenario};
 use simulation::wire;
 use thiserror::Error;
 
@@ -83,7 +83,7 @@ pub fn run(
     if !scenario.agents.cmd_vel.is_empty() {
         return Err(SingleError::OverRosOnly(scenario.agents.cmd_vel.clone()));
     }
-    let scenario = &setup::resolve(scenario.clone(), "the scenario")?;
+    let scenario = &setup::resolve(scenario.clone(), &Origins::new("the scenario", "", &[]))?;
     let (world, _report) = setup::build(scenario)?;
     let told = wire::scenario(scenario, &world.terrain().extent(), world.rays());
     // Before a file is made for a run that there cannot be.
