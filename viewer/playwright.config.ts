@@ -1,9 +1,9 @@
 /**
- * Tests of the whole: the built page in a real browser, with real recordings and real simulators.
+ * End-to-end tests: the built page in a real browser, with real recordings and simulators.
  *
- * They need `npm run build` before, and `sim_server`, `agent_node` and `experiments` (see `tests/support/places.ts`). A browser without
- * graphics hardware draws the pictures, so that they are the same on every machine. There is one worker and no second try: a
- * failure is a fault.
+ * They need `npm run build` before, and the binaries of the workspace (see
+ * `tests/support/paths.ts`). Rendering is done in software, so that images are the same on every
+ * machine. There is one worker and no retry: a failure is a defect.
  */
 import { defineConfig } from "@playwright/test";
 import { chromiumIn } from "./pictures/programs.mjs";

@@ -1,11 +1,11 @@
 import { defineConfig } from "vitest/config";
 
 export default defineConfig({
-  // The page may lie in any folder of a server.
+  // Relative, so that the page can be served from any folder.
   base: "./",
-  // Three.js is most of it, and needed from the first picture on.
+  // Three.js is most of the bundle, and needed for the first frame.
   build: { target: "es2022", sourcemap: false, chunkSizeWarningLimit: 1000 },
   worker: { format: "es" },
-  // What lies in `tests` is for Playwright.
+  // `tests` belongs to Playwright.
   test: { include: ["{src,pictures}/**/*.test.{ts,mjs}"] },
 });

@@ -1,13 +1,14 @@
 #!/usr/bin/env node
 /**
- * What looking on costs and gives, measured in a real Chromium: the first picture of a recording and seeks (in passing, and in full),
- * pictures per second of a run under way, and how much longer that run takes than one that nobody looks at.
+ * Benchmark of the page in a real Chromium: time to the first frame of a recording and of seeks
+ * (any frame, and a full one), frame rate of a live run, and the slowdown of the run by its
+ * observer.
  *
- *   node bench/bench.mjs [recording] [run] [--rounds N] [--seconds S]
+ *     node bench/bench.mjs [recording] [run] [--rounds N] [--seconds S]
  *
- * in the folder viewer; the page is that of dist (npm run build), and binaries are those of MAES_BIN_DIR or ../target/release. Prints one
- * line of JSON for each measurement, and medians at the end. The machine's graphics are used if `MAES_GPU=1`; otherwise everything is
- * drawn in software.
+ * in the folder viewer, with the page in dist (npm run build) and the binaries of MAES_BIN_DIR or
+ * ../target/release. Prints one line of JSON per measurement, and medians at the end. Uses the GPU
+ * if `MAES_GPU=1`; otherwise rendering is done in software.
  */
 /* global window, document, setTimeout -- inside the page */
 import { spawn } from "node:child_process";
@@ -41,7 +42,7 @@ const environment = {
 const software = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
 const flags = ["--no-sandbox", ...(process.env["MAES_GPU"] === "1" ? [] : software)];
 
-/** A process, with the lines that it says on stderr and stdout. */
+/** A child process and the lines of its output. */
 function start(program, words) {
   const child = spawn(program, words, { env: environment, cwd: folder });
   const lines = [];
@@ -53,28 +54,28 @@ function start(program, words) {
     });
   }
   const ended = new Promise((done) => child.on("close", done));
-  const says = (pattern) =>
+  const prints = (pattern) =>
     new Promise((found, failed) => {
-      const look = () => {
+      const check = () => {
         const match = lines.map((line) => line.match(pattern)).find(Boolean);
         if (!match) return;
-        waiting.delete(look);
+        waiting.delete(check);
         found(match[1] ?? match[0]);
       };
-      waiting.add(look);
-      look();
+      waiting.add(check);
+      check();
       void ended.then(() =>
         failed(new Error(`${program} has ended without saying ${pattern}:\n${lines.join("\n")}`)),
       );
     });
-  return { child, lines, ended, says };
+  return { child, lines, ended, prints };
 }
 
 const median = (values) => [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)];
-const tell = (what, values) => process.stdout.write(`${JSON.stringify({ what, ...values })}\n`);
+const report = (what, values) => process.stdout.write(`${JSON.stringify({ what, ...values })}\n`);
 
-/** A run at 10 times real time, looked at or not: wall seconds of its ticks, and pictures per second. */
-async function run(isLookedAt) {
+/** A run at 10 times real time, observed or not: wall time of its ticks, and frame rate. */
+async function run(isObserved) {
   const scenario = join(root, "launch_scripts/scenarios/default.toml");
   const words = `--size 100 --seed 3 --agents 20 --rtf 10 --duration ${seconds}`.split(" ");
   const shown = [
@@ -88,11 +89,11 @@ async function run(isLookedAt) {
     "stop_when_explored=false",
   ];
   const server = start(join(binaries, "sim_server"), ["run", scenario, ...words, ...shown]);
-  const address = await server.says(/to look on: (http:\/\/\S+)/);
+  const address = await server.prints(/(http:\/\/\S+)/);
   const agents = Array.from({ length: 20 }, (_, id) =>
     start(join(binaries, "agent_node"), ["--id", String(id)]),
   );
-  await server.says(/all 20 agents are there/);
+  await server.prints(/all 20 agents/);
   const browser = await chromium.launch({ executablePath: chromiumIn(process.env), args: flags });
   try {
     const tab = await browser.newPage({ viewport: { width: 1280, height: 720 } });
@@ -109,10 +110,10 @@ async function run(isLookedAt) {
     });
     const begun = performance.now();
     await tab.getByTestId("sim-play").click();
-    if (!isLookedAt) await tab.goto("about:blank");
-    const digest = await server.says(/^digest: (\w+)/);
+    if (!isObserved) await tab.goto("about:blank");
+    const digest = await server.prints(/^digest: (\w+)/);
     const wallS = (performance.now() - begun) / 1000;
-    const drawn = isLookedAt ? await tab.evaluate(() => window.drawn) : 0;
+    const drawn = isObserved ? await tab.evaluate(() => window.drawn) : 0;
     return { wallS, digest, fps: drawn / wallS };
   } finally {
     await browser.close();
@@ -121,34 +122,42 @@ async function run(isLookedAt) {
 }
 
 /**
- * To be called in the page: `window.pictured` becomes the pictures that the graphics are done with, and in which nothing is missing: of what
- * moment, whether in full, and when (milliseconds since 1970).
+ * Executed in the page: `window.finishedFrames` collects the frames that the GPU has finished and in
+ * which nothing is missing, with their sim time, whether they are in full quality, and the wall
+ * time (milliseconds since 1970).
  */
-function watchPictures() {
+function watchFrames() {
   const { scene } = window.maes;
-  const gl = document.querySelector("canvas.picture").getContext("webgl2");
+  const gl = document.querySelector("[data-testid=canvas]").getContext("webgl2");
   const render = scene.render.bind(scene);
-  window.pictured = [];
+  window.finishedFrames = [];
   scene.render = (timeS, quality) => {
     render(timeS, quality);
-    if (scene.isRestless) return;
+    if (scene.needsRedraw) return;
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
-    const look = () => {
-      if (gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) return void setTimeout(look, 3);
-      window.pictured.push({ timeS, isFull: !quality.isCoarse && quality.share === 1, atMs: Date.now() });
+    const check = () => {
+      if (gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) return void setTimeout(check, 3);
+      window.finishedFrames.push({
+        timeS,
+        isFull: !quality.isCoarse && quality.share === 1,
+        atMs: Date.now(),
+      });
     };
-    look();
+    check();
   };
 }
 
-/** When the first picture of the moment that is asked for was done, and the first one in full; seconds since a moment. */
-async function pictures(tab, sinceMs) {
+/**
+ * Time from a moment to the first frame at the requested time, and to the first one in full
+ * quality; seconds.
+ */
+async function framesAfter(tab, sinceMs) {
   const first = async (isFull) => {
     const found = await tab.waitForFunction(
       ([isFull, sinceMs]) => {
         const { run, state } = window.maes;
-        return window.pictured.find(
+        return window.finishedFrames.find(
           (one) => run && one.atMs >= sinceMs && one.timeS === state.timeS && (one.isFull || !isFull),
         );
       },
@@ -160,7 +169,7 @@ async function pictures(tab, sinceMs) {
   return { anyS: await first(false), fullS: await first(true) };
 }
 
-/** Half an hour of ten agents from disk: until there is a picture, until all is read, and seeks all over it. */
+/** Half an hour of ten agents from disk: the first frame, reading to the end, and seeks. */
 async function recording(file) {
   const server = start(join(binaries, "sim_server"), [
     "view",
@@ -170,26 +179,26 @@ async function recording(file) {
     "--page",
     page,
   ]);
-  const address = await server.says(/(http:\/\/\S+)/);
+  const address = await server.prints(/(http:\/\/\S+)/);
   const browser = await chromium.launch({ executablePath: chromiumIn(process.env), args: flags });
   try {
     const tab = await browser.newPage({ viewport: { width: 1280, height: 720 } });
     const begunMs = Date.now();
     await tab.goto(address);
     await tab.waitForFunction(() => window.maes?.scene, null, { timeout: 60_000 });
-    await tab.evaluate(watchPictures);
-    const begin = await pictures(tab, begunMs);
+    await tab.evaluate(watchFrames);
+    const begin = await framesAfter(tab, begunMs);
     await tab.waitForFunction(() => window.maes.run.isComplete, null, { timeout: 60_000 });
     const line = await tab.getByTestId("timeline").boundingBox();
     const seeks = [];
     for (const share of [0.5, 0.05, 0.95, 0.02, 0.1, 0.3]) {
       const soughtMs = Date.now();
       await tab.mouse.click(line.x + share * line.width, line.y + line.height / 2);
-      seeks.push(await pictures(tab, soughtMs));
+      seeks.push(await framesAfter(tab, soughtMs));
     }
     return {
-      firstPictureS: begin.anyS,
-      firstFullPictureS: begin.fullS,
+      firstFrameS: begin.anyS,
+      firstFullFrameS: begin.fullS,
       seekS: Math.max(...seeks.map((seek) => seek.anyS)),
       seekFullS: Math.max(...seeks.map((seek) => seek.fullS)),
     };
@@ -200,7 +209,7 @@ async function recording(file) {
   }
 }
 
-/** Ten agents for half an hour, in a file. */
+/** Records ten agents for half an hour. */
 async function record() {
   const file = join(folder, "half_an_hour.mcap");
   const words = "--transport memory --agents 10 --controller dsvp --size 100 --seed 2 --duration 1800";
@@ -212,19 +221,19 @@ async function record() {
 
 const recordings = [];
 const alone = [];
-const watched = [];
+const observed = [];
 try {
   const file = isAsked("recording") ? await record() : "";
   for (let round = 0; round < rounds; round += 1) {
     if (isAsked("recording")) {
       recordings.push(await recording(file));
-      tell("recording", recordings.at(-1));
+      report("recording", recordings.at(-1));
     }
     if (isAsked("run")) {
       alone.push(await run(false));
-      tell("run that nobody looks at", alone.at(-1));
-      watched.push(await run(true));
-      tell("run that is looked at", watched.at(-1));
+      report("run without observer", alone.at(-1));
+      observed.push(await run(true));
+      report("run with observer", observed.at(-1));
     }
   }
 } finally {
@@ -233,12 +242,12 @@ try {
 if (isAsked("recording")) {
   const names = Object.keys(recordings[0]);
   const medians = names.map((name) => [name, median(recordings.map((one) => one[name]))]);
-  tell("medians of recordings", Object.fromEntries(medians));
+  report("medians of recordings", Object.fromEntries(medians));
 }
 if (isAsked("run")) {
-  tell("medians of runs", {
-    fps: median(watched.map((one) => one.fps)),
-    wallRatio: median(watched.map((one, round) => one.wallS / alone[round].wallS)),
-    digests: new Set([...alone, ...watched].map((one) => one.digest)).size,
+  report("medians of runs", {
+    fps: median(observed.map((one) => one.fps)),
+    wallRatio: median(observed.map((one, round) => one.wallS / alone[round].wallS)),
+    digests: new Set([...alone, ...observed].map((one) => one.digest)).size,
   });
 }

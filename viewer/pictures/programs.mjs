@@ -1,38 +1,37 @@
-/**
- * Where the programs are that pictures are made with.
- */
+/** Finds the programs that capturing needs. */
 import { accessSync, constants, statSync } from "node:fs";
 import { delimiter, join } from "node:path";
-import { Failure } from "./faults.mjs";
+import { CaptureError } from "./errors.mjs";
 
 const CHROMIUM_NAMES = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 
 /** @typedef {Readonly<Record<string, string | undefined>>} Environment */
 
 /**
- * The browser: what `MAES_CHROMIUM` names, else the first that is in PATH.
+ * The browser: `MAES_CHROMIUM`, else the first candidate in PATH.
  * @param {Environment} environment
  */
 export function chromiumIn(environment) {
   const named = environment["MAES_CHROMIUM"];
   if (named) {
-    if (!isProgram(named)) throw new Failure(`MAES_CHROMIUM is ${named}, which is no program`);
+    if (!isProgram(named)) throw new CaptureError(`MAES_CHROMIUM is ${named}, which is not an executable`);
     return named;
   }
   const found = inPath(CHROMIUM_NAMES, environment);
-  if (found === null) throw new Failure("Chromium is missing: apt install chromium, or set MAES_CHROMIUM");
+  if (found === null)
+    throw new CaptureError("Chromium is missing: apt install chromium, or set MAES_CHROMIUM");
   return found;
 }
 
 /** @param {Environment} environment */
 export function ffmpegIn(environment) {
   const found = inPath(["ffmpeg"], environment);
-  if (found === null) throw new Failure("ffmpeg is missing: apt install ffmpeg");
+  if (found === null) throw new CaptureError("ffmpeg is missing: apt install ffmpeg");
   return found;
 }
 
 /**
- * The first of these names that is in PATH.
+ * The first of these names in PATH.
  * @param {readonly string[]} names
  * @param {Environment} environment
  * @returns {string | null}

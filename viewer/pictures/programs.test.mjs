@@ -2,7 +2,7 @@ import { chmodSync, mkdirSync, mkdtempSync, rmSync, writeFileSync } from "node:f
 import { tmpdir } from "node:os";
 import { delimiter, join } from "node:path";
 import { afterAll, beforeAll, expect, it } from "vitest";
-import { firstLine } from "./faults.mjs";
+import { firstLine } from "./errors.mjs";
 import { chromiumIn, ffmpegIn, inPath } from "./programs.mjs";
 
 let root = "";
@@ -22,29 +22,29 @@ beforeAll(() => {
 
 afterAll(() => rmSync(root, { recursive: true }));
 
-it("takes the first name that is in PATH, wherever it is, and nothing that cannot be run", () => {
+it("finds the first executable name in PATH", () => {
   expect(chromiumIn({ PATH: path("a", "b") })).toBe(join(root, "b/chromium"));
   expect(chromiumIn({ PATH: path("a") })).toBe(join(root, "a/google-chrome"));
   expect(ffmpegIn({ PATH: path("a", "b") })).toBe(join(root, "b/ffmpeg"));
   expect(inPath(["chromium"], {})).toBeNull();
 });
 
-it("takes the browser that is named", () => {
+it("uses the browser in MAES_CHROMIUM", () => {
   const named = join(root, "a/google-chrome");
   expect(chromiumIn({ PATH: path("b"), MAES_CHROMIUM: named })).toBe(named);
   expect(() => chromiumIn({ PATH: path("b"), MAES_CHROMIUM: "/nowhere" })).toThrow(
-    "MAES_CHROMIUM is /nowhere, which is no program",
+    "MAES_CHROMIUM is /nowhere, which is not an executable",
   );
 });
 
-it("says what is missing", () => {
+it("reports what is missing", () => {
   expect(() => chromiumIn({ PATH: "" })).toThrow(
     "Chromium is missing: apt install chromium, or set MAES_CHROMIUM",
   );
   expect(() => ffmpegIn({ PATH: path("a") })).toThrow("ffmpeg is missing: apt install ffmpeg");
 });
 
-it("tells errors in one line", () => {
+it("shortens errors to one line", () => {
   expect(firstLine(new Error("page.goto: net::ERR_FAILED at http://a\nCall log:\n  - x"))).toBe(
     "net::ERR_FAILED at http://a",
   );

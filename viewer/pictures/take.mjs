@@ -1,89 +1,98 @@
 /**
- * Takes a picture or a movie of a recording with the viewer's own page, in Chromium without a window.
+ * Captures an image or a movie of a recording with the viewer's page in headless Chromium.
  *
- *     node take.mjs '{"url": "http://127.0.0.1:PORT/?recording=recording/run.mcap", "out": "/tmp/cave.png", "size": [1280, 720],
+ *     node take.mjs '{"url": "http://127.0.0.1:PORT/?recording=recording/run.mcap",
+ *                     "out": "/tmp/cave.png", "size": [1280, 720],
  *                     "agent": null, "layers": null, "at": 120}'
- *     node take.mjs '{"url": ..., "out": "/tmp/cave.mp4", "size": [1280, 720], "agent": 3, "layers": ["walls", "trails"],
+ *     node take.mjs '{"url": ..., "out": "/tmp/cave.mp4", "size": [1280, 720],
+ *                     "agent": 3, "layers": ["walls", "trails"],
  *                     "from": null, "to": 300, "seconds": 20, "fps": 30}'
  *
- * It is called by `sim_server snapshot` and `experiments movie`, which serve the page. The file appears under its name when it is
- * complete, and not before. Errors are one line on stderr; exit code 2: what was asked for cannot be, 1: something has failed.
+ * Called by `maes snapshot` and `maes movie`, which serve the page. The output file appears when it
+ * is complete. Errors are one line on stderr; exit code 2: the request is invalid, 1: something has
+ * failed.
  */
 import { open, rename, stat, writeFile } from "node:fs/promises";
 import { basename, dirname, join } from "node:path";
 import { performance } from "node:perf_hooks";
 import process from "node:process";
-import { Failure, firstLine, Refusal } from "./faults.mjs";
-import { startFilm } from "./film.mjs";
-import { leaveNothing, removeAtExit } from "./leftovers.mjs";
-import { checkedAgainst, idleLayers, orderOf } from "./order.mjs";
+import { CaptureError, firstLine, InvalidRequest } from "./errors.mjs";
+import { startMovie } from "./movie.mjs";
+import { cleanUpAtExit, removeAtExit } from "./cleanup.mjs";
+import { frameTimesOf, idleLayers, parseRequest } from "./request.mjs";
 import { chromiumIn, ffmpegIn } from "./programs.mjs";
-import { Stage } from "./stage.mjs";
+import { HeadlessPage } from "./headless-page.mjs";
 
-/** How often it is told how far a movie is, milliseconds. */
+/** Period of progress reports of a movie, milliseconds. */
 const PROGRESS_MS = 2000;
 
-leaveNothing();
+cleanUpAtExit();
 try {
-  await take(orderOf(process.argv[2]));
+  await take(parseRequest(process.argv[2]));
 } catch (error) {
-  tell(`error: ${firstLine(error)}`);
-  process.exit(error instanceof Refusal ? error.exitCode : 1);
+  report(`error: ${firstLine(error)}`);
+  process.exit(error instanceof InvalidRequest ? error.exitCode : 1);
 }
 
-/** @param {import("./order.mjs").Order} order */
-async function take(order) {
+/** @param {import("./request.mjs").CaptureRequest} request */
+async function take(request) {
   const chromium = chromiumIn(process.env);
-  const ffmpeg = order.kind === "png" ? null : ffmpegIn(process.env);
-  const part = await partOf(order.out);
-  const stage = await Stage.open(chromium, order);
+  const ffmpeg = request.kind === "png" ? null : ffmpegIn(process.env);
+  const part = await partOf(request.out);
+  const page = await HeadlessPage.open(chromium, request);
   try {
-    const told = await stage.read();
-    const times = checkedAgainst(order, told);
-    if (told.problem !== null) tell(`note: ${told.problem}`);
-    for (const layer of idleLayers(order)) tell(`note: the layer ${layer} shows nothing without --agent`);
-    await stage.arrange(order, times[0] ?? 0);
-    if (order.kind === "png") await writeFile(part, await stage.take(times[0] ?? 0, { isQuick: false }));
-    else await shoot(stage, times, await startFilm(ffmpeg ?? "", { kind: order.kind, fps: order.fps }, part));
-    await rename(part, order.out);
+    const recording = await page.read();
+    const times = frameTimesOf(request, recording);
+    if (recording.problem !== null) report(`note: ${recording.problem}`);
+    for (const layer of idleLayers(request)) report(`note: the layer ${layer} shows nothing without --agent`);
+    await page.arrange(request, times[0] ?? 0);
+    if (request.kind === "png") await writeFile(part, await page.take(times[0] ?? 0, { isQuick: false }));
+    else
+      await record(
+        page,
+        times,
+        await startMovie(ffmpeg ?? "", { kind: request.kind, fps: request.fps }, part),
+      );
+    await rename(part, request.out);
   } finally {
-    // Nothing of the browser outlives this, whatever came of it.
-    await stage.close();
+    // The browser never outlives this process.
+    await page.close();
   }
 }
 
 /**
- * @param {Stage} stage
+ * @param {HeadlessPage} page
  * @param {readonly number[]} times
- * @param {import("./film.mjs").Film} film
+ * @param {import("./movie.mjs").MovieWriter} movie
  */
-async function shoot(stage, times, film) {
+async function record(page, times, movie) {
   const parent = process.ppid;
-  let toldMs = performance.now();
+  let reportedMs = performance.now();
   for (const [frame, timeS] of times.entries()) {
-    await film.add(await stage.take(timeS, { isQuick: true }));
-    if (process.ppid !== parent) throw new Failure("the command that ordered the movie has ended");
+    await movie.add(await page.take(timeS, { isQuick: true }));
+    if (process.ppid !== parent) throw new CaptureError("the command that requested the movie has ended");
     const isLast = frame === times.length - 1;
-    if (!isLast && performance.now() - toldMs < PROGRESS_MS) continue;
-    toldMs = performance.now();
-    tell(`frame ${frame + 1} of ${times.length}`);
+    if (!isLast && performance.now() - reportedMs < PROGRESS_MS) continue;
+    reportedMs = performance.now();
+    report(`frame ${frame + 1} of ${times.length}`);
   }
-  await film.finish();
+  await movie.finish();
 }
 
 /**
- * Makes the file that is written until it is complete, beside the one that it becomes.
+ * Creates the temporary file beside the output file.
  * @param {string} out
  */
 async function partOf(out) {
-  if (await isFolder(out)) throw new Refusal(`--out ${out}: it is a folder`);
-  if (!(await isFolder(dirname(out)))) throw new Refusal(`--out ${out}: there is no folder ${dirname(out)}`);
+  if (await isFolder(out)) throw new InvalidRequest(`--out ${out}: it is a folder`);
+  if (!(await isFolder(dirname(out))))
+    throw new InvalidRequest(`--out ${out}: the folder ${dirname(out)} does not exist`);
   const part = join(dirname(out), `.${basename(out)}.${process.pid}.part`);
   try {
     await (await open(part, "wx")).close();
   } catch (error) {
     const { code } = /** @type {NodeJS.ErrnoException} */ (error);
-    throw new Refusal(`--out ${out}: no file can be made there (${code ?? firstLine(error)})`);
+    throw new InvalidRequest(`--out ${out}: the file cannot be created (${code ?? firstLine(error)})`);
   }
   removeAtExit(part);
   return part;
@@ -95,6 +104,6 @@ async function isFolder(path) {
 }
 
 /** @param {string} line */
-function tell(line) {
+function report(line) {
   process.stderr.write(`${line}\n`);
 }

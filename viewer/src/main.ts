@@ -1,8 +1,9 @@
 /**
- * Where the page begins: reads what its address asks for, and opens that.
+ * Entry point of the page: parses the query of its address and opens what it names.
  *
- * `?recording=URL`, `?server=ws://host:port`, `?time=S`, `?agent=N`, `?picture=1`. Without a recording or a server, a page that was
- * served by a simulator connects with it; one that was not shows the welcome screen.
+ * `?recording=URL`, `?server=ws://host:port`, `?time=S`, `?agent=N`, `?picture=1`. Without a
+ * recording or a server, the page connects to the simulator that served it, and shows the welcome
+ * screen if there is none.
  */
 import "./app/base.css";
 import "./app/layout.css";
@@ -10,11 +11,11 @@ import "./app/panels.css";
 import { App } from "./app/app.ts";
 import type { Handle } from "./app/handle.ts";
 
-const wanted = new URLSearchParams(location.search);
+const query = new URLSearchParams(location.search);
 
-/** A number of the address; null if there is none. */
+/** A non-negative number of the query; null if it is missing or malformed. */
 function numberOf(name: string): number | null {
-  const text = wanted.get(name);
+  const text = query.get(name);
   if (text === null || text.trim() === "") return null;
   const value = Number(text);
   return Number.isFinite(value) && value >= 0 ? value : null;
@@ -23,7 +24,7 @@ function numberOf(name: string): number | null {
 const app = new App(document.getElementById("app")!, {
   timeS: numberOf("time"),
   agent: numberOf("agent"),
-  isPicture: wanted.get("picture") === "1",
+  isPicture: query.get("picture") === "1",
 });
 
 const handle: Handle = {
@@ -41,12 +42,12 @@ const handle: Handle = {
 };
 window.maes = handle;
 
-// What nobody has foreseen is told, too.
-window.addEventListener("error", ({ message }) => app.shell.banners.set("fault", message));
-window.addEventListener("unhandledrejection", ({ reason }) => app.shell.banners.set("fault", String(reason)));
+// Unhandled errors are shown as well.
+window.addEventListener("error", ({ message }) => app.shell.banners.set("error", message));
+window.addEventListener("unhandledrejection", ({ reason }) => app.shell.banners.set("error", String(reason)));
 
-const recording = wanted.get("recording");
-const server = wanted.get("server");
+const recording = query.get("recording");
+const server = query.get("server");
 if (recording) void app.openUrl(recording);
 else if (server) app.connect(server);
 else if (location.protocol.startsWith("http")) {

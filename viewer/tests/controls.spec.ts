@@ -1,7 +1,7 @@
 /**
- * What one can do with the picture: layers, cuts, the camera, the selection; and what of it is remembered.
+ * View controls: layers, cuts, camera, selection, and the settings that persist.
  *
- * Every control changes the picture, and putting it back gives the same picture to the last pixel.
+ * Every control changes the image, and resetting it restores the image to the last pixel.
  */
 import type { Page } from "@playwright/test";
 import { expect, test } from "./support/fixtures.ts";
@@ -10,9 +10,9 @@ import * as shown from "./support/shown.ts";
 
 const FILE = recording("radio");
 
-/** Half of the cave is explored then, agents are on their ways, and some hear each other. */
+/** Half of the cave is explored then, agents follow paths, and some are in contact. */
 const TIME_S = 20;
-/** One that is heard then. */
+/** An agent with contacts then. */
 const AGENT = 1;
 
 const LAYERS = [
@@ -41,13 +41,13 @@ const selectedIn = (page: Page): Promise<number | null> =>
 const expectSelected = (page: Page, agent: number | null): Promise<void> =>
   expect.poll(() => selectedIn(page)).toBe(agent);
 
-test("every layer can be shown and left out", async ({ page, servers }) => {
+test("every layer can be shown and hidden", async ({ page, servers }) => {
   await shown.openWhole(page, `${await servers.view(FILE)}&agent=${AGENT}`);
   await page.getByTestId("toolbar-layers").click();
   await expect(page.getByTestId("layers-panel")).toBeVisible();
-  // Far enough from the agent that something of every layer is in the picture.
+  // Far enough from the agent that every layer is visible in the image.
   await shown.showAt(page, TIME_S);
-  await page.getByTestId("picture").hover();
+  await page.getByTestId("canvas").hover();
   for (let turn = 0; turn < 4; turn++) await page.mouse.wheel(0, 240);
   const before = await shown.pictureAt(page, TIME_S);
   for (const layer of LAYERS) {
@@ -92,7 +92,7 @@ test("walls become solid, and the cave is cut open along each axis", async ({ pa
   shown.expectSame(before, await shown.pictureAt(page, TIME_S), "cut put back");
 });
 
-test("what is unexplored has a switch and a key", async ({ page, servers }) => {
+test("unexplored cells have a switch and a key", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const before = await shown.pictureAt(page, TIME_S);
   const input = page.getByTestId("show-unexplored");
@@ -108,7 +108,7 @@ test("agents are selected by buttons, keys, clicks and the table", async ({ page
   await shown.openWhole(page, await servers.view(FILE));
   const before = await shown.pictureAt(page, TIME_S);
 
-  // Through all of them, the cave being one, and back.
+  // Through all of them, including the cave, and back.
   for (const agent of [0, 1, 2, 3, 4, null, 0]) {
     await page.getByTestId("camera-next").click();
     await expectSelected(page, agent);
@@ -142,7 +142,7 @@ test("agents are selected by buttons, keys, clicks and the table", async ({ page
   await page.getByTestId("agent-close").click();
   await expectSelected(page, null);
 
-  // A click in the picture, where the scene says that one of them is.
+  // Clicks the image where the scene reports an agent.
   await shown.showAt(page, TIME_S);
   const place = await page.evaluate(() => {
     const scene = window.maes!.scene!;
@@ -156,11 +156,11 @@ test("agents are selected by buttons, keys, clicks and the table", async ({ page
     return null;
   });
   expect(place, "an agent in the picture").not.toBeNull();
-  await page.getByTestId("picture").click({ position: { x: place!.x, y: place!.y } });
+  await page.getByTestId("canvas").click({ position: { x: place!.x, y: place!.y } });
   await expectSelected(page, place!.agent);
 });
 
-test("the panel says of the selected agent what the run says", async ({ page, servers }) => {
+test("the panel shows the state of the selected agent", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const fact = (name: string) => page.getByTestId(`fact-${name}`);
   const thousands = (value: number): string => String(value).replace(/\B(?=(\d{3})+(?!\d))/g, "\u202f");
@@ -175,9 +175,9 @@ test("the panel says of the selected agent what the run says", async ({ page, se
       await expect(page.getByTestId("agent-title")).toHaveText(`Agent ${id}`);
       await expect(page.getByTestId("agent-info")).toHaveText(agent.info);
       await expect(fact("position")).toHaveText(place(agent.position), { useInnerText: true });
-      await expect(fact("hears")).toHaveText(agent.contacts.join(", ") || "nobody");
-      await expect(fact("sent")).toContainText(`${thousands(agent.sent.messages)} parcels`);
-      await expect(fact("received")).toContainText(`${thousands(agent.received.messages)} parcels`);
+      await expect(fact("contacts")).toHaveText(agent.contacts.join(", ") || "none");
+      await expect(fact("sent")).toContainText(`${thousands(agent.sent.messages)} messages`);
+      await expect(fact("received")).toContainText(`${thousands(agent.received.messages)} messages`);
       await expect(fact("speed")).toHaveText(`${agent.speedMS.toFixed(2)} m/s`);
       await expect(fact("target")).toHaveText(place(agent.path.at(-1)!), { useInnerText: true });
       await expect(fact("controller")).toContainText("lvd");
@@ -185,10 +185,10 @@ test("the panel says of the selected agent what the run says", async ({ page, se
   }
 });
 
-test("the hand turns the view and brings it nearer", async ({ page, servers }) => {
+test("dragging rotates the view and the wheel zooms", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const before = await shown.pictureAt(page, TIME_S);
-  const box = (await page.getByTestId("picture").boundingBox())!;
+  const box = (await page.getByTestId("canvas").boundingBox())!;
   const middle = { x: box.x + box.width / 2, y: box.y + box.height / 2 };
   const drag = async (): Promise<void> => {
     await page.mouse.move(middle.x, middle.y);
@@ -214,12 +214,12 @@ test("the hand turns the view and brings it nearer", async ({ page, servers }) =
   shown.expectSame(before, await shown.pictureAt(page, TIME_S), "the whole cave again");
 });
 
-test("keys, figures and panels come and go", async ({ page, servers }) => {
+test("help, statistics and panels can be toggled", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   await page.keyboard.press("?");
   await expect(page.getByTestId("help")).toBeVisible();
   await expect(page.getByTestId("help")).toContainText("Select an agent");
-  // Keys belong to the dialog as long as it is there.
+  // Keys belong to the dialog while it is open.
   await page.keyboard.press("2");
   await page.keyboard.press("Escape");
   await expect(page.getByTestId("help")).toBeHidden();
@@ -228,18 +228,18 @@ test("keys, figures and panels come and go", async ({ page, servers }) => {
   await page.getByTestId("help-close").click();
   await expect(page.getByTestId("help")).toBeHidden();
 
-  await expect(page.getByTestId("figures")).toBeHidden();
+  await expect(page.getByTestId("render-stats")).toBeHidden();
   await page.keyboard.press("f");
-  await expect(page.getByTestId("figures")).toContainText("triangles");
+  await expect(page.getByTestId("render-stats")).toContainText("triangles");
   await page.keyboard.press("f");
-  await expect(page.getByTestId("figures")).toBeHidden();
+  await expect(page.getByTestId("render-stats")).toBeHidden();
 
   await page.keyboard.press("l");
   await expect(page.getByTestId("layers-panel")).toBeVisible();
   await page.getByTestId("layers-close").click();
   await expect(page.getByTestId("layers-panel")).toBeHidden();
 
-  const width = async (): Promise<number> => (await page.getByTestId("picture").boundingBox())!.width;
+  const width = async (): Promise<number> => (await page.getByTestId("canvas").boundingBox())!.width;
   const narrow = await width();
   await page.keyboard.press("p");
   await expect(page.getByTestId("side")).toBeHidden();
@@ -254,7 +254,7 @@ test("keys, figures and panels come and go", async ({ page, servers }) => {
   await expect(page.getByTestId("scenario")).toContainText("range_m = 15");
 });
 
-test("the page is found again as it was left", async ({ page, servers }) => {
+test("view settings persist", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   await page.keyboard.press("l");
   await page.getByTestId("layer-heat").check();
@@ -269,7 +269,7 @@ test("the page is found again as it was left", async ({ page, servers }) => {
   await page.reload();
   await shown.ready(page);
   await expect(page.getByTestId("layers-panel")).toBeVisible();
-  await expect(page.getByTestId("figures")).toBeVisible();
+  await expect(page.getByTestId("render-stats")).toBeVisible();
   await expect(page.getByTestId("layer-heat")).toBeChecked();
   await expect(page.getByTestId("layer-trails")).not.toBeChecked();
   await expect(page.getByTestId("wall-opacity")).toHaveValue("0.4");
@@ -279,17 +279,17 @@ test("the page is found again as it was left", async ({ page, servers }) => {
   shown.expectSame(left, await shown.pictureAt(page, TIME_S), "before and after");
 });
 
-test("a page for pictures has nothing but the picture and a caption", async ({ page, servers }) => {
+test("a page for captures has only the image and a caption", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   await page.getByTestId("toolbar-layers").click();
   await page.getByTestId("layer-heat").check();
   await shown.open(page, `${page.url()}&picture=1&time=${TIME_S}`);
   await shown.expectTime(page, TIME_S);
   await shown.showAt(page, TIME_S);
-  for (const part of ["side", "transport", "camera-bar", "layers-panel"]) {
+  for (const part of ["side", "playback-bar", "camera-bar", "layers-panel"]) {
     await expect(page.getByTestId(part)).toBeHidden();
   }
-  // What somebody has chosen does not count: pictures are the same everywhere.
+  // Stored settings do not apply: captured images are the same everywhere.
   expect(await isOn(page, "heat")).toBe(false);
   const share = await page.evaluate((timeS) => {
     const { seenAt, terrain } = window.maes!.run!;

@@ -1,6 +1,4 @@
-/**
- * A simulator that waits: the form that starts a run, what is wrong with it, and one run after the other.
- */
+/** An idle simulator: the start form, its errors, and consecutive runs. */
 import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { join } from "node:path";
 import type { Page } from "@playwright/test";
@@ -8,7 +6,7 @@ import { expect, test, type Servers } from "./support/fixtures.ts";
 import { temporaryFolder } from "./support/recordings.ts";
 import * as shown from "./support/shown.ts";
 
-/** The reference's defaults, and its ranges; agents go on beyond its ten. */
+/** Defaults and ranges of the reference; it has 10 agents at most. */
 const SLIDERS: Record<string, readonly [value: number, min: number, max: number]> = {
   "start-agents": [3, 1, 27],
   "start-durationMin": [30, 1, 120],
@@ -24,11 +22,11 @@ const SLIDERS: Record<string, readonly [value: number, min: number, max: number]
   "start-sensingFovDeg": [360, 1, 360],
 };
 
-/** Starts an idle server; the function that it returns starts agents for a run that began since it was called last. */
+/** Starts an idle server; the returned function starts the agents of the next run. */
 async function idle(servers: Servers): Promise<{ url: string; agentsForNext: () => Promise<number> }> {
   const ready = join(mkdtempSync(join(temporaryFolder(), "idle-")), "ready");
   const { url } = await servers.run(["--idle", "--ready", ready]);
-  // The server writes the name of the scenario anew for every run.
+  // The server writes the scenario's file name for every run.
   const scenario = (): string => (existsSync(ready) ? readFileSync(ready, "utf8") : "");
   return {
     url,
@@ -51,7 +49,7 @@ async function openForm(page: Page, button: string): Promise<void> {
 
 const toml = (page: Page): Promise<string> => page.getByTestId("start-toml").inputValue();
 
-test("the form begins as the reference, and keeps its ranges", async ({ page, servers }) => {
+test("the form has the defaults and ranges of the reference", async ({ page, servers }) => {
   const { url } = await idle(servers);
   await page.goto(url);
   await openForm(page, "welcome-new");
@@ -71,7 +69,7 @@ test("the form begins as the reference, and keeps its ranges", async ({ page, se
     .evaluateAll((options) => options.slice(0, 3).map((option) => (option as HTMLOptionElement).value));
   expect(names).toEqual(["rbw", "lvd", "dsvp"]);
 
-  // The text says what the form does.
+  // The text reflects the form.
   await page.getByTestId("start-agents").fill("7");
   await page.getByTestId("start-size-x").fill("40");
   await page.getByTestId("start-seed").fill("12");
@@ -98,35 +96,35 @@ test("the form begins as the reference, and keeps its ranges", async ({ page, se
   expect((await toml(page)).split("\n")).toContain("fill = 0.53");
 });
 
-test("what is wrong with a scenario is told beside the form", async ({ page, servers }) => {
+test("errors of a scenario are shown beside the form", async ({ page, servers }) => {
   const { url } = await idle(servers);
   await page.goto(url);
   await openForm(page, "welcome-new");
   const problems = page.getByTestId("start-problems");
-  // By the form itself.
+  // Found by the form itself.
   await page.getByTestId("start-spheresRadiusMin").fill("9");
-  await expect(problems).toHaveText("Radius: the smallest one is above the largest one.");
+  await expect(problems).toHaveText("Radius: the smallest exceeds the largest.");
   await page.getByTestId("start-go").click();
   await expect(page.getByTestId("start-form")).toBeVisible();
   await page.getByTestId("start-spheresRadiusMin").fill("3");
   await expect(problems).toBeHidden();
-  // By the server.
+  // Found by the server.
   const text = await toml(page);
-  for (const [edited, told] of [
+  for (const [edited, expected] of [
     [text.replace("count = 3", "count = 0"), /agents\.count/],
     [text.replace("count = 3", "count ="), /:17:8: /],
     [text.replace("count = 3", "counts = 3"), /counts/],
   ] as const) {
     await page.getByTestId("start-toml").fill(edited);
     await page.getByTestId("start-go").click();
-    await expect(problems).toHaveText(told);
+    await expect(problems).toHaveText(expected);
     await expect(page.getByTestId("start-go")).toBeEnabled();
   }
   await page.getByTestId("start-back").click();
   expect(await toml(page)).toBe(text);
 });
 
-test("one run after the other is started, and ends", async ({ page, servers }) => {
+test("consecutive runs start and end", async ({ page, servers }) => {
   const { url, agentsForNext } = await idle(servers);
   await page.goto(url);
   await openForm(page, "welcome-new");
@@ -148,7 +146,7 @@ test("one run after the other is started, and ends", async ({ page, servers }) =
   await expect(page.getByTestId("fact-digest")).toBeVisible();
   const first = await page.evaluate(() => [window.maes!.run!.id, window.maes!.run!.result!.digest]);
 
-  // The form has kept what it was told; the same scenario has the same outcome.
+  // The form keeps its values; the same scenario has the same result.
   await openForm(page, "sim-new");
   await expect(page.getByTestId("start-agents")).toHaveValue("2");
   await page.getByTestId("start-go").click();
@@ -157,7 +155,7 @@ test("one run after the other is started, and ends", async ({ page, servers }) =
   await expect(page.getByTestId("run-state")).toHaveText("ended");
   await expect.poll(() => page.evaluate(() => window.maes!.run!.result?.digest)).toBe(first[1]);
 
-  // A run is stopped by hand, and another one follows.
+  // A run is stopped, and another one follows.
   await openForm(page, "sim-new");
   await page.getByTestId("start-agents").fill("3");
   await page.getByTestId("start-durationMin").fill("30");

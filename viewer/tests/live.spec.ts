@@ -1,16 +1,14 @@
-/**
- * A run under way: the page shows it as it goes on, controls it, and leaves no trace in it.
- */
+/** A live run: the page shows it, controls it, and does not change its digest. */
 import type { Page } from "@playwright/test";
 import { expect, test } from "./support/fixtures.ts";
 import { digestIn } from "./support/info.ts";
-import { SCENARIO } from "./support/places.ts";
+import { SCENARIO } from "./support/paths.ts";
 import { parameterOf } from "./support/simulator.ts";
 import * as shown from "./support/shown.ts";
 
 const AGENTS = 5;
 
-/** A run that nothing ends before a test does. */
+/** A run that does not end by itself during a test. */
 const ENDLESS = [SCENARIO, "--paused", "true", "--set", "stop_when_explored=false"];
 const TICK_S = 0.02;
 
@@ -21,7 +19,7 @@ const stateOf = (page: Page) => page.evaluate(() => window.maes!.state);
 
 const runId = (page: Page): Promise<string> => page.evaluate(() => window.maes!.run!.id);
 
-/** Waits until all is known up to a time. */
+/** Waits until the run is known up to a time. */
 const expectKnown = (page: Page, timeS: number): Promise<void> =>
   expect.poll(() => shown.endOf(page)).toBeGreaterThanOrEqual(timeS);
 
@@ -31,7 +29,7 @@ async function confirm(page: Page, button: string): Promise<void> {
   await expect(page.getByTestId("confirm")).toBeHidden();
 }
 
-/** Everything that a page has been told, in numbers. */
+/** Everything that a page has received, as numbers. */
 function sumOf(page: Page) {
   return page.evaluate(() => {
     const run = window.maes!.run!;
@@ -50,14 +48,17 @@ function sumOf(page: Page) {
   });
 }
 
-test("a paused run is let go, held, and stepped", async ({ page, servers }) => {
-  // With all poses of the bodies in the recording every tick is known of.
+test("a paused run is resumed, paused and stepped", async ({ page, servers }) => {
+  // With all poses in the recording every tick has a message.
   const { url } = await servers.run([...ENDLESS, "--rtf", "2", "--set", "recording.poses_period_ticks=1"]);
   servers.agents(AGENTS);
   await shown.open(page, url);
   await expectState(page, "paused");
   await expect(page.getByTestId("run-title")).toHaveText(`Run at ${new URL(url).host}`);
-  /** Steps, and expects exactly as many ticks to come. What is known ends before the tick whose messages are coming. */
+  /**
+   * Steps, and expects exactly that many ticks. The known part ends before the tick whose messages
+   * are arriving.
+   */
   const step = async (from: number, ticks: number): Promise<number> => {
     await page.getByTestId(`sim-step-${ticks}`).click();
     await expect.poll(() => shown.endOf(page)).toBeCloseTo((from + ticks - 1) * TICK_S, 6);
@@ -71,19 +72,19 @@ test("a paused run is let go, held, and stepped", async ({ page, servers }) => {
   await expectState(page, "playing");
   for (const ticks of [1, 10, 50]) await expect(page.getByTestId(`sim-step-${ticks}`)).toBeDisabled();
   await expectKnown(page, 4);
-  // The picture follows.
+  // The time shown follows.
   await expect.poll(() => shown.timeOf(page)).toBeGreaterThan(3);
   await page.getByTestId("sim-play").click();
   await expectState(page, "paused");
 
-  // The button of the time line and the space bar are the simulator's as long as it is followed.
+  // The play button and the space bar control the simulator while it is followed.
   await page.getByTestId("play").click();
   await expectState(page, "playing");
   await page.keyboard.press(" ");
   await expectState(page, "paused");
 });
 
-test("the speed is the server's", async ({ page, servers }) => {
+test("the real-time factor is the server's", async ({ page, servers }) => {
   const { url } = await servers.run([...ENDLESS, "--rtf", "2"]);
   servers.agents(AGENTS);
   await shown.open(page, url);
@@ -100,7 +101,7 @@ test("the speed is the server's", async ({ page, servers }) => {
   }
 });
 
-test("one can look back while the run goes on", async ({ page, servers }) => {
+test("earlier times can be shown while the run continues", async ({ page, servers }) => {
   const { url } = await servers.run([...ENDLESS, "--rtf", "5"]);
   servers.agents(AGENTS);
   await shown.open(page, url);
@@ -115,7 +116,7 @@ test("one can look back while the run goes on", async ({ page, servers }) => {
   const picture = await shown.pictureAt(page, 2);
   const then = await shown.endOf(page);
   await expectKnown(page, then + 3);
-  // What was is as it was, however much has come since.
+  // The past stays the same, however much is received afterwards.
   await shown.expectTime(page, 2);
   shown.expectSame(picture, await shown.pictureAt(page, 2), "2 s, earlier and later");
   await expectState(page, "playing");
@@ -124,7 +125,7 @@ test("one can look back while the run goes on", async ({ page, servers }) => {
   await expect.poll(() => shown.timeOf(page)).toBeGreaterThan(then);
   expect((await stateOf(page)).isFollowing).toBe(true);
 
-  // Played from the beginning, the picture catches up with the run.
+  // Played from the start, the time shown catches up with the run.
   await page.getByTestId("sim-play").click();
   await expectState(page, "paused");
   await page.keyboard.press("Home");
@@ -134,7 +135,7 @@ test("one can look back while the run goes on", async ({ page, servers }) => {
   await expect.poll(async () => (await shown.endOf(page)) - (await shown.timeOf(page))).toBeCloseTo(0, 6);
 });
 
-test("a run begins again, and is stopped", async ({ page, servers }) => {
+test("a run is restarted, and stopped", async ({ page, servers }) => {
   const { server, url } = await servers.run([...ENDLESS, "--rtf", "10"]);
   servers.agents(AGENTS);
   await shown.open(page, url);
@@ -144,7 +145,7 @@ test("a run begins again, and is stopped", async ({ page, servers }) => {
   await page.getByTestId("sim-play").click();
   await expectState(page, "paused");
 
-  // Not without being asked.
+  // Only after confirmation.
   await page.getByTestId("sim-restart").click();
   await page.getByTestId("confirm-no").click();
   expect(await runId(page)).toBe(first);
@@ -159,16 +160,16 @@ test("a run begins again, and is stopped", async ({ page, servers }) => {
   await confirm(page, "sim-stop");
   await expectState(page, "ended");
   await server.ended;
-  const told = digestIn(server.stdout);
+  const digest = digestIn(server.stdout);
   await page.keyboard.press("End");
-  await expect(page.getByTestId("fact-digest")).toHaveAttribute("title", told);
+  await expect(page.getByTestId("fact-digest")).toHaveAttribute("title", digest);
   const end = await page.evaluate(() => window.maes!.run!.result!);
   expect(server.stdout).toContain(`(tick ${end.tick})`);
   await expect(page.getByTestId("fact-ended")).toHaveText(`${end.reason}, at ${shown.clock(end.timeS)}`);
   await expect(page.getByTestId("banner-connection")).toContainText("The run is over");
 });
 
-test("who looks on and takes a hand in it leaves no trace", async ({ page, servers }) => {
+test("observing and controlling a run does not change its digest", async ({ page, servers }) => {
   const flags = ["--duration", "20"];
   const { server, url } = await servers.run([SCENARIO, ...flags, "--paused", "true", "--rtf", "5"]);
   servers.agents(AGENTS);
@@ -186,10 +187,10 @@ test("who looks on and takes a hand in it leaves no trace", async ({ page, serve
   await expectState(page, "ended");
   await page.keyboard.press("End");
   await expect(page.getByTestId("fact-digest")).toHaveAttribute("title", digestIn(server.stdout));
-  expect(digestIn(server.stdout)).toBe(await servers.digestUnseen(flags));
+  expect(digestIn(server.stdout)).toBe(await servers.digestUnobserved(flags));
 });
 
-test("two pages see the same, whenever they came", async ({ page, context, watch, servers }) => {
+test("two pages show the same, whenever they connected", async ({ page, context, watch, servers }) => {
   const { url } = await servers.run([...ENDLESS, "--rtf", "10"]);
   servers.agents(AGENTS);
   await shown.open(page, url);
@@ -200,7 +201,7 @@ test("two pages see the same, whenever they came", async ({ page, context, watch
   watch(second);
   await shown.open(second, url);
   await expectKnown(second, 35);
-  // What one of them does, the other one sees.
+  // A command of one page is visible in the other.
   await second.getByTestId("sim-play").click();
   await expectState(second, "paused");
   await expectState(page, "paused");

@@ -1,6 +1,4 @@
-/**
- * A recording: the ways to open it, the numbers it shows, and the time line.
- */
+/** Recordings: ways to open them, numbers, and the timeline. */
 import { readFileSync } from "node:fs";
 import type { Page } from "@playwright/test";
 import { expect, test } from "./support/fixtures.ts";
@@ -11,10 +9,10 @@ const FILE = recording("cave");
 
 const TICK_S = 0.02;
 
-/** A number that is written with spaces between thousands. */
+/** Parses a number with spaces between thousands. */
 const numberOf = (text: string): number => Number(text.replace(/\s/g, ""));
 
-test("is opened by the file chooser", async ({ page, servers }) => {
+test("opens from the file chooser", async ({ page, servers }) => {
   await page.goto(new URL("/?recording=", await servers.view(FILE)).href);
   await expect(page.getByTestId("welcome")).toBeVisible();
   const chooser = page.waitForEvent("filechooser");
@@ -23,13 +21,13 @@ test("is opened by the file chooser", async ({ page, servers }) => {
   await shown.ready(page);
   await expect(page.getByTestId("run-title")).toHaveText("cave.mcap");
   await expect(page.getByTestId("welcome")).toBeHidden();
-  // Another one takes its place.
+  // Another recording replaces it.
   await page.getByTestId("file").setInputFiles(recording("radio"));
   await expect(page.getByTestId("run-title")).toHaveText("radio.mcap");
-  await expect(page.getByTestId("fact-radio")).toHaveText("15.0 m");
+  await expect(page.getByTestId("fact-radio-range")).toHaveText("15.0 m");
 });
 
-test("is opened where it is dropped", async ({ page, servers }) => {
+test("opens by drag and drop", async ({ page, servers }) => {
   await page.goto(new URL("/?recording=", await servers.view(FILE)).href);
   await expect(page.getByTestId("drop-zone")).toBeVisible();
   const bytes = readFileSync(FILE).toString("base64");
@@ -43,14 +41,14 @@ test("is opened where it is dropped", async ({ page, servers }) => {
   await expect(page.getByTestId("run-title")).toHaveText("dropped.mcap");
 });
 
-test("is opened at a time, with an agent", async ({ page, servers }) => {
+test("opens at a time, with an agent", async ({ page, servers }) => {
   await shown.open(page, `${await servers.view(FILE)}&time=100&agent=3`);
   await shown.expectTime(page, 100);
   await expect(page.getByTestId("agent-title")).toHaveText("Agent 3");
   await expect(page.getByTestId("time-now")).toHaveText("01:40");
 });
 
-test("shows the numbers that it has", async ({ page, servers }) => {
+test("shows its numbers", async ({ page, servers }) => {
   const info = await servers.info(FILE);
   await shown.openWhole(page, await servers.view(FILE));
   const end = shown.secondsOf(info.endTime);
@@ -88,7 +86,7 @@ test("shows the numbers that it has", async ({ page, servers }) => {
     const tick = Math.round(shown.secondsOf(time) / TICK_S);
     expected.set(`tick explored permille ${Number(share) * 10}`, tick);
   }
-  // The server leaves out what has not happened.
+  // The server omits counters of zero.
   for (const [name, value] of counters) if (value === 0) counters.delete(name);
   expect([...counters].sort()).toEqual([...expected].sort());
 
@@ -96,29 +94,25 @@ test("shows the numbers that it has", async ({ page, servers }) => {
   for (const [id, agent] of info.agents.entries()) {
     await page.getByTestId(`agent-row-${id}`).click();
     await expect(page.getByTestId("agent-title")).toHaveText(`Agent ${id}`);
-    await expect(page.getByTestId("fact-way-travelled")).toHaveText(agent.distance);
+    await expect(page.getByTestId("fact-distance-travelled")).toHaveText(agent.distance);
     expect(twoPlaces(result!.exploredBy[id])).toBe(agent.explored);
     expect(twoPlaces(result!.coveredBy[id])).toBe(agent.covered);
-    await expect(page.getByTestId("fact-explored-itself")).toHaveText(
-      shown.finePercent(result!.exploredBy[id]!),
-    );
-    await expect(page.getByTestId("fact-covered-itself")).toHaveText(
-      shown.finePercent(result!.coveredBy[id]!),
-    );
-    await expect(page.getByTestId("fact-knows")).toHaveText(shown.finePercent(result!.believedBy[id]!));
+    await expect(page.getByTestId("fact-explored")).toHaveText(shown.finePercent(result!.exploredBy[id]!));
+    await expect(page.getByTestId("fact-covered")).toHaveText(shown.finePercent(result!.coveredBy[id]!));
+    await expect(page.getByTestId("fact-known")).toHaveText(shown.finePercent(result!.believedBy[id]!));
     await page.getByTestId("agent-close").click();
   }
 });
 
-test("counts what was explored and covered as the server does, at any time", async ({ page, servers }) => {
+test("counts explored and covered cells like the server, at any time", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const rows = await page.evaluate((tickS) => {
     const run = window.maes!.run!;
     const agents = Array.from({ length: run.setup.agents }, (_, id) => id);
-    /** When the last of the agents had been asked again. */
-    const allAskedS = (timeS: number): number => {
+    /** When every agent had another observation. */
+    const allObservedS = (timeS: number): number => {
       let atS = timeS;
-      while (atS < run.endS && agents.some((id) => run.agentAt(id, atS).askedS < timeS)) atS += tickS;
+      while (atS < run.endS && agents.some((id) => run.agentAt(id, atS).observedS < timeS)) atS += tickS;
       return atS;
     };
     const share = (cells: number): number => cells / run.terrain.freeCells;
@@ -126,9 +120,9 @@ test("counts what was explored and covered as the server does, at any time", asy
       timeS,
       explored,
       covered,
-      // A recording tells of cells when an agent is told of them: scans come first, and the next questions after.
+      // A recording contains cells once they are in an observation, which follows the scan.
       least: share(run.seenAt(timeS - tickS)),
-      most: share(run.seenAt(allAskedS(timeS))),
+      most: share(run.seenAt(allObservedS(timeS))),
       counted: share(run.seenAt(timeS)),
       visited: share(run.coveredAt(timeS)),
     }));
@@ -139,7 +133,7 @@ test("counts what was explored and covered as the server does, at any time", asy
     expect(explored).toBeGreaterThanOrEqual(least - 1e-12);
     expect(explored).toBeLessThanOrEqual(most + 1e-12);
   }
-  // Where no scan waits to be told, both are one number, and the panel has it.
+  // Where no scan awaits its observation both numbers are equal, and the panel shows them.
   const settled = rows.filter(({ timeS, least, most }) => timeS > 0 && least === most);
   expect(settled.length).toBeGreaterThan(0);
   for (const { timeS, explored, covered } of settled.slice(0, 3)) {
@@ -153,13 +147,13 @@ test("counts what was explored and covered as the server does, at any time", asy
   }
 });
 
-/** Clicks the time line at a share of its length. */
+/** Clicks the timeline at a share of its length. */
 async function clickLine(page: Page, share: number): Promise<void> {
   const box = (await page.getByTestId("timeline").boundingBox())!;
   await page.mouse.click(box.x + box.width * share, box.y + box.height / 2);
 }
 
-test("the time line goes where it is told", async ({ page, servers }) => {
+test("the timeline seeks", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const end = await shown.endOf(page);
   const line = page.getByTestId("timeline");
@@ -197,7 +191,7 @@ test("the time line goes where it is told", async ({ page, servers }) => {
     await page.keyboard.press(key);
     await shown.expectTime(page, to);
   }
-  // The same keys count when nothing has the focus.
+  // The same keys work without focus.
   await line.blur();
   await shown.showAt(page, 50);
   await page.keyboard.press("ArrowRight");
@@ -207,14 +201,14 @@ test("the time line goes where it is told", async ({ page, servers }) => {
   await expect(line).toHaveAttribute("aria-valuetext", `00:00 of ${shown.clock(end)}`);
 });
 
-test("marks tell when shares were explored, and lead there", async ({ page, servers }) => {
+test("milestones show when shares were explored, and seek there", async ({ page, servers }) => {
   const info = await servers.info(FILE);
   await shown.openWhole(page, await servers.view(FILE));
   expect([...info.reached.keys()]).toEqual(["50", "90", "99", "99.9", "100"]);
   for (const [share, time] of info.reached) {
     const mark = page.getByTestId(`milestone-${share}`);
     await expect(mark).toHaveAttribute("title", `${share} % explored at ${shown.whole(time)}`);
-    // Marks at the end lie over one another: the keyboard and screen readers get at each of them.
+    // Marks at the end overlap: keyboard and screen readers reach each of them.
     await mark.dispatchEvent("click");
     await shown.expectTime(page, shown.secondsOf(time));
   }
@@ -223,7 +217,7 @@ test("marks tell when shares were explored, and lead there", async ({ page, serv
   await shown.expectTime(page, shown.secondsOf(info.reached.get("50")!));
 });
 
-test("is played, held, and played to its end", async ({ page, servers }) => {
+test("plays, pauses, and plays to its end", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const end = await shown.endOf(page);
   const state = () => page.evaluate(() => window.maes!.state);
@@ -249,21 +243,21 @@ test("is played, held, and played to its end", async ({ page, servers }) => {
   await page.getByTestId("play").click();
   await shown.expectTime(page, end);
   expect((await state()).isPlaying).toBe(false);
-  // From the end it begins again.
+  // At the end it starts over.
   await page.getByTestId("play").click();
   await expect.poll(() => shown.timeOf(page)).toBeLessThan(end - 1);
 });
 
-test("the curve leads where it is clicked", async ({ page, servers }) => {
+test("a click on the chart seeks", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const end = await shown.endOf(page);
-  const over = page.getByTestId("curve").locator(".u-over");
+  const over = page.getByTestId("chart").locator(".u-over");
   const box = (await over.boundingBox())!;
   await over.click({ position: { x: box.width / 2, y: box.height / 2 } });
   await expect.poll(async () => Math.abs((await shown.timeOf(page)) - end / 2)).toBeLessThan(end / 50);
 });
 
-test("a moment is the same picture however one came to it", async ({ page, servers }) => {
+test("a time has the same image whatever was shown before", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const first = await shown.pictureAt(page, 100);
   const later = await shown.pictureAt(page, 300);
@@ -271,25 +265,21 @@ test("a moment is the same picture however one came to it", async ({ page, serve
   shown.expectOther(first, later, "100 s and 300 s");
   shown.expectSame(first, again, "100 s before and after 300 s");
 
-  // By hand over the time line, too, with another agent in between.
+  // Through the timeline as well, with another agent in between.
   await page.keyboard.press("2");
   await clickLine(page, 0.9);
   await page.keyboard.press("Escape");
   await clickLine(page, 0.1);
   shown.expectSame(first, await shown.pictureAt(page, 100), "100 s after a round trip");
 
-  // And in a page that has never shown anything else.
+  // And in a page that has not shown anything else.
   await page.reload();
   await shown.ready(page);
   shown.expectSame(first, await shown.pictureAt(page, 100), "100 s in a new page");
 });
 
-test("a large cave is coarse while it moves, and drawn in full when it rests", async ({
-  page,
-  context,
-  servers,
-}) => {
-  const triangles = () => page.evaluate(() => window.maes!.scene!.figures.triangles);
+test("a large cave is coarse in motion, and in full detail at rest", async ({ page, context, servers }) => {
+  const triangles = () => page.evaluate(() => window.maes!.scene!.stats.triangles);
   const url = await servers.view(recording("hall"));
   await shown.openWhole(page, url);
   await shown.showAt(page, 5);

@@ -1,4 +1,6 @@
-/** What the page weighs: all that it loads to show a recording, as it goes over the wire, without the recording itself. */
+/**
+ * Transfer size of the page: everything that it loads to show a recording, without the recording.
+ */
 import { expect, test } from "./support/fixtures.ts";
 import { recording } from "./support/recordings.ts";
 import * as shown from "./support/shown.ts";

@@ -1,20 +1,18 @@
-/**
- * The cards of the side panel that tell of agents: a table of all, or everything of the one that is selected.
- */
+/** The agent cards of the side panel: a table of all agents, or the details of the selected one. */
 import type { AgentState, Progress, Run } from "../data/run.ts";
 import { agentColour } from "../scene/colours.ts";
-import { Facts } from "./cards.ts";
+import { FactList } from "./cards.ts";
 import { el, fill, iconButton, setHidden, setText } from "./dom.ts";
-import { bytes, clockTime, count, finePercent, heading, metres, percent, place } from "./format.ts";
-import { nameOf, progressAt } from "./moment.ts";
-import type { Moment } from "./moment.ts";
+import { bytes, clockTime, count, finePercent, heading, metres, percent, positionText } from "./format.ts";
+import { nameOf, progressAt } from "./panel-state.ts";
+import type { PanelState } from "./panel-state.ts";
 
-/** Progress is told every 10 s; what is as old as a tick is of now. */
+/** Progress is published every 10 s; progress of the same tick counts as current. */
 const FRESH_S = 0.05;
 
-/** Of which time numbers are that the server tells now and then; null if they are of now. */
+/** Note on the age of progress values; null if they are current. */
 function ageOf(progress: Progress | null, timeS: number): string | null {
-  if (!progress) return "not told yet";
+  if (!progress) return "not reported yet";
   return timeS - progress.timeS > FRESH_S ? `as of ${clockTime(progress.timeS)}` : null;
 }
 
@@ -23,8 +21,9 @@ function swatch(agent: number): HTMLElement {
 }
 
 function taskOf(agent: AgentState): string {
-  const task = agent.task === "path" ? "on its way" : agent.task === "move" ? "straight on" : agent.task;
-  return agent.collision === "none" ? task : `${task}, at a ${agent.collision}`;
+  const task =
+    agent.task === "path" ? "following a path" : agent.task === "move" ? "moving straight" : agent.task;
+  return agent.collision === "none" ? task : `${task}, collision with ${agent.collision}`;
 }
 
 interface Row {
@@ -34,7 +33,7 @@ interface Row {
   readonly distance: HTMLElement;
 }
 
-/** All agents; a click selects one. */
+/** The table of agents; a click selects one. */
 export class AgentsCard {
   readonly root: HTMLElement;
   readonly #body = el("tbody", { testid: "agents" });
@@ -45,7 +44,7 @@ export class AgentsCard {
 
   constructor(select: (agent: number) => void) {
     this.#select = select;
-    const head = ["Agent", "Task", "Explored", "Way"].map((name) => el("th", { scope: "col" }, name));
+    const head = ["Agent", "Task", "Explored", "Distance"].map((name) => el("th", { scope: "col" }, name));
     this.root = el(
       "section",
       { class: "card", testid: "agents-card" },
@@ -58,7 +57,7 @@ export class AgentsCard {
     );
   }
 
-  update({ run, timeS, selected }: Moment): void {
+  update({ run, timeS, selected }: PanelState): void {
     setHidden(this.root, selected !== null);
     if (selected !== null) return;
     if (run !== this.#run) this.#open(run);
@@ -100,13 +99,13 @@ export class AgentsCard {
   }
 }
 
-/** Everything of the selected agent. */
+/** The details of the selected agent. */
 export class AgentCard {
   readonly root: HTMLElement;
   readonly #title = el("h2", { class: "card-title", testid: "agent-title" });
   readonly #info = el("p", { class: "agent-info", testid: "agent-info" });
-  readonly #facts = new Facts();
-  readonly #told = new Facts();
+  readonly #facts = new FactList();
+  readonly #progressFacts = new FactList();
   readonly #note = el("p", { class: "note" });
   #shown: number | null = null;
 
@@ -118,12 +117,12 @@ export class AgentCard {
       el("div", { class: "card-head" }, this.#title, close),
       this.#info,
       this.#facts.root,
-      this.#told.root,
+      this.#progressFacts.root,
       this.#note,
     );
   }
 
-  update({ run, timeS, selected }: Moment): void {
+  update({ run, timeS, selected }: PanelState): void {
     setHidden(this.root, selected === null);
     if (selected === null) return;
     const agent = run.agentAt(selected, timeS);
@@ -131,21 +130,21 @@ export class AgentCard {
       this.#shown = selected;
       fill(this.#title, swatch(selected), `Agent ${selected}`);
     }
-    setText(this.#info, agent.info || "This controller says nothing of itself.");
+    setText(this.#info, agent.info || "The controller has no status text.");
     this.#info.classList.toggle("quiet", agent.info === "");
 
     const target = agent.path.at(-1);
     const facts = this.#facts;
     facts.set("Controller", run.setup.controllers[selected] ?? null);
     facts.set("Task", taskOf(agent));
-    facts.set("Position", `${place(agent.position)} m`);
+    facts.set("Position", `${positionText(agent.position)} m`);
     facts.set("Heading", heading(agent.yawRad));
     facts.set("Speed", `${agent.speedMS.toFixed(2)} m/s`);
-    facts.set("Target", target ? `${place(target)} m` : "none");
-    facts.set("Hears", agent.contacts.length === 0 ? "nobody" : agent.contacts.join(", "));
-    facts.set("Sent", `${count(agent.sent.messages)} parcels, ${bytes(agent.sent.bytes)}`);
-    facts.set("Received", `${count(agent.received.messages)} parcels, ${bytes(agent.received.bytes)}`);
-    facts.set("Last asked", clockTime(agent.askedS));
+    facts.set("Target", target ? `${positionText(target)} m` : "none");
+    facts.set("Contacts", agent.contacts.length === 0 ? "none" : agent.contacts.join(", "));
+    facts.set("Sent", `${count(agent.sent.messages)} messages, ${bytes(agent.sent.bytes)}`);
+    facts.set("Received", `${count(agent.received.messages)} messages, ${bytes(agent.received.bytes)}`);
+    facts.set("Last observation", clockTime(agent.observedS));
 
     const progress = progressAt(run, timeS);
     const age = ageOf(progress, timeS);
@@ -155,10 +154,10 @@ export class AgentCard {
       const value = values?.[selected];
       return value === undefined ? null : finePercent(value);
     };
-    this.#told.set("Explored itself", share(progress?.exploredBy));
-    this.#told.set("Covered itself", share(progress?.coveredBy));
-    this.#told.set("Knows", share(progress?.believedBy));
-    const way = progress?.distanceM[selected];
-    this.#told.set("Way travelled", way === undefined ? null : metres(way));
+    this.#progressFacts.set("Explored", share(progress?.exploredBy));
+    this.#progressFacts.set("Covered", share(progress?.coveredBy));
+    this.#progressFacts.set("Known", share(progress?.believedBy));
+    const distanceM = progress?.distanceM[selected];
+    this.#progressFacts.set("Distance travelled", distanceM === undefined ? null : metres(distanceM));
   }
 }

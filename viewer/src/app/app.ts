@@ -1,76 +1,80 @@
 /**
- * The page: holds what is shown (run, time, selection, layers), passes orders on, and tells the panels. What a thing looks like is
- * in its own file.
+ * The application: owns the state of the page (run, time, selection, layers), executes actions, and
+ * updates the panels. Each part of the page is rendered in its own module.
  */
 import type { Run } from "../data/run.ts";
 import { openFile, openLive, openUrl } from "../data/sources.ts";
 import type { LiveFeed } from "../data/sources.ts";
 import { Scene } from "../scene/scene.ts";
+import { AgentNumberInput, nextSelection } from "./agent-selection.ts";
 import { Clock } from "./clock.ts";
 import { openHelp } from "./dialogs.ts";
 import type { HandleState } from "./handle.ts";
 import { listenToKeys } from "./keys.ts";
-import { browserSurroundings, LiveConnection, socketAddress } from "./live.ts";
-import { Look } from "./look.ts";
-import { Loop } from "./loop.ts";
-import { AgentDigits, known, neighbour } from "./moment.ts";
-import type { Moment } from "./moment.ts";
+import { browserEnvironment, LiveConnection, socketAddress } from "./live.ts";
+import { ViewSettings } from "./view-settings.ts";
+import { RenderLoop } from "./render-loop.ts";
+import { waitUntilKnown } from "./panel-state.ts";
+import type { PageActions, PagePart } from "./page-actions.ts";
+import type { PanelState } from "./panel-state.ts";
 import { PLAY_RATES, shifted } from "./rates.ts";
 import { STATE } from "./services.ts";
 import { Shell } from "./shell.ts";
 
-/** How often panels are told, seconds on the wall. */
-const PANELS_S = 0.12;
+/** Period of panel updates, seconds of wall time. */
+const PANEL_PERIOD_S = 0.12;
 
-/** How long the page waits to see whether a simulator has served it before it shows the other ways to a run. */
-const QUIET_MS = 600;
+/**
+ * Time to probe for a simulator that serves the page, before other ways to open a run are shown.
+ */
+const PROBE_MS = 600;
 
-/** What the address of the page asks for. */
-export interface Wishes {
+/** Options in the address of the page. */
+export interface PageOptions {
   readonly timeS: number | null;
   readonly agent: number | null;
-  /** Nothing but the picture and a caption. */
+  /** Whether only the image and a caption are shown. */
   readonly isPicture: boolean;
 }
 
-export class App {
+export class App implements PageActions {
   readonly clock = new Clock();
   readonly shell: Shell;
   readonly scene: Scene | null;
-  readonly loop: Loop;
+  readonly loop: RenderLoop;
   readonly ready: Promise<void>;
   run: Run | null = null;
   live: LiveConnection | null = null;
   #selected: number | null = null;
   #busy: string | null = null;
-  /** Grows with each opening: one that was overtaken by another is dropped. */
+  /** Incremented by every opening; an opening that was superseded is dropped. */
   #opening = 0;
   #unlisten: () => void = () => undefined;
   #isReady: () => void = () => undefined;
-  #panelsS = -Infinity;
-  /** Whether the panels show something else than what is so. */
+  #panelsUpdatedS = -Infinity;
+  /** Whether the panels are out of date. */
   #isStale = true;
-  /** Whether the time that the address asks for has not been read yet. */
+  /** Whether the time in the address has not been read yet. */
   #isSeeking = false;
-  readonly #look: Look;
-  #wishes: Wishes;
-  readonly #digits = new AgentDigits();
+  readonly #settings: ViewSettings;
+  #options: PageOptions;
+  readonly #digits = new AgentNumberInput();
 
-  constructor(root: HTMLElement, wishes: Wishes) {
-    this.#wishes = wishes;
+  constructor(root: HTMLElement, options: PageOptions) {
+    this.#options = options;
     this.ready = new Promise((resolve) => (this.#isReady = resolve));
     const canvas = document.createElement("canvas");
-    const { scene, problem } = sceneOn(canvas, wishes.isPicture);
+    const { scene, problem } = createScene(canvas, options.isPicture);
     this.scene = scene;
-    this.#look = new Look(!wishes.isPicture);
-    if (scene) this.#look.applyTo(scene.view);
-    this.clock.rate = this.#look.values.rate;
-    this.shell = new Shell(root, canvas, this, scene?.view ?? null, wishes.isPicture);
+    this.#settings = new ViewSettings(!options.isPicture);
+    if (scene) this.#settings.applyTo(scene.view);
+    this.clock.rate = this.#settings.values.rate;
+    this.shell = new Shell(root, canvas, this, scene?.view ?? null, options.isPicture);
     this.shell.banners.set("graphics", problem);
-    this.loop = new Loop(canvas, scene, {
+    this.loop = new RenderLoop(canvas, scene, {
       advance: (wallS) => this.#advance(wallS),
-      drew: (wallS, isDrawn) => this.#drew(wallS, isDrawn),
-      failed: (error) => this.shell.banners.set("picture", `The picture cannot be drawn: ${error.message}`),
+      frameDone: (wallS, isDrawn) => this.#afterFrame(wallS, isDrawn),
+      failed: (error) => this.shell.banners.set("render", `Rendering failed: ${error.message}`),
     });
     this.shell.onResize((width, height) => this.loop.resize(width, height));
     this.shell.onPick((x, y) => {
@@ -80,18 +84,18 @@ export class App {
     for (const event of ["pointerdown", "pointermove", "pointerup", "wheel"]) {
       canvas.addEventListener(event, () => this.loop.request(), { passive: true });
     }
-    if (!wishes.isPicture) this.#listen();
-    this.#applyLook();
+    if (!options.isPicture) this.#listen();
+    this.#applySettings();
   }
 
   // ---------------------------------------------------------------- opening
 
   openFile(file: File): Promise<void> {
-    return this.#open(`Opening ${file.name}`, () => openFile(file));
+    return this.#open(`RunHeader ${file.name}`, () => openFile(file));
   }
 
   openUrl(url: string): Promise<void> {
-    return this.#open(`Opening ${url}`, () => openUrl(url));
+    return this.#open(`RunHeader ${url}`, () => openUrl(url));
   }
 
   async #open(busy: string, open: () => Promise<Run>): Promise<void> {
@@ -110,29 +114,29 @@ export class App {
     }
   }
 
-  /** Gives up what is being opened. */
+  /** Cancels the opening in progress. */
   cancel(): void {
     this.#opening += 1;
     this.disconnect();
     this.#setBusy(null);
   }
 
-  /** Connects with a simulator. `isQuiet`: that there is none is no problem. */
-  connect(address: string, isQuiet = false): void {
+  /** Connects to a simulator. A probe does not report that there is none. */
+  connect(address: string, isProbe = false): void {
     this.disconnect();
     this.#opening += 1;
     const url = socketAddress(address);
-    this.#setBusy(isQuiet ? "Looking for a simulator" : `Connecting with ${url}`);
-    // A server that is no simulator may leave the attempt without an answer: nobody is to wait for that.
-    if (isQuiet) setTimeout(() => this.live?.state === "connecting" && this.#setBusy(null), QUIET_MS);
-    const hooks = {
-      changed: () => this.#liveChanged(isQuiet),
+    this.#setBusy(isProbe ? "Looking for a simulator" : `Connecting to ${url}`);
+    // Another kind of server may not answer at all: do not keep the user waiting.
+    if (isProbe) setTimeout(() => this.live?.state === "connecting" && this.#setBusy(null), PROBE_MS);
+    const listener = {
+      changed: () => this.#liveChanged(isProbe),
       feedOpened: (feed: LiveFeed) => void this.#feedOpened(feed),
     };
-    // The constructor may tell of changes already, before there is anything to tell of.
+    // The constructor may already call the listener, before `live` is assigned.
     this.live = null;
-    this.live = new LiveConnection(url, hooks, browserSurroundings(openLive), { once: isQuiet });
-    this.#liveChanged(isQuiet);
+    this.live = new LiveConnection(url, listener, browserEnvironment(openLive), { once: isProbe });
+    this.#liveChanged(isProbe);
   }
 
   disconnect(): void {
@@ -153,21 +157,21 @@ export class App {
     }
   }
 
-  #liveChanged(isQuiet: boolean): void {
+  #liveChanged(isProbe: boolean): void {
     const live = this.live;
     if (!live) return;
     if (live.state === "closed") {
       this.live = null;
       this.#setBusy(null);
-      if (!isQuiet) this.shell.banners.set("connection", live.problem);
+      if (!isProbe) this.shell.banners.set("connection", live.problem);
     } else {
       const isOver = live.hasEnded && live.state === "lost";
       const text = isOver
-        ? "The run is over and its simulator has left. If another one comes, it is shown."
+        ? "The run is over and its simulator has exited. A new one at this address will be shown."
         : live.problem;
-      // Before there was any connection, the welcome screen says what is tried.
+      // While a probe is connecting, the welcome screen shows its state.
       const kind = isOver ? "notice" : "warning";
-      this.shell.banners.set("connection", live.state === "connecting" && isQuiet ? null : text, kind);
+      this.shell.banners.set("connection", live.state === "connecting" && isProbe ? null : text, kind);
       if (live.state === "open") this.#setBusy(live.session === "" ? null : "Receiving the run");
     }
     this.#changed();
@@ -187,10 +191,10 @@ export class App {
     this.#selected = null;
     this.clock.reset();
     this.scene?.setRun(run);
-    this.#unlisten = run.onNews(() => this.loop.request());
+    this.#unlisten = run.onUpdate(() => this.loop.request());
     document.title = `${run.title} - MAES viewer`;
-    const { timeS, agent } = this.#wishes;
-    this.#wishes = { ...this.#wishes, timeS: null, agent: null };
+    const { timeS, agent } = this.#options;
+    this.#options = { ...this.#options, timeS: null, agent: null };
     this.#isSeeking = timeS !== null;
     if (timeS !== null) void this.#seekWhenKnown(run, timeS);
     else if (this.live) this.clock.follow();
@@ -200,13 +204,13 @@ export class App {
   }
 
   async #seekWhenKnown(run: Run, timeS: number): Promise<void> {
-    await known(run, timeS);
+    await waitUntilKnown(run, timeS);
     if (this.run !== run) return;
     this.#isSeeking = false;
     this.seek(timeS);
   }
 
-  // ---------------------------------------------------------------- orders
+  // ---------------------------------------------------------------- actions
 
   get selected(): number | null {
     return this.#selected;
@@ -220,7 +224,7 @@ export class App {
   }
 
   selectNeighbour(step: 1 | -1): void {
-    if (this.run) this.select(neighbour(this.#selected, step, this.run.setup.agents));
+    if (this.run) this.select(nextSelection(this.#selected, step, this.run.setup.agents));
   }
 
   seek(timeS: number): void {
@@ -229,13 +233,13 @@ export class App {
     this.#changed();
   }
 
-  /** The simulator while it is followed, else the picture. */
+  /** Toggles the simulator while it is followed, else the playback. */
   togglePlay(): void {
     const { run, live, clock } = this;
     if (!run) return;
     if (live && clock.isFollowing && !run.isComplete) {
       if (live.canControl)
-        this.order((it) => (it.simulationState === STATE.playing ? it.pause() : it.play()));
+        this.control((it) => (it.simulationState === STATE.playing ? it.pause() : it.play()));
     } else if (clock.isPlaying) clock.isPlaying = false;
     else clock.play(run.endS, run.isComplete);
     this.#changed();
@@ -243,7 +247,7 @@ export class App {
 
   setRate(rate: number): void {
     this.clock.rate = rate;
-    this.#look.change({ rate });
+    this.#settings.change({ rate });
     this.#changed();
   }
 
@@ -253,18 +257,18 @@ export class App {
     this.#changed();
   }
 
-  /** Has the simulator do something; a refusal is shown. */
-  order(what: (live: LiveConnection) => Promise<void> | void): void {
+  /** Sends a command to the simulator; an error is shown as a banner. */
+  control(what: (live: LiveConnection) => Promise<void> | void): void {
     const live = this.live;
     if (!live) return;
-    this.shell.banners.set("order", null);
+    this.shell.banners.set("control", null);
     Promise.resolve()
       .then(() => what(live))
-      .catch((error: unknown) => this.shell.banners.set("order", (error as Error).message, "warning"));
+      .catch((error: unknown) => this.shell.banners.set("control", (error as Error).message, "warning"));
   }
 
   async startRun(scenario: string): Promise<string | null> {
-    if (!this.live) throw new Error("There is no connection with a simulator.");
+    if (!this.live) throw new Error("Not connected to a simulator.");
     return this.live.start(scenario);
   }
 
@@ -272,7 +276,7 @@ export class App {
     const view = this.scene?.view;
     if (!view) return;
     this.scene.viewChanged();
-    this.#look.takeFrom(view);
+    this.#settings.copyFrom(view);
     this.#changed();
   }
 
@@ -282,9 +286,9 @@ export class App {
     this.viewChanged();
   }
 
-  togglePart(part: "isPanelOpen" | "isLayersOpen" | "isFiguresOpen"): void {
-    this.#look.change({ [part]: !this.#look.values[part] });
-    this.#applyLook();
+  togglePart(part: PagePart): void {
+    this.#settings.change({ [part]: !this.#settings.values[part] });
+    this.#applySettings();
     this.#changed();
   }
 
@@ -292,12 +296,12 @@ export class App {
     return this.clock.rate;
   }
 
-  /** Holds the picture at a time and draws exactly that. */
+  /** Pauses at a time and renders it in full. */
   async showAt(timeS: number): Promise<void> {
     await this.ready;
     const run = this.run;
     if (!run) throw new Error("There is no run to show.");
-    await known(run, timeS);
+    await waitUntilKnown(run, timeS);
     this.clock.isPlaying = false;
     this.seek(timeS);
     await this.loop.drawExactly(this.clock.timeS);
@@ -312,12 +316,12 @@ export class App {
       isFollowing: clock.isFollowing,
       rate: clock.rate,
       selected: this.#selected,
-      link: live?.state ?? null,
+      connection: live?.state ?? null,
       problems: Object.fromEntries(this.shell.banners.texts),
     };
   }
 
-  // ---------------------------------------------------------------- pictures
+  // ---------------------------------------------------------------- frames
 
   #advance(wallS: number): { timeS: number; isMoving: boolean } {
     const { run, clock } = this;
@@ -327,42 +331,42 @@ export class App {
     return { timeS: clock.timeS, isMoving: clock.isMoving || clock.timeS !== before };
   }
 
-  #drew(wallS: number, isDrawn: boolean): void {
+  #afterFrame(wallS: number, isDrawn: boolean): void {
     if (isDrawn) {
-      this.shell.figures.drawn(wallS);
+      this.shell.renderStats.frameDrawn(wallS);
       this.#isStale = true;
     }
-    // While things move panels are told now and then; when they have come to rest, of all.
-    if (!this.#isStale || (isDrawn && wallS - this.#panelsS < PANELS_S)) return;
+    // Panels are updated periodically while frames are drawn, and once more at rest.
+    if (!this.#isStale || (isDrawn && wallS - this.#panelsUpdatedS < PANEL_PERIOD_S)) return;
     this.#updatePanels(wallS);
     if (this.run && !this.#isSeeking) this.#isReady();
   }
 
   #updatePanels(wallS: number): void {
-    this.#panelsS = wallS;
+    this.#panelsUpdatedS = wallS;
     this.#isStale = false;
     const { run, clock, live, scene, shell } = this;
-    const moment: Moment | null = run && {
+    const panel: PanelState | null = run && {
       run,
       timeS: clock.timeS,
       selected: this.#selected,
       live,
-      pace: clock.pace,
+      realTimeFactor: clock.realTimeFactor,
     };
-    shell.update(moment, clock, live, this.#busy);
-    shell.figures.update(wallS, scene, this.loop.pacer.costMs, this.loop.pixelRatio);
+    shell.update(panel, clock, live, this.#busy);
+    shell.renderStats.update(wallS, scene, this.loop.pacer.costMs, this.loop.pixelRatio);
     shell.banners.set("run", run?.problem ?? null, "warning");
     shell.banners.set("scene", scene && scene.notices.length > 0 ? scene.notices.join(" ") : null, "notice");
   }
 
   #changed(): void {
-    this.#panelsS = -Infinity;
+    this.#panelsUpdatedS = -Infinity;
     this.loop.request();
   }
 
-  #applyLook(): void {
-    const { isPanelOpen, isLayersOpen, isFiguresOpen } = this.#look.values;
-    this.shell.setParts(isPanelOpen, isLayersOpen, isFiguresOpen);
+  #applySettings(): void {
+    const { isPanelOpen, isLayersOpen, areStatsOpen } = this.#settings.values;
+    this.shell.setParts(isPanelOpen, isLayersOpen, areStatsOpen);
   }
 
   #listen(): void {
@@ -381,13 +385,13 @@ export class App {
       toggleUnexplored: () => this.setUnexplored(!this.scene?.view.layers.unexplored),
       toggleLayers: () => this.togglePart("isLayersOpen"),
       togglePanel: () => this.togglePart("isPanelOpen"),
-      toggleFigures: () => this.togglePart("isFiguresOpen"),
+      toggleStats: () => this.togglePart("areStatsOpen"),
       help: openHelp,
     });
   }
 }
 
-function sceneOn(
+function createScene(
   canvas: HTMLCanvasElement,
   isForPictures: boolean,
 ): { scene: Scene | null; problem: string | null } {

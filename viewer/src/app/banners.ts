@@ -1,6 +1,6 @@
 /**
- * Problems and notices over the picture, in words. Each has a subject; a subject has one banner at the most. One that was dismissed
- * stays away until it says something else.
+ * Banners over the image for errors, warnings and notices. A subject has at most one banner; a
+ * dismissed one stays hidden until its text changes.
  */
 import { el, iconButton } from "./dom.ts";
 
@@ -11,7 +11,7 @@ export class Banners {
   readonly #shown = new Map<string, { text: string; element: HTMLElement }>();
   readonly #dismissed = new Map<string, string>();
 
-  /** Shows a text under its subject, or nothing if it is null. */
+  /** Shows a text under its subject, or hides the banner if it is null. */
   set(subject: string, text: string | null, kind: BannerKind = "error"): void {
     const shown = this.#shown.get(subject);
     if (shown?.text === text) return;
@@ -40,7 +40,7 @@ export class Banners {
     this.root.append(element);
   }
 
-  /** What is shown, by subject. */
+  /** The visible texts, by subject. */
   get texts(): ReadonlyMap<string, string> {
     return new Map([...this.#shown].map(([subject, { text }]) => [subject, text]));
   }

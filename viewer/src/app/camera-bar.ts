@@ -1,12 +1,12 @@
 /**
- * The bar on the lower left of the picture: which agent the camera keeps in the middle, or the whole cave; and whether what is
- * unexplored is shown.
+ * The toolbar at the lower left of the image: the agent that the camera follows, or the whole cave,
+ * and the visibility of unexplored cells.
  */
 import { agentColour } from "../scene/colours.ts";
 import { el, fill, icon, iconButton, toggle } from "./dom.ts";
 
 export interface CameraActions {
-  /** To the agent before (-1) or after (1) the present one, the cave being one of them. */
+  /** Selects the previous (-1) or next (1) agent; the whole cave is one of the positions. */
   step(step: 1 | -1): void;
   cave(): void;
   setUnexplored(isShown: boolean): void;
@@ -31,9 +31,12 @@ export class CameraBar {
     this.root = el(
       "div",
       { class: "camera-bar float", testid: "camera-bar", role: "toolbar", "aria-label": "Camera" },
-      iconButton("previous", "Agent before ([)", { testid: "camera-prev", onclick: () => actions.step(-1) }),
+      iconButton("previous", "Previous agent ([)", {
+        testid: "camera-prev",
+        onclick: () => actions.step(-1),
+      }),
       this.#cave,
-      iconButton("next", "Agent after (])", { testid: "camera-next", onclick: () => actions.step(1) }),
+      iconButton("next", "Next agent (])", { testid: "camera-next", onclick: () => actions.step(1) }),
       unexplored.root,
     );
   }

@@ -1,14 +1,12 @@
-/**
- * The cards of the side panel that tell of a run: what it is and how far it has come, its counters, its scenario.
- */
+/** The run cards of the side panel: setup and progress, counters, scenario. */
 import type { Run } from "../data/run.ts";
 import { el, fill, setHidden, setText } from "./dom.ts";
-import { clockTime, count, finePercent, metres, pace, percent, words } from "./format.ts";
-import { seedOf, sharesAt, teamOf } from "./moment.ts";
-import type { Moment } from "./moment.ts";
+import { clockTime, count, finePercent, metres, speedFactor, percent, words } from "./format.ts";
+import { sharesAt, teamOf } from "./panel-state.ts";
+import type { PanelState } from "./panel-state.ts";
 import { stateOf } from "./state-text.ts";
 
-/** A card with a heading; the heading folds it. */
+/** A collapsible card with a heading. */
 export function card(
   title: string,
   testid: string,
@@ -23,8 +21,8 @@ export function card(
   );
 }
 
-/** Names and values, one row each; a row without a value is hidden. */
-export class Facts {
+/** A list of names and values; a row without a value is hidden. */
+export class FactList {
   readonly root = el("dl", { class: "facts" });
   readonly #rows = new Map<string, { name: HTMLElement; value: HTMLElement }>();
 
@@ -44,7 +42,7 @@ export class Facts {
   }
 }
 
-/** Title, state, progress and what kind of run it is. */
+/** Title, state, progress and setup of the run. */
 export class RunCard {
   readonly root: HTMLElement;
   readonly #title = el("h1", { class: "run-title", testid: "run-title" });
@@ -65,7 +63,7 @@ export class RunCard {
   );
   readonly #explored = el("span", { class: "figure-value", testid: "explored" });
   readonly #covered = el("span", { class: "figure-value", testid: "covered" });
-  readonly #facts = new Facts();
+  readonly #facts = new FactList();
 
   constructor() {
     const figure = (name: string, value: HTMLElement, kind: string) =>
@@ -85,8 +83,8 @@ export class RunCard {
     );
   }
 
-  update(moment: Moment): void {
-    const { run, timeS, live } = moment;
+  update(panel: PanelState): void {
+    const { run, timeS, live } = panel;
     setText(this.#title, run.title);
     this.#title.title = run.title;
     const state = stateOf(run, live);
@@ -104,7 +102,7 @@ export class RunCard {
     setText(this.#barText, `${left} - ${percent(explored)}`);
     this.#progress.setAttribute("aria-valuenow", String(Math.floor(explored * 100)));
 
-    this.#facts.set("Pace", live && !run.isComplete ? `${pace(moment.pace)} real time` : null);
+    this.#facts.set("Real-time factor", live && !run.isComplete ? speedFactor(panel.realTimeFactor) : null);
     this.#factsOf(run, timeS);
   }
 
@@ -114,11 +112,11 @@ export class RunCard {
     const cell = terrain.cellM === 1 ? "" : `, ${terrain.cellM} m each`;
     this.#facts.set("Map", `${terrain.size.join(" x ")} cells${cell}`);
     this.#facts.set("Free cells", count(terrain.freeCells));
-    this.#facts.set("Seed", seedOf(setup.scenarioToml));
+    this.#facts.set("Seed", setup.seed);
     this.#facts.set("Duration", clockTime(setup.durationS));
     this.#facts.set("LiDAR", lidarOf(run));
     this.#facts.set(
-      "Radio",
+      "Radio range",
       setup.communicationRangeM === Infinity ? null : metres(setup.communicationRangeM),
     );
     const result = run.result && timeS >= run.result.timeS ? run.result : null;
@@ -135,7 +133,7 @@ function lidarOf(run: Run): string {
   return parts.join(", ");
 }
 
-/** The counters of the result, once there is one. */
+/** The counters of the result; hidden until there is one. */
 export class CountersCard {
   readonly #body = el("tbody", { testid: "counters" });
   readonly root = card("Counters", "counters-card", false, el("table", { class: "numbers" }, this.#body));
@@ -145,7 +143,7 @@ export class CountersCard {
     this.root.hidden = true;
   }
 
-  update({ run }: Moment): void {
+  update({ run }: PanelState): void {
     if (run.result === this.#shown) return;
     this.#shown = run.result;
     setHidden(this.root, run.result === null);
@@ -156,12 +154,12 @@ export class CountersCard {
   }
 }
 
-/** The scenario as it was written. */
+/** The scenario, TOML. */
 export class ScenarioCard {
   readonly #text = el("pre", { class: "scenario", tabindex: 0, testid: "scenario" });
   readonly root = card("Scenario", "scenario-card", false, this.#text);
 
-  update({ run }: Moment): void {
+  update({ run }: PanelState): void {
     setText(this.#text, run.setup.scenarioToml);
   }
 }

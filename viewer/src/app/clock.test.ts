@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { Clock, LAG_S } from "./clock.ts";
+import { Clock, FOLLOW_LAG_S } from "./clock.ts";
 
 describe("a recording", () => {
   it("is played at its rate and stops at the end", () => {
@@ -15,7 +15,7 @@ describe("a recording", () => {
     expect(clock.isMoving).toBe(false);
   });
 
-  it("begins again when it is played at its end", () => {
+  it("restarts when it is played at its end", () => {
     const clock = new Clock();
     clock.seek(99, 10);
     expect(clock.timeS).toBe(10);
@@ -23,7 +23,7 @@ describe("a recording", () => {
     expect(clock.timeS).toBe(0);
   });
 
-  it("waits for what is still being read", () => {
+  it("waits for unread data", () => {
     const clock = new Clock();
     clock.rate = 100;
     clock.play(5, false);
@@ -35,7 +35,7 @@ describe("a recording", () => {
     expect(clock.timeS).toBeCloseTo(15, 9);
   });
 
-  it("does not leap over what passed while the page was hidden", () => {
+  it("does not skip the time while the page was hidden", () => {
     const clock = new Clock();
     clock.rate = 1;
     clock.play(1000, true);
@@ -46,11 +46,11 @@ describe("a recording", () => {
 });
 
 describe("following", () => {
-  /** A run at a pace, whose news come every `lumpS` seconds. */
-  const endAt = (wallS: number, pace: number, lumpS: number) =>
-    pace * Math.floor(wallS / lumpS + 1e-9) * lumpS;
+  /** End of a run at a constant speed whose updates arrive every `burstS` seconds. */
+  const endAt = (wallS: number, pace: number, burstS: number) =>
+    pace * Math.floor(wallS / burstS + 1e-9) * burstS;
 
-  it("shows the end of the run a moment ago, evenly, though news come in lumps", () => {
+  it("lags behind the end smoothly, though updates arrive in bursts", () => {
     const clock = new Clock();
     clock.follow();
     const times: number[] = [];
@@ -63,11 +63,11 @@ describe("following", () => {
     }
     const steps = times.slice(61).map((timeS, index) => timeS - times[index + 60]!);
     for (const step of steps) expect(step).toBeCloseTo(10 / 60, 9);
-    expect(times.at(-1)).toBeCloseTo(10 * (5 - LAG_S), 6);
-    expect(clock.pace).toBeCloseTo(10, 6);
+    expect(times.at(-1)).toBeCloseTo(10 * (5 - FOLLOW_LAG_S), 6);
+    expect(clock.realTimeFactor).toBeCloseTo(10, 6);
   });
 
-  it("comes to the end of a run that has stopped, and rests", () => {
+  it("reaches the end of a paused run and stops", () => {
     const clock = new Clock();
     clock.follow();
     for (let frame = 0; frame <= 60; frame++) clock.advance(frame / 60, frame / 60, false, true);
@@ -77,7 +77,7 @@ describe("following", () => {
     expect(clock.isMoving).toBe(false);
   });
 
-  it("is left by seeking, and taken up by playing to the end", () => {
+  it("ends with a seek, and resumes when playback reaches the end", () => {
     const clock = new Clock();
     clock.follow();
     clock.advance(0, 100, false, true);
@@ -89,14 +89,14 @@ describe("following", () => {
     expect(clock.isFollowing).toBe(true);
   });
 
-  it("measures no pace while nothing comes", () => {
+  it("measures 0 without updates", () => {
     const clock = new Clock();
     clock.follow();
     for (let frame = 0; frame <= 60 * 8; frame++) clock.advance(frame / 60, 77, false, true);
-    expect(clock.pace).toBe(0);
+    expect(clock.realTimeFactor).toBe(0);
   });
 
-  it("does not leap when a run goes on after a rest", () => {
+  it("does not jump when a run resumes", () => {
     const clock = new Clock();
     clock.follow();
     let before = 0;

@@ -1,20 +1,21 @@
 /**
- * The time that is shown: played at a rate, held, or following a run under way.
+ * The playback clock: the time shown is played at a rate, paused, or follows a live run.
  *
- * Following means to show where the end of the run was a moment ago, straight between what was known then: news come in lumps, and
- * the picture is to move evenly. The clock never shows what is not known yet. Pure: the time on the wall is told to it.
+ * Following shows the end of the run with a fixed lag, interpolated between the updates, which
+ * arrive in bursts, so that the motion is smooth. The clock never exceeds the known end. Pure: wall
+ * time is passed in.
  */
 
-/** How far behind the end of a run the picture is, seconds on the wall. */
-export const LAG_S = 0.25;
+/** Lag behind the end of a live run, seconds of wall time. */
+export const FOLLOW_LAG_S = 0.25;
 
-/** Over how long the pace of a run is measured, seconds on the wall. */
-const PACE_WINDOW_S = 3;
+/** Window in which the real-time factor is measured, seconds of wall time. */
+const RATE_WINDOW_S = 3;
 
-/** News that are farther apart than this do not come from a run that grows evenly, seconds on the wall. */
-const LUMP_S = 0.2;
+/** Updates farther apart than this end a pause rather than a steady run, seconds of wall time. */
+const BURST_S = 0.2;
 
-/** A picture that took longer than this was none: the page was hidden. */
+/** Longest time step, seconds; a longer one means that the page was hidden. */
 const STEP_MAX_S = 1;
 
 interface Sample {
@@ -25,14 +26,14 @@ interface Sample {
 export class Clock {
   timeS = 0;
   isPlaying = false;
-  /** Sim seconds for each second on the wall while playing. */
+  /** Playback rate, sim seconds per second of wall time. */
   rate = 10;
-  /** Whether the end of the run is followed. */
+  /** Whether the end of a live run is followed. */
   isFollowing = false;
   #wallS: number | null = null;
   #samples: Sample[] = [];
 
-  /** Another run is looked at. */
+  /** Starts over for another run. */
   reset(): void {
     this.timeS = 0;
     this.isPlaying = false;
@@ -41,13 +42,13 @@ export class Clock {
     this.#samples = [];
   }
 
-  /** Holds the picture at a time. */
+  /** Sets the time and ends following. */
   seek(timeS: number, endS: number): void {
     this.isFollowing = false;
     this.timeS = Math.min(Math.max(0, timeS), endS);
   }
 
-  /** Plays from here, or from the beginning if this is the end of a run that is over. */
+  /** Plays from the present time, or from the start if that is the end of a complete run. */
   play(endS: number, isComplete: boolean): void {
     this.isPlaying = true;
     if (isComplete && this.timeS >= endS) this.timeS = 0;
@@ -58,13 +59,16 @@ export class Clock {
     this.isPlaying = false;
   }
 
-  /** Goes on to a moment on the wall. `isLive` says whether what is known grows as the run goes on. */
+  /**
+   * Advances to a wall time. `isLive`: the run is live, so that reaching its end means following
+   * it.
+   */
   advance(wallS: number, endS: number, isComplete: boolean, isLive: boolean): void {
     const stepS = this.#wallS === null ? 0 : Math.min(STEP_MAX_S, Math.max(0, wallS - this.#wallS));
     this.#wallS = wallS;
-    this.#note(wallS, endS);
+    this.#recordSample(wallS, endS);
     if (this.isFollowing) {
-      this.timeS = Math.min(endS, Math.max(this.#endAt(wallS - LAG_S), 0));
+      this.timeS = Math.min(endS, Math.max(this.#endAt(wallS - FOLLOW_LAG_S), 0));
       return;
     }
     if (!this.isPlaying) return;
@@ -75,30 +79,30 @@ export class Clock {
     else if (isLive) this.follow();
   }
 
-  /** Whether the time shown will be another one soon, though nobody does anything. */
+  /** Whether the time changes without user action. */
   get isMoving(): boolean {
     if (this.isPlaying) return true;
     const last = this.#samples.at(-1);
     return this.isFollowing && last !== undefined && this.timeS < last.endS;
   }
 
-  /** Sim seconds for each second on the wall in which the run has grown lately. */
-  get pace(): number {
+  /** Measured real-time factor of a live run: sim seconds per second of wall time. */
+  get realTimeFactor(): number {
     const [first, last] = [this.#samples[0], this.#samples.at(-1)];
     if (!first || !last || this.#wallS === null) return 0;
-    const fromS = Math.max(first.wallS, this.#wallS - PACE_WINDOW_S);
+    const fromS = Math.max(first.wallS, this.#wallS - RATE_WINDOW_S);
     const spanS = this.#wallS - fromS;
     return spanS < 0.2 ? 0 : (last.endS - this.#endAt(fromS)) / spanS;
   }
 
-  /** Keeps the moments at which more became known. */
-  #note(wallS: number, endS: number): void {
+  /** Keeps the wall times at which the end of the run grew. */
+  #recordSample(wallS: number, endS: number): void {
     const last = this.#samples.at(-1);
     if (last && (endS === last.endS || wallS <= last.wallS)) return;
-    // After a rest the run did not begin to grow at the time of the last news.
-    if (last && wallS - last.wallS > LUMP_S) this.#samples.push({ wallS: wallS - LUMP_S, endS: last.endS });
+    // After a pause the growth did not begin at the previous update.
+    if (last && wallS - last.wallS > BURST_S) this.#samples.push({ wallS: wallS - BURST_S, endS: last.endS });
     this.#samples.push({ wallS, endS });
-    while (this.#samples.length > 2 && this.#samples[1]!.wallS < wallS - PACE_WINDOW_S) this.#samples.shift();
+    while (this.#samples.length > 2 && this.#samples[1]!.wallS < wallS - RATE_WINDOW_S) this.#samples.shift();
   }
 
   #endAt(wallS: number): number {

@@ -1,9 +1,9 @@
 /**
- * Dialogs over the page: questions, and the list of keys. A dialog that is closed is gone from the document.
+ * Modal dialogs: confirmations and the list of keys. A closed dialog is removed from the document.
  */
 import { el, iconButton, textButton } from "./dom.ts";
 
-/** Opens a dialog; Escape and its closing button close it. */
+/** Opens a dialog; Escape and its close button close it. */
 export function openDialog(title: string, testid: string, ...content: HTMLElement[]): HTMLDialogElement {
   const dialog = el("dialog", { class: "dialog", testid, "aria-label": title });
   dialog.append(
@@ -21,7 +21,7 @@ export function openDialog(title: string, testid: string, ...content: HTMLElemen
   return dialog;
 }
 
-/** Asks whether something is really meant. */
+/** Asks for confirmation. */
 export function confirmed(question: string, consequence: string, action: string): Promise<boolean> {
   return new Promise((resolve) => {
     const dialog = openDialog(
@@ -43,24 +43,24 @@ export function confirmed(question: string, consequence: string, action: string)
   });
 }
 
-/** Keys and what they do. */
+/** Keys and their actions. */
 const KEYS: readonly (readonly [readonly string[], string])[] = [
   [["Space"], "Play or pause"],
-  [["←", "→"], "A second back or on; with Shift ten seconds"],
-  [[",", "."], "A tick back or on"],
-  [["Home", "End"], "Beginning and end"],
+  [["←", "→"], "One second back or forward; with Shift ten seconds"],
+  [[",", "."], "One tick back or forward"],
+  [["Home", "End"], "Start and end"],
   [["-", "+"], "Slower and faster"],
-  [["G"], "Follow the run under way"],
-  [["0", "9"], "Select an agent; two digits quickly for 10 and above"],
-  [["[", "]"], "Agent before and after"],
+  [["G"], "Follow the live run"],
+  [["0", "9"], "Select an agent; two digits in quick succession for 10 and above"],
+  [["[", "]"], "Previous and next agent"],
   [["Esc"], "The whole cave"],
-  [["U"], "Show or hide what is unexplored"],
+  [["U"], "Show or hide unexplored cells"],
   [["L"], "Layers"],
   [["P"], "Panels"],
-  [["F"], "Figures of the picture"],
+  [["F"], "Rendering statistics"],
   [["?"], "This list"],
-  [["Drag"], "Turn the view; with Shift or the middle button move it"],
-  [["Wheel"], "Nearer and farther"],
+  [["Drag"], "Rotate the view; with Shift or the middle button pan it"],
+  [["Wheel"], "Zoom"],
   [["Click"], "Select an agent"],
 ];
 

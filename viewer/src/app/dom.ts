@@ -1,15 +1,20 @@
 /**
- * Small helpers for elements: what the page needs of a framework.
+ * Small DOM helpers in place of a framework.
  *
- * Attributes go in as they are called in HTML; functions become listeners. Nothing here knows of runs.
+ * Attributes have their HTML names; functions become event listeners. Independent of runs.
  */
 
 export type Child = Node | string | null | undefined | false;
 
-/** Attributes and listeners: `true` sets an attribute without a value, `false` and `undefined` leave it out. */
+/**
+ * Attributes and listeners: `true` sets an attribute without a value, `false` and `undefined` omit
+ * it.
+ */
 export type Props = Record<string, string | number | boolean | undefined | ((event: never) => void)>;
 
-/** Makes an element. `testid` is short for `data-testid`; `on...` with a function is a listener. */
+/**
+ * Creates an element. `testid` is short for `data-testid`; `on...` with a function is a listener.
+ */
 export function el<K extends keyof HTMLElementTagNameMap>(
   tag: K,
   props: Props = {},
@@ -30,7 +35,7 @@ export function el<K extends keyof HTMLElementTagNameMap>(
   return element;
 }
 
-/** Sets a text only if it is another one: a panel is told the same numbers many times in a second. */
+/** Sets a text if it changed: panels are updated many times per second with the same values. */
 export function setText(node: HTMLElement, text: string): void {
   if (node.textContent !== text) node.textContent = text;
 }
@@ -39,12 +44,12 @@ export function setHidden(node: HTMLElement, isHidden: boolean): void {
   if (node.hidden !== isHidden) node.hidden = isHidden;
 }
 
-/** Replaces what is in a node. */
+/** Replaces the children of a node. */
 export function fill(node: HTMLElement, ...children: Child[]): void {
   node.replaceChildren(...children.filter((child): child is Node | string => !!child));
 }
 
-/** Outlines of 24 x 24, drawn in the colour of the text. */
+/** SVG paths in a 24 x 24 box, filled with the text colour. */
 const ICONS = {
   play: "M8 5.5v13l10.5-6.5z",
   pause: "M7.5 5.5h3v13h-3zM13.5 5.5h3v13h-3z",
@@ -74,7 +79,7 @@ export function icon(name: IconName): SVGSVGElement {
   return svg;
 }
 
-/** Gives a button of `iconButton` another picture and name. */
+/** Changes icon and label of a button of `iconButton`. */
 export function setIcon(button: HTMLButtonElement, name: IconName, label: string): void {
   if (button.dataset["icon"] === name && button.title === label) return;
   button.dataset["icon"] = name;
@@ -83,7 +88,7 @@ export function setIcon(button: HTMLButtonElement, name: IconName, label: string
   button.replaceChildren(icon(name));
 }
 
-/** A button that is a picture; its name is told to the pointer and to screen readers. */
+/** A button with an icon; its label is the tooltip and the accessible name. */
 export function iconButton(name: IconName, label: string, props: Props = {}): HTMLButtonElement {
   const button = el("button", { type: "button", class: "icon-button", ...props });
   setIcon(button, name, label);
@@ -94,7 +99,7 @@ export function textButton(label: string, props: Props = {}): HTMLButtonElement 
   return el("button", { type: "button", class: "button", ...props }, label);
 }
 
-/** A switch with its label. */
+/** A switch with a label. */
 export function toggle(
   label: string,
   testid: string,
@@ -112,20 +117,20 @@ export interface SliderRange {
   readonly max: number;
   readonly step: number;
   readonly value: number;
-  /** How the value is written beside the slider. */
+  /** Formats the value beside the slider. */
   readonly format: (value: number) => string;
 }
 
 export interface Slider {
   readonly root: HTMLElement;
   readonly input: HTMLInputElement;
-  /** Moves it without telling of a change. */
+  /** Sets the value without calling `change`. */
   set(value: number): void;
-  /** Changes where it ends. */
+  /** Changes the limits. */
   setRange(min: number, max: number): void;
 }
 
-/** A slider with its label and the value in words. */
+/** A slider with a label and its formatted value. */
 export function slider(
   label: string,
   testid: string,
@@ -165,7 +170,7 @@ export function slider(
   };
 }
 
-/** A list to choose from. */
+/** A drop-down list. */
 export function select(
   label: string,
   testid: string,
@@ -180,8 +185,8 @@ export function select(
   return { root: el("label", { class: "field" }, el("span", {}, label), input), input };
 }
 
-/** Whether a key belongs to what has the focus, and is no short cut. */
-export function takesKey(target: EventTarget | null, key: string): boolean {
+/** Whether the focused element handles a key itself, so that it is no shortcut. */
+export function ownsKey(target: EventTarget | null, key: string): boolean {
   if (!(target instanceof HTMLElement)) return false;
   if (key === " " && target.closest("button, summary, input[type=checkbox]")) return true;
   if (target instanceof HTMLInputElement) {

@@ -1,9 +1,9 @@
 /**
- * `window.maes`: what tests and scripts that make pictures may ask of the page.
+ * `window.maes`: the interface for tests and for scripts that capture images.
  *
  * ```js
- * await window.maes.ready;            // a run is there and its first picture has been drawn
- * await window.maes.showAt(120);      // the picture is that of 120 s, complete, with all pixels
+ * await window.maes.ready;            // a run is open and its first frame has been drawn
+ * await window.maes.showAt(120);      // the image is that of 120 s, complete, at full resolution
  * window.maes.scene.view.layers.heat = true;
  * window.maes.scene.viewChanged();
  * await window.maes.showAt(120);
@@ -13,30 +13,32 @@
  */
 import type { Run } from "../data/run.ts";
 import type { Scene } from "../scene/scene.ts";
-import type { LinkState } from "./live.ts";
+import type { ConnectionState } from "./live.ts";
 
-/** What the page does, as plain values. */
+/** State of the page as plain values. */
 export interface HandleState {
   readonly timeS: number;
   readonly isPlaying: boolean;
   readonly isFollowing: boolean;
   readonly rate: number;
   readonly selected: number | null;
-  /** Of the connection with a simulator; null: there is none. */
-  readonly link: LinkState | null;
-  /** Texts of the banners shown, by subject. */
+  /** State of the connection to a simulator; null: there is none. */
+  readonly connection: ConnectionState | null;
+  /** Texts of the visible banners, by subject. */
   readonly problems: Readonly<Record<string, string>>;
 }
 
 export interface Handle {
-  /** The run that is shown; null: none. */
+  /** The open run; null: none. */
   readonly run: Run | null;
-  /** Null where there is no WebGL 2. */
+  /** Null without WebGL 2. */
   readonly scene: Scene | null;
-  /** Resolves when the first picture of a run has been drawn, at the time that the address asks for. */
+  /** Resolves when the first frame of a run has been drawn, at the time given in the address. */
   readonly ready: Promise<void>;
-  /** Holds the picture at a time, and resolves when exactly that has been drawn, with all it needs. Waits until so much of a
-   *  recording has been read. */
+  /**
+   * Pauses at a time, and resolves when exactly that has been drawn in full. Waits until a
+   * recording has been read that far.
+   */
   showAt(timeS: number): Promise<void>;
   readonly state: HandleState;
 }

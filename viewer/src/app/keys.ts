@@ -1,11 +1,11 @@
 /**
- * Keys of the whole page. Keys that belong to what has the focus, or to a dialog, are left to it.
+ * Keyboard shortcuts of the page. Keys that the focused element or a dialog handles are left to it.
  */
-import { takesKey } from "./dom.ts";
+import { ownsKey } from "./dom.ts";
 
 export interface KeyActions {
   togglePlay(): void;
-  /** By seconds. */
+  /** Relative seek, seconds. */
   seekBy(stepS: number): void;
   seekTo(end: "start" | "end"): void;
   changeRate(steps: number): void;
@@ -16,7 +16,7 @@ export interface KeyActions {
   toggleUnexplored(): void;
   toggleLayers(): void;
   togglePanel(): void;
-  toggleFigures(): void;
+  toggleStats(): void;
   help(): void;
 }
 
@@ -39,12 +39,12 @@ export function listenToKeys(actions: KeyActions): void {
     u: actions.toggleUnexplored,
     l: actions.toggleLayers,
     p: actions.togglePanel,
-    f: actions.toggleFigures,
+    f: actions.toggleStats,
     "?": actions.help,
   };
   window.addEventListener("keydown", (event) => {
     if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (takesKey(event.target, event.key) || document.querySelector("dialog[open]")) return;
+    if (ownsKey(event.target, event.key) || document.querySelector("dialog[open]")) return;
     if (event.key === "ArrowLeft" || event.key === "ArrowRight") {
       actions.seekBy((event.key === "ArrowLeft" ? -1 : 1) * (event.shiftKey ? 10 : 1));
     } else if (/^[0-9]$/.test(event.key)) {
@@ -56,7 +56,8 @@ export function listenToKeys(actions: KeyActions): void {
     }
     event.preventDefault();
   });
-  // What the pointer has pressed does not keep the focus: the space bar is to play after that, not to press it again.
+  // A clicked control gives up the focus, so that the space bar toggles playback instead of
+  // pressing the control again.
   window.addEventListener("click", ({ detail, target }) => {
     if (detail === 0 || !(target instanceof HTMLElement) || target.closest("dialog")) return;
     if (document.activeElement?.matches("button, summary, input[type=checkbox]")) {

@@ -1,27 +1,25 @@
-/**
- * The panel of layers: what is shown, how solid the near walls are, and where the cave is cut open.
- */
+/** The panel of view options: layers, opacity of near walls, and the cut plane. */
 import type { Layers, View } from "../scene/scene.ts";
 import { el, iconButton, slider, toggle } from "./dom.ts";
 import type { Slider } from "./dom.ts";
 
 type LayerName = keyof Layers;
 
-/** What each layer is called, in the order of the panel. */
+/** Name, label and tooltip of each layer, in the order of the panel. */
 const LAYERS: readonly (readonly [LayerName, string, string])[] = [
   ["walls", "Walls", "The walls of the cave"],
-  ["unexplored", "Unexplored", "Free cells that nobody has seen"],
-  ["covered", "Covered", "Cells in which a body has been"],
-  ["heat", "First seen", "Walls coloured by when they were first seen"],
-  ["trails", "Trails", "Where agents have been"],
-  ["paths", "Ways", "Where agents are going"],
-  ["contacts", "Contacts", "Lines between agents that hear each other"],
-  ["hits", "Scan", "What the last scan of the selected agent has hit"],
-  ["belief", "Belief", "What the selected agent knows"],
-  ["labels", "Names", "Names of agents"],
+  ["unexplored", "Unexplored", "Free cells not yet seen by any agent"],
+  ["covered", "Covered", "Cells that a body has entered"],
+  ["heat", "First seen", "Walls coloured by the time they were first seen"],
+  ["trails", "Trails", "Past positions of agents"],
+  ["paths", "Paths", "Planned paths of agents and their targets"],
+  ["contacts", "Contacts", "Lines between agents in radio contact"],
+  ["hits", "Scan", "Hits of the selected agent's last scan"],
+  ["belief", "Belief", "Belief map of the selected agent"],
+  ["labels", "Labels", "Numbers of agents"],
 ];
 
-/** Layers that show something of the selected agent only. */
+/** Layers that need a selected agent. */
 const OF_SELECTED: ReadonlySet<LayerName> = new Set(["hits", "belief"]);
 
 export class LayersPanel {

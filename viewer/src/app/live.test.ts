@@ -2,7 +2,7 @@ import { CdrWriter } from "@foxglove/cdr";
 import type { IWebSocket } from "@foxglove/ws-protocol";
 import { beforeEach, describe, expect, it } from "vitest";
 import { LiveConnection, socketAddress } from "./live.ts";
-import type { Surroundings } from "./live.ts";
+import type { ConnectionEnvironment } from "./live.ts";
 import { SERVICES } from "./services.ts";
 
 const URL_ = "ws://here:8765";
@@ -15,7 +15,7 @@ interface Sent {
   readonly parameters?: unknown;
 }
 
-/** The end of a connection that the tests hold. */
+/** A socket whose server side is driven by the tests. */
 class Socket implements IWebSocket {
   binaryType = "";
   protocol = "";
@@ -63,7 +63,7 @@ class Socket implements IWebSocket {
     return this.sent.filter(({ op }) => op === "fetchAsset").map(({ uri }) => uri!);
   }
 
-  /** Answers the last request for bytes. */
+  /** Answers the last asset request. */
   give(data: Uint8Array | string, requestId = this.lastFetch.requestId): void {
     const error = typeof data === "string" ? new TextEncoder().encode(data) : new Uint8Array();
     const body = typeof data === "string" ? new Uint8Array() : data;
@@ -109,9 +109,9 @@ let feeds: Feed[];
 let timers: { at: number; then: () => void }[];
 let now: number;
 let changes: number;
-let surroundings: Surroundings;
+let environment: ConnectionEnvironment;
 
-/** Lets time pass; what falls due is done in order. */
+/** Advances the time and runs due timers in order. */
 function pass(milliseconds: number): void {
   const end = now + milliseconds;
   for (;;) {
@@ -125,8 +125,8 @@ function pass(milliseconds: number): void {
 }
 
 function connect(options?: { once?: boolean }): LiveConnection {
-  const hooks = { changed: () => changes++, feedOpened: () => undefined };
-  return new LiveConnection(URL_, hooks, surroundings, options);
+  const listener = { changed: () => changes++, feedOpened: () => undefined };
+  return new LiveConnection(URL_, listener, environment, options);
 }
 
 const socket = () => sockets.at(-1)!;
@@ -139,7 +139,7 @@ beforeEach(() => {
   timers = [];
   now = 0;
   changes = 0;
-  surroundings = {
+  environment = {
     openSocket: () => {
       sockets.push(new Socket());
       return socket();
@@ -159,7 +159,7 @@ beforeEach(() => {
 });
 
 describe("pulling a run", () => {
-  it("asks for what comes next, one request at a time", () => {
+  it("requests the next bytes, one request at a time", () => {
     const live = connect();
     socket().introduce("a1");
     expect(live.state).toBe("open");
@@ -178,7 +178,7 @@ describe("pulling a run", () => {
     expect(feed().bytes).toEqual([1, 2, 3, 4]);
   });
 
-  it("asks at once while answers are full", () => {
+  it("requests at once while responses are full", () => {
     connect();
     socket().introduce("a1");
     socket().give(new Uint8Array(FULL));
@@ -187,7 +187,7 @@ describe("pulling a run", () => {
     expect(socket().fetches).toHaveLength(2);
   });
 
-  it("takes no answer that it has not asked for", () => {
+  it("ignores unrequested responses", () => {
     connect();
     socket().introduce("a1");
     socket().give(Uint8Array.of(1));
@@ -196,7 +196,7 @@ describe("pulling a run", () => {
     expect(feed().bytes).toEqual([1]);
   });
 
-  it("ends when all was got, and asks no more", () => {
+  it("ends when all is received, and stops requesting", () => {
     const live = connect();
     socket().introduce("a1");
     socket().give("ended");
@@ -208,7 +208,7 @@ describe("pulling a run", () => {
     expect(live.canStart).toBe(false);
   });
 
-  it("says what keeps it, and tries again", () => {
+  it("reports an error and retries", () => {
     const live = connect();
     socket().introduce("a1");
     socket().give("no such thing");
@@ -219,7 +219,7 @@ describe("pulling a run", () => {
 });
 
 describe("another run", () => {
-  it("is taken up when the server names it", () => {
+  it("starts when the server announces it", () => {
     connect();
     socket().introduce("a1");
     socket().give(Uint8Array.of(1, 2));
@@ -235,7 +235,7 @@ describe("another run", () => {
     expect(feed().bytes).toEqual([7]);
   });
 
-  it("is waited for when the present one is gone", () => {
+  it("is awaited when the present one is gone", () => {
     const live = connect();
     socket().introduce("a1");
     socket().give("gone");
@@ -247,7 +247,7 @@ describe("another run", () => {
     expect(sockets).toHaveLength(1);
   });
 
-  it("is asked for anew when the server does not name it", () => {
+  it("is requested by reconnecting if the server does not announce it", () => {
     connect();
     socket().introduce("a1");
     socket().give("gone");
@@ -257,7 +257,7 @@ describe("another run", () => {
     expect(socket().fetches).toEqual(["maes://run/b2/0"]);
   });
 
-  it("may be none", () => {
+  it("may be missing", () => {
     const live = connect();
     socket().introduce("", "true");
     expect(live.canStart).toBe(true);
@@ -266,8 +266,8 @@ describe("another run", () => {
   });
 });
 
-describe("a connection that is lost", () => {
-  it("is taken up again where it was, also in the middle of a request", () => {
+describe("a lost connection", () => {
+  it("resumes at the same offset, even during a request", () => {
     const live = connect();
     socket().introduce("a1");
     socket().give(Uint8Array.of(1, 2));
@@ -288,7 +288,7 @@ describe("a connection that is lost", () => {
     expect(feed().bytes).toEqual([1, 2, 3]);
   });
 
-  it("is tried for ever, and what comes late of the old one counts for nothing", () => {
+  it("is retried indefinitely; late events of the old one are ignored", () => {
     connect();
     const first = socket();
     first.introduce("a1");
@@ -302,7 +302,7 @@ describe("a connection that is lost", () => {
     expect(feeds).toHaveLength(1);
   });
 
-  it("is given up if nobody answers a first attempt that was to be the only one", () => {
+  it("is given up if the only attempt fails", () => {
     const live = connect({ once: true });
     socket().onclose?.({});
     expect(live.state).toBe("closed");
@@ -310,14 +310,14 @@ describe("a connection that is lost", () => {
     expect(sockets).toHaveLength(1);
   });
 
-  it("is given up if a first attempt stays without an answer", () => {
+  it("is given up if the first attempt times out", () => {
     const live = connect({ once: true });
     pass(4000);
     expect(live.state).toBe("closed");
     expect(socket().isClosed).toBe(true);
   });
 
-  it("is not taken up with a server of another kind", () => {
+  it("is not established with another kind of server", () => {
     const live = connect();
     socket().say({ op: "serverInfo", name: "robot", capabilities: [] });
     expect(live.state).toBe("closed");
@@ -326,7 +326,7 @@ describe("a connection that is lost", () => {
     expect(sockets).toHaveLength(1);
   });
 
-  it("is closed for good by the page", () => {
+  it("stays closed after close()", () => {
     const live = connect();
     socket().introduce("a1");
     live.close();
@@ -336,7 +336,7 @@ describe("a connection that is lost", () => {
   });
 });
 
-describe("orders", () => {
+describe("commands", () => {
   const advertised = Object.values(SERVICES).map((name, id) => ({ id, name, type: "" }));
   const idOf = (name: string) => advertised.find((service) => service.name === name)!.id;
   const outcome = (code: number, message: string) => {
@@ -358,7 +358,7 @@ describe("orders", () => {
       .calls.filter(({ serviceId }) => serviceId === idOf(name))
       .at(-1)!;
 
-  it("are calls in CDR", async () => {
+  it("are CDR service calls", async () => {
     const live = open();
     const done = live.step(50);
     const call = callOf(SERVICES.step);
@@ -368,25 +368,25 @@ describe("orders", () => {
     await expect(done).resolves.toBeUndefined();
   });
 
-  it("that are refused say why", async () => {
+  it("that are refused report the reason", async () => {
     const live = open();
     const done = live.pause();
-    socket().answer(callOf(SERVICES.setState), outcome(103, "no way there"));
-    await expect(done).rejects.toThrow("no way there");
+    socket().answer(callOf(SERVICES.setState), outcome(103, "invalid transition"));
+    await expect(done).rejects.toThrow("invalid transition");
     const failed = live.restart();
     const { serviceId, callId } = callOf(SERVICES.reset);
     socket().say({ op: "serviceCallFailure", serviceId, callId, message: "busy" });
     await expect(failed).rejects.toThrow("busy");
   });
 
-  it("that find it so already are fine", async () => {
+  it("succeed if the state is already reached", async () => {
     const live = open();
     const done = live.play();
-    socket().answer(callOf(SERVICES.setState), outcome(101, "so already"));
+    socket().answer(callOf(SERVICES.setState), outcome(101, "already in that state"));
     await expect(done).resolves.toBeUndefined();
   });
 
-  it("end with the connection", async () => {
+  it("fail with the connection", async () => {
     const live = open();
     const done = live.play();
     socket().onclose?.({});
@@ -394,7 +394,7 @@ describe("orders", () => {
     await expect(live.play()).rejects.toThrow("does not offer");
   });
 
-  it("show what the server says of its clock", async () => {
+  it("poll the simulation state", async () => {
     const live = open();
     expect(live.canControl).toBe(true);
     const writer = new CdrWriter();
@@ -404,12 +404,12 @@ describe("orders", () => {
     socket().answer(callOf(SERVICES.getState), writer.data);
     await settled();
     expect(live.simulationState).toBe(2);
-    const asked = socket().calls.length;
+    const calls = socket().calls.length;
     pass(1000);
-    expect(socket().calls.length).toBe(asked + 1);
+    expect(socket().calls.length).toBe(calls + 1);
   });
 
-  it("set the speed", () => {
+  it("set the real-time factor", () => {
     const live = open();
     live.setRtf(20);
     expect(socket().sent.at(-1)!.parameters).toEqual([{ name: "execution.rtf", value: 20, type: "float64" }]);
@@ -417,7 +417,7 @@ describe("orders", () => {
     expect(live.rtf).toBe(5);
   });
 
-  it("start a run, or say what is wrong with the scenario", async () => {
+  it("start a run, or report the error in the scenario", async () => {
     const live = open();
     const json = (value: object) => new TextEncoder().encode(JSON.stringify(value));
     const refused = live.start("seed = -1");
@@ -432,7 +432,7 @@ describe("orders", () => {
 });
 
 describe("addresses", () => {
-  it("are taken as people write them", () => {
+  it("are normalised", () => {
     expect(socketAddress(" cave:8765 ")).toBe("ws://cave:8765");
     expect(socketAddress("https://cave/x")).toBe("wss://cave/x");
     expect(socketAddress("wss://cave")).toBe("wss://cave");

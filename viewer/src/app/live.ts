@@ -1,10 +1,11 @@
 /**
- * The connection with a simulator: pulls the bytes of the run under way, calls services, sets the speed, and comes back after the
- * connection was lost.
+ * Client connection to a simulator: pulls the bytes of the live run, calls services, sets the
+ * real-time factor, and reconnects after the connection was lost.
  *
- * A run is pulled piece by piece, one request at a time, so nothing is lost, and a page that is slow only lags. Bytes go to a feed
- * in order and without gaps, over however many connections; another run of the simulator is another feed. The machine knows
- * nothing of the screen: whoever wants to know what has changed is told by `changed`.
+ * A run is pulled piece by piece, one request at a time, so nothing is lost and a slow page only
+ * lags behind. Bytes go to a feed in order and without gaps, across reconnections; another run of
+ * the simulator gets another feed. The connection is independent of the user interface, which it
+ * notifies through a listener.
  */
 import { FoxgloveClient } from "@foxglove/ws-protocol";
 import type { FetchAssetResponse, IWebSocket, ServerInfo, Service } from "@foxglove/ws-protocol";
@@ -12,78 +13,83 @@ import type { LiveFeed } from "../data/sources.ts";
 import { ServiceCalls } from "./service-calls.ts";
 import * as services from "./services.ts";
 
-/** The subprotocol that the simulator speaks. */
+/** WebSocket subprotocol of the simulator. */
 export const SUBPROTOCOL = "foxglove.sdk.v1";
 
-/** An answer at least so long means that more is there already. */
+/** A response of at least this size means that more is available now. */
 const FULL_BYTES = 512 * 1024;
-const PULL_AGAIN_MS = 50;
+const PULL_PERIOD_MS = 50;
 const RECONNECT_MS = 1000;
-const ASK_STATE_MS = 1000;
-/** A server that does not answer a first attempt within this time is not there. */
-const ATTEMPT_MS = 4000;
+const STATE_POLL_MS = 1000;
+/** Time after which an unanswered connection attempt has failed. */
+const CONNECT_TIMEOUT_MS = 4000;
 const RTF = "execution.rtf";
-/** What the sessions of a server without a run begin with. */
-const IDLE = "idle-";
+/** Session prefix of a server without a run. */
+const IDLE_PREFIX = "idle-";
 
-export type LinkState =
-  /** The first attempt is under way. */
+export type ConnectionState =
+  /** The first attempt is in progress. */
   | "connecting"
   | "open"
-  /** It was lost, and is tried again. */
+  /** The connection was lost and is being retried. */
   | "lost"
-  /** Nobody will try any more: there is no simulator, or the page has closed it. */
+  /** Given up: there is no simulator, or the page has closed the connection. */
   | "closed";
 
-/** What the machine needs of its surroundings; tests give it others. */
-export interface Surroundings {
+/** I/O of a connection, replaced in tests. */
+export interface ConnectionEnvironment {
   openSocket(url: string): IWebSocket;
-  /** Calls back after a time, unless the function it returns was called before. */
+  /** Starts a timer; the returned function cancels it. */
   later(milliseconds: number, then: () => void): () => void;
   openFeed(id: string, title: string): LiveFeed;
 }
 
-export interface LiveHooks {
-  /** Something that `LiveConnection` shows is another. */
+export interface ConnectionListener {
+  /** Some public state of the connection has changed. */
   changed(): void;
-  /** A run of the simulator begins to come. */
+  /** A run of the simulator starts to arrive. */
   feedOpened(feed: LiveFeed): void;
 }
 
 export class LiveConnection {
   readonly url: string;
-  state: LinkState = "connecting";
-  /** Why the connection is not open, in words; null if it is. */
+  state: ConnectionState = "connecting";
+  /** Why the connection is not open, for people; null if it is. */
   problem: string | null = null;
-  /** The run under way; empty: none. */
+  /** Session of the live run; empty: none. */
   session = "";
-  /** Whether runs can be started from here. */
+  /** Whether the server can start runs. */
   isIdleServer = false;
-  /** Whether everything of the run has come, and no more will. */
+  /** Whether the whole run has been received. */
   hasEnded = false;
-  /** What the server says of its clock; null: not known. */
+  /** State reported by the server, see `STATE`; null: not known. */
   simulationState: number | null = null;
-  /** Sim seconds for each second; 0: as fast as possible; null: not known. */
+  /** Requested real-time factor; 0: as fast as possible; null: not known. */
   rtf: number | null = null;
 
-  readonly #hooks: LiveHooks;
-  readonly #surroundings: Surroundings;
+  readonly #listener: ConnectionListener;
+  readonly #environment: ConnectionEnvironment;
   readonly #calls = new ServiceCalls();
   readonly #isOnce: boolean;
   #client: FoxgloveClient | null = null;
   #feed: LiveFeed | null = null;
   #offset = 0;
   #lastRequest = 0;
-  /** The request that is under way, or 0. */
+  /** Id of the pending asset request, or 0. */
   #pending = 0;
   #wasOpen = false;
   #cancels = new Map<string, () => void>();
 
-  /** `once`: a first attempt that fails is not repeated. */
-  constructor(url: string, hooks: LiveHooks, surroundings: Surroundings, options?: { once?: boolean }) {
+  /** `once`: do not retry the first attempt. */
+  constructor(
+    url: string,
+    listener: ConnectionListener,
+    environment: ConnectionEnvironment,
+    options?: { once?: boolean },
+  ) {
     this.url = url;
-    this.#hooks = hooks;
-    this.#surroundings = surroundings;
+    this.#listener = listener;
+    this.#environment = environment;
     this.#isOnce = options?.once ?? false;
     this.#connect();
   }
@@ -94,11 +100,11 @@ export class LiveConnection {
     this.#endFeed();
   }
 
-  /** Calls a service; throws with the server's words if it was refused. */
+  /** Calls a service; throws the server's message if it was refused. */
   async #request(name: string, data: Uint8Array): Promise<void> {
     const outcome = services.readOutcome(await this.#calls.call(name, data));
-    this.#askState();
-    if (!services.isFine(outcome)) {
+    this.#pollState();
+    if (!services.isSuccess(outcome)) {
       throw new Error(outcome.message || `The simulator refused ${name} with code ${outcome.code}.`);
     }
   }
@@ -119,26 +125,26 @@ export class LiveConnection {
     return this.#request(services.SERVICES.reset, services.resetRequest());
   }
 
-  /** Ends the run for good. */
+  /** Ends the run. */
   stop(): Promise<void> {
     return this.#request(services.SERVICES.setState, services.setStateRequest(services.STATE.quitting));
   }
 
   setRtf(rtf: number): void {
-    if (!this.#client || this.state !== "open") throw new Error("There is no connection with the simulator.");
+    if (!this.#client || this.state !== "open") throw new Error("Not connected to the simulator.");
     this.rtf = rtf;
     this.#client.setParameters([{ name: RTF, value: rtf, type: "float64" }]);
-    this.#hooks.changed();
+    this.#listener.changed();
   }
 
-  /** Starts a run; returns what is wrong with the scenario, or null if it has started. */
+  /** Starts a run; resolves to the error in the scenario, or null if the run has started. */
   async start(scenario: string): Promise<string | null> {
     const data = await this.#calls.call(services.SERVICES.startRun, services.startRequest(scenario));
     const answer = services.readStart(data);
     return answer.started ? null : answer.message || "The simulator did not start the run.";
   }
 
-  /** Whether there is a run to be controlled. */
+  /** Whether there is a run to control. */
   get canControl(): boolean {
     return (
       this.state === "open" &&
@@ -148,7 +154,7 @@ export class LiveConnection {
     );
   }
 
-  /** Whether a run can be started: there is none, or it is over. */
+  /** Whether a run can be started: the server is idle. */
   get canStart(): boolean {
     return this.state === "open" && this.isIdleServer && (this.session === "" || this.hasEnded);
   }
@@ -156,16 +162,16 @@ export class LiveConnection {
   #connect(): void {
     let socket: IWebSocket;
     try {
-      socket = this.#surroundings.openSocket(this.url);
+      socket = this.#environment.openSocket(this.url);
     } catch (error) {
-      this.#giveUp(
-        `${this.url} is no address of a simulator: ${(error as Error).message} Expected: ws://host:port.`,
+      this.#abandon(
+        `${this.url} is not the address of a simulator: ${(error as Error).message} Expected ws://host:port.`,
       );
       return;
     }
     const client = new FoxgloveClient({ ws: socket });
     this.#client = client;
-    // What an old connection still has to say is of no interest.
+    // Events of a superseded connection are ignored.
     const ifPresent =
       <Args extends unknown[]>(then: (...args: Args) => void) =>
       (...args: Args) => {
@@ -173,15 +179,15 @@ export class LiveConnection {
       };
     client.on(
       "serverInfo",
-      ifPresent((info: ServerInfo) => this.#introduced(info)),
+      ifPresent((info: ServerInfo) => this.#onServerInfo(info)),
     );
     client.on(
       "fetchAssetResponse",
-      ifPresent((answer: FetchAssetResponse) => this.#received(answer)),
+      ifPresent((answer: FetchAssetResponse) => this.#onAsset(answer)),
     );
     client.on(
       "advertiseServices",
-      ifPresent((added: Service[]) => this.#servicesAdded(added)),
+      ifPresent((added: Service[]) => this.#onServices(added)),
     );
     client.on(
       "unadvertiseServices",
@@ -189,11 +195,11 @@ export class LiveConnection {
     );
     client.on(
       "serviceCallResponse",
-      ifPresent((answer) => this.#calls.answered(answer)),
+      ifPresent((answer) => this.#calls.onResponse(answer)),
     );
     client.on(
       "serviceCallFailure",
-      ifPresent((failure) => this.#calls.failed(failure)),
+      ifPresent((failure) => this.#calls.onFailure(failure)),
     );
     client.on(
       "parameterValues",
@@ -201,25 +207,25 @@ export class LiveConnection {
         const value = parameters.find((parameter) => parameter.name === RTF)?.value;
         if (typeof value !== "number" || value === this.rtf) return;
         this.rtf = value;
-        this.#hooks.changed();
+        this.#listener.changed();
       }),
     );
     client.on(
       "close",
-      ifPresent(() => this.#lost()),
+      ifPresent(() => this.#onClose()),
     );
-    // A close always follows; what the error was, a browser does not tell.
+    // A close event always follows; browsers do not reveal the cause of the error.
     client.on("error", () => undefined);
     this.#calls.connect((request) => client.sendServiceCallRequest(request));
-    this.#after("attempt", ATTEMPT_MS, () => this.#lost());
+    this.#after("attempt", CONNECT_TIMEOUT_MS, () => this.#onClose());
   }
 
-  #introduced(info: ServerInfo): void {
+  #onServerInfo(info: ServerInfo): void {
     this.#cancel("attempt");
     const metadata = info.metadata ?? {};
     if (metadata["maes"] === undefined) {
-      this.#giveUp(
-        `${this.url} answers as "${info.name}", which is not a simulator of this page (no "maes" in what it says of itself).`,
+      this.#abandon(
+        `${this.url} is the server "${info.name}", not a MAES simulator (its metadata has no key "maes").`,
       );
       return;
     }
@@ -235,7 +241,7 @@ export class LiveConnection {
       this.#client?.getParameters([RTF]);
     }
     if (this.#pending === 0) this.#pull();
-    this.#hooks.changed();
+    this.#listener.changed();
   }
 
   #begin(session: string): void {
@@ -247,9 +253,9 @@ export class LiveConnection {
     this.hasEnded = false;
     this.simulationState = null;
     if (session === "") return;
-    this.#feed = this.#surroundings.openFeed(session, `Run at ${new URL(this.url).host}`);
-    this.#hooks.feedOpened(this.#feed);
-    this.#askState();
+    this.#feed = this.#environment.openFeed(session, `Run at ${new URL(this.url).host}`);
+    this.#listener.feedOpened(this.#feed);
+    this.#pollState();
   }
 
   #pull(): void {
@@ -260,7 +266,7 @@ export class LiveConnection {
     this.#client?.fetchAsset(`maes://run/${this.session}/${this.#offset}`, this.#pending);
   }
 
-  #received(answer: FetchAssetResponse): void {
+  #onAsset(answer: FetchAssetResponse): void {
     if (answer.requestId !== this.#pending || !this.#feed) return;
     this.#pending = 0;
     if ("data" in answer) {
@@ -268,40 +274,40 @@ export class LiveConnection {
       if (byteLength > 0) this.#feed.push(new Uint8Array(buffer as ArrayBuffer, byteOffset, byteLength));
       this.#offset += byteLength;
       if (byteLength >= FULL_BYTES) this.#pull();
-      else this.#after("pull", PULL_AGAIN_MS, () => this.#pull());
+      else this.#after("pull", PULL_PERIOD_MS, () => this.#pull());
       return;
     }
     if (answer.error.startsWith("ended")) {
       this.hasEnded = true;
       this.#endFeed();
-      this.#hooks.changed();
+      this.#listener.changed();
     } else if (answer.error.startsWith("gone")) {
-      // The server says which run it is now; if it does not, a new connection asks.
+      // The server announces its present run; if it does not, reconnecting asks for it.
       this.#endFeed();
       this.session = "";
-      this.#after("pull", RECONNECT_MS, () => this.#lost());
-      this.#hooks.changed();
+      this.#after("pull", RECONNECT_MS, () => this.#onClose());
+      this.#listener.changed();
     } else {
-      this.problem = `The simulator does not hand over its run: ${answer.error}`;
+      this.problem = `The simulator does not send its run: ${answer.error}`;
       this.#after("pull", RECONNECT_MS, () => this.#pull());
-      this.#hooks.changed();
+      this.#listener.changed();
     }
   }
 
-  /** Nothing more of this run will come. */
+  /** Ends the feed of the present run. */
   #endFeed(): void {
     this.#feed?.end();
     this.#feed = null;
   }
 
-  #servicesAdded(added: readonly Service[]): void {
+  #onServices(added: readonly Service[]): void {
     this.#calls.add(added);
-    this.#askState();
-    this.#hooks.changed();
+    this.#pollState();
+    this.#listener.changed();
   }
 
-  #askState(): void {
-    this.#after("state", ASK_STATE_MS, () => this.#askState());
+  #pollState(): void {
+    this.#after("state", STATE_POLL_MS, () => this.#pollState());
     if (this.state !== "open" || this.hasEnded || !this.#calls.has(services.SERVICES.getState)) return;
     this.#calls
       .call(services.SERVICES.getState, services.emptyRequest())
@@ -309,31 +315,31 @@ export class LiveConnection {
         const { state } = services.readState(data);
         if (state === this.simulationState) return;
         this.simulationState = state;
-        this.#hooks.changed();
+        this.#listener.changed();
       })
-      // Whoever is too busy to answer is asked again.
+      // The state is polled again.
       .catch(() => undefined);
   }
 
-  #lost(): void {
+  #onClose(): void {
     this.#drop();
     if (this.#isOnce && !this.#wasOpen) {
-      this.#giveUp(`No simulator answers at ${this.url}.`);
+      this.#abandon(`No simulator answers at ${this.url}.`);
       return;
     }
     this.state = this.#wasOpen ? "lost" : "connecting";
     this.problem = this.#wasOpen
-      ? `The connection with ${this.url} was lost. Trying again.`
-      : `No simulator answers at ${this.url}. Trying again.`;
+      ? `The connection to ${this.url} was lost. Reconnecting.`
+      : `No simulator answers at ${this.url}. Retrying.`;
     this.simulationState = null;
     this.#after("reconnect", RECONNECT_MS, () => this.#connect());
-    this.#hooks.changed();
+    this.#listener.changed();
   }
 
-  #giveUp(problem: string): void {
+  #abandon(problem: string): void {
     this.close();
     this.problem = problem;
-    this.#hooks.changed();
+    this.#listener.changed();
   }
 
   #drop(): void {
@@ -347,7 +353,7 @@ export class LiveConnection {
 
   #after(name: string, milliseconds: number, then: () => void): void {
     this.#cancel(name);
-    const cancel = this.#surroundings.later(milliseconds, () => {
+    const cancel = this.#environment.later(milliseconds, () => {
       this.#cancels.delete(name);
       then();
     });
@@ -360,15 +366,15 @@ export class LiveConnection {
   }
 }
 
-/** The run that a server has; empty: none. */
+/** The session of the server's run; empty: none. */
 function sessionOf({ sessionId }: ServerInfo): string {
-  return sessionId === undefined || sessionId.startsWith(IDLE) ? "" : sessionId;
+  return sessionId === undefined || sessionId.startsWith(IDLE_PREFIX) ? "" : sessionId;
 }
 
-/** The surroundings of a page. */
-export function browserSurroundings(openFeed: Surroundings["openFeed"]): Surroundings {
+/** The I/O of a browser page. */
+export function browserEnvironment(openFeed: ConnectionEnvironment["openFeed"]): ConnectionEnvironment {
   return {
-    openSocket: (url) => new WebSocket(url, [SUBPROTOCOL]),
+    openSocket: (url) => new WebSocket(url, [SUBPROTOCOL]) as IWebSocket,
     later(milliseconds, then) {
       const timer = setTimeout(then, milliseconds);
       return () => clearTimeout(timer);
@@ -377,7 +383,7 @@ export function browserSurroundings(openFeed: Surroundings["openFeed"]): Surroun
   };
 }
 
-/** An address as people write it, as one of a WebSocket: `host:port` and `http://host:port` are fine, too. */
+/** Normalises a WebSocket address: `host:port` and `http://host:port` are accepted as well. */
 export function socketAddress(text: string): string {
   const trimmed = text.trim();
   if (/^wss?:\/\//i.test(trimmed)) return trimmed;

@@ -1,11 +1,9 @@
-/**
- * The steps of the sliders for speed: even to the hand, each about as much faster than the one before. Pure.
- */
+/** Steps of the speed sliders, roughly logarithmic. Pure. */
 
-/** How fast a recording is played, sim seconds for each second. */
+/** Playback rates, sim seconds per second. */
 export const PLAY_RATES = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100] as const;
 
-/** How fast a simulator is asked to run; the last one, 0, is as fast as it can. */
+/** Real-time factors of a simulator; the last one, 0, is as fast as possible. */
 export const RUN_RATES = [0.25, 0.5, 1, 2, 5, 10, 20, 50, 100, 0] as const;
 
 /** The step nearest to a rate, by ratio; 0 stands for no limit. */
@@ -25,7 +23,7 @@ export function nearestStep(rates: readonly number[], rate: number): number {
   return best;
 }
 
-/** The rate some steps further, within the ends. */
+/** The rate `steps` further, clamped to the ends. */
 export function shifted(rates: readonly number[], rate: number, steps: number): number {
   const index = nearestStep(rates, rate) + steps;
   return rates[Math.min(rates.length - 1, Math.max(0, index))]!;

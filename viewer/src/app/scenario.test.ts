@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import { buildingHeight, DEFAULTS, drawSeed, faults, radiusLimit, tomlString, toToml } from "./scenario.ts";
 
 describe("the scenario of the form", () => {
-  it("is the reference's setting by default", () => {
+  it("defaults to the setting of the reference", () => {
     expect(toToml(DEFAULTS)).toBe(`seed = 1
 duration_s = 1800.0
 stop_when_explored = true
@@ -35,7 +35,7 @@ rtf = 1.0
     expect(faults(DEFAULTS)).toEqual([]);
   });
 
-  it("has the parameters of the generator that was chosen, and no others", () => {
+  it("has the parameters of the chosen generator only", () => {
     const noise = toToml({ ...DEFAULTS, generator: "noise", size: [100, 80, 30] });
     expect(noise).toContain("size = [100, 80, 30]\n\n[map.noise]\nfill = 0.53\nsmoothing = 5\n");
     expect(noise).not.toContain("map.spheres");
@@ -46,14 +46,14 @@ rtf = 1.0
     expect(file).not.toContain("size");
   });
 
-  it("gives searches a budget only to controllers that search", () => {
+  it("has a search budget only for controllers that search", () => {
     const set = 'set = { search_time = "budgeted", search_cells_per_tick = 100 }';
     expect(toToml({ ...DEFAULTS, controller: "lvd" })).toContain(set);
     expect(toToml({ ...DEFAULTS, controller: "lvd", isSearchBudgeted: false })).not.toContain("search_time");
     expect(toToml({ ...DEFAULTS, controller: "dsvp" })).not.toContain("search_time");
   });
 
-  it("writes limits and no limits", () => {
+  it("writes limited and unlimited values", () => {
     const text = toToml({
       ...DEFAULTS,
       communicationRangeM: 50,
@@ -67,18 +67,18 @@ rtf = 1.0
     expect(text).toContain("stop_when_covered = true\n");
   });
 
-  it("escapes what TOML wants escaped", () => {
+  it("escapes strings", () => {
     expect(tomlString("a\nb\u0007")).toBe('"a\\u000ab\\u0007"');
   });
 });
 
-describe("faults of the form", () => {
-  it("name what is expected", () => {
+describe("errors of the form", () => {
+  it("say what is expected", () => {
     expect(faults({ ...DEFAULTS, generator: "file" })[0]).toMatch(/^Map file:/);
     expect(faults({ ...DEFAULTS, seed: NaN })[0]).toMatch(/^Seed:/);
     expect(faults({ ...DEFAULTS, spheresRadiusMin: 9 })[0]).toMatch(/^Radius:/);
     expect(faults({ ...DEFAULTS, size: [50, 50, 30], spheresRadiusMax: 14 })[0]).toContain(
-      "13 cells at the most",
+      "at most 13 cells",
     );
     expect(faults({ ...DEFAULTS, generator: "building", size: [60, 60, 12] })[0]).toContain("13 cells");
   });

@@ -1,6 +1,7 @@
 /**
- * The start form's values and the scenario they make: ranges and defaults of the reference, and the TOML for the server. Pure. The
- * server checks the scenario; what is refused here is only what the form itself could get wrong.
+ * Values of the start form and the scenario made of them: ranges and defaults of the reference, and
+ * the TOML for the server. Pure. The server validates the scenario; only errors of the form itself
+ * are found here.
  */
 
 export type Generator = "spheres" | "noise" | "building" | "file";
@@ -21,18 +22,18 @@ export interface FormValues {
   noiseFillPercent: number;
   noiseSmoothing: number;
   buildingFloors: number;
-  /** Whether searches for ways take sim time, and how many cells they look at in a tick. */
+  /** Whether path searches take sim time, and their budget of cells per tick. */
   isSearchBudgeted: boolean;
   searchCellsPerTick: number;
   /** Metres; Infinity: unlimited. */
   communicationRangeM: number;
   sensingFovDeg: number;
-  /** Ticks between two tellings of what is new on a map; 0: none. */
+  /** Ticks between two map messages of an agent; 0: none. */
   sharePeriodTicks: number;
   stopWhenExplored: boolean;
   stopWhenCovered: boolean;
   seed: number;
-  /** Sim seconds for each second; 0: as fast as possible. */
+  /** Real-time factor; 0: as fast as possible. */
   rtf: number;
 }
 
@@ -42,7 +43,7 @@ export interface Range {
   readonly step: number;
 }
 
-/** The reference's ranges; `agents` goes on beyond its ten. */
+/** Ranges of the reference; it has 10 agents at most. */
 export const RANGES = {
   agents: { min: 1, max: 27, step: 1 },
   durationMin: { min: 1, max: 120, step: 1 },
@@ -59,7 +60,7 @@ export const RANGES = {
   sharePeriodTicks: { min: 0, max: 2510, step: 1 },
 } as const satisfies Record<string, Range>;
 
-/** The largest team of the reference. */
+/** Largest team of the reference. */
 export const REFERENCE_AGENTS_MAX = 10;
 
 export const DEFAULTS: FormValues = {
@@ -91,11 +92,11 @@ export const DEFAULTS: FormValues = {
 export interface Controller {
   readonly value: string;
   readonly label: string;
-  /** Whether it has the settings of searches for ways. */
+  /** Whether the controller has the settings of path searches. */
   readonly searches: boolean;
 }
 
-/** The three of the reference come first. */
+/** The three controllers of the reference come first. */
 export const CONTROLLERS: readonly Controller[] = [
   { value: "rbw", label: "rbw - random ballistic walk", searches: false },
   { value: "lvd", label: "lvd - local Voronoi decomposition", searches: true },
@@ -108,31 +109,31 @@ export const CONTROLLERS: readonly Controller[] = [
   { value: "boustrophedon", label: "boustrophedon - coverage, line by line", searches: true },
 ];
 
-/** Rows of free cells, ceilings between them, and the outer walls. */
+/** Cells of a storey, of a ceiling, and of the outer walls. */
 const FLOOR_HEIGHT = 3;
 const SLAB = 1;
 
-/** The height that a building of so many floors fills. */
+/** Height in cells of a building with this number of floors. */
 export function buildingHeight(floors: number): number {
   return floors * (FLOOR_HEIGHT + SLAB) - SLAB + 2;
 }
 
-/** The largest radius of spheres that the server takes in a map of this size. */
+/** Largest sphere radius that the server accepts for a map of this size. */
 export function radiusLimit(size: readonly number[]): number {
   return Math.floor((Math.min(...size) - 4) / 2);
 }
 
-/** A number as TOML writes it: `inf`, 0.5, 3. */
+/** A TOML number: `inf`, 0.5, 3. */
 function number(value: number): string {
   return value === Infinity ? "inf" : String(value);
 }
 
-/** A number that TOML reads as one with a fraction. */
+/** A TOML float. */
 function real(value: number): string {
   return Number.isInteger(value) ? `${value}.0` : number(value);
 }
 
-/** A basic string of TOML. */
+/** A TOML basic string. */
 export function tomlString(text: string): string {
   // eslint-disable-next-line no-control-regex -- these are the characters that TOML wants escaped
   return `"${text.replace(/["\\\u0000-\u001f\u007f]/g, (character) => {
@@ -186,7 +187,7 @@ function agentsTable(values: FormValues): string[] {
   return lines;
 }
 
-/** The scenario that a form asks for. */
+/** The scenario of a form. */
 export function toToml(values: FormValues): string {
   const lines = [
     `seed = ${values.seed}`,
@@ -210,22 +211,22 @@ export function toToml(values: FormValues): string {
   return `${lines.join("\n")}\n`;
 }
 
-/** What the form itself has wrong, in words; empty if nothing is. */
+/** Errors of the form; empty if there are none. */
 export function faults(values: FormValues): string[] {
   const found: string[] = [];
   if (values.generator === "file" && values.mapFile.trim() === "") {
-    found.push("Map file: the path of a map is expected, as the simulator sees it.");
+    found.push("Map file: expected the path of a map on the machine of the simulator.");
   }
   if (!Number.isSafeInteger(values.seed) || values.seed < 0) {
-    found.push("Seed: a whole number from 0 on is expected.");
+    found.push("Seed: expected an integer from 0 on.");
   }
   if (values.generator === "spheres") {
     if (values.spheresRadiusMin > values.spheresRadiusMax) {
-      found.push("Radius: the smallest one is above the largest one.");
+      found.push("Radius: the smallest exceeds the largest.");
     }
     const limit = radiusLimit(values.size);
     if (values.spheresRadiusMax > limit) {
-      found.push(`Radius: ${limit} cells at the most fit into a map of ${values.size.join(" x ")} cells.`);
+      found.push(`Radius: at most ${limit} cells fit into a map of ${values.size.join(" x ")} cells.`);
     }
   }
   if (values.generator === "building" && values.size[2] < buildingHeight(values.buildingFloors)) {
@@ -236,7 +237,7 @@ export function faults(values: FormValues): string[] {
   return found;
 }
 
-/** A seed of six digits, as the reference draws them. `random` is in [0, 1). */
+/** A six-digit seed, as in the reference. `random` is in [0, 1). */
 export function drawSeed(random: number): number {
   return 100000 + Math.floor(random * 900000);
 }

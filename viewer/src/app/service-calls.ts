@@ -1,6 +1,6 @@
 /**
- * Calls of the simulator's services that are under way: which service has which number on this connection, and which answer
- * belongs to which call. A call ends with its answer, with the server's refusal, or with the connection; it is never forgotten.
+ * Pending service calls: maps service names to the ids of this connection, and responses to calls.
+ * A call always ends: with its response, with a failure, or with the connection.
  */
 import type {
   Service,
@@ -17,7 +17,7 @@ interface Pending {
 
 interface Known {
   readonly id: number;
-  /** How requests are written: `cdr` or `json`. */
+  /** Encoding of requests: `cdr` or `json`. */
   readonly encoding: string;
 }
 
@@ -57,7 +57,7 @@ export class ServiceCalls {
   call(name: string, data: Uint8Array): Promise<Uint8Array> {
     const service = this.#known.get(name);
     if (!this.#send || !service) {
-      return Promise.reject(new Error(`The simulator does not offer ${name} at present.`));
+      return Promise.reject(new Error(`The simulator does not offer ${name}.`));
     }
     this.#lastCall += 1;
     const callId = this.#lastCall;
@@ -68,12 +68,12 @@ export class ServiceCalls {
     return answer;
   }
 
-  answered(answer: ServiceCallResponse): void {
+  onResponse(answer: ServiceCallResponse): void {
     const { buffer, byteOffset, byteLength } = answer.data;
     this.#take(answer.callId)?.resolve(new Uint8Array(buffer as ArrayBuffer, byteOffset, byteLength));
   }
 
-  failed(failure: ServiceCallFailure): void {
+  onFailure(failure: ServiceCallFailure): void {
     const call = this.#take(failure.callId);
     call?.reject(new Error(`The simulator refused ${call.name}: ${failure.message}`));
   }

@@ -1,10 +1,10 @@
 /**
- * The services of the simulator as bytes: CDR with its header of four bytes, little-endian, as ROS 2 has it. Nothing of the
- * connection is here.
+ * Encoding of the simulator's services: little-endian CDR with its encapsulation header, as in ROS
+ * 2. Independent of the connection.
  */
 import { CdrReader, CdrWriter, EncapsulationKind } from "@foxglove/cdr";
 
-/** What `/sim_server/get_simulation_state` says. */
+/** States of `simulation_interfaces/msg/SimulationState`. */
 export const STATE = { stopped: 0, playing: 1, paused: 2, quitting: 3 } as const;
 
 export const SERVICES = {
@@ -21,11 +21,11 @@ export interface Outcome {
   readonly message: string;
 }
 
-/** Codes of an outcome that mean that all is as was wanted: done, or so already. */
-const FINE = new Set([1, 101]);
+/** Result codes that mean success: done, or already in that state. */
+const SUCCESS_CODES = new Set([1, 101]);
 
-export function isFine(outcome: Outcome): boolean {
-  return FINE.has(outcome.code);
+export function isSuccess(outcome: Outcome): boolean {
+  return SUCCESS_CODES.has(outcome.code);
 }
 
 function written(write: (writer: CdrWriter) => void): Uint8Array {
@@ -34,7 +34,7 @@ function written(write: (writer: CdrWriter) => void): Uint8Array {
   return writer.data;
 }
 
-/** A request without fields has one byte that says nothing. */
+/** A request without fields has one padding byte. */
 export const emptyRequest = () => written((writer) => writer.uint8(0));
 export const setStateRequest = (state: number) => written((writer) => writer.uint8(state));
 export const stepRequest = (ticks: number) => written((writer) => writer.uint64(BigInt(ticks)));
@@ -58,11 +58,13 @@ export function startRequest(scenario: string): Uint8Array {
   return new TextEncoder().encode(JSON.stringify({ scenario }));
 }
 
-/** The answer of `start_run`; throws if it is another thing. */
+/** The response of `start_run`; throws if it is malformed. */
 export function readStart(data: Uint8Array): { started: boolean; message: string } {
   const answer: unknown = JSON.parse(new TextDecoder().decode(data));
   if (typeof answer !== "object" || answer === null || !("started" in answer)) {
-    throw new Error(`The simulator answered ${JSON.stringify(answer)} to start_run; "started" was expected.`);
+    throw new Error(
+      `The simulator answered ${JSON.stringify(answer)} to start_run; expected an object with "started".`,
+    );
   }
   const message = "message" in answer ? String(answer.message) : "";
   return { started: answer.started === true, message };

@@ -1,47 +1,48 @@
 /**
- * The frame of the page: where each part lies, which parts are there, and who is told what. It decides nothing.
+ * Layout of the page: creates its parts, shows or hides them, and passes state and actions on.
+ * Contains no logic of its own.
  */
 import type { View } from "../scene/scene.ts";
 import { AgentCard, AgentsCard } from "./agents-card.ts";
-import type { App } from "./app.ts";
 import { Banners } from "./banners.ts";
 import { CameraBar } from "./camera-bar.ts";
 import { card, CountersCard, RunCard, ScenarioCard } from "./cards.ts";
 import type { Clock } from "./clock.ts";
-import { Curve } from "./curve.ts";
+import { ProgressChart } from "./progress-chart.ts";
 import { openHelp } from "./dialogs.ts";
 import { el, iconButton, setHidden, setText } from "./dom.ts";
-import { Figures } from "./figures.ts";
+import { RenderStats } from "./render-stats.ts";
 import { clockTime, finePercent } from "./format.ts";
 import { LayersPanel } from "./layers-panel.ts";
 import type { LiveConnection } from "./live.ts";
-import { sharesAt } from "./moment.ts";
-import type { Moment } from "./moment.ts";
+import { sharesAt } from "./panel-state.ts";
+import type { PageActions } from "./page-actions.ts";
+import type { PanelState } from "./panel-state.ts";
 import { SimulatorCard } from "./simulator-card.ts";
 import { StartForm } from "./start-form.ts";
-import { Transport } from "./transport.ts";
+import { PlaybackBar } from "./playback-bar.ts";
 import { Welcome } from "./welcome.ts";
 
-/** A hand that has moved farther than this between pressing and letting go has dragged, pixels. */
+/** A pointer that has moved farther than this between press and release has dragged, pixels. */
 const CLICK_PX = 4;
 
 export class Shell {
   readonly banners = new Banners();
-  readonly figures = new Figures();
+  readonly renderStats = new RenderStats();
   readonly startForm: StartForm;
   readonly #stage: HTMLElement;
   readonly #canvas: HTMLCanvasElement;
   readonly #frame: HTMLElement;
   readonly #welcome: Welcome;
-  readonly #transport: Transport;
+  readonly #playbackBar: PlaybackBar;
   readonly #camera: CameraBar;
   readonly #layers: LayersPanel | null;
   readonly #simulator: SimulatorCard;
   readonly #run = new RunCard();
   readonly #agents: AgentsCard;
   readonly #agent: AgentCard;
-  readonly #curve: Curve;
-  readonly #curveCard: HTMLDetailsElement;
+  readonly #chart: ProgressChart;
+  readonly #chartCard: HTMLDetailsElement;
   readonly #counters = new CountersCard();
   readonly #scenario = new ScenarioCard();
   readonly #caption = el("div", { class: "caption", testid: "caption" });
@@ -49,12 +50,18 @@ export class Shell {
   readonly #view: View | null;
   readonly #isPicture: boolean;
 
-  constructor(root: HTMLElement, canvas: HTMLCanvasElement, app: App, view: View | null, isPicture: boolean) {
+  constructor(
+    root: HTMLElement,
+    canvas: HTMLCanvasElement,
+    actions: PageActions,
+    view: View | null,
+    isPicture: boolean,
+  ) {
     this.#canvas = canvas;
     this.#view = view;
     this.#isPicture = isPicture;
-    canvas.className = "picture";
-    canvas.setAttribute("data-testid", "picture");
+    canvas.className = "canvas";
+    canvas.setAttribute("data-testid", "canvas");
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", "The cave and its agents in three dimensions");
 
@@ -62,29 +69,29 @@ export class Shell {
     file.addEventListener("change", () => {
       const chosen = file.files?.[0];
       file.value = "";
-      if (chosen) void app.openFile(chosen);
+      if (chosen) void actions.openFile(chosen);
     });
     const chooseFile = () => file.click();
-    this.startForm = new StartForm((scenario) => app.startRun(scenario));
+    this.startForm = new StartForm((scenario) => actions.startRun(scenario));
     const newRun = () => this.startForm.open();
     this.#welcome = new Welcome({
       chooseFile,
-      openUrl: (url) => void app.openUrl(url),
-      connect: (address) => app.connect(address),
+      openUrl: (url) => void actions.openUrl(url),
+      connect: (address) => actions.connect(address),
       newRun,
-      cancel: () => app.cancel(),
+      cancel: () => actions.cancel(),
     });
-    this.#transport = new Transport({
-      togglePlay: () => app.togglePlay(),
-      seek: (timeS) => app.seek(timeS),
-      setRate: (rate) => app.setRate(rate),
-      goLive: () => app.goLive(),
+    this.#playbackBar = new PlaybackBar({
+      togglePlay: () => actions.togglePlay(),
+      seek: (timeS) => actions.seek(timeS),
+      setRate: (rate) => actions.setRate(rate),
+      goLive: () => actions.goLive(),
     });
     this.#camera = new CameraBar(
       {
-        step: (step) => app.selectNeighbour(step),
-        cave: () => app.select(null),
-        setUnexplored: (isShown) => app.setUnexplored(isShown),
+        step: (step) => actions.selectNeighbour(step),
+        cave: () => actions.select(null),
+        setUnexplored: (isShown) => actions.setUnexplored(isShown),
       },
       view?.layers.unexplored ?? true,
     );
@@ -92,26 +99,26 @@ export class Shell {
       view &&
       new LayersPanel(
         view,
-        () => app.viewChanged(),
-        () => app.togglePart("isLayersOpen"),
+        () => actions.viewChanged(),
+        () => actions.togglePart("isLayersOpen"),
       );
-    this.#simulator = new SimulatorCard({ order: (what) => app.order(what), newRun });
-    this.#agents = new AgentsCard((agent) => app.select(agent));
-    this.#agent = new AgentCard(() => app.select(null));
-    this.#curve = new Curve((timeS) => app.seek(timeS));
-    this.#curveCard = card("Over time", "curve-card", true, this.#curve.root);
+    this.#simulator = new SimulatorCard({ control: (what) => actions.control(what), newRun });
+    this.#agents = new AgentsCard((agent) => actions.select(agent));
+    this.#agent = new AgentCard(() => actions.select(null));
+    this.#chart = new ProgressChart((timeS) => actions.seek(timeS));
+    this.#chartCard = card("Progress over time", "chart-card", true, this.#chart.root);
     this.#toolbar = el(
       "nav",
       { class: "toolbar float", "aria-label": "Page" },
       iconButton("open", "Open a recording", { testid: "toolbar-open", onclick: chooseFile }),
       iconButton("layers", "Layers (L)", {
         testid: "toolbar-layers",
-        onclick: () => app.togglePart("isLayersOpen"),
+        onclick: () => actions.togglePart("isLayersOpen"),
       }),
       iconButton("help", "Keys (?)", { testid: "toolbar-help", onclick: openHelp }),
       iconButton("panel", "Panels (P)", {
         testid: "toolbar-panel",
-        onclick: () => app.togglePart("isPanelOpen"),
+        onclick: () => actions.togglePart("isPanelOpen"),
       }),
     );
     this.#stage = el(
@@ -122,7 +129,7 @@ export class Shell {
       this.#layers?.root,
       this.#toolbar,
       this.#camera.root,
-      this.figures.root,
+      this.renderStats.root,
       this.#caption,
       this.banners.root,
     );
@@ -133,21 +140,21 @@ export class Shell {
       this.#simulator.root,
       this.#agent.root,
       this.#agents.root,
-      this.#curveCard,
+      this.#chartCard,
       this.#counters.root,
       this.#scenario.root,
     );
-    this.#frame = el("div", { class: "frame" }, this.#stage, side, this.#transport.root, file);
+    this.#frame = el("div", { class: "frame" }, this.#stage, side, this.#playbackBar.root, file);
     this.#frame.classList.toggle("is-picture", isPicture);
     root.replaceChildren(this.#frame);
-    this.#acceptDrops(app);
+    this.#acceptDrops(actions);
   }
 
   onResize(resized: (width: number, height: number) => void): void {
     new ResizeObserver(() => resized(this.#stage.clientWidth, this.#stage.clientHeight)).observe(this.#stage);
   }
 
-  /** Tells of clicks on the picture that are no drags, in its CSS pixels. */
+  /** Reports clicks on the image that are no drags, in its CSS pixels. */
   onPick(picked: (x: number, y: number) => void): void {
     let pressed: { x: number; y: number } | null = null;
     this.#canvas.addEventListener("pointerdown", (event) => {
@@ -160,10 +167,10 @@ export class Shell {
     });
   }
 
-  setParts(isPanelOpen: boolean, isLayersOpen: boolean, isFiguresOpen: boolean): void {
+  setParts(isPanelOpen: boolean, isLayersOpen: boolean, areStatsOpen: boolean): void {
     this.#frame.classList.toggle("has-panel", isPanelOpen);
     this.#frame.classList.toggle("has-layers", isLayersOpen);
-    this.figures.root.hidden = !isFiguresOpen;
+    this.renderStats.root.hidden = !areStatsOpen;
     const pressed = (testid: string, isPressed: boolean) =>
       this.#toolbar
         .querySelector(`[data-testid="${testid}"]`)
@@ -172,14 +179,14 @@ export class Shell {
     pressed("toolbar-panel", isPanelOpen);
   }
 
-  update(moment: Moment | null, clock: Clock, live: LiveConnection | null, busy: string | null): void {
-    this.#frame.classList.toggle("has-run", moment !== null);
-    setHidden(this.#welcome.root, moment !== null || this.#isPicture);
-    if (!moment) {
+  update(panel: PanelState | null, clock: Clock, live: LiveConnection | null, busy: string | null): void {
+    this.#frame.classList.toggle("has-run", panel !== null);
+    setHidden(this.#welcome.root, panel !== null || this.#isPicture);
+    if (!panel) {
       this.#welcome.update(busy, live);
       return;
     }
-    const { run, timeS, selected } = moment;
+    const { run, timeS, selected } = panel;
     if (this.#isPicture) {
       const { explored } = sharesAt(run, timeS);
       const whom = selected === null ? [] : [`agent ${selected}`];
@@ -187,20 +194,20 @@ export class Shell {
       setText(this.#caption, words.join("   "));
       return;
     }
-    this.#transport.update(moment, clock);
+    this.#playbackBar.update(panel, clock);
     this.#camera.update(selected, this.#view?.layers.unexplored ?? false);
     if (this.#view) this.#layers?.update(this.#view, selected);
     if (!this.#frame.classList.contains("has-panel")) return;
-    this.#run.update(moment);
+    this.#run.update(panel);
     this.#simulator.update(live);
-    this.#agent.update(moment);
-    this.#agents.update(moment);
-    if (this.#curveCard.open) this.#curve.update(run, timeS, selected);
-    this.#counters.update(moment);
-    this.#scenario.update(moment);
+    this.#agent.update(panel);
+    this.#agents.update(panel);
+    if (this.#chartCard.open) this.#chart.update(run, timeS, selected);
+    this.#counters.update(panel);
+    this.#scenario.update(panel);
   }
 
-  #acceptDrops(app: App): void {
+  #acceptDrops(actions: PageActions): void {
     const isFile = (event: DragEvent) => event.dataTransfer?.types.includes("Files") ?? false;
     window.addEventListener("dragover", (event) => {
       if (!isFile(event)) return;
@@ -215,7 +222,7 @@ export class Shell {
       event.preventDefault();
       this.#frame.classList.remove("is-dropping");
       const dropped = event.dataTransfer?.files[0];
-      if (dropped) void app.openFile(dropped);
+      if (dropped) void actions.openFile(dropped);
     });
   }
 }

@@ -1,10 +1,8 @@
-/**
- * The card that controls a simulator: pause, steps, speed, the run from the beginning, the end of it, and another one.
- */
+/** The card that controls a simulator: pause, steps, speed, restart, stop, and new runs. */
 import { confirmed } from "./dialogs.ts";
 import { el, icon, iconButton, setHidden, setIcon, slider, textButton } from "./dom.ts";
 import type { Slider } from "./dom.ts";
-import { pace } from "./format.ts";
+import { speedFactor } from "./format.ts";
 import type { LiveConnection } from "./live.ts";
 import { nearestStep, RUN_RATES } from "./rates.ts";
 import { STATE } from "./services.ts";
@@ -12,8 +10,8 @@ import { STATE } from "./services.ts";
 const STEPS = [1, 10, 50] as const;
 
 export interface SimulatorActions {
-  /** Carries out an order; what goes wrong is shown. */
-  order(what: (live: LiveConnection) => Promise<void> | void): void;
+  /** Sends a command to the simulator; errors are shown as a banner. */
+  control(what: (live: LiveConnection) => Promise<void> | void): void;
   newRun(): void;
 }
 
@@ -31,7 +29,7 @@ export class SimulatorCard {
     this.#play = iconButton("pause", "Pause the simulation", {
       class: "icon-button primary",
       testid: "sim-play",
-      onclick: () => actions.order((live) => (this.#isPlaying ? live.pause() : live.play())),
+      onclick: () => actions.control((live) => (this.#isPlaying ? live.pause() : live.play())),
     });
     this.#steps = STEPS.map((ticks) => {
       const label = ticks === 1 ? "Step one tick" : `Step ${ticks} ticks`;
@@ -39,17 +37,16 @@ export class SimulatorCard {
         title: `${label} of 0.02 s`,
         "aria-label": label,
         testid: `sim-step-${ticks}`,
-        onclick: () => actions.order((live) => live.step(ticks)),
+        onclick: () => actions.control((live) => live.step(ticks)),
       });
       return button;
     });
-    this.#restart = iconButton("restart", "Begin the run again", {
+    this.#restart = iconButton("restart", "Restart the run", {
       class: "icon-button framed",
       testid: "sim-restart",
       onclick: async () => {
-        if (!(await confirmed("Begin this run again?", "What has come of it so far is given up.", "Restart")))
-          return;
-        actions.order((live) => live.restart());
+        if (!(await confirmed("Restart this run?", "Its progress so far is discarded.", "Restart"))) return;
+        actions.control((live) => live.restart());
       },
     });
     this.#stop = textButton("Stop", {
@@ -58,10 +55,14 @@ export class SimulatorCard {
       title: "End the run",
       onclick: async () => {
         if (
-          !(await confirmed("End this run?", "It ends now, with a result. It cannot go on.", "Stop the run"))
+          !(await confirmed(
+            "End this run?",
+            "It ends now, with a result, and cannot be resumed.",
+            "Stop the run",
+          ))
         )
           return;
-        actions.order((live) => live.stop());
+        actions.control((live) => live.stop());
       },
     });
     this.#new = textButton("New run", {
@@ -73,8 +74,14 @@ export class SimulatorCard {
     this.#speed = slider(
       "Speed",
       "sim-speed",
-      { min: 0, max: RUN_RATES.length - 1, step: 1, value: 3, format: (index) => pace(RUN_RATES[index]!) },
-      (index) => actions.order((live) => live.setRtf(RUN_RATES[index]!)),
+      {
+        min: 0,
+        max: RUN_RATES.length - 1,
+        step: 1,
+        value: 3,
+        format: (index) => speedFactor(RUN_RATES[index]!),
+      },
+      (index) => actions.control((live) => live.setRtf(RUN_RATES[index]!)),
     );
     this.root = el(
       "section",
@@ -99,7 +106,7 @@ export class SimulatorCard {
     const { canControl, simulationState } = live;
     this.#isPlaying = simulationState === STATE.playing;
     if (this.#isPlaying) setIcon(this.#play, "pause", "Pause the simulation");
-    else setIcon(this.#play, "play", "Let the simulation go on");
+    else setIcon(this.#play, "play", "Resume the simulation");
     this.#play.disabled = !canControl;
     this.#restart.disabled = !canControl;
     this.#stop.disabled = !canControl;
@@ -110,6 +117,6 @@ export class SimulatorCard {
     }
     setHidden(this.#new, !live.isIdleServer);
     this.#new.disabled = !live.canStart;
-    this.#new.title = live.canStart ? "" : "The run under way has to end first";
+    this.#new.title = live.canStart ? "" : "The current run has to end first";
   }
 }

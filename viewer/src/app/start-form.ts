@@ -1,12 +1,13 @@
 /**
- * The form that starts a run: the reference's settings, an advanced part, and the scenario that comes of them. The text of the
- * scenario may be edited; then it counts, and the form does not, until one goes back to the form.
+ * The form that starts a run: the settings of the reference, advanced settings, and the resulting
+ * scenario. Its text may be edited; then it is used instead of the form until the user returns to
+ * the form.
  */
 import { openDialog } from "./dialogs.ts";
 import { el, fill, select, setHidden, slider, textButton, toggle } from "./dom.ts";
 import type { Slider } from "./dom.ts";
-import { clockTime, pace } from "./format.ts";
-import { load, save } from "./prefs.ts";
+import { clockTime, speedFactor } from "./format.ts";
+import { load, save } from "./storage.ts";
 import { nearestStep, RUN_RATES } from "./rates.ts";
 import {
   buildingHeight,
@@ -27,7 +28,7 @@ const GENERATORS: readonly { value: Generator; label: string }[] = [
   { value: "file", label: "Map file" },
 ];
 
-/** Where the form is remembered. Infinity has no form in JSON: an unlimited range is 0 there. */
+/** Storage key of the form. JSON has no Infinity: an unlimited range is stored as 0. */
 const REMEMBERED = "start";
 
 type NumberKey = {
@@ -57,15 +58,15 @@ export class StartForm {
   readonly #edited = el(
     "p",
     { class: "note", hidden: true },
-    "The text was edited: it counts, and the form does not.",
+    "The text was edited: it is used instead of the form.",
   );
   readonly #back = textButton("Back to the form", { testid: "start-back" });
   readonly #go = textButton("Start", { class: "button primary big", testid: "start-go" });
   readonly #fields = el("div", { class: "form-fields" });
-  /** Parts of the form that are shown or not, by the values. */
+  /** Update the parts of the form that depend on the values. */
   #refreshers: (() => void)[] = [];
 
-  /** `start` returns what is wrong with the scenario, or null. */
+  /** `start` resolves to the error in the scenario, or null. */
   constructor(start: (scenario: string) => Promise<string | null>) {
     this.#start = start;
     const stored = load(REMEMBERED, {
@@ -120,21 +121,21 @@ export class StartForm {
 
   async #submit(): Promise<void> {
     const found = this.#isEdited ? [] : faults(this.#values);
-    this.#complain(found);
+    this.#showProblems(found);
     if (found.length > 0) return;
     this.#go.disabled = true;
     try {
       const refusal = await this.#start(this.#text.value);
       if (refusal === null) this.close();
-      else this.#complain([refusal]);
+      else this.#showProblems([refusal]);
     } catch (error) {
-      this.#complain([(error as Error).message]);
+      this.#showProblems([(error as Error).message]);
     } finally {
       this.#go.disabled = false;
     }
   }
 
-  #complain(problems: readonly string[]): void {
+  #showProblems(problems: readonly string[]): void {
     setHidden(this.#problems, problems.length === 0);
     fill(this.#problems, ...problems.map((problem) => el("p", {}, problem)));
   }
@@ -156,7 +157,7 @@ export class StartForm {
     });
     if (this.#isEdited) return;
     this.#text.value = toToml(this.#values);
-    this.#complain(faults(this.#values));
+    this.#showProblems(faults(this.#values));
   }
 
   #slider(label: string, key: NumberKey, range: Range, format: (value: number) => string = String): Slider {
@@ -166,7 +167,7 @@ export class StartForm {
     });
   }
 
-  /** A part that is there only while a condition holds. */
+  /** A part that is visible while a condition holds. */
   #when(condition: () => boolean, ...content: HTMLElement[]): HTMLElement {
     const part = el("div", { class: "form-part" }, ...content);
     this.#refreshers.push(() => setHidden(part, !condition()));
@@ -203,7 +204,7 @@ export class StartForm {
   #speedSlider(): Slider {
     const range = { min: 0, max: RUN_RATES.length - 1, step: 1 };
     const value = nearestStep(RUN_RATES, this.#values.rtf);
-    const format = (index: number) => pace(RUN_RATES[index]!);
+    const format = (index: number) => speedFactor(RUN_RATES[index]!);
     return slider("Speed", "start-rtf", { ...range, value, format }, (index) => {
       this.#values.rtf = RUN_RATES[index]!;
       this.#changed();
@@ -215,7 +216,7 @@ export class StartForm {
     const wasBuilding = values.generator === "building";
     values.generator = generator;
     if (generator === "building") {
-      // A building as high as a cave is wide would be solid for the most part.
+      // A building as high as a cave is wide would be mostly solid.
       this.#isLinked = false;
       values.size[2] = buildingHeight(values.buildingFloors);
     } else if (wasBuilding) {
@@ -273,7 +274,7 @@ export class StartForm {
     return el(
       "label",
       { class: "field" },
-      el("span", {}, "Path of the map, as the simulator sees it"),
+      el("span", {}, "Path of the map on the machine of the simulator"),
       input,
     );
   }
@@ -330,7 +331,7 @@ export class StartForm {
       ),
       this.#when(
         is("noise"),
-        this.#slider("Walls at first", "noiseFillPercent", RANGES.noiseFillPercent, share).root,
+        this.#slider("Initial wall share", "noiseFillPercent", RANGES.noiseFillPercent, share).root,
         this.#slider("Smoothing", "noiseSmoothing", RANGES.smoothing).root,
       ),
       this.#when(
@@ -351,7 +352,7 @@ export class StartForm {
         flag("Searches take sim time", "isSearchBudgeted"),
         this.#when(
           () => values.isSearchBudgeted,
-          this.#slider("A* iterations in a tick", "searchCellsPerTick", RANGES.searchCellsPerTick).root,
+          this.#slider("A* iterations per tick", "searchCellsPerTick", RANGES.searchCellsPerTick).root,
         ),
       ),
       this.#rangeField(),

@@ -1,19 +1,17 @@
-/**
- * The state of a run in a word or two. Pure.
- */
+/** The state of a run as a short text. Pure. */
 import type { Run } from "../data/run.ts";
 import type { LiveConnection } from "./live.ts";
 import { STATE } from "./services.ts";
 
 export interface StateText {
   readonly text: string;
-  /** Decides the colour. */
+  /** Determines the colour. */
   readonly kind: "recording" | "running" | "held" | "over" | "trouble";
 }
 
 type LiveState = Pick<LiveConnection, "state" | "hasEnded" | "simulationState">;
 
-/** What a live run does, as the server says it. */
+/** The state of a run, as the server reports it for live ones. */
 export function stateOf(run: Pick<Run, "isComplete" | "result">, live: LiveState | null): StateText {
   if (!live) {
     return run.isComplete ? { text: "recording", kind: "recording" } : { text: "reading", kind: "held" };
@@ -23,7 +21,7 @@ export function stateOf(run: Pick<Run, "isComplete" | "result">, live: LiveState
     return { text: "connection lost", kind: "trouble" };
   if (live.state === "closed") return { text: "disconnected", kind: "over" };
   switch (live.simulationState) {
-    // Stopped means: paused before the first tick.
+    // Stopped: paused before the first tick.
     case STATE.stopped:
     case STATE.paused:
       return { text: "paused", kind: "held" };

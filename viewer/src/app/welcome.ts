@@ -1,16 +1,14 @@
-/**
- * What is there when there is no run: what the page is, and the ways to a run.
- */
+/** The welcome screen, shown while there is no run: the ways to open one. */
 import { el, icon, setHidden, setText, textButton } from "./dom.ts";
 import type { LiveConnection } from "./live.ts";
-import { load, save } from "./prefs.ts";
+import { load, save } from "./storage.ts";
 
 export interface WelcomeActions {
   chooseFile(): void;
   openUrl(url: string): void;
   connect(address: string): void;
   newRun(): void;
-  /** Gives up what is being opened. */
+  /** Cancels the opening in progress. */
   cancel(): void;
 }
 
@@ -97,7 +95,8 @@ export class Welcome {
       el(
         "p",
         { class: "welcome-lead" },
-        "Teams of agents explore caves and buildings in three dimensions. Look at a recording, or at a simulator while it runs.",
+        "Watch teams of agents explore caves and buildings in three dimensions: open a recording, or connect to a " +
+          "running simulator.",
       ),
       this.#busy,
       this.#server,
@@ -105,7 +104,7 @@ export class Welcome {
     );
   }
 
-  /** `busy`: what is being opened; null: nothing is. */
+  /** `busy`: the opening in progress; null: none. */
   update(busy: string | null, live: LiveConnection | null): void {
     setHidden(this.#busy, busy === null);
     if (busy !== null) setText(this.#busyText, busy);
@@ -116,8 +115,8 @@ export class Welcome {
     setText(
       this.#serverText,
       live?.isIdleServer
-        ? `The simulator at ${live.url} is ready and runs nothing.`
-        : `Connected with ${live?.url ?? ""}; it runs nothing at present.`,
+        ? `The simulator at ${live.url} is idle.`
+        : `Connected to ${live?.url ?? ""}, which has no active run.`,
     );
   }
 }

@@ -2,7 +2,7 @@ import { CdrWriter } from "@foxglove/cdr";
 import { expect, test } from "vitest";
 import { CdrReader } from "./cdr.ts";
 
-test("what another library has written is read", () => {
+test("reads the output of another library", () => {
   const writer = new CdrWriter();
   writer
     .uint8(1)
@@ -21,7 +21,7 @@ test("what another library has written is read", () => {
     .uint8(10)
     .uint8Array(Uint8Array.of(1, 2), true);
   writer.uint8(11).uint32Array([70000, 3], true).uint16Array([65535, 1], true).uint8(12);
-  // Lists without elements have nothing to align.
+  // An empty sequence has no element alignment.
   writer.float64Array([], true).uint8(13);
   const reader = new CdrReader(writer.data);
   expect([reader.u8(), reader.u16(), reader.u8(), reader.u32(), reader.u8(), reader.f64()]).toEqual([
@@ -50,7 +50,7 @@ test("what another library has written is read", () => {
   expect(() => reader.u8()).toThrow(RangeError);
 });
 
-test("bytes may lie anywhere in memory", () => {
+test("unaligned bytes are read", () => {
   const written = new CdrWriter().uint8(1).float64(2.5).uint32Array([9], true).uint16Array([1], true).data;
   for (let shift = 0; shift < 8; shift++) {
     const bytes = new Uint8Array(written.length + shift);
@@ -60,7 +60,7 @@ test("bytes may lie anywhere in memory", () => {
   }
 });
 
-test("lists that are longer than the bytes are refused before memory is taken", () => {
+test("too long sequences are rejected before allocation", () => {
   const long = (elements: number) => new CdrReader(new CdrWriter().uint32(elements).uint32(0).data);
   expect(() => long(0xffffffff).f64s()).toThrow("4294967295 elements in 4 bytes");
   expect(() => long(2).runs()).toThrow(RangeError);
@@ -70,7 +70,7 @@ test("lists that are longer than the bytes are refused before memory is taken", 
   ).toThrow("2 runs with 1 lengths");
 });
 
-test("what is not little-endian CDR is refused", () => {
-  expect(() => new CdrReader(Uint8Array.of(0, 0, 0, 0, 1))).toThrow("no little-endian CDR");
-  expect(() => new CdrReader(Uint8Array.of(0, 1, 0))).toThrow("no little-endian CDR");
+test("other encapsulations are rejected", () => {
+  expect(() => new CdrReader(Uint8Array.of(0, 0, 0, 0, 1))).toThrow("not little-endian CDR");
+  expect(() => new CdrReader(Uint8Array.of(0, 1, 0))).toThrow("not little-endian CDR");
 });

@@ -1,13 +1,16 @@
 /**
- * Reads CDR, little-endian, as messages of ROS 2 come: plain alignment, counted from behind the encapsulation header.
+ * Little-endian CDR reader for ROS 2 messages: plain alignment relative to the end of the
+ * encapsulation header.
  *
- * Invariant: reading beyond the end throws a RangeError, whatever lengths the bytes claim, before memory is taken for them. This
- * reader is by hand because runs of cells are most of a recording: they are read into typed arrays without a step between.
+ * Invariant: reading beyond the end throws a RangeError before memory is allocated, whatever
+ * lengths the bytes claim. This reader is our own instead of `@foxglove/cdr` because runs of cells
+ * are most of a recording: they are read into typed arrays without an intermediate array, and
+ * without trusting their lengths.
  */
 
 const HEADER_BYTES = 4;
 
-/** Cells as runs: cell numbers of the first ones, and how many there are from there on. */
+/** Cells in run-length form: first cell number and number of cells of each run. */
 export interface Runs {
   readonly start: Uint32Array;
   readonly length: Uint16Array;
@@ -22,7 +25,7 @@ export class CdrReader {
 
   constructor(bytes: Uint8Array) {
     if (bytes.length < HEADER_BYTES || bytes[0] !== 0 || bytes[1] !== 1) {
-      throw new RangeError("no little-endian CDR");
+      throw new RangeError("not little-endian CDR");
     }
     this.#bytes = bytes;
     this.#view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
@@ -54,13 +57,13 @@ export class CdrReader {
     return this.#view.getFloat64(this.#take(8), true);
   }
 
-  /** A number of 64 bits; beyond 2^53 it is rounded, which no number that is used here reaches. */
+  /** Unsigned 64-bit integer. Values beyond 2^53 are rounded; no value used here reaches that. */
   u64(): number {
     const at = this.#take(8);
     return this.#view.getUint32(at + 4, true) * 2 ** 32 + this.#view.getUint32(at, true);
   }
 
-  /** Passes over so many values of a size. */
+  /** Skips `count` values of `size` bytes. */
   skip(count: number, size: number): void {
     if (count > 0) {
       this.#take(size);
@@ -68,7 +71,7 @@ export class CdrReader {
     }
   }
 
-  /** How many elements of at least so many bytes follow. */
+  /** Length of a sequence whose elements take at least `elementBytes` each. */
   count(elementBytes: number): number {
     const count = this.u32();
     if (count * elementBytes > this.#bytes.length - this.#at) {
@@ -77,7 +80,7 @@ export class CdrReader {
     return count;
   }
 
-  /** Bytes of a list, without a copy. */
+  /** A byte sequence, without a copy. */
   bytes(): Uint8Array {
     const count = this.count(1);
     const start = this.#at;

@@ -1,8 +1,8 @@
 import { expect, test } from "vitest";
-import { TickCounts } from "./counts.ts";
+import { TickCounts } from "./tick-counts.ts";
 import { Growable, rowsUpTo } from "./growable.ts";
 
-test("what is added stays, and is taken once", () => {
+test("elements stay, and are taken once", () => {
   const values = new Growable(new Uint32Array(0));
   values.push(7);
   values.append(Uint32Array.from({ length: 100 }, (_, at) => at));
@@ -17,7 +17,7 @@ test("rows are counted up to a key", () => {
   expect([0, 1, 2, 3, 8, 9].map((limit) => rowsUpTo(rows, 4, 2, limit))).toEqual([0, 1, 1, 3, 3, 4]);
 });
 
-test("cells are counted by tick, in whatever order they come", () => {
+test("cells are counted by tick, in any order", () => {
   const ticks = [5, 9, 5, 2, 30, 9, 1, 30, 12];
   const counts = new TickCounts();
   ticks.forEach((tick, added) => {

@@ -1,7 +1,7 @@
 /**
- * Typed arrays that grow: values are only ever added behind the others.
+ * Append-only typed arrays.
  *
- * Invariant: what has been added never changes. The array behind it is replaced by one of twice the length when it is full.
+ * Invariant: elements never change. A full array is replaced by one of twice its length.
  */
 
 type Numbers = Float64Array | Float32Array | Uint32Array | Uint16Array | Uint8Array;
@@ -10,12 +10,12 @@ export class Growable<A extends Numbers> {
   #array: A;
   #count = 0;
 
-  /** `empty` is an array of the kind wanted. */
+  /** `empty` determines the element type. */
   constructor(empty: A) {
     this.#array = empty;
   }
 
-  /** The values, and room behind them. */
+  /** The elements, followed by spare capacity. */
   get array(): A {
     return this.#array;
   }
@@ -35,7 +35,7 @@ export class Growable<A extends Numbers> {
     this.#count += values.length;
   }
 
-  /** All values so far in an array of their own, and begins anew. */
+  /** Returns a copy of all elements and clears the array. */
   takeAll(): A {
     const values = this.#array.slice(0, this.#count) as A;
     this.#count = 0;
@@ -53,7 +53,10 @@ export class Growable<A extends Numbers> {
   }
 }
 
-/** How many of the first `count` rows have a key of at most `limit`; keys stand at the start of each row, ascending. */
+/**
+ * Number of the first `count` rows whose key is at most `limit`. The key is the first column; keys
+ * ascend.
+ */
 export function rowsUpTo(rows: ArrayLike<number>, count: number, stride: number, limit: number): number {
   let low = 0;
   let high = count;

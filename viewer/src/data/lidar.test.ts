@@ -2,8 +2,8 @@ import { describe, expect, test } from "vitest";
 import { cast, firstWall, lattice, shell } from "./lidar.ts";
 import type { Terrain, Vec3 } from "./run.ts";
 
-/** A hall of 8 x 5 x 5 free cells of half a metre. */
-function hall(): Terrain {
+/** A room of 8 x 5 x 5 free cells of half a metre. */
+function room(): Terrain {
   const size: Vec3 = [10, 7, 7];
   const walls = new Uint8Array(10 * 7 * 7).fill(1);
   for (let z = 1; z < 6; z++) {
@@ -14,7 +14,7 @@ function hall(): Terrain {
   return { size, cellM: 0.5, walls, freeCells: 200 };
 }
 
-const PLACE: Vec3 = [1.15, 1.7, 1.8];
+const POSITION: Vec3 = [1.15, 1.7, 1.8];
 
 function hitsOf(positions: Float32Array): Vec3[] {
   return Array.from({ length: positions.length / 3 }, (_, hit) => [
@@ -24,7 +24,7 @@ function hitsOf(positions: Float32Array): Vec3[] {
   ]);
 }
 
-test("the lattice is even and of length one", () => {
+test("lattice directions are even unit vectors", () => {
   const { directions } = lattice(500, 1, 2 * Math.PI, 1);
   let sum = [0, 0, 0];
   for (let at = 0; at < directions.length; at += 3) {
@@ -36,12 +36,12 @@ test("the lattice is even and of length one", () => {
   expect(directions[0]).toBeCloseTo(1 - 1 / 500, 12);
 });
 
-test("a shell has as many rays as the simulator says", () => {
+test("a shell has as many rays as in the simulator", () => {
   expect([5, 6].map((radius) => shell(radius, 7).directions.length / 3)).toEqual([222, 354]);
 });
 
-test("all rays of a scan inside a hall meet its walls", () => {
-  const hits = hitsOf(cast(lattice(300, Infinity, 2 * Math.PI, 0.5), hall(), PLACE, 0));
+test("all rays of a scan inside a room hit its walls", () => {
+  const hits = hitsOf(cast(lattice(300, Infinity, 2 * Math.PI, 0.5), room(), POSITION, 0));
   expect(hits).toHaveLength(300);
   for (const [x, y, z] of hits) {
     const apart = [x - 0.5, 4.5 - x, y - 0.5, 3 - y, z - 0.5, 3 - z];
@@ -50,10 +50,10 @@ test("all rays of a scan inside a hall meet its walls", () => {
   }
 });
 
-describe("a scan goes no farther and no wider than it may", () => {
+describe("limits of a scan", () => {
   test("range", () => {
-    const hits = hitsOf(cast(lattice(300, 1.4, 2 * Math.PI, 0.5), hall(), PLACE, 0));
-    const apart = hits.map((hit) => Math.hypot(...hit.map((at, axis) => at - PLACE[axis]!)));
+    const hits = hitsOf(cast(lattice(300, 1.4, 2 * Math.PI, 0.5), room(), POSITION, 0));
+    const apart = hits.map((hit) => Math.hypot(...hit.map((at, axis) => at - POSITION[axis]!)));
     expect(hits.length).toBeGreaterThan(100);
     expect(hits.length).toBeLessThan(300);
     expect(Math.max(...apart)).toBeLessThan(1.4 + 1e-6);
@@ -61,20 +61,20 @@ describe("a scan goes no farther and no wider than it may", () => {
 
   test("field of view", () => {
     const yawRad = 2;
-    const hits = hitsOf(cast(lattice(300, Infinity, Math.PI / 2, 0.5), hall(), PLACE, yawRad));
-    // A cone of a quarter turn has (1 - cos 45 degrees) / 2 of the sphere.
+    const hits = hitsOf(cast(lattice(300, Infinity, Math.PI / 2, 0.5), room(), POSITION, yawRad));
+    // A 90 degree cone covers (1 - cos 45 degrees) / 2 of the sphere.
     expect(hits.length).toBeGreaterThan(38);
     expect(hits.length).toBeLessThan(50);
     for (const [x, y, z] of hits) {
-      const way: Vec3 = [x - PLACE[0], y - PLACE[1], z - PLACE[2]];
-      const ahead = (Math.cos(yawRad) * way[0] + Math.sin(yawRad) * way[1]) / Math.hypot(...way);
+      const offset: Vec3 = [x - POSITION[0], y - POSITION[1], z - POSITION[2]];
+      const ahead = (Math.cos(yawRad) * offset[0] + Math.sin(yawRad) * offset[1]) / Math.hypot(...offset);
       expect(ahead).toBeGreaterThan(Math.SQRT1_2 - 1e-6);
     }
   });
 
   test("shell", () => {
-    const hits = hitsOf(cast(shell(3, 2 * Math.PI), hall(), PLACE, 0));
-    const apart = hits.map((hit) => Math.hypot(...hit.map((at, axis) => at - PLACE[axis]!)));
+    const hits = hitsOf(cast(shell(3, 2 * Math.PI), room(), POSITION, 0));
+    const apart = hits.map((hit) => Math.hypot(...hit.map((at, axis) => at - POSITION[axis]!)));
     expect(hits.length).toBeGreaterThan(0);
     expect(Math.max(...apart)).toBeLessThan(3 * 0.5 + 1e-6);
   });
@@ -83,16 +83,17 @@ describe("a scan goes no farther and no wider than it may", () => {
 test("the lower axis steps first where two boundaries are reached at once", () => {
   const walls = Uint8Array.of(0, 0, 1, 0, 0, 0, 0, 0);
   const terrain = { size: [2, 2, 2] as Vec3, cellM: 1, walls };
-  // From the middle of the lowest cell through its uppermost corner: first to (1, 0, 0), then (1, 1, 0).
+  // From the centre of the lowest cell through its uppermost corner: first (1, 0, 0), then (1, 1,
+  // 0).
   expect(firstWall(terrain, [0.5, 0.5, 0.5], [1, 1, 1], Infinity)).toBeNull();
   walls.set([0, 1, 0, 0]);
   expect(firstWall(terrain, [0.5, 0.5, 0.5], [1, 1, 1], Infinity)).toBe(0.5);
 });
 
-test("what is no place or no direction ends", () => {
-  const terrain = hall();
+test("invalid positions and directions have no hit", () => {
+  const terrain = room();
   expect(firstWall(terrain, [-1, 1, 1], [1, 0, 0], Infinity)).toBeNull();
-  expect(firstWall(terrain, PLACE, [0, 0, 0], Infinity)).toBeNull();
+  expect(firstWall(terrain, POSITION, [0, 0, 0], Infinity)).toBeNull();
   expect(firstWall(terrain, [NaN, 1, 1], [1, 0, 0], Infinity)).toBeNull();
-  expect(firstWall(terrain, PLACE, [NaN, 0, 0], Infinity)).toBeNull();
+  expect(firstWall(terrain, POSITION, [NaN, 0, 0], Infinity)).toBeNull();
 });

@@ -1,9 +1,9 @@
 /**
- * Where the rays of a scan meet the true walls.
+ * LiDAR ray casting in the true map.
  *
- * The patterns and the way through the cells are those of the simulator: rays are fixed in the frame of the map, a limited field of
- * view is a cone about the heading, and where two boundaries are reached at once the lower axis steps first. Without errors of
- * sensors this is what the scan has hit.
+ * Ray patterns and voxel traversal are those of the simulator: rays are fixed in the `map` frame, a
+ * limited field of view is a cone around the heading, and where a ray reaches two boundaries at
+ * once the lower axis steps first. Without sensor noise the result equals the recorded scan.
  */
 
 import type { Terrain, Vec3 } from "./run.ts";
@@ -11,14 +11,14 @@ import type { Terrain, Vec3 } from "./run.ts";
 const GOLDEN_RATIO = (1 + Math.sqrt(5)) / 2;
 
 export interface Lidar {
-  /** x, y, z of each direction; their length is the unit of distances along them. */
+  /** x, y, z of each direction; its length is the unit of distances along it. */
   readonly directions: Float64Array;
-  /** In lengths of a direction times the edge of a cell. */
+  /** In lengths of a direction times the cell edge. */
   readonly reachCells: number;
   readonly fovRad: number;
 }
 
-/** Rays spread evenly over the sphere. */
+/** Rays spread evenly over the sphere (Fibonacci lattice). */
 export function lattice(rays: number, rangeM: number, fovRad: number, cellM: number): Lidar {
   const directions = new Float64Array(3 * rays);
   for (let ray = 0; ray < rays; ray++) {
@@ -30,7 +30,7 @@ export function lattice(rays: number, rangeM: number, fovRad: number, cellM: num
   return { directions, reachCells: rangeM / cellM, fovRad };
 }
 
-/** A ray to each cell on the edge of a sphere; it ends there. */
+/** One ray to each cell on the surface of a sphere, ending there. */
 export function shell(radius: number, fovRad: number): Lidar {
   const isInside = (x: number, y: number, z: number) => x * x + y * y + z * z <= radius * radius;
   const directions: number[] = [];
@@ -50,7 +50,10 @@ export function shell(radius: number, fovRad: number): Lidar {
   return { directions: Float64Array.from(directions), reachCells: 1, fovRad };
 }
 
-/** Distance in metres, in lengths of the direction, at which a ray enters its first wall; null if it ends before that. */
+/**
+ * Distance, in metres times the length of the direction, at which a ray enters its first wall; null
+ * if it ends before one.
+ */
 export function firstWall(
   terrain: Pick<Terrain, "size" | "cellM" | "walls">,
   from: Vec3,
@@ -94,7 +97,7 @@ export function firstWall(
   return null;
 }
 
-/** x, y, z of the places at which a scan meets walls. */
+/** x, y, z of the points at which a scan hits walls. */
 export function cast(lidar: Lidar, terrain: Terrain, position: Vec3, yawRad: number): Float32Array {
   const { directions, reachCells, fovRad } = lidar;
   const hits = new Float32Array(directions.length);

@@ -4,7 +4,7 @@ import { UnreadableError } from "./run.ts";
 
 const bytesOf = (hex: string) => Uint8Array.from(hex.match(/../g) ?? [], (byte) => parseInt(byte, 16));
 
-/** The room of `docs/maps.md`, and the same written by `sim_server map convert`. */
+/** The room of `docs/maps.md`, and the same as `maes map convert` writes it. */
 const ROOM_TEXT = `#####
 #####
 #####
@@ -24,13 +24,16 @@ const ROOM_PLAIN = "0a0c240ffff9ff9ff9ffff";
 const ROOM_PACKED =
   "004d33444d524c4501050000050000000400000003000000000000000000f03f010000000300000001000000010000005f725fdae8d0";
 
-/** A cave of `sim_server map generate --size 11x9x8 --kind noise --fill 0.45 --smoothing 1 --seed 3 --cell-m 0.5`, in both forms. */
+/**
+ * A cave of `maes map generate --size 11x9x8 --kind noise --fill 0.45 --smoothing 1 --seed 3
+ * --cell-m 0.5`, in both formats.
+ */
 const CAVE_PACKED =
   "004d33444d524c45010402000b0000000900000008000000000000000000e03f0c000000140000000a0000000b00000040fd78491226ced1d3279024c3bbbb67214c2484c567c52188";
 const CAVE_PLAIN =
   "162048ffffffffffffffffffffffffffffffffffffffffffffbc5e2ffffffffffe7f3f1e6ffffffffffc7f3d9eeffffffffffc7f3ddeeffffffffff0783c1c6ffffffffff0783c1e1fffffffe7f0f03c1c1fffffffffffffffffffffffffffffffffffffffff";
 
-test("all three forms of a room are the same", () => {
+test("all three formats of a room are equal", () => {
   const text = readMap("map.txt", new TextEncoder().encode(ROOM_TEXT));
   expect(text.size).toEqual([5, 4, 3]);
   const free = Array.from(text.walls.keys()).filter((cell) => text.walls[cell] === 0);
@@ -44,7 +47,7 @@ test("rows of text go from the highest y downwards", () => {
   expect(Array.from(walls)).toEqual([0, 0, 1, 0, 0, 1, 0, 0]);
 });
 
-test("both forms of a cave are the same", () => {
+test("both formats of a cave are equal", () => {
   const packed = readMap("map.m3dm", bytesOf(CAVE_PACKED));
   expect(packed.size).toEqual([11, 9, 8]);
   expect(packed.cellM).toBe(0.5);
@@ -60,7 +63,7 @@ test("a plain map goes with x slowest and y fastest", () => {
   );
   expect(size).toEqual([2, 3, 1]);
   expect(Array.from(walls)).toEqual([1, 0, 0, 1, 1, 0]);
-  // 2 x 2 x 2 cells, of which those at y = 1, and at z = 1, and at x = 1 are the second, third and fifth bit.
+  // 2 x 2 x 2 cells: y = 1 is the second bit, z = 1 the third and x = 1 the fifth.
   const cube = (bits: number) =>
     readMap("map.m3dm", Uint8Array.of(0b0000_0100, 0b0000_1000, 0b0001_0000, bits)).walls;
   expect([0b0100_0000, 0b0010_0000, 0b0000_1000].map((bits) => cube(bits).indexOf(1))).toEqual([2, 4, 1]);
@@ -74,14 +77,14 @@ test("a solid cube of the documented header", () => {
   expect(walls.every((wall) => wall === 1)).toBe(true);
 });
 
-describe("what is no map is refused", () => {
+describe("malformed maps are rejected", () => {
   test.each([
-    ["a packed map cut off", ROOM_PACKED.slice(0, -2), "the packed map has 53 bytes, expected are 54"],
+    ["a packed map cut off", ROOM_PACKED.slice(0, -2), "the packed map has 53 bytes, expected 54"],
     ["half a header", ROOM_PACKED.slice(0, 60), "ends within its header of 52 bytes"],
     ["another version", ROOM_PACKED.replace("4c4501", "4c4502"), "version 2 of the packed map"],
-    ["a changed byte", ROOM_PACKED.replace(/d0$/, "d1"), "the sum is not that of the map"],
+    ["a changed byte", ROOM_PACKED.replace(/d0$/, "d1"), "the checksum of the map does not match"],
     ["two bytes", "0a0c", "ends within its header of 3 bytes"],
-    ["a byte too many", `${ROOM_PLAIN}00`, "has 11 bytes, these are 12"],
+    ["a byte too many", `${ROOM_PLAIN}00`, "has 11 bytes, not 12"],
     ["padding that is set", ROOM_PLAIN.replace("240f", "248f"), "the padding of the map is not all 0"],
   ])("%s", (_, hex, message) => {
     expect(() => readMap("map.m3dm", bytesOf(hex))).toThrow(message);
@@ -89,9 +92,7 @@ describe("what is no map is refused", () => {
 
   test("rows of different lengths", () => {
     const drawn = new TextEncoder().encode("###\n##\n");
-    expect(() => readMap("map.txt", drawn)).toThrow(
-      "layer 1, row 2 of the drawn map: expected are 2 rows of 3",
-    );
+    expect(() => readMap("map.txt", drawn)).toThrow("layer 1, row 2 of the text map: expected 2 rows of 3");
     expect(() => readMap("map.txt", new Uint8Array(0))).toThrow("no cells");
   });
 
@@ -101,7 +102,7 @@ describe("what is no map is refused", () => {
       for (let at = 0; at < bytes.length; at++) {
         const damaged = bytes.map((byte, index) => (index === at ? byte ^ 0x11 : byte));
         try {
-          // A plain map has no sum: a changed cell is another map.
+          // A plain map has no checksum: a changed bit is another map.
           expect(readMap("map.m3dm", damaged).walls).not.toEqual(readMap("map.m3dm", bytes).walls);
         } catch (error) {
           expect(error).toBeInstanceOf(UnreadableError);

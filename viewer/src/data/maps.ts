@@ -1,25 +1,16 @@
 /**
- * Reads the true map of a recording: plain M3DM, packed M3DM, and the text of older recordings.
+ * Reads the true map of a recording: plain M3DM, packed M3DM, and the text format of older
+ * recordings.
  *
- * The forms are those of `docs/maps.md`; cells come out in index order, 1 being wall. Memory for cells is taken after the lengths
- * have been compared. Nothing is repaired. Bytes that are no map throw an UnreadableError that names the byte.
+ * The formats are those of `docs/maps.md`. Lengths are checked before cells are allocated, and
+ * nothing is repaired: malformed bytes throw an UnreadableError that names the position.
  */
 
-import { packedMap, isPacked } from "./maps_packed.ts";
-import { UnreadableError, type Vec3 } from "./run.ts";
+import type { CellMap } from "./cell-map.ts";
+import { packedMap, isPacked } from "./packed-map.ts";
+import { UnreadableError } from "./run.ts";
 
-export interface CellMap {
-  readonly size: Vec3;
-  /** Edge of a cell, if the map says so. */
-  readonly cellM: number | null;
-  /** 1 is wall. */
-  readonly walls: Uint8Array;
-}
-
-/** Most cells along an axis. */
-export const AXIS_MAX = 1024;
-
-/** The map of an attachment, by the name that it has. */
+/** Reads the map of an attachment; its name tells the format. */
 export function readMap(name: string, bytes: Uint8Array): CellMap {
   if (name.endsWith(".txt")) {
     return textMap(new TextDecoder().decode(bytes));
@@ -27,7 +18,7 @@ export function readMap(name: string, bytes: Uint8Array): CellMap {
   return isPacked(bytes) ? packedMap(bytes) : plainMap(bytes);
 }
 
-/** Cells of one byte are read from bits: x slowest, then z, y fastest. */
+/** Plain M3DM: one bit per cell, x slowest, then z, y fastest. */
 function plainMap(bytes: Uint8Array): CellMap {
   if (bytes.length < 3) {
     throw new UnreadableError(`byte ${bytes.length}: the map ends within its header of 3 bytes`);
@@ -40,7 +31,7 @@ function plainMap(bytes: Uint8Array): CellMap {
   if (cells === 0 || (cells + padding) % 8 !== 0 || bytes.length !== length) {
     throw new UnreadableError(
       `a map of ${sizeX} x ${sizeY} x ${sizeZ} cells with ${padding} bits of padding has ${length} bytes, ` +
-        `these are ${bytes.length}`,
+        `not ${bytes.length}`,
     );
   }
   if (bytes[3]! >> (8 - padding) !== 0) {
@@ -58,7 +49,7 @@ function plainMap(bytes: Uint8Array): CellMap {
   return { size: [sizeX, sizeY, sizeZ], cellM: null, walls };
 }
 
-/** Layers from the bottom to the top, the row of the highest y first. */
+/** Text: layers from the bottom to the top, the row of the highest y first. */
 function textMap(drawn: string): CellMap {
   const layers = drawn
     .replaceAll("\r", "")
@@ -68,13 +59,13 @@ function textMap(drawn: string): CellMap {
   const [sizeX, sizeY, sizeZ] = [layers[0]?.[0]?.length ?? 0, layers[0]?.length ?? 0, layers.length];
   const walls = new Uint8Array(sizeX * sizeY * sizeZ);
   if (walls.length === 0) {
-    throw new UnreadableError("the drawn map has no cells");
+    throw new UnreadableError("the text map has no cells");
   }
   layers.forEach((layer, z) => {
     layer.forEach((row, line) => {
       if (layer.length !== sizeY || row.length !== sizeX || /[^#. ]/.test(row)) {
         throw new UnreadableError(
-          `layer ${z + 1}, row ${line + 1} of the drawn map: expected are ${sizeY} rows of ${sizeX} of the ` +
+          `layer ${z + 1}, row ${line + 1} of the text map: expected ${sizeY} rows of ${sizeX} of the ` +
             "characters #, . and space",
         );
       }

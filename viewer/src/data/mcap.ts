@@ -1,32 +1,36 @@
 /**
- * Reads an MCAP file from its first byte to its last, as the bytes come.
+ * Incremental MCAP reader, from the first byte to the last.
  *
- * This module finds where records begin and end, so that it can tell where a file is damaged and never waits for more bytes than
- * a record may have; what is in a record, and in a chunk, is read by `@mcap/core`, which compares the sums of chunks before it gives
- * out their first message. The same code reads finished files, files without an end, and streams without chunks.
+ * This module finds the record boundaries, so that it can report where a file is damaged and never
+ * buffers more than the longest allowed record; `@mcap/core` decodes records and chunks, and checks
+ * the CRC of a chunk before it returns the first message. The same code reads finished files,
+ * truncated files, and streams without chunks.
  *
- * Invariants: nothing behind a damage is given out; no bytes make it throw.
+ * Invariants: nothing behind a damaged record is returned; no input makes it throw.
  */
 
 import { McapStreamReader, type McapTypes } from "@mcap/core";
 
 const MAGIC = [0x89, 0x4d, 0x43, 0x41, 0x50, 0x30, 0x0d, 0x0a];
 
-/** Kind and length of a record. */
+/** Opcode and length of a record. */
 const RECORD_HEADER_BYTES = 9;
 
-/** Channel, number and two times of a message. */
+/** Channel, sequence number and two timestamps of a message. */
 const MESSAGE_HEADER_BYTES = 22;
 
-/** No record that a simulator writes is longer; a damaged length must not fill the memory. */
+/**
+ * Upper bound of any record that the simulator writes, so that a damaged length cannot exhaust the
+ * memory.
+ */
 const RECORD_BYTES_MAX = 2 ** 28;
 
 const MESSAGE = 0x05;
 const ATTACHMENT = 0x09;
 const DATA_END = 0x0f;
 
-/** Where a record stands in the file. */
-export interface Place {
+/** Byte range of a record in the file. */
+export interface RecordLocation {
   readonly start: number;
   readonly length: number;
 }
@@ -35,13 +39,13 @@ export interface McapSink {
   attachment(name: string, bytes: Uint8Array): void;
   channel(id: number, topic: string, type: string): void;
   /**
-   * Bytes are not kept by the reader, and may not be kept by the sink. `place` is that of the record they stand in: a chunk, or
-   * the message itself.
+   * The reader reuses `bytes`; the sink must not keep them. `location` is the record that contains
+   * the message: a chunk, or the message record itself.
    */
-  message(channel: number, timeNs: bigint, bytes: Uint8Array, place: Place): void;
+  message(channel: number, timeNs: bigint, bytes: Uint8Array, location: RecordLocation): void;
 }
 
-/** How reading has ended: at the end, or where and why not. */
+/** How reading ended. */
 export type McapEnd =
   | { readonly kind: "whole" }
   | { readonly kind: "not mcap"; readonly found: string }
@@ -54,10 +58,10 @@ export class McapScanner {
   readonly #sink: McapSink;
   readonly #records: McapStreamReader;
   readonly #types = new Map<number, string>();
-  /** Bytes of the record that is not whole yet. */
+  /** Bytes of the incomplete record. */
   #rest = new Uint8Array(0);
   #restBytes = 0;
-  /** Where `#rest` begins in the file. */
+  /** File offset of `#rest`. */
   #position = 0;
   #end: McapEnd | null = null;
 
@@ -69,12 +73,12 @@ export class McapScanner {
     });
   }
 
-  /** How reading has ended, once it has. */
+  /** How reading ended; null while it continues. */
   get end(): McapEnd | null {
     return this.#end;
   }
 
-  /** Takes in the next bytes of the file. */
+  /** Reads the next bytes of the file. */
   push(bytes: Uint8Array): void {
     let ahead = bytes;
     while (this.#end === null) {
@@ -90,37 +94,40 @@ export class McapScanner {
       const part = ahead.subarray(0, missing);
       ahead = ahead.subarray(missing);
       if (this.#restBytes === 0) {
-        this.#take(part);
+        this.#takeRecord(part);
       } else {
         this.#keep(part);
         const whole = this.#rest.subarray(0, this.#restBytes);
         this.#restBytes = 0;
         this.#rest = new Uint8Array(0);
-        this.#take(whole);
+        this.#takeRecord(whole);
       }
       this.#position += needed;
     }
   }
 
-  /** No more bytes will come. */
+  /** Ends the input. */
   finish(): McapEnd {
     const bytes = this.#position + this.#restBytes;
     if (this.#position === 0 && this.#end === null) {
       this.#end = {
         kind: "not mcap",
-        found: bytes === 0 ? "nothing: it is empty" : `no more than ${bytes} bytes`,
+        found: bytes === 0 ? "an empty file" : `only ${bytes} bytes`,
       };
     }
     this.#end ??= { kind: this.#restBytes === 0 ? "missing" : "cut off", bytes };
     return this.#end;
   }
 
-  /** Ends reading at a record that makes no sense. */
+  /** Stops reading at a malformed record. */
   #damage(reason: string): void {
     this.#end ??= { kind: "damaged", byte: this.#position, reason };
   }
 
-  /** Length of the next record, or of what has to be there to know it; null if the file cannot be read any further. */
+  /**
+   * Length of the next record, or of the header that determines it; null if the file cannot be read
+   * any further.
+   */
   #neededBytes(ahead: Uint8Array): number | null {
     if (this.#position === 0) {
       return MAGIC.length;
@@ -134,11 +141,11 @@ export class McapScanner {
     header.set(ahead.subarray(0, RECORD_HEADER_BYTES - kept), kept);
     const length = new DataView(header.buffer).getBigUint64(1, true);
     if (header[0]! === 0 || header[0]! > DATA_END) {
-      this.#damage(`a record of the unknown kind 0x${header[0]!.toString(16).padStart(2, "0")}`);
+      this.#damage(`unknown record opcode 0x${header[0]!.toString(16).padStart(2, "0")}`);
       return null;
     }
     if (length > RECORD_BYTES_MAX) {
-      this.#damage(`a record of ${length} bytes, more than the ${RECORD_BYTES_MAX} that are allowed`);
+      this.#damage(`a record of ${length} bytes, above the limit of ${RECORD_BYTES_MAX}`);
       return null;
     }
     return RECORD_HEADER_BYTES + Number(length);
@@ -155,12 +162,12 @@ export class McapScanner {
     this.#restBytes = needed;
   }
 
-  /** Takes in a whole record, or the magic. */
-  #take(record: Uint8Array): void {
+  /** Reads a complete record, or the magic bytes. */
+  #takeRecord(record: Uint8Array): void {
     if (this.#position === 0) {
       if (!MAGIC.every((byte, at) => record[at] === byte)) {
         const found = Array.from(record, (byte) => byte.toString(16).padStart(2, "0")).join(" ");
-        this.#end = { kind: "not mcap", found: `the bytes ${found} at its beginning` };
+        this.#end = { kind: "not mcap", found: `the bytes ${found}` };
       }
       return;
     }
@@ -173,16 +180,16 @@ export class McapScanner {
         checkAttachment(record);
       }
       this.#records.append(record);
-      const place = { start: this.#position, length: record.length };
+      const location = { start: this.#position, length: record.length };
       for (let found = this.#records.nextRecord(); found !== undefined; found = this.#records.nextRecord()) {
-        this.#tell(found, place);
+        this.#emit(found, location);
       }
     } catch (error) {
       this.#damage(error instanceof Error ? error.message : String(error));
     }
   }
 
-  #tell(record: McapTypes.TypedMcapRecord, place: Place): void {
+  #emit(record: McapTypes.TypedMcapRecord, location: RecordLocation): void {
     switch (record.type) {
       case "Attachment":
         this.#sink.attachment(record.name, record.data);
@@ -194,13 +201,13 @@ export class McapScanner {
         this.#sink.channel(record.id, record.topic, this.#types.get(record.schemaId) ?? "");
         break;
       case "Message":
-        this.#sink.message(record.channelId, record.logTime, record.data, place);
+        this.#sink.message(record.channelId, record.logTime, record.data, location);
         break;
     }
   }
 }
 
-/** The library takes the length of the data of an attachment on trust. */
+/** Checks the data length of an attachment, which the library does not. */
 function checkAttachment(record: Uint8Array): void {
   const view = new DataView(record.buffer, record.byteOffset, record.byteLength);
   let at = RECORD_HEADER_BYTES + 16;
@@ -214,16 +221,16 @@ function checkAttachment(record: Uint8Array): void {
 
 function decompressed(zstd: Decompress, bytes: Uint8Array, length: bigint): Uint8Array {
   if (length > RECORD_BYTES_MAX) {
-    throw new RangeError(`a chunk of ${length} bytes, more than the ${RECORD_BYTES_MAX} that are allowed`);
+    throw new RangeError(`a chunk of ${length} bytes, above the limit of ${RECORD_BYTES_MAX}`);
   }
   const content = zstd(bytes, Number(length));
   if (content.length !== Number(length)) {
-    throw new RangeError(`a chunk of ${content.length} bytes that says it has ${length}`);
+    throw new RangeError(`a chunk of ${content.length} bytes whose header says ${length}`);
   }
   return content;
 }
 
-/** What is in a chunk; nothing if the record is none. */
+/** The decompressed content of a chunk record; empty for other records. */
 export function chunkContent(record: Uint8Array, zstd: Decompress): Uint8Array {
   const reader = new McapStreamReader({ noMagicPrefix: true, includeChunks: true });
   reader.append(record);
@@ -234,7 +241,7 @@ export function chunkContent(record: Uint8Array, zstd: Decompress): Uint8Array {
   return chunk.compression === "" ? chunk.records : decompressed(zstd, chunk.records, chunk.uncompressedSize);
 }
 
-/** The message of a channel and a time in what is in a chunk; null if there is none. */
+/** The message of a channel and a log time in the content of a chunk; null if there is none. */
 export function messageIn(content: Uint8Array, channel: number, timeNs: bigint): Uint8Array | null {
   const view = new DataView(content.buffer, content.byteOffset, content.byteLength);
   for (let at = 0; at + RECORD_HEADER_BYTES <= content.length;) {

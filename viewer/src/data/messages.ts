@@ -1,31 +1,31 @@
 /**
- * The messages of a recording that the page makes use of, decoded.
+ * Decoders of the messages of a recording that the page uses.
  *
- * Message types are those of `msgs/msg`. What is not needed of a message is passed over. Throws a RangeError if bytes are not a
- * message of the type.
+ * Message types are those of `msgs/msg`; fields that the page does not use are skipped. Throws a
+ * RangeError if the bytes are not a message of the type.
  */
 
 import { CdrReader, type Runs } from "./cdr.ts";
 import { TICK_S, type Progress, type Result, type Vec3 } from "./run.ts";
 
-/** The version of the protocol whose messages these are. */
+/** Protocol version of these messages. */
 export const PROTOCOL = 3;
 
-/** From here on the numbers of contacts and senders are those of relays. */
+/** Ids of contacts and senders from here on are those of relays. */
 export const FIRST_RELAY = 0x80000000;
 
-/** Kind of parcels that hold maps. */
-export const MAP_PARCEL = 1;
+/** Kind of agent messages that contain maps. */
+export const MAP_MESSAGE_KIND = 1;
 
-/** Kinds of tasks, by number. */
+/** Task kinds by number. */
 export const TaskKind = { Keep: 0, Stop: 1, Move: 2, Turn: 3, Path: 4, Velocity: 5 } as const;
 
-export interface Parcel {
+export interface AgentMessage {
   readonly kind: number;
   readonly data: Uint8Array;
 }
 
-/** A part of what an agent learns when it is asked. */
+/** A fragment of an observation. */
 export interface Observation {
   readonly tick: number;
   readonly part: number;
@@ -34,10 +34,10 @@ export interface Observation {
   readonly yawRad: number;
   readonly isIdle: boolean;
   readonly collision: number;
-  /** Agents and relays. */
+  /** Ids of agents and relays in radio contact. */
   readonly contacts: readonly number[];
-  readonly parcels: readonly Parcel[];
-  /** Not a number if there was none. */
+  readonly received: readonly AgentMessage[];
+  /** NaN if there was no scan. */
   readonly scanTick: number;
   readonly seenFree: Runs;
   readonly seenWall: Runs;
@@ -49,9 +49,9 @@ export interface Command {
   readonly kind: number;
   readonly pitchRad: number;
   readonly distanceM: number;
-  /** x, y, z of each way-point. */
+  /** x, y, z of each waypoint. */
   readonly path: readonly number[];
-  readonly parcels: readonly Parcel[];
+  readonly sent: readonly AgentMessage[];
   readonly info: string;
   readonly knownFree: number;
 }
@@ -75,7 +75,7 @@ export interface Pose {
   readonly yawRad: number;
 }
 
-export interface Placement {
+export interface Intervention {
   readonly tick: number;
   readonly isPlaced: boolean;
   readonly agent: number;
@@ -83,8 +83,8 @@ export interface Placement {
   readonly yawRad: number;
 }
 
-/** Points of a scan in the frame of the body, as x, y, z one after the other, and when the scan was. */
-export interface Cloud {
+/** Points of a scan in the body frame, x, y, z each, and the time of the scan. */
+export interface PointCloud {
   readonly timeS: number;
   readonly points: Float32Array;
 }
@@ -93,7 +93,7 @@ function vector(reader: CdrReader): Vec3 {
   return [reader.f64(), reader.f64(), reader.f64()];
 }
 
-/** Passes over a header; its time in seconds. */
+/** Skips a header and returns its stamp in seconds. */
 function header(reader: CdrReader): number {
   const seconds = reader.i32();
   const nanoseconds = reader.u32();
@@ -101,7 +101,7 @@ function header(reader: CdrReader): number {
   return seconds + nanoseconds * 1e-9;
 }
 
-function parcels(reader: CdrReader): Parcel[] {
+function agentMessages(reader: CdrReader): AgentMessage[] {
   return Array.from({ length: reader.count(9) }, () => {
     reader.u32();
     return { kind: reader.u8(), data: reader.bytes() };
@@ -128,7 +128,7 @@ export function observation(bytes: Uint8Array): Observation {
     reader.skip(3, 8);
     return agent;
   });
-  const received = parcels(reader);
+  const received = agentMessages(reader);
   const scan = reader.u64();
   return {
     tick,
@@ -139,7 +139,7 @@ export function observation(bytes: Uint8Array): Observation {
     isIdle,
     collision,
     contacts,
-    parcels: received,
+    received,
     scanTick: scan <= tick ? scan : NaN,
     seenFree: reader.runs(),
     seenWall: reader.runs(),
@@ -153,7 +153,7 @@ export function command(bytes: Uint8Array): Command {
   reader.u32();
   const kind = reader.u8();
   if (kind > TaskKind.Velocity) {
-    throw new RangeError(`a task of kind ${kind}`);
+    throw new RangeError(`unknown task kind ${kind}`);
   }
   const pitchRad = reader.f64();
   const distanceM = reader.f64();
@@ -161,18 +161,18 @@ export function command(bytes: Uint8Array): Command {
   const points = reader.count(24);
   const path = Array.from({ length: 3 * points }, () => reader.f64());
   reader.skip(4, 8);
-  // What the LiDAR is to do, and whether the view is wanted.
+  // LiDAR request and whether the belief map is wanted.
   reader.u8();
   reader.u32();
   reader.u8();
-  const sent = parcels(reader);
+  const sent = agentMessages(reader);
   reader.u64();
   reader.u8();
   const info = reader.string();
-  return { tick, kind, pitchRad, distanceM, path, parcels: sent, info, knownFree: reader.u32() };
+  return { tick, kind, pitchRad, distanceM, path, sent, info, knownFree: reader.u32() };
 }
 
-/** The version of the protocol that a scenario is of: it stands first in all of them. */
+/** The protocol version of a scenario, which is its first field in every version. */
 export function protocolOf(bytes: Uint8Array): number {
   return new CdrReader(bytes).u32();
 }
@@ -219,8 +219,8 @@ export function scenario(bytes: Uint8Array): Scenario {
   };
 }
 
-/** What an agent runs. */
-export function joinedController(bytes: Uint8Array): string {
+/** The controller in a join message. */
+export function controllerOfJoin(bytes: Uint8Array): string {
   const reader = new CdrReader(bytes);
   reader.u64();
   reader.u32();
@@ -229,7 +229,7 @@ export function joinedController(bytes: Uint8Array): string {
   return reader.string();
 }
 
-/** The agents among the frames of a message on `/tf`. */
+/** The poses of agents in a message on `/tf`. */
 export function poses(bytes: Uint8Array): Pose[] {
   const reader = new CdrReader(bytes);
   const found: Pose[] = [];
@@ -246,7 +246,10 @@ export function poses(bytes: Uint8Array): Pose[] {
   return found;
 }
 
-/** The number in `agent_<id>/base_link`, or -1; of bytes, because there are as many frames as poses. */
+/**
+ * The number in `agent_<id>/base_link`, or -1. Parsed from bytes, because every pose has a frame
+ * name.
+ */
 function agentOfFrame(bytes: Uint8Array): number {
   const prefix = "agent_";
   for (let at = 0; at < prefix.length; at++) {
@@ -271,7 +274,7 @@ export function progress(bytes: Uint8Array): Progress {
   header(reader);
   const timeS = reader.u64() * TICK_S;
   const shares = sharesOf(reader);
-  return { timeS, ...shares, pairsInContact: reader.u32(), parcelBytes: reader.u64() };
+  return { timeS, ...shares, pairsInContact: reader.u32(), messageBytes: reader.u64() };
 }
 
 function sharesOf(reader: CdrReader) {
@@ -285,7 +288,7 @@ function sharesOf(reader: CdrReader) {
   };
 }
 
-/** The outcome; what only progress tells is taken from the last one. */
+/** The result; fields that only progress messages have are taken from the last of them. */
 export function result(bytes: Uint8Array, last: Progress | undefined): Result {
   const reader = new CdrReader(bytes);
   header(reader);
@@ -304,14 +307,14 @@ export function result(bytes: Uint8Array, last: Progress | undefined): Result {
     reason,
     ...shares,
     pairsInContact: last?.pairsInContact ?? 0,
-    parcelBytes: counters.get("parcel_bytes_delivered") ?? last?.parcelBytes ?? 0,
+    messageBytes: counters.get("parcel_bytes_delivered") ?? last?.messageBytes ?? 0,
     counters,
     digest,
   };
 }
 
-/** What was done to an agent from outside. */
-export function intervention(bytes: Uint8Array): Placement {
+/** An external change of an agent: it was placed, or something else happened to it. */
+export function intervention(bytes: Uint8Array): Intervention {
   const reader = new CdrReader(bytes);
   header(reader);
   const tick = reader.u64();
@@ -319,8 +322,8 @@ export function intervention(bytes: Uint8Array): Placement {
   return { tick, isPlaced, agent: reader.u32(), position: vector(reader), yawRad: reader.f64() };
 }
 
-/** A cloud of points of three 32-bit coordinates each. */
-export function cloud(bytes: Uint8Array): Cloud {
+/** A point cloud of three 32-bit floats per point. */
+export function pointCloud(bytes: Uint8Array): PointCloud {
   const reader = new CdrReader(bytes);
   const timeS = header(reader);
   reader.skip(2, 4);
@@ -337,6 +340,6 @@ export function cloud(bytes: Uint8Array): Cloud {
   if (step !== 12 || data.length % step !== 0) {
     throw new RangeError(`points of ${step} bytes in ${data.length}`);
   }
-  // A copy, because the bytes may lie anywhere in memory.
+  // Copied, because the bytes may be unaligned.
   return { timeS, points: new Float32Array(data.slice().buffer) };
 }

@@ -1,13 +1,13 @@
 /**
- * What the page and its reading worker say to each other.
+ * Messages between the page and its reader worker.
  *
- * The worker reads and decodes; the page keeps what comes of it. All that has been read goes over in batches of plain typed arrays,
- * which are handed over without a copy.
+ * The worker reads and decodes; the page keeps the result. Data go over in batches of plain typed
+ * arrays, which are transferred without a copy.
  */
 
 import type { Progress, Result, Setup, Terrain, Vec3 } from "./run.ts";
 
-/** Where a scan was cast from. */
+/** Tick and pose of a scan. */
 export interface ScanPose {
   readonly tick: number;
   readonly position: Vec3;
@@ -34,20 +34,22 @@ export type Reply =
   | { readonly kind: "batch"; readonly batch: Batch }
   | { readonly kind: "unreadable"; readonly message: string }
   | { readonly kind: "belief"; readonly request: number; readonly knownTick: Uint32Array | null }
-  | { readonly kind: "hits"; readonly request: number; readonly hits: FoundHits | null };
+  | { readonly kind: "hits"; readonly request: number; readonly hits: ScanHits | null };
 
-/** Points of a scan, in the frame of the body or of the map. */
-export interface FoundHits {
+/** Points of a scan, in the body frame or the `map` frame. */
+export interface ScanHits {
   readonly timeS: number;
   readonly points: Float32Array;
-  readonly isOfBody: boolean;
+  readonly isInBodyFrame: boolean;
 }
 
 /** Columns of a row of `Batch.poses`. */
 export const POSE = { agent: 0, tick: 1, x: 2, y: 3, z: 4, yawRad: 5, columns: 6 } as const;
 
-/** Columns of a row of `Batch.asked`: an observation. What was received is counted from the start on. */
-export const ASKED = {
+/**
+ * Columns of a row of `Batch.observations`. Received messages and bytes are totals since the start.
+ */
+export const OBSERVATION = {
   tick: 0,
   agent: 1,
   isIdle: 2,
@@ -60,16 +62,17 @@ export const ASKED = {
 } as const;
 
 /**
- * Columns of a row of `Batch.answered`: a command. `effective` is the number of the agent's command that holds from then on, or -1 if
- * its body has nothing to do; `info` is the number of the agent's text that holds, or -1.
+ * Columns of a row of `Batch.commands`. `effective` is the index of the agent's command that is
+ * executed from then on, or -1 if the body is idle; `info` is the index of the agent's current
+ * status text, or -1. Sent messages and bytes are totals since the start.
  */
-export const ANSWERED = {
+export const COMMAND = {
   tick: 0,
   agent: 1,
   kind: 2,
   pitchRad: 3,
   distanceM: 4,
-  points: 5,
+  waypoints: 5,
   effective: 6,
   info: 7,
   sentMessages: 8,
@@ -77,41 +80,44 @@ export const ANSWERED = {
   columns: 10,
 } as const;
 
-/** What has been read since the last batch. */
+/** What has been read since the previous batch. */
 export interface Batch {
-  /** Everything up to here has been read. */
+  /** Everything up to this tick has been read. */
   readonly endTick: number;
   readonly isComplete: boolean;
   readonly problem: string | null;
   /** Tick, first cell and number of cells of each run that an agent has seen. */
   readonly seen: Uint32Array;
-  /** Tick and cell, one after the other, whenever a body has come into another cell. */
-  readonly entered: Uint32Array;
+  /** Tick and cell of each entry of a body into another cell. */
+  readonly covered: Uint32Array;
   readonly poses: Float64Array;
-  readonly asked: Float64Array;
-  /** Contacts of the observations, one after the other. */
+  readonly observations: Float64Array;
+  /** Contacts of the observations, concatenated. */
   readonly contacts: Uint32Array;
-  readonly answered: Float64Array;
-  /** x, y, z of the way-points of the commands, one after the other. */
-  readonly points: Float64Array;
-  /** Texts of the commands that have one: the agent, and what it says. */
+  readonly commands: Float64Array;
+  /** x, y, z of the waypoints of the commands, concatenated. */
+  readonly waypoints: Float64Array;
+  /** Status texts of the commands that have one: the agent and its text. */
   readonly infos: readonly (readonly [agent: number, info: string])[];
   readonly progress: readonly Progress[];
   readonly result: Result | null;
-  /** Tick and cell, one after the other, that the agent followed has learned of; of the request by which it is followed. */
-  readonly learnt: { readonly request: number; readonly cells: Uint32Array } | null;
+  /**
+   * Tick and cell of what the followed agent has learned; `request` is the one that started
+   * following it.
+   */
+  readonly learned: { readonly request: number; readonly cells: Uint32Array } | null;
 }
 
-/** The arrays of a batch that may be handed over. */
-export function buffersOf(batch: Batch): ArrayBufferLike[] {
+/** The buffers of a batch, to be transferred. */
+export function transferablesOf(batch: Batch): ArrayBufferLike[] {
   const arrays = [
     batch.seen,
-    batch.entered,
+    batch.covered,
     batch.poses,
-    batch.asked,
+    batch.observations,
     batch.contacts,
-    batch.answered,
-    batch.points,
+    batch.commands,
+    batch.waypoints,
   ];
-  return [...arrays, ...(batch.learnt ? [batch.learnt.cells] : [])].map((array) => array.buffer);
+  return [...arrays, ...(batch.learned ? [batch.learned.cells] : [])].map((array) => array.buffer);
 }

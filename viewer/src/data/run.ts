@@ -1,17 +1,18 @@
 /**
- * A run as the page knows it: what a recording, or a run under way, has told so far.
+ * A run as the page knows it: the part of a recording or of a live run that has been read so far.
  *
- * Everything hangs on sim time, so that any moment can be looked at again and gives the same picture. Cells are numbered
- * (z * sizeY + y) * sizeX + x; positions are metres in the frame `map`, right-handed with z up; angles are radians; times are
- * seconds of sim time, or ticks of 0.02 s where a name says so.
+ * All state is a function of sim time, so any time can be shown again with the same image. Cells
+ * are numbered (z * sizeY + y) * sizeX + x; positions are metres in the `map` frame, right-handed
+ * with z up (REP 103); angles are radians; times are seconds of sim time, or ticks of 0.02 s where
+ * a name says so.
  *
- * This file declares what the scene and the panels may ask. It reads nothing and draws nothing.
+ * This file declares the interface of the scene and the panels; it neither reads nor draws.
  */
 
-/** What a tick is called that has not come: see `firstSeenTick`. */
+/** Tick of an event that has not happened. */
 export const NEVER = 0xffffffff;
 
-/** Seconds of a tick. */
+/** Duration of a tick, seconds. */
 export const TICK_S = 0.02;
 
 export type Vec3 = [number, number, number];
@@ -20,31 +21,35 @@ export type Vec3 = [number, number, number];
 export interface Terrain {
   /** Cells along x, y, z. */
   readonly size: Vec3;
-  /** Edge of a cell, metres. */
+  /** Cell edge, metres. */
   readonly cellM: number;
-  /** 1 is wall, 0 free; by number of the cell. */
+  /** 1 is wall, 0 free; by cell number. */
   readonly walls: Uint8Array;
-  /** How many cells are free. */
+  /** Number of free cells. */
   readonly freeCells: number;
 }
 
-/** What is set before a run begins. */
+/** The constants of a run. */
 export interface Setup {
   readonly agents: number;
-  /** What each agent runs, by id. */
+  /** Controller of each agent, by id. */
   readonly controllers: readonly string[];
-  /** Radius of each agent's body, metres. */
+  /** Radius of each agent's body, metres, by id. */
   readonly radiusM: readonly number[];
-  /** The run ends here at the latest. */
+  /** Decimal; null if the recorded scenario does not have it. */
+  readonly seed: string | null;
+  /** Time limit of the run. */
   readonly durationS: number;
-  /** Rays of a scan (0: another pattern), and how far they go; Infinity: to the next wall. */
+  /**
+   * Rays of a scan (0: the shell pattern) and their range, metres; Infinity: up to the next wall.
+   */
   readonly lidar: { readonly rays: number; readonly rangeM: number; readonly fovRad: number };
   readonly communicationRangeM: number;
-  /** The scenario as it was written, TOML. */
+  /** The scenario, TOML. */
   readonly scenarioToml: string;
 }
 
-/** What the server says every 10 s, and at the end; shares of the free cells, 0 to 1. */
+/** Progress, published every 10 s and at the end; shares are of the free cells, 0 to 1. */
 export interface Progress {
   readonly timeS: number;
   readonly explored: number;
@@ -54,10 +59,10 @@ export interface Progress {
   readonly believedBy: readonly number[];
   readonly distanceM: readonly number[];
   readonly pairsInContact: number;
-  readonly parcelBytes: number;
+  readonly messageBytes: number;
 }
 
-/** How a run has ended. */
+/** The result of a run. */
 export interface Result extends Progress {
   readonly tick: number;
   readonly reason: string;
@@ -66,97 +71,108 @@ export interface Result extends Progress {
   readonly digest: string;
 }
 
-/** An agent at a moment. */
+/** The state of an agent at a time. */
 export interface AgentState {
   readonly id: number;
   readonly position: Vec3;
   readonly yawRad: number;
   readonly speedMS: number;
-  /** What its body does. */
+  /** The task that the body executes. */
   readonly task: "idle" | "stop" | "move" | "turn" | "path" | "velocity";
-  /** Way-points that are left, the last one being the target; empty unless it moves along a way. */
+  /** Waypoints ahead, the last one being the target; empty unless the agent follows a path. */
   readonly path: readonly Vec3[];
-  /** Agents it heard when it was asked last. */
+  /** Agents in radio contact at the last observation. */
   readonly contacts: readonly number[];
-  /** The controller's own text. */
+  /** Status text of the controller. */
   readonly info: string;
   readonly collision: "none" | "wall" | "floor" | "ceiling";
-  /** Parcels so far. */
+  /** Agent messages since the start. */
   readonly sent: { readonly messages: number; readonly bytes: number };
   readonly received: { readonly messages: number; readonly bytes: number };
-  /** When it was asked last. */
-  readonly askedS: number;
+  /** Time of the last observation. */
+  readonly observedS: number;
 }
 
-/** Where an agent was, at ascending times. The arrays may be longer than what is known: see `count`. They may be replaced by longer ones as a run goes on. */
+/**
+ * Poses of an agent at ascending times. The arrays have spare capacity behind `count` elements, and
+ * are replaced by longer ones while a run grows.
+ */
 export interface Track {
   readonly count: number;
   readonly timeS: Float64Array;
-  /** x, y, z of each time, one after the other. */
+  /** x, y, z of each pose, concatenated. */
   readonly positions: Float32Array;
   readonly yawRad: Float32Array;
 }
 
-/** What one agent knows, from its own scans and from what it was told: tick in which it learned of each cell, free or wall. */
+/**
+ * The belief map of one agent, from its own scans and from received messages: tick in which it
+ * learned of each cell, free or wall.
+ */
 export interface Belief {
   readonly agent: number;
   readonly knownTick: Uint32Array;
-  /** Grows whenever `knownTick` has changed. */
+  /** Incremented with every change of `knownTick`. */
   readonly revision: number;
 }
 
 /** Points that a scan has hit. */
 export interface Hits {
   readonly timeS: number;
-  /** x, y, z of each hit, one after the other. */
+  /** x, y, z of each hit, concatenated. */
   readonly positions: Float32Array;
-  /** Whether they are what the run showed, or were cast by the page in the true map because the run tells nothing of scans. */
+  /** Whether the page has ray-cast them in the true map, because the run has no recorded points. */
   readonly isCast: boolean;
 }
 
-/** What has become known since the last notice. */
-export interface News {
+/** What became known since the previous update. */
+export interface RunUpdate {
   /** Cells whose `firstSeenTick` or `coveredTick` was set, in no order. */
   readonly cells: Uint32Array;
-  /** Whether the result has come. */
+  /** Whether the result has arrived. */
   readonly hasEnded: boolean;
 }
 
 export interface Run {
-  /** Differs from that of every other run. */
+  /** Unique among the runs of the page. */
   readonly id: string;
-  /** The name of the file, or of the server. */
+  /** Name of the file or of the server. */
   readonly title: string;
   readonly setup: Setup;
   readonly terrain: Terrain;
-  /** Everything up to here is known. */
+  /** Everything up to this time is known. */
   readonly endS: number;
-  /** Whether nothing more will come. */
+  /** Whether reading has ended. */
   readonly isComplete: boolean;
-  /** What could not be read, and from where on, in words for people; null as long as all could. A change comes with news. */
+  /**
+   * What could not be read, for people; null if there is no problem. A change comes with an update.
+   */
   readonly problem: string | null;
   /** Tick in which the team learned of each cell, free or wall, or NEVER. */
   readonly firstSeenTick: Uint32Array;
-  /** Tick in which a body first was in each cell, or NEVER. */
+  /** Tick in which a body first entered each cell, or NEVER. */
   readonly coveredTick: Uint32Array;
-  /** How many free cells had been seen at `timeS`, and how many had been visited, of the cells above. */
+  /** Number of free cells that had been seen, or covered, at `timeS`. */
   seenAt(timeS: number): number;
   coveredAt(timeS: number): number;
   readonly progress: readonly Progress[];
   readonly result: Result | null;
   agentAt(id: number, timeS: number): AgentState;
   track(id: number): Track;
-  /** Begins to follow what an agent knows; `null` ends it. Resolves when all is known up to `endS`; it is kept up to date. */
+  /**
+   * Begins to follow an agent's belief; `null` ends it. Resolves when the belief is known up to
+   * `endS`; it is kept up to date afterwards.
+   */
   follow(id: number | null): Promise<Belief | null>;
   /** The hits of an agent's last scan before `timeS`. */
   hitsAt(id: number, timeS: number): Promise<Hits | null>;
-  /** Tells of news until the function it returns is called. */
-  onNews(listener: (news: News) => void): () => void;
-  /** Nobody will ask any more. */
+  /** Adds a listener; the returned function removes it. */
+  onUpdate(listener: (update: RunUpdate) => void): () => void;
+  /** Releases the reader; no query is allowed afterwards. */
   close(): void;
 }
 
-/** Something that cannot be read, in words for people: what, where, and what is expected. */
+/** Input that cannot be read; the message says what, where, and what was expected. */
 export class UnreadableError extends Error {
   override readonly name = "UnreadableError";
 }

@@ -1,42 +1,45 @@
 /**
- * Where runs come from: a file, an address, or a run under way.
+ * Opens runs: from a file, from an address, or as the stream of a live run.
  *
- * Each run has a worker of its own, which ends with `close` of the run, or if the run cannot be read.
+ * Each run has its own worker, which ends with `Run.close`, or if the run cannot be read.
  */
 
-import { RunModel } from "./model.ts";
+import { RunModel } from "./run-model.ts";
 import type { Reply, Request } from "./protocol.ts";
 import { UnreadableError, type Run } from "./run.ts";
 
-/** A run under way: the bytes of its recording as they come, in order. */
+/** A live run: the bytes of its recording, in order. */
 export interface LiveFeed {
-  /** Resolves once there is something to look at. */
+  /** Resolves when the header of the run is complete. */
   readonly run: Promise<Run>;
   /** The bytes are copied. */
   push(bytes: Uint8Array): void;
-  /** No more will come. */
+  /** Ends the stream. */
   end(): void;
 }
 
-/** Opens a recording; rejects with an UnreadableError if it is none. It goes on to grow while it is read. */
+/**
+ * Opens a recording; rejects with an UnreadableError if it is none. The run grows while the file is
+ * read.
+ */
 export function openFile(file: File): Promise<Run> {
   return open(nextId(file.name), file.name, { kind: "file", file }).run;
 }
 
-/** Opens a recording by its address. */
+/** Opens the recording at an address. */
 export function openUrl(url: string): Promise<Run> {
   const address = new URL(url, location.href);
   const title = decodeURIComponent(address.pathname.split("/").at(-1) || address.host);
   return open(nextId(title), title, { kind: "url", url: address.href, title }).run;
 }
 
-/** Opens a run under way. */
+/** Opens a live run. */
 export function openLive(id: string, title: string): LiveFeed {
-  const { run, ask } = open(id, title, { kind: "live", title });
+  const { run, send } = open(id, title, { kind: "live", title });
   return {
     run,
-    push: (bytes) => ask({ kind: "push", bytes: bytes.slice() }),
-    end: () => ask({ kind: "end" }),
+    push: (bytes) => send({ kind: "push", bytes: bytes.slice() }),
+    end: () => send({ kind: "end" }),
   };
 }
 
@@ -51,31 +54,31 @@ function open(
   id: string,
   title: string,
   first: Request,
-): { run: Promise<Run>; ask: (request: Request) => void } {
+): { run: Promise<Run>; send: (request: Request) => void } {
   const worker = new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
-  const ask = (request: Request) => {
+  const send = (request: Request) => {
     worker.postMessage(request, request.kind === "push" ? [request.bytes.buffer] : []);
   };
   const run = new Promise<Run>((resolve, reject) => {
     let model: RunModel | null = null;
-    const refuse = (message: string) => {
+    const abort = (message: string) => {
       worker.terminate();
-      model?.lose(message);
+      model?.fail(message);
       reject(new UnreadableError(message));
     };
     worker.onerror = (event) =>
-      refuse(`${title} cannot be read: ${event.message || "the reader does not start"}`);
+      abort(`${title} cannot be read: ${event.message || "the worker did not start"}`);
     worker.onmessage = ({ data: reply }: MessageEvent<Reply>) => {
       if (reply.kind === "unreadable") {
-        refuse(reply.message);
+        abort(reply.message);
       } else if (reply.kind === "opened") {
-        const reader = { ask, close: () => worker.terminate() };
+        const reader = { send, close: () => worker.terminate() };
         try {
           model = new RunModel(id, title, reply.setup, reply.terrain, reader);
         } catch (error) {
-          // A browser may not give out as much memory as a large map takes.
+          // A browser may abort the memory that a large map needs.
           const size = reply.terrain.size.join(" x ");
-          refuse(`${title} cannot be shown: its map has ${size} cells: ${(error as Error).message}`);
+          abort(`${title} cannot be shown: its map has ${size} cells: ${(error as Error).message}`);
         }
       } else if (model) {
         model.take(reply);
@@ -83,6 +86,6 @@ function open(
       }
     };
   });
-  ask(first);
-  return { run, ask };
+  send(first);
+  return { run, send };
 }

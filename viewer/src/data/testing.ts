@@ -1,13 +1,16 @@
 /** Reads recordings in tests as the worker does, without a worker. */
 
-import { RunModel } from "./model.ts";
+import { RunModel } from "./run-model.ts";
 import type { Request } from "./protocol.ts";
-import { Reading } from "./reading.ts";
+import { RecordingReader } from "./recording-reader.ts";
 import { loadZstd } from "./zstd.ts";
 
 const zstd = await loadZstd();
 
-/** A run read from bytes that come in pieces of a size, with a batch after each, of which the last one is told of as such. */
+/**
+ * Reads a run from pieces of `pieceBytes`, with a batch after each; `afterBatch` is called for
+ * every batch.
+ */
 export function readRun(
   bytes: Uint8Array,
   pieceBytes: number = bytes.length,
@@ -15,38 +18,38 @@ export function readRun(
 ): RunModel {
   const fetchBytes = (start: number, length: number) =>
     Promise.resolve(bytes.subarray(start, start + length));
-  const reading = new Reading("test.mcap", zstd, fetchBytes);
+  const reader = new RecordingReader("test.mcap", zstd, fetchBytes);
   let model: RunModel | null = null;
-  const ask = (request: Request) => {
+  const send = (request: Request) => {
     if (request.kind === "follow") {
-      const knownTick = reading.follow(request.request, request.agent);
+      const knownTick = reader.follow(request.request, request.agent);
       model?.take({ kind: "belief", request: request.request, knownTick });
     } else if (request.kind === "hits") {
       const { agent, untilTick, scan } = request;
-      void reading
+      void reader
         .hits(agent, untilTick, scan)
         .then((hits) => model?.take({ kind: "hits", request: request.request, hits }));
     }
   };
-  const send = (isLast: boolean) => {
-    if (!reading.opening) {
+  const flush = (isLast: boolean) => {
+    if (!reader.header) {
       return;
     }
-    model ??= new RunModel("test", "test.mcap", reading.opening.setup, reading.opening.terrain, {
-      ask,
+    model ??= new RunModel("test", "test.mcap", reader.header.setup, reader.header.terrain, {
+      send,
       close: () => {},
     });
-    const batch = reading.takeBatch();
+    const batch = reader.takeBatch();
     if (batch) {
       model.take({ kind: "batch", batch });
     }
     afterBatch(model, isLast);
   };
-  for (let at = 0; at < bytes.length && !reading.isAtEnd; at += pieceBytes) {
-    reading.push(bytes.subarray(at, at + pieceBytes));
-    send(false);
+  for (let at = 0; at < bytes.length && !reader.isAtEnd; at += pieceBytes) {
+    reader.push(bytes.subarray(at, at + pieceBytes));
+    flush(false);
   }
-  reading.finish();
-  send(true);
+  reader.finish();
+  flush(true);
   return model!;
 }

@@ -1,18 +1,18 @@
 /**
- * The worker that reads: bytes of a file, of an address, or of a run under way, in; batches out.
+ * The reader worker: bytes of a file, an address or a live run in; batches out.
  *
- * At most some twenty batches are sent in a second, so that the page is not kept busy by them. Questions are answered between two
- * pieces of a file. What is read is decided in `reading.ts`.
+ * It sends some twenty batches per second at most, so that the page stays responsive, and answers
+ * queries between two pieces of a file. The logic is in `recording-reader.ts`.
  */
 
-import { buffersOf, type Reply, type Request } from "./protocol.ts";
-import { Reading, type FetchBytes } from "./reading.ts";
+import { transferablesOf, type Reply, type Request } from "./protocol.ts";
+import { RecordingReader, type FetchBytes } from "./recording-reader.ts";
 import { UnreadableError } from "./run.ts";
 import { loadZstd } from "./zstd.ts";
 
 const BATCH_PERIOD_MS = 50;
 
-/** The first piece is small, so that there is something to look at soon. */
+/** Small, so that the first image comes soon. */
 const FIRST_PIECE_BYTES = 1 << 18;
 const PIECE_BYTES = 1 << 20;
 
@@ -23,8 +23,8 @@ interface Scope {
 const scope = self as unknown as Scope;
 
 const zstd = loadZstd();
-let reading: Reading | null = null;
-/** Questions and pieces of a run under way that have come before reading could begin. */
+let reader: RecordingReader | null = null;
+/** Queries and pieces of a live run that arrived before the reader was ready. */
 const waiting: Request[] = [];
 let isOpened = false;
 let hasFailed = false;
@@ -36,22 +36,22 @@ function sendBatch(): void {
     clearTimeout(timer);
     timer = null;
   }
-  const opening = reading?.opening;
-  if (!reading || !opening) {
+  const header = reader?.header;
+  if (!reader || !header) {
     return;
   }
   if (!isOpened) {
     isOpened = true;
-    scope.postMessage({ kind: "opened", ...opening });
+    scope.postMessage({ kind: "opened", ...header });
   }
-  const batch = reading.takeBatch();
+  const batch = reader.takeBatch();
   if (batch) {
     lastBatchMs = performance.now();
-    scope.postMessage({ kind: "batch", batch }, buffersOf(batch) as ArrayBuffer[]);
+    scope.postMessage({ kind: "batch", batch }, transferablesOf(batch) as ArrayBuffer[]);
   }
 }
 
-/** Sends what there is, now or when it is time to. */
+/** Sends a batch now, or when the batch period is over. */
 function sendInTime(): void {
   const waitMs = lastBatchMs + BATCH_PERIOD_MS - performance.now();
   if (waitMs <= 0) {
@@ -61,12 +61,12 @@ function sendInTime(): void {
   }
 }
 
-/** Says what went wrong; `subject` names what was read unless the error does. */
+/** Reports an error; `subject` names the source unless the error does. */
 function fail(subject: string, error: unknown): void {
   const reason = error instanceof Error ? error.message : String(error);
   const message = error instanceof UnreadableError ? reason : `${subject} cannot be read: ${reason}`;
   if (isOpened) {
-    reading?.abort(message);
+    reader?.abort(message);
     sendBatch();
   } else if (!hasFailed) {
     hasFailed = true;
@@ -74,23 +74,23 @@ function fail(subject: string, error: unknown): void {
   }
 }
 
-async function begin(title: string, fetchBytes: FetchBytes | null): Promise<Reading> {
-  const begun = new Reading(title, await zstd, fetchBytes);
-  reading = begun;
+async function begin(title: string, fetchBytes: FetchBytes | null): Promise<RecordingReader> {
+  const reading = new RecordingReader(title, await zstd, fetchBytes);
+  reader = reading;
   waiting.splice(0).forEach(answer);
-  return begun;
+  return reading;
 }
 
 async function readFile(file: File): Promise<void> {
   const fetchBytes: FetchBytes = async (start, length) =>
     new Uint8Array(await file.slice(start, start + length).arrayBuffer());
-  const begun = await begin(file.name, fetchBytes);
+  const reading = await begin(file.name, fetchBytes);
   let bytes = FIRST_PIECE_BYTES;
-  for (let at = 0; at < file.size && !begun.isAtEnd; at += bytes, bytes = PIECE_BYTES) {
-    begun.push(await fetchBytes(at, bytes));
+  for (let at = 0; at < file.size && !reading.isAtEnd; at += bytes, bytes = PIECE_BYTES) {
+    reading.push(await fetchBytes(at, bytes));
     sendInTime();
   }
-  begun.finish();
+  reading.finish();
   sendBatch();
 }
 
@@ -105,19 +105,19 @@ async function readUrl(url: string, title: string): Promise<void> {
     const part = await fetch(url, { headers: { Range: `bytes=${start}-${start + length - 1}` } });
     return new Uint8Array(await part.arrayBuffer());
   };
-  const begun = await begin(title, response.status === 206 ? fetchRange : null);
+  const reading = await begin(title, response.status === 206 ? fetchRange : null);
   const body = response.body.getReader();
-  for (let piece = await body.read(); !piece.done && !begun.isAtEnd; piece = await body.read()) {
-    begun.push(piece.value);
+  for (let piece = await body.read(); !piece.done && !reading.isAtEnd; piece = await body.read()) {
+    reading.push(piece.value);
     sendInTime();
   }
   void body.cancel();
-  begun.finish();
+  reading.finish();
   sendBatch();
 }
 
 function answer(request: Request): void {
-  if (!reading) {
+  if (!reader) {
     waiting.push(request);
     return;
   }
@@ -129,9 +129,9 @@ function answer(request: Request): void {
       }
       try {
         if (request.kind === "push") {
-          reading.push(request.bytes);
+          reader.push(request.bytes);
         } else {
-          reading.finish();
+          reader.finish();
         }
         sendInTime();
       } catch (error) {
@@ -139,7 +139,7 @@ function answer(request: Request): void {
       }
       break;
     case "follow": {
-      const knownTick = reading.follow(request.request, request.agent);
+      const knownTick = reader.follow(request.request, request.agent);
       scope.postMessage(
         { kind: "belief", request: request.request, knownTick },
         knownTick ? [knownTick.buffer] : [],
@@ -147,7 +147,7 @@ function answer(request: Request): void {
       break;
     }
     case "hits":
-      void reading
+      void reader
         .hits(request.agent, request.untilTick, request.scan)
         .then((hits) => scope.postMessage({ kind: "hits", request: request.request, hits }));
       break;

@@ -1,7 +1,9 @@
 /**
- * The bodies of agents: a hull in the agent's colour between four ring guards, with a bright nose that shows the heading.
+ * The bodies of agents: a hull in the agent's colour between four ring guards, and a bright nose
+ * that shows the heading.
  *
- * A body is as large as it is in the run, but never smaller on the screen than a few pixels. Behind walls it is a pale shape.
+ * A body has its true size, but at least a few pixels on the screen. Behind walls it is a pale
+ * silhouette.
  */
 
 import {
@@ -18,21 +20,21 @@ import {
 } from "three";
 import { mergeGeometries } from "three/examples/jsm/utils/BufferGeometryUtils.js";
 import type { Vec3 } from "../data/run.ts";
-import { FRAGMENT_HEAD, VERTEX_HEAD, type Common } from "./glsl.ts";
+import { FRAGMENT_HEAD, VERTEX_HEAD, type SharedUniforms } from "./glsl.ts";
 
 const VERTEX = /* glsl */ `${VERTEX_HEAD}
 in vec3 position;
 in vec3 normal;
 in float part;
 out vec3 vNormal;
-out vec3 vPlaceM;
+out vec3 vPositionM;
 flat out int vPart;
 void main() {
-  vec4 place = modelMatrix * vec4(position, 1.0);
+  vec4 world = modelMatrix * vec4(position, 1.0);
   vNormal = mat3(modelMatrix) * normal;
-  vPlaceM = place.xyz;
+  vPositionM = world.xyz;
   vPart = int(part);
-  gl_Position = projectionMatrix * viewMatrix * place;
+  gl_Position = projectionMatrix * viewMatrix * world;
 }
 `;
 
@@ -45,12 +47,12 @@ void main() {
 
 const FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}
 in vec3 vNormal;
-in vec3 vPlaceM;
+in vec3 vPositionM;
 flat in int vPart;
 uniform vec3 tint;
 void main() {
   vec3 n = normalize(vNormal);
-  vec3 toEye = normalize(eye - vPlaceM);
+  vec3 toEye = normalize(eye - vPositionM);
   float key = max(dot(n, light), 0.0);
   float rim = pow(1.0 - max(dot(n, toEye), 0.0), 3.0);
   float shine = pow(max(dot(n, normalize(light + toEye)), 0.0), 40.0);
@@ -62,17 +64,17 @@ void main() {
 }
 `;
 
-/** Half the width of the body on the screen, at least; CSS pixels. */
+/** Minimum radius of a body on the screen, CSS pixels. */
 export const BODY_RADIUS_PX = 10;
 
 export class Bodies {
   readonly meshes: readonly Mesh<BufferGeometry, RawShaderMaterial>[];
-  /** For each agent its body, and what is seen of it through walls. */
+  /** For each agent the body and its silhouette behind walls. */
   readonly #pairs: readonly (readonly [Mesh, Mesh])[];
   readonly #fine = bodyGeometry(true);
   readonly #coarse = bodyGeometry(false);
 
-  constructor(common: Common, colours: readonly (readonly [number, number, number])[]) {
+  constructor(common: SharedUniforms, colours: readonly (readonly [number, number, number])[]) {
     const make = (
       colour: readonly [number, number, number],
       isGhost: boolean,
@@ -95,9 +97,9 @@ export class Bodies {
     this.meshes = pairs.flat();
   }
 
-  show(id: number, place: Vec3, yawRad: number, radiusM: number, isLarge: boolean): void {
+  show(id: number, position: Vec3, yawRad: number, radiusM: number, isLarge: boolean): void {
     for (const mesh of this.#pairs[id]!) {
-      mesh.position.set(...place);
+      mesh.position.set(...position);
       mesh.rotation.set(0, 0, yawRad);
       mesh.scale.setScalar(radiusM);
       mesh.geometry = isLarge ? this.#fine : this.#coarse;
@@ -111,7 +113,7 @@ export class Bodies {
   }
 }
 
-/** A body of radius 1 that looks along +x, with round parts of more or fewer corners. */
+/** A body of radius 1 facing +x, with a fine or a coarse tessellation. */
 function bodyGeometry(isFine: boolean): BufferGeometry {
   const [around, along] = isFine ? [20, 12] : [8, 5];
   const hull = new SphereGeometry(1, around, along).scale(0.78, 0.34, 0.3);

@@ -1,75 +1,82 @@
 /**
- * The cave of a run, in as much detail as a picture has time for, and the frame around it.
+ * The cave of a run in two levels of detail, and the bounding box around it.
  *
- * In full it is drawn cell by cell (or, if the map is too large for that, in blocks of cells); in coarse detail in larger blocks: a fraction
- * of the faces, for pictures that must come soon. Each is made when it is first asked for.
+ * Full detail draws single cells (or, if the map is too large, blocks of cells); coarse detail
+ * draws larger blocks, a fraction of the faces, for frames that must be quick. Each level is built
+ * when it is first needed.
  */
 
 import { Group, Vector3, type WebGLRenderer } from "three";
-import type { Belief, News, Run, Vec3 } from "../data/run.ts";
-import { Detail, type Progress } from "./detail.ts";
-import type { Common } from "./glsl.ts";
-import { modelOf, type Model } from "./model.ts";
-import { Pieces, type Piece } from "./ribbons.ts";
+import type { Belief, RunUpdate, Run, Vec3 } from "../data/run.ts";
+import { DetailLevel, type Progress } from "./detail-level.ts";
+import type { SharedUniforms } from "./glsl.ts";
+import { blockModelOf, type BlockModel } from "./block-model.ts";
+import { Segments, type Segment } from "./ribbons.ts";
 import type { View } from "./view.ts";
 
-/** Maps with more cells are drawn in blocks of them: 256 along each axis. */
+/** Maps with more cells are drawn in blocks: 256 along each axis. */
 const BLOCKS_MAX = 2 ** 24;
 /** Likewise in coarse detail: 64 along each axis. */
 const COARSE_BLOCKS_MAX = 2 ** 18;
 
 export class Cave {
   readonly root = new Group();
-  /** What cannot be shown of this map, for people. */
+  /** Limitations in showing this map, for people. */
   readonly notices: readonly string[];
-  /** The middle of what is open, and how far it reaches along each axis; metres. */
+  /** Centre and extent of the free space, metres. */
   readonly middle: Vec3;
   readonly extentM: Vec3;
-  readonly #full: Model;
-  /** Where everything is drawn in full it is never made. */
-  #coarse: Model | null = null;
-  readonly #details = new Map<Model, Detail>();
-  readonly #frame: Pieces;
+  readonly #full: BlockModel;
+  /** Never built where everything is drawn in full detail. */
+  #coarse: BlockModel | null = null;
+  readonly #details = new Map<BlockModel, DetailLevel>();
+  readonly #frame: Segments;
   #belief: Belief | null = null;
   #hasForeground = false;
 
   constructor(
     readonly run: Run,
-    readonly common: Common,
+    readonly common: SharedUniforms,
     readonly edgeMax: number,
   ) {
     const { terrain } = run;
-    this.#full = modelOf(terrain, BLOCKS_MAX, edgeMax);
+    this.#full = blockModelOf(terrain, BLOCKS_MAX, edgeMax);
     const { step } = this.#full;
     this.notices =
-      step === 1 ? [] : [`The map is large: it is drawn in blocks of ${step} cells along each edge.`];
+      step === 1 ? [] : [`The map is large: it is drawn in blocks of ${step} x ${step} x ${step} cells.`];
     const { cellM } = terrain;
     const [low, high] = boundsOf(terrain.walls, terrain.size);
     this.middle = low.map((value, axis) => ((value + high[axis]!) / 2) * cellM) as Vec3;
     this.extentM = low.map((value, axis) => (high[axis]! - value) * cellM) as Vec3;
-    this.#frame = new Pieces(common, 0, 3);
+    this.#frame = new Segments(common, 0, 3);
     this.#frame.show(
       frameOf(low.map((value) => value * cellM) as Vec3, high.map((value) => value * cellM) as Vec3),
     );
     this.root.add(...this.#frame.meshes);
   }
 
-  learn(news: News): void {
-    for (const detail of this.#details.values()) detail.learn(news);
+  markChanged(update: RunUpdate): void {
+    for (const detail of this.#details.values()) detail.markChanged(update);
   }
 
-  /** What the walls are to be compared with, or null. */
+  /** Sets the belief that the walls are compared with, or null. */
   setBelief(belief: Belief | null): void {
     this.#belief = belief;
     for (const detail of this.#details.values()) detail.setBelief(belief);
   }
 
-  /** Makes what the full picture of a moment is lacking, as far as the budget goes. Returns whether nothing is missing. */
+  /**
+   * Builds missing parts of the full-detail frame within the time budget. Returns whether nothing
+   * is missing.
+   */
   prepare(tick: number, view: View, budgetMs: number): boolean {
-    return this.#detail(this.#full).make(tick, view, budgetMs).isRight;
+    return this.#detail(this.#full).make(tick, view, budgetMs).isComplete;
   }
 
-  /** Makes the picture of a moment as far as the budget goes. Until the full cave has all its walls, a coarse one stands in for it. */
+  /**
+   * Prepares the frame of a tick within the time budget. A coarse cave stands in until the full one
+   * has all its walls.
+   */
   show(
     renderer: WebGLRenderer,
     tick: number,
@@ -77,39 +84,41 @@ export class Cave {
     { budgetMs, isCoarse }: { readonly budgetMs: number; readonly isCoarse: boolean },
   ): Progress {
     let shown = this.#detail(isCoarse ? this.#coarseModel() : this.#full);
-    let { made, isRight } = shown.make(tick, view, budgetMs);
+    let { built, isComplete } = shown.make(tick, view, budgetMs);
     const standIn = this.#coarse === null ? undefined : this.#details.get(this.#coarse);
     if (!shown.hasWalls && standIn !== undefined) {
-      isRight = false;
-      made += standIn.make(tick, view, budgetMs).made;
+      isComplete = false;
+      built += standIn.make(tick, view, budgetMs).built;
       shown = standIn;
     }
     for (const detail of this.#details.values()) detail.group.visible = detail === shown;
     this.#setCut(view);
     shown.show(renderer, view, view.cut.share < 1 || this.#hasForeground);
-    return { made, isRight };
+    return { built, isComplete };
   }
 
-  /** Leaves out what stands between the eye and the rock that is nearest to a place it looks at, or, with null, nothing; metres. */
-  clearSight(eye: Vec3, place: Vec3 | null): void {
+  /**
+   * Cuts away the rock between the camera and a position that it follows, metres; null: nothing.
+   */
+  setForegroundCut(eye: Vec3, position: Vec3 | null): void {
     const { value } = this.common.foreground;
-    const share = place === null ? 1 : this.#freeShare(place, eye);
+    const share = position === null ? 1 : this.#freeShare(position, eye);
     this.#hasForeground = share < 1;
     value.set(0, 0, 0, -1);
-    if (place === null || share === 1) return;
-    const towards = new Vector3(...eye).sub(new Vector3(...place));
+    if (position === null || share === 1) return;
+    const towards = new Vector3(...eye).sub(new Vector3(...position));
     const lengthM = towards.length();
     towards.divideScalar(lengthM);
-    value.set(towards.x, towards.y, towards.z, -towards.dot(new Vector3(...place)) - share * lengthM);
+    value.set(towards.x, towards.y, towards.z, -towards.dot(new Vector3(...position)) - share * lengthM);
   }
 
-  /** How far one gets from a place towards another one before there is rock, as a share of the way; 1: all the way. */
+  /** Share of the line between two positions that is free, from its start; 1: all of it. */
   #freeShare(from: Vec3, to: Vec3): number {
     const { size, cellM, walls } = this.run.terrain;
-    const way = to.map((value, axis) => (value - from[axis]!) / cellM);
-    const steps = Math.ceil(Math.hypot(...way) * SIGHT_STEPS_PER_CELL);
+    const line = to.map((value, axis) => (value - from[axis]!) / cellM);
+    const steps = Math.ceil(Math.hypot(...line) * SIGHT_STEPS_PER_CELL);
     for (let step = 1; step <= steps; step++) {
-      const cell = way.map((part, axis) => Math.floor(from[axis]! / cellM + (part * step) / steps));
+      const cell = line.map((part, axis) => Math.floor(from[axis]! / cellM + (part * step) / steps));
       const isInside = cell.every((value, axis) => value >= 0 && value < size[axis]!);
       if (!isInside || walls[(cell[2]! * size[1] + cell[1]!) * size[0] + cell[0]!] !== 0)
         return (step - 1) / steps;
@@ -122,18 +131,18 @@ export class Cave {
     this.#frame.dispose();
   }
 
-  #coarseModel(): Model {
+  #coarseModel(): BlockModel {
     if (this.#coarse === null) {
-      const coarse = modelOf(this.run.terrain, COARSE_BLOCKS_MAX, this.edgeMax);
+      const coarse = blockModelOf(this.run.terrain, COARSE_BLOCKS_MAX, this.edgeMax);
       this.#coarse = coarse.step === this.#full.step ? this.#full : coarse;
     }
     return this.#coarse;
   }
 
-  #detail(model: Model): Detail {
+  #detail(model: BlockModel): DetailLevel {
     let detail = this.#details.get(model);
     if (detail === undefined) {
-      detail = new Detail(this.run, model, this.common);
+      detail = new DetailLevel(this.run, model, this.common);
       detail.setBelief(this.#belief);
       this.#details.set(model, detail);
       this.root.add(detail.group);
@@ -150,13 +159,13 @@ export class Cave {
   }
 }
 
-/** How finely a line of sight is followed. */
+/** Sampling of the line of sight. */
 const SIGHT_STEPS_PER_CELL = 8;
 
-/** Faces that lie in the plane of a cut go with what is beyond it; cells. */
+/** Offset of the cut plane, cells: faces in the plane belong to the part that is cut away. */
 const CUT_SLACK = 0.002;
 
-/** The lowest and the highest corner of the box around all free cells, in cells; the whole map if there are none. */
+/** Bounding box of all free cells, in cells; the whole map if there are none. */
 function boundsOf(walls: Uint8Array, size: Vec3): [Vec3, Vec3] {
   const low: Vec3 = [...size];
   const high: Vec3 = [0, 0, 0];
@@ -178,14 +187,14 @@ function boundsOf(walls: Uint8Array, size: Vec3): [Vec3, Vec3] {
 }
 
 /** The twelve edges of a box, faint. */
-function frameOf(low: Vec3, high: Vec3): Piece[] {
+function frameOf(low: Vec3, high: Vec3): Segment[] {
   const corner = (bits: number): Vec3 =>
     [0, 1, 2].map((axis) => ((bits >> axis) & 1 ? high : low)[axis]!) as Vec3;
-  const pieces: Piece[] = [];
+  const segments: Segment[] = [];
   for (let axis = 0; axis < 3; axis++) {
     for (let bits = 0; bits < 8; bits++) {
       if ((bits >> axis) & 1) continue;
-      pieces.push({
+      segments.push({
         from: corner(bits),
         to: corner(bits | (1 << axis)),
         colour: [0.55, 0.65, 0.8],
@@ -195,5 +204,5 @@ function frameOf(low: Vec3, high: Vec3): Piece[] {
       });
     }
   }
-  return pieces;
+  return segments;
 }

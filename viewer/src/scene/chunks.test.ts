@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { NEVER } from "../data/run.ts";
-import { Clocks, Grid, type Size } from "./chunks.ts";
+import { ChunkStaleness, Grid, type Size } from "./chunks.ts";
 import { DIRECTIONS } from "./mesher.ts";
 import { randomNumbers } from "./testing.ts";
 
@@ -20,7 +20,7 @@ function chunkOf(grid: Grid, [x, y, z]: readonly number[]): number {
 describe("a grid of chunks", () => {
   const grid = new Grid(SIZE, EDGE);
 
-  it("tells which chunks a cell touches", () => {
+  it("finds the chunks that a cell touches", () => {
     for (let cell = 0; cell < CELLS; cell++) {
       const at = place(cell);
       const expected = new Set([chunkOf(grid, at)]);
@@ -35,7 +35,7 @@ describe("a grid of chunks", () => {
     }
   });
 
-  it("fills a chunk with its cells and the border around it", () => {
+  it("fills a chunk and its border", () => {
     const next = randomNumbers(3);
     const isIn = Array.from({ length: CELLS }, () => next() < 0.3);
     const row = EDGE + 2;
@@ -59,8 +59,8 @@ describe("a grid of chunks", () => {
   });
 });
 
-describe("the clocks of chunks", () => {
-  /** What a chunk and its border look like at a tick. */
+describe("chunk staleness", () => {
+  /** The set cells of a chunk and its border at a tick. */
   function look(grid: Grid, chunk: number, times: Uint32Array, tick: number): string {
     const seen: number[] = [];
     for (let cell = 0; cell < times.length; cell++) {
@@ -69,7 +69,7 @@ describe("the clocks of chunks", () => {
     return seen.join();
   }
 
-  it.each([1, 2, 3])("have a chunk made again exactly if it looks different (seed %i)", (seed) => {
+  it.each([1, 2, 3])("a chunk is stale exactly if it looks different (seed %i)", (seed) => {
     const next = randomNumbers(seed);
     const grid = new Grid(SIZE, EDGE);
     const times = new Uint32Array(CELLS).fill(NEVER);
@@ -81,7 +81,7 @@ describe("the clocks of chunks", () => {
       return cells;
     };
     drawCells(12);
-    const clocks = new Clocks(grid, times, () => true);
+    const clocks = new ChunkStaleness(grid, times, () => true);
     const drawn: (string | undefined)[] = Array.from({ length: grid.chunks });
     const drawnFor: number[] = [];
     let kept = 0;
@@ -92,13 +92,13 @@ describe("the clocks of chunks", () => {
         expect(clocks.isStale(chunk, tick)).toBe(drawn[chunk] !== now);
         if (drawn[chunk] === now) kept++;
         else if (next() < 0.3) continue;
-        clocks.made(chunk, tick);
+        clocks.markBuilt(chunk, tick);
         drawn[chunk] = now;
         drawnFor[chunk] = tick;
       }
       const cells = drawCells(3);
-      clocks.learn(cells);
-      // What was drawn without a cell that it should have shown counts as not drawn.
+      clocks.markChanged(cells);
+      // A chunk that was built before a cell became known that it should show counts as not built.
       for (const cell of cells) {
         grid.forTouched(cell, (chunk) => {
           if (times[cell]! <= drawnFor[chunk]!) drawn[chunk] = undefined;
@@ -108,13 +108,13 @@ describe("the clocks of chunks", () => {
     expect(kept).toBeGreaterThan(100);
   });
 
-  it("do not regard cells that do not count", () => {
+  it("ignores cells that do not count", () => {
     const grid = new Grid(SIZE, EDGE);
     const times = new Uint32Array(CELLS).fill(NEVER);
-    const clocks = new Clocks(grid, times, (cell) => cell !== 5);
-    clocks.made(1, 100);
+    const clocks = new ChunkStaleness(grid, times, (cell) => cell !== 5);
+    clocks.markBuilt(1, 100);
     times[5] = 50;
-    clocks.learn([5]);
+    clocks.markChanged([5]);
     expect(clocks.isStale(1, 100)).toBe(false);
     expect(clocks.isStale(1, 10)).toBe(false);
   });

@@ -1,16 +1,16 @@
 /**
- * The map cut into cubes, and when what lies in each of them changes.
+ * Partition of the map into cubic chunks, and which of them are stale.
  *
- * What is drawn of a chunk at a moment depends on which of its cells, and of the cells just beyond its faces, have a time at or
- * before that moment. So a chunk has to be made again exactly if one of these times lies between the moment it was made for and the
- * one that is asked, or if one of them that is not later than the former became known since.
+ * What a chunk looks like at a tick depends on which of its cells, and of the cells just beyond its
+ * faces, have a time up to that tick. So it is stale exactly if one of these times lies between the
+ * tick it was built for and the requested one, or if a time up to the former became known since.
  */
 
 import { NEVER } from "../data/run.ts";
 
 export type Size = readonly [number, number, number];
 
-/** How a map is cut: chunks are numbered like cells, x fastest. */
+/** The partition; chunks are numbered like cells, x fastest. */
 export class Grid {
   readonly counts: Size;
   readonly chunks: number;
@@ -32,7 +32,10 @@ export class Grid {
     return [x * this.edge, y * this.edge, z * this.edge];
   }
 
-  /** Calls back for the chunk of a cell, and for each chunk that has the cell in its border (a neighbour across a face). */
+  /**
+   * Calls back for the chunk of a cell, and for each chunk that has the cell in its border (a
+   * neighbour across a face).
+   */
   forTouched(cell: number, callback: (chunk: number) => void): void {
     const { size, edge, counts } = this;
     const x = cell % size[0];
@@ -52,8 +55,8 @@ export class Grid {
   }
 
   /**
-   * Fills `padded` (see `Block`) for a chunk: 1 where `contains` says so of the number of a cell, 0 elsewhere and outside the map.
-   * Returns whether any cell of the chunk itself is in the set.
+   * Fills `padded` (see `Block`) for a chunk: 1 for cells in the set, 0 for others and outside the
+   * map. Returns whether any cell of the chunk itself is in the set.
    */
   fill(chunk: number, padded: Uint8Array, contains: (cell: number) => boolean): boolean {
     const { size, edge } = this;
@@ -81,16 +84,16 @@ export class Grid {
   }
 }
 
-/** The times at which something changes in a chunk, without repetition, and the moment it was made for. */
+/** The distinct times of the cells of a chunk, ascending, and the tick it was built for. */
 interface Clock {
   ticks: Uint32Array;
   count: number;
-  /** -1: it was never made, or what became known since concerns it. */
-  madeFor: number;
+  /** -1: never built, or invalidated by a time that became known since. */
+  builtFor: number;
 }
 
-/** Which chunks have to be made again. Only cells that `counts` says so of are regarded. */
-export class Clocks {
+/** Tracks which chunks must be rebuilt. Only cells accepted by `counts` matter. */
+export class ChunkStaleness {
   readonly #clocks: Clock[];
 
   constructor(
@@ -106,37 +109,37 @@ export class Clocks {
     }
     this.#clocks = sets.map((set) => {
       const ticks = Uint32Array.from(set).sort();
-      return { ticks, count: ticks.length, madeFor: -1 };
+      return { ticks, count: ticks.length, builtFor: -1 };
     });
   }
 
-  /** The times of these cells have become known, or earlier than they were. */
-  learn(cells: Iterable<number>): void {
+  /** The times of these cells have become known, or earlier than before. */
+  markChanged(cells: Iterable<number>): void {
     for (const cell of cells) {
       const tick = this.times[cell]!;
       if (tick === NEVER || !this.counts(cell)) continue;
       this.grid.forTouched(cell, (chunk) => {
         const clock = this.#clocks[chunk]!;
         insert(clock, tick);
-        if (tick <= clock.madeFor) clock.madeFor = -1;
+        if (tick <= clock.builtFor) clock.builtFor = -1;
       });
     }
   }
 
-  /** Whether what was made of a chunk is not what it looks like at `tick`. */
+  /** Whether a chunk looks different at `tick` than it was built. */
   isStale(chunk: number, tick: number): boolean {
     const clock = this.#clocks[chunk]!;
-    if (clock.madeFor < 0) return true;
-    return countUpTo(clock, clock.madeFor) !== countUpTo(clock, tick);
+    if (clock.builtFor < 0) return true;
+    return countUpTo(clock, clock.builtFor) !== countUpTo(clock, tick);
   }
 
-  /** The chunk was made for `tick`. */
-  made(chunk: number, tick: number): void {
-    this.#clocks[chunk]!.madeFor = tick;
+  /** Records that a chunk was built for `tick`. */
+  markBuilt(chunk: number, tick: number): void {
+    this.#clocks[chunk]!.builtFor = tick;
   }
 }
 
-/** How many of the times are not later than `tick`. */
+/** Number of times up to `tick`. */
 function countUpTo(clock: Clock, tick: number): number {
   let [low, high] = [0, clock.count];
   while (low < high) {

@@ -4,14 +4,14 @@ import { agentColour, agentRgb, fromHex, heatRgb } from "./colours.ts";
 describe("colours of agents", () => {
   const ids = Array.from({ length: 27 }, (_, id) => id);
 
-  it("are CSS colours that the scene reads back", () => {
+  it("are CSS colours that parse back", () => {
     for (const id of ids) {
       expect(agentColour(id)).toMatch(/^#[0-9a-f]{6}$/);
       expect(agentRgb(id)).toEqual(fromHex(agentColour(id)));
     }
   });
 
-  it("differ, and are bright enough for a dark ground", () => {
+  it("are distinct, and bright enough for a dark background", () => {
     for (const a of ids) {
       const [red, green, blue] = agentRgb(a);
       expect(0.2126 * red ** 2.2 + 0.7152 * green ** 2.2 + 0.0722 * blue ** 2.2).toBeGreaterThan(0.12);
@@ -24,7 +24,7 @@ describe("colours of agents", () => {
 });
 
 describe("colours of time", () => {
-  it("get lighter all the way, and go no further than the ends", () => {
+  it("increase in lightness and are clamped", () => {
     const lightness = Array.from({ length: 51 }, (_, step) => {
       const [red, green, blue] = heatRgb(step / 50);
       return 0.2126 * red ** 2.2 + 0.7152 * green ** 2.2 + 0.0722 * blue ** 2.2;

@@ -1,12 +1,13 @@
 /**
  * Colours of agents and of time.
  *
- * An agent has the same colour in the scene and in the panels. The first eight are those of Okabe and Ito, which people with any kind
- * of colour vision can tell apart, made lighter for a dark ground. The next ones are as far from each other as they
- * can be, the brightest first; beyond 27 they follow the golden angle around the circle of hues.
+ * An agent has the same colour in the scene and in the panels. The first eight are those of Okabe
+ * and Ito, distinguishable with any kind of colour vision, made lighter for a dark background. The
+ * next ones are as far apart as possible, the brightest first; beyond 27 they follow the golden
+ * angle around the hue circle.
  */
 
-/** Red, green and blue as they are shown (sRGB), 0 to 1. */
+/** sRGB components, 0 to 1. */
 export type Rgb = readonly [number, number, number];
 
 const FIRST: readonly string[] = [
@@ -18,7 +19,7 @@ const FIRST: readonly string[] = [
 
 const GOLDEN_ANGLE_DEG = 137.50776405003785;
 
-/** Red, green and blue of a colour written `#rrggbb`. */
+/** Parses `#rrggbb`. */
 export function fromHex(hex: string): Rgb {
   const value = Number.parseInt(hex.slice(1), 16);
   return [((value >> 16) & 255) / 255, ((value >> 8) & 255) / 255, (value & 255) / 255];
@@ -33,7 +34,7 @@ function toHex(colour: Rgb): string {
   return `#${channels.join("")}`;
 }
 
-/** A hue in degrees with a saturation and a lightness between 0 and 1. */
+/** Hue in degrees, saturation and lightness 0 to 1. */
 function fromHsl(hueDeg: number, saturation: number, lightness: number): Rgb {
   const amplitude = saturation * Math.min(lightness, 1 - lightness);
   const channel = (offset: number): number => {
@@ -43,7 +44,7 @@ function fromHsl(hueDeg: number, saturation: number, lightness: number): Rgb {
   return [channel(0), channel(8), channel(4)];
 }
 
-/** CSS colour of an agent, `#rrggbb`, the same in the scene and in the panels. */
+/** CSS colour of an agent, `#rrggbb`. */
 export function agentColour(id: number): string {
   const first = FIRST[id];
   if (first !== undefined) return first;
@@ -52,12 +53,12 @@ export function agentColour(id: number): string {
   return toHex(fromHsl((25 + step * GOLDEN_ANGLE_DEG) % 360, 0.78, lightness));
 }
 
-/** The same as three shares. */
+/** The same as components. */
 export function agentRgb(id: number): Rgb {
   return fromHex(agentColour(id));
 }
 
-/** Early to late: violet, blue, green, yellow (the map "viridis" with a lighter beginning). */
+/** Early to late: violet, blue, green, yellow ("viridis" with a lighter start). */
 const HEAT: readonly Rgb[] = [
   "#5b3a9e",
   "#4a5fb4",
@@ -69,10 +70,10 @@ const HEAT: readonly Rgb[] = [
   "#fdf04a",
 ].map(fromHex);
 
-/** The colour of a share of the time shown, 0 (the beginning) to 1, as the walls have it in the layer `heat`. */
+/** Colour of a share of the duration, 0 (the start) to 1, as the layer `heat` shows it. */
 export function heatRgb(share: number): Rgb {
-  const place = Math.min(Math.max(share, 0), 1) * (HEAT.length - 1);
-  const low = Math.min(Math.floor(place), HEAT.length - 2);
-  const [a, b, rest] = [HEAT[low]!, HEAT[low + 1]!, place - low];
+  const scaled = Math.min(Math.max(share, 0), 1) * (HEAT.length - 1);
+  const low = Math.min(Math.floor(scaled), HEAT.length - 2);
+  const [a, b, rest] = [HEAT[low]!, HEAT[low + 1]!, scaled - low];
   return [a[0] + (b[0] - a[0]) * rest, a[1] + (b[1] - a[1]) * rest, a[2] + (b[2] - a[2]) * rest];
 }

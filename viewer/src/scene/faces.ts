@@ -1,8 +1,9 @@
 /**
- * Rectangles of a mesher as something that three.js draws.
+ * Meshes of the mesher's rectangles for three.js.
  *
- * All geometries share one list of indices, so each is just its corners. The shaders find the number of a corner in `gl_VertexID`.
- * Of each chunk only the directions are drawn that can be seen from the eye.
+ * All geometries share one index buffer, so each consists of its corners only. Shaders derive the
+ * corner number from `gl_VertexID`. Only face directions that can be visible from the camera are
+ * drawn.
  */
 
 import {
@@ -15,10 +16,10 @@ import {
   type RawShaderMaterial,
 } from "three";
 import type { Size } from "./chunks.ts";
-import { hollowsAt, type Hollows } from "./hollows.ts";
+import { occlusionAt, type AmbientOcclusion } from "./ambient-occlusion.ts";
 import { CORNERS, FACING_ORDER, NUMBERS_PER_CORNER, type Surface } from "./mesher.ts";
 
-/** Indices of as many rectangles as the largest geometry has. */
+/** The index buffer, as large as the largest geometry needs. */
 export class QuadIndex {
   #attribute = new Uint32BufferAttribute(quadIndices(1024), 1);
 
@@ -31,7 +32,7 @@ export class QuadIndex {
   }
 }
 
-/** Two triangles for each four corners. */
+/** Two triangles per four corners. */
 export function quadIndices(quads: number): Uint32Array {
   const indices = new Uint32Array(quads * 6);
   for (let quad = 0; quad < quads; quad++) {
@@ -41,23 +42,23 @@ export function quadIndices(quads: number): Uint32Array {
   return indices;
 }
 
-/** A surface with the light of its hollows as attributes; several meshes may draw it. */
+/** A surface with its ambient occlusion as vertex attributes; several meshes may draw it. */
 export class Faces {
   readonly #attributes: Readonly<Record<string, BufferAttribute>>;
 
-  /** The surface lies between two corners, in cells. */
+  /** `low` and `high` bound the surface, in cells. */
   constructor(
     readonly surface: Surface,
-    hollows: Hollows,
+    occlusion: AmbientOcclusion,
     readonly index: QuadIndex,
     readonly low: Size,
     readonly high: Size,
   ) {
-    const { each, mean } = hollowsAt(hollows, surface.corners);
+    const { each, mean } = occlusionAt(occlusion, surface.corners);
     this.#attributes = {
       corner: new BufferAttribute(surface.corners, NUMBERS_PER_CORNER),
-      hollow: new BufferAttribute(each, 4, true),
-      hollowMean: new BufferAttribute(mean, 4, true),
+      occlusion: new BufferAttribute(each, 4, true),
+      occlusionMean: new BufferAttribute(mean, 4, true),
     };
   }
 
@@ -71,11 +72,11 @@ export class Faces {
   }
 }
 
-/** Faces that look at the eye, or those that look away from it. */
+/** Mesh of the faces that look at the camera, or of those that look away from it. */
 export class FacesMesh {
   readonly mesh: Mesh<BufferGeometry, RawShaderMaterial[]>;
   #faces: Faces;
-  /** Which directions are drawn, one bit each. */
+  /** Bit set of the directions drawn. */
   #drawn = -1;
 
   constructor(
@@ -87,21 +88,21 @@ export class FacesMesh {
     this.mesh = new Mesh(faces.geometry(), [material]);
   }
 
-  /** Draws other faces from here on. */
+  /** Draws other faces from now on. */
   replace(faces: Faces): void {
     this.#faces = faces;
     this.#drawn = -1;
-    this.free();
+    this.dispose();
     this.mesh.geometry = faces.geometry();
   }
 
-  /** Draws what can be seen from the eye, a place in cells. */
-  aim(eye: Vector3): void {
+  /** Selects the directions that can be visible from a camera position in cells. */
+  selectFacing(eye: Vector3): void {
     const { low, high, surface } = this.#faces;
     let drawn = 0;
     for (let axis = 0; axis < 3; axis++) {
-      const place = eye.getComponent(axis);
-      const [isAbove, isBelow] = [place > low[axis]!, place < high[axis]!];
+      const coordinate = eye.getComponent(axis);
+      const [isAbove, isBelow] = [coordinate > low[axis]!, coordinate < high[axis]!];
       if (this.looksAway ? isBelow : isAbove) drawn |= 1 << (2 * axis);
       if (this.looksAway ? isAbove : isBelow) drawn |= 2 << (2 * axis);
     }
@@ -111,11 +112,11 @@ export class FacesMesh {
     geometry.clearGroups();
     let from = 0;
     let to = 0;
-    for (const [place, facing] of FACING_ORDER.entries()) {
-      const end = surface.ends[place]!;
+    for (const [slot, facing] of FACING_ORDER.entries()) {
+      const end = surface.ends[slot]!;
       const isDrawn = ((drawn >> facing) & 1) === 1;
       if (isDrawn) to = end;
-      if (!isDrawn || place === FACING_ORDER.length - 1) {
+      if (!isDrawn || slot === FACING_ORDER.length - 1) {
         if (to > from) geometry.addGroup(from * 6, (to - from) * 6, 0);
         from = end;
         to = end;
@@ -123,8 +124,8 @@ export class FacesMesh {
     }
   }
 
-  /** Frees the geometry, but not the indices that others use. */
-  free(): void {
+  /** Disposes of the geometry, but not of the shared index buffer. */
+  dispose(): void {
     this.mesh.geometry.setIndex(null);
     this.mesh.geometry.dispose();
   }

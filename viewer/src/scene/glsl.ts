@@ -1,35 +1,39 @@
 /**
- * Parts of shaders that several layers share, and the values that all of them read.
+ * Shared shader code, and the uniforms that all materials read.
  *
- * Colours are mixed as squares of what is shown, which is close to how light adds up, and `shown` takes the root at the end.
+ * Colours are mixed as squares of sRGB, an approximation of linear light; `shown` takes the root at
+ * the end.
  */
 
 import { Vector2, Vector3, Vector4, type IUniform, type RawShaderMaterial } from "three";
 
-/** Values that belong to the picture rather than to a layer; one set for a scene, which all materials hold. */
-export interface Common {
+/** Uniforms of the frame rather than of a layer; one set per scene, shared by all materials. */
+export interface SharedUniforms {
   readonly [name: string]: IUniform;
-  /** Tick of the moment that is shown. */
+  /** Tick of the frame. */
   readonly nowTick: IUniform<number>;
-  /** Towards the main light, unit, metres. */
+  /** Unit vector to the main light. */
   readonly light: IUniform<Vector3>;
-  /** The eye, metres. */
+  /** Camera position, metres. */
   readonly eye: IUniform<Vector3>;
-  /** Distance at which the haze begins, and one over the way on which it grows; metres. */
+  /**
+   * Distance at which the haze begins, metres, and the reciprocal of the distance over which it
+   * grows.
+   */
   readonly haze: IUniform<Vector2>;
-  /** A place is cut off where the product with (x, y, z, 1) is above 0; metres. */
+  /** Clip plane: positions are cut away where the product with (x, y, z, 1) is positive; metres. */
   readonly cut: IUniform<Vector4>;
-  /** Likewise, for what stands between the eye and what it follows. */
+  /** Likewise, for the rock between the camera and the agent that it follows. */
   readonly foreground: IUniform<Vector4>;
-  /** Picture's width and height in its own pixels. */
-  readonly picture: IUniform<Vector2>;
-  /** Metres that a pixel spans at a metre's distance. */
+  /** Width and height of the frame buffer, pixels. */
+  readonly frameSize: IUniform<Vector2>;
+  /** Size of a pixel at a distance of one metre, metres. */
   readonly pixelM: IUniform<number>;
-  /** Pixels of the picture for each CSS pixel. */
+  /** Frame buffer pixels per CSS pixel. */
   readonly pixelRatio: IUniform<number>;
 }
 
-export function makeCommon(): Common {
+export function makeSharedUniforms(): SharedUniforms {
   return {
     nowTick: { value: 0 },
     light: { value: new Vector3(0, 0, 1) },
@@ -37,14 +41,14 @@ export function makeCommon(): Common {
     haze: { value: new Vector2(0, 0) },
     cut: { value: new Vector4(0, 0, 0, -1) },
     foreground: { value: new Vector4(0, 0, 0, -1) },
-    picture: { value: new Vector2(1, 1) },
+    frameSize: { value: new Vector2(1, 1) },
     pixelM: { value: 0.001 },
     pixelRatio: { value: 1 },
   };
 }
 
-/** Compiles a material with these definitions if it has not got them. */
-export function define(material: RawShaderMaterial, names: readonly string[]): void {
+/** Sets the defines of a material, which recompiles it if they have changed. */
+export function setDefines(material: RawShaderMaterial, names: readonly string[]): void {
   if (Object.keys(material.defines ?? {}).join() === names.join()) return;
   material.defines = Object.fromEntries(names.map((name) => [name, 1]));
   material.needsUpdate = true;
@@ -61,7 +65,7 @@ uniform vec3 eye;
 uniform vec2 haze;
 uniform vec4 cut;
 uniform vec4 foreground;
-uniform vec2 picture;
+uniform vec2 frameSize;
 uniform float pixelM;
 uniform float pixelRatio;
 `;
@@ -71,11 +75,11 @@ uniform mat4 modelMatrix;
 uniform mat4 viewMatrix;
 uniform mat4 modelViewMatrix;
 uniform mat4 projectionMatrix;
-// How much of the haze lies before a place.
+// Share of the haze in front of a position.
 float hazinessAt(float distanceM) { return 0.72 * clamp((distanceM - haze.x) * haze.y, 0.0, 1.0); }
 `;
 
-/** What faces of cells need in both shaders: the normals by number of direction. */
+/** Normals of cell faces by direction number. */
 export const NORMALS = /* glsl */ `
 const vec3 NORMALS[6] = vec3[6](
   vec3(1, 0, 0), vec3(-1, 0, 0), vec3(0, 1, 0), vec3(0, -1, 0), vec3(0, 0, 1), vec3(0, 0, -1));
@@ -86,5 +90,5 @@ out vec4 colour;
 const vec3 HAZE = vec3(0.0026, 0.0042, 0.0078);
 vec3 square(vec3 c) { return c * c; }
 vec3 shown(vec3 c) { return sqrt(c); }
-bool isCut(vec3 placeM) { return max(dot(cut, vec4(placeM, 1.0)), dot(foreground, vec4(placeM, 1.0))) > 0.0; }
+bool isCut(vec3 positionM) { return max(dot(cut, vec4(positionM, 1.0)), dot(foreground, vec4(positionM, 1.0))) > 0.0; }
 `;

@@ -1,9 +1,7 @@
-/**
- * What the browser draws with.
- */
+/** Capabilities of the browser's graphics. */
 
-/** Whether WebGL is computed by the processor, as far as the browser tells. */
-export function isSoftware(): boolean {
+/** Whether WebGL is rendered by the CPU, as far as the browser reveals it. */
+export function isSoftwareRenderer(): boolean {
   const gl = new OffscreenCanvas(1, 1).getContext("webgl2");
   if (gl === null) return false;
   const info = gl.getExtension("WEBGL_debug_renderer_info");

@@ -10,7 +10,7 @@ function randomBlock(seed: number, share: number): Uint8Array {
   return Uint8Array.from({ length: ROW ** 3 }, () => (next() < share ? 1 : 0));
 }
 
-/** Each unit face of a surface as text: the cell that it belongs to, counted from the origin, and where it faces. */
+/** Each unit face of a surface as text: its cell, relative to the origin, and its direction. */
 function unitFaces(surface: Surface, origin: readonly number[], inward: boolean): string[] {
   const faces: string[] = [];
   const { corners } = surface;
@@ -68,7 +68,7 @@ describe("the surface of a set of cells", () => {
     expect(unitFaces(surface, origin, inward).sort()).toEqual(naiveFaces(padded, inward).sort());
   });
 
-  it("merges a flat wall into one rectangle, or into pieces that are not too long", () => {
+  it("merges a flat wall into one rectangle, or pieces of limited length", () => {
     const padded = new Uint8Array(ROW ** 3);
     for (let z = 0; z < 3; z++) padded.fill(1, z * ROW * ROW, (z + 1) * ROW * ROW);
     const block = { edge: EDGE, origin, padded };
@@ -76,7 +76,7 @@ describe("the surface of a set of cells", () => {
     expect(new Mesher(3).surface(block, false).corners.length).toBe(9 * CORNERS * NUMBERS_PER_CORNER);
   });
 
-  it("turns anticlockwise seen from where it faces", () => {
+  it("winds counterclockwise seen from the front", () => {
     const padded = randomBlock(7, 0.4);
     for (const inward of [false, true]) {
       const { corners } = new Mesher(32).surface({ edge: EDGE, origin, padded }, inward);

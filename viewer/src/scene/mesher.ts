@@ -1,18 +1,20 @@
 /**
- * The surface of a set of cells within a cube, as few rectangles.
+ * Greedy mesher: the surface of a set of cells within a cube, as few rectangles.
  *
- * A face lies between a cell of the set and a neighbour that is not in it. Faces of the same direction in the same plane are merged
- * greedily, first along the lower axis, then along the higher one, always from the lowest cell on: the same set gives the same
- * rectangles in the same order.
+ * A face lies between a cell of the set and a neighbour outside it. Coplanar faces of the same
+ * direction are merged greedily, first along the lower axis, then along the higher one, starting at
+ * the lowest cell: the same set gives the same rectangles in the same order.
  */
 
-/** Numbers of each corner of a rectangle: x, y, z in cells, and the direction that it faces. */
+/** Numbers per corner: x, y, z in cells, and the direction of the face. */
 export const NUMBERS_PER_CORNER = 4;
-/** Corners of a rectangle, anticlockwise seen from where it faces; two triangles are 0 1 2 and 0 2 3. */
+/**
+ * Corners of a rectangle, counterclockwise seen from the front; the triangles are 0 1 2 and 0 2 3.
+ */
 export const CORNERS = 4;
 const NUMBERS_PER_QUAD = NUMBERS_PER_CORNER * CORNERS;
 
-/** Directions that a rectangle may face, in the order of their numbers: +x, -x, +y, -y, +z, -z. */
+/** Face directions by number: +x, -x, +y, -y, +z, -z. */
 export const DIRECTIONS: readonly (readonly [number, number, number])[] = [
   [1, 0, 0],
   [-1, 0, 0],
@@ -22,34 +24,38 @@ export const DIRECTIONS: readonly (readonly [number, number, number])[] = [
   [0, 0, -1],
 ];
 
-/** The order in which rectangles come, by where they face. One looks at three of the six, of which two are then often next to each other. */
+/**
+ * Order of the rectangles by direction. A camera sees three of the six, two of which are then often
+ * adjacent.
+ */
 export const FACING_ORDER: readonly number[] = [0, 1, 3, 2, 4, 5];
 
 /** Rectangles. */
 export interface Surface {
   /** `NUMBERS_PER_CORNER` numbers for each of the `CORNERS` of each rectangle. */
   readonly corners: Uint16Array;
-  /** How many rectangles there are up to the end of each direction of `FACING_ORDER`. */
+  /** Number of rectangles up to the end of each direction of `FACING_ORDER`. */
   readonly ends: readonly number[];
 }
 
-/** A part of the map that is meshed at once: a cube of `edge` cells whose lowest one is `origin`. */
+/** A cube of `edge` cells that is meshed at once; `origin` is its lowest cell. */
 export interface Block {
   readonly edge: number;
   readonly origin: readonly [number, number, number];
   /**
-   * Whether each cell is in the set (not 0), with a border of one cell on every side: (edge + 2)^3 cells, x fastest, then y, then z.
+   * Whether each cell is in the set (not 0), with a border of one cell on every side: (edge + 2)^3
+   * cells, x fastest, then y, then z.
    */
   readonly padded: Uint8Array;
 }
 
-/** Makes rectangles; keeps its memory between calls. */
+/** Creates rectangles; reuses its memory between calls. */
 export class Mesher {
   #out = new Uint16Array(NUMBERS_PER_QUAD * 256);
   #used = 0;
   #mask = new Uint8Array(0);
 
-  /** No rectangle is longer than `longest` cells. */
+  /** `longest` is the maximum length of a rectangle, cells. */
   constructor(readonly longest: number) {}
 
   /** The surface of the block's set. Rectangles face away from the set, or into it if `inward`. */
@@ -67,7 +73,10 @@ export class Mesher {
     return { corners: this.#out.slice(0, this.#used), ends };
   }
 
-  /** Marks the faces of a layer in the mask, u fastest; u and v are the axes across the direction, the lower one first. */
+  /**
+   * Marks the faces of a layer in the mask, u fastest; u and v are the axes across the direction,
+   * the lower one first.
+   */
   #findFaces(block: Block, direction: number, layer: number): boolean {
     const { edge, padded } = block;
     const row = edge + 2;
@@ -127,7 +136,7 @@ export class Mesher {
       larger.set(this.#out);
       this.#out = larger;
     }
-    // For the axes x and z the order u, v turns about the axis; for y it turns against it.
+    // For the axes x and z the order u, v is counterclockwise; for y it is clockwise.
     const isTurned = (facing & 1) !== (axis === 1 ? 1 : 0);
     for (let corner = 0; corner < CORNERS; corner++) {
       const turn = isTurned ? CORNERS - 1 - corner : corner;

@@ -3,9 +3,9 @@ import type { Vec3 } from "../data/run.ts";
 import {
   between,
   distanceToFit,
-  eyeOf,
+  cameraPositionOf,
   FIELD_OF_VIEW_RAD,
-  lookOf,
+  viewDirectionOf,
   panned,
   rightOf,
   shorterTurnRad,
@@ -21,41 +21,41 @@ const minus = (a: Vec3, b: Vec3): Vec3 => [a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 describe("an orbit", () => {
   it("looks at its centre from its distance", () => {
-    const way = minus(ORBIT.centre, eyeOf(ORBIT));
-    expect(Math.hypot(...way)).toBeCloseTo(25);
-    expect(dot(way, lookOf(ORBIT))).toBeCloseTo(25);
-    expect(dot(lookOf(ORBIT), rightOf(ORBIT))).toBeCloseTo(0);
+    const offset = minus(ORBIT.centre, cameraPositionOf(ORBIT));
+    expect(Math.hypot(...offset)).toBeCloseTo(25);
+    expect(dot(offset, viewDirectionOf(ORBIT))).toBeCloseTo(25);
+    expect(dot(viewDirectionOf(ORBIT), rightOf(ORBIT))).toBeCloseTo(0);
   });
 
   it("looks along +x with +y to the left at yaw 0", () => {
     const level: Orbit = { ...ORBIT, yawRad: 0, pitchRad: 0 };
-    expect(lookOf(level).map((value) => value + 0)).toEqual([1, 0, 0]);
+    expect(viewDirectionOf(level).map((value) => value + 0)).toEqual([1, 0, 0]);
     expect(rightOf(level)[1]).toBe(-1);
   });
 
-  it("lets what is in front of the centre follow the hand when it is turned", () => {
-    const front = eyeOf({ ...ORBIT, distanceM: 5 });
+  it("rotates so that the foreground follows the pointer", () => {
+    const front = cameraPositionOf({ ...ORBIT, distanceM: 5 });
     const after = turned(ORBIT, 0.01, 0.01);
     const moved = minus(front, ORBIT.centre);
     expect(dot(moved, rightOf(after))).toBeGreaterThan(0);
-    expect(eyeOf(after)[2]).toBeGreaterThan(eyeOf(ORBIT)[2]);
+    expect(cameraPositionOf(after)[2]).toBeGreaterThan(cameraPositionOf(ORBIT)[2]);
   });
 
   it("never looks straight up or down", () => {
     for (const down of [-9, 9]) expect(Math.abs(turned(ORBIT, 0, down).pitchRad)).toBeLessThan(Math.PI / 2);
   });
 
-  it("moves its centre across the line of sight, by as much as the hand spans at its distance", () => {
+  it("pans across the line of sight, by the pointer's span at the centre", () => {
     const after = panned(ORBIT, 0.5, 0.25);
-    const way = minus(after.centre, ORBIT.centre);
+    const offset = minus(after.centre, ORBIT.centre);
     const height = 2 * Math.tan(FIELD_OF_VIEW_RAD / 2) * 25;
-    expect(dot(way, lookOf(ORBIT))).toBeCloseTo(0);
-    expect(dot(way, rightOf(ORBIT))).toBeCloseTo(-0.5 * height);
-    expect(way[2]).toBeGreaterThan(0);
-    expect(Math.hypot(...way)).toBeCloseTo(height * Math.hypot(0.5, 0.25));
+    expect(dot(offset, viewDirectionOf(ORBIT))).toBeCloseTo(0);
+    expect(dot(offset, rightOf(ORBIT))).toBeCloseTo(-0.5 * height);
+    expect(offset[2]).toBeGreaterThan(0);
+    expect(Math.hypot(...offset)).toBeCloseTo(height * Math.hypot(0.5, 0.25));
   });
 
-  it("keeps its limits", () => {
+  it("respects the zoom limits", () => {
     expect(zoomed(ORBIT, 0.001, [2, 80]).distanceM).toBe(2);
     expect(zoomed(ORBIT, 1000, [2, 80]).distanceM).toBe(80);
     expect(zoomed(ORBIT, 2, [2, 80]).distanceM).toBe(50);
@@ -65,13 +65,13 @@ describe("an orbit", () => {
 describe("a flight", () => {
   const there: Orbit = { centre: [0, 0, 0], yawRad: -2.8, pitchRad: 0.1, distanceM: 100 };
 
-  it("begins and ends where it should", () => {
+  it("starts and ends at the given poses", () => {
     expect(between(ORBIT, there, 0)).toEqual(ORBIT);
     expect(between(ORBIT, there, 1)).toBe(there);
     expect(between(ORBIT, there, 7)).toBe(there);
   });
 
-  it("takes the shorter turn", () => {
+  it("takes the shorter rotation", () => {
     const from: Orbit = { ...ORBIT, yawRad: 3 };
     const middle = between(from, there, 0.5);
     expect(middle.yawRad).toBeCloseTo(3 + (2 * Math.PI - 5.8) / 2);
@@ -81,25 +81,25 @@ describe("a flight", () => {
   });
 });
 
-describe("the distance from which all is to be seen", () => {
+describe("distance to fit", () => {
   it.each([
     [0.9, 0.4, 1.6],
     [0, 1.2, 0.5],
     [-2, -0.3, 3],
   ])(
-    "has every corner of the box in the picture, and one at its edge (yaw %f, pitch %f, aspect %f)",
+    "shows every corner of the box, one at the edge (yaw %f, pitch %f, aspect %f)",
     (yawRad, pitchRad, aspect) => {
       const extent: Vec3 = [60, 40, 13];
       const orbit: Orbit = { centre: [0, 0, 0], yawRad, pitchRad, distanceM: 1 };
       const fitted = { ...orbit, distanceM: distanceToFit(orbit, extent, aspect) };
-      const [look, right, eye] = [lookOf(fitted), rightOf(fitted), eyeOf(fitted)];
+      const [look, right, eye] = [viewDirectionOf(fitted), rightOf(fitted), cameraPositionOf(fitted)];
       const tan = Math.tan(FIELD_OF_VIEW_RAD / 2);
       const shares = [0, 1, 2, 3, 4, 5, 6, 7].map((bits) => {
         const corner = extent.map((value, axis) => ((bits >> axis) & 1 ? value : -value) / 2) as Vec3;
-        const way = minus(corner, eye);
-        const depth = dot(way, look);
-        const across = dot(way, right);
-        const up = Math.sqrt(Math.max(dot(way, way) - depth ** 2 - across ** 2, 0));
+        const offset = minus(corner, eye);
+        const depth = dot(offset, look);
+        const across = dot(offset, right);
+        const up = Math.sqrt(Math.max(dot(offset, offset) - depth ** 2 - across ** 2, 0));
         return Math.max(Math.abs(across) / (depth * tan * aspect), up / (depth * tan));
       });
       expect(Math.max(...shares)).toBeCloseTo(1);

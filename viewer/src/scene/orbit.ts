@@ -1,8 +1,8 @@
 /**
- * Where the eye is: around a centre, at a distance, with z up. Pure numbers, no events and no three.js.
+ * Camera pose as an orbit around a centre, with z up. Pure: no events and no three.js.
  *
- * The yaw is the direction in which the eye looks, seen from above (0: along +x, growing towards +y); the pitch is how far it looks
- * down.
+ * The yaw is the horizontal viewing direction (0: along +x, growing towards +y); the pitch is the
+ * angle below the horizon.
  */
 
 import type { Vec3 } from "../data/run.ts";
@@ -14,30 +14,30 @@ export interface Orbit {
   readonly distanceM: number;
 }
 
-/** Angle between the lower and the upper edge of the picture. */
+/** Vertical field of view. */
 export const FIELD_OF_VIEW_RAD = (45 * Math.PI) / 180;
 
 const PITCH_LIMIT_RAD = (89 * Math.PI) / 180;
 
-/** Direction in which the eye looks, a unit vector. */
-export function lookOf(orbit: Orbit): Vec3 {
+/** Viewing direction, a unit vector. */
+export function viewDirectionOf(orbit: Orbit): Vec3 {
   const flat = Math.cos(orbit.pitchRad);
   return [flat * Math.cos(orbit.yawRad), flat * Math.sin(orbit.yawRad), -Math.sin(orbit.pitchRad)];
 }
 
-/** Direction to the right of the picture, a level unit vector. */
+/** Direction to the right of the image, a horizontal unit vector. */
 export function rightOf(orbit: Orbit): Vec3 {
   return [Math.sin(orbit.yawRad), -Math.cos(orbit.yawRad), 0];
 }
 
-/** Where the eye is. */
-export function eyeOf(orbit: Orbit): Vec3 {
-  const look = lookOf(orbit);
+/** Position of the camera. */
+export function cameraPositionOf(orbit: Orbit): Vec3 {
+  const look = viewDirectionOf(orbit);
   const { centre, distanceM } = orbit;
   return [centre[0] - look[0] * distanceM, centre[1] - look[1] * distanceM, centre[2] - look[2] * distanceM];
 }
 
-/** Turned by a way of the hand, in shares of the picture's height. */
+/** Rotated by a drag, in shares of the image height. */
 export function turned(orbit: Orbit, right: number, down: number): Orbit {
   const pitch = orbit.pitchRad + down * Math.PI;
   return {
@@ -47,16 +47,16 @@ export function turned(orbit: Orbit, right: number, down: number): Orbit {
   };
 }
 
-/** Nearer or farther by a factor, within limits. */
+/** Zoomed by a factor, within limits. */
 export function zoomed(orbit: Orbit, factor: number, limits: readonly [number, number]): Orbit {
   return { ...orbit, distanceM: Math.min(Math.max(orbit.distanceM * factor, limits[0]), limits[1]) };
 }
 
-/** Moved so that what lies at the centre follows the hand; shares of the picture's height. */
+/** Panned so that the centre follows the pointer; a drag in shares of the image height. */
 export function panned(orbit: Orbit, right: number, down: number): Orbit {
   const span = 2 * Math.tan(FIELD_OF_VIEW_RAD / 2) * orbit.distanceM;
-  const [look, side] = [lookOf(orbit), rightOf(orbit)];
-  // The picture's upward direction is across both.
+  const [look, side] = [viewDirectionOf(orbit), rightOf(orbit)];
+  // The upward direction of the image is orthogonal to both.
   const up: Vec3 = [
     side[1] * look[2] - side[2] * look[1],
     side[2] * look[0] - side[0] * look[2],
@@ -66,7 +66,7 @@ export function panned(orbit: Orbit, right: number, down: number): Orbit {
   return { ...orbit, centre: centre as Vec3 };
 }
 
-/** On the way from one place of the eye to another; `share` from 0 to 1, gently at both ends, by the shorter turn. */
+/** Interpolates between two poses with easing, along the shorter rotation; `share` is 0 to 1. */
 export function between(from: Orbit, to: Orbit, share: number): Orbit {
   if (share >= 1) return to;
   const s = Math.max(share, 0);
@@ -80,23 +80,23 @@ export function between(from: Orbit, to: Orbit, share: number): Orbit {
     ],
     yawRad: from.yawRad + shorterTurnRad(from.yawRad, to.yawRad) * ease,
     pitchRad: mix(from.pitchRad, to.pitchRad),
-    // A distance feels even if it changes by the same factor in the same time.
+    // Geometric interpolation looks uniform.
     distanceM: from.distanceM * (to.distanceM / from.distanceM) ** ease,
   };
 }
 
-/** What has to be added to one angle to get to the other, between -pi and pi. */
+/** Difference of two angles, between -pi and pi. */
 export function shorterTurnRad(fromRad: number, toRad: number): number {
   const turn = (toRad - fromRad) % (2 * Math.PI);
   if (turn > Math.PI) return turn - 2 * Math.PI;
   return turn < -Math.PI ? turn + 2 * Math.PI : turn;
 }
 
-/** The distance from which a box that is looked at by `orbit` is just within a picture of this width to height. */
+/** Distance from which a box just fits into an image of this aspect ratio. */
 export function distanceToFit(orbit: Orbit, extentM: Vec3, aspect: number): number {
   const tanY = Math.tan(FIELD_OF_VIEW_RAD / 2);
   const tanX = tanY * aspect;
-  const [look, side] = [lookOf(orbit), rightOf(orbit)];
+  const [look, side] = [viewDirectionOf(orbit), rightOf(orbit)];
   const up: Vec3 = [side[1] * look[2], -side[0] * look[2], side[0] * look[1] - side[1] * look[0]];
   let distance = 0;
   for (let corner = 0; corner < 8; corner++) {

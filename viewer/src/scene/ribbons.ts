@@ -1,8 +1,8 @@
 /**
- * Lines of some width that turn towards the eye: pieces that are made anew for each picture (ways, contacts, the frame of the map),
- * and trails that grow (see `trails.ts`). Here are the shaders of both and the pieces.
+ * Camera-facing ribbons: line segments that are set for each frame (paths, contacts, the bounding
+ * box). The shader code is shared with the trails (see `trails.ts`).
  *
- * Widths are in CSS pixels. A line is soft at its sides. Colours are as shown, with alpha.
+ * Widths are in CSS pixels, edges are soft. Colours are sRGB with alpha.
  */
 
 import {
@@ -18,19 +18,19 @@ import {
 } from "three";
 import type { Vec3 } from "../data/run.ts";
 import { quadIndices } from "./faces.ts";
-import { FRAGMENT_HEAD, VERTEX_HEAD, type Common } from "./glsl.ts";
+import { FRAGMENT_HEAD, VERTEX_HEAD, type SharedUniforms } from "./glsl.ts";
 
-/** Half the width of the line around its core, in widths, for the glow. */
+/** Width of the ribbon including its glow, in line widths. */
 export const GLOW = 3;
 
-/** Turns a line's point towards the eye: `along` is its direction in view space. */
+/** Offsets a point of a ribbon sideways: `along` is the ribbon's direction in view space. */
 export const WIDEN = /* glsl */ `
-vec3 widen(vec3 place, vec3 along, float side, float halfWidthPx, float halfWidthLeastM) {
-  vec3 across = cross(along, place);
+vec3 widen(vec3 position, vec3 along, float side, float halfWidthPx, float halfWidthLeastM) {
+  vec3 across = cross(along, position);
   float size = length(across);
-  if (size < 1e-9) return place;
-  float halfWidthM = max(halfWidthPx * pixelRatio * pixelM * abs(place.z), halfWidthLeastM);
-  return place + across / size * (side * halfWidthM);
+  if (size < 1e-9) return position;
+  float halfWidthM = max(halfWidthPx * pixelRatio * pixelM * abs(position.z), halfWidthLeastM);
+  return position + across / size * (side * halfWidthM);
 }
 `;
 
@@ -46,12 +46,12 @@ flat out float vDashM;
 void main() {
   vec3 a = (viewMatrix * vec4(from, 1.0)).xyz;
   vec3 b = (viewMatrix * vec4(to, 1.0)).xyz;
-  vec3 place = mix(a, b, shape.x);
+  vec3 position = mix(a, b, shape.x);
   vTint = tint;
   vSide = shape.y * ${GLOW.toFixed(1)};
   vAlongM = shape.x * distance(from, to);
   vDashM = shape.w;
-  gl_Position = projectionMatrix * vec4(widen(place, b - a, shape.y, shape.z * 0.5 * ${GLOW.toFixed(1)}, 0.0), 1.0);
+  gl_Position = projectionMatrix * vec4(widen(position, b - a, shape.y, shape.z * 0.5 * ${GLOW.toFixed(1)}, 0.0), 1.0);
 }
 `;
 
@@ -69,9 +69,9 @@ void main() {
 }
 `;
 
-/** A soft line over what is there: in front of walls, or faintly behind them. */
+/** A soft line in front of walls, or a faint one behind them. */
 export function ribbonMaterial(
-  common: Common,
+  common: SharedUniforms,
   shaders: { readonly vertex: string; readonly fragment: string },
   isBehind: boolean,
   strength: number,
@@ -89,8 +89,8 @@ export function ribbonMaterial(
   });
 }
 
-/** A straight piece of a line. */
-export interface Piece {
+/** A straight line segment. */
+export interface Segment {
   readonly from: Vec3;
   readonly to: Vec3;
   readonly colour: readonly [number, number, number];
@@ -99,17 +99,17 @@ export interface Piece {
   readonly dashM: number;
 }
 
-/** What the corners of a piece consist of, and how many numbers each part has. */
-const PARTS = { from: 3, to: 3, tint: 4, shape: 4 };
+/** Vertex attributes and their sizes. */
+const ATTRIBUTES = { from: 3, to: 3, tint: 4, shape: 4 };
 
-/** Straight pieces that are given anew for each picture. */
-export class Pieces {
+/** Line segments that are set for each frame. */
+export class Segments {
   readonly meshes: readonly Mesh<BufferGeometry, RawShaderMaterial>[];
   #geometry = new BufferGeometry();
   #capacity = 0;
 
-  /** `behind` is how strongly what lies behind walls is drawn, 0 to 1. */
-  constructor(common: Common, behind: number, renderOrder: number) {
+  /** `behind` is the strength of the parts behind walls, 0 to 1. */
+  constructor(common: SharedUniforms, behind: number, renderOrder: number) {
     const shaders = { vertex: VERTEX, fragment: FRAGMENT };
     const materials = [ribbonMaterial(common, shaders, false, 1)];
     if (behind > 0) materials.push(ribbonMaterial(common, shaders, true, behind));
@@ -121,13 +121,13 @@ export class Pieces {
     });
   }
 
-  show(pieces: readonly Piece[]): void {
-    if (pieces.length > this.#capacity) this.#grow(pieces.length);
-    for (const mesh of this.meshes) mesh.visible = pieces.length > 0;
-    if (pieces.length === 0) return;
-    const parts = Object.keys(PARTS).map((name) => this.#geometry.getAttribute(name) as BufferAttribute);
-    for (let corner = 0; corner < pieces.length * 4; corner++) {
-      const { from, to, colour, alpha, widthPx, dashM } = pieces[corner >> 2]!;
+  show(segments: readonly Segment[]): void {
+    if (segments.length > this.#capacity) this.#grow(segments.length);
+    for (const mesh of this.meshes) mesh.visible = segments.length > 0;
+    if (segments.length === 0) return;
+    const parts = Object.keys(ATTRIBUTES).map((name) => this.#geometry.getAttribute(name) as BufferAttribute);
+    for (let corner = 0; corner < segments.length * 4; corner++) {
+      const { from, to, colour, alpha, widthPx, dashM } = segments[corner >> 2]!;
       const turn = corner & 3;
       parts[0]!.setXYZ(corner, ...from);
       parts[1]!.setXYZ(corner, ...to);
@@ -136,10 +136,10 @@ export class Pieces {
     }
     for (const part of parts) {
       part.clearUpdateRanges();
-      part.addUpdateRange(0, pieces.length * 4 * part.itemSize);
+      part.addUpdateRange(0, segments.length * 4 * part.itemSize);
       part.needsUpdate = true;
     }
-    this.#geometry.setDrawRange(0, pieces.length * 6);
+    this.#geometry.setDrawRange(0, segments.length * 6);
   }
 
   dispose(): void {
@@ -147,12 +147,12 @@ export class Pieces {
     for (const mesh of this.meshes) mesh.material.dispose();
   }
 
-  #grow(pieces: number): void {
-    this.#capacity = Math.max(64, 2 ** Math.ceil(Math.log2(pieces)));
+  #grow(segments: number): void {
+    this.#capacity = Math.max(64, 2 ** Math.ceil(Math.log2(segments)));
     this.#geometry.dispose();
     this.#geometry = new BufferGeometry();
     for (const mesh of this.meshes) mesh.geometry = this.#geometry;
-    for (const [name, size] of Object.entries(PARTS)) {
+    for (const [name, size] of Object.entries(ATTRIBUTES)) {
       const attribute = new BufferAttribute(new Float32Array(this.#capacity * 4 * size), size);
       this.#geometry.setAttribute(name, attribute.setUsage(DynamicDrawUsage));
     }

@@ -1,58 +1,58 @@
 /**
- * The picture of a run in three dimensions, on a canvas.
+ * Three-dimensional rendering of a run on a canvas.
  *
- * A picture depends on the run, the moment, the view and the camera, and on nothing that was shown before, once it is `settled`:
- * pictures that are drawn in passing may lag behind in the layers of cells, because each may only take so long.
- * The scene selects nothing on its own: it tells what lies at a place (`pick`).
+ * A frame depends only on the run, the time, the view options and the camera, and not on earlier
+ * frames, once it is `settled`: other frames have a time budget, so their cell layers may lag
+ * behind. The scene selects nothing on its own: it reports what lies at a position (`pick`).
  */
 
 import { Scene as Graph, Vector3, WebGLRenderer } from "three";
 import { TICK_S, type Belief, type Hits, type Run, type Vec3 } from "../data/run.ts";
-import { Backdrop } from "./backdrop.ts";
+import { Background } from "./background.ts";
 import { Cave } from "./cave.ts";
-import { Eye } from "./eye.ts";
-import { makeCommon } from "./glsl.ts";
-import { isSoftware } from "./graphics.ts";
+import { CameraRig } from "./camera-rig.ts";
+import { makeSharedUniforms } from "./glsl.ts";
+import { isSoftwareRenderer } from "./graphics.ts";
 import { HitPoints } from "./hits.ts";
 import { distanceToFit, FIELD_OF_VIEW_RAD, type Orbit } from "./orbit.ts";
 import { Team } from "./team.ts";
 import { defaultView, type View } from "./view.ts";
-import { GLASS_BELOW } from "./wall_shaders.ts";
+import { GLASS_BELOW } from "./wall-shaders.ts";
 
 export { DEFAULT_LAYERS, type Layers, type View } from "./view.ts";
 
 /**
- * How long a picture may make chunks: a share of the time since the last one, so that what is missing comes soon on a slow machine too,
- * between these bounds.
+ * Time budget of a frame for building chunks: a share of the time since the last frame, so that
+ * missing parts come soon on a slow machine too, between these bounds.
  */
 const BUDGET_SHARE = 0.2;
 const BUDGET_MS = [8, 60] as const;
-/** A coarse cave has few chunks: it is mostly made at once, so that a picture of another moment is whole. */
+/** A coarse cave has few chunks: most frames of another time are complete. */
 const COARSE_BUDGET_MS = [100, 200] as const;
 
-/** Where a cell is larger on the screen than this, one would see that the cave is coarse; CSS pixels. */
+/** The cave is drawn in full detail where cells are larger on the screen than this; CSS pixels. */
 const NEAR_CELL_PX = 12;
 
-/** How much is done for a picture. */
-interface Effort {
-  /** For making chunks. */
+/** Effort spent on a frame. */
+interface RenderEffort {
+  /** For building chunks. */
   readonly budgetMs: number;
-  /** Whether the cave is a coarse one. */
+  /** Whether the cave is drawn in coarse detail. */
   readonly isCoarse: boolean;
-  /** Whether faint walls are left out. */
-  readonly isBare: boolean;
+  /** Whether the faint walls are omitted. */
+  readonly skipsGlass: boolean;
 }
 
-/** Whatever it takes. */
-const IN_FULL: Effort = { budgetMs: Infinity, isCoarse: false, isBare: false };
+/** No limits. */
+const FULL_EFFORT: RenderEffort = { budgetMs: Infinity, isCoarse: false, skipsGlass: false };
 
 const CAVE_YAW_RAD = (62 * Math.PI) / 180;
-/** Cells between the eye and a selected agent. */
+/** Distance of the camera from a selected agent, cells. */
 const AGENT_DISTANCE_CELLS = 11;
 const AGENT_PITCH_RAD = (24 * Math.PI) / 180;
 
-/** What is shown of a run. */
-interface Stage {
+/** The objects of a run. */
+interface LoadedRun {
   readonly run: Run;
   readonly cave: Cave;
   readonly team: Team;
@@ -61,31 +61,35 @@ interface Stage {
 
 export class Scene {
   readonly view: View = defaultView();
-  /** Whether pictures are computed by the processor, as far as the browser tells: then each pixel counts. */
-  readonly isSoftware = isSoftware();
+  /**
+   * Whether frames are rendered by the CPU, as far as the browser reveals it: then the cost is per
+   * pixel.
+   */
+  readonly isSoftware = isSoftwareRenderer();
   readonly #renderer: WebGLRenderer;
   readonly #graph = new Graph();
-  readonly #common = makeCommon();
-  readonly #backdrop: Backdrop;
+  readonly #common = makeSharedUniforms();
+  readonly #background: Background;
   readonly #hitPoints: HitPoints;
-  readonly #eye: Eye;
+  readonly #cameraRig: CameraRig;
   readonly #edgeMax: number;
-  #stage: Stage | null = null;
+  #loaded: LoadedRun | null = null;
   #selected: number | null = null;
   #size = { width: 1, height: 1 };
   #timeS = 0;
-  #drawnMs = -Infinity;
+  #lastFrameMs = -Infinity;
   #isDirty = true;
-  #isLate = false;
+  #isIncomplete = false;
   #followed: number | null = null;
   #following: Promise<void> = Promise.resolve();
   #hits: { readonly agent: number; readonly timeS: number; readonly hits: Hits | null } | null = null;
-  #asked: { readonly agent: number; readonly timeS: number; readonly answer: Promise<void> } | null = null;
-  #figures = { triangles: 0, chunksRebuilt: 0, milliseconds: 0 };
+  #pendingHits: { readonly agent: number; readonly timeS: number; readonly answer: Promise<void> } | null =
+    null;
+  #stats = { triangles: 0, chunksRebuilt: 0, milliseconds: 0 };
 
   /**
-   * Throws with a readable message where there is no WebGL 2. `isForPictures`: edges are smooth whatever they cost; where the processor
-   * draws they are not otherwise.
+   * Throws a readable error without WebGL 2. `isForPictures`: antialias in any case; otherwise
+   * software rendering does not.
    */
   constructor(
     readonly canvas: HTMLCanvasElement,
@@ -99,18 +103,19 @@ export class Scene {
       });
     } catch (error) {
       throw new Error(
-        "This browser gives no WebGL 2, which the picture is drawn with. Another browser, or graphics acceleration in its settings, may help.",
+        "This browser does not support WebGL 2, which rendering needs. Try another browser, or enable graphics " +
+          "acceleration in its settings.",
         { cause: error },
       );
     }
-    // To ask whether a shader is right would wait until it is made.
+    // Checking shader errors would wait for their compilation.
     this.#renderer.debug.checkShaderErrors = import.meta.env.DEV;
     const gl = this.#renderer.getContext() as WebGL2RenderingContext;
     this.#edgeMax = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
-    this.#backdrop = new Backdrop(this.#common);
+    this.#background = new Background(this.#common);
     this.#hitPoints = new HitPoints(this.#common);
-    this.#graph.add(this.#backdrop.mesh, this.#hitPoints.points);
-    this.#eye = new Eye(canvas);
+    this.#graph.add(this.#background.mesh, this.#hitPoints.points);
+    this.#cameraRig = new CameraRig(canvas);
     canvas.addEventListener("webglcontextrestored", this.#touch);
   }
 
@@ -118,119 +123,130 @@ export class Scene {
     return this.#selected;
   }
 
-  /** What cannot be shown of the run, for people. */
+  /** Limitations in showing the run, for people. */
   get notices(): readonly string[] {
-    return this.#stage?.cave.notices ?? [];
+    return this.#loaded?.cave.notices ?? [];
   }
 
-  get figures(): {
+  get stats(): {
     readonly triangles: number;
     readonly chunksRebuilt: number;
     readonly milliseconds: number;
   } {
-    return this.#figures;
+    return this.#stats;
   }
 
-  /** Whether there is nothing to show, and never was. The first picture waits for the graphics, which must not keep a run from being opened. */
+  /**
+   * Whether nothing is shown and never was. The first frame waits for the GPU, which must not delay
+   * the opening of a run.
+   */
   get isBlank(): boolean {
-    return this.#stage === null && this.#drawnMs === -Infinity;
+    return this.#loaded === null && this.#lastFrameMs === -Infinity;
   }
 
-  /** Whether the next picture may differ from the last one though the time is the same: a flight, a hand on the camera, news. */
-  get isRestless(): boolean {
-    return this.#isDirty || this.#isLate || this.#eye.isRestless;
+  /**
+   * Whether the next frame may differ from the last one at the same time: a flight, camera input,
+   * or an update of the run.
+   */
+  get needsRedraw(): boolean {
+    return this.#isDirty || this.#isIncomplete || this.#cameraRig.needsRedraw;
   }
 
-  /** Shows another run, or none; the camera goes to the whole cave. */
+  /** Shows another run, or none; the camera moves to the whole cave. */
   setRun(run: Run | null): void {
     this.#clear();
     if (run === null) return;
     const cave = new Cave(run, this.#common, this.#edgeMax);
     const team = new Team(run, this.#common);
     this.#graph.add(cave.root, team.root);
-    const stopListening = run.onNews((news) => {
-      cave.learn(news);
+    const stopListening = run.onUpdate((update) => {
+      cave.markChanged(update);
       this.#isDirty = true;
     });
-    this.#stage = { run, cave, team, stopListening };
+    this.#loaded = { run, cave, team, stopListening };
     const { cellM } = run.terrain;
     const reachM = Math.hypot(...cave.extentM) / 2;
-    this.#eye.setLimits([1.5 * cellM, reachM * 7], reachM);
-    this.#eye.goTo(this.#caveOrbit(cave), cave.middle, false);
-    // The graphics make shaders while the chunks are made.
-    this.#renderer.compile(this.#graph, this.#eye.camera);
+    this.#cameraRig.setLimits([1.5 * cellM, reachM * 7], reachM);
+    this.#cameraRig.goTo(this.#caveOrbit(cave), cave.middle, false);
+    // Shaders compile while the chunks are built.
+    this.#renderer.compile(this.#graph, this.#cameraRig.camera);
   }
 
-  /** Selects an agent, flies to it (no hand on the camera meanwhile) and keeps it in the middle; null: the whole cave. */
+  /**
+   * Selects an agent, flies to it (ignoring camera input meanwhile) and follows it; null: the whole
+   * cave.
+   */
   select(agent: number | null, options: { readonly fly: boolean } = { fly: true }): void {
-    const stage = this.#stage;
-    if (stage === null || (agent !== null && !(agent >= 0 && agent < stage.run.setup.agents))) return;
+    const loaded = this.#loaded;
+    if (loaded === null || (agent !== null && !(agent >= 0 && agent < loaded.run.setup.agents))) return;
     this.#selected = agent;
     this.#isDirty = true;
     if (agent === null) {
-      this.#eye.goTo(this.#caveOrbit(stage.cave), stage.cave.middle, options.fly);
+      this.#cameraRig.goTo(this.#caveOrbit(loaded.cave), loaded.cave.middle, options.fly);
       return;
     }
-    const state = stage.run.agentAt(agent, this.#timeS);
-    const distanceM = AGENT_DISTANCE_CELLS * stage.run.terrain.cellM;
+    const state = loaded.run.agentAt(agent, this.#timeS);
+    const distanceM = AGENT_DISTANCE_CELLS * loaded.run.terrain.cellM;
     const orbit: Orbit = { centre: [0, 0, 0], yawRad: state.yawRad, pitchRad: AGENT_PITCH_RAD, distanceM };
-    this.#eye.goTo(orbit, state.position, options.fly);
+    this.#cameraRig.goTo(orbit, state.position, options.fly);
   }
 
-  /** The agent at a place of the canvas in the last picture, CSS pixels. */
+  /** The agent at a position of the canvas in the last frame, CSS pixels. */
   pick(x: number, y: number): number | null {
-    return this.#stage?.team.pick(x, y) ?? null;
+    return this.#loaded?.team.pick(x, y) ?? null;
   }
 
-  /** To be called after `view` was changed. */
+  /** Must be called after `view` was changed. */
   viewChanged(): void {
     this.#isDirty = true;
   }
 
   /**
-   * `isCoarse`: without the faint walls towards the eye, which cost as much as all others, and with a coarse cave unless the eye is near,
-   * because more pictures matter more now.
+   * `isCoarse` favours the frame rate: without the faint walls towards the camera, which cost as
+   * much as all others, and with a coarse cave unless the camera is near.
    */
   render(timeS: number, { isCoarse }: { readonly isCoarse: boolean } = { isCoarse: false }): void {
-    const sinceMs = performance.now() - this.#drawnMs;
+    const sinceMs = performance.now() - this.#lastFrameMs;
     const isFar = this.#cellPx() < NEAR_CELL_PX;
     const [least, most] = isCoarse && isFar ? COARSE_BUDGET_MS : BUDGET_MS;
     const budgetMs = Math.min(Math.max(sinceMs * BUDGET_SHARE, least), most);
-    this.#draw(timeS, { budgetMs, isCoarse: isCoarse && isFar, isBare: isCoarse });
+    this.#draw(timeS, { budgetMs, isCoarse: isCoarse && isFar, skipsGlass: isCoarse });
   }
 
-  /** Makes a little more of what the full picture of this moment needs. Returns whether all is there. */
+  /**
+   * Builds a little more of what the full frame at this time needs. Returns whether it is complete.
+   */
   prepare(timeS: number): boolean {
-    return this.#stage?.cave.prepare(tickAt(timeS), this.view, BUDGET_MS[1]) ?? true;
+    return this.#loaded?.cave.prepare(tickAt(timeS), this.view, BUDGET_MS[1]) ?? true;
   }
 
-  /** Resolves when all that the picture of this moment needs is there and has been drawn. A flight is at its end then. */
+  /** Resolves when the complete frame at this time has been drawn. Ends a flight. */
   async settled(timeS: number): Promise<void> {
-    this.#eye.land();
-    const stage = this.#stage;
-    this.#draw(timeS, IN_FULL);
+    this.#cameraRig.endFlight();
+    const loaded = this.#loaded;
+    this.#draw(timeS, FULL_EFFORT);
     await this.#following;
-    while (this.#stage === stage && this.#asked !== null && this.#needsHits(timeS)) {
-      await this.#asked.answer;
-      this.#draw(timeS, IN_FULL);
+    while (this.#loaded === loaded && this.#pendingHits !== null && this.#needsHits(timeS)) {
+      await this.#pendingHits.answer;
+      this.#draw(timeS, FULL_EFFORT);
     }
-    if (this.#stage === stage && this.isRestless) this.#draw(timeS, IN_FULL);
+    if (this.#loaded === loaded && this.needsRedraw) this.#draw(timeS, FULL_EFFORT);
   }
 
-  /** Width and height of the canvas in CSS pixels, and how many pixels each of them has. */
+  /** Sets the size of the canvas in CSS pixels, and the frame buffer pixels per CSS pixel. */
   resize(width: number, height: number, pixelRatio: number): void {
     this.#size = { width: Math.max(width, 1), height: Math.max(height, 1) };
     this.#common.pixelRatio.value = pixelRatio;
-    this.#common.picture.value.set(this.#size.width, this.#size.height).multiplyScalar(pixelRatio).floor();
-    this.#eye.camera.aspect = this.#size.width / this.#size.height;
+    this.#common.frameSize.value.set(this.#size.width, this.#size.height).multiplyScalar(pixelRatio).floor();
+    this.#cameraRig.camera.aspect = this.#size.width / this.#size.height;
     this.#isDirty = true;
   }
 
   dispose(): void {
     this.#clear();
     this.canvas.removeEventListener("webglcontextrestored", this.#touch);
-    this.#eye.dispose();
-    this.#backdrop.dispose();
+    this.#cameraRig.dispose();
+    this.#background.dispose();
     this.#hitPoints.dispose();
     this.#renderer.dispose();
   }
@@ -240,71 +256,74 @@ export class Scene {
   };
 
   #clear(): void {
-    const stage = this.#stage;
-    this.#stage = null;
+    const loaded = this.#loaded;
+    this.#loaded = null;
     this.#selected = null;
     this.#followed = null;
     this.#hits = null;
-    this.#asked = null;
+    this.#pendingHits = null;
     this.#isDirty = true;
-    if (stage === null) return;
-    stage.stopListening();
-    this.#graph.remove(stage.cave.root, stage.team.root);
-    stage.cave.dispose();
-    stage.team.dispose();
+    if (loaded === null) return;
+    loaded.stopListening();
+    this.#graph.remove(loaded.cave.root, loaded.team.root);
+    loaded.cave.dispose();
+    loaded.team.dispose();
   }
 
-  #draw(timeS: number, effort: Effort): void {
+  #draw(timeS: number, effort: RenderEffort): void {
     const beganMs = performance.now();
-    this.#drawnMs = beganMs;
+    this.#lastFrameMs = beganMs;
     this.#isDirty = false;
     this.#timeS = timeS;
-    const stage = this.#stage;
-    let made = 0;
-    if (stage !== null) {
-      const { run, cave, team } = stage;
-      this.#eye.update(
+    const loaded = this.#loaded;
+    let built = 0;
+    if (loaded !== null) {
+      const { run, cave, team } = loaded;
+      this.#cameraRig.update(
         this.#selected === null ? cave.middle : run.agentAt(this.#selected, timeS).position,
         cave.middle,
       );
       this.#setCommon(timeS, cave);
-      this.#follow(stage);
-      const isBare = effort.isBare && this.view.wallOpacity < GLASS_BELOW;
-      const view = isBare ? { ...this.view, wallOpacity: 0 } : this.view;
+      this.#follow(loaded);
+      const skipsGlass = effort.skipsGlass && this.view.wallOpacity < GLASS_BELOW;
+      const view = skipsGlass ? { ...this.view, wallOpacity: 0 } : this.view;
       const done = cave.show(this.#renderer, this.#common.nowTick.value, view, effort);
-      this.#isLate = !done.isRight;
-      made = done.made;
-      team.show(timeS, view, this.#selected, { camera: this.#eye.camera, ...this.#size });
-      this.#showHits(stage, timeS);
+      this.#isIncomplete = !done.isComplete;
+      built = done.built;
+      team.show(timeS, view, this.#selected, { camera: this.#cameraRig.camera, ...this.#size });
+      this.#showHits(loaded, timeS);
     } else {
       this.#hitPoints.show(null, [0, 0, 0]);
     }
     this.#setSize();
-    this.#renderer.render(this.#graph, this.#eye.camera);
+    this.#renderer.render(this.#graph, this.#cameraRig.camera);
     const { triangles } = this.#renderer.info.render;
-    this.#figures = { triangles, chunksRebuilt: made, milliseconds: performance.now() - beganMs };
+    this.#stats = { triangles, chunksRebuilt: built, milliseconds: performance.now() - beganMs };
   }
 
-  /** How large a cell is where one looks, at the end of a flight; CSS pixels. */
+  /** Size of a cell at the orbit's centre, at the end of a flight; CSS pixels. */
   #cellPx(): number {
-    return (this.#stage?.run.terrain.cellM ?? 0) / (pixelM(this.#size.height) * this.#eye.distanceM);
+    return (this.#loaded?.run.terrain.cellM ?? 0) / (pixelM(this.#size.height) * this.#cameraRig.distanceM);
   }
 
-  /** Gives the canvas the size that was asked for. That waits for the graphics, which need a while at first: so it comes after all else. */
+  /**
+   * Applies the size of the canvas. This waits for the GPU, which is slow at first, so it comes
+   * last.
+   */
   #setSize(): void {
-    const { x, y } = this.#common.picture.value;
+    const { x, y } = this.#common.frameSize.value;
     if (this.canvas.width !== x || this.canvas.height !== y) this.#renderer.setSize(x, y, false);
   }
 
   #setCommon(timeS: number, cave: Cave): void {
-    const { camera } = this.#eye;
+    const { camera } = this.#cameraRig;
     const common = this.#common;
     common.nowTick.value = tickAt(timeS);
     common.eye.value.copy(camera.position);
-    this.#eye.lightTo(common.light.value);
+    this.#cameraRig.aimLight(common.light.value);
     const followed = this.#selected === null ? null : cave.run.agentAt(this.#selected, timeS).position;
-    cave.clearSight(camera.position.toArray(), followed);
-    common.pixelM.value = pixelM(common.picture.value.y);
+    cave.setForegroundCut(camera.position.toArray(), followed);
+    common.pixelM.value = pixelM(common.frameSize.value.y);
     const reachM = Math.hypot(...cave.extentM) / 2;
     const middleM = camera.position.distanceTo(new Vector3(...cave.middle));
     common.haze.value.set(Math.max(middleM - reachM * 0.75, 0), 1 / (reachM * 1.75));
@@ -312,7 +331,7 @@ export class Scene {
 
   #caveOrbit(cave: Cave): Orbit {
     const { extentM } = cave;
-    // The flatter the map, the more one looks down on it.
+    // The flatter the map, the steeper the view.
     const flatness = Math.min(1, (extentM[2] * 2) / (extentM[0] + extentM[1]));
     const pitchRad = ((56 - 30 * flatness) * Math.PI) / 180;
     const orbit: Orbit = { centre: [0, 0, 0], yawRad: CAVE_YAW_RAD, pitchRad, distanceM: 1 };
@@ -320,15 +339,15 @@ export class Scene {
     return { ...orbit, distanceM: distanceToFit(orbit, extentM, aspect) * 1.03 };
   }
 
-  /** Asks for what the selected agent knows if it is to be shown, and lets go of it if not. */
-  #follow(stage: Stage): void {
+  /** Follows the belief of the selected agent while the layer is shown. */
+  #follow(loaded: LoadedRun): void {
     const wanted = this.view.layers.belief ? this.#selected : null;
     if (wanted === this.#followed) return;
     this.#followed = wanted;
-    stage.cave.setBelief(null);
-    this.#following = stage.run.follow(wanted).then((belief: Belief | null) => {
-      if (this.#stage !== stage || this.#followed !== wanted) return;
-      stage.cave.setBelief(belief);
+    loaded.cave.setBelief(null);
+    this.#following = loaded.run.follow(wanted).then((belief: Belief | null) => {
+      if (this.#loaded !== loaded || this.#followed !== wanted) return;
+      loaded.cave.setBelief(belief);
       this.#isDirty = true;
     });
   }
@@ -340,31 +359,31 @@ export class Scene {
     );
   }
 
-  /** Shows the hits that came last, and asks for those of this moment unless an answer is still to come. */
-  #showHits(stage: Stage, timeS: number): void {
+  /** Shows the last hits received, and requests those of this time unless a request is pending. */
+  #showHits(loaded: LoadedRun, timeS: number): void {
     const agent = this.view.layers.hits ? this.#selected : null;
-    if (agent !== null && this.#asked === null && this.#needsHits(timeS)) {
-      const answer = stage.run.hitsAt(agent, timeS).then((hits) => {
-        this.#asked = null;
-        if (this.#stage !== stage) return;
+    if (agent !== null && this.#pendingHits === null && this.#needsHits(timeS)) {
+      const answer = loaded.run.hitsAt(agent, timeS).then((hits) => {
+        this.#pendingHits = null;
+        if (this.#loaded !== loaded) return;
         this.#hits = { agent, timeS, hits };
         this.#isDirty = true;
       });
-      this.#asked = { agent, timeS, answer };
+      this.#pendingHits = { agent, timeS, answer };
     }
     const shown = this.#hits !== null && this.#hits.agent === agent ? this.#hits.hits : null;
     const from: Vec3 =
-      shown === null || agent === null ? [0, 0, 0] : stage.run.agentAt(agent, shown.timeS).position;
+      shown === null || agent === null ? [0, 0, 0] : loaded.run.agentAt(agent, shown.timeS).position;
     this.#hitPoints.show(shown, from);
   }
 }
 
-/** Metres that a pixel spans at a metre's distance, in a picture of this height in pixels. */
+/** Size of a pixel at a distance of one metre, for an image of this height in pixels. */
 function pixelM(heightPx: number): number {
   return (2 * Math.tan(FIELD_OF_VIEW_RAD / 2)) / heightPx;
 }
 
-/** The last tick of a moment. The small share makes up for rounding: a moment that is a tick's own shows what the tick brought. */
+/** The tick at a time. The offset absorbs rounding: the start of a tick belongs to it. */
 function tickAt(timeS: number): number {
   return Math.max(Math.floor(timeS / TICK_S + 1e-3), 0);
 }

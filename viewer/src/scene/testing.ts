@@ -1,4 +1,4 @@
-/** Numbers for tests that look random and are the same each time. */
+/** Reproducible pseudo-random numbers for tests. */
 
 /** Numbers from 0 to below 1. */
 export function randomNumbers(seed: number): () => number {

@@ -1,9 +1,9 @@
 import { describe, expect, it } from "vitest";
 import { randomNumbers } from "./testing.ts";
-import { Thinner } from "./trails.ts";
+import { TrackSimplifier } from "./trails.ts";
 
-/** A way with legs at different paces, and rests. */
-function way(seed: number): number[][] {
+/** A track with legs at different speeds, and pauses. */
+function track(seed: number): number[][] {
   const next = randomNumbers(seed);
   const points: number[][] = [];
   let place = [0, 0, 0];
@@ -20,12 +20,12 @@ function way(seed: number): number[][] {
   return points;
 }
 
-describe("thinning a track", () => {
-  it.each([1, 2, 3])("keeps few points, and none that is left out is far off (seed %i)", (seed) => {
-    const points = way(seed);
+describe("track simplification", () => {
+  it.each([1, 2, 3])("keeps few points, all omitted ones within the tolerance (seed %i)", (seed) => {
+    const points = track(seed);
     const kept: (readonly number[])[] = [];
-    const thinner = new Thinner();
-    for (const point of points) thinner.push(point, (one) => kept.push(one));
+    const simplifier = new TrackSimplifier();
+    for (const point of points) simplifier.push(point, (one) => kept.push(one));
     expect(kept[0]).toBe(points[0]);
     expect(kept.length).toBeLessThan(points.length / 8);
     for (const [index, to] of kept.slice(1).entries()) {

@@ -1,26 +1,26 @@
 /**
- * Where agents were: one line for each, brightest where it is youngest.
+ * Trails of agents: one ribbon each, brightest at the most recent end.
  *
- * A track has a point for every few ticks; the trail keeps only as many as it needs to stay within a hand's breadth of where the
- * agent was at each time. Points are appended as the run becomes known and are never made again; a moment is shown by how many of
- * them are drawn, and by the piece from the last of them to the agent.
+ * A track has a point every few ticks; the trail keeps only as many as it needs to stay within a
+ * tolerance of the agent's position at each time. Points are appended as the run becomes known and
+ * never rebuilt; the draw range and the segment from the last point to the agent give any time.
  */
 
 import { BufferAttribute, BufferGeometry, DynamicDrawUsage, Mesh, type RawShaderMaterial } from "three";
 import type { Track, Vec3 } from "../data/run.ts";
-import { FRAGMENT_HEAD, VERTEX_HEAD, type Common } from "./glsl.ts";
+import { FRAGMENT_HEAD, VERTEX_HEAD, type SharedUniforms } from "./glsl.ts";
 import { GLOW, ribbonMaterial, WIDEN } from "./ribbons.ts";
 
 const TOLERANCE_M = 0.1;
-/** Points that are left out in a row, at most; bounds the work for each point. */
+/** Maximum number of points skipped in a row; bounds the cost per point. */
 const SKIPPED_MAX = 48;
 
-/** Leaves out points of a track that a straight way at an even pace comes near enough to. */
-export class Thinner {
+/** Simplifies a track: omits points that a straight motion at constant speed approximates. */
+export class TrackSimplifier {
   #anchor: readonly number[] | null = null;
   #skipped: (readonly number[])[] = [];
 
-  /** Takes the next point (t, x, y, z) and calls back with each one that is kept. */
+  /** Adds the next point (t, x, y, z) and calls back with each one that is kept. */
   push(point: readonly number[], keep: (point: readonly number[]) => void): void {
     if (this.#anchor === null) {
       this.#anchor = point;
@@ -46,7 +46,7 @@ export class Thinner {
 }
 
 const VERTEX = /* glsl */ `${VERTEX_HEAD}${WIDEN}
-in vec3 place;
+in vec3 point;
 in vec3 before;
 in vec3 after;
 in vec2 shape; // time in seconds, side (-1 or 1)
@@ -54,26 +54,26 @@ uniform float widthPx;
 uniform float leastM;
 out float vTimeS;
 out float vSide;
-out vec3 vPlaceM;
+out vec3 vPositionM;
 void main() {
-  vec3 at = (viewMatrix * vec4(place, 1.0)).xyz;
-  vec3 come = at - (viewMatrix * vec4(before, 1.0)).xyz;
-  vec3 go = (viewMatrix * vec4(after, 1.0)).xyz - at;
-  float comeM = length(come);
-  float goM = length(go);
-  vec3 way = (comeM > 1e-6 ? come / comeM : vec3(0.0)) + (goM > 1e-6 ? go / goM : vec3(0.0));
-  if (dot(way, way) < 1e-4) way = come;
+  vec3 at = (viewMatrix * vec4(point, 1.0)).xyz;
+  vec3 incoming = at - (viewMatrix * vec4(before, 1.0)).xyz;
+  vec3 outgoing = (viewMatrix * vec4(after, 1.0)).xyz - at;
+  float incomingM = length(incoming);
+  float outgoingM = length(outgoing);
+  vec3 tangent = (incomingM > 1e-6 ? incoming / incomingM : vec3(0.0)) + (outgoingM > 1e-6 ? outgoing / outgoingM : vec3(0.0));
+  if (dot(tangent, tangent) < 1e-4) tangent = incoming;
   vTimeS = shape.x;
   vSide = shape.y * ${GLOW.toFixed(1)};
-  vPlaceM = place;
-  gl_Position = projectionMatrix * vec4(widen(at, way, shape.y, widthPx * 0.5 * ${GLOW.toFixed(1)}, leastM * ${GLOW.toFixed(1)}), 1.0);
+  vPositionM = point;
+  gl_Position = projectionMatrix * vec4(widen(at, tangent, shape.y, widthPx * 0.5 * ${GLOW.toFixed(1)}, leastM * ${GLOW.toFixed(1)}), 1.0);
 }
 `;
 
 const FRAGMENT = /* glsl */ `${FRAGMENT_HEAD}
 in float vTimeS;
 in float vSide;
-in vec3 vPlaceM;
+in vec3 vPositionM;
 uniform float strength;
 uniform vec3 tint;
 uniform float nowS;
@@ -84,26 +84,26 @@ void main() {
   float age = max(nowS - vTimeS, 0.0);
   float young = exp(-age / 40.0);
   float alpha = (core * mix(0.32, 1.0, young) + glow * young) * strength * bright;
-  if (isCut(vPlaceM)) alpha *= 0.2;
+  if (isCut(vPositionM)) alpha *= 0.2;
   if (alpha < 0.004) discard;
   colour = vec4(mix(tint * mix(0.72, 1.0, young), vec3(1.0), 0.35 * young * core), min(alpha, 1.0));
 }
 `;
 
-const SIZES = { place: 3, before: 3, after: 3, shape: 2 };
+const SIZES = { point: 3, before: 3, after: 3, shape: 2 };
 
 /** The trail of one agent. */
 export class Trail {
   readonly meshes: readonly Mesh<BufferGeometry, RawShaderMaterial>[];
   #geometry = new BufferGeometry();
-  readonly #thinner = new Thinner();
+  readonly #simplifier = new TrackSimplifier();
   #read = 0;
   #count = 0;
   #capacity = 0;
   #times: number[] = [];
   #last: Vec3 = [0, 0, 0];
 
-  constructor(common: Common, colour: readonly [number, number, number], radiusM: number) {
+  constructor(common: SharedUniforms, colour: readonly [number, number, number], radiusM: number) {
     const shaders = { vertex: VERTEX, fragment: FRAGMENT };
     this.meshes = [false, true].map((isBehind) => {
       const material = ribbonMaterial(common, shaders, isBehind, isBehind ? 0.2 : 1);
@@ -121,17 +121,20 @@ export class Trail {
     });
   }
 
-  /** Takes over what has become known of the track. */
-  learn(track: Track): void {
+  /** Adds the new points of a track. */
+  extend(track: Track): void {
     const { timeS, positions } = track;
     for (; this.#read < track.count; this.#read++) {
       const at = this.#read * 3;
       const point = [timeS[this.#read]!, positions[at]!, positions[at + 1]!, positions[at + 2]!];
-      this.#thinner.push(point, (kept) => this.#append(kept[0]!, [kept[1]!, kept[2]!, kept[3]!]));
+      this.#simplifier.push(point, (kept) => this.#append(kept[0]!, [kept[1]!, kept[2]!, kept[3]!]));
     }
   }
 
-  /** Shows the trail up to a time. Returns where its last point is, for the piece to the agent; null: there is none. */
+  /**
+   * Shows the trail up to a time. Returns its last point, for the segment to the agent; null: there
+   * is none.
+   */
   show(timeS: number, look: { readonly bright: number; readonly widthPx: number }): Vec3 | null {
     let count = 0;
     for (let low = 0, high = this.#count; low < high; count = low) {
@@ -147,9 +150,9 @@ export class Trail {
     }
     this.#geometry.setDrawRange(0, Math.max(count - 1, 0) * 6);
     if (count === 0) return null;
-    const place = this.#geometry.getAttribute("place");
+    const point = this.#geometry.getAttribute("point");
     const vertex = (count - 1) * 2;
-    return [place.getX(vertex), place.getY(vertex), place.getZ(vertex)];
+    return [point.getX(vertex), point.getY(vertex), point.getZ(vertex)];
   }
 
   hide(): void {
@@ -161,18 +164,18 @@ export class Trail {
     for (const mesh of this.meshes) mesh.material.dispose();
   }
 
-  #append(timeS: number, place: Vec3): void {
+  #append(timeS: number, point: Vec3): void {
     if (this.#count === this.#capacity) this.#grow();
     const at = this.#count * 2;
-    const before = this.#count === 0 ? place : this.#last;
+    const before = this.#count === 0 ? point : this.#last;
     for (const vertex of [at, at + 1]) {
-      this.#attribute("place").setXYZ(vertex, ...place);
+      this.#attribute("point").setXYZ(vertex, ...point);
       this.#attribute("before").setXYZ(vertex, ...before);
-      this.#attribute("after").setXYZ(vertex, ...place);
+      this.#attribute("after").setXYZ(vertex, ...point);
       this.#attribute("shape").setXY(vertex, timeS, vertex === at ? -1 : 1);
     }
     if (this.#count > 0)
-      for (const vertex of [at - 2, at - 1]) this.#attribute("after").setXYZ(vertex, ...place);
+      for (const vertex of [at - 2, at - 1]) this.#attribute("after").setXYZ(vertex, ...point);
     for (const [name, size] of Object.entries(SIZES)) {
       const attribute = this.#attribute(name);
       const from = Math.max(at - 2, 0);
@@ -180,7 +183,7 @@ export class Trail {
       attribute.needsUpdate = true;
     }
     this.#times[this.#count] = timeS;
-    this.#last = place;
+    this.#last = point;
     this.#count++;
   }
 

@@ -1,25 +1,25 @@
-/** What the scene is asked to show; plain values that the page sets and keeps. */
+/** View options of the scene: plain values that the page sets and stores. */
 
-/** What can be shown or left out. */
+/** Visible layers. */
 export interface Layers {
   walls: boolean;
-  /** Free cells that nobody has seen, translucent red. */
+  /** Free cells not yet seen by any agent, translucent red. */
   unexplored: boolean;
-  /** Cells in which a body has been. */
+  /** Cells that a body has entered. */
   covered: boolean;
-  /** Colours of the walls by when they were first seen. */
+  /** Colours of the walls by the time they were first seen. */
   heat: boolean;
-  /** Where agents were. */
+  /** Past positions of agents. */
   trails: boolean;
-  /** Where they are going: their ways, and the targets at the ends of them. */
+  /** Planned paths and their targets. */
   paths: boolean;
-  /** Lines between agents that hear each other. */
+  /** Lines between agents in radio contact. */
   contacts: boolean;
-  /** What the selected agent's last scan has hit. */
+  /** Hits of the selected agent's last scan. */
   hits: boolean;
-  /** What the selected agent knows, against what there is. */
+  /** Belief map of the selected agent, compared with the true map. */
   belief: boolean;
-  /** Names of agents. */
+  /** Numbers of agents. */
   labels: boolean;
 }
 
@@ -38,9 +38,9 @@ export const DEFAULT_LAYERS: Layers = {
 
 export interface View {
   layers: Layers;
-  /** 0: walls towards the eye are not there; 1: they are solid. */
+  /** Opacity of walls towards the camera; 0: hidden; 1: solid. */
   wallOpacity: number;
-  /** What lies beyond this share of the map's length along the axis is cut off; 1: nothing is. */
+  /** What lies beyond this share of the map's length along the axis is cut away; 1: nothing. */
   cut: { axis: "x" | "y" | "z"; share: number };
 }
 

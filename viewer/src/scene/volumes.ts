@@ -1,7 +1,7 @@
 /**
- * What a run says of each cell, as three-dimensional textures that shaders read.
+ * Times of cells as three-dimensional textures.
  *
- * The texture is the array of times itself; only layers (of z) that have changed are sent again.
+ * The texture data is the array of times itself; only changed layers (of z) are uploaded again.
  */
 
 import {
@@ -18,9 +18,9 @@ import type { Size } from "./chunks.ts";
 /** Times of cells, or of blocks of them. */
 export class TimesVolume {
   readonly texture: Data3DTexture;
-  /** The same array, from which single layers are sent. */
-  readonly #upload: Data3DTexture;
-  #isSent = false;
+  /** A texture of the same array, from which single layers are copied. */
+  readonly #source: Data3DTexture;
+  #isUploaded = false;
   #low = Infinity;
   #high = -Infinity;
 
@@ -29,11 +29,11 @@ export class TimesVolume {
     readonly size: Size,
   ) {
     this.texture = integers(times, size);
-    this.#upload = integers(times, size);
+    this.#source = integers(times, size);
   }
 
   /** The times of these cells have changed. */
-  learn(cells: Uint32Array): void {
+  markChanged(cells: Uint32Array): void {
     const area = this.size[0] * this.size[1];
     for (const cell of cells) {
       const z = Math.floor(cell / area);
@@ -43,20 +43,20 @@ export class TimesVolume {
   }
 
   /** Any time may have changed. */
-  learnAll(): void {
+  markAllChanged(): void {
     this.#low = 0;
     this.#high = this.size[2] - 1;
   }
 
-  /** Sends what has changed to the graphics. */
-  send(renderer: WebGLRenderer): void {
-    if (!this.#isSent) {
+  /** Uploads the changes to the GPU. */
+  upload(renderer: WebGLRenderer): void {
+    if (!this.#isUploaded) {
       this.texture.needsUpdate = true;
-      this.#isSent = true;
+      this.#isUploaded = true;
     } else if (this.#low <= this.#high) {
       const from = new Vector3(0, 0, this.#low);
       const box = new Box3(from, new Vector3(this.size[0], this.size[1], this.#high + 1));
-      renderer.copyTextureToTexture(this.#upload, this.texture, box, from);
+      renderer.copyTextureToTexture(this.#source, this.texture, box, from);
     }
     this.#low = Infinity;
     this.#high = -Infinity;
@@ -64,7 +64,7 @@ export class TimesVolume {
 
   dispose(): void {
     this.texture.dispose();
-    this.#upload.dispose();
+    this.#source.dispose();
   }
 }
 

@@ -1,11 +1,13 @@
 /**
- * The walls of the cave: faces between rock and free cells, coloured by when what lies before them was seen.
+ * The walls of the cave: faces between rock and free cells, coloured by when the free cell was
+ * seen.
  *
- * Faces that look at the eye are solid; those that look away, between the eye and the inside of the cave, are a faint shell or left
- * out, so that one looks into the cave as into a model that is cut open. Where the map is cut, a rim of rock is drawn around what is
- * open. All colours come from textures, so that another moment costs nothing here.
+ * Faces towards the camera are solid; those that look away, between the camera and the inside of
+ * the cave, are a faint shell or omitted, so that the cave looks like a model cut open. Where the
+ * map is cut, a rim of rock is drawn around the free space. All colours come from textures, so
+ * another time costs nothing here.
  *
- * Faces are made chunk by chunk, a few at a time; they never change.
+ * Faces are built chunk by chunk, a few per frame; they never change.
  */
 
 import {
@@ -22,9 +24,9 @@ import {
 import { Grid } from "./chunks.ts";
 import { heatRgb } from "./colours.ts";
 import { Faces, FacesMesh, type QuadIndex } from "./faces.ts";
-import { define, type Common } from "./glsl.ts";
-import type { Hollows } from "./hollows.ts";
-import type { Model } from "./model.ts";
+import { setDefines, type SharedUniforms } from "./glsl.ts";
+import type { AmbientOcclusion } from "./ambient-occlusion.ts";
+import type { BlockModel } from "./block-model.ts";
 import { CORNERS, FACING_ORDER, Mesher, NUMBERS_PER_CORNER } from "./mesher.ts";
 import type { TimesVolume } from "./volumes.ts";
 import {
@@ -35,18 +37,18 @@ import {
   WALL_SHELL_FRAGMENT,
   WALL_SHELL_VERTEX,
   WALL_VERTEX,
-} from "./wall_shaders.ts";
+} from "./wall-shaders.ts";
 
 const EDGE = 32;
-/** Light is worked out at corners, so rectangles must not be long; cells. */
+/** Lighting is per vertex, so rectangles must be short; cells. */
 const LONGEST = 4;
 
-/** How walls are to be drawn. */
+/** Appearance of the walls. */
 export interface WallLook {
   readonly isVisible: boolean;
   readonly opacity: number;
   readonly isHeat: boolean;
-  /** The last time of the scale of `heat`, ticks. */
+  /** End of the scale of `heat`, ticks. */
   readonly heatTicks: number;
   /** Times at which one agent learned of the cells, and its colour. */
   readonly known: { readonly volume: TimesVolume; readonly colour: Vector3 } | null;
@@ -64,15 +66,15 @@ export class Walls {
   readonly #back: RawShaderMaterial;
   readonly #rimMaterial: RawShaderMaterial;
   readonly #heat = heatTexture();
-  #made = 0;
+  #built = 0;
   #rimKey = "";
 
   constructor(
-    readonly model: Model,
+    readonly model: BlockModel,
     readonly index: QuadIndex,
-    readonly common: Common,
+    readonly common: SharedUniforms,
     times: TimesVolume,
-    readonly hollows: Hollows,
+    readonly occlusion: AmbientOcclusion,
   ) {
     this.#grid = new Grid(model.size, EDGE);
     const own = {
@@ -106,20 +108,20 @@ export class Walls {
     this.group.add(this.#shell, this.#rim.mesh);
   }
 
-  /** Chunks whose faces have yet to be made. */
+  /** Number of chunks whose faces are not built yet. */
   get missing(): number {
-    return this.#grid.chunks - this.#made;
+    return this.#grid.chunks - this.#built;
   }
 
-  /** Makes the faces of one more chunk. */
-  makeNext(): void {
-    const chunk = this.#made++;
+  /** Builds the faces of one more chunk. */
+  buildNext(): void {
+    const chunk = this.#built++;
     const { walls } = this.model;
     if (!this.#grid.fill(chunk, this.#padded, (cell) => walls[cell] === 0)) return;
     const origin = this.#grid.origin(chunk);
     const surface = this.#mesher.surface({ edge: EDGE, origin, padded: this.#padded }, true);
     if (surface.corners.length === 0) return;
-    const faces = new Faces(surface, this.hollows, this.index, origin, [
+    const faces = new Faces(surface, this.occlusion, this.index, origin, [
       origin[0] + EDGE,
       origin[1] + EDGE,
       origin[2] + EDGE,
@@ -132,17 +134,17 @@ export class Walls {
     this.#shell.add(back.mesh);
   }
 
-  /** Prepares the picture from an eye at a place in cells. */
+  /** Prepares a frame for a camera position in cells. */
   show(look: WallLook, eye: Vector3, isCut: boolean): void {
     const shared = [
       ...(isCut ? ["CUT"] : []),
       ...(look.isHeat ? ["HEAT"] : []),
       ...(look.known !== null ? ["KNOWN"] : []),
     ];
-    define(this.#front, [...shared, ...(this.#hasEdges(eye) ? ["EDGES"] : [])]);
-    define(this.#back, [...shared, ...(look.opacity < GLASS_BELOW ? ["GLASS"] : [])]);
-    for (const faces of this.#faces) faces.aim(eye);
-    this.#rim.aim(eye);
+    setDefines(this.#front, [...shared, ...(this.#hasEdges(eye) ? ["EDGES"] : [])]);
+    setDefines(this.#back, [...shared, ...(look.opacity < GLASS_BELOW ? ["GLASS"] : [])]);
+    for (const faces of this.#faces) faces.selectFacing(eye);
+    this.#rim.selectFacing(eye);
     this.group.visible = look.isVisible;
     this.#shell.visible = look.opacity > 0;
     const { uniforms } = this.#front;
@@ -156,13 +158,16 @@ export class Walls {
     this.#back.depthWrite = isSolid;
   }
 
-  /** Draws the rim of rock where the map is cut beyond `placeCells` along an axis; null: it is not cut. */
-  cutAt(cut: { readonly axis: number; readonly placeCells: number } | null): void {
-    const layer = cut === null ? -1 : Math.ceil(cut.placeCells) - 1;
+  /**
+   * Draws the rim of rock where the map is cut beyond `positionCells` along an axis; null: it is not
+   * cut.
+   */
+  cutAt(cut: { readonly axis: number; readonly positionCells: number } | null): void {
+    const layer = cut === null ? -1 : Math.ceil(cut.positionCells) - 1;
     const { mesh } = this.#rim;
     mesh.visible = cut !== null && layer >= 0 && layer < this.model.size[cut.axis]!;
     if (cut === null || !mesh.visible) return;
-    mesh.position.set(0, 0, 0).setComponent(cut.axis, cut.placeCells - (layer + 1));
+    mesh.position.set(0, 0, 0).setComponent(cut.axis, cut.positionCells - (layer + 1));
     const key = `${cut.axis} ${layer}`;
     if (key === this.#rimKey) return;
     this.#rimKey = key;
@@ -170,12 +175,12 @@ export class Walls {
   }
 
   dispose(): void {
-    for (const faces of [...this.#faces, this.#rim]) faces.free();
+    for (const faces of [...this.#faces, this.#rim]) faces.dispose();
     for (const material of [this.#front, this.#back, this.#rimMaterial]) material.dispose();
     this.#heat.dispose();
   }
 
-  /** Whether any cell is so near that its edges are drawn. */
+  /** Whether any cell is near enough for its edges to be drawn. */
   #hasEdges(eye: Vector3): boolean {
     const nearest = eye.clone().clamp(new Vector3(), new Vector3(...this.model.size));
     return nearest.distanceTo(eye) * this.common.pixelM.value * CELL_PX_LEAST < 1;
@@ -184,13 +189,16 @@ export class Walls {
   #rimFaces(axis: number, layer: number): Faces {
     const corners = layer < 0 ? new Uint16Array(0) : rimOf(this.model, axis, layer);
     const count = corners.length / (NUMBERS_PER_CORNER * CORNERS);
-    const ends = FACING_ORDER.map((_, place) => (place < FACING_ORDER.indexOf(axis * 2) ? 0 : count));
-    return new Faces({ corners, ends }, this.hollows, this.index, [0, 0, 0], this.model.size);
+    const ends = FACING_ORDER.map((_, slot) => (slot < FACING_ORDER.indexOf(axis * 2) ? 0 : count));
+    return new Faces({ corners, ends }, this.occlusion, this.index, [0, 0, 0], this.model.size);
   }
 }
 
-/** Rock of a layer that has a free cell of the layer among its eight neighbours: the faces of it along the axis. */
-function rimOf(model: Model, axis: number, layer: number): Uint16Array {
+/**
+ * The rim: rock of a layer with a free cell of the layer among its eight neighbours, as faces along
+ * the axis.
+ */
+function rimOf(model: BlockModel, axis: number, layer: number): Uint16Array {
   const { size, walls } = model;
   const strides = [1, size[0], size[0] * size[1]] as const;
   const [u, v] = axis === 0 ? [1, 2] : axis === 1 ? [0, 2] : [0, 1];
@@ -209,11 +217,11 @@ function rimOf(model: Model, axis: number, layer: number): Uint16Array {
       if (!isRim) continue;
       const turn = axis === 1 ? [0, 3, 2, 1] : [0, 1, 2, 3];
       for (const corner of turn) {
-        const place = [0, 0, 0];
-        place[axis] = layer + 1;
-        place[u!] = i + (corner === 1 || corner === 2 ? 1 : 0);
-        place[v!] = j + (corner >= 2 ? 1 : 0);
-        quads.push(...place, axis * 2);
+        const vertex = [0, 0, 0];
+        vertex[axis] = layer + 1;
+        vertex[u!] = i + (corner === 1 || corner === 2 ? 1 : 0);
+        vertex[v!] = j + (corner >= 2 ? 1 : 0);
+        quads.push(...vertex, axis * 2);
       }
     }
   }

@@ -1,12 +1,13 @@
-/**
- * What tests begin with: servers, which are ended with the test, and a page that is watched for errors that nobody has foreseen.
- */
+/** Test fixtures: servers, which end with the test, and a page whose unexpected errors fail it. */
 import { test as base, type Page } from "@playwright/test";
-import { binary, environment, PAGE, RUN_SCRIPT, SCENARIO } from "./places.ts";
+import { binary, environment, PAGE, RUN_SCRIPT, SCENARIO } from "./paths.ts";
 import { outputOf, Program } from "./programs.ts";
 import { digestIn, parseInfo, type Info } from "./info.ts";
 
-/** What a browser writes to its console when a connection or a file is not there; it cannot be kept from it. */
+/**
+ * Console messages of the browser about unreachable connections or files, which a page cannot
+ * prevent.
+ */
 const FAILED_CONNECTION = /^(WebSocket connection to|Failed to load resource)/;
 
 export class Servers {
@@ -17,20 +18,20 @@ export class Servers {
     this.#env = environment(worker);
   }
 
-  /** The page with a recording; returns its address. */
+  /** Serves the page with a recording; returns its address. */
   async view(file: string): Promise<string> {
     const server = this.#start("sim_server", ["view", file, "--address", "127.0.0.1:0", "--page", PAGE]);
-    return (await server.says("stdout", /^(http:\S+)$/m))[1]!;
+    return (await server.prints("stdout", /^(http:\S+)$/m))[1]!;
   }
 
-  /** A run that can be looked at; returns the server and the address of the page. */
+  /** Starts a run that can be observed; returns the server and the address of the page. */
   async run(flags: readonly string[], address = "127.0.0.1:0"): Promise<{ server: Program; url: string }> {
     const server = this.#start("sim_server", ["run", ...flags, "--view", address, "--page", PAGE]);
-    const url = (await server.says("stderr", /to look on: (http:\S+)/))[1]!;
+    const url = (await server.prints("stderr", /(http:\/\/\S+)\s/))[1]!;
     return { server, url };
   }
 
-  /** The agents of a run, in one process. */
+  /** Starts the agents of a run, in one process. */
   agents(count: number): Program {
     return this.#start("agent_node", ["--id", `0-${count - 1}`]);
   }
@@ -39,13 +40,13 @@ export class Servers {
     return parseInfo(await outputOf(binary("sim_server"), ["info", file], this.#env));
   }
 
-  /** A key of a scenario, as the server reads it. */
+  /** The value of a scenario key, as the server reads it. */
   async scenarioKey(file: string, key: string): Promise<string> {
     return (await outputOf(binary("sim_server"), ["scenario", file, "--get", key], this.#env)).trim();
   }
 
-  /** The digest of a run that nobody looks at. */
-  async digestUnseen(flags: readonly string[]): Promise<string> {
+  /** The digest of a run without observers. */
+  async digestUnobserved(flags: readonly string[]): Promise<string> {
     return digestIn(await outputOf(RUN_SCRIPT, [SCENARIO, "--transport", "memory", ...flags], this.#env));
   }
 
@@ -62,7 +63,7 @@ export class Servers {
 
 interface Fixtures {
   readonly servers: Servers;
-  /** Has other pages watched as well. */
+  /** Checks another page for errors as well. */
   readonly watch: (page: Page) => void;
 }
 

@@ -1,11 +1,12 @@
 /**
- * What `sim_server info` says of a recording, as numbers: an account of it that the page has no part in.
+ * Parses the output of `sim_server info`: the expected numbers of a recording, independent of the
+ * page.
  */
 
 export interface AgentInfo {
   readonly explored: string;
   readonly covered: string;
-  /** Metres with one digit after the point, and the unit. */
+  /** Metres with one decimal, and the unit. */
   readonly distance: string;
 }
 
@@ -16,7 +17,7 @@ export interface Info {
   readonly endTime: string;
   readonly tick: number;
   readonly reason: string;
-  /** Time at which a share was first explored, mm:ss.cc, by the share. */
+  /** Time at which each share was explored, mm:ss.cc, by the share. */
   readonly reached: ReadonlyMap<string, string>;
   readonly counters: ReadonlyMap<string, number>;
   readonly digest: string;

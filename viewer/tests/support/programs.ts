@@ -1,5 +1,6 @@
 /**
- * Programs that tests start. Each belongs to somebody who ends it; if the test runner itself dies, the kernel ends them.
+ * Child processes of tests. The test that starts one ends it; if the test runner dies, the kernel
+ * does.
  */
 import { spawn, type ChildProcess } from "node:child_process";
 
@@ -7,7 +8,7 @@ export class Program {
   readonly name: string;
   stdout = "";
   stderr = "";
-  /** How it has ended, as soon as it has: its exit code, or -1 after a signal. */
+  /** Exit code, or -1 after a signal. */
   readonly ended: Promise<number>;
   readonly #child: ChildProcess;
   #code: number | null = null;
@@ -21,17 +22,17 @@ export class Program {
     });
     this.#child.stdout!.setEncoding("utf8").on("data", (text: string) => {
       this.stdout += text;
-      this.#tell();
+      this.#notify();
     });
     this.#child.stderr!.setEncoding("utf8").on("data", (text: string) => {
       this.stderr += text;
-      this.#tell();
+      this.#notify();
     });
     this.ended = new Promise((resolve) => {
       const end = (code: number): void => {
         this.#code ??= code;
         resolve(code);
-        this.#tell();
+        this.#notify();
       };
       this.#child.on("error", (error) => {
         this.stderr += `${error.message}\n`;
@@ -41,8 +42,8 @@ export class Program {
     });
   }
 
-  /** Waits for what the program says; fails if it ends without having said it. */
-  says(stream: "stdout" | "stderr", what: RegExp): Promise<RegExpExecArray> {
+  /** Waits for output that matches; rejects if the process ends without it. */
+  prints(stream: "stdout" | "stderr", what: RegExp): Promise<RegExpExecArray> {
     return new Promise((resolve, reject) => {
       const look = (): void => {
         const found = what.exec(this[stream]);
@@ -56,18 +57,18 @@ export class Program {
     });
   }
 
-  /** Ends it without a chance to say anything, and waits until it is gone. */
+  /** Kills the process and waits for its end. */
   async kill(): Promise<void> {
     this.#child.kill("SIGKILL");
     await this.ended;
   }
 
-  #tell(): void {
+  #notify(): void {
     for (const listener of [...this.#listeners]) listener();
   }
 }
 
-/** Carries out a program that ends by itself; returns what it has printed. */
+/** Executes a program to its end; returns its standard output. */
 export async function outputOf(
   path: string,
   args: readonly string[],

@@ -1,15 +1,18 @@
-/** The recordings that `setup.ts` has made. */
+/** The recordings made by `setup.ts`. */
 import { join } from "node:path";
 
-/** The variable of the environment that names their folder. */
+/** Environment variable with their folder. */
 export const FOLDER = "MAES_TEST_RECORDINGS";
 
-/** `cave`: five agents until all is explored; `radio`: two minutes with a limited radio range; `hall`: half a minute of a larger cave. */
+/**
+ * `cave`: five agents until all is explored; `radio`: two minutes with a limited radio range;
+ * `hall`: half a minute of a larger cave.
+ */
 export function recording(name: "cave" | "radio" | "hall"): string {
   return join(temporaryFolder(), `${name}.mcap`);
 }
 
-/** A folder for files of tests, removed after the last one. */
+/** Temporary folder of the test run, removed at its end. */
 export function temporaryFolder(): string {
   const folder = process.env[FOLDER];
   if (folder === undefined)

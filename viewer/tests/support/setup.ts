@@ -1,10 +1,10 @@
 /**
- * Before all tests: the recordings that they look at are made, by runs over memory, into a folder that is removed afterwards.
+ * Global setup: makes the recordings, with in-memory runs, in a folder that is removed afterwards.
  */
 import { mkdtempSync, rmSync, existsSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { environment, PAGE, RUN_SCRIPT, SCENARIO } from "./places.ts";
+import { environment, PAGE, RUN_SCRIPT, SCENARIO } from "./paths.ts";
 import { outputOf } from "./programs.ts";
 import { FOLDER } from "./recordings.ts";
 
@@ -22,9 +22,9 @@ export default async function setup(): Promise<() => void> {
     );
   const remove = (): void => rmSync(folder, { recursive: true });
   try {
-    // With all poses of the bodies nothing that they have visited has to be guessed.
+    // With all poses recorded, covered cells need no interpolation.
     await record("cave.mcap", "--set", "recording.poses_period_ticks=1");
-    // Agents hear each other now and then, and lvd says what it does.
+    // Agents are in contact at times, and lvd has a status text.
     await record(
       "radio.mcap",
       "--controller",

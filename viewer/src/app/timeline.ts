@@ -1,0 +1,152 @@
+/**
+ * The timeline: the known part of a run, the time shown, and exploration milestones. It can be
+ * dragged, and has the keys of a slider.
+ */
+import type { Run } from "../data/run.ts";
+import { labels, lineEndS, milestones, shareOf, timeAt, recordedMilestones } from "./timeline-axis.ts";
+import { el, fill, setText } from "./dom.ts";
+import { clockTime, finePercent, percent } from "./format.ts";
+import { sharesAt } from "./panel-state.ts";
+
+/** Seek steps of the slider keys, seconds. */
+const KEY_STEPS_S: Record<string, number> = {
+  ArrowLeft: -1,
+  ArrowDown: -1,
+  ArrowRight: 1,
+  ArrowUp: 1,
+  PageDown: -60,
+  PageUp: 60,
+};
+
+/** Width of a label, pixels. */
+const LABEL_PX = 72;
+
+export class Timeline {
+  readonly root: HTMLElement;
+  readonly #known = el("div", { class: "tl-known" });
+  readonly #played = el("div", { class: "tl-played" });
+  readonly #handle = el("div", { class: "tl-handle" });
+  readonly #marks = el("div", { class: "tl-marks" });
+  readonly #labels = el("div", { class: "tl-labels", "aria-hidden": "true" });
+  readonly #hint = el("div", { class: "tl-hint", hidden: true });
+  readonly #track: HTMLElement;
+  readonly #seek: (timeS: number) => void;
+  #run: Run | null = null;
+  #timeS = 0;
+  #lineEndS = 1;
+  #marked = "";
+  #labelled = "";
+
+  constructor(seek: (timeS: number) => void) {
+    this.#seek = seek;
+    this.#track = el(
+      "div",
+      {
+        class: "tl-track",
+        role: "slider",
+        tabindex: 0,
+        "aria-label": "Time",
+        "aria-valuemin": 0,
+        testid: "timeline",
+      },
+      el("div", { class: "tl-rail" }, this.#known, this.#played),
+      this.#marks,
+      this.#handle,
+      this.#hint,
+    );
+    this.root = el("div", { class: "tl" }, this.#track, this.#labels);
+    this.#listen();
+  }
+
+  update(run: Run, timeS: number): void {
+    this.#run = run;
+    this.#timeS = timeS;
+    this.#lineEndS = lineEndS(run.endS, run.setup.durationS, run.isComplete);
+    const share = shareOf(timeS, this.#lineEndS);
+    this.#known.style.transform = `scaleX(${shareOf(run.endS, this.#lineEndS)})`;
+    this.#played.style.transform = `scaleX(${share})`;
+    this.#handle.style.left = `${share * 100}%`;
+    this.#track.setAttribute("aria-valuemax", run.endS.toFixed(0));
+    this.#track.setAttribute("aria-valuenow", timeS.toFixed(0));
+    this.#track.setAttribute("aria-valuetext", `${clockTime(timeS)} of ${clockTime(run.endS)}`);
+    this.#mark(run);
+    this.#label();
+  }
+
+  #mark(run: Run): void {
+    // Milestones only change when more of the run is known.
+    const key = `${run.id} ${run.endS} ${this.#lineEndS} ${run.result !== null}`;
+    if (key === this.#marked) return;
+    this.#marked = key;
+    const found =
+      recordedMilestones(run.result) ??
+      milestones((timeS) => run.seenAt(timeS), run.terrain.freeCells, run.endS);
+    const marks = found.map(({ share, timeS }) => {
+      const name = `${Number((share * 100).toFixed(1))} % explored at ${clockTime(timeS)}`;
+      return el("button", {
+        type: "button",
+        class: "tl-mark",
+        tabindex: -1,
+        title: name,
+        "aria-label": name,
+        testid: `milestone-${Number((share * 100).toFixed(1))}`,
+        style: `left: ${shareOf(timeS, this.#lineEndS) * 100}%; --weight: ${share}`,
+        onclick: () => this.#seek(timeS),
+      });
+    });
+    fill(this.#marks, ...marks);
+  }
+
+  #label(): void {
+    const width = this.#track.clientWidth;
+    const maxCount = Math.max(1, Math.floor(width / LABEL_PX));
+    const key = `${this.#lineEndS} ${maxCount}`;
+    if (key === this.#labelled) return;
+    this.#labelled = key;
+    const texts = labels(this.#lineEndS, maxCount).map((timeS) => {
+      const share = shareOf(timeS, this.#lineEndS);
+      const edge = share === 0 ? "is-first" : share > 0.96 ? "is-last" : undefined;
+      return el("span", { class: edge, style: `left: ${share * 100}%` }, clockTime(timeS));
+    });
+    fill(this.#labels, ...texts);
+  }
+
+  #listen(): void {
+    const track = this.#track;
+    const at = (event: PointerEvent) => {
+      const box = track.getBoundingClientRect();
+      return timeAt(event.clientX - box.left, box.width, this.#lineEndS);
+    };
+    track.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0 || (event.target as HTMLElement).closest(".tl-mark")) return;
+      track.setPointerCapture(event.pointerId);
+      this.#seek(at(event));
+    });
+    track.addEventListener("pointermove", (event) => {
+      this.#showHint(at(event));
+      if (track.hasPointerCapture(event.pointerId)) this.#seek(at(event));
+    });
+    track.addEventListener("pointerleave", () => (this.#hint.hidden = true));
+    track.addEventListener("keydown", (event) => {
+      const stepS = KEY_STEPS_S[event.key];
+      if (stepS === undefined) return;
+      event.preventDefault();
+      event.stopPropagation();
+      this.#seek(this.#timeS + stepS * (event.shiftKey ? 10 : 1));
+    });
+  }
+
+  #showHint(timeS: number): void {
+    const run = this.#run;
+    if (!run) return;
+    this.#hint.hidden = false;
+    this.#hint.style.left = `${shareOf(timeS, this.#lineEndS) * 100}%`;
+    const known = timeS <= run.endS;
+    const { explored } = sharesAt(run, timeS);
+    const share = explored >= 0.99 ? finePercent(explored) : percent(explored);
+    setText(
+      this.#hint,
+      known ? `${clockTime(timeS)}, ${share} explored` : `${clockTime(timeS)}, not received yet`,
+    );
+  }
+}

@@ -1,0 +1,93 @@
+import { expect, test } from "vitest";
+import { MapMessageReader } from "./map-message.ts";
+import type { Vec3 } from "./run.ts";
+
+/** Bytes followed by bits, least significant bit of each byte first. */
+function mapMessage(head: readonly number[], bits: string): Uint8Array {
+  const digits = bits.replaceAll(" ", "");
+  const bytes = Array.from({ length: Math.ceil(digits.length / 8) }, (_, byte) =>
+    parseInt(
+      digits
+        .slice(8 * byte, 8 * byte + 8)
+        .padEnd(8, "0")
+        .split("")
+        .reverse()
+        .join(""),
+      2,
+    ),
+  );
+  return Uint8Array.from([...head, ...bytes]);
+}
+
+/**
+ * Cells 3 and 5 of block 1; three octants and part of a fourth of block 2; two cells of block 5,
+ * some of them covered.
+ */
+const DOCUMENTED = mapMessage(
+  [2, 2, 1, 2, 3],
+  "100 0 100 110000 101000 0 1" +
+    "0 10 110 1110 10 11111000 11 00100 0 0 0 0 0" +
+    "101 110 100 000000 100000 0 0 0 1",
+);
+
+function cellsOf(bytes: Uint8Array, size: Vec3, agents: number): number[] | null {
+  const cells = new MapMessageReader(size, agents).cells(bytes);
+  return cells && Array.from(cells).sort((a, b) => a - b);
+}
+
+test("the documented message", () => {
+  const cells = cellsOf(DOCUMENTED, [8, 8, 8], 5)!;
+  const at = (x: number, y: number, z: number) => (z * 8 + y) * 8 + x;
+  const block = (lowest: Vec3, numbers: readonly number[]) =>
+    numbers.map((number) => {
+      const bit = (place: number) => (number >> place) & 1;
+      return at(
+        lowest[0] + bit(0) + 2 * bit(3),
+        lowest[1] + bit(1) + 2 * bit(4),
+        lowest[2] + bit(2) + 2 * bit(5),
+      );
+    });
+  const whole = Array.from({ length: 21 }, (_, number) => number);
+  const expected = [...block([4, 0, 0], [3, 5]), ...block([0, 4, 0], whole), ...block([4, 0, 4], [0, 1])];
+  expect(cells).toEqual(expected.sort((a, b) => a - b));
+});
+
+test("messages of other runs are ignored", () => {
+  expect(cellsOf(DOCUMENTED, [8, 8, 4], 5)).toBeNull();
+  expect(cellsOf(DOCUMENTED, [8, 5, 8], 5)).toBeNull();
+  expect(cellsOf(DOCUMENTED, [8, 8, 8], 4)).toBeNull();
+});
+
+test("malformed messages are ignored", () => {
+  const refused: [string, Uint8Array][] = [
+    ["no bytes", Uint8Array.of()],
+    ["another version", Uint8Array.of(1, 0, 0)],
+    ["a missing block", Uint8Array.of(2, 0, 1)],
+    ["a byte too many", Uint8Array.of(2, 0, 0, 7)],
+    ["a varint of six bytes", Uint8Array.of(2, 0x80, 0x80, 0x80, 0x80, 0x80, 0)],
+    ["an empty octant", mapMessage([2, 0, 1], "0 10 0 0 0 0 0 0 0 0")],
+    ["a whole octant in long form", mapMessage([2, 0, 1], "0 10 10 11111111 0 0 0 0 0 0 0 0")],
+    ["mixed walls without a wall", mapMessage([2, 0, 1], "0 10 11 11 00000000 0 0 0 0 0 0 0")],
+    ["a descending list", mapMessage([2, 0, 1], "0 0 100 101000 110000 0 1")],
+    ["covered cells without one", mapMessage([2, 0, 1], "0 110 0 000000 0 0")],
+    ["padding that is set", mapMessage([2, 0, 1], "0 0 0 000000 0 1")],
+  ];
+  for (const [what, bytes] of refused) {
+    expect(cellsOf(bytes, [8, 8, 8], 2), what).toBeNull();
+  }
+  expect(cellsOf(mapMessage([2, 0, 1], "0 0 0 000000 0"), [8, 8, 8], 2)).toEqual([0]);
+  expect(cellsOf(Uint8Array.of(2, 0, 0), [8, 8, 8], 2)).toEqual([]);
+});
+
+test("truncated messages are ignored, and corrupted ones stay inside the map", () => {
+  const size: Vec3 = [7, 8, 6];
+  const reader = new MapMessageReader(size, 5);
+  for (let length = 0; length < DOCUMENTED.length; length++) {
+    expect(cellsOf(DOCUMENTED.subarray(0, length), [8, 8, 8], 5)).toBeNull();
+  }
+  for (let bit = 0; bit < 8 * DOCUMENTED.length; bit++) {
+    const changed = DOCUMENTED.map((byte, at) => (at === bit >> 3 ? byte ^ (1 << (bit & 7)) : byte));
+    const cells = reader.cells(changed);
+    expect(cells?.every((cell) => cell < size[0] * size[1] * size[2]) ?? true).toBe(true);
+  }
+});

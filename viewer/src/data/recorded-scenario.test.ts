@@ -1,0 +1,36 @@
+import { describe, expect, it } from "vitest";
+import { recordedScenario } from "./recorded-scenario.ts";
+
+describe("the scenario of a recording", () => {
+  it("has the seed at the top", () => {
+    expect(recordedScenario("duration_s = 1.0\nseed = 4711\n[map]\nseed = 3\n").seed).toBe("4711");
+    expect(recordedScenario("[map]\nseed = 3\n").seed).toBeNull();
+  });
+
+  it("has seeds beyond 2^53 to the last digit", () => {
+    expect(recordedScenario("seed = 9223372036854775807").seed).toBe("9223372036854775807");
+  });
+
+  it("has the sensor settings", () => {
+    const toml = `
+      lidar = { pattern = "shell", shell_radius_cells = 12 } # an inline table
+      [sensor]
+      pose_bound_m = inf
+      [recording]
+      poses_period_ticks = 0`;
+    expect(recordedScenario(toml)).toEqual({
+      seed: null,
+      lidarPattern: "shell",
+      shellRadiusCells: 12,
+      poseBoundM: Infinity,
+      posesPeriodTicks: 0,
+    });
+  });
+
+  it.each(["", "seed = ", "lidar = 3", '[lidar]\npattern = 7\nshell_radius_cells = "many"', "seed = 1.5"])(
+    "has null for what is missing or malformed: %j",
+    (toml) => {
+      expect(Object.values(recordedScenario(toml))).toEqual([null, null, null, null, null]);
+    },
+  );
+});

@@ -1,0 +1,52 @@
+/**
+ * The few values of a recording's scenario that are not in the message on `/sim/scenario`.
+ *
+ * Values that are missing or have another type are null, and so are all values of a document that
+ * is not TOML: a damaged scenario must not keep a recording from being shown.
+ */
+
+import { parse, type TomlTable, type TomlValue } from "smol-toml";
+
+export interface RecordedScenario {
+  /** Decimal, because a seed may exceed 2^53. */
+  readonly seed: string | null;
+  readonly lidarPattern: string | null;
+  readonly shellRadiusCells: number | null;
+  readonly poseBoundM: number | null;
+  readonly posesPeriodTicks: number | null;
+}
+
+export function recordedScenario(toml: string): RecordedScenario {
+  const root = parsed(toml);
+  const seed = root["seed"];
+  const pattern = tableIn(root, "lidar")["pattern"];
+  return {
+    seed: typeof seed === "bigint" || Number.isInteger(seed) ? String(seed) : null,
+    lidarPattern: typeof pattern === "string" ? pattern : null,
+    shellRadiusCells: numberIn(root, "lidar", "shell_radius_cells"),
+    poseBoundM: numberIn(root, "sensor", "pose_bound_m"),
+    posesPeriodTicks: numberIn(root, "recording", "poses_period_ticks"),
+  };
+}
+
+function parsed(toml: string): TomlTable {
+  try {
+    return parse(toml, { integersAsBigInt: "asNeeded" });
+  } catch {
+    return {};
+  }
+}
+
+function tableIn(root: TomlTable, name: string): TomlTable {
+  const value = root[name];
+  return isTable(value) ? value : {};
+}
+
+function isTable(value: TomlValue | undefined): value is TomlTable {
+  return typeof value === "object" && !Array.isArray(value) && !(value instanceof Date);
+}
+
+function numberIn(root: TomlTable, table: string, key: string): number | null {
+  const value = tableIn(root, table)[key];
+  return typeof value === "number" && !Number.isNaN(value) ? value : null;
+}

@@ -1,0 +1,306 @@
+/**
+ * The page's copy of a run, which grows while its recording is read.
+ *
+ * Queries are binary searches in what has been read; they may come in any order and always have the
+ * same answer. Nothing is decoded here: what needs the recording again (beliefs, points of scans)
+ * is requested from the reader.
+ */
+
+import { AgentLog, tickAt } from "./agent-log.ts";
+import { TickCounts } from "./tick-counts.ts";
+import { Growable } from "./growable.ts";
+import {
+  COMMAND,
+  OBSERVATION,
+  POSE,
+  type Batch,
+  type ScanHits,
+  type Reply,
+  type Request,
+} from "./protocol.ts";
+import {
+  NEVER,
+  TICK_S,
+  type AgentState,
+  type Belief,
+  type Hits,
+  type RunUpdate,
+  type Progress,
+  type Result,
+  type Run,
+  type Setup,
+  type Terrain,
+  type Track,
+} from "./run.ts";
+
+/** Connection to the reader of the recording. */
+export interface ReaderClient {
+  send(request: Request): void;
+  close(): void;
+}
+
+interface GrowingBelief extends Belief {
+  revision: number;
+}
+
+export class RunModel implements Run {
+  readonly id: string;
+  readonly title: string;
+  readonly setup: Setup;
+  readonly terrain: Terrain;
+  readonly firstSeenTick: Uint32Array;
+  readonly coveredTick: Uint32Array;
+  readonly progress: Progress[] = [];
+  result: Result | null = null;
+  endS = 0;
+  isComplete = false;
+  problem: string | null = null;
+  readonly #reader: ReaderClient;
+  readonly #agents: AgentLog[];
+  readonly #seen = new TickCounts();
+  readonly #covered = new TickCounts();
+  readonly #listeners = new Set<(update: RunUpdate) => void>();
+  readonly #hits = new Map<number, (hits: ScanHits | null) => void>();
+  #requests = 0;
+  #isClosed = false;
+  #belief: GrowingBelief | null = null;
+  /** The last request to follow an agent, pending or answered. */
+  #following: {
+    readonly request: number;
+    readonly agent: number;
+    readonly promise: Promise<Belief | null>;
+    readonly resolve: (belief: Belief | null) => void;
+  } | null = null;
+
+  constructor(id: string, title: string, setup: Setup, terrain: Terrain, reader: ReaderClient) {
+    this.id = id;
+    this.title = title;
+    this.setup = setup;
+    this.terrain = terrain;
+    this.#reader = reader;
+    const cells = terrain.walls.length;
+    this.firstSeenTick = new Uint32Array(cells).fill(NEVER);
+    this.coveredTick = new Uint32Array(cells).fill(NEVER);
+    this.#agents = Array.from({ length: setup.agents }, (_, agent) => new AgentLog(agent, terrain));
+  }
+
+  seenAt(timeS: number): number {
+    return this.#seen.upTo(tickAt(timeS));
+  }
+
+  coveredAt(timeS: number): number {
+    return this.#covered.upTo(tickAt(timeS));
+  }
+
+  agentAt(id: number, timeS: number): AgentState {
+    return this.#agent(id).stateAt(timeS);
+  }
+
+  track(id: number): Track {
+    return this.#agent(id).track;
+  }
+
+  #agent(id: number): AgentLog {
+    const agent = this.#agents[id];
+    if (!agent) {
+      throw new RangeError(`there is no agent ${id}, expected 0 to ${this.#agents.length - 1}`);
+    }
+    return agent;
+  }
+
+  follow(id: number | null): Promise<Belief | null> {
+    if (id !== null && this.#following?.agent === id) {
+      return this.#following.promise;
+    }
+    if (id !== null) {
+      this.#agent(id);
+    }
+    this.#following?.resolve(null);
+    this.#following = null;
+    this.#belief = null;
+    const request = ++this.#requests;
+    let resolve: (belief: Belief | null) => void = () => {};
+    const promise = new Promise<Belief | null>((settle) => {
+      resolve = settle;
+    });
+    if (id === null || this.#isClosed) {
+      resolve(null);
+    } else {
+      this.#following = { request, agent: id, promise, resolve };
+    }
+    this.#reader.send({ kind: "follow", request, agent: id });
+    return promise;
+  }
+
+  async hitsAt(id: number, timeS: number): Promise<Hits | null> {
+    const agent = this.#agent(id);
+    if (this.#isClosed) {
+      return null;
+    }
+    const request = ++this.#requests;
+    const found = await new Promise<ScanHits | null>((resolve) => {
+      this.#hits.set(request, resolve);
+      this.#reader.send({
+        kind: "hits",
+        request,
+        agent: id,
+        untilTick: tickAt(timeS),
+        scan: agent.scanAt(timeS),
+      });
+    });
+    if (!found?.isInBodyFrame) {
+      return found && { timeS: found.timeS, positions: found.points, isCast: true };
+    }
+    const { position, yawRad } = agent.poseAt(found.timeS);
+    const [cos, sin] = [Math.cos(yawRad), Math.sin(yawRad)];
+    const positions = new Float32Array(found.points.length);
+    for (let at = 0; at < positions.length; at += 3) {
+      const [x, y, z] = [found.points[at]!, found.points[at + 1]!, found.points[at + 2]!];
+      positions[at] = position[0] + cos * x - sin * y;
+      positions[at + 1] = position[1] + sin * x + cos * y;
+      positions[at + 2] = position[2] + z;
+    }
+    return { timeS: found.timeS, positions, isCast: false };
+  }
+
+  onUpdate(listener: (update: RunUpdate) => void): () => void {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  }
+
+  close(): void {
+    this.#listeners.clear();
+    this.#endReading();
+  }
+
+  /** Ends reading after a failure; what has been read so far stays. */
+  fail(problem: string): void {
+    this.problem = problem;
+    this.isComplete = true;
+    this.#endReading();
+    this.#notify({ cells: new Uint32Array(0), hasEnded: false });
+  }
+
+  #notify(update: RunUpdate): void {
+    this.#listeners.forEach((listener) => listener(update));
+  }
+
+  #endReading(): void {
+    this.#isClosed = true;
+    this.#reader.close();
+    this.#following?.resolve(null);
+    this.#following = null;
+    this.#hits.forEach((resolve) => resolve(null));
+    this.#hits.clear();
+  }
+
+  /** Applies a reply of the reader. */
+  take(reply: Reply): void {
+    switch (reply.kind) {
+      case "batch":
+        this.#takeBatch(reply.batch);
+        break;
+      case "belief":
+        if (this.#following?.request === reply.request && reply.knownTick) {
+          this.#belief = { agent: this.#following.agent, knownTick: reply.knownTick, revision: 0 };
+          this.#following.resolve(this.#belief);
+        }
+        break;
+      case "hits":
+        this.#hits.get(reply.request)?.(reply.hits);
+        this.#hits.delete(reply.request);
+        break;
+      case "opened":
+      case "unreadable":
+        break;
+    }
+  }
+
+  #takeBatch(batch: Batch): void {
+    const cells = new Growable(new Uint32Array(0));
+    this.#takeSeen(batch.seen, cells);
+    this.#takeCovered(batch.covered, cells);
+    this.#takeAgents(batch);
+    if (this.#belief && batch.learned?.request === this.#following?.request) {
+      const learned = batch.learned!.cells;
+      for (let at = 0; at < learned.length; at += 2) {
+        this.#belief.knownTick[learned[at + 1]!] = learned[at]!;
+      }
+      this.#belief.revision += learned.length > 0 ? 1 : 0;
+    }
+    this.progress.push(...batch.progress);
+    const hasEnded = this.result === null && batch.result !== null;
+    this.result = batch.result;
+    this.endS = batch.endTick * TICK_S;
+    this.isComplete = batch.isComplete;
+    this.problem = batch.problem;
+    this.#notify({ cells: cells.takeAll(), hasEnded });
+  }
+
+  #takeSeen(seen: Uint32Array, changed: Growable<Uint32Array>): void {
+    const { walls } = this.terrain;
+    for (let at = 0; at < seen.length; at += 3) {
+      const tick = seen[at]!;
+      const start = seen[at + 1]!;
+      const end = start + seen[at + 2]!;
+      for (let cell = start; cell < end; cell++) {
+        const before = this.firstSeenTick[cell]!;
+        if (tick < before) {
+          this.firstSeenTick[cell] = tick;
+          changed.push(cell);
+          if (walls[cell] === 0) {
+            move(this.#seen, before, tick);
+          }
+        }
+      }
+    }
+  }
+
+  #takeCovered(covered: Uint32Array, changed: Growable<Uint32Array>): void {
+    for (let at = 0; at < covered.length; at += 2) {
+      const tick = covered[at]!;
+      const cell = covered[at + 1]!;
+      const before = this.coveredTick[cell]!;
+      if (tick < before) {
+        this.coveredTick[cell] = tick;
+        changed.push(cell);
+        if (this.terrain.walls[cell] === 0) {
+          move(this.#covered, before, tick);
+        }
+      }
+    }
+  }
+
+  #takeAgents(batch: Batch): void {
+    const { poses, observations, contacts, commands, waypoints } = batch;
+    for (let at = 0; at < poses.length; at += POSE.columns) {
+      const [agent, tick, x, y, z, yawRad] = poses.subarray(at, at + POSE.columns);
+      this.#agents[agent!]!.addPose(tick!, x!, y!, z!, yawRad!);
+    }
+    let used = 0;
+    for (let at = 0; at < observations.length; at += OBSERVATION.columns) {
+      const row = observations.subarray(at, at + OBSERVATION.columns);
+      const end = used + row[OBSERVATION.contacts]!;
+      this.#agents[row[OBSERVATION.agent]!]!.addObservation(row, contacts.subarray(used, end));
+      used = end;
+    }
+    used = 0;
+    for (let at = 0; at < commands.length; at += COMMAND.columns) {
+      const row = commands.subarray(at, at + COMMAND.columns);
+      const end = used + 3 * row[COMMAND.waypoints]!;
+      this.#agents[row[COMMAND.agent]!]!.addCommand(row, waypoints.subarray(used, end));
+      used = end;
+    }
+    for (const [agent, info] of batch.infos) {
+      this.#agents[agent]!.addInfo(info);
+    }
+  }
+}
+
+/** Moves a cell from one tick to another. */
+function move(counts: TickCounts, before: number, tick: number): void {
+  if (before !== NEVER) {
+    counts.add(before, -1);
+  }
+  counts.add(tick, 1);
+}

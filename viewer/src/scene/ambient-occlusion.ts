@@ -1,0 +1,157 @@
+/**
+ * Baked ambient occlusion: at each corner of the cell grid, the direction out of the rock and how
+ * open the surroundings are.
+ *
+ * It is computed once per map, on the grid of its cells or, for large maps, of blocks of cells.
+ */
+
+import type { Size } from "./chunks.ts";
+import { CORNERS, NUMBERS_PER_CORNER } from "./mesher.ts";
+
+/** Ambient occlusion at the corners of cells or blocks. */
+export interface AmbientOcclusion {
+  /** Corners along each axis. */
+  readonly counts: Size;
+  /** Block edge in cells. */
+  readonly step: number;
+  /**
+   * Four bytes per corner, x fastest: direction away from the rock (components -1 to 1 as 0 to
+   * 255), and openness (0 to 1 as 0 to 255).
+   */
+  readonly data: Uint8Array;
+}
+
+/**
+ * Radii in cells of the box blurs whose weighted sum is the openness: nearby folds, and the wider
+ * surroundings.
+ */
+const NEAR_RADIUS = 1;
+const FAR_RADIUS = 4;
+const NEAR_SHARE = 0.6;
+
+/**
+ * `walls` is 1 where there is rock; everything outside is rock. The grid has at most `blocks`
+ * blocks.
+ */
+export function computeOcclusion(walls: Uint8Array, size: Size, blocks: number): AmbientOcclusion {
+  let step = 1;
+  let coarse: Size = size;
+  while (coarse[0] * coarse[1] * coarse[2] > blocks) {
+    step *= 2;
+    coarse = [Math.ceil(size[0] / step), Math.ceil(size[1] / step), Math.ceil(size[2] / step)];
+  }
+  const near = rockOf(walls, size, coarse, step);
+  blur(near, coarse, Math.max(Math.round(NEAR_RADIUS / step), 1));
+  blur(near, coarse, Math.max(Math.round(NEAR_RADIUS / step), 1));
+  const far = near.slice();
+  if (step <= FAR_RADIUS) blur(far, coarse, Math.round(FAR_RADIUS / step));
+  return { counts: [coarse[0] + 1, coarse[1] + 1, coarse[2] + 1], step, data: encode(near, far, coarse) };
+}
+
+/** Share of rock in each block. */
+function rockOf(walls: Uint8Array, size: Size, coarse: Size, step: number): Float32Array {
+  const rock = new Float32Array(coarse[0] * coarse[1] * coarse[2]);
+  if (step === 1) {
+    rock.set(walls);
+    return rock;
+  }
+  rock.fill(1);
+  const part = 1 / step ** 3;
+  let cell = 0;
+  for (let z = 0; z < size[2]; z++) {
+    for (let y = 0; y < size[1]; y++) {
+      const row = (Math.floor(z / step) * coarse[1] + Math.floor(y / step)) * coarse[0];
+      for (let x = 0; x < size[0]; x++, cell++) {
+        if (walls[cell] === 0) rock[row + Math.floor(x / step)]! -= part;
+      }
+    }
+  }
+  return rock;
+}
+
+/** Separable box blur along x, y and z; outside is 1. */
+function blur(values: Float32Array, size: Size, radius: number): void {
+  const strides = [1, size[0], size[0] * size[1]] as const;
+  const line = new Float32Array(Math.max(...size) + 2 * radius);
+  const weight = 1 / (2 * radius + 1);
+  for (let axis = 0; axis < 3; axis++) {
+    const [length, stride] = [size[axis]!, strides[axis]!];
+    const [u, v] = axis === 0 ? [1, 2] : axis === 1 ? [0, 2] : [0, 1];
+    for (let j = 0; j < size[v!]!; j++) {
+      for (let i = 0; i < size[u!]!; i++) {
+        const start = i * strides[u!]! + j * strides[v!]!;
+        line.fill(1, 0, length + 2 * radius);
+        for (let k = 0; k < length; k++) line[radius + k] = values[start + k * stride]!;
+        let sum = 0;
+        for (let k = 0; k < 2 * radius; k++) sum += line[k]!;
+        for (let k = 0; k < length; k++) {
+          sum += line[k + 2 * radius]!;
+          values[start + k * stride] = sum * weight;
+          sum -= line[k]!;
+        }
+      }
+    }
+  }
+}
+
+function encode(near: Float32Array, far: Float32Array, size: Size): Uint8Array {
+  const [sizeX, sizeY, sizeZ] = size;
+  const data = new Uint8Array((sizeX + 1) * (sizeY + 1) * (sizeZ + 1) * 4);
+  let at = 0;
+  for (let z = 0; z <= sizeZ; z++) {
+    for (let y = 0; y <= sizeY; y++) {
+      for (let x = 0; x <= sizeX; x++, at += 4) {
+        let [outX, outY, outZ, rock] = [0, 0, 0, 0];
+        for (let k = z - 1; k <= z; k++) {
+          for (let j = y - 1; j <= y; j++) {
+            const isRowInside = j >= 0 && k >= 0 && j < sizeY && k < sizeZ;
+            const row = (k * sizeY + j) * sizeX;
+            for (let i = x - 1; i <= x; i++) {
+              const isInside = isRowInside && i >= 0 && i < sizeX;
+              const here = isInside ? near[row + i]! : 1;
+              rock += NEAR_SHARE * here + (1 - NEAR_SHARE) * (isInside ? far[row + i]! : 1);
+              outX += i === x ? -here : here;
+              outY += j === y ? -here : here;
+              outZ += k === z ? -here : here;
+            }
+          }
+        }
+        const scale = 127.5 / Math.max(Math.hypot(outX, outY, outZ), 1e-4);
+        data[at] = Math.round(127.5 + scale * outX);
+        data[at + 1] = Math.round(127.5 + scale * outY);
+        data[at + 2] = Math.round(127.5 + scale * outZ);
+        data[at + 3] = Math.round(255 * Math.min(Math.max(1 - rock / 8, 0), 1));
+      }
+    }
+  }
+  return data;
+}
+
+/**
+ * Occlusion at the corners of a mesh: four bytes per corner, and for each corner the mean of its
+ * rectangle.
+ */
+export function occlusionAt(
+  occlusion: AmbientOcclusion,
+  corners: Uint16Array,
+): { readonly each: Uint8Array; readonly mean: Uint8Array } {
+  const { counts, step, data } = occlusion;
+  const each = new Uint8Array(corners.length);
+  const mean = new Uint8Array(corners.length);
+  for (let quad = 0; quad < corners.length; quad += CORNERS * NUMBERS_PER_CORNER) {
+    const sums = [0, 0, 0, 0];
+    for (let at = quad; at < quad + CORNERS * NUMBERS_PER_CORNER; at += NUMBERS_PER_CORNER) {
+      const x = Math.round(corners[at]! / step);
+      const y = Math.round(corners[at + 1]! / step);
+      const z = Math.round(corners[at + 2]! / step);
+      const from = ((z * counts[1] + y) * counts[0] + x) * 4;
+      for (let part = 0; part < 4; part++) {
+        const value = data[from + part]!;
+        each[at + part] = value;
+        sums[part]! += value;
+      }
+    }
+    for (let at = quad; at < quad + CORNERS * NUMBERS_PER_CORNER; at++) mean[at] = sums[at & 3]! / CORNERS;
+  }
+  return { each, mean };
+}

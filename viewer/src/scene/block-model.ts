@@ -1,0 +1,101 @@
+/**
+ * The map at drawing resolution: its own cells or, if there are too many, blocks of cells.
+ *
+ * A block is free if at least half of its cells are; its time is the earliest of those of its free
+ * cells.
+ */
+
+import { NEVER, type Terrain } from "../data/run.ts";
+import type { Size } from "./chunks.ts";
+
+/** A map of blocks. */
+export interface BlockModel {
+  readonly size: Size;
+  /** Block edge, metres. */
+  readonly cellM: number;
+  /** 1 is wall, 0 free; by block number. */
+  readonly walls: Uint8Array;
+  /** Block edge in cells; 1: the arrays are those of the map itself. */
+  readonly step: number;
+  readonly terrain: Terrain;
+}
+
+/** The finest model with at most `blocksMax` blocks in all and `edgeMax` along an axis. */
+export function blockModelOf(terrain: Terrain, blocksMax: number, edgeMax: number): BlockModel {
+  const { size, cellM, walls } = terrain;
+  let step = 1;
+  let blocks: Size = size;
+  while (blocks[0] * blocks[1] * blocks[2] > blocksMax || Math.max(...blocks) > edgeMax) {
+    step *= 2;
+    blocks = [Math.ceil(size[0] / step), Math.ceil(size[1] / step), Math.ceil(size[2] / step)];
+  }
+  if (step === 1) return { size, cellM, walls, step, terrain };
+  const free = new Uint16Array(blocks[0] * blocks[1] * blocks[2]);
+  forEachRow(size, blocks, step, (cell, block) => {
+    for (let x = 0; x < size[0]; x++) if (walls[cell + x] === 0) free[block + Math.floor(x / step)]!++;
+  });
+  const solid = Uint8Array.from(free, (count) => (count * 2 >= step ** 3 ? 0 : 1));
+  return { size: blocks, cellM: cellM * step, walls: solid, step, terrain };
+}
+
+/** Times of the blocks of a model, derived from those of the cells. */
+export class BlockTimes {
+  /** By block number. */
+  readonly times: Uint32Array;
+
+  constructor(
+    readonly model: BlockModel,
+    readonly cellTimes: Uint32Array,
+  ) {
+    this.times = model.step === 1 ? cellTimes : new Uint32Array(model.walls.length);
+    this.markAllChanged();
+  }
+
+  /** Updates the blocks of cells whose times have changed, and returns these blocks. */
+  markChanged(cells: Uint32Array): Uint32Array {
+    return this.model.step === 1 ? cells : cells.map((cell) => this.#note(cell));
+  }
+
+  /** Updates all blocks. */
+  markAllChanged(): void {
+    const { model, times, cellTimes } = this;
+    const { size, walls } = model.terrain;
+    if (model.step === 1) return;
+    times.fill(NEVER);
+    forEachRow(size, model.size, model.step, (cell, block) => {
+      for (let x = 0; x < size[0]; x++) {
+        const at = block + Math.floor(x / model.step);
+        if (walls[cell + x] === 0 && cellTimes[cell + x]! < times[at]!) times[at] = cellTimes[cell + x]!;
+      }
+    });
+  }
+
+  #note(cell: number): number {
+    const { model } = this;
+    const block = blockOf(cell, model.terrain.size, model.size, model.step);
+    const time = this.cellTimes[cell]!;
+    if (time < this.times[block]! && model.terrain.walls[cell] === 0) this.times[block] = time;
+    return block;
+  }
+}
+
+/** Calls back with the first cell of each row along x, and its block. */
+function forEachRow(
+  size: Size,
+  blocks: Size,
+  step: number,
+  callback: (cell: number, block: number) => void,
+): void {
+  let cell = 0;
+  for (let z = 0; z < size[2]; z++) {
+    for (let y = 0; y < size[1]; y++, cell += size[0])
+      callback(cell, (Math.floor(z / step) * blocks[1] + Math.floor(y / step)) * blocks[0]);
+  }
+}
+
+function blockOf(cell: number, size: Size, blocks: Size, step: number): number {
+  const x = Math.floor((cell % size[0]) / step);
+  const y = Math.floor((Math.floor(cell / size[0]) % size[1]) / step);
+  const z = Math.floor(Math.floor(cell / (size[0] * size[1])) / step);
+  return (z * blocks[1] + y) * blocks[0] + x;
+}

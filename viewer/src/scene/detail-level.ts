@@ -1,0 +1,166 @@
+/** Walls and cell layers of the cave at one level of detail, for any tick of the run. */
+
+import { Group, Vector3, type WebGLRenderer } from "three";
+import { TICK_S, type Belief, type RunUpdate, type Run } from "../data/run.ts";
+import { CellLayer, type CellLayerStyle } from "./cell-layer.ts";
+import { agentRgb } from "./colours.ts";
+import { QuadIndex } from "./faces.ts";
+import type { SharedUniforms } from "./glsl.ts";
+import { computeOcclusion } from "./ambient-occlusion.ts";
+import { BlockTimes, type BlockModel } from "./block-model.ts";
+import type { View } from "./view.ts";
+import { TimesVolume } from "./volumes.ts";
+import { Walls } from "./walls.ts";
+
+/** Maximum number of texels of the ambient occlusion. */
+const OCCLUSION_TEXELS_MAX = 2 ** 23;
+
+/** The belief of an agent as the wall shaders read it. */
+interface Known {
+  readonly belief: Belief;
+  readonly times: BlockTimes;
+  readonly volume: TimesVolume;
+  /** Revision of the belief that `times` reflects. */
+  revision: number;
+}
+
+/** Completeness of a frame. */
+export interface Progress {
+  /** Number of chunks built for it. */
+  readonly built: number;
+  /** Whether nothing is missing. */
+  readonly isComplete: boolean;
+}
+
+export class DetailLevel {
+  readonly group = new Group();
+  readonly #walls: Walls;
+  readonly #unexplored: CellLayer;
+  readonly #covered: CellLayer;
+  readonly #seen: BlockTimes;
+  readonly #visited: BlockTimes;
+  readonly #times: TimesVolume;
+  #known: Known | null = null;
+
+  constructor(
+    readonly run: Run,
+    readonly model: BlockModel,
+    readonly common: SharedUniforms,
+  ) {
+    const index = new QuadIndex();
+    const occlusion = computeOcclusion(model.walls, model.size, OCCLUSION_TEXELS_MAX);
+    this.#seen = new BlockTimes(model, run.firstSeenTick);
+    this.#visited = new BlockTimes(model, run.coveredTick);
+    this.#times = new TimesVolume(this.#seen.times, model.size);
+    this.#walls = new Walls(model, index, common, this.#times, occlusion);
+    const layer = ({ times }: BlockTimes, kind: Omit<CellLayerStyle, "counts">): CellLayer => {
+      const counts = (cell: number): boolean => model.walls[cell] === 0;
+      return new CellLayer(model.size, times, { ...kind, counts }, index, common, occlusion);
+    };
+    this.#unexplored = layer(this.#seen, UNEXPLORED);
+    this.#covered = layer(this.#visited, COVERED);
+    this.group.add(this.#walls.group, this.#unexplored.group, this.#covered.group);
+    this.group.scale.setScalar(model.cellM);
+  }
+
+  markChanged(update: RunUpdate): void {
+    const seen = this.#seen.markChanged(update.cells);
+    this.#times.markChanged(seen);
+    this.#unexplored.markChanged(seen);
+    this.#covered.markChanged(this.#visited.markChanged(update.cells));
+  }
+
+  /** Sets the belief that the walls are compared with, or null. */
+  setBelief(belief: Belief | null): void {
+    this.#known?.volume.dispose();
+    this.#known = null;
+    if (belief === null) return;
+    const times = new BlockTimes(this.model, belief.knownTick);
+    const volume = new TimesVolume(times.times, this.model.size);
+    this.#known = { belief, times, volume, revision: belief.revision };
+  }
+
+  /** Builds missing parts for a tick within the time budget. */
+  make(tick: number, { layers }: View, budgetMs: number): Progress {
+    const endMs = performance.now() + budgetMs;
+    const hasTime = (): boolean => performance.now() < endMs;
+    let built = 0;
+    while (this.#walls.missing > 0 && hasTime()) {
+      this.#walls.buildNext();
+      built++;
+    }
+    let isComplete = this.hasWalls;
+    for (const [layer, isShown] of [
+      [this.#unexplored, layers.unexplored],
+      [this.#covered, layers.covered],
+    ] as const) {
+      layer.group.visible = isShown;
+      if (!isShown) continue;
+      const done = layer.show(tick, hasTime);
+      built += done.built;
+      isComplete &&= done.isComplete;
+    }
+    return { built, isComplete };
+  }
+
+  /** Whether all walls are built. */
+  get hasWalls(): boolean {
+    return this.#walls.missing === 0;
+  }
+
+  /** Prepares a frame. `isCut`: some part is cut away. */
+  show(renderer: WebGLRenderer, view: View, isCut: boolean): void {
+    this.#times.upload(renderer);
+    const eye = this.common.eye.value.clone().divideScalar(this.model.cellM);
+    this.#showWalls(renderer, view, eye, isCut);
+    for (const layer of [this.#unexplored, this.#covered]) layer.selectFacing(eye, isCut);
+  }
+
+  dispose(): void {
+    this.#walls.dispose();
+    this.#unexplored.dispose();
+    this.#covered.dispose();
+    this.#times.dispose();
+    this.#known?.volume.dispose();
+  }
+
+  #showWalls(renderer: WebGLRenderer, view: View, eye: Vector3, isCut: boolean): void {
+    const known = view.layers.belief ? this.#known : null;
+    if (known !== null) {
+      if (known.revision !== known.belief.revision) {
+        known.revision = known.belief.revision;
+        known.times.markAllChanged();
+        known.volume.markAllChanged();
+      }
+      known.volume.upload(renderer);
+    }
+    const paint = known === null ? null : agentRgb(known.belief.agent).map((share) => share * share * 0.9);
+    const look = {
+      isVisible: view.layers.walls,
+      opacity: view.wallOpacity,
+      isHeat: view.layers.heat,
+      heatTicks: this.run.endS / TICK_S,
+      known:
+        known === null || paint === null ? null : { volume: known.volume, colour: new Vector3(...paint) },
+    };
+    this.#walls.show(look, eye, isCut);
+    const axis = "xyz".indexOf(view.cut.axis);
+    const { terrain, step } = this.model;
+    const positionCells = (terrain.size[axis]! / step) * view.cut.share;
+    this.#walls.cutAt(view.cut.share < 1 ? { axis, positionCells } : null);
+  }
+}
+
+const UNEXPLORED = {
+  isBefore: true,
+  colour: [1, 0.25, 0.2],
+  alphas: [0.17, 0.5],
+  renderOrder: 5,
+} as const;
+
+const COVERED = {
+  isBefore: false,
+  colour: [0.25, 0.85, 0.95],
+  alphas: [0.3, 0.45],
+  renderOrder: 3,
+} as const;
