@@ -54,16 +54,28 @@ fn scenarios() {
         assert_no_run(&site, &site.file("s.toml", content), &[], words);
     };
     refuse("seed = 7\nduration_s = [\n", &["s.toml:2:15: "]);
-    refuse(&LEGAL.replace("count", "cuont"), &["s.toml:7:1: ", "unknown field `cuont`"]);
-    refuse(&format!("{LEGAL}[lidra]\n"), &["s.toml:8:2: ", "unknown field `lidra`"]);
-    refuse(&LEGAL.replace("count = 3", "count = \"three\""), &["s.toml:7:9: "]);
-    refuse(&LEGAL.replace("seed = 7\n", ""), &["s.toml", "missing field `seed`"]);
-    refuse(&LEGAL.replace("40.0", "0.03"), &["s.toml: duration_s = 0.03: expected a multiple of 0.02"]);
-    refuse(&LEGAL.replace("count = 3", "count = 0"), &["s.toml: agents.count = 0: expected 1 to"]);
-    refuse(&format!("{LEGAL}[body]\nradius_m = nan\n"), &["s.toml: body.radius_m = NaN: expected"]);
+    refuse(
+        &LEGAL.replace("count", "cuont"),
+        &["s.toml:7:1: ", "unknown key `agents.cuont`; did you mean `agents.count`?"],
+    );
+    refuse(&format!("{LEGAL}[lidra]\n"), &["s.toml:8:2: ", "unknown key `lidra`; did you mean `lidar`?"]);
+    refuse(
+        &LEGAL.replace("count = 3", "count = \"three\""),
+        &["s.toml:7:9: agents.count = \"three\": expected an integer, 1 to 1000"],
+    );
+    refuse(&LEGAL.replace("seed = 7\n", ""), &["s.toml", "missing key `seed`: expected a seed"]);
+    refuse(&LEGAL.replace("40.0", "0.03"), &["s.toml:2: duration_s = 0.03: expected a multiple of 0.02"]);
+    refuse(&LEGAL.replace("count = 3", "count = 0"), &["s.toml:7: agents.count = 0: expected 1 to 1000"]);
+    refuse(
+        &format!("{LEGAL}[body]\nradius_m = nan\n"),
+        &["s.toml:9: body.radius_m = NaN: expected a number above 0, up to 1e6"],
+    );
     refuse(&LEGAL.replace("size = 30", "size = 2000"), &["s.toml: map.size: ", "2000", "1 to 1024"]);
     refuse(&LEGAL.replace("size = 30", "size = 5"), &["s.toml: map.spheres: radius_min is 3"]);
-    refuse(&LEGAL.replace("size = 30", "size = -3"), &["s.toml:5:8: expected a number of cells from 1 to 1024"]);
+    refuse(
+        &LEGAL.replace("size = 30", "size = -3"),
+        &["s.toml:5:8: map.size = -3: expected a number of cells from 1 to 1024"],
+    );
     let latin = site.file("s.toml", [LEGAL.as_bytes(), b"# caf\xe9\n"].concat());
     assert_no_run(&site, &latin, &[], &["s.toml:8:6: a byte that is no UTF-8"]);
     assert_no_run(&site, &site.path("nowhere.toml"), &[], &["nowhere.toml: No such file"]);
@@ -91,17 +103,25 @@ fn scenario_flags() {
     let site = Site::new();
     let legal = site.file("s.toml", LEGAL);
     for (flags, words) in [
-        (&["--agents", "0"][..], &["agents.count = 0"][..]),
-        (&["--set", "duration_s=-1.0"], &["duration_s = -1"]),
+        (&["--agents", "0"][..], &["--agents 0: agents.count = 0: expected 1 to 1000"][..]),
+        (&["--set", "lidar.range_m=-3"], &["--set lidar.range_m=-3: lidar.range_m = -3: expected a number above 0"]),
+        (&["--set", "map.kind=noize"], &["map.kind = \"noize\": expected", "did you mean \"noise\"?"]),
+        (&["--set", "duration_s=-1.0"], &["--set duration_s=-1.0: duration_s = -1: expected"]),
         (&["--seed", "9223372036854775808"], &["--seed ", "expected a seed from 0 to 9223372036854775807"]),
-        (&["--set", "spawn=foo"], &["--set spawn=", "{ kind = \"nearest_origin\" }"]),
+        (&["--set", "spawn=foo"], &["--set spawn=foo: spawn = \"foo\": ", "{ kind = \"nearest_origin\" }"]),
         (
             &["--map", "a.m3dm", "--size", "30"],
-            &["map.size = [30, 30, 30]: a map from a file has the size of the file"],
+            &["--size 30: map.size = [30, 30, 30]: a map from a file has the size of the file"],
         ),
-        (&["--set", "agents.cuont=1"], &["--set agents.cuont=1: unknown field `cuont`"]),
+        (
+            &["--set", "agents.cuont=1"],
+            &["--set agents.cuont=1: unknown key `agents.cuont`; did you mean `agents.count`?"],
+        ),
         (&["--set", "seed.x=1"], &["--set seed.x=1: `seed` in `seed.x` is not a table"]),
-        (&["--set", "faults.on_agent_loss=panic"], &["--set faults.on_agent_loss=", "abort"]),
+        (
+            &["--set", "faults.on_agent_loss=panic"],
+            &["--set faults.on_agent_loss=panic: ", "expected \"abort\", \"drop\" or \"wait\""],
+        ),
     ] {
         assert_no_run(&site, &legal, flags, words);
     }
@@ -155,7 +175,12 @@ fn spawns() {
         &["--agents", "1000", "--size", "20", "--seed", "1"],
         &["spawn: no free cube of 10 x 10 x 10 cells for 1000 agents"],
     );
-    assert_no_run(&site, &legal, &["--set", "body.radius_m=0.6"], &["bodies of radius 0.6 m do not fit"]);
+    assert_no_run(
+        &site,
+        &legal,
+        &["--set", "body.radius_m=0.6"],
+        &["bodies of radius 0.6 m do not fit", "`body.radius_m` to at most 0.5", "`spawn.kind`"],
+    );
 }
 
 #[test]

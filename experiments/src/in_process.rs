@@ -12,7 +12,7 @@ use msgs::maes_msgs::Progress;
 use sim_server::recorder::RecordError;
 use sim_server::session::{Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup::{self, SetupError};
-use simulation::scenario::Scenario;
+use simulation::scenario::{Origins, Scenario};
 use simulation::wire;
 use thiserror::Error;
 
@@ -80,7 +80,7 @@ pub fn run(
     if !scenario.agents.cmd_vel.is_empty() {
         return Err(InProcessError::OverRosOnly(scenario.agents.cmd_vel.clone()));
     }
-    let scenario = &setup::resolve(scenario.clone(), "the scenario")?;
+    let scenario = &setup::resolve(scenario.clone(), &Origins::new("the scenario", "", &[]))?;
     let (world, _report) = setup::build(scenario)?;
     let announced = wire::scenario(scenario, &world.terrain().extent(), world.rays());
     // Checked before a recording is created for a run that cannot start.

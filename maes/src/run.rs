@@ -158,10 +158,7 @@ impl RunArgs {
         let overrides = self.overrides();
         match self.resume.as_ref().or(self.scenario.as_ref()) {
             Some(file) => setup::load(file, &overrides),
-            None => {
-                let scenario = Scenario::parse(DEFAULT_NAME, DEFAULT_SCENARIO, &overrides)?;
-                setup::resolve(scenario, DEFAULT_NAME)
-            }
+            None => setup::parse(DEFAULT_NAME, DEFAULT_SCENARIO, &overrides),
         }
     }
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-use simulation::scenario::Override;
+use simulation::scenario::{Override, keys};
 
 /// World server of a deterministic simulator of multi-robot exploration.
 #[derive(Debug, Parser)]
@@ -71,67 +71,67 @@ pub struct RunArgs {
     pub keys: KeyArgs,
 }
 
-/// Flags that override keys of the scenario.
+/// Flags that override keys of the scenario. The help of a flag with a key of its own is the declaration of that key.
 #[derive(Debug, Args, Default)]
 pub struct KeyArgs {
-    /// agents.count: how many agents take part
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help = meaning("agents.count"))]
     pub agents: Option<u32>,
-    /// agents.controller: what they run
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help = meaning("agents.controller"))]
     pub controller: Option<String>,
-    /// agents.share_period_ticks: ticks between two tellings of what is new on the map; 0: agents only listen
-    #[arg(long, value_name = "TICKS")]
+    #[arg(long, value_name = "TICKS", help = meaning("agents.share_period_ticks"))]
     pub share_period: Option<u32>,
-    /// map.kind: spheres, noise, building, or a map file (docs/maps.md)
+    /// map.kind and map.file: spheres, noise, building, or a map file (docs/maps.md)
     #[arg(long, value_name = "spheres|noise|building|FILE")]
     pub map: Option<String>,
     /// map.size: cells along each axis, for example 100 or 100x80x30
     #[arg(long, value_name = "S|XxYxZ", value_parser = size)]
     pub size: Option<toml::Value>,
-    /// seed: of the map and of the agents
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", help = meaning("seed"))]
     pub seed: Option<u64>,
-    /// duration_s: sim time after which the run ends
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", help = meaning("duration_s"))]
     pub duration: Option<f64>,
-    /// execution.record: where the recording goes
-    #[arg(long, value_name = "FILE.mcap")]
+    #[arg(long, value_name = "FILE.mcap", help = meaning("execution.record"))]
     pub record: Option<String>,
-    /// views.record: what the recording is to hold besides the protocol, for example map,odom,points
+    /// views.record: visualisation topics that the recording holds as well, for example map,odom,points
     #[arg(long, value_name = "WORD,...", value_delimiter = ',')]
     pub record_topics: Vec<String>,
-    /// execution.rtf: sim seconds for each second of wall time, or max
-    #[arg(long, value_name = "X|max", value_parser = rtf)]
+    #[arg(long, value_name = "X|max", value_parser = rtf, help = meaning("execution.rtf"))]
     pub rtf: Option<toml::Value>,
-    /// execution.threads: threads that cast scans; 0: all cores
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help = meaning("execution.threads"))]
     pub threads: Option<u32>,
-    /// execution.look_ahead: ask agents only when they are due
-    #[arg(long, value_name = "true|false")]
+    #[arg(long, value_name = "true|false", help = meaning("execution.look_ahead"))]
     pub look_ahead: Option<bool>,
-    /// execution.paused: begin paused, until somebody lets the run go on through a service
-    #[arg(long, value_name = "true|false", num_args = 0..=1, default_missing_value = "true")]
+    #[arg(
+        long,
+        value_name = "true|false",
+        num_args = 0..=1,
+        default_missing_value = "true",
+        help = meaning("execution.paused")
+    )]
     pub paused: Option<bool>,
-    /// execution.join_timeout_s: how long to wait for all agents
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", help = meaning("execution.join_timeout_s"))]
     pub join_timeout: Option<f64>,
-    /// execution.decision_timeout_s: how long to wait for a decision
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", help = meaning("execution.decision_timeout_s"))]
     pub decision_timeout: Option<f64>,
-    /// Any key of the scenario, for example lidar.range_m=20; can be given again
+    /// Any key of the scenario, for example lidar.range_m=20; may be repeated (docs/scenario.md)
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
     pub set: Vec<(String, toml::Value)>,
 }
 
+/// Path and meaning of a key, as the help of its flag.
+fn meaning(key: &str) -> String {
+    let known = keys::find(key).expect("a flag sets a key of the scenario");
+    format!("{key}: {}", known.meaning)
+}
+
 impl KeyArgs {
-    /// The overrides that were typed; `--set` comes last.
+    /// The overrides of these flags; those of `--set` come last.
     #[must_use]
     pub fn overrides(&self) -> Vec<Override> {
         let mut overrides = self.map.as_deref().map(map_overrides).unwrap_or_default();
         let mut set = |flag: &str, key: &str, value: Option<toml::Value>| {
             overrides.extend(value.map(|value| Override {
-                origin: format!("{flag} {value}"),
+                origin: format!("{flag} {}", typed(&value)),
                 key: key.to_owned(),
                 value: Some(value),
             }));
@@ -140,7 +140,7 @@ impl KeyArgs {
         set("--controller", "agents.controller", self.controller.clone().map(Into::into));
         set("--share-period", "agents.share_period_ticks", self.share_period.map(Into::into));
         set("--size", "map.size", self.size.clone());
-        // A u64 beyond what TOML holds becomes a text, which the scenario then refuses with its name.
+        // A u64 that TOML cannot hold becomes a text, which the scenario refuses with the range of seeds.
         let seed = self.seed.map(|seed| i64::try_from(seed).map_or_else(|_| seed.to_string().into(), Into::into));
         set("--seed", "seed", seed);
         set("--duration", "duration_s", self.duration.map(Into::into));
@@ -154,7 +154,7 @@ impl KeyArgs {
         set("--join-timeout", "execution.join_timeout_s", self.join_timeout.map(Into::into));
         set("--decision-timeout", "execution.decision_timeout_s", self.decision_timeout.map(Into::into));
         overrides.extend(self.set.iter().map(|(key, value)| Override {
-            origin: format!("--set {key}={value}"),
+            origin: format!("--set {key}={}", value.as_str().map_or_else(|| value.to_string(), str::to_owned)),
             key: key.clone(),
             value: Some(value.clone()),
         }));
@@ -162,8 +162,20 @@ impl KeyArgs {
     }
 }
 
-/// `--map` changes what says which map, and leaves the length of a cell and the seed. Of a generator, a file has no use for the
-/// size and the parameters, nor for how another file is read.
+/// A value as the argument of its flag: words without quotes, the cells of a size joined by x, the words of a list by commas.
+fn typed(value: &toml::Value) -> String {
+    match value {
+        toml::Value::String(word) => word.clone(),
+        toml::Value::Array(values) => {
+            let separator = if values.iter().all(toml::Value::is_integer) { "x" } else { "," };
+            values.iter().map(typed).collect::<Vec<_>>().join(separator)
+        }
+        other => other.to_string(),
+    }
+}
+
+/// `--map` sets the kind and the file of the map; the length of a cell and the seed stay. A map file removes the size and the
+/// parameters of the generators, and both remove the options of an importer.
 fn map_overrides(map: &str) -> Vec<Override> {
     let change = |key: &str, value: Option<&str>| Override {
         origin: format!("--map {map}"),
@@ -237,6 +249,45 @@ mod tests {
         assert!(refused.contains("map.size = [30, 30, 30]: a map from a file has the size of the file"), "{refused}");
         let again = parse(&from_file.to_toml(), map("noise", Some(30))).unwrap();
         assert_eq!((again.map.file, again.map.cell_m, again.map.seed), (None, Some(0.5), Some(3)));
+    }
+
+    #[test]
+    fn origins_are_the_flags_as_typed() {
+        use clap::Parser;
+        #[derive(Parser)]
+        struct Flags {
+            #[command(flatten)]
+            keys: KeyArgs,
+        }
+        for typed in [
+            "--agents 5",
+            "--controller dsvp",
+            "--map cave.m3dm",
+            "--size 100x80x30",
+            "--seed 9223372036854775808",
+            "--record-topics map,odom",
+            "--rtf max",
+            "--rtf 2.5",
+            "--paused true",
+            "--set lidar.range_m=-3",
+            "--set spawn.kind=box",
+            "--set agents.cmd_vel=[1, 2]",
+        ] {
+            let (flag, value) = typed.split_once(' ').unwrap();
+            let flags = Flags::try_parse_from(["maes", flag, value]).unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(flags.keys.overrides().last().unwrap().origin, typed);
+        }
+    }
+
+    #[test]
+    fn help_is_that_of_the_declared_keys() {
+        use clap::Args;
+        let command = KeyArgs::augment_args(clap::Command::new("maes"));
+        for argument in command.get_arguments().filter(|argument| argument.get_id() != "set") {
+            let help = argument.get_help().expect("a flag has a help").to_string();
+            let (keys_of_flag, _) = help.split_once(':').unwrap();
+            assert!(keys_of_flag.split(" and ").all(|key| keys::find(key).is_some()), "{help}");
+        }
     }
 
     #[test]

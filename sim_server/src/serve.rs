@@ -164,10 +164,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
     let mut runs = 0;
     while !stop.load(std::sync::atomic::Ordering::Relaxed) {
         let Some(request) = viewing.next_start(IDLE_PERIOD) else { continue };
-        let scenario = Scenario::parse(NAME, &request.scenario, overrides)
-            .map_err(setup::SetupError::from)
-            .and_then(|scenario| setup::resolve(scenario, NAME));
-        let scenario = match scenario {
+        let scenario = match setup::parse(NAME, &request.scenario, overrides) {
             Ok(scenario) => scenario,
             Err(error) => {
                 request.answer(Err(&error.to_string()));

@@ -1,6 +1,7 @@
-//! From a scenario to the world it describes, and to its recording.
+//! Builds the world that a scenario describes, and opens its recording.
 //!
-//! This is where files are read and made; what they mean is decided elsewhere.
+//! This module reads and creates the files; parsing and map generation live in `simulation` and
+//! `mapgen`.
 
 use std::path::Path;
 
@@ -10,12 +11,12 @@ use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
 use crate::recorder::{Document, RecordError, Recorder};
 use crate::recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, TEXT_MAP_ATTACHMENT};
 use mapgen::{self, GeneratedMap, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
-use simulation::scenario::{LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
+use simulation::scenario::{LidarPattern, LidarSchedule, MapKind, Origins, Override, Scenario, ScenarioError};
 use simulation::world::lidar::{Pattern, Scanner};
 use simulation::world::spawn::{Site, SpawnError};
 use simulation::world::{ScanSchedule, World, WorldParams};
 
-/// Bytes for each cell of the map that a world takes, and each agent in it, rounded up.
+/// Memory of a world per cell of the map, and of each agent in it per cell; bytes, rounded up.
 const WORLD_CELL_BYTES: usize = 2;
 const AGENT_CELL_BYTES: usize = 2;
 
@@ -27,16 +28,16 @@ pub enum SetupError {
     Read {
         /// The file.
         file: String,
-        /// What the system says.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// The recording that it is to come from cannot be read.
+    /// The recording cannot be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
     /// The scenario is not legal.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// A file is no text.
+    /// The file is not UTF-8.
     #[error("{file}:{line}:{column}: a byte that is no UTF-8; a scenario is a TOML text in UTF-8")]
     NoText {
         /// The file.
@@ -54,7 +55,7 @@ pub enum SetupError {
     OtherScenario {
         /// The recording.
         file: String,
-        /// What would be different.
+        /// The first difference.
         what: String,
     },
     /// The recording has no map.
@@ -63,12 +64,12 @@ pub enum SetupError {
         /// The recording.
         file: String,
     },
-    /// There is no such map.
+    /// The map cannot be generated or imported.
     #[error("{table}: {source}")]
     Map {
-        /// Table or key of the scenario that says which map.
+        /// Table or key of the scenario at fault.
         table: &'static str,
-        /// What is wrong with it.
+        /// The error of the generator or importer.
         source: MapError,
     },
     /// There is no room for the team.
@@ -83,7 +84,7 @@ pub enum SetupError {
 pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError> {
     let name = file.display().to_string();
     if file.extension().is_some_and(|extension| extension == "mcap") {
-        return resolve(Scenario::parse(&name, &Recording::open(file)?.scenario(), overrides)?, &name);
+        return parse(&name, &Recording::open(file)?.scenario(), overrides);
     }
     let bytes = std::fs::read(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
     let text = String::from_utf8(bytes).map_err(|error| {
@@ -92,15 +93,24 @@ pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError>
         let column = before.chars().rev().take_while(|&character| character != '\n').count() + 1;
         SetupError::NoText { file: name.clone(), line, column }
     })?;
-    resolve(Scenario::parse(&name, &text, overrides)?, &name)
+    parse(&name, &text, overrides)
 }
 
-/// The scenario with the length of its cells, which is the map file's business if the scenario does not name one: 1 m if the file
-/// does not store it or cannot be read, which is then said when the world is made. `file` is the name for error messages.
+/// Parses a scenario with the overridden keys, and resolves it. `file` is the name for error
+/// messages.
+///
+/// # Errors
+/// If the scenario is not legal.
+pub fn parse(file: &str, text: &str, overrides: &[Override]) -> Result<Scenario, SetupError> {
+    resolve(Scenario::parse(file, text, overrides)?, &Origins::new(file, text, overrides))
+}
+
+/// The scenario with the length of its cells. If it names none, the map file decides; the length is
+/// 1 m if the file stores none or cannot be read, which is reported when the world is built.
 ///
 /// # Errors
 /// If the rest of the scenario does not fit cells of this length.
-pub fn resolve(mut scenario: Scenario, file: &str) -> Result<Scenario, SetupError> {
+pub fn resolve(mut scenario: Scenario, origins: &Origins<'_>) -> Result<Scenario, SetupError> {
     if scenario.map.cell_m.is_none() {
         let stored = scenario.map.file.as_deref().and_then(|map| {
             let stores = MapFormat::of(map).is_ok_and(MapFormat::may_store_cell_m);
@@ -108,16 +118,16 @@ pub fn resolve(mut scenario: Scenario, file: &str) -> Result<Scenario, SetupErro
             ImportSpec::new(map.display().to_string(), bytes).stored_cell_m()
         });
         scenario.map.cell_m = Some(stored.unwrap_or(1.0));
-        scenario.check(file)?;
+        scenario.check(origins)?;
     }
     Ok(scenario)
 }
 
-/// The scenario of a recorded run, with the sections that do not change it from a scenario file, if there is one, and from the
-/// overridden keys.
+/// The scenario of a recorded run. `[execution]` and `[views]` come from a scenario file, if there
+/// is one, and from the overridden keys.
 ///
 /// # Errors
-/// If it cannot be read, or would be another run.
+/// If the file cannot be read, or another key would differ.
 pub fn load_recorded(
     recording: &Recording,
     file: Option<&Path>,
@@ -137,10 +147,10 @@ pub fn load_recorded(
     Ok(scenario)
 }
 
-/// Makes the world of a recorded run, with the map of the recording.
+/// Builds the world of a recorded run, with the map of the recording.
 ///
 /// # Errors
-/// If the recording has no map, or no memory or no room is there for the world.
+/// If the recording has no map, or memory or room for the team is missing.
 pub fn rebuild(recording: &Recording, scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
     let import = attached_map(recording).ok_or_else(|| SetupError::NoMap { file: recording.file().to_owned() })?;
     let mut map = imported(import, scenario)?;
@@ -159,10 +169,11 @@ fn attached_map(recording: &Recording) -> Option<ImportSpec> {
     })
 }
 
-/// Makes the world of a scenario.
+/// Builds the world of a scenario.
 ///
 /// # Errors
-/// If there is no such map, no memory for it, or no room for the team. The error names the key, but not the file.
+/// If the map cannot be made, or memory or room for the team is missing. The error names the key,
+/// but not the file.
 pub fn build(scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
     inhabit(map(scenario)?, scenario)
 }
@@ -180,15 +191,15 @@ fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport),
     Ok((World::new(terrain, params(scenario), &starts), report))
 }
 
-/// Begins the recording of a run of `scenario` in `world`.
+/// Opens the recording of a run of `scenario` in `world`.
 ///
 /// # Errors
-/// If the file cannot be made.
+/// If the file cannot be created.
 pub fn record(file: &Path, scenario: &Scenario, world: &World) -> Result<Recorder, RecordError> {
     with_documents(scenario, world, |documents| Recorder::create(file, documents))
 }
 
-/// What is made of the documents that belong to a run of `scenario` in `world`.
+/// Calls `make` with the attachments of a run of `scenario` in `world`.
 pub fn with_documents<T>(scenario: &Scenario, world: &World, make: impl FnOnce(&[Document<'_>]) -> T) -> T {
     let identity = scenario.identity();
     let map = m3dm::write(world.terrain()).unwrap_or_else(|_too_large| packed::write(world.terrain()));
@@ -224,7 +235,7 @@ fn map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
     mapgen::generate(&spec, extent, scenario.map_seed()).map_err(map_error(scenario))
 }
 
-/// What the map is generated from, unless it is a file.
+/// The generator of the map with its parameters; `None` for a map file.
 fn generator(scenario: &Scenario) -> Option<MapSpec> {
     let section = &scenario.map;
     match section.kind {
@@ -241,7 +252,7 @@ fn imported(import: ImportSpec, scenario: &Scenario) -> Result<GeneratedMap, Set
     mapgen::repair(&import.file, terrain, scenario.map_seed()).map_err(map_error(scenario))
 }
 
-/// An error with the place in the scenario that it is about.
+/// Adds the table or key of the scenario to an error.
 fn map_error(scenario: &Scenario) -> impl Fn(MapError) -> SetupError {
     let kind = scenario.map.kind;
     move |source| {

@@ -1,127 +1,47 @@
-//! The keys of the scenario as parameters of the node `sim_server`, as `docs/scenario.md` describes them, and those of a replay.
+//! ROS 2 parameters of the node `sim_server`: the keys of its scenario, and those of a replay.
 //!
-//! All are read-only, save the pace: it changes no result. Nothing here decides anything.
+//! Descriptions and ranges are those of [`crate::scenario::keys`]. All parameters are read-only but
+//! the real-time factor, which changes no result.
 
 use msgs::parameters::{Parameter, Value};
 
+use crate::scenario::keys::{self, Kind};
 use crate::scenario::{Rtf, Scenario};
 
-/// The parameter that people may set.
+/// The parameter of a run that may be set: its real-time factor.
 pub const RTF: &str = "execution.rtf";
 
-/// The same of a replay.
+/// The parameter of a replay that may be set.
 pub const RATE: &str = "rate";
 
-/// The least pace that is not "as fast as possible", and the greatest.
+/// Bounds of a real-time factor other than "as fast as possible".
 const RTF_MIN: f64 = 1e-3;
 const RTF_MAX: f64 = 1e6;
 
-/// A key: its name, what it means, and the range of its numbers.
-type Key = (&'static str, &'static str, Option<(f64, f64)>);
-
-/// What a number of metres, seconds or the like may be.
-const POSITIVE: Option<(f64, f64)> = Some((0.0, 1e6));
-
-/// What a number of ticks between two events may be.
-const PERIOD: Option<(f64, f64)> = Some((1.0, 4_294_967_295.0));
-
-/// The keys of a scenario. Those of tables that are free, such as `agents.set`, are not among them.
-const KEYS: [Key; 66] = [
-    ("seed", "seed of everything random", Some((0.0, 9_223_372_036_854_775_807.0))),
-    ("duration_s", "sim time after which the run ends, s", Some((0.02, 2e8))),
-    ("stop_when_explored", "whether the run ends once every free cell has been seen", None),
-    ("stop_when_covered", "whether the run ends once a body has been in every free cell, and not before", None),
-    ("map.kind", "which generator, or a file", None),
-    ("map.size", "cells along each axis; one number for a cube", Some((5.0, 1024.0))),
-    ("map.cell_m", "edge of a cell, m", POSITIVE),
-    ("map.seed", "seed of the map alone", Some((0.0, 9_223_372_036_854_775_807.0))),
-    ("map.file", "the map file", None),
-    ("map.import.fill", "which cells of a mesh are wall: the solid ones, or the surface", None),
-    ("map.import.inside", "what cells inside a mesh are", None),
-    ("map.import.unknown", "what cells are of which an OctoMap file does not know", None),
-    ("map.import.up", "axis of the file that points upwards", None),
-    ("map.import.scale", "metres for each unit of the file", None),
-    ("map.import.margin_cells", "layers of free cells around what the file holds", Some((0.0, 500.0))),
-    ("map.import.free_from", "place of the file that free cells must be connected with", None),
-    ("map.import.height_cells", "free cells from floor to ceiling of a floor plan", Some((1.0, 1022.0))),
-    ("map.import.threshold", "brightness from which a pixel of a floor plan is free", Some((0.0, 1.0))),
-    ("map.spheres.fill_ratio", "spheres are added until they have freed this share of the volume", Some((0.0, 1.0))),
-    ("map.spheres.radius_min", "smallest radius of a sphere, and radius of every tunnel, cells", Some((0.0, 510.0))),
-    ("map.spheres.radius_max", "largest radius of a sphere, cells", Some((0.0, 510.0))),
-    ("map.spheres.connections", "to how many of its nearest spheres each sphere is joined", Some((0.0, 64.0))),
-    ("map.spheres.smoothing", "smoothing passes", Some((0.0, 1000.0))),
-    ("map.noise.fill", "probability that an inner cell starts as wall", Some((0.0, 1.0))),
-    ("map.noise.smoothing", "smoothing passes", Some((0.0, 1000.0))),
-    ("agents.count", "agents that take part", Some((1.0, 1000.0))),
-    ("agents.controller", "what an agent runs if its own command line does not say", None),
-    (
-        "agents.share_period_ticks",
-        "ticks between two tellings of what is new on a map; 0: never",
-        Some((0.0, 4_294_967_295.0)),
-    ),
-    ("agents.cmd_vel", "agents that are driven by standard messages", Some((0.0, 999.0))),
-    ("spawn.kind", "how starts are chosen", None),
-    ("spawn.yaw_rad", "heading of all agents, rad", Some((-std::f64::consts::TAU, std::f64::consts::TAU))),
-    ("spawn.poses", "one start for each agent, m and rad", None),
-    ("body.radius_m", "radius of the sphere that collides, m", POSITIVE),
-    ("body.speed_max_m_s", "top speed along the path, m/s", POSITIVE),
-    ("body.acceleration_m_s2", "speeding up, m/s^2", POSITIVE),
-    ("body.deceleration_m_s2", "braking, m/s^2", POSITIVE),
-    ("body.turn_rate_max_rad_s", "top turn rate, rad/s", POSITIVE),
-    ("body.turn_acceleration_rad_s2", "speeding up a turn, rad/s^2", POSITIVE),
-    ("body.turn_deceleration_rad_s2", "braking a turn, rad/s^2", POSITIVE),
-    ("lidar.pattern", "how rays are spread", None),
-    ("lidar.rays", "rays of the lattice", Some((1.0, 1e6))),
-    ("lidar.shell_radius_cells", "radius of the shell, cells", Some((1.0, 200.0))),
-    ("lidar.range_m", "how far the lattice sees, m", Some((0.0, f64::INFINITY))),
-    ("lidar.fov_rad", "full opening angle of the cone about the heading, rad", Some((0.0, std::f64::consts::TAU))),
-    ("lidar.schedule", "who decides when to scan", None),
-    ("lidar.period_ticks", "ticks between scans until an agent asks otherwise", PERIOD),
-    ("communication.range_m", "greatest distance between two agents in contact, m", Some((0.0, f64::INFINITY))),
-    (
-        "recording.poses_period_ticks",
-        "ticks between two recordings of all poses; 0: none",
-        Some((0.0, 4_294_967_295.0)),
-    ),
-    ("faults.on_agent_loss", "what happens when an agent does not answer in time", None),
-    ("execution.threads", "threads that cast scans; 0: as many as there are cores", Some((0.0, 1024.0))),
-    ("execution.look_ahead", "whether agents are asked only when they are due", None),
-    (RTF, "sim seconds for each second of wall time, at the most; 0: as fast as possible", Some((0.0, RTF_MAX))),
-    ("execution.paused", "whether the run began paused", None),
-    ("execution.join_timeout_s", "wall time to wait for all agents at the start, s", POSITIVE),
-    ("execution.decision_timeout_s", "wall time to wait for an answer, s", POSITIVE),
-    ("execution.record", "where the recording goes", None),
-    ("views.max_hz", "messages of one topic in a second of wall time, at the most", Some((0.1, 1000.0))),
-    ("views.tf_period_ticks", "ticks between two messages on /tf", PERIOD),
-    ("views.odom_period_ticks", "ticks between two odometries of an agent", PERIOD),
-    ("views.points_period_ticks", "ticks between two scans of an agent that are shown, at the least", PERIOD),
-    ("views.path_period_ticks", "ticks between two looks at where an agent is going", PERIOD),
-    ("views.unexplored_period_ticks", "ticks between two looks at what nobody has seen", PERIOD),
-    ("views.contacts_period_ticks", "ticks between two looks at who is in contact", PERIOD),
-    ("views.info_period_ticks", "ticks between two messages on how things are", PERIOD),
-    ("views.record", "views that are recorded, too", None),
-    ("use_sim_time", "whether this node goes by /clock: it makes it", None),
-];
-
-/// The parameters of a server that carries out this scenario.
+/// The parameters of a server that runs this scenario.
 ///
 /// # Panics
 /// Never: a scenario has string keys and plain values.
 #[must_use]
 pub fn of(scenario: &Scenario) -> Vec<Parameter> {
     let table = toml::Table::try_from(scenario).expect("a scenario has string keys and plain values");
-    let mut parameters = vec![described("use_sim_time", false.into())];
+    let mut parameters = vec![use_sim_time()];
     flatten("", &table, &mut parameters);
     parameters
 }
 
-/// The parameters of a replay at this pace.
+/// The parameters of a replay at this rate.
 #[must_use]
 pub fn of_replay(rate: Rtf) -> Vec<Parameter> {
-    let words = "sim seconds for each second of wall time, at the most; 0: as fast as possible";
-    let rate = Parameter::fixed(RATE, value_of(rate), words).with_range(0.0, RTF_MAX);
-    let rate = rate.with_constraints("0, or 0.001 to 1e6; it may be set while the recording is played").settable();
-    vec![described("use_sim_time", false.into()), rate]
+    let meaning = "greatest real-time factor: sim seconds per second of wall time; 0: as fast as possible";
+    let rate = Parameter::fixed(RATE, value_of(rate), meaning).with_range(0.0, RTF_MAX);
+    let rate = rate.with_constraints("0, or 0.001 to 1e6; it may be set during playback").settable();
+    vec![use_sim_time(), rate]
+}
+
+/// The server publishes /clock, so it does not follow it.
+fn use_sim_time() -> Parameter {
+    Parameter::fixed("use_sim_time", false, "whether this node follows /clock: no, it publishes it")
 }
 
 fn flatten(prefix: &str, table: &toml::Table, parameters: &mut Vec<Parameter>) {
@@ -129,28 +49,39 @@ fn flatten(prefix: &str, table: &toml::Table, parameters: &mut Vec<Parameter>) {
         let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
         match value {
             toml::Value::Table(table) => flatten(&name, table, parameters),
-            _ if name == RTF => {
-                let rtf = described(RTF, value.as_float().unwrap_or(0.0).into());
-                let words = "0, or 0.001 to 1e6; it may be set while the run is under way";
-                parameters.push(rtf.with_constraints(words).settable());
+            value if name == RTF => {
+                let rtf = described(RTF, value.as_float().unwrap_or(0.0).into()).with_range(0.0, RTF_MAX);
+                let constraints = "0 (as fast as possible), or 0.001 to 1e6; it may be set during the run";
+                parameters.push(rtf.with_constraints(constraints).settable());
             }
             value => parameters.push(described(&name, converted(value))),
         }
     }
 }
 
+/// A parameter with what the declaration of the keys says about it.
 fn described(name: &str, value: Value) -> Parameter {
-    let known = KEYS.iter().find(|(key, ..)| *key == name);
-    let (description, range) =
-        known.map_or(("a setting of the controller", None), |(_, words, range)| (*words, *range));
-    let parameter = Parameter::fixed(name, value, description);
-    match range {
-        Some((low, high)) => parameter.with_range(low, high),
-        None => parameter,
+    let Some(key) = keys::find(name) else {
+        return Parameter::fixed(name, value, meaning_of_table(name));
+    };
+    let parameter = Parameter::fixed(name, value, key.meaning).with_constraints(&key.allowed().replace('`', ""));
+    match (key.kind, key.range) {
+        (Kind::Seed, _) => parameter.with_range(0.0, i64::MAX as f64),
+        (_, Some(range)) => parameter.with_range(range.low, range.high),
+        (_, None) => parameter,
     }
 }
 
-/// A value of the scenario as one of a parameter; what a parameter cannot hold becomes a text.
+/// What a parameter means that is no key of its own: the list of bodies, or a setting of the
+/// controller.
+fn meaning_of_table(name: &str) -> &'static str {
+    match name {
+        "bodies" => "bodies of some agents, as an array of tables",
+        _ => "a setting of the controller",
+    }
+}
+
+/// A TOML value as the value of a parameter; what a parameter cannot hold becomes a text.
 fn converted(value: &toml::Value) -> Value {
     match value {
         toml::Value::Boolean(value) => (*value).into(),
@@ -165,16 +96,16 @@ fn converted(value: &toml::Value) -> Value {
     }
 }
 
-/// Whether a parameter is the pace of its node.
+/// Whether a parameter is the real-time factor of its node.
 #[must_use]
 pub fn is_pace(name: &str) -> bool {
     [RTF, RATE].contains(&name)
 }
 
-/// The pace that a value of the parameter `name` means.
+/// The real-time factor that a value of the parameter `name` stands for.
 ///
 /// # Errors
-/// If there is no such pace.
+/// If it is out of range.
 pub fn pace(name: &str, value: f64) -> Result<Rtf, String> {
     if value == 0.0 {
         Ok(Rtf::MAX)
@@ -185,7 +116,7 @@ pub fn pace(name: &str, value: f64) -> Result<Rtf, String> {
     }
 }
 
-/// The value of a parameter that means this pace.
+/// The value of a parameter that stands for this real-time factor.
 #[must_use]
 pub fn value_of(pace: Rtf) -> f64 {
     match pace {
@@ -206,29 +137,64 @@ mod tests {
         Scenario::parse("s.toml", &text, &[]).unwrap()
     }
 
-    #[test]
-    fn every_key_is_described_and_only_the_pace_may_be_set() {
-        let whole = "spawn = { kind = \"list\", poses = [[1.5, 1.5, 1.5], [2.5, 1.5, 1.5]] }\n\
-                     execution = { record = \"a\", rtf = 2.0 }\n\
-                     stop_when_covered = true\n\
-                     map = { kind = \"noise\", size = [30, 20, 10], seed = 3 }";
+    /// Between them they have every key of a scenario.
+    fn maximal_scenarios() -> Vec<Scenario> {
+        let common = "execution = { record = \"a\", rtf = 2.0 }\nstop_when_covered = true\n\
+                      bodies = [{ agents = [0], kind = \"aerial\" }]\n\
+                      sensor = { range_sigma_m = 0.1, missed_returns = 0.1, pose_bound_m = 1.0, pose_step_m = 0.1 }\n\
+                      [body]\nkind = \"aerial\"\n\
+                      [communication]\nloss = 0.1\nbytes_per_s = 1e5\nqueue_bytes = 200000\nmodel = \"attenuated\"\n\
+                      attenuation = { wall_exponent = 5.0 }\nrelays = { per_agent = 3 }";
         let import = "fill = \"shell\", inside = \"free\", unknown = \"free\", up = \"y\", scale = 0.001, margin_cells = 2, \
                       free_from = [1.0, 2.0, 3.0], height_cells = 3, threshold = 0.5";
-        let file = format!("map = {{ kind = \"file\", file = \"a.txt\", import = {{ {import} }} }}");
-        let others = [file.as_str(), "map = { kind = \"spheres\", size = 30 }"];
+        [
+            (
+                "{ kind = \"noise\", size = [30, 20, 10], seed = 3 }".to_owned(),
+                "{ kind = \"list\", poses = [[1.5, 1.5, 1.5], [2.5, 1.5, 1.5]] }",
+            ),
+            (
+                format!("{{ kind = \"file\", file = \"a.txt\", cell_m = 0.5, import = {{ {import} }} }}"),
+                "{ kind = \"scattered\", seed = 3 }",
+            ),
+            (
+                "{ kind = \"building\", size = 30 }".to_owned(),
+                "{ kind = \"box\", low = [1.0, 1.0, 1.0], high = [9.0, 9.0, 9.0] }",
+            ),
+        ]
+        .map(|(map, spawn)| scenario(&format!("map = {map}\nspawn = {spawn}\n{common}")))
+        .into()
+    }
+
+    #[test]
+    fn every_key_is_described_and_only_the_rtf_is_settable() {
         let mut seen = BTreeSet::new();
-        for text in [whole, others[0], others[1]] {
-            for parameter in of(&scenario(text)) {
-                let name = parameter.descriptor.name.clone();
-                let is_setting = name.starts_with("agents.set.");
-                assert!(is_setting || KEYS.iter().any(|(key, ..)| *key == name), "{name} has no description");
-                assert_eq!(parameter.descriptor.read_only, name != RTF, "{name}");
-                seen.insert(name);
-            }
+        for parameter in maximal_scenarios().iter().flat_map(of) {
+            let name = parameter.descriptor.name.clone();
+            let is_setting = name.starts_with("agents.set.");
+            let is_described = parameter.descriptor.description != "a setting of the controller";
+            assert_eq!(is_described, !is_setting, "{name} has no description of its own");
+            assert!(is_setting || ["use_sim_time", "bodies"].contains(&name.as_str()) || keys::find(&name).is_some());
+            assert_eq!(parameter.descriptor.read_only, name != RTF, "{name}");
+            seen.insert(name);
         }
-        for (key, ..) in KEYS {
-            assert!(seen.contains(key), "{key} is no key of a scenario");
+        let declared = keys::TABLES.iter().filter(|table| table.path != "bodies");
+        for key in declared.flat_map(|table| table.keys.iter().map(|key| table.path_of(key.name))) {
+            assert!(seen.contains(&key) || key == "agents.set", "{key} is no parameter of a maximal scenario");
         }
+    }
+
+    #[test]
+    fn ranges_are_those_of_the_keys() {
+        let scenarios = maximal_scenarios();
+        let parameters = of(&scenarios[0]);
+        let named = |name: &str| &parameters.iter().find(|known| known.descriptor.name == name).unwrap().descriptor;
+        let seeds = named("seed").integer_range[0];
+        assert_eq!((seeds.from_value, seeds.to_value), (0, i64::MAX));
+        let agents = named("agents.count").integer_range[0];
+        assert_eq!((agents.from_value, agents.to_value), (1, 1000));
+        let loss = named("communication.loss").floating_point_range[0];
+        assert_eq!((loss.from_value, loss.to_value), (0.0, 1.0));
+        assert_eq!(named("map.kind").additional_constraints, "\"spheres\", \"noise\", \"building\", \"file\"");
     }
 
     #[test]

@@ -68,7 +68,7 @@ fn errors_name_line_key_and_allowed_values() {
         ("seeds = [1]\naxes.\"agents.count\" = [1,\n0]", "p.toml:3: agents.count = 0: expected 1 to 1000"),
         (
             "seeds = [1]\naxes.\"agents.cuont\" = [1]",
-            "p.toml:2: axes.\"agents.cuont\" = 1: unknown field `cuont`, expected one",
+            "p.toml:2: axes.\"agents.cuont\" = 1: unknown key `agents.cuont`; did you mean `agents.count`?",
         ),
         ("seeds = [1]\naxes.seed = [1]", "p.toml:2: axes.\"seed\": `seed` is given by `seeds`"),
         (
@@ -81,7 +81,7 @@ fn errors_name_line_key_and_allowed_values() {
         ),
         (
             "seeds = [1]\naxes.\"agents.c\\nunt\" = [1]",
-            "p.toml:2: axes.\"agents.c; unt\" = 1: unknown field `c; unt`, expected one",
+            "p.toml:2: axes.\"agents.c; unt\" = 1: unknown key `agents.c; unt`; did you mean `agents.count`?",
         ),
         ("seeds = \"0..999999\"\naxes.\"agents.count\" = [1, 2]", "more runs than the 1000000"),
     ] {

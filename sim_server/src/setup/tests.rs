@@ -102,7 +102,7 @@ fn what_does_not_fit_the_cells_of_the_file_is_refused() {
     assert!(fast.contains("body.speed_max_m_s = 30"), "{fast}");
     assert!(scenario(&folder, "plain.m3dm", "", "speed_max_m_s = 30.0").is_ok());
     let import = scenario(&folder, "plain.m3dm", "import = { threshold = 2.0 }", "").unwrap_err().to_string();
-    assert!(import.contains("map.import = threshold = 2, allowed is 0 to 1: see docs/maps.md"), "{import}");
+    assert!(import.contains("s.toml:6: map.import.threshold = 2: expected 0 to 1"), "{import}");
     // A file that is not there is said when the world is made.
     let missing = scenario(&folder, "nowhere.m3dm", "", "").unwrap();
     assert!(build(&missing).unwrap_err().to_string().contains("nowhere.m3dm: No such file"));

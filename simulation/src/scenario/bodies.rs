@@ -1,4 +1,4 @@
-//! `[[bodies]]`: agents whose bodies can do something else than `[body]` says.
+//! `[[bodies]]`: agents with another body than that of `[body]`.
 //!
 //! This module checks nothing: see [`super::Scenario::parse`].
 
@@ -15,9 +15,10 @@ use super::{Scenario, one_line};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "toml::Table")]
 pub struct BodyEntry {
-    /// Whose bodies.
+    /// Ids of the agents with this body.
     pub agents: Vec<u32>,
-    /// What they can do: keys that are not given are those of `[body]`, or those of the kind if `[body]` is of another one.
+    /// The body; keys that are left out are those of `[body]`, or those of the kind if `[body]` is
+    /// of another kind.
     #[serde(flatten)]
     pub keys: BodyKeys,
 }
@@ -38,7 +39,7 @@ impl TryFrom<toml::Table> for BodyEntry {
 }
 
 impl Scenario {
-    /// The bodies of the agents that have another one than `[body]` says.
+    /// The bodies that differ from `[body]`, by agent.
     #[must_use]
     pub fn other_bodies(&self) -> BTreeMap<AgentId, BodyModel> {
         let of_entry = |entry: &BodyEntry| {
@@ -56,7 +57,7 @@ impl Scenario {
         (0..self.agents.count).map(|agent| body(agent).radius_m).collect()
     }
 
-    /// Writes down what the entries leave out.
+    /// Fills in the keys that the entries leave out.
     pub(super) fn complete_bodies(&mut self) {
         for entry in &mut self.bodies {
             entry.keys = entry.keys.over(&self.body).into();

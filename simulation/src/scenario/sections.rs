@@ -1,6 +1,7 @@
-//! The tables of a scenario, with their defaults: the reference's constants where it has them.
+//! The tables of a scenario as structs, with their defaults: the constants of the reference where
+//! it has them.
 //!
-//! This module checks nothing: see [`super::Scenario::parse`].
+//! Ranges and meanings are declared in [`super::keys`]; this module checks nothing.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -20,16 +21,17 @@ pub struct MapSection {
     /// Cells along each axis; one number for a cube. Not for `kind = "file"`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size: Option<Size>,
-    /// Edge of a cell, metres. `None`, only with `kind = "file"`: as long as the file says.
+    /// Edge length of a cell, metres. `None`, only with `kind = "file"`: the length stored in the
+    /// file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cell_m: Option<f64>,
     /// Seed of the map, if it is not that of the run.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "some_seed")]
     pub seed: Option<u64>,
-    /// The map file of `kind = "file"`, relative to where the server runs.
+    /// The map file of `kind = "file"`, relative to the working directory of the server.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
-    /// How the map file is read.
+    /// Options of the importer.
     #[serde(default, skip_serializing_if = "ImportOptions::is_default")]
     pub import: ImportOptions,
     /// Parameters of `kind = "spheres"`.
@@ -38,7 +40,7 @@ pub struct MapSection {
     /// Parameters of `kind = "noise"`.
     #[serde(default)]
     pub noise: NoiseSpec,
-    /// Parameters of `kind = "building"`, which has them in a checked scenario.
+    /// Parameters of `kind = "building"`; a checked scenario of that kind has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub building: Option<BuildingSpec>,
 }
@@ -82,18 +84,19 @@ impl Size {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AgentsSection {
-    /// How many take part.
+    /// Number of agents.
     pub count: u32,
-    /// What an agent runs if its own command line does not say.
+    /// Controller of every agent whose own command line names none.
     #[serde(default = "rbw")]
     pub controller: String,
-    /// Ticks between two tellings of what is new on an agent's map to those in contact with it; 0: agents only listen.
+    /// Ticks between two map updates that an agent sends to its contacts; 0: it only receives.
     #[serde(default = "share_period")]
     pub share_period_ticks: u32,
     /// Settings of that controller.
     #[serde(default)]
     pub set: BTreeMap<String, toml::Value>,
-    /// Ids of those that run no controller but are driven by standard messages, over ROS 2: a velocity for each tick.
+    /// Ids of the agents without a controller, externally controlled by velocity commands over ROS
+    /// 2.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cmd_vel: Vec<u32>,
 }
@@ -108,13 +111,14 @@ pub struct LidarSection {
     pub rays: u32,
     /// Radius of the shell pattern, cells. Reference: 5.
     pub shell_radius_cells: u32,
-    /// How far the lattice sees; `inf`: unlimited (reference).
+    /// Range of the lattice, metres; `inf`: unlimited (reference).
     pub range_m: f64,
-    /// Full opening angle of the cone about the heading. Reference: all directions.
+    /// Full opening angle of the cone about the heading, radians. Reference: all directions.
     pub fov_rad: f64,
     /// Who decides when to scan.
     pub schedule: LidarSchedule,
-    /// Ticks between scans until an agent asks otherwise. Reference: what each of ten agents gets.
+    /// Ticks between two scans until an agent requests otherwise. Reference: what each of ten
+    /// agents gets.
     pub period_ticks: u32,
 }
 
@@ -124,7 +128,8 @@ pub struct LidarSection {
 pub enum LidarPattern {
     /// A Fibonacci lattice of `rays` rays.
     Lattice,
-    /// One ray to every cell on the edge of a sphere of `shell_radius_cells` (the reference's older sensing).
+    /// One ray to every cell on the edge of a sphere of `shell_radius_cells` (the reference's older
+    /// sensing).
     Shell,
 }
 
@@ -170,19 +175,20 @@ impl Default for RecordingSection {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FaultsSection {
-    /// When an agent does not answer within `execution.decision_timeout_s`.
+    /// Reaction to an agent that does not answer within `execution.decision_timeout_s`.
     pub on_agent_loss: OnAgentLoss,
 }
 
-/// What happens when an agent is lost.
+/// Reaction to the loss of an agent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OnAgentLoss {
     /// The run ends with exit code 4.
     Abort,
-    /// The body stops and the run goes on without the agent.
+    /// The body stops and the run continues without the agent.
     Drop,
-    /// The clock is held until the agent answers, or another process takes its place and has been told its past.
+    /// The clock is held until the agent answers, or another process has taken its place and
+    /// received its observation log.
     Wait,
 }
 
@@ -196,19 +202,19 @@ impl Default for FaultsSection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ExecutionSection {
-    /// Threads that cast scans; 0: as many as there are cores.
+    /// Threads that cast scans; 0: one for each core.
     pub threads: u32,
     /// Whether agents are asked only when they are due. Otherwise they are asked at every tick.
     pub look_ahead: bool,
-    /// Sim seconds for each second of wall time.
+    /// Greatest real-time factor.
     pub rtf: Rtf,
-    /// Whether the run begins paused, at tick 0, until somebody lets it go on through a service.
+    /// Whether the run starts paused, at tick 0, until a service call resumes it.
     pub paused: bool,
-    /// How long to wait for all agents at the start, wall seconds.
+    /// Wall time to wait for all agents at the start, seconds.
     pub join_timeout_s: f64,
-    /// How long to wait for a decision, wall seconds.
+    /// Wall time to wait for a reply, seconds.
     pub decision_timeout_s: f64,
-    /// Where the recording goes.
+    /// File of the recording.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub record: Option<PathBuf>,
 }
@@ -227,27 +233,27 @@ impl Default for ExecutionSection {
     }
 }
 
-/// `[views]`: what people look at. None of this changes a result.
+/// `[views]`: visualisation topics. None of this changes a result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ViewsSection {
-    /// Messages of one topic in a second of wall time at the most, while somebody listens.
+    /// Greatest rate of messages of one topic per second of wall time while it has subscribers.
     pub max_hz: f64,
     /// Ticks between two messages on `/tf`.
     pub tf_period_ticks: u32,
-    /// Ticks between two odometries of an agent.
+    /// Ticks between two odometry messages of an agent.
     pub odom_period_ticks: u32,
-    /// Ticks between two scans of an agent that are shown, at the least.
+    /// Least ticks between two published scans of an agent.
     pub points_period_ticks: u32,
-    /// Ticks between two looks at where an agent is going.
+    /// Ticks between two checks whether the path of an agent has changed.
     pub path_period_ticks: u32,
-    /// Ticks between two looks at what nobody has seen.
+    /// Ticks between two checks whether the unexplored cells have changed.
     pub unexplored_period_ticks: u32,
-    /// Ticks between two looks at who is in contact.
+    /// Ticks between two messages on the contacts.
     pub contacts_period_ticks: u32,
-    /// Ticks between two messages on how things are.
+    /// Ticks between two messages on the state of the run.
     pub info_period_ticks: u32,
-    /// What is recorded, too.
+    /// Topics that the recording holds as well.
     pub record: Vec<RecordedView>,
 }
 
@@ -268,20 +274,7 @@ impl Default for ViewsSection {
 }
 
 impl ViewsSection {
-    /// The keys of the periods and their values, at least 1 in a checked scenario.
-    pub(super) fn periods(&self) -> [(&'static str, u32); 7] {
-        [
-            ("views.tf_period_ticks", self.tf_period_ticks),
-            ("views.odom_period_ticks", self.odom_period_ticks),
-            ("views.points_period_ticks", self.points_period_ticks),
-            ("views.path_period_ticks", self.path_period_ticks),
-            ("views.unexplored_period_ticks", self.unexplored_period_ticks),
-            ("views.contacts_period_ticks", self.contacts_period_ticks),
-            ("views.info_period_ticks", self.info_period_ticks),
-        ]
-    }
-
-    /// Ticks between two messages of a view, or two looks at what it shows.
+    /// Ticks between two messages of a view, or two checks for a change.
     #[must_use]
     pub fn period_ticks(&self, view: VisualisationTopic) -> u64 {
         let ticks = match view {
@@ -300,7 +293,7 @@ impl ViewsSection {
         u64::from(ticks.max(1))
     }
 
-    /// Nanoseconds of wall time between two messages of one topic at the least.
+    /// Least wall time between two messages of one topic, nanoseconds.
     #[must_use]
     pub fn pause_ns(&self) -> u64 {
         (1e9 / self.max_hz) as u64
@@ -329,13 +322,13 @@ pub enum RecordedView {
     Info,
 }
 
-/// Pace of a run.
+/// Real-time factor of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected 0.001 to 1e6, or \"max\"")]
 pub enum Rtf {
     /// As fast as possible.
     Max(MaxWord),
-    /// Sim seconds for each second of wall time, at the most.
+    /// At most so many sim seconds per second of wall time.
     Limit(f64),
 }
 
@@ -352,17 +345,17 @@ pub enum MaxWord {
     Max,
 }
 
-/// What TOML has room for.
+/// The integers of TOML that are not negative.
 const SEEDS: &str = "expected a seed from 0 to 9223372036854775807";
 
-/// A seed, or an error that says which there are.
+/// A seed, with an error that names the range.
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "expected a seed from 0 to 9223372036854775807")]
 enum Seed {
     Number(u64),
 }
 
-/// Reads a seed; an error says which there are.
+/// Reads a seed.
 pub(super) fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
     let Seed::Number(seed) = Seed::deserialize(deserializer)?;
     if i64::try_from(seed).is_ok() { Ok(seed) } else { Err(de::Error::custom(SEEDS)) }

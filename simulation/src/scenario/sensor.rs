@@ -1,9 +1,8 @@
-//! The table `[sensor]`: how agents err. By default they do not.
+//! The table `[sensor]`: noise of the LiDARs and of the measured positions. The default is none.
 
 use serde::{Deserialize, Serialize};
 
 use super::radio::is_default;
-use super::{Checker, ScenarioError};
 use crate::world::noise::SensorNoise;
 
 /// `[sensor]`.
@@ -13,19 +12,20 @@ pub struct SensorSection {
     /// Standard deviation of the distances that the LiDAR measures, metres.
     #[serde(skip_serializing_if = "is_default")]
     pub range_sigma_m: f64,
-    /// Probability that a ray that meets a wall brings nothing back.
+    /// Probability that a ray that meets a wall has no return.
     #[serde(skip_serializing_if = "is_default")]
     pub missed_returns: f64,
-    /// How far at the most the position that an agent is told is from the true one, along each axis, metres.
+    /// Greatest error of the measured position along each axis, metres.
     #[serde(skip_serializing_if = "is_default")]
     pub pose_bound_m: f64,
-    /// How far at the most that error moves along each axis in a tick, metres; a tenth of the bound if nothing is said (reference).
+    /// Greatest change of that error along each axis in a tick, metres; the default is a tenth of
+    /// the bound (reference).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pose_step_m: Option<f64>,
 }
 
 impl SensorSection {
-    /// As the world has it, with the seed of the run.
+    /// The noise model of the world, with the seed of the run.
     #[must_use]
     pub fn errors(&self, seed: u64) -> SensorNoise {
         SensorNoise {
@@ -35,22 +35,5 @@ impl SensorSection {
             pose_step_m: self.pose_step_m.unwrap_or(self.pose_bound_m / 10.0),
             seed,
         }
-    }
-
-    pub(super) fn check(&self, checker: &Checker<'_>) -> Result<(), ScenarioError> {
-        let pose_step_m = self.pose_step_m.unwrap_or(0.0);
-        for (key, metres) in [
-            ("sensor.range_sigma_m", self.range_sigma_m),
-            ("sensor.pose_bound_m", self.pose_bound_m),
-            ("sensor.pose_step_m", pose_step_m),
-        ] {
-            checker.require(key, metres, (0.0..=1e6).contains(&metres), "expected 0 to 1e6")?;
-        }
-        checker.require(
-            "sensor.missed_returns",
-            self.missed_returns,
-            (0.0..=1.0).contains(&self.missed_returns),
-            "expected a probability, 0 to 1",
-        )
     }
 }

@@ -53,20 +53,26 @@ fn every_kind_of_start_is_part_of_the_identity() {
 #[test]
 fn starts_out_of_range_are_named() {
     let spawn = |text: &str| format!("spawn = {text}\n{SMALL}");
-    let distance = "s.toml: spawn.min_distance_m = -1: expected 0 to 1e6";
+    let distance = "s.toml:1: spawn.min_distance_m = -1: expected 0 to 1e6";
     refuses(&spawn("{ kind = \"scattered\", min_distance_m = -1.0 }"), &[], distance);
     refuses(
         &spawn("{ kind = \"scattered\", yaw_rad = 7.0 }"),
         &[],
-        "s.toml: spawn.yaw_rad = 7: expected -2 pi to 2 pi",
+        "s.toml:1: spawn.yaw_rad = 7: expected -2 pi to 2 pi",
     );
-    refuses(&spawn("{ kind = \"scattered\", seed = -1 }"), &[], "expected u64");
-    let corner =
-        "s.toml: spawn.high = [4.0, 1.0, 6.0]: expected finite numbers, none of them below spawn.low = [1.0, 2.0, 3.0]";
+    let seed = "s.toml:1:38: spawn.seed = -1: expected a seed from 0 to 9223372036854775807";
+    refuses(&spawn("{ kind = \"scattered\", seed = -1 }"), &[], seed);
+    let corner = "s.toml:1: spawn.high = [4.0, 1.0, 6.0]: expected finite numbers, none of them below spawn.low = [1.0, 2.0, 3.0]";
     refuses(&spawn("{ kind = \"box\", low = [1.0, 2.0, 3.0], high = [4.0, 1.0, 6.0] }"), &[], corner);
     refuses(&spawn("{ kind = \"box\", low = [1.0, 2.0, nan], high = [4.0, 1.0, 6.0] }"), &[], "spawn.high");
-    refuses(&spawn("{ kind = \"box\", low = [1.0, 2.0, 3.0] }"), &[], "missing field `high`");
-    refuses(&spawn("{ kind = \"entrances\", yaw_rad = 1.0 }"), &[], "unknown field `yaw_rad`");
+    refuses(
+        &spawn("{ kind = \"box\", low = [1.0, 2.0, 3.0] }"),
+        &[],
+        "s.toml:1:1: missing key `spawn.high`: expected [x, y, z] (m)",
+    );
+    let yaw = "s.toml:1:31: key `spawn.yaw_rad` does not go with kind = \"entrances\", only with \"nearest_origin\", \
+               \"scattered\", \"box\"";
+    refuses(&spawn("{ kind = \"entrances\", yaw_rad = 1.0 }"), &[], yaw);
 }
 
 #[test]
@@ -89,26 +95,34 @@ fn refuses(text: &str, overrides: &[Override], expected: &str) {
 #[test]
 fn mistakes_are_named_with_their_place() {
     refuses("seed = ", &[], "s.toml:1:");
-    refuses(&SMALL.replace("count", "cuont"), &[], "s.toml:7:1: unknown field `cuont`");
-    refuses(&SMALL.replace("seed = 7\n", ""), &[], "missing field `seed`");
-    refuses(&SMALL.replace("60.0", "0.03"), &[], "s.toml: duration_s = 0.03: expected a multiple of 0.02 s");
-    refuses(&SMALL.replace("size = 50", ""), &[], "map.size");
-    refuses(SMALL, &[set("agents.count", 0)], "agents.count = 0: expected 1 to 1000");
-    refuses(SMALL, &[set("agents.cuont", 1)], "--set agents.cuont: unknown field `cuont`");
+    refuses(
+        &SMALL.replace("count", "cuont"),
+        &[],
+        "s.toml:7:1: unknown key `agents.cuont`; did you mean `agents.count`?",
+    );
+    refuses(&SMALL.replace("seed = 7\n", ""), &[], "s.toml:1:1: missing key `seed`: expected a seed");
+    refuses(&SMALL.replace("60.0", "0.03"), &[], "s.toml:2: duration_s = 0.03: expected a multiple of 0.02 s");
+    refuses(&SMALL.replace("size = 50", ""), &[], "s.toml:4: map.size = nothing: a generated map needs a size");
+    refuses(SMALL, &[set("agents.count", 0)], "--set agents.count: agents.count = 0: expected 1 to 1000");
+    let cuont = "--set agents.cuont: unknown key `agents.cuont`; did you mean `agents.count`?";
+    refuses(SMALL, &[set("agents.cuont", 1)], cuont);
     refuses(SMALL, &[set("seed.x", 1)], "--set seed.x: `seed` in `seed.x` is not a table");
-    refuses(SMALL, &[set("execution.rtf", "fast")], "--set execution.rtf: expected 0.001 to 1e6, or \"max\"");
+    let pace = "execution.rtf = \"fast\": expected a number, 0.001 to 1e6, or \"max\"";
+    refuses(SMALL, &[set("execution.rtf", "fast")], &format!("--set execution.rtf: {pace}"));
     let rtf = format!("{SMALL}[execution]\nrtf = \"fast\"\n");
-    refuses(&rtf, &[], "s.toml:9:7: expected 0.001 to 1e6, or \"max\"");
+    refuses(&rtf, &[], &format!("s.toml:9:7: {pace}"));
     let size = "expected a number of cells from 1 to 1024, or three such as [100, 80, 30]";
-    refuses(&SMALL.replace("50", "-3"), &[], &format!("s.toml:5:8: {size}"));
-    refuses(SMALL, &[set("map.size", "big")], &format!("--set map.size: {size}"));
-    refuses(&format!("spawn = \"foo\"\n{SMALL}"), &[], "s.toml:1:9: ");
+    refuses(&SMALL.replace("50", "-3"), &[], &format!("s.toml:5:8: map.size = -3: {size}"));
+    refuses(SMALL, &[set("map.size", "big")], &format!("--set map.size: map.size = \"big\": {size}"));
+    refuses(&format!("spawn = \"foo\"\n{SMALL}"), &[], "s.toml:1:9: spawn = \"foo\": expected a table");
     refuses(
         &format!("spawn = \"foo\"\n{SMALL}"),
         &[],
         "{ kind = \"nearest_origin\" } or { kind = \"list\", poses = [...] }",
     );
-    refuses(SMALL, &[set("spawn.kind", "foo")], "expected one of `nearest_origin`, `list`, `scattered`");
+    let kinds =
+        "--set spawn.kind: spawn.kind = \"foo\": expected \"nearest_origin\", \"list\", \"scattered\", \"box\" or";
+    refuses(SMALL, &[set("spawn.kind", "foo")], kinds);
     for seed in ["9223372036854775808", "-1", "1.5"] {
         refuses(&SMALL.replace("seed = 7", &format!("seed = {seed}")), &[], "0 to 9223372036854775807");
         refuses(SMALL, &[set("seed", seed)], "0 to 9223372036854775807");
@@ -126,14 +140,53 @@ fn mistakes_are_named_with_their_place() {
     refuses(SMALL, &[set("lidar.fov_rad", 7.0)], "lidar.fov_rad = 7");
     refuses(SMALL, &[set("views.max_hz", 0.0)], "views.max_hz = 0: expected 0.1 to 1000");
     refuses(SMALL, &[set("views.odom_period_ticks", 0)], "views.odom_period_ticks = 0: expected at least 1");
-    refuses(SMALL, &[set("views.record", vec!["tf"])], "unknown variant `tf`, expected one of `tf_static`, `odom`");
+    refuses(
+        SMALL,
+        &[set("views.record", vec!["tf"])],
+        "views.record = [\"tf\"]: expected a list of the words \"tf_static\", \"odom\"",
+    );
     refuses(SMALL, &[set("lidar.range_m", f64::NAN)], "lidar.range_m = NaN");
-    refuses(SMALL, &[set("map.file", "x.m3dm")], "map.file = x.m3dm: only a map of kind \"file\" has a file");
+    refuses(
+        SMALL,
+        &[set("map.file", "x.m3dm")],
+        "--set map.file: map.file = x.m3dm: only a map of kind \"file\" has a file",
+    );
     refuses(
         SMALL,
         &[set("map.kind", "file"), set("map.file", "x.m3dm")],
-        "map.size = [50, 50, 50]: a map from a file has the size of the file",
+        "s.toml:5: map.size = [50, 50, 50]: a map from a file has the size of the file",
     );
+}
+
+#[test]
+fn errors_name_the_origin_of_a_value() {
+    let text = format!("{SMALL}[lidar]\nrange_m = -1.0\n");
+    refuses(&text, &[], "s.toml:9: lidar.range_m = -1: expected a number above 0, or inf");
+    refuses(&text, &[set("lidar.range_m", -3)], "--set lidar.range_m: lidar.range_m = -3: expected a number above 0");
+    let table: toml::Table = toml::from_str("range_m = -2").unwrap();
+    refuses(&text, &[set("lidar", table), set("agents.count", 2)], "--set lidar: lidar.range_m = -2");
+    assert_eq!(Scenario::parse("s.toml", &text, &[set("lidar.range_m", 3)]).unwrap().lidar.range_m, 3.0);
+    let inline = SMALL.replace("[agents]\ncount = 3\n", "") + "[agents]\nset = { x = 1 }\n\ncount = 0";
+    refuses(&inline, &[], "s.toml:9: agents.count = 0");
+    refuses(
+        SMALL,
+        &[set("map.kind", "file"), Override { value: None, ..set("map.size", 0) }],
+        "--set map.kind: map.file",
+    );
+}
+
+#[test]
+fn misspelt_names_get_a_suggestion() {
+    let did_you_mean = |key: &str, value: toml::Value, meant: &str| {
+        refuses(SMALL, &[set(key, value)], &format!("did you mean {meant}?"));
+    };
+    did_you_mean("lidar.rang_m", 3.into(), "`lidar.range_m`");
+    did_you_mean("lidra.range_m", 3.into(), "`lidar`");
+    did_you_mean("max_hz", 3.into(), "`views.max_hz`");
+    did_you_mean("map.kind", "noize".into(), "\"noise\"");
+    did_you_mean("views.record", vec!["odom", "pointss"].into(), "\"points\"");
+    let all = "unknown key `faults.x`; expected one of `on_agent_loss`";
+    refuses(SMALL, &[set("faults.x", 1)], all);
 }
 
 #[test]
@@ -172,21 +225,34 @@ fn the_identity_of_a_team_of_submarines_does_not_speak_of_kinds() {
 fn mistakes_in_bodies_are_named_with_their_entry() {
     let with = |entries: &str| format!("{SMALL}{entries}");
     let entry = |keys: &str| with(&format!("[[bodies]]\nagents = [0]\n[[bodies]]\n{keys}\n"));
-    refuses(&entry("radius_m = 0.3"), &[], "an entry of `bodies`: missing field `agents`");
+    refuses(&entry("radius_m = 0.3"), &[], "s.toml:10:1: missing key `bodies[1].agents`: expected a list of ids");
     refuses(
         &entry("agents = [1]\nsize = 3"),
         &[],
-        "an entry of `bodies`: unknown field `size`, expected one of `kind`",
+        "s.toml:12:1: unknown key `bodies[1].size`; did you mean `map.size`?",
     );
-    refuses(&entry("agents = [1]\nkind = \"boat\""), &[], "unknown variant `boat`, expected `submarine` or `aerial`");
-    refuses(&entry("agents = [-1]"), &[], "an entry of `bodies`");
-    refuses(&entry("agents = []"), &[], "bodies[1].agents = []: expected at least one id of an agent");
+    let boat = "s.toml:12:8: bodies[1].kind = \"boat\": expected \"submarine\" or \"aerial\"";
+    refuses(&entry("agents = [1]\nkind = \"boat\""), &[], boat);
+    refuses(&entry("agents = [-1]"), &[], "s.toml:11:10: bodies[1].agents = [-1]: expected a list of ids of agents");
+    refuses(&entry("agents = []"), &[], "s.toml:11: bodies[1].agents = []: expected at least one id of an agent");
     refuses(&entry("agents = [3]"), &[], "bodies[1].agents = 3: expected ids of agents, 0 to 2");
     refuses(&entry("agents = [1, 0]"), &[], "bodies[1].agents = 0: expected each agent once, and it is in bodies[0]");
     refuses(&entry("agents = [1]\nradius_m = 20"), &[], "bodies[1].radius_m = 20: expected at least a thousandth");
-    refuses(&entry("agents = [1]\nacceleration_m_s2 = 0"), &[], "bodies[1].acceleration_m_s2 = 0: expected a number");
-    refuses(&with("[body]\nagents = [0]\n"), &[], "s.toml:9:1: unknown field `agents`");
-    refuses(&with(&"[[bodies]]\nagents = [0]\n".repeat(256)), &[], "bodies = 256 entries: expected at most 255");
+    refuses(
+        &entry("agents = [1]\nacceleration_m_s2 = 0"),
+        &[],
+        "s.toml:12: bodies[1].acceleration_m_s2 = 0: expected a number above 0",
+    );
+    refuses(
+        &with("[body]\nagents = [0]\n"),
+        &[],
+        "s.toml:9:1: unknown key `body.agents`; did you mean `bodies.agents`?",
+    );
+    refuses(
+        &with(&"[[bodies]]\nagents = [0]\n".repeat(256)),
+        &[],
+        "s.toml:8: bodies = 256 entries: expected at most 255",
+    );
 }
 
 #[test]
@@ -208,7 +274,7 @@ fn communication_and_sensors_are_checked_and_stand_in_the_identity_only_if_they_
     assert_eq!(radios.sensor.errors(7).pose_step_m, 0.05);
     assert_eq!(radios.communication.message().relays_per_agent, 3);
     let refused = [
-        (vec![set("communication.loss", 1.5)], "communication.loss = 1.5: expected a probability, 0 to 1"),
+        (vec![set("communication.loss", 1.5)], "communication.loss = 1.5: expected 0 to 1"),
         (vec![set("communication.loss", f64::NAN)], "communication.loss = NaN"),
         (vec![set("communication.bytes_per_s", 0.0)], "communication.bytes_per_s = 0: expected at least 1, or inf"),
         (vec![set("communication.queue_bytes", 100)], "communication.queue_bytes = 100: expected 114688"),
@@ -219,12 +285,15 @@ fn communication_and_sensors_are_checked_and_stand_in_the_identity_only_if_they_
         (vec![set("communication.relays.read_range_m", -1.0)], "communication.relays.read_range_m = -1"),
         (vec![set("communication.attenuation.free_exponent", 0.0)], "communication.attenuation.free_exponent = 0"),
         (vec![set("communication.attenuation.reference_m", 0.0)], "communication.attenuation.reference_m = 0"),
-        (vec![set("communication.model", "radio")], "unknown variant `radio`"),
+        (
+            vec![set("communication.model", "radio")],
+            "communication.model = \"radio\": expected \"line_of_sight\", \"range\"",
+        ),
         (
             vec![set("communication.model", "global"), set("communication.range_m", 5.0)],
             "communication.range_m = 5: the models",
         ),
-        (vec![set("sensor.missed_returns", -0.1)], "sensor.missed_returns = -0.1: expected a probability, 0 to 1"),
+        (vec![set("sensor.missed_returns", -0.1)], "sensor.missed_returns = -0.1: expected 0 to 1"),
         (vec![set("sensor.range_sigma_m", f64::INFINITY)], "sensor.range_sigma_m = inf: expected 0 to 1e6"),
     ];
     for (keys, reason) in refused {

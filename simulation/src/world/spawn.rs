@@ -145,7 +145,10 @@ pub enum SpawnError {
         reason: &'static str,
     },
     /// The bodies are too large for cells.
-    #[error("spawn: bodies of radius {radius_m} m do not fit side by side into cells of {cell_m} m")]
+    #[error(
+        "spawn: bodies of radius {radius_m} m do not fit side by side into cells of {cell_m} m; set `body.radius_m` to at most \
+         {fits_m}, or `spawn.kind` to \"scattered\"", fits_m = cell_m / 2.0
+    )]
     BodyTooLarge {
         /// Radius of the body, metres.
         radius_m: f64,

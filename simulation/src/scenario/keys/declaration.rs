@@ -1,0 +1,314 @@
+//! The rows of the declaration: one for each key, in the order of docs/scenario.md.
+//!
+//! A row is `key(name, type, default, range, meaning, source)`. `source` is Markdown for
+//! docs/scenario.md and says where the default comes from: "reference" is MAES3D, "ours" has no
+//! counterpart there. Tests compare every row with the structs of the scenario.
+
+use std::f64::consts::TAU;
+
+use msgs::limits::{PARCEL_BYTES_MAX, RELAYS_PER_AGENT_MAX};
+
+use crate::scenario::AGENTS_MAX;
+
+use super::DefaultValue::{Is, Required, Unset};
+use super::Kind::{
+    Boolean, Ids, Integer, Name, Number, NumberOrMax, Path, Poses, Position, Seed, Settings, Size, Word, Words,
+};
+use super::{POSITIVE, Range, Table, above, at_least, between, key};
+
+const NONE: Option<Range> = None;
+
+/// Ticks between two events.
+const PERIOD: Option<Range> = at_least(1.0, U32_MAX);
+
+/// Ticks between two events; 0 switches them off.
+const PERIOD_OR_NEVER: Option<Range> = at_least(0.0, U32_MAX);
+
+/// Two full messages, so that a send queue never blocks, to 1 GiB.
+const QUEUE_BYTES: Option<Range> = between(2.0 * PARCEL_BYTES_MAX as f64, 1_073_741_824.0);
+
+const U32_MAX: f64 = 4_294_967_295.0;
+const UNLIMITED: f64 = f64::INFINITY;
+
+/// All keys, table by table.
+#[rustfmt::skip]
+pub const TABLES: [Table; 19] = [
+    Table::new("", &[
+        key("seed", Seed, Required, NONE,
+            "seed of everything random: the map, unless map.seed is given, and the agents",
+            "reference, but see [differences](reference-differences.md)"),
+        key("duration_s", Number("s"), Required, between(0.02, 2e8),
+            "sim time after which the run ends", "reference: 60 to 7200, 1800 by default")
+            .checked_elsewhere().limits("a multiple of 0.02, 0.02 to 2e8"),
+        key("stop_when_explored", Boolean, Is("true"), NONE,
+            "whether the run ends once every free cell has been seen", "ours"),
+        key("stop_when_covered", Boolean, Is("false"), NONE,
+            "whether the run ends once a body has been in every free cell; full exploration does not end it then",
+            "ours"),
+    ]),
+    Table::new("map", &[
+        key("kind", Word(&["spheres", "noise", "building", "file"]), Required, NONE,
+            "the generator of the map, or a map file", "reference").see("maps.md"),
+        key("size", Size, Unset("required unless `\"file\"`"), between(5.0, 1024.0),
+            "cells along each axis; one number for a cube", "reference: 30 to 100, 50 by default")
+            .limits("5 to 1024 along each axis; not with `\"file\"`"),
+        key("cell_m", Number("m"), Unset("1.0, or as stored in the map file"), POSITIVE,
+            "edge length of a cell", "reference: 1")
+            .limits("above 0, up to 1e6; with a file that stores it, the same"),
+        key("seed", Seed, Unset("that of the run"), NONE,
+            "seed of the map alone: the same map with other random streams of the agents", "ours"),
+        key("file", Path, Unset("required for `\"file\"`"), NONE,
+            "the map file, relative to the working directory of the server", "reference: one fixed path")
+            .limits("a known [format](maps.md#file-formats); only with `\"file\"`"),
+    ]),
+    Table::new("map.import", &[
+        key("fill", Word(&["solid", "shell"]), Unset("`\"solid\"`"), NONE,
+            "meshes: which cells are wall, the solid ones or those of the surface alone", "ours"),
+        key("inside", Word(&["wall", "free"]), Unset("`\"wall\"`"), NONE,
+            "meshes: what the inside is; free makes a cave of a mesh", "ours"),
+        key("unknown", Word(&["wall", "free"]), Unset("`\"wall\"`"), NONE,
+            "OctoMap: what the cells are that the file does not know", "ours"),
+        key("up", Word(&["y", "z"]), Unset("`\"z\"`"), NONE,
+            "meshes and point clouds: axis of the file that points upwards", "ours"),
+        key("scale", Number("m"), Unset("1.0"), above(0.0, f64::MAX),
+            "meshes and point clouds: length of a unit of the file", "ours").limits("a finite number above 0"),
+        key("margin_cells", Integer("cells"), Unset("0"), between(0.0, 500.0),
+            "meshes and point clouds: layers of free cells around the content of the file", "ours"),
+        key("free_from", Position("units of the file"), Unset("all free cells stay"), NONE,
+            "meshes, point clouds and OctoMap: only cells connected with this position of the file stay free", "ours")
+            .limits("three finite numbers"),
+        key("height_cells", Integer("cells"), Unset("5"), between(1.0, 1022.0),
+            "floor plans: free cells from floor to ceiling", "ours"),
+        key("threshold", Number(""), Unset("0.9"), between(0.0, 1.0),
+            "floor plans: brightness from which a pixel is free", "ours"),
+    ]).checked_by_mapgen(),
+    Table::new("map.spheres", &[
+        key("fill_ratio", Number(""), Is("0.2"), above(0.0, 1.0),
+            "spheres are added until they have freed this share of the volume; tunnels come on top",
+            "reference: 0.01 to 0.30, 0.20")
+            .limits("above 0, up to the share of the cells that spheres can reach: (x-3)(y-3)(z-3) / xyz"),
+        key("radius_min", Integer("cells"), Is("3"), between(0.0, 510.0),
+            "smallest radius of a sphere, and radius of every tunnel", "reference: 2 to 15, 3")
+            .limits("0 to (shortest side - 4) / 2"),
+        key("radius_max", Integer("cells"), Is("8"), between(0.0, 510.0),
+            "largest radius of a sphere", "reference: 2 to 15, 8")
+            .limits("`radius_min` to (shortest side - 4) / 2"),
+        key("connections", Integer(""), Is("3"), between(0.0, 64.0),
+            "number of its nearest spheres to which each sphere is joined", "reference: 1 to 10, 3"),
+        key("smoothing", Integer(""), Is("5"), between(0.0, 1000.0),
+            "smoothing passes", "reference: 0 to 20, 5"),
+    ]).checked_by_mapgen(),
+    Table::new("map.noise", &[
+        key("fill", Number(""), Is("0.53"), between(0.0, 1.0),
+            "probability that an inner cell starts as wall", "reference: 0.45 to 0.60, 0.53"),
+        key("smoothing", Integer(""), Is("5"), between(0.0, 1000.0),
+            "smoothing passes", "reference: 0 to 20, 5"),
+    ]).checked_by_mapgen(),
+    Table::new("map.building", &[
+        key("floors", Integer(""), Is("3"), between(1.0, 500.0),
+            "floors on top of each other; everything above them is solid", "ours")
+            .limits("1 to as many as fit into `map.size`, up to 500: z of at least \
+                     `floors` * (`floor_height` + `slab`) - `slab` + 2"),
+        key("floor_height", Integer("cells"), Is("3"), between(2.0, 1022.0),
+            "free cells between floor and ceiling", "ours").limits("2 to z - 2"),
+        key("slab", Integer("cells"), Is("1"), between(1.0, 1024.0),
+            "solid cells between two floors", "ours"),
+        key("hall_share", Number(""), Is("0.2"), above(0.0, 0.9),
+            "hallways are added until they have this share of a floor, or no more fit; there is always one",
+            "ancestor: 20 %"),
+        key("hall_width", Integer("cells"), Is("4"), between(1.0, 1020.0),
+            "width of every hallway", "ancestor").limits("1 to the width that leaves a room on either side"),
+        key("room_side_min", Integer("cells"), Is("6"), between(2.0, 1020.0),
+            "shortest side of a room", "ancestor").limits("2 to the width that fits beside the first hallway"),
+        key("split_chance", Number(""), Is("0.85"), between(0.0, 1.0),
+            "probability that a part is split once more into rooms, after the first split", "ancestor: 85 %"),
+        key("door_width", Integer("cells"), Is("2"), between(1.0, 1020.0),
+            "width of a door", "ancestor")
+            .limits("1 to the smaller of `hall_width` and `room_side_min` - 2 * `door_padding`"),
+        key("door_height", Integer("cells"), Is("2"), between(1.0, 1022.0),
+            "height of a door", "ours").limits("1 to `floor_height`"),
+        key("door_padding", Integer("cells"), Is("2"), between(0.0, 510.0),
+            "wall on either side of a door, where it fits", "ancestor").limits("0 to (`room_side_min` - 1) / 2"),
+        key("staircases", Integer(""), Is("2"), between(0.0, 64.0),
+            "staircases, each through all floors", "ours")
+            .limits("0 to 64, as many as fit along the first hallway; \
+                     at least 1 if there are several floors without lift shafts"),
+        key("stair_width", Integer("cells"), Is("2"), between(1.0, 1020.0),
+            "width of a flight, and length of its landings", "ours").limits("1 to `room_side_min`"),
+        key("lift_shafts", Integer(""), Is("0"), between(0.0, 64.0),
+            "shafts through all floors, for bodies that can go straight up", "ours")
+            .limits("0 to 64, as many as fit along the first hallway"),
+        key("lift_width", Integer("cells"), Is("2"), between(1.0, 1020.0),
+            "sides of a lift shaft", "ours").limits("1 to `room_side_min`"),
+        key("entrances", Integer(""), Is("2"), between(0.0, 64.0),
+            "doors to the outside on the ground floor, each a niche in the outer wall", "ours")
+            .limits("0 to 64, as many as hallways end at the outer wall"),
+    ]).checked_by_mapgen(),
+    Table::new("agents", &[
+        key("count", Integer(""), Required, between(1.0, AGENTS_MAX as f64),
+            "number of agents; their ids are 0 to count - 1", "reference: 1 to 10, 3"),
+        key("controller", Name, Is("\"rbw\""), NONE,
+            "controller of every agent whose own command line names none", "reference: RBW")
+            .limits("a name from [controllers.md](controllers.md), or that of a controller of your own"),
+        key("share_period_ticks", Integer("ticks"), Is("251"), PERIOD_OR_NEVER,
+            "ticks between two map updates that an agent sends to its contacts; 0: it only receives",
+            "reference: 5.02 s"),
+        key("set", Settings, Is("{}"), NONE,
+            "settings of the controller", "ours"),
+        key("cmd_vel", Ids, Is("[]"), NONE,
+            "agents without a controller, externally controlled by velocity commands over ROS 2", "ours")
+            .limits("0 to `count` - 1, each once; over ROS 2 only").see("own-node.md"),
+    ]),
+    Table::new("spawn", &[
+        key("kind", Word(&["nearest_origin", "list", "scattered", "box", "entrances"]), Is("\"nearest_origin\""), NONE,
+            "how start poses are chosen", "reference: the first"),
+        key("yaw_rad", Number("rad"), Is("0.0"), between(-TAU, TAU),
+            "start heading of all agents", "reference: along its depth axis, our y")
+            .only_with(&["nearest_origin", "scattered", "box"]),
+        key("poses", Poses, Unset("required for `\"list\"`"), NONE,
+            "start poses by agent: [x, y, z] or [x, y, z, yaw]", "ours")
+            .limits("one entry for each agent, with room for its body").only_with(&["list"]),
+        key("min_distance_m", Number("m"), Is("0.0"), between(0.0, 1e6),
+            "least distance between the centres of two bodies", "ours").only_with(&["scattered"]),
+        key("seed", Seed, Unset("that of the run"), NONE,
+            "seed of the start poses alone", "ours").only_with(&["scattered"]),
+        key("low", Position("m"), Unset("required for `\"box\"`"), NONE,
+            "lowest corner of the box", "ours").limits("finite").only_with(&["box"]),
+        key("high", Position("m"), Unset("required for `\"box\"`"), NONE,
+            "highest corner of the box", "ours")
+            .limits("finite, no coordinate below that of `low`").only_with(&["box"]),
+    ]),
+    Table::new("body", &[
+        key("kind", Word(&["submarine", "aerial"]), Is("\"submarine\""), NONE,
+            "how the body moves; the keys left out are those of the kind", "reference: the first"),
+        key("radius_m", Number("m"), Is("0.4"), POSITIVE,
+            "radius of the sphere that collides", "reference").limits("0.001 to 16 cells"),
+        key("speed_max_m_s", Number("m/s"), Is("1.5"), POSITIVE,
+            "top speed along the path, whatever its direction", "reference")
+            .limits("above 0, up to 50 cells in a second"),
+        key("acceleration_m_s2", Number("m/s^2"), Is("0.5"), POSITIVE,
+            "acceleration", "reference"),
+        key("deceleration_m_s2", Number("m/s^2"), Is("0.25"), POSITIVE,
+            "braking", "reference"),
+        key("turn_rate_max_rad_s", Number("rad/s"), Is("1.7453292519943295"), POSITIVE,
+            "top turn rate", "reference: 100 degrees/s"),
+        key("turn_acceleration_rad_s2", Number("rad/s^2"), Is("0.8726646259971648"), POSITIVE,
+            "acceleration of a turn", "reference: 50 degrees/s^2"),
+        key("turn_deceleration_rad_s2", Number("rad/s^2"), Is("0.4363323129985824"), POSITIVE,
+            "braking of a turn", "reference: 25 degrees/s^2"),
+    ]),
+    Table::new("bodies", &[
+        key("agents", Ids, Required, NONE,
+            "agents with this body", "ours").limits("0 to `agents.count` - 1, each in one entry at most"),
+    ]),
+    Table::new("lidar", &[
+        key("pattern", Word(&["lattice", "shell"]), Is("\"lattice\""), NONE,
+            "how rays are spread: evenly over all directions, or one to each cell on the edge of a sphere",
+            "reference: the first; the second is its older sensing"),
+        key("rays", Integer(""), Is("5124"), between(1.0, 1e6),
+            "rays of the lattice", "reference"),
+        key("shell_radius_cells", Integer("cells"), Is("5"), between(1.0, 200.0),
+            "radius of the shell, and its range", "reference"),
+        key("range_m", Number("m"), Is("inf"), above(0.0, UNLIMITED),
+            "range of the lattice; the shell does not use it", "reference: unlimited"),
+        key("fov_rad", Number("rad"), Is("6.283185307179586"), above(0.0, TAU),
+            "full opening angle of the cone about the heading", "reference: 360 degrees"),
+        key("schedule", Word(&["on_request", "maes3d"]), Is("\"on_request\""), NONE,
+            "who decides when to scan: each agent, which gets a scan every period_ticks until it does; \
+             or one agent is scanned in each tick, in turn", "reference: the second"),
+        key("period_ticks", Integer("ticks"), Is("10"), PERIOD,
+            "ticks between two scans until an agent requests otherwise",
+            "reference: as many as there are agents, so 10 with its largest team"),
+    ]),
+    Table::new("communication", &[
+        key("range_m", Number("m"), Is("inf"), at_least(0.0, UNLIMITED),
+            "greatest distance between two agents in contact; inf: unlimited",
+            "reference: unlimited; 50 in its later branch"),
+        key("model", Word(&["line_of_sight", "range", "line_of_sight_and_range", "global", "attenuated"]),
+            Is("\"line_of_sight_and_range\""), NONE,
+            "when two radios are in contact; range_m belongs to the second and the third", "reference: the first"),
+        key("loss", Number(""), Is("0.0"), between(0.0, 1.0),
+            "probability that a message is lost on its way to one receiver", "ours; MAES: a transmission probability"),
+        key("bytes_per_s", Number("bytes/s"), Is("inf"), at_least(1.0, UNLIMITED),
+            "bandwidth of each agent", "ours"),
+        key("queue_bytes", Integer("bytes"), Is("1048576"), QUEUE_BYTES,
+            "capacity of the send queue of each agent, at least two full messages", "ours"),
+    ]),
+    Table::new("communication.attenuation", &[
+        key("tx_dbm", Number("dBm"), Is("-20.0"), between(-200.0, 100.0), "transmitted power", "IR2"),
+        key("threshold_dbm", Number("dBm"), Is("-70.0"), between(-200.0, 100.0),
+            "least power that can be received", "IR2"),
+        key("reference_loss_db", Number("dB"), Is("31.0"), between(0.0, 300.0),
+            "loss over reference_m in the open", "IR2"),
+        key("reference_m", Number("m"), Is("35.0"), POSITIVE, "the reference distance", "IR2"),
+        key("free_exponent", Number(""), Is("2.0"), above(0.0, 20.0), "path loss exponent in the open", "IR2"),
+        key("wall_exponent", Number(""), Is("4.0"), between(0.0, 1000.0),
+            "path loss exponent of the part inside walls", "IR2"),
+        key("wall_reference_m", Number("m"), Is("1.0"), POSITIVE,
+            "unit length of the part inside walls", "ours"),
+    ]),
+    Table::new("communication.relays", &[
+        key("per_agent", Integer(""), Is("0"), between(0.0, RELAYS_PER_AGENT_MAX as f64),
+            "relays that each agent carries", "SubT: 6 to 12"),
+        key("read_range_m", Number("m"), Is("inf"), at_least(0.0, UNLIMITED),
+            "distance within which a relay in contact can be read and written; inf: contact is enough",
+            "MAES: a range"),
+    ]),
+    Table::new("sensor", &[
+        key("range_sigma_m", Number("m"), Is("0.0"), between(0.0, 1e6),
+            "standard deviation of the distances that LiDARs measure", "ours"),
+        key("missed_returns", Number(""), Is("0.0"), between(0.0, 1.0),
+            "probability that a ray that meets a wall has no return", "ours"),
+        key("pose_bound_m", Number("m"), Is("0.0"), between(0.0, 1e6),
+            "greatest error of the measured position along each axis", "MAES"),
+        key("pose_step_m", Number("m"), Unset("a tenth of the bound"), between(0.0, 1e6),
+            "greatest change of that error along each axis in a tick", "MAES"),
+    ]),
+    Table::new("recording", &[
+        key("poses_period_ticks", Integer("ticks"), Is("10"), PERIOD_OR_NEVER,
+            "ticks between two recordings of all poses on /tf; 0: none", "ours"),
+    ]),
+    Table::new("faults", &[
+        key("on_agent_loss", Word(&["abort", "drop", "wait"]), Is("\"abort\""), NONE,
+            "what the server does when an agent does not answer within execution.decision_timeout_s: end the run \
+             (exit code 4); stop the body and continue without it; or hold the clock until the agent answers or \
+             another process has taken its place", "ours").see("reliability.md"),
+    ]),
+    Table::new("views", &[
+        key("max_hz", Number("Hz"), Is("30.0"), between(0.1, 1000.0),
+            "greatest rate of messages of one topic per second of wall time while it has subscribers; \
+             recorded topics have no such limit", ""),
+        key("tf_period_ticks", Integer("ticks"), Is("5"), PERIOD,
+            "ticks between two messages on /tf; those of a recording have recording.poses_period_ticks", ""),
+        key("odom_period_ticks", Integer("ticks"), Is("5"), PERIOD,
+            "ticks between two messages on /agent_<id>/odom", ""),
+        key("points_period_ticks", Integer("ticks"), Is("1"), PERIOD,
+            "least ticks between two scans on /agent_<id>/points", ""),
+        key("path_period_ticks", Integer("ticks"), Is("5"), PERIOD,
+            "ticks between two checks whether /agent_<id>/path has changed", ""),
+        key("unexplored_period_ticks", Integer("ticks"), Is("50"), PERIOD,
+            "ticks between two checks whether /sim/unexplored has changed", ""),
+        key("contacts_period_ticks", Integer("ticks"), Is("50"), PERIOD,
+            "ticks between two messages on /sim/contacts", ""),
+        key("info_period_ticks", Integer("ticks"), Is("50"), PERIOD,
+            "ticks between two messages on /sim/info", ""),
+        key("record", Words(&["tf_static", "odom", "points", "path", "map", "unexplored", "contacts", "info"]),
+            Is("[]"), NONE, "visualisation topics that the recording holds as well", ""),
+    ]),
+    Table::new("execution", &[
+        key("threads", Integer(""), Is("0"), between(0.0, 1024.0),
+            "threads that cast scans; 0: one for each core", ""),
+        key("look_ahead", Boolean, Is("true"), NONE,
+            "whether agents are asked only when they are due; otherwise they are asked at every tick", ""),
+        key("rtf", NumberOrMax, Is("\"max\""), between(1e-3, 1e6),
+            "greatest real-time factor: sim seconds per second of wall time; max: as fast as possible", ""),
+        key("paused", Boolean, Is("false"), NONE,
+            "whether the run starts paused, until a service call resumes it", "")
+            .limits("not over memory").see("ros2.md"),
+        key("join_timeout_s", Number("s"), Is("60.0"), POSITIVE,
+            "wall time to wait for all agents at the start", ""),
+        key("decision_timeout_s", Number("s"), Is("10.0"), POSITIVE,
+            "wall time to wait for a reply; for the first one join_timeout_s, if that is longer", ""),
+        key("record", Path, Unset("none"), NONE, "file of the recording", ""),
+    ]),
+];

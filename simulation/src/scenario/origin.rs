@@ -1,0 +1,98 @@
+//! Where the values of a scenario come from: a line of the file, or a flag. Only error messages
+//! need it, so nothing is looked up before there is an error.
+
+use toml::de::{DeArray, DeTable, Error};
+
+use super::diagnosis::{At, Problem, problems};
+use super::{Override, ScenarioError, one_line};
+
+/// The text of a scenario and the flags that change it.
+#[derive(Debug, Clone, Copy)]
+pub struct Origins<'a> {
+    file: &'a str,
+    text: &'a str,
+    overrides: &'a [Override],
+}
+
+impl<'a> Origins<'a> {
+    /// `file` is the name for error messages; later overrides win.
+    #[must_use]
+    pub fn new(file: &'a str, text: &'a str, overrides: &'a [Override]) -> Self {
+        Self { file, text, overrides }
+    }
+
+    /// What gave a key its value: the flag as typed, or `FILE:LINE`; the file alone if nothing
+    /// names the key.
+    #[must_use]
+    pub fn of(&self, key: &str) -> String {
+        let is_part = |whole: &str, part: &str| {
+            part.strip_prefix(whole).is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+        };
+        let flag = self.overrides.iter().rev().find(|change| is_part(&change.key, key) || is_part(key, &change.key));
+        if let Some(flag) = flag {
+            return one_line(&flag.origin);
+        }
+        let path: Vec<String> = key.replace('[', ".[").split('.').map(str::to_owned).collect();
+        match self.place(&path, At::Key) {
+            Some((line, _)) => format!("{}:{line}", self.file),
+            None => self.file.to_owned(),
+        }
+    }
+
+    /// The error of a text that is no scenario.
+    pub(super) fn syntax(&self, error: &Error) -> ScenarioError {
+        let table: Option<toml::Table> = toml::from_str(self.text).ok();
+        let found = table.iter().flat_map(problems).map(|problem| {
+            let place = self.place(&problem.path, problem.at).unwrap_or((1, 1));
+            (problem.rank, place, problem)
+        });
+        let first = found.min_by_key(|(rank, place, _)| (*rank, *place));
+        let ((line, column), reason) = match first {
+            Some((_, place, problem)) => (place, problem.text),
+            None => (position(self.text, error.span().map_or(0, |span| span.start)), error.message().to_owned()),
+        };
+        ScenarioError::Syntax { file: self.file.to_owned(), line, column, reason: one_line(&reason) }
+    }
+
+    /// The error of an override after which the keys are no scenario.
+    pub(super) fn unfit(change: &Override, keys: &toml::Table, error: &Error) -> ScenarioError {
+        let is_of_change = |problem: &Problem| problem.name().starts_with(&change.key);
+        let first = problems(keys).into_iter().min_by_key(|problem| (problem.rank, !is_of_change(problem)));
+        let reason = first.map_or_else(|| error.message().to_owned(), |problem| problem.text);
+        ScenarioError::Override { origin: one_line(&change.origin), reason: one_line(&reason) }
+    }
+
+    /// Line and column, from 1, of the innermost part of a path that the text names.
+    fn place(&self, path: &[String], at: At) -> Option<(usize, usize)> {
+        let root = DeTable::parse(self.text).ok()?;
+        let mut table = Some(root.get_ref());
+        let mut list: Option<&DeArray<'_>> = None;
+        let mut start = None;
+        for (depth, part) in path.iter().enumerate() {
+            let (key, value) = match (table, list) {
+                (Some(keys), _) => {
+                    let Some((key, value)) = keys.iter().find(|(key, _)| key.get_ref() == part) else { break };
+                    (key.span().start, value)
+                }
+                (None, Some(entries)) => {
+                    let index = part.trim_matches(['[', ']']).parse::<usize>().ok();
+                    let Some(value) = index.and_then(|index| entries.get(index)) else { break };
+                    (value.span().start, value)
+                }
+                (None, None) => break,
+            };
+            let is_last = depth + 1 == path.len();
+            start = Some(if is_last && at == At::Value { value.span().start } else { key });
+            table = value.get_ref().as_table();
+            list = value.get_ref().as_array();
+        }
+        start.map(|start| position(self.text, start))
+    }
+}
+
+/// Line and column of a byte, both from 1, the column in characters.
+fn position(text: &str, byte: usize) -> (usize, usize) {
+    let before = &text[..byte.min(text.len())];
+    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+    (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+}
