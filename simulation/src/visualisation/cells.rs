@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use fixedbitset::FixedBitSet;
 use msgs::ids::Tick;
 use msgs::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 use msgs::std_msgs::ColorRGBA;
@@ -38,7 +39,7 @@ pub(super) fn walls(terrain: &Grid<Terrain>, tick: Tick) -> Vec<Marker> {
 pub(super) struct Unexplored {
     blocks: Blocks,
     /// The explored cells at the last update.
-    explored: Vec<u64>,
+    explored: FixedBitSet,
     /// Blocks that differ from what was published last.
     changed: BTreeSet<u32>,
 }
@@ -49,28 +50,24 @@ impl Unexplored {
         let blocks = Blocks::new(terrain.extent(), BLOCK_SIDE);
         let free = terrain.as_slice().iter().enumerate().filter(|&(_, &kind)| kind == Terrain::Free);
         let changed = free.map(|(index, _)| blocks.of(index)).collect();
-        Self { blocks, explored: vec![0; terrain.extent().volume().div_ceil(64)], changed }
+        Self { blocks, explored: FixedBitSet::with_capacity(terrain.extent().volume()), changed }
     }
 
     /// Updates the set of changed blocks.
-    pub(super) fn update(&mut self, explored: &[u64]) {
-        for (number, (before, &now)) in self.explored.iter_mut().zip(explored).enumerate() {
-            let mut new = now & !*before;
-            *before = now;
-            while new != 0 {
-                self.changed.insert(self.blocks.of(number * 64 + new.trailing_zeros() as usize));
-                new &= new - 1;
-            }
-        }
+    pub(super) fn update(&mut self, explored: &FixedBitSet) {
+        let mut new = explored.clone();
+        new.difference_with(&self.explored);
+        self.changed.extend(new.ones().map(|index| self.blocks.of(index)));
+        self.explored.clone_from(explored);
     }
 
     /// The next changed block in its present state.
-    pub(super) fn next(&mut self, terrain: &Grid<Terrain>, explored: &[u64], tick: Tick) -> Option<Marker> {
+    pub(super) fn next(&mut self, terrain: &Grid<Terrain>, explored: &FixedBitSet, tick: Tick) -> Option<Marker> {
         let block = self.changed.pop_first()?;
         let extent = terrain.extent();
         let is_unseen = |&cell: &Cell| {
             let index = extent.index(cell).expect("the cells of a block are in the map");
-            terrain.as_slice()[index] == Terrain::Free && explored[index / 64] >> (index % 64) & 1 == 0
+            terrain.as_slice()[index] == Terrain::Free && !explored.contains(index)
         };
         let cells: Vec<Cell> = self.blocks.cells(block).filter(is_unseen).collect();
         let id = i32::try_from(block).expect("an extent has at most 2^30 cells");
@@ -87,7 +84,7 @@ mod tests {
         assert!((BLOCK_SIDE as usize).pow(3) <= CUBES_MAX);
         let terrain = Grid::new(Extent::new([13, 13, 13], 0.1).unwrap(), Terrain::Free);
         let mut unexplored = Unexplored::new(&terrain);
-        let explored = vec![0; 13_usize.pow(3).div_ceil(64)];
+        let explored = FixedBitSet::with_capacity(13_usize.pow(3));
         let marker = unexplored.next(&terrain, &explored, Tick(3)).unwrap();
         assert_eq!(marker.points.len(), 2197);
         assert!(msgs::cdr::encode(&marker).len() <= VIEW_BYTES_MAX);

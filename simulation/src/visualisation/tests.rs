@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use fixedbitset::FixedBitSet;
 use msgs::body_model::BodyModel;
 use msgs::cdr;
 use msgs::limits::VIEW_BYTES_MAX;
@@ -192,16 +193,16 @@ fn unexplored_marker_shrinks_until_deleted() {
     let mut terrain = tunnel();
     terrain.set(voxels::Cell::new(1, 1, 1), Terrain::Wall);
     let free: Vec<usize> = (2..9).map(|x| terrain.extent().index(voxels::Cell::new(x, 1, 1)).unwrap()).collect();
-    let mut explored = vec![0; terrain.extent().volume().div_ceil(64)];
+    let mut explored = FixedBitSet::with_capacity(terrain.extent().volume());
     let mut unexplored = Unexplored::new(&terrain);
     let first = unexplored.next(&terrain, &explored, Tick(1)).unwrap();
     assert_eq!((first.points.len(), first.action, first.id), (7, Marker::ADD, 0));
     assert_eq!(first.points[0], msgs::geometry_msgs::Point { x: 2.5, y: 1.5, z: 1.5 });
-    explored[free[0] / 64] |= 1 << (free[0] % 64);
+    explored.insert(free[0]);
     unexplored.update(&explored);
     assert_eq!(unexplored.next(&terrain, &explored, Tick(2)).unwrap().points, first.points[1..]);
     for &cell in &free {
-        explored[cell / 64] |= 1 << (cell % 64);
+        explored.insert(cell);
     }
     unexplored.update(&explored);
     assert_eq!(unexplored.next(&terrain, &explored, Tick(3)).unwrap().action, Marker::DELETE);

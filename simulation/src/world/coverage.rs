@@ -5,27 +5,25 @@
 //! been in it. Shares are of all free cells of the true map after its repair (MAES3D: after pocket
 //! removal).
 
+use fixedbitset::FixedBitSet;
 use msgs::ids::{AgentId, Tick};
 
-/// A set of cell indices.
+/// A set of cell indices with its size.
 #[derive(Debug, Clone)]
 struct CellSet {
-    words: Vec<u64>,
+    cells: FixedBitSet,
+    /// Kept up to date, because shares are read in every tick.
     len: usize,
 }
 
 impl CellSet {
     fn new(volume: usize) -> Self {
-        Self { words: vec![0; volume.div_ceil(64)], len: 0 }
+        Self { cells: FixedBitSet::with_capacity(volume), len: 0 }
     }
 
     fn insert(&mut self, index: u32) {
-        let word = &mut self.words[index as usize / 64];
-        let bit = 1 << (index % 64);
-        if *word & bit == 0 {
-            *word |= bit;
-            self.len += 1;
-        }
+        let is_known = self.cells.put(index as usize);
+        self.len += usize::from(!is_known);
     }
 }
 
@@ -143,8 +141,8 @@ impl Coverage {
 
     /// The free cells that at least one agent has seen, by cell index.
     #[must_use]
-    pub fn explored_cells(&self) -> &[u64] {
-        &self.explored.words
+    pub fn explored_cells(&self) -> &FixedBitSet {
+        &self.explored.cells
     }
 
     /// Number of free cells of the map.

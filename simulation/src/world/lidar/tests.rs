@@ -163,7 +163,8 @@ fn heading_matters_only_with_a_limited_view() {
     assert!(scanner(3.0).sees_the_same(&here, &here));
 }
 
-/// A world, its terrain drawn at random, with a free place in it: anywhere, on cell boundaries or in the middle of a cell.
+/// A world, its terrain drawn at random, with a free place in it: anywhere, on cell boundaries or
+/// in the middle of a cell.
 fn any_world() -> impl Strategy<Value = (Grid<Terrain>, [f64; 3])> {
     let size = prop::array::uniform3(prop_oneof![1u32..4, 4u32..14]);
     (size, prop_oneof![Just(1.0), Just(0.5), Just(0.3)], 0.0..0.5).prop_flat_map(|(size, cell_m, share)| {

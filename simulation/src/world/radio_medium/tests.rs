@@ -19,7 +19,8 @@ fn perfect() -> Comms {
     Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY })
 }
 
-/// A gallery with a bend, so that its ends do not see each other: agents in both ends and in the bend.
+/// A gallery with a bend, so that its ends do not see each other: agents in both ends and in the
+/// bend.
 fn gallery(comms: Comms, agents: usize) -> World {
     let solid = "#########\n#########\n#########\n#########\n#########\n";
     let layer = "#########\n#.......#\n#.#####.#\n#.#####.#\n#########\n";

@@ -201,7 +201,8 @@ proptest! {
                     prop_assert_eq!(after, Vector3::zeros());
                     continue;
                 }
-                // A new task continues from a velocity only if both are velocities, and this need not have been one.
+                // A new task continues from a velocity only if both are velocities, and this need
+                // not have been one.
                 if tick == 0 && !is_kept && before == Vector3::zeros() {
                     prop_assert!(after.norm() <= model.acceleration_m_s2 * DT_S + bend_m_s);
                 }
