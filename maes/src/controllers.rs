@@ -10,7 +10,7 @@ use msgs::maes_msgs::{Command, Observation, Scenario};
 use sim_server::verify::controllers::{Controllers, Decider};
 
 /// Least likeness of a name that is suggested, from 0 to 1.
-const LIKENESS_MIN: f64 = 0.7;
+const LIKENESS_MIN: f64 = 0.6;
 
 /// Whether there is the controller that a scenario names, with its settings.
 pub(crate) fn check(scenario: &simulation::scenario::Scenario) -> anyhow::Result<()> {
@@ -27,7 +27,7 @@ pub(crate) fn check(scenario: &simulation::scenario::Scenario) -> anyhow::Result
 
 /// The controller whose name is most like this one.
 fn nearest(name: &str) -> Option<&'static str> {
-    let likeness = controllers::NAMES.iter().map(|known| (strsim::jaro(name, known), *known));
+    let likeness = controllers::NAMES.iter().map(|known| (strsim::normalized_damerau_levenshtein(name, known), *known));
     let nearest = likeness.max_by(|one, two| one.0.total_cmp(&two.0))?;
     (nearest.0 > LIKENESS_MIN).then_some(nearest.1)
 }
@@ -75,6 +75,7 @@ mod tests {
             ("rwb", Some("rbw")),
             ("LVD", None),
             ("nearest_frontier", Some("nearest-frontier")),
+            ("dsvp-maes", Some("dsvp-maes3d")),
             ("x", None),
         ] {
             assert_eq!(nearest(typed), suggested, "{typed}");
