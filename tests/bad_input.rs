@@ -36,10 +36,10 @@ fn assert_no_run(site: &Site, scenario: &Path, flags: &[&str], words: &[&str]) {
     let file = site.path("run.mcap");
     let flags = [flags, &["--record", text(&file)]].concat();
     let mut server = site.binary("sim_server");
-    let mut single = site.binary("experiments");
+    let mut single = site.binary("maes");
     for command in [
         server.arg("run").arg(scenario).args(&flags),
-        single.arg("single").arg(scenario).args(&flags),
+        single.args(["run", "--transport", "memory"]).arg(scenario).args(&flags),
         &mut site.run_sh(&[&[text(scenario)][..], &flags].concat()),
     ] {
         assert_bad_input(&Process::start(command).ended(), words);
@@ -75,7 +75,7 @@ fn maps_larger_than_memory() {
     let scenario = site.file("s.toml", LEGAL);
     let mut server = site.binary("sim_server");
     server.arg("run").arg(&scenario).args(["--size", "1024"]);
-    let mut generate = site.binary("sim_server");
+    let mut generate = site.binary("maes");
     generate.args(["map", "generate", "--size", "1024", "--output", "large.txt"]);
     for command in [&server, &generate] {
         let mut limited = site.command("bash");
@@ -115,7 +115,7 @@ fn maps() {
     refuse("nowhere.m3dm", &["s.toml: nowhere.m3dm: No such file"]);
 
     let made = site.path("good.m3dm");
-    let mut generate = site.binary("sim_server");
+    let mut generate = site.binary("maes");
     generate.args(["map", "generate", "--size", "20", "--seed", "1", "--output"]).arg(&made);
     Process::start(&mut generate).ended().with_code(0);
     let good = std::fs::read(&made).expect("the map was written");
@@ -246,6 +246,7 @@ fn launcher_arguments() {
         (&["--order", "shuffle", "--transport", "memory"], "--order shuffle: over memory no processes are started"),
         (&["--agent-set", "speed"], "--agent-set speed: expected KEY=VALUE"),
         (&["a.toml", "b.toml"], "unexpected argument: b.toml"),
+        (&["--controller", "dspv"], "; did you mean dsvp?"),
     ] {
         let mut command = site.command(root().join("launch_scripts/run.sh"));
         assert_bad_input(&Process::start(command.args(arguments)).ended(), &[words]);
@@ -260,7 +261,7 @@ fn short_recording(site: &Site) -> Vec<u8> {
     let mut play = Play::new(&LEGAL.replace("40.0", "20.0\nstop_when_explored = false"));
     play.record = Some(file.clone());
     let played = play.with(|mut end, ids, is_over| {
-        agent_node::run::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("agents are welcome");
+        agent_node::host::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("agents are welcome");
     });
     played.outcome();
     std::fs::read(&file).expect("there is a recording")
@@ -270,7 +271,7 @@ fn short_recording(site: &Site) -> Vec<u8> {
 fn files_that_are_not_recordings() {
     let site = Site::new();
     let whole = short_recording(&site);
-    let info = |name: &str| Process::start(site.binary("sim_server").arg("info").arg(site.path(name))).ended();
+    let info = |name: &str| Process::start(site.binary("maes").arg("info").arg(site.path(name))).ended();
     assert_bad_input(&info("nowhere.mcap"), &["nowhere.mcap: No such file"]);
     site.file("text.mcap", "not a recording");
     assert_bad_input(&info("text.mcap"), &["text.mcap: no MCAP recording"]);

@@ -13,8 +13,8 @@ use crate::support::runs::{Outcome, Site, scenario, text};
 const TEAM: [&str; 8] = ["--agents", "4", "--size", "45", "--seed", "3", "--duration", "60"];
 
 fn in_memory(site: &Site, arguments: &[&str]) -> Command {
-    let mut command = site.binary("experiments");
-    command.arg("single").arg(scenario("default.toml")).args(TEAM).args(arguments);
+    let mut command = site.binary("maes");
+    command.args(["run", "--transport", "memory"]).arg(scenario("default.toml")).args(TEAM).args(arguments);
     command
 }
 
@@ -66,11 +66,11 @@ fn every_controller_explores_every_kind_of_map() {
     let site = Site::new();
     let imported = site.path("cave.m3dm");
     let generate = ["map", "generate", "--size", "40", "--seed", "5", "-o", text(&imported)];
-    let made = site.binary("sim_server").args(generate).status().expect("the server is there");
+    let made = site.binary("maes").args(generate).status().expect("the server is there");
     assert!(made.success());
     let run = |name: &str, map: &[&str]| {
-        let mut command = site.binary("experiments");
-        command.arg("single").arg(scenario("default.toml"));
+        let mut command = site.binary("maes");
+        command.args(["run", "--transport", "memory"]).arg(scenario("default.toml"));
         command.args(["--controller", name, "--agents", "3", "--duration", "60"]).args(map);
         site.record_with(&mut command)
     };
@@ -90,8 +90,8 @@ fn every_controller_explores_every_kind_of_map() {
 fn planners_explore_faster_than_random_walk() {
     let site = Site::new();
     let t99 = |name: &str| {
-        let mut command = site.binary("experiments");
-        command.arg("single").arg(scenario("default.toml"));
+        let mut command = site.binary("maes");
+        command.args(["run", "--transport", "memory"]).arg(scenario("default.toml"));
         command.args(["--controller", name, "--agents", "5", "--size", "50", "--seed", "2", "--duration", "1800"]);
         let outcome = site.record_with(&mut command);
         let result = Recording::from_bytes(&outcome.bytes).result();

@@ -34,10 +34,10 @@ fn assert_five_agents_give_the_same(variants: &[&[&str]]) {
     }
 }
 
-/// `experiments single`, the same as `run.sh --transport memory`.
+/// `maes run --transport memory` with a scenario.
 fn in_memory(site: &Site, name: &str, arguments: &[&str]) -> Command {
-    let mut command = site.binary("experiments");
-    command.arg("single").arg(scenario(name)).args(arguments);
+    let mut command = site.binary("maes");
+    command.args(["run", "--transport", "memory"]).arg(scenario(name)).args(arguments);
     command
 }
 

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex};
 use std::time::{Duration, Instant};
 
-use agent_node::command::{Command, Motion, Wake};
+use agent_node::command::{Command, Motion, Trigger};
 use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
 use experiments::in_memory::{AgentsEnd, ServerEnd};
@@ -74,7 +74,7 @@ static BEGUN: LazyLock<Instant> = LazyLock::new(Instant::now);
 impl Controller for Turner {
     fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         let heading = f64::from(self.heading()) * 0.003 + observation.pose.position.x * 0.01;
-        Command::new(Motion::Turn { angle_rad: heading - 1.5 }, Wake::at(Tick(observation.tick.0 + 7)))
+        Command::new(Motion::Turn { angle_rad: heading - 1.5 }, Trigger::at(Tick(observation.tick.0 + 7)))
     }
 }
 

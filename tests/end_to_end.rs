@@ -37,8 +37,12 @@ mod hostile_agents;
 mod interruptions;
 /// Recovery: killed, hanging and duplicate agents and killed servers leave the run unchanged.
 mod recovery;
+/// Old command names print the new ones and execute them.
+mod renamed_commands;
 /// The server while it waits for replies: saving, stopping, late and repeated replies.
 mod reply_timeouts;
+/// `launch_scripts/spawn.sh` starts a server and agents by hand.
+mod spawn_script;
 
 /// The scenarios of the gallery end as documented.
 mod gallery;

@@ -59,12 +59,12 @@ impl Table {
 }
 
 fn experiments(site: &Site, arguments: &[&str]) -> Run {
-    site.start(site.binary("experiments").args(arguments))
+    site.start(site.binary("maes").args(arguments))
 }
 
 /// Executes a plan to its end; its table of runs.
 fn executed(site: &Site, plan: &Path, folder: &str, flags: &[&str]) -> Table {
-    let arguments = [&["run", text(plan), "--out", folder][..], flags].concat();
+    let arguments = [&["batch", text(plan), "--out", folder][..], flags].concat();
     experiments(site, &arguments).ended().with_code(0);
     Table::read(&site.path(folder).join("runs.csv"))
 }
@@ -88,7 +88,7 @@ fn interrupted_plan_is_completed_and_reported() {
     assert_eq!(whole.rows.len(), QUICK_RUNS);
 
     let plan = quick();
-    let arguments = ["run", text(&plan), "--out", "pieces"];
+    let arguments = ["batch", text(&plan), "--out", "pieces"];
     let runs = site.path("pieces").join("runs");
     for (end, done) in [("KILL", 3), ("INT", 8)] {
         let mut run = experiments(&site, &arguments);
@@ -127,7 +127,7 @@ fn cluster_jobs_and_ros_processes_give_the_same_rows() {
     let plan = site.file("small.toml", SMALL);
     let whole = executed(&site, &plan, "whole", &[]);
 
-    let emit = ["run", text(&plan), "--out", "cluster", "--emit", "slurm", "--parts", "4"];
+    let emit = ["batch", text(&plan), "--out", "cluster", "--emit", "slurm", "--parts", "4"];
     experiments(&site, &emit).ended().with_code(0);
     assert_eq!(files_of(&site.path("cluster/runs")), 0);
     // As Slurm runs them, one after the other.
@@ -140,8 +140,7 @@ fn cluster_jobs_and_ros_processes_give_the_same_rows() {
     assert_eq!(cluster.deterministic(), whole.deterministic());
 
     let domain = site.domain().id().to_string();
-    let launcher = root().join("launch_scripts/run.sh");
-    let flags = ["--transport", "ros2", "--first-domain", &domain, "--launcher", text(&launcher)];
+    let flags = ["--transport", "ros2", "--first-domain", &domain];
     let over_ros = executed(&site, &plan, "over-ros", &flags);
     assert_eq!(over_ros.deterministic(), whole.deterministic());
 }

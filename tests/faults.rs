@@ -1,4 +1,5 @@
-//! `experiments faults`: disturbed runs equal the undisturbed one, and the command detects it if they do not.
+//! `maes faults`: runs that are disturbed are the undisturbed one, and the program can tell if they
+//! are not.
 
 use std::process::Command;
 
@@ -18,7 +19,7 @@ fn seed_with(fits: impl Fn(&Fault) -> bool) -> u64 {
 }
 
 fn faults(site: &Site, flags: &[&str]) -> Command {
-    let mut command = site.binary("experiments");
+    let mut command = site.binary("maes");
     command.args(["faults", "--first-domain", &site.domain().id().to_string()]).args(flags);
     command
 }

@@ -202,8 +202,8 @@ fn recording_is_served_in_ranges_to_local_pages() {
     let file = site.file("some.mcap", &bytes);
     site.file("index.html", "a page");
     let page = site.path(".");
-    let mut shown = site.binary("sim_server");
-    shown.arg("view").arg(&file).args(["--address", ANYWHERE, "--page"]).arg(&page);
+    let mut shown = site.binary("maes");
+    shown.arg("view").arg(&file).args(["--address", ANYWHERE, "--browser", "false", "--page"]).arg(&page);
     let mut shown = site.start(&mut shown);
     let url = shown.process().prints("http://");
     let address = url.trim_start_matches("http://").split('/').next().expect("an address").to_owned();
@@ -232,6 +232,7 @@ fn view_errors_are_reported_at_start() {
     refused(&["run", text(&scenario), "--view", "nowhere"], 1, "nowhere");
     refused(&["run", "--idle"], 2, "--view");
     let no_recording = site.file("text.mcap", "no recording");
-    refused(&["view", text(&no_recording)], 2, "text.mcap");
+    let no_page = site.start(site.binary("maes").args(["view", text(&no_recording)])).ended().with_code(2);
+    assert!(no_page.stderr.contains("text.mcap"), "{no_page}");
     refused(&["run", text(&scenario), "--view", ANYWHERE, "--page", "/nowhere"], 2, "/nowhere");
 }

@@ -31,7 +31,9 @@ fn scenarios_end_as_documented() {
         if name == LARGE {
             continue;
         }
-        let run = Process::start(site.binary("experiments").args(["single", text(&file)])).ended().with_code(0);
+        let run = Process::start(site.binary("maes").args(["run", "--transport", "memory", text(&file)]))
+            .ended()
+            .with_code(0);
         assert_eq!(run.digest(), digest, "{name}");
         let (time, reason) = ends.split_once(", ").expect("a time and a reason");
         let end = format!("ended after {time} of sim time");

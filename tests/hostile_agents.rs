@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use agent_node::link::{Inbound as ToAgents, Link as AgentLink};
+use agent_node::transport::{Inbound as ToAgents, ServerTransport};
 use experiments::in_memory::{AgentsEnd, ServerEnd};
 use msgs::geometry_msgs::Point;
 use msgs::ids::{AgentId, Tick};
@@ -36,7 +36,7 @@ const DURATION_S: f64 = 4.0;
 
 fn undisturbed_digest() -> String {
     let agents = |mut end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
-        agent_node::run::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("honest agents are welcome");
+        agent_node::host::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("honest agents are welcome");
     };
     let played = Play::of_two(DURATION_S).with(agents);
     assert_eq!(refusals(&played.outcome().result), BTreeMap::new());
@@ -93,7 +93,7 @@ struct IllegalSender {
 impl IllegalSender {
     fn send_illegal(&mut self, counter: &'static str, command: &Command) {
         *lock(&self.sent).entry(counter).or_default() += 1;
-        self.inner.answer(command);
+        self.inner.send_command(command);
     }
 
     /// Sends illegal commands before the true one, so that they arrive while it is awaited.
@@ -119,26 +119,26 @@ impl IllegalSender {
     }
 }
 
-impl AgentLink for IllegalSender {
-    fn join(&mut self, join: &Join) {
-        self.inner.join(&Join { protocol: PROTOCOL + 1, ..join.clone() });
-        self.inner.join(&Join { agent: 7, ..join.clone() });
+impl ServerTransport for IllegalSender {
+    fn send_join(&mut self, join: &Join) {
+        self.inner.send_join(&Join { protocol: PROTOCOL + 1, ..join.clone() });
+        self.inner.send_join(&Join { agent: 7, ..join.clone() });
         let mut sent = lock(&self.sent);
         *sent.entry("refused_wrong_protocol").or_default() += 1;
         *sent.entry("refused_unknown_agent").or_default() += 1;
         drop(sent);
-        self.inner.join(join);
+        self.inner.send_join(join);
     }
 
-    fn answer(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Command) {
         let last_tick = &mut self.last_tick[command.agent as usize];
         if *last_tick == Some(command.tick) {
             // A resent request must not change the number of illegal commands.
-            return self.inner.answer(command);
+            return self.inner.send_command(command);
         }
         *last_tick = Some(command.tick);
         self.send_all_illegal(command);
-        self.inner.answer(command);
+        self.inner.send_command(command);
         // Agent 1 replies after agent 0, so that the tick is not over yet.
         if command.agent == 0 {
             let stop = Task { kind: Task::STOP, ..Task::default() };
@@ -161,7 +161,7 @@ fn hostile_commands_are_refused_without_effect() {
     let shared = Arc::clone(&sent);
     let played = play.with(move |inner, ids, is_over| {
         let mut link = IllegalSender { inner, last_tick: [None; 2], sent: Arc::clone(&shared) };
-        agent_node::run::run(&mut link, &honest(0, ids), is_over).expect("refusals do not concern the agent");
+        agent_node::host::run(&mut link, &honest(0, ids), is_over).expect("refusals do not concern the agent");
     });
     let sent = lock(&sent).clone();
     assert!(sent["refused_illegal_command"] > 10_000 && sent["refused_wrong_tick"] > 10_000, "{sent:?}");
@@ -247,7 +247,7 @@ fn foreign_senders_are_refused_without_effect() {
     play.server_link = |inner| Box::new(ForeignSender { inner, waiting: VecDeque::new() });
     let played = play.with(|mut end, ids, is_over| {
         // Agents recognise refusals of foreign joins by the instance number.
-        agent_node::run::run(&mut end, &honest(instance_of(ids[0].0), ids), is_over).expect("agents are welcome");
+        agent_node::host::run(&mut end, &honest(instance_of(ids[0].0), ids), is_over).expect("agents are welcome");
     });
     let refusals = refusals(&played.outcome().result);
     let asked = refusals["refused_not_joined"];
@@ -284,23 +284,23 @@ fn stays(mut end: AgentsEnd, floods: bool, is_over: &AtomicBool) {
         match end.receive(Duration::from_millis(20)) {
             Some(ToAgents::Scenario(scenario)) => {
                 run = scenario.run;
-                end.join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+                end.send_join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
             }
             Some(ToAgents::Observation(Observation { tick, phase, part, parts, .. })) if part + 1 == parts => {
                 let answer = Command { tick, run, agent: 1, ..Command::default() };
                 let is_first = answered.replace((tick, phase)) != Some((tick, phase));
                 if !floods || phase == Observation::ENDED {
-                    end.answer(&answer);
+                    end.send_command(&answer);
                     continue;
                 }
                 // A resent request must not change the number of illegal messages.
                 for number in 0..if is_first { FLOOD } else { 0 } {
-                    end.answer(&Command { tick: tick + 1 + number, ..answer.clone() });
-                    end.join(&Join { run, agent: 1, instance: 2 + number, protocol: PROTOCOL, ..Join::default() });
-                    end.join(&Join { run, agent: 0, instance: tick, protocol: PROTOCOL, ..Join::default() });
+                    end.send_command(&Command { tick: tick + 1 + number, ..answer.clone() });
+                    end.send_join(&Join { run, agent: 1, instance: 2 + number, protocol: PROTOCOL, ..Join::default() });
+                    end.send_join(&Join { run, agent: 0, instance: tick, protocol: PROTOCOL, ..Join::default() });
                 }
                 let parcel = Parcel { agent: Parcel::BROADCAST, kind: 7, data: vec![7; PARCEL_BYTES_MAX] };
-                end.answer(&Command { parcels: vec![parcel], ..answer });
+                end.send_command(&Command { parcels: vec![parcel], ..answer });
             }
             _ => {}
         }
@@ -315,7 +315,7 @@ fn flooding_member_does_not_affect_others() {
                 return stays(end, floods, is_over);
             }
             // The flood does not use this instance number.
-            agent_node::run::run(&mut end, &honest(u64::MAX, ids), is_over).expect("agent 0 is welcome");
+            agent_node::host::run(&mut end, &honest(u64::MAX, ids), is_over).expect("agent 0 is welcome");
         });
         assert!(played.notes.len() < 20, "a flood of illegal commands is no flood of notes: {:?}", played.notes);
         played.outcome().result.clone()
@@ -343,16 +343,16 @@ fn flooding_without_reply_times_out() {
     play.scenario.execution.join_timeout_s = 2.0;
     let played = play.with(move |mut end, ids, is_over| {
         if ids[0] == AgentId(0) {
-            agent_node::run::run(&mut end, &honest(0, ids), is_over).expect("agent 0 is welcome");
+            agent_node::host::run(&mut end, &honest(0, ids), is_over).expect("agent 0 is welcome");
             return;
         }
         let Some(ToAgents::Scenario(Scenario { run, .. })) = end.receive(HANG) else {
             panic!("the scenario comes first")
         };
-        end.join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+        end.send_join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
         while !is_over.load(Ordering::Relaxed) {
             for _ in 0..100 {
-                end.answer(&Command { tick: u64::MAX, run, agent: 1, ..Command::default() });
+                end.send_command(&Command { tick: u64::MAX, run, agent: 1, ..Command::default() });
             }
             end.receive(Duration::from_millis(1));
         }

@@ -169,7 +169,7 @@ fn recording_of_a_killed_server_is_readable() {
     assert!(after.messages.len() >= before.messages.len());
     assert!(after.is_beginning_of(&whole), "what is left is how the run begins");
 
-    let info = Process::start(site.binary("sim_server").args(["info", "run.mcap"])).ended().with_code(0);
+    let info = Process::start(site.binary("maes").args(["info", "run.mcap"])).ended().with_code(0);
     assert!(info.stdout.contains("no result: the run did not come to its end"), "{info}");
     assert_eq!(info.digest().len(), 64);
 }
@@ -201,7 +201,7 @@ fn agents_of_a_killed_server_time_out() {
     signal(run.process().pid(), "KILL");
     assert_eq!(run.ended().code, None);
     let ended = agent.ended().with_code(1);
-    assert!(ended.stderr.contains("has said nothing for 3 s; it seems to be gone"), "{ended}");
+    assert!(ended.stderr.contains("has been silent for 3 s; it seems to be gone"), "{ended}");
 }
 
 /// At each progress report, the file holds the messages of the report before.
@@ -225,7 +225,7 @@ fn recording_keeps_up_with_progress() {
         ticks.push(world.tick());
     });
     let played = play.with(|mut end, ids, is_over| {
-        agent_node::run::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("agents are welcome");
+        agent_node::host::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("agents are welcome");
     });
     assert_eq!(played.outcome().result.tick, 3000);
     assert!(lock(&told).len() >= 3, "a run of three seconds has several progress reports");

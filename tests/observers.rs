@@ -1,7 +1,8 @@
 //! Observers: nodes of a real ROS 2 (rclpy on Fast DDS, from `launch_scripts/ros_env.sh`) and a
 //! participant of Cyclone DDS.
 //!
-//! `observer.py` and `cyclone_observer.py` check what they receive. The run is the same without them.
+//! `observer.py` and `cyclone_observer.py` check what they receive. The run is the same without
+//! them.
 
 use crate::services;
 use crate::support::processes::{Process, signal};

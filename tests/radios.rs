@@ -13,8 +13,8 @@ const SHORT: [&str; 4] = ["--size", "30", "--duration", "60"];
 #[track_caller]
 fn record(site: &Site, name: &str, flags: &[&str]) -> Outcome {
     let file = scenario(name);
-    let mut single = site.binary("experiments");
-    single.args(["single", text(&file)]).args(flags);
+    let mut single = site.binary("maes");
+    single.args(["run", "--transport", "memory", text(&file)]).args(flags);
     site.record_with(&mut single)
 }
 
@@ -42,7 +42,7 @@ fn radio_relay_and_noise_runs_are_deterministic() {
             record(&site, name, &changed).assert_same(&run, &format!("{name} {change:?}"));
         }
         let file = site.file("run.mcap", &run.bytes);
-        let verified = Process::start(site.binary("sim_server").args(["verify", text(&file), "--controllers"])).ended();
+        let verified = Process::start(site.binary("maes").args(["verify", text(&file), "--controllers"])).ended();
         assert_eq!(verified.with_code(0).digest(), run.digest(), "{name}");
     }
 }

@@ -17,10 +17,9 @@ use crate::support::runs::{Site, scenario, text};
 /// free cells.
 #[track_caller]
 fn assert_opens(site: &Site, file: &Path, free_cells: u64) {
-    let info = Process::start(site.binary("sim_server").arg("info").arg(file)).ended().with_code(0);
+    let info = Process::start(site.binary("maes").arg("info").arg(file)).ended().with_code(0);
     let info_file = site.file("info.txt", &info.stdout);
-    let metadata =
-        Process::start(site.binary("sim_server").arg("info").arg(file).arg("--metadata")).ended().with_code(0);
+    let metadata = Process::start(site.binary("maes").arg("info").arg(file).arg("--metadata")).ended().with_code(0);
     let metadata_file = site.file("metadata.yaml", &metadata.stdout);
     let mut check = site.command(python::for_recordings());
     check.arg(crate::support::root().join("tests/check_recording.py"));

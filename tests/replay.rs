@@ -28,7 +28,7 @@ fn record(site: &Site, name: &str, views: &str) -> Recording {
 /// Starts a replay.
 fn replay(site: &Site, flags: &[&str]) -> Process {
     python::prepare_ros();
-    Process::start(site.binary("sim_server").args(["replay", "run.mcap"]).args(flags))
+    Process::start(site.binary("maes").args(["replay", "run.mcap"]).args(flags))
 }
 
 /// Starts a scene of `replay.py`.
@@ -128,7 +128,7 @@ fn unplayable_requests_are_refused() {
     let site = Site::new();
     record(&site, "run.mcap", "");
     let refused = |arguments: &[&str], words: &str| {
-        let ended = Process::start(site.binary("sim_server").arg("replay").args(arguments)).ended().with_code(2);
+        let ended = Process::start(site.binary("maes").arg("replay").args(arguments)).ended().with_code(2);
         assert!(ended.stderr.starts_with("error: ") && ended.stderr.lines().count() == 1, "{ended}");
         assert!(ended.stderr.contains(words), "{words}\n{ended}");
     };
@@ -140,10 +140,10 @@ fn unplayable_requests_are_refused() {
         "--topics /chatter: no such topic in run.mcap, which has /agent_0/command,",
     );
     refused(&["run.mcap", "--exclude", "/sim*,/x*"], "--exclude /x*");
-    refused(&["run.mcap", "--exclude", "/*"], "no message of it is to be played");
+    refused(&["run.mcap", "--exclude", "/*"], "no message is left to play");
     refused(&["run.mcap", "--start", "-1"], "--start -1");
     refused(&["run.mcap", "--start", "5", "--end", "5"], "--end 5: expected");
-    refused(&["run.mcap", "--start", "21"], "it goes up to 20 s");
+    refused(&["run.mcap", "--start", "21"], "the recording ends at 20 s");
 }
 
 #[test]

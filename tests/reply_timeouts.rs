@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use agent_node::link::{Inbound, Link};
+use agent_node::transport::{Inbound, ServerTransport};
 use experiments::in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
@@ -29,12 +29,12 @@ struct Slow<F> {
     asked: (u64, u32),
 }
 
-impl<F: FnMut(&mut AgentsEnd, &Command, u32)> Link for Slow<F> {
-    fn join(&mut self, join: &Join) {
-        self.inner.join(join);
+impl<F: FnMut(&mut AgentsEnd, &Command, u32)> ServerTransport for Slow<F> {
+    fn send_join(&mut self, join: &Join) {
+        self.inner.send_join(join);
     }
 
-    fn answer(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Command) {
         (self.answer)(&mut self.inner, command, self.asked.1);
     }
 
@@ -53,10 +53,10 @@ fn with_answers(play: Play, answer: impl Fn(&mut AgentsEnd, &Command, u32) + Sen
     play.with(move |inner, ids, is_over| {
         let options = honest(u64::from(ids[0].0), ids.clone());
         let answer = |end: &mut AgentsEnd, command: &Command, asked| {
-            if ids == [AgentId(1)] { answer(end, command, asked) } else { end.answer(command) }
+            if ids == [AgentId(1)] { answer(end, command, asked) } else { end.send_command(command) }
         };
         let mut link = Slow { inner, answer, asked: (u64::MAX, 0) };
-        agent_node::run::run(&mut link, &options, is_over).expect("agents are welcome");
+        agent_node::host::run(&mut link, &options, is_over).expect("agents are welcome");
     })
 }
 
@@ -73,10 +73,10 @@ fn first_reply_may_take_the_join_timeout() {
     // Requests are resent after 0.1, 0.3 and 0.7 s.
     let late = run(impatient, |end, command, asked| {
         if command.tick > 0 || asked >= 4 {
-            end.answer(command);
+            end.send_command(command);
         }
     });
-    assert_eq!(late, run(Play::of_two(DURATION_S), |end, command, _| end.answer(command)));
+    assert_eq!(late, run(Play::of_two(DURATION_S), |end, command, _| end.send_command(command)));
 }
 
 /// NaN is not equal to itself, so replies are compared by their bytes.
@@ -85,7 +85,7 @@ fn repeated_reply_with_nan_is_idempotent() {
     let said_once = |end: &mut AgentsEnd, command: &Command, _| {
         let mut command = command.clone();
         command.task.yaw_rate_rad_s = f64::NAN;
-        end.answer(&command);
+        end.send_command(&command);
     };
     let once = run(Play::of_two(DURATION_S), said_once);
     // At the second request of tick 10 the agent replies twice, and at the third once more.
@@ -108,7 +108,7 @@ fn recording_is_saved_while_a_reply_is_awaited() {
             // Until then only the same request is resent.
             end.receive(Duration::from_millis(20));
         }
-        end.answer(command);
+        end.send_command(command);
     });
 }
 
@@ -161,7 +161,7 @@ fn paced_run_can_be_stopped() {
     paced.scenario.execution.rtf = Rtf::Limit(1e-6);
     let stop = Arc::clone(&paced.stop);
     let played = with_answers(paced, move |end, command, _| {
-        end.answer(command);
+        end.send_command(command);
         while CLOCK.load(Ordering::Relaxed) < 1 {
             end.receive(Duration::from_millis(20));
         }

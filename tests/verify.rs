@@ -1,4 +1,5 @@
-//! `verify` accepts intact recordings and names the first wrong message of others; `diff` names the first difference.
+//! `verify` accepts intact recordings and names the first wrong message of others; `diff` names the
+//! first difference.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};
@@ -37,17 +38,22 @@ const SMALL: [&str; 10] =
 /// Records an in-memory run in this file.
 #[track_caller]
 fn record(site: &Site, name: &str, flags: &[&str]) -> Ended {
-    let mut single = site.binary("experiments");
-    single.arg("single").arg(scenario("default.toml")).args(SMALL).args(flags).args(["--record", name]);
+    let mut single = site.binary("maes");
+    single
+        .args(["run", "--transport", "memory"])
+        .arg(scenario("default.toml"))
+        .args(SMALL)
+        .args(flags)
+        .args(["--record", name]);
     site.start(&mut single).ended().with_code(0)
 }
 
 fn verify(site: &Site, name: &str, flags: &[&str]) -> Ended {
-    Process::start(site.binary("sim_server").args(["verify", name]).args(flags)).ended()
+    Process::start(site.binary("maes").args(["verify", name]).args(flags)).ended()
 }
 
 fn diff(site: &Site, first: &str, second: &str) -> Ended {
-    Process::start(site.binary("experiments").args(["diff", first, second])).ended()
+    Process::start(site.binary("maes").args(["diff", first, second])).ended()
 }
 
 /// Fails unless a recording verifies, with all its ticks and messages.

@@ -4,6 +4,7 @@
 use std::process::Command;
 use std::sync::OnceLock;
 
+use crate::support::binaries;
 use crate::support::foxglove::Client;
 use crate::support::processes::{Process, signal};
 use crate::support::recordings::Recording;
@@ -18,8 +19,9 @@ const LIMIT_S: &str = "3000";
 fn prepare() {
     static BUILT: OnceLock<()> = OnceLock::new();
     BUILT.get_or_init(|| {
-        let build = root().join("launch_scripts/view.sh");
-        done(Command::new("timeout").arg(LIMIT_S).arg(build).args(["--build-only", "true"]));
+        let maes = binaries::folder().join("maes");
+        let view = ["view", "--build-only", "true"];
+        done(Command::new("timeout").arg(LIMIT_S).arg(maes).args(view).current_dir(root()));
     });
 }
 
@@ -70,7 +72,7 @@ fn snapshots_are_reproducible() {
     let site = Site::new();
     let file = recording(&site);
     let snapshot = |arguments: &[&str]| {
-        let mut command = site.binary("sim_server");
+        let mut command = site.binary("maes");
         site.start(command.arg("snapshot").arg(&file).args(["--size", "320x200"]).args(arguments)).ended()
     };
     let taken = |at: &str, name: &str| {
@@ -100,7 +102,7 @@ fn movies_have_all_frames() {
     let site = Site::new();
     let file = recording(&site);
     let movie = |arguments: &[&str]| {
-        let mut command = site.binary("experiments");
+        let mut command = site.binary("maes");
         site.start(command.arg("movie").arg(&file).args(["--size", "160x120", "--fps", "5"]).args(arguments)).ended()
     };
     for name in ["run.mp4", "run.gif"] {

@@ -1,10 +1,10 @@
-//! How long one exchange of maps takes an agent: what all the others tell it is taken in, and what is new since the last exchange
-//! is told to all of them. 20 agents, all in contact, in a cave of 100^3 cells; run with
-//! `cargo bench -p agent_node --no-default-features --bench sharing`.
+//! Wall time of one map exchange of an agent: it merges the messages of all others and sends them
+//! what is new since the last exchange. 20 agents, all in contact, in a cave of 100^3 cells; run
+//! with `cargo bench -p agent_node --no-default-features --bench sharing`.
 //!
-//! An exchange is that of one agent with all 19 others. "First meeting": everybody tells everybody the first 5 scans. "In full
-//! swing": a period later, each with 5 scans along a way of 5 cells. Printed are also the bytes and cells that all agents
-//! tell in it, and how many bytes plain lists of runs of cell indices would take.
+//! Period 1 is the first contact after 5 scans of each agent; in later periods each agent adds 5
+//! scans along a path of 5 cells. The bench also prints the bytes and cells that all agents send in
+//! each period, and the bytes that plain lists of runs of cell indices would take.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -12,7 +12,7 @@ use std::hint::black_box;
 use std::ops::ControlFlow;
 
 use agent_node::exploration_map::{Change, ExplorationMap};
-use agent_node::observation::{Contact, Received};
+use agent_node::observation::{Contact, ReceivedMessage};
 use agent_node::sharing::{DEFAULT_PERIOD_TICKS, Sharing};
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use msgs::ids::{AgentId, Tick};
@@ -27,7 +27,8 @@ const AGENTS: u32 = 20;
 const RAYS: u32 = 5124;
 const STEPS: usize = 5;
 
-/// Spheres of 3 to 8 cells in rock until a third of the map is free; only what hangs together.
+/// Spheres with radii of 3 to 8 cells in rock until a third of the map is free; only the largest
+/// connected component is kept.
 fn cave(rng: &mut ChaCha8Rng) -> Grid<Terrain> {
     let extent = Extent::new([SIDE; 3], 1.0).expect("a legal size");
     let mut terrain = Grid::new(extent, Terrain::Wall);
@@ -46,7 +47,7 @@ fn cave(rng: &mut ChaCha8Rng) -> Grid<Terrain> {
     terrain
 }
 
-/// Directions evenly over the sphere.
+/// Directions spread evenly over the sphere.
 fn directions() -> Vec<Vector3<f64>> {
     let golden = 0.5 + 1.25f64.sqrt();
     let direction = |ray: u32| {
@@ -78,11 +79,11 @@ fn scan(terrain: &Grid<Terrain>, from: Cell, directions: &[Vector3<f64>], map: &
 struct Agent {
     map: ExplorationMap,
     sharing: Sharing,
-    received: Vec<Received>,
+    received: Vec<ReceivedMessage>,
 }
 
 impl Agent {
-    fn exchange(&mut self, contacts: &[Contact], now: Tick) -> Vec<agent_node::command::Parcel> {
+    fn exchange(&mut self, contacts: &[Contact], now: Tick) -> Vec<agent_node::command::AgentMessage> {
         self.sharing.incoming(&mut self.map, &self.received);
         self.sharing.outgoing(&self.map, contacts, now, PARCEL_BYTES_MAX)
     }
@@ -93,23 +94,23 @@ fn contacts(agent: u32) -> Vec<Contact> {
     (0..AGENTS).filter(|&other| other != agent).map(contact).collect()
 }
 
-/// Everybody tells everybody.
+/// One exchange of all agents with all others; the bytes and messages sent.
 fn round(agents: &mut [Agent], now: Tick) -> (usize, usize) {
-    let (mut bytes, mut parcels) = (0, 0);
+    let (mut bytes, mut messages) = (0, 0);
     let mut posted = Vec::new();
     for (id, agent) in (0..).zip(&mut *agents) {
-        for parcel in agent.exchange(&contacts(id), now) {
-            assert_eq!(parcel.to, None, "all are told the same");
-            bytes += parcel.data.len();
-            parcels += 1;
-            posted.push(Received { from: AgentId(id), kind: parcel.kind, data: parcel.data });
+        for message in agent.exchange(&contacts(id), now) {
+            assert_eq!(message.to, None, "all messages are broadcasts");
+            bytes += message.data.len();
+            messages += 1;
+            posted.push(ReceivedMessage { from: AgentId(id), kind: message.kind, data: message.data });
         }
         agent.received.clear();
     }
     for (id, agent) in (0..).zip(agents) {
-        agent.received.extend(posted.iter().filter(|parcel| parcel.from != AgentId(id)).cloned());
+        agent.received.extend(posted.iter().filter(|message| message.from != AgentId(id)).cloned());
     }
-    (bytes, parcels)
+    (bytes, messages)
 }
 
 fn explore(agents: &mut [Agent], terrain: &Grid<Terrain>, places: &mut [Cell], directions: &[Vector3<f64>]) -> usize {
@@ -125,7 +126,7 @@ fn explore(agents: &mut [Agent], terrain: &Grid<Terrain>, places: &mut [Cell], d
     agents.iter().map(|agent| agent.map.journal_len()).sum::<usize>() - before
 }
 
-/// What the news of an agent would take as plain lists of runs of cell indices, two numbers in LEB128 each.
+/// Size of the changes as plain lists of runs of cell indices, two LEB128 numbers each, bytes.
 fn bytes_as_runs(changes: impl Iterator<Item = Change>) -> usize {
     let mut lists = [const { Vec::new() }; 4];
     changes.for_each(|change| lists[change.finding as usize].push(change.cell));
@@ -165,9 +166,9 @@ fn exchange(criterion: &mut Criterion) {
         let now = Tick(period * u64::from(DEFAULT_PERIOD_TICKS));
         if [1, 2, 4, 7].contains(&period) {
             let mut one = agents[0].clone();
-            let told = one.map.journal_len();
+            let known = one.map.journal_len();
             one.sharing.incoming(&mut one.map, &one.received);
-            let name = format!("period {period}, {} cells told to it", one.map.journal_len() - told);
+            let name = format!("period {period}, {} cells received", one.map.journal_len() - known);
             let contacts = contacts(0);
             group.bench_function(name, |bencher| {
                 let start = || agents[0].clone();
@@ -175,9 +176,10 @@ fn exchange(criterion: &mut Criterion) {
                 bencher.iter_batched_ref(start, routine, BatchSize::PerIteration);
             });
         }
-        let (bytes, parcels) = round(&mut agents, now);
+        let (bytes, messages) = round(&mut agents, now);
         println!(
-            "period {period}: {news} cells found, told in {bytes} bytes and {parcels} parcels; {:.1} bytes for 100 cells, as runs {:.1}: ratio {:.2}",
+            "period {period}: {news} cells found, sent in {bytes} bytes and {messages} messages; \
+             {:.1} bytes for 100 cells, as runs {:.1}: ratio {:.2}",
             100.0 * bytes as f64 / news as f64,
             100.0 * as_runs as f64 / news as f64,
             as_runs as f64 / bytes as f64,

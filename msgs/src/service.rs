@@ -1,7 +1,8 @@
 //! Which ROS type each service is, and what a caller gets.
 //!
-//! A request or a response without fields has a hidden one in ROS 2: a byte that means nothing. Types here that have no fields
-//! take a request with that byte and one without; there is no response without fields.
+//! A request or a response without fields has a hidden one in ROS 2: a byte that means nothing.
+//! Types here that have no fields take a request with that byte and one without; there is no
+//! response without fields.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use experiments::single::{Grouping, Team};
+use experiments::in_process::{self, AgentOptions, ThreadLayout};
 use mapgen::MapFormat;
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
@@ -154,9 +154,8 @@ fn inside(scenario: &str) -> String {
 fn recorded(mut scenario: Scenario) -> Vec<u8> {
     let file = corpus().join("seeds.mcap");
     scenario.execution.record = Some(file.clone());
-    let team = Team { grouping: Grouping::Apart, chaos_delay: Duration::ZERO, decision_times: None };
-    experiments::single::run(&scenario, &team, &mut NullObserver, &AtomicBool::new(false))
-        .expect("the run has a result");
+    let options = AgentOptions { threads: ThreadLayout::PerAgent, chaos_delay: Duration::ZERO, decision_times: None };
+    in_process::run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false)).expect("the run has a result");
     let bytes = fs::read(&file).expect("there is a recording");
     fs::remove_file(&file).expect("it can be removed");
     bytes

@@ -6,11 +6,11 @@ use std::sync::OnceLock;
 
 use super::root;
 
-/// The folder with `sim_server`, `agent_node` and `experiments`, with the features of a release.
+/// The folder with `maes`, `sim_server` and `agent_node`, as they are delivered.
 pub(crate) fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
-        let arguments = ["build", "--release", "-p", "sim_server", "-p", "agent_node", "-p", "experiments"];
+        let arguments = ["build", "--release", "-p", "sim_server", "-p", "agent_node", "-p", "maes"];
         let built = cargo().args(arguments).output().expect("cargo runs");
         assert!(built.status.success(), "building the binaries:\n{}", String::from_utf8_lossy(&built.stderr));
         target_folder().join("release")

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use agent_node::agent::{Agent, Reaction};
 use agent_node::controllers::Controller;
-use agent_node::link::{Inbound, Link};
-use agent_node::run::Options;
+use agent_node::host::Options;
+use agent_node::transport::{Inbound, ServerTransport};
 use agent_node::wire;
 use experiments::in_memory::{self, AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
@@ -162,7 +162,7 @@ pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
 /// Serves agents with controllers of the test until the run ends. `pause` is called before each
 /// command.
 pub(crate) fn serve(
-    mut link: impl Link,
+    mut link: impl ServerTransport,
     ids: &[AgentId],
     controller: impl Fn(AgentId) -> Box<dyn Controller>,
     mut pause: impl FnMut(),
@@ -175,12 +175,12 @@ pub(crate) fn serve(
         match message {
             Inbound::Scenario(scenario) => {
                 run = scenario.run;
-                let briefing = wire::briefing(&scenario).expect("the server's scenario is legal");
+                let run_info = wire::run_info(&scenario).expect("the server's scenario is legal");
                 for &id in ids {
-                    agents.insert(id.0, Agent::new(id, briefing.clone(), controller(id)));
+                    agents.insert(id.0, Agent::new(id, run_info.clone(), controller(id)));
                     let controller = "of the test".to_owned();
                     let last_tick = Join::NONE;
-                    link.join(&Join { run, agent: id.0, instance: 0, protocol: PROTOCOL, controller, last_tick });
+                    link.send_join(&Join { run, agent: id.0, instance: 0, protocol: PROTOCOL, controller, last_tick });
                 }
             }
             Inbound::JoinReply(reply) => assert!(reply.accepted, "{}", reply.reason),
@@ -188,9 +188,9 @@ pub(crate) fn serve(
                 let agent = agents.get_mut(&part.agent).expect("the scenario comes first");
                 match agent.take(part).expect("the server's observations are legal") {
                     Reaction::None => {}
-                    Reaction::Answer(command) | Reaction::Farewell(command) => {
+                    Reaction::Reply(command) | Reaction::Acknowledge(command) => {
                         pause();
-                        link.answer(&Command { run, ..command });
+                        link.send_command(&Command { run, ..command });
                     }
                 }
             }

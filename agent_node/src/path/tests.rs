@@ -26,7 +26,7 @@ fn points(cells: &[Cell]) -> Vec<Point3<f64>> {
 }
 
 #[test]
-fn a_corridor_is_one_leg() {
+fn corridor_is_one_leg() {
     let map = drawn("#######\n#.....#\n#######\n");
     for neighbours in [Neighbours::Six, Neighbours::TwentySix] {
         let path = search(&map, neighbours, 0.5, flat(1, 1), flat(5, 1)).unwrap();
@@ -49,7 +49,7 @@ fn out_of_a_dead_end() {
 }
 
 #[test]
-fn a_t_turns_once() {
+fn t_junction_turns_once() {
     let map = drawn(".......\n###.###\n###.###\n");
     let path = search(&map, Neighbours::TwentySix, 0.4, flat(3, 0), flat(6, 2)).unwrap();
     assert_eq!(path.cost, 5 * EDGE_COST);
@@ -63,7 +63,8 @@ fn two_rooms_and_a_door() {
     let path = search(&map, Neighbours::TwentySix, 0.4, flat(0, 0), flat(8, 4)).unwrap();
     assert!(path.cells.contains(&flat(4, 2)));
     assert_eq!(path.cost, 8 * EDGE_COST + 4 * 414_214);
-    // A body that is wider than the door does not get through; nor does one where the door has not been seen.
+    // A body wider than the door does not get through; neither does any body while the door is
+    // unexplored.
     assert_eq!(search(&map, Neighbours::TwentySix, 0.6, flat(1, 1), flat(7, 3)), None);
     let door = drawn(&rooms.replace(".........", "....?...."));
     assert_eq!(search(&door, Neighbours::TwentySix, 0.4, flat(0, 0), flat(8, 4)), None);
@@ -71,9 +72,10 @@ fn two_rooms_and_a_door() {
 }
 
 #[test]
-fn a_wide_body_goes_through_a_wide_door() {
-    let slab = "........#........\n........#........\n.................\n.................\n.................\n........#........\n";
-    let map = drawn(&[slab; 3].join("\n"));
+fn wide_body_fits_through_a_wide_door() {
+    let (wall, door) = ("........#........\n", ".................\n");
+    let slab = [wall, wall, door, door, door, wall].concat();
+    let map = drawn(&[slab.as_str(); 3].join("\n"));
     for (radius_m, fits) in [(1.0, true), (1.5, true), (1.6, false)] {
         let (start, goal) = (Cell::new(2, 3, 1), Cell::new(14, 2, 1));
         let path = search(&map, Neighbours::TwentySix, radius_m, start, goal);
@@ -113,7 +115,7 @@ fn covered_cells_are_free() {
 }
 
 #[test]
-fn the_start_need_not_be_usable_and_goals_must() {
+fn start_need_not_be_usable_and_goals_must() {
     let map = drawn("#..?\n");
     for neighbours in [Neighbours::Six, Neighbours::TwentySix] {
         for (start, goal) in [(0, 2), (3, 1)] {
@@ -131,7 +133,7 @@ fn the_start_need_not_be_usable_and_goals_must() {
 }
 
 #[test]
-fn an_unusable_goal_costs_nothing() {
+fn unusable_goal_costs_no_expansions() {
     let map = drawn("..#\n");
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
     let mut scratch = Scratch::new();
@@ -141,7 +143,7 @@ fn an_unusable_goal_costs_nothing() {
 }
 
 #[test]
-fn the_nearest_of_several() {
+fn nearest_of_several_goals() {
     let map = drawn("...#...\n.......\n...#...\n");
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
     let graph = Graph::new(&map, &moves);
@@ -176,7 +178,7 @@ fn direct_is_exact() {
 }
 
 #[test]
-fn who_stands_beside_the_centre_goes_there_first_if_need_be() {
+fn off_centre_start_goes_to_the_centre_if_needed() {
     let map = drawn("...\n#.#\n#.#\n");
     let path = search(&map, Neighbours::Six, 0.4, flat(1, 0), flat(1, 2)).unwrap();
     let straight = straighten_from(&Point3::new(1.55, 0.45, 0.5), &path, &map, 0.4);
@@ -218,7 +220,7 @@ fn long_paths_are_cut() {
 }
 
 #[test]
-fn a_search_that_may_not_go_everywhere_or_on_for_ever() {
+fn search_is_limited_in_cells_and_expansions() {
     let map = drawn(".......\n.#####.\n.......\n");
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
     let mut scratch = Scratch::new();
@@ -234,7 +236,7 @@ fn a_search_that_may_not_go_everywhere_or_on_for_ever() {
 }
 
 #[test]
-fn the_budget_says_when() {
+fn budget_sets_the_tick_of_the_result() {
     let map = comb(50);
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
     let graph = Graph::new(&map, &moves);
@@ -244,7 +246,8 @@ fn the_budget_says_when() {
         let search = Search::new(graph, &mut scratch, flat(0, 2), Goal::Cell(flat(0, 6)));
         Budgeted::new(search, Tick(1000), per_tick)
     };
-    // Every cell is expanded, as the goal is the farthest one: 2 bands of 50 columns and 49 joints, and the joint of the bands.
+    // Every cell is expanded, as the goal is the farthest one: 2 bands of 50 columns and 49 joints,
+    // and the joint of the bands.
     let slow = ask(std::num::NonZeroU64::MIN);
     assert_eq!(slow.usable_at(), Tick(1399));
     assert_eq!(slow.poll(Tick(1398)), Poll::Pending);
@@ -255,7 +258,7 @@ fn the_budget_says_when() {
 }
 
 #[test]
-fn the_background_finds_what_was_there_when_asked() {
+fn background_search_uses_the_map_at_the_request() {
     let mut map = comb(100);
     let moves = Moves::new(0.4, 1.0, Neighbours::TwentySix);
     let instant = find(Graph::new(&map, &moves), &mut Scratch::new(), flat(0, 2), Goal::Cell(flat(0, 6)));
@@ -263,7 +266,7 @@ fn the_background_finds_what_was_there_when_asked() {
     let mut search = ask(&map, vec![flat(0, 6)]);
     let mut none = ask(&map, vec![flat(1, 1)]);
     let dropped = ask(&map, vec![flat(0, 6)]);
-    // A short cut that is learnt later.
+    // A short cut that is revealed later.
     map.note_free(&[map.extent().index(flat(0, 3)).unwrap() as u32]);
     assert_eq!(search.usable_at(), Tick(10));
     assert_eq!(search.poll(Tick(9)), Poll::Pending);
@@ -273,7 +276,7 @@ fn the_background_finds_what_was_there_when_asked() {
     drop(dropped);
 }
 
-/// A small map at random: free, wall or unexplored, with a larger or a smaller share of free cells.
+/// A small random map: free, wall or unexplored, with a smaller or a larger share of free cells.
 fn any_map() -> impl Strategy<Value = ExplorationMap> {
     let size = (1u32..=6, 1u32..=6, 1u32..=5);
     (size, prop::sample::select(vec![0.1, 1.0, 2.5]), prop::sample::select(vec![6, 60])).prop_flat_map(
@@ -299,7 +302,7 @@ fn any_map() -> impl Strategy<Value = ExplorationMap> {
     )
 }
 
-/// A map, two of its cells, the radius of a body in cells, and how it moves.
+/// A map, two of its cells, the radius of a body in cells, and its connectivity.
 fn any_question() -> impl Strategy<Value = (ExplorationMap, Cell, Cell, f64, Neighbours)> {
     let radius = prop::sample::select(vec![0.0, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.5]);
     let neighbours = prop::sample::select(vec![Neighbours::Six, Neighbours::TwentySix]);
@@ -360,7 +363,8 @@ fn relaxed(map: &ExplorationMap, start: Cell, radius: f64, neighbours: Neighbour
     }
 }
 
-/// Whether a sphere keeps clear of all but known-free cells on a leg, by looking at many points of it (in cells).
+/// Whether a sphere on a leg keeps clear of all cells not known to be free, by testing many points
+/// of it (in cells).
 fn keeps_clear(map: &ExplorationMap, from: [f64; 3], to: [f64; 3], radius: f64) -> bool {
     let [x, y, z] = map.extent().size().map(|cells| cells as i32);
     let mut obstacles = Vec::new();
@@ -401,7 +405,7 @@ proptest! {
     }
 
     #[test]
-    fn paths_hang_together_and_keep_clear((map, start, goal, radius, neighbours) in any_question()) {
+    fn paths_are_connected_and_clear((map, start, goal, radius, neighbours) in any_question()) {
         let Some(path) = search(&map, neighbours, radius * map.extent().cell_m(), start, goal) else {
             return Ok(());
         };
@@ -450,11 +454,11 @@ proptest! {
     }
 
     #[test]
-    fn pieces_do_not_matter((map, start, goal, radius, neighbours) in any_question(), step in 1u64..20) {
+    fn slicing_does_not_change_the_result((map, start, goal, radius, neighbours) in any_question(), step in 1u64..20) {
         let cell_m = map.extent().cell_m();
         let moves = Moves::new(radius * cell_m, cell_m, neighbours);
         let graph = Graph::new(&map, &moves);
-        // Scratch that another search has been made on.
+        // Scratch memory used by another search before.
         let mut scratch = Scratch::new();
         let _ = find(graph, &mut scratch, goal, Goal::Where(&|_| false));
         let whole = find(graph, &mut Scratch::new(), start, Goal::Cell(goal));
@@ -475,7 +479,7 @@ proptest! {
     }
 
     #[test]
-    fn in_the_open_the_estimate_is_exact(
+    fn heuristic_is_exact_in_free_space(
         size in prop::array::uniform3(1u32..7), index in any::<prop::sample::Index>(),
     ) {
         let extent = Extent::new(size, 1.0).unwrap();
@@ -492,8 +496,8 @@ proptest! {
     }
 }
 
-/// Whether a way-point, in cells, is where what the body touches at first does not count: the centre of its first cell, and the
-/// next one's if the first is not usable.
+/// Whether a waypoint, in cells, is exempt because of what the body touches at the start: the
+/// centre of its first cell, and of the next one if the first is not usable.
 fn is_excepted(graph: Graph<'_>, path: &Path, point: [f64; 3]) -> bool {
     let is_here = |&cell: &Cell| (Point3::from(centre(cell)) - Point3::from(point)).norm() < 1e-9;
     path.cells.iter().take(if graph.is_usable(path.cells[0]) { 1 } else { 2 }).any(is_here)

@@ -1,8 +1,10 @@
-//! A run with its faults: starts the processes, disturbs them as the plan says, and waits for the end of the server.
+//! A run with its faults: starts the processes, disturbs them as the plan says, and waits for the
+//! end of the server.
 //!
-//! Invariants: every process ends with this; wall time positions a fault and ends a hang, and decides nothing else; whoever ends
-//! without having been told to is a failure, but for those who are refused because their id is taken (exit code 5), and those
-//! whose connection has not survived that they were stopped (exit code 1), which are started again as the launch script does.
+//! Invariants: every process ends with this; wall time positions a fault and ends a hang, and
+//! decides nothing else; whoever ends without having been told to is a failure, but for those who
+//! are refused because their id is taken (exit code 5), and those whose connection has not survived
+//! that they were stopped (exit code 1), which are started again as the launch script does.
 //!
 //! Not done here: whether the run was the right one ([`super::verdict`]).
 
@@ -16,10 +18,11 @@ use std::time::{Duration, Instant};
 
 use sim_server::playback::{Horizon, Playback};
 use sim_server::recording::Recording;
+use supervisor::child::{ChildGuard, Signal};
 
 use super::plan::{At, Fault, Plan, Timed, Which};
 use super::watch::Watch;
-use crate::processes::{Ward, in_domain, now, pause};
+use crate::processes::{in_domain, now, pause};
 
 /// Wall time after which a run hangs.
 const HANG: Duration = Duration::from_secs(240);
@@ -85,7 +88,7 @@ pub(super) fn carry_out(bench: &Bench<'_>, plan: &Plan) -> Result<PathBuf, Failu
 struct Node {
     number: u32,
     agent: u32,
-    process: Ward,
+    process: ChildGuard,
     is_stopped: bool,
     /// It goes on after it was stopped, and ends because its connection does not survive that.
     is_back: bool,
@@ -104,14 +107,14 @@ struct Stage<'a> {
     diary: File,
     begun: Instant,
     watch: Watch,
-    server: Option<Ward>,
+    server: Option<ChildGuard>,
     /// How many servers and agents have been started.
     servers: u32,
     started: u32,
     /// When the agents of the present server were started.
     agents_since: Option<Instant>,
     nodes: Vec<Node>,
-    liars: Vec<Ward>,
+    liars: Vec<ChildGuard>,
     late: BTreeMap<u32, u32>,
     faults: VecDeque<Timed>,
     due: Vec<(Instant, Deed)>,
@@ -124,7 +127,7 @@ impl<'a> Stage<'a> {
         let recording = bench.folder.join("run.mcap");
         let mut late = BTreeMap::new();
         for Timed { fault, .. } in &plan.faults {
-            if let Fault::LateAnswers { agent, up_to_ms } = fault {
+            if let Fault::LateReplies { agent, up_to_ms } = fault {
                 late.insert(*agent, *up_to_ms);
             }
         }
@@ -184,7 +187,7 @@ impl<'a> Stage<'a> {
         command.arg(if is_resumed { "--resume" } else { "--record" }).arg(&self.recording);
         command.arg("--ready").arg(self.ready_file());
         self.note(&format!("server {} is started{}", self.servers, if is_resumed { ", to go on" } else { "" }));
-        self.server = Some(Ward::start(&mut command)?);
+        self.server = Some(ChildGuard::start(command)?);
         self.agents_since = None;
         Ok(())
     }
@@ -198,7 +201,7 @@ impl<'a> Stage<'a> {
     }
 
     fn has_server_ended(&mut self) -> Result<bool, Failure> {
-        let status = self.server.as_mut().map_or(Ok(None), Ward::ended)?;
+        let status = self.server.as_mut().map_or(Ok(None), ChildGuard::ended)?;
         match status {
             None => Ok(false),
             Some(status) if status.success() => Ok(true),
@@ -225,7 +228,7 @@ impl<'a> Stage<'a> {
         if let Some(up_to_ms) = self.late.get(&agent) {
             command.args(["--chaos-delay-ms", &up_to_ms.to_string()]);
         }
-        let process = Ward::start(&mut command)?;
+        let process = ChildGuard::start(command)?;
         self.nodes.push(Node { number, agent, process, is_stopped: false, is_back: false });
         self.note(&format!("process {number} is started as agent {agent}"));
         Ok(())
@@ -273,7 +276,7 @@ impl<'a> Stage<'a> {
         if let Some(node) = self.nodes.iter_mut().find(|node| node.number == number) {
             node.is_stopped = false;
             node.is_back = true;
-            node.process.signal("CONT")?;
+            node.process.signal(Signal::SIGCONT)?;
             self.note(&format!("process {number} goes on"));
         }
         Ok(())
@@ -286,7 +289,8 @@ impl<'a> Stage<'a> {
                 At::Joining(ms) => self.agents_since.is_some_and(|since| since.elapsed() >= millis(ms)),
                 At::Running(s) => self.watch.position_s().is_some_and(|position| position >= s),
             };
-            // Without agents there is nobody to disturb: what is known of the run is from before it was resumed.
+            // Without agents there is nobody to disturb: what is known of the run is from before it
+            // was resumed.
             if !is_time || self.agents_since.is_none() {
                 return Ok(false);
             }
@@ -315,7 +319,7 @@ impl<'a> Stage<'a> {
                 let Some(place) = self.place_of(agent, which) else { return Ok(false) };
                 let node = &mut self.nodes[place];
                 node.is_stopped = true;
-                node.process.signal("STOP")?;
+                node.process.signal(Signal::SIGSTOP)?;
                 let number = node.number;
                 self.note(&format!("process {number} is stopped"));
                 self.later(for_ms, Deed::Continue(number));
@@ -325,18 +329,19 @@ impl<'a> Stage<'a> {
             }
             Fault::Duplicate { agent } => self.start_agent(agent)?,
             Fault::Garbage { messages } => {
-                let mut command = self.command("experiments", &format!("garbage-{}.log", self.liars.len()))?;
-                command.args(["garbage", "--agents", &self.bench.agents.to_string()]);
+                let mut command = self.command("maes", &format!("garbage-{}.log", self.liars.len()))?;
+                command.args(["faults", "inject-garbage", "--agents", &self.bench.agents.to_string()]);
                 command.args(["--messages", &messages.to_string()]);
-                self.liars.push(Ward::start(&mut command)?);
+                self.liars.push(ChildGuard::start(command)?);
             }
             // From the start on.
-            Fault::LateAnswers { .. } => {}
+            Fault::LateReplies { .. } => {}
         }
         Ok(false)
     }
 
-    /// Kills the server with all of its agents, and starts them anew; whether it had just ended the run.
+    /// Kills the server with all of its agents, and starts them anew; whether it had just ended the
+    /// run.
     fn kill_server(&mut self, again_ms: Option<u32>) -> Result<bool, Failure> {
         self.server = None;
         self.nodes.clear();

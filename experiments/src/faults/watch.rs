@@ -12,7 +12,8 @@ use crate::processes::now;
 /// Wall time between two looks into the recording.
 const LOOK_PERIOD: Duration = Duration::from_millis(150);
 
-/// Wall time for which a run is believed to go on at its pace without a word of it: a server saves its recording twice a second.
+/// Wall time for which a run is believed to go on at its pace without a word of it: a server saves
+/// its recording twice a second.
 const TRUST: Duration = Duration::from_millis(600);
 
 /// Watches a recording.

@@ -61,7 +61,8 @@ fn scenario(folder: &TempDir, map: &str, keys: &str, body: &str) -> Result<Scena
     load(&file, &[])
 }
 
-/// A folder with a hall of 3 x 3 x 3 free cells of half a metre as a packed map, as a plain one and in parts that are no map.
+/// A folder with a hall of 3 x 3 x 3 free cells of half a metre as a packed map, as a plain one and
+/// in parts that are no map.
 fn folder() -> TempDir {
     let folder = TempDir::new().unwrap();
     let mut hall = Grid::new(Extent::new([5; 3], 0.5).unwrap(), Terrain::Free);

@@ -1,16 +1,17 @@
-//! Occlusion points: places beside the edge of a wall from which one can look behind it.
+//! Occlusion points: places beside the edge of a wall that give a view behind it.
 //!
-//! The rule is that of the reference as coded. From the agent's cell P to a wall W, s is the sign of P - W along each axis; a
-//! wall is at an edge if a neighbour of it, on a side that P could see, is no wall that was seen. Then the cell beside that
-//! neighbour, on another side that P could see, is a candidate.
+//! The rule is that of the reference as coded. From the agent's cell P to a wall W, s is the sign
+//! of P - W along each axis; a wall is at an edge if a neighbour of it, on a side visible from P,
+//! was not seen as a wall. Then the cell beside that neighbour, on another side visible from P, is
+//! a candidate.
 
 use voxels::Cell;
 
-/// Gives the candidates that one wall makes for somebody in the cell `own`; of `is_wall`: whether a cell was seen to be wall.
-/// The same candidate may come several times.
+/// Passes the candidates of one wall, seen from the cell `own`, to `found`; `is_wall` says whether
+/// a cell was seen as a wall. Candidates may repeat.
 ///
 /// # Errors
-/// What `is_wall` or `found` give: they end it.
+/// Any error of `is_wall` or `found`, which ends the enumeration.
 pub(crate) fn candidates<E>(
     own: Cell,
     wall: Cell,
@@ -73,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_straight_ahead_has_edges_on_its_four_sides() {
+    fn wall_straight_ahead_has_edges_on_four_sides() {
         let (own, wall) = (Cell::new(0, 5, 5), Cell::new(5, 5, 5));
         let beside = [Cell::new(4, 5, 4), Cell::new(4, 4, 5), Cell::new(4, 6, 5), Cell::new(4, 5, 6)];
         assert_eq!(of(own, wall, &[wall]), beside);
@@ -82,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_at_an_angle_in_the_plane_has_edges_above_below_and_behind() {
+    fn planar_diagonal_wall_has_edges_above_below_and_behind() {
         let (own, wall) = (Cell::new(0, 0, 5), Cell::new(5, 5, 5));
         let (above, below) = (Cell::new(5, 5, 6), Cell::new(5, 5, 4));
         let behind = [Cell::new(6, 4, 5), Cell::new(4, 6, 5)];
@@ -96,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_askew_has_two_candidates_behind_each_face() {
+    fn diagonal_wall_has_two_candidates_behind_each_face() {
         let (own, wall) = (Cell::new(0, 0, 0), Cell::new(5, 5, 5));
         let walls = [Cell::new(5, 6, 5), Cell::new(5, 5, 6)];
         assert_eq!(of(own, wall, &walls), [Cell::new(6, 5, 4), Cell::new(6, 4, 5)]);
@@ -105,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_ends_it() {
+    fn error_ends_the_enumeration() {
         let (own, wall) = (Cell::new(0, 0, 0), Cell::new(5, 5, 5));
         assert_eq!(candidates(own, wall, |_| Err("outside"), |_| Ok(())), Err("outside"));
         assert_eq!(candidates(own, wall, |_| Ok(false), |_| Err("enough")), Err("enough"));

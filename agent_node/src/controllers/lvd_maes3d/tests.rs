@@ -22,7 +22,8 @@ const FIELD: &str = "\
 ###############
 ";
 
-/// A hall with a pillar, below and above rock, so that no wall at the edge of the map is looked at from inside.
+/// A room with a pillar, with rock below and above, so that no wall at the edge of the map is
+/// visible from inside.
 fn hall() -> String {
     let rock = "###############\n".repeat(15);
     let edge = "###############\n".repeat(2);
@@ -39,7 +40,7 @@ fn contact(x: i32, y: i32, z: i32) -> Contact {
     Contact { agent: AgentId(0), position: Extent::new([15, 15, 15], 1.0).unwrap().centre(Cell::new(x, y, z)) }
 }
 
-/// An agent in search mode whose last scan is that from where it stands.
+/// An agent in search mode with a scan from where it is.
 fn searching_in(world: &mut World) -> LvdMaes3d {
     world.look();
     let mut lvd = LvdMaes3d { is_in_search_mode: true, ..LvdMaes3d::new() };
@@ -62,7 +63,7 @@ fn acts_a_tick_late_at_the_start_and_after_each_task() {
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = LvdMaes3d::new();
     world.look();
-    assert_eq!(world.ask(&mut lvd).wake, Wake::at(Tick(1)));
+    assert_eq!(world.ask(&mut lvd).trigger, Trigger::at(Tick(1)));
     world.observation.tick = Tick(1);
     world.look();
     assert_eq!(world.ask(&mut lvd).motion, to(Cell::new(7, 11, 0)));
@@ -70,13 +71,13 @@ fn acts_a_tick_late_at_the_start_and_after_each_task() {
     world.look();
     world.observation.is_active = false;
     world.observation.tick = Tick(50);
-    assert_eq!(world.ask(&mut lvd).wake, Wake::at(Tick(51)));
+    assert_eq!(world.ask(&mut lvd).trigger, Trigger::at(Tick(51)));
     world.observation.tick = Tick(51);
     assert_ne!(world.ask(&mut lvd).motion, Motion::Keep);
 }
 
 #[test]
-fn of_cells_equally_near_the_one_on_its_plus_z_side_counts_and_cells_within_3_75_are_visited() {
+fn plus_z_wins_ties_and_cells_within_3_75_are_visited() {
     let mut world = World::new(FIELD, MIDDLE);
     world.run(&mut LvdMaes3d::new(), 2);
     assert_eq!(world.said, ["destination (7.5, 11.5, 0.5), exploration mode"]);
@@ -96,7 +97,7 @@ fn cells_between_two_agents_belong_to_both() {
 }
 
 #[test]
-fn looks_at_the_last_scan_even_if_it_is_from_another_place() {
+fn last_scan_is_used_even_from_another_place() {
     let mut world = World::new(FIELD, MIDDLE);
     world.look();
     let extent = world.map.extent();
@@ -110,7 +111,7 @@ fn looks_at_the_last_scan_even_if_it_is_from_another_place() {
 }
 
 #[test]
-fn selections_count_neighbours_are_not_merged_and_the_last_one_listed_is_left() {
+fn selections_count_and_the_last_listed_point_remains() {
     let mut world = World::new(&hall(), Cell::new(3, 7, 2));
     let mut lvd = searching_in(&mut world);
     let extent = world.map.extent();
@@ -132,7 +133,7 @@ fn selections_count_neighbours_are_not_merged_and_the_last_one_listed_is_left() 
 }
 
 #[test]
-fn anything_unvisited_in_view_ends_search_mode_at_the_centre_of_the_own_cell() {
+fn unvisited_cell_in_view_ends_search_mode_at_own_centre() {
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = searching_in(&mut world);
     cover_all(&mut world);
@@ -141,7 +142,7 @@ fn anything_unvisited_in_view_ends_search_mode_at_the_centre_of_the_own_cell() {
     observation.is_active = true;
     observation.events = Events::NEW_CELL;
     assert_eq!(world.ask_about(&mut lvd, &observation).motion, Motion::Keep);
-    // Another map, of which one cell is not visited; it is somebody else's.
+    // On another map, one cell is not visited; it belongs to another agent.
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = searching_in(&mut world);
     for cell in world.left(&[CellState::Covered]).into_iter().filter(|&cell| cell != Cell::new(13, 13, 0)) {
@@ -155,7 +156,7 @@ fn anything_unvisited_in_view_ends_search_mode_at_the_centre_of_the_own_cell() {
 }
 
 #[test]
-fn a_wall_at_the_edge_of_the_map_is_an_error() {
+fn wall_at_the_edge_of_the_map_is_an_error() {
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = searching_in(&mut world);
     cover_all(&mut world);
@@ -164,23 +165,23 @@ fn a_wall_at_the_edge_of_the_map_is_an_error() {
     let mut observation = world.observation.clone();
     observation.tick = Tick(5);
     lvd.notices_at = Some(Tick(5));
-    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Wake::NEXT_TICK));
+    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Trigger::NEXT_TICK));
     assert!(lvd.selections.is_empty());
 }
 
 #[test]
-fn with_nothing_to_do_it_tries_again_in_each_tick() {
+fn without_destination_it_retries_every_tick() {
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = LvdMaes3d { notices_at: Some(Tick(5)), ..LvdMaes3d::new() };
     world.look();
     let mut observation = world.observation.clone();
     observation.tick = Tick(5);
-    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Wake::NEXT_TICK));
+    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Trigger::NEXT_TICK));
     assert!(lvd.is_in_search_mode);
 }
 
 #[test]
-fn visits_a_hall_with_a_pillar() {
+fn visits_a_room_with_a_pillar() {
     let mut world = World::new(&hall(), Cell::new(3, 7, 2));
     world.run(&mut LvdMaes3d::new(), 2000);
     assert!(world.said.iter().any(|said| said.ends_with("search mode")), "{:?}", world.said);
@@ -188,14 +189,15 @@ fn visits_a_hall_with_a_pillar() {
 }
 
 #[test]
-fn ways_are_searched_for_over_faces_and_take_no_time() {
+fn path_search_uses_faces_and_takes_no_time() {
     let start = Cell::new(3, 7, 2);
     let mut world = World::known(&hall(), start);
     let far = world.left(&[]).into_iter().filter(|&cell| squared(cell - start) > 15);
-    let way = |world: &mut World, goal, by| world.ctx().go_to_cell_by(goal, by, SearchTime::Instant);
-    let mut both = far.map(|goal| (goal, [Neighbours::Six, Neighbours::TwentySix].map(|by| way(&mut world, goal, by))));
+    let path = |world: &mut World, goal, by| world.ctx().go_to_cell_by(goal, by, SearchTime::Instant);
+    let mut both =
+        far.map(|goal| (goal, [Neighbours::Six, Neighbours::TwentySix].map(|by| path(&mut world, goal, by))));
     let (goal, [over_faces, _]) = both.find(|(_, [one, other])| one != other).unwrap();
     world.observation.view = Some(Cells { free: vec![world.map.extent().index(goal).unwrap() as u32], wall: vec![] });
     let mut lvd = LvdMaes3d { notices_at: Some(Tick::ZERO), ..LvdMaes3d::new() };
-    assert_eq!(Journey::Go(world.ask(&mut lvd).motion), over_faces);
+    assert_eq!(NavigationStatus::Go(world.ask(&mut lvd).motion), over_faces);
 }
