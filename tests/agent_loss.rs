@@ -47,7 +47,7 @@ fn assert_aborted(site: &Site, ended: &Ended) {
 #[track_caller]
 fn assert_continued(site: &Site, ended: &Ended) {
     assert_eq!(ended.code, Some(0), "{ended}");
-    assert!(ended.stderr.contains(" from: 1; the run goes on without"), "{ended}");
+    assert!(ended.stderr.contains(" from: 1; the run continues without"), "{ended}");
     let recording = site.recording("run.mcap");
     let result = recording.result();
     assert_eq!((result.reason.as_str(), result.tick), ("duration", 30_000));
@@ -107,7 +107,7 @@ fn hanging_agent_is_dropped_for_good() {
     let mut run = started(&site, &[&PACED, &DROP]);
     let agent = run.process().member(&["agent_node", "--id 1-1"]);
     signal(agent, "STOP");
-    run.process().says("the run goes on without");
+    run.process().says("the run continues without");
     signal(agent, "CONT");
     assert_continued(&site, &run.ended());
 }

@@ -68,7 +68,7 @@ fn killed_agent_is_restarted() {
     let site = Site::new();
     let mut run = started(&site, &PACED);
     signal(run.process().member(&["agent_node", "--id 1-1"]), "KILL");
-    run.process().says("agent 1 was started again and is told what it has observed so far");
+    run.process().says("agent 1 was started again; its observation log is replayed to it");
     assert_undisturbed(&site, run);
 }
 
@@ -139,7 +139,7 @@ fn killed_server_is_resumed_twice() {
     run.ended().with_code(137);
 
     let mut run = resumed(&site, &["--rtf", "60"]);
-    run.process().says("; the run goes on from there");
+    run.process().says("; the run continues from there");
     run.process().says("x real time");
     signal(run.process().member(&["sim_server", "run"]), "KILL");
     run.ended().with_code(137);
@@ -179,7 +179,7 @@ fn resume_refuses_changed_controllers() {
     run.process().says("waiting for agents: 0, 1, 2");
     let agents = Process::start(site.binary("agent_node").args(["--id", "0-2", "--controller", "rbw"]));
     let ended = run.ended().with_code(2);
-    assert!(ended.stderr.contains("agent 0 runs rbw, and dsvp in the run that is to go on"), "{ended}");
+    assert!(ended.stderr.contains("agent 0 runs rbw, and dsvp in the recording that is resumed"), "{ended}");
     agents.ended().with_code(0);
     assert_eq!(std::fs::read(&file).expect("it is there"), whole[..whole.len() / 2], "it is left as it was");
 }

@@ -7,7 +7,7 @@
 //! Invariants: a seed has one plan; no process outlives its run; wall time decides when a fault is
 //! injected and when a run counts as hung, and nothing else.
 
-mod carry_out;
+mod fault_run;
 #[cfg(feature = "ros")]
 mod inject_garbage;
 pub mod plan;
@@ -28,7 +28,7 @@ use supervisor::domain::DomainLock;
 use thiserror::Error;
 
 use crate::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
-use carry_out::{Bench, Failure};
+use fault_run::{Bench, Failure};
 #[cfg(feature = "ros")]
 pub use inject_garbage::inject_garbage;
 use plan::Plan;
@@ -121,7 +121,7 @@ pub fn run(options: &Options, stop: &AtomicBool, report: &(dyn Fn(&str) + Sync))
                         folder: &folder,
                         domain: options.first_domain + job,
                         agents: scenario.agents.count,
-                        pace: if let Rtf::Limit(pace) = scenario.execution.rtf { pace } else { 0.0 },
+                        rtf: if let Rtf::Limit(pace) = scenario.execution.rtf { pace } else { 0.0 },
                         stop,
                     };
                     let plan = plan_of(scenario, seed);
@@ -169,7 +169,7 @@ fn again(scenario: &Path, seed: u64) -> String {
 
 fn judge(bench: &Bench<'_>, plan: &Plan, expected: &Path) -> Result<Equivalence, Failure> {
     fs::create_dir_all(bench.folder)?;
-    let recording = carry_out::carry_out(bench, plan)?;
+    let recording = fault_run::execute(bench, plan)?;
     let digests = verdict::digest(expected).and_then(|digest| Ok((digest, verdict::digest(&recording)?)));
     let (before, now) = digests.map_err(Failure::Failed)?;
     if before != now {

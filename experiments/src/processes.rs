@@ -1,4 +1,4 @@
-//! What the supervision of disturbed processes needs of wall time, and of their environment.
+//! Helpers of fault injection: processes in a ROS domain, polling, and wall time.
 
 use std::path::Path;
 use std::process::Command;
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use supervisor::domain;
 
-/// Wall time between two looks at processes and recordings.
+/// Wall time between two polls of processes and recordings.
 const PERIOD: Duration = Duration::from_millis(50);
 
 /// A program in a ROS domain.
@@ -17,7 +17,7 @@ pub(crate) fn in_domain(program: &Path, id: u32) -> Command {
     command
 }
 
-/// Waits between two looks.
+/// Waits for the next poll.
 #[expect(clippy::disallowed_methods, reason = "a process has no condition to wait on together with a recording")]
 pub(crate) fn pause() {
     thread::sleep(PERIOD);

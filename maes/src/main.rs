@@ -1,4 +1,4 @@
-//! The command that people type. Every exit code is made here, or in [`sim_server::exit`].
+//! The command `maes`. Every exit code is made here, or in [`sim_server::exit`].
 //!
 //! Each module is a subcommand or a few of one kind; what they do is in the libraries. `maes run`
 //! starts `sim_server` and `agent_node`, which lie beside it.

@@ -1,8 +1,8 @@
 //! The limits that the protocol sets, as the `.msg` files state them.
 //!
 //! All follow from one: a sample of more than 60 kB does not reach every reader over UDP with the
-//! socket buffers that a machine has by default, and nobody is told. This module checks nothing;
-//! whoever receives a message does.
+//! socket buffers that a machine has by default, and the loss is not reported. This module
+//! checks nothing; the receiver of a message does.
 
 /// Version of the protocol. Another one is not understood, and a join that names it is refused.
 pub const PROTOCOL: u32 = 3;
@@ -50,7 +50,7 @@ pub const LIST_BYTES_MAX: usize = OBSERVATION_BYTES_MAX - INFO_BYTES_MAX - MESSA
 
 /// Longest answer of a service, bytes. A longer one is sent in parts, and RustDDS 0.15.1 writes the
 /// parameters of such a part, which say whose answer it is, with the tag of an `Option` before
-/// them: others drop it, and who has asked would wait for ever.
+/// them: others drop it, and the caller would wait for ever.
 pub const ANSWER_BYTES_MAX: usize = 1_200;
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! The `.msg` files are the source of truth: names, order and types of the fields, the constants
 //! and the comments are theirs. Each struct is one file, and serialises to the same CDR bytes as
-//! the type that ROS 2 builds from it. Numbers are raw here; whoever receives a message checks them
+//! the type that ROS 2 builds from it. Numbers are raw here; the receiver of a message checks them
 //! and converts them to types of its own.
 //!
 //! "Sum of the constants" means a bit set. Sim time is counted in ticks, fixed updates of 20 ms.
@@ -110,7 +110,7 @@ pub struct Digest {
     pub digest: [u8; 32],
 }
 
-/// What somebody did to the run from outside.
+/// An intervention into the run by a control request.
 ///
 /// It is part of the run: it takes effect at the beginning of its tick, before the scans, and is
 /// covered by the digest.
@@ -269,7 +269,7 @@ impl Observation {
     pub const ENDED: u8 = 1;
     /// `task_status`: nothing to do.
     pub const IDLE: u8 = 0;
-    /// `task_status`: a task is being carried out.
+    /// `task_status`: a task is under way.
     pub const ACTIVE: u8 = 1;
     /// `collision`: none in the last motion that was tried.
     pub const NONE: u8 = 0;
@@ -317,7 +317,7 @@ impl Parcel {
 pub struct Progress {
     /// Sim time of the tick; frame "map".
     pub header: Header,
-    /// Fixed updates carried out.
+    /// Fixed updates executed.
     pub tick: u64,
     /// The part seen by at least one agent.
     pub explored: f64,
@@ -360,7 +360,7 @@ pub struct Radio {
     pub loss: f64,
     /// What an agent can send in a second; infinity: unlimited.
     pub bytes_per_s: f64,
-    /// What waits at an agent to be sent, at the most.
+    /// Longest queue of an agent's radio.
     pub queue_bytes: u64,
     /// Relays that an agent can leave behind.
     pub relays_per_agent: u32,
@@ -373,7 +373,7 @@ pub struct Radio {
 pub struct Result {
     /// Sim time of the end; frame "map".
     pub header: Header,
-    /// Fixed updates carried out.
+    /// Fixed updates executed.
     pub tick: u64,
     /// Why it ended: "explored", "duration", or what ended it early.
     pub reason: String,
@@ -441,10 +441,10 @@ pub struct Scenario {
     pub share_period_ticks: u32,
 }
 
-/// What a body does until it is told otherwise.
+/// What a body does until its next task.
 ///
 /// A task that replaces another starts from rest (a velocity task that replaces a velocity task
-/// goes on from the present velocity).
+/// continues from the present velocity).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Task {
     /// One of the constants.

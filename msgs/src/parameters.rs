@@ -1,5 +1,5 @@
 //! Parameters of a node, as ROS 2 has them: a list with descriptions and ranges, and the messages
-//! of the services by which people read and set them.
+//! of the services which read and set them.
 //!
 //! Invariants: what is read-only does not change; what is set has the type that it had and lies in
 //! its range; setting several at once sets all or none. Plain data: this module knows no transport,
@@ -15,7 +15,7 @@ use crate::limits::ANSWER_BYTES_MAX;
 use crate::message::{Message, MessageType};
 use crate::service::services;
 
-/// Names in one request that are looked at, at the most.
+/// Most names of one request that are answered.
 const NAMES_MAX: usize = 64;
 
 /// What stands between the parts of a name.
@@ -187,7 +187,7 @@ impl Parameter {
         self
     }
 
-    /// One that people may set.
+    /// A parameter that may be set.
     #[must_use]
     pub fn settable(mut self) -> Self {
         self.descriptor.read_only = false;

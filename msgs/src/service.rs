@@ -19,7 +19,7 @@ pub trait Service {
     type Response: Serialize + DeserializeOwned + Clone + 'static;
 }
 
-/// The way back to whoever asked. It never waits; an answer to somebody who has gone is lost.
+/// The way back to the caller. It never waits; an answer to a caller that has gone is lost.
 pub struct Reply<R>(Box<dyn FnOnce(R)>);
 
 impl<R> Reply<R> {

@@ -45,7 +45,7 @@ const SENSOR_DEPTH: u32 = 5;
 /// so these are of as many agents as there may be.
 const TF_STATIC_DEPTH: u32 = 4;
 
-/// Transforms in one message at the most, so that it is not too large for a sample.
+/// Most transforms in one message, so that it fits into a sample.
 pub const TRANSFORMS_MAX: usize = 400;
 
 /// Samples kept of what comes in pieces.

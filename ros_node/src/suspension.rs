@@ -1,6 +1,6 @@
 //! Exit of a process that is continued after it was suspended (SIGSTOP, or Ctrl-Z).
 //!
-//! The middleware's threads wait in a system call that SIGCONT interrupts, whoever handles the
+//! The middleware's threads wait in a system call that SIGCONT interrupts, whatever handles the
 //! signal, and they end at that: the process would receive nothing from then on, or never finish
 //! joining. So it exits with an error message.
 

@@ -139,7 +139,7 @@ fn open_viewing(_: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>, st
 #[cfg(feature = "view")]
 fn tell_address(viewing: Option<&FoxgloveServer>, terminal: &mut Terminal) {
     if let Some(viewing) = viewing {
-        terminal.say(&format!("to look on: http://{0} (Foxglove WebSocket: ws://{0})", viewing.address()));
+        terminal.say(&format!("observe at http://{0} (Foxglove WebSocket: ws://{0})", viewing.address()));
     }
 }
 

@@ -146,7 +146,7 @@ impl Run {
     /// The address of the Foxglove server, from the server's stderr.
     #[track_caller]
     pub(crate) fn address(&mut self) -> String {
-        let line = self.process.says("to look on: http://");
+        let line = self.process.says("observe at http://");
         line.split(['/', ' ']).find(|word| word.starts_with("127.")).expect("the line has an address").to_owned()
     }
 

@@ -1,12 +1,12 @@
-//! A run with its faults: starts the processes, disturbs them as the plan says, and waits for the
-//! end of the server.
+//! The execution of a run with its faults: starts the processes, injects the scheduled faults, and
+//! waits for the end of the server.
 //!
-//! Invariants: every process ends with this; wall time positions a fault and ends a hang, and
-//! decides nothing else; whoever ends without having been told to is a failure, but for those who
-//! are refused because their id is taken (exit code 5), and those whose connection has not survived
-//! that they were stopped (exit code 1), which are started again as the launch script does.
+//! Invariants: every process ends with this one; wall time positions a fault and ends a hang, and
+//! decides nothing else; an unexpected exit of an agent is a failure. Expected are exit code 5 (its
+//! id is taken) and, after SIGCONT, exit code 1 (the ROS client does not survive a suspension; the
+//! agent is restarted, as `maes run` does).
 //!
-//! Not done here: whether the run was the right one ([`super::verdict`]).
+//! Not done here: the verdict on the recording ([`super::verdict`]).
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
@@ -27,40 +27,38 @@ use crate::processes::{in_domain, now, pause};
 /// Wall time after which a run hangs.
 const HANG: Duration = Duration::from_secs(240);
 
-/// Wall time that agents have to go home once the server has ended.
-const GOING_HOME: Duration = Duration::from_secs(10);
+/// Wall time that agents have to exit once the server has ended.
+const AGENT_EXIT_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Exit code of an agent process that cannot go on.
+/// Exit code of an agent process after an error.
 const FAILED: i32 = 1;
 
 /// Exit code of an agent process whose id is taken.
 const REFUSED: i32 = 5;
 
-/// Where and with what a run is carried out.
+/// The environment of a run.
 #[derive(Debug)]
 pub(super) struct Bench<'a> {
     /// The folder of the binaries.
     pub(super) binaries: &'a Path,
     /// The scenario (.toml), with its `[execution]`.
     pub(super) scenario: &'a Path,
-    /// For the recording and all logs.
+    /// The folder for the recording and all logs.
     pub(super) folder: &'a Path,
-    /// ROS domain.
     pub(super) domain: u32,
-    /// Size of the team.
+    /// Number of agents.
     pub(super) agents: u32,
-    /// Sim seconds for each second of wall time.
-    pub(super) pace: f64,
-    /// Gives up once it is set.
+    /// Real-time factor.
+    pub(super) rtf: f64,
+    /// Interrupts the run once it is set.
     pub(super) stop: &'a AtomicBool,
 }
 
-/// Why a run has not come to its end.
+/// The reason why a run has no end.
 #[derive(Debug)]
 pub(super) enum Failure {
-    /// It was given up because somebody asked for it.
+    /// The stop flag was set.
     Interrupted,
-    /// Something else.
     Failed(String),
 }
 
@@ -70,102 +68,103 @@ impl From<std::io::Error> for Failure {
     }
 }
 
-/// Carries out the run of a plan; returns its recording.
-pub(super) fn carry_out(bench: &Bench<'_>, plan: &Plan) -> Result<PathBuf, Failure> {
-    let mut stage = Stage::new(bench, plan)?;
-    let ended = stage.run();
-    let told = match &ended {
+/// Executes the run of a plan; returns its recording.
+pub(super) fn execute(bench: &Bench<'_>, plan: &Plan) -> Result<PathBuf, Failure> {
+    let mut run = FaultRun::new(bench, plan)?;
+    let ended = run.execute();
+    let outcome = match &ended {
         Ok(()) => "the run has ended".to_owned(),
         Err(Failure::Interrupted) => "interrupted".to_owned(),
         Err(Failure::Failed(reason)) => format!("failed: {reason}"),
     };
-    stage.note(&told);
-    stage.note(&stage.state());
-    ended.map(|()| stage.recording)
+    run.log(&outcome);
+    run.log(&run.state());
+    ended.map(|()| run.recording)
 }
 
-/// A process of an agent.
+/// An agent process.
 struct Node {
     number: u32,
     agent: u32,
     process: ChildGuard,
-    is_stopped: bool,
-    /// It goes on after it was stopped, and ends because its connection does not survive that.
-    is_back: bool,
+    is_suspended: bool,
+    /// Whether it was continued after a suspension, which its ROS client does not survive.
+    is_continued: bool,
 }
 
-/// Something that is to be done later.
-enum Deed {
+/// An action that follows a fault.
+enum ScheduledFault {
     Start(u32),
     Continue(u32),
     KillServer,
 }
 
-struct Stage<'a> {
+struct FaultRun<'a> {
     bench: &'a Bench<'a>,
     recording: PathBuf,
-    diary: File,
-    begun: Instant,
+    event_log: File,
+    started_at: Instant,
     watch: Watch,
     server: Option<ChildGuard>,
-    /// How many servers and agents have been started.
+    /// Servers and agent processes started so far.
     servers: u32,
-    started: u32,
+    agents_started: u32,
     /// When the agents of the present server were started.
     agents_since: Option<Instant>,
     nodes: Vec<Node>,
-    liars: Vec<ChildGuard>,
-    late: BTreeMap<u32, u32>,
+    injectors: Vec<ChildGuard>,
+    /// Delays of replies by agent, milliseconds.
+    delays_ms: BTreeMap<u32, u32>,
     faults: VecDeque<Timed>,
-    due: Vec<(Instant, Deed)>,
+    due: Vec<(Instant, ScheduledFault)>,
     /// Whether the server has ended the run.
     is_over: bool,
 }
 
-impl<'a> Stage<'a> {
+impl<'a> FaultRun<'a> {
     fn new(bench: &'a Bench<'a>, plan: &Plan) -> Result<Self, Failure> {
         let recording = bench.folder.join("run.mcap");
-        let mut late = BTreeMap::new();
+        let mut delays_ms = BTreeMap::new();
         for Timed { fault, .. } in &plan.faults {
             if let Fault::LateReplies { agent, up_to_ms } = fault {
-                late.insert(*agent, *up_to_ms);
+                delays_ms.insert(*agent, *up_to_ms);
             }
         }
         Ok(Self {
-            watch: Watch::new(&recording, bench.pace),
-            diary: File::create(bench.folder.join("diary.log"))?,
-            begun: now(),
+            watch: Watch::new(&recording, bench.rtf),
+            event_log: File::create(bench.folder.join("diary.log"))?,
+            started_at: now(),
             bench,
             recording,
             server: None,
             servers: 0,
-            started: 0,
+            agents_started: 0,
             agents_since: None,
             nodes: Vec::new(),
-            liars: Vec::new(),
-            late,
+            injectors: Vec::new(),
+            delays_ms,
             faults: plan.faults.iter().copied().collect(),
             due: Vec::new(),
             is_over: false,
         })
     }
 
-    fn run(&mut self) -> Result<(), Failure> {
+    fn execute(&mut self) -> Result<(), Failure> {
         self.start_server()?;
         loop {
             if self.bench.stop.load(Ordering::Relaxed) {
                 return Err(Failure::Interrupted);
             }
-            if self.begun.elapsed() >= HANG {
+            if self.started_at.elapsed() >= HANG {
                 return Err(Failure::Failed(format!("the run hangs: no end after {} s", HANG.as_secs())));
             }
             if self.has_server_ended()? {
-                return self.go_home();
+                return self.await_agents();
             }
-            self.look_after_agents()?;
-            self.begin_agents()?;
-            if self.do_what_is_due()? || self.disturb()? {
-                // Nothing is left of the run but its recording, and that has an end.
+            self.check_agents()?;
+            self.start_agents()?;
+            if self.execute_due()? || self.inject_due()? {
+                // The run had ended before its server was killed.
                 return Ok(());
             }
             pause();
@@ -176,7 +175,7 @@ impl<'a> Stage<'a> {
         self.bench.folder.join(format!("ready-{}", self.servers))
     }
 
-    /// Starts a server: for a new run, or to go on with the one that has begun.
+    /// Starts a server: for a new run, or to resume the one under way.
     fn start_server(&mut self) -> Result<(), Failure> {
         self.servers += 1;
         let name = format!("server-{}.log", self.servers);
@@ -186,7 +185,7 @@ impl<'a> Stage<'a> {
         let is_resumed = self.recording.exists();
         command.arg(if is_resumed { "--resume" } else { "--record" }).arg(&self.recording);
         command.arg("--ready").arg(self.ready_file());
-        self.note(&format!("server {} is started{}", self.servers, if is_resumed { ", to go on" } else { "" }));
+        self.log(&format!("server {} is started{}", self.servers, if is_resumed { ", and resumes" } else { "" }));
         self.server = Some(ChildGuard::start(command)?);
         self.agents_since = None;
         Ok(())
@@ -209,8 +208,8 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// Starts all agents, once the server is there.
-    fn begin_agents(&mut self) -> Result<(), Failure> {
+    /// Starts all agents once the server is ready.
+    fn start_agents(&mut self) -> Result<(), Failure> {
         if self.agents_since.is_none() && self.ready_file().exists() {
             for agent in 0..self.bench.agents {
                 self.start_agent(agent)?;
@@ -221,52 +220,52 @@ impl<'a> Stage<'a> {
     }
 
     fn start_agent(&mut self, agent: u32) -> Result<(), Failure> {
-        self.started += 1;
-        let number = self.started;
+        self.agents_started += 1;
+        let number = self.agents_started;
         let mut command = self.command("agent_node", &format!("agent_{agent}-{number}.log"))?;
         command.args(["--id", &agent.to_string(), "--parameters", "false"]);
-        if let Some(up_to_ms) = self.late.get(&agent) {
+        if let Some(up_to_ms) = self.delays_ms.get(&agent) {
             command.args(["--chaos-delay-ms", &up_to_ms.to_string()]);
         }
         let process = ChildGuard::start(command)?;
-        self.nodes.push(Node { number, agent, process, is_stopped: false, is_back: false });
-        self.note(&format!("process {number} is started as agent {agent}"));
+        self.nodes.push(Node { number, agent, process, is_suspended: false, is_continued: false });
+        self.log(&format!("process {number} is started as agent {agent}"));
         Ok(())
     }
 
-    fn look_after_agents(&mut self) -> Result<(), Failure> {
+    fn check_agents(&mut self) -> Result<(), Failure> {
         let mut ended = Vec::new();
         for node in &mut self.nodes {
             if let Some(status) = node.process.ended()? {
-                ended.push((node.number, node.agent, status, node.is_back));
+                ended.push((node.number, node.agent, status, node.is_continued));
             }
         }
-        for (number, agent, status, is_back) in ended {
-            self.note(&format!("process {number}, agent {agent}, has ended: {status}"));
+        for (number, agent, status, is_continued) in ended {
+            self.log(&format!("process {number}, agent {agent}, has ended: {status}"));
             self.nodes.retain(|node| node.number != number);
-            if is_back && status.code() == Some(FAILED) {
+            if is_continued && status.code() == Some(FAILED) {
                 if !self.is_over {
                     self.start_agent(agent)?;
                 }
             } else if !matches!(status.code(), Some(0 | REFUSED)) {
-                // With 0 they have been told that the run is over.
+                // Exit code 0 follows the shutdown message.
                 return Err(Failure::Failed(format!("process {number}, agent {agent}, has ended with {status}")));
             }
         }
         Ok(())
     }
 
-    /// Does what was put off until now; whether the run has turned out to be over.
-    fn do_what_is_due(&mut self) -> Result<bool, Failure> {
+    /// Executes the actions that are due; returns whether the run is over.
+    fn execute_due(&mut self) -> Result<bool, Failure> {
         let now = now();
         let (due, later) = std::mem::take(&mut self.due).into_iter().partition(|(at, _)| *at <= now);
         self.due = later;
-        for (_, deed) in due {
-            match deed {
-                Deed::Start(agent) => self.start_agent(agent)?,
-                Deed::Continue(number) => self.continue_process(number)?,
-                // Whatever else was due is of the processes that are gone then.
-                Deed::KillServer => return self.kill_server(None),
+        for (_, action) in due {
+            match action {
+                ScheduledFault::Start(agent) => self.start_agent(agent)?,
+                ScheduledFault::Continue(number) => self.continue_process(number)?,
+                // The other actions concern processes that are killed as well.
+                ScheduledFault::KillServer => return self.kill_server(None),
             }
         }
         Ok(false)
@@ -274,100 +273,99 @@ impl<'a> Stage<'a> {
 
     fn continue_process(&mut self, number: u32) -> Result<(), Failure> {
         if let Some(node) = self.nodes.iter_mut().find(|node| node.number == number) {
-            node.is_stopped = false;
-            node.is_back = true;
+            node.is_suspended = false;
+            node.is_continued = true;
             node.process.signal(Signal::SIGCONT)?;
-            self.note(&format!("process {number} goes on"));
+            self.log(&format!("process {number} is continued"));
         }
         Ok(())
     }
 
-    /// Does what the plan says of now; the same.
-    fn disturb(&mut self) -> Result<bool, Failure> {
+    /// Injects the faults that are due; returns whether the run is over.
+    fn inject_due(&mut self) -> Result<bool, Failure> {
         while let Some(Timed { at, fault }) = self.faults.front().copied() {
             let is_time = match at {
                 At::Joining(ms) => self.agents_since.is_some_and(|since| since.elapsed() >= millis(ms)),
                 At::Running(s) => self.watch.position_s().is_some_and(|position| position >= s),
             };
-            // Without agents there is nobody to disturb: what is known of the run is from before it
-            // was resumed.
+            // Without agents there is nothing to disturb: the known position is from before the resume.
             if !is_time || self.agents_since.is_none() {
                 return Ok(false);
             }
             self.faults.pop_front();
             let position = self.watch.position_s().unwrap_or_default();
-            self.note(&format!("{}; the run is at about {position:.1} s", Timed { at, fault }));
-            if self.carry_out(fault)? {
+            self.log(&format!("{}; the run is at about {position:.1} s", Timed { at, fault }));
+            if self.inject(fault)? {
                 return Ok(true);
             }
         }
         Ok(false)
     }
 
-    fn carry_out(&mut self, fault: Fault) -> Result<bool, Failure> {
+    fn inject(&mut self, fault: Fault) -> Result<bool, Failure> {
         match fault {
             Fault::KillAgent { agent, which, restart_ms } => {
                 if let Some(place) = self.place_of(agent, which) {
                     // Dropping it kills it.
                     let Node { number, .. } = self.nodes.remove(place);
-                    self.note(&format!("process {number} is killed"));
+                    self.log(&format!("process {number} is killed"));
                 }
-                self.later(restart_ms, Deed::Start(agent));
+                self.later(restart_ms, ScheduledFault::Start(agent));
             }
             Fault::KillServer { again_ms } => return self.kill_server(again_ms),
             Fault::Hang { agent, which, for_ms, successor_ms } => {
                 let Some(place) = self.place_of(agent, which) else { return Ok(false) };
                 let node = &mut self.nodes[place];
-                node.is_stopped = true;
+                node.is_suspended = true;
                 node.process.signal(Signal::SIGSTOP)?;
                 let number = node.number;
-                self.note(&format!("process {number} is stopped"));
-                self.later(for_ms, Deed::Continue(number));
+                self.log(&format!("process {number} is suspended"));
+                self.later(for_ms, ScheduledFault::Continue(number));
                 if let Some(ms) = successor_ms {
-                    self.later(ms, Deed::Start(agent));
+                    self.later(ms, ScheduledFault::Start(agent));
                 }
             }
             Fault::Duplicate { agent } => self.start_agent(agent)?,
             Fault::Garbage { messages } => {
-                let mut command = self.command("maes", &format!("garbage-{}.log", self.liars.len()))?;
+                let mut command = self.command("maes", &format!("garbage-{}.log", self.injectors.len()))?;
                 command.args(["faults", "inject-garbage", "--agents", &self.bench.agents.to_string()]);
                 command.args(["--messages", &messages.to_string()]);
-                self.liars.push(ChildGuard::start(command)?);
+                self.injectors.push(ChildGuard::start(command)?);
             }
-            // From the start on.
+            // Applies from the start.
             Fault::LateReplies { .. } => {}
         }
         Ok(false)
     }
 
-    /// Kills the server with all of its agents, and starts them anew; whether it had just ended the
-    /// run.
+    /// Kills the server with all of its agents, and restarts them; returns whether it had just ended
+    /// the run.
     fn kill_server(&mut self, again_ms: Option<u32>) -> Result<bool, Failure> {
         self.server = None;
         self.nodes.clear();
         self.due.clear();
-        self.note(&format!("server {} is killed with all agents", self.servers));
+        self.log(&format!("server {} is killed with all agents", self.servers));
         if let Ok(recording) = Recording::open(&self.recording) {
             let playback = Playback::new(&recording).map_err(|error| Failure::Failed(error.to_string()))?;
             if let Horizon::Ended(tick) = playback.horizon() {
-                self.note(&format!("it had ended the run in tick {tick}"));
+                self.log(&format!("it had ended the run in tick {tick}"));
                 return Ok(true);
             }
         }
         self.start_server()?;
         if let Some(ms) = again_ms {
-            self.later(ms, Deed::KillServer);
+            self.later(ms, ScheduledFault::KillServer);
         }
         Ok(false)
     }
 
-    fn later(&mut self, ms: u32, deed: Deed) {
-        self.due.push((now() + millis(ms), deed));
+    fn later(&mut self, ms: u32, action: ScheduledFault) {
+        self.due.push((now() + millis(ms), action));
     }
 
-    /// A process of an agent that is not stopped, in the list of processes.
+    /// The index of an agent process that is not suspended.
     fn place_of(&self, agent: u32, which: Which) -> Option<usize> {
-        let mut places = self.nodes.iter().enumerate().filter(|(_, node)| node.agent == agent && !node.is_stopped);
+        let mut places = self.nodes.iter().enumerate().filter(|(_, node)| node.agent == agent && !node.is_suspended);
         let place = match which {
             Which::Oldest => places.next(),
             Which::Newest => places.next_back(),
@@ -375,23 +373,23 @@ impl<'a> Stage<'a> {
         place.map(|(place, _)| place)
     }
 
-    /// Lets the agents go home. Who is not told in time is ended; the run is over.
-    fn go_home(&mut self) -> Result<(), Failure> {
+    /// Waits for the agents to exit; those that take too long are killed when this is dropped.
+    fn await_agents(&mut self) -> Result<(), Failure> {
         self.is_over = true;
         let ended = now();
-        while self.nodes.iter().any(|node| !node.is_stopped) && ended.elapsed() < GOING_HOME {
-            self.look_after_agents()?;
+        while self.nodes.iter().any(|node| !node.is_suspended) && ended.elapsed() < AGENT_EXIT_TIMEOUT {
+            self.check_agents()?;
             pause();
         }
         Ok(())
     }
 
-    fn note(&mut self, text: &str) {
-        // What was done is in the plan as well.
-        drop(writeln!(self.diary, "{:8.3} s: {text}", self.begun.elapsed().as_secs_f64()));
+    fn log(&mut self, text: &str) {
+        // A log line that is lost does no harm: the plan has the faults.
+        drop(writeln!(self.event_log, "{:8.3} s: {text}", self.started_at.elapsed().as_secs_f64()));
     }
 
-    /// Who is still there, for people.
+    /// The processes that are left, as text.
     fn state(&self) -> String {
         let nodes: Vec<String> = self
             .nodes
@@ -401,7 +399,7 @@ impl<'a> Stage<'a> {
                     "process {} (agent {}{})",
                     node.number,
                     node.agent,
-                    if node.is_stopped { ", stopped" } else { "" }
+                    if node.is_suspended { ", suspended" } else { "" }
                 )
             })
             .collect();
