@@ -70,8 +70,8 @@ fn result_of_a_mixed_team_does_not_depend_on_threads() {
 fn agents_get_the_bodies_of_the_scenario() {
     let scenario = Scenario::parse("the test's scenario", &mixed("rbw", ""), &[]).expect("a legal scenario");
     let (world, _report) = setup::build(&scenario).expect("there is such a world");
-    let told = cdr::encode(&simulation::wire::scenario(&scenario, &world.terrain().extent(), world.rays()));
-    let briefing = agent_node::wire::briefing(&cdr::decode(&told).expect("a scenario")).expect("a legal briefing");
+    let announced = cdr::encode(&simulation::wire::scenario(&scenario, &world.terrain().extent(), world.rays()));
+    let briefing = agent_node::wire::briefing(&cdr::decode(&announced).expect("a scenario")).expect("a legal briefing");
     let others = scenario.other_bodies();
     for agent in (0..4).map(AgentId) {
         let (body, model) = (briefing.bodies.of(agent), others.get(&agent).unwrap_or(&scenario.body));
