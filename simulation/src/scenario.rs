@@ -18,6 +18,7 @@ mod sensor;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use mapgen::FormatError;
 use msgs::body_model::BodyModel;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::BODIES_MAX;
@@ -25,7 +26,6 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::world::spawn::SpawnSpec;
-use mapgen::FormatError;
 
 pub use bodies::BodyEntry;
 pub use origin::Origins;
