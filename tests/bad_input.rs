@@ -285,7 +285,7 @@ fn short_recording(site: &Site) -> Vec<u8> {
     let mut play = Play::new(&LEGAL.replace("40.0", "20.0\nstop_when_explored = false"));
     play.record = Some(file.clone());
     let played = play.with(|mut end, ids, is_over| {
-        agent_node::run::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("agents are welcome");
+        agent_node::host::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("agents are welcome");
     });
     played.outcome();
     std::fs::read(&file).expect("there is a recording")

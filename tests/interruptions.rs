@@ -226,7 +226,7 @@ fn a_recording_follows_the_run_in_wall_time() {
         ticks.push(world.tick());
     });
     let played = play.with(|mut end, ids, is_over| {
-        agent_node::run::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("agents are welcome");
+        agent_node::host::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("agents are welcome");
     });
     assert_eq!(played.outcome().result.tick, 3000);
     assert!(lock(&told).len() >= 3, "a run of three seconds tells people several times");

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use agent_node::link::{Inbound as ToAgents, Link as AgentLink};
+use agent_node::transport::{Inbound as ToAgents, ServerTransport};
 use experiments::in_memory::{AgentsEnd, ServerEnd};
 use msgs::geometry_msgs::Point;
 use msgs::ids::{AgentId, Tick};
@@ -19,8 +19,8 @@ use ros2_client::{Context, MessageTypeName, Name, Node, NodeName, NodeOptions, P
 use rustdds::DomainParticipantBuilder;
 use serde::de::DeserializeOwned;
 use serde::ser::{Serialize, SerializeTuple, Serializer};
-use sim_server::link::{Inbound as ToServer, Incoming, Link as ServerLink};
-use sim_server::run::RunError;
+use sim_server::session::RunError;
+use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
 
 use crate::support::domains::Domain;
@@ -35,7 +35,7 @@ const DURATION_S: f64 = 4.0;
 
 fn honest_digest() -> String {
     let agents = |mut end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
-        agent_node::run::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("honest agents are welcome");
+        agent_node::host::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("honest agents are welcome");
     };
     let played = Play::of_two(DURATION_S).with(agents);
     assert_eq!(refusals(&played.outcome().result), BTreeMap::new());
@@ -91,7 +91,7 @@ struct Liars {
 impl Liars {
     fn tell(&mut self, counter: &'static str, command: &Command) {
         *lock(&self.told).entry(counter).or_default() += 1;
-        self.inner.answer(command);
+        self.inner.send_command(command);
     }
 
     /// Lies that go out before the true answer, so that they are there while it is awaited.
@@ -117,26 +117,26 @@ impl Liars {
     }
 }
 
-impl AgentLink for Liars {
-    fn join(&mut self, join: &Join) {
-        self.inner.join(&Join { protocol: PROTOCOL + 1, ..join.clone() });
-        self.inner.join(&Join { agent: 7, ..join.clone() });
+impl ServerTransport for Liars {
+    fn send_join(&mut self, join: &Join) {
+        self.inner.send_join(&Join { protocol: PROTOCOL + 1, ..join.clone() });
+        self.inner.send_join(&Join { agent: 7, ..join.clone() });
         let mut told = lock(&self.told);
         *told.entry("refused_wrong_protocol").or_default() += 1;
         *told.entry("refused_unknown_agent").or_default() += 1;
         drop(told);
-        self.inner.join(join);
+        self.inner.send_join(join);
     }
 
-    fn answer(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Command) {
         let lied = &mut self.lied[command.agent as usize];
         if *lied == Some(command.tick) {
             // The server asks again, because this machine is slow: no reason for more lies than were counted.
-            return self.inner.answer(command);
+            return self.inner.send_command(command);
         }
         *lied = Some(command.tick);
         self.lie(command);
-        self.inner.answer(command);
+        self.inner.send_command(command);
         // Agent 1 answers after agent 0, in the order of their observations, so that here the tick is not over yet.
         if command.agent == 0 {
             let stop = Task { kind: Task::STOP, ..Task::default() };
@@ -159,7 +159,7 @@ fn lies_are_refused_and_counted_and_change_nothing() {
     let shared = Arc::clone(&told);
     let played = play.with(move |inner, ids, is_over| {
         let mut link = Liars { inner, lied: [None; 2], told: Arc::clone(&shared) };
-        agent_node::run::run(&mut link, &honest(0, ids), is_over).expect("the lies do not concern the agent");
+        agent_node::host::run(&mut link, &honest(0, ids), is_over).expect("the lies do not concern the agent");
     });
     let told = lock(&told).clone();
     assert!(told["refused_illegal_command"] > 10_000 && told["refused_wrong_tick"] > 10_000, "{told:?}");
@@ -188,7 +188,7 @@ impl Strangers {
     }
 }
 
-impl ServerLink for Strangers {
+impl AgentTransport for Strangers {
     fn announce(&mut self, scenario: &Scenario) {
         self.inner.announce(scenario);
     }
@@ -221,6 +221,12 @@ impl ServerLink for Strangers {
         self.inner.send(agent, part);
     }
 
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        self.waiting.pop_front().or_else(|| self.inner.receive(timeout))
+    }
+}
+
+impl ObserverOutput for Strangers {
     fn clock(&mut self, tick: Tick) {
         self.inner.clock(tick);
     }
@@ -228,11 +234,9 @@ impl ServerLink for Strangers {
     fn progress(&mut self, progress: &Progress) {
         self.inner.progress(progress);
     }
-
-    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        self.waiting.pop_front().or_else(|| self.inner.receive(timeout))
-    }
 }
+
+impl ControlInput for Strangers {}
 
 #[test]
 fn strangers_are_refused_and_counted_and_change_nothing() {
@@ -240,7 +244,7 @@ fn strangers_are_refused_and_counted_and_change_nothing() {
     play.server_link = |inner| Box::new(Strangers { inner, waiting: VecDeque::new() });
     let played = play.with(|mut end, ids, is_over| {
         // The refusals of what strangers wish concern them, not the agents: the instance tells.
-        agent_node::run::run(&mut end, &honest(instance_of(ids[0].0), ids), is_over).expect("agents are welcome");
+        agent_node::host::run(&mut end, &honest(instance_of(ids[0].0), ids), is_over).expect("agents are welcome");
     });
     let refusals = refusals(&played.outcome().result);
     let asked = refusals["refused_not_joined"];
@@ -277,23 +281,23 @@ fn stays(mut end: AgentsEnd, floods: bool, is_over: &AtomicBool) {
         match end.receive(Duration::from_millis(20)) {
             Some(ToAgents::Scenario(scenario)) => {
                 run = scenario.run;
-                end.join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+                end.send_join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
             }
             Some(ToAgents::Observation(Observation { tick, phase, part, parts, .. })) if part + 1 == parts => {
                 let answer = Command { tick, run, agent: 1, ..Command::default() };
                 let is_first = answered.replace((tick, phase)) != Some((tick, phase));
                 if !floods || phase == Observation::ENDED {
-                    end.answer(&answer);
+                    end.send_command(&answer);
                     continue;
                 }
                 // The server asks again if this machine is slow: no reason for more lies than are expected.
                 for lie in 0..if is_first { FLOOD } else { 0 } {
-                    end.answer(&Command { tick: tick + 1 + lie, ..answer.clone() });
-                    end.join(&Join { run, agent: 1, instance: 2 + lie, protocol: PROTOCOL, ..Join::default() });
-                    end.join(&Join { run, agent: 0, instance: tick, protocol: PROTOCOL, ..Join::default() });
+                    end.send_command(&Command { tick: tick + 1 + lie, ..answer.clone() });
+                    end.send_join(&Join { run, agent: 1, instance: 2 + lie, protocol: PROTOCOL, ..Join::default() });
+                    end.send_join(&Join { run, agent: 0, instance: tick, protocol: PROTOCOL, ..Join::default() });
                 }
                 let parcel = Parcel { agent: Parcel::BROADCAST, kind: 7, data: vec![7; PARCEL_BYTES_MAX] };
-                end.answer(&Command { parcels: vec![parcel], ..answer });
+                end.send_command(&Command { parcels: vec![parcel], ..answer });
             }
             _ => {}
         }
@@ -308,7 +312,7 @@ fn a_flood_of_an_agent_with_a_seat_is_nothing_to_the_others() {
                 return stays(end, floods, is_over);
             }
             // Its instance is none of those that the flood makes up.
-            agent_node::run::run(&mut end, &honest(u64::MAX, ids), is_over).expect("agent 0 is welcome");
+            agent_node::host::run(&mut end, &honest(u64::MAX, ids), is_over).expect("agent 0 is welcome");
         });
         assert!(played.notes.len() < 20, "a flood of lies is no flood of words: {:?}", played.notes);
         played.outcome().result.clone()
@@ -336,16 +340,16 @@ fn an_agent_that_talks_without_end_and_does_not_answer_is_lost() {
     play.scenario.execution.join_timeout_s = 0.5;
     let played = play.with(move |mut end, ids, is_over| {
         if ids[0] == AgentId(0) {
-            agent_node::run::run(&mut end, &honest(0, ids), is_over).expect("agent 0 is welcome");
+            agent_node::host::run(&mut end, &honest(0, ids), is_over).expect("agent 0 is welcome");
             return;
         }
         let Some(ToAgents::Scenario(Scenario { run, .. })) = end.receive(HANG) else {
             panic!("the scenario comes first")
         };
-        end.join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+        end.send_join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
         while !is_over.load(Ordering::Relaxed) {
             for _ in 0..100 {
-                end.answer(&Command { tick: u64::MAX, run, agent: 1, ..Command::default() });
+                end.send_command(&Command { tick: u64::MAX, run, agent: 1, ..Command::default() });
             }
             end.receive(Duration::from_millis(1));
         }

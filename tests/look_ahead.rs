@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use agent_node::command::{Command, LidarRequest, Motion, Parcel, Wake};
+use agent_node::command::{AgentMessage, Command, Motion, ScanRequest, Trigger};
 use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
 use experiments::in_memory::AgentsEnd;
@@ -37,7 +37,7 @@ range_m = 5.0
 /// Does something at random when it is due. Between, it either does nothing or turns a little.
 struct Gossip {
     rng: ChaCha8Rng,
-    wake: Wake,
+    trigger: Trigger,
     learnt: u64,
     acts_between: bool,
 }
@@ -45,7 +45,7 @@ struct Gossip {
 impl Gossip {
     fn new(agent: AgentId, acts_between: bool) -> Self {
         let rng = random_streams::stream(5, agent.0.into(), "gossip");
-        Self { rng, wake: Wake::NEXT_TICK, learnt: 0, acts_between }
+        Self { rng, trigger: Trigger::NEXT_TICK, learnt: 0, acts_between }
     }
 
     fn learn(&mut self, number: u64) {
@@ -67,7 +67,7 @@ impl Gossip {
         for contact in &observation.contacts {
             self.learn(u64::from(contact.agent.0) ^ contact.position.y.to_bits());
         }
-        for parcel in &observation.parcels {
+        for parcel in &observation.messages {
             self.learn(u64::from(parcel.from.0) + 100 * u64::from(parcel.kind));
             parcel.data.iter().for_each(|&byte| self.learn(byte.into()));
         }
@@ -90,31 +90,31 @@ impl Gossip {
         }
     }
 
-    fn parcels(&mut self, ctx: &Ctx<'_>) -> Vec<Parcel> {
+    fn messages(&mut self, ctx: &Ctx<'_>) -> Vec<AgentMessage> {
         let rng = &mut self.rng;
         let count = rng.random_range(0..3);
-        let mut parcel = || Parcel {
-            to: rng.random_bool(0.5).then(|| AgentId(rng.random_range(0..ctx.briefing().agents))),
+        let mut message = || AgentMessage {
+            to: rng.random_bool(0.5).then(|| AgentId(rng.random_range(0..ctx.run_info().agents))),
             kind: rng.random(),
             data: (0..rng.random_range(0..2000)).map(|_| rng.random()).collect(),
         };
-        (0..count).map(|_| parcel()).collect()
+        (0..count).map(|_| message()).collect()
     }
 }
 
 impl Controller for Gossip {
-    fn is_asked_between(&self) -> bool {
+    fn is_polled_between_triggers(&self) -> bool {
         true
     }
 
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        let is_due = observation.tick >= self.wake.at || observation.events & self.wake.events != 0;
+        let is_due = observation.tick >= self.trigger.at || observation.events & self.trigger.events != 0;
         if !is_due {
             let turn = Motion::Turn { angle_rad: 0.1 };
-            return if self.acts_between { Command::new(turn, self.wake) } else { Command::keep(self.wake) };
+            return if self.acts_between { Command::new(turn, self.trigger) } else { Command::keep(self.trigger) };
         }
         self.learn_all(observation, ctx);
-        self.wake = Wake {
+        self.trigger = Trigger {
             at: Tick(observation.tick.0 + self.rng.random_range(0..80)),
             // Each of the five kinds of events, and all of their combinations.
             events: self.rng.random_range(0..32),
@@ -122,15 +122,15 @@ impl Controller for Gossip {
         Command {
             motion: self.motion(observation),
             lidar: match self.rng.random_range(0..12) {
-                0 => LidarRequest::Never,
-                1 => LidarRequest::Once,
-                2 => LidarRequest::Every(self.rng.random_range(1..20)),
-                _ => LidarRequest::Keep,
+                0 => ScanRequest::Never,
+                1 => ScanRequest::Once,
+                2 => ScanRequest::Every(self.rng.random_range(1..20)),
+                _ => ScanRequest::Keep,
             },
             want_view: self.rng.random_bool(0.3),
-            parcels: self.parcels(ctx),
+            messages: self.messages(ctx),
             relays: Vec::new(),
-            wake: self.wake,
+            trigger: self.trigger,
             info: if self.rng.random_bool(0.1) { format!("learnt {:x}", self.learnt) } else { String::new() },
         }
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use agent_node::link::{Inbound, Link};
+use agent_node::transport::{Inbound, ServerTransport};
 use experiments::in_memory::AgentsEnd;
 use msgs::ids::AgentId;
 use msgs::limits::PROTOCOL;
@@ -23,16 +23,16 @@ pub(crate) struct Mortal<'a> {
     pub(crate) is_gone: &'a AtomicBool,
 }
 
-impl Link for Mortal<'_> {
-    fn join(&mut self, join: &Join) {
-        self.inner.join(join);
+impl ServerTransport for Mortal<'_> {
+    fn send_join(&mut self, join: &Join) {
+        self.inner.send_join(join);
     }
 
-    fn answer(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Command) {
         match self.answers_left.checked_sub(1) {
             Some(left) => {
                 self.answers_left = left;
-                self.inner.answer(command);
+                self.inner.send_command(command);
             }
             None => self.is_gone.store(true, Ordering::Relaxed),
         }
@@ -50,18 +50,18 @@ pub(crate) struct Successor {
     pub(crate) is_accepted: bool,
 }
 
-impl Link for Successor {
-    fn join(&mut self, join: &Join) {
+impl ServerTransport for Successor {
+    fn send_join(&mut self, join: &Join) {
         self.join = Some(Join { instance: BACK, ..join.clone() });
     }
 
-    fn answer(&mut self, command: &Command) {
-        self.inner.answer(command);
+    fn send_command(&mut self, command: &Command) {
+        self.inner.send_command(command);
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
         if let Some(join) = self.join.as_ref().filter(|_| !self.is_accepted) {
-            self.inner.join(join);
+            self.inner.send_join(join);
         }
         self.inner.receive(timeout).filter(|message| match message {
             Inbound::Scenario(_) => true,
@@ -95,14 +95,14 @@ fn undisturbed() -> String {
     let mut play = Play::of_two(4.0);
     play.scenario.faults.on_agent_loss = OnAgentLoss::Wait;
     let played = play.with(|mut end, ids, is_over| {
-        agent_node::run::run(&mut end, &honest(ids[0].0.into(), ids), is_over).expect("agents are welcome");
+        agent_node::host::run(&mut end, &honest(ids[0].0.into(), ids), is_over).expect("agents are welcome");
     });
     played.digest()
 }
 
 /// Runs agents over a link.
-fn take_part(link: &mut dyn Link, instance: u64, ids: &[AgentId], is_over: &AtomicBool) {
-    agent_node::run::run(link, &honest(instance, ids.to_vec()), is_over).expect("agents are welcome");
+fn take_part(link: &mut dyn ServerTransport, instance: u64, ids: &[AgentId], is_over: &AtomicBool) {
+    agent_node::host::run(link, &honest(instance, ids.to_vec()), is_over).expect("agents are welcome");
 }
 
 /// Agent 1 dies after so many answers, and is started again.
@@ -152,7 +152,7 @@ fn who_dies_while_others_are_awaited_is_replaced() {
                 controller: "rbw".to_owned(),
                 last_tick: Join::NONE,
             };
-            inner.join(&join);
+            inner.send_join(&join);
             while !matches!(inner.receive(Duration::from_millis(20)), Some(Inbound::JoinReply(reply)) if reply.accepted)
             {
             }
@@ -172,14 +172,14 @@ struct Claiming<'a> {
     has_claimed: &'a AtomicBool,
 }
 
-impl Link for Claiming<'_> {
-    fn join(&mut self, join: &Join) {
-        self.inner.join(join);
+impl ServerTransport for Claiming<'_> {
+    fn send_join(&mut self, join: &Join) {
+        self.inner.send_join(join);
         self.has_claimed.store(true, Ordering::Relaxed);
     }
 
-    fn answer(&mut self, command: &Command) {
-        self.inner.answer(command);
+    fn send_command(&mut self, command: &Command) {
+        self.inner.send_command(command);
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
@@ -196,18 +196,18 @@ struct Holding<'a> {
     is_over: &'a AtomicBool,
 }
 
-impl Link for Holding<'_> {
-    fn join(&mut self, join: &Join) {
-        self.inner.join(join);
+impl ServerTransport for Holding<'_> {
+    fn send_join(&mut self, join: &Join) {
+        self.inner.send_join(join);
     }
 
-    fn answer(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Command) {
         self.answers_left = self.answers_left.saturating_sub(1);
         if self.answers_left == 0 {
             self.is_held.store(true, Ordering::Relaxed);
             wait_for(self.is_refused, self.is_over);
         }
-        self.inner.answer(command);
+        self.inner.send_command(command);
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
@@ -238,7 +238,7 @@ fn who_was_replaced_does_not_come_back() {
                     _ => {}
                 }
                 let (controller, protocol) = ("rbw".to_owned(), PROTOCOL);
-                mortal.join(&Join { run, agent: 1, instance: BACK, protocol, controller, last_tick: 9 });
+                mortal.send_join(&Join { run, agent: 1, instance: BACK, protocol, controller, last_tick: 9 });
             }
             is_refused.store(true, Ordering::Relaxed);
         } else {

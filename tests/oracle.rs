@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex};
 use std::time::{Duration, Instant};
 
-use agent_node::command::{Command, Motion, Wake};
+use agent_node::command::{Command, Motion, Trigger};
 use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
 use experiments::in_memory::{AgentsEnd, ServerEnd};
@@ -17,9 +17,9 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{JoinReply, Observation as Part, Progress, Scenario};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use sim_server::link::{Incoming, Link as ServerLink};
 use sim_server::recording::Recording;
-use sim_server::run::RunError;
+use sim_server::session::RunError;
+use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput, Transport};
 use simulation::scenario::OnAgentLoss;
 
 use crate::lost_processes::{Mortal, Successor, wait_for};
@@ -71,7 +71,7 @@ static BEGUN: LazyLock<Instant> = LazyLock::new(Instant::now);
 impl Controller for Turner {
     fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         let heading = f64::from(self.heading()) * 0.003 + observation.pose.position.x * 0.01;
-        Command::new(Motion::Turn { angle_rad: heading - 1.5 }, Wake::at(Tick(observation.tick.0 + 7)))
+        Command::new(Motion::Turn { angle_rad: heading - 1.5 }, Trigger::at(Tick(observation.tick.0 + 7)))
     }
 }
 
@@ -83,7 +83,7 @@ struct Way {
     threads: u32,
     look_ahead: bool,
     is_delayed: bool,
-    server_link: fn(ServerEnd) -> Box<dyn ServerLink>,
+    server_link: fn(ServerEnd) -> Box<dyn Transport>,
 }
 
 const APART: Way = Way {
@@ -154,7 +154,7 @@ fn run(source: Source, way: Way) -> (String, Vec<u8>) {
 }
 
 /// The ways in which such a run is another one than the first.
-fn found_by(source: Source, server_link: fn(ServerEnd) -> Box<dyn ServerLink>) -> Vec<&'static str> {
+fn found_by(source: Source, server_link: fn(ServerEnd) -> Box<dyn Transport>) -> Vec<&'static str> {
     let (digest, bytes) = run(source, Way { server_link, ..APART });
     let differs = |way: &Way| {
         let (other_digest, other_bytes) = run(source, Way { server_link, ..*way });
@@ -191,7 +191,7 @@ struct Tampered {
     is_liar: bool,
 }
 
-impl ServerLink for Tampered {
+impl AgentTransport for Tampered {
     fn announce(&mut self, scenario: &Scenario) {
         self.inner.announce(scenario);
     }
@@ -208,14 +208,6 @@ impl ServerLink for Tampered {
         self.inner.send(agent, &part);
     }
 
-    fn clock(&mut self, tick: Tick) {
-        self.inner.clock(tick);
-    }
-
-    fn progress(&mut self, progress: &Progress) {
-        self.inner.progress(progress);
-    }
-
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         if self.waiting.is_empty() {
             self.waiting.extend(self.inner.receive(timeout));
@@ -228,15 +220,27 @@ impl ServerLink for Tampered {
     }
 }
 
+impl ObserverOutput for Tampered {
+    fn clock(&mut self, tick: Tick) {
+        self.inner.clock(tick);
+    }
+
+    fn progress(&mut self, progress: &Progress) {
+        self.inner.progress(progress);
+    }
+}
+
+impl ControlInput for Tampered {}
+
 #[test]
 fn a_server_that_tells_what_hangs_on_a_hash_is_found() {
-    let liar = |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_liar: true }) as Box<dyn ServerLink>;
+    let liar = |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_liar: true }) as Box<dyn Transport>;
     assert_eq!(found_by(Source::Own, liar), WAYS.map(|way| way.name));
 }
 
 #[test]
 fn answers_in_another_order_are_no_other_run() {
-    let upside_down = |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_liar: false }) as Box<dyn ServerLink>;
+    let upside_down = |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_liar: false }) as Box<dyn Transport>;
     assert_eq!(found_by(Source::Own, upside_down), [""; 0]);
 }
 

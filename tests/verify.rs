@@ -22,7 +22,7 @@ use msgs::simulation_interfaces::{
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sim_server::control::Request;
-use sim_server::link::{Incoming, Link as ServerLink};
+use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
 use simulation::scenario::OnAgentLoss;
 
 use crate::support::memory::{Play, serve};
@@ -194,7 +194,7 @@ impl Meddler {
     }
 }
 
-impl ServerLink for Meddler {
+impl AgentTransport for Meddler {
     fn announce(&mut self, scenario: &Scenario) {
         self.inner.announce(scenario);
     }
@@ -207,6 +207,12 @@ impl ServerLink for Meddler {
         self.inner.send(agent, part);
     }
 
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        self.inner.receive(timeout)
+    }
+}
+
+impl ObserverOutput for Meddler {
     fn clock(&mut self, tick: Tick) {
         let entity = |agent: u32| EntityRequest { entity: format!("agent_{agent}") };
         match tick.0 {
@@ -230,11 +236,9 @@ impl ServerLink for Meddler {
     fn progress(&mut self, progress: &Progress) {
         self.inner.progress(progress);
     }
+}
 
-    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        self.inner.receive(timeout)
-    }
-
+impl ControlInput for Meddler {
     fn request(&mut self) -> Option<Request> {
         if let Some(state) = self.place.borrow_mut().take() {
             let entity = "agent_1".to_owned();

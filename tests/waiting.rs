@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use agent_node::link::{Inbound, Link};
+use agent_node::transport::{Inbound, ServerTransport};
 use experiments::in_memory::AgentsEnd;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, Observation};
@@ -27,12 +27,12 @@ struct Slow<F> {
     asked: (u64, u32),
 }
 
-impl<F: FnMut(&mut AgentsEnd, &Command, u32)> Link for Slow<F> {
-    fn join(&mut self, join: &Join) {
-        self.inner.join(join);
+impl<F: FnMut(&mut AgentsEnd, &Command, u32)> ServerTransport for Slow<F> {
+    fn send_join(&mut self, join: &Join) {
+        self.inner.send_join(join);
     }
 
-    fn answer(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Command) {
         (self.answer)(&mut self.inner, command, self.asked.1);
     }
 
@@ -50,10 +50,10 @@ fn with_answers(play: Play, answer: impl Fn(&mut AgentsEnd, &Command, u32) + Sen
     play.with(move |inner, ids, is_over| {
         let options = honest(u64::from(ids[0].0), ids.clone());
         let answer = |end: &mut AgentsEnd, command: &Command, asked| {
-            if ids == [AgentId(1)] { answer(end, command, asked) } else { end.answer(command) }
+            if ids == [AgentId(1)] { answer(end, command, asked) } else { end.send_command(command) }
         };
         let mut link = Slow { inner, answer, asked: (u64::MAX, 0) };
-        agent_node::run::run(&mut link, &options, is_over).expect("agents are welcome");
+        agent_node::host::run(&mut link, &options, is_over).expect("agents are welcome");
     })
 }
 
@@ -70,10 +70,10 @@ fn the_first_answers_may_take_as_long_as_joining() {
     // It is asked for the third time after 0.3 s at the earliest.
     let late = play(impatient, |end, command, asked| {
         if command.tick > 0 || asked >= 3 {
-            end.answer(command);
+            end.send_command(command);
         }
     });
-    assert_eq!(late, play(Play::of_two(DURATION_S), |end, command, _| end.answer(command)));
+    assert_eq!(late, play(Play::of_two(DURATION_S), |end, command, _| end.send_command(command)));
 }
 
 #[test]
@@ -81,7 +81,7 @@ fn words_said_twice_are_known_again_though_a_number_is_none() {
     let said_once = |end: &mut AgentsEnd, command: &Command, _| {
         let mut command = command.clone();
         command.task.yaw_rate_rad_s = f64::NAN;
-        end.answer(&command);
+        end.send_command(&command);
     };
     let once = play(Play::of_two(DURATION_S), said_once);
     // Asked again, it says the same twice: once more than the server needs.
@@ -104,7 +104,7 @@ fn the_recording_is_saved_while_an_answer_is_awaited() {
             // What comes meanwhile is the same question again.
             end.receive(Duration::from_millis(20));
         }
-        end.answer(command);
+        end.send_command(command);
     });
 }
 
@@ -119,7 +119,7 @@ fn a_run_that_is_held_back_for_hours_can_be_stopped() {
     held_back.scenario.execution.rtf = Rtf::Limit(1e-6);
     let stop = Arc::clone(&held_back.stop);
     let played = with_answers(held_back, move |end, command, _| {
-        end.answer(command);
+        end.send_command(command);
         // Until nothing comes, because the next tick is hours away.
         while end.receive(Duration::from_millis(300)).is_some() {}
         stop.store(true, Ordering::Relaxed);

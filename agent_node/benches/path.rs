@@ -1,5 +1,6 @@
-//! How long a search across a cave of spheres (100^3 cells, a fifth of them free, all of it known) takes, and the straightening
-//! of what it finds; run with `cargo bench -p agent_node --no-default-features --bench path`.
+//! Wall time of a path search across a cave of spheres (100^3 cells, a fifth of them free, all
+//! known), and of straightening its path; run with `cargo bench -p agent_node --no-default-features
+//! --bench path`.
 
 use std::hint::black_box;
 
@@ -13,7 +14,8 @@ use voxels::{Cell, Extent, Grid, Terrain, keep_largest_component};
 const SIDE: u32 = 100;
 const RADIUS_M: f64 = 0.4;
 
-/// Spheres of 3 to 8 cells in rock until a fifth of the map is free; only what hangs together.
+/// Spheres with radii of 3 to 8 cells in rock until a fifth of the map is free; only the largest
+/// connected component is kept.
 fn cave() -> ExplorationMap {
     let extent = Extent::new([SIDE; 3], 1.0).expect("a legal size");
     let mut rng = random_streams::stream(7, 0, "bench.cave");
@@ -64,7 +66,7 @@ fn path(criterion: &mut Criterion) {
             });
         }
         let path = found.as_ref().expect("the cave hangs together");
-        eprintln!("{name} neighbours, straightened: {} way-points", straighten(path, &map, RADIUS_M).len());
+        eprintln!("{name} neighbours, straightened: {} waypoints", straighten(path, &map, RADIUS_M).len());
         criterion.bench_function(&format!("path {name} neighbours straighten"), |bencher| {
             bencher.iter(|| straighten(black_box(path), &map, RADIUS_M));
         });

@@ -1,10 +1,10 @@
-//! How long one exchange of maps takes an agent: what all the others tell it is taken in, and what is new since the last exchange
-//! is told to all of them. 20 agents, all in contact, in a cave of 100^3 cells; run with
-//! `cargo bench -p agent_node --no-default-features --bench sharing`.
+//! Wall time of one map exchange of an agent: it merges the messages of all others and sends them
+//! what is new since the last exchange. 20 agents, all in contact, in a cave of 100^3 cells; run
+//! with `cargo bench -p agent_node --no-default-features --bench sharing`.
 //!
-//! An exchange is that of one agent with all 19 others. "First meeting": everybody tells everybody the first 5 scans. "In full
-//! swing": a period later, each with 5 scans along a way of 5 cells. Printed are also the bytes and cells that all agents
-//! tell in it, and how many bytes plain lists of runs of cell indices would take.
+//! Period 1 is the first contact after 5 scans of each agent; in later periods each agent adds 5
+//! scans along a path of 5 cells. The bench also prints the bytes and cells that all agents send in
+//! each period, and the bytes that plain lists of runs of cell indices would take.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -12,7 +12,7 @@ use std::hint::black_box;
 use std::ops::ControlFlow;
 
 use agent_node::exploration_map::{Change, ExplorationMap};
-use agent_node::observation::{Contact, Received};
+use agent_node::observation::{Contact, ReceivedMessage};
 use agent_node::sharing::{DEFAULT_PERIOD_TICKS, Sharing};
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use msgs::ids::{AgentId, Tick};
@@ -27,7 +27,8 @@ const AGENTS: u32 = 20;
 const RAYS: u32 = 5124;
 const STEPS: usize = 5;
 
-/// Spheres of 3 to 8 cells in rock until a third of the map is free; only what hangs together.
+/// Spheres with radii of 3 to 8 cells in rock until a third of the map is free; only the largest
+/// connected component is kept.
 fn cave(rng: &mut ChaCha8Rng) -> Grid<Terrain> {
     let extent = Extent::new([SIDE; 3], 1.0).expect("a legal size");
     let mut terrain = Grid::new(extent, Terrain::Wall);
@@ -46,7 +47,7 @@ fn cave(rng: &mut ChaCha8Rng) -> Grid<Terrain> {
     terrain
 }
 
-/// Directions evenly over the sphere.
+/// Directions spread evenly over the sphere.
 fn directions() -> Vec<Vector3<f64>> {
     let golden = 0.5 + 1.25f64.sqrt();
     let direction = |ray: u32| {
@@ -78,11 +79,11 @@ fn scan(terrain: &Grid<Terrain>, from: Cell, directions: &[Vector3<f64>], map: &
 struct Agent {
     map: ExplorationMap,
     sharing: Sharing,
-    received: Vec<Received>,
+    received: Vec<ReceivedMessage>,
 }
 
 impl Agent {
-    fn exchange(&mut self, contacts: &[Contact], now: Tick) -> Vec<agent_node::command::Parcel> {
+    fn exchange(&mut self, contacts: &[Contact], now: Tick) -> Vec<agent_node::command::AgentMessage> {
         self.sharing.incoming(&mut self.map, &self.received);
         self.sharing.outgoing(&self.map, contacts, now, PARCEL_BYTES_MAX)
     }
@@ -93,7 +94,7 @@ fn contacts(agent: u32) -> Vec<Contact> {
     (0..AGENTS).filter(|&other| other != agent).map(contact).collect()
 }
 
-/// Everybody tells everybody.
+/// One exchange of all agents with all others; the bytes and messages sent.
 fn round(agents: &mut [Agent], now: Tick) -> (usize, usize) {
     let (mut bytes, mut parcels) = (0, 0);
     let mut posted = Vec::new();
@@ -102,7 +103,7 @@ fn round(agents: &mut [Agent], now: Tick) -> (usize, usize) {
             assert_eq!(parcel.to, None, "all are told the same");
             bytes += parcel.data.len();
             parcels += 1;
-            posted.push(Received { from: AgentId(id), kind: parcel.kind, data: parcel.data });
+            posted.push(ReceivedMessage { from: AgentId(id), kind: parcel.kind, data: parcel.data });
         }
         agent.received.clear();
     }
@@ -125,7 +126,7 @@ fn explore(agents: &mut [Agent], terrain: &Grid<Terrain>, places: &mut [Cell], d
     agents.iter().map(|agent| agent.map.journal_len()).sum::<usize>() - before
 }
 
-/// What the news of an agent would take as plain lists of runs of cell indices, two numbers in LEB128 each.
+/// Size of the changes as plain lists of runs of cell indices, two LEB128 numbers each, bytes.
 fn bytes_as_runs(changes: impl Iterator<Item = Change>) -> usize {
     let mut lists = [const { Vec::new() }; 4];
     changes.for_each(|change| lists[change.finding as usize].push(change.cell));

@@ -1,218 +1,224 @@
-//! An agent: takes in what it observes, shares its map, lets its controller decide, and answers each tick once.
+//! An agent: merges its observations into its map, shares the map, calls its controller, and
+//! replies to each tick once.
 //!
-//! Invariants: in a tick that counts, the map holds everything that was observed and told before the controller is asked; a tick
-//! that was answered is answered in the same words when it is asked again.
+//! Invariants: in a committed tick, the map holds all that was observed and received before the
+//! controller is called; a resent observation gets the same reply, byte for byte.
 //!
-//! **In turn and out of turn.** A server that does not look ahead asks agents in every tick, and takes no notice of an answer
-//! before the wake condition of the last answer that counted, unless the answer does something. It tells everything again when
-//! the agent is due. So that asking changes nothing, an agent that is asked out of turn learns nothing, shares nothing, and does
-//! not ask its controller, unless that wants to be asked in between: then it keeps what it is told aside, for the case that the
-//! controller acts all the same, and the answer counts.
+//! **Committed and speculative.** A server without look-ahead requests a command in every tick. It
+//! ignores replies before the trigger of the last committed command fires, unless the reply acts,
+//! and it repeats the observation delta once the agent is due. So that such polling changes
+//! nothing, an agent that is polled between triggers merges nothing, sends nothing, and does not
+//! call its controller, unless [`Controller::is_polled_between_triggers`]: then it keeps the
+//! observation aside, in case the controller acts all the same and the reply is committed.
 //!
-//! **Whom a wake is for.** Map sharing has wake conditions of its own. In a tick that is due for sharing alone, the controller is
-//! not asked: the news wait for the tick that it has asked for, so that it need not know of sharing. It does not see map parcels.
+//! **Two triggers.** Map sharing has triggers of its own. In a tick that is due for sharing alone,
+//! the controller is not called: the observation is deferred to the tick that the controller has
+//! asked for, so controllers need not know of sharing. They do not see map messages either.
 
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{LIST_BYTES_MAX, PARCEL_BYTES_BARE, PARCEL_BYTES_MAX, POINT_BYTES};
 use msgs::maes_msgs::{self, Observation as Part};
 
-use crate::command::{Command, Motion, Wake};
+use crate::command::{Command, Motion, Trigger};
 use crate::controllers::{Controller, Ctx};
 use crate::exploration_map::ExplorationMap;
-use crate::observation::{Briefing, Observation};
-use crate::sharing::{MAP_PARCEL, Sharing};
-use crate::travel::Travel;
-use crate::wire::{self, Collected, Collector, WireError};
+use crate::navigation::NavigationTask;
+use crate::observation::{Observation, RunInfo};
+use crate::sharing::{MAP_MESSAGE, Sharing};
+use crate::wire::{self, FragmentReassembler, Reassembled, WireError};
 
 /// One agent.
 pub struct Agent {
     id: AgentId,
-    briefing: Briefing,
+    run_info: RunInfo,
     map: ExplorationMap,
     sharing: Sharing,
-    travel: Travel,
+    navigation: NavigationTask,
     controller: Box<dyn Controller>,
-    collector: Collector,
-    answered: Option<maes_msgs::Command>,
-    /// When the next observation counts: the wake of the last answer that counted.
-    due: Wake,
-    /// The controller's part of it.
-    controller_due: Wake,
-    /// Whether the controller wants the view in the next observation it gets.
+    reassembler: FragmentReassembler,
+    last_reply: Option<maes_msgs::Command>,
+    /// The trigger of the last committed command.
+    due: Trigger,
+    /// The controller's part of the trigger.
+    controller_trigger: Trigger,
+    /// Whether the controller has requested the view in its next observation.
     controller_wants_view: bool,
-    /// What the controller was not asked about in ticks that were due for sharing alone.
-    untold: Option<Observation>,
-    /// What was told out of turn since the last observation that counted.
-    unlearnt: Option<Observation>,
+    /// Observations of ticks that were due for sharing alone, which the controller has not seen.
+    deferred: Option<Observation>,
+    /// Observations received between triggers since the last committed one, not merged into the
+    /// map.
+    unmerged: Option<Observation>,
 }
 
-/// What an agent does about a part of an observation.
+/// The reaction to a fragment of an observation.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reaction {
-    /// Nothing: other parts are missing, or it is an old one.
+    /// None: other fragments are missing, or the observation is outdated.
     None,
-    /// It answers.
-    Answer(maes_msgs::Command),
-    /// It gives the receipt for the end of the run.
-    Farewell(maes_msgs::Command),
+    /// A command.
+    Reply(maes_msgs::Command),
+    /// The acknowledgement of the end of the run.
+    Acknowledge(maes_msgs::Command),
 }
 
 impl Agent {
-    /// An agent that knows nothing but its briefing.
+    /// An agent with an unexplored map.
     ///
     /// # Panics
-    /// If it does not take part in the run.
+    /// If the agent is not part of the run.
     #[must_use]
-    pub fn new(id: AgentId, briefing: Briefing, controller: Box<dyn Controller>) -> Self {
+    pub fn new(id: AgentId, run_info: RunInfo, controller: Box<dyn Controller>) -> Self {
         Self {
             id,
-            map: ExplorationMap::new(briefing.extent),
-            sharing: Sharing::new(briefing.share_period_ticks, briefing.agents),
-            travel: Travel::new(briefing.bodies.of(id).radius_m, briefing.extent.cell_m()),
-            briefing,
+            map: ExplorationMap::new(run_info.extent),
+            sharing: Sharing::new(run_info.share_period_ticks, run_info.agents),
+            navigation: NavigationTask::new(run_info.bodies.of(id).radius_m, run_info.extent.cell_m()),
+            run_info,
             controller,
-            collector: Collector::default(),
-            answered: None,
-            due: Wake::NEXT_TICK,
-            controller_due: Wake::NEXT_TICK,
+            reassembler: FragmentReassembler::default(),
+            last_reply: None,
+            due: Trigger::NEXT_TICK,
+            controller_trigger: Trigger::NEXT_TICK,
             controller_wants_view: false,
-            untold: None,
-            unlearnt: None,
+            deferred: None,
+            unmerged: None,
         }
     }
 
-    /// Its id.
+    /// The id of the agent.
     #[must_use]
     pub fn id(&self) -> AgentId {
         self.id
     }
 
-    /// What it believes.
+    /// The map of the agent.
     #[must_use]
     pub fn map(&self) -> &ExplorationMap {
         &self.map
     }
 
-    /// How it shares its map.
+    /// The state of its map sharing.
     #[must_use]
     pub fn sharing(&self) -> &Sharing {
         &self.sharing
     }
 
-    /// The last tick it has answered.
+    /// The last tick that was replied to.
     #[must_use]
     pub fn last_tick(&self) -> Option<Tick> {
-        self.answered.as_ref().map(|command| Tick(command.tick))
+        self.last_reply.as_ref().map(|command| Tick(command.tick))
     }
 
-    /// Takes in a part of an observation.
+    /// Processes a fragment of an observation.
     ///
     /// # Errors
-    /// If the server does not keep to the protocol.
+    /// If the server violates the protocol.
     ///
     /// # Panics
-    /// Never: a map has fewer cells than a number of 32 bits can say.
+    /// Never: a map has fewer than 2^32 cells.
     pub fn take(&mut self, part: Part) -> Result<Reaction, WireError> {
         if part.phase != Part::ENDED
-            && let Some(answered) = &self.answered
-            && part.tick <= answered.tick
+            && let Some(last_reply) = &self.last_reply
+            && part.tick <= last_reply.tick
         {
-            let is_asked_again = part.tick == answered.tick && part.part + 1 == part.parts;
-            return Ok(if is_asked_again { Reaction::Answer(answered.clone()) } else { Reaction::None });
+            let is_resent = part.tick == last_reply.tick && part.part + 1 == part.parts;
+            return Ok(if is_resent { Reaction::Reply(last_reply.clone()) } else { Reaction::None });
         }
-        let Some(Collected { has_ended, mut observation }) = self.collector.take(part, &self.briefing)? else {
+        let Some(Reassembled { has_ended, mut observation }) = self.reassembler.take(part, &self.run_info)? else {
             return Ok(Reaction::None);
         };
         let tick = observation.tick;
         if has_ended {
-            self.learn(&mut observation);
-            let receipt = wire::command(self.id, tick, Command::keep(Wake::NEXT_TICK));
-            return Ok(Reaction::Farewell(receipt));
+            self.merge(&mut observation);
+            let acknowledgement = wire::command(self.id, tick, Command::keep(Trigger::NEXT_TICK));
+            return Ok(Reaction::Acknowledge(acknowledgement));
         }
         let command = if self.due.is_due(tick, observation.events) {
-            self.answer_in_turn(observation)
-        } else if self.controller.is_asked_between() {
-            self.answer_out_of_turn(observation)
+            self.reply_to_trigger(observation)
+        } else if self.controller.is_polled_between_triggers() {
+            self.reply_to_poll(observation)
         } else {
             Command::keep(self.due)
         };
         let command = maes_msgs::Command {
             known_free: u32::try_from(self.map.free()).expect("an extent has at most 2^30 cells"),
-            failed_searches: self.travel.failures(),
+            failed_searches: self.navigation.failures(),
             ..wire::command(self.id, tick, command)
         };
-        self.answered = Some(command.clone());
-        Ok(Reaction::Answer(command))
+        self.last_reply = Some(command.clone());
+        Ok(Reaction::Reply(command))
     }
 
-    fn answer_in_turn(&mut self, mut observation: Observation) -> Command {
-        // The server tells it once more.
-        self.unlearnt = None;
-        self.learn(&mut observation);
-        if let Some(earlier) = self.untold.take() {
-            observation = observation.with_news_of(earlier);
+    fn reply_to_trigger(&mut self, mut observation: Observation) -> Command {
+        // The server repeats it in this observation.
+        self.unmerged = None;
+        self.merge(&mut observation);
+        if let Some(earlier) = self.deferred.take() {
+            observation = observation.merged_with(earlier);
         }
-        if self.controller_due.is_due(observation.tick, observation.events) {
+        if self.controller_trigger.is_due(observation.tick, observation.events) {
             let command = self.decide(&observation);
-            self.count(command, &observation)
+            self.commit(command, &observation)
         } else {
-            let command = Command { want_view: self.controller_wants_view, ..Command::keep(self.controller_due) };
-            let command = self.count(command, &observation);
-            self.untold = Some(observation);
+            let command = Command { want_view: self.controller_wants_view, ..Command::keep(self.controller_trigger) };
+            let command = self.commit(command, &observation);
+            self.deferred = Some(observation);
             command
         }
     }
 
-    fn answer_out_of_turn(&mut self, observation: Observation) -> Command {
+    fn reply_to_poll(&mut self, observation: Observation) -> Command {
         let mut shown = observation.clone();
-        shown.parcels.retain(|parcel| parcel.kind != MAP_PARCEL);
-        let mut whole = match self.unlearnt.take() {
-            Some(earlier) => observation.with_news_of(earlier),
+        shown.messages.retain(|message| message.kind != MAP_MESSAGE);
+        let mut whole = match self.unmerged.take() {
+            Some(earlier) => observation.merged_with(earlier),
             None => observation,
         };
         let command = self.decide(&shown);
-        if command.does_nothing() {
-            self.unlearnt = Some(whole);
+        if command.is_noop() {
+            self.unmerged = Some(whole);
             return Command::keep(self.due);
         }
-        self.learn(&mut whole);
-        self.count(command, &whole)
+        self.merge(&mut whole);
+        self.commit(command, &whole)
     }
 
     fn decide(&mut self, observation: &Observation) -> Command {
-        let mut ctx = Ctx::new(self.id, &self.briefing, observation, &mut self.map, &mut self.travel);
+        let mut ctx = Ctx::new(self.id, &self.run_info, observation, &mut self.map, &mut self.navigation);
         self.controller.decide(observation, &mut ctx)
     }
 
-    /// Learns what was seen and what other agents say; takes their map parcels out of the observation.
-    fn learn(&mut self, observation: &mut Observation) {
+    /// Merges what was seen and the map messages into the map; removes the map messages from the
+    /// observation.
+    fn merge(&mut self, observation: &mut Observation) {
         self.map.note_free(&observation.seen.free);
         self.map.note_wall(&observation.seen.wall);
-        self.map.note_covered(self.briefing.extent.cell_of(&observation.pose.position));
-        self.sharing.incoming(&mut self.map, &observation.parcels);
-        observation.parcels.retain(|parcel| parcel.kind != MAP_PARCEL);
+        self.map.note_covered(self.run_info.extent.cell_of(&observation.pose.position));
+        self.sharing.incoming(&mut self.map, &observation.messages);
+        observation.messages.retain(|message| message.kind != MAP_MESSAGE);
     }
 
-    /// Completes a command that counts with what there is to share.
-    fn count(&mut self, mut command: Command, observation: &Observation) -> Command {
-        self.controller_due = command.wake;
+    /// Completes a command that will be committed: with map messages, and with the trigger of map
+    /// sharing.
+    fn commit(&mut self, mut command: Command, observation: &Observation) -> Command {
+        self.controller_trigger = command.trigger;
         self.controller_wants_view = command.want_view;
         let Observation { tick, contacts, .. } = observation;
-        let parcels = self.sharing.outgoing(&self.map, contacts, *tick, room_for_parcels(&command));
-        command.parcels.extend(parcels);
-        command.wake = command.wake.or(self.sharing.wants_to_be_asked_at(contacts, *tick));
-        self.due = command.wake;
+        let messages = self.sharing.outgoing(&self.map, contacts, *tick, message_budget(&command));
+        command.messages.extend(messages);
+        command.trigger = command.trigger.or(self.sharing.next_trigger(contacts, *tick));
+        self.due = command.trigger;
         command
     }
 }
 
-/// Bytes that are left in a command for more parcels.
-fn room_for_parcels(command: &Command) -> usize {
-    let of_parcels = command.parcels.iter().map(|parcel| parcel.data.len());
+/// Bytes left in a command for further messages.
+fn message_budget(command: &Command) -> usize {
+    let of_parcels = command.messages.iter().map(|message| message.data.len());
     let sizes = of_parcels.chain(command.relays.iter().map(|order| order.data.len()));
     let (number, data) = sizes.fold((0, 0), |(number, data), size| (number + 1, data + size));
-    let way_points = if let Motion::Path(way_points) = &command.motion { way_points.len() } else { 0 };
-    let lists = POINT_BYTES * way_points + PARCEL_BYTES_BARE * number + data;
+    let waypoints = if let Motion::Path(waypoints) = &command.motion { waypoints.len() } else { 0 };
+    let lists = POINT_BYTES * waypoints + PARCEL_BYTES_BARE * number + data;
     PARCEL_BYTES_MAX.saturating_sub(data).min(LIST_BYTES_MAX.saturating_sub(lists))
 }
 

@@ -1,68 +1,71 @@
-//! What the user types.
+//! The command line.
 
 use std::time::Duration;
 
 use clap::Parser;
 use msgs::ids::AgentId;
 
-/// Agents of a deterministic simulator of 3-D multi-agent exploration: one process for one agent or several.
+/// Agents of a deterministic simulator of 3-D multi-agent exploration: one process for one or more
+/// agents
 #[derive(Debug, Parser)]
 #[command(name = "agent_node", version, arg_required_else_help = true)]
 pub struct Cli {
-    /// Which agents this process runs: one id, or a range such as 0-19
+    /// Agents of this process: one id, or a range such as 0-19
     #[arg(long, value_name = "N|FROM-TO", value_parser = ids)]
     pub id: Ids,
-    /// What they run, if not what the scenario says
+    /// Controller, instead of the one of the scenario
     #[arg(long, value_name = "NAME")]
     pub controller: Option<String>,
-    /// A setting of the controller; can be given again
+    /// Setting of the controller; repeatable
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// End, with exit code 1, when the server has said nothing for so long, not even that it is there
+    /// Exit with code 1 after this time without any message from the server
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds)]
     pub server_timeout: f64,
-    /// Offer what each agent is as parameters of its node [default: if this process runs no more than 8 agents]
+    /// Provide the ROS 2 parameters of each agent [default: if this process runs at most 8 agents]
     #[arg(long, value_name = "true|false")]
     pub parameters: Option<bool>,
-    /// Wait up to so many milliseconds, at random, before each answer: a test of the lock-step
+    /// Delay each reply at random by up to this many milliseconds: a test of the lock-step
     #[arg(long, value_name = "MS", default_value_t = 0)]
     pub chaos_delay_ms: u64,
-    /// Show what has changed of an agent's map on its topic `map` so many times a second at the most, while somebody listens
+    /// Maximum rate at which the changes of an agent's map are published on its topic `map`, while
+    /// it has subscribers
     #[arg(long, value_name = "HZ", default_value_t = 5.0, value_parser = hertz)]
     pub map_hz: f64,
-    /// Only check the controller and its settings
+    /// Check the controller and its settings, and exit
     #[arg(long, requires = "controller")]
     pub check: bool,
 }
 
 impl Cli {
-    /// Whether the agents offer their parameters.
+    /// Whether the agents provide their parameters.
     #[must_use]
     pub fn has_parameters(&self) -> bool {
         self.parameters.unwrap_or(self.id.0.len() <= PARAMETERS_AGENTS_MAX)
     }
 
-    /// The silence after which the server is taken to be gone.
+    /// Time without a message after which the server is taken to be gone.
     #[must_use]
     pub fn server_timeout(&self) -> Duration {
         Duration::from_secs_f64(self.server_timeout)
     }
 
-    /// The longest random delay before an answer.
+    /// The longest random delay before a reply.
     #[must_use]
     pub fn chaos_delay(&self) -> Duration {
         Duration::from_millis(self.chaos_delay_ms)
     }
 }
 
-/// Agents of a process that offer their parameters unless they are told to: each needs twelve endpoints more for it.
+/// Up to this many agents provide their parameters by default: it takes twelve more endpoints for
+/// each agent.
 const PARAMETERS_AGENTS_MAX: usize = 8;
 
 /// Ids of agents, ascending.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ids(pub Vec<AgentId>);
 
-/// Ids that may be given at the most, so that a slip of the key does not fill the memory.
+/// Upper bound on the ids of one process, so that a typing error does not exhaust the memory.
 const IDS_MAX: u32 = 1000;
 
 fn seconds(text: &str) -> Result<f64, String> {

@@ -1,10 +1,15 @@
-//! The algorithms: the trait they share, and the list of them.
+//! The controllers: the trait that they share, and the registry of all of them.
 //!
-//! Invariants: a controller decides from what it is given alone, draws from its own random stream, and ends; the same
-//! observations give the same commands. This module knows no transport and no wall clock.
+//! [`REGISTRY`] is the only list of controllers: names, descriptions, settings and construction
+//! follow from it everywhere. A new controller is a file in this folder, its `mod` line, and its
+//! entry.
+//!
+//! Invariants: a controller decides from its arguments alone, draws from its own random stream, and
+//! terminates; equal observations give equal commands. This module knows no transport and no wall
+//! clock.
 
-pub mod aside;
 pub mod boustrophedon;
+pub mod collision_recovery;
 pub mod ctx;
 pub mod dsvp;
 pub mod dsvp_maes3d;
@@ -15,41 +20,152 @@ pub mod rbw;
 pub mod rbw_maes3d;
 pub mod relays;
 pub mod settings;
+mod suggestion;
 #[cfg(test)]
 pub(crate) mod testing;
 
 use msgs::ids::AgentId;
+use rand_chacha::ChaCha8Rng;
 use thiserror::Error;
 
 use crate::command::Command;
 use crate::observation::Observation;
 pub use ctx::Ctx;
-use settings::{SettingError, Settings, Taken};
+use settings::{Setting, SettingError, Settings};
+use suggestion::did_you_mean;
 
 /// An algorithm that controls one agent. How to write one: docs/controllers.md.
 pub trait Controller {
-    /// Answers an observation.
+    /// Replies to an observation.
     ///
-    /// It is asked when the wake condition of its last answer is met, whether the server looks ahead or not.
+    /// It is called when the trigger of its last command fires, whether the server looks ahead or
+    /// not.
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command;
 
-    /// Whether a server that does not look ahead is to ask it in between as well, which makes for another run if it then acts.
-    /// An answer in between that does nothing ([`Command::does_nothing`]) must leave the controller and the map as they were.
-    fn is_asked_between(&self) -> bool {
+    /// Whether a server without look-ahead also calls it between triggers, which changes the run if
+    /// it then acts. A reply between triggers that does nothing ([`Command::is_noop`]) must leave
+    /// the controller and the map unchanged.
+    fn is_polled_between_triggers(&self) -> bool {
         false
     }
 }
 
-/// Why there is no such controller.
+/// An entry of the registry.
+#[derive(Debug)]
+pub struct Registration {
+    /// The name in scenario files, flags and results.
+    pub name: &'static str,
+    /// What it does, on one line: what comes before the first colon is a title for menus.
+    pub description: &'static str,
+    /// The purpose of its random stream. Two purposes that are equal give equal random numbers.
+    stream: &'static str,
+    /// Takes its settings and builds the controller of one agent.
+    construct: fn(&mut Settings, ChaCha8Rng) -> Result<Box<dyn Controller>, SettingError>,
+}
+
+/// All controllers, in the order in which they are listed everywhere.
+pub const REGISTRY: &[Registration] = &[
+    Registration {
+        name: "rbw",
+        description: "random ballistic walk: straight on, and off in a random direction at each obstacle",
+        stream: "rbw",
+        construct: |settings, rng| Ok(Box::new(rbw::Rbw::new(settings, rng)?)),
+    },
+    Registration {
+        name: "rbw-maes3d",
+        description: "random ballistic walk as coded in MAES3D",
+        stream: "rbw-maes3d",
+        construct: |_, rng| Ok(Box::new(rbw_maes3d::RbwMaes3d::new(rng))),
+    },
+    Registration {
+        name: "lvd",
+        description: "local Voronoi decomposition: visits what is nearer to it than to the agents in contact",
+        stream: "lvd",
+        construct: |settings, rng| Ok(Box::new(lvd::Lvd::new(settings, rng)?)),
+    },
+    Registration {
+        name: "lvd-maes3d",
+        description: "local Voronoi decomposition as coded in MAES3D",
+        stream: "lvd-maes3d",
+        construct: |_, _| Ok(Box::new(lvd_maes3d::LvdMaes3d::new())),
+    },
+    Registration {
+        name: "dsvp",
+        description: "dual-stage viewpoint planner: most gain within a horizon, else the nearest frontier",
+        stream: "dsvp",
+        construct: |settings, rng| Ok(Box::new(dsvp::Dsvp::new(settings, rng)?)),
+    },
+    Registration {
+        name: "dsvp-maes3d",
+        description: "dual-stage viewpoint planner as coded in MAES3D, slips included",
+        stream: "dsvp-maes3d",
+        construct: |_, rng| Ok(Box::new(dsvp_maes3d::DsvpMaes3d::new(rng))),
+    },
+    Registration {
+        name: "dsvp-auction",
+        description: "dual-stage viewpoint planner with an auction: agents bid for goals and claim them",
+        stream: "dsvp",
+        construct: |settings, rng| Ok(Box::new(dsvp::Dsvp::with_auction(settings, rng)?)),
+    },
+    Registration {
+        name: "nearest-frontier",
+        description: "nearest frontier: by the shortest path to the nearest frontier of its map",
+        stream: "nearest-frontier",
+        construct: |settings, rng| Ok(Box::new(nearest_frontier::NearestFrontier::new(settings, rng)?)),
+    },
+    Registration {
+        name: "boustrophedon",
+        description: "boustrophedon coverage: sweeps the free space in straight lines until every cell is covered",
+        stream: "boustrophedon",
+        construct: |settings, rng| Ok(Box::new(boustrophedon::Boustrophedon::new(settings, rng)?)),
+    },
+];
+
+/// The names of all controllers, in the order of the registry.
+pub const NAMES: [&str; REGISTRY.len()] = {
+    let mut names = [""; REGISTRY.len()];
+    let mut number = 0;
+    while number < names.len() {
+        names[number] = REGISTRY[number].name;
+        number += 1;
+    }
+    names
+};
+
+impl Registration {
+    /// The settings of the controller with their defaults.
+    ///
+    /// # Panics
+    /// If the controller refuses its own defaults.
+    #[must_use]
+    pub fn settings(&self) -> Vec<Setting> {
+        let (_, settings) = self.build(&[], AgentId(0), 0).expect("defaults are in range");
+        settings
+    }
+
+    fn build(
+        &self,
+        settings: &[String],
+        agent: AgentId,
+        agents_seed: u64,
+    ) -> Result<(Box<dyn Controller>, Vec<Setting>), SettingError> {
+        let mut settings = Settings::parse(settings)?;
+        let rng = random_streams::stream(agents_seed, agent.0.into(), self.stream);
+        let controller = (self.construct)(&mut settings, rng)?;
+        Ok((controller, settings.finish()?))
+    }
+}
+
+/// Why a controller cannot be built.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ControllerError {
-    /// Nothing has this name.
-    #[error("controller {name}: unknown; known are {}", NAMES.join(", "))]
+    /// The registry has no such name.
+    #[error("controller {name}: unknown; known are {}{}", NAMES.join(", "), did_you_mean(name, &NAMES))]
     Unknown {
         /// The name.
         name: String,
     },
-    /// A setting does not fit.
+    /// A setting is unknown or out of range.
     #[error("controller {name}: {source}")]
     Setting {
         /// The controller.
@@ -59,77 +175,48 @@ pub enum ControllerError {
     },
 }
 
-/// The names of all controllers.
-pub const NAMES: [&str; 9] = [
-    "rbw",
-    "rbw-maes3d",
-    "lvd",
-    "lvd-maes3d",
-    "dsvp",
-    "dsvp-maes3d",
-    "dsvp-auction",
-    "nearest-frontier",
-    "boustrophedon",
-];
-
-/// Whether there is such a controller, and its settings are allowed.
+/// Checks the name of a controller and its settings.
 ///
 /// # Errors
-/// If the name or a setting is unknown, or a value is not allowed.
+/// If the name or a setting is unknown, or a value is out of range.
 pub fn check(name: &str, settings: &[String]) -> Result<(), ControllerError> {
-    taken(name, settings).map(drop)
+    resolve_settings(name, settings).map(drop)
 }
 
-/// The settings of a controller with their values, be they given or not.
+/// All settings of a controller with their values: those given, and defaults for the others.
 ///
 /// # Errors
-/// If the name or a setting is unknown, or a value is not allowed.
-pub fn taken(name: &str, settings: &[String]) -> Result<Vec<Taken>, ControllerError> {
-    build_and_list(name, settings, AgentId(0), 0).map(|(_, taken)| taken)
+/// If the name or a setting is unknown, or a value is out of range.
+pub fn resolve_settings(name: &str, settings: &[String]) -> Result<Vec<Setting>, ControllerError> {
+    build_with_settings(name, settings, AgentId(0), 0).map(|(_, settings)| settings)
 }
 
-/// Makes a controller by name, with settings `KEY=VALUE`, for one agent of a run.
+/// Builds a controller by name, with settings `KEY=VALUE`, for one agent of a run.
 ///
 /// # Errors
-/// If the name or a setting is unknown, or a value is not allowed.
+/// If the name or a setting is unknown, or a value is out of range.
 pub fn build(
     name: &str,
     settings: &[String],
     agent: AgentId,
     agents_seed: u64,
 ) -> Result<Box<dyn Controller>, ControllerError> {
-    build_and_list(name, settings, agent, agents_seed).map(|(controller, _)| controller)
+    build_with_settings(name, settings, agent, agents_seed).map(|(controller, _)| controller)
 }
 
-/// A controller, and the settings that it has taken.
-fn build_and_list(
+fn build_with_settings(
     name: &str,
     settings: &[String],
     agent: AgentId,
     agents_seed: u64,
-) -> Result<(Box<dyn Controller>, Vec<Taken>), ControllerError> {
-    let unfit = |source| ControllerError::Setting { name: name.to_owned(), source };
-    let mut settings = Settings::parse(settings).map_err(unfit)?;
-    let stream = |purpose| random_streams::stream(agents_seed, agent.0.into(), purpose);
-    let controller: Box<dyn Controller> = match name {
-        "lvd" => Box::new(lvd::Lvd::new(&mut settings, stream("lvd")).map_err(unfit)?),
-        "lvd-maes3d" => Box::new(lvd_maes3d::LvdMaes3d::new()),
-        "rbw" => Box::new(rbw::Rbw::new(&mut settings, stream("rbw")).map_err(unfit)?),
-        "rbw-maes3d" => Box::new(rbw_maes3d::RbwMaes3d::new(stream("rbw-maes3d"))),
-        "dsvp" => Box::new(dsvp::Dsvp::new(&mut settings, stream("dsvp")).map_err(unfit)?),
-        "dsvp-auction" => Box::new(dsvp::Dsvp::with_auction(&mut settings, stream("dsvp")).map_err(unfit)?),
-        "nearest-frontier" => {
-            let stream = stream("nearest-frontier");
-            Box::new(nearest_frontier::NearestFrontier::new(&mut settings, stream).map_err(unfit)?)
-        }
-        "boustrophedon" => {
-            Box::new(boustrophedon::Boustrophedon::new(&mut settings, stream("boustrophedon")).map_err(unfit)?)
-        }
-        "dsvp-maes3d" => Box::new(dsvp_maes3d::DsvpMaes3d::new(stream("dsvp-maes3d"))),
-        _ => return Err(ControllerError::Unknown { name: name.to_owned() }),
-    };
-    let taken = settings.finish().map_err(unfit)?;
-    Ok((controller, taken))
+) -> Result<(Box<dyn Controller>, Vec<Setting>), ControllerError> {
+    let registration = REGISTRY
+        .iter()
+        .find(|registration| registration.name == name)
+        .ok_or_else(|| ControllerError::Unknown { name: name.to_owned() })?;
+    registration
+        .build(settings, agent, agents_seed)
+        .map_err(|source| ControllerError::Setting { name: name.to_owned(), source })
 }
 
 #[cfg(test)]
@@ -137,17 +224,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_name_builds_and_others_are_refused() {
-        for name in NAMES {
+    fn every_registered_controller_builds() {
+        for registration in REGISTRY {
+            let Registration { name, description, .. } = registration;
             assert!(check(name, &[]).is_ok(), "{name}");
+            assert_eq!(registration.settings(), resolve_settings(name, &[]).unwrap(), "{name}");
+            assert!(!description.is_empty() && !description.contains('\n'), "{name}");
+            assert_eq!(NAMES.iter().filter(|other| *other == name).count(), 1, "{name} is registered once");
         }
+    }
+
+    #[test]
+    fn unknown_names_and_wrong_settings_are_refused() {
         let refused = |name: &str, settings: &[String]| check(name, settings).unwrap_err().to_string();
         let known = NAMES.join(", ");
-        assert_eq!(refused("rwb", &[]), format!("controller rwb: unknown; known are {known}"));
+        assert_eq!(refused("rwb", &[]), format!("controller rwb: unknown; known are {known}; did you mean `rbw`?"));
+        assert!(refused("dspv", &[]).ends_with("; did you mean `dsvp`?"));
+        assert_eq!(refused("astar", &[]), format!("controller astar: unknown; known are {known}"));
         assert_eq!(
             refused("rbw", &["speed=1".to_owned()]),
             "controller rbw: setting `speed`: unknown; known are pitch_min_rad, pitch_max_rad, turn_min_rad, turn_max_rad"
         );
+        assert!(refused("rbw", &["turn_mim_rad=1".to_owned()]).ends_with("; did you mean `turn_min_rad`?"));
         assert_eq!(
             refused("rbw-maes3d", &["speed=1".to_owned()]),
             "controller rbw-maes3d: setting `speed`: unknown; there are none"
@@ -156,5 +254,13 @@ mod tests {
             refused("rbw", &["pitch_min_rad=9".to_owned()]),
             "controller rbw: setting pitch_min_rad = 9: expected a number from 0 to 1.5707963267948966"
         );
+    }
+
+    #[test]
+    fn docs_list_every_controller_with_its_description() {
+        let page = include_str!("../../docs/controllers.md");
+        for Registration { name, description, .. } in REGISTRY {
+            assert!(page.contains(&format!("| `{name}` | {description} |")), "docs/controllers.md: {name}");
+        }
     }
 }

@@ -1,19 +1,21 @@
-//! What an agent believes of the world: each cell unexplored, free or wall, and covered as a mark of its own.
+//! The map of an agent: each cell unexplored, free or wall, with a separate mark of coverage.
 //!
-//! **Who is believed.** What the own sensor finds overrules what others say, and stays; what it found first, if it is at odds
-//! with itself. Among what others say, free overrules wall and covered overrules free, in whatever order it is heard: who saw
-//! through a cell or stood in it knows more than who was stopped by it, and a rule that knows no order lets all who heard the
-//! same believe the same. So a correction to free goes from agent to agent, and one to wall stays with those whose own sensor
-//! found the wall; a mark of coverage only goes where the own sensor finds wall.
+//! **Conflicts.** A finding of the own sensor overrides reports of other agents, and stays; of
+//! conflicting own findings the first one stays. Among reports, free overrides wall and covered
+//! overrides free, in whatever order they arrive: an agent that saw through a cell or was inside it
+//! knows more than one that was stopped by it, and since the rule does not depend on the order,
+//! agents that merge the same reports have the same map. So a correction to free propagates from
+//! agent to agent, and one to wall stays with agents whose own sensor found the wall; a mark of
+//! coverage is only removed where the own sensor finds a wall.
 //!
-//! Invariants: a known cell stays known; only free cells are covered; the counts and the frontier are those of the cells; the
-//! journal holds each change once, in the order in which it was learnt, and nothing else: [`CHANGES_MAX`] entries for a cell at
-//! the most, the last of which is what is known of it.
+//! Invariants: a known cell stays known; only free cells are covered; the counts and the frontiers
+//! agree with the cells; the journal holds each change once, in order, and nothing else: at most
+//! [`CHANGES_MAX`] entries for a cell, the last of which is its present state.
 //!
-//! A *frontier* is a free or covered cell with an unexplored face neighbour inside the map. The set of them is kept with every
-//! change; nothing here ever goes through the whole map.
+//! A *frontier* is a free or covered cell with an unexplored face neighbour inside the map. The set
+//! of frontiers is updated with every change; nothing here ever iterates over the whole map.
 //!
-//! This module does not judge beyond that whether what it is told is true.
+//! Beyond that, reports are not validated.
 
 mod cell_set;
 mod delta;
@@ -31,30 +33,30 @@ use cell_set::CellSet;
 pub use delta::{Block, Delta};
 pub(crate) use delta::{Layout, bits};
 
-/// What is known of a cell.
+/// The state of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 #[repr(u8)]
 pub enum CellState {
-    /// Nothing.
+    /// Unexplored.
     #[default]
     Unexplored,
-    /// It is free.
+    /// Known to be free.
     Free,
-    /// It is free and has been visited.
+    /// Known to be free, and visited.
     Covered,
-    /// It is wall.
+    /// Known to be wall.
     Wall,
 }
 
-/// What can be learnt of a cell.
+/// A finding about a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Finding {
-    /// It is free.
+    /// The cell is free.
     Free = CellState::Free as u8,
-    /// It has been visited, and so is free.
+    /// The cell has been visited, and so is free.
     Covered = CellState::Covered as u8,
-    /// It is wall.
+    /// The cell is wall.
     Wall = CellState::Wall as u8,
 }
 
@@ -63,9 +65,9 @@ pub enum Finding {
 pub struct Change {
     /// Index of the cell.
     pub cell: u32,
-    /// What was learnt.
+    /// The new state.
     pub finding: Finding,
-    /// From whom; `None`: from the own sensor.
+    /// The agent that reported it; `None`: the own sensor.
     pub from: Option<AgentId>,
 }
 
@@ -76,15 +78,17 @@ struct Entry {
     from: u32,
 }
 
-/// As `from` of an entry: the own sensor. No agent has this id, because as a receiver it means everybody.
+/// The own sensor, as `from` of an entry: no agent has this id, since as a receiver it means
+/// broadcast.
 const OWN: u32 = msgs::maes_msgs::Parcel::BROADCAST;
 
-/// Entries of the journal for one cell at the most: wall, free and covered by hearsay, and wall by the own sensor.
+/// Most entries of the journal for one cell: wall, free and covered as reported, and wall by the
+/// own sensor.
 pub const CHANGES_MAX: usize = 4;
 
-/// The byte of a cell: whether the own sensor has found it so (apart from the mark of coverage).
+/// Bit of a cell's byte: found by the own sensor (apart from the mark of coverage).
 const IS_OWN: u8 = 4;
-/// The byte of a cell: one face neighbour that is explored.
+/// Unit of a cell's byte: one explored face neighbour.
 const ONE_CLOSED: u8 = 8;
 
 fn state_of(packed: u8) -> CellState {
@@ -96,7 +100,8 @@ fn state_of(packed: u8) -> CellState {
     }
 }
 
-/// Whether a face neighbour inside the map is unexplored, of a cell with so many neighbours outside.
+/// Whether a cell with this many neighbours outside the map has an unexplored face neighbour
+/// inside.
 fn is_open(packed: u8, outside: u8) -> bool {
     packed / ONE_CLOSED + outside < 6
 }
@@ -104,8 +109,9 @@ fn is_open(packed: u8, outside: u8) -> bool {
 /// The map of one agent.
 #[derive(Debug, Clone)]
 pub struct ExplorationMap {
-    /// The state in the lower two bits, above them [`IS_OWN`], and above that how many face neighbours are explored. All are 0 at
-    /// first, which costs no memory where the system provides it page by page.
+    /// The state in the lower two bits, above them [`IS_OWN`], and above that the number of
+    /// explored face neighbours. All are 0 at first, which costs no memory where the system
+    /// provides it page by page.
     cells: Grid<u8>,
     frontier: CellSet,
     journal: Vec<Entry>,
@@ -117,7 +123,7 @@ pub struct ExplorationMap {
 }
 
 impl ExplorationMap {
-    /// A map of which nothing is known.
+    /// An unexplored map.
     #[must_use]
     pub fn new(extent: Extent) -> Self {
         let cells = Grid::new(extent, 0);
@@ -125,44 +131,44 @@ impl ExplorationMap {
         Self { cells, frontier, journal: Vec::new(), free: 0, wall: 0, covered: 0, contradictions: 0, corrections: 0 }
     }
 
-    /// Where the map lies.
+    /// The extent of the map.
     #[must_use]
     pub fn extent(&self) -> Extent {
         self.cells.extent()
     }
 
-    /// What is known of a cell; outside the map all is wall.
+    /// The state of a cell; outside the map all is wall.
     #[must_use]
     pub fn state(&self, cell: Cell) -> CellState {
         self.cells.get(cell).map_or(CellState::Wall, |&packed| state_of(packed))
     }
 
-    /// Free cells known, covered ones included.
+    /// Number of known free cells, covered ones included.
     #[must_use]
     pub fn free(&self) -> usize {
         self.free
     }
 
-    /// Walls known.
+    /// Number of known walls.
     #[must_use]
     pub fn wall(&self) -> usize {
         self.wall
     }
 
-    /// Cells known to be covered.
+    /// Number of covered cells.
     #[must_use]
     pub fn covered(&self) -> usize {
         self.covered
     }
 
-    /// How often something was learnt that contradicts what the own sensor had found, and was left out: a free cell as a wall,
-    /// or a wall as a free cell.
+    /// Number of ignored findings that contradicted the own sensor: a free cell as a wall, or a
+    /// wall as a free cell.
     #[must_use]
     pub fn contradictions(&self) -> u64 {
         self.contradictions
     }
 
-    /// How often hearsay was overruled: a free cell became a wall, or a wall a free cell.
+    /// Number of overridden reports: a free cell became a wall, or a wall a free cell.
     #[must_use]
     pub fn corrections(&self) -> u64 {
         self.corrections
@@ -179,20 +185,20 @@ impl ExplorationMap {
         self.frontier.iter().map(|index| index as u32)
     }
 
-    /// How many frontiers there are.
+    /// Number of frontiers.
     #[must_use]
     pub fn frontier_count(&self) -> usize {
         self.frontier.len()
     }
 
-    /// How many changes there have been, and so the position of the next one in the journal.
+    /// Number of changes so far: the position of the next entry in the journal.
     #[must_use]
     pub fn journal_len(&self) -> usize {
         self.journal.len()
     }
 
-    /// The changes at these positions of the journal, in the order in which they were learnt. Positions that are not in the
-    /// journal yet are left out.
+    /// The changes at these positions of the journal, in order. Positions beyond its end are
+    /// ignored.
     pub fn changes(&self, positions: Range<usize>) -> impl Iterator<Item = Change> + '_ {
         let end = positions.end.min(self.journal.len());
         let entries = self.journal.get(positions.start..end).unwrap_or_default();
@@ -212,28 +218,32 @@ impl ExplorationMap {
         self.changes(position..self.journal.len())
     }
 
-    /// Notes that the own sensor found cells (by index) free. Indices outside the map are left out.
+    /// Records cells (by index) that the own sensor found free. Indices outside the map are
+    /// ignored.
     pub fn note_free(&mut self, cells: &[u32]) {
         for &cell in cells {
             self.learn(cell, Finding::Free, OWN);
         }
     }
 
-    /// Notes that the own sensor found cells (by index) to be wall. Indices outside the map are left out.
+    /// Records cells (by index) that the own sensor found to be wall. Indices outside the map are
+    /// ignored.
     pub fn note_wall(&mut self, cells: &[u32]) {
         for &cell in cells {
             self.learn(cell, Finding::Wall, OWN);
         }
     }
 
-    /// Notes that a cell has been visited, which makes it free as well. Outside the map nothing is noted, nor in a wall.
+    /// Records a visit to a cell, which makes it free as well. Ignored in walls and outside the
+    /// map.
     pub fn note_covered(&mut self, cell: Cell) {
         if let Some(index) = self.extent().index(cell) {
             self.learn(index as u32, Finding::Covered, OWN);
         }
     }
 
-    /// Takes in what another agent says, as far as it does not contradict the own sensor. Indices outside the map are left out.
+    /// Merges the report of another agent, except where it contradicts the own sensor. Indices
+    /// outside the map are ignored.
     pub fn merge(&mut self, delta: &Delta, from: AgentId) {
         delta.findings(self.extent()).for_each(|(cell, finding)| self.learn(cell, finding, from.0));
     }
@@ -282,7 +292,7 @@ impl ExplorationMap {
         }
     }
 
-    /// Tells the neighbours of a cell that it is unexplored no more.
+    /// Counts a newly explored cell with its neighbours.
     fn close(&mut self, place: &Place) {
         let cells = self.cells.as_mut_slice();
         for axis in 0..3 {
@@ -298,13 +308,13 @@ impl ExplorationMap {
     }
 }
 
-/// Where a cell lies.
+/// The location of a cell.
 struct Place {
     index: usize,
     at: [i32; 3],
     size: [i32; 3],
     strides: [isize; 3],
-    /// How many of its face neighbours are outside the map.
+    /// Number of face neighbours outside the map.
     outside: u8,
 }
 
@@ -319,7 +329,8 @@ impl Place {
         Self { index: cell as usize, at, size, strides, outside }
     }
 
-    /// The index of the neighbour one step on along an axis, and how many of its face neighbours are outside the map.
+    /// The index of the neighbour one step along an axis, and its number of face neighbours outside
+    /// the map.
     fn beside(&self, axis: usize, step: i32) -> Option<(usize, u8)> {
         let at = self.at[axis] + step;
         let index = self.index.checked_add_signed(self.strides[axis] * step as isize)?;
@@ -329,7 +340,7 @@ impl Place {
     }
 }
 
-/// How many of the two neighbours along an axis are outside a map of this size, of a cell with this coordinate.
+/// How many of the two neighbours along an axis are outside the map, for this coordinate and size.
 fn outside_along(at: i32, size: i32) -> u8 {
     u8::from(at == 0) + u8::from(at + 1 == size)
 }

@@ -1,30 +1,33 @@
-//! One agent: what it believes and what it decides.
+//! An agent: its map, its controllers, and its process.
 //!
-//! In reading order: [`observation`] and [`command`] are what it learns and what it answers, and [`body`] is what it can do;
-//! [`exploration_map`] is what it believes of the world, [`path`] finds ways through that, [`regions`] does so in coarse, and [`travel`] makes motions of them, and [`sharing`] tells other agents of it; [`controllers`] decide;
-//! [`agent`] puts these together; [`run`] does it for the agents of a process over a [`link`]; [`wire`] translates from and to
-//! messages; [`belief_view`] shows people what an agent believes; `ros` is the link over ROS 2.
+//! In reading order: [`observation`] and [`command`] are its inputs and outputs, [`bodies`] what
+//! the bodies of the team can do; [`exploration_map`] is its map, [`path`] searches paths on it,
+//! [`abstract_graph`] does so coarsely, [`navigation`] makes motions of paths, [`sharing`]
+//! exchanges maps with other agents; [`controllers`] decide; [`agent`] combines all of these;
+//! [`host`] runs the agents of a process over a [`transport`]; [`wire`] converts messages;
+//! [`map_markers`] visualises a map; `ros` is the transport over ROS 2.
 //!
-//! This crate knows nothing of the true world: an agent has only what it sensed and what it was told.
+//! This crate has no access to the true world: an agent knows only what it has sensed and received.
 
 #![warn(missing_docs)]
 
 pub mod agent;
-pub mod belief_view;
-pub mod body;
+
+pub mod abstract_graph;
+pub mod bodies;
 pub mod cli;
 pub mod command;
 pub mod controllers;
 pub mod exploration_map;
-pub mod link;
+pub mod host;
+pub mod map_markers;
+pub mod navigation;
 pub mod observation;
 pub mod parameters;
 pub mod path;
-pub mod regions;
 #[cfg(feature = "ros")]
 pub mod ros;
-pub mod run;
 pub mod sharing;
 pub mod stopwatch;
-pub mod travel;
+pub mod transport;
 pub mod wire;

@@ -1,4 +1,5 @@
-//! An agent process. Start reading at [`agent_node::run`]; every exit code is made here.
+//! The process of one or more agents. Start reading at [`agent_node::host`]; every exit code is set
+//! here.
 
 use std::process::ExitCode;
 
@@ -29,13 +30,13 @@ mod serve {
     use std::sync::atomic::AtomicBool;
 
     use agent_node::cli::Cli;
-    use agent_node::ros::RosLink;
-    use agent_node::run::{self, Options, RunError};
+    use agent_node::host::{self, Options, RunError};
+    use agent_node::ros::RosTransport;
     use ros_node::ros_env::RosEnv;
 
     /// A failure of the system or of the protocol.
     const FAILED: u8 = 1;
-    /// The server has refused the agent.
+    /// The server has refused an agent.
     const REFUSED: u8 = 5;
 
     pub(super) fn run(cli: Cli) -> ExitCode {
@@ -59,7 +60,7 @@ mod serve {
         }
         ros_node::stopped::end_when_continued()?;
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
-        let mut link = RosLink::new(&cli.id.0, cli.has_parameters(), &env)?;
+        let mut transport = RosTransport::new(&cli.id.0, cli.has_parameters(), &env)?;
         let options = Options {
             chaos_delay: cli.chaos_delay(),
             server_timeout: cli.server_timeout(),
@@ -70,7 +71,7 @@ mod serve {
             settings: cli.set,
             instance: getrandom::u64()?,
         };
-        Ok(run::run(&mut link, &options, &stop)?)
+        Ok(host::run(&mut transport, &options, &stop)?)
     }
 }
 

@@ -1,4 +1,4 @@
-//! What an agent learns: the briefing at the start, and an observation each time it is asked.
+//! What an agent knows: the run info at the start, and an observation at each request.
 //!
 //! Lengths in metres, angles in radians, frame `map` unless a name says otherwise.
 
@@ -7,79 +7,79 @@ use msgs::relay_id::RelayId;
 use nalgebra::{Point3, Vector3};
 use voxels::Extent;
 
-use crate::body::Bodies;
+use crate::bodies::Bodies;
 
-/// What an agent may know of the run.
+/// The static information on a run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Briefing {
-    /// The run ends at this tick at the latest.
+pub struct RunInfo {
+    /// Duration of the run at most.
     pub duration: Tick,
-    /// The map: where it lies and how many cells it has.
+    /// Extent of the map.
     pub extent: Extent,
-    /// How many agents take part: ids 0 .. agents - 1.
+    /// Number of agents; their ids are 0 .. agents - 1.
     pub agents: u32,
-    /// Seed of the agents' random numbers.
+    /// Seed of the agents' random streams.
     pub agents_seed: u64,
-    /// What an agent runs if it is not told otherwise.
+    /// The controller, unless the process is started with another one.
     pub controller: String,
     /// Settings of that controller, `KEY=VALUE`.
     pub settings: Vec<String>,
-    /// What the bodies of the team can do.
+    /// The bodies of the team.
     pub bodies: Bodies,
-    /// Greatest range of the LiDAR; infinity: unlimited.
+    /// Greatest range of the LiDAR, metres; infinity: unlimited.
     pub lidar_range_m: f64,
-    /// Ticks between scans if the agent does not ask otherwise.
+    /// Ticks between scans by default.
     pub lidar_period_ticks: u32,
-    /// Greatest distance of agents in contact; infinity: as far as the line of sight.
+    /// Greatest distance of agents in contact, metres; infinity: limited by line of sight alone.
     pub communication_range_m: f64,
-    /// Relays that the agent can leave behind.
+    /// Number of relays that each agent can drop.
     pub relays_per_agent: u32,
-    /// Ticks between two tellings of what is new on the map to agents in contact; 0: agents only listen.
+    /// Ticks between map exchanges with agents in contact; 0: agents only receive.
     pub share_period_ticks: u32,
 }
 
-/// Where a body is and where it looks.
+/// Position and heading of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
-    /// Centre of the body.
+    /// Centre of the body, metres.
     pub position: Point3<f64>,
     /// Heading: 0 along x, positive to the left, in (-pi, pi].
     pub yaw_rad: f64,
 }
 
-/// What is beside the body where a motion was refused.
+/// The side on which a body collided.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Surface {
-    /// Beside it.
+    /// Beside the body.
     Wall,
-    /// Below it.
+    /// Below the body.
     Floor,
-    /// Above it.
+    /// Above the body.
     Ceiling,
 }
 
-/// A motion that was refused.
+/// A collision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Collision {
-    /// Which side of the body.
+    /// The side of the body.
     pub surface: Surface,
-    /// Whether another agent was in the way.
+    /// Whether the obstacle was another agent.
     pub with_agent: bool,
 }
 
-/// An agent that is heard now.
+/// An agent in contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// Its id.
+    /// The id of the agent.
     pub agent: AgentId,
-    /// Where it is.
+    /// Its position, metres.
     pub position: Point3<f64>,
 }
 
-/// Bytes that arrived.
+/// A message from another agent (`maes_msgs/Parcel`).
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Received {
-    /// Who sent them.
+pub struct ReceivedMessage {
+    /// The sender.
     pub from: AgentId,
     /// The sender's mark.
     pub kind: u8,
@@ -87,21 +87,21 @@ pub struct Received {
     pub data: Vec<u8>,
 }
 
-/// A relay that can be read and written from here.
+/// A relay in reach, to read from and to write to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Relay {
-    /// Its name, which says who left it.
+    /// Its id, which includes the agent that dropped it.
     pub id: RelayId,
-    /// Where it floats.
+    /// Its position, metres.
     pub position: Point3<f64>,
 }
 
-/// What a relay keeps.
+/// The content of a relay.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reading {
     /// The relay.
     pub relay: RelayId,
-    /// The mark of who wrote it.
+    /// The writer's mark.
     pub kind: u8,
     /// The content.
     pub data: Vec<u8>,
@@ -110,66 +110,66 @@ pub struct Reading {
 /// Cells by index, ascending.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Cells {
-    /// Free ones.
+    /// Free cells.
     pub free: Vec<u32>,
     /// Walls.
     pub wall: Vec<u32>,
 }
 
-/// What an agent learns when it is asked.
+/// An observation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
-    /// The tick it is of.
+    /// The tick of the observation.
     pub tick: Tick,
-    /// Own pose.
+    /// Pose of the body.
     pub pose: Pose,
-    /// Own velocity, m/s.
+    /// Velocity of the body, m/s.
     pub velocity_m_s: Vector3<f64>,
-    /// Own turn rate, rad/s, positive to the left.
+    /// Turn rate, rad/s, positive to the left.
     pub yaw_rate_rad_s: f64,
     /// Whether a task is under way.
     pub is_active: bool,
-    /// Whether the last motion that was tried was refused, and why.
+    /// The collision that ended the last motion, if any.
     pub collision: Option<Collision>,
-    /// What has happened since the last observation: bits of `maes_msgs/Wake`.
+    /// Events since the last observation: bits of `maes_msgs/Wake`.
     pub events: u8,
-    /// Agents in contact now, ascending.
+    /// Agents in contact, ascending.
     pub contacts: Vec<Contact>,
-    /// Relays in reach now, ascending.
+    /// Relays in reach, ascending.
     pub relays: Vec<Relay>,
-    /// What has arrived since the last observation.
-    pub parcels: Vec<Received>,
-    /// What relays in reach keep, as far as the agent has not been told.
+    /// Messages received since the last observation.
+    pub messages: Vec<ReceivedMessage>,
+    /// Contents of relays in reach that the agent has not read yet.
     pub readings: Vec<Reading>,
     /// Tick of the last scan.
     pub scan_tick: Option<Tick>,
     /// Cells seen for the first time since the last observation.
     pub seen: Cells,
-    /// All cells of the last scan, if the last command asked for them.
+    /// All cells of the last scan, if the last command requested them.
     pub view: Option<Cells>,
 }
 
 impl Observation {
-    /// This observation, with the news of an earlier one that nobody has looked at.
+    /// This observation, merged with an earlier one that was not processed.
     #[must_use]
-    pub fn with_news_of(self, earlier: Self) -> Self {
+    pub fn merged_with(self, earlier: Self) -> Self {
         let together = |earlier: Vec<u32>, later: Vec<u32>| {
             if earlier.is_empty() {
                 return later;
             }
             let mut cells = earlier;
             cells.extend(later);
-            // Both halves ascend, which the stable sort makes use of.
+            // Both halves ascend, which the stable sort exploits.
             cells.sort();
             cells
         };
-        let mut parcels = earlier.parcels;
-        parcels.extend(self.parcels);
+        let mut messages = earlier.messages;
+        messages.extend(self.messages);
         let mut readings = earlier.readings;
         readings.extend(self.readings);
         Self {
             events: earlier.events | self.events,
-            parcels,
+            messages,
             readings,
             seen: Cells {
                 free: together(earlier.seen.free, self.seen.free),

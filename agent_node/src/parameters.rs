@@ -1,11 +1,11 @@
-//! What an agent is, as parameters of its node. All are read-only: what an agent does is part of the run.
+//! The parameters of an agent's ROS 2 node. All are read-only, since they are part of the run.
 
 use msgs::ids::AgentId;
 use msgs::parameters::{Parameter, Value};
 
-use crate::controllers::settings::{Taken, TakenValue};
+use crate::controllers::settings::{Setting, SettingValue};
 
-/// The parameters that an agent has before it knows the scenario.
+/// The parameters before the scenario is known.
 #[must_use]
 pub fn of_agent(agent: AgentId) -> Vec<Parameter> {
     vec![
@@ -18,20 +18,20 @@ pub fn of_agent(agent: AgentId) -> Vec<Parameter> {
     ]
 }
 
-/// The parameters that say what an agent runs, with the settings of its controller.
+/// The parameters of a controller and its settings.
 #[must_use]
-pub fn of_controller(name: &str, settings: &[Taken]) -> Vec<Parameter> {
+pub fn of_controller(name: &str, settings: &[Setting]) -> Vec<Parameter> {
     let mut parameters = vec![Parameter::fixed("controller", name.to_owned(), "the algorithm that the agent runs")];
     let description = format!("setting of the controller {name}");
-    parameters.extend(settings.iter().map(|Taken { key, value, allowed }| {
+    parameters.extend(settings.iter().map(|Setting { key, value, allowed }| {
         let parameter = |value: Value| Parameter::fixed(&format!("set.{key}"), value, &description);
         let parameter = match value {
-            TakenValue::Number(value, low, high) => parameter((*value).into()).with_range(*low, *high),
-            TakenValue::Integer(value, low, high) => {
+            SettingValue::Number(value, low, high) => parameter((*value).into()).with_range(*low, *high),
+            SettingValue::Integer(value, low, high) => {
                 let whole = i64::try_from(*value).unwrap_or(i64::MAX);
                 parameter(whole.into()).with_range(*low as f64, *high as f64)
             }
-            TakenValue::Word(word) => parameter(word.clone().into()),
+            SettingValue::Word(word) => parameter(word.clone().into()),
         };
         parameter.with_constraints(allowed)
     }));
@@ -46,13 +46,13 @@ mod tests {
     #[test]
     fn every_setting_of_every_controller_is_a_parameter_with_its_range() {
         for name in controllers::NAMES {
-            let taken = controllers::taken(name, &[]).unwrap();
-            let parameters = of_controller(name, &taken);
-            assert_eq!(parameters.len(), 1 + taken.len(), "{name}");
+            let settings = controllers::resolve_settings(name, &[]).unwrap();
+            let parameters = of_controller(name, &settings);
+            assert_eq!(parameters.len(), 1 + settings.len(), "{name}");
             assert!(parameters.iter().all(|parameter| parameter.descriptor.read_only));
         }
-        let taken = controllers::taken("nearest-frontier", &["search_ticks=7".to_owned()]).unwrap();
-        let parameters = of_controller("nearest-frontier", &taken);
+        let settings = controllers::resolve_settings("nearest-frontier", &["search_ticks=7".to_owned()]).unwrap();
+        let parameters = of_controller("nearest-frontier", &settings);
         let ticks = parameters.iter().find(|parameter| parameter.descriptor.name == "set.search_ticks").unwrap();
         assert_eq!(ticks.value, Value::from(7));
         assert_eq!(ticks.descriptor.integer_range[0].to_value, 1_000_000);

@@ -1,14 +1,15 @@
-//! Ways through what an agent knows: search on its own exploration map, and straight legs along what is found.
+//! Path planning on an agent's own exploration map: search, and straight legs along the path.
 //!
-//! In reading order: [`Moves`] is how a body of a given size may go from one cell to the next; [`Graph`] is these moves on a
-//! map; [`Search`] finds the cheapest way on a graph; [`Budgeted`] and [`Background`] say when the answer of a search may be
-//! used; [`straighten`] turns a way into way-points, and [`direct`] says whether no search is needed.
+//! In reading order: [`Moves`] are the steps of a body of a given size from cell to cell; [`Graph`]
+//! is these moves on a map; [`Search`] finds the cheapest path on a graph; [`Budgeted`] and
+//! [`Background`] define when the result of a search is available; [`straighten`] reduces a path to
+//! waypoints, and [`direct`] says whether no search is needed.
 //!
-//! Invariants: the sphere of the body, moved along anything that is found here, touches neither wall nor unexplored cells
-//! (what it touches where it starts excepted); costs are integers and every order is total, so an answer depends on the map
-//! and the question alone. That there is no way is an answer.
+//! Invariants: the sphere of the body, moved along any path found here, touches neither wall nor
+//! unexplored cells (except those it touches at the start); costs are integers and every order is
+//! total, so a result depends on the map and the query alone. The absence of a path is a result.
 //!
-//! This module knows nothing of other bodies, of headings or of how long a way takes.
+//! This module does not consider other bodies, headings or travel times.
 
 mod graph;
 mod legs;
@@ -25,20 +26,20 @@ pub use timing::{Background, Budgeted};
 
 use voxels::{Cell, Extent};
 
-/// Cost of a way as long as the edge of a cell. Diagonals cost the square roots of 2 and 3 times that, rounded.
+/// Cost of a path of one cell edge. Diagonals cost the square roots of 2 and 3 times that, rounded.
 pub const EDGE_COST: u64 = 1_000_000;
 
-/// A way from cell to cell.
+/// A path from cell to cell.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Path {
     /// From the start to the goal, both included; only the start if it is the goal.
     pub cells: Vec<Cell>,
-    /// Its length, in units of [`EDGE_COST`] to the edge of a cell.
+    /// Length of the path, in units of [`EDGE_COST`] per cell edge.
     pub cost: u64,
 }
 
 impl Path {
-    /// Its length along the centres of its cells, metres.
+    /// Length along the centres of the cells, metres.
     #[must_use]
     pub fn length_m(&self, extent: Extent) -> f64 {
         self.cost as f64 / EDGE_COST as f64 * extent.cell_m()

@@ -1,9 +1,11 @@
-//! The agents' link over ROS 2: one participant for the process, and one node `agent_<id>` for each of its agents.
+//! The ROS 2 transport of agents: one participant for the process, and one node `agent_<id>` for
+//! each of its agents.
 //!
-//! Invariants: what is sent for one agent never waits for another one (see [`ros_node`]); what is on a topic of another agent,
-//! or addressed to one, does not come out; nor does an observation or a reply that another process sends than the one that sent the
-//! first scenario, for everybody in the network can publish them. When to say something is decided in `run.rs`. This file is the only one here
-//! that knows the ROS client. Agents do not listen to `/clock`: an observation says what time it is.
+//! Invariants: sending for one agent never blocks another one (see [`ros_node`]); messages on or
+//! for another agent's topic are dropped, and so are observations and replies of any participant
+//! but the one that sent the first scenario, since every participant can publish them. The protocol
+//! itself is in `host.rs`. This is the only file here that knows the ROS client. Agents do not
+//! subscribe to `/clock`: an observation includes its tick.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -21,23 +23,23 @@ use ros_node::rosout::Rosout;
 use ros_node::{Inbox, Outlet, RosError, Sample, SharedParameters, Tally, Workshop, linger, now};
 use ros2_client::{Context, Node};
 
-use crate::link::{Inbound, Level, Link};
 use crate::parameters;
+use crate::transport::{Inbound, Level, ServerTransport};
 
-/// The agents of a process in a ROS network.
-pub struct RosLink {
-    /// Messages, and `None` for what has been dealt with.
+/// The agents of a process as nodes of a ROS 2 network.
+pub struct RosTransport {
+    /// Messages, and `None` for those handled already.
     inbox: Inbox<Result<Option<Inbound>, String>>,
-    seats: Vec<Seat>,
+    agents: Vec<AgentEndpoints>,
     ignored: Tally,
-    /// Who looks at what the agents believe, by seat.
+    /// The subscriptions to the maps, by agent.
     audience: Audience,
-    onlookers: BTreeMap<AgentId, u64>,
+    observers: BTreeMap<AgentId, u64>,
     context: Context,
 }
 
-/// An agent of this process.
-struct Seat {
+/// The node of an agent with its publishers.
+struct AgentEndpoints {
     agent: AgentId,
     join: Outlet<Join>,
     command: Outlet<Command>,
@@ -47,33 +49,33 @@ struct Seat {
     node: Node,
 }
 
-impl RosLink {
-    /// Joins the network as these agents, with services by which people read their parameters, or without.
+impl RosTransport {
+    /// Creates the nodes of these agents, with parameter services or without.
     ///
     /// # Errors
-    /// If the network cannot be joined, or the system has not enough of something.
-    pub fn new(agents: &[AgentId], has_parameters: bool, env: &RosEnv) -> Result<Self, RosError> {
+    /// If the network cannot be joined, or a resource of the system is exhausted.
+    pub fn new(ids: &[AgentId], has_parameters: bool, env: &RosEnv) -> Result<Self, RosError> {
         // Six services need three times what the protocol needs.
         let share = if has_parameters { 4 } else { 1 };
-        ros_node::allow_open_files(u32::try_from(agents.len() * share).unwrap_or(u32::MAX))?;
+        ros_node::allow_open_files(u32::try_from(ids.len() * share).unwrap_or(u32::MAX))?;
         let context = ros_node::join(env, false)?;
         let mut workshop = Workshop::of(&context);
         let mut inbox = Inbox::default();
-        let mut seats = Vec::new();
+        let mut agents = Vec::new();
         let server = Server::default();
-        for &agent in agents {
+        for &agent in ids {
             let name = format!("agent_{agent}");
             let mut node = ros_node::node(&context, &name)?;
-            if seats.is_empty() {
+            if agents.is_empty() {
                 let found = server.clone();
                 workshop.inlet(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
                     let source = sample.source;
-                    // Who plays a recording is no server.
+                    // A replayed recording has no server.
                     let mut scenario = message(sample)?;
                     if scenario.run != Scenario::NO_RUN {
                         found.is(source);
                     }
-                    // Only the server itself begins its run again.
+                    // Only the server itself resets its run.
                     if !found.may_be(source) {
                         scenario.origin = scenario.run;
                     }
@@ -102,56 +104,57 @@ impl RosLink {
                     Err(reason) => Err(reason),
                 })?;
             }
-            seats.push(Seat { agent, join, command, belief, rosout, parameters, node });
+            agents.push(AgentEndpoints { agent, join, command, belief, rosout, parameters, node });
         }
-        let beliefs: Vec<_> = agents.iter().map(|&agent| topics::belief(agent)).collect();
-        let audience = Audience::new(&beliefs);
+        let map_topics: Vec<_> = ids.iter().map(|&agent| topics::belief(agent)).collect();
+        let audience = Audience::new(&map_topics);
         let ignored = Tally::new("message ignored".to_owned());
-        Ok(RosLink { inbox, seats, ignored, audience, onlookers: BTreeMap::new(), context })
+        Ok(RosTransport { inbox, agents, ignored, audience, observers: BTreeMap::new(), context })
     }
 
-    fn seat(&mut self, agent: AgentId) -> Option<&mut Seat> {
-        self.seats.iter_mut().find(|seat| seat.agent == agent)
+    fn endpoints(&mut self, agent: AgentId) -> Option<&mut AgentEndpoints> {
+        self.agents.iter_mut().find(|endpoints| endpoints.agent == agent)
     }
 }
 
-impl Link for RosLink {
-    fn join(&mut self, join: &Join) {
-        if let Some(seat) = self.seat(AgentId(join.agent)) {
-            seat.join.publish(&mut seat.node, join);
+impl ServerTransport for RosTransport {
+    fn send_join(&mut self, join: &Join) {
+        if let Some(endpoints) = self.endpoints(AgentId(join.agent)) {
+            endpoints.join.publish(&mut endpoints.node, join);
         }
     }
 
-    fn answer(&mut self, command: &Command) {
-        if let Some(seat) = self.seat(AgentId(command.agent)) {
-            seat.command.publish(&mut seat.node, command);
+    fn send_command(&mut self, command: &Command) {
+        if let Some(endpoints) = self.endpoints(AgentId(command.agent)) {
+            endpoints.command.publish(&mut endpoints.node, command);
         }
     }
 
-    fn onlookers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
+    fn observers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
         if self.audience.look(&self.context) {
-            let numbered = self.seats.iter().enumerate();
-            self.onlookers =
-                numbered.filter_map(|(number, seat)| Some((seat.agent, self.audience.arrivals(number)?))).collect();
+            let numbered = self.agents.iter().enumerate();
+            self.observers = numbered
+                .filter_map(|(number, endpoints)| Some((endpoints.agent, self.audience.arrivals(number)?)))
+                .collect();
         }
-        (!self.onlookers.is_empty()).then_some(&self.onlookers)
+        (!self.observers.is_empty()).then_some(&self.observers)
     }
 
-    fn show(&mut self, agent: AgentId, part: &Marker) {
-        if let Some(seat) = self.seat(agent) {
-            seat.belief.publish(&mut seat.node, part);
+    fn publish_map(&mut self, agent: AgentId, part: &Marker) {
+        if let Some(endpoints) = self.endpoints(agent) {
+            endpoints.belief.publish(&mut endpoints.node, part);
         }
     }
 
     fn log(&mut self, agent: AgentId, level: Level, text: &str) {
-        if let Some(seat) = self.seat(agent) {
-            seat.rosout.say(&mut seat.node, level, text);
+        if let Some(endpoints) = self.endpoints(agent) {
+            endpoints.rosout.say(&mut endpoints.node, level, text);
         }
     }
 
-    fn describe(&mut self, agent: AgentId, parameters: Vec<Parameter>) {
-        if let Some(seat) = self.seat(agent) {
-            seat.parameters.borrow_mut().declare(parameters);
+    fn declare_parameters(&mut self, agent: AgentId, parameters: Vec<Parameter>) {
+        if let Some(endpoints) = self.endpoints(agent) {
+            endpoints.parameters.borrow_mut().declare(parameters);
         }
     }
 
@@ -161,7 +164,7 @@ impl Link for RosLink {
             let left = timeout.saturating_sub(begun.elapsed());
             match self.inbox.receive(left)? {
                 Ok(None) => {}
-                Ok(Some(Inbound::JoinReply(reply))) if self.seat(AgentId(reply.agent)).is_none() => {}
+                Ok(Some(Inbound::JoinReply(reply))) if self.endpoints(AgentId(reply.agent)).is_none() => {}
                 Ok(Some(message)) => return Some(message),
                 Err(reason) => self.ignored.add(&reason),
             }
@@ -172,33 +175,33 @@ impl Link for RosLink {
     }
 }
 
-impl Drop for RosLink {
+impl Drop for RosTransport {
     fn drop(&mut self) {
         linger(false);
     }
 }
 
-/// The message of a sample, or whose bytes could not be read and why.
+/// The message of a sample, or the sender of undecodable bytes and the reason.
 fn message<M>(sample: Sample<M>) -> Result<M, String> {
     sample.message.map_err(|reason| format!("{reason}, sent by participant {:02x?}", sample.source))
 }
 
-/// The process whose scenario came in first: the one that is listened to.
+/// The participant that sent the first scenario, which is taken to be the server.
 #[derive(Clone, Default)]
 struct Server(Rc<Cell<Option<[u8; 16]>>>);
 
 impl Server {
-    /// It is this one, unless it is known already.
+    /// Sets the server, unless it is known.
     fn is(&self, source: [u8; 16]) {
         self.0.set(self.0.get().or(Some(source)));
     }
 
-    /// Whether it is this one, as far as is known.
+    /// Whether a participant is the server, as far as is known.
     fn may_be(&self, source: [u8; 16]) -> bool {
         self.0.get().is_none_or(|server| server == source)
     }
 
-    /// The message of a sample that it has sent.
+    /// The message of a sample, if the server sent it.
     fn message<M>(&self, sample: Sample<M>) -> Result<M, String> {
         let source = sample.source;
         if !self.may_be(source) {

@@ -1,29 +1,32 @@
-//! Agents tell each other what they know: the protocol by which maps are shared, over parcels.
+//! Map sharing: the protocol by which agents in contact exchange their maps.
 //!
-//! Each agent tells each peer, once, what is new since it last told it, its own findings and those it was told by others
-//! alike, but nothing that the peer told it, nor what others have told the peer in its hearing: a parcel names all who are told
-//! the same in the same tick, and what they were told then is not told to them again.
+//! Each agent sends each peer every change of its map once, its own findings and those received
+//! from others alike, except what the peer itself has sent, and what the peer has received from
+//! others together with this agent: a message names all its receivers, and none of them is sent its
+//! content again.
 //!
-//! Exchanges take place in the ticks that are multiples of the period, as in the reference, so that all agents in contact tell
-//! each other at once. A peer that is met for the first time is told at once, and so is one that was out of contact when its
-//! turn came. What does not fit into the parcels of a tick goes on in the next one.
+//! Exchanges take place in the ticks that are multiples of the period, as in the reference, so that
+//! all agents in contact exchange at the same time. At a first contact the exchange is immediate,
+//! and so it is with a peer that was out of contact in its turn. What does not fit into the
+//! messages of a tick is continued in the next one.
 //!
-//! Delivery: a parcel to an agent that is a contact in the observation it answers arrives, since contact is judged for the same
-//! positions. Only an inbox that is full loses it: one exchange leaves room there for everybody else's (`INBOX_BYTES`), and
-//! goes on a period later if it must.
+//! Delivery: a message to a contact of the observation it replies to arrives, since contact is
+//! decided for the same positions. Only a full inbox loses it: one exchange leaves room there for
+//! those of all others (`INBOX_BYTES`), and is continued a period later if necessary.
 //!
-//! **Trust.** An agent that tells each entry of its journal once can tell a peer of no more cells than a journal can have entries:
-//! [`CHANGES_MAX`] for each cell of the map. Whoever tells of more is broken or wants to waste the time of others, and nothing is
-//! taken in from it any more. So all that one sender can cost an agent in a run is bounded, and so is each observation.
+//! **Trust.** An agent that sends each entry of its journal once cannot report more cells to a peer
+//! than a journal has entries: [`CHANGES_MAX`] for each cell of the map. A sender that reports more
+//! is faulty or malicious, and is barred: nothing of it is merged any more. So the cost that one
+//! sender can cause in a run is bounded, and so is each observation.
 //!
-//! Invariants: the cost of an exchange is that of the news; what is sent hangs on the order of nothing but the journal and the
-//! ids; a parcel that is refused changes nothing but what is counted.
+//! Invariants: the cost of an exchange is proportional to the changes; messages depend only on the
+//! journal and on ids; a rejected message changes nothing but counters.
 //!
-//! This module does not decide when an agent is asked; it says when it wants to be ([`Sharing::wants_to_be_asked_at`]). It must
-//! be called in ticks that count only.
+//! This module does not schedule the agent; it states when it is due ([`Sharing::next_trigger`]).
+//! Call it in committed ticks only.
 
 mod bits;
-mod parcel;
+mod map_message;
 #[cfg(test)]
 mod tests;
 
@@ -34,106 +37,106 @@ use msgs::ids::{AgentId, Tick};
 use msgs::limits::{PARCEL_BYTES_BARE, PARCEL_BYTES_MAX};
 use msgs::maes_msgs::Wake as Events;
 
-use crate::command::{Parcel, Wake};
+use crate::command::{AgentMessage, Trigger};
 use crate::exploration_map::{CHANGES_MAX, Delta, ExplorationMap};
-use crate::observation::{Contact, Received};
-pub use parcel::{ParcelError, VERSION};
+use crate::observation::{Contact, ReceivedMessage};
+pub use map_message::{MapMessageError, VERSION};
 
-/// The mark of map parcels; all other marks are the controllers'.
-pub const MAP_PARCEL: u8 = 1;
+/// The mark of map messages; all other marks are the controllers'.
+pub const MAP_MESSAGE: u8 = 1;
 
 /// Ticks between exchanges in the reference: 5.02 s.
 pub const DEFAULT_PERIOD_TICKS: u32 = 251;
 
-/// Bytes that lie in an inbox at the most; the server loses what does not fit.
+/// Capacity of an inbox, bytes; the server drops what does not fit.
 const INBOX_BYTES: usize = 64 * PARCEL_BYTES_MAX;
 
-/// Below this many bytes nothing is started: a tick later the runs are longer.
+/// Nothing is started with fewer bytes left than this: a tick later the runs are longer.
 const BUDGET_MIN: usize = 1024;
 
-/// What an agent remembers of the exchanges with its peers.
+/// The state of an agent's exchanges with its peers.
 #[derive(Debug, Clone)]
 pub struct Sharing {
     period: u64,
     agents: u32,
     peers: BTreeMap<AgentId, Peer>,
-    hearings: Vec<Hearing>,
+    provenances: Vec<Provenance>,
     totals: Totals,
 }
 
-/// How far a peer has been told.
+/// The state of the exchanges with one peer.
 #[derive(Debug, Clone, Default)]
 struct Peer {
-    /// The journal before this position has been told, or needs not be.
+    /// Entries of the journal before this position are sent, or need not be.
     cursor: usize,
-    /// The present exchange ends at this position.
+    /// End of the present exchange in the journal.
     until: usize,
     /// Bytes of the present exchange.
     bytes: usize,
-    /// When the last exchange began.
+    /// Tick in which the last exchange began.
     last: Option<Tick>,
-    /// Cells that it has told of, each as often as it has.
+    /// Number of cells the peer has reported, repetitions included.
     claims: u64,
-    /// Whether it has told of more than it can know.
+    /// Whether the peer has reported more cells than it can know.
     is_barred: bool,
 }
 
-/// Who knows a part of the journal, because it was learnt from a parcel.
+/// The agents that know a section of the journal because of a message.
 #[derive(Debug, Clone)]
-struct Hearing {
+struct Provenance {
     positions: Range<usize>,
-    /// The sender, and all who were told the same.
-    knowing: Vec<AgentId>,
+    /// The sender, and all receivers of the message.
+    holders: Vec<AgentId>,
 }
 
-/// What came of the parcels of one observation.
+/// The outcome of the messages of one observation.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Report {
-    /// Map parcels that were taken in.
-    pub parcels: usize,
-    /// Entries that they made in the journal.
+    /// Map messages merged.
+    pub messages: usize,
+    /// Journal entries that they made.
     pub news: usize,
-    /// Map parcels that were refused: from whom, and why.
-    pub refused: Vec<(AgentId, ParcelError)>,
+    /// Map messages rejected: sender and reason.
+    pub refused: Vec<(AgentId, MapMessageError)>,
 }
 
-/// Running totals of an agent's map parcels.
+/// Running totals of an agent's map messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Totals {
-    /// Sent; one to everybody in contact counts once.
-    pub parcels_sent: u64,
-    /// Bytes of data in them.
+    /// Messages sent; a broadcast counts once.
+    pub messages_sent: u64,
+    /// Bytes of data sent.
     pub bytes_sent: u64,
-    /// Taken in.
-    pub parcels_taken: u64,
-    /// Bytes of data in them.
+    /// Messages merged.
+    pub messages_taken: u64,
+    /// Bytes of data merged.
     pub bytes_taken: u64,
-    /// Refused because they were malformed, or their senders have told of more than they can know.
-    pub parcels_refused: u64,
-    /// Bytes of data in them.
+    /// Messages rejected, as malformed or from barred senders.
+    pub messages_refused: u64,
+    /// Bytes of data rejected.
     pub bytes_refused: u64,
-    /// Cells that the parcels taken in told of, known or not: the work that they were.
+    /// Cells reported by merged messages, known or not: a measure of their cost.
     pub cells_taken: u64,
 }
 
-/// How many bits a cell is at first taken to need on the wire: about as many as what a LiDAR finds in the open does need.
+/// First estimate of the bits per cell on the wire: about what LiDAR scans in open space need.
 const CELL_BITS_USUAL: usize = 2;
 
-/// The data of parcels, and for whom each is.
+/// The data of messages with their receivers.
 type Batch = Vec<(Vec<AgentId>, Vec<u8>)>;
 
-/// Positions of the journal, and who is to be told them.
+/// Sections of the journal by the agents to send them to.
 type News = BTreeMap<Vec<AgentId>, Vec<Range<usize>>>;
 
 impl Sharing {
-    /// Nobody has been met. With a period of 0 the agent listens, but tells nobody anything.
+    /// No exchanges yet. With a period of 0 the agent only receives.
     #[must_use]
     pub fn new(period_ticks: u32, agents: u32) -> Self {
         Self {
             period: period_ticks.into(),
             agents,
             peers: BTreeMap::new(),
-            hearings: Vec::new(),
+            provenances: Vec::new(),
             totals: Totals::default(),
         }
     }
@@ -144,17 +147,17 @@ impl Sharing {
         &self.totals
     }
 
-    /// Takes in the map parcels among those received; leaves all others alone.
+    /// Merges the map messages among those received; ignores all others.
     ///
-    /// A parcel that is malformed is refused as a whole and reported, and so is all that comes from a sender that has told of more
-    /// cells than it can have news of.
-    pub fn incoming(&mut self, map: &mut ExplorationMap, parcels: &[Received]) -> Report {
+    /// A malformed message is rejected as a whole and reported, and so is any message of a barred
+    /// sender.
+    pub fn incoming(&mut self, map: &mut ExplorationMap, messages: &[ReceivedMessage]) -> Report {
         let mut report = Report::default();
-        for Received { from, data, .. } in parcels.iter().filter(|parcel| parcel.kind == MAP_PARCEL) {
+        for ReceivedMessage { from, data, .. } in messages.iter().filter(|message| message.kind == MAP_MESSAGE) {
             let (receivers, delta) = match self.admit(map, *from, data) {
                 Ok(content) => content,
                 Err(reason) => {
-                    self.totals.parcels_refused += 1;
+                    self.totals.messages_refused += 1;
                     self.totals.bytes_refused += data.len() as u64;
                     report.refused.push((*from, reason));
                     continue;
@@ -163,60 +166,61 @@ impl Sharing {
             let start = map.journal_len();
             map.merge(&delta, *from);
             let positions = start..map.journal_len();
-            self.totals.parcels_taken += 1;
+            self.totals.messages_taken += 1;
             self.totals.bytes_taken += data.len() as u64;
-            report.parcels += 1;
+            report.messages += 1;
             report.news += positions.len();
-            self.remember(Hearing { positions, knowing: receivers.into_iter().chain([*from]).collect() });
+            self.remember(Provenance { positions, holders: receivers.into_iter().chain([*from]).collect() });
         }
         report
     }
 
-    /// What a parcel says, and to whom, unless it is to be refused. Of a sender that is barred, no byte is looked at.
+    /// Decodes a message and its receivers, unless it is to be rejected. Messages of barred senders
+    /// are not decoded.
     fn admit(
         &mut self,
         map: &ExplorationMap,
         from: AgentId,
         data: &[u8],
-    ) -> Result<(Vec<AgentId>, Delta), ParcelError> {
+    ) -> Result<(Vec<AgentId>, Delta), MapMessageError> {
         let allowance = (CHANGES_MAX * map.extent().volume()) as u64;
         let sender = self.peers.entry(from).or_default();
         if sender.is_barred {
-            return Err(ParcelError::Barred { allowance });
+            return Err(MapMessageError::Barred { allowance });
         }
-        let (receivers, delta) = parcel::decode(data, map.extent(), self.agents)?;
+        let (receivers, delta) = map_message::decode(data, map.extent(), self.agents)?;
         let cells = delta.len() as u64;
         if sender.claims + cells > allowance {
             sender.is_barred = true;
-            return Err(ParcelError::Barred { allowance });
+            return Err(MapMessageError::Barred { allowance });
         }
         sender.claims += cells;
         self.totals.cells_taken += cells;
         Ok((receivers, delta))
     }
 
-    fn remember(&mut self, hearing: Hearing) {
-        match self.hearings.last_mut() {
-            _ if hearing.positions.is_empty() => {}
-            Some(last) if last.positions.end == hearing.positions.start && last.knowing == hearing.knowing => {
-                last.positions.end = hearing.positions.end;
+    fn remember(&mut self, provenance: Provenance) {
+        match self.provenances.last_mut() {
+            _ if provenance.positions.is_empty() => {}
+            Some(last) if last.positions.end == provenance.positions.start && last.holders == provenance.holders => {
+                last.positions.end = provenance.positions.end;
             }
-            _ => self.hearings.push(hearing),
+            _ => self.provenances.push(provenance),
         }
     }
 
-    /// What there is to tell in this tick to agents in contact (ascending by id), in parcels that take `budget` bytes at the
-    /// most, [`PARCEL_BYTES_BARE`] for each of them included.
+    /// The messages of this tick to the agents in contact (ascending by id), with at most `budget`
+    /// bytes, [`PARCEL_BYTES_BARE`] per message included.
     pub fn outgoing(
         &mut self,
         map: &ExplorationMap,
         contacts: &[Contact],
         now: Tick,
         mut budget: usize,
-    ) -> Vec<Parcel> {
-        let mut parcels = Vec::new();
+    ) -> Vec<AgentMessage> {
+        let mut messages = Vec::new();
         if self.period == 0 {
-            return parcels;
+            return messages;
         }
         for contact in contacts {
             let peer = self.peers.entry(contact.agent).or_default();
@@ -234,9 +238,9 @@ impl Sharing {
                 }
                 let mut send = |to, data: Vec<u8>| {
                     budget -= data.len() + PARCEL_BYTES_BARE;
-                    self.totals.parcels_sent += 1;
+                    self.totals.messages_sent += 1;
                     self.totals.bytes_sent += data.len() as u64;
-                    parcels.push(Parcel { to, kind: MAP_PARCEL, data });
+                    messages.push(AgentMessage { to, kind: MAP_MESSAGE, data });
                 };
                 if receivers.len() == contacts.len() {
                     send(None, data);
@@ -246,13 +250,13 @@ impl Sharing {
             }
             self.told(contacts, end);
         }
-        parcels
+        messages
     }
 
-    /// What the contacts are to be told next, as the data of parcels and for whom each is, and the position of the journal at which
-    /// it ends. It fits into the budget, and mostly fills a good part of it.
+    /// The next messages for the contacts, and the position of the journal at which they end. They
+    /// fit into the budget, and mostly use a good part of it.
     fn batch(&self, map: &ExplorationMap, contacts: &[Contact], budget: usize) -> Option<(Batch, usize)> {
-        // How long cells are on the wire is only known once they are written.
+        // The encoded size of cells is only known afterwards.
         let mut cell_bits = CELL_BITS_USUAL;
         loop {
             let (news, end) = self.news(contacts, budget, cell_bits)?;
@@ -260,7 +264,7 @@ impl Sharing {
             let mut batch = Batch::new();
             for (receivers, positions) in news {
                 let delta = Delta::of(map.extent(), positions.into_iter().flat_map(|range| map.changes(range)));
-                let data = parcel::encode(&receivers, &delta);
+                let data = map_message::encode(&receivers, &delta);
                 bytes += copies(&receivers, contacts) * (data.len() + PARCEL_BYTES_BARE);
                 batch.push((receivers, data));
             }
@@ -269,17 +273,17 @@ impl Sharing {
             }
             let needed = (cell_bits * bytes).div_ceil(budget);
             // With `CELL_BYTES_MAX` it surely fits.
-            cell_bits = needed.min(8 * parcel::CELL_BYTES_MAX).max(cell_bits + 1);
+            cell_bits = needed.min(8 * map_message::CELL_BYTES_MAX).max(cell_bits + 1);
         }
     }
 
-    /// When the agent has something to do for its map parcels next, after [`Sharing::outgoing`] has been called in this tick:
-    /// in the next tick if something is left over, else when an exchange with a present contact is due, and when contacts
-    /// change.
+    /// When map sharing is due next, after [`Sharing::outgoing`] has been called in this tick: in
+    /// the next tick if an exchange is incomplete, else when an exchange with a present contact is
+    /// due, or when contacts change.
     #[must_use]
-    pub fn wants_to_be_asked_at(&self, contacts: &[Contact], now: Tick) -> Wake {
+    pub fn next_trigger(&self, contacts: &[Contact], now: Tick) -> Trigger {
         if self.period == 0 || self.agents < 2 {
-            return Wake { at: Tick(u64::MAX), events: 0 };
+            return Trigger { at: Tick(u64::MAX), events: 0 };
         }
         let due = |contact: &Contact| match self.peers.get(&contact.agent) {
             Some(Peer { cursor, until, last: Some(last), .. }) if cursor == until => {
@@ -287,11 +291,11 @@ impl Sharing {
             }
             _ => now.next(),
         };
-        Wake { at: contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)), events: Events::CONTACTS }
+        Trigger { at: contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)), events: Events::CONTACTS }
     }
 
-    /// From where the first of the contacts has been told, as many news as fit into the budget if they take so many bits a cell;
-    /// where they end.
+    /// As many journal entries, from the first one that a contact has not been sent, as fit into
+    /// the budget at this estimate of bits per cell; and where they end.
     fn news(&self, contacts: &[Contact], mut budget: usize, cell_bits: usize) -> Option<(News, usize)> {
         let waiting: Vec<(AgentId, &Peer)> = contacts
             .iter()
@@ -301,21 +305,22 @@ impl Sharing {
         let start = waiting.iter().map(|(_, peer)| peer.cursor).min()?;
         let mut at = start;
         let mut news = News::new();
-        let mut hearings = self.hearings[self.hearings.partition_point(|hearing| hearing.positions.end <= at)..].iter();
-        let mut hearing = hearings.next();
-        // Piece by piece of the journal; a piece is new to the same peers throughout.
+        let mut provenances =
+            self.provenances[self.provenances.partition_point(|provenance| provenance.positions.end <= at)..].iter();
+        let mut provenance = provenances.next();
+        // Section by section of the journal; a section is new to the same peers throughout.
         loop {
-            if hearing.is_some_and(|hearing| hearing.positions.end <= at) {
-                hearing = hearings.next();
+            if provenance.is_some_and(|provenance| provenance.positions.end <= at) {
+                provenance = provenances.next();
             }
-            let heard = hearing.filter(|hearing| hearing.positions.start <= at);
-            let hearing_edge =
-                hearing.map(|hearing| if heard.is_some() { hearing.positions.end } else { hearing.positions.start });
+            let heard = provenance.filter(|provenance| provenance.positions.start <= at);
+            let hearing_edge = provenance
+                .map(|provenance| if heard.is_some() { provenance.positions.end } else { provenance.positions.start });
             let peer_edges = waiting.iter().flat_map(|(_, peer)| [peer.cursor, peer.until]);
             let Some(end) = peer_edges.chain(hearing_edge).filter(|&edge| edge > at).min() else {
                 break;
             };
-            let knows = |agent: &AgentId| heard.is_some_and(|hearing| hearing.knowing.contains(agent));
+            let knows = |agent: &AgentId| heard.is_some_and(|provenance| provenance.holders.contains(agent));
             let receivers: Vec<AgentId> = waiting
                 .iter()
                 .filter(|(agent, peer)| peer.cursor <= at && at < peer.until && !knows(agent))
@@ -328,7 +333,7 @@ impl Sharing {
             let copies = copies(&receivers, contacts);
             let bare = match news.contains_key(&receivers) {
                 true => 0,
-                false => copies * (parcel::bare_bytes_max(receivers.len()) + PARCEL_BYTES_BARE),
+                false => copies * (map_message::bare_bytes_max(receivers.len()) + PARCEL_BYTES_BARE),
             };
             let fitting = 8 * budget.saturating_sub(bare) / (copies * cell_bits);
             let taken = (end - at).min(fitting);
@@ -342,7 +347,7 @@ impl Sharing {
         (at > start).then_some((news, at))
     }
 
-    /// Notes that contacts have been told what is new to them before this position.
+    /// Records that the contacts have been sent everything before this position.
     fn told(&mut self, contacts: &[Contact], end: usize) {
         let bytes_max = INBOX_BYTES / (2 * self.agents.max(1) as usize);
         for contact in contacts {
@@ -355,7 +360,7 @@ impl Sharing {
     }
 }
 
-/// How many parcels it takes to tell some of the contacts the same.
+/// Number of messages that it takes to send the same to some of the contacts.
 fn copies(receivers: &[AgentId], contacts: &[Contact]) -> usize {
     if receivers.len() == contacts.len() { 1 } else { receivers.len() }
 }

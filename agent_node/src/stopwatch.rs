@@ -1,4 +1,4 @@
-//! How long decisions take, in wall time: for people only. No result hangs on it.
+//! Wall time of decisions, for information only: no result depends on it.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -7,18 +7,18 @@ use crate::command::Command;
 use crate::controllers::{Controller, Ctx};
 use crate::observation::Observation;
 
-/// The wall time of each decision of some agents, in no order. Its clones share it.
+/// The wall time of each decision of some agents, in no order. Clones share it.
 #[derive(Debug, Clone, Default)]
 pub struct DecisionTimes(Arc<Mutex<Vec<Duration>>>);
 
 impl DecisionTimes {
-    /// The same controller, with its decisions timed.
+    /// Wraps a controller to time its decisions.
     #[must_use]
     pub fn of(&self, controller: Box<dyn Controller>) -> Box<dyn Controller> {
         Box::new(Timed { controller, times: self.clone() })
     }
 
-    /// All of them, ascending.
+    /// All times, ascending.
     #[must_use]
     pub fn sorted(&self) -> Vec<Duration> {
         let mut times = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -40,8 +40,8 @@ impl Controller for Timed {
         command
     }
 
-    fn is_asked_between(&self) -> bool {
-        self.controller.is_asked_between()
+    fn is_polled_between_triggers(&self) -> bool {
+        self.controller.is_polled_between_triggers()
     }
 }
 

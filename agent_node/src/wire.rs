@@ -1,13 +1,15 @@
-//! Messages to and from domain types: the only place of the agent that knows both.
+//! Conversion between messages and domain types: the only module of the agent that knows both.
 //!
-//! Invariant: what comes out of [`briefing`] and [`Collector`] is consistent, whatever was sent: cells and places lie inside the
-//! map, numbers are numbers, agents take part, ticks are those of the run.
+//! Invariant: the results of [`run_info`] and [`FragmentReassembler`] are consistent, whatever was
+//! received: cells and points lie inside the map, numbers are finite, agents are part of the run,
+//! ticks are within its duration.
 //!
 //! This module sends nothing and knows no transport.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
+use msgs::body_model::UnknownBodyKind;
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
@@ -16,64 +18,66 @@ use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 use voxels::{Extent, ExtentError, RunsError};
 
-use crate::body::{Bodies, Body, BodyKind};
-use crate::command::{Command, LidarRequest, Motion};
-use crate::observation::{Briefing, Cells, Collision, Contact, Observation, Pose, Reading, Received, Relay, Surface};
+use crate::bodies::{Bodies, BodyModel};
+use crate::command::{Command, Motion};
+use crate::observation::{
+    Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, RunInfo, Surface,
+};
 
-/// Why a message of the server cannot be used.
+/// Why a message of the server is rejected.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum WireError {
-    /// The map has an impossible size.
+    /// The extent of the map is illegal.
     #[error("scenario: {0}")]
     Extent(#[from] ExtentError),
-    /// The bodies are not those of the team.
+    /// The bodies do not match the team.
     #[error("scenario: {field} = {value}: expected {allowed}")]
     Bodies {
-        /// Which field.
+        /// The field.
         field: &'static str,
-        /// What it says.
+        /// Its value.
         value: String,
-        /// What it may say.
+        /// The legal values.
         allowed: String,
     },
-    /// A list of cells is not one of this map.
+    /// A list of cells does not fit the map.
     #[error("observation of tick {tick}: {source}")]
     Cells {
-        /// The tick.
+        /// The tick of the observation.
         tick: Tick,
         /// What is wrong.
         source: RunsError,
     },
-    /// Something is said that cannot be.
+    /// A value is illegal.
     #[error("observation of tick {tick}: {field} = {value}: expected {allowed}")]
     Value {
-        /// The tick.
+        /// The tick of the observation.
         tick: Tick,
-        /// Which field.
+        /// The field.
         field: &'static str,
-        /// What it says.
+        /// Its value.
         value: String,
-        /// What it may say.
+        /// The legal values.
         allowed: String,
     },
-    /// A part says that it is not one of its parts, or of more or fewer parts than the others do.
+    /// A fragment number is out of range, or the fragments disagree on their count.
     #[error("observation of tick {tick}: part {part} of {parts}")]
     Part {
-        /// The tick.
+        /// The tick of the observation.
         tick: Tick,
-        /// Number of the part.
+        /// Number of the fragment.
         part: u16,
-        /// How many there are to be.
+        /// Count of fragments.
         parts: u16,
     },
 }
 
-/// A scenario as a briefing.
+/// The run info of a scenario.
 ///
 /// # Errors
-/// If the map has an impossible size, or not every agent a body.
-pub fn briefing(scenario: &maes_msgs::Scenario) -> Result<Briefing, WireError> {
-    Ok(Briefing {
+/// If the extent is illegal, or the bodies do not match the team.
+pub fn run_info(scenario: &maes_msgs::Scenario) -> Result<RunInfo, WireError> {
+    Ok(RunInfo {
         duration: Tick(scenario.duration_ticks),
         extent: Extent::new(scenario.size, scenario.cell_m)?,
         agents: scenario.agents,
@@ -96,7 +100,7 @@ fn bodies(scenario: &maes_msgs::Scenario) -> Result<Bodies, WireError> {
         let value = format!("{} entries", body_of.len());
         return Err(wrong("body_of", value, format!("one for each of {agents} agents")));
     }
-    let different: Result<Vec<Body>, WireError> = bodies.iter().map(body).collect();
+    let different: Result<Vec<BodyModel>, WireError> = bodies.iter().map(body).collect();
     let last = bodies.len().saturating_sub(1);
     let beyond = || body_of.iter().find(|&&body| usize::from(body) > last || bodies.is_empty());
     Bodies::new(different?, body_of.clone()).ok_or_else(|| {
@@ -105,50 +109,36 @@ fn bodies(scenario: &maes_msgs::Scenario) -> Result<Bodies, WireError> {
     })
 }
 
-fn body(message: &maes_msgs::Body) -> Result<Body, WireError> {
-    let kind = match message.kind {
-        maes_msgs::Body::SUBMARINE => BodyKind::Submarine,
-        maes_msgs::Body::AERIAL => BodyKind::Aerial,
-        other => {
-            let allowed = "0 (submarine) or 1 (aerial)".to_owned();
-            return Err(WireError::Bodies { field: "bodies.kind", value: other.to_string(), allowed });
-        }
-    };
-    Ok(Body {
-        kind,
-        radius_m: message.radius_m,
-        speed_max_m_s: message.speed_max_m_s,
-        acceleration_m_s2: message.acceleration_m_s2,
-        deceleration_m_s2: message.deceleration_m_s2,
-        turn_rate_max_rad_s: message.turn_rate_max_rad_s,
-        turn_acceleration_rad_s2: message.turn_acceleration_rad_s2,
-        turn_deceleration_rad_s2: message.turn_deceleration_rad_s2,
+fn body(message: &maes_msgs::Body) -> Result<BodyModel, WireError> {
+    BodyModel::try_from(message).map_err(|UnknownBodyKind { kind }| {
+        let allowed = "0 (submarine) or 1 (aerial)".to_owned();
+        WireError::Bodies { field: "bodies.kind", value: kind.to_string(), allowed }
     })
 }
 
-/// Puts the parts of observations together, in whatever order and however often they come.
+/// Reassembles observations from fragments, in any order and with repetitions.
 #[derive(Debug, Clone, Default)]
-pub struct Collector {
+pub struct FragmentReassembler {
     tick: Tick,
     phase: u8,
     parts: BTreeMap<u16, Part>,
 }
 
-/// An observation that is complete.
+/// A complete observation.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Collected {
+pub struct Reassembled {
     /// Whether the run is over.
     pub has_ended: bool,
-    /// What is learnt.
+    /// The observation.
     pub observation: Observation,
 }
 
-impl Collector {
-    /// Takes a part; gives the observation if it was the last one missing.
+impl FragmentReassembler {
+    /// Adds a fragment; returns the observation if it was the last one missing.
     ///
     /// # Errors
-    /// If the parts do not fit together or hold cells that are not in the map.
-    pub fn take(&mut self, part: Part, briefing: &Briefing) -> Result<Option<Collected>, WireError> {
+    /// If the fragments disagree or hold values that are illegal in the run.
+    pub fn take(&mut self, part: Part, run_info: &RunInfo) -> Result<Option<Reassembled>, WireError> {
         let tick = Tick(part.tick);
         let wrong = WireError::Part { tick, part: part.part, parts: part.parts };
         if part.part >= part.parts {
@@ -160,35 +150,35 @@ impl Collector {
         if self.parts.values().any(|other| other.parts != part.parts) {
             return Err(wrong);
         }
-        check(&part, briefing)?;
+        check(&part, run_info)?;
         let parts = usize::from(part.parts);
         self.parts.insert(part.part, part);
         if self.parts.len() < parts {
             return Ok(None);
         }
         let parts = std::mem::take(&mut self.parts);
-        collected(parts.into_values(), &briefing.extent).map(Some)
+        assemble(parts.into_values(), &run_info.extent).map(Some)
     }
 }
 
-/// Whether an agent can rely on the numbers of a part: it reckons with them, and a number that is none would get everywhere.
-fn check(part: &Part, briefing: &Briefing) -> Result<(), WireError> {
+/// Checks the numbers of a fragment: a NaN would otherwise spread through all computations.
+fn check(part: &Part, run_info: &RunInfo) -> Result<(), WireError> {
     let tick = Tick(part.tick);
     let require = |holds: bool, field, value: &dyn std::fmt::Debug, allowed: &dyn std::fmt::Display| match holds {
         true => Ok(()),
         false => Err(WireError::Value { tick, field, value: format!("{value:?}"), allowed: allowed.to_string() }),
     };
-    let extent = &briefing.extent;
+    let extent = &run_info.extent;
     let is_inside = |place: &geometry_msgs::Point| {
         [place.x, place.y, place.z].iter().all(|along| along.is_finite())
             && extent.contains(extent.cell_of(&point(place)))
     };
     let takes_part = |agent: u32| {
-        agent < briefing.agents || RelayId::from_wire(agent).is_some_and(|relay| relay.owner.0 < briefing.agents)
+        agent < run_info.agents || RelayId::from_wire(agent).is_some_and(|relay| relay.owner.0 < run_info.agents)
     };
     let inside = "a place in the map";
-    let ids = format!("agents, 0 to {}, and their relays", briefing.agents.saturating_sub(1));
-    require(tick <= briefing.duration, "tick", &tick, &format!("a tick of the run, 0 to {}", briefing.duration))?;
+    let ids = format!("agents, 0 to {}, and their relays", run_info.agents.saturating_sub(1));
+    require(tick <= run_info.duration, "tick", &tick, &format!("a tick of the run, 0 to {}", run_info.duration))?;
     require(is_inside(&part.position), "position", &part.position, &inside)?;
     require(part.yaw_rad.abs() <= TAU, "yaw_rad", &part.yaw_rad, &"-2 pi to 2 pi")?;
     let geometry_msgs::Vector3 { x, y, z } = part.velocity_m_s;
@@ -209,7 +199,7 @@ fn check(part: &Part, briefing: &Briefing) -> Result<(), WireError> {
     Ok(())
 }
 
-fn collected(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<Collected, WireError> {
+fn assemble(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<Reassembled, WireError> {
     let first = parts.next().expect("an observation has at least one part");
     let tick = Tick(first.tick);
     let volume = extent.volume();
@@ -229,7 +219,7 @@ fn collected(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<C
         events: first.events,
         contacts: Vec::new(),
         relays: Vec::new(),
-        parcels: Vec::new(),
+        messages: Vec::new(),
         readings: Vec::new(),
         scan_tick: (first.scan_tick != Part::NEVER).then_some(Tick(first.scan_tick)),
         seen: Cells::default(),
@@ -259,14 +249,14 @@ fn collected(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<C
         for maes_msgs::Parcel { agent, kind, data } in part.parcels {
             match RelayId::from_wire(agent) {
                 Some(relay) => observation.readings.push(Reading { relay, kind, data }),
-                None => observation.parcels.push(Received { from: AgentId(agent), kind, data }),
+                None => observation.messages.push(ReceivedMessage { from: AgentId(agent), kind, data }),
             }
         }
     }
-    Ok(Collected { has_ended, observation })
+    Ok(Reassembled { has_ended, observation })
 }
 
-/// A command as a message, without the number of the run.
+/// A command as a message, without the id of the run.
 #[must_use]
 pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Command {
     maes_msgs::Command {
@@ -274,15 +264,15 @@ pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Comma
         run: 0,
         agent: agent.0,
         task: task(command.motion),
-        lidar: lidar_request(command.lidar),
+        lidar: command.lidar.into(),
         want_view: command.want_view,
         parcels: command
-            .parcels
+            .messages
             .into_iter()
-            .map(|parcel| maes_msgs::Parcel {
-                agent: parcel.to.map_or(maes_msgs::Parcel::BROADCAST, |agent| agent.0),
-                kind: parcel.kind,
-                data: parcel.data,
+            .map(|message| maes_msgs::Parcel {
+                agent: message.to.map_or(maes_msgs::Parcel::BROADCAST, |agent| agent.0),
+                kind: message.kind,
+                data: message.data,
             })
             .chain(command.relays.into_iter().map(|order| maes_msgs::Parcel {
                 agent: order.relay.map_or(maes_msgs::Parcel::LEAVE_RELAY, RelayId::on_wire),
@@ -290,7 +280,7 @@ pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Comma
                 data: order.data,
             }))
             .collect(),
-        wake: maes_msgs::Wake { at_tick: command.wake.at.0, events: command.wake.events },
+        wake: command.trigger.into(),
         info: command.info,
         known_free: 0,
         failed_searches: 0,
@@ -305,9 +295,9 @@ fn task(motion: Motion) -> maes_msgs::Task {
         Motion::Stop => Task { kind: Task::STOP, ..bare },
         Motion::Move { pitch_rad, distance_m } => Task { kind: Task::MOVE, pitch_rad, distance_m, ..bare },
         Motion::Turn { angle_rad } => Task { kind: Task::TURN, angle_rad, ..bare },
-        Motion::Path(way_points) => {
+        Motion::Path(waypoints) => {
             let message = |point: Point3<f64>| geometry_msgs::Point { x: point.x, y: point.y, z: point.z };
-            Task { kind: Task::PATH, path: way_points.into_iter().map(message).collect(), ..bare }
+            Task { kind: Task::PATH, path: waypoints.into_iter().map(message).collect(), ..bare }
         }
         Motion::Velocity { linear_in_body_m_s: linear, yaw_rate_rad_s } => Task {
             kind: Task::VELOCITY,
@@ -316,17 +306,6 @@ fn task(motion: Motion) -> maes_msgs::Task {
             ..bare
         },
     }
-}
-
-fn lidar_request(request: LidarRequest) -> maes_msgs::LidarRequest {
-    use maes_msgs::LidarRequest as Message;
-    let (kind, period_ticks) = match request {
-        LidarRequest::Keep => (Message::KEEP, 0),
-        LidarRequest::Never => (Message::NEVER, 0),
-        LidarRequest::Once => (Message::ONCE, 0),
-        LidarRequest::Every(period_ticks) => (Message::EVERY, period_ticks),
-    };
-    Message { kind, period_ticks }
 }
 
 fn point(point: &geometry_msgs::Point) -> Point3<f64> {
@@ -342,13 +321,13 @@ mod tests {
         Part { tick, part, parts, seen_free, ..Part::default() }
     }
 
-    fn run() -> Briefing {
+    fn run() -> RunInfo {
         let size = [4, 4, 4];
         let (bodies, body_of) = (vec![maes_msgs::Body::default()], vec![0; 2]);
         let (cell_m, duration_ticks) = (1.0, 9);
         let scenario =
             maes_msgs::Scenario { size, cell_m, agents: 2, duration_ticks, bodies, body_of, ..Default::default() };
-        briefing(&scenario).unwrap()
+        run_info(&scenario).unwrap()
     }
 
     #[test]
@@ -357,7 +336,7 @@ mod tests {
             let bodies = bodies.iter().map(|&kind| maes_msgs::Body { kind, ..Default::default() }).collect();
             let (size, body_of) = ([4, 4, 4], body_of.to_vec());
             let scenario = maes_msgs::Scenario { size, cell_m: 1.0, agents: 2, bodies, body_of, ..Default::default() };
-            briefing(&scenario).unwrap_err().to_string()
+            run_info(&scenario).unwrap_err().to_string()
         };
         assert_eq!(refused(&[0], &[0]), "scenario: body_of = 1 entries: expected one for each of 2 agents");
         assert_eq!(refused(&[0, 1], &[1, 2]), "scenario: body_of = 2: expected one of 2 bodies, the first of them 0");
@@ -367,33 +346,33 @@ mod tests {
 
     #[test]
     fn parts_fit_together_in_any_order_and_twice() {
-        let mut collector = Collector::default();
+        let mut reassembler = FragmentReassembler::default();
         let run = run();
-        assert_eq!(collector.take(part(5, 1, 3, 10), &run), Ok(None));
-        assert_eq!(collector.take(part(5, 1, 3, 10), &run), Ok(None));
-        assert_eq!(collector.take(part(5, 2, 3, 20), &run), Ok(None));
-        let whole = collector.take(part(5, 0, 3, 0), &run).unwrap().unwrap();
+        assert_eq!(reassembler.take(part(5, 1, 3, 10), &run), Ok(None));
+        assert_eq!(reassembler.take(part(5, 1, 3, 10), &run), Ok(None));
+        assert_eq!(reassembler.take(part(5, 2, 3, 20), &run), Ok(None));
+        let whole = reassembler.take(part(5, 0, 3, 0), &run).unwrap().unwrap();
         assert_eq!(whole.observation.seen.free, [0, 1, 10, 11, 20, 21]);
         assert!(!whole.has_ended);
     }
 
     #[test]
     fn a_new_tick_drops_what_was_incomplete() {
-        let mut collector = Collector::default();
+        let mut reassembler = FragmentReassembler::default();
         let run = run();
-        assert_eq!(collector.take(part(5, 0, 2, 0), &run), Ok(None));
-        assert_eq!(collector.take(part(6, 1, 2, 10), &run), Ok(None));
-        let whole = collector.take(part(6, 0, 2, 4), &run).unwrap().unwrap();
+        assert_eq!(reassembler.take(part(5, 0, 2, 0), &run), Ok(None));
+        assert_eq!(reassembler.take(part(6, 1, 2, 10), &run), Ok(None));
+        let whole = reassembler.take(part(6, 0, 2, 4), &run).unwrap().unwrap();
         assert_eq!(whole.observation.seen.free, [4, 5, 10, 11]);
     }
 
     #[test]
     fn nonsense_is_an_error() {
         let run = run();
-        assert!(matches!(Collector::default().take(part(5, 1, 1, 0), &run), Err(WireError::Part { .. })));
-        assert!(matches!(Collector::default().take(part(5, 0, 1, 63), &run), Err(WireError::Cells { .. })));
+        assert!(matches!(FragmentReassembler::default().take(part(5, 1, 1, 0), &run), Err(WireError::Part { .. })));
+        assert!(matches!(FragmentReassembler::default().take(part(5, 0, 1, 63), &run), Err(WireError::Cells { .. })));
         let scenario = maes_msgs::Scenario { size: [0, 1, 1], cell_m: 1.0, ..Default::default() };
-        assert!(briefing(&scenario).is_err());
+        assert!(run_info(&scenario).is_err());
     }
 
     #[test]
@@ -401,7 +380,7 @@ mod tests {
         let refused = |change: &dyn Fn(&mut Part)| {
             let mut wrong = part(5, 0, 1, 0);
             change(&mut wrong);
-            Collector::default().take(wrong, &run()).unwrap_err().to_string()
+            FragmentReassembler::default().take(wrong, &run()).unwrap_err().to_string()
         };
         let place = |x| geometry_msgs::Point { x, y: 1.0, z: 1.0 };
         let contact = |agent, x| maes_msgs::Contact { agent, position: place(x) };
@@ -433,8 +412,11 @@ mod tests {
 
     #[test]
     fn parts_agree_on_how_many_they_are() {
-        let mut collector = Collector::default();
-        assert_eq!(collector.take(part(5, 1, 2, 10), &run()), Ok(None));
-        assert_eq!(collector.take(part(5, 0, 1, 0), &run()), Err(WireError::Part { tick: Tick(5), part: 0, parts: 1 }));
+        let mut reassembler = FragmentReassembler::default();
+        assert_eq!(reassembler.take(part(5, 1, 2, 10), &run()), Ok(None));
+        assert_eq!(
+            reassembler.take(part(5, 0, 1, 0), &run()),
+            Err(WireError::Part { tick: Tick(5), part: 0, parts: 1 })
+        );
     }
 }

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Draws exploration.svg from a recording: the cave from above with the agents' ways, and the explored share over time.
+"""Draws exploration.svg from a recording: top view of the cave with the agents' paths, and explored share.
 
     python3 -m venv /tmp/maes-draw && /tmp/maes-draw/bin/pip install mcap mcap-ros2-support
-    launch_scripts/run.sh --agents 5 --record run.mcap
+    maes run --agents 5 --record run.mcap
     /tmp/maes-draw/bin/python docs/images/draw.py run.mcap docs/images/exploration.svg
 
 The same recording gives the same picture. It is also an example of how to read a recording without ROS.
@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-# The palette of Okabe and Ito, which people who confuse colours can tell apart.
+# The palette of Okabe and Ito, distinguishable with colour vision deficiency.
 COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"]
 INK = "#1f2328"
 GREY = "#59636e"
@@ -28,7 +28,7 @@ WIDTH, HEIGHT = 920, 470
 MAP = {"x": 58, "y": 56, "size": 340}
 PLOT = {"x": 482, "y": 56, "width": 410, "height": 340}
 
-# Points of a way that lie nearer than this to the line without them are left out, metres.
+# Path simplification: points nearer than this to the line without them are dropped, metres.
 TOLERANCE_M = 0.05
 
 

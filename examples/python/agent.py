@@ -3,7 +3,7 @@
 
     eval "$(launch_scripts/ros_env.sh)"
     python examples/python/agent.py 0 &
-    launch_scripts/run.sh --agents 2 --external 0
+    maes run --agents 2 --external 0
 
 It speaks the protocol of docs/topics.md and nothing more; its decisions are in `decide`.
 """
@@ -23,7 +23,7 @@ LATCHED = QoSProfile(depth=256, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def decide(command, parts, rng):
-    """Fills in what the agent does about an observation."""
+    """Fills in the command for an observation."""
     first = parts[0]
     command.wake.at_tick = 2**64 - 1
     command.wake.events = Wake.TASK_DONE
@@ -46,8 +46,8 @@ class Agent:
         self.run = None  # the same
         self.origin = None  # the same
         self.is_accepted = False
-        self.parts = {}  # of the observation that is arriving, by number
-        self.answer = None  # the last one, to repeat it when the same tick is asked again
+        self.parts = {}  # fragments of the observation that is arriving, by number
+        self.answer = None  # the last command, for retransmission
         self.is_done = False
         node = self.node = rclpy.create_node(f"agent_{number}")
         self.join_topic = node.create_publisher(Join, f"/agent_{number}/join", RELIABLE)
@@ -58,7 +58,7 @@ class Agent:
         node.create_timer(0.2, self.join)
 
     def on_scenario(self, scenario):
-        # A recording that is played has the number 0, and is no run. A run that was reset begins again with another number.
+        # Run number 0 is a replay, not a run. A reset run restarts with a higher number.
         begins = self.run is None and scenario.run != 0
         if begins or (scenario.origin == self.origin and scenario.run > self.run):
             self.run, self.origin = scenario.run, scenario.origin
@@ -114,7 +114,7 @@ def main():
     agent = Agent(int(sys.argv[1]))
     while not agent.is_done:
         rclpy.spin_once(agent.node)
-    # A moment for the receipt to leave.
+    # Time for the acknowledgement to leave.
     rclpy.spin_once(agent.node, timeout_sec=0.3)
     rclpy.shutdown()
 

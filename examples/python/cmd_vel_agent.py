@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""An agent that speaks standard messages only: a LiDAR and odometry in, a velocity out, as for any robot.
+"""An agent that speaks standard messages only: LiDAR and odometry in, velocity out.
 
     eval "$(launch_scripts/ros_env.sh)"
     python examples/python/cmd_vel_agent.py 0 &
-    launch_scripts/run.sh --agents 2 --set 'agents.cmd_vel=[0]'
+    maes run --agents 2 --set 'agents.cmd_vel=[0]'
 
-It flies straight on until a wall comes near, and then turns to where there is most room. For each stamp on /clock it answers once,
-with that stamp, when it has the odometry of that stamp, and in every tenth tick (lidar.period_ticks) the scan of that stamp as well: so
-what it does hangs on what it sees, and on nothing else.
+It flies straight on until a wall comes near, and then turns to the direction with most room. For
+each stamp on /clock it replies once, with that stamp, when it has the odometry of that stamp, and in
+every tenth tick (lidar.period_ticks) the scan of that stamp as well: so its decisions depend on its
+sensors, and on nothing else.
 """
 
 import math
@@ -26,8 +27,8 @@ TICK_NS = 20_000_000
 SCAN_TICKS = 10
 SPEED_M_S = 1.5
 TURN_RATE_RAD_S = 1.0
-NEAR_M = 2.5  # walls are in the way up to here
-BESIDE_M = 1.0  # and so far beside the line of flight
+NEAR_M = 2.5  # distance up to which walls are in the way
+BESIDE_M = 1.0  # lateral distance from the line of flight up to which they are
 DIRECTIONS = 20
 
 
@@ -44,14 +45,14 @@ class Agent:
     def __init__(self, number):
         self.number = number
         self.rng = random.Random(number)
-        self.clock = None  # the last stamp that was asked for
-        self.odom = {}  # odometry that is not answered yet, by stamp
+        self.clock = None  # the last stamp of the clock
+        self.odom = {}  # odometry without a reply yet, by stamp
         self.points = {}  # the same for scans
         self.scan = []  # the last one
         self.turn_until = 0
         self.rate_rad_s = 0.0
         self.pitch_rad = 0.0
-        self.answer = None  # the last one, to repeat it when the same tick is asked again
+        self.answer = None  # the last reply, for retransmission
         self.answered = None  # its stamp
         node = self.node = rclpy.create_node(f"cmd_vel_agent_{number}")
         own = f"/agent_{number}"
@@ -97,7 +98,7 @@ class Agent:
             twist.linear.x = SPEED_M_S * math.cos(self.pitch_rad)
             twist.linear.z = SPEED_M_S * math.sin(self.pitch_rad)
         elif self.scan:
-            # To where there is most room, among some directions at random.
+            # The direction with most room, among some at random.
             x, y, z = max(self.rng.choices(self.scan, k=DIRECTIONS), key=lambda point: math.hypot(*point))
             self.pitch_rad = math.atan2(z, math.hypot(x, y))
             angle_rad = math.atan2(y, x)
@@ -119,7 +120,7 @@ def main():
         sys.exit("usage: cmd_vel_agent.py NUMBER")
     rclpy.init()
     agent = Agent(int(sys.argv[1]))
-    # There is no word for the end of a run in these messages: it is over when nobody asks any more.
+    # These messages have no end of a run: it is over when the topics fall silent.
     try:
         rclpy.spin(agent.node)
     except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):

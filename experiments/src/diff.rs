@@ -7,7 +7,7 @@
 use sim_server::comparison::{Comparison, Difference};
 use sim_server::difference::Field;
 use sim_server::recording::{End, Recording};
-use sim_server::run::Checker;
+use sim_server::session::Checker;
 use sim_server::setup::SCENARIO_ATTACHMENT;
 
 /// What was found about two recordings.

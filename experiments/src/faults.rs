@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use sim_server::run::Nobody;
+use sim_server::session::NullObserver;
 use simulation::scenario::{OnAgentLoss, Rtf, Scenario};
 use thiserror::Error;
 
@@ -183,7 +183,7 @@ fn undisturbed(scenario: &Scenario, file: &Path) -> Result<PathBuf, FaultsError>
     scenario.execution.record = Some(file.to_owned());
     scenario.execution.rtf = Rtf::MAX;
     let team = Team { grouping: Grouping::Together, chaos_delay: Duration::ZERO, decision_times: None };
-    single::run(&scenario, &team, &mut Nobody, &AtomicBool::new(false))?;
+    single::run(&scenario, &team, &mut NullObserver, &AtomicBool::new(false))?;
     Ok(file.to_owned())
 }
 

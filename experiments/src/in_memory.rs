@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
-use agent_node::link::Inbound as ToAgents;
-use msgs::ids::{AgentId, Tick};
+use agent_node::transport::Inbound as ToAgents;
+use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
-use sim_server::link::{Inbound as ToServer, Incoming};
+use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
 
 /// The server's end.
@@ -61,7 +61,7 @@ impl ServerEnd {
     }
 }
 
-impl sim_server::link::Link for ServerEnd {
+impl AgentTransport for ServerEnd {
     fn announce(&mut self, scenario: &Scenario) {
         self.send_to_all(&ToAgents::Scenario(scenario.clone()));
     }
@@ -76,16 +76,18 @@ impl sim_server::link::Link for ServerEnd {
         }
     }
 
-    fn clock(&mut self, _tick: Tick) {}
-
-    fn progress(&mut self, progress: &Progress) {
-        self.progress.push(progress.clone());
-    }
-
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         self.inbox.recv_timeout(timeout).ok()
     }
 }
+
+impl ObserverOutput for ServerEnd {
+    fn progress(&mut self, progress: &Progress) {
+        self.progress.push(progress.clone());
+    }
+}
+
+impl ControlInput for ServerEnd {}
 
 impl AgentsEnd {
     fn send(&self, agent: u32, message: ToServer) {
@@ -94,12 +96,12 @@ impl AgentsEnd {
     }
 }
 
-impl agent_node::link::Link for AgentsEnd {
-    fn join(&mut self, join: &Join) {
+impl agent_node::transport::ServerTransport for AgentsEnd {
+    fn send_join(&mut self, join: &Join) {
         self.send(join.agent, ToServer::Join(join.clone()));
     }
 
-    fn answer(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Command) {
         self.send(command.agent, ToServer::Command(command.clone()));
     }
 

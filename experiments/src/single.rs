@@ -5,12 +5,12 @@ use std::thread;
 use std::time::Duration;
 
 use agent_node::controllers;
-use agent_node::run::{Options, RunError as AgentError};
+use agent_node::host::{Options, RunError as AgentError};
 use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Progress;
 use sim_server::recorder::RecordError;
-use sim_server::run::{Outcome, RunError, Watcher};
+use sim_server::session::{Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup::{self, SetupError};
 use simulation::scenario::{Origins, Scenario};
 use simulation::wire;
@@ -77,7 +77,7 @@ pub struct Finished {
 pub fn run(
     scenario: &Scenario,
     team: &Team,
-    watcher: &mut dyn Watcher,
+    observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<Finished, SingleError> {
     if !scenario.agents.cmd_vel.is_empty() {
@@ -122,7 +122,7 @@ pub fn run(
                 };
                 let agents_stop = &agents_stop;
                 scope.spawn(move || {
-                    let ended = agent_node::run::run(&mut end, &options, agents_stop);
+                    let ended = agent_node::host::run(&mut end, &options, agents_stop);
                     if ended.is_err() {
                         stop.store(true, Ordering::Relaxed);
                     }
@@ -130,7 +130,8 @@ pub fn run(
                 })
             })
             .collect();
-        let outcome = sim_server::run::run(scenario, world, &mut server_end, recorder, watcher, stop);
+        let outcome = RunConfig::live(scenario)
+            .and_then(|config| sim_server::session::run(config, world, &mut server_end, recorder, observer, stop));
         drop(server_ends);
         for node in nodes {
             node.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;

@@ -3,20 +3,20 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use agent_node::body::{Body, BodyKind};
 use agent_node::controllers::NAMES;
 use experiments::single::{Grouping, Team, run};
+use msgs::body_model::{BodyKind, BodyModel};
 use msgs::cdr;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Result as RunResult;
-use sim_server::run::Watcher;
+use sim_server::session::RunObserver;
 use sim_server::setup;
 use simulation::scenario::Scenario;
-use simulation::world::{World, body};
+use simulation::world::World;
 
 struct Nobody;
 
-impl Watcher for Nobody {
+impl RunObserver for Nobody {
     fn waiting(&mut self, _missing: &[AgentId]) {}
     fn started(&mut self) {}
     fn progress(&mut self, _world: &World) {}
@@ -80,11 +80,11 @@ fn an_agent_learns_of_all_bodies_what_the_scenario_says() {
     let scenario = Scenario::parse("the test's scenario", &mixed("rbw", ""), &[]).expect("a legal scenario");
     let (world, _report) = setup::build(&scenario).expect("there is such a world");
     let told = cdr::encode(&simulation::wire::scenario(&scenario, &world.terrain().extent(), world.rays()));
-    let briefing = agent_node::wire::briefing(&cdr::decode(&told).expect("a scenario")).expect("a legal briefing");
+    let run_info = agent_node::wire::run_info(&cdr::decode(&told).expect("a scenario")).expect("a legal scenario");
     let others = scenario.other_bodies();
     for agent in (0..4).map(AgentId) {
-        let (body, model) = (briefing.bodies.of(agent), others.get(&agent).unwrap_or(&scenario.body));
-        assert_eq!(body.kind == BodyKind::Aerial, model.kind == body::BodyKind::Aerial);
+        let (body, model) = (run_info.bodies.of(agent), others.get(&agent).unwrap_or(&scenario.body));
+        assert_eq!(body.kind == BodyKind::Aerial, model.kind == BodyKind::Aerial);
         let numbers = [
             body.radius_m,
             body.speed_max_m_s,
@@ -97,5 +97,5 @@ fn an_agent_learns_of_all_bodies_what_the_scenario_says() {
         assert_eq!(numbers, model.numbers().map(|(_, number)| number));
     }
     // Paces are measured with the submarine of the server's defaults.
-    assert_eq!(*briefing.bodies.of(AgentId(0)), Body::SUBMARINE);
+    assert_eq!(*run_info.bodies.of(AgentId(0)), BodyModel::SUBMARINE);
 }

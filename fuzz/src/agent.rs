@@ -42,17 +42,17 @@ fn play(data: &mut Unstructured<'_>) -> Result<()> {
         share_period_ticks,
         ..Scenario::default()
     };
-    let briefing = wire::briefing(&scenario).expect("a legal scenario");
+    let run_info = wire::run_info(&scenario).expect("a legal scenario");
     let own = AgentId(1);
     let controller = controllers::build(name, &[], own, 5).expect("there is such a controller");
-    let mut agent = Agent::new(own, briefing, controller);
+    let mut agent = Agent::new(own, run_info, controller);
     let mut tick = 0;
     for _ in 0..PARTS_MAX {
         if data.is_empty() {
             return Ok(());
         }
         tick += u64::from(data.int_in_range(0..=3u8)?);
-        let Ok(Reaction::Answer(command) | Reaction::Farewell(command)) = agent.take(part(data, tick)?) else {
+        let Ok(Reaction::Reply(command) | Reaction::Acknowledge(command)) = agent.take(part(data, tick)?) else {
             continue;
         };
         simulation::wire::command(&command, AGENTS).unwrap_or_else(|reason| panic!("{name} answers: {reason}"));
@@ -129,7 +129,7 @@ fn position(data: &mut Unstructured<'_>) -> Result<Point> {
 
 /// A parcel, mostly one that is said to be of a map, and a beginning of which is right.
 fn parcel(data: &mut Unstructured<'_>) -> Result<Parcel> {
-    let kind = if data.ratio(1, 4)? { data.arbitrary()? } else { agent_node::sharing::MAP_PARCEL };
+    let kind = if data.ratio(1, 4)? { data.arbitrary()? } else { agent_node::sharing::MAP_MESSAGE };
     let length = data.int_in_range(0..=40)?;
     let mut content = if data.ratio(7, 8)? { vec![agent_node::sharing::VERSION] } else { Vec::new() };
     content.extend_from_slice(data.bytes(length.min(data.len()))?);

@@ -4,7 +4,7 @@ use arbitrary::{Result, Unstructured};
 use msgs::geometry_msgs::{Point, Vector3};
 use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
 use msgs::maes_msgs::{Command, Join, LidarRequest, Parcel, Task, Wake};
-use sim_server::link::Inbound;
+use sim_server::transport::Inbound;
 
 /// What a liar knows, because it can listen to all topics.
 pub(crate) struct Known {

@@ -13,10 +13,10 @@ use arbitrary::Unstructured;
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{OBSERVATION_BYTES_MAX, PROTOCOL};
-use msgs::maes_msgs::{self, Command, Join, JoinReply, Observation, Parcel, Progress, Task, Wake};
-use sim_server::link::{Inbound, Incoming, Link};
+use msgs::maes_msgs::{self, Command, Join, JoinReply, Observation, Parcel, Task, Wake};
+use sim_server::transport::{AgentTransport, ControlInput, Inbound, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
-use sim_server::run::Watcher;
+use sim_server::session::{RunConfig, RunObserver};
 use simulation::scenario::Scenario;
 use sim_server::setup;
 use simulation::wire;
@@ -112,7 +112,8 @@ impl<'a> Stage<'a> {
         let scenario = Scenario::parse("run", SCENARIO, &[]).expect("a legal scenario");
         let (world, _) = setup::build(&scenario).expect("there is such a world");
         let mut notes = Notes(0);
-        let outcome = sim_server::run::run(&scenario, world, self, None, &mut notes, &AtomicBool::new(false));
+        let config = RunConfig::live(&scenario).expect("the system has random numbers");
+        let outcome = sim_server::session::run(config, world, self, None, &mut notes, &AtomicBool::new(false));
         let outcome = outcome.unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(Tick(outcome.result.tick), scenario.duration_ticks());
         (outcome.result, notes.0)
@@ -178,7 +179,7 @@ impl<'a> Stage<'a> {
     }
 }
 
-impl Link for Stage<'_> {
+impl AgentTransport for Stage<'_> {
     fn announce(&mut self, scenario: &maes_msgs::Scenario) {
         self.run = scenario.run;
         for (agent, (_, instance)) in SEATS.into_iter().enumerate() {
@@ -215,10 +216,6 @@ impl Link for Stage<'_> {
         }
     }
 
-    fn clock(&mut self, _tick: Tick) {}
-
-    fn progress(&mut self, _progress: &Progress) {}
-
     fn receive(&mut self, _timeout: Duration) -> Option<Incoming> {
         let incoming = self.said.pop_front()?;
         self.note(&incoming);
@@ -227,10 +224,14 @@ impl Link for Stage<'_> {
     }
 }
 
+impl ObserverOutput for Stage<'_> {}
+
+impl ControlInput for Stage<'_> {}
+
 /// Counts what people are told.
 struct Notes(usize);
 
-impl Watcher for Notes {
+impl RunObserver for Notes {
     fn waiting(&mut self, _missing: &[AgentId]) {}
 
     fn started(&mut self) {}

@@ -19,6 +19,10 @@ pub mod topics;
 pub mod maes_msgs;
 pub mod relay_id;
 
+pub mod body_model;
+pub mod scan_request;
+pub mod trigger;
+
 pub mod builtin_interfaces;
 pub mod diagnostic_msgs;
 pub mod geometry_msgs;

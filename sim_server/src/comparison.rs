@@ -20,7 +20,7 @@ use serde::de::DeserializeOwned;
 
 use crate::difference::{self, Field};
 use crate::recording::{End, Message, Messages, Recording};
-use crate::run::Checker;
+use crate::session::Checker;
 use simulation::digest::Digest;
 
 /// What the names of the counters of refusals begin with.

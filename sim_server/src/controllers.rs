@@ -14,10 +14,10 @@ impl Controllers for OfThisBuild {
         let mut words = runs.split(' ');
         let name = words.next().unwrap_or_default();
         let settings: Vec<String> = words.map(str::to_owned).collect();
-        let briefing = wire::briefing(told).map_err(|error| error.to_string())?;
+        let run_info = wire::run_info(told).map_err(|error| error.to_string())?;
         let controller =
-            controllers::build(name, &settings, agent, briefing.agents_seed).map_err(|error| error.to_string())?;
-        Ok(Box::new(OfAgent(Agent::new(agent, briefing, controller))))
+            controllers::build(name, &settings, agent, run_info.agents_seed).map_err(|error| error.to_string())?;
+        Ok(Box::new(OfAgent(Agent::new(agent, run_info, controller))))
     }
 }
 
@@ -33,8 +33,8 @@ struct OfAgent(Agent);
 impl Decider for OfAgent {
     fn take(&mut self, part: Observation) -> Result<Option<Command>, String> {
         match self.0.take(part) {
-            Ok(Reaction::Answer(command)) => Ok(Some(command)),
-            Ok(Reaction::None | Reaction::Farewell(_)) => Ok(None),
+            Ok(Reaction::Reply(command)) => Ok(Some(command)),
+            Ok(Reaction::None | Reaction::Acknowledge(_)) => Ok(None),
             Err(error) => Err(error.to_string()),
         }
     }

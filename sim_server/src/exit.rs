@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use crate::run::{INTERRUPTED, Outcome, QUIT, RunError};
+use crate::session::{INTERRUPTED, Outcome, QUIT, RunError};
 use crate::verify::VerifyError;
 
 /// A failure of the system: no network, a full disk.
@@ -47,7 +47,7 @@ pub fn of_error(error: &RunError) -> ExitCode {
     ExitCode::from(match error {
         RunError::AgentsMissing { .. } => AGENTS_MISSING,
         RunError::AgentsLost { .. } | RunError::Diverged { .. } => AGENTS_LOST,
-        RunError::NobodyResumes
+        RunError::PausedForEver
         | RunError::OtherController { .. }
         | RunError::Playback(_)
         | RunError::OtherRun { .. } => BAD_INPUT,

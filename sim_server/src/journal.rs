@@ -23,7 +23,7 @@ use msgs::ids::Tick;
 use msgs::topics::Topic;
 
 use crate::recorder::{self, Document};
-use crate::run::now;
+use crate::wall_clock::now;
 
 /// Wall time for which messages are kept back, so that they go to the file many at a time.
 const FLUSH_PERIOD: Duration = Duration::from_millis(20);

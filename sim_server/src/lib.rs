@@ -1,10 +1,9 @@
 //! The world server: owns the true world and the clock of a run.
 //!
-//! In reading order: [`scenario`] says what a run is; [`mapgen`] makes its terrain and [`world`] its physics; [`lockstep`] says
-//! who is asked when; [`run`] puts them together over a [`link`]; [`wire`] translates to messages, [`recorder`] and [`digest`]
-//! keep them; [`recording`] reads them again, [`playback`] says what was said when, and [`replay`] when each message is due;
-//! [`comparison`] is what two of them do not have in common, and [`verify`] whether one is what comes of it; [`views`] are what
-//! people look at; `ros` is the link over ROS 2.
+//! In reading order: [`session`] executes a run over a [`transport`], which ROS 2 (`ros`) and the in-memory transport
+//! implement; [`control`] is the state machine of control requests; [`recorder`] and [`journal`] write recordings,
+//! [`recording`] and [`playback`] read them; [`verify`] re-executes one and [`comparison`] finds the first difference;
+//! [`replay`] schedules its messages for publication; [`setup`] builds worlds from files.
 //!
 //! This crate knows nothing of what agents believe or how they decide.
 
@@ -16,7 +15,6 @@ pub mod difference;
 pub mod exit;
 pub mod info;
 pub mod journal;
-pub mod link;
 pub mod map_cli;
 pub mod playback;
 pub mod recorder;
@@ -24,9 +22,11 @@ pub mod recording;
 pub mod replay;
 #[cfg(feature = "ros")]
 pub mod ros;
-pub mod run;
+pub mod session;
 pub mod setup;
 pub mod terminal;
+pub mod transport;
 pub mod verify;
 #[cfg(feature = "view")]
 pub mod viewing;
+pub mod wall_clock;

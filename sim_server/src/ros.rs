@@ -28,11 +28,11 @@ use ros_node::{Inbox, Outlet, RosError, Sample, Workshop, linger, now, own_sourc
 use ros2_client::{Context, Node};
 
 use crate::control::Request;
-use crate::link::{Inbound, Incoming, Level, Link};
+use crate::transport::{AgentTransport, ControlInput, Inbound, Incoming, Level, ObserverOutput};
 use simulation::lockstep::SourceId;
 use simulation::parameters;
 use simulation::scenario::{self, Rtf};
-use simulation::views::{Listeners, Picture, View};
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
 use driven::Driven;
 use services::{Asked, Services};
@@ -172,7 +172,7 @@ impl RosLink {
     }
 }
 
-impl Link for RosLink {
+impl AgentTransport for RosLink {
     fn announce(&mut self, scenario: &Scenario) {
         self.own_run.set(Some(scenario.run));
         self.nodes.begin_again();
@@ -190,16 +190,6 @@ impl Link for RosLink {
             Some(observations) => observations.publish(&mut self.node, part),
             None => self.nodes.ask(&mut self.node, &mut self.clock, &mut self.gallery, agent, part),
         }
-    }
-
-    fn clock(&mut self, tick: Tick) {
-        if self.nodes.are_any() || self.gallery.hears_the_clock(&self.context) {
-            self.clock.publish(&mut self.node, &Clock { clock: tick.into() });
-        }
-    }
-
-    fn progress(&mut self, progress: &Progress) {
-        self.progress.publish(&mut self.node, progress);
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
@@ -220,26 +210,44 @@ impl Link for RosLink {
         }
     }
 
-    fn listeners(&mut self) -> Option<&Listeners> {
-        self.gallery.listeners(&self.context)
-    }
-
-    fn show(&mut self, view: View, picture: &Picture) {
-        self.gallery.show(&mut self.node, view, picture);
-    }
-
-    fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
+    fn set_sensors(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
         self.nodes.drive(agent, odometry, points);
     }
 
-    fn pace(&mut self, rtf: Rtf) {
+    fn other_run(&self) -> Option<u64> {
+        self.other_run.get()
+    }
+}
+
+impl ObserverOutput for RosLink {
+    fn clock(&mut self, tick: Tick) {
+        if self.nodes.are_any() || self.gallery.hears_the_clock(&self.context) {
+            self.clock.publish(&mut self.node, &Clock { clock: tick.into() });
+        }
+    }
+
+    fn progress(&mut self, progress: &Progress) {
+        self.progress.publish(&mut self.node, progress);
+    }
+
+    fn subscribers(&mut self) -> Option<&Subscribers> {
+        self.gallery.listeners(&self.context)
+    }
+
+    fn publish(&mut self, view: VisualisationTopic, picture: &VisualisationMessage) {
+        self.gallery.show(&mut self.node, view, picture);
+    }
+
+    fn real_time_factor(&mut self, rtf: Rtf) {
         self.services.tell_pace(&mut self.node, rtf);
     }
 
     fn log(&mut self, level: Level, text: &str) {
         self.rosout.say(&mut self.node, level, text);
     }
+}
 
+impl ControlInput for RosLink {
     fn request(&mut self) -> Option<Request> {
         if self.asked_last.elapsed() >= REQUEST_PERIOD {
             while self.kept.len() < KEPT_MAX
@@ -262,12 +270,8 @@ impl Link for RosLink {
         request
     }
 
-    fn takes_requests(&self) -> bool {
+    fn accepts_requests(&self) -> bool {
         true
-    }
-
-    fn other_run(&self) -> Option<u64> {
-        self.other_run.get()
     }
 }
 

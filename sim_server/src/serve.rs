@@ -11,13 +11,13 @@ use mapgen::MapReport;
 use msgs::ids::Tick;
 use ros_node::ros_env::RosEnv;
 use sim_server::cli::{ReplayArgs, RunArgs};
-use sim_server::link::Link;
 use sim_server::playback::{Horizon, Playback};
 use sim_server::recording::Recording;
 use sim_server::replay::Programme;
 use sim_server::ros::{RosLink, replay};
-use sim_server::run::{self, Records, RunError};
+use sim_server::session::{self, Mode, RecordingSinks, RunConfig, RunError};
 use sim_server::terminal::{self, Terminal};
+use sim_server::transport::Transport;
 #[cfg(feature = "view")]
 use sim_server::viewing::{self, Viewing, Watched};
 use sim_server::{exit, setup};
@@ -232,8 +232,8 @@ type Made = (World, MapReport);
 struct Begun<'a> {
     world: World,
     map: MapReport,
-    link: Box<dyn Link + 'a>,
-    records: Records,
+    link: Box<dyn Transport + 'a>,
+    records: RecordingSinks,
     viewing: Option<&'a Viewing>,
 }
 
@@ -246,7 +246,7 @@ impl<'a> Job<'a> {
         built.map_err(|error| anyhow::anyhow!("{}: {error}", self.name))
     }
 
-    fn records(&self, world: &World, viewing: Option<&Viewing>) -> anyhow::Result<Records> {
+    fn records(&self, world: &World, viewing: Option<&Viewing>) -> anyhow::Result<RecordingSinks> {
         let file = self.scenario.execution.record.as_deref();
         let recorder = file.map(|file| setup::record(file, self.scenario, world)).transpose()?;
         #[cfg(feature = "view")]
@@ -256,19 +256,19 @@ impl<'a> Job<'a> {
             .context("viewing")?;
         #[cfg(not(feature = "view"))]
         let (journal, _) = (None, viewing);
-        Ok(Records { recorder, journal })
+        Ok(RecordingSinks { recorder, journal })
     }
 
     /// Joins the network and opens what is to be written.
     fn begin(&self, (world, map): Made, env: &RosEnv, viewing: Option<&'a Viewing>) -> anyhow::Result<Begun<'a>> {
         let link = RosLink::new(self.scenario, env)?;
         #[cfg(feature = "view")]
-        let link: Box<dyn Link + 'a> = match viewing {
+        let link: Box<dyn Transport + 'a> = match viewing {
             Some(viewing) => Box::new(Watched::new(link, viewing, self.scenario)),
             None => Box::new(link),
         };
         #[cfg(not(feature = "view"))]
-        let link: Box<dyn Link + 'a> = Box::new(link);
+        let link: Box<dyn Transport + 'a> = Box::new(link);
         let records = self.records(&world, viewing)?;
         Ok(Begun { world, map, link, records, viewing })
     }
@@ -289,15 +289,16 @@ impl<'a> Job<'a> {
             map.free_cells,
             map.free_fraction * 100.0
         ));
-        let mut ended = match playback {
-            None => run::run(scenario, world, &mut *link, records, terminal, stop),
-            Some(playback) => run::resume(scenario, world, &mut *link, records, terminal, stop, playback),
-        };
+        let config = RunConfig::new(scenario, playback.map_or(Mode::Live, Mode::Resume));
+        let mut ended = config.and_then(|config| session::run(config, world, &mut *link, records, terminal, stop));
         while let Err(RunError::Reset(start)) = ended {
             terminal.say("begins again, as somebody has asked for");
             let (world, _) = self.make()?;
             ended = match self.records(&world, viewing) {
-                Ok(records) => run::begin_again(start, scenario, world, &mut *link, records, terminal, stop),
+                Ok(records) => {
+                    let config = RunConfig::after_reset(scenario, start);
+                    session::run(config, world, &mut *link, records, terminal, stop)
+                }
                 Err(error) => return failed(&error),
             };
         }

@@ -191,7 +191,7 @@ fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport),
     let GeneratedMap { terrain, entrances, report } = map;
     let agents = scenario.agents.count as usize;
     let errors = scenario.sensor.errors(scenario.seed);
-    let vote_bytes = if errors.blur_scans() { 1 } else { 0 };
+    let vote_bytes = if errors.affects_scans() { 1 } else { 0 };
     mapgen::check_memory(terrain.extent(), WORLD_CELL_BYTES + agents * (AGENT_CELL_BYTES + vote_bytes))
         .map_err(map_error(scenario))?;
     let site = Site { terrain: &terrain, entrances: &entrances, seed: scenario.seed };
@@ -290,7 +290,7 @@ fn params(scenario: &Scenario) -> WorldParams {
             LidarSchedule::Maes3d => ScanSchedule::TakeTurns,
         },
         comms: scenario.communication.comms(scenario.seed),
-        errors: scenario.sensor.errors(scenario.seed),
+        noise: scenario.sensor.errors(scenario.seed),
     }
 }
 

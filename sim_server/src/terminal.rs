@@ -12,7 +12,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Counter};
 
-use crate::run::{self, Outcome, Watcher, now};
+use crate::session::{self, Outcome, RunObserver};
+use crate::wall_clock::now;
 use simulation::lockstep::listed;
 use simulation::world::World;
 
@@ -95,7 +96,7 @@ impl Terminal {
     }
 }
 
-impl Watcher for Terminal {
+impl RunObserver for Terminal {
     fn waiting(&mut self, missing: &[AgentId]) {
         if self.waiting_for != missing {
             self.waiting_for = missing.to_vec();
@@ -158,7 +159,7 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
     let mut times = Vec::new();
     let mut counted = Vec::new();
     for Counter { name, value } in &result.counters {
-        let permille = name.strip_prefix(run::MILESTONE_COUNTER).and_then(|permille| permille.parse::<u32>().ok());
+        let permille = name.strip_prefix(session::MILESTONE_COUNTER).and_then(|permille| permille.parse::<u32>().ok());
         match permille {
             Some(permille) => times.push(format!("{} % {}", f64::from(permille) / 10.0, clock(Tick(*value)))),
             None if *value > 0 => counted.push(format!("{name} {value}")),

@@ -9,13 +9,15 @@
 
 pub mod controllers;
 
+use std::sync::atomic::AtomicBool;
+
 use msgs::ids::Tick;
 use thiserror::Error;
 
 use crate::comparison::{Comparison, Difference};
 use crate::playback::{Playback, PlaybackError};
 use crate::recording::{End, Recording};
-use crate::run::{self, Checker, RunError};
+use crate::session::{self, Checker, Mode, NullObserver, NullTransport, RecordingSinks, RunConfig, RunError};
 use crate::setup::{self, SetupError};
 use simulation::digest::Digest;
 
@@ -112,7 +114,10 @@ pub fn verify(recording: &Recording) -> Result<Verified, VerifyError> {
     let reason = playback.ending().map(|ending| ending.reason.clone());
     let end = end_of(recording);
     let mut comparison = Comparison::new(recording);
-    let outcome = run::again(&scenario, world, &mut comparison, playback);
+    let stop = AtomicBool::new(false);
+    let outcome = RunConfig::new(&scenario, Mode::Verify(playback, &mut comparison)).and_then(|config| {
+        session::run(config, world, &mut NullTransport, RecordingSinks::default(), &mut NullObserver, &stop)
+    });
     if outcome.is_ok() && !comparison.is_done() {
         comparison.end();
     }

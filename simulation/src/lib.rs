@@ -13,10 +13,10 @@
 
 pub mod digest;
 pub mod lockstep;
-pub mod pace;
+pub mod pacer;
 pub mod parameters;
 pub mod scenario;
 pub mod twist;
-pub mod views;
+pub mod visualisation;
 pub mod wire;
 pub mod world;

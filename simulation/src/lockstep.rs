@@ -1,12 +1,12 @@
-//! The lock-step: who takes part, who is asked in a tick, and when the answers are complete.
+//! The lock-step protocol: the membership of a run, the triggers that make agents due, and the barrier of a tick.
 //!
-//! Three pure state machines. [`Roster`] grants each agent id to one process. [`Wake`] says whether an agent is due. [`Barrier`]
-//! collects the answers of one tick.
+//! Three pure state machines. [`Membership`] leases each agent id to one process. [`Trigger`](msgs::trigger::Trigger) tells
+//! whether an agent is due. [`Barrier`] collects the replies of one tick.
 //!
 //! Invariants: an id belongs to one process at a time; the barrier of a tick is complete exactly when every awaited agent has
-//! given one legal answer for that tick, whatever the order of arrival; a refused message changes nothing.
+//! given one legal reply for that tick, whatever the order of arrival; a refused message changes nothing.
 //!
-//! This module knows no transport, no threads and no wall time: time-outs belong to the run loop.
+//! This module knows no transport, no threads and no wall time: timeouts belong to the session loop.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -14,8 +14,6 @@ use std::fmt;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
 use thiserror::Error;
-
-use crate::world::Events;
 
 /// The process that sent a message, as the transport identifies it: one value for each process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -27,13 +25,13 @@ pub enum Refusal {
     /// The message belongs to another run.
     #[error("a message on a topic of agent {topic} is of another run")]
     OtherRun {
-        /// Whose topic.
+        /// The agent whose topic carried it.
         topic: AgentId,
     },
     /// The id is not one of the run's.
     #[error("agent {agent} does not take part: ids are 0 .. {agents}")]
     UnknownAgent {
-        /// Claimed id.
+        /// The requested id.
         agent: AgentId,
         /// Size of the team.
         agents: u32,
@@ -41,31 +39,31 @@ pub enum Refusal {
     /// The message names another agent than its topic.
     #[error("a message that names agent {named} came in on a topic of agent {topic}")]
     WrongTopic {
-        /// Whose topic.
+        /// The agent whose topic carried it.
         topic: AgentId,
         /// Named in the message.
         named: AgentId,
     },
-    /// Another process has this id.
+    /// Another process holds this id.
     #[error("agent {agent} is taken by another process")]
     IdTaken {
-        /// Claimed id.
+        /// The requested id.
         agent: AgentId,
     },
-    /// A process that would take the place of another one runs something else.
+    /// A process that would replace another one runs another controller.
     #[error("agent {agent} is to be run again by {before:?}, and not by {got:?}")]
     OtherController {
-        /// Claimed id.
+        /// The requested id.
         agent: AgentId,
-        /// What the process runs.
+        /// Controller of the process.
         got: String,
-        /// What its predecessor ran.
+        /// Controller of its predecessor.
         before: String,
     },
-    /// The process speaks another version of the protocol.
+    /// The process uses another version of the protocol.
     #[error("agent {agent} speaks protocol {got}, the server speaks {expected}")]
     WrongProtocol {
-        /// Claimed id.
+        /// The requested id.
         agent: AgentId,
         /// Version of the agent.
         got: u32,
@@ -78,40 +76,40 @@ pub enum Refusal {
         /// Named id.
         agent: AgentId,
     },
-    /// An answer to another tick.
+    /// A reply to another tick.
     #[error("agent {agent} answered tick {got} while tick {expected} is awaited")]
     WrongTick {
-        /// Who.
+        /// The agent that replied.
         agent: AgentId,
         /// Tick of the answer.
         got: Tick,
         /// Tick of the barrier.
         expected: Tick,
     },
-    /// A second answer to a tick.
+    /// A second reply to a tick.
     #[error("agent {agent} answered tick {tick} twice")]
     SecondAnswer {
-        /// Who.
+        /// The agent that replied.
         agent: AgentId,
-        /// Which tick.
+        /// The tick of the reply.
         tick: Tick,
     },
-    /// Numbers that are no numbers, or out of range.
+    /// A value that is not a number, or out of range.
     #[error("agent {agent}, tick {tick}: {reason}")]
     IllegalCommand {
-        /// Who.
+        /// The agent that replied.
         agent: AgentId,
-        /// Which tick.
+        /// The tick of the reply.
         tick: Tick,
         /// Field, value and allowed values.
         reason: String,
     },
-    /// Bytes that are no message.
+    /// Bytes that do not decode.
     #[error("a message on a topic of agent {topic} cannot be decoded: {reason}")]
     Undecodable {
-        /// Whose topic.
+        /// The agent whose topic carried it.
         topic: AgentId,
-        /// What is wrong.
+        /// The decoding error.
         reason: String,
     },
 }
@@ -151,144 +149,125 @@ impl Refusal {
     ];
 }
 
-/// Which process is which agent.
+/// The membership of a run: which process holds which agent id.
 #[derive(Debug, Clone)]
-pub struct Roster {
-    seats: Vec<Option<Seat>>,
+pub struct Membership {
+    leases: Vec<Option<Lease>>,
 }
 
-/// What is kept of what an agent says that it runs, characters: it is shown and recorded, and could be as long as a sample.
+/// Longest controller label that is kept, characters: it is displayed and recorded, and a sample could hold 60 kB of it.
 const CONTROLLER_CHARS_MAX: usize = 1_024;
 
-/// A process that has been granted an id.
+/// The lease of an agent id to a process.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Seat {
+pub struct Lease {
     /// The process, as the transport knows it.
     pub source: SourceId,
-    /// The process, as it calls itself.
+    /// The random number that the process drew at its start.
     pub instance: u64,
-    /// What it runs.
+    /// Its controller.
     pub controller: String,
 }
 
-impl Seat {
-    /// The same, as it is kept.
+impl Lease {
+    /// With the label shortened.
     fn shortened(self) -> Self {
         Self { controller: self.controller.chars().take(CONTROLLER_CHARS_MAX).collect(), ..self }
     }
 }
 
-/// A claim of an id.
+/// A request for an id.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Claim {
-    /// Whose topic it came in on.
+pub struct JoinRequest {
+    /// The agent whose topic carried it.
     pub topic: AgentId,
-    /// The id claimed.
+    /// The requested id.
     pub agent: AgentId,
-    /// The protocol spoken.
+    /// Version of the protocol.
     pub protocol: u32,
-    /// Who claims.
-    pub seat: Seat,
+    /// The lease that it asks for.
+    pub lease: Lease,
 }
 
-impl Roster {
-    /// Nobody is there yet.
+impl Membership {
+    /// A membership of `agents` ids without processes.
     #[must_use]
     pub fn new(agents: u32) -> Self {
-        Self { seats: vec![None; agents as usize] }
+        Self { leases: vec![None; agents as usize] }
     }
 
-    /// Grants an id, or grants it again to the process that has it.
+    /// Grants an id, or confirms it to the process that holds it.
     ///
     /// # Errors
     /// If the id is not one of the run's or belongs to another process, or the protocol is another.
-    pub fn join(&mut self, claim: Claim) -> Result<(), Refusal> {
-        let agent = claim.agent;
-        if claim.topic != agent {
-            return Err(Refusal::WrongTopic { topic: claim.topic, named: agent });
+    pub fn join(&mut self, request: JoinRequest) -> Result<(), Refusal> {
+        let agent = request.agent;
+        if request.topic != agent {
+            return Err(Refusal::WrongTopic { topic: request.topic, named: agent });
         }
-        if claim.protocol != PROTOCOL {
-            return Err(Refusal::WrongProtocol { agent, got: claim.protocol, expected: PROTOCOL });
+        if request.protocol != PROTOCOL {
+            return Err(Refusal::WrongProtocol { agent, got: request.protocol, expected: PROTOCOL });
         }
-        let agents = self.seats.len() as u32;
-        let seat = self.seats.get_mut(agent.index()).ok_or(Refusal::UnknownAgent { agent, agents })?;
-        match seat {
+        let agents = self.leases.len() as u32;
+        let lease = self.leases.get_mut(agent.index()).ok_or(Refusal::UnknownAgent { agent, agents })?;
+        match lease {
             None => {
-                *seat = Some(claim.seat.shortened());
+                *lease = Some(request.lease.shortened());
                 Ok(())
             }
-            Some(taken) if taken.source == claim.seat.source && taken.instance == claim.seat.instance => Ok(()),
+            Some(taken) if taken.source == request.lease.source && taken.instance == request.lease.instance => Ok(()),
             Some(_) => Err(Refusal::IdTaken { agent }),
         }
     }
 
-    /// Grants an id that belongs to a process which is given up.
+    /// Transfers an id from a process that is given up.
     ///
     /// # Errors
-    /// If the new one runs something else.
-    pub fn replace(&mut self, agent: AgentId, seat: Seat) -> Result<(), Refusal> {
-        let seat = seat.shortened();
-        let taken = &mut self.seats[agent.index()];
-        if let Some(before) = taken.as_ref().map(|seat| seat.controller.clone()).filter(|it| *it != seat.controller) {
-            return Err(Refusal::OtherController { agent, got: seat.controller, before });
+    /// If the new one runs another controller.
+    pub fn replace(&mut self, agent: AgentId, lease: Lease) -> Result<(), Refusal> {
+        let lease = lease.shortened();
+        let taken = &mut self.leases[agent.index()];
+        if let Some(before) = taken.as_ref().map(|lease| lease.controller.clone()).filter(|it| *it != lease.controller)
+        {
+            return Err(Refusal::OtherController { agent, got: lease.controller, before });
         }
-        *taken = Some(seat);
+        *taken = Some(lease);
         Ok(())
     }
 
     /// All agents of a process, ascending.
     pub fn agents_of(&self, source: SourceId) -> impl Iterator<Item = AgentId> + '_ {
-        let is_of = move |seat: &Option<Seat>| seat.as_ref().is_some_and(|seat| seat.source == source);
-        (0..).map(AgentId).zip(&self.seats).filter(move |(_, seat)| is_of(seat)).map(|(agent, _)| agent)
+        let is_of = move |lease: &Option<Lease>| lease.as_ref().is_some_and(|lease| lease.source == source);
+        (0..).map(AgentId).zip(&self.leases).filter(move |(_, lease)| is_of(lease)).map(|(agent, _)| agent)
     }
 
-    /// Whether `source` has been granted `agent`.
+    /// Whether `source` holds `agent`.
     ///
     /// # Errors
-    /// If it has not.
+    /// If it does not.
     pub fn check(&self, agent: AgentId, source: SourceId) -> Result<(), Refusal> {
-        let agents = self.seats.len() as u32;
-        match self.seats.get(agent.index()) {
+        let agents = self.leases.len() as u32;
+        match self.leases.get(agent.index()) {
             None => Err(Refusal::UnknownAgent { agent, agents }),
-            Some(Some(seat)) if seat.source == source => Ok(()),
+            Some(Some(lease)) if lease.source == source => Ok(()),
             Some(_) => Err(Refusal::NotJoined { agent }),
         }
     }
 
-    /// The process of an agent.
+    /// The lease of an agent id, if it is held.
     #[must_use]
-    pub fn seat(&self, agent: AgentId) -> Option<&Seat> {
-        self.seats.get(agent.index()).and_then(Option::as_ref)
+    pub fn lease(&self, agent: AgentId) -> Option<&Lease> {
+        self.leases.get(agent.index()).and_then(Option::as_ref)
     }
 
-    /// Ids nobody has claimed yet, ascending.
+    /// Ids that no process holds, ascending.
     #[must_use]
     pub fn missing(&self) -> Vec<AgentId> {
-        (0..).map(AgentId).zip(&self.seats).filter(|(_, seat)| seat.is_none()).map(|(agent, _)| agent).collect()
+        (0..).map(AgentId).zip(&self.leases).filter(|(_, lease)| lease.is_none()).map(|(agent, _)| agent).collect()
     }
 }
 
-/// When an agent wants to be asked again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Wake {
-    /// At the latest in this tick.
-    pub at: Tick,
-    /// Earlier, after any of these events.
-    pub events: Events,
-}
-
-impl Wake {
-    /// As soon as possible: what holds before the first command.
-    pub const AT_ONCE: Self = Self { at: Tick::ZERO, events: 0 };
-
-    /// Whether the agent is due at `tick`, given what has happened since its last observation.
-    #[must_use]
-    pub fn is_due(&self, tick: Tick, happened: Events) -> bool {
-        tick >= self.at || happened & self.events != 0
-    }
-}
-
-/// The answers of one tick.
+/// The replies of one tick.
 #[derive(Debug, Clone)]
 pub struct Barrier<C> {
     tick: Tick,
@@ -297,7 +276,7 @@ pub struct Barrier<C> {
 }
 
 impl<C: PartialEq> Barrier<C> {
-    /// Awaits one answer for `tick` from each of `awaited`.
+    /// Awaits one reply for `tick` from each of `awaited`.
     #[must_use]
     pub fn new(tick: Tick, awaited: BTreeSet<AgentId>) -> Self {
         Self { tick, awaited, answers: BTreeMap::new() }
@@ -309,7 +288,7 @@ impl<C: PartialEq> Barrier<C> {
         self.tick
     }
 
-    /// Takes an answer.
+    /// Accepts a reply.
     ///
     /// # Errors
     /// If it is for another tick, not awaited, or a second one.
@@ -320,7 +299,7 @@ impl<C: PartialEq> Barrier<C> {
         Ok(())
     }
 
-    /// Whether an answer of this agent to this tick would be taken.
+    /// Whether a reply of this agent to this tick would be accepted.
     ///
     /// # Errors
     /// If it is for another tick, not awaited, or a second one.
@@ -334,39 +313,39 @@ impl<C: PartialEq> Barrier<C> {
         Ok(())
     }
 
-    /// The answer of an agent, if it has given one.
+    /// The reply of an agent, if it has given one.
     #[must_use]
     pub fn answer(&self, agent: AgentId) -> Option<&C> {
         self.answers.get(&agent)
     }
 
-    /// Whether an answer of this agent is still awaited.
+    /// Whether a reply of this agent is still awaited.
     #[must_use]
     pub fn awaits(&self, agent: AgentId) -> bool {
         self.awaited.contains(&agent)
     }
 
-    /// Who has not answered yet, ascending.
+    /// Agents without a reply, ascending.
     pub fn missing(&self) -> impl Iterator<Item = AgentId> + '_ {
         self.awaited.iter().copied()
     }
 
-    /// Whether nobody is awaited any more.
+    /// Whether all replies are in.
     #[must_use]
     pub fn is_complete(&self) -> bool {
         self.awaited.is_empty()
     }
 
-    /// The answers of a barrier that is given up, by agent.
+    /// The replies of a barrier that is given up, by agent.
     #[must_use]
     pub fn into_answers_so_far(self) -> BTreeMap<AgentId, C> {
         self.answers
     }
 
-    /// The answers, by agent.
+    /// The replies, by agent.
     ///
     /// # Panics
-    /// If the barrier is not complete: the world must never advance with an answer missing.
+    /// If the barrier is not complete: the world must never advance with a reply missing.
     #[must_use]
     pub fn into_answers(self) -> BTreeMap<AgentId, C> {
         assert!(self.is_complete(), "the world must not advance while answers are missing");
@@ -374,7 +353,7 @@ impl<C: PartialEq> Barrier<C> {
     }
 }
 
-/// Ids as people read them: `0, 3, 7`.
+/// Ids separated by commas: `0, 3, 7`.
 #[must_use]
 pub fn listed(agents: impl IntoIterator<Item = AgentId>) -> impl fmt::Display {
     let names: Vec<String> = agents.into_iter().map(|agent| agent.to_string()).collect();
@@ -385,63 +364,53 @@ pub fn listed(agents: impl IntoIterator<Item = AgentId>) -> impl fmt::Display {
 mod tests {
     use super::*;
 
-    fn claim(agent: u32, instance: u64, source: u8) -> Claim {
-        Claim {
+    fn request(agent: u32, instance: u64, source: u8) -> JoinRequest {
+        JoinRequest {
             topic: AgentId(agent),
             agent: AgentId(agent),
             protocol: PROTOCOL,
-            seat: Seat { source: SourceId([source; 16]), instance, controller: "rbw".into() },
+            lease: Lease { source: SourceId([source; 16]), instance, controller: "rbw".into() },
         }
     }
 
     #[test]
     fn an_id_belongs_to_one_process() {
-        let mut roster = Roster::new(2);
-        assert_eq!(roster.missing(), [AgentId(0), AgentId(1)]);
-        roster.join(claim(1, 7, 1)).unwrap();
-        roster.join(claim(1, 7, 1)).unwrap();
-        assert_eq!(roster.join(claim(1, 8, 2)), Err(Refusal::IdTaken { agent: AgentId(1) }));
-        assert_eq!(roster.missing(), [AgentId(0)]);
-        assert_eq!(roster.seat(AgentId(1)).unwrap().instance, 7);
-        assert!(roster.check(AgentId(1), SourceId([1; 16])).is_ok());
-        assert_eq!(roster.check(AgentId(1), SourceId([2; 16])), Err(Refusal::NotJoined { agent: AgentId(1) }));
+        let mut membership = Membership::new(2);
+        assert_eq!(membership.missing(), [AgentId(0), AgentId(1)]);
+        membership.join(request(1, 7, 1)).unwrap();
+        membership.join(request(1, 7, 1)).unwrap();
+        assert_eq!(membership.join(request(1, 8, 2)), Err(Refusal::IdTaken { agent: AgentId(1) }));
+        assert_eq!(membership.missing(), [AgentId(0)]);
+        assert_eq!(membership.lease(AgentId(1)).unwrap().instance, 7);
+        assert!(membership.check(AgentId(1), SourceId([1; 16])).is_ok());
+        assert_eq!(membership.check(AgentId(1), SourceId([2; 16])), Err(Refusal::NotJoined { agent: AgentId(1) }));
     }
 
     #[test]
-    fn of_an_endless_name_the_beginning_is_kept() {
-        let mut roster = Roster::new(1);
-        let mut endless = claim(0, 1, 1);
-        endless.seat.controller = "\u{e9}".repeat(1_000_000);
-        roster.join(endless).unwrap();
-        assert_eq!(roster.seat(AgentId(0)).unwrap().controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
-        // Its successor says the same, and may follow.
-        let mut successor = claim(0, 2, 2).seat;
+    fn an_overlong_label_is_shortened() {
+        let mut membership = Membership::new(1);
+        let mut endless = request(0, 1, 1);
+        endless.lease.controller = "\u{e9}".repeat(1_000_000);
+        membership.join(endless).unwrap();
+        assert_eq!(membership.lease(AgentId(0)).unwrap().controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
+        // Its replacement has the same label, and is accepted.
+        let mut successor = request(0, 2, 2).lease;
         successor.controller = "\u{e9}".repeat(1_000_000);
-        roster.replace(AgentId(0), successor).unwrap();
-        assert_eq!(roster.seat(AgentId(0)).unwrap().controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
+        membership.replace(AgentId(0), successor).unwrap();
+        assert_eq!(membership.lease(AgentId(0)).unwrap().controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
     }
 
     #[test]
-    fn a_stranger_is_refused() {
-        let mut roster = Roster::new(2);
-        assert!(matches!(roster.join(claim(2, 1, 1)), Err(Refusal::UnknownAgent { agents: 2, .. })));
-        let mut wrong = claim(0, 1, 1);
+    fn foreign_requests_are_refused() {
+        let mut membership = Membership::new(2);
+        assert!(matches!(membership.join(request(2, 1, 1)), Err(Refusal::UnknownAgent { agents: 2, .. })));
+        let mut wrong = request(0, 1, 1);
         wrong.protocol = 99;
-        assert!(matches!(roster.join(wrong), Err(Refusal::WrongProtocol { got: 99, .. })));
-        let mut wrong = claim(0, 1, 1);
+        assert!(matches!(membership.join(wrong), Err(Refusal::WrongProtocol { got: 99, .. })));
+        let mut wrong = request(0, 1, 1);
         wrong.topic = AgentId(1);
-        assert!(matches!(roster.join(wrong), Err(Refusal::WrongTopic { .. })));
-        assert_eq!(roster.missing().len(), 2);
-    }
-
-    #[test]
-    fn due_at_the_tick_or_at_an_event() {
-        let wake = Wake { at: Tick(10), events: 0b101 };
-        assert!(!wake.is_due(Tick(9), 0b010));
-        assert!(wake.is_due(Tick(9), 0b100));
-        assert!(wake.is_due(Tick(10), 0));
-        assert!(wake.is_due(Tick(11), 0));
-        assert!(Wake::AT_ONCE.is_due(Tick(0), 0));
+        assert!(matches!(membership.join(wrong), Err(Refusal::WrongTopic { .. })));
+        assert_eq!(membership.missing().len(), 2);
     }
 
     #[test]

@@ -18,14 +18,13 @@ mod sensor;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use mapgen::FormatError;
+use msgs::body_model::BodyModel;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::BODIES_MAX;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use mapgen::FormatError;
-
-use crate::world::body::BodyModel;
 use crate::world::spawn::SpawnSpec;
 
 pub use bodies::BodyEntry;

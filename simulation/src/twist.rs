@@ -58,7 +58,7 @@ pub fn command(run: u64, agent: AgentId, twist: &TwistStamped) -> Result<Command
 
 /// The receipt for the end of a run.
 #[must_use]
-pub fn receipt(run: u64, agent: AgentId, tick: Tick) -> Command {
+pub fn acknowledgement(run: u64, agent: AgentId, tick: Tick) -> Command {
     Command { tick: tick.0, run, agent: agent.0, ..Command::default() }
 }
 

@@ -14,16 +14,17 @@ use msgs::limits::{
 };
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
 use msgs::relay_id::RelayId;
+use msgs::scan_request::ScanRequest;
 use msgs::std_msgs::Header;
+use msgs::trigger::Trigger;
 use nalgebra::{Point3, Vector3};
 use voxels::Extent;
 
-use crate::lockstep::Wake;
 use crate::scenario::{AgentsSection, Scenario};
-use crate::world::body::{BodyKind, BodyModel, Motion, Pose};
+use crate::world::body::{Motion, Pose};
 use crate::world::collision::Surface;
-use crate::world::comms::{Parcel, Peer};
-use crate::world::{Action, LidarRequest, Observation, World};
+use crate::world::comms::{AgentMessage, Peer};
+use crate::world::{Action, Observation, World};
 
 /// Bytes on the wire of a contact, with padding.
 const CONTACT_BYTES: usize = 32;
@@ -87,9 +88,9 @@ pub fn observation_parts(observation: &Observation, phase: u8) -> Vec<Part> {
         .chain(observation.relays.iter().map(|(relay, position)| (relay.on_wire(), position)))
         .map(|(agent, position)| maes_msgs::Contact { agent, position: point(position) })
         .collect();
-    for parcel in &observation.parcels {
-        parts.make_room(PARCEL_BYTES_BARE + parcel.data.len());
-        parts.filling.parcels.push(parcel_message(parcel));
+    for message in &observation.messages {
+        parts.make_room(PARCEL_BYTES_BARE + message.data.len());
+        parts.filling.parcels.push(parcel(message));
     }
     parts.add_runs(&observation.seen_free, |part| &mut part.seen_free);
     parts.add_runs(&observation.seen_wall, |part| &mut part.seen_wall);
@@ -142,23 +143,24 @@ impl Parts {
 ///
 /// # Errors
 /// The field, its value and what is allowed, if the command is not legal for a team of `agents`.
-pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Wake), String> {
+pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Trigger), String> {
     if message.info.len() > INFO_BYTES_MAX {
         return Err(format!("info has {} bytes, at most {INFO_BYTES_MAX} are allowed", message.info.len()));
     }
     let action = Action {
         motion: motion(&message.task)?,
-        lidar: lidar_request(message.lidar)?,
+        lidar: ScanRequest::try_from(message.lidar).map_err(|error| error.to_string())?,
         want_view: message.want_view,
-        parcels: parcels(&message.parcels, agents)?,
+        messages: agent_messages(&message.parcels, agents)?,
     };
     let list_bytes = POINT_BYTES * message.task.path.len()
         + message.parcels.iter().map(|parcel| PARCEL_BYTES_BARE + parcel.data.len()).sum::<usize>();
     if list_bytes > LIST_BYTES_MAX {
         return Err(format!("path and parcels take {list_bytes} bytes, at most {LIST_BYTES_MAX} are allowed"));
     }
-    let wake = Wake { at: Tick(message.wake.at_tick.max(message.tick.saturating_add(1))), events: message.wake.events };
-    Ok((action, wake))
+    let trigger =
+        Trigger { at: Tick(message.wake.at_tick.max(message.tick.saturating_add(1))), events: message.wake.events };
+    Ok((action, trigger))
 }
 
 fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
@@ -180,12 +182,9 @@ fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
         },
         Task::PATH => {
             if task.path.is_empty() || task.path.len() > PATH_POINTS_MAX {
-                return Err(format!(
-                    "task.path has {} way-points, 1 to {PATH_POINTS_MAX} are allowed",
-                    task.path.len()
-                ));
+                return Err(format!("task.path has {} waypoints, 1 to {PATH_POINTS_MAX} are allowed", task.path.len()));
             }
-            let way_points: Result<_, String> = task
+            let waypoints: Result<_, String> = task
                 .path
                 .iter()
                 .map(|point| {
@@ -196,7 +195,7 @@ fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
                     ))
                 })
                 .collect();
-            Motion::Path(way_points?)
+            Motion::Path(waypoints?)
         }
         Task::VELOCITY => Motion::Velocity {
             linear_in_body_m_s: Vector3::new(
@@ -210,29 +209,17 @@ fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
     })
 }
 
-fn lidar_request(request: maes_msgs::LidarRequest) -> Result<LidarRequest, String> {
-    use maes_msgs::LidarRequest as Message;
-    match request.kind {
-        Message::KEEP => Ok(LidarRequest::Keep),
-        Message::NEVER => Ok(LidarRequest::Never),
-        Message::ONCE => Ok(LidarRequest::Once),
-        Message::EVERY if request.period_ticks >= 1 => Ok(LidarRequest::Every(request.period_ticks)),
-        Message::EVERY => Err("lidar.period_ticks = 0, at least 1 is allowed".to_owned()),
-        other => Err(format!("lidar.kind = {other}, 0 to 3 are allowed")),
-    }
-}
-
-fn parcels(messages: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<Parcel>, String> {
-    let bytes: usize = messages.iter().map(|parcel| parcel.data.len()).sum();
+fn agent_messages(parcels: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<AgentMessage>, String> {
+    let bytes: usize = parcels.iter().map(|parcel| parcel.data.len()).sum();
     if bytes > PARCEL_BYTES_MAX {
         return Err(format!("the parcels hold {bytes} bytes, at most {PARCEL_BYTES_MAX} are allowed"));
     }
-    messages
+    parcels
         .iter()
         .map(|parcel| {
             let relay = RelayId::from_wire(parcel.agent).filter(|relay| relay.owner.0 < agents);
             let peer = match (parcel.agent, relay) {
-                (maes_msgs::Parcel::BROADCAST, _) => Peer::Everybody,
+                (maes_msgs::Parcel::BROADCAST, _) => Peer::Broadcast,
                 (maes_msgs::Parcel::LEAVE_RELAY, _) => Peer::NewRelay,
                 (_, Some(relay)) => Peer::Relay(relay),
                 (agent, _) if agent < agents => Peer::One(AgentId(agent)),
@@ -247,7 +234,7 @@ fn parcels(messages: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<Parcel>, S
             if matches!(peer, Peer::Relay(_) | Peer::NewRelay) && bytes > RELAY_BYTES_MAX {
                 return Err(format!("a parcel to a relay holds {bytes} bytes, at most {RELAY_BYTES_MAX} are allowed"));
             }
-            Ok(Parcel { peer, kind: parcel.kind, data: parcel.data.clone() })
+            Ok(AgentMessage { peer, kind: parcel.kind, data: parcel.data.clone() })
         })
         .collect()
 }
@@ -267,16 +254,16 @@ fn within(field: &str, value: f64, low: f64, high: f64) -> Result<f64, String> {
     }
 }
 
-fn parcel_message(parcel: &Parcel) -> maes_msgs::Parcel {
+fn parcel(message: &AgentMessage) -> maes_msgs::Parcel {
     maes_msgs::Parcel {
-        agent: match parcel.peer {
+        agent: match message.peer {
             Peer::One(agent) => agent.0,
-            Peer::Everybody => maes_msgs::Parcel::BROADCAST,
+            Peer::Broadcast => maes_msgs::Parcel::BROADCAST,
             Peer::Relay(relay) => relay.on_wire(),
             Peer::NewRelay => maes_msgs::Parcel::LEAVE_RELAY,
         },
-        kind: parcel.kind,
-        data: parcel.data.clone(),
+        kind: message.kind,
+        data: message.data.clone(),
     }
 }
 
@@ -312,31 +299,15 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
 
 /// The bodies that there are, and by agent which of them is its own.
 fn bodies(scenario: &Scenario) -> (Vec<maes_msgs::Body>, Vec<u8>) {
-    let mut bodies = vec![body(&scenario.body)];
+    let mut bodies = vec![maes_msgs::Body::from(scenario.body)];
     let mut body_of = vec![0; scenario.agents.count as usize];
     for (number, entry) in (1..=u8::MAX).zip(&scenario.bodies) {
-        bodies.push(body(&entry.keys.over(&scenario.body)));
+        bodies.push(entry.keys.over(&scenario.body).into());
         for &agent in &entry.agents {
             body_of[agent as usize] = number;
         }
     }
     (bodies, body_of)
-}
-
-fn body(model: &BodyModel) -> maes_msgs::Body {
-    maes_msgs::Body {
-        kind: match model.kind {
-            BodyKind::Submarine => maes_msgs::Body::SUBMARINE,
-            BodyKind::Aerial => maes_msgs::Body::AERIAL,
-        },
-        radius_m: model.radius_m,
-        speed_max_m_s: model.speed_max_m_s,
-        acceleration_m_s2: model.acceleration_m_s2,
-        deceleration_m_s2: model.deceleration_m_s2,
-        turn_rate_max_rad_s: model.turn_rate_max_rad_s,
-        turn_acceleration_rad_s2: model.turn_acceleration_rad_s2,
-        turn_deceleration_rad_s2: model.turn_deceleration_rad_s2,
-    }
 }
 
 /// The settings of controllers, each `KEY=VALUE`.

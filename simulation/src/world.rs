@@ -1,7 +1,7 @@
 //! The true world and its fixed update: look, (compute, outside), communicate, move.
 //!
 //! A tick goes like this: [`World::look`] casts the scans that are due; the caller asks the agents that are due for commands
-//! (with [`World::observe`]); [`World::step`] delivers the parcels, moves the bodies in the order of their ids, and ends the
+//! (with [`World::observe`]); [`World::step`] delivers the messages, moves the bodies in the order of their ids, and ends the
 //! tick. Each body sees the others where they are at that moment: lower ids have moved already, higher ids not yet, so two
 //! bodies can never come to overlap.
 //!
@@ -10,38 +10,38 @@
 //!
 //! This module knows no ROS, no file and no wall clock, and does not judge who is due: see [`crate::lockstep`].
 
-mod air;
 pub mod body;
 pub mod collision;
 pub mod comms;
 pub mod coverage;
-pub mod errors;
+mod interface;
 pub mod lidar;
+pub mod noise;
+mod pending_observation;
+mod radio_medium;
 pub mod relays;
 pub mod spawn;
-mod terms;
-mod untold;
 
 use std::collections::BTreeMap;
 
+use msgs::body_model::BodyModel;
 use msgs::ids::{AgentId, Tick};
 use msgs::relay_id::RelayId;
+use msgs::scan_request::ScanRequest;
 use nalgebra::Point3;
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use voxels::{Cell, Grid, Terrain};
 
-use air::Air;
-use body::{Body, BodyModel, Pose};
+use body::{Body, Pose};
 use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
 use coverage::Coverage;
-use errors::{Drift, Errors};
-use lidar::{Blur, Scanner, SensorMemory};
-pub use terms::{
-    Action, COLLISION, CONTACTS, Events, LidarRequest, NEW_CELL, Observation, PARCEL, Since, TASK_DONE, Totals,
-};
-use untold::Untold;
+pub use interface::{Action, COLLISION, CONTACTS, Commit, Events, NEW_CELL, Observation, PARCEL, TASK_DONE, Totals};
+use lidar::{NoisyScan, Scanner, SensorMemory};
+use noise::{Drift, SensorNoise};
+use pending_observation::PendingObservation;
+use radio_medium::RadioMedium;
 
 /// Everything about a world that is not its terrain.
 #[derive(Debug, Clone)]
@@ -57,7 +57,7 @@ pub struct WorldParams {
     /// How agents communicate.
     pub comms: Comms,
     /// How agents err.
-    pub errors: Errors,
+    pub noise: SensorNoise,
 }
 
 /// When LiDARs scan.
@@ -81,7 +81,7 @@ pub struct World {
     agents: Vec<AgentState>,
     spheres: Vec<Sphere>,
     contacts: Option<ContactTable>,
-    air: Air,
+    radio: RadioMedium,
     coverage: Coverage,
     totals: Totals,
 }
@@ -98,7 +98,7 @@ struct AgentState {
     /// Where and when the last scan was cast.
     last_scan: Option<(Pose, Tick)>,
     want_view: bool,
-    untold: Untold,
+    pending_observation: PendingObservation,
     drift: Drift,
     reported_contacts: Vec<AgentId>,
     reported_relays: Vec<(RelayId, Point3<f64>)>,
@@ -134,8 +134,8 @@ impl World {
                 scan_period_ticks: period_ticks,
                 last_scan: None,
                 want_view: false,
-                untold: Untold::default(),
-                drift: Drift::new(&params.errors, agent),
+                pending_observation: PendingObservation::default(),
+                drift: Drift::new(&params.noise, agent),
                 reported_contacts: Vec::new(),
                 reported_relays: Vec::new(),
             })
@@ -149,7 +149,7 @@ impl World {
             tick: Tick::ZERO,
             terrain,
             params,
-            air: Air::new(agents.len()),
+            radio: RadioMedium::new(agents.len()),
             agents,
             spheres,
             contacts: None,
@@ -195,9 +195,9 @@ impl World {
 
     /// Where an agent is told that it is, metres, frame `map`: what it says to others, too.
     #[must_use]
-    pub fn told_position(&self, agent: AgentId) -> Point3<f64> {
+    pub fn measured_position(&self, agent: AgentId) -> Point3<f64> {
         let state = &self.agents[agent.index()];
-        state.drift.told(&state.body.pose().position, self.terrain.extent())
+        state.drift.measured(&state.body.pose().position, self.terrain.extent())
     }
 
     /// Puts a body somewhere, at rest. Its task has ended, as its agent is told.
@@ -210,7 +210,7 @@ impl World {
         spawn::check_room(&self.terrain, others.map(|(_, sphere)| sphere), &pose.position, model.radius_m)?;
         let state = &mut self.agents[agent.index()];
         state.body = Body::at_rest(model, pose);
-        state.untold.events |= TASK_DONE;
+        state.pending_observation.events |= TASK_DONE;
         self.contacts = None;
         self.settle(agent.index());
         Ok(())
@@ -248,11 +248,11 @@ impl World {
     /// Where the rays of a scan of an agent from a pose meet walls, metres, frame `map`, in the scanner's own fixed order.
     #[must_use]
     pub fn hits_from(&self, agent: AgentId, pose: &Pose) -> Vec<Point3<f64>> {
-        let Self { params: WorldParams { scanner, errors, .. }, agents, .. } = self;
+        let Self { params: WorldParams { scanner, noise, .. }, agents, .. } = self;
         let AgentState { memory, last_scan, .. } = &agents[agent.index()];
         match last_scan {
-            Some((_, tick)) if errors.blur_scans() => {
-                scanner.hits_blurred(memory, pose, Blur { errors, agent, tick: *tick })
+            Some((_, tick)) if noise.affects_scans() => {
+                scanner.hits_noisy(memory, pose, NoisyScan { noise, agent, tick: *tick })
             }
             _ => scanner.hits(memory, pose),
         }
@@ -268,7 +268,7 @@ impl World {
     pub fn look(&mut self, pool: &ThreadPool) {
         let tick = self.tick;
         let team = self.agents.len() as u64;
-        let (scanner, errors) = (&self.params.scanner, &self.params.errors);
+        let (scanner, noise) = (&self.params.scanner, &self.params.noise);
         if self.params.schedule == ScanSchedule::TakeTurns {
             let turn = (tick.0 % team) as usize;
             self.agents[turn].next_scan = Some(tick);
@@ -288,20 +288,26 @@ impl World {
             let sees_the_same = state.last_scan.is_some_and(|(last, _)| scanner.sees_the_same(&last, &pose));
             state.last_scan = Some((pose, tick));
             // A second look errs otherwise than the first.
-            if errors.blur_scans() || !sees_the_same {
+            if noise.affects_scans() || !sees_the_same {
                 cast.push((index, state));
             }
         }
         self.totals.scans_cast += cast.len() as u64;
         let scan = |(index, state): &mut (usize, &mut AgentState)| {
-            let first = state.untold.free.len();
+            let first = state.pending_observation.free.len();
             let pose = *state.body.pose();
-            let untold = &mut state.untold;
-            if errors.blur_scans() {
-                let blur = Blur { errors, agent: AgentId::from_index(*index), tick };
-                scanner.scan_blurred(&mut state.memory, &pose, blur, &mut untold.free, &mut untold.wall);
+            let pending_observation = &mut state.pending_observation;
+            if noise.affects_scans() {
+                let blur = NoisyScan { noise, agent: AgentId::from_index(*index), tick };
+                scanner.scan_noisy(
+                    &mut state.memory,
+                    &pose,
+                    blur,
+                    &mut pending_observation.free,
+                    &mut pending_observation.wall,
+                );
             } else {
-                scanner.scan(&mut state.memory, &pose, &mut untold.free, &mut untold.wall);
+                scanner.scan(&mut state.memory, &pose, &mut pending_observation.free, &mut pending_observation.wall);
             }
             (*index, first)
         };
@@ -311,9 +317,9 @@ impl World {
             cast.iter_mut().map(scan).collect()
         };
         for (index, first) in scanned {
-            let new_free = &self.agents[index].untold.free[first..];
+            let new_free = &self.agents[index].pending_observation.free[first..];
             let agent = AgentId::from_index(index);
-            if self.params.errors.blur_scans() {
+            if self.params.noise.affects_scans() {
                 // What is taken for free and is wall is no score.
                 let is_free = |&cell: &u32| self.terrain.as_slice()[cell as usize] == Terrain::Free;
                 let truly_free: Vec<u32> = new_free.iter().copied().filter(is_free).collect();
@@ -328,7 +334,7 @@ impl World {
     /// What has happened to an agent since its last observation that counted, as far as `asked` names it: a change of contacts
     /// is looked for only if it is asked for.
     pub fn events(&mut self, agent: AgentId, asked: Events) -> Events {
-        let mut events = self.agents[agent.index()].untold.events;
+        let mut events = self.agents[agent.index()].pending_observation.events;
         if asked & CONTACTS != 0 {
             let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
             events |= self.agents[agent.index()].change_of_contacts(&contacts, &relays);
@@ -336,18 +342,18 @@ impl World {
         events & asked
     }
 
-    /// What an agent learns in this tick. With [`Since::LastCounted`] it counts as told afterwards.
-    pub fn observe(&mut self, agent: AgentId, since: Since) -> Observation {
+    /// What an agent learns in this tick. With [`Commit::Committed`] it counts as told afterwards.
+    pub fn observe(&mut self, agent: AgentId, commit: Commit) -> Observation {
         let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
-        let contact_positions = contacts.iter().map(|&other| (other, self.told_position(other))).collect();
-        let position = self.told_position(agent);
-        let (scanner, errors) = (&self.params.scanner, &self.params.errors);
+        let contact_positions = contacts.iter().map(|&other| (other, self.measured_position(other))).collect();
+        let position = self.measured_position(agent);
+        let (scanner, noise) = (&self.params.scanner, &self.params.noise);
         let state = &mut self.agents[agent.index()];
-        let news = match since {
-            Since::LastCounted => state.untold.take(),
-            Since::LastAsked => state.untold.take_unasked(),
+        let delta = match commit {
+            Commit::Committed => state.pending_observation.commit(),
+            Commit::Speculative => state.pending_observation.speculate(),
         };
-        let events = news.events | state.change_of_contacts(&contacts, &relays);
+        let events = delta.events | state.change_of_contacts(&contacts, &relays);
         let mut observation = Observation {
             tick: self.tick,
             agent,
@@ -359,21 +365,21 @@ impl World {
             events,
             contacts: contact_positions,
             relays: relays.clone(),
-            parcels: news.parcels,
+            messages: delta.messages,
             scan_tick: state.last_scan.map(|(_, tick)| tick),
-            seen_free: news.free,
-            seen_wall: news.wall,
+            seen_free: delta.free,
+            seen_wall: delta.wall,
             view: None,
         };
         if state.want_view
             && let Some((pose, tick)) = &state.last_scan
         {
-            observation.view = Some(match errors.blur_scans() {
-                true => scanner.view_blurred(&state.memory, pose, Blur { errors, agent, tick: *tick }),
+            observation.view = Some(match noise.affects_scans() {
+                true => scanner.view_noisy(&state.memory, pose, NoisyScan { noise, agent, tick: *tick }),
                 false => scanner.view(&state.memory, pose),
             });
         }
-        if since == Since::LastCounted {
+        if commit == Commit::Committed {
             (state.reported_contacts, state.reported_relays) = (contacts, relays);
         }
         observation
@@ -386,25 +392,25 @@ impl World {
             let next_tick = self.tick.after(1);
             let state = &mut self.agents[agent.index()];
             state.want_view = action.want_view;
-            state.body.take_up(action.motion);
+            state.body.set_task(action.motion);
             match (action.lidar, self.params.schedule) {
-                (LidarRequest::Keep, _) | (_, ScanSchedule::TakeTurns) => {}
-                (LidarRequest::Never, _) => {
+                (ScanRequest::Keep, _) | (_, ScanSchedule::TakeTurns) => {}
+                (ScanRequest::Never, _) => {
                     state.scan_period_ticks = None;
                     state.next_scan = None;
                 }
-                (LidarRequest::Once, _) => {
+                (ScanRequest::Once, _) => {
                     state.scan_period_ticks = None;
                     state.next_scan = Some(next_tick);
                 }
-                (LidarRequest::Every(period_ticks), _) => {
+                (ScanRequest::Every(period_ticks), _) => {
                     state.scan_period_ticks = Some(period_ticks);
                     state.next_scan = Some(next_tick);
                 }
             }
         }
         self.move_bodies();
-        self.agents.iter_mut().for_each(|state| state.drift.advance(&self.params.errors));
+        self.agents.iter_mut().for_each(|state| state.drift.advance(&self.params.noise));
         self.contacts = None;
         self.tick = self.tick.after(1);
     }
@@ -416,10 +422,10 @@ impl World {
             let moved = state.body.advance(&obstacles, Tick::TICK_S);
             state.distance_m += moved.distance_m;
             if moved.task_done {
-                state.untold.events |= TASK_DONE;
+                state.pending_observation.events |= TASK_DONE;
             }
             if moved.collided {
-                state.untold.events |= COLLISION;
+                state.pending_observation.events |= COLLISION;
                 self.totals.collisions += 1;
             }
             self.settle(index);
@@ -435,7 +441,7 @@ impl World {
         if cell != state.cell {
             assert_eq!(self.terrain.get(cell), Some(&Terrain::Free), "agent {index} has left free space");
             state.cell = cell;
-            state.untold.events |= NEW_CELL;
+            state.pending_observation.events |= NEW_CELL;
             self.coverage.cover(AgentId::from_index(index), index_of(&self.terrain, cell));
         }
     }

@@ -7,9 +7,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use msgs::body_model::BodyModel;
 use serde_json::{Value, json};
 use simulation::scenario::keys::{self, DefaultValue, Key, Kind, TABLES, Table};
-use simulation::world::body::BodyModel;
 
 const DOCUMENT: &str = "docs/scenario.md";
 const SCHEMA: &str = "launch_scripts/scenarios/scenario.schema.json";

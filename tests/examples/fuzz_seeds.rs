@@ -17,7 +17,7 @@ use msgs::simulation_interfaces::{
     EntityRequest, EntityState, FilterRequest, SetEntityStateRequest, SpawnEntityRequest, StepRequest,
 };
 use sim_server::recording::Recording;
-use sim_server::run::Nobody;
+use sim_server::session::NullObserver;
 use sim_server::setup;
 use simulation::scenario::Scenario;
 use voxels::{m3dm, packed};
@@ -155,7 +155,8 @@ fn recorded(mut scenario: Scenario) -> Vec<u8> {
     let file = corpus().join("seeds.mcap");
     scenario.execution.record = Some(file.clone());
     let team = Team { grouping: Grouping::Apart, chaos_delay: Duration::ZERO, decision_times: None };
-    experiments::single::run(&scenario, &team, &mut Nobody, &AtomicBool::new(false)).expect("the run has a result");
+    experiments::single::run(&scenario, &team, &mut NullObserver, &AtomicBool::new(false))
+        .expect("the run has a result");
     let bytes = fs::read(&file).expect("there is a recording");
     fs::remove_file(&file).expect("it can be removed");
     bytes

@@ -9,18 +9,18 @@ use std::time::Duration;
 
 use agent_node::agent::{Agent, Reaction};
 use agent_node::controllers::Controller;
-use agent_node::link::{Inbound, Link};
-use agent_node::run::Options;
+use agent_node::host::Options;
+use agent_node::transport::{Inbound, ServerTransport};
 use agent_node::wire;
 use experiments::in_memory::{self, AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
 use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join};
-use sim_server::link::Link as ServerLink;
 use sim_server::playback::Playback;
 use sim_server::recording::Recording;
-use sim_server::run::{Outcome, RunError, Watcher};
+use sim_server::session::{self, Mode, Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup;
+use sim_server::transport::Transport;
 use simulation::scenario::Scenario;
 use simulation::world::World;
 
@@ -37,7 +37,7 @@ pub(crate) struct Play {
     /// Called each time that people are told how far the run is.
     pub(crate) watch: Box<dyn FnMut(&World) + Send>,
     /// What stands between the server and the link.
-    pub(crate) server_link: fn(ServerEnd) -> Box<dyn ServerLink>,
+    pub(crate) server_link: fn(ServerEnd) -> Box<dyn Transport>,
     /// What the server goes on with.
     pub(crate) resumed: Option<Recording>,
     /// Ends the run early once it is set.
@@ -104,14 +104,9 @@ impl Play {
                 for (end, agents) in agents_ends.into_iter().zip(groups) {
                     scope.spawn(|| node(end, agents, &is_over));
                 }
-                let outcome = match &resumed {
-                    None => sim_server::run::run(&scenario, world, &mut *link, recorder, &mut watcher, &stop),
-                    Some(recording) => {
-                        let playback = Playback::new(recording).expect("it can be read");
-                        let link = &mut *link;
-                        sim_server::run::resume(&scenario, world, link, recorder, &mut watcher, &stop, playback)
-                    }
-                };
+                let playback = resumed.as_ref().map(|recording| Playback::new(recording).expect("it can be read"));
+                let outcome = RunConfig::new(&scenario, playback.map_or(Mode::Live, Mode::Resume))
+                    .and_then(|config| session::run(config, world, &mut *link, recorder, &mut watcher, &stop));
                 is_over.store(true, Ordering::Relaxed);
                 outcome
             });
@@ -140,7 +135,7 @@ struct Notes {
     watch: Box<dyn FnMut(&World) + Send>,
 }
 
-impl Watcher for Notes {
+impl RunObserver for Notes {
     fn waiting(&mut self, _missing: &[AgentId]) {}
 
     fn started(&mut self) {}
@@ -170,7 +165,7 @@ pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
 
 /// Agents with controllers of the test: joins, and answers until the run is over. `pause` comes before each answer.
 pub(crate) fn serve(
-    mut link: impl Link,
+    mut link: impl ServerTransport,
     ids: &[AgentId],
     controller: impl Fn(AgentId) -> Box<dyn Controller>,
     mut pause: impl FnMut(),
@@ -183,12 +178,12 @@ pub(crate) fn serve(
         match message {
             Inbound::Scenario(scenario) => {
                 run = scenario.run;
-                let briefing = wire::briefing(&scenario).expect("the server's scenario is legal");
+                let run_info = wire::run_info(&scenario).expect("the server's scenario is legal");
                 for &id in ids {
-                    agents.insert(id.0, Agent::new(id, briefing.clone(), controller(id)));
+                    agents.insert(id.0, Agent::new(id, run_info.clone(), controller(id)));
                     let controller = "of the test".to_owned();
                     let last_tick = Join::NONE;
-                    link.join(&Join { run, agent: id.0, instance: 0, protocol: PROTOCOL, controller, last_tick });
+                    link.send_join(&Join { run, agent: id.0, instance: 0, protocol: PROTOCOL, controller, last_tick });
                 }
             }
             Inbound::JoinReply(reply) => assert!(reply.accepted, "{}", reply.reason),
@@ -196,9 +191,9 @@ pub(crate) fn serve(
                 let agent = agents.get_mut(&part.agent).expect("the scenario comes first");
                 match agent.take(part).expect("the server's observations are legal") {
                     Reaction::None => {}
-                    Reaction::Answer(command) | Reaction::Farewell(command) => {
+                    Reaction::Reply(command) | Reaction::Acknowledge(command) => {
                         pause();
-                        link.answer(&Command { run, ..command });
+                        link.send_command(&Command { run, ..command });
                     }
                 }
             }

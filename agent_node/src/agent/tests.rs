@@ -7,10 +7,10 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::command::Parcel;
-use crate::observation::Received;
+use crate::command::AgentMessage;
+use crate::observation::ReceivedMessage;
 
-/// Counts how often it is asked.
+/// Counts its decisions.
 struct Counting(u32);
 
 impl Controller for Counting {
@@ -18,12 +18,12 @@ impl Controller for Counting {
         self.0 += 1;
         assert!(ctx.map().free() > 0, "the observation is in the map");
         let distance_m = f64::from(self.0);
-        Command::new(Motion::Move { pitch_rad: 0.0, distance_m }, Wake::NEXT_TICK)
+        Command::new(Motion::Move { pitch_rad: 0.0, distance_m }, Trigger::NEXT_TICK)
     }
 }
 
-/// What this many agents are told of a small run.
-fn briefing(agents: u32) -> Briefing {
+/// The run info of a small run with this many agents.
+fn run_info(agents: u32) -> RunInfo {
     let scenario = maes_msgs::Scenario {
         size: [4, 4, 4],
         cell_m: 1.0,
@@ -34,11 +34,11 @@ fn briefing(agents: u32) -> Briefing {
         share_period_ticks: 10,
         ..Default::default()
     };
-    wire::briefing(&scenario).unwrap()
+    wire::run_info(&scenario).unwrap()
 }
 
 fn agent() -> Agent {
-    Agent::new(AgentId(2), briefing(9), Box::new(Counting(0)))
+    Agent::new(AgentId(2), run_info(9), Box::new(Counting(0)))
 }
 
 fn part(tick: u64, phase: u8) -> Part {
@@ -51,9 +51,9 @@ fn a_tick_that_is_asked_again_is_answered_in_the_same_words() {
     let mut agent = agent();
     let first = agent.take(part(3, Part::RUNNING)).unwrap();
     assert_eq!(agent.take(part(3, Part::RUNNING)).unwrap(), first);
-    let Reaction::Answer(command) = first else { panic!("{first:?}") };
+    let Reaction::Reply(command) = first else { panic!("{first:?}") };
     assert_eq!((command.agent, command.tick, command.task.distance_m), (2, 3, 1.0));
-    let Reaction::Answer(next) = agent.take(part(4, Part::RUNNING)).unwrap() else { panic!() };
+    let Reaction::Reply(next) = agent.take(part(4, Part::RUNNING)).unwrap() else { panic!() };
     assert_eq!(next.task.distance_m, 2.0);
     assert_eq!(agent.take(part(3, Part::RUNNING)).unwrap(), Reaction::None);
     assert_eq!(agent.last_tick(), Some(Tick(4)));
@@ -63,26 +63,26 @@ fn a_tick_that_is_asked_again_is_answered_in_the_same_words() {
 fn the_end_is_receipted_even_in_a_tick_that_was_answered() {
     let mut agent = agent();
     agent.take(part(3, Part::RUNNING)).unwrap();
-    let Reaction::Farewell(receipt) = agent.take(part(3, Part::ENDED)).unwrap() else { panic!() };
-    assert_eq!((receipt.tick, receipt.task.kind), (3, maes_msgs::Task::KEEP));
+    let Reaction::Acknowledge(acknowledgement) = agent.take(part(3, Part::ENDED)).unwrap() else { panic!() };
+    assert_eq!((acknowledgement.tick, acknowledgement.task.kind), (3, maes_msgs::Task::KEEP));
     assert_eq!((agent.map().free(), agent.map().covered()), (3, 1));
 }
 
-/// Acts at random when it is due, on all that it has learnt; keeps a protocol of what it was shown in these ticks.
+/// Acts at random when it is due, depending on all it knows; logs the observations of these ticks.
 struct Whim {
     rng: ChaCha8Rng,
-    wake: Wake,
+    wake: Trigger,
     shown: Rc<RefCell<Vec<Observation>>>,
     is_restless: bool,
 }
 
 impl Controller for Whim {
-    fn is_asked_between(&self) -> bool {
+    fn is_polled_between_triggers(&self) -> bool {
         true
     }
 
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        assert!(observation.parcels.iter().all(|parcel| parcel.kind != MAP_PARCEL));
+        assert!(observation.messages.iter().all(|message| message.kind != MAP_MESSAGE));
         if !self.wake.is_due(observation.tick, observation.events) {
             let is_acting = self.is_restless && observation.tick.0.is_multiple_of(7);
             let info = if is_acting { "restless".to_owned() } else { String::new() };
@@ -90,15 +90,15 @@ impl Controller for Whim {
         }
         self.shown.borrow_mut().push(observation.clone());
         let rng = &mut self.rng;
-        self.wake = Wake { at: observation.tick.after(rng.random_range(0..40)), events: rng.random_range(0..32) };
+        self.wake = Trigger { at: observation.tick.after(rng.random_range(0..40)), events: rng.random_range(0..32) };
         let angle_rad = (ctx.map().free() + 3 * ctx.map().covered() + 7 * ctx.map().wall()) as f64 / 1e3;
         let noise = |rng: &mut ChaCha8Rng| (0..rng.random_range(0..9)).map(|_| rng.random()).collect();
         Command {
             motion: if rng.random_bool(0.5) { Motion::Turn { angle_rad } } else { Motion::Keep },
             want_view: rng.random_bool(0.2),
-            parcels: match rng.random_range(0..4) {
-                0 => vec![Parcel { to: None, kind: rng.random_range(0..3), data: noise(rng) }],
-                1 => vec![Parcel { to: None, kind: 9, data: vec![0; rng.random_range(0..PARCEL_BYTES_MAX)] }],
+            messages: match rng.random_range(0..4) {
+                0 => vec![AgentMessage { to: None, kind: rng.random_range(0..3), data: noise(rng) }],
+                1 => vec![AgentMessage { to: None, kind: 9, data: vec![0; rng.random_range(0..PARCEL_BYTES_MAX)] }],
                 _ => Vec::new(),
             },
             ..Command::keep(self.wake)
@@ -106,7 +106,7 @@ impl Controller for Whim {
     }
 }
 
-/// What the world keeps of an agent, as the server does.
+/// The pending observation of an agent, as the server keeps it.
 #[derive(Default)]
 struct Mailbox {
     free: Vec<u32>,
@@ -114,14 +114,15 @@ struct Mailbox {
     events: u8,
     asked: (usize, usize, u8),
     contacts: Vec<u32>,
-    wake: Option<Wake>,
+    wake: Option<Trigger>,
     counted: Vec<maes_msgs::Command>,
 }
 
 const AGENTS: u32 = 4;
 const SIDE: u32 = 12;
 
-/// Plays a world that hangs on nothing but its seed; the commands that counted, and what the controllers were shown.
+/// Simulates a world that depends on its seed alone; the committed commands and the observations of
+/// the controllers.
 fn play(
     seed: u64,
     looks_ahead: bool,
@@ -137,7 +138,7 @@ fn play(
         duration_ticks: 10_000,
         ..Default::default()
     };
-    let briefing = wire::briefing(&scenario).unwrap();
+    let run_info = wire::run_info(&scenario).unwrap();
     let mut rng = random_streams::stream(seed, 0, "world");
     let mut agents = Vec::new();
     let mut shown = Vec::new();
@@ -146,8 +147,8 @@ fn play(
         shown.push(Rc::new(RefCell::new(Vec::new())));
         let rng = random_streams::stream(seed, id.into(), "whim");
         let shown = Rc::clone(&shown[id as usize]);
-        let whim = Whim { rng, wake: Wake::NEXT_TICK, shown, is_restless };
-        agents.push(Agent::new(AgentId(id), briefing.clone(), Box::new(whim)));
+        let whim = Whim { rng, wake: Trigger::NEXT_TICK, shown, is_restless };
+        agents.push(Agent::new(AgentId(id), run_info.clone(), Box::new(whim)));
         boxes.push(Mailbox::default());
     }
     let mut places = [0usize; AGENTS as usize];
@@ -181,7 +182,7 @@ fn play(
             let mut seen = mailbox.free[free..].to_vec();
             seen.sort_unstable();
             let (start, length) = voxels::runs(seen.into_iter());
-            let centre = briefing.extent.centre(briefing.extent.cell_at(places[index]));
+            let centre = run_info.extent.centre(run_info.extent.cell_at(places[index]));
             let part = Part {
                 tick,
                 parts: 1,
@@ -194,7 +195,7 @@ fn play(
                 ..Part::default()
             };
             mailbox.asked = (mailbox.free.len(), mailbox.parcels.len(), mailbox.events);
-            let Reaction::Answer(command) = agents[index].take(part).unwrap() else { panic!() };
+            let Reaction::Reply(command) = agents[index].take(part).unwrap() else { panic!() };
             let data_bytes: usize = command.parcels.iter().map(|parcel| parcel.data.len()).sum();
             assert!(data_bytes <= PARCEL_BYTES_MAX);
             let nothing = maes_msgs::Command {
@@ -203,12 +204,12 @@ fn play(
                 wake: command.wake,
                 known_free: command.known_free,
                 failed_searches: command.failed_searches,
-                ..wire::command(AgentId(id), Tick(tick), Command::keep(Wake::NEXT_TICK))
+                ..wire::command(AgentId(id), Tick(tick), Command::keep(Trigger::NEXT_TICK))
             };
             if !is_due && command == nothing {
                 continue;
             }
-            let wake = Wake { at: Tick(command.wake.at_tick.max(tick + 1)), events: command.wake.events };
+            let wake = Trigger { at: Tick(command.wake.at_tick.max(tick + 1)), events: command.wake.events };
             let counted = [std::mem::take(&mut mailbox.counted), vec![command.clone()]].concat();
             *mailbox = Mailbox { contacts: contacts.clone(), wake: Some(wake), counted, ..Mailbox::default() };
             for parcel in command.parcels {
@@ -221,7 +222,7 @@ fn play(
             boxes[to as usize].events |= Events::PARCEL;
         }
     }
-    let has_shared = agents.iter().all(|agent| agent.sharing().totals().parcels_taken > 3);
+    let has_shared = agents.iter().all(|agent| agent.sharing().totals().messages_taken > 3);
     let counted = boxes.into_iter().map(|mailbox| mailbox.counted).collect();
     drop(agents);
     (counted, shown.into_iter().map(|shown| shown.take()).collect(), has_shared)
@@ -241,7 +242,7 @@ fn asking_out_of_turn_changes_nothing() {
     }
 }
 
-/// Asks to be asked at its ticks only, and notes what it is shown.
+/// Is due at the given ticks only, and logs its observations.
 struct Sleeper {
     ticks: Vec<u64>,
     shown: Rc<RefCell<Vec<Observation>>>,
@@ -250,7 +251,7 @@ struct Sleeper {
 impl Controller for Sleeper {
     fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         self.shown.borrow_mut().push(observation.clone());
-        let wake = Wake { at: Tick(self.ticks.remove(0)), events: 0 };
+        let wake = Trigger { at: Tick(self.ticks.remove(0)), events: 0 };
         Command { want_view: true, ..Command::keep(wake) }
     }
 }
@@ -259,17 +260,17 @@ impl Controller for Sleeper {
 fn a_controller_is_asked_when_it_wants_to_be_and_misses_nothing() {
     let shown = Rc::new(RefCell::new(Vec::new()));
     let sleeper = Sleeper { ticks: vec![30, 90], shown: Rc::clone(&shown) };
-    let mut agent = Agent::new(AgentId(2), briefing(3), Box::new(sleeper));
+    let mut agent = Agent::new(AgentId(2), run_info(3), Box::new(sleeper));
     let mut ask = |tick: u64, cell: u32, parcels: Vec<Message>| {
         let seen_free = CellRuns { start: vec![cell], length: vec![1] };
         let contacts = vec![Contact { agent: 1, ..Contact::default() }];
         let part = Part { parcels, seen_free, contacts, events: 1 << (tick % 3), ..part(tick, Part::RUNNING) };
-        let Reaction::Answer(command) = agent.take(part).unwrap() else { panic!() };
+        let Reaction::Reply(command) = agent.take(part).unwrap() else { panic!() };
         command
     };
     let first = ask(5, 0, Vec::new());
     assert_eq!((first.wake.at_tick, first.wake.events, first.parcels.len()), (10, Events::CONTACTS, 1));
-    let map_parcel = Message { agent: 1, kind: MAP_PARCEL, data: vec![2, 1, 2, 1, 0b1111_1000, 1] };
+    let map_parcel = Message { agent: 1, kind: MAP_MESSAGE, data: vec![2, 1, 2, 1, 0b1111_1000, 1] };
     let other_parcel = Message { agent: 1, kind: 7, data: vec![3] };
     let shared = ask(10, 9, vec![map_parcel, other_parcel.clone()]);
     assert_eq!((shared.wake.at_tick, shared.want_view, shared.parcels.len()), (20, true, 1));
@@ -279,22 +280,22 @@ fn a_controller_is_asked_when_it_wants_to_be_and_misses_nothing() {
     let shown = shown.take();
     assert_eq!(shown.iter().map(|observation| observation.tick.0).collect::<Vec<_>>(), [5, 30]);
     assert_eq!(shown[1].seen.free, [2, 4, 9]);
-    let received = Received { from: AgentId(1), kind: 7, data: vec![3] };
-    assert_eq!(shown[1].parcels, [received.clone(), received]);
+    let received = ReceivedMessage { from: AgentId(1), kind: 7, data: vec![3] };
+    assert_eq!(shown[1].messages, [received.clone(), received]);
     assert_eq!(shown[1].events, 0b111);
-    // Four cells seen, the own one of which is covered, and one heard of.
+    // Four cells seen, of which its own is covered, and one received.
     assert_eq!((agent.map().free(), agent.map().covered()), (5, 1));
 }
 
 #[test]
 fn controllers_come_first_in_the_room_for_parcels() {
-    let parcel = |bytes| Parcel { to: None, kind: 3, data: vec![0; bytes] };
-    let mut command = Command::keep(Wake::NEXT_TICK);
-    assert_eq!(room_for_parcels(&command), PARCEL_BYTES_MAX);
-    command.parcels = vec![parcel(50_000)];
-    assert_eq!(room_for_parcels(&command), PARCEL_BYTES_MAX - 50_000);
+    let parcel = |bytes| AgentMessage { to: None, kind: 3, data: vec![0; bytes] };
+    let mut command = Command::keep(Trigger::NEXT_TICK);
+    assert_eq!(message_budget(&command), PARCEL_BYTES_MAX);
+    command.messages = vec![parcel(50_000)];
+    assert_eq!(message_budget(&command), PARCEL_BYTES_MAX - 50_000);
     command.motion = Motion::Path(vec![Point3::origin(); 1000]);
-    assert_eq!(room_for_parcels(&command), 0);
-    command.parcels = vec![parcel(10_000)];
-    assert_eq!(room_for_parcels(&command), LIST_BYTES_MAX - 24_000 - 10_016);
+    assert_eq!(message_budget(&command), 0);
+    command.messages = vec![parcel(10_000)];
+    assert_eq!(message_budget(&command), LIST_BYTES_MAX - 24_000 - 10_016);
 }

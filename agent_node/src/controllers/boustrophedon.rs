@@ -1,13 +1,15 @@
-//! Boustrophedon: ploughs the free space line by line until the body has been in every cell, as an ox ploughs a field. It covers, and
-//! explores on the way.
+//! Boustrophedon: sweeps the free space line by line, as an ox ploughs a field, until the body has
+//! been in every cell. It covers, and explores on the way.
 //!
-//! From where it is, the agent goes straight on through free cells that nobody has covered: along x as far as they reach, or else one
-//! cell along y, or else one along z, so that lines fill a layer and layers a hall (Choset and Pignon, Coverage Path Planning: The
-//! Boustrophedon Cellular Decomposition, FSR 1997, with the map that is there in place of cells that are known before). Where no
-//! such cell is left beside it, it goes by the shortest way to the nearest one that is not nearer to an agent in contact; then to
-//! the nearest of all. What others say they have covered is on the map, and is left to them.
+//! From where it is, the agent goes straight on through uncovered free cells: along x as far as
+//! they reach, else one cell along y, else one along z, so that lines fill a layer and layers a
+//! room (Choset and Pignon, Coverage Path Planning: The Boustrophedon Cellular Decomposition, FSR
+//! 1997, but on the map so far instead of a map known beforehand). If no uncovered cell is beside
+//! it, it takes the shortest path to the nearest one that no agent in contact is nearer to; else to
+//! the nearest of all. Cells that others report as covered are left out.
 //!
-//! It asks for the next line when one is at its end, and so takes few decisions. Unexplored space it ploughs as soon as it is seen.
+//! It decides at the end of a line, so decisions are few. New free space is swept as soon as it is
+//! seen.
 
 use std::collections::BTreeSet;
 
@@ -17,13 +19,13 @@ use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
 use super::settings::{SettingError, Settings};
-use super::{Controller, Ctx, aside};
-use crate::command::{Command, Motion, Wake};
+use super::{Controller, Ctx, collision_recovery};
+use crate::command::{Command, Motion, Trigger};
 use crate::exploration_map::{CellState, ExplorationMap};
+use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
-use crate::travel::{Journey, SearchTime};
 
-/// Where a line may lead, the first ones first, and how many cells far.
+/// The directions of a line in order of preference, and the greatest length of each, cells.
 const LINES: [(Cell, u32); 6] = [
     (Cell::new(1, 0, 0), LINE_CELLS_MAX),
     (Cell::new(-1, 0, 0), LINE_CELLS_MAX),
@@ -33,18 +35,19 @@ const LINES: [(Cell, u32); 6] = [
     (Cell::new(0, 0, -1), 1),
 ];
 
-/// Cells of a line at the most: more would not be a longer way between two decisions, but a later look at what others have done.
+/// Greatest length of a line, cells: longer ones would only delay the next look at what other
+/// agents have covered.
 const LINE_CELLS_MAX: u32 = 32;
 
-/// What an agent is about.
+/// The present task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Task {
-    /// Nothing.
+    /// None.
     None,
-    /// A line that has begun in this cell, by this step from cell to cell.
+    /// A line, by its first cell and its step from cell to cell.
     Line(Cell, Cell),
-    /// On its way to this cell.
-    Way(Cell),
+    /// A path to this cell.
+    Transit(Cell),
 }
 
 /// The controller of one agent.
@@ -53,22 +56,23 @@ pub struct Boustrophedon {
     search_time: SearchTime,
     rng: ChaCha8Rng,
     task: Task,
-    /// Cells to which there was no way.
-    given_up: BTreeSet<Cell>,
+    /// Cells without a path to them.
+    abandoned: BTreeSet<Cell>,
 }
 
 impl Boustrophedon {
     /// Settings: `search_time`, see [`Settings::search_time`].
     ///
     /// # Errors
-    /// If a setting is not allowed.
+    /// If a setting is out of range.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let search_time = settings.search_time()?;
-        Ok(Self { search_time, rng, task: Task::None, given_up: BTreeSet::new() })
+        Ok(Self { search_time, rng, task: Task::None, abandoned: BTreeSet::new() })
     }
 
-    /// Notes the cells of a line that the body has been in: it was not asked in each of them. Somebody may have put it elsewhere.
-    fn note_line(ctx: &mut Ctx<'_>, from: Cell, step: Cell) {
+    /// Marks the cells of the line up to the body as covered, since the controller is not called in
+    /// each of them. The body may have been moved elsewhere (`set_entity_state`).
+    fn mark_line_covered(ctx: &mut Ctx<'_>, from: Cell, step: Cell) {
         let here = ctx.cell();
         let line = std::iter::successors(Some(from), |&cell| Some(cell + step)).take(LINE_CELLS_MAX as usize + 1);
         if let Some(passed) = line.clone().position(|cell| cell == here) {
@@ -76,10 +80,10 @@ impl Boustrophedon {
         }
     }
 
-    /// The step and the end of the line that is to be gone next, if there is one.
-    fn line(ctx: &Ctx<'_>) -> Option<(Cell, Cell)> {
+    /// The step and the last cell of the next line, if there is one.
+    fn next_line(ctx: &Ctx<'_>) -> Option<(Cell, Cell)> {
         let here = ctx.cell();
-        // Lines lead from centre to centre.
+        // Lines lead from cell centre to cell centre.
         if ctx.map().extent().centre(here) != ctx.position() {
             return None;
         }
@@ -96,12 +100,13 @@ impl Boustrophedon {
         })
     }
 
-    /// The nearest cell that is to be covered, by way: one that is not nearer to another agent in contact, if there is one.
+    /// The uncovered cell with the shortest path, among those that no agent in contact is nearer to
+    /// if there are any.
     fn nearest(&self, observation: &Observation, ctx: &mut Ctx<'_>) -> Option<Cell> {
         let here = ctx.position();
         let others: Vec<Point3<f64>> = observation.contacts.iter().map(|contact| contact.position).collect();
         let is_wanted =
-            |map: &ExplorationMap, cell| map.state(cell) == CellState::Free && !self.given_up.contains(&cell);
+            |map: &ExplorationMap, cell| map.state(cell) == CellState::Free && !self.abandoned.contains(&cell);
         let is_ours = |map: &ExplorationMap, cell: Cell| {
             let centre = map.extent().centre(cell);
             let own_m = (centre - here).norm();
@@ -114,43 +119,43 @@ impl Boustrophedon {
 
 impl Controller for Boustrophedon {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        // Before the first scan it knows nothing but its own cell.
+        // Before the first scan only the own cell is known.
         if observation.scan_tick.is_none() {
-            return Command::keep(Wake::NEXT_TICK);
+            return Command::keep(Trigger::NEXT_TICK);
         }
         if let Task::Line(from, step) = self.task {
-            Self::note_line(ctx, from, step);
+            Self::mark_line_covered(ctx, from, step);
         }
         if self.task != Task::None && observation.events & Events::COLLISION != 0 {
             self.task = Task::None;
-            return aside::make_way(&mut self.rng, ctx);
+            return collision_recovery::step_aside(&mut self.rng, ctx);
         }
-        if let Some((step, end)) = Self::line(ctx) {
+        if let Some((step, end)) = Self::next_line(ctx) {
             self.task = Task::Line(ctx.cell(), step);
             let motion = Motion::Path(vec![ctx.map().extent().centre(end)]);
-            return Command::new(motion, Wake::TASK_DONE).saying("ploughs");
+            return Command::new(motion, Trigger::TASK_DONE).with_info("ploughs");
         }
         let under_way = match self.task {
-            Task::Way(goal) if goal != ctx.cell() && ctx.map().state(goal) == CellState::Free => Some(goal),
+            Task::Transit(goal) if goal != ctx.cell() && ctx.map().state(goal) == CellState::Free => Some(goal),
             _ => None,
         };
         let Some(goal) = under_way.or_else(|| self.nearest(observation, ctx)) else {
             self.task = Task::None;
-            return Command::new(Motion::Stop, Wake::on(Events::PARCEL | Events::CONTACTS))
-                .saying("knows nothing to cover");
+            return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
+                .with_info("knows nothing to cover");
         };
-        self.task = Task::Way(goal);
+        self.task = Task::Transit(goal);
         match ctx.go_to_cell(goal, self.search_time) {
-            Journey::Go(motion) => {
+            NavigationStatus::Go(motion) => {
                 let Cell { x, y, z } = goal;
-                Command::new(motion, Wake::TASK_DONE).saying(format!("goes to {x} {y} {z}"))
+                Command::new(motion, Trigger::TASK_DONE).with_info(format!("goes to {x} {y} {z}"))
             }
-            // The body has to keep still, or the way would begin where it is no more.
-            Journey::Searching(wake) => Command::new(Motion::Stop, wake).saying("searches a way"),
-            Journey::NoWay => {
-                self.given_up.insert(goal);
+            // The body must stay at rest, since the path begins where it is now.
+            NavigationStatus::Searching(trigger) => Command::new(Motion::Stop, trigger).with_info("searches a way"),
+            NavigationStatus::NoPath => {
+                self.abandoned.insert(goal);
                 self.task = Task::None;
-                Command::new(Motion::Stop, Wake::NEXT_TICK)
+                Command::new(Motion::Stop, Trigger::NEXT_TICK)
             }
         }
     }
@@ -159,7 +164,7 @@ impl Controller for Boustrophedon {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::command::LidarRequest;
+    use crate::command::ScanRequest;
     use crate::controllers::testing::{World, flat};
     use crate::observation::Contact;
 
@@ -199,12 +204,15 @@ mod tests {
         world.look();
         let command = world.ask(&mut controller("instant"));
         assert_eq!(command.motion, Motion::Path(vec![world.map.extent().centre(flat(6, 5))]));
-        assert_eq!((command.wake, command.lidar, command.parcels.len()), (Wake::TASK_DONE, LidarRequest::Keep, 0));
+        assert_eq!(
+            (command.trigger, command.lidar, command.messages.len()),
+            (Trigger::TASK_DONE, ScanRequest::Keep, 0)
+        );
     }
 
     #[test]
     fn what_is_nearer_to_another_agent_is_left_to_it_while_there_is_something_else() {
-        // All is covered but both ends of a corridor.
+        // Only both ends of a corridor are not covered.
         let mut world = World::known("#########\n#.......#\n#########\n", flat(3, 1));
         (2..7).for_each(|x| world.map.note_covered(flat(x, 1)));
         world.look();

@@ -1,4 +1,5 @@
-//! What a controller may look at besides the observation, and what helps it to act.
+//! The context of a decision: what a controller can query besides the observation, and helpers for
+//! its motion.
 //!
 //! This module decides nothing.
 
@@ -6,65 +7,65 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::{Point3, Vector3};
 use voxels::Cell;
 
-use crate::body::{Body, BodyKind};
+use crate::bodies::{BodyKind, BodyModel};
 use crate::command::Motion;
 use crate::exploration_map::ExplorationMap;
-use crate::observation::{Briefing, Observation, Pose};
+use crate::navigation::{NavigationStatus, NavigationTask, SearchTime};
+use crate::observation::{Observation, Pose, RunInfo};
 use crate::path::{Goal, Graph, Moves, Neighbours, Path, Scratch, direct, find};
-use crate::travel::{Journey, SearchTime, Travel};
 
-/// Largest coordinate of a way-point, metres.
+/// Largest coordinate of a waypoint, metres.
 const COORDINATE_MAX: f64 = 1e6;
 
-/// The agent as its controller sees it: who and where it is, what it believes, and how it gets to places.
+/// The agent as its controller sees it: identity, pose, map, and navigation.
 #[derive(Debug)]
 pub struct Ctx<'a> {
     agent: AgentId,
-    briefing: &'a Briefing,
+    run_info: &'a RunInfo,
     tick: Tick,
     pose: Pose,
     map: &'a mut ExplorationMap,
-    travel: &'a mut Travel,
+    navigation: &'a mut NavigationTask,
 }
 
 impl<'a> Ctx<'a> {
-    /// For an observation that is in the map already.
+    /// The context of an observation that has been merged into the map.
     #[must_use]
     pub fn new(
         agent: AgentId,
-        briefing: &'a Briefing,
+        run_info: &'a RunInfo,
         observation: &Observation,
         map: &'a mut ExplorationMap,
-        travel: &'a mut Travel,
+        navigation: &'a mut NavigationTask,
     ) -> Self {
-        Self { agent, briefing, tick: observation.tick, pose: observation.pose, map, travel }
+        Self { agent, run_info, tick: observation.tick, pose: observation.pose, map, navigation }
     }
 
-    /// The agent.
+    /// The id of the agent.
     #[must_use]
     pub fn agent(&self) -> AgentId {
         self.agent
     }
 
-    /// What its body can do.
+    /// The model of its body.
     #[must_use]
-    pub fn body(&self) -> &'a Body {
-        self.briefing.bodies.of(self.agent)
+    pub fn body(&self) -> &'a BodyModel {
+        self.run_info.bodies.of(self.agent)
     }
 
-    /// What is known of the run.
+    /// The static information on the run.
     #[must_use]
-    pub fn briefing(&self) -> &'a Briefing {
-        self.briefing
+    pub fn run_info(&self) -> &'a RunInfo {
+        self.run_info
     }
 
-    /// The tick that is answered.
+    /// The tick of the observation.
     #[must_use]
     pub fn tick(&self) -> Tick {
         self.tick
     }
 
-    /// Where the body is, metres, frame `map`.
+    /// Position of the body, metres, frame `map`.
     #[must_use]
     pub fn position(&self) -> Point3<f64> {
         self.pose.position
@@ -76,32 +77,32 @@ impl<'a> Ctx<'a> {
         self.pose.yaw_rad
     }
 
-    /// The cell that the body is in.
+    /// The cell that contains the centre of the body.
     #[must_use]
     pub fn cell(&self) -> Cell {
         self.map.extent().cell_of(&self.pose.position)
     }
 
-    /// What the agent believes of the world: all it has sensed and been told.
+    /// The map of the agent: all it has sensed and received.
     #[must_use]
     pub fn map(&self) -> &ExplorationMap {
         self.map
     }
 
-    /// Marks a free cell as covered on the agent's map; the mark is shared with the map. Nothing happens in a wall or outside the
-    /// map, and an unexplored cell becomes free by it.
+    /// Marks a cell of the agent's map as covered, and with it as free if it is unexplored; the
+    /// mark is shared with the map. Ignored in walls and outside the map.
     pub fn mark_covered(&mut self, cell: Cell) {
         self.map.note_covered(cell);
     }
 
-    /// The turn by the shorter way to a heading (0 along x, positive to the left).
+    /// The turn to a heading (0 along x, positive to the left), the shorter way round.
     #[must_use]
     pub fn turn_to(&self, yaw_rad: f64) -> Motion {
         Motion::turn(yaw_rad - self.pose.yaw_rad)
     }
 
-    /// The motion straight on in a direction (heading and elevation, radians) until something is in the way, without a turn before
-    /// it; none for a body that has to turn first.
+    /// The motion straight on in a direction (heading and elevation, radians) until a collision,
+    /// without a turn before it; `None` for a body that has to turn first.
     #[must_use]
     pub fn straight_towards(&self, heading_rad: f64, pitch_rad: f64) -> Option<Motion> {
         let (yaw_sin, yaw_cos) = libm::sincos(heading_rad);
@@ -113,29 +114,30 @@ impl<'a> Ctx<'a> {
         (self.body().kind == BodyKind::Aerial && can_be_told).then(|| Motion::Path(vec![end]))
     }
 
-    /// How to get to the centre of a cell: straight if the agent knows that to be clear, else along the cheapest path through
-    /// cells that it knows to be free, of which neighbours share a face, an edge or a corner.
+    /// The motion to the centre of a cell: straight if that is known to be clear, else along the
+    /// cheapest path through cells known to be free, with 26 neighbours.
     ///
-    /// If the search takes time, keep still, and ask for the same cell again when it says so.
-    pub fn go_to_cell(&mut self, goal: Cell, time: SearchTime) -> Journey {
+    /// If the search takes time, the body must stay at rest until the trigger of
+    /// [`NavigationStatus::Searching`] fires; then call again with the same cell.
+    pub fn go_to_cell(&mut self, goal: Cell, time: SearchTime) -> NavigationStatus {
         self.go_to_cell_by(goal, Neighbours::TwentySix, time)
     }
 
-    /// As [`Ctx::go_to_cell`], along a path with these neighbours.
-    pub fn go_to_cell_by(&mut self, goal: Cell, neighbours: Neighbours, time: SearchTime) -> Journey {
-        self.travel.to_cell(self.map, &self.pose.position, goal, neighbours, time, self.tick)
+    /// [`Ctx::go_to_cell`] with a choice of neighbours.
+    pub fn go_to_cell_by(&mut self, goal: Cell, neighbours: Neighbours, time: SearchTime) -> NavigationStatus {
+        self.navigation.to_cell(self.map, &self.pose.position, goal, neighbours, time, self.tick)
     }
 
-    /// From now on [`Ctx::go_to_cell`] finds no way if its search would have to look at more cells than so many. It bounds how
-    /// long a decision takes: 10 000 cells are some milliseconds.
-    pub fn give_up_after(&mut self, cells_max: u64) {
-        self.travel.give_up_after(cells_max);
+    /// Limits all later path searches to this number of expanded cells, beyond which they find no
+    /// path. This bounds the wall time of a decision: 10 000 cells take some milliseconds.
+    pub fn limit_searches(&mut self, cells_max: u64) {
+        self.navigation.limit_searches(cells_max);
     }
 
-    /// The motion along a path that begins in the cell of the body, with as few legs as do.
+    /// The motion along a path that begins in the cell of the body, with as few legs as possible.
     #[must_use]
-    pub fn follow(&self, path: &Path) -> Journey {
-        self.travel.motion_along(self.map, &self.pose.position, path)
+    pub fn follow(&self, path: &Path) -> NavigationStatus {
+        self.navigation.motion_along(self.map, &self.pose.position, path)
     }
 
     /// Whether the straight leg to the centre of a cell is known to be clear for the body.
@@ -144,24 +146,24 @@ impl<'a> Ctx<'a> {
         direct(self.map, &self.pose.position, goal, self.body().radius_m)
     }
 
-    /// The cells beside the body's, across a face, an edge or a corner, that [`Ctx::is_clear_to`] holds for: where it can step
-    /// aside to.
+    /// The 26 neighbours of the body's cell that are [clear](Ctx::is_clear_to).
     #[must_use]
-    pub fn clear_beside(&self) -> Vec<Cell> {
+    pub fn clear_neighbours(&self) -> Vec<Cell> {
         self.cell().neighbours26().into_iter().filter(|&cell| self.is_clear_to(cell)).collect()
     }
 
-    /// The cell with the shortest way to it, through neighbours across faces, edges and corners, of those that are wanted.
+    /// The wanted cell with the shortest path to it, with 26 neighbours.
     pub fn nearest(&mut self, is_wanted: impl Fn(&ExplorationMap, Cell) -> bool) -> Option<Cell> {
         let start = self.cell();
-        let (map, moves, scratch) = self.searching(Neighbours::TwentySix);
+        let (map, moves, scratch) = self.search_workspace(Neighbours::TwentySix);
         let path = find(Graph::new(map, moves), scratch, start, Goal::Where(&|cell| is_wanted(map, cell)))?;
         path.cells.last().copied()
     }
 
-    /// For searches of one's own with [`crate::path`]: the map, the moves of the body, and what searches write on.
-    pub fn searching(&mut self, neighbours: Neighbours) -> (&ExplorationMap, &Moves, &mut Scratch) {
-        let (moves, scratch) = self.travel.searching(neighbours);
+    /// The map, the moves of the body and the scratch memory for path searches of a controller's
+    /// own; see [`crate::path`].
+    pub fn search_workspace(&mut self, neighbours: Neighbours) -> (&ExplorationMap, &Moves, &mut Scratch) {
+        let (moves, scratch) = self.navigation.search_workspace(neighbours);
         (self.map, moves, scratch)
     }
 }

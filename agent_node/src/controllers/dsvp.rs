@@ -1,28 +1,31 @@
-//! Dual-Stage Viewpoint Planner (DSVP) in three dimensions, for many agents.
+//! Dual-Stage Viewpoint Planner (DSVP) in three dimensions, for teams.
 //!
-//! Source: Zhu et al., IROS 2021 (see `dsvp/tree.rs`), and its use for several agents in the papers on MAES3D. In the *exploration*
-//! stage the agent grows a tree of viewpoints within its horizon and goes along the branch that is worth most; when no viewpoint
-//! is worth anything, the *relocation* stage takes it to the nearest frontier of all that it knows and can reach.
+//! Source: Zhu et al., IROS 2021 (see `dsvp/tree.rs`), and its multi-agent use in the papers on
+//! MAES3D. In the *exploration* stage the agent grows a tree of viewpoints within its horizon and
+//! follows the branch with the highest gain; if no viewpoint has a gain, the *relocation* stage
+//! takes it to the nearest reachable frontier of its map.
 //!
-//! Beyond the papers: the gain of a viewpoint is found by rays; the way of the relocation is the shortest one on a coarse graph
-//! of all known free space ([`crate::regions`]), which has the place of the global graph; a goal is given up as soon as what it
-//! was for has been seen, by whomever; an agent that knows of no frontier carries what it knows to the agent it has not met for
-//! longest, and explores again when news bring frontiers.
+//! Beyond the papers: viewpoint gains are computed by ray casting; the relocation path is the
+//! shortest one on the abstract graph of all known free space ([`crate::abstract_graph`]), which
+//! replaces the global RRG; a goal is dropped as soon as its unexplored cells have been seen by any
+//! agent; an agent that knows no frontier pursues the agent it has been out of contact with for
+//! longest, to deliver its map, and explores again when map updates bring frontiers.
 //!
-//! **Frontiers of other agents.** A frontier is a fact about a map: what an agent learns of another's map brings the other's
-//! frontiers, less those that it knows better about. So the exchange of maps is the exchange of frontiers.
+//! **Frontiers of other agents.** Frontiers are a function of the map: merging another agent's map
+//! brings its frontiers, except those that the own map already resolves. So exchanging maps
+//! exchanges frontiers.
 //!
-//! Invariants: it goes only through cells that it knows to be free; it never waits for ever as long as it knows a frontier it can
-//! reach, or an agent it has met.
+//! Invariants: it moves only through cells known to be free; it never waits indefinitely while it
+//! knows a reachable frontier or the last position of another agent.
 
 mod auction;
+mod avoidance;
 mod dtw;
 mod gain;
 mod goal;
-mod others;
+mod obstacles;
 mod params;
-mod passing;
-mod peers;
+mod pursuit;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -40,71 +43,74 @@ use voxels::Cell;
 
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
-use crate::command::{Command, LidarRequest, Motion, Wake};
+use crate::abstract_graph::{AbstractGraph, RegionId, ShortestPaths};
+use crate::command::{Command, Motion, ScanRequest, Trigger};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
 use crate::path::{Neighbours, Path};
-use crate::regions::{RegionId, Regions, Ways};
-pub use auction::CLAIMS_PARCEL;
-use auction::{Auction, Terms};
-use gain::Viewer;
+pub use auction::CLAIMS_MESSAGE;
+use auction::{Auction, AuctionParams};
+use avoidance::{hold, motion_along, motion_to, obstacles_near, path_length_m};
+use gain::GainEstimator;
 use goal::Goal;
-use others::Others;
+use obstacles::Obstacles;
 pub use params::Params;
-use passing::{length_m, others_near, past, rest, way};
-use peers::Peers;
+use pursuit::LastKnownPositions;
 use tree::{Tree, vector};
 
-/// Longest wait after a collision with another agent, ticks: about the time in which the other one gets out of the way.
-const BACK_OFF_TICKS_MAX: u64 = 100;
+/// Longest wait after a collision with another agent, ticks: about the time in which the other one
+/// moves away.
+const BACKOFF_TICKS_MAX: u64 = 100;
 
-/// Ticks after which an agent without a goal thinks again, even without news.
+/// Ticks after which an agent without a goal plans again, even if the map has not changed.
 const IDLE_TICKS: u64 = 250;
 
-/// Ticks that an agent at rest waits for a scan, if it does not get the one it asked for in the next tick.
-const SCAN_PATIENCE_TICKS: u64 = 50;
+/// Ticks that an agent at rest waits for a scan if the one it requested for the next tick does not
+/// come.
+const SCAN_TIMEOUT_TICKS: u64 = 50;
 
-/// Goals that are tried when there is no way to some because other agents are in it.
-const TRIES: usize = 3;
+/// Goals to try when other agents block the paths to some.
+const ATTEMPTS: usize = 3;
 
-/// How far an agent goes out of the way of others, cells of way at the most.
-const ASIDE_CELLS_MAX: f64 = 15.0;
+/// Greatest length of an evasive path, cells.
+const EVASION_CELLS_MAX: f64 = 15.0;
 
 /// The planner of one agent.
 #[derive(Debug)]
 pub struct Dsvp {
     params: Params,
-    /// Of the auction, if there is one.
-    terms: Option<Terms>,
+    /// Parameters of the auction, if there is one.
+    auction_params: Option<AuctionParams>,
     rng: ChaCha8Rng,
-    /// Made with the first observation, which says how large the map is.
-    sight: Option<Sight>,
+    /// Built at the first observation, when the extent of the map is known.
+    model: Option<WorldModel>,
     /// The last local tree.
     tree: Option<Tree>,
-    /// Where the last plan of the exploration stage led to, as seen from where it began; length 1.
+    /// Direction of the last branch from its root to its end; unit vector.
     direction: Option<Vector3<f64>>,
     goal: Option<Goal>,
-    /// How many cells were known when it made its last plan.
+    /// Number of known cells at the last plan.
     known_cells: usize,
-    /// There was nothing better to go for than what another agent is nearer to.
+    /// Whether the present goal was taken although another agent outbids it, for lack of a better
+    /// one.
     is_contested: bool,
-    /// At rest until then, because another agent was in the way.
+    /// Until when it waits at rest because another agent blocked its path.
     waits_until: Option<Tick>,
-    /// Since when it is at rest, for a scan that shows what there is to see from here.
-    rests_since: Option<Tick>,
-    peers: Peers,
-    /// Frontiers that have been looked at from as near as can be, to no avail.
-    given_up: BTreeSet<Cell>,
-    /// Viewpoints from which a scan did not show what they were chosen for.
-    barren: BTreeSet<Cell>,
+    /// Since when it has been at rest, waiting for a scan from here.
+    at_rest_since: Option<Tick>,
+    last_known: LastKnownPositions,
+    /// Frontiers that stayed frontiers when observed from the nearest viewpoint.
+    abandoned: BTreeSet<Cell>,
+    /// Viewpoints from which a scan did not reveal the cells they were chosen for.
+    unproductive: BTreeSet<Cell>,
 }
 
-/// What the planner knows of the map in its own way.
+/// The planner's own data derived from the map.
 #[derive(Debug)]
-struct Sight {
-    regions: Regions,
-    ways: Ways,
-    viewer: Viewer,
+struct WorldModel {
+    graph: AbstractGraph,
+    paths: ShortestPaths,
+    gain_estimator: GainEstimator,
     auction: Option<Auction>,
 }
 
@@ -112,212 +118,218 @@ impl Dsvp {
     /// Settings: those of [`Params`].
     ///
     /// # Errors
-    /// If a setting is not allowed.
+    /// If a setting is out of range.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         Ok(Self::with(Params::from_settings(settings)?, None, rng))
     }
 
-    /// With an auction: agents share out what there is to explore. Settings: those of [`Params`], and `spread_m`, `discount`,
-    /// `trespass_m`, `detour`, `pace_m_s`, `lease_s` (see docs/controllers.md).
+    /// The planner with an auction of goals. Settings: those of [`Params`], and `spread_m`,
+    /// `discount`, `trespass_m`, `detour`, `pace_m_s`, `lease_s` (see docs/controllers.md).
     ///
     /// # Errors
-    /// If a setting is not allowed.
+    /// If a setting is out of range.
     pub fn with_auction(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        Ok(Self::with(Params::from_settings(settings)?, Some(Terms::from_settings(settings)?), rng))
+        Ok(Self::with(Params::from_settings(settings)?, Some(AuctionParams::from_settings(settings)?), rng))
     }
 
-    fn with(params: Params, terms: Option<Terms>, rng: ChaCha8Rng) -> Self {
+    fn with(params: Params, auction_params: Option<AuctionParams>, rng: ChaCha8Rng) -> Self {
         Self {
             params,
-            terms,
+            auction_params,
             rng,
-            sight: None,
+            model: None,
             tree: None,
             direction: None,
             goal: None,
             known_cells: 0,
             is_contested: false,
             waits_until: None,
-            rests_since: None,
-            peers: Peers::default(),
-            given_up: BTreeSet::new(),
-            barren: BTreeSet::new(),
+            at_rest_since: None,
+            last_known: LastKnownPositions::default(),
+            abandoned: BTreeSet::new(),
+            unproductive: BTreeSet::new(),
         }
     }
 
-    /// Takes in what is new.
-    fn look(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) {
-        let briefing = ctx.briefing();
-        let extent = briefing.extent;
+    /// Updates the derived data: claims received, abstract graph, last known positions.
+    fn update(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) {
+        let run_info = ctx.run_info();
+        let extent = run_info.extent;
         let Params { gain_range_m, gain_rays, gain_depth, .. } = self.params;
-        let sight = self.sight.get_or_insert_with(|| Sight {
-            regions: Regions::new(extent, ctx.body().radius_m),
-            ways: Ways::default(),
-            viewer: Viewer::new(
+        let model = self.model.get_or_insert_with(|| WorldModel {
+            graph: AbstractGraph::new(extent, ctx.body().radius_m),
+            paths: ShortestPaths::default(),
+            gain_estimator: GainEstimator::new(
                 gain_rays,
-                gain_range_m.min(briefing.lidar_range_m).min(100.0 * extent.cell_m()) / extent.cell_m(),
+                gain_range_m.min(run_info.lidar_range_m).min(100.0 * extent.cell_m()) / extent.cell_m(),
                 gain_depth,
             ),
-            auction: self.terms.map(|terms| Auction::new(terms, &briefing.bodies, ctx.agent(), extent)),
+            auction: self
+                .auction_params
+                .map(|auction_params| Auction::new(auction_params, &run_info.bodies, ctx.agent(), extent)),
         });
-        if let Some(auction) = &mut sight.auction {
-            auction.hear(&observation.parcels, observation.tick, briefing.agents);
+        if let Some(auction) = &mut model.auction {
+            auction.receive(&observation.messages, observation.tick, run_info.agents);
         }
-        let (map, moves, _) = ctx.searching(Neighbours::TwentySix);
-        sight.regions.renew(map, moves);
-        self.peers.meet(&observation.contacts, extent, observation.tick);
+        let (map, moves, _) = ctx.search_workspace(Neighbours::TwentySix);
+        model.graph.update(map, moves);
+        self.last_known.record(&observation.contacts, extent, observation.tick);
     }
 
-    /// Whether there is still reason to go where it goes.
-    fn goes_on(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> bool {
-        let Some(sight) = &mut self.sight else { return false };
-        let is_outbid = || sight.auction.as_ref().is_some_and(|auction| auction.is_outbid(observation.tick));
+    /// Whether the present goal is still worth pursuing.
+    fn is_goal_valid(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> bool {
+        let Some(model) = &mut self.model else { return false };
+        let is_outbid = || model.auction.as_ref().is_some_and(|auction| auction.is_outbid(observation.tick));
         if !self.is_contested && is_outbid() {
             return false;
         }
         match self.goal {
             Some(Goal::Viewpoint { cell, gain }) => {
-                let left = sight.viewer.gain(ctx.map(), cell);
+                let left = model.gain_estimator.gain(ctx.map(), cell);
                 left >= self.params.gain_min && f64::from(left) >= self.params.gain_left * f64::from(gain)
             }
             Some(Goal::Frontier { frontier, .. }) => ctx.map().is_frontier(frontier),
-            Some(Goal::Peer { agent, .. }) => {
-                !observation.contacts.iter().any(|contact| contact.agent == agent) && !self.has_news(ctx.map())
+            Some(Goal::Pursuit { agent, .. }) => {
+                !observation.contacts.iter().any(|contact| contact.agent == agent) && !self.has_map_changed(ctx.map())
             }
-            Some(Goal::Anywhere { .. }) => !self.has_news(ctx.map()),
-            Some(Goal::Aside { .. }) => true,
+            Some(Goal::Wandering { .. }) => !self.has_map_changed(ctx.map()),
+            Some(Goal::Evasion { .. }) => true,
             None => false,
         }
     }
 
-    /// Whether the map has changed since the last plan in a way that may have brought something to explore.
-    fn has_news(&self, map: &ExplorationMap) -> bool {
+    /// Whether the map has changed since the last plan, so that new frontiers are possible.
+    fn has_map_changed(&self, map: &ExplorationMap) -> bool {
         map.free() + map.wall() != self.known_cells
     }
 
-    /// At rest and with all seen that can be seen from here, or its goal is none any more: where to?
+    /// Chooses the next goal; called at rest after a scan, or when the present goal has become
+    /// invalid.
     fn plan(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        let others = others_near(observation, ctx);
-        let plan = match self.explore(observation, ctx, &others) {
-            Plan::Nothing => match self.relocate(observation, ctx, &others) {
-                Plan::Nothing => self.carry(observation, ctx, &others),
+        let obstacles = obstacles_near(observation, ctx);
+        let plan = match self.explore(observation, ctx, &obstacles) {
+            Plan::Nothing => match self.relocate(observation, ctx, &obstacles) {
+                Plan::Nothing => self.pursue(observation, ctx, &obstacles),
                 plan => plan,
             },
             plan => plan,
         };
-        self.rests_since = None;
+        self.at_rest_since = None;
         self.known_cells = ctx.map().free() + ctx.map().wall();
         match plan {
             Plan::Go(goal, motion) => self.go(goal, motion, observation, ctx),
-            Plan::Blocked => self.give_way(observation, ctx, &others),
+            Plan::Blocked => self.resolve_blockage(observation, ctx, &obstacles),
             Plan::Nothing => {
                 self.goal = None;
-                let wake = Wake::at(observation.tick.after(IDLE_TICKS));
-                Command::new(rest(observation), wake.or(Wake::on(Events::CONTACTS | Events::PARCEL)))
-                    .saying("waiting for news")
+                let trigger = Trigger::at(observation.tick.after(IDLE_TICKS));
+                Command::new(hold(observation), trigger.or(Trigger::on(Events::CONTACTS | Events::PARCEL)))
+                    .with_info("waiting for news")
             }
         }
     }
 
     fn go(&mut self, goal: Goal, motion: Motion, observation: &Observation, ctx: &Ctx<'_>) -> Command {
         self.goal = Some(goal);
-        if let Some(auction) = self.sight.as_mut().and_then(|sight| sight.auction.as_mut()) {
+        if let Some(auction) = self.model.as_mut().and_then(|model| model.auction.as_mut()) {
             match goal {
                 Goal::Viewpoint { cell, .. } | Goal::Frontier { cell, .. } => {
-                    auction.claim(cell, length_m(&ctx.position(), &motion), observation.tick);
+                    auction.claim(cell, path_length_m(&ctx.position(), &motion), observation.tick);
                 }
-                _ => auction.give_up(),
+                _ => auction.withdraw(),
             }
             self.is_contested = auction.is_outbid(observation.tick);
         }
-        let command = Command::new(motion, self.wake()).saying(goal.info());
-        self.telling(command, observation)
+        let command = Command::new(motion, self.trigger()).with_info(goal.info());
+        self.with_claims(command, observation)
     }
 
-    /// A command that also tells the agents in contact of the claims, if there is an auction.
-    fn telling(&self, command: Command, observation: &Observation) -> Command {
-        match self.sight.as_ref().and_then(|sight| sight.auction.as_ref()) {
-            Some(auction) if !observation.contacts.is_empty() => command.sending(None, CLAIMS_PARCEL, auction.parcel()),
+    /// Adds the claims for the agents in contact to a command, if there is an auction.
+    fn with_claims(&self, command: Command, observation: &Observation) -> Command {
+        match self.model.as_ref().and_then(|model| model.auction.as_ref()) {
+            Some(auction) if !observation.contacts.is_empty() => {
+                command.with_message(None, CLAIMS_MESSAGE, auction.encode())
+            }
             _ => command,
         }
     }
 
-    /// When to ask an agent that is on its way.
-    fn wake(&self) -> Wake {
-        let news = if self.terms.is_some() { Events::CONTACTS | Events::PARCEL } else { 0 };
-        Wake::TASK_DONE.or(Wake::on(Events::NEW_CELL | news))
+    /// The trigger while under way.
+    fn trigger(&self) -> Trigger {
+        let news = if self.auction_params.is_some() { Events::CONTACTS | Events::PARCEL } else { 0 };
+        Trigger::TASK_DONE.or(Trigger::on(Events::NEW_CELL | news))
     }
 
-    /// Other agents are in the way. It waits for them to go on or goes aside, by chance, so that no two agents wait for each other
-    /// for ever.
-    fn give_way(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, others: &Others) -> Command {
+    /// Other agents block all paths: waits or evades at random, so that no two agents wait for each
+    /// other for ever.
+    fn resolve_blockage(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Command {
         if self.rng.random_bool(0.5)
-            && let Some((goal, motion)) = self.aside(ctx, others)
+            && let Some((goal, motion)) = self.evade(ctx, obstacles)
         {
             return self.go(goal, motion, observation, ctx);
         }
         self.goal = None;
-        let until = observation.tick.after(self.rng.random_range(1..=BACK_OFF_TICKS_MAX));
+        let until = observation.tick.after(self.rng.random_range(1..=BACKOFF_TICKS_MAX));
         self.waits_until = Some(until);
-        Command::new(rest(observation), Wake::at(until)).saying("gives way")
+        Command::new(hold(observation), Trigger::at(until)).with_info("gives way")
     }
 
-    /// To a region nearby, at random.
-    fn aside(&mut self, ctx: &mut Ctx<'_>, others: &Others) -> Option<(Goal, Motion)> {
-        let Sight { regions, ways, .. } = self.sight.as_mut()?;
+    /// To a random region nearby.
+    fn evade(&mut self, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Option<(Goal, Motion)> {
+        let WorldModel { graph, paths, .. } = self.model.as_mut()?;
         let here = ctx.cell();
-        ways.begin(regions, here);
+        paths.begin(graph, here);
         let mut reached = Vec::new();
-        while let Some((_, region, length)) = ways.next(regions)
-            && length <= ASIDE_CELLS_MAX
+        while let Some((_, region, length)) = paths.next(graph)
+            && length <= EVASION_CELLS_MAX
         {
             reached.push(region.centre);
         }
-        reached.retain(|&cell| cell != here && !others.take(cell));
+        reached.retain(|&cell| cell != here && !obstacles.occupy(cell));
         reached.shuffle(&mut self.rng);
-        reached.into_iter().take(TRIES).find_map(|cell| {
-            let motion = way(ctx, regions, ways, cell, others)?;
-            Some((Goal::Aside { cell }, motion))
+        reached.into_iter().take(ATTEMPTS).find_map(|cell| {
+            let motion = motion_to(ctx, graph, paths, cell, obstacles)?;
+            Some((Goal::Evasion { cell }, motion))
         })
     }
 
     /// The exploration stage.
-    fn explore(&mut self, observation: &Observation, ctx: &Ctx<'_>, others: &Others) -> Plan {
-        let Some(sight) = &mut self.sight else { return Plan::Nothing };
+    fn explore(&mut self, observation: &Observation, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Plan {
+        let Some(model) = &mut self.model else { return Plan::Nothing };
         let (map, here) = (ctx.map(), ctx.cell());
         let growth = self.params.growth(map.extent().cell_m(), ctx.body().radius_m);
-        let frontiers = local_frontiers(&sight.regions, here, growth.horizon);
+        let frontiers = local_frontiers(&model.graph, here, growth.horizon);
         if frontiers.is_empty() {
             self.tree = None;
             return Plan::Nothing;
         }
         let ahead = most_ahead(frontiers, here, self.direction, self.params.frontiers as usize, &mut self.rng);
         let mut tree = match self.tree.take() {
-            Some(tree) => tree.moved_to(here, map, &growth),
+            Some(tree) => tree.rerooted_at(here, map, &growth),
             None => Tree::new(here),
         };
-        tree.grow(map, &growth, &ahead, others, &mut self.rng);
-        let auction = sight.auction.as_ref();
+        tree.grow(map, &growth, &ahead, obstacles, &mut self.rng);
+        let auction = model.auction.as_ref();
         if let Some(Goal::Viewpoint { cell, .. }) = self.goal
             && cell == here
-            && sight.viewer.gain(map, here) >= self.params.gain_min
+            && model.gain_estimator.gain(map, here) >= self.params.gain_min
         {
-            self.barren.insert(here);
+            self.unproductive.insert(here);
         }
-        let barren = &self.barren;
-        let worth = |cell: Cell, way_m: f64| {
-            if barren.contains(&cell) {
+        let unproductive = &self.unproductive;
+        let utility_factor = |cell: Cell, path_m: f64| {
+            if unproductive.contains(&cell) {
                 return 0.0;
             }
-            auction.map_or(1.0, |auction| auction.worth(cell, way_m, observation.tick))
+            auction.map_or(1.0, |auction| auction.utility_factor(cell, path_m, observation.tick))
         };
-        let branch = tree.best(map, &mut sight.viewer, &self.params.valuation(), self.direction, &worth);
+        let branch =
+            tree.best(map, &mut model.gain_estimator, &self.params.valuation(), self.direction, &utility_factor);
         self.tree = Some(tree);
         let Some((branch, end)) = branch.and_then(|branch| branch.cells.last().copied().map(|end| (branch, end)))
         else {
             return Plan::Nothing;
         };
-        match past(ctx, &Path { cells: branch.cells, cost: 0 }, others) {
+        match motion_along(ctx, &Path { cells: branch.cells, cost: 0 }, obstacles) {
             Some(motion) => {
                 self.direction = vector(end - here).try_normalize(0.0);
                 Plan::Go(Goal::Viewpoint { cell: end, gain: branch.gain }, motion)
@@ -326,66 +338,66 @@ impl Dsvp {
         }
     }
 
-    /// The relocation stage: to the nearest frontier of all, or with an auction to the one that costs least.
-    fn relocate(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, others: &Others) -> Plan {
-        let Some(Sight { regions, ways, auction, .. }) = &mut self.sight else { return Plan::Nothing };
+    /// The relocation stage: to the nearest frontier, or with an auction to the one of least cost.
+    fn relocate(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
+        let Some(WorldModel { graph, paths, auction, .. }) = &mut self.model else { return Plan::Nothing };
         let here = ctx.cell();
         let cell_m = ctx.map().extent().cell_m();
-        // The cheapest ones so far: what they cost, from where to look, at what.
+        // The cheapest candidates so far: cost, viewpoint, frontier.
         let mut best: Vec<(f64, Cell, Cell)> = Vec::new();
-        ways.begin(regions, here);
-        while let Some((id, region, length)) = ways.next(regions) {
-            let way_m = length * cell_m;
-            if best.len() == TRIES && best.last().is_some_and(|&(most, ..)| most <= way_m) {
+        paths.begin(graph, here);
+        while let Some((id, region, length)) = paths.next(graph) {
+            let path_m = length * cell_m;
+            if best.len() == ATTEMPTS && best.last().is_some_and(|&(most, ..)| most <= path_m) {
                 break;
             }
-            let given_up = &self.given_up;
-            let open = region.frontiers.iter().filter(|&frontier| !given_up.contains(frontier));
+            let abandoned = &self.abandoned;
+            let open = region.frontiers.iter().filter(|&frontier| !abandoned.contains(frontier));
             let Some(&frontier) = open.min_by(|a, b| by_distance(here, a, b)) else {
                 continue;
             };
-            let cell = viewpoint(regions, id, region.centre, frontier);
+            let cell = viewpoint(graph, id, region.centre, frontier);
             if cell == here {
-                let seen_from_here = |frontier: &&Cell| viewpoint(regions, id, region.centre, **frontier) == here;
-                self.given_up.extend(region.frontiers.iter().filter(seen_from_here));
+                let seen_from_here = |frontier: &&Cell| viewpoint(graph, id, region.centre, **frontier) == here;
+                self.abandoned.extend(region.frontiers.iter().filter(seen_from_here));
                 continue;
             }
             let penalty_m = auction
                 .as_ref()
-                .map_or(0.0, |auction| auction.penalty_m(cell, way_m, &observation.contacts, observation.tick));
-            best.push((way_m + penalty_m, cell, frontier));
+                .map_or(0.0, |auction| auction.penalty_m(cell, path_m, &observation.contacts, observation.tick));
+            best.push((path_m + penalty_m, cell, frontier));
             best.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-            best.truncate(TRIES);
+            best.truncate(ATTEMPTS);
         }
         for &(_, cell, frontier) in &best {
-            if let Some(motion) = way(ctx, regions, ways, cell, others) {
+            if let Some(motion) = motion_to(ctx, graph, paths, cell, obstacles) {
                 return Plan::Go(Goal::Frontier { cell, frontier }, motion);
             }
         }
         if best.is_empty() { Plan::Nothing } else { Plan::Blocked }
     }
 
-    /// Nothing is left to explore as far as this agent knows: it takes what it knows to the agent that it has not met for longest,
-    /// and once it has looked for all of them, to anywhere.
-    fn carry(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, others: &Others) -> Plan {
-        let Some(Sight { regions, ways, .. }) = &mut self.sight else { return Plan::Nothing };
-        if observation.contacts.len() + 1 >= ctx.briefing().agents as usize {
+    /// No frontier is left on this map: carries the map to the agent out of contact for longest;
+    /// once all have been tried, to a random region.
+    fn pursue(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
+        let Some(WorldModel { graph, paths, .. }) = &mut self.model else { return Plan::Nothing };
+        if observation.contacts.len() + 1 >= ctx.run_info().agents as usize {
             return Plan::Nothing;
         }
         let here = ctx.cell();
-        if let Some(Goal::Peer { agent, cell }) = self.goal
+        if let Some(Goal::Pursuit { agent, cell }) = self.goal
             && cell == here
         {
-            self.peers.note_gone(agent);
+            self.last_known.mark_absent(agent);
         }
-        ways.begin(regions, here);
+        paths.begin(graph, here);
         let mut reached = Vec::new();
-        while let Some((_, region, _)) = ways.next(regions) {
+        while let Some((_, region, _)) = paths.next(graph) {
             reached.push(region.centre);
         }
-        let anywhere = reached.choose(&mut self.rng).map(|&cell| Goal::Anywhere { cell });
-        for goal in self.peers.away(&observation.contacts, here).take(TRIES - 1).chain(anywhere) {
-            if let Some(motion) = way(ctx, regions, ways, goal.cell(), others) {
+        let wandering = reached.choose(&mut self.rng).map(|&cell| Goal::Wandering { cell });
+        for goal in self.last_known.candidates(&observation.contacts, here).take(ATTEMPTS - 1).chain(wandering) {
+            if let Some(motion) = motion_to(ctx, graph, paths, goal.cell(), obstacles) {
                 return Plan::Go(goal, motion);
             }
         }
@@ -393,61 +405,62 @@ impl Dsvp {
     }
 }
 
-/// What came of a stage.
+/// The result of a stage.
 #[derive(Debug, Clone, PartialEq)]
 enum Plan {
-    /// There is something to go for.
+    /// A goal and the motion to it.
     Go(Goal, Motion),
-    /// There would be, but other agents are in the way.
+    /// There are goals, but other agents block the paths to them.
     Blocked,
-    /// There is not.
+    /// No goal.
     Nothing,
 }
 
 impl Controller for Dsvp {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        self.look(observation, ctx);
+        self.update(observation, ctx);
         let now = observation.tick;
         if observation.is_active {
-            if !self.goes_on(observation, ctx) {
+            if !self.is_goal_valid(observation, ctx) {
                 return self.plan(observation, ctx);
             }
-            let keep = Command::keep(self.wake());
+            let keep = Command::keep(self.trigger());
             let has_met = observation.events & Events::CONTACTS != 0;
-            return if has_met { self.telling(keep, observation) } else { keep };
+            return if has_met { self.with_claims(keep, observation) } else { keep };
         }
         if let Some(until) = self.waits_until
             && now < until
         {
-            return Command::keep(Wake::at(until));
+            return Command::keep(Trigger::at(until));
         }
         let has_waited = self.waits_until.take().is_some();
         if !has_waited && observation.collision.is_some_and(|collision| collision.with_agent) {
-            let others = others_near(observation, ctx);
-            return self.give_way(observation, ctx, &others);
+            let obstacles = obstacles_near(observation, ctx);
+            return self.resolve_blockage(observation, ctx, &obstacles);
         }
-        let since = *self.rests_since.get_or_insert(now);
+        let since = *self.at_rest_since.get_or_insert(now);
         let is_seen = observation.scan_tick.is_some_and(|scan| scan >= since);
-        if !is_seen && now < since.after(SCAN_PATIENCE_TICKS) {
+        if !is_seen && now < since.after(SCAN_TIMEOUT_TICKS) {
             let lidar =
-                if now == since { LidarRequest::Every(ctx.briefing().lidar_period_ticks) } else { LidarRequest::Keep };
-            return Command { lidar, ..Command::keep(Wake::NEXT_TICK) };
+                if now == since { ScanRequest::Every(ctx.run_info().lidar_period_ticks) } else { ScanRequest::Keep };
+            return Command { lidar, ..Command::keep(Trigger::NEXT_TICK) };
         }
         self.plan(observation, ctx)
     }
 }
 
-/// One frontier of each region within the horizon: the one nearest to the agent.
-fn local_frontiers(regions: &Regions, here: Cell, horizon: i32) -> Vec<Cell> {
+/// For each region within the horizon the frontier nearest to the agent.
+fn local_frontiers(graph: &AbstractGraph, here: Cell, horizon: i32) -> Vec<Cell> {
     let nearest = |frontiers: &[Cell]| frontiers.iter().copied().min_by(|a, b| by_distance(here, a, b));
-    regions.near(here, horizon).filter_map(|(_, region)| nearest(&region.frontiers)).collect()
+    graph.near(here, horizon).filter_map(|(_, region)| nearest(&region.frontiers)).collect()
 }
 
 fn by_distance(here: Cell, a: &Cell, b: &Cell) -> Ordering {
     tree::length_between(here, *a).total_cmp(&tree::length_between(here, *b)).then(a.cmp(b))
 }
 
-/// The local frontiers that lie most in the direction of travel; without one yet, some at random.
+/// The local frontiers most aligned with the direction of travel; random ones if there is no
+/// direction yet.
 fn most_ahead(
     mut frontiers: Vec<Cell>,
     here: Cell,
@@ -466,7 +479,8 @@ fn most_ahead(
     frontiers
 }
 
-/// From where to look at a frontier: it itself, or the centre of its region if the body does not fit into it.
-fn viewpoint(regions: &Regions, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
-    if regions.region_of(frontier) == Some(region) { frontier } else { centre }
+/// The viewpoint of a frontier: the frontier itself, or the centre of its region if the body does
+/// not fit into it.
+fn viewpoint(graph: &AbstractGraph, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
+    if graph.region_of(frontier) == Some(region) { frontier } else { centre }
 }

@@ -1,25 +1,29 @@
-//! The dual-stage viewpoint planner as it is coded in MAES3D, slips included, for comparison with its results.
+//! The dual-stage viewpoint planner as coded in MAES3D, slips included, for comparison with its
+//! results.
 //!
-//! **Exploration.** While there are free cells in view that are frontiers and that nobody has been in, a random tree grows from the
-//! place it went to last, and the agent goes to the node with the most gain. **Relocation.** Otherwise it goes to a frontier of its
-//! list, and once that is empty it never moves again.
+//! **Exploration.** While frontiers in view are not covered, a random tree grows from the last
+//! destination, and the agent goes to the node with the highest gain. **Relocation.** Otherwise it
+//! goes to a frontier of its list; once the list is empty it never moves again.
 //!
-//! What is reproduced although it can hardly be meant so (docs/reference-differences.md lists it as well):
-//! - the direction of exploration, by which the frontiers are chosen that attract the tree, is the same for ever: along y;
-//! - frontiers that are not chosen go on the list at each stage, however often they are on it;
-//! - of the samples only the cell at the end is looked at, which must be free and not covered; nothing between counts;
-//! - the gain of a node looks at five of its six neighbours: the one towards +y is left out;
+//! Reproduced although hardly intended (docs/reference-differences.md lists it as well):
+//! - the direction of exploration, by which the attracting frontiers are chosen, is always y;
+//! - frontiers that are not chosen are appended to the list at each stage, even if they are on it;
+//! - of a sample only the cell at the end is checked, which must be free and not covered; cells
+//!   between are not checked;
+//! - the gain of a node considers five of its six neighbours: the one towards +y is left out;
 //! - the end of a branch counts twice in its gain, and depth begins at -1;
-//! - relocation takes the last frontier of the list, and not the nearest; it goes on taking them as long as they can be reached
-//!   straight, and throws them away;
-//! - after the first relocation every stage begins with a copy of the global tree, whose root is the node nearest to the last
-//!   destination; what is outside the horizon is pruned while the list of nodes is gone through, which skips some;
+//! - relocation takes the last frontier of the list, not the nearest; it discards frontiers as long
+//!   as they can be reached straight;
+//! - after the first relocation every stage begins with a copy of the global tree, re-rooted at the
+//!   node nearest to the last destination; nodes outside the horizon are pruned while iterating
+//!   over the list of nodes, which skips some;
 //! - the last destination becomes the root even if it was not reached;
-//! - who is done stays so, whatever it may be told;
+//! - an agent that is done stays done, whatever it receives;
 //! - the end of a task is noticed a tick late, as in [`super::rbw_maes3d`].
 //!
-//! The reference draws from the one random stream of its engine; this draws from its own. The reference throws if a stage finds no
-//! destination, which ends the tick for the whole team; here the agent tries again.
+//! The reference draws from the one random stream of its engine; this controller draws from its
+//! own. The reference throws if a stage finds no destination, which ends the tick for the whole
+//! team; here the agent tries again.
 //!
 //! Lengths are in cells. Axes: x is the reference's x, y its z, z its y.
 
@@ -35,44 +39,46 @@ use rand_chacha::ChaCha8Rng;
 use voxels::{Cell, FACES};
 
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Wake};
+use crate::command::{Command, Motion, Trigger};
 use crate::exploration_map::{CellState, ExplorationMap};
+use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::{Cells, Observation};
 use crate::path::Neighbours;
-use crate::travel::{Journey, SearchTime};
 use tree::{Index, Tree};
 
 /// The direction of exploration: the reference's (0, 0, 1).
 const DIRECTION: Vector3<f64> = Vector3::new(0.0, 1.0, 0.0);
 
-/// Frontiers in view that attract the tree.
+/// Number of frontiers in view that attract the tree.
 const CHOSEN: usize = 5;
 
-/// Samples of a stage.
+/// Samples per stage.
 const SAMPLES: usize = 200;
 
-/// Share of the samples that are near a chosen frontier.
+/// Share of the samples near a chosen frontier.
 const BIAS: f64 = 0.3;
 
-/// How far from its centre, along each axis.
+/// Greatest distance of such samples from the centre of the frontier along each axis.
 const JITTER: f64 = 1.0;
 
-/// Half the side of the cube around the root in which the other samples lie, and beyond which the local tree is pruned.
+/// Half the side of the cube around the root that contains the other samples, and beyond which the
+/// local tree is pruned.
 const HORIZON: f64 = 15.0;
 
-/// Longest edge of a tree.
+/// Greatest length of an edge.
 const STEP: f64 = 1.0;
 
-/// Gain for an unexplored neighbour.
+/// Gain of an unexplored neighbour.
 const GAIN_UNEXPLORED: f64 = 10.0;
 
-/// Gain for a wall as a neighbour.
+/// Gain of a wall as a neighbour.
 const GAIN_WALL: f64 = -1.0;
 
-/// The neighbour whose gain is left out: the reference's +z.
+/// The neighbour without a gain: the reference's +z.
 const LEFT_OUT: Cell = Cell::new(0, 1, 0);
 
-/// The list is cleared of cells that are no frontiers any more when it has so many entries, and again each time it has doubled.
+/// The list is purged of former frontiers when it has this many entries, and again each time its
+/// length has doubled.
 const CLEARED_FROM: usize = 4096;
 
 /// The planner of one agent.
@@ -81,17 +87,17 @@ pub struct DsvpMaes3d {
     rng: ChaCha8Rng,
     trees: Option<Trees>,
     frontiers: Frontiers,
-    /// The cell it was in when it was last asked.
+    /// The cell of the body at the last call.
     cell: Option<Cell>,
     /// The tick in which the end of the present task is noticed.
     notices_at: Option<Tick>,
-    /// The last stage found no destination.
+    /// Whether the last stage found no destination.
     is_trying_again: bool,
     is_done: bool,
 }
 
 impl DsvpMaes3d {
-    /// It has no settings.
+    /// The controller has no settings.
     #[must_use]
     pub fn new(rng: ChaCha8Rng) -> Self {
         Self {
@@ -124,15 +130,15 @@ impl DsvpMaes3d {
         self.is_trying_again = best.is_none();
         let Some(node) = best else {
             let at = if trees.may_grow(map) { Tick::ZERO } else { ctx.tick().after(scan_period(ctx)) };
-            return Command::keep(Wake { at, events: Events::PARCEL }).saying("exploration: no destination");
+            return Command::keep(Trigger { at, events: Events::PARCEL }).with_info("exploration: no destination");
         };
         let at = trees.local.at(node);
         trees.destination = Some((at, node));
         let cell = cell_of(at);
         match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
-            Journey::Go(motion) => self.goes(motion, format!("exploration: to {}", text(cell))),
-            Journey::NoWay | Journey::Searching(_) => {
-                Command::keep(Wake::NEXT_TICK).saying(format!("exploration: no way to {}", text(cell)))
+            NavigationStatus::Go(motion) => self.goes(motion, format!("exploration: to {}", text(cell))),
+            NavigationStatus::NoPath | NavigationStatus::Searching(_) => {
+                Command::keep(Trigger::NEXT_TICK).with_info(format!("exploration: no way to {}", text(cell)))
             }
         }
     }
@@ -144,15 +150,16 @@ impl DsvpMaes3d {
             if let Some(trees) = &mut self.trees {
                 trees.relocate_to(centre(cell));
             }
-            // One that can be reached straight is given up for the next one in the same tick, and stays taken.
+            // A frontier that can be reached straight is discarded for the next one in the same
+            // tick.
             let goes_on = ctx.is_clear_to(cell) && !self.frontiers.list.is_empty();
             if goes_on {
                 continue;
             }
             command = match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
-                Journey::Go(motion) => self.goes(motion, format!("relocation: to {}", text(cell))),
-                Journey::NoWay | Journey::Searching(_) => {
-                    Command::keep(Wake::NEXT_TICK).saying(format!("relocation: no way to {}", text(cell)))
+                NavigationStatus::Go(motion) => self.goes(motion, format!("relocation: to {}", text(cell))),
+                NavigationStatus::NoPath | NavigationStatus::Searching(_) => {
+                    Command::keep(Trigger::NEXT_TICK).with_info(format!("relocation: no way to {}", text(cell)))
                 }
             };
             break;
@@ -160,7 +167,7 @@ impl DsvpMaes3d {
         self.frontiers.list_again();
         if self.frontiers.list.is_empty() {
             self.is_done = true;
-            command.wake = NEVER;
+            command.trigger = NEVER;
             command.info.push_str(if command.info.is_empty() { "no frontiers left" } else { "; no frontiers left" });
         }
         command
@@ -168,14 +175,15 @@ impl DsvpMaes3d {
 
     fn goes(&mut self, motion: Motion, info: String) -> Command {
         self.notices_at = None;
-        Command::new(motion, UNDER_WAY).saying(info)
+        Command::new(motion, UNDER_WAY).with_info(info)
     }
 }
 
-/// Under way the list of frontiers is kept up in each new cell.
-const UNDER_WAY: Wake = Wake { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL };
+/// Under way the list of frontiers is updated in each new cell.
+const UNDER_WAY: Trigger =
+    Trigger { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL };
 
-const NEVER: Wake = Wake { at: Tick(u64::MAX), events: 0 };
+const NEVER: Trigger = Trigger { at: Tick(u64::MAX), events: 0 };
 
 impl Controller for DsvpMaes3d {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
@@ -187,7 +195,7 @@ impl Controller for DsvpMaes3d {
             acts_at = *self.notices_at.get_or_insert(observation.tick.after(1));
         }
         let Some(view) = &observation.view else {
-            return Command::keep(Wake::NEXT_TICK).asking_for_view();
+            return Command::keep(Trigger::NEXT_TICK).with_view_request();
         };
         if self.cell.replace(ctx.cell()) != Some(ctx.cell()) {
             self.frontiers.push_new(view, ctx.map());
@@ -195,27 +203,28 @@ impl Controller for DsvpMaes3d {
         let command = if observation.is_active {
             Command::keep(UNDER_WAY)
         } else if observation.tick < acts_at {
-            Command::keep(Wake::at(acts_at))
+            Command::keep(Trigger::at(acts_at))
         } else {
             self.stage(view, ctx)
         };
-        command.asking_for_view()
+        command.with_view_request()
     }
 }
 
-/// The list of frontiers to relocate to, which can hold a cell more than once.
+/// The list of frontiers for relocation, with possible duplicates.
 #[derive(Debug, Clone, Default)]
 struct Frontiers {
     list: Vec<Cell>,
-    /// What is on it.
+    /// The set of cells on the list.
     listed: BTreeSet<Cell>,
-    /// How long it was after it was last cleared.
+    /// Length of the list after it was last purged.
     cleared: usize,
 }
 
 impl Frontiers {
     fn push(&mut self, cell: Cell, map: &ExplorationMap) {
-        // What is no frontier never becomes one again, and is never gone to: when it goes makes no difference.
+        // A former frontier never becomes one again and is never a destination: when it is removed
+        // makes no difference.
         if self.list.len() >= CLEARED_FROM.max(2 * self.cleared) {
             self.clear_of_others(map);
         }
@@ -223,7 +232,7 @@ impl Frontiers {
         self.listed.insert(cell);
     }
 
-    /// Adds the frontiers in view that are not on it, in the order of their indices.
+    /// Appends the frontiers in view that are not on the list, in the order of their indices.
     fn push_new(&mut self, view: &Cells, map: &ExplorationMap) {
         for cell in cells(&view.free, map).filter(|&cell| map.is_frontier(cell)) {
             if !self.listed.contains(&cell) {
@@ -236,7 +245,7 @@ impl Frontiers {
         self.list.pop()
     }
 
-    /// To be called when cells have been taken.
+    /// Rebuilds the set of listed cells after cells have been taken.
     fn list_again(&mut self) {
         self.listed = self.list.iter().copied().collect();
     }
@@ -248,8 +257,8 @@ impl Frontiers {
     }
 }
 
-/// The frontiers in view that are not covered: those that lie most in the direction of exploration, best first, and the others in
-/// the order of their indices.
+/// The frontiers in view that are not covered: those most aligned with the direction of
+/// exploration, best first, and the others in the order of their indices.
 fn local_frontiers(view: &Cells, map: &ExplorationMap, here: Point3<f64>) -> (Vec<Cell>, Vec<Cell>) {
     let is_local = |&cell: &Cell| map.is_frontier(cell) && map.state(cell) == CellState::Free;
     let mut others: Vec<Cell> = cells(&view.free, map).filter(is_local).collect();
@@ -274,7 +283,7 @@ struct Trees {
     local_index: Index,
     global: Tree,
     global_index: Index,
-    /// Where it went last, and which node of the local tree that is if it has never relocated.
+    /// The last destination, and its node of the local tree if it has never relocated.
     destination: Option<(Point3<f64>, u32)>,
     has_relocated: bool,
 }
@@ -293,7 +302,7 @@ impl Trees {
         }
     }
 
-    /// Makes the last destination the root of the local tree, and prunes that.
+    /// Re-roots the local tree at the last destination and prunes it.
     fn begin_stage(&mut self) {
         let Some((at, mut node)) = self.destination else {
             return;
@@ -304,7 +313,7 @@ impl Trees {
         }
         self.local.reroot(node);
         self.local.prune(HORIZON);
-        // The number of the root has changed; a stage that is tried again begins with it.
+        // The number of the root has changed; a retried stage begins with it.
         self.destination = Some((at, self.local.root()));
         self.local_index = Index::of(&self.local);
     }
@@ -319,7 +328,7 @@ impl Trees {
         self.destination = Some((self.global.at(node), node));
     }
 
-    /// Grows both trees towards random places.
+    /// Grows both trees towards random samples.
     fn grow(&mut self, rng: &mut ChaCha8Rng, map: &ExplorationMap, chosen: &[Cell]) {
         let root = self.local.at(self.local.root());
         for _ in 0..SAMPLES {
@@ -340,15 +349,15 @@ impl Trees {
         }
     }
 
-    /// Whether any sample at all could add to a local tree that is but a root.
+    /// Whether any sample can extend a local tree that is only a root.
     fn may_grow(&self, map: &ExplorationMap) -> bool {
         let root = cell_of(self.local.at(self.local.root()));
         root.neighbours26().into_iter().chain([root]).any(|cell| map.state(cell) == CellState::Free)
     }
 }
 
-/// A random place, in this order of draws: whether it is near a chosen frontier (drawn even if there are none), which, and its
-/// coordinates x, y, z.
+/// A random sample, in this order of draws: whether it is near a chosen frontier (drawn even if
+/// there are none), which frontier, and its coordinates x, y, z.
 fn sample(rng: &mut ChaCha8Rng, root: Point3<f64>, chosen: &[Cell]) -> Point3<f64> {
     let is_biased = rng.random::<f64>() < BIAS;
     let (middle, half_side) = if is_biased && !chosen.is_empty() {
@@ -359,7 +368,7 @@ fn sample(rng: &mut ChaCha8Rng, root: Point3<f64>, chosen: &[Cell]) -> Point3<f6
     middle.map(|along| along + rng.random_range(-half_side..half_side))
 }
 
-/// Where a tree gets to from a node on the way to a place.
+/// The point at most one edge length from a node towards a sample.
 fn step(from: Point3<f64>, to: Point3<f64>) -> Point3<f64> {
     let distance = (to - from).norm();
     if distance <= STEP { to } else { from + (to - from) * (STEP / distance) }
@@ -395,9 +404,9 @@ fn in_cells(point: Point3<f64>, ctx: &Ctx<'_>) -> Point3<f64> {
     point / ctx.map().extent().cell_m()
 }
 
-/// Ticks until a scan can have brought news to a body at rest.
+/// Ticks after which a scan can have revealed something new to a body at rest.
 fn scan_period(ctx: &Ctx<'_>) -> u64 {
-    u64::from(ctx.briefing().lidar_period_ticks.max(1))
+    u64::from(ctx.run_info().lidar_period_ticks.max(1))
 }
 
 fn text(cell: Cell) -> String {

@@ -1,19 +1,21 @@
-//! Local Voronoi Decomposition: each agent explores what is nearer to it than to those it hears.
+//! Local Voronoi Decomposition (LVD): each agent explores what is nearer to it than to the agents
+//! in contact.
 //!
-//! After the papers on MAES3D (and Fu, Bandyopadhyay and Ang 2009, whom they follow), with the rules that their code leaves out.
-//! At each decision:
+//! After the papers on MAES3D (and Fu, Bandyopadhyay and Ang 2009, whom they follow), with the
+//! rules that their code leaves out. At each decision:
 //! 1. **Region.** A cell is the agent's own if no agent in contact is nearer to it (`region`).
-//! 2. **Exploration mode.** A cell is *unvisited* if it is free and not covered; the agent covers the free cells that it sees
-//!    within a small radius, and shares the marks with its map. It goes to the nearest unvisited cell of its own region that the
-//!    last scan has seen (`exploring`).
-//! 3. **Search mode**, if there is none: it goes to an occlusion point, preferably one it has never visited, else the one it has
-//!    not visited for the longest time; else to the nearest boundary of its region; else to the nearest unvisited cell that it
-//!    knows a way to; else it waits for news (`searching`). It leaves search mode as soon as it sees an unvisited cell in its
-//!    own region.
+//! 2. **Exploration mode.** A cell is *unvisited* if it is free and not covered; the agent covers
+//!    the free cells that it sees within a small radius, and shares the marks with its map. It goes
+//!    to the nearest unvisited cell of its own region in the last scan (`exploring`).
+//! 3. **Search mode**, if there is none: it goes to an occlusion point, preferably one never
+//!    visited, else the one visited longest ago; else to the nearest boundary of its region; else
+//!    to the nearest unvisited cell with a known path; else it waits for map updates (`searching`).
+//!    It leaves search mode as soon as it sees an unvisited cell in its own region.
 //!
-//! Invariants: it asks for nothing that is refused, whatever it observes; however large the map is, no decision looks at more
-//! than 200 000 of its cells beside those in view, and what takes longer goes on in the next tick. What differs from the reference
-//! as coded: docs/reference-differences.md, and [`super::lvd_maes3d`].
+//! Invariants: all its commands are legal, whatever it observes; on maps of any size, a decision
+//! examines at most 200 000 cells beside those in view, and longer searches continue in the next
+//! tick. Differences from the reference as coded: docs/reference-differences.md, and
+//! [`super::lvd_maes3d`].
 
 pub(crate) mod exploring;
 pub(crate) mod flood;
@@ -34,59 +36,61 @@ use voxels::Cell;
 
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Wake};
+use crate::command::{Command, Motion, Trigger};
 use crate::exploration_map::CellState;
+use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
-use crate::travel::{Journey, SearchTime};
 use flood::Flood;
 use last_scan::LastScan;
 use places::Places;
 use region::Region;
 
-/// What ends a leg, and what can change the mind of an agent under way.
+/// The events that end a leg or can change the destination of an agent under way.
 const UNDER_WAY: u8 = Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL;
 
-/// How long an agent without a goal waits for news at a time: 5 s, as the reference's map sharing.
+/// How long an agent without a destination waits for map updates at a time: 5 s, as the reference's
+/// map sharing.
 const WAIT_TICKS: u64 = 250;
 
-/// How long a cell is left alone to which there was no way, or on the way to which something was hit: 30 s.
+/// How long a destination is avoided after a failed search or a collision on the path to it: 30 s.
 const REFUSAL_TICKS: u64 = 1500;
 
-/// A goal among fewer cells that is cut off is found to be so without a search for a path.
+/// A destination in a pocket of fewer cells is recognised as cut off without a path search.
 const POCKET_CELLS_MAX: usize = 4096;
 
-/// Searches for paths end after so many cells: about a millisecond.
-const WAY_CELLS_MAX: u64 = 1 << 12;
+/// Most cells that a path search expands: about a millisecond.
+const SEARCH_CELLS_MAX: u64 = 1 << 12;
 
-/// Goals farther away than so many steps from cell to cell are gone to in stages, each of which a search is sure to find.
+/// Destinations farther away than this many steps are approached in stages, each of which a search
+/// is sure to find.
 const STAGE_STEPS: usize = 48;
 
-/// Waits after a collision are drawn from half a second to two and a half.
-const DODGE_TICKS: std::ops::Range<u64> = 25..125;
+/// Waits after a collision, ticks: half a second to two and a half.
+const EVASION_TICKS: std::ops::Range<u64> = 25..125;
 
-/// Why the agent goes where it goes.
+/// The purpose of a destination.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Purpose {
-    /// To an unvisited cell in sight.
+    /// An unvisited cell in sight.
     Explore,
-    /// To an occlusion point.
-    LookBehind,
-    /// To the boundary of its region.
+    /// An occlusion point, to look behind a corner.
+    OcclusionPoint,
+    /// The boundary of the region.
     Boundary,
-    /// To an unvisited cell it knows of.
+    /// A known unvisited cell out of sight.
     Remembered,
-    /// To a place on the way to one of these, which is the cell.
+    /// A stage on the path to the given destination.
     Towards(Cell),
-    /// Out of somebody's way.
-    Dodge,
+    /// A clear neighbour, to let another agent pass.
+    Evade,
 }
 
 impl Purpose {
     fn is_search(self) -> bool {
-        matches!(self, Self::LookBehind | Self::Boundary | Self::Remembered | Self::Towards(_))
+        matches!(self, Self::OcclusionPoint | Self::Boundary | Self::Remembered | Self::Towards(_))
     }
 
-    /// What is meant by going to a cell.
+    /// The final destination of a stage, or the cell itself.
     fn aim(self, goal: Cell) -> Cell {
         if let Self::Towards(aim) = self { aim } else { goal }
     }
@@ -94,15 +98,15 @@ impl Purpose {
     fn text(self) -> &'static str {
         match self {
             Self::Explore => "exploring",
-            Self::LookBehind => "search mode: looking behind a corner",
+            Self::OcclusionPoint => "search mode: looking behind a corner",
             Self::Boundary => "search mode: to the boundary of the region",
             Self::Remembered | Self::Towards(_) => "search mode: back to what is unvisited",
-            Self::Dodge => "making way",
+            Self::Evade => "making way",
         }
     }
 }
 
-/// One agent's exploration.
+/// The exploration of one agent.
 #[derive(Debug)]
 pub struct Lvd {
     rng: ChaCha8Rng,
@@ -114,28 +118,31 @@ pub struct Lvd {
     scan: LastScan,
     flood: Flood,
     places: Places,
-    /// Where the agent is going, and why.
-    errand: Option<(Cell, Purpose)>,
-    /// Cells it does not try until then.
+    /// The present destination and its purpose.
+    destination: Option<(Cell, Purpose)>,
+    /// Destinations to avoid, and until when.
     refused: Vec<(Cell, Tick)>,
     waits_until: Tick,
     has_asked_for_view: bool,
-    said: String,
+    last_info: String,
 }
 
 impl Lvd {
     /// Settings:
-    /// - `visit_radius_m`: free cells seen from so near, and from at most 24 cells, are visited (reference: 3.75; in one of its
-    ///   branches 6.75);
-    /// - `leg_max_m`: how far a straight leg may go on through unvisited cells (ours, 20; reference, and 0: to the nearest one);
-    /// - `near_m`: of 26 directions, those whose nearest unvisited cell is farther than the nearest one of all by no more than
-    ///   this are as good, and the longest leg decides, then their order (ours, 4; reference, and 0: the nearest cell alone);
-    /// - `merge_m`: occlusion points so near to each other are one (ours, 3.75; the paper merges near ones, without a number);
-    /// - `visits_max`: how often search mode goes to the same place (ours, 3);
+    /// - `visit_radius_m`: free cells seen from within this distance, and from at most 24 cells,
+    ///   are visited (reference: 3.75; in one of its branches 6.75);
+    /// - `leg_max_m`: greatest length of a straight leg on through unvisited cells (ours, 20;
+    ///   reference, and 0: to the nearest one);
+    /// - `near_m`: of 26 directions, those whose nearest unvisited cell is at most this much
+    ///   farther than the nearest of all tie, and the longest leg decides, then their order (ours,
+    ///   4; reference, and 0: the nearest cell alone);
+    /// - `merge_m`: occlusion points within this distance are merged (ours, 3.75; the paper merges
+    ///   near ones, without a number);
+    /// - `visits_max`: how often search mode visits the same place (ours, 3);
     /// - `search_time`, `search_ticks`, `search_cells_per_tick`: see [`Settings::search_time`].
     ///
     /// # Errors
-    /// If a setting is not allowed.
+    /// If a setting is out of range.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let visit_radius_m = settings.number("visit_radius_m", 3.75, 0.0, 1e6)?;
         let near_m = settings.number("near_m", 4.0, 0.0, 1e6)?;
@@ -153,54 +160,54 @@ impl Lvd {
             scan: LastScan::default(),
             flood: Flood::default(),
             places: Places::new(merge_m),
-            errand: None,
+            destination: None,
             refused: Vec::new(),
             waits_until: Tick::ZERO,
             has_asked_for_view: false,
-            said: String::new(),
+            last_info: String::new(),
         })
     }
 
-    fn goes_on(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, goal: Cell, purpose: Purpose) -> Command {
-        self.errand = Some((goal, purpose));
-        ctx.give_up_after(WAY_CELLS_MAX);
+    fn pursue(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, goal: Cell, purpose: Purpose) -> Command {
+        self.destination = Some((goal, purpose));
+        ctx.limit_searches(SEARCH_CELLS_MAX);
         let is_cut_off = !ctx.is_clear_to(goal) && self.flood.is_cut_off(ctx.map(), goal, ctx.cell(), POCKET_CELLS_MAX);
-        let journey = if is_cut_off { Journey::NoWay } else { ctx.go_to_cell(goal, self.search_time) };
-        match journey {
-            Journey::Go(motion) => {
-                let command = Command::new(motion, Wake::on(UNDER_WAY));
+        let status = if is_cut_off { NavigationStatus::NoPath } else { ctx.go_to_cell(goal, self.search_time) };
+        match status {
+            NavigationStatus::Go(motion) => {
+                let command = Command::new(motion, Trigger::on(UNDER_WAY));
                 let centre = ctx.map().extent().centre(goal);
                 let text =
                     format!("destination ({:.2}, {:.2}, {:.2}), {}", centre.x, centre.y, centre.z, purpose.text());
-                self.saying(command, text)
+                self.with_new_info(command, text)
             }
-            Journey::Searching(wake) => Command::keep(wake),
-            Journey::NoWay => {
+            NavigationStatus::Searching(trigger) => Command::keep(trigger),
+            NavigationStatus::NoPath => {
                 self.refuse(purpose.aim(goal), observation.tick);
-                self.errand = None;
-                self.asks_for_view(observation)
+                self.destination = None;
+                self.request_view(observation)
             }
         }
     }
 
-    fn saying(&mut self, command: Command, text: String) -> Command {
-        if text == self.said {
+    fn with_new_info(&mut self, command: Command, text: String) -> Command {
+        if text == self.last_info {
             return command;
         }
-        self.said = text;
-        command.saying(self.said.clone())
+        self.last_info = text;
+        command.with_info(self.last_info.clone())
     }
 
-    fn asks_for_view(&mut self, observation: &Observation) -> Command {
+    fn request_view(&mut self, observation: &Observation) -> Command {
         self.has_asked_for_view = true;
-        Command::keep(Wake::at(observation.tick.next())).asking_for_view()
+        Command::keep(Trigger::at(observation.tick.next())).with_view_request()
     }
 
-    /// Ends the present task to choose again with the view of the last scan.
-    fn breaks_off(&mut self) -> Command {
-        self.errand = None;
+    /// Ends the present task, to choose again with the view of the last scan.
+    fn abort_task(&mut self) -> Command {
+        self.destination = None;
         self.has_asked_for_view = true;
-        Command::new(Motion::Stop, Wake::NEXT_TICK).asking_for_view()
+        Command::new(Motion::Stop, Trigger::NEXT_TICK).with_view_request()
     }
 
     fn refuse(&mut self, cell: Cell, now: Tick) {
@@ -208,20 +215,20 @@ impl Lvd {
     }
 
     fn while_active(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Command {
-        let keep = Command::keep(Wake::on(UNDER_WAY));
-        let Some((goal, purpose)) = self.errand else { return keep };
+        let keep = Command::keep(Trigger::on(UNDER_WAY));
+        let Some((goal, purpose)) = self.destination else { return keep };
         let is_done = match purpose {
             Purpose::Explore | Purpose::Remembered => ctx.map().state(goal) == CellState::Covered,
             Purpose::Towards(goal) => ctx.map().state(goal) == CellState::Covered,
-            Purpose::LookBehind | Purpose::Boundary | Purpose::Dodge => false,
+            Purpose::OcclusionPoint | Purpose::Boundary | Purpose::Evade => false,
         };
         if is_done || purpose.is_search() && self.sees_unvisited(observation, ctx) {
-            return self.breaks_off();
+            return self.abort_task();
         }
         keep
     }
 
-    /// Whether a cell that was seen for the first time since the last observation is unvisited and in the own region.
+    /// Whether a cell that was first seen in this observation is unvisited and in the own region.
     fn sees_unvisited(&self, observation: &Observation, ctx: &Ctx<'_>) -> bool {
         let extent = ctx.map().extent();
         let region = Region::new(observation, ctx);
@@ -233,24 +240,24 @@ impl Lvd {
         })
     }
 
-    /// Waits or steps aside at random, so that two agents in each other's way do not do the same for ever.
-    fn dodges(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        if let Some((goal, purpose)) = self.errand.take() {
+    /// Waits or moves aside at random, so that two agents do not block each other for ever.
+    fn evade(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        if let Some((goal, purpose)) = self.destination.take() {
             self.refuse(purpose.aim(goal), observation.tick);
         }
-        let asides = ctx.clear_beside();
+        let asides = ctx.clear_neighbours();
         if !asides.is_empty() && self.rng.random_bool(0.5) {
             let aside = asides[self.rng.random_range(0..asides.len())];
-            return self.goes_on(observation, ctx, aside, Purpose::Dodge);
+            return self.pursue(observation, ctx, aside, Purpose::Evade);
         }
-        self.waits_until = observation.tick.after(self.rng.random_range(DODGE_TICKS));
-        Command::keep(Wake::at(self.waits_until))
+        self.waits_until = observation.tick.after(self.rng.random_range(EVASION_TICKS));
+        Command::keep(Trigger::at(self.waits_until))
     }
 
-    fn chooses(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+    fn choose(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let region = Region::new(observation, ctx);
         if let Some(goal) = self.nearest_unvisited(ctx, &region) {
-            return self.goes_on(observation, ctx, goal, Purpose::Explore);
+            return self.pursue(observation, ctx, goal, Purpose::Explore);
         }
         let search = searching::Search {
             ctx: &*ctx,
@@ -262,22 +269,23 @@ impl Lvd {
         };
         let in_sight = search
             .occlusion_point()
-            .map(|goal| (goal, Purpose::LookBehind))
+            .map(|goal| (goal, Purpose::OcclusionPoint))
             .or_else(|| search.boundary().map(|goal| (goal, Purpose::Boundary)));
         if let Some((goal, purpose)) = in_sight {
-            return self.goes_on(observation, ctx, goal, purpose);
+            return self.pursue(observation, ctx, goal, purpose);
         }
         match search.nearest_on_map(&mut self.flood) {
             Poll::Ready(Some(goal)) => {
                 let stage = self.flood.towards(ctx.map(), goal, STAGE_STEPS);
                 let purpose = if stage == goal { Purpose::Remembered } else { Purpose::Towards(goal) };
-                self.goes_on(observation, ctx, stage, purpose)
+                self.pursue(observation, ctx, stage, purpose)
             }
-            Poll::Pending => self.asks_for_view(observation),
+            Poll::Pending => self.request_view(observation),
             Poll::Ready(None) => {
-                self.errand = None;
-                let wake = Wake { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
-                self.saying(Command::keep(wake), "nothing left to do, waiting for news".to_owned())
+                self.destination = None;
+                let trigger =
+                    Trigger { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
+                self.with_new_info(Command::keep(trigger), "nothing left to do, waiting for news".to_owned())
             }
         }
     }
@@ -290,7 +298,7 @@ impl Lvd {
         let near = compass.iter().flatten().filter(|&&(distance, _)| in_m(distance) <= nearest_m + self.near_m);
         let legs =
             near.map(|&(_, cell)| exploring::leg_through(ctx, region, cell, self.leg_max_m, self.visit_radius_m));
-        // Of several, the first one in the order of the compass.
+        // Of equal lengths the first in the order of the compass.
         let longest = legs.fold(None, |best: Option<exploring::Leg>, leg| match best {
             Some(best) if best.length_m >= leg.length_m => Some(best),
             _ => Some(leg),
@@ -307,7 +315,7 @@ impl Controller for Lvd {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let now = observation.tick;
         if !ctx.map().extent().contains(ctx.cell()) {
-            return Command::keep(Wake::at(now.after(WAIT_TICKS)));
+            return Command::keep(Trigger::at(now.after(WAIT_TICKS)));
         }
         self.refused.retain(|&(_, until)| until > now);
         if let Some(view) = &observation.view {
@@ -318,17 +326,17 @@ impl Controller for Lvd {
             return self.while_active(observation, ctx);
         }
         if now < self.waits_until {
-            return Command::keep(Wake::at(self.waits_until));
+            return Command::keep(Trigger::at(self.waits_until));
         }
         if observation.events & Events::COLLISION != 0 {
-            return self.dodges(observation, ctx);
+            return self.evade(observation, ctx);
         }
-        if let Some((goal, purpose)) = self.errand {
+        if let Some((goal, purpose)) = self.destination {
             if observation.events & Events::TASK_DONE == 0 {
-                // The way there is being searched for.
-                return self.goes_on(observation, ctx, goal, purpose);
+                // The path there is being searched for.
+                return self.pursue(observation, ctx, goal, purpose);
             }
-            self.errand = None;
+            self.destination = None;
             if purpose.is_search() && purpose.aim(goal) == goal {
                 self.places.visit(goal, now);
             }
@@ -337,10 +345,10 @@ impl Controller for Lvd {
             }
         }
         if observation.view.is_none() && (observation.scan_tick.is_none() || !self.has_asked_for_view) {
-            return self.asks_for_view(observation);
+            return self.request_view(observation);
         }
         self.has_asked_for_view = false;
-        self.chooses(observation, ctx)
+        self.choose(observation, ctx)
     }
 }
 

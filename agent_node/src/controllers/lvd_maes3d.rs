@@ -1,18 +1,26 @@
-//! Local Voronoi Decomposition as it is coded in MAES3D, for comparison with its results.
+//! Local Voronoi Decomposition as coded in MAES3D, for comparison with its results.
 //!
-//! Axes: our x is its x, our y its z, our z its y. What it does that [`super::lvd`] does not:
-//! - it acts a tick late after a task that ended by itself, and at the start: there the status becomes idle only then;
-//! - it looks at the view of the last scan alone, which may be from another place, and goes to the single nearest cell;
-//! - of cells that are equally near, the first in ray order counts: rays go from the +z side (our +y) to the other;
-//! - the region is that of cell centres, and cells between two agents belong to both;
-//! - search mode ends with any visible cell that was not covered, in whosever region, by going to the centre of the own cell;
-//! - selections of an occlusion point are counted, not visits, and if all were selected before, the one listed last counts;
-//! - points near each other are not merged, and there is no other thing to do: it stays and tries again in each tick;
-//! - a wall at the edge of the map that is seen in search mode is an error, and the agent does nothing in that tick.
+//! Axes: our x is its x, our y its z, our z its y. Differences from [`super::lvd`]:
+//! - it acts a tick late after a task that ended by itself, and at the start, because the status
+//!   becomes idle only then;
+//! - it uses the view of the last scan alone, which may be from another place, and goes to the
+//!   single nearest cell;
+//! - of cells at equal distances, the first in ray order wins: rays go from the +z side (our +y) to
+//!   the other;
+//! - the region is decided by cell centres, and cells between two agents belong to both;
+//! - search mode ends with any visible uncovered cell, in any region, by going to the centre of the
+//!   own cell;
+//! - selections of an occlusion point count, not visits, and if all were selected before, the last
+//!   one listed wins;
+//! - points near each other are not merged, and there is no fallback: it stays and tries again in
+//!   each tick;
+//! - a wall at the edge of the map that is seen in search mode is an error, and the agent does
+//!   nothing in that tick.
 //!
-//! What cannot be reproduced: the order of rays on the same circle about the pole (here: upwards, then along x), the walls that
-//! are listed once for each of their rays (here once), a look at the true map for a straight way (here the own map is asked), the
-//! time that a search on another thread takes (here none), and paths that are some cells longer than need be.
+//! Not reproducible: the order of rays on the same circle about the pole (here upwards, then along
+//! x), walls listed once for each of their rays (here once), straight paths checked on the true map
+//! (here on the agent's own), the duration of a search on another thread (here none), and paths
+//! some cells longer than necessary.
 
 use std::collections::BTreeMap;
 
@@ -25,26 +33,26 @@ use super::lvd::last_scan::LastScan;
 use super::lvd::occlusion;
 use super::lvd::places::squared;
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Wake};
+use crate::command::{Command, Motion, Trigger};
 use crate::exploration_map::CellState;
+use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
 use crate::path::Neighbours;
-use crate::travel::{Journey, SearchTime};
 
-/// Cells seen from so near are visited, in cells.
+/// Cells seen from within this distance are visited, in cells.
 const VISIT_RADIUS_CELLS: f64 = 3.75;
 
 const UNDER_WAY: u8 = Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL;
 
-/// The reference would have looked at a cell outside the map.
+/// The reference would have read a cell outside the map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct OutOfBounds;
 
-/// One agent's exploration.
+/// The exploration of one agent.
 #[derive(Debug, Clone, Default)]
 pub struct LvdMaes3d {
     scan: LastScan,
-    /// How often an occlusion point was selected.
+    /// Selections by occlusion point.
     selections: BTreeMap<Cell, u64>,
     is_in_search_mode: bool,
     destination: Option<Point3<f64>>,
@@ -54,13 +62,13 @@ pub struct LvdMaes3d {
 }
 
 impl LvdMaes3d {
-    /// It has no settings.
+    /// The controller has no settings.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Marks what is near and in view as visited; gives whether anything in view was not.
+    /// Marks nearby cells in view as visited; returns whether any cell in view was not.
     fn visits(&self, ctx: &mut Ctx<'_>) -> bool {
         let extent = ctx.map().extent();
         let own = ctx.cell();
@@ -88,7 +96,7 @@ impl LvdMaes3d {
         })
     }
 
-    /// The occlusion point to go to, which is counted as selected.
+    /// The occlusion point to visit; counts its selection.
     fn occlusion_point(&mut self, extent: Extent, own: Cell, others: &[Cell]) -> Result<Option<Cell>, OutOfBounds> {
         let mut nearest: Option<(i32, Cell)> = None;
         let mut last = None;
@@ -127,17 +135,17 @@ impl LvdMaes3d {
 
     fn goes_to(&mut self, ctx: &mut Ctx<'_>, cell: Cell) -> Command {
         match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
-            Journey::Go(motion) => self.sets_out(ctx, cell, motion),
+            NavigationStatus::Go(motion) => self.sets_out(ctx, cell, motion),
             // It becomes idle again.
-            Journey::Searching(_) | Journey::NoWay => looks_again(Wake::NEXT_TICK),
+            NavigationStatus::Searching(_) | NavigationStatus::NoPath => looks_again(Trigger::NEXT_TICK),
         }
     }
 
     fn sets_out(&mut self, ctx: &Ctx<'_>, cell: Cell, motion: Motion) -> Command {
         self.notices_at = None;
         self.destination = Some(ctx.map().extent().centre(cell));
-        let command = Command::new(motion, Wake::on(UNDER_WAY)).asking_for_view();
-        self.saying(command)
+        let command = Command::new(motion, Trigger::on(UNDER_WAY)).with_view_request();
+        self.with_new_info(command)
     }
 
     fn goes_to_own_centre(&mut self, ctx: &Ctx<'_>) -> Command {
@@ -145,7 +153,7 @@ impl LvdMaes3d {
         self.sets_out(ctx, own, Motion::Path(vec![ctx.map().extent().centre(own)]))
     }
 
-    fn saying(&mut self, command: Command) -> Command {
+    fn with_new_info(&mut self, command: Command) -> Command {
         let Some(to) = self.destination else { return command };
         let mode = if self.is_in_search_mode { "search mode" } else { "exploration mode" };
         let text = format!("destination ({:.1}, {:.1}, {:.1}), {mode}", to.x, to.y, to.z);
@@ -153,7 +161,7 @@ impl LvdMaes3d {
             return command;
         }
         self.said.clone_from(&text);
-        command.saying(text)
+        command.with_info(text)
     }
 
     fn chooses(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
@@ -166,13 +174,13 @@ impl LvdMaes3d {
         self.is_in_search_mode = true;
         match self.occlusion_point(extent, ctx.cell(), &others) {
             Ok(Some(cell)) => self.goes_to(ctx, cell),
-            Ok(None) | Err(OutOfBounds) => looks_again(Wake::NEXT_TICK),
+            Ok(None) | Err(OutOfBounds) => looks_again(Trigger::NEXT_TICK),
         }
     }
 }
 
-fn looks_again(wake: Wake) -> Command {
-    Command::keep(wake).asking_for_view()
+fn looks_again(trigger: Trigger) -> Command {
+    Command::keep(trigger).with_view_request()
 }
 
 /// Whether no other agent's cell is nearer to a cell than the own one.
@@ -186,7 +194,7 @@ impl Controller for LvdMaes3d {
         let now = observation.tick;
         let extent = ctx.map().extent();
         if !extent.contains(ctx.cell()) {
-            return looks_again(Wake::at(now.next()));
+            return looks_again(Trigger::at(now.next()));
         }
         if let Some(view) = &observation.view {
             self.scan.load(extent, view);
@@ -199,15 +207,16 @@ impl Controller for LvdMaes3d {
             let is_any_unvisited = self.visits(ctx);
             if self.is_in_search_mode && is_any_unvisited {
                 self.is_in_search_mode = false;
-                // That changes no status, so who is idle goes on and chooses; who then has nowhere to go stays with it.
-                let chosen = if is_idle { self.chooses(observation, ctx) } else { looks_again(Wake::NEXT_TICK) };
+                // The status does not change by that, so an idle agent continues and chooses;
+                // without a destination it stays at its centre.
+                let chosen = if is_idle { self.chooses(observation, ctx) } else { looks_again(Trigger::NEXT_TICK) };
                 return if chosen.motion == Motion::Keep { self.goes_to_own_centre(ctx) } else { chosen };
             }
         }
         match (observation.is_active, is_idle) {
-            (true, _) => looks_again(Wake::on(UNDER_WAY)),
+            (true, _) => looks_again(Trigger::on(UNDER_WAY)),
             (false, true) => self.chooses(observation, ctx),
-            (false, false) => looks_again(Wake::at(now.next())),
+            (false, false) => looks_again(Trigger::at(now.next())),
         }
     }
 }

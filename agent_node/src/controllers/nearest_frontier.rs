@@ -1,11 +1,13 @@
-//! Nearest frontier: goes where the nearest unexplored cells are, until there are none. The example to start a controller from.
+//! Nearest frontier: moves to the nearest frontier until there are none. The example to start a
+//! controller from.
 //!
-//! A *frontier* is a cell known to be free that has an unexplored cell next to it. The agent searches its own map for the frontier
-//! with the shortest way, goes there, and looks for the next one once that has become an ordinary cell, which mostly happens long
-//! before it arrives.
+//! A *frontier* is a cell known to be free with an unexplored neighbour. The agent searches its own
+//! map for the frontier with the shortest path, moves there, and looks for the next one once that
+//! cell is no frontier any more, which mostly happens long before it arrives.
 //!
-//! With `relays=on` it leaves relays behind where it would lose contact ([`super::relays`]). It does not coordinate: agents that know the same go to the same places. It finds no way round an agent that stays for ever in
-//! a passage one cell wide.
+//! With `relays=on` it drops relays where it would lose contact ([`super::relays`]). It does not
+//! coordinate: agents with equal maps go to the same frontiers. It does not find a path around an
+//! agent that stays in a passage one cell wide.
 
 use std::collections::BTreeSet;
 
@@ -16,53 +18,54 @@ use voxels::Cell;
 
 use super::relays::Relays;
 use super::settings::{SettingError, Settings};
-use super::{Controller, Ctx, aside};
-use crate::command::{Command, Motion, Wake};
+use super::{Controller, Ctx, collision_recovery};
+use crate::command::{Command, Motion, Trigger};
+use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
-use crate::travel::{Journey, SearchTime};
 
-/// The mark of relays that keep nothing.
+/// The mark of its relays, which store nothing.
 const RELAY_MARK: u8 = 0;
 
-/// The controller of one agent: what it remembers from one decision to the next.
+/// The controller of one agent: its state between decisions.
 #[derive(Debug, Clone)]
 pub struct NearestFrontier {
     search_time: SearchTime,
-    /// Its own stream of random numbers. Nothing else may be random, or a run could not be repeated.
+    /// Its own random stream. Any other source of randomness would make runs unrepeatable.
     rng: ChaCha8Rng,
-    /// The frontier it goes to.
+    /// The frontier it moves to.
     goal: Option<Cell>,
-    /// Frontiers it has been in without seeing what is beyond, because the sensor does not reach there. It leaves them alone.
-    given_up: BTreeSet<Cell>,
+    /// Frontiers it has been in without seeing what is beyond, because the sensor does not reach
+    /// there.
+    abandoned: BTreeSet<Cell>,
     relays: Relays,
-    /// The way-points that it goes along.
-    way: Vec<Point3<f64>>,
+    /// The waypoints ahead of it.
+    waypoints: Vec<Point3<f64>>,
 }
 
 impl NearestFrontier {
     /// Settings: `search_time`, see [`Settings::search_time`], and `relays`, see [`Relays::new`].
     ///
     /// # Errors
-    /// If a setting is not allowed.
+    /// If a setting is out of range.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let search_time = settings.search_time()?;
         let relays = Relays::new(settings)?;
-        Ok(Self { search_time, rng, goal: None, given_up: BTreeSet::new(), relays, way: Vec::new() })
+        Ok(Self { search_time, rng, goal: None, abandoned: BTreeSet::new(), relays, waypoints: Vec::new() })
     }
 
-    /// The frontier with the shortest way to it.
+    /// The frontier with the shortest path.
     fn nearest(&self, ctx: &mut Ctx<'_>) -> Option<Cell> {
-        ctx.nearest(|map, cell| map.is_frontier(cell) && !self.given_up.contains(&cell))
+        ctx.nearest(|map, cell| map.is_frontier(cell) && !self.abandoned.contains(&cell))
     }
 
-    /// The command, and a relay is left behind if this is the place for it.
-    fn beside_relay(&mut self, command: Command, observation: &Observation, ctx: &Ctx<'_>) -> Command {
+    /// The command, with a relay dropped here if needed.
+    fn with_relay_if_needed(&mut self, command: Command, observation: &Observation, ctx: &Ctx<'_>) -> Command {
         let here = ctx.position();
-        // Way-points behind it are passed.
-        let passed = self.way.iter().position(|next| (next - here).norm() < ctx.map().extent().cell_m() / 2.0);
-        self.way.drain(..passed.map_or(0, |passed| passed + 1));
-        match self.relays.is_one_left(observation, ctx, &self.way) {
-            true => command.leaving_relay(RELAY_MARK, Vec::new()),
+        // Waypoints that it has passed are removed.
+        let passed = self.waypoints.iter().position(|next| (next - here).norm() < ctx.map().extent().cell_m() / 2.0);
+        self.waypoints.drain(..passed.map_or(0, |passed| passed + 1));
+        match self.relays.should_drop(observation, ctx, &self.waypoints) {
+            true => command.with_relay(RELAY_MARK, Vec::new()),
             false => command,
         }
     }
@@ -70,48 +73,52 @@ impl NearestFrontier {
 
 impl Controller for NearestFrontier {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        // Before the first scan it knows nothing but its own cell. The task of the body, here none, is left as it is.
+        // Before the first scan only the own cell is known. The task of the body, here none, is
+        // unchanged.
         if observation.scan_tick.is_none() {
-            return Command::keep(Wake::NEXT_TICK);
+            return Command::keep(Trigger::NEXT_TICK);
         }
-        // Events tell what has happened since the last decision; `observation.collision` would tell of old collisions as well.
+        // Events are those since the last decision; `observation.collision` would include old
+        // collisions.
         if self.goal.is_some() && observation.events & Events::COLLISION != 0 {
             self.goal = None;
-            return aside::make_way(&mut self.rng, ctx);
+            return collision_recovery::step_aside(&mut self.rng, ctx);
         }
-        // Under way it wants to be asked in each new cell, because from there it may have seen what is beyond the frontier.
-        let under_way = Wake::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL);
+        // Under way it decides in each new cell, since it may have seen beyond the frontier from
+        // there.
+        let under_way = Trigger::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL);
         let mut goal = self.goal.filter(|&goal| ctx.map().is_frontier(goal));
         if goal.is_some() && observation.is_active {
-            return self.beside_relay(Command::keep(under_way), observation, ctx);
+            return self.with_relay_if_needed(Command::keep(under_way), observation, ctx);
         }
         if let Some(reached) = goal.filter(|&goal| goal == ctx.cell()) {
-            self.given_up.insert(reached);
+            self.abandoned.insert(reached);
             goal = None;
         }
-        // A goal that is still one is gone to again: a search that takes time is asked for its answer like this.
+        // A goal that is still a frontier is requested again: this polls a search that takes time.
         self.goal = goal.or_else(|| self.nearest(ctx));
         let Some(goal) = self.goal else {
-            // All is explored that it can get to. What others know may change that: they are heard when they come into contact, and
-            // map parcels are in the map before the controller is asked.
-            return Command::new(Motion::Stop, Wake::on(Events::PARCEL | Events::CONTACTS)).saying("knows no frontier");
+            // All reachable space is explored. Maps of other agents may change that: they arrive on
+            // contact, and map messages are merged before the controller is called.
+            return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
+                .with_info("knows no frontier");
         };
         let Cell { x, y, z } = goal;
         match ctx.go_to_cell(goal, self.search_time) {
-            Journey::Go(motion) => {
-                if let Motion::Path(way) = &motion {
-                    self.way.clone_from(way);
+            NavigationStatus::Go(motion) => {
+                if let Motion::Path(waypoints) = &motion {
+                    self.waypoints.clone_from(waypoints);
                 }
-                let command = Command::new(motion, under_way).saying(format!("goes to the frontier {x} {y} {z}"));
-                self.beside_relay(command, observation, ctx)
+                let command = Command::new(motion, under_way).with_info(format!("goes to the frontier {x} {y} {z}"));
+                self.with_relay_if_needed(command, observation, ctx)
             }
-            // The body has to keep still, or the way would begin where it is no more.
-            Journey::Searching(wake) => {
-                Command::new(Motion::Stop, wake).saying(format!("searches a way to {x} {y} {z}"))
+            // The body must stay at rest, since the path begins where it is now.
+            NavigationStatus::Searching(trigger) => {
+                Command::new(Motion::Stop, trigger).with_info(format!("searches a way to {x} {y} {z}"))
             }
-            Journey::NoWay => {
-                self.given_up.insert(goal);
-                Command::new(Motion::Stop, Wake::NEXT_TICK)
+            NavigationStatus::NoPath => {
+                self.abandoned.insert(goal);
+                Command::new(Motion::Stop, Trigger::NEXT_TICK)
             }
         }
     }
@@ -121,9 +128,9 @@ impl Controller for NearestFrontier {
 mod tests {
     use msgs::ids::Tick;
 
-    use super::aside::PATIENCE_TICKS;
+    use super::collision_recovery::HOLD_TICKS;
     use super::*;
-    use crate::command::LidarRequest;
+    use crate::command::ScanRequest;
     use crate::controllers::testing::{World, flat};
 
     const CAVE: &str = "\
@@ -142,8 +149,8 @@ mod tests {
     }
 
     fn destination(world: &World, command: &Command) -> Cell {
-        let Motion::Path(way_points) = &command.motion else { panic!("{command:?}") };
-        world.map.extent().cell_of(way_points.last().unwrap())
+        let Motion::Path(waypoints) = &command.motion else { panic!("{command:?}") };
+        world.map.extent().cell_of(waypoints.last().unwrap())
     }
 
     #[test]
@@ -151,7 +158,7 @@ mod tests {
         for (search_time, goes_at_once) in [("instant", true), ("budgeted", false), ("background", false)] {
             let mut world = World::new(CAVE, flat(1, 6));
             let mut controller = controller(search_time);
-            assert_eq!(world.ask(&mut controller), Command::keep(Wake::NEXT_TICK), "nothing has been scanned");
+            assert_eq!(world.ask(&mut controller), Command::keep(Trigger::NEXT_TICK), "nothing has been scanned");
             let mut decisions = 0;
             let mut searches = 0;
             let last = loop {
@@ -161,15 +168,15 @@ mod tests {
                 let command = world.ask(&mut controller);
                 match &command.motion {
                     Motion::Path(_) => world.arrive(&command.motion),
-                    Motion::Stop if command.wake.events != 0 => break command,
+                    Motion::Stop if command.trigger.events != 0 => break command,
                     Motion::Stop => {
                         searches += 1;
-                        world.observation.tick = command.wake.at.max(world.observation.tick.next());
+                        world.observation.tick = command.trigger.at.max(world.observation.tick.next());
                     }
                     motion => panic!("{motion:?}"),
                 }
             };
-            assert_eq!(last.wake, Wake::on(Events::PARCEL | Events::CONTACTS));
+            assert_eq!(last.trigger, Trigger::on(Events::PARCEL | Events::CONTACTS));
             assert_eq!(world.map.frontier_count(), 0);
             assert_eq!(world.map.free(), CAVE.matches('.').count());
             assert_eq!(searches == 0, goes_at_once, "{search_time}");
@@ -195,7 +202,7 @@ mod tests {
         assert_eq!(destination(&world, &go), flat(5, 0));
         world.put(flat(3, 0));
         let keep = world.ask(&mut controller);
-        assert_eq!(keep, Command::keep(Wake::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL)));
+        assert_eq!(keep, Command::keep(Trigger::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL)));
         world.map.note_wall(&[6]);
         world.put(flat(4, 0));
         let stop = world.ask(&mut controller);
@@ -214,7 +221,7 @@ mod tests {
         assert_eq!(destination(&world, &second), flat(4, 0));
         world.arrive(&second.motion);
         assert_eq!(world.ask(&mut controller).info, "knows no frontier");
-        // News of another agent.
+        // A map update from another agent.
         world.map.note_free(&[5]);
         world.observation.events = Events::PARCEL;
         assert_eq!(world.ask(&mut controller).info, "knows no frontier", "nothing beyond");
@@ -233,14 +240,14 @@ mod tests {
             world.wait(10);
             world.collide();
             let aside = world.ask(&mut controller);
-            assert_eq!((aside.info.as_str(), aside.wake.events), ("makes way", 0));
-            let wait = aside.wake.at.0 - world.observation.tick.0;
-            assert!(PATIENCE_TICKS.contains(&wait));
+            assert_eq!((aside.info.as_str(), aside.trigger.events), ("makes way", 0));
+            let wait = aside.trigger.at.0 - world.observation.tick.0;
+            assert!(HOLD_TICKS.contains(&wait));
             waits.insert(wait);
             places.insert(destination(&world, &aside));
-            // The step aside is refused as well: it waits all the same, and then goes on.
+            // The step aside fails as well: it holds all the same, and then continues.
             world.collide();
-            world.observation.tick = aside.wake.at;
+            world.observation.tick = aside.trigger.at;
         }
         assert!(waits.len() > 30 && places.len() == 8, "{waits:?} {places:?}");
     }
@@ -250,6 +257,6 @@ mod tests {
         let mut world = World::new(CAVE, flat(1, 6));
         world.look();
         let command = world.ask(&mut controller("instant"));
-        assert_eq!((command.lidar, command.want_view, command.parcels.len()), (LidarRequest::Keep, false, 0));
+        assert_eq!((command.lidar, command.want_view, command.messages.len()), (ScanRequest::Keep, false, 0));
     }
 }

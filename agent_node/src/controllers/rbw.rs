@@ -1,7 +1,8 @@
-//! Random Ballistic Walk: straight on until something is in the way, then off in another direction.
+//! Random Ballistic Walk: straight until a collision, then off in another direction.
 //!
-//! As in the papers on MAES3D: the first heading is random; at a floor the agent goes on upwards, at a ceiling downwards, at a
-//! wall it turns by a random angle. A body that need not turn first goes off in the new direction at once. The map is not used.
+//! As in the papers on MAES3D: the first heading is random; after a collision with a floor the
+//! agent continues upwards, with a ceiling downwards, with a wall it turns by a random angle. A
+//! body that need not turn first moves in the new direction at once. The map is not used.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -10,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Wake};
+use crate::command::{Command, Motion, Trigger};
 use crate::observation::{Observation, Surface};
 
 /// Elevation before the first floor or ceiling: the reference's 45 degrees.
@@ -21,7 +22,7 @@ const FIRST_PITCH_RAD: f64 = PI / 4.0;
 pub struct Rbw {
     rng: ChaCha8Rng,
     pitch_rad: f64,
-    /// Where a body that need not turn first was last off to.
+    /// Last direction of a body that need not turn first.
     heading_rad: Option<f64>,
     pitch_min_rad: f64,
     pitch_max_rad: f64,
@@ -30,11 +31,12 @@ pub struct Rbw {
 }
 
 impl Rbw {
-    /// Settings: `pitch_min_rad`, `pitch_max_rad` (elevation after a floor, and negative after a ceiling; reference: 15 and 45
-    /// degrees), `turn_min_rad`, `turn_max_rad` (turn at a wall; reference: 90 and 270 degrees).
+    /// Settings: `pitch_min_rad`, `pitch_max_rad` (elevation after a floor, and negated after a
+    /// ceiling; reference: 15 and 45 degrees), `turn_min_rad`, `turn_max_rad` (turn at a wall;
+    /// reference: 90 and 270 degrees).
     ///
     /// # Errors
-    /// If a setting is not allowed.
+    /// If a setting is out of range.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let pitch_min_rad = settings.number("pitch_min_rad", PI / 12.0, 0.0, FRAC_PI_2)?;
         let pitch_max_rad =
@@ -52,7 +54,7 @@ impl Rbw {
         })
     }
 
-    /// Off in a direction that differs from the present one by so much.
+    /// The motion in a direction that differs from the present one by a random angle in this range.
     fn turn(&mut self, low_rad: f64, high_rad: f64, ctx: &Ctx<'_>) -> Motion {
         let angle_rad = self.rng.random_range(low_rad..=high_rad);
         let heading_rad = self.heading_rad.unwrap_or(ctx.yaw_rad()) + angle_rad;
@@ -70,21 +72,21 @@ impl Rbw {
 impl Controller for Rbw {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         if observation.is_active {
-            return Command::keep(Wake::TASK_DONE);
+            return Command::keep(Trigger::TASK_DONE);
         }
         if self.heading_rad.is_none() {
-            return Command::new(self.turn(0.0, TAU, ctx), Wake::TASK_DONE);
+            return Command::new(self.turn(0.0, TAU, ctx), Trigger::TASK_DONE);
         }
         match observation.collision.map(|collision| collision.surface) {
             Some(Surface::Wall) => {
                 let turn = self.turn(self.turn_min_rad, self.turn_max_rad, ctx);
-                return Command::new(turn, Wake::TASK_DONE);
+                return Command::new(turn, Trigger::TASK_DONE);
             }
             Some(Surface::Floor) => self.pitch_rad = self.rng.random_range(self.pitch_min_rad..=self.pitch_max_rad),
             Some(Surface::Ceiling) => self.pitch_rad = -self.rng.random_range(self.pitch_min_rad..=self.pitch_max_rad),
             None => {}
         }
-        Command::new(self.straight_on(ctx), Wake::TASK_DONE)
+        Command::new(self.straight_on(ctx), Trigger::TASK_DONE)
     }
 }
 
@@ -114,7 +116,7 @@ mod tests {
         let mut rbw = walk(&[]).unwrap();
         let mut observation = idle();
         observation.is_active = true;
-        assert_eq!(world.ask_about(&mut rbw, &observation), Command::keep(Wake::TASK_DONE));
+        assert_eq!(world.ask_about(&mut rbw, &observation), Command::keep(Trigger::TASK_DONE));
     }
 
     #[test]
@@ -137,8 +139,8 @@ mod tests {
         let mut world = World::empty().aerial();
         let mut rbw = walk(&["turn_min_rad=1.5", "turn_max_rad=1.5"]).unwrap();
         let mut off = |about: &Observation| {
-            let Motion::Path(way_points) = world.ask_about(&mut rbw, about).motion else { panic!("no path") };
-            (way_points[0] - about.pose.position).normalize()
+            let Motion::Path(waypoints) = world.ask_about(&mut rbw, about).motion else { panic!("no path") };
+            (waypoints[0] - about.pose.position).normalize()
         };
         let first = off(&idle());
         assert!((first.z - libm::sin(FIRST_PITCH_RAD)).abs() < 1e-9, "{first}");

@@ -1,8 +1,9 @@
-//! Random Ballistic Walk as it is coded in MAES3D, for comparison with its results.
+//! Random Ballistic Walk as coded in MAES3D, for comparison with its results.
 //!
-//! Differences from [`super::rbw`]: the first heading is that of the start, at 45 degrees upwards; angles are whole degrees;
-//! half a turn goes to the right; and the agent acts one tick later after a task that ended by itself, and at the start,
-//! because there the status becomes idle only in the tick after.
+//! Differences from [`super::rbw`]: the first heading is that of the start, at 45 degrees upwards;
+//! angles are whole degrees; half a turn goes to the right; and the agent acts one tick late after
+//! a task that ended by itself, and at the start, because the status becomes idle only in the tick
+//! after.
 
 use std::f64::consts::PI;
 
@@ -11,7 +12,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Wake};
+use crate::command::{Command, Motion, Trigger};
 use crate::observation::{Observation, Surface};
 
 const FIRST_PITCH_DEG: i32 = 45;
@@ -26,7 +27,7 @@ pub struct RbwMaes3d {
 }
 
 impl RbwMaes3d {
-    /// It has no settings.
+    /// The controller has no settings.
     #[must_use]
     pub fn new(rng: ChaCha8Rng) -> Self {
         Self { rng, pitch_deg: FIRST_PITCH_DEG, notices_at: None }
@@ -34,20 +35,20 @@ impl RbwMaes3d {
 
     fn acts(&mut self, motion: Motion) -> Command {
         self.notices_at = None;
-        Command::new(motion, Wake::TASK_DONE)
+        Command::new(motion, Trigger::TASK_DONE)
     }
 }
 
 impl Controller for RbwMaes3d {
     fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         if observation.is_active {
-            return Command::keep(Wake::TASK_DONE);
+            return Command::keep(Trigger::TASK_DONE);
         }
         let surface = observation.collision.map(|collision| collision.surface);
         if surface.is_none() {
             let notices_at = *self.notices_at.get_or_insert(observation.tick.after(1));
             if observation.tick < notices_at {
-                return Command::keep(Wake { at: notices_at, events: 0 });
+                return Command::keep(Trigger { at: notices_at, events: 0 });
             }
         }
         match surface {
@@ -83,7 +84,7 @@ mod tests {
         let mut rbw = walk();
         let mut observation = idle();
         let keep = world.ask_about(&mut rbw, &observation);
-        assert_eq!(keep, Command::keep(Wake { at: Tick(1), events: 0 }));
+        assert_eq!(keep, Command::keep(Trigger { at: Tick(1), events: 0 }));
         observation.tick = Tick(1);
         let go = world.ask_about(&mut rbw, &observation);
         assert_eq!(go.motion, Motion::Move { pitch_rad: degrees(45), distance_m: f64::INFINITY });

@@ -1,10 +1,11 @@
-//! When to leave a relay behind: the last place from which somebody or something that carries on is in sight.
+//! Relay placement: an agent drops a relay at the last point from which it can be connected.
 //!
-//! An agent leaves a relay where it is if a relay or an agent that it hears is in sight from here, on its own map, but none is from
-//! a little farther along its way. So those that leave relays hang together like beads on a string, as long as they have any.
+//! A relay is dropped if a relay or agent in contact is in line of sight from here, on the agent's
+//! own map, but none is from a little farther along its path. So the relays form a connected chain
+//! as long as agents have relays left.
 //!
-//! In sight means that all cells on the straight line are known to be free. A model of communication that reaches farther makes
-//! relays come earlier than they must.
+//! In line of sight means that all cells on the straight segment are known to be free. With a
+//! communication model of longer reach, relays are dropped earlier than necessary.
 
 use std::ops::ControlFlow;
 
@@ -16,10 +17,10 @@ use super::settings::{SettingError, Settings};
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::observation::Observation;
 
-/// How far along its way the agent looks ahead, in cells.
+/// Look-ahead distance along the path, cells.
 const AHEAD_CELLS: f64 = 1.5;
 
-/// An agent's relays.
+/// The relays of an agent.
 #[derive(Debug, Clone)]
 pub struct Relays {
     is_on: bool,
@@ -30,36 +31,36 @@ impl Relays {
     /// Setting: `relays`, `off` (the default) or `on`.
     ///
     /// # Errors
-    /// If it is neither.
+    /// If the value is neither.
     pub fn new(settings: &mut Settings) -> Result<Self, SettingError> {
         let is_on = settings.word("relays", &["off", "on"])? == 1;
         Ok(Self { is_on, left: 0 })
     }
 
-    /// Whether to leave a relay here before going on along these way-points; then it counts as left.
-    pub fn is_one_left(&mut self, observation: &Observation, ctx: &Ctx<'_>, way: &[Point3<f64>]) -> bool {
-        if !self.is_on || self.left >= ctx.briefing().relays_per_agent {
+    /// Whether to drop a relay here before continuing along these waypoints; counts it as dropped.
+    pub fn should_drop(&mut self, observation: &Observation, ctx: &Ctx<'_>, path: &[Point3<f64>]) -> bool {
+        if !self.is_on || self.left >= ctx.run_info().relays_per_agent {
             return false;
         }
         let Observation { contacts, relays, .. } = observation;
         let others =
             || contacts.iter().map(|contact| contact.position).chain(relays.iter().map(|relay| relay.position));
-        let range_m = ctx.briefing().communication_range_m;
-        let is_joined = |from: &Point3<f64>| {
+        let range_m = ctx.run_info().communication_range_m;
+        let is_connected = |from: &Point3<f64>| {
             others().any(|other| (other - from).norm() <= range_m && is_in_sight(ctx.map(), from, &other))
         };
         let here = ctx.position();
-        let there = along(&here, way, AHEAD_CELLS * ctx.map().extent().cell_m());
-        let is_last = is_joined(&here) && !is_joined(&there);
+        let there = along(&here, path, AHEAD_CELLS * ctx.map().extent().cell_m());
+        let is_last = is_connected(&here) && !is_connected(&there);
         self.left += u32::from(is_last);
         is_last
     }
 }
 
-/// The place so far along a way.
-fn along(from: &Point3<f64>, way: &[Point3<f64>], mut length_m: f64) -> Point3<f64> {
+/// The point at a distance along a path.
+fn along(from: &Point3<f64>, path: &[Point3<f64>], mut length_m: f64) -> Point3<f64> {
     let mut here = *from;
-    for next in way {
+    for next in path {
         let leg_m = (next - here).norm();
         if leg_m > length_m {
             return here + (next - here) * (length_m / leg_m);
@@ -99,7 +100,8 @@ mod tests {
         Relays::new(&mut Settings::parse(&[format!("relays={setting}")]).unwrap()).unwrap()
     }
 
-    /// Where the relays are left on a way along the gallery and round the corner, with a contact at its start.
+    /// The steps at which relays are dropped on a path along the gallery and round the corner, with
+    /// a contact at its start.
     fn places(setting: &str, with_contact: bool) -> Vec<i32> {
         let mut world = World::known(BEND, flat(2, 3));
         let centre = |x: f64, y: f64| Point3::new(x, y, 0.5);
@@ -111,11 +113,11 @@ mod tests {
         let mut relays = relays(setting);
         let mut left = Vec::new();
         for step in 2..=7 {
-            let (cell, way) =
+            let (cell, path) =
                 if step <= 5 { (flat(step, 3), vec![corner, end]) } else { (flat(5, 8 - step), vec![end]) };
             world.put(cell);
             let observation = world.observation.clone();
-            if relays.is_one_left(&observation, &world.ctx(), &way) {
+            if relays.should_drop(&observation, &world.ctx(), &path) {
                 left.push(step);
                 let id = RelayId { owner: AgentId(1), number: left.len() as u32 - 1 };
                 world.observation.relays.push(Relay { id, position: observation.pose.position });
@@ -126,7 +128,7 @@ mod tests {
 
     #[test]
     fn one_is_left_where_the_team_is_last_in_sight() {
-        // At the corner; from there on it is itself in sight.
+        // At the corner; from there on the relay itself is in sight.
         assert_eq!(places("on", true), [5]);
         assert_eq!(places("on", false), [0; 0]);
         assert_eq!(places("off", true), [0; 0]);
@@ -138,8 +140,8 @@ mod tests {
         world.observation.contacts = vec![Contact { agent: AgentId(0), position: Point3::new(1.5, 3.5, 0.5) }];
         let observation = world.observation.clone();
         let mut relays = relays("on");
-        let way = [Point3::new(5.5, 1.5, 0.5)];
-        let left: Vec<bool> = (0..4).map(|_| relays.is_one_left(&observation, &world.ctx(), &way)).collect();
+        let path = [Point3::new(5.5, 1.5, 0.5)];
+        let left: Vec<bool> = (0..4).map(|_| relays.should_drop(&observation, &world.ctx(), &path)).collect();
         assert_eq!(left, [true, true, false, false]);
     }
 

@@ -5,36 +5,44 @@ use std::num::NonZeroU64;
 
 use thiserror::Error;
 
+use super::suggestion::did_you_mean;
+use crate::navigation::SearchTime;
 use crate::path::Budgeted;
-use crate::travel::SearchTime;
 
-/// Why a setting does not fit.
+/// Why a setting is refused.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum SettingError {
-    /// It is no `KEY=VALUE`.
+    /// The text is no `KEY=VALUE`.
     #[error("setting `{text}`: expected KEY=VALUE")]
     NoAssignment {
         /// The text.
         text: String,
     },
     /// The controller has no such key.
-    #[error("setting `{key}`: unknown; {}", if known.is_empty() { "there are none".to_owned() } else { format!("known are {known}") })]
+    #[error("setting `{key}`: unknown; {}", known_are(key, known))]
     Unknown {
         /// The key.
         key: String,
-        /// The keys there are.
-        known: String,
+        /// The keys of the controller.
+        known: Vec<&'static str>,
     },
-    /// The value is not allowed.
+    /// The value is out of range.
     #[error("setting {key} = {value}: {allowed}")]
     Value {
         /// The key.
         key: String,
         /// The value.
         value: String,
-        /// What is allowed.
+        /// The legal values, in words.
         allowed: String,
     },
+}
+
+fn known_are(key: &str, known: &[&str]) -> String {
+    match known {
+        [] => "there are none".to_owned(),
+        _ => format!("known are {}{}", known.join(", "), did_you_mean(key, known)),
+    }
 }
 
 /// Ticks that a search takes in the background: 0.5 s.
@@ -42,38 +50,38 @@ const BACKGROUND_TICKS: u64 = 25;
 
 /// A setting that a controller has taken.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Taken {
-    /// Its key.
+pub struct Setting {
+    /// The key.
     pub key: &'static str,
-    /// What it is: given, or the default.
-    pub value: TakenValue,
-    /// What is allowed, in words.
+    /// The value given, or the default.
+    pub value: SettingValue,
+    /// The legal values, in words.
     pub allowed: String,
 }
 
 /// The value of a setting.
 #[derive(Debug, Clone, PartialEq)]
-pub enum TakenValue {
-    /// A number, and the least and the greatest that is allowed.
+pub enum SettingValue {
+    /// A number with its least and greatest legal value.
     Number(f64, f64, f64),
-    /// A whole number, and the least and the greatest that is allowed.
+    /// A whole number with its least and greatest legal value.
     Integer(u64, u64, u64),
     /// One of several words.
     Word(String),
 }
 
-/// The settings that have not been taken yet.
+/// The settings of a controller while it takes them.
 #[derive(Debug, Clone, Default)]
 pub struct Settings {
     left: BTreeMap<String, String>,
-    taken: Vec<Taken>,
+    taken: Vec<Setting>,
 }
 
 impl Settings {
-    /// Parses `KEY=VALUE` texts; of two with the same key the later one holds.
+    /// Parses `KEY=VALUE` texts; of equal keys the last one wins.
     ///
     /// # Errors
-    /// If one of them has no `=`.
+    /// If a text has no `=`.
     pub fn parse(texts: &[String]) -> Result<Self, SettingError> {
         let left = texts
             .iter()
@@ -88,22 +96,22 @@ impl Settings {
     /// Takes a number from `low` to `high`.
     ///
     /// # Errors
-    /// If the value is no such number.
+    /// If the value is not in the range.
     pub fn number(&mut self, key: &'static str, default: f64, low: f64, high: f64) -> Result<f64, SettingError> {
         let allowed = format!("expected a number from {low} to {high}");
         let number = self.parsed(key, default, &allowed, |text| {
             text.parse().ok().filter(|number: &f64| *number >= low && *number <= high)
         })?;
-        self.taken.push(Taken { key, value: TakenValue::Number(number, low, high), allowed });
+        self.taken.push(Setting { key, value: SettingValue::Number(number, low, high), allowed });
         Ok(number)
     }
 
-    /// Takes `search_time`, what the search for a path costs: `instant` (nothing, the default), `budgeted` (a tick for every
-    /// `search_cells_per_tick` cells that are looked at, 100 if not given, as in the reference) or `background` (`search_ticks`
-    /// ticks, 25 if not given).
+    /// Takes `search_time`, the sim time of path searches: `instant` (none, the default),
+    /// `budgeted` (a tick for every `search_cells_per_tick` expanded cells, 100 by default, as in
+    /// the reference) or `background` (`search_ticks` ticks, 25 by default).
     ///
     /// # Errors
-    /// If a value is not allowed.
+    /// If a value is out of range.
     pub fn search_time(&mut self) -> Result<SearchTime, SettingError> {
         let per_tick = Budgeted::PER_TICK.get();
         let per_tick = self.integer("search_cells_per_tick", per_tick, 1, 1_000_000_000)?;
@@ -118,16 +126,16 @@ impl Settings {
     /// Takes a whole number from `low` to `high`.
     ///
     /// # Errors
-    /// If the value is no such number.
+    /// If the value is not in the range.
     pub fn integer(&mut self, key: &'static str, default: u64, low: u64, high: u64) -> Result<u64, SettingError> {
         let allowed = format!("expected a whole number from {low} to {high}");
         let number = self
             .parsed(key, default, &allowed, |text| text.parse().ok().filter(|number| (low..=high).contains(number)))?;
-        self.taken.push(Taken { key, value: TakenValue::Integer(number, low, high), allowed });
+        self.taken.push(Setting { key, value: SettingValue::Integer(number, low, high), allowed });
         Ok(number)
     }
 
-    /// Takes one of several words, as its position among them. The default is the first one.
+    /// Takes one of several words, as its index. The default is the first one.
     ///
     /// # Errors
     /// If the value is none of them.
@@ -135,11 +143,11 @@ impl Settings {
         let allowed = format!("expected one of {}", words.join(", "));
         let position = self.parsed(key, 0, &allowed, |text| words.iter().position(|word| *word == text))?;
         let value = words.get(position).map(ToString::to_string).unwrap_or_default();
-        self.taken.push(Taken { key, value: TakenValue::Word(value), allowed });
+        self.taken.push(Setting { key, value: SettingValue::Word(value), allowed });
         Ok(position)
     }
 
-    /// Takes what `parse` makes of a value, or the default if there is none.
+    /// Takes the value parsed by `parse`, or the default if there is none.
     fn parsed<V>(
         &mut self,
         key: &'static str,
@@ -153,16 +161,16 @@ impl Settings {
         parse(&value).ok_or_else(|| SettingError::Value { key: key.to_owned(), value, allowed: allowed.to_owned() })
     }
 
-    /// To be called when all known keys have been taken: which they were.
+    /// Ends the taking of settings, and returns all of them.
     ///
     /// # Errors
-    /// If there are others.
-    pub fn finish(self) -> Result<Vec<Taken>, SettingError> {
+    /// If there are unknown keys.
+    pub fn finish(self) -> Result<Vec<Setting>, SettingError> {
         match self.left.into_keys().next() {
             None => Ok(self.taken),
             Some(key) => {
-                let known: Vec<&str> = self.taken.iter().map(|taken| taken.key).collect();
-                Err(SettingError::Unknown { key, known: known.join(", ") })
+                let known = self.taken.iter().map(|setting| setting.key).collect();
+                Err(SettingError::Unknown { key, known })
             }
         }
     }

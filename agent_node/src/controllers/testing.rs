@@ -1,10 +1,11 @@
-//! For tests of controllers: a small world drawn as text, with one agent that learns by looking around.
+//! Test harness for controllers: a small world drawn as text, with one agent.
 //!
-//! There are two ways to drive it. Step by step: [`World::look`], [`World::ask`], and then [`World::arrive`] or [`World::collide`],
-//! which end a motion at once and as a whole. Or in ticks: [`World::run`], in which the agent scans whenever it is asked, and moves
-//! along its way-points. The body is a point that moves half a metre in a tick and turns at once; the real one is the server's.
+//! It is driven in one of two modes. Step by step: [`World::look`], [`World::ask`], and then
+//! [`World::arrive`] or [`World::collide`], which end a motion at once. Or in ticks:
+//! [`World::run`], in which the agent scans before each decision and moves along its waypoints. The
+//! body is a point that moves half a metre in a tick and turns at once, unlike the server's.
 //!
-//! Invariant: every command that a controller gives here is legal, or the test fails (`legal`).
+//! Invariant: every command of a controller is legal, or the test fails (`legal`).
 
 mod legal;
 
@@ -16,26 +17,27 @@ use nalgebra::{Point3, Vector3};
 use voxels::{Cell, Extent, Grid, Terrain, line_of_sight};
 
 use super::{Controller, Ctx};
-use crate::body::{Bodies, Body, BodyKind};
-use crate::command::{Command, Motion, Wake};
+use crate::bodies::{Bodies, BodyKind, BodyModel};
+use crate::command::{Command, Motion, Trigger};
 pub(crate) use crate::exploration_map::drawing::drawn;
 use crate::exploration_map::{CellState, ExplorationMap};
-use crate::observation::{Briefing, Cells, Collision, Contact, Observation, Pose, Surface};
-use crate::travel::Travel;
+use crate::navigation::NavigationTask;
+use crate::observation::{Cells, Collision, Contact, Observation, Pose, RunInfo, Surface};
 
-/// The agent.
+/// The id of the agent.
 const AGENT: AgentId = AgentId(1);
 
-/// How far the body gets in a tick.
+/// Distance covered in a tick.
 const STEP_M: f64 = 0.5;
 
-/// Two bodies that come nearer than this collide.
+/// Distance between bodies below which they collide.
 const NEAR_M: f64 = 2.0 * RADIUS_M;
 
 /// Radius of the body, metres.
 pub(crate) const RADIUS_M: f64 = 0.4;
 
-/// At rest in the middle of a cube of ten cells, in the first tick; nothing has happened and nothing was scanned.
+/// At rest in the middle of a cube of ten cells, in the first tick, without events and before the
+/// first scan.
 pub(crate) fn idle() -> Observation {
     Observation {
         tick: Tick::ZERO,
@@ -47,7 +49,7 @@ pub(crate) fn idle() -> Observation {
         events: 0,
         contacts: Vec::new(),
         relays: Vec::new(),
-        parcels: Vec::new(),
+        messages: Vec::new(),
         readings: Vec::new(),
         scan_tick: None,
         seen: Cells::default(),
@@ -63,56 +65,57 @@ pub(crate) fn collided(observation: Observation, surface: Surface) -> Observatio
 /// One agent in a world.
 pub(crate) struct World {
     terrain: Grid<Terrain>,
-    briefing: Briefing,
-    travel: Travel,
+    run_info: RunInfo,
+    navigation: NavigationTask,
     pub(crate) map: ExplorationMap,
-    /// What it is told next. Those in contact stand in its way when it moves in ticks.
+    /// The next observation. Agents in contact are obstacles when it moves in ticks.
     pub(crate) observation: Observation,
-    way: VecDeque<Point3<f64>>,
-    wake: Wake,
+    waypoints: VecDeque<Point3<f64>>,
+    trigger: Trigger,
     wants_view: bool,
-    /// What it has said.
+    /// The texts for people so far.
     pub(crate) said: Vec<String>,
     pub(crate) decisions: u32,
     pub(crate) collisions: u32,
-    /// Cells that the body has been in, in order, as far as it has moved in ticks.
+    /// Cells visited by the body while it moved in ticks, in order.
     pub(crate) been: Vec<Cell>,
 }
 
 impl World {
-    /// At the centre of a free cell of a world that is drawn; `?` is wall there, and nothing is known.
+    /// At the centre of a free cell of a drawn world; `?` is wall there, and nothing is known.
     pub(crate) fn new(text: &str, start: Cell) -> Self {
         let terrain = Grid::from_text(&text.replace('?', "#")).unwrap();
         assert_eq!(terrain.get(start), Some(&Terrain::Free));
         Self::of(terrain, start)
     }
 
-    /// The same, and all that is drawn but `?` is known; no scan has been made.
+    /// The same with all cells but `?` known, before the first scan.
     pub(crate) fn known(text: &str, start: Cell) -> Self {
         Self { map: drawn(text), ..Self::new(text, start) }
     }
 
     /// The same with bodies that need not turn first.
     pub(crate) fn aerial(mut self) -> Self {
-        self.briefing.bodies = team_of(Body { kind: BodyKind::Aerial, radius_m: RADIUS_M, ..Body::SUBMARINE });
+        self.run_info.bodies =
+            team_of(BodyModel { kind: BodyKind::Aerial, radius_m: RADIUS_M, ..BodyModel::SUBMARINE });
         self
     }
 
-    /// The empty cube of [`idle`], of which nothing is known.
+    /// The empty, unexplored cube of [`idle`].
     pub(crate) fn empty() -> Self {
         Self::of(Grid::new(Extent::new([10; 3], 1.0).unwrap(), Terrain::Free), Cell::new(5, 5, 5))
     }
 
     fn of(terrain: Grid<Terrain>, start: Cell) -> Self {
         let extent = terrain.extent();
-        let briefing = Briefing {
+        let run_info = RunInfo {
             duration: Tick(90_000),
             extent,
             agents: 3,
             agents_seed: 1,
             controller: String::new(),
             settings: Vec::new(),
-            bodies: team_of(Body { radius_m: RADIUS_M, ..Body::SUBMARINE }),
+            bodies: team_of(BodyModel { radius_m: RADIUS_M, ..BodyModel::SUBMARINE }),
             lidar_range_m: f64::INFINITY,
             lidar_period_ticks: 10,
             communication_range_m: f64::INFINITY,
@@ -122,12 +125,12 @@ impl World {
         let pose = Pose { position: extent.centre(start), yaw_rad: 0.0 };
         Self {
             terrain,
-            briefing,
-            travel: Travel::new(RADIUS_M, 1.0),
+            run_info,
+            navigation: NavigationTask::new(RADIUS_M, 1.0),
             map: ExplorationMap::new(extent),
             observation: Observation { pose, ..idle() },
-            way: VecDeque::new(),
-            wake: Wake::NEXT_TICK,
+            waypoints: VecDeque::new(),
+            trigger: Trigger::NEXT_TICK,
             wants_view: false,
             said: Vec::new(),
             decisions: 0,
@@ -154,7 +157,7 @@ impl World {
         Cells { free: indices(free), wall: indices(wall) }
     }
 
-    /// A scan: learns all that can be seen from here, and has it in the view if the controller has asked for it.
+    /// A scan: reveals all visible cells, and includes the view if the controller has requested it.
     pub(crate) fn look(&mut self) {
         let view = self.view();
         let extent = self.map.extent();
@@ -169,7 +172,7 @@ impl World {
         self.observation.scan_tick = Some(self.observation.tick);
     }
 
-    /// Shows these cells as the last scan, and nothing else.
+    /// Replaces the last scan by these cells.
     pub(crate) fn show(&mut self, cells: &[Cell]) {
         let mut free: Vec<u32> = cells.iter().map(|&cell| self.map.extent().index(cell).unwrap() as u32).collect();
         free.sort_unstable();
@@ -177,7 +180,7 @@ impl World {
         self.observation.scan_tick = Some(self.observation.tick);
     }
 
-    /// Asks a controller now; the task it sets is under way then, and what was told is old.
+    /// Requests a decision; its task is then under way, and the observation delta is empty.
     pub(crate) fn ask(&mut self, controller: &mut dyn Controller) -> Command {
         let observation = self.observation.clone();
         let command = self.ask_about(controller, &observation);
@@ -190,11 +193,11 @@ impl World {
                 self.ends();
                 self.observation.is_active = true;
                 if let Motion::Path(points) = motion {
-                    self.way = points.iter().copied().collect();
+                    self.waypoints = points.iter().copied().collect();
                 }
             }
         }
-        self.wake = command.wake;
+        self.trigger = command.trigger;
         self.wants_view = command.want_view;
         if !command.info.is_empty() {
             self.said.push(command.info.clone());
@@ -202,26 +205,27 @@ impl World {
         command
     }
 
-    /// What a controller would be given with the present observation.
+    /// The context of a decision on the present observation.
     pub(crate) fn ctx(&mut self) -> Ctx<'_> {
-        Ctx::new(AGENT, &self.briefing, &self.observation, &mut self.map, &mut self.travel)
+        Ctx::new(AGENT, &self.run_info, &self.observation, &mut self.map, &mut self.navigation)
     }
 
-    /// Asks a controller about an observation, whatever the world is like, and does nothing of what it says.
+    /// Requests a decision on any observation, and ignores it.
     pub(crate) fn ask_about(&mut self, controller: &mut dyn Controller, observation: &Observation) -> Command {
         self.decisions += 1;
-        let Self { briefing, map, travel, .. } = self;
+        let Self { run_info, map, navigation, .. } = self;
         map.note_covered(map.extent().cell_of(&observation.pose.position));
-        let command = controller.decide(observation, &mut Ctx::new(AGENT, briefing, observation, map, travel));
+        let command = controller.decide(observation, &mut Ctx::new(AGENT, run_info, observation, map, navigation));
         legal::assert_legal(&command);
         command
     }
 
-    /// Runs so many ticks, asking the controller when it wants to be asked. It may only go along paths.
+    /// Runs for this many ticks, with decisions whenever the trigger fires. Only paths are
+    /// supported.
     pub(crate) fn run(&mut self, controller: &mut dyn Controller, ticks: u64) {
         let end = self.observation.tick.after(ticks);
         while self.observation.tick < end {
-            if self.wake.is_due(self.observation.tick, self.observation.events) {
+            if self.trigger.is_due(self.observation.tick, self.observation.events) {
                 self.look();
                 let motion = self.ask(controller).motion;
                 assert!(
@@ -235,10 +239,10 @@ impl World {
     }
 
     fn advance(&mut self) {
-        let Some(&target) = self.way.front() else { return };
+        let Some(&target) = self.waypoints.front() else { return };
         let here = self.observation.pose.position;
-        let way = target - here;
-        let next = if way.norm() <= STEP_M { target } else { here + way.normalize() * STEP_M };
+        let offset = target - here;
+        let next = if offset.norm() <= STEP_M { target } else { here + offset.normalize() * STEP_M };
         let is_hit = |other: &Contact| {
             let (before, after) = ((other.position - here).norm(), (other.position - next).norm());
             after < NEAR_M && after < before
@@ -258,8 +262,8 @@ impl World {
             self.observation.events |= Events::NEW_CELL;
         }
         if next == target {
-            self.way.pop_front();
-            if self.way.is_empty() {
+            self.waypoints.pop_front();
+            if self.waypoints.is_empty() {
                 self.observation.is_active = false;
                 self.observation.events |= Events::TASK_DONE;
             }
@@ -267,19 +271,19 @@ impl World {
     }
 
     fn ends(&mut self) {
-        self.way.clear();
+        self.waypoints.clear();
         self.observation.is_active = false;
     }
 
-    /// Lets ticks go by, in which nothing moves.
+    /// Lets ticks pass in which nothing moves.
     pub(crate) fn wait(&mut self, ticks: u64) {
         self.observation.tick = self.observation.tick.after(ticks);
     }
 
-    /// The end of a task; a path ends at its last way-point.
+    /// Completes a task; a path ends at its last waypoint.
     pub(crate) fn arrive(&mut self, motion: &Motion) {
-        if let Motion::Path(way_points) = motion {
-            self.observation.pose.position = *way_points.last().unwrap();
+        if let Motion::Path(waypoints) = motion {
+            self.observation.pose.position = *waypoints.last().unwrap();
             self.observation.events |= Events::NEW_CELL;
         }
         self.observation.collision = None;
@@ -287,28 +291,29 @@ impl World {
         self.ends();
     }
 
-    /// A motion was refused because another agent is in the way.
+    /// A collision with another agent.
     pub(crate) fn collide(&mut self) {
         self.observation.collision = Some(Collision { surface: Surface::Wall, with_agent: true });
         self.observation.events |= Events::COLLISION;
         self.ends();
     }
 
-    /// Puts the body somewhere else.
+    /// Moves the body elsewhere.
     pub(crate) fn put(&mut self, cell: Cell) {
         self.observation.pose.position = self.map.extent().centre(cell);
         self.observation.events |= Events::NEW_CELL;
     }
 
-    /// Free cells of the world that are not in one of these states on the agent's map.
+    /// Free cells of the world that are in none of these states on the agent's map.
     pub(crate) fn left(&self, states: &[CellState]) -> Vec<Cell> {
         let free = self.terrain.iter().filter(|(_, terrain)| **terrain == Terrain::Free);
         free.map(|(cell, _)| cell).filter(|&cell| !states.contains(&self.map.state(cell))).collect()
     }
 }
 
-/// A team of equal bodies, with one agent more than there are, of which observations that are not true may speak.
-fn team_of(body: Body) -> Bodies {
+/// A team of equal bodies, with one agent more than the run has, since observations here may be
+/// inconsistent.
+fn team_of(body: BodyModel) -> Bodies {
     Bodies::new(vec![body], vec![0; 4]).unwrap()
 }
 
@@ -317,11 +322,11 @@ pub(crate) const fn flat(x: i32, y: i32) -> Cell {
     Cell::new(x, y, 0)
 }
 
-/// Whether a body of [`RADIUS_M`] that goes through these points, in a map with cells of 1 m, comes near to nothing but cells that
-/// are known to be free. Looked up point by point along the way, unlike what it is to check.
-pub(crate) fn is_through_free_cells(map: &ExplorationMap, from: &Point3<f64>, way_points: &[Point3<f64>]) -> bool {
+/// Whether a body of [`RADIUS_M`] on these waypoints, in a map with cells of 1 m, touches only
+/// cells known to be free. Checked point by point along the path, unlike the code under test.
+pub(crate) fn is_through_free_cells(map: &ExplorationMap, from: &Point3<f64>, waypoints: &[Point3<f64>]) -> bool {
     let mut from = *from;
-    way_points.iter().all(|to| {
+    waypoints.iter().all(|to| {
         let steps = ((to - from).norm() / 0.02).ceil().max(1.0);
         let is_clear_at = |step: usize| {
             let centre = from + (to - from) * (step as f64 / steps);

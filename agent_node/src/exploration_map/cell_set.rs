@@ -1,9 +1,10 @@
 //! A set of cells by index that is cheap to change and is read in ascending order.
 //!
-//! Invariants: a bit of `occupied` is set if and only if the word of `words` it stands for is not 0; `len` is the number of bits
-//! set in `words`.
+//! Invariants: a bit of `occupied` is set if and only if the word of `words` it stands for is not
+//! 0; `len` is the number of bits set in `words`.
 
-/// A set of cells, one bit each, with one more bit for each 64 of them to find those that are in it.
+/// A set of cells, one bit each, with one more bit for each 64 of them to find those that are in
+/// it.
 #[derive(Debug, Clone)]
 pub(super) struct CellSet {
     words: Vec<u64>,

@@ -1,10 +1,11 @@
-//! News of a map, in blocks of 4 x 4 x 4 cells.
+//! A map update: changed cells in blocks of 4 x 4 x 4.
 //!
-//! Blocks are numbered as cells are: x first, then y, then z. So that near cells have near numbers, the number of a cell in its
-//! block is made of the bits of its place in it: x0, y0, z0, x1, y1, z1 from the lowest; each eight cells in a row of numbers
-//! are an *octant*, a cube of 2 x 2 x 2. Blocks at the upper ends of the map may have cells that lie outside it.
+//! Blocks are numbered as cells are: x first, then y, then z. So that near cells have near numbers,
+//! the number of a cell in its block interleaves the bits of its coordinates (Morton order): x0,
+//! y0, z0, x1, y1, z1 from the lowest; each eight consecutive numbers are an *octant*, a cube of 2
+//! x 2 x 2. Blocks at the upper ends of the map may have cells outside it.
 //!
-//! This module does not know how news travel, nor whether they are true.
+//! This module knows neither the encoding of updates nor whether they are true.
 
 use voxels::Extent;
 
@@ -13,21 +14,21 @@ use super::{Change, Finding};
 /// Cells along each axis of a block.
 const SIDE: u32 = 4;
 
-/// What is known of the cells of one block; each bit is one of them.
+/// The reported cells of one block, one bit each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Block {
-    /// Its number.
+    /// The number of the block.
     pub index: u32,
-    /// Cells of which something is said.
+    /// The reported cells.
     pub known: u64,
-    /// Which of them are wall; the others are free.
+    /// Those of them that are wall; the others are free.
     pub wall: u64,
-    /// Which of them are covered, and so free.
+    /// Those of them that are covered, and so free.
     pub covered: u64,
 }
 
 impl Block {
-    /// Says something of some of its cells, over what has been said before.
+    /// Overrides the report with a later one.
     fn say(&mut self, later: Self) {
         self.known |= later.known;
         self.wall = self.wall & !later.known | later.wall;
@@ -35,16 +36,16 @@ impl Block {
     }
 }
 
-/// What is known of some cells.
+/// The reported cells of a map.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Delta {
-    /// Blocks of which something is said; those that [`Delta::of`] and the decoder of parcels make ascend strictly, say something
-    /// each, and nothing of cells outside the map.
+    /// The blocks; those made by [`Delta::of`] and by the decoder of map messages are strictly
+    /// ascending, not empty, and without cells outside the map.
     pub blocks: Vec<Block>,
 }
 
 impl Delta {
-    /// Changes in the order in which they were learnt: the last one of a cell is what is said of it.
+    /// The delta of some changes in order: the last change of a cell wins.
     #[must_use]
     pub fn of(extent: Extent, changes: impl IntoIterator<Item = Change>) -> Self {
         let layout = Layout::new(extent);
@@ -63,7 +64,7 @@ impl Delta {
                 _ => pieces.push(piece),
             }
         }
-        // Stable, so that what was learnt later of a cell stays later.
+        // Stable, so that later changes of a cell stay later.
         pieces.sort_by_key(|piece| piece.index);
         pieces.dedup_by(|later, block| {
             let is_same = later.index == block.index;
@@ -75,19 +76,20 @@ impl Delta {
         Self { blocks: pieces }
     }
 
-    /// Of how many cells it says something.
+    /// Number of reported cells.
     #[must_use]
     pub fn len(&self) -> usize {
         self.blocks.iter().map(|block| block.known.count_ones() as usize).sum()
     }
 
-    /// Whether it says nothing.
+    /// Whether no cell is reported.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The cells by index, block by block, and what is said of them; cells outside the map are left out.
+    /// The reported cells by index with their findings, block by block; cells outside the map are
+    /// ignored.
     pub fn findings(&self, extent: Extent) -> impl Iterator<Item = (u32, Finding)> + '_ {
         let layout = Layout::new(extent);
         let offsets = layout.offsets();
@@ -105,7 +107,7 @@ impl Delta {
     }
 }
 
-/// Positions of the bits that are set, ascending.
+/// Positions of the set bits, ascending.
 pub(crate) fn bits(mut left: u64) -> impl Iterator<Item = u32> {
     std::iter::from_fn(move || {
         let bit = (left != 0).then(|| left.trailing_zeros());
@@ -114,7 +116,7 @@ pub(crate) fn bits(mut left: u64) -> impl Iterator<Item = u32> {
     })
 }
 
-/// Where the blocks of a map lie.
+/// The layout of the blocks of a map.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Layout {
     size: [u32; 3],
@@ -127,12 +129,12 @@ impl Layout {
         Self { size, blocks: size.map(|cells| cells.div_ceil(SIDE)) }
     }
 
-    /// How many blocks there are.
+    /// Number of blocks.
     pub(crate) fn count(&self) -> u32 {
         self.blocks.iter().product()
     }
 
-    /// The block of a cell, and its number in it.
+    /// The block of a cell, and the number of the cell in it.
     fn place(&self, cell: u32) -> (u32, u32) {
         const SPREAD: [u32; SIDE as usize] = [0, 1, 8, 9];
         let spread = |at: u32| SPREAD[(at % SIDE) as usize];
@@ -148,7 +150,7 @@ impl Layout {
         [block % self.blocks[0], row % self.blocks[1], row / self.blocks[1]].map(|at| at * SIDE)
     }
 
-    /// Index of the lowest cell of a block that the map has.
+    /// Index of the lowest cell of a block, 0 for blocks outside the map.
     fn start(&self, block: u32) -> u32 {
         if block >= self.count() {
             return 0;
@@ -157,7 +159,7 @@ impl Layout {
         (z * self.size[1] + y) * self.size[0] + x
     }
 
-    /// How far the cells of a block lie behind its lowest one, by index.
+    /// Index offset of each cell of a block from the lowest one.
     fn offsets(&self) -> [u32; 64] {
         std::array::from_fn(|number| {
             let [x, y, z] = place_in_block(number as u32);
@@ -165,9 +167,9 @@ impl Layout {
         })
     }
 
-    /// Which cells of a block lie inside the map.
+    /// The cells of a block that lie inside the map.
     pub(crate) fn inside(&self, block: u32) -> u64 {
-        /// For each axis, the cells of a block that lie in the lowest 0 to 4 layers across it.
+        /// For each axis, the cells of a block in the lowest 0 to 4 layers across it.
         const LOWEST: [[u64; SIDE as usize + 1]; 3] = lowest_layers();
         if block >= self.count() {
             return 0;
@@ -180,7 +182,7 @@ impl Layout {
     }
 }
 
-/// Place of a cell in its block, along each axis.
+/// Coordinates of a cell in its block.
 const fn place_in_block(number: u32) -> [u32; 3] {
     [number & 1 | number >> 2 & 2, number >> 1 & 1 | number >> 3 & 2, number >> 2 & 1 | number >> 4 & 2]
 }

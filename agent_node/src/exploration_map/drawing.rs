@@ -4,7 +4,7 @@ use voxels::{Grid, Terrain};
 
 use super::ExplorationMap;
 
-/// A map of which is known what is drawn: `.` free, `#` wall, `?` unexplored.
+/// A map with the drawn knowledge: `.` free, `#` wall, `?` unexplored.
 pub(crate) fn drawn(text: &str) -> ExplorationMap {
     let free = Grid::from_text(&text.replace('?', "#")).unwrap();
     let unexplored = Grid::from_text(&text.replace('#', ".").replace('?', "#")).unwrap();

@@ -77,7 +77,7 @@ fn the_own_sensor_overrules_hearsay() {
     let change = |cell, finding| Change { cell, finding, from: None };
     let corrections = [change(1, Finding::Free), change(2, Finding::Wall)];
     assert!(map.changes_since(position).eq(corrections), "a confirmation is no change");
-    // From now on nobody can persuade it.
+    // From now on no report changes these cells.
     map.merge(&saying(extent, &[1], Finding::Wall), A);
     map.merge(&saying(extent, &[0], Finding::Free), A);
     map.merge(&saying(extent, &[2], Finding::Covered), A);
@@ -108,7 +108,7 @@ fn states(map: &ExplorationMap) -> Vec<CellState> {
     map.extent().cells().map(|cell| map.state(cell)).collect()
 }
 
-/// The frontier by its definition.
+/// The frontiers by definition.
 fn swept(map: &ExplorationMap) -> Vec<u32> {
     let extent = map.extent();
     let is_open = |cell| extent.contains(cell) && map.state(cell) == CellState::Unexplored;
@@ -122,13 +122,13 @@ fn cells(volume: u32) -> impl Strategy<Value = Vec<u32>> {
     prop::collection::vec(0..volume, 0..40)
 }
 
-/// Says the same of some cells.
+/// The same finding for several cells.
 fn saying(extent: Extent, cells: &[u32], finding: Finding) -> Delta {
     let cells = cells.iter().filter(|&&cell| (cell as usize) < extent.volume());
     Delta::of(extent, cells.map(|&cell| Change { cell, finding, from: None }))
 }
 
-/// What is true of a cell, so that no two sayings contradict each other.
+/// Consistent findings, so that no two deltas contradict each other.
 fn truthful(extent: Extent, cells: &[u32], visited: &[u32]) -> Delta {
     let finding = |cell: u32, free| if cell.is_multiple_of(3) { Finding::Wall } else { free };
     let seen = cells.iter().map(|&cell| (cell, finding(cell, Finding::Free)));
@@ -187,7 +187,7 @@ proptest! {
         seed in any::<prop::sample::Index>(),
     ) {
         let extent = Extent::new([3, 2, 2], 1.0).unwrap();
-        // The own sensor is of one mind.
+        // The own sensor never contradicts itself.
         let own = |cell: u32| if cell.is_multiple_of(3) { Finding::Wall } else { Finding::Free };
         let learnt = |said: &[(usize, u32)]| {
             let mut map = ExplorationMap::new(extent);

@@ -1,4 +1,4 @@
-//! From which cell a body can go to which: the moves of a body, and these moves on a map.
+//! The graph of a path search: the moves of a body, and these moves on a map.
 
 use voxels::{Cell, FACES};
 
@@ -6,13 +6,13 @@ use super::EDGE_COST;
 use super::sweep::{centre, clearance, touched};
 use crate::exploration_map::{CellState, ExplorationMap};
 
-/// Which cells count as next to each other.
+/// Connectivity of cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Neighbours {
-    /// Those that share a face: the moves of the reference.
+    /// Cells that share a face: the moves of the reference.
     #[default]
     Six,
-    /// Those that share a face, an edge or a corner.
+    /// Cells that share a face, an edge or a corner.
     TwentySix,
 }
 
@@ -21,18 +21,18 @@ pub enum Neighbours {
 pub(super) struct Step {
     pub(super) by: Cell,
     pub(super) cost: u64,
-    /// What the body touches on the way, relative to the cell it comes from.
+    /// The cells touched by the body during the step, relative to its first cell.
     swept: Vec<Cell>,
     /// The same as bits of the block of 27 cells around that cell, if they all lie in it.
     mask: u32,
 }
 
-/// The moves that a body of a given size can make. To be made once and kept.
+/// The moves of a body of a given size. Compute them once and keep them.
 #[derive(Debug, Clone)]
 pub struct Moves {
     pub(super) steps: Vec<Step>,
     neighbours: Neighbours,
-    /// What the body touches at rest, relative to its cell; empty if it fits nowhere.
+    /// The cells touched by the body at rest, relative to its cell; empty if it fits nowhere.
     sphere: Vec<Cell>,
     is_small: bool,
 }
@@ -40,7 +40,8 @@ pub struct Moves {
 impl Moves {
     /// The moves of a sphere of `radius_m` metres on cells with edges of `cell_m` metres.
     ///
-    /// A body fits nowhere, and so has no moves, if its radius is above 16 cells, negative or no number.
+    /// A body with a radius above 16 cells, negative or not a number fits nowhere, and has no
+    /// moves.
     #[must_use]
     pub fn new(radius_m: f64, cell_m: f64, neighbours: Neighbours) -> Self {
         let Some(radius) = clearance(radius_m, cell_m) else {
@@ -60,7 +61,7 @@ impl Moves {
         Self { steps, neighbours, sphere: touched(centre(home), centre(home), radius), is_small }
     }
 
-    /// What is surely not more than the cost of the way between two cells, and never shrinks by more than a step costs.
+    /// A consistent lower bound on the path cost between two cells.
     pub(super) fn estimate(&self, a: Cell, b: Cell) -> u32 {
         let mut apart = [a.x - b.x, a.y - b.y, a.z - b.z].map(|cells| u64::from(cells.unsigned_abs()));
         let cost = match self.neighbours {
@@ -75,7 +76,7 @@ impl Moves {
     }
 }
 
-/// Cost of a step that changes so many coordinates.
+/// Cost of a step that changes this many coordinates.
 const COSTS: [u64; 4] = [0, EDGE_COST, 1_414_214, 1_732_051];
 
 fn cost_of(by: Cell) -> u64 {
@@ -88,7 +89,7 @@ fn bit(cell: Cell) -> Option<u32> {
     is_near.then(|| 1 << ((cell.z + 1) * 9 + (cell.y + 1) * 3 + cell.x + 1))
 }
 
-/// The cells that are known to be free and the moves between them.
+/// The cells known to be free, and the moves between them.
 #[derive(Debug, Clone, Copy)]
 pub struct Graph<'a> {
     map: &'a ExplorationMap,
@@ -96,13 +97,13 @@ pub struct Graph<'a> {
 }
 
 impl<'a> Graph<'a> {
-    /// The moves of a body on what is known now.
+    /// The moves of a body on the present map.
     #[must_use]
     pub fn new(map: &'a ExplorationMap, moves: &'a Moves) -> Self {
         Self { map, moves }
     }
 
-    /// The map it is on.
+    /// The map of the graph.
     #[must_use]
     pub fn map(&self) -> &'a ExplorationMap {
         self.map
@@ -112,13 +113,13 @@ impl<'a> Graph<'a> {
         self.moves
     }
 
-    /// Whether the body, at the centre of a cell, touches only cells that are known to be free.
+    /// Whether the body at the centre of a cell touches only cells known to be free.
     #[must_use]
     pub fn is_usable(&self, cell: Cell) -> bool {
         !self.moves.sphere.is_empty() && self.moves.sphere.iter().all(|&offset| is_free(self.map, cell + offset))
     }
 
-    /// The steps that can be made from a usable cell, as bits in the order of the moves.
+    /// The possible steps from a usable cell, as bits in the order of the moves.
     pub(super) fn steps_from(&self, cell: Cell) -> u32 {
         if !self.moves.is_small {
             return self.steps_where(|step| step.swept.iter().all(|&offset| is_free(self.map, cell + offset)));
@@ -139,12 +140,13 @@ impl<'a> Graph<'a> {
                 }
             }
         }
-        // A body is only where it touches nothing, so the cell itself is free.
+        // A body is only in cells where it touches nothing, so the cell itself is free.
         free |= 1 << 13;
         self.steps_where(|step| step.mask & !free == 0)
     }
 
-    /// The steps that can be made from a cell that need not be usable: what the body touches there does not count.
+    /// The possible steps from a cell that need not be usable: cells that the body touches there
+    /// are exempt.
     pub(super) fn steps_from_start(&self, cell: Cell) -> u32 {
         self.steps_where(|step| {
             let touched = |offset: &&Cell| self.moves.sphere.binary_search(offset).is_err();

@@ -1,4 +1,5 @@
-//! Straight legs: whether the way to a cell is clear, and as few way-points as do for a path.
+//! Straight legs: whether a leg to a cell is clear, and as few waypoints as possible for a path
+//! (string pulling).
 
 use msgs::limits::PATH_POINTS_MAX;
 use nalgebra::Point3;
@@ -9,11 +10,12 @@ use super::graph::is_free;
 use super::sweep::{centre, clearance, in_cells, touches};
 use crate::exploration_map::ExplorationMap;
 
-/// So many cells of a path ahead, a shortcut is looked for; bounds the effort on long and winding paths.
+/// Cells of a path ahead among which a shortcut is searched; bounds the cost on long and winding
+/// paths.
 const AHEAD: usize = 256;
 
-/// Whether a body of `radius_m` metres, on the straight leg from a point (metres, frame `map`) to the centre of a cell, touches
-/// only cells that are known to be free, those at both ends included.
+/// Whether a body of `radius_m` metres, on the straight leg from a point (metres, frame `map`) to
+/// the centre of a cell, touches only cells known to be free, those at both ends included.
 ///
 /// False if either end lies outside the map.
 #[must_use]
@@ -24,20 +26,23 @@ pub fn direct(map: &ExplorationMap, from: &Point3<f64>, to: Cell, radius_m: f64)
     })
 }
 
-/// Way-points (metres, frame `map`) for a body of `radius_m` metres that stands at the centre of the first cell of a path: its
-/// last cell, and before it the cells at which a straight leg must end because the next cells cannot be reached directly.
+/// Waypoints (metres, frame `map`) for a body of `radius_m` metres at the centre of the first cell
+/// of a path: its last cell, and before it the cells where a leg must end because the next cells
+/// cannot be reached on a straight leg.
 ///
-/// From each way-point the leg goes to the last cell of the path, within 256 cells, to which it is [`direct`]; a single step of
-/// the path is always taken for clear. The start is no way-point, so a path of one cell has none. A path that needs more than
-/// [`PATH_POINTS_MAX`] way-points is cut there: where it ends then, the rest must be asked for again.
+/// Each leg goes to the last cell of the path, within 256 cells, to which it is [`direct`]; a
+/// single step of the path is taken to be clear. The start is no waypoint, so a path of one cell
+/// has none. A path that needs more than [`PATH_POINTS_MAX`] waypoints is cut there: the rest must
+/// be requested again from its end.
 #[must_use]
 pub fn straighten(path: &Path, map: &ExplorationMap, radius_m: f64) -> Vec<Point3<f64>> {
     path.cells.first().map_or_else(Vec::new, |&first| pull(path, map, radius_m, centre(first)))
 }
 
-/// As [`straighten`] for a body that stands anywhere in the first cell of the path (metres, frame `map`).
+/// [`straighten`] for a body anywhere in the first cell of the path (metres, frame `map`).
 ///
-/// If it cannot get to the second cell or beyond directly, the centre of the first cell is its first way-point.
+/// If it cannot reach the second cell or beyond on a straight leg, the centre of the first cell is
+/// its first waypoint.
 #[must_use]
 pub fn straighten_from(from: &Point3<f64>, path: &Path, map: &ExplorationMap, radius_m: f64) -> Vec<Point3<f64>> {
     pull(path, map, radius_m, in_cells((*from).into(), map.extent().cell_m()))
@@ -47,7 +52,8 @@ fn pull(path: &Path, map: &ExplorationMap, radius_m: f64, start: [f64; 3]) -> Ve
     let extent = map.extent();
     let radius = clearance(radius_m, extent.cell_m());
     let mut points = Vec::new();
-    // Where the body is, the cell of the path that this is, and the first one after it that it can surely get to.
+    // The position of the body, its cell on the path, and the first later cell that it can surely
+    // reach.
     let (mut here, mut at) = (start, 0);
     let mut next = usize::from(path.cells.first().is_some_and(|&first| start == centre(first)));
     while next < path.cells.len() && points.len() < PATH_POINTS_MAX {

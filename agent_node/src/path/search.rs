@@ -1,7 +1,8 @@
-//! A* on a graph, and its relatives without an estimate of what is left (Dijkstra's algorithm).
+//! A* search on a graph, and its variants without a heuristic (Dijkstra's algorithm).
 //!
-//! Cells are expanded in the order of (cost of the way to them and estimate of the rest, estimate, index), which is total, and
-//! a cell keeps the first of several ways that cost the same. The estimate is consistent, so no cell is expanded twice.
+//! Cells are expanded in the order of (cost so far + heuristic, heuristic, index), which is total,
+//! and a cell keeps the first of several paths of equal cost. The heuristic is consistent, so no
+//! cell is expanded twice.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -10,28 +11,30 @@ use voxels::Cell;
 
 use super::{Graph, Path};
 
-/// What searches write on. One is enough for any number of searches, one after the other.
+/// Scratch memory of searches, reusable for any number of searches, one after the other.
 ///
-/// It takes 16 bytes per cell of the map, and 16 more for every entry of the queue. Nothing is taken before the first search,
-/// and then only what searches have really visited, where the system provides memory page by page; a search clears nothing.
+/// It takes 16 bytes per cell of the map, and 16 more per entry of the queue. It is allocated at
+/// the first search, and used only for cells that searches visit, where the system provides memory
+/// page by page; a search clears nothing.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    /// Per cell: cost of the best way to it; mark.
+    /// Per cell: cost of the best path to it; mark.
     nodes: Vec<[u64; 2]>,
-    /// Of the present search; a mark of another one means nothing.
+    /// The epoch of the present search; marks of other epochs are stale.
     epoch: u64,
-    /// Cost and estimate; estimate; cell.
+    /// Cost plus heuristic; heuristic; cell.
     queue: BinaryHeap<Reverse<(u64, u32, u32)>>,
 }
 
-/// A mark holds, from its lowest bit: the step that led to the cell, whether it is a goal, whether it was expanded, the epoch.
+/// A mark holds, from its lowest bit: the step that led to the cell, whether it is a goal, whether
+/// it was expanded, the epoch.
 const STEP: u64 = 0x1f;
 const IS_GOAL: u64 = 0x40;
 const IS_EXPANDED: u64 = 0x80;
 const EPOCH_SHIFT: u32 = 8;
 
 impl Scratch {
-    /// Without any memory yet.
+    /// Nothing is allocated yet.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -39,7 +42,7 @@ impl Scratch {
 
     fn begin(&mut self, cells: usize) {
         if self.nodes.len() < cells {
-            // Not grown in place: memory that is zero from the start costs nothing until it is used.
+            // Not grown in place: zeroed memory costs nothing until it is used.
             self.nodes = vec![[0; 2]; cells];
         }
         self.epoch += 1;
@@ -57,51 +60,52 @@ impl Scratch {
     }
 }
 
-/// What a search looks for.
+/// The goal of a search.
 #[derive(Clone, Copy)]
 pub enum Goal<'g> {
     /// This cell.
     Cell(Cell),
-    /// The nearest of these cells, in any order; of several that are equally near, the one with the lowest index.
+    /// The nearest of these cells, in any order; ties go to the lowest index.
     AnyOf(&'g [Cell]),
-    /// The nearest cell of which this holds; ties as before. Asked once for each cell expanded, the start included.
+    /// The nearest cell with this property; ties as before. Evaluated once for each expanded cell,
+    /// the start included.
     Where(&'g dyn Fn(Cell) -> bool),
 }
 
-/// How far a search has come.
+/// The progress of a search.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Progress {
-    /// It has not ended.
+    /// The search has not ended.
     Searching,
-    /// It has ended with a cheapest way.
+    /// The search has ended with a cheapest path.
     Found(Path),
-    /// It has ended; there is no way.
+    /// The search has ended; there is no path.
     NoPath,
 }
 
-/// A search that can be made in pieces; how it is cut does not change what is found.
+/// A search that can run in slices; the slicing does not change the result.
 ///
-/// It borrows the map, so the map stands still meanwhile; see [`super::Budgeted`] and [`super::Background`] for answers that
-/// take time although the world goes on.
+/// It borrows the map, which cannot change meanwhile; [`super::Budgeted`] and [`super::Background`]
+/// are results that take sim time while the world goes on.
 ///
-/// The start is the cell that the body is in: it need not be usable, and what the body touches there does not hinder its first
-/// step. If no goal is usable (nor the start), there is no path, at once.
+/// The start is the cell of the body: it need not be usable, and cells that the body touches there
+/// do not block its first step. If no goal is usable (nor the start), there is no path, at once.
 pub struct Search<'a> {
     graph: Graph<'a>,
     scratch: &'a mut Scratch,
     goal: Goal<'a>,
     start: Cell,
-    /// How each step changes the index of a cell.
+    /// The change of the cell index by each step.
     strides: [isize; 26],
-    /// Where the estimate leads to, if there is one.
+    /// The target of the heuristic, if there is one.
     ahead: Option<Cell>,
     found: Option<Cell>,
     /// Cells marked as goals.
     goals: usize,
     expansions: u64,
-    /// After so many it gives up.
+    /// Limit of expansions.
     expansions_max: u64,
-    /// No other cells are entered.
+    /// If set, only these cells are entered.
     is_open: Option<&'a dyn Fn(Cell) -> bool>,
 }
 
@@ -142,14 +146,14 @@ impl<'a> Search<'a> {
         search
     }
 
-    /// The same search, through no other cells than those that are open; that the start is not does not matter.
+    /// Restricts the search to open cells; the start need not be open.
     #[must_use]
     pub fn within(mut self, is_open: &'a dyn Fn(Cell) -> bool) -> Self {
         self.is_open = Some(is_open);
         self
     }
 
-    /// The same search, which finds no way if it would have to expand more cells than so many.
+    /// Limits the number of expansions, beyond which no path is found.
     #[must_use]
     pub fn at_most(mut self, expansions_max: u64) -> Self {
         self.expansions_max = expansions_max;
@@ -170,7 +174,7 @@ impl<'a> Search<'a> {
         self.goals > 0
     }
 
-    /// Expands at most so many cells more. After the end it says again what was found.
+    /// Expands at most this many more cells. After the end it repeats the result.
     pub fn step(&mut self, max_expansions: u64) -> Progress {
         let end = self.expansions.saturating_add(max_expansions);
         while self.found.is_none() {
@@ -189,7 +193,7 @@ impl<'a> Search<'a> {
         self.found.map_or(Progress::NoPath, |goal| Progress::Found(self.path_to(goal)))
     }
 
-    /// Searches to the end: the answer that costs no time. `None`: there is no way.
+    /// Runs to the end, without sim time. `None`: there is no path.
     #[must_use]
     pub fn run(&mut self) -> Option<Path> {
         match self.step(u64::MAX) {
@@ -222,7 +226,7 @@ impl<'a> Search<'a> {
         {
             let index = index as usize;
             let mark = &mut self.scratch.nodes[index][1];
-            // A cell is in the queue once for every way that was the best one to it for a time.
+            // A cell is in the queue once for every path that was the best one at some time.
             if *mark & IS_EXPANDED == 0 {
                 *mark |= IS_EXPANDED;
                 self.expansions += 1;
@@ -269,14 +273,15 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Searches to the end at once. `None`: there is no way.
+/// Runs a search to the end. `None`: there is no path.
 #[must_use]
 pub fn find(graph: Graph<'_>, scratch: &mut Scratch, start: Cell, goal: Goal<'_>) -> Option<Path> {
     Search::new(graph, scratch, start, goal).run()
 }
 
-/// The costs of the cheapest ways from one cell to each of several, in units of [`super::EDGE_COST`]; `None` where there is no
-/// way. Ends with the last of the goals that can be reached, or after all that can be reached if one cannot.
+/// The costs of the cheapest paths from one cell to several, in units of [`super::EDGE_COST`];
+/// `None` where there is no path. Ends with the last reachable goal, or after all reachable cells
+/// if a goal is unreachable.
 #[must_use]
 pub fn distances(graph: Graph<'_>, scratch: &mut Scratch, start: Cell, goals: &[Cell]) -> Vec<Option<u64>> {
     let mut search = Search::new(graph, scratch, start, Goal::AnyOf(goals));

@@ -1,23 +1,28 @@
-//! Which cells a moving sphere touches. All lengths are in cells: the edge of a cell is 1.
+//! Swept volume of a sphere: the cells it touches while it moves. All lengths are in cells: the
+//! edge of a cell is 1.
 //!
-//! A cell is touched if the centre comes nearer to its cube than the radius. The distance from a point to a cube, squared, is
-//! convex and piecewise quadratic along a leg, which makes the test exact.
+//! A cell is touched if the centre comes nearer to its cube than the radius. The distance from a
+//! point to a cube, squared, is convex and piecewise quadratic along a leg, which makes the test
+//! exact.
 
 use voxels::Cell;
 
-/// Added to the radius of a body, cells: the rounding of its motion must never be what makes it touch.
+/// Added to the radius of a body, cells, so that rounding errors of its motion never cause a
+/// collision.
 const MARGIN: f64 = 1e-6;
 
-/// Coordinates so near to a multiple of a half are taken for that, cells.
+/// Coordinates this near to a multiple of a half are rounded to it, cells.
 const SNAP: f64 = 1e-9;
 
-/// Bodies with a larger radius, cells, fit nowhere: the tables of their moves would grow without bound.
+/// Bodies with a larger radius, cells, fit nowhere: the tables of their moves would grow without
+/// bound.
 const RADIUS_MAX: f64 = 16.0;
 
-/// The radius in cells to keep clear of for a body with this radius in metres, or `None` for a body that fits nowhere.
+/// The clearance in cells for a body with this radius in metres, or `None` for a body that fits
+/// nowhere.
 ///
-/// It is larger by a margin, but not beyond the next radius at which a sphere at the centre of a cell touches the faces of
-/// further cells: a body that fits between walls exactly still does.
+/// It includes a margin, but not beyond the next radius at which a sphere at the centre of a cell
+/// touches the faces of further cells: a body that fits between walls exactly still does.
 pub(super) fn clearance(radius_m: f64, cell_m: f64) -> Option<f64> {
     let radius = (radius_m / cell_m).max(0.0);
     if !(radius_m >= 0.0 && radius <= RADIUS_MAX) {
@@ -32,7 +37,7 @@ pub(super) fn centre(cell: Cell) -> [f64; 3] {
     [cell.x, cell.y, cell.z].map(|along| f64::from(along) + 0.5)
 }
 
-/// A point in metres; rounding is taken back where a coordinate is that of a face or of a centre.
+/// A point in metres, converted to cells; coordinates of faces and centres are snapped.
 pub(super) fn in_cells(point: [f64; 3], cell_m: f64) -> [f64; 3] {
     point.map(|metres| {
         let cells = metres / cell_m;
@@ -43,8 +48,8 @@ pub(super) fn in_cells(point: [f64; 3], cell_m: f64) -> [f64; 3] {
 
 /// Whether a sphere that moves straight between two centres touches a cell that `blocks`.
 ///
-/// The cells are asked for in layers along the leg, some of them although they are not touched; the test that is exact is
-/// made only for those that block.
+/// Cells are queried in layers along the leg, some of them although they are not touched; the exact
+/// test is made only for those that block.
 pub(super) fn touches(from: [f64; 3], to: [f64; 3], radius: f64, mut blocks: impl FnMut(Cell) -> bool) -> bool {
     let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);
     let along = [0, 1, 2].into_iter().fold(0, |best, axis| if by[axis].abs() > by[best].abs() { axis } else { best });
@@ -72,7 +77,7 @@ pub(super) fn touches(from: [f64; 3], to: [f64; 3], radius: f64, mut blocks: imp
     false
 }
 
-/// The cells that [`touches`] would find, in cell order.
+/// The cells touched by the moving sphere, in cell order.
 pub(super) fn touched(from: [f64; 3], to: [f64; 3], radius: f64) -> Vec<Cell> {
     let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);
     let mut cells = Vec::new();
@@ -100,7 +105,8 @@ fn within(from: f64, by: f64, low: f64, high: f64) -> (f64, f64) {
     (a.min(b).clamp(0.0, 1.0), a.max(b).clamp(0.0, 1.0))
 }
 
-/// The least distance, squared, between a point that moves from `from` by `by` and the cube of a cell.
+/// The least distance, squared, between a point that moves from `from` by `by` and the cube of a
+/// cell.
 fn distance_squared(from: [f64; 3], by: [f64; 3], cell: Cell) -> f64 {
     let low = [cell.x, cell.y, cell.z].map(f64::from);
     let offset = |axis: usize, time: f64| {

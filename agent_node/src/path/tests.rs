@@ -63,7 +63,8 @@ fn two_rooms_and_a_door() {
     let path = search(&map, Neighbours::TwentySix, 0.4, flat(0, 0), flat(8, 4)).unwrap();
     assert!(path.cells.contains(&flat(4, 2)));
     assert_eq!(path.cost, 8 * EDGE_COST + 4 * 414_214);
-    // A body that is wider than the door does not get through; nor does one where the door has not been seen.
+    // A body wider than the door does not get through; neither does any body while the door is
+    // unexplored.
     assert_eq!(search(&map, Neighbours::TwentySix, 0.6, flat(1, 1), flat(7, 3)), None);
     let door = drawn(&rooms.replace(".........", "....?...."));
     assert_eq!(search(&door, Neighbours::TwentySix, 0.4, flat(0, 0), flat(8, 4)), None);
@@ -244,7 +245,8 @@ fn the_budget_says_when() {
         let search = Search::new(graph, &mut scratch, flat(0, 2), Goal::Cell(flat(0, 6)));
         Budgeted::new(search, Tick(1000), per_tick)
     };
-    // Every cell is expanded, as the goal is the farthest one: 2 bands of 50 columns and 49 joints, and the joint of the bands.
+    // Every cell is expanded, as the goal is the farthest one: 2 bands of 50 columns and 49 joints,
+    // and the joint of the bands.
     let slow = ask(std::num::NonZeroU64::MIN);
     assert_eq!(slow.usable_at(), Tick(1399));
     assert_eq!(slow.poll(Tick(1398)), Poll::Pending);
@@ -263,7 +265,7 @@ fn the_background_finds_what_was_there_when_asked() {
     let mut search = ask(&map, vec![flat(0, 6)]);
     let mut none = ask(&map, vec![flat(1, 1)]);
     let dropped = ask(&map, vec![flat(0, 6)]);
-    // A short cut that is learnt later.
+    // A short cut that is revealed later.
     map.note_free(&[map.extent().index(flat(0, 3)).unwrap() as u32]);
     assert_eq!(search.usable_at(), Tick(10));
     assert_eq!(search.poll(Tick(9)), Poll::Pending);
@@ -273,7 +275,7 @@ fn the_background_finds_what_was_there_when_asked() {
     drop(dropped);
 }
 
-/// A small map at random: free, wall or unexplored, with a larger or a smaller share of free cells.
+/// A small random map: free, wall or unexplored, with a smaller or a larger share of free cells.
 fn any_map() -> impl Strategy<Value = ExplorationMap> {
     let size = (1u32..=6, 1u32..=6, 1u32..=5);
     (size, prop::sample::select(vec![0.1, 1.0, 2.5]), prop::sample::select(vec![6, 60])).prop_flat_map(
@@ -299,7 +301,7 @@ fn any_map() -> impl Strategy<Value = ExplorationMap> {
     )
 }
 
-/// A map, two of its cells, the radius of a body in cells, and how it moves.
+/// A map, two of its cells, the radius of a body in cells, and its connectivity.
 fn any_question() -> impl Strategy<Value = (ExplorationMap, Cell, Cell, f64, Neighbours)> {
     let radius = prop::sample::select(vec![0.0, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.5]);
     let neighbours = prop::sample::select(vec![Neighbours::Six, Neighbours::TwentySix]);
@@ -360,7 +362,8 @@ fn relaxed(map: &ExplorationMap, start: Cell, radius: f64, neighbours: Neighbour
     }
 }
 
-/// Whether a sphere keeps clear of all but known-free cells on a leg, by looking at many points of it (in cells).
+/// Whether a sphere on a leg keeps clear of all cells not known to be free, by testing many points
+/// of it (in cells).
 fn keeps_clear(map: &ExplorationMap, from: [f64; 3], to: [f64; 3], radius: f64) -> bool {
     let [x, y, z] = map.extent().size().map(|cells| cells as i32);
     let mut obstacles = Vec::new();
@@ -454,7 +457,7 @@ proptest! {
         let cell_m = map.extent().cell_m();
         let moves = Moves::new(radius * cell_m, cell_m, neighbours);
         let graph = Graph::new(&map, &moves);
-        // Scratch that another search has been made on.
+        // Scratch memory used by another search before.
         let mut scratch = Scratch::new();
         let _ = find(graph, &mut scratch, goal, Goal::Where(&|_| false));
         let whole = find(graph, &mut Scratch::new(), start, Goal::Cell(goal));
@@ -492,8 +495,8 @@ proptest! {
     }
 }
 
-/// Whether a way-point, in cells, is where what the body touches at first does not count: the centre of its first cell, and the
-/// next one's if the first is not usable.
+/// Whether a waypoint, in cells, is exempt because of what the body touches at the start: the
+/// centre of its first cell, and of the next one if the first is not usable.
 fn is_excepted(graph: Graph<'_>, path: &Path, point: [f64; 3]) -> bool {
     let is_here = |&cell: &Cell| (Point3::from(centre(cell)) - Point3::from(point)).norm() < 1e-9;
     path.cells.iter().take(if graph.is_usable(path.cells[0]) { 1 } else { 2 }).any(is_here)

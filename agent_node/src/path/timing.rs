@@ -1,7 +1,7 @@
-//! Answers of a search that take time: when they may be used is declared when the question is asked, so it depends neither on
-//! the machine nor on how often one looks.
+//! Search results that take sim time: the tick of their availability is fixed at the request, so it
+//! depends neither on the machine nor on polling.
 //!
-//! The third way is [`super::Search::run`], whose answer takes none.
+//! The third mode is [`super::Search::run`], whose result takes no sim time.
 
 use std::num::NonZeroU64;
 use std::sync::Arc;
@@ -15,9 +15,9 @@ use voxels::Cell;
 use super::{Goal, Graph, Moves, Path, Progress, Scratch, Search};
 use crate::exploration_map::ExplorationMap;
 
-/// A search that costs one fixed update for every so many expansions.
+/// A search that costs one tick for every so many expansions.
 ///
-/// It is carried out at once, on the map as it is at the time of the question, and its answer is kept back.
+/// It runs at once, on the map at the time of the request, and its result is held back.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Budgeted {
     path: Option<Path>,
@@ -25,24 +25,24 @@ pub struct Budgeted {
 }
 
 impl Budgeted {
-    /// Expansions per tick, unless said otherwise: those of the reference.
+    /// Expansions per tick by default: those of the reference.
     pub const PER_TICK: NonZeroU64 = NonZeroU64::new(100).expect("100 is not 0");
 
-    /// Carries out what is left of a search. Its answer may be used at `asked + ceil(expansions / per_tick)`, all expansions of
-    /// the search counted.
+    /// Completes a search. Its result is available at `requested + ceil(expansions / per_tick)`,
+    /// counting all expansions of the search.
     #[must_use]
     pub fn new(mut search: Search<'_>, asked: Tick, per_tick: NonZeroU64) -> Self {
         let path = search.run();
         Self { path, usable_at: asked.after(search.expansions().div_ceil(per_tick.get())) }
     }
 
-    /// From when on the answer may be used.
+    /// The tick from which the result is available.
     #[must_use]
     pub fn usable_at(&self) -> Tick {
         self.usable_at
     }
 
-    /// The answer, if it may be used by now; `None` as an answer: there is no way.
+    /// The result, if it is available; `None` as a result: there is no path.
     pub fn poll(&self, now: Tick) -> Poll<Option<&Path>> {
         if now < self.usable_at { Poll::Pending } else { Poll::Ready(self.path.as_ref()) }
     }
@@ -50,8 +50,8 @@ impl Budgeted {
 
 /// A search on a thread of its own while the clock runs on.
 ///
-/// It looks at a snapshot of the map, so it finds what [`super::find`] finds there at the time of the question. Dropping it ends
-/// the thread.
+/// It searches a snapshot of the map, so its result is that of [`super::find`] at the time of the
+/// request. Dropping it ends the thread.
 #[derive(Debug)]
 pub struct Background {
     usable_at: Tick,
@@ -60,14 +60,14 @@ pub struct Background {
     path: Option<Path>,
 }
 
-/// Expansions between two looks at whether the answer is still wanted: some tenths of a millisecond.
+/// Expansions between two checks whether the result is still wanted: some tenths of a millisecond.
 const EXPANSIONS_PER_LOOK: u64 = 1024;
 
 impl Background {
-    /// Starts to search for the nearest of `goals` on a copy of the map, with at most `cells_max` expansions; the answer may be
-    /// used at `usable_at`.
+    /// Starts a search for the nearest of `goals` on a copy of the map, with at most `cells_max`
+    /// expansions; the result is available at `usable_at`.
     ///
-    /// If the system grants no thread the search is carried out here and now: the answer is the same.
+    /// If the system grants no thread, the search runs here and now, with the same result.
     #[must_use]
     pub fn start(
         map: &ExplorationMap,
@@ -91,15 +91,15 @@ impl Background {
         Self { usable_at, is_dropped, thread, path }
     }
 
-    /// From when on the answer may be used.
+    /// The tick from which the result is available.
     #[must_use]
     pub fn usable_at(&self) -> Tick {
         self.usable_at
     }
 
-    /// The answer, if it may be used by now; `None` as an answer: there is no way.
+    /// The result, if it is available; `None` as a result: there is no path.
     ///
-    /// Waits for the thread if the tick has come and the answer has not; never gives it earlier.
+    /// Blocks on the thread if the tick has come and the result has not; never returns it earlier.
     pub fn poll(&mut self, now: Tick) -> Poll<Option<&Path>> {
         if now < self.usable_at {
             return Poll::Pending;
@@ -115,7 +115,7 @@ impl Drop for Background {
     fn drop(&mut self) {
         self.is_dropped.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // Nobody asks any more, neither for the answer nor for why there is none.
+            // Neither the result nor a panic matters any more.
             drop(thread.join());
         }
     }
@@ -157,7 +157,7 @@ mod tests {
         let search = Background::start(&map, &moves, Cell::new(0, 0, 0), goals.clone(), u64::MAX, Tick(10));
         let is_dropped = Arc::clone(&search.is_dropped);
         drop(search);
-        // The thread holds the other half until it ends.
+        // The thread holds the other reference until it ends.
         assert_eq!(Arc::strong_count(&is_dropped), 1);
         let graph = Graph::new(&map, &moves);
         assert_eq!(search_unless(&is_dropped, graph, Cell::new(0, 0, 0), &goals, u64::MAX), None);

@@ -1,26 +1,27 @@
-//! Strings of bits in bytes: the first bit is the lowest of the first byte.
+//! Bit strings in bytes: the first bit is the lowest of the first byte.
 //!
-//! A *word* is a number of a given width, its lowest bit first. A *gap* is a number n from 0 on, short if it is small: with k
-//! bits of n + 1 after its top one, k ones, a zero, and these k bits as a word.
+//! A *word* is a number of a given width, lowest bit first. A *gap* is a number n >= 0 in an
+//! Elias-gamma-like code, short for small numbers: with k bits of n + 1 after its top one, k ones,
+//! a zero, and these k bits as a word.
 
-/// Most bits of a word.
+/// Greatest width of a word, bits.
 const WORD_BITS_MAX: u32 = 32;
 
-/// Writes bits at the end of bytes.
+/// Appends bits to bytes.
 pub(super) struct Writer<'a> {
     bytes: &'a mut Vec<u8>,
-    /// Bits that do not make 32 yet.
+    /// Fewer than 32 bits that are not written yet.
     rest: u64,
     rest_bits: u32,
 }
 
 impl<'a> Writer<'a> {
-    /// Goes on behind whole bytes.
+    /// Appends to whole bytes.
     pub(super) fn new(bytes: &'a mut Vec<u8>) -> Self {
         Self { bytes, rest: 0, rest_bits: 0 }
     }
 
-    /// A word of 0 to 32 bits, all above which are 0.
+    /// A word of 0 to 32 bits; all higher bits must be 0.
     pub(super) fn word(&mut self, word: u32, bits: u32) {
         debug_assert!(bits == WORD_BITS_MAX || word >> bits == 0);
         self.rest |= u64::from(word) << self.rest_bits;
@@ -39,32 +40,32 @@ impl<'a> Writer<'a> {
         self.word(gap + 1 - (1 << bits), bits);
     }
 
-    /// Fills up the last byte with zeros.
+    /// Pads the last byte with zeros.
     pub(super) fn end(self) {
         let bytes = self.rest_bits.div_ceil(8) as usize;
         self.bytes.extend_from_slice(&self.rest.to_le_bytes()[..bytes]);
     }
 }
 
-/// Bits of a gap.
+/// Length of a gap, bits.
 pub(super) fn gap_bits(gap: u32) -> u32 {
     2 * (gap + 1).ilog2() + 1
 }
 
-/// Reads bits. All that it reads behind the end is 0, which [`Reader::has_overrun`] tells.
+/// Reads bits. Beyond the end it reads zeros, which [`Reader::has_overrun`] reports.
 pub(super) struct Reader<'a> {
     bytes: &'a [u8],
-    /// Bits read.
+    /// Number of bits read.
     at: usize,
 }
 
 impl<'a> Reader<'a> {
-    /// From the first bit on.
+    /// Reads from the first bit on.
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, at: 0 }
     }
 
-    /// The next bits, 57 at least.
+    /// The next bits, at least 57.
     fn ahead(&self) -> u64 {
         let byte = self.at / 8;
         let next = match self.bytes.get(byte..byte + 8).and_then(|bytes| bytes.first_chunk()) {
@@ -101,12 +102,12 @@ impl<'a> Reader<'a> {
         Some(word + (1 << bits) - 1)
     }
 
-    /// Whether more was read than there is.
+    /// Whether bits beyond the end were read.
     pub(super) fn has_overrun(&self) -> bool {
         self.at > 8 * self.bytes.len()
     }
 
-    /// Whole bytes that have not been touched, and the bits that are left of the byte before them.
+    /// Number of unread whole bytes, and the unread bits of the byte before them.
     pub(super) fn rest(&self) -> (usize, u8) {
         let touched = self.at.div_ceil(8);
         let bits = if self.at.is_multiple_of(8) { 0 } else { self.bytes[touched - 1] >> (self.at % 8) };

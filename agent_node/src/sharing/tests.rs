@@ -7,12 +7,12 @@ use crate::exploration_map::{CellState, Change, Finding};
 
 const BUDGET: usize = PARCEL_BYTES_MAX;
 
-/// Agents with their maps, and a world that delivers.
+/// Agents with their maps, and a world that delivers their messages.
 struct Team {
     maps: Vec<ExplorationMap>,
     sharings: Vec<Sharing>,
-    inboxes: Vec<Vec<Received>>,
-    /// Changes told so far: from, to, cell, finding.
+    inboxes: Vec<Vec<ReceivedMessage>>,
+    /// Cells sent so far: from, to, cell, finding.
     told: Vec<(u32, u32, u32, u8)>,
 }
 
@@ -27,7 +27,7 @@ impl Team {
         }
     }
 
-    /// One tick of agents who are in contact pairwise as `pairs` says; the bytes that each of them sent.
+    /// One tick with the pairs of agents in contact; the bytes that each of them sent.
     fn tick(&mut self, now: u64, pairs: &[(u32, u32)], budget: usize) -> Vec<usize> {
         let mut sent = vec![0; self.maps.len()];
         let mut posted = Vec::new();
@@ -37,24 +37,24 @@ impl Team {
             let report = self.sharings[index].incoming(&mut self.maps[index], &received);
             assert_eq!(report.refused, []);
             let contacts = contacts(agent, pairs);
-            let parcels = self.sharings[index].outgoing(&self.maps[index], &contacts, Tick(now), budget);
-            sent[index] = parcels.iter().map(|parcel| parcel.data.len()).sum();
-            assert!(sent[index] + parcels.len() * PARCEL_BYTES_BARE <= budget);
-            for Parcel { to, kind, data } in parcels {
+            let messages = self.sharings[index].outgoing(&self.maps[index], &contacts, Tick(now), budget);
+            sent[index] = messages.iter().map(|message| message.data.len()).sum();
+            assert!(sent[index] + messages.len() * PARCEL_BYTES_BARE <= budget);
+            for AgentMessage { to, kind, data } in messages {
                 let everybody: Vec<AgentId> = contacts.iter().map(|contact| contact.agent).collect();
                 let receivers = to.map_or(everybody, |to| vec![to]);
                 let extent = self.maps[index].extent();
-                let (named, delta) = parcel::decode(&data, extent, self.maps.len() as u32).unwrap();
+                let (named, delta) = map_message::decode(&data, extent, self.maps.len() as u32).unwrap();
                 for receiver in receivers {
                     assert!(named.contains(&receiver));
                     let findings = delta.findings(extent);
                     self.told.extend(findings.map(|(cell, finding)| (agent, receiver.0, cell, finding as u8)));
-                    posted.push((receiver, Received { from: AgentId(agent), kind, data: data.clone() }));
+                    posted.push((receiver, ReceivedMessage { from: AgentId(agent), kind, data: data.clone() }));
                 }
             }
         }
-        for (receiver, parcel) in posted {
-            self.inboxes[receiver.index()].push(parcel);
+        for (receiver, message) in posted {
+            self.inboxes[receiver.index()].push(message);
         }
         sent
     }
@@ -71,8 +71,8 @@ impl Team {
         map.extent().cells().map(|cell| map.state(cell)).collect()
     }
 
-    fn wake(&self, agent: u32, pairs: &[(u32, u32)], now: u64) -> Wake {
-        self.sharings[agent as usize].wants_to_be_asked_at(&contacts(agent, pairs), Tick(now))
+    fn trigger(&self, agent: u32, pairs: &[(u32, u32)], now: u64) -> Trigger {
+        self.sharings[agent as usize].next_trigger(&contacts(agent, pairs), Tick(now))
     }
 }
 
@@ -101,27 +101,27 @@ fn extent(size: u32) -> Extent {
 fn two_agents_tell_each_other_at_once_and_then_once_a_period() {
     let mut team = Team::new(2, extent(10), 5);
     let pair = [(0, 1)];
-    assert_eq!(team.wake(0, &[], 0), Wake { at: Tick(u64::MAX), events: Events::CONTACTS });
+    assert_eq!(team.trigger(0, &[], 0), Trigger { at: Tick(u64::MAX), events: Events::CONTACTS });
     team.maps[0].note_free(&[1, 2, 3]);
     team.maps[1].note_wall(&[7, 9]);
     assert_eq!(team.tick(7, &pair, BUDGET), [8, 7]);
-    assert_eq!(team.wake(0, &pair, 7), Wake { at: Tick(10), events: Events::CONTACTS });
+    assert_eq!(team.trigger(0, &pair, 7), Trigger { at: Tick(10), events: Events::CONTACTS });
     assert_eq!(team.tick(8, &pair, BUDGET), [0, 0]);
     assert_eq!(team.states(0), team.states(1));
     team.maps[0].note_covered(Cell::new(2, 0, 0));
     assert_eq!(team.tick(9, &pair, BUDGET), [0, 0]);
-    // What came from the other is no news for it.
+    // Changes received from the peer are not sent back.
     assert_eq!(team.tick(10, &pair, BUDGET), [6, 0]);
     team.tick(11, &pair, BUDGET);
     assert_eq!(team.states(0), team.states(1));
     assert_eq!(team.maps[1].covered(), 1);
-    // A turn that was missed is made up for.
+    // A missed turn is made up for.
     team.maps[1].note_free(&[100]);
     assert_eq!(team.tick(15, &[], BUDGET), [0, 0]);
     assert!(team.tick(17, &pair, BUDGET)[1] > 0);
-    assert_eq!(team.wake(1, &pair, 17).at, Tick(20));
+    assert_eq!(team.trigger(1, &pair, 17).at, Tick(20));
     let totals = team.sharings[0].totals();
-    assert_eq!((totals.parcels_sent, totals.bytes_sent, totals.parcels_taken, totals.bytes_taken), (2, 14, 1, 7));
+    assert_eq!((totals.messages_sent, totals.bytes_sent, totals.messages_taken, totals.bytes_taken), (2, 14, 1, 7));
 }
 
 #[test]
@@ -184,16 +184,16 @@ fn what_does_not_fit_goes_on_in_the_next_ticks() {
     let mut team = Team::new(2, extent(size), 1000);
     let pair = [(0, 1)];
     let volume = size * size * size;
-    // Nothing is longer on the wire than cells without neighbours.
+    // Isolated cells have the longest encoding.
     let scattered: Vec<u32> = (0..volume).filter(|cell| cell % 3 == 0).collect();
     team.maps[0].note_free(&scattered);
     let budget = 2500;
     let mut ticks = 0;
     loop {
         let sent = team.tick(ticks, &pair, budget)[0];
-        let is_left_over = team.wake(0, &pair, ticks).at == Tick(ticks + 1);
+        let is_left_over = team.trigger(0, &pair, ticks).at == Tick(ticks + 1);
         assert!(sent > budget - 2 * BUDGET_MIN || !is_left_over, "{sent}");
-        // News of the meantime have to wait for the next exchange.
+        // Later changes have to wait for the next exchange.
         team.maps[0].note_free(&[1 + 3 * ticks as u32]);
         ticks += 1;
         if !is_left_over {
@@ -211,8 +211,8 @@ fn an_exchange_that_is_cut_off_goes_on_at_the_next_meeting() {
     let mut team = Team::new(2, extent(40), 1000);
     team.maps[0].note_free(&(0..20_000).map(|cell| 3 * cell).collect::<Vec<_>>());
     team.tick(3, &[(0, 1)], 2000);
-    assert_eq!(team.wake(0, &[(0, 1)], 3).at, Tick(4));
-    assert_eq!(team.wake(0, &[], 3).at, Tick(u64::MAX));
+    assert_eq!(team.trigger(0, &[(0, 1)], 3).at, Tick(4));
+    assert_eq!(team.trigger(0, &[], 3).at, Tick(u64::MAX));
     assert_eq!(team.tick(4, &[], BUDGET), [0, 0]);
     team.tick(90, &[(0, 1)], BUDGET);
     team.tick(91, &[], BUDGET);
@@ -246,7 +246,8 @@ fn an_exchange_takes_few_bytes_for_a_cell() {
         |cell: Cell, x: i32| f64::from((cell.x - x).pow(2) + (cell.y - 25).pow(2) + (cell.z - 25).pow(2)).sqrt();
     let is_free = |cell: Cell| HALLS_X.into_iter().any(|x| distance(cell, x) < RADIUS);
     let mut told = 0;
-    // Three halls that open into each other; of the second and third, the part is news that is not in the one before.
+    // Three rooms that open into each other; for the second and third, only the part beyond the one
+    // before is new.
     for (exchange, x) in (0..).zip(HALLS_X) {
         let map = &mut team.maps[0];
         let seen: Vec<Cell> = map.extent().cells().filter(|&cell| distance(cell, x) < RADIUS + 1.0).collect();
@@ -271,7 +272,7 @@ fn with_a_period_of_0_it_only_listens() {
     let mut team = Team::new(2, extent(10), 5);
     team.sharings[1] = Sharing::new(0, 2);
     team.maps.iter_mut().zip([3, 500]).for_each(|(map, cell)| map.note_free(&[cell]));
-    assert_eq!(team.wake(1, &[(0, 1)], 0), Wake { at: Tick(u64::MAX), events: 0 });
+    assert_eq!(team.trigger(1, &[(0, 1)], 0), Trigger { at: Tick(u64::MAX), events: 0 });
     assert!(team.tick(0, &[(0, 1)], BUDGET)[0] > 0);
     assert_eq!(team.tick(5, &[(0, 1)], BUDGET), [0, 0]);
     assert_eq!((team.maps[0].free(), team.maps[1].free()), (1, 2));
@@ -281,28 +282,30 @@ fn with_a_period_of_0_it_only_listens() {
 fn malformed_parcels_are_refused_and_other_kinds_left_alone() {
     let mut map = ExplorationMap::new(extent(4));
     let mut sharing = Sharing::new(5, 3);
-    let parcel = |kind, data: &[u8]| Received { from: AgentId(2), kind, data: data.to_vec() };
+    let message = |kind, data: &[u8]| ReceivedMessage { from: AgentId(2), kind, data: data.to_vec() };
     let received = [
-        parcel(MAP_PARCEL, &[9]),
-        parcel(0, &[1, 2, 3]),
-        parcel(MAP_PARCEL, &[VERSION, 0, 1, 0b100_1000, 0]),
-        parcel(MAP_PARCEL, &[VERSION, 0, 1, 1, 0]),
+        message(MAP_MESSAGE, &[9]),
+        message(0, &[1, 2, 3]),
+        message(MAP_MESSAGE, &[VERSION, 0, 1, 0b100_1000, 0]),
+        message(MAP_MESSAGE, &[VERSION, 0, 1, 1, 0]),
     ];
     let report = sharing.incoming(&mut map, &received);
-    let refused = [(AgentId(2), ParcelError::Version(9)), (AgentId(2), ParcelError::Outside { block: 1 })];
-    assert_eq!(report, Report { parcels: 1, news: 1, refused: refused.to_vec() });
+    let refused = [(AgentId(2), MapMessageError::Version(9)), (AgentId(2), MapMessageError::Outside { block: 1 })];
+    assert_eq!(report, Report { messages: 1, news: 1, refused: refused.to_vec() });
     let totals = *sharing.totals();
-    assert_eq!((totals.parcels_refused, totals.parcels_taken), (2, 1));
-    // Every byte of map parcels is one or the other; those of other kinds are none of its business.
-    let bytes: usize = received.iter().filter(|parcel| parcel.kind == MAP_PARCEL).map(|parcel| parcel.data.len()).sum();
+    assert_eq!((totals.messages_refused, totals.messages_taken), (2, 1));
+    // Every byte of map messages is counted as merged or rejected; messages of other kinds are not
+    // counted.
+    let bytes: usize =
+        received.iter().filter(|message| message.kind == MAP_MESSAGE).map(|message| message.data.len()).sum();
     assert_eq!(totals.bytes_refused + totals.bytes_taken, bytes as u64);
     assert_eq!((map.free(), map.state(Cell::new(3, 0, 0))), (1, CellState::Free));
 }
 
-/// All that a liar can say in one parcel: the whole map is free, or all of it wall.
-fn whole_map(extent: Extent, finding: Finding) -> Received {
+/// The most that one false message can report: the whole map is free, or all of it wall.
+fn whole_map(extent: Extent, finding: Finding) -> ReceivedMessage {
     let all = (0..extent.volume() as u32).map(|cell| Change { cell, finding, from: None });
-    Received { from: AgentId(2), kind: MAP_PARCEL, data: parcel::encode(&[], &Delta::of(extent, all)) }
+    ReceivedMessage { from: AgentId(2), kind: MAP_MESSAGE, data: map_message::encode(&[], &Delta::of(extent, all)) }
 }
 
 #[test]
@@ -314,21 +317,21 @@ fn a_flood_is_cut_off_and_costs_nothing_from_then_on() {
     let lies = [whole_map(extent, Finding::Wall), whole_map(extent, Finding::Free)];
     let mut taken = Vec::new();
     for _ in 0..50 {
-        let flood: Vec<Received> = lies.iter().cycle().take(64).cloned().collect();
-        taken.push(sharing.incoming(&mut map, &flood).parcels);
+        let flood: Vec<ReceivedMessage> = lies.iter().cycle().take(64).cloned().collect();
+        taken.push(sharing.incoming(&mut map, &flood).messages);
     }
     assert_eq!((taken[0], taken.iter().sum()), (CHANGES_MAX, CHANGES_MAX));
     let totals = *sharing.totals();
-    assert_eq!((totals.cells_taken, totals.parcels_refused), (CHANGES_MAX as u64 * volume, 50 * 64 - 4));
+    assert_eq!((totals.cells_taken, totals.messages_refused), (CHANGES_MAX as u64 * volume, 50 * 64 - 4));
     assert!(map.journal_len() as u64 <= CHANGES_MAX as u64 * volume);
-    // Even what is malformed gets the same answer, since nobody looks at it.
+    // Malformed messages get the same answer, since messages of barred senders are not decoded.
     let refused = |sharing: &mut Sharing, map: &mut ExplorationMap, from: u32, data: &[u8]| {
-        let parcel = Received { from: AgentId(from), kind: MAP_PARCEL, data: data.to_vec() };
-        sharing.incoming(map, &[parcel]).refused
+        let message = ReceivedMessage { from: AgentId(from), kind: MAP_MESSAGE, data: data.to_vec() };
+        sharing.incoming(map, &[message]).refused
     };
-    let barred = ParcelError::Barred { allowance: 4 * volume };
+    let barred = MapMessageError::Barred { allowance: 4 * volume };
     assert_eq!(refused(&mut sharing, &mut map, 2, &[9]), [(AgentId(2), barred)]);
-    // Others are heard as before, and the own sensor has the last word.
+    // Other senders are not affected, and the own sensor still overrides.
     assert_eq!(refused(&mut sharing, &mut map, 1, &lies[0].data), []);
     map.note_wall(&[5]);
     assert_eq!(map.state(Cell::new(5, 0, 0)), CellState::Wall);
@@ -340,7 +343,7 @@ fn the_honest_bulk_of_a_first_meeting_of_all_is_no_flood() {
     let extent = extent(30);
     let mut team = Team::new(agents, extent, 50);
     let volume = extent.volume() as u32;
-    // Each has seen all of the map and visited half of it: nobody can have more to say.
+    // Each has seen all of the map and visited half of it: the most that an agent can have to send.
     for (id, map) in (0..).zip(&mut team.maps) {
         map.note_free(&(0..volume).collect::<Vec<_>>());
         (0..volume).filter(|cell| cell % 2 == id % 2).for_each(|cell| map.note_covered(extent.cell_at(cell as usize)));
@@ -348,7 +351,7 @@ fn the_honest_bulk_of_a_first_meeting_of_all_is_no_flood() {
     (0..250).for_each(|now| drop(team.tick(now, &everybody(agents), 3000)));
     for agent in 0..agents as usize {
         assert_eq!(team.maps[agent].covered(), volume as usize);
-        assert_eq!(team.sharings[agent].totals().parcels_refused, 0);
+        assert_eq!(team.sharings[agent].totals().messages_refused, 0);
     }
 }
 
@@ -363,9 +366,9 @@ proptest! {
                 data[0] = VERSION;
                 data[1] %= 2;
             }
-            let parcel = Received { from: AgentId(1), kind: MAP_PARCEL, data: data.clone() };
-            let report = sharing.incoming(&mut map, &[parcel]);
-            count += report.parcels + report.refused.len();
+            let message = ReceivedMessage { from: AgentId(1), kind: MAP_MESSAGE, data: data.clone() };
+            let report = sharing.incoming(&mut map, &[message]);
+            count += report.messages + report.refused.len();
         }
         prop_assert_eq!(count, datas.len());
         prop_assert!(map.changes_since(0).all(|change| change.cell < 125));
@@ -381,7 +384,7 @@ proptest! {
     ) {
         let agents = 4;
         let mut team = Team::new(agents, extent(3), 3);
-        // What each has found, from little to much weight: nothing, wall, free, covered.
+        // What each has found, in ascending precedence: nothing, wall, free, covered.
         let mut own = vec![[0u8; 27]; agents as usize];
         let mut now = 0;
         for (at, (agent, cell, what)) in findings.into_iter().enumerate() {

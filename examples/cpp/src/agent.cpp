@@ -1,10 +1,10 @@
 // An agent in C++: straight on until something is in the way, then a random turn.
 //
 //     ros2 run maes_example_agent agent 0 &
-//     launch_scripts/run.sh --agents 2 --external 0
+//     maes run --agents 2 --external 0
 //
-// It speaks the protocol of docs/topics.md and nothing more; its decisions are in `decide`. examples/python/agent.py is the same
-// in Python, with the same names.
+// It speaks the protocol of docs/topics.md and nothing more; its decisions are in `decide`.
+// examples/python/agent.py is the same in Python, with the same names.
 
 #include <cmath>
 #include <cstdint>
@@ -38,14 +38,15 @@ namespace
 {
 constexpr std::uint32_t PROTOCOL = 3;
 
-// The distributions of the standard library differ between its makers; this one gives the same numbers everywhere.
+// The distributions of standard libraries differ; this one gives the same numbers everywhere.
 double uniform(std::mt19937_64 & rng, double from, double to)
 {
   const double share = static_cast<double>(rng() >> 11) * 0x1.0p-53;
   return from + share * (to - from);
 }
 
-// Fills in what the agent does about an observation. All parts of it have the cells and parcels; the first one has the rest.
+// Fills in the command for an observation. Every fragment has cells and messages; the first one has
+// all other fields.
 void decide(Command & command, const std::map<std::uint16_t, Observation> & parts, std::mt19937_64 & rng)
 {
   const Observation & first = parts.begin()->second;
@@ -89,7 +90,7 @@ public:
 private:
   void on_scenario(const Scenario & scenario)
   {
-    // A recording that is played has the number 0, and is no run. A run that was reset begins again with another number.
+    // Run number 0 is a replay, not a run. A reset run restarts with a higher number.
     const bool begins = !run_ && scenario.run != 0;
     if (begins || (run_ && scenario.origin == origin_ && scenario.run > *run_)) {
       run_ = scenario.run;
@@ -128,7 +129,7 @@ private:
   {
     if (!is_accepted_ || part.run != run_) {return;}
     if (part.phase == Observation::RUNNING && answer_ && part.tick <= answer_->tick) {
-      // Asked again: the same words, once for the whole observation.
+      // A resent observation: retransmit the command, once for the whole observation.
       if (part.tick == answer_->tick && part.part + 1 == part.parts) {command_topic_->publish(*answer_);}
       return;
     }
@@ -156,8 +157,8 @@ private:
   std::mt19937_64 rng_;
   std::optional<std::uint64_t> run_;               // from the scenario
   std::uint64_t origin_ = 0;                       // the same
-  std::map<std::uint16_t, Observation> parts_;     // of the observation that is arriving, by number
-  std::optional<Command> answer_;                  // the last one, to repeat it when the same tick is asked again
+  std::map<std::uint16_t, Observation> parts_;     // fragments of the arriving observation
+  std::optional<Command> answer_;                  // the last command, for retransmission
   bool is_accepted_ = false;
   bool is_refused_ = false;
   bool is_done_ = false;
@@ -183,7 +184,7 @@ int main(int argc, char ** argv)
   while (rclcpp::ok() && !agent->is_done() && !agent->is_refused()) {
     executor.spin_once();
   }
-  // A moment for the receipt to leave.
+  // Time for the acknowledgement to leave.
   executor.spin_once(std::chrono::milliseconds(300));
   const bool is_refused = agent->is_refused();
   rclcpp::shutdown();

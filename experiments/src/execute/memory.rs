@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::Tick;
-use sim_server::run::{INTERRUPTED, Nobody};
+use sim_server::session::{INTERRUPTED, NullObserver};
 
 use super::{RunFailure, machine};
 use crate::measure::{self, Trace};
@@ -20,8 +20,8 @@ pub(super) fn carry_out(run: &PlannedRun, stop: &AtomicBool) -> Result<RunRecord
     scenario.execution.record = None;
     let times = DecisionTimes::default();
     let team = Team { grouping: Grouping::Together, chaos_delay: Duration::ZERO, decision_times: Some(times.clone()) };
-    let finished =
-        single::run(&scenario, &team, &mut Nobody, stop).map_err(|error| RunFailure::Failed(error.to_string()))?;
+    let finished = single::run(&scenario, &team, &mut NullObserver, stop)
+        .map_err(|error| RunFailure::Failed(error.to_string()))?;
     let result = &finished.outcome.result;
     if result.reason == INTERRUPTED {
         return Err(RunFailure::Interrupted);

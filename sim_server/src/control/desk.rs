@@ -12,14 +12,14 @@ use msgs::simulation_interfaces::{
 };
 
 use super::{Beginning, Control, Request, State, Steps};
-use simulation::pace::Pace;
+use simulation::pacer::Pacer;
 use simulation::scenario::Rtf;
 
 /// The state, the pace, and who waits.
 pub struct Desk {
     features: SimulatorFeatures,
     control: Control,
-    pace: Pace,
+    pace: Pacer,
     waiting: Option<Waiting>,
     /// How many of the steps are done, and how many are not, if that has not been told yet.
     untold: Option<(u64, u64)>,
@@ -46,7 +46,7 @@ impl Desk {
     pub fn new(is_paused: bool, rtf: Rtf, features: SimulatorFeatures) -> Self {
         let can_begin_again = features.features.contains(&SimulatorFeatures::SIMULATION_RESET);
         let control = Control::new(is_paused, can_begin_again);
-        Self { features, control, pace: Pace::new(rtf), waiting: None, untold: None }
+        Self { features, control, pace: Pacer::new(rtf), waiting: None, untold: None }
     }
 
     /// The state of the simulation.
@@ -57,7 +57,7 @@ impl Desk {
 
     /// Time goes on from this tick: what came before is no reason to hurry or to wait.
     pub fn go_on(&mut self, tick: Tick, wall_ns: u64) {
-        self.pace.go_on(tick, wall_ns);
+        self.pace.restart(tick, wall_ns);
     }
 
     /// Wall time for which the pace holds back a tick, ns, if it does; steps are made as fast as possible.
@@ -116,7 +116,7 @@ impl Desk {
                 let result = self.control.reset(request.scope).err().unwrap_or_else(Outcome::ok);
                 ResultResponse { result }
             }),
-            Request::Rtf(rtf) => self.pace.change(rtf, tick, wall_ns),
+            Request::Rtf(rtf) => self.pace.set_rtf(rtf, tick, wall_ns),
             other => return Some(other),
         }
         None
@@ -151,7 +151,7 @@ impl Desk {
         match self.control.set_state(number) {
             Ok(()) => {
                 self.end_steps("the state of the simulation was set");
-                self.pace.go_on(tick, wall_ns);
+                self.pace.restart(tick, wall_ns);
                 Outcome::ok()
             }
             Err(outcome) => outcome,

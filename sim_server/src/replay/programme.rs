@@ -11,7 +11,7 @@ use super::Cue;
 use crate::recording::{Channel, End, Recording};
 use crate::setup;
 use simulation::scenario::Scenario;
-use simulation::views;
+use simulation::visualisation;
 
 /// What somebody wants to have played.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -242,8 +242,8 @@ fn fits(pattern: &str, name: &str) -> bool {
     pattern.strip_suffix('*').map_or(pattern == name, |beginning| name.starts_with(beginning))
 }
 
-fn scenery(recording: &Recording) -> anyhow::Result<views::Pictures> {
+fn scenery(recording: &Recording) -> anyhow::Result<visualisation::VisualisationMessages> {
     let scenario = Scenario::parse(setup::SCENARIO_ATTACHMENT, &recording.scenario(), &[])?;
     let map = setup::recorded_map(recording, &scenario)?.ok_or_else(|| anyhow::anyhow!("it has no attachment"))?;
-    Ok(views::still(&map, scenario.agents.count))
+    Ok(visualisation::static_messages(&map, scenario.agents.count))
 }

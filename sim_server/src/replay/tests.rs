@@ -17,7 +17,7 @@ use super::*;
 use crate::recorder::{Document, Recorder};
 use crate::recording::Recording;
 use crate::setup::SCENARIO_ATTACHMENT;
-use simulation::views::{self, Picture, View};
+use simulation::visualisation::{self, VisualisationMessage, VisualisationTopic};
 
 const SCENARIO: &str = "seed = 1\nduration_s = 10.0\nmap = { kind = \"spheres\", size = 5 }\nagents = { count = 2 }\n";
 const MAP: &str = "###\n###\n###\n\n###\n#.#\n###\n\n###\n###\n###\n";
@@ -105,13 +105,19 @@ fn scenery_is_made_if_the_recording_has_none() {
     let recording = recording(&[passing(0)]);
     let (opening, _) = played(&recording, &Wishes::default());
     let terrain = voxels::Grid::from_text(MAP).unwrap();
-    let made: Vec<(Topic, Vec<u8>)> =
-        views::still(&terrain, 2).into_iter().map(|(view, picture)| (view.topic(), cdr::encode(&picture))).collect();
+    let made: Vec<(Topic, Vec<u8>)> = visualisation::static_messages(&terrain, 2)
+        .into_iter()
+        .map(|(view, picture)| (view.topic(), cdr::encode(&picture)))
+        .collect();
     assert!(made.iter().any(|(topic, _)| *topic == topics::map()), "there are walls");
     assert_eq!(opening.into_iter().map(|(topic, _, bytes)| (topic, bytes)).collect::<Vec<_>>(), made);
 
-    let walls = views::still(&terrain, 2).into_iter().find(|(view, _)| *view == View::Map).unwrap().1;
-    let Picture::Marker(marker) = walls else { panic!("walls are markers") };
+    let walls = visualisation::static_messages(&terrain, 2)
+        .into_iter()
+        .find(|(view, _)| *view == VisualisationTopic::Map)
+        .unwrap()
+        .1;
+    let VisualisationMessage::Marker(marker) = walls else { panic!("walls are markers") };
     let own = (topics::map(), 0, cdr::encode(&*marker));
     let (opening, ticks) = played(&self::recording(std::slice::from_ref(&own)), &Wishes::default());
     assert_eq!(opening.iter().map(|(topic, ..)| topic.clone()).collect::<Vec<_>>(), [topics::tf_static()]);

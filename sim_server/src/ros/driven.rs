@@ -21,10 +21,10 @@ use ros2_client::{Context, Node};
 
 use super::Item;
 use super::views::Gallery;
-use crate::link::{Inbound, Incoming};
+use crate::transport::{Inbound, Incoming};
 use simulation::lockstep::SourceId;
 use simulation::twist;
-use simulation::views::{Picture, View};
+use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 
 /// Wall time between two looks for a process that drives an agent.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);
@@ -40,7 +40,7 @@ pub(super) struct Driven {
 #[derive(Default)]
 struct DrivenAgent {
     /// What it is told in this tick.
-    pictures: Vec<(View, Picture)>,
+    pictures: Vec<(VisualisationTopic, VisualisationMessage)>,
     /// Who drives it, once that is known.
     source: Option<SourceId>,
     is_accepted: bool,
@@ -126,8 +126,8 @@ impl Driven {
     /// Keeps what an agent is told in this tick.
     pub(super) fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
         if let Some(driven) = self.agents.get_mut(&agent) {
-            let points = points.map(|points| (View::Points(agent), Picture::Points(points)));
-            let odometry = (View::Odometry(agent), Picture::Odometry(Box::new(odometry)));
+            let points = points.map(|points| (VisualisationTopic::Points(agent), VisualisationMessage::Points(points)));
+            let odometry = (VisualisationTopic::Odometry(agent), VisualisationMessage::Odometry(Box::new(odometry)));
             driven.pictures = points.into_iter().chain([odometry]).collect();
         }
     }
@@ -145,7 +145,7 @@ impl Driven {
         let tick = Tick(part.tick);
         if part.phase == Part::ENDED {
             if let Some(source) = driven.source {
-                let message = Inbound::Command(twist::receipt(part.run, agent, tick));
+                let message = Inbound::Command(twist::acknowledgement(part.run, agent, tick));
                 self.said.push_back(Incoming { topic_agent: agent, source, message });
             }
             return;

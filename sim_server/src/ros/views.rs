@@ -16,7 +16,7 @@ use ros_node::audience::Audience;
 use ros_node::{Outlet, RosError, Workshop};
 use ros2_client::{Context, Node};
 
-use simulation::views::{Listeners, Picture, View};
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
 /// The number of `/clock` in the audience; the views come after it.
 const CLOCK: usize = 0;
@@ -24,9 +24,9 @@ const CLOCK: usize = 0;
 /// The views, and who looks at them.
 pub(super) struct Gallery {
     driven: BTreeSet<AgentId>,
-    stages: Vec<(View, Stage)>,
+    stages: Vec<(VisualisationTopic, Stage)>,
     audience: Audience,
-    listeners: Listeners,
+    listeners: Subscribers,
 }
 
 /// The publisher of a view.
@@ -55,17 +55,21 @@ impl Gallery {
     ) -> Result<Self, RosError> {
         let mut stages = Vec::new();
         let mut looked_at = vec![topics::clock()];
-        for view in View::all(agents) {
+        for view in VisualisationTopic::all(agents) {
             let topic = view.topic();
             let stage = match view {
-                View::Transforms | View::StaticTransforms => Stage::Transforms(workshop.outlet(node, &topic)?),
-                View::Odometry(_) => Stage::Odometry(workshop.outlet(node, &topic)?),
-                View::Points(_) => Stage::Points(workshop.outlet(node, &topic)?),
-                View::Path(_) => Stage::Path(workshop.outlet(node, &topic)?),
-                View::Map | View::Unexplored | View::Contacts => Stage::Marker(workshop.outlet(node, &topic)?),
-                View::Info => Stage::Info(workshop.outlet(node, &topic)?),
-                View::Digest => Stage::Digest(workshop.outlet(node, &topic)?),
-                View::Result => Stage::Result(workshop.outlet(node, &topic)?),
+                VisualisationTopic::Transforms | VisualisationTopic::StaticTransforms => {
+                    Stage::Transforms(workshop.outlet(node, &topic)?)
+                }
+                VisualisationTopic::Odometry(_) => Stage::Odometry(workshop.outlet(node, &topic)?),
+                VisualisationTopic::Points(_) => Stage::Points(workshop.outlet(node, &topic)?),
+                VisualisationTopic::Path(_) => Stage::Path(workshop.outlet(node, &topic)?),
+                VisualisationTopic::Map | VisualisationTopic::Unexplored | VisualisationTopic::Contacts => {
+                    Stage::Marker(workshop.outlet(node, &topic)?)
+                }
+                VisualisationTopic::Info => Stage::Info(workshop.outlet(node, &topic)?),
+                VisualisationTopic::Digest => Stage::Digest(workshop.outlet(node, &topic)?),
+                VisualisationTopic::Result => Stage::Result(workshop.outlet(node, &topic)?),
             };
             stages.push((view, stage));
             looked_at.push(topic);
@@ -76,7 +80,7 @@ impl Gallery {
         let (stages, view_topics): (Vec<_>, Vec<_>) = numbered.into_iter().unzip();
         looked_at.extend(view_topics);
         let driven = driven.clone();
-        Ok(Self { driven, stages, audience: Audience::new(&looked_at), listeners: Listeners::new() })
+        Ok(Self { driven, stages, audience: Audience::new(&looked_at), listeners: Subscribers::new() })
     }
 
     /// Who has just come is seen, too, when it is next asked who listens.
@@ -85,7 +89,7 @@ impl Gallery {
     }
 
     /// What somebody listens to.
-    pub(super) fn listeners(&mut self, context: &Context) -> Option<&Listeners> {
+    pub(super) fn listeners(&mut self, context: &Context) -> Option<&Subscribers> {
         self.look(context);
         (!self.listeners.is_empty()).then_some(&self.listeners)
     }
@@ -103,30 +107,32 @@ impl Gallery {
 
     fn look(&mut self, context: &Context) {
         if self.audience.look(context) {
-            let arrivals = |(number, (view, _)): (usize, &(View, Stage))| {
-                let (View::Odometry(agent) | View::Points(agent)) = *view else { return self.arrivals(number, *view) };
+            let arrivals = |(number, (view, _)): (usize, &(VisualisationTopic, Stage))| {
+                let (VisualisationTopic::Odometry(agent) | VisualisationTopic::Points(agent)) = *view else {
+                    return self.arrivals(number, *view);
+                };
                 if self.driven.contains(&agent) { None } else { self.arrivals(number, *view) }
             };
             self.listeners = self.stages.iter().enumerate().filter_map(arrivals).collect();
         }
     }
 
-    fn arrivals(&self, number: usize, view: View) -> Option<(View, u64)> {
+    fn arrivals(&self, number: usize, view: VisualisationTopic) -> Option<(VisualisationTopic, u64)> {
         Some((view, self.audience.arrivals(CLOCK + 1 + number)?))
     }
 
     /// Publishes something.
-    pub(super) fn show(&mut self, node: &mut Node, view: View, picture: &Picture) {
+    pub(super) fn show(&mut self, node: &mut Node, view: VisualisationTopic, picture: &VisualisationMessage) {
         let Ok(number) = self.stages.binary_search_by_key(&view, |(view, _)| *view) else { return };
         match (&mut self.stages[number].1, picture) {
-            (Stage::Transforms(outlet), Picture::Transforms(message)) => outlet.publish(node, message),
-            (Stage::Odometry(outlet), Picture::Odometry(message)) => outlet.publish(node, message),
-            (Stage::Points(outlet), Picture::Points(message)) => outlet.publish(node, message),
-            (Stage::Path(outlet), Picture::Path(message)) => outlet.publish(node, message),
-            (Stage::Marker(outlet), Picture::Marker(message)) => outlet.publish(node, message),
-            (Stage::Info(outlet), Picture::Info(message)) => outlet.publish(node, message),
-            (Stage::Digest(outlet), Picture::Digest(message)) => outlet.publish(node, message),
-            (Stage::Result(outlet), Picture::Result(message)) => outlet.publish(node, message),
+            (Stage::Transforms(outlet), VisualisationMessage::Transforms(message)) => outlet.publish(node, message),
+            (Stage::Odometry(outlet), VisualisationMessage::Odometry(message)) => outlet.publish(node, message),
+            (Stage::Points(outlet), VisualisationMessage::Points(message)) => outlet.publish(node, message),
+            (Stage::Path(outlet), VisualisationMessage::Path(message)) => outlet.publish(node, message),
+            (Stage::Marker(outlet), VisualisationMessage::Marker(message)) => outlet.publish(node, message),
+            (Stage::Info(outlet), VisualisationMessage::Info(message)) => outlet.publish(node, message),
+            (Stage::Digest(outlet), VisualisationMessage::Digest(message)) => outlet.publish(node, message),
+            (Stage::Result(outlet), VisualisationMessage::Result(message)) => outlet.publish(node, message),
             (_, picture) => unreachable!("a view has pictures of one type, not {picture:?}"),
         }
     }

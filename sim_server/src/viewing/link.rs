@@ -15,10 +15,10 @@ use msgs::{cdr, schema};
 use super::Viewing;
 use super::services;
 use crate::control::Request;
-use crate::link::{Incoming, Level, Link};
-use crate::run::now;
+use crate::transport::{AgentTransport, ControlInput, Incoming, Level, ObserverOutput, Transport};
+use crate::wall_clock::now;
 use simulation::scenario::{self, Rtf};
-use simulation::views::{Listeners, Picture, View};
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
 /// Wall time between two tellings of the time.
 const CLOCK_PERIOD: Duration = Duration::from_millis(33);
@@ -28,20 +28,20 @@ pub struct Watched<'v, L> {
     link: L,
     viewing: &'v Viewing,
     scenario: &'v scenario::Scenario,
-    channels: BTreeMap<View, Arc<RawChannel>>,
-    view_of_topic: BTreeMap<String, View>,
+    channels: BTreeMap<VisualisationTopic, Arc<RawChannel>>,
+    view_of_topic: BTreeMap<String, VisualisationTopic>,
     /// Who looks on here, as of `revision`.
-    here: BTreeMap<View, u64>,
+    here: BTreeMap<VisualisationTopic, u64>,
     revision: u64,
     /// Those of the link, when they were last asked for.
-    there: Listeners,
-    all: Listeners,
+    there: Subscribers,
+    all: Subscribers,
     clock_told: Option<Instant>,
     tick: Tick,
     is_time_told: bool,
 }
 
-impl<'v, L: Link> Watched<'v, L> {
+impl<'v, L: Transport> Watched<'v, L> {
     /// Shows the run of a scenario over a link.
     pub fn new(link: L, viewing: &'v Viewing, scenario: &'v scenario::Scenario) -> Self {
         Self {
@@ -52,8 +52,8 @@ impl<'v, L: Link> Watched<'v, L> {
             view_of_topic: BTreeMap::new(),
             here: BTreeMap::new(),
             revision: 0,
-            there: Listeners::new(),
-            all: Listeners::new(),
+            there: Subscribers::new(),
+            all: Subscribers::new(),
             clock_told: None,
             tick: Tick::ZERO,
             is_time_told: true,
@@ -64,7 +64,7 @@ impl<'v, L: Link> Watched<'v, L> {
     fn open_channels(&mut self, run: u64) {
         self.channels.clear();
         let context = &self.viewing.context;
-        for view in View::all(self.scenario.agents.count) {
+        for view in VisualisationTopic::all(self.scenario.agents.count) {
             let channel = channel(context, &view.topic());
             self.view_of_topic.insert(channel.topic().to_owned(), view);
             self.channels.insert(view, channel);
@@ -92,15 +92,15 @@ impl<'v, L: Link> Watched<'v, L> {
 }
 
 /// Numbers of arrivals that grow whenever one of both does.
-fn merge(all: &mut Listeners, here: &BTreeMap<View, u64>, there: &Listeners) {
-    let sum = |view: &View| here.get(view).unwrap_or(&0) + there.get(view).unwrap_or(&0);
+fn merge(all: &mut Subscribers, here: &BTreeMap<VisualisationTopic, u64>, there: &Subscribers) {
+    let sum = |view: &VisualisationTopic| here.get(view).unwrap_or(&0) + there.get(view).unwrap_or(&0);
     all.retain(|view, _| here.contains_key(view) || there.contains_key(view));
     for &view in here.keys().chain(there.keys()) {
         all.insert(view, sum(&view));
     }
 }
 
-impl<L: Link> Link for Watched<'_, L> {
+impl<L: Transport> AgentTransport for Watched<'_, L> {
     fn announce(&mut self, scenario: &Scenario) {
         self.open_channels(scenario.run);
         self.viewing.hall.say_latched(&topics::scenario().name, cdr::encode(scenario), Tick::ZERO);
@@ -115,6 +115,22 @@ impl<L: Link> Link for Watched<'_, L> {
         self.link.send(agent, part);
     }
 
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        // The last of many ticks in quick succession, when none comes any more.
+        self.tell_time();
+        self.link.receive(timeout)
+    }
+
+    fn set_sensors(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
+        self.link.set_sensors(agent, odometry, points);
+    }
+
+    fn other_run(&self) -> Option<u64> {
+        self.link.other_run()
+    }
+}
+
+impl<L: Transport> ObserverOutput for Watched<'_, L> {
     fn clock(&mut self, tick: Tick) {
         self.link.clock(tick);
         self.tick = tick;
@@ -127,15 +143,9 @@ impl<L: Link> Link for Watched<'_, L> {
         self.link.progress(progress);
     }
 
-    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        // The last of many ticks in quick succession, when none comes any more.
-        self.tell_time();
-        self.link.receive(timeout)
-    }
-
-    fn listeners(&mut self) -> Option<&Listeners> {
+    fn subscribers(&mut self) -> Option<&Subscribers> {
         let is_other_here = self.look_here();
-        let there = self.link.listeners();
+        let there = self.link.subscribers();
         if self.here.is_empty() {
             return there;
         }
@@ -150,13 +160,13 @@ impl<L: Link> Link for Watched<'_, L> {
         Some(&self.all)
     }
 
-    fn show(&mut self, view: View, picture: &Picture) {
-        let is_last = view == View::Result;
+    fn publish(&mut self, view: VisualisationTopic, picture: &VisualisationMessage) {
+        let is_last = view == VisualisationTopic::Result;
         if is_last || self.here.is_empty() || self.there.contains_key(&view) {
-            self.link.show(view, picture);
+            self.link.publish(view, picture);
         }
         if is_last {
-            if let Picture::Result(result) = picture {
+            if let VisualisationMessage::Result(result) = picture {
                 self.viewing.hall.say_latched(&view.topic().name, cdr::encode(picture), Tick(result.tick));
             }
         } else if self.here.contains_key(&view)
@@ -167,29 +177,23 @@ impl<L: Link> Link for Watched<'_, L> {
         }
     }
 
-    fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
-        self.link.drive(agent, odometry, points);
-    }
-
-    fn pace(&mut self, rtf: Rtf) {
+    fn real_time_factor(&mut self, rtf: Rtf) {
         self.viewing.hall.tell_pace(rtf);
-        self.link.pace(rtf);
+        self.link.real_time_factor(rtf);
     }
 
     fn log(&mut self, level: Level, text: &str) {
         self.link.log(level, text);
     }
+}
 
+impl<L: Transport> ControlInput for Watched<'_, L> {
     fn request(&mut self) -> Option<Request> {
         self.link.request().or_else(|| self.viewing.wishes.try_iter().find_map(services::request))
     }
 
-    fn takes_requests(&self) -> bool {
+    fn accepts_requests(&self) -> bool {
         true
-    }
-
-    fn other_run(&self) -> Option<u64> {
-        self.link.other_run()
     }
 }
 

@@ -4,12 +4,12 @@
 
 use std::collections::BTreeMap;
 
+use msgs::body_model::{BodyKeys, BodyModel};
 use msgs::ids::AgentId;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{Scenario, one_line};
-use crate::world::body::{BodyKeys, BodyModel};
 
 /// An entry of `[[bodies]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Deserializer, Serialize, de};
 
-use crate::views::View;
+use crate::visualisation::VisualisationTopic;
 use mapgen::{BuildingSpec, ImportOptions, NoiseSpec, SpheresSpec};
 
 /// `[map]`.
@@ -276,16 +276,19 @@ impl Default for ViewsSection {
 impl ViewsSection {
     /// Ticks between two messages of a view, or two checks for a change.
     #[must_use]
-    pub fn period_ticks(&self, view: View) -> u64 {
+    pub fn period_ticks(&self, view: VisualisationTopic) -> u64 {
         let ticks = match view {
-            View::Transforms => self.tf_period_ticks,
-            View::Odometry(_) => self.odom_period_ticks,
-            View::Points(_) => self.points_period_ticks,
-            View::Path(_) => self.path_period_ticks,
-            View::Unexplored => self.unexplored_period_ticks,
-            View::Contacts => self.contacts_period_ticks,
-            View::Info => self.info_period_ticks,
-            View::StaticTransforms | View::Map | View::Digest | View::Result => 1,
+            VisualisationTopic::Transforms => self.tf_period_ticks,
+            VisualisationTopic::Odometry(_) => self.odom_period_ticks,
+            VisualisationTopic::Points(_) => self.points_period_ticks,
+            VisualisationTopic::Path(_) => self.path_period_ticks,
+            VisualisationTopic::Unexplored => self.unexplored_period_ticks,
+            VisualisationTopic::Contacts => self.contacts_period_ticks,
+            VisualisationTopic::Info => self.info_period_ticks,
+            VisualisationTopic::StaticTransforms
+            | VisualisationTopic::Map
+            | VisualisationTopic::Digest
+            | VisualisationTopic::Result => 1,
         };
         u64::from(ticks.max(1))
     }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::radio::is_default;
-use crate::world::errors::Errors;
+use crate::world::noise::SensorNoise;
 
 /// `[sensor]`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -27,8 +27,8 @@ pub struct SensorSection {
 impl SensorSection {
     /// The noise model of the world, with the seed of the run.
     #[must_use]
-    pub fn errors(&self, seed: u64) -> Errors {
-        Errors {
+    pub fn errors(&self, seed: u64) -> SensorNoise {
+        SensorNoise {
             range_sigma_m: self.range_sigma_m,
             missed_returns: self.missed_returns,
             pose_bound_m: self.pose_bound_m,

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::world::body::Pose;
-use crate::world::lidar::View;
+use crate::world::lidar::ScanView;
 
 fn observation() -> Observation {
     Observation {
@@ -18,7 +18,7 @@ fn observation() -> Observation {
         events: 0,
         relays: Vec::new(),
         contacts: vec![(AgentId(1), Point3::new(4.0, 5.0, 6.0))],
-        parcels: Vec::new(),
+        messages: Vec::new(),
         scan_tick: None,
         seen_free: Vec::new(),
         seen_wall: Vec::new(),
@@ -42,13 +42,13 @@ proptest! {
         let list: Vec<u32> = (0..cells).map(|cell| cell * step).collect();
         let whole = Observation {
             contacts: (0..contacts).map(|agent| (AgentId(agent), Point3::origin())).collect(),
-            parcels: parcel_bytes
+            messages: parcel_bytes
                 .iter()
-                .map(|&bytes| Parcel { peer: Peer::One(AgentId(1)), kind: 2, data: vec![7; bytes] })
+                .map(|&bytes| AgentMessage { peer: Peer::One(AgentId(1)), kind: 2, data: vec![7; bytes] })
                 .collect(),
             seen_free: list.clone(),
             seen_wall: list.clone(),
-            view: Some(View { free: list.clone(), wall: list.clone(), hits: Vec::new() }),
+            view: Some(ScanView { free: list.clone(), wall: list.clone(), hits: Vec::new() }),
             ..observation()
         };
         let parts = observation_parts(&whole, Part::RUNNING);
@@ -109,7 +109,7 @@ proptest! {
                 }
                 Motion::Keep | Motion::Stop => {}
             }
-            prop_assert!(action.lidar != LidarRequest::Every(0));
+            prop_assert!(action.lidar != ScanRequest::Every(0));
         }
     }
 }
@@ -128,7 +128,7 @@ fn refusals_name_field_value_and_what_is_allowed() {
     refuses(&task(Task { distance_m: f64::NAN, ..moving.clone() }), "task.distance_m = NaN, 0 to inf is allowed");
     refuses(&task(Task { distance_m: -1.0, ..moving.clone() }), "task.distance_m = -1");
     refuses(&task(Task { pitch_rad: 2.0, ..moving }), "task.pitch_rad = 2");
-    refuses(&task(Task { kind: Task::PATH, ..Task::default() }), "task.path has 0 way-points, 1 to 1024 are allowed");
+    refuses(&task(Task { kind: Task::PATH, ..Task::default() }), "task.path has 0 waypoints, 1 to 1024 are allowed");
     refuses(
         &Command { lidar: LidarMessage { kind: LidarMessage::EVERY, period_ticks: 0 }, ..Command::default() },
         "lidar.period_ticks = 0",
@@ -143,14 +143,14 @@ fn refusals_name_field_value_and_what_is_allowed() {
 }
 
 #[test]
-fn asking_again_is_never_before_the_next_tick() {
-    let wake = |tick, at_tick| {
+fn next_request_is_never_before_the_next_tick() {
+    let trigger = |tick, at_tick| {
         let message = Command { tick, wake: WakeMessage { at_tick, events: 3 }, ..Command::default() };
         command(&message, 5).unwrap().1
     };
-    assert_eq!(wake(7, 0).at, Tick(8));
-    assert_eq!(wake(7, 20), Wake { at: Tick(20), events: 3 });
-    assert_eq!(wake(u64::MAX, 0).at, Tick(u64::MAX));
+    assert_eq!(trigger(7, 0).at, Tick(8));
+    assert_eq!(trigger(7, 20), Trigger { at: Tick(20), events: 3 });
+    assert_eq!(trigger(u64::MAX, 0).at, Tick(u64::MAX));
 }
 
 #[test]
@@ -168,7 +168,7 @@ fn relays_are_named_as_they_are_told() {
     let relay = RelayId { owner: AgentId(4), number: 7 };
     let says = |agent, bytes| {
         let parcel = maes_msgs::Parcel { agent, kind: 2, data: vec![1; bytes] };
-        command(&Command { parcels: vec![parcel], ..Command::default() }, 5).map(|(action, _)| action.parcels[0].peer)
+        command(&Command { parcels: vec![parcel], ..Command::default() }, 5).map(|(action, _)| action.messages[0].peer)
     };
     assert_eq!(says(relay.on_wire(), RELAY_BYTES_MAX), Ok(Peer::Relay(relay)));
     assert_eq!(says(maes_msgs::Parcel::LEAVE_RELAY, 0), Ok(Peer::NewRelay));
@@ -179,8 +179,8 @@ fn relays_are_named_as_they_are_told() {
     assert!(says(foreign.on_wire(), 0).unwrap_err().contains("0 to 4, BROADCAST, LEAVE_RELAY or a relay are allowed"));
 
     let place = Point3::new(1.0, 1.0, 1.0);
-    let parcels = vec![Parcel { peer: Peer::Relay(relay), kind: 2, data: vec![5] }];
-    let told = Observation { relays: vec![(relay, place)], parcels, ..observation() };
+    let messages = vec![AgentMessage { peer: Peer::Relay(relay), kind: 2, data: vec![5] }];
+    let told = Observation { relays: vec![(relay, place)], messages, ..observation() };
     let parts = observation_parts(&told, Part::RUNNING);
     assert_eq!(parts[0].contacts.iter().map(|contact| contact.agent).collect::<Vec<_>>(), [1, relay.on_wire()]);
     assert_eq!(parts[0].parcels[0].agent, relay.on_wire());

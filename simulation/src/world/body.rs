@@ -6,23 +6,22 @@
 //! velocity task goes on from the velocity of a velocity task.
 //!
 //! Invariants: a body never comes nearer to a wall or to another body than its radius allows (see [`super::collision`]);
-//! a leg of a path that has come to its end lands exactly on its way-point, unless that is blocked; other legs of a submarine end
+//! a leg of a path that has come to its end lands exactly on its waypoint, unless that is blocked; other legs of a submarine end
 //! within `MOVE_REST_M` or `TURN_REST_RAD` of where they lead, as in the reference; all quantities stay finite.
 //!
 //! This module does not decide who moves first, and it knows no messages.
 
 mod aerial;
-mod model;
 mod ramp;
 
 use std::collections::VecDeque;
 use std::f64::consts::{PI, TAU};
 
+use msgs::body_model::{BodyKind, BodyModel};
 use nalgebra::{Point3, Vector3};
 
 use super::collision::{Contact, Obstacles, Sphere, Surface};
 use aerial::Flight;
-pub use model::{BodyKeys, BodyKind, BodyModel};
 use ramp::{Ramp, RampLimits, approached};
 
 /// A leg whose rest is below this is finished. Reference: 0.001 voxel and 0.001 degree.
@@ -57,7 +56,7 @@ pub enum Motion {
         /// How far.
         angle_rad: f64,
     },
-    /// Visit way-points (frame `map`) in turn: a submarine turns towards each, then moves straight; an aerial body moves at once.
+    /// Visit waypoints (frame `map`) in turn: a submarine turns towards each, then moves straight; an aerial body moves at once.
     Path(Vec<Point3<f64>>),
     /// Hold a velocity, clamped to the body, until told otherwise.
     Velocity {
@@ -155,13 +154,13 @@ impl Body {
         self.task != Task::Idle
     }
 
-    /// The points that the present task still leads to, in order, frame `map`: the way-points of a path, or the end of a move
+    /// The points that the present task still leads to, in order, frame `map`: the waypoints of a path, or the end of a move
     /// that has one.
     #[must_use]
-    pub fn way_points(&self) -> Vec<Point3<f64>> {
+    pub fn waypoints(&self) -> Vec<Point3<f64>> {
         match &self.task {
             Task::Path { leg, rest } => std::iter::once(leg.target).chain(rest.iter().copied()).collect(),
-            Task::Flight(flight) => flight.way_points(),
+            Task::Flight(flight) => flight.waypoints(),
             Task::Move { direction_in_map, ramp } if ramp.rest.is_finite() => {
                 vec![self.pose.position + direction_in_map * ramp.rest]
             }
@@ -194,7 +193,7 @@ impl Body {
     }
 
     /// Takes up a task. The motion is legal: finite numbers (an infinite move distance apart) within the documented ranges.
-    pub fn take_up(&mut self, motion: Motion) {
+    pub fn set_task(&mut self, motion: Motion) {
         let keeps_velocity = matches!(self.task, Task::Velocity { .. });
         self.task = match motion {
             Motion::Keep => return,
@@ -205,11 +204,11 @@ impl Body {
             Motion::Turn { angle_rad } => {
                 Task::Turn { sign: angle_rad.signum(), ramp: Ramp::from_rest(angle_rad.abs()) }
             }
-            Motion::Path(way_points) if self.model.kind == BodyKind::Aerial => {
-                Flight::from_rest(&self.pose.position, way_points).map_or(Task::Idle, Task::Flight)
+            Motion::Path(waypoints) if self.model.kind == BodyKind::Aerial => {
+                Flight::from_rest(&self.pose.position, waypoints).map_or(Task::Idle, Task::Flight)
             }
-            Motion::Path(way_points) => {
-                let mut rest = VecDeque::from(way_points);
+            Motion::Path(waypoints) => {
+                let mut rest = VecDeque::from(waypoints);
                 match rest.pop_front() {
                     Some(target) => Task::Path { leg: self.leg_to(target), rest },
                     None => Task::Idle,

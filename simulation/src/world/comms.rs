@@ -1,9 +1,9 @@
-//! Who hears whom: the communication models, and what parcels are.
+//! Who hears whom: the communication models, and what messages are.
 //!
 //! Contact is symmetric, hangs on the places of the two radios and on the terrain alone, and agents do not hide each other
 //! (reference: line casts against the map alone). Which model assumes what: docs/communication.md.
 //!
-//! This module does not look into parcels, and delivers none: `air.rs` does.
+//! This module does not look into messages, and delivers none: `air.rs` does.
 
 use msgs::ids::AgentId;
 use msgs::relay_id::RelayId;
@@ -108,7 +108,7 @@ impl ContactModel {
 pub struct Comms {
     /// Who hears whom.
     pub contact: ContactModel,
-    /// Probability that a parcel is lost on its way to one receiver, 0 ..= 1.
+    /// Probability that a message is lost on its way to one receiver, 0 ..= 1.
     pub loss: f64,
     /// What each agent can send; infinity: unlimited.
     pub bytes_per_s: f64,
@@ -139,9 +139,9 @@ impl Comms {
     }
 }
 
-/// A parcel on its way or in an inbox.
+/// A message on its way or in an inbox.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Parcel {
+pub struct AgentMessage {
     /// In a command: the receiver; in an inbox: the sender.
     pub peer: Peer,
     /// The sender's mark, for accounting.
@@ -150,13 +150,13 @@ pub struct Parcel {
     pub data: Vec<u8>,
 }
 
-/// The other end of a parcel.
+/// The other end of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Peer {
     /// One agent.
     One(AgentId),
     /// Everybody in contact (as a receiver only).
-    Everybody,
+    Broadcast,
     /// A relay: as a receiver it keeps the content, as a sender it tells what it keeps.
     Relay(RelayId),
     /// A relay that is left behind where the agent is, and keeps the content (as a receiver only).

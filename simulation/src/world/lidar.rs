@@ -8,8 +8,8 @@
 //! Invariants: a scan changes nothing but the seen marks of its memory, and the marks it leaves are the same on every
 //! processor. This module does not know when scans are due, and tells nobody what it has seen.
 
-mod blurred;
 mod cast;
+mod noisy;
 mod pattern;
 
 use std::f64::consts::TAU;
@@ -20,8 +20,8 @@ use nalgebra::{Point3, Vector3};
 use voxels::{Extent, Grid, Terrain};
 
 use super::body::Pose;
-pub use blurred::Blur;
 use cast::{FREE, Field, Found, Kernel, OUTSIDE, Start, WALL};
+pub use noisy::NoisyScan;
 use pattern::Bundle;
 
 /// How the rays of a scan are spread.
@@ -114,8 +114,8 @@ impl Scanner {
     }
 
     /// What a scan from `pose` meets as a whole, seen before or not; changes nothing.
-    pub fn view(&self, memory: &SensorMemory, pose: &Pose) -> View {
-        let mut view = View::default();
+    pub fn view(&self, memory: &SensorMemory, pose: &Pose) -> ScanView {
+        let mut view = ScanView::default();
         let Some(start) = self.start(memory, pose) else { return view };
         let cell_m = memory.extent.cell_m();
         let mut met = vec![false; memory.kinds.len()];
@@ -244,7 +244,7 @@ impl SensorMemory {
 
 /// Everything that one scan meets.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct View {
+pub struct ScanView {
     /// Indices of the free cells, the body's own included, ascending.
     pub free: Vec<u32>,
     /// Indices of the walls that ended a ray, ascending.

@@ -10,7 +10,7 @@ use msgs::relay_id::RelayId;
 use nalgebra::Point3;
 use voxels::{Grid, Terrain};
 
-use super::comms::{Comms, Parcel, Peer};
+use super::comms::{AgentMessage, Comms, Peer};
 
 /// A relay.
 #[derive(Debug, Clone, PartialEq)]
@@ -125,11 +125,11 @@ impl Relays {
         self.listeners[agent.index()].heard.iter().copied().filter(is_near).collect()
     }
 
-    /// What a relay has to tell an agent that reaches it, as a parcel; nothing if the agent knows it.
-    pub(super) fn news(&self, agent: AgentId, relay: usize) -> Option<Parcel> {
+    /// What a relay has to tell an agent that reaches it, as a message; nothing if the agent knows it.
+    pub(super) fn news(&self, agent: AgentId, relay: usize) -> Option<AgentMessage> {
         let known = self.listeners[agent.index()].read.get(relay).copied().unwrap_or(0);
         let Relay { id, kind, data, writings, .. } = &self.relays[relay];
-        (*writings > known).then(|| Parcel { peer: Peer::Relay(*id), kind: *kind, data: data.clone() })
+        (*writings > known).then(|| AgentMessage { peer: Peer::Relay(*id), kind: *kind, data: data.clone() })
     }
 
     /// Notes that an agent knows what a relay keeps.

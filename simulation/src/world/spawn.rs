@@ -4,8 +4,8 @@
 //!
 //! Whether a team fits is found out by placing it: an error says how many bodies found room in the same way.
 
-mod crowd;
 mod cube;
+mod placed_bodies;
 mod queue;
 mod scatter;
 
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use voxels::{Cell, Grid, Terrain};
 
-use self::crowd::Crowd;
+use self::placed_bodies::PlacedBodies;
 use super::body::Pose;
 use super::collision::Sphere;
 use mapgen::Entrance;
@@ -193,7 +193,7 @@ fn boxed(
     let along = [0, 1, 2].map(|axis| (0..size[axis]).filter(|cell| is_inside(axis, cell)).collect::<Vec<i32>>());
     let [x, y, z] = &along;
     let mut cells = x.iter().flat_map(|&x| z.iter().flat_map(move |&z| y.iter().map(move |&y| Cell::new(x, y, z))));
-    let mut crowd = Crowd::new(terrain, radii_m, 0.0);
+    let mut crowd = PlacedBodies::new(terrain, radii_m, 0.0);
     let mut starts = Vec::with_capacity(radii_m.len());
     for &radius_m in radii_m {
         let start = cells.find_map(|cell| crowd.place(cell, radius_m));

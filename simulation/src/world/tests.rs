@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use voxels::Extent;
 
 use super::body::Motion;
-use super::comms::{ContactModel, Parcel, Peer};
+use super::comms::{AgentMessage, ContactModel, Peer};
 use super::lidar::Pattern;
 use msgs::limits::PARCEL_BYTES_MAX;
 
@@ -27,7 +27,7 @@ fn params() -> WorldParams {
         scanner: Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: within(f64::INFINITY),
-        errors: Errors::default(),
+        noise: SensorNoise::default(),
     }
 }
 
@@ -51,7 +51,7 @@ fn at(x: f64, y: f64, z: f64) -> Pose {
 }
 
 fn action(motion: Motion) -> Action {
-    Action { motion, lidar: LidarRequest::Keep, want_view: false, parcels: Vec::new() }
+    Action { motion, lidar: ScanRequest::Keep, want_view: false, messages: Vec::new() }
 }
 
 fn endless(pitch_rad: f64) -> Motion {
@@ -70,11 +70,11 @@ fn a_hall_is_explored_at_the_first_look() {
     world.look(&pool);
     assert!(world.coverage().is_explored());
     assert_eq!(world.coverage().explored(), 1.0);
-    let observation = world.observe(A, Since::LastCounted);
+    let observation = world.observe(A, Commit::Committed);
     assert_eq!(observation.seen_free.len(), 60);
     assert!(observation.seen_free.is_sorted() && observation.seen_wall.is_sorted());
     assert_eq!(observation.scan_tick, Some(Tick::ZERO));
-    let again = world.observe(A, Since::LastCounted);
+    let again = world.observe(A, Commit::Committed);
     assert!(again.seen_free.is_empty() && again.seen_wall.is_empty());
 }
 
@@ -82,22 +82,22 @@ fn a_hall_is_explored_at_the_first_look() {
 fn scans_come_as_the_scenario_or_the_agent_says() {
     let pool = pool(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
-    let scan_ticks = |world: &mut World, request: Option<LidarRequest>, ticks: u64| -> Vec<u64> {
+    let scan_ticks = |world: &mut World, request: Option<ScanRequest>, ticks: u64| -> Vec<u64> {
         let first = world.tick().0;
         (first..first + ticks)
             .filter(|&tick| {
                 world.look(&pool);
-                let scanned = world.observe(A, Since::LastCounted).scan_tick == Some(Tick(tick));
-                let lidar = if tick == first { request.unwrap_or_default() } else { LidarRequest::Keep };
+                let scanned = world.observe(A, Commit::Committed).scan_tick == Some(Tick(tick));
+                let lidar = if tick == first { request.unwrap_or_default() } else { ScanRequest::Keep };
                 world.step([(A, Action { lidar, ..action(Motion::Keep) })].into());
                 scanned
             })
             .collect()
     };
     assert_eq!(scan_ticks(&mut world, None, 21), [0, 10, 20]);
-    assert_eq!(scan_ticks(&mut world, Some(LidarRequest::Every(4)), 9), [22, 26]);
-    assert_eq!(scan_ticks(&mut world, Some(LidarRequest::Never), 20), [30]);
-    assert_eq!(scan_ticks(&mut world, Some(LidarRequest::Once), 20), [51]);
+    assert_eq!(scan_ticks(&mut world, Some(ScanRequest::Every(4)), 9), [22, 26]);
+    assert_eq!(scan_ticks(&mut world, Some(ScanRequest::Never), 20), [30]);
+    assert_eq!(scan_ticks(&mut world, Some(ScanRequest::Once), 20), [51]);
     // The body has not moved: only its first scan had to be cast.
     assert_eq!((world.totals().scans, world.totals().scans_cast), (7, 1));
 }
@@ -109,9 +109,9 @@ fn in_turns_one_agent_scans_in_each_tick() {
     let mut world = World::new(hall([5, 4, 3]), turns, &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
     for tick in 0..6 {
         world.look(&pool);
-        let scanned = [A, B].map(|agent| world.observe(agent, Since::LastCounted).scan_tick == Some(Tick(tick)));
+        let scanned = [A, B].map(|agent| world.observe(agent, Commit::Committed).scan_tick == Some(Tick(tick)));
         assert_eq!(scanned, [tick % 2 == 0, tick % 2 == 1]);
-        world.step([(A, Action { lidar: LidarRequest::Never, ..action(Motion::Keep) })].into());
+        world.step([(A, Action { lidar: ScanRequest::Never, ..action(Motion::Keep) })].into());
     }
 }
 
@@ -122,7 +122,7 @@ fn the_result_of_a_look_does_not_hang_on_threads() {
         let pool = pool(threads);
         let mut world = World::new(two_rooms(), params(), &starts);
         world.look(&pool);
-        [0, 1, 2].map(|agent| world.observe(AgentId(agent), Since::LastCounted))
+        [0, 1, 2].map(|agent| world.observe(AgentId(agent), Commit::Committed))
     };
     assert_eq!(seen(1), seen(2));
     assert_eq!(seen(1), seen(8));
@@ -135,7 +135,7 @@ fn walls_and_range_end_contact() {
         let params = WorldParams { comms: within(range_m), ..params() };
         let mut world = World::new(two_rooms(), params, &starts);
         [0, 1, 2].map(|agent| {
-            let contacts = world.observe(AgentId(agent), Since::LastCounted).contacts;
+            let contacts = world.observe(AgentId(agent), Commit::Committed).contacts;
             contacts.into_iter().map(|(other, _)| other.0).collect::<Vec<_>>()
         })
     };
@@ -148,12 +148,13 @@ fn walls_and_range_end_contact() {
 fn parcels_reach_those_in_contact_in_the_next_observation() {
     let starts = [at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5), at(7.5, 3.5, 1.5)];
     let mut world = World::new(two_rooms(), params(), &starts);
-    let parcel = |peer, data: &[u8]| Parcel { peer, kind: 7, data: data.to_vec() };
-    let parcels = vec![parcel(Peer::Everybody, b"all"), parcel(Peer::One(B), b"one"), parcel(Peer::One(A), b"self")];
-    world.step([(A, Action { parcels, ..action(Motion::Keep) })].into());
-    assert_eq!(world.observe(B, Since::LastCounted).parcels, []);
-    let third = world.observe(AgentId(2), Since::LastCounted);
-    assert_eq!(third.parcels, [parcel(Peer::One(A), b"all")]);
+    let message = |peer, data: &[u8]| AgentMessage { peer, kind: 7, data: data.to_vec() };
+    let messages =
+        vec![message(Peer::Broadcast, b"all"), message(Peer::One(B), b"one"), message(Peer::One(A), b"self")];
+    world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
+    assert_eq!(world.observe(B, Commit::Committed).messages, []);
+    let third = world.observe(AgentId(2), Commit::Committed);
+    assert_eq!(third.messages, [message(Peer::One(A), b"all")]);
     assert_eq!(third.events & PARCEL, PARCEL);
     let totals = world.totals();
     assert_eq!((totals.parcels_sent, totals.parcels_delivered, totals.parcels_out_of_contact), (3, 1, 2));
@@ -164,18 +165,18 @@ fn parcels_reach_those_in_contact_in_the_next_observation() {
 fn a_full_inbox_loses_what_comes_and_does_not_grow() {
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
     for _ in 0..70 {
-        let parcels = vec![Parcel { peer: Peer::One(B), kind: 0, data: vec![0; PARCEL_BYTES_MAX] }];
-        world.step([(A, Action { parcels, ..action(Motion::Keep) })].into());
+        let messages = vec![AgentMessage { peer: Peer::One(B), kind: 0, data: vec![0; PARCEL_BYTES_MAX] }];
+        world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
     }
     assert_eq!((world.totals().parcels_delivered, world.totals().parcels_inbox_full), (64, 6));
-    assert_eq!(world.observe(B, Since::LastCounted).parcels.len(), 64);
+    assert_eq!(world.observe(B, Commit::Committed).messages.len(), 64);
 }
 
 #[test]
 fn events_are_told_once_and_named_ones_wake() {
     let pool = pool(1);
     let mut world = World::new(two_rooms(), params(), &[at(1.5, 1.5, 1.5), at(7.5, 1.5, 1.5)]);
-    world.observe(A, Since::LastCounted);
+    world.observe(A, Commit::Committed);
     world.step([(A, action(Motion::Path(vec![Point3::new(1.5, 2.5, 1.5)])))].into());
     let mut happened = 0;
     for _ in 0..500 {
@@ -186,15 +187,15 @@ fn events_are_told_once_and_named_ones_wake() {
     assert_eq!(happened, TASK_DONE | NEW_CELL);
     assert_eq!(world.events(A, TASK_DONE), TASK_DONE);
     assert_eq!(world.events(A, COLLISION), 0);
-    assert_eq!(world.observe(A, Since::LastCounted).events, TASK_DONE | NEW_CELL);
-    assert_eq!(world.observe(A, Since::LastCounted).events, 0);
+    assert_eq!(world.observe(A, Commit::Committed).events, TASK_DONE | NEW_CELL);
+    assert_eq!(world.observe(A, Commit::Committed).events, 0);
     // Into the line of the door, then along it.
     world.step([(B, action(Motion::Path(vec![Point3::new(7.5, 2.5, 1.5)])))].into());
     for _ in 0..500 {
         world.step(BTreeMap::new());
     }
     assert_eq!(world.events(A, CONTACTS), CONTACTS);
-    assert_eq!(world.observe(A, Since::LastCounted).contacts.len(), 1);
+    assert_eq!(world.observe(A, Commit::Committed).contacts.len(), 1);
     assert_eq!(world.events(A, CONTACTS), 0);
 }
 
@@ -203,16 +204,16 @@ fn asked_out_of_turn_everything_is_told_once_and_counted_once() {
     let pool = pool(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
     world.look(&pool);
-    let first = world.observe(A, Since::LastAsked);
+    let first = world.observe(A, Commit::Speculative);
     assert_eq!(first.seen_free.len(), 60);
-    let parcel = |data: &[u8]| Parcel { peer: Peer::One(A), kind: 0, data: data.to_vec() };
-    world.step([(B, Action { parcels: vec![parcel(b"x")], ..action(Motion::Keep) })].into());
-    let second = world.observe(A, Since::LastAsked);
-    assert_eq!((second.seen_free.len(), second.parcels.len(), second.events & PARCEL), (0, 1, PARCEL));
-    let third = world.observe(A, Since::LastAsked);
-    assert_eq!((third.parcels.len(), third.events & PARCEL), (0, 0));
-    let counted = world.observe(A, Since::LastCounted);
-    assert_eq!((counted.seen_free.len(), counted.parcels.len(), counted.events & PARCEL), (60, 1, PARCEL));
+    let message = |data: &[u8]| AgentMessage { peer: Peer::One(A), kind: 0, data: data.to_vec() };
+    world.step([(B, Action { messages: vec![message(b"x")], ..action(Motion::Keep) })].into());
+    let second = world.observe(A, Commit::Speculative);
+    assert_eq!((second.seen_free.len(), second.messages.len(), second.events & PARCEL), (0, 1, PARCEL));
+    let third = world.observe(A, Commit::Speculative);
+    assert_eq!((third.messages.len(), third.events & PARCEL), (0, 0));
+    let counted = world.observe(A, Commit::Committed);
+    assert_eq!((counted.seen_free.len(), counted.messages.len(), counted.events & PARCEL), (60, 1, PARCEL));
 }
 
 #[test]
@@ -220,12 +221,12 @@ fn the_view_comes_on_request() {
     let pool = pool(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
     world.look(&pool);
-    assert_eq!(world.observe(A, Since::LastCounted).view, None);
+    assert_eq!(world.observe(A, Commit::Committed).view, None);
     world.step([(A, Action { want_view: true, ..action(Motion::Keep) })].into());
-    let view = world.observe(A, Since::LastCounted).view.unwrap();
+    let view = world.observe(A, Commit::Committed).view.unwrap();
     assert_eq!(view.free.len(), 60);
     world.step([(A, action(Motion::Keep))].into());
-    assert_eq!(world.observe(A, Since::LastCounted).view, None);
+    assert_eq!(world.observe(A, Commit::Committed).view, None);
 }
 
 #[test]
@@ -295,7 +296,7 @@ fn a_body_is_put_where_there_is_room_and_its_agent_is_told() {
         assert!(world.place(A, at(x, y, 1.5)).is_err(), "{x}, {y}");
     }
     assert_eq!(world.body(A).pose().position, moved);
-    world.observe(A, Since::LastCounted);
+    world.observe(A, Commit::Committed);
     let pairs = world.pairs_in_contact();
     world.place(A, at(2.5, 1.5, 1.5)).unwrap();
     assert_eq!((world.body(A).is_active(), world.body(A).pose().position.x), (false, 2.5));
@@ -326,19 +327,19 @@ fn bodies_of_a_mixed_team_meet_where_their_radii_do() {
 
 #[test]
 fn errors_hang_neither_on_threads_nor_on_who_is_asked() {
-    let errors = Errors { range_sigma_m: 0.3, missed_returns: 0.1, pose_bound_m: 0.5, pose_step_m: 0.05, seed: 3 };
+    let noise = SensorNoise { range_sigma_m: 0.3, missed_returns: 0.1, pose_bound_m: 0.5, pose_step_m: 0.05, seed: 3 };
     let starts = [at(1.5, 1.5, 1.5), at(3.5, 2.5, 1.5), at(7.5, 2.5, 1.5)];
     let observed = |threads, is_asked_between: bool| {
         let pool = pool(threads);
-        let mut world = World::new(two_rooms(), WorldParams { errors, ..params() }, &starts);
+        let mut world = World::new(two_rooms(), WorldParams { noise, ..params() }, &starts);
         for _ in 0..100 {
             world.look(&pool);
             if is_asked_between {
-                world.observe(B, Since::LastAsked);
+                world.observe(B, Commit::Speculative);
             }
             world.step(BTreeMap::new());
         }
-        [A, B].map(|agent| world.observe(agent, Since::LastCounted))
+        [A, B].map(|agent| world.observe(agent, Commit::Committed))
     };
     let first = observed(1, false);
     assert_eq!(first, observed(4, true));
@@ -353,14 +354,14 @@ fn errors_hang_neither_on_threads_nor_on_who_is_asked() {
 
 #[test]
 fn what_is_taken_for_free_and_is_wall_is_no_score() {
-    let errors = Errors { range_sigma_m: 2.0, ..Errors::default() };
+    let noise = SensorNoise { range_sigma_m: 2.0, ..SensorNoise::default() };
     let pool = pool(1);
-    let mut world = World::new(two_rooms(), WorldParams { errors, ..params() }, &[at(1.5, 1.5, 1.5)]);
+    let mut world = World::new(two_rooms(), WorldParams { noise, ..params() }, &[at(1.5, 1.5, 1.5)]);
     for _ in 0..100 {
         world.look(&pool);
         world.step(BTreeMap::new());
     }
-    let told = world.observe(A, Since::LastCounted).seen_free;
+    let told = world.observe(A, Commit::Committed).seen_free;
     let truly_free = told.iter().filter(|&&cell| world.terrain().as_slice()[cell as usize] == Terrain::Free).count();
     assert!(truly_free < told.len());
     let score = world.coverage().explored() * world.coverage().free_cells() as f64;

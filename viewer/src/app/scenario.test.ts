@@ -1,5 +1,17 @@
 import { describe, expect, it } from "vitest";
-import { buildingHeight, DEFAULTS, drawSeed, faults, radiusLimit, tomlString, toToml } from "./scenario.ts";
+import SCENARIO_KEYS from "./scenario-keys.json";
+import {
+  buildingHeight,
+  DEFAULTS,
+  drawSeed,
+  faults,
+  FORM_KEYS,
+  help,
+  radiusLimit,
+  RANGES,
+  tomlString,
+  toToml,
+} from "./scenario.ts";
 
 describe("the scenario of the form", () => {
   it("defaults to the setting of the reference", () => {
@@ -93,5 +105,53 @@ describe("a random seed", () => {
   it("has six digits", () => {
     expect(drawSeed(0)).toBe(100000);
     expect(drawSeed(1 - Number.EPSILON)).toBe(999999);
+  });
+});
+
+describe("the keys of the form", () => {
+  const declared = (name: keyof typeof FORM_KEYS) => {
+    const key: { help: string; default?: unknown; min?: number; max?: number } =
+      SCENARIO_KEYS[FORM_KEYS[name].key];
+    return key;
+  };
+  const names = Object.keys(FORM_KEYS) as (keyof typeof FORM_KEYS)[];
+
+  it("have the defaults of the server", () => {
+    const compared = names.filter((name) => declared(name).default !== undefined);
+    expect(compared.length).toBeGreaterThan(10);
+    for (const name of compared) {
+      const value = DEFAULTS[name];
+      const scaled = typeof value === "number" ? value * FORM_KEYS[name].factor : value;
+      if (typeof scaled === "number") expect(scaled, name).toBeCloseTo(declared(name).default as number, 12);
+      else expect(scaled, name).toBe(declared(name).default);
+    }
+  });
+
+  it("have ranges that the server accepts", () => {
+    const ranges: [keyof typeof FORM_KEYS, keyof typeof RANGES][] = [
+      ["agents", "agents"],
+      ["durationMin", "durationMin"],
+      ["size", "size"],
+      ["size", "buildingHeight"],
+      ["spheresFillPercent", "spheresFillPercent"],
+      ["spheresRadiusMin", "spheresRadius"],
+      ["spheresRadiusMax", "spheresRadius"],
+      ["spheresConnections", "spheresConnections"],
+      ["spheresSmoothing", "smoothing"],
+      ["noiseSmoothing", "smoothing"],
+      ["noiseFillPercent", "noiseFillPercent"],
+      ["communicationRangeM", "communicationRangeM"],
+      ["sensingFovDeg", "sensingFovDeg"],
+      ["sharePeriodTicks", "sharePeriodTicks"],
+    ];
+    for (const [name, range] of ranges) {
+      const { min = -Infinity, max = Infinity } = declared(name);
+      expect(RANGES[range].min * FORM_KEYS[name].factor, name).toBeGreaterThanOrEqual(min);
+      expect(RANGES[range].max * FORM_KEYS[name].factor, name).toBeLessThanOrEqual(max);
+    }
+  });
+
+  it("have a help text", () => {
+    expect(help("sensingFovDeg")).toMatch(/^Full opening angle/);
   });
 });

@@ -4,6 +4,8 @@
  * are found here.
  */
 
+import SCENARIO_KEYS from "./scenario-keys.json";
+
 export type Generator = "spheres" | "noise" | "building" | "file";
 
 export interface FormValues {
@@ -88,6 +90,39 @@ export const DEFAULTS: FormValues = {
   seed: 1,
   rtf: 1,
 };
+
+/** A scenario key that a value of the form sets; the value times `factor` is the value of the key. */
+interface FormKey {
+  readonly key: keyof typeof SCENARIO_KEYS;
+  readonly factor: number;
+}
+
+export const FORM_KEYS = {
+  agents: { key: "agents.count", factor: 1 },
+  durationMin: { key: "duration_s", factor: 60 },
+  controller: { key: "agents.controller", factor: 1 },
+  mapFile: { key: "map.file", factor: 1 },
+  size: { key: "map.size", factor: 1 },
+  spheresFillPercent: { key: "map.spheres.fill_ratio", factor: 0.01 },
+  spheresRadiusMin: { key: "map.spheres.radius_min", factor: 1 },
+  spheresRadiusMax: { key: "map.spheres.radius_max", factor: 1 },
+  spheresConnections: { key: "map.spheres.connections", factor: 1 },
+  spheresSmoothing: { key: "map.spheres.smoothing", factor: 1 },
+  noiseFillPercent: { key: "map.noise.fill", factor: 0.01 },
+  noiseSmoothing: { key: "map.noise.smoothing", factor: 1 },
+  buildingFloors: { key: "map.building.floors", factor: 1 },
+  communicationRangeM: { key: "communication.range_m", factor: 1 },
+  sensingFovDeg: { key: "lidar.fov_rad", factor: Math.PI / 180 },
+  sharePeriodTicks: { key: "agents.share_period_ticks", factor: 1 },
+  stopWhenExplored: { key: "stop_when_explored", factor: 1 },
+  stopWhenCovered: { key: "stop_when_covered", factor: 1 },
+  seed: { key: "seed", factor: 1 },
+} as const satisfies Partial<Record<keyof FormValues, FormKey>>;
+
+/** Meaning and limits of the scenario key that a value of the form sets. */
+export function help(name: keyof typeof FORM_KEYS): string {
+  return SCENARIO_KEYS[FORM_KEYS[name].key].help;
+}
 
 export interface Controller {
   readonly value: string;

@@ -15,6 +15,8 @@ import {
   DEFAULTS,
   drawSeed,
   faults,
+  FORM_KEYS,
+  help,
   RANGES,
   REFERENCE_AGENTS_MAX,
   toToml,
@@ -199,6 +201,10 @@ export class StartForm {
       this.#seedField(),
       this.#advanced(),
     );
+    for (const name of Object.keys(FORM_KEYS) as (keyof typeof FORM_KEYS)[]) {
+      const input = this.#fields.querySelector(`[data-testid="start-${name}"]`);
+      input?.closest("label")?.setAttribute("title", help(name));
+    }
   }
 
   #speedSlider(): Slider {

@@ -1,18 +1,22 @@
-//! Who goes where: agents tell each other what they are on their way for, and leave it to each other.
+//! The auction: agents claim goals with bids, exchange their claims, and leave contested goals to
+//! the best bid.
 //!
-//! An agent *claims* its goal, with the length of its way there as the bid, and tells the agents in contact, together with the
-//! claims that it knows of. Of two that claim about the same, the shorter way wins (then the lower id), and the other one looks
-//! for something else; as all of them know the same bids, all come to the same end, in as many rounds as there are conflicts. In
-//! a team of bodies that are not equally fast it is times that are compared: ways over paces, which all know of all bodies. What
-//! others have claimed is worth less to everybody else, the less the nearer it is to the claim, and what another agent will get
-//! to sooner, once it is where it claims to go, is left to it.
+//! An agent *claims* its goal with the length of its path there as the bid, and sends all claims
+//! that it knows to the agents in contact. Of two conflicting claims the shorter path wins (then
+//! the lower id), and the loser replans; since all agents know the same bids, they agree after at
+//! most as many rounds as there are conflicts. In teams of bodies with different speeds, the bids
+//! are travel times: path length over speed, which is known for all bodies. A goal claimed by
+//! another agent has less utility, the less the nearer it is to the claim, and a frontier that
+//! another agent will reach sooner from its claimed goal is left to it.
 //!
-//! Source of the ideas: W. Burgard, M. Moors, C. Stachniss, F. Schneider, "Coordinated Multi-Robot Exploration", IEEE T-RO 2005
-//! (utility discounted by the goals of others); R. Zlot, A. Stentz, M. B. Dias, S. Thayer, "Multi-Robot Exploration Controlled by
-//! a Market Economy", ICRA 2002 (bids that need no connection at all times).
+//! Sources: W. Burgard, M. Moors, C. Stachniss, F. Schneider, "Coordinated Multi-Robot
+//! Exploration", IEEE T-RO 2005 (utility discounted by the goals of others); R. Zlot, A. Stentz, M.
+//! B. Dias, S. Thayer, "Multi-Robot Exploration Controlled by a Market Economy", ICRA 2002 (bids
+//! that tolerate the loss of communication).
 //!
-//! Invariants: a claim is forgotten when its lease is over, so that an agent that is lost blocks nothing for long; a malformed
-//! parcel changes nothing; what is known hangs on the parcels alone, and of several claims of one agent the latest counts.
+//! Invariants: a claim expires with its lease, so a lost agent does not block goals for long; a
+//! malformed message changes nothing; the claims depend on the messages alone, and of several
+//! claims of one agent the latest holds.
 
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_3;
@@ -21,74 +25,74 @@ use msgs::ids::{AgentId, Tick};
 use voxels::{Cell, Extent};
 
 use super::tree::length_between;
-use crate::body::{Bodies, Body, BodyKind};
-use crate::observation::{Contact, Received};
+use crate::bodies::{Bodies, BodyKind, BodyModel, leg_s};
+use crate::observation::{Contact, ReceivedMessage};
 
-/// The mark of the parcels in which agents with an auction tell each other of their claims.
-pub const CLAIMS_PARCEL: u8 = 2;
+/// The mark of messages that carry claims.
+pub const CLAIMS_MESSAGE: u8 = 2;
 
 const VERSION: u8 = 1;
 
-/// What the pace of a body is reckoned with: the length of a leg, metres, and the turn before it, radians. Both are about what is
-/// usual in caves.
-const USUAL_LEG: (f64, f64) = (4.0, FRAC_PI_3);
+/// The leg by which body speeds are compared: its length, metres, and the turn before it, radians.
+/// Both are typical of caves.
+const REFERENCE_LEG: (f64, f64) = (4.0, FRAC_PI_3);
 
-/// Bytes of a claim in a parcel.
+/// Bytes of a claim in a message.
 const CLAIM_BYTES: usize = 28;
 
-/// No claim holds longer than this after it was heard: ten minutes.
+/// Upper bound on the remaining lease of a received claim: ten minutes.
 const LEASE_TICKS_MAX: u64 = 30_000;
 
-/// How claims weigh.
+/// Parameters of the auction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Terms {
+pub(super) struct AuctionParams {
     /// Distance from a claim at which its effect has fallen to about 0.4, metres.
     pub(super) spread_m: f64,
-    /// Share of its worth that what is claimed loses to others.
+    /// Share of its utility that a claimed goal loses for others.
     pub(super) discount: f64,
-    /// What it costs to go where another agent will be sooner, metres of way.
+    /// Cost of a frontier that another agent will reach sooner, metres of path.
     pub(super) trespass_m: f64,
-    /// How much longer ways are than straight lines.
+    /// Ratio of path length to straight distance.
     pub(super) detour: f64,
-    /// At what pace submarines are reckoned to go, m/s.
+    /// Planning speed of submarines, m/s.
     pub(super) pace_m_s: f64,
-    /// How long a claim holds beyond the time the way takes, ticks.
+    /// Duration of a claim beyond the travel time, ticks.
     pub(super) lease_ticks: u64,
 }
 
-/// What an agent is on its way for.
+/// A claimed goal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Claim {
-    /// Where to.
+    /// The viewpoint.
     pub(super) cell: Cell,
-    /// Length of the way when it was claimed, metres: the bid.
-    pub(super) way_m: f64,
+    /// The bid: path length at the time of the claim, metres.
+    pub(super) path_m: f64,
     pub(super) made: Tick,
     pub(super) ends: Tick,
 }
 
-/// The claims that an agent knows of, its own included.
+/// The claims that an agent knows, its own included.
 #[derive(Debug, Clone)]
 pub(super) struct Auction {
-    terms: Terms,
-    /// At what pace agents are reckoned to go, m/s, by agent.
-    paces_m_s: Vec<f64>,
+    params: AuctionParams,
+    /// Planning speed by agent, m/s.
+    speeds_m_s: Vec<f64>,
     own: AgentId,
     extent: Extent,
     claims: BTreeMap<AgentId, Claim>,
 }
 
 impl Auction {
-    /// The auction as `own` knows it, in a team of these bodies, on a map of this extent: there are no claims yet.
-    pub(super) fn new(terms: Terms, bodies: &Bodies, own: AgentId, extent: Extent) -> Self {
-        let paces_m_s = bodies.iter().map(|body| pace_m_s(body, terms.pace_m_s)).collect();
-        Self { terms, paces_m_s, own, extent, claims: BTreeMap::new() }
+    /// The auction as seen by the agent `own`, without claims.
+    pub(super) fn new(params: AuctionParams, bodies: &Bodies, own: AgentId, extent: Extent) -> Self {
+        let speeds_m_s = bodies.iter().map(|body| planning_speed_m_s(body, params.pace_m_s)).collect();
+        Self { params, speeds_m_s, own, extent, claims: BTreeMap::new() }
     }
 
-    /// Takes in what has been told; forgets claims that are over. `agents` is how many there are in the run.
-    pub(super) fn hear(&mut self, parcels: &[Received], now: Tick, agents: u32) {
-        for parcel in parcels.iter().filter(|parcel| parcel.kind == CLAIMS_PARCEL) {
-            for (agent, claim) in decode(&parcel.data, self.extent, agents).into_iter().flatten() {
+    /// Merges received claims and drops expired ones. `agents` is the team size.
+    pub(super) fn receive(&mut self, messages: &[ReceivedMessage], now: Tick, agents: u32) {
+        for message in messages.iter().filter(|message| message.kind == CLAIMS_MESSAGE) {
+            for (agent, claim) in decode(&message.data, self.extent, agents).into_iter().flatten() {
                 let is_newer = self.claims.get(&agent).is_none_or(|known| known.made < claim.made);
                 if agent != self.own && is_newer && claim.made <= now {
                     let ends = claim.ends.min(now.after(LEASE_TICKS_MAX));
@@ -100,122 +104,129 @@ impl Auction {
     }
 
     /// Claims a goal.
-    pub(super) fn claim(&mut self, cell: Cell, way_m: f64, now: Tick) {
-        let travel_ticks = (way_m / self.pace_m_s(self.own) / Tick::TICK_S) as u64;
-        let ends = now.after(travel_ticks).after(self.terms.lease_ticks);
-        self.claims.insert(self.own, Claim { cell, way_m, made: now, ends });
+    pub(super) fn claim(&mut self, cell: Cell, path_m: f64, now: Tick) {
+        let travel_ticks = (path_m / self.speed_m_s(self.own) / Tick::TICK_S) as u64;
+        let ends = now.after(travel_ticks).after(self.params.lease_ticks);
+        self.claims.insert(self.own, Claim { cell, path_m, made: now, ends });
     }
 
-    /// Gives up the own claim.
-    pub(super) fn give_up(&mut self) {
+    /// Withdraws the own claim.
+    pub(super) fn withdraw(&mut self) {
         self.claims.remove(&self.own);
     }
 
-    /// What to tell the agents in contact.
-    pub(super) fn parcel(&self) -> Vec<u8> {
+    /// The message that carries all known claims.
+    pub(super) fn encode(&self) -> Vec<u8> {
         let mut bytes = vec![VERSION];
         for (agent, claim) in &self.claims {
             let Some(cell) = self.extent.index(claim.cell) else { continue };
             bytes.extend(agent.0.to_le_bytes());
             bytes.extend((cell as u32).to_le_bytes());
-            bytes.extend(((claim.way_m * 1000.0).min(f64::from(u32::MAX)) as u32).to_le_bytes());
+            bytes.extend(((claim.path_m * 1000.0).min(f64::from(u32::MAX)) as u32).to_le_bytes());
             bytes.extend(claim.made.0.to_le_bytes());
             bytes.extend(claim.ends.0.to_le_bytes());
         }
         bytes
     }
 
-    fn others(&self) -> impl Iterator<Item = (AgentId, &Claim)> {
+    fn rival_claims(&self) -> impl Iterator<Item = (AgentId, &Claim)> {
         self.claims.iter().map(|(&agent, claim)| (agent, claim)).filter(|&(agent, _)| agent != self.own)
     }
 
-    fn pace_m_s(&self, agent: AgentId) -> f64 {
-        self.paces_m_s[agent.index()]
+    fn speed_m_s(&self, agent: AgentId) -> f64 {
+        self.speeds_m_s[agent.index()]
     }
 
-    /// Length of the way that an agent has left to its goal, metres.
-    fn left_m(&self, agent: AgentId, claim: &Claim, now: Tick) -> f64 {
+    /// Remaining path length of an agent to its claimed goal, metres.
+    fn remaining_m(&self, agent: AgentId, claim: &Claim, now: Tick) -> f64 {
         let passed_s = now.0.saturating_sub(claim.made.0) as f64 * Tick::TICK_S;
-        (claim.way_m - passed_s * self.pace_m_s(agent)).max(0.0)
+        (claim.path_m - passed_s * self.speed_m_s(agent)).max(0.0)
     }
 
-    /// How far this agent goes while another one goes so far, metres.
-    fn meanwhile_m(&self, agent: AgentId, way_m: f64) -> f64 {
-        way_m * (self.pace_m_s(self.own) / self.pace_m_s(agent))
+    /// The path length this agent covers while another one covers `path_m`, metres.
+    fn own_equivalent_m(&self, agent: AgentId, path_m: f64) -> f64 {
+        path_m * (self.speed_m_s(self.own) / self.speed_m_s(agent))
     }
 
-    /// Between the centres of two cells, metres.
-    fn apart_m(&self, a: Cell, b: Cell) -> f64 {
+    /// Distance between the centres of two cells, metres.
+    fn distance_m(&self, a: Cell, b: Cell) -> f64 {
         length_between(a, b) * self.extent.cell_m()
     }
 
-    /// Whether another agent claims about what this one claims, and is nearer to it.
+    /// Whether another agent has a better bid on a conflicting claim.
     pub(super) fn is_outbid(&self, now: Tick) -> bool {
         let Some(own) = self.claims.get(&self.own) else { return false };
-        // In a way that is the same for all who reckon it, to the last bit.
-        let is_even = |agent| self.pace_m_s(agent).total_cmp(&self.pace_m_s(self.own)).is_eq();
-        let left_s = |agent, claim| self.left_m(agent, claim, now) / self.pace_m_s(agent);
-        self.others().any(|(agent, claim)| {
-            let is_same = self.apart_m(claim.cell, own.cell) < 0.5 * self.terms.spread_m;
-            let is_better = if is_even(agent) {
-                (self.left_m(agent, claim, now), agent) < (self.left_m(self.own, own, now), self.own)
+        // Compared without a division where speeds are equal, so that all agents get the same
+        // result to the last bit.
+        let is_equally_fast = |agent| self.speed_m_s(agent).total_cmp(&self.speed_m_s(self.own)).is_eq();
+        let remaining_s = |agent, claim| self.remaining_m(agent, claim, now) / self.speed_m_s(agent);
+        self.rival_claims().any(|(agent, claim)| {
+            let is_conflicting = self.distance_m(claim.cell, own.cell) < 0.5 * self.params.spread_m;
+            let is_better = if is_equally_fast(agent) {
+                (self.remaining_m(agent, claim, now), agent) < (self.remaining_m(self.own, own, now), self.own)
             } else {
-                (left_s(agent, claim), agent) < (left_s(self.own, own), self.own)
+                (remaining_s(agent, claim), agent) < (remaining_s(self.own, own), self.own)
             };
-            is_same && is_better
+            is_conflicting && is_better
         })
     }
 
-    /// By what the worth of a viewpoint is multiplied, as far as `way_m` metres away: 1 if nobody else goes near it.
-    pub(super) fn worth(&self, cell: Cell, way_m: f64, now: Tick) -> f64 {
-        self.others()
+    /// The factor on the utility of a viewpoint at path length `path_m`, metres: 1 if no other
+    /// claim is near.
+    pub(super) fn utility_factor(&self, cell: Cell, path_m: f64, now: Tick) -> f64 {
+        self.rival_claims()
             .filter(|&(agent, claim)| {
-                let apart_m = self.apart_m(claim.cell, cell);
-                let other_m = self.left_m(agent, claim, now) + apart_m * self.terms.detour;
-                self.meanwhile_m(agent, other_m) <= way_m || apart_m < 0.5 * self.terms.spread_m
+                let apart_m = self.distance_m(claim.cell, cell);
+                let other_m = self.remaining_m(agent, claim, now) + apart_m * self.params.detour;
+                self.own_equivalent_m(agent, other_m) <= path_m || apart_m < 0.5 * self.params.spread_m
             })
-            .map(|(_, claim)| 1.0 - self.terms.discount * self.nearness(claim, cell))
+            .map(|(_, claim)| 1.0 - self.params.discount * self.proximity(claim, cell))
             .product()
     }
 
-    /// What to add to the length of the way to a frontier, metres: nothing if nobody else goes near it or will be there sooner.
-    pub(super) fn penalty_m(&self, cell: Cell, way_m: f64, contacts: &[Contact], now: Tick) -> f64 {
-        let Terms { trespass_m, detour, .. } = self.terms;
+    /// The cost added to the path length to a frontier, metres: 0 if no other claim is near and no
+    /// other agent will reach it sooner.
+    pub(super) fn penalty_m(&self, cell: Cell, path_m: f64, contacts: &[Contact], now: Tick) -> f64 {
+        let AuctionParams { trespass_m, detour, .. } = self.params;
         let sooner = |agent: AgentId, claim: &Claim| {
-            let other_m = self.left_m(agent, claim, now) + self.apart_m(claim.cell, cell) * detour;
-            self.meanwhile_m(agent, other_m) < way_m
+            let other_m = self.remaining_m(agent, claim, now) + self.distance_m(claim.cell, cell) * detour;
+            self.own_equivalent_m(agent, other_m) < path_m
         };
         let without_goal = |contact: &&Contact| !self.claims.contains_key(&contact.agent);
         let centre = self.extent.centre(cell);
-        let beside =
-            |contact: &Contact| self.meanwhile_m(contact.agent, (contact.position - centre).norm() * detour) < way_m;
-        if self.others().any(|(agent, claim)| sooner(agent, claim)) || contacts.iter().filter(without_goal).any(beside)
+        let beside = |contact: &Contact| {
+            self.own_equivalent_m(contact.agent, (contact.position - centre).norm() * detour) < path_m
+        };
+        if self.rival_claims().any(|(agent, claim)| sooner(agent, claim))
+            || contacts.iter().filter(without_goal).any(beside)
         {
             trespass_m
         } else {
-            let nearest = self.others().map(|(_, claim)| self.nearness(claim, cell)).fold(0.0, f64::max);
-            trespass_m * self.terms.discount * nearest
+            let nearest = self.rival_claims().map(|(_, claim)| self.proximity(claim, cell)).fold(0.0, f64::max);
+            trespass_m * self.params.discount * nearest
         }
     }
 
-    /// 1 at a claim, falling to 0 away from it.
-    fn nearness(&self, claim: &Claim, cell: Cell) -> f64 {
-        let apart = self.apart_m(claim.cell, cell) / self.terms.spread_m;
+    /// 1 at a claim, falling to 0 with the distance.
+    fn proximity(&self, claim: &Claim, cell: Cell) -> f64 {
+        let apart = self.distance_m(claim.cell, cell) / self.params.spread_m;
         libm::exp(-apart * apart)
     }
 }
 
-/// The pace of a body, m/s, if it is `submarine_m_s` for submarines: one that need not turn first, or is faster, goes its usual leg
-/// in less time.
-fn pace_m_s(body: &Body, submarine_m_s: f64) -> f64 {
-    let (length_m, turn_rad) = USUAL_LEG;
+/// The planning speed of a body, m/s, given that of submarines: a body that need not turn first, or
+/// is faster, covers the reference leg in less time.
+fn planning_speed_m_s(body: &BodyModel, submarine_m_s: f64) -> f64 {
+    let (length_m, turn_rad) = REFERENCE_LEG;
     match body.kind {
         BodyKind::Submarine => submarine_m_s,
-        BodyKind::Aerial => submarine_m_s * Body::SUBMARINE.leg_s(length_m, turn_rad) / body.leg_s(length_m, turn_rad),
+        BodyKind::Aerial => {
+            submarine_m_s * leg_s(&BodyModel::SUBMARINE, length_m, turn_rad) / leg_s(body, length_m, turn_rad)
+        }
     }
 }
 
-/// The claims in a parcel, if it is one.
+/// The claims of a message, if it is well-formed.
 fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Option<Vec<(AgentId, Claim)>> {
     let (version, claims) = bytes.split_first()?;
     if *version != VERSION || claims.len() % CLAIM_BYTES != 0 || claims.len() / CLAIM_BYTES > agents as usize {
@@ -226,10 +237,10 @@ fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Option<Vec<(AgentId, Cla
         .map(|bytes| {
             let short = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
             let long = |at: usize| Tick(u64::from(short(at)) | u64::from(short(at + 4)) << 32);
-            let (agent, cell, way_m) = (short(0), short(4) as usize, f64::from(short(8)) / 1000.0);
+            let (agent, cell, path_m) = (short(0), short(4) as usize, f64::from(short(8)) / 1000.0);
             let is_known = agent < agents && cell < extent.volume();
             is_known
-                .then(|| (AgentId(agent), Claim { cell: extent.cell_at(cell), way_m, made: long(12), ends: long(20) }))
+                .then(|| (AgentId(agent), Claim { cell: extent.cell_at(cell), path_m, made: long(12), ends: long(20) }))
         })
         .collect()
 }
@@ -240,36 +251,42 @@ mod tests {
 
     use super::*;
 
-    const TERMS: Terms =
-        Terms { spread_m: 10.0, discount: 0.9, trespass_m: 40.0, detour: 1.3, pace_m_s: 0.8, lease_ticks: 1500 };
+    const PARAMS: AuctionParams = AuctionParams {
+        spread_m: 10.0,
+        discount: 0.9,
+        trespass_m: 40.0,
+        detour: 1.3,
+        pace_m_s: 0.8,
+        lease_ticks: 1500,
+    };
 
     fn extent() -> Extent {
         Extent::new([50; 3], 1.0).unwrap()
     }
 
-    /// Of agents 0 to 3, all alike.
+    /// Equal bodies for agents 0 to 3.
     fn bodies() -> Bodies {
-        Bodies::new(vec![Body::SUBMARINE], vec![0; 4]).unwrap()
+        Bodies::new(vec![BodyModel::SUBMARINE], vec![0; 4]).unwrap()
     }
 
-    fn told(from: &Auction) -> Vec<Received> {
-        vec![Received { from: from.own, kind: CLAIMS_PARCEL, data: from.parcel() }]
+    fn messages_of(from: &Auction) -> Vec<ReceivedMessage> {
+        vec![ReceivedMessage { from: from.own, kind: CLAIMS_MESSAGE, data: from.encode() }]
     }
 
-    /// Two agents that claim something; each has heard the other.
+    /// Two agents, each with a claim that the other has received.
     fn two(claims: [(Cell, f64); 2]) -> [Auction; 2] {
         two_of(&bodies(), claims)
     }
 
     /// The same in a team of these bodies.
     fn two_of(bodies: &Bodies, claims: [(Cell, f64); 2]) -> [Auction; 2] {
-        let mut pair = [AgentId(3), AgentId(1)].map(|agent| Auction::new(TERMS, bodies, agent, extent()));
-        for (auction, (cell, way_m)) in pair.iter_mut().zip(claims) {
-            auction.claim(cell, way_m, Tick(100));
+        let mut pair = [AgentId(3), AgentId(1)].map(|agent| Auction::new(PARAMS, bodies, agent, extent()));
+        for (auction, (cell, path_m)) in pair.iter_mut().zip(claims) {
+            auction.claim(cell, path_m, Tick(100));
         }
-        let parcels = [told(&pair[1]), told(&pair[0])];
-        for (auction, parcels) in pair.iter_mut().zip(&parcels) {
-            auction.hear(parcels, Tick(101), 4);
+        let messages = [messages_of(&pair[1]), messages_of(&pair[0])];
+        for (auction, messages) in pair.iter_mut().zip(&messages) {
+            auction.receive(messages, Tick(101), 4);
         }
         pair
     }
@@ -289,13 +306,13 @@ mod tests {
 
     #[test]
     fn in_a_mixed_team_the_one_that_will_be_there_sooner_keeps_it() {
-        // Agent 1 flies.
-        let bodies = Bodies::new(vec![Body::SUBMARINE, Body::AERIAL], vec![0, 1, 0, 0]).unwrap();
+        // Agent 1 is aerial.
+        let bodies = Bodies::new(vec![BodyModel::SUBMARINE, BodyModel::AERIAL], vec![0, 1, 0, 0]).unwrap();
         let is_outbid = |claims| two_of(&bodies, claims).map(|auction| auction.is_outbid(Tick(101)));
         assert_eq!(is_outbid([(GOAL, 10.0), (BESIDE, 18.0)]), [true, false]);
         assert_eq!(is_outbid([(GOAL, 10.0), (BESIDE, 40.0)]), [false, true]);
         let [submarine, flyer] = two_of(&bodies, [(FAR, 9.0), (GOAL, 9.0)]);
-        let to_goal = |auction: &Auction, cell, way_m| auction.penalty_m(cell, way_m, &[], Tick(101));
+        let to_goal = |auction: &Auction, cell, path_m| auction.penalty_m(cell, path_m, &[], Tick(101));
         assert_eq!(to_goal(&submarine, BESIDE, 8.0), 40.0, "it will be there sooner, although its way is longer");
         assert!(to_goal(&flyer, FAR, 12.0) < 40.0);
     }
@@ -303,10 +320,14 @@ mod tests {
     #[test]
     fn what_another_has_claimed_is_worth_less_and_costs_more_the_nearer_it_is() {
         let [_, auction] = two([(GOAL, 5.0), (FAR, 9.0)]);
-        let worth = |cell| auction.worth(cell, 30.0, Tick(101));
-        assert!(worth(GOAL) < 0.2 && worth(GOAL) < worth(BESIDE) && worth(BESIDE) < 0.2, "{}", worth(BESIDE));
-        assert!(worth(Cell::new(2, 2, 2)) > 0.9);
-        let penalty_m = |cell, way_m| auction.penalty_m(cell, way_m, &[], Tick(101));
+        let utility_factor = |cell| auction.utility_factor(cell, 30.0, Tick(101));
+        assert!(
+            utility_factor(GOAL) < 0.2 && utility_factor(GOAL) < utility_factor(BESIDE) && utility_factor(BESIDE) < 0.2,
+            "{}",
+            utility_factor(BESIDE)
+        );
+        assert!(utility_factor(Cell::new(2, 2, 2)) > 0.9);
+        let penalty_m = |cell, path_m| auction.penalty_m(cell, path_m, &[], Tick(101));
         assert_eq!(penalty_m(GOAL, 30.0), 40.0);
         assert_eq!(penalty_m(BESIDE, 30.0), 40.0, "it will be there sooner");
         assert!(penalty_m(BESIDE, 1.0) < 40.0, "but not if this one is there at once");
@@ -315,7 +336,7 @@ mod tests {
 
     #[test]
     fn an_agent_without_a_goal_has_the_frontiers_beside_it() {
-        let auction = Auction::new(TERMS, &bodies(), AgentId(0), extent());
+        let auction = Auction::new(PARAMS, &bodies(), AgentId(0), extent());
         let contact = Contact { agent: AgentId(1), position: Point3::new(20.5, 20.5, 20.5) };
         assert_eq!(auction.penalty_m(BESIDE, 30.0, &[contact], Tick(1)), 40.0);
         assert_eq!(auction.penalty_m(BESIDE, 1.0, &[contact], Tick(1)), 0.0);
@@ -324,43 +345,43 @@ mod tests {
     #[test]
     fn a_claim_is_remembered_without_contact_until_its_lease_is_over() {
         let [mut auction, _] = two([(FAR, 5.0), (GOAL, 8.0)]);
-        // 8 m at 0.8 m/s are 10 s, and 30 s more: 2000 ticks.
-        auction.hear(&[], Tick(2099), 4);
-        assert!(auction.worth(GOAL, 30.0, Tick(2099)) < 0.2);
-        auction.hear(&[], Tick(2100), 4);
-        assert_eq!(auction.worth(GOAL, 30.0, Tick(2100)), 1.0);
+        // 8 m at 0.8 m/s are 10 s; 30 s more make 2000 ticks.
+        auction.receive(&[], Tick(2099), 4);
+        assert!(auction.utility_factor(GOAL, 30.0, Tick(2099)) < 0.2);
+        auction.receive(&[], Tick(2100), 4);
+        assert_eq!(auction.utility_factor(GOAL, 30.0, Tick(2100)), 1.0);
     }
 
     #[test]
     fn claims_are_passed_on_and_the_latest_counts() {
         let [first, mut second] = two([(GOAL, 5.0), (FAR, 5.0)]);
-        let mut third = Auction::new(TERMS, &bodies(), AgentId(2), extent());
-        third.hear(&told(&second), Tick(102), 4);
-        assert!(third.worth(GOAL, 30.0, Tick(102)) < 0.2, "the first one's, from the second one");
+        let mut third = Auction::new(PARAMS, &bodies(), AgentId(2), extent());
+        third.receive(&messages_of(&second), Tick(102), 4);
+        assert!(third.utility_factor(GOAL, 30.0, Tick(102)) < 0.2, "the first one's, from the second one");
         second.claim(BESIDE, 1.0, Tick(103));
-        third.hear(&told(&second), Tick(104), 4);
-        third.hear(&told(&first), Tick(105), 4);
+        third.receive(&messages_of(&second), Tick(104), 4);
+        third.receive(&messages_of(&first), Tick(105), 4);
         assert_eq!(third.claims[&AgentId(1)].cell, BESIDE, "the older word of the first one changes nothing");
     }
 
     #[test]
     fn malformed_parcels_and_endless_leases_change_little() {
         let [auction, _] = two([(GOAL, 5.0), (FAR, 5.0)]);
-        let good = auction.parcel();
-        let heard = |data: Vec<u8>| {
-            let mut listener = Auction::new(TERMS, &bodies(), AgentId(0), extent());
-            listener.hear(&[Received { from: AgentId(1), kind: CLAIMS_PARCEL, data }], Tick(200), 4);
+        let good = auction.encode();
+        let received = |data: Vec<u8>| {
+            let mut listener = Auction::new(PARAMS, &bodies(), AgentId(0), extent());
+            listener.receive(&[ReceivedMessage { from: AgentId(1), kind: CLAIMS_MESSAGE, data }], Tick(200), 4);
             listener.claims
         };
-        assert_eq!(heard(good.clone()).len(), 2);
-        assert!(heard(Vec::new()).is_empty());
-        assert!(heard(good[..good.len() - 1].to_vec()).is_empty());
-        assert!(heard([&[9], &good[1..]].concat()).is_empty());
+        assert_eq!(received(good.clone()).len(), 2);
+        assert!(received(Vec::new()).is_empty());
+        assert!(received(good[..good.len() - 1].to_vec()).is_empty());
+        assert!(received([&[9], &good[1..]].concat()).is_empty());
         let mut outside = good.clone();
         outside[5..9].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert!(heard(outside).is_empty());
+        assert!(received(outside).is_empty());
         let mut endless = good;
         endless[21..29].copy_from_slice(&u64::MAX.to_le_bytes());
-        assert!(heard(endless).values().all(|claim| claim.ends <= Tick(200 + LEASE_TICKS_MAX)));
+        assert!(received(endless).values().all(|claim| claim.ends <= Tick(200 + LEASE_TICKS_MAX)));
     }
 }

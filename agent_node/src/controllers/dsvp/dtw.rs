@@ -1,25 +1,27 @@
-//! Dynamic time warping: how much a branch differs from going straight on.
+//! Dynamic time warping: how much a branch differs from the direction of exploration.
 //!
-//! Source: the DTW term of the branch gain of DSVP (see [`super::tree`]); the classic dynamic programme over two series.
+//! Source: the DTW term of the branch gain of DSVP (see [`super::tree`]); the classic dynamic
+//! programme over two series.
 
 use nalgebra::Vector3;
 
-/// The difference between a way (its points, relative to where it starts) and equally spaced points, as many and as far in all,
-/// straight along `direction` (length 1): the sum of the distances of the points that are matched, in the unit of the points. A
-/// point may be matched with several of the other series, in order, so that the sum is least.
-pub(super) fn difference(way: &[Vector3<f64>], direction: Vector3<f64>) -> f64 {
+/// The DTW distance between a path (its points, relative to its start) and equally many, equally
+/// spaced points of the same total length along `direction` (a unit vector): the least sum of
+/// distances of matched points, in the unit of the points. A point may match several points of the
+/// other series, in order.
+pub(super) fn difference(path: &[Vector3<f64>], direction: Vector3<f64>) -> f64 {
     let mut length = 0.0;
     let mut last = Vector3::zeros();
-    for point in way {
+    for point in path {
         length += (point - last).norm();
         last = *point;
     }
-    let spacing = length / way.len().max(1) as f64;
-    let ahead: Vec<Vector3<f64>> = (1..=way.len()).map(|number| direction * (spacing * number as f64)).collect();
-    // The least sums that match all points of the way so far with 0, 1, 2 ... points ahead.
+    let spacing = length / path.len().max(1) as f64;
+    let ahead: Vec<Vector3<f64>> = (1..=path.len()).map(|number| direction * (spacing * number as f64)).collect();
+    // The least sums that match all points of the path so far with 0, 1, 2 ... points ahead.
     let mut sums = vec![f64::INFINITY; ahead.len() + 1];
     sums[0] = 0.0;
-    for point in way {
+    for point in path {
         let mut diagonal = std::mem::replace(&mut sums[0], f64::INFINITY);
         for (number, other) in ahead.iter().enumerate() {
             let least = diagonal.min(sums[number]).min(sums[number + 1]);
@@ -45,7 +47,7 @@ mod tests {
         let aside = difference(&line(y), x);
         let back = difference(&line(-x), x);
         assert!(0.0 < aside && aside < back, "{aside} {back}");
-        // The first point matches the first one and so on: 2 + 4 + 6 + 8.
+        // Points match one to one: 2 + 4 + 6 + 8.
         assert!((back - 20.0).abs() < 1e-12, "{back}");
     }
 

@@ -1,8 +1,9 @@
-//! How much unexplored volume a viewpoint would see, by rays cast in the agent's own map.
+//! The gain of a viewpoint: the unexplored cells that it would see, by ray casting in the agent's
+//! own map.
 //!
-//! A ray from the centre of a cell passes through free cells and counts the unexplored cells that it meets, up to some depth,
-//! because behind the first ones there is rock more often than not; it ends at a wall and at its range. A cell counts once for a
-//! viewpoint, however many rays meet it.
+//! A ray from the centre of a cell passes through free cells and counts the unexplored cells it
+//! meets, up to a depth, because behind the first ones there is usually rock; it ends at a wall and
+//! at its range. A cell counts once for a viewpoint, however many rays meet it.
 
 use std::ops::ControlFlow;
 
@@ -11,24 +12,24 @@ use voxels::{Cell, Extent, lattice, walk};
 
 use crate::exploration_map::{CellState, ExplorationMap};
 
-/// Counts what viewpoints would see.
+/// Estimates the gain of viewpoints.
 #[derive(Debug, Clone)]
-pub(in crate::controllers) struct Viewer {
-    /// The cells of all rays, relative to the viewpoint, one ray after the other, nearest first.
+pub(in crate::controllers) struct GainEstimator {
+    /// The cells of all rays relative to the viewpoint, ray by ray, nearest first.
     cells: Vec<Cell>,
-    /// Where each ray ends.
+    /// End index of each ray.
     ends: Vec<u32>,
-    /// Unexplored cells that a ray passes through at the most.
+    /// Most unexplored cells that one ray counts.
     depth: u32,
-    /// Cells from the viewpoint to the side of the cube that holds all rays.
+    /// Half the side of the cube that contains all rays, cells.
     reach: i32,
-    /// For each cell of that cube: the viewpoint for which it was counted last.
+    /// For each cell of that cube, the viewpoint that last counted it.
     counted: Vec<u32>,
     viewpoint: u32,
 }
 
-impl Viewer {
-    /// So many rays, in all directions, of so many cells.
+impl GainEstimator {
+    /// Rays in all directions, `range_cells` long.
     pub(in crate::controllers) fn new(rays: u32, range_cells: f64, depth: u32) -> Self {
         let reach = range_cells.ceil().max(1.0) as i32;
         let side = (2 * reach + 1) as u32;
@@ -49,7 +50,7 @@ impl Viewer {
         Self { cells, ends, depth, reach, counted: vec![0; cube.volume()], viewpoint: 0 }
     }
 
-    /// Unexplored cells that would be seen from the centre of a cell.
+    /// The unexplored cells visible from the centre of a cell.
     pub(in crate::controllers) fn gain(&mut self, map: &ExplorationMap, viewpoint: Cell) -> u32 {
         self.viewpoint += 1;
         let side = 2 * self.reach + 1;
@@ -103,7 +104,7 @@ mod tests {
     #[test]
     fn sees_as_far_as_its_range_and_as_deep_as_it_is_allowed() {
         let map = corridor();
-        let gain = |range, depth, x| Viewer::new(2000, range, depth).gain(&map, Cell::new(x, 1, 1));
+        let gain = |range, depth, x| GainEstimator::new(2000, range, depth).gain(&map, Cell::new(x, 1, 1));
         assert_eq!(gain(5.0, 9, 8), 5);
         assert_eq!(gain(5.0, 2, 8), 2);
         assert_eq!(gain(5.0, 9, 5), 2);
@@ -115,13 +116,13 @@ mod tests {
         let mut map = corridor();
         let wall = map.extent().index(Cell::new(9, 1, 1)).unwrap() as u32;
         map.note_wall(&[wall]);
-        let mut viewer = Viewer::new(500, 8.0, 8);
-        assert_eq!(viewer.gain(&map, Cell::new(8, 1, 1)), 0);
+        let mut gain_estimator = GainEstimator::new(500, 8.0, 8);
+        assert_eq!(gain_estimator.gain(&map, Cell::new(8, 1, 1)), 0);
         let empty = ExplorationMap::new(Extent::new([21; 3], 1.0).unwrap());
-        let mut viewer = Viewer::new(5000, 3.0, 9);
-        // All cells within 3, some of the edge more or less.
-        let all = viewer.gain(&empty, Cell::new(10, 10, 10));
+        let mut gain_estimator = GainEstimator::new(5000, 3.0, 9);
+        // All cells within 3 cells of the viewpoint, up to some at the edge.
+        let all = gain_estimator.gain(&empty, Cell::new(10, 10, 10));
         assert!((100..260).contains(&all), "{all}");
-        assert_eq!(viewer.gain(&empty, Cell::new(10, 10, 10)), all);
+        assert_eq!(gain_estimator.gain(&empty, Cell::new(10, 10, 10)), all);
     }
 }

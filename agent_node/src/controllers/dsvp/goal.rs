@@ -1,65 +1,65 @@
-//! What an agent is on its way for.
+//! The goals of the planner.
 
 use msgs::ids::AgentId;
 use voxels::Cell;
 
-/// Where an agent goes, and why.
+/// A goal, by the stage that chose it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Goal {
-    /// Exploration: to the end of a branch, for the unexplored cells that are seen from there.
+    /// Exploration: the end of a branch, for the unexplored cells visible from there.
     Viewpoint {
         /// The end of the branch.
         cell: Cell,
-        /// Unexplored cells that it was chosen for.
+        /// Its gain when it was chosen.
         gain: u32,
     },
-    /// Relocation: to the nearest frontier.
+    /// Relocation: the nearest frontier.
     Frontier {
-        /// Where to look at it from.
+        /// The viewpoint of the frontier.
         cell: Cell,
         /// The frontier.
         frontier: Cell,
     },
-    /// With news, to where another agent was last.
-    Peer {
-        /// Who.
+    /// Pursuit of another agent at its last known position, to deliver the map.
+    Pursuit {
+        /// The agent.
         agent: AgentId,
-        /// Where.
+        /// Its last known position.
         cell: Cell,
     },
-    /// With news, to anywhere.
-    Anywhere {
-        /// Where.
+    /// A random region, to deliver the map to whichever agent is met.
+    Wandering {
+        /// The centre of the region.
         cell: Cell,
     },
-    /// Out of the way of others.
-    Aside {
-        /// Where.
+    /// Evasion of other agents that block the path.
+    Evasion {
+        /// The cell to evade to.
         cell: Cell,
     },
 }
 
 impl Goal {
-    /// Where it leads.
+    /// The cell of the goal.
     pub(super) fn cell(self) -> Cell {
         match self {
             Self::Viewpoint { cell, .. }
             | Self::Frontier { cell, .. }
-            | Self::Peer { cell, .. }
-            | Self::Anywhere { cell }
-            | Self::Aside { cell } => cell,
+            | Self::Pursuit { cell, .. }
+            | Self::Wandering { cell }
+            | Self::Evasion { cell } => cell,
         }
     }
 
-    /// For people.
+    /// The text for people.
     pub(super) fn info(self) -> String {
         let at = |cell: Cell| format!("({}, {}, {})", cell.x, cell.y, cell.z);
         match self {
             Self::Viewpoint { cell, gain } => format!("exploration to {}, {gain} unexplored cells", at(cell)),
             Self::Frontier { cell, .. } => format!("relocation to {}", at(cell)),
-            Self::Peer { agent, cell } => format!("with news to agent {agent}, last at {}", at(cell)),
-            Self::Aside { cell } => format!("out of the way to {}", at(cell)),
-            Self::Anywhere { cell } => format!("with news to {}", at(cell)),
+            Self::Pursuit { agent, cell } => format!("with news to agent {agent}, last at {}", at(cell)),
+            Self::Evasion { cell } => format!("out of the way to {}", at(cell)),
+            Self::Wandering { cell } => format!("with news to {}", at(cell)),
         }
     }
 }

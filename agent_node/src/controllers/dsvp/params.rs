@@ -1,39 +1,42 @@
-//! The parameters of DSVP, with their defaults and sources.
+//! The parameters of DSVP with their defaults and sources.
 
 use msgs::ids::Tick;
 
 use super::super::settings::{SettingError, Settings};
-use super::auction::Terms;
+use super::auction::AuctionParams;
 use super::tree::{Growth, Valuation};
 
 /// Parameters of the planner. Lengths in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Params {
-    /// Half the side of the cube that the local tree stays in. Reference and original: 15.
+    /// Half the side of the cube that contains the local tree. Reference and original: 15.
     pub horizon_m: f64,
-    /// Length of an edge of the tree. Reference: 1; original: 0.8 to 1.3 where the robot is 0.5 wide.
+    /// Length of an edge of the tree. Reference: 1; original: 0.8 to 1.3 where the robot is 0.5
+    /// wide.
     pub extension_m: f64,
-    /// Samples for each plan. Reference: 200.
+    /// Samples per plan. Reference: 200.
     pub samples: u32,
-    /// Share of the samples near local frontiers ahead. Reference: 0.3; original: 0.25.
+    /// Share of the samples near the chosen local frontiers. Reference: 0.3; original: 0.25.
     pub bias: f64,
-    /// How far from those frontiers, along each axis. Reference: 1.
+    /// Greatest distance of such samples from their frontier along each axis. Reference: 1.
     pub jitter_m: f64,
-    /// How many local frontiers ahead are chosen. Reference: 5; original: 3.
+    /// Number of chosen local frontiers. Reference: 5; original: 3.
     pub frontiers: u32,
-    /// Discount of a gain by the way to it, per metre: the papers' lambda 1. Reference: 0.01 for each edge of 1 m.
+    /// Discount of a gain with the path length to it, per metre: the papers' lambda 1. Reference:
+    /// 0.01 for each edge of 1 m.
     pub lambda_distance_per_m: f64,
-    /// Discount of a branch by its difference from the last direction, per metre: the papers' lambda 2.
+    /// Discount of a branch with its DTW distance from the last direction, per metre: the papers'
+    /// lambda 2.
     pub lambda_direction_per_m: f64,
-    /// How far a viewpoint is thought to see; less if the LiDAR sees less. Original: 5.
+    /// Range of the rays of a viewpoint; limited by the range of the LiDAR. Original: 5.
     pub gain_range_m: f64,
     /// Rays of a viewpoint.
     pub gain_rays: u32,
-    /// Unexplored cells that one ray counts at the most.
+    /// Most unexplored cells that one ray counts.
     pub gain_depth: u32,
-    /// A viewpoint that would see fewer unexplored cells is worth nothing. Original: 5 to 10.
+    /// Viewpoints with a gain below this count as having none. Original: 5 to 10.
     pub gain_min: u32,
-    /// A viewpoint is given up once its gain has fallen below this share of what it was.
+    /// A viewpoint is dropped once its gain has fallen below this share of its gain when chosen.
     pub gain_left: f64,
 }
 
@@ -58,10 +61,10 @@ impl Default for Params {
 }
 
 impl Params {
-    /// Takes them from settings of the same names.
+    /// Takes the parameters from settings of the same names.
     ///
     /// # Errors
-    /// If a value is not allowed.
+    /// If a value is out of range.
     pub fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
         let default = Self::default();
         let mut whole = |key, default: u32, low: u32, high: u32| {
@@ -119,8 +122,8 @@ impl Params {
     }
 }
 
-impl Terms {
-    /// Takes them from settings of the same names, the lease in seconds.
+impl AuctionParams {
+    /// Takes the parameters from settings of the same names, the lease in seconds.
     pub(super) fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
         Ok(Self {
             spread_m: settings.number("spread_m", 25.0, 0.1, 1000.0)?,

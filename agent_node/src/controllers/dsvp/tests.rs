@@ -77,7 +77,7 @@ fn explores_all_there_is() {
 #[test]
 fn relocates_when_nothing_is_to_be_gained_nearby() {
     let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
-    // No viewpoint is worth so much.
+    // No viewpoint has such a gain.
     let mut controller = planner(&["gain_min=1000"]);
     world.run(&mut controller, 2000);
     assert_eq!(world.left(&[CellState::Free, CellState::Covered]), []);
@@ -88,7 +88,7 @@ fn relocates_when_nothing_is_to_be_gained_nearby() {
 
 #[test]
 fn a_frontier_that_was_given_up_comes_back_to_life_with_news_from_beyond() {
-    // The sensor shows no more of the corridor, although there is more.
+    // The sensor does not reveal the rest of the corridor.
     let mut world = World::known("......??????", Cell::new(5, 0, 0));
     let extent = world.map.extent();
     let mut controller = planner(&[]);
@@ -109,13 +109,13 @@ fn a_frontier_that_was_given_up_comes_back_to_life_with_news_from_beyond() {
 
 #[test]
 fn a_viewpoint_that_shows_less_than_was_hoped_is_not_chosen_again() {
-    // It has come there, and the scan has shown nothing.
+    // It has arrived, and the scan has revealed nothing.
     let cell = Cell::new(4, 0, 0);
     let mut world = World::known("????.????", cell);
     world.observation.scan_tick = Some(world.observation.tick);
     let mut blind = Dsvp { goal: Some(Goal::Viewpoint { cell, gain: 9 }), ..planner(&["gain_min=1"]) };
     world.ask(&mut blind);
-    assert!(blind.barren.contains(&cell));
+    assert!(blind.unproductive.contains(&cell));
 }
 
 #[test]

@@ -1,46 +1,49 @@
-//! The local tree of DSVP: a rapidly-exploring random tree inside the planning horizon, whose nodes are viewpoints.
+//! The local tree of DSVP: a rapidly-exploring random tree (RRT) inside the planning horizon, whose
+//! nodes are viewpoints.
 //!
-//! Source: H. Zhu, C. Cao, Y. Xia, S. Scherer, J. Zhang, W. Wang, "DSVP: Dual-Stage Viewpoint Planner for Rapid Exploration by
-//! Dynamic Expansion", IROS 2021: dynamic expansion (III-B: what is left of the last tree is pruned and re-rooted, and grown on)
-//! and the gain of a branch (its equations for the gain of a node and of a branch), here in three dimensions.
+//! Source: H. Zhu, C. Cao, Y. Xia, S. Scherer, J. Zhang, W. Wang, "DSVP: Dual-Stage Viewpoint
+//! Planner for Rapid Exploration by Dynamic Expansion", IROS 2021: dynamic expansion (III-B: the
+//! last tree is pruned, re-rooted and grown on) and the gains of nodes and branches, here in three
+//! dimensions.
 //!
-//! Invariants: every node is the centre of a cell within the horizon (a cube about the root); every edge is a straight leg on
-//! which the body touches only cells that are known to be free; no cell is two nodes.
+//! Invariants: every node is the centre of a cell within the horizon (a cube about the root); every
+//! edge is a straight leg on which the body touches only cells known to be free; no two nodes share
+//! a cell.
 
 use nalgebra::{Point3, Vector3};
 use rand::{Rng, RngExt};
 use voxels::{Cell, Extent};
 
-use super::gain::Viewer;
-use super::others::Others;
+use super::gain::GainEstimator;
+use super::obstacles::Obstacles;
 use crate::exploration_map::ExplorationMap;
 use crate::path::direct;
 
-/// How a tree grows.
+/// Parameters of growth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::controllers) struct Growth {
-    /// Half the side of the cube that the tree stays in, cells.
+    /// Half the side of the cube that contains the tree, cells.
     pub(in crate::controllers) horizon: i32,
-    /// Length of an edge at the most, cells.
+    /// Greatest length of an edge, cells.
     pub(in crate::controllers) extension: f64,
-    /// Samples that are drawn.
+    /// Number of samples.
     pub(in crate::controllers) samples: u32,
-    /// Share of the samples that are drawn near the local frontiers of choice.
+    /// Share of the samples near the chosen local frontiers.
     pub(in crate::controllers) bias: f64,
-    /// How far from them, cells along each axis.
+    /// Greatest distance of such samples from their frontier along each axis, cells.
     pub(in crate::controllers) jitter: i32,
     /// Radius of the body, metres.
     pub(in crate::controllers) radius_m: f64,
 }
 
-/// How branches are valued.
+/// Parameters of the branch gain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::controllers) struct Valuation {
-    /// Per metre of way to a node.
+    /// Discount per metre of path to a node.
     pub(in crate::controllers) lambda_distance: f64,
-    /// Per metre of difference between a branch and the last direction.
+    /// Discount per metre of DTW distance between a branch and the last direction.
     pub(in crate::controllers) lambda_direction: f64,
-    /// A viewpoint that would see fewer unexplored cells counts as one that sees none.
+    /// Viewpoints with a gain below this count as having none.
     pub(in crate::controllers) gain_min: u32,
 }
 
@@ -48,34 +51,34 @@ pub(in crate::controllers) struct Valuation {
 struct Node {
     cell: Cell,
     parent: usize,
-    /// Length of the way from the root, cells.
+    /// Path length from the root, cells.
     length: f64,
 }
 
-/// A branch that is worth it.
+/// A branch with a gain.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::controllers) struct Branch {
-    /// From the root to its end.
+    /// From the root to the end of the branch.
     pub(in crate::controllers) cells: Vec<Cell>,
-    /// Unexplored cells that its end would see.
+    /// The gain of the end of the branch.
     pub(in crate::controllers) gain: u32,
 }
 
-/// The tree. Node 0 is its root and its own parent; every other node comes after its parent.
+/// The tree. Node 0 is its root and its own parent; every other node follows its parent.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::controllers) struct Tree {
     nodes: Vec<Node>,
 }
 
 impl Tree {
-    /// A root alone.
+    /// The tree that is only a root.
     pub(in crate::controllers) fn new(root: Cell) -> Self {
         Self { nodes: vec![Node { cell: root, parent: 0, length: 0.0 }] }
     }
 
-    /// What is left of the tree around a new root: the part that hangs together within the horizon, if some node within an edge
-    /// can be reached straight; else the root alone.
-    pub(in crate::controllers) fn moved_to(&self, root: Cell, map: &ExplorationMap, growth: &Growth) -> Self {
+    /// The tree re-rooted at a new cell: the component within the horizon that is connected to it,
+    /// if a node within two edge lengths can be reached on a straight leg; else the root alone.
+    pub(in crate::controllers) fn rerooted_at(&self, root: Cell, map: &ExplorationMap, growth: &Growth) -> Self {
         let centre = map.extent().centre(root);
         let mut near: Vec<(f64, usize)> = (0..self.nodes.len())
             .map(|node| (length_between(self.nodes[node].cell, root), node))
@@ -92,7 +95,7 @@ impl Tree {
             beside[*parent].push(node);
             beside[node].push(*parent);
         }
-        // Nodes with the number that their parent has in the new tree.
+        // Nodes with the new number of their parent.
         let mut next = std::collections::VecDeque::new();
         let mut is_taken = vec![false; self.nodes.len()];
         is_taken[link] = true;
@@ -123,13 +126,14 @@ impl Tree {
         self.nodes.len() - 1
     }
 
-    /// Grows by samples, some of them near `frontiers`, clear of other bodies.
+    /// Grows the tree by random samples, some of them near `frontiers`, with clearance to other
+    /// bodies.
     pub(in crate::controllers) fn grow(
         &mut self,
         map: &ExplorationMap,
         growth: &Growth,
         frontiers: &[Cell],
-        others: &Others,
+        obstacles: &Obstacles,
         rng: &mut impl Rng,
     ) {
         let root = self.root();
@@ -146,7 +150,7 @@ impl Tree {
             let from = self.nodes[nearest].cell;
             let cell = towards(from, sample, growth.extension, &extent);
             let is_new = cell != from && is_within(cell, root, growth.horizon) && !self.holds(cell);
-            let is_open = || !others.block(&extent.centre(from), &extent.centre(cell));
+            let is_open = || !obstacles.block(&extent.centre(from), &extent.centre(cell));
             if is_new && is_open() && direct(map, &extent.centre(from), cell, growth.radius_m) {
                 self.add(cell, nearest);
             }
@@ -162,32 +166,35 @@ impl Tree {
         self.nodes.iter().any(|node| node.cell == cell)
     }
 
-    /// The branch that is worth most, if one is worth anything; of several equal ones the oldest. `worth` is by what the gain of a
-    /// viewpoint, so many metres of way away, is multiplied.
+    /// The branch with the highest gain, if one has a gain; of equal ones the oldest.
+    /// `utility_factor` multiplies the gain of a viewpoint, given its path length in metres.
     pub(in crate::controllers) fn best(
         &self,
         map: &ExplorationMap,
-        viewer: &mut Viewer,
+        gain_estimator: &mut GainEstimator,
         valuation: &Valuation,
         direction: Option<Vector3<f64>>,
-        worth: &dyn Fn(Cell, f64) -> f64,
+        utility_factor: &dyn Fn(Cell, f64) -> f64,
     ) -> Option<Branch> {
         let cell_m = map.extent().cell_m();
         let mut gains = vec![0; self.nodes.len()];
         let mut sums = vec![0.0; self.nodes.len()];
         let mut best: Option<(f64, usize)> = None;
         for (number, node) in self.nodes.iter().enumerate().skip(1) {
-            let gain = viewer.gain(map, node.cell);
+            let gain = gain_estimator.gain(map, node.cell);
             gains[number] = gain;
-            let counts =
-                if gain < valuation.gain_min { 0.0 } else { f64::from(gain) * worth(node.cell, node.length * cell_m) };
+            let counts = if gain < valuation.gain_min {
+                0.0
+            } else {
+                f64::from(gain) * utility_factor(node.cell, node.length * cell_m)
+            };
             sums[number] = sums[node.parent] + counts * libm::exp(-valuation.lambda_distance * node.length * cell_m);
             if counts == 0.0 {
                 continue;
             }
             let value = match direction {
                 Some(direction) if valuation.lambda_direction > 0.0 => {
-                    let apart_m = super::dtw::difference(&self.points(number), direction) * cell_m;
+                    let apart_m = super::dtw::difference(&self.path_points(number), direction) * cell_m;
                     sums[number] * libm::exp(-valuation.lambda_direction * apart_m)
                 }
                 _ => sums[number],
@@ -197,11 +204,11 @@ impl Tree {
             }
         }
         let (_, end) = best?;
-        Some(Branch { cells: self.way_to(end), gain: gains[end] })
+        Some(Branch { cells: self.path_to(end), gain: gains[end] })
     }
 
     /// The cells from the root to a node.
-    fn way_to(&self, end: usize) -> Vec<Cell> {
+    fn path_to(&self, end: usize) -> Vec<Cell> {
         let mut cells = vec![self.nodes[end].cell];
         let mut node = end;
         while node != 0 {
@@ -212,10 +219,10 @@ impl Tree {
         cells
     }
 
-    /// The way to a node relative to the root, in cells, without the root.
-    fn points(&self, end: usize) -> Vec<Vector3<f64>> {
+    /// The path to a node relative to the root, in cells, without the root.
+    fn path_points(&self, end: usize) -> Vec<Vector3<f64>> {
         let root = self.root();
-        self.way_to(end).into_iter().skip(1).map(|cell| vector(cell - root)).collect()
+        self.path_to(end).into_iter().skip(1).map(|cell| vector(cell - root)).collect()
     }
 }
 
@@ -235,7 +242,7 @@ fn is_within(cell: Cell, about: Cell, horizon: i32) -> bool {
     [cell.x - about.x, cell.y - about.y, cell.z - about.z].into_iter().all(|by| by.abs() <= horizon)
 }
 
-/// The cell at most so far from one cell on the way to another.
+/// The cell at most `length` cells from one cell towards another.
 fn towards(from: Cell, to: Cell, length: f64, extent: &Extent) -> Cell {
     let whole = length_between(from, to);
     if whole <= length {

@@ -9,33 +9,33 @@ fn planner() -> DsvpMaes3d {
     DsvpMaes3d::new(rng())
 }
 
-/// Lets the tick go by in which the end of a task is not noticed yet, and asks.
+/// Passes the tick in which the end of a task is not noticed yet, and requests a decision.
 fn act(world: &mut World, planner: &mut DsvpMaes3d) -> Command {
     let late = world.ask(planner);
     assert_eq!(late.motion, Motion::Keep);
-    assert_eq!(late.wake, Wake::at(world.observation.tick.next()));
+    assert_eq!(late.trigger, Trigger::at(world.observation.tick.next()));
     world.wait(1);
     world.ask(planner)
 }
 
 fn destination(world: &World, command: &Command) -> Cell {
-    let Motion::Path(way_points) = &command.motion else { panic!("{command:?}") };
-    world.map.extent().cell_of(way_points.last().unwrap())
+    let Motion::Path(waypoints) = &command.motion else { panic!("{command:?}") };
+    world.map.extent().cell_of(waypoints.last().unwrap())
 }
 
-/// A wide room whose right side is unknown.
+/// A wide room with an unknown right side.
 fn room() -> String {
     [".........?"; 9].join("\n") + "\n"
 }
 
-/// In the room, with all of it that is known in view.
+/// In the room, with all known cells in view.
 fn in_room() -> World {
     let mut world = World::known(&room(), flat(4, 4));
     world.show(&(0..81).map(|number| flat(number % 9, number / 9)).collect::<Vec<_>>());
     world
 }
 
-/// A bent corridor with unknown ends: from the corner both are in sight, from an end only that one.
+/// A bent corridor with unknown ends: both are visible from the corner, only one from an end.
 const BENT: &str = "\
     ?.....\n\
     #####.\n\
@@ -46,13 +46,13 @@ const BENT: &str = "\
 fn waits_for_a_scan_and_a_tick_and_always_asks_for_the_view() {
     let mut world = World::known(&room(), flat(4, 4));
     let mut planner = planner();
-    assert_eq!(world.ask(&mut planner), Command::keep(Wake::NEXT_TICK).asking_for_view());
+    assert_eq!(world.ask(&mut planner), Command::keep(Trigger::NEXT_TICK).with_view_request());
     world.observation = Observation { tick: Tick(1), ..in_room().observation };
-    // One tick after the start the status becomes idle, scan or no scan.
+    // One tick after the start the status becomes idle, with or without a scan.
     let go = world.ask(&mut planner);
     assert!(matches!(go.motion, Motion::Path(_)) && go.want_view, "{go:?}");
-    assert_eq!(go.wake, UNDER_WAY);
-    assert_eq!(world.ask(&mut planner), Command::keep(UNDER_WAY).asking_for_view());
+    assert_eq!(go.trigger, UNDER_WAY);
+    assert_eq!(world.ask(&mut planner), Command::keep(UNDER_WAY).with_view_request());
     // The end of a task is noticed a tick late; a collision at once.
     world.arrive(&go.motion);
     let go = act(&mut world, &mut planner);
@@ -67,10 +67,10 @@ fn frontiers_along_y_are_chosen_for_ever() {
     let view = Cells { free: (0..25).collect(), wall: Vec::new() };
     let here = Point3::new(2.5, 2.5, 0.5);
     let (chosen, others) = local_frontiers(&view, &map, here);
-    // Straight ahead first; of two that are equally near the one with the lower index.
+    // Straight ahead first; of two at equal distances the one with the lower index.
     assert_eq!(chosen, [flat(2, 3), flat(1, 3), flat(3, 3), flat(0, 3), flat(4, 3)]);
     assert_eq!(others, (0..5).map(|x| flat(x, 1)).collect::<Vec<_>>());
-    // Going the other way changes nothing.
+    // Moving the other way changes nothing.
     let (chosen, _) = local_frontiers(&view, &map, Point3::new(2.5, 0.5, 0.5));
     assert!(chosen.contains(&flat(2, 3)));
 }
@@ -140,7 +140,7 @@ fn samples_are_biased_near_and_within_the_horizon() {
 
 #[test]
 fn only_the_end_of_an_edge_counts_and_covered_ends_are_refused() {
-    // A wall between two rooms that a step of a cell can only cross from side to side at its corner.
+    // A wall between two rooms that a step of one cell can only cross at its corner.
     let mut map = drawn("..\n..\n");
     assert!(is_open(&map, Point3::new(1.2, 1.2, 0.5)));
     map.note_covered(flat(1, 1));
@@ -204,7 +204,7 @@ fn a_neighbour_towards_y_is_no_gain() {
 
 #[test]
 fn relocation_takes_the_last_of_the_list() {
-    // Both ends are round a corner; the list ends with the far one.
+    // Both ends are behind a corner; the far one is last on the list.
     let corridor = "....?\n.####\n.####\n...?#\n".replace("...?#", "..?##");
     let mut world = World::known(&corridor, flat(0, 2));
     world.show(&[flat(0, 2)]);
@@ -228,16 +228,18 @@ fn relocation_burns_what_can_be_reached_straight() {
     let mut world = World::known(BENT, flat(5, 3));
     world.show(&[flat(5, 3)]);
     let mut planner = planner();
-    // Both ends are in straight reach of the corner: the last one left is gone to, and that is the end.
+    // Both ends can be reached straight from the corner: the last one left is the destination, and
+    // the list is empty.
     for cell in [flat(1, 3), flat(5, 1)] {
         planner.frontiers.push(cell, &world.map);
     }
     let go = act(&mut world, &mut planner);
     assert_eq!(destination(&world, &go), flat(1, 3));
     assert!(planner.is_done && planner.frontiers.list.is_empty());
-    assert_eq!(go.wake, NEVER);
+    assert_eq!(go.trigger, NEVER);
 
-    // From the other end the last is reached straight and thrown away; the one round the corner stops the loop.
+    // From the other end, the last one can be reached straight and is discarded; the one behind the
+    // corner ends the loop.
     let mut world = World::known(BENT, flat(3, 3));
     world.show(&[flat(3, 3)]);
     let mut planner = self::planner();
@@ -269,7 +271,7 @@ fn who_is_done_stays_so() {
     world.show(&[flat(0, 0), flat(1, 0), flat(2, 0)]);
     let mut planner = planner();
     let end = act(&mut world, &mut planner);
-    assert_eq!((end.motion, end.info.as_str(), end.wake), (Motion::Keep, "no frontiers left", NEVER));
+    assert_eq!((end.motion, end.info.as_str(), end.trigger), (Motion::Keep, "no frontiers left", NEVER));
     let mut world = in_room();
     world.observation.events = Events::PARCEL;
     assert_eq!(world.ask(&mut planner), Command::keep(NEVER));
@@ -339,21 +341,21 @@ fn the_global_tree_grows_with_every_stage() {
 
 #[test]
 fn without_a_destination_it_tries_again_and_lists_frontiers_once() {
-    // Nothing around is free, so no sample can be added; seven frontiers are in view.
+    // No cell around is free, so no sample can be added; seven frontiers are in view.
     let mut world = World::known("?????????\n#.......#\n####?####\n####.####\n", flat(4, 0));
     world.show(&(1..8).map(|x| flat(x, 2)).collect::<Vec<_>>());
     let mut planner = planner();
     let first = act(&mut world, &mut planner);
     assert_eq!((&first.motion, first.info.as_str()), (&Motion::Keep, "exploration: no destination"));
-    // Nothing can come of it before there are news.
-    let wait = Wake { at: world.observation.tick.after(10), events: Events::PARCEL };
-    assert_eq!(first.wake, wait);
+    // Retrying is useless until the map changes.
+    let wait = Trigger { at: world.observation.tick.after(10), events: Events::PARCEL };
+    assert_eq!(first.trigger, wait);
     let listed = planner.frontiers.list.len();
     assert_eq!(listed, 7 + 2);
     world.wait(10);
     world.ask(&mut planner);
     assert_eq!(planner.frontiers.list.len(), listed);
-    // A cell beside it, which the next stage finds.
+    // A neighbouring cell, which the next stage finds.
     world.map.note_free(&[9 + 4]);
     let go = world.ask(&mut planner);
     assert!(matches!(go.motion, Motion::Path(_)), "{go:?}");

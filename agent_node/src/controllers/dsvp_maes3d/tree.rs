@@ -1,4 +1,4 @@
-//! Trees of places, and finding the nearest of many places.
+//! Trees of points, and nearest-neighbour search among many points.
 //!
 //! Lengths are in cells: the edge of a cell is 1.
 
@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Point3;
 
-/// In place of the number of a node: none.
+/// Marks the absence of a node.
 const NONE: u32 = u32::MAX;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,8 +15,8 @@ struct Node {
     parent: u32,
 }
 
-/// A tree, as the list of its nodes in the order in which they were added. The list can also hold nodes that were cut off from the
-/// root.
+/// A tree, as the list of its nodes in insertion order. The list can also hold nodes that were cut
+/// off from the root.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tree {
     nodes: Vec<Node>,
@@ -41,13 +41,13 @@ impl Tree {
         self.nodes[node as usize].at
     }
 
-    /// Hangs a new node on another.
+    /// Adds a node below a parent.
     pub(super) fn add(&mut self, at: Point3<f64>, parent: u32) -> u32 {
         self.nodes.push(Node { at, parent });
         self.nodes.len() as u32 - 1
     }
 
-    /// Makes a node that hangs on the root the root.
+    /// Makes a node connected to the root the new root.
     pub(super) fn reroot(&mut self, root: u32) {
         let (mut above, mut node) = (NONE, root);
         while node != NONE {
@@ -57,8 +57,9 @@ impl Tree {
         self.root = root;
     }
 
-    /// Takes nodes outside a cube around the root off the list, in the reference's way: it goes through the list from the front,
-    /// and after each node that it takes off it skips the next. What hangs on such a node stays on the list, cut off from the root.
+    /// Removes nodes outside a cube around the root from the list, in the reference's way:
+    /// iterating from the front, it skips the node after each removed one. The descendants of a
+    /// removed node stay on the list, cut off from the root.
     pub(super) fn prune(&mut self, half_side: f64) {
         let centre = self.at(self.root);
         let mut is_taken_off = false;
@@ -78,10 +79,11 @@ impl Tree {
         self.root = renumbered[self.root as usize];
     }
 
-    /// The nodes that hang on the root, and the root: each after those that hang on it, and these in the order of the list.
+    /// The nodes connected to the root in post-order: each after its children, children in list
+    /// order.
     pub(super) fn post_order(&self) -> Vec<u32> {
         let parents = || self.nodes.iter().map(|node| node.parent as usize);
-        // Where the children of each node begin in a list of all children.
+        // Start of each node's children in a list of all children.
         let mut begin = vec![0; self.nodes.len() + 1];
         for parent in parents().filter(|&parent| parent < self.nodes.len()) {
             begin[parent + 1] += 1;
@@ -105,8 +107,9 @@ impl Tree {
         order
     }
 
-    /// The node at the end of the best branch, the root excepted; of equally good ones the first in post-order. The gain of a branch
-    /// is the sum of the gains of its nodes from the root on, each discounted by its depth, and that of its end a second time.
+    /// The end of the branch with the highest gain, except the root; of equal ones the first in
+    /// post-order. The gain of a branch is the sum of the gains of its nodes from the root on, each
+    /// discounted by its depth, plus that of its end a second time.
     pub(super) fn best_branch(&self, gain: impl Fn(Point3<f64>) -> f64) -> Option<u32> {
         let order = self.post_order();
         // Depth, own discounted gain, and sum from the root on.
@@ -129,20 +132,20 @@ impl Tree {
     }
 }
 
-/// By how much the gain of a node falls with each edge between it and the root; the reference's value.
+/// Discount of a gain per edge from the root; the reference's value.
 const DISCOUNT: f64 = 0.01;
 
 /// Edge of a bucket, cells.
 const BUCKET: f64 = 4.0;
 
-/// Numbered places in buckets, to find the nearest without looking at all: the same that looking at all would find.
+/// A bucket index of numbered points, for the same nearest neighbours that a linear search finds.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Index {
     buckets: BTreeMap<[i32; 3], Vec<(Point3<f64>, u32)>>,
 }
 
 impl Index {
-    /// All nodes that hang on the root of a tree.
+    /// All nodes connected to the root of a tree.
     pub(super) fn of(tree: &Tree) -> Self {
         let mut index = Self::default();
         for node in tree.post_order() {
@@ -155,7 +158,8 @@ impl Index {
         self.buckets.entry(bucket_of(at)).or_default().push((at, number));
     }
 
-    /// The number of the nearest place; of equally near ones the lowest. `None` if there are no places.
+    /// The number of the nearest point; of equally near ones the lowest. `None` if there are no
+    /// points.
     pub(super) fn nearest(&self, to: Point3<f64>) -> Option<u32> {
         let mut best = (f64::INFINITY, NONE);
         let look = |bucket: &Vec<(Point3<f64>, u32)>, best: &mut (f64, u32)| {
@@ -184,7 +188,7 @@ fn bucket_of(at: Point3<f64>) -> [i32; 3] {
     [at.x, at.y, at.z].map(|along| (along / BUCKET).floor() as i32)
 }
 
-/// The squared distance from a place to a bucket.
+/// The squared distance from a point to a bucket.
 fn gap_squared(key: [i32; 3], to: Point3<f64>) -> f64 {
     let along = |axis: usize| {
         let low = f64::from(key[axis]) * BUCKET;
@@ -219,7 +223,7 @@ mod tests {
 
     #[test]
     fn pruning_skips_the_next_and_cuts_off_what_hangs_below() {
-        // A chain that leaves the cube, and comes back into it with its last node.
+        // A chain that leaves the cube and re-enters it with its last node.
         let mut tree = Tree::new(at(0.0));
         let inside = tree.add(at(14.0), 0);
         let outside = tree.add(at(16.0), inside);
@@ -228,7 +232,7 @@ mod tests {
         tree.add(at(15.0), below);
         assert_eq!(skipped, 3);
         tree.prune(15.0);
-        // 16 and 18 have gone; 17 was skipped; 15 stays on the list, but hangs on nothing.
+        // 16 and 18 are removed; 17 was skipped; 15 stays on the list, disconnected.
         let listed: Vec<f64> = tree.nodes.iter().map(|node| node.at.x).collect();
         assert_eq!(listed, [0.0, 14.0, 17.0, 15.0]);
         let found: Vec<f64> = tree.post_order().into_iter().map(|node| tree.at(node).x).collect();
@@ -264,7 +268,7 @@ mod tests {
             places in proptest::collection::vec([-9i32..9, -9..9, -9..9], 0..60),
             to in [-200i32..200, -20..20, -20..20],
         ) {
-            // A coarse raster, so that places are equally near.
+            // A coarse raster, so that distances tie.
             let place = |[x, y, z]: [i32; 3]| Point3::new(f64::from(x), f64::from(y), f64::from(z)) * 1.5;
             let mut index = Index::default();
             for (number, &at) in (0..).zip(&places) {

@@ -1,4 +1,5 @@
-//! Exploration mode: the nearest unvisited cell that was seen and is in the own region, by a compass of 26 directions.
+//! Exploration mode: the nearest unvisited cell in the last scan and in the own region, by a
+//! compass of 26 directions.
 
 use nalgebra::{Point3, Vector3};
 use voxels::{Cell, Extent};
@@ -9,11 +10,13 @@ use super::region::Region;
 use crate::controllers::Ctx;
 use crate::exploration_map::CellState;
 
-/// The nearest cell in each of the 26 directions of [`Cell::neighbours26`], with the square of its distance in cells.
+/// The nearest cell in each of the 26 directions of [`Cell::neighbours26`], with its squared
+/// distance in cells.
 pub(crate) type Compass = [Option<(i32, Cell)>; 26];
 
-/// Fills a compass with the unvisited cells of the last scan that are in the region and that `is_refused` does not refuse. Of
-/// cells at the same distance in the same direction the one with the lowest index counts.
+/// Fills a compass with the unvisited cells of the last scan in the region, except those that
+/// `is_refused`. Of cells at the same distance in the same direction the one with the lowest index
+/// wins.
 pub(crate) fn compass(ctx: &Ctx<'_>, scan: &LastScan, region: &Region, is_refused: impl Fn(Cell) -> bool) -> Compass {
     let map = ctx.map();
     let extent = map.extent();
@@ -36,8 +39,8 @@ pub(crate) fn compass(ctx: &Ctx<'_>, scan: &LastScan, region: &Region, is_refuse
     compass
 }
 
-/// The number of the direction that an offset points to most nearly; `None` if it points nowhere. A coordinate counts if it is
-/// at least half of the largest one.
+/// The number of the direction nearest to an offset; `None` for no offset. A coordinate counts if
+/// it is at least half of the largest one.
 fn direction_of(offset: Cell) -> Option<usize> {
     let along = [offset.x, offset.y, offset.z];
     let most = along.iter().map(|cells| cells.abs()).max().unwrap_or_default();
@@ -46,24 +49,24 @@ fn direction_of(offset: Cell) -> Option<usize> {
     (code != 13).then_some(code - usize::from(code > 13))
 }
 
-/// How far to go on, in the direction of a cell and beyond it.
+/// A straight leg through a cell and beyond.
 pub(crate) struct Leg {
     /// The last cell of the leg.
     pub(crate) goal: Cell,
-    /// How long it is, metres.
+    /// Length, metres.
     pub(crate) length_m: f64,
 }
 
-/// The leg from the agent straight through `cell` and on as far as cells of the region are known to be free and unvisited
-/// (visited ones for at most `gap_m` in between) and the way is known to be clear for the body; at most `max_m` long, or to
-/// `cell`.
+/// The leg from the agent straight through `cell`, and on as far as cells of the region are known
+/// to be free and unvisited (with gaps of at most `gap_m` of visited ones) and the leg is known to
+/// be clear for the body; at most `max_m` long, or to `cell`.
 pub(crate) fn leg_through(ctx: &Ctx<'_>, region: &Region, cell: Cell, max_m: f64, gap_m: f64) -> Leg {
     let map = ctx.map();
     let extent = map.extent();
     let from = ctx.position();
-    let way = extent.centre(cell) - from;
-    let to_cell_m = way.norm();
-    let direction = way.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+    let offset = extent.centre(cell) - from;
+    let to_cell_m = offset.norm();
+    let direction = offset.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
     let mut ends = vec![cell];
     let mut unvisited_m = to_cell_m;
     let mut along_m = to_cell_m + extent.cell_m();
@@ -83,7 +86,7 @@ pub(crate) fn leg_through(ctx: &Ctx<'_>, region: &Region, cell: Cell, max_m: f64
     Leg { goal, length_m: distance_m(extent, &from, goal) }
 }
 
-/// From a point to the centre of a cell, metres.
+/// Distance from a point to the centre of a cell, metres.
 fn distance_m(extent: Extent, from: &Point3<f64>, to: Cell) -> f64 {
     (extent.centre(to) - from).norm()
 }

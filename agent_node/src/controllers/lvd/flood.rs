@@ -1,9 +1,9 @@
-//! Looking for the nearest cell with some property through the free cells of a map, breadth first.
+//! Breadth-first search for the nearest cell with a property through the free cells of a map.
 //!
-//! Cells at equal distances come in the order of [`voxels::FACES`] from their predecessors, so the answer depends on the map
-//! and the question alone.
+//! Cells at equal distances come in the order of [`voxels::FACES`] from their predecessors, so the
+//! result depends on the map and the query alone.
 //!
-//! A flood that is too large for one decision goes on in the next tick, on the map as it is then.
+//! A flood too large for one decision continues in the next tick, on the map of that tick.
 
 use std::collections::VecDeque;
 use std::task::Poll;
@@ -13,43 +13,45 @@ use voxels::{Cell, FACES};
 
 use crate::exploration_map::{CellState, ExplorationMap};
 
-/// What a flood makes of a cell.
+/// The verdict on a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// It is what is looked for.
+    /// Ends the search.
     Best,
-    /// It will do if there is nothing better.
+    /// Second choice, if no cell is best.
     Good,
-    /// It will do if there is nothing good.
+    /// Third choice, if no cell is good.
     Fair,
-    /// It is not.
+    /// Does not qualify.
     No,
 }
 
-/// What floods write on: one word per cell of the map, provided by the system page by page where floods get to.
+/// Flood fills, with their memory: one word per cell of the map, which the system provides page by
+/// page where floods reach.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Flood {
-    /// Of cells that were reached, the epoch, and in the lowest bits the number of the face that it was entered over.
+    /// For reached cells the epoch, and in the lowest bits the number of the face it was entered
+    /// through.
     marks: Vec<u32>,
     epoch: u32,
     queue: VecDeque<Cell>,
     good: Option<Cell>,
     fair: Option<Cell>,
-    /// Where the present flood began, and in which tick it was carried on last.
+    /// Start of the present flood, and the tick of its last continuation.
     began: Option<(Cell, Tick)>,
 }
 
 const FACE_BITS: u32 = 3;
 
-/// The face number of the cell that a flood begins in.
+/// The face number of the start.
 const START: u32 = FACES.len() as u32;
 
 impl Flood {
-    /// The first cell that is best, else the first one that is good or fair, of the cells around `start`, in steps over faces. The
-    /// start itself need not be free.
+    /// The first cell that is best, else the first good or fair one, around `start` in steps
+    /// through faces. The start itself need not be free.
     ///
-    /// It looks at no more than `cells_max` cells. If there are more, it is pending, and goes on if it is asked for the same start
-    /// in the next tick.
+    /// It examines at most `cells_max` cells. If there are more, the result is pending, and a call
+    /// with the same start in the next tick continues.
     pub(crate) fn nearest(
         &mut self,
         map: &ExplorationMap,
@@ -58,8 +60,8 @@ impl Flood {
         now: Tick,
         judge: impl FnMut(Cell) -> Verdict,
     ) -> Poll<Option<Cell>> {
-        let goes_on = self.began.is_some_and(|(cell, tick)| cell == start && tick.next() == now);
-        if !(goes_on && self.marks.len() == map.extent().volume()) {
+        let is_continued = self.began.is_some_and(|(cell, tick)| cell == start && tick.next() == now);
+        if !(is_continued && self.marks.len() == map.extent().volume()) {
             self.begin(map, start);
         }
         let answer = self.spread(map, cells_max, judge);
@@ -109,10 +111,10 @@ impl Flood {
         if self.queue.is_empty() { Poll::Ready(self.good.or(self.fair)) } else { Poll::Pending }
     }
 
-    /// Where the way of the last flood to a cell that it has reached has got to after `steps` steps; the cell itself if that is
-    /// nearer.
+    /// The cell `steps` steps along the path of the last flood to a reached cell; that cell itself
+    /// if it is nearer.
     pub(crate) fn towards(&self, map: &ExplorationMap, goal: Cell, steps: usize) -> Cell {
-        let mut way = VecDeque::from([goal]);
+        let mut path = VecDeque::from([goal]);
         let mut cell = goal;
         while let Some(index) = map.extent().index(cell)
             && let Some(&mark) = self.marks.get(index)
@@ -120,15 +122,15 @@ impl Flood {
             && let Some(&entered_by) = FACES.get((mark & ((1 << FACE_BITS) - 1)) as usize)
         {
             cell = cell - entered_by;
-            way.push_front(cell);
-            way.truncate(steps + 1);
+            path.push_front(cell);
+            path.truncate(steps + 1);
         }
-        way.back().copied().unwrap_or(goal)
+        path.back().copied().unwrap_or(goal)
     }
 
-    /// Whether there is no way over faces from `from` to `to` through free cells, because the free cells around `from` end before
-    /// `cells_max` of them are counted. What was seen through a gap in what is known is often such a pocket, and a search that
-    /// begins outside of it would go through everything else first.
+    /// Whether there is no path through faces from `from` to `to`, because the free cells around
+    /// `from` end before `cells_max` of them are counted. Cells seen through a gap in the map are
+    /// often such a pocket, and a search from outside would expand everything else first.
     pub(crate) fn is_cut_off(&mut self, map: &ExplorationMap, from: Cell, to: Cell, cells_max: usize) -> bool {
         let judge = |cell| if cell == to { Verdict::Best } else { Verdict::No };
         self.begin(map, from);
@@ -192,8 +194,8 @@ mod tests {
         let [start, goal] = [0, 2].map(|x| Cell::new(x, 0, 0));
         assert_eq!(flood.nearest(&map, start, 100, Tick(1), at(goal)), Poll::Ready(Some(goal)));
         let after = [0, 1, 2, 3, 5, 6, 9].map(|steps| flood.towards(&map, goal, steps));
-        let way = [(0, 0), (0, 1), (0, 2), (1, 2), (2, 1), (2, 0), (2, 0)].map(|(x, y)| Cell::new(x, y, 0));
-        assert_eq!(after, way);
+        let path = [(0, 0), (0, 1), (0, 2), (1, 2), (2, 1), (2, 0), (2, 0)].map(|(x, y)| Cell::new(x, y, 0));
+        assert_eq!(after, path);
     }
 
     #[test]
@@ -203,7 +205,7 @@ mod tests {
         let (pocket, here, there) = (Cell::new(0, 0, 0), Cell::new(2, 0, 0), Cell::new(5, 0, 0));
         assert!(flood.is_cut_off(&map, pocket, here, 9) && flood.is_cut_off(&map, here, pocket, 9));
         assert!(!flood.is_cut_off(&map, there, here, 9));
-        // Nobody knows after so few.
+        // Undecided after so few cells.
         assert!(!flood.is_cut_off(&map, pocket, here, 1));
     }
 

@@ -1,4 +1,4 @@
-//! What the last scan has seen, to be asked cell by cell.
+//! The last scan, queried cell by cell.
 //!
 //! Invariant: only the cells of the scan that was loaded last are marked.
 
@@ -9,8 +9,8 @@ use crate::observation::Cells;
 const FREE: u8 = 1;
 const WALL: u8 = 2;
 
-/// The view of one scan. It takes a byte per cell of the map, where the system provides memory page by page only near what
-/// scans have seen.
+/// The view of one scan. It takes a byte per cell of the map, which the system provides page by
+/// page near scanned cells.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct LastScan {
     marks: Vec<u8>,
@@ -18,7 +18,7 @@ pub(crate) struct LastScan {
 }
 
 impl LastScan {
-    /// Forgets the scan before and takes in another one. Cells outside the map are left out.
+    /// Replaces the scan. Cells outside the map are ignored.
     pub(crate) fn load(&mut self, extent: Extent, view: &Cells) {
         if self.marks.len() != extent.volume() {
             self.marks = vec![0; extent.volume()];
@@ -35,22 +35,22 @@ impl LastScan {
         }
     }
 
-    /// Indices of the free cells that were seen, ascending.
+    /// Indices of the free cells seen, ascending.
     pub(crate) fn free(&self) -> &[u32] {
         &self.view.free
     }
 
-    /// Indices of the walls that were seen, ascending.
+    /// Indices of the walls seen, ascending.
     pub(crate) fn wall(&self) -> &[u32] {
         &self.view.wall
     }
 
-    /// Whether a cell was seen and is free.
+    /// Whether a cell was seen free.
     pub(crate) fn is_free(&self, extent: Extent, cell: Cell) -> bool {
         self.mark(extent, cell) == FREE
     }
 
-    /// Whether a cell was seen and is wall.
+    /// Whether a cell was seen as a wall.
     pub(crate) fn is_wall(&self, extent: Extent, cell: Cell) -> bool {
         self.mark(extent, cell) == WALL
     }

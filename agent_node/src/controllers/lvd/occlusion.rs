@@ -1,16 +1,17 @@
-//! Occlusion points: places beside the edge of a wall from which one can look behind it.
+//! Occlusion points: places beside the edge of a wall that give a view behind it.
 //!
-//! The rule is that of the reference as coded. From the agent's cell P to a wall W, s is the sign of P - W along each axis; a
-//! wall is at an edge if a neighbour of it, on a side that P could see, is no wall that was seen. Then the cell beside that
-//! neighbour, on another side that P could see, is a candidate.
+//! The rule is that of the reference as coded. From the agent's cell P to a wall W, s is the sign
+//! of P - W along each axis; a wall is at an edge if a neighbour of it, on a side visible from P,
+//! was not seen as a wall. Then the cell beside that neighbour, on another side visible from P, is
+//! a candidate.
 
 use voxels::Cell;
 
-/// Gives the candidates that one wall makes for somebody in the cell `own`; of `is_wall`: whether a cell was seen to be wall.
-/// The same candidate may come several times.
+/// Passes the candidates of one wall, seen from the cell `own`, to `found`; `is_wall` says whether
+/// a cell was seen as a wall. Candidates may repeat.
 ///
 /// # Errors
-/// What `is_wall` or `found` give: they end it.
+/// Any error of `is_wall` or `found`, which ends the enumeration.
 pub(crate) fn candidates<E>(
     own: Cell,
     wall: Cell,

@@ -1,9 +1,9 @@
-//! Places that search mode has led to, and when.
+//! The places that search mode has visited, and when.
 
 use msgs::ids::Tick;
 use voxels::Cell;
 
-/// A place and what is remembered of it.
+/// A place with its visits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Place {
     cell: Cell,
@@ -11,7 +11,7 @@ struct Place {
     last: Tick,
 }
 
-/// All places visited. Cells within the merging distance of a place are the same place.
+/// All visited places. Cells within the merging distance of a place are the same place.
 #[derive(Debug, Clone)]
 pub(crate) struct Places {
     merge_cells: f64,
@@ -19,7 +19,7 @@ pub(crate) struct Places {
 }
 
 impl Places {
-    /// None yet; cells whose centres are at most `merge_cells` cells apart are one place.
+    /// No places yet; cells whose centres are at most `merge_cells` cells apart are one place.
     pub(crate) fn new(merge_cells: f64) -> Self {
         Self { merge_cells, places: Vec::new() }
     }
@@ -29,12 +29,12 @@ impl Places {
         f64::from(squared(one - other)) <= self.merge_cells * self.merge_cells
     }
 
-    /// How often a place was visited, and when last.
+    /// The number of visits to a place, and the last one.
     pub(crate) fn visits(&self, cell: Cell) -> (u64, Option<Tick>) {
         self.find(cell).map_or((0, None), |at| (self.places[at].visits, Some(self.places[at].last)))
     }
 
-    /// Notes a visit.
+    /// Records a visit.
     pub(crate) fn visit(&mut self, cell: Cell, now: Tick) {
         match self.find(cell) {
             Some(at) => {
@@ -45,19 +45,19 @@ impl Places {
         }
     }
 
-    /// Of some cells the first one that was never visited, else the one that was not visited for the longest time.
+    /// The first cell never visited, else the one visited longest ago.
     pub(crate) fn longest_ago(&self, cells: &[Cell]) -> Option<Cell> {
         cells.iter().copied().min_by_key(|&cell| self.visits(cell).1)
     }
 
-    /// The nearest place that this is, of several the first one visited.
+    /// The nearest place within the merging distance, of several the first one visited.
     fn find(&self, cell: Cell) -> Option<usize> {
         let same = (0..self.places.len()).filter(|&at| self.is_same(self.places[at].cell, cell));
         same.min_by_key(|&at| squared(self.places[at].cell - cell))
     }
 }
 
-/// The square of the length of a cell offset, in cells. Axes have at most 1024 cells.
+/// The squared length of a cell offset, in cells. Axes have at most 1024 cells.
 pub(crate) fn squared(offset: Cell) -> i32 {
     let square = |along: i32| along.saturating_mul(along);
     square(offset.x).saturating_add(square(offset.y)).saturating_add(square(offset.z))
@@ -87,7 +87,7 @@ mod tests {
             places.visit(cell, Tick(tick));
         }
         assert_eq!(places.longest_ago(&[first, second, third, fourth]), Some(third));
-        // It was visited less often, but that is not what counts.
+        // Fewer visits do not matter.
         assert_eq!(places.longest_ago(&[first, second]), Some(second));
         places.visit(second, Tick(8));
         places.visit(second, Tick(9));

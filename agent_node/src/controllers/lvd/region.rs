@@ -1,7 +1,7 @@
-//! The region step: which cells are whose.
+//! The Voronoi region of an agent.
 //!
-//! A place belongs to the agent that is nearest to it in a straight line, of those in contact and oneself. Of several that are
-//! equally near it belongs to the one with the lowest id.
+//! A point belongs to the nearest agent in a straight line among those in contact and oneself; of
+//! several at equal distance, to the one with the lowest id.
 
 use msgs::ids::AgentId;
 use nalgebra::Point3;
@@ -9,7 +9,7 @@ use nalgebra::Point3;
 use crate::controllers::Ctx;
 use crate::observation::Observation;
 
-/// The Voronoi region of an agent among those it hears.
+/// The Voronoi region of an agent among those in contact.
 #[derive(Debug, Clone)]
 pub(crate) struct Region {
     agent: AgentId,
@@ -18,7 +18,7 @@ pub(crate) struct Region {
 }
 
 impl Region {
-    /// The region at the time of an observation.
+    /// The region at an observation.
     pub(crate) fn new(observation: &Observation, ctx: &Ctx<'_>) -> Self {
         let others = observation.contacts.iter().map(|contact| (contact.agent, contact.position)).collect();
         Self { agent: ctx.agent(), position: ctx.position(), others }
@@ -33,7 +33,7 @@ impl Region {
         })
     }
 
-    /// Whether nobody else is heard, so that the region is everything.
+    /// Whether no agent is in contact, so that the region is unbounded.
     pub(crate) fn is_everything(&self) -> bool {
         self.others.is_empty()
     }

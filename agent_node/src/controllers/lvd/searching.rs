@@ -1,4 +1,4 @@
-//! Search mode: where to go when no unvisited cell of the own region is in sight.
+//! Search mode: the destination when no unvisited cell of the own region is in sight.
 
 use std::convert::Infallible;
 use std::task::Poll;
@@ -13,25 +13,27 @@ use super::region::Region;
 use crate::controllers::Ctx;
 use crate::exploration_map::CellState;
 
-/// Most cells that a look around for the nearest unvisited one goes through in a tick: a millisecond or two.
+/// Most cells that the flood for the nearest unvisited cell examines in a tick: a millisecond or
+/// two.
 const FLOOD_CELLS_MAX: usize = 1 << 16;
 
-/// What search mode knows when it has to choose.
+/// The inputs of search mode.
 pub(crate) struct Search<'a, 'b> {
     pub(crate) ctx: &'a Ctx<'b>,
     pub(crate) scan: &'a LastScan,
     pub(crate) region: &'a Region,
     pub(crate) places: &'a Places,
-    /// Places visited more often are left alone.
+    /// Places visited this often are left out.
     pub(crate) visits_max: u64,
-    /// What is refused for other reasons.
+    /// Destinations refused for other reasons.
     pub(crate) is_refused: &'a dyn Fn(Cell) -> bool,
 }
 
 impl Search<'_, '_> {
-    /// The occlusion point to look from: one never visited, else the one not visited for the longest time; of several, the
-    /// nearest; of several of these, the one with the lowest index. Near ones are one, at the place that is nearest to the agent.
-    /// A point counts if it is in the region, and next to it there is a cell that is unexplored, or unvisited and out of sight.
+    /// The occlusion point to visit: one never visited, else the one visited longest ago; ties go
+    /// to the nearest, then to the lowest index. Points within the merging distance are one, at the
+    /// position nearest to the agent. A point counts if it is in the region and has a neighbour
+    /// that is unexplored, or unvisited and out of sight.
     pub(crate) fn occlusion_point(&self) -> Option<Cell> {
         let extent = self.ctx.map().extent();
         let own = self.ctx.cell();
@@ -74,8 +76,8 @@ impl Search<'_, '_> {
         })
     }
 
-    /// The nearest cell in sight and in the region that has a neighbour in another's region; of several, the one with the lowest
-    /// index. Places that are refused or were visited too often do not count.
+    /// The nearest cell in sight and in the region with a neighbour in another region; of several,
+    /// the one with the lowest index. Refused places and those visited too often do not count.
     pub(crate) fn boundary(&self) -> Option<Cell> {
         if self.region.is_everything() {
             return None;
@@ -98,8 +100,8 @@ impl Search<'_, '_> {
         nearest.map(|(_, cell)| cell)
     }
 
-    /// The unvisited cell with the shortest way through free cells, in the region if there is one there, else anywhere; then a
-    /// cell at the edge of what is known. If the map is large that takes some ticks.
+    /// The unvisited cell with the shortest path, in the region if there is one, else anywhere;
+    /// then a frontier. On large maps this takes several ticks.
     pub(crate) fn nearest_on_map(&self, flood: &mut Flood) -> Poll<Option<Cell>> {
         let map = self.ctx.map();
         let own = self.ctx.cell();
@@ -123,7 +125,7 @@ mod tests {
     use crate::controllers::testing::{World, flat};
     use crate::observation::Contact;
 
-    /// A corridor with two side corridors, of which one sees the mouths alone.
+    /// A corridor with two side corridors, of which only the mouths are visible.
     const MOUTHS: &str = "\
         ###########\n\
         #.........#\n\
@@ -141,7 +143,7 @@ mod tests {
         world
     }
 
-    /// What `ask` gets from a search in a world.
+    /// The result of `ask` for a search in a world.
     fn search<T>(world: &mut World, places: &Places, refused: &[Cell], ask: impl FnOnce(&Search<'_, '_>) -> T) -> T {
         let mut scan = LastScan::default();
         scan.load(world.map.extent(), &world.view());
@@ -180,7 +182,7 @@ mod tests {
         let mut world = at_the_left();
         let places = Places::new(0.0);
         assert_eq!(search(&mut world, &places, &[NEAR], |search| search.occlusion_point()), Some(FAR));
-        // Both mouths are nearer to the other.
+        // Both mouths are nearer to the other agent.
         world.observation.contacts =
             vec![Contact { agent: AgentId(0), position: world.map.extent().centre(flat(6, 3)) }];
         assert_eq!(search(&mut world, &places, &[], |search| search.occlusion_point()), None);

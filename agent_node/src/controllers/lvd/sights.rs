@@ -1,4 +1,4 @@
-//! What an agent sees by its own map: cells that it has visited by seeing them from near.
+//! Visits by sight: marks the cells seen from nearby as covered, on the agent's own map.
 
 use std::ops::ControlFlow;
 
@@ -8,10 +8,11 @@ use super::places::squared;
 use crate::controllers::Ctx;
 use crate::exploration_map::{CellState, ExplorationMap};
 
-/// Cells farther away than this count as not visited, whatever the radius in metres is: it bounds the effort.
+/// Cells farther away than this stay unvisited, whatever the radius in metres: it bounds the cost.
 const REACH_MAX_CELLS: f64 = 24.0;
 
-/// Marks, for an agent inside the map, the free cells within `radius_m` (from centre to centre) of the agent's cell that it sees over free cells as covered.
+/// Marks the free cells within `radius_m` (centre to centre) of the agent's cell and in line of
+/// sight over free cells as covered. The agent must be inside the map.
 pub(crate) fn mark_visited(ctx: &mut Ctx<'_>, radius_m: f64) {
     let own = ctx.cell();
     let extent = ctx.map().extent();
@@ -33,7 +34,7 @@ pub(crate) fn mark_visited(ctx: &mut Ctx<'_>, radius_m: f64) {
     }
 }
 
-/// Whether the line between the centres of two cells crosses cells known to be free only.
+/// Whether the line between the centres of two cells crosses only cells known to be free.
 pub(crate) fn is_in_sight(map: &ExplorationMap, one: Cell, other: Cell) -> bool {
     let extent = map.extent();
     let end = walk_segment(extent, &extent.centre(one), &extent.centre(other), |cell| {

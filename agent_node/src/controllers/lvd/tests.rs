@@ -43,7 +43,7 @@ fn lvd(settings: &[&str]) -> Lvd {
     Lvd::new(&mut Settings::parse(&texts).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
 }
 
-/// Whether it visits everything, and then waits.
+/// Asserts that it visits everything, and then waits.
 fn visits_all(drawing: &str, start: Cell, settings: &[&str]) -> World {
     let mut world = World::new(drawing, start);
     world.run(&mut lvd(settings), 3000);
@@ -77,7 +77,7 @@ fn a_dead_end_behind_a_corner_is_looked_into() {
 #[test]
 fn asks_only_when_there_is_something_to_decide() {
     let world = visits_all(CORRIDOR, Cell::new(1, 1, 0), &[]);
-    // A decision for each new cell, some to choose, and one every five seconds at the end.
+    // One decision for each new cell, some to choose, and one every five seconds at the end.
     assert!(world.decisions < 27 + 20 + 3000 / 250, "{}", world.decisions);
 }
 
@@ -131,7 +131,7 @@ fn leaves_search_mode_once_it_sees_something_unvisited() {
 fn two_in_each_others_way_do_not_stay_there() {
     let wide = "##############\n#............#\n#............#\n##############\n";
     let mut world = World::new(wide, Cell::new(1, 1, 0));
-    // Stands in the way and is silent about it as far as regions go: nothing is nearer to it.
+    // It blocks the corridor without claiming a region: no cell is nearer to it.
     world.observation.contacts = vec![Contact { agent: AgentId(2), position: Point3::new(6.5, 1.5, 0.5) }];
     let mut lvd = lvd(&["leg_max_m=0"]);
     world.run(&mut lvd, 20_000);

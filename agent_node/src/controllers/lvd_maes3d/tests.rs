@@ -22,7 +22,8 @@ const FIELD: &str = "\
 ###############
 ";
 
-/// A hall with a pillar, below and above rock, so that no wall at the edge of the map is looked at from inside.
+/// A room with a pillar, with rock below and above, so that no wall at the edge of the map is
+/// visible from inside.
 fn hall() -> String {
     let rock = "###############\n".repeat(15);
     let edge = "###############\n".repeat(2);
@@ -39,7 +40,7 @@ fn contact(x: i32, y: i32, z: i32) -> Contact {
     Contact { agent: AgentId(0), position: Extent::new([15, 15, 15], 1.0).unwrap().centre(Cell::new(x, y, z)) }
 }
 
-/// An agent in search mode whose last scan is that from where it stands.
+/// An agent in search mode with a scan from where it is.
 fn searching_in(world: &mut World) -> LvdMaes3d {
     world.look();
     let mut lvd = LvdMaes3d { is_in_search_mode: true, ..LvdMaes3d::new() };
@@ -62,7 +63,7 @@ fn acts_a_tick_late_at_the_start_and_after_each_task() {
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = LvdMaes3d::new();
     world.look();
-    assert_eq!(world.ask(&mut lvd).wake, Wake::at(Tick(1)));
+    assert_eq!(world.ask(&mut lvd).trigger, Trigger::at(Tick(1)));
     world.observation.tick = Tick(1);
     world.look();
     assert_eq!(world.ask(&mut lvd).motion, to(Cell::new(7, 11, 0)));
@@ -70,7 +71,7 @@ fn acts_a_tick_late_at_the_start_and_after_each_task() {
     world.look();
     world.observation.is_active = false;
     world.observation.tick = Tick(50);
-    assert_eq!(world.ask(&mut lvd).wake, Wake::at(Tick(51)));
+    assert_eq!(world.ask(&mut lvd).trigger, Trigger::at(Tick(51)));
     world.observation.tick = Tick(51);
     assert_ne!(world.ask(&mut lvd).motion, Motion::Keep);
 }
@@ -141,7 +142,7 @@ fn anything_unvisited_in_view_ends_search_mode_at_the_centre_of_the_own_cell() {
     observation.is_active = true;
     observation.events = Events::NEW_CELL;
     assert_eq!(world.ask_about(&mut lvd, &observation).motion, Motion::Keep);
-    // Another map, of which one cell is not visited; it is somebody else's.
+    // On another map, one cell is not visited; it belongs to another agent.
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = searching_in(&mut world);
     for cell in world.left(&[CellState::Covered]).into_iter().filter(|&cell| cell != Cell::new(13, 13, 0)) {
@@ -164,7 +165,7 @@ fn a_wall_at_the_edge_of_the_map_is_an_error() {
     let mut observation = world.observation.clone();
     observation.tick = Tick(5);
     lvd.notices_at = Some(Tick(5));
-    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Wake::NEXT_TICK));
+    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Trigger::NEXT_TICK));
     assert!(lvd.selections.is_empty());
 }
 
@@ -175,7 +176,7 @@ fn with_nothing_to_do_it_tries_again_in_each_tick() {
     world.look();
     let mut observation = world.observation.clone();
     observation.tick = Tick(5);
-    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Wake::NEXT_TICK));
+    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Trigger::NEXT_TICK));
     assert!(lvd.is_in_search_mode);
 }
 
@@ -192,10 +193,11 @@ fn ways_are_searched_for_over_faces_and_take_no_time() {
     let start = Cell::new(3, 7, 2);
     let mut world = World::known(&hall(), start);
     let far = world.left(&[]).into_iter().filter(|&cell| squared(cell - start) > 15);
-    let way = |world: &mut World, goal, by| world.ctx().go_to_cell_by(goal, by, SearchTime::Instant);
-    let mut both = far.map(|goal| (goal, [Neighbours::Six, Neighbours::TwentySix].map(|by| way(&mut world, goal, by))));
+    let path = |world: &mut World, goal, by| world.ctx().go_to_cell_by(goal, by, SearchTime::Instant);
+    let mut both =
+        far.map(|goal| (goal, [Neighbours::Six, Neighbours::TwentySix].map(|by| path(&mut world, goal, by))));
     let (goal, [over_faces, _]) = both.find(|(_, [one, other])| one != other).unwrap();
     world.observation.view = Some(Cells { free: vec![world.map.extent().index(goal).unwrap() as u32], wall: vec![] });
     let mut lvd = LvdMaes3d { notices_at: Some(Tick::ZERO), ..LvdMaes3d::new() };
-    assert_eq!(Journey::Go(world.ask(&mut lvd).motion), over_faces);
+    assert_eq!(NavigationStatus::Go(world.ask(&mut lvd).motion), over_faces);
 }

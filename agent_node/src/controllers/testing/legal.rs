@@ -1,4 +1,4 @@
-//! What is a legal command, and that controllers give no others, whatever they are told.
+//! Legal commands, and the property that controllers give no others, whatever they observe.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -11,14 +11,14 @@ use proptest::prelude::*;
 use voxels::{Cell, Extent, Grid, Terrain};
 
 use super::{AGENT, World};
-use crate::command::{Command, LidarRequest, Motion};
+use crate::command::{Command, Motion, ScanRequest};
 use crate::controllers::{NAMES, build};
-use crate::observation::{Cells, Collision, Contact, Observation, Pose, Reading, Received, Relay, Surface};
+use crate::observation::{Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, Surface};
 
-/// The world that observations are of, cells.
+/// Size of the world of the observations, cells.
 const SIZE: [u32; 3] = [6, 5, 6];
 
-/// Settings that lead to other decisions than the ones that are not given.
+/// Settings with other decisions than the defaults.
 const OTHER_SETTINGS: [(&str, &[&str]); 6] = [
     ("nearest-frontier", &["relays=on"]),
     ("lvd", &["search_time=budgeted", "search_cells_per_tick=1"]),
@@ -28,7 +28,7 @@ const OTHER_SETTINGS: [(&str, &[&str]); 6] = [
     ("nearest-frontier", &["search_time=background", "search_ticks=3"]),
 ];
 
-/// As `msgs/msg/Task.msg` and its like have it.
+/// The rules of `msgs/msg/Task.msg` and its like.
 pub(super) fn assert_legal(command: &Command) {
     let is_coordinate = |along: f64| along.abs() <= 1e6;
     let is_legal_motion = match &command.motion {
@@ -44,15 +44,15 @@ pub(super) fn assert_legal(command: &Command) {
         }
     };
     assert!(is_legal_motion, "{command:?}");
-    assert_ne!(command.lidar, LidarRequest::Every(0), "{command:?}");
+    assert_ne!(command.lidar, ScanRequest::Every(0), "{command:?}");
     assert!(command.info.len() <= INFO_BYTES_MAX, "{command:?}");
-    let of_parcels = command.parcels.iter().map(|parcel| parcel.data.len());
+    let of_parcels = command.messages.iter().map(|message| message.data.len());
     let of_relays = command.relays.iter().map(|order| order.data.len());
     assert!(of_relays.clone().all(|bytes| bytes <= RELAY_BYTES_MAX), "{command:?}");
     assert!(of_parcels.chain(of_relays).sum::<usize>() <= PARCEL_BYTES_MAX, "{command:?}");
 }
 
-/// Mostly in the map, else on its edges, outside, or nowhere.
+/// Mostly in the map, else on its edges, outside, or not finite.
 fn place() -> impl Strategy<Value = Point3<f64>> {
     let wild = || prop_oneof![4 => -2.0..8.0, 1 => Just(f64::NAN), 1 => Just(f64::INFINITY), 1 => -1e300..1e300];
     let coordinates = prop_oneof![
@@ -81,13 +81,13 @@ fn collision() -> impl Strategy<Value = Collision> {
 }
 
 prop_compose! {
-    /// What is said need not be true, nor be possible.
+    /// Observations need not be consistent, nor possible.
     fn observation()(
         (tick, position, yaw_rad) in (0u64..2000, place(), -3.2..3.2),
         (is_active, collision, events) in (any::<bool>(), prop::option::of(collision()), any::<u8>()),
         contacts in vec((0u32..4, place()), 0..3),
         relays in vec((0u32..4, place()), 0..3),
-        parcels in vec((0u32..4, any::<u8>(), vec(any::<u8>(), 0..40)), 0..3),
+        messages in vec((0u32..4, any::<u8>(), vec(any::<u8>(), 0..40)), 0..3),
         (has_scanned, seen, view) in (prop::bool::weighted(0.8), cells(), prop::option::of(cells())),
     ) -> Observation {
         Observation {
@@ -101,7 +101,7 @@ prop_compose! {
             contacts: contacts.into_iter().map(|(agent, position)| Contact { agent: AgentId(agent), position }).collect(),
             relays: relays.iter().map(|&(number, position)| Relay { id: relay(number), position }).collect(),
             readings: relays.iter().map(|&(number, _)| Reading { relay: relay(number), kind: 1, data: Vec::new() }).collect(),
-            parcels: parcels.into_iter().map(|(from, kind, data)| Received { from: AgentId(from), kind, data }).collect(),
+            messages: messages.into_iter().map(|(from, kind, data)| ReceivedMessage { from: AgentId(from), kind, data }).collect(),
             scan_tick: has_scanned.then_some(Tick(tick)),
             seen,
             view,
@@ -109,7 +109,7 @@ prop_compose! {
     }
 }
 
-/// Observations one after the other, mostly in the order of their ticks.
+/// A sequence of observations, mostly in the order of their ticks.
 fn observations() -> impl Strategy<Value = Vec<Observation>> {
     (vec(observation(), 1..12), prop::bool::weighted(0.75)).prop_map(|(mut observations, are_in_order)| {
         let mut now = Tick::ZERO;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use agent_node::controllers::dsvp::CLAIMS_PARCEL;
-use agent_node::sharing::MAP_PARCEL;
+use agent_node::controllers::dsvp::CLAIMS_MESSAGE;
+use agent_node::sharing::MAP_MESSAGE;
 
 use super::super::numbers::{Estimate, RESAMPLES};
 use super::super::plot::{Axis, Layout, Mark, Panel, SMALL, Sheet, colour, room_for};
@@ -148,8 +148,8 @@ fn swatch(place: usize) -> usize {
 /// What to call a kind of parcel.
 fn kind_name(kind: u8) -> String {
     match kind {
-        MAP_PARCEL => format!("maps (kind {kind})"),
-        CLAIMS_PARCEL => format!("claims (kind {kind})"),
+        MAP_MESSAGE => format!("maps (kind {kind})"),
+        CLAIMS_MESSAGE => format!("claims (kind {kind})"),
         other => format!("kind {other}"),
     }
 }

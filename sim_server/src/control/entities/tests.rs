@@ -1,13 +1,13 @@
 use std::collections::BTreeMap;
 
+use msgs::body_model::BodyModel;
 use msgs::std_msgs::Header;
 use voxels::{Grid, Terrain};
 
 use super::*;
-use simulation::world::body::BodyModel;
 use simulation::world::comms::{Comms, ContactModel};
-use simulation::world::errors::Errors;
 use simulation::world::lidar::{Pattern, Scanner};
+use simulation::world::noise::SensorNoise;
 use simulation::world::{ScanSchedule, WorldParams};
 
 const RADIUS_M: f64 = 0.4;
@@ -23,7 +23,7 @@ fn world() -> World {
         scanner: Scanner::new(Pattern::Lattice { rays: 16 }, f64::INFINITY, std::f64::consts::TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
-        errors: Errors::default(),
+        noise: SensorNoise::default(),
     };
     let start = |x| Pose { position: Point3::new(x, 1.5, 1.5), yaw_rad: 0.5 };
     World::new(terrain, params, &[start(1.5), start(3.5), start(5.5)])

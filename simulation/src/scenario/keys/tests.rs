@@ -3,11 +3,11 @@
 use std::collections::BTreeSet;
 
 use mapgen::MapSpec;
+use msgs::body_model::{BodyKind, BodyModel};
 use voxels::Extent;
 
 use super::*;
 use crate::scenario::{MapKind, Override, Scenario};
-use crate::world::body::{BodyKind, BodyModel};
 
 /// A scenario whose table `spawn` has this kind; its `bodies` have one entry.
 fn base(spawn: &str) -> toml::Table {

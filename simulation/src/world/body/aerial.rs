@@ -1,11 +1,11 @@
 //! How an aerial body flies: at once in any direction, within its accelerations, and turning towards where it goes.
 //!
-//! It flies straight from way-point to way-point, as fast as it can and still come to rest on the next one at which the way bends:
-//! there it is at rest for one tick. Way-points that lie straight on are flown through. Its heading turns meanwhile towards the
+//! It flies straight from waypoint to waypoint, as fast as it can and still come to rest on the next one at which the way bends:
+//! there it is at rest for one tick. Waypoints that lie straight on are flown through. Its heading turns meanwhile towards the
 //! leg that is flown, at a rate of its own; that of a vertical leg is the one it has. When the path ends, so does the turn.
 //!
 //! Invariants: from tick to tick its velocity changes by no more than its acceleration allows, or its deceleration if it gets
-//! slower by that and this is the larger one, unless a task or a collision puts it at rest at once; it lands exactly on way-points
+//! slower by that and this is the larger one, unless a task or a collision puts it at rest at once; it lands exactly on waypoints
 //! at which the way bends, and on the last one.
 
 use std::collections::VecDeque;
@@ -25,11 +25,11 @@ const HEADING_REST_RAD: f64 = 1e-9;
 /// Share of a speed from which on another one counts as equally fast, whatever rounding does to it.
 const EQUALLY_FAST: f64 = 1.0 - 1e-9;
 
-/// Way-points that are flown to.
+/// Waypoints that are flown to.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Flight {
     targets: VecDeque<Point3<f64>>,
-    /// None: at rest on a way-point at which the way bends.
+    /// None: at rest on a waypoint at which the way bends.
     leg: Option<Leg>,
 }
 
@@ -44,21 +44,21 @@ struct Leg {
 }
 
 impl Flight {
-    /// A flight to way-points; none if there are none.
-    pub(super) fn from_rest(from: &Point3<f64>, way_points: Vec<Point3<f64>>) -> Option<Self> {
-        let targets = VecDeque::from(way_points);
+    /// A flight to waypoints; none if there are none.
+    pub(super) fn from_rest(from: &Point3<f64>, waypoints: Vec<Point3<f64>>) -> Option<Self> {
+        let targets = VecDeque::from(waypoints);
         let leg = Leg::of(from, &targets)?;
         Some(Self { targets, leg: Some(leg) })
     }
 
     /// Those that are still to be visited.
-    pub(super) fn way_points(&self) -> Vec<Point3<f64>> {
+    pub(super) fn waypoints(&self) -> Vec<Point3<f64>> {
         self.targets.iter().copied().collect()
     }
 }
 
 impl Leg {
-    /// The leg that begins at `from`: as many way-points as lie straight on.
+    /// The leg that begins at `from`: as many waypoints as lie straight on.
     fn of(from: &Point3<f64>, targets: &VecDeque<Point3<f64>>) -> Option<Self> {
         let mut direction: Option<Vector3<f64>> = None;
         let (mut count, mut length_m, mut end) = (0, 0.0, *from);

@@ -16,7 +16,7 @@ fn body() -> Body {
 fn carry_out(body: &mut Body, motion: Motion) -> usize {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
-    body.take_up(motion);
+    body.set_task(motion);
     (1..100_000).find(|_| body.advance(&obstacles, DT_S).task_done).expect("every task that is tested here ends")
 }
 
@@ -65,7 +65,7 @@ fn never_faster_than_allowed() {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut body = body();
-    body.take_up(Motion::Move { pitch_rad: 0.0, distance_m: 60.0 });
+    body.set_task(Motion::Move { pitch_rad: 0.0, distance_m: 60.0 });
     let mut top_m_s = 0.0_f64;
     while !body.advance(&obstacles, DT_S).task_done {
         top_m_s = top_m_s.max(body.velocity_in_map_m_s().norm());
@@ -96,14 +96,14 @@ fn an_endless_move_ends_at_a_wall() {
 #[test]
 fn a_path_is_followed_to_the_point() {
     let mut body = body();
-    let way_points = vec![
+    let waypoints = vec![
         Point3::new(12.0, 10.0, 10.0),
         Point3::new(12.0, 13.0, 10.0),
         Point3::new(12.0, 13.0, 12.0),
         Point3::new(10.0, 13.0, 11.0),
     ];
-    carry_out(&mut body, Motion::Path(way_points.clone()));
-    assert_eq!(body.pose().position, *way_points.last().unwrap());
+    carry_out(&mut body, Motion::Path(waypoints.clone()));
+    assert_eq!(body.pose().position, *waypoints.last().unwrap());
     assert!(wrapped(body.pose().yaw_rad - PI).abs() < 1e-9, "{}", body.pose().yaw_rad);
 }
 
@@ -123,18 +123,18 @@ fn a_new_task_starts_from_rest_and_stop_is_at_once() {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut body = body();
-    body.take_up(Motion::Move { pitch_rad: 0.0, distance_m: 50.0 });
+    body.set_task(Motion::Move { pitch_rad: 0.0, distance_m: 50.0 });
     for _ in 0..100 {
         body.advance(&obstacles, DT_S);
     }
     assert!(body.velocity_in_map_m_s().norm() > 0.9);
-    body.take_up(Motion::Keep);
+    body.set_task(Motion::Keep);
     body.advance(&obstacles, DT_S);
     assert!(body.velocity_in_map_m_s().norm() > 0.9);
-    body.take_up(Motion::Move { pitch_rad: 0.0, distance_m: 50.0 });
+    body.set_task(Motion::Move { pitch_rad: 0.0, distance_m: 50.0 });
     body.advance(&obstacles, DT_S);
     assert!((body.velocity_in_map_m_s().norm() - 0.01).abs() < 1e-12);
-    body.take_up(Motion::Stop);
+    body.set_task(Motion::Stop);
     assert_eq!(body.velocity_in_map_m_s(), Vector3::zeros());
     assert!(!body.is_active());
 }
@@ -146,14 +146,14 @@ fn a_velocity_is_approached_held_and_clamped() {
     let mut body = body();
     let forwards =
         |x: f64, yaw_rate_rad_s| Motion::Velocity { linear_in_body_m_s: Vector3::new(x, 5.0, 0.0), yaw_rate_rad_s };
-    body.take_up(forwards(1.0, 0.0));
+    body.set_task(forwards(1.0, 0.0));
     body.advance(&obstacles, DT_S);
     assert!((body.velocity_in_map_m_s().x - 0.01).abs() < 1e-12, "speeds up as it can, and never sideways");
     for _ in 0..200 {
         body.advance(&obstacles, DT_S);
     }
     assert!((body.velocity_in_map_m_s() - Vector3::new(1.0, 0.0, 0.0)).norm() < 1e-12);
-    body.take_up(forwards(9.0, 9.0));
+    body.set_task(forwards(9.0, 9.0));
     body.advance(&obstacles, DT_S);
     assert!(body.velocity_in_map_m_s().norm() > 1.0, "goes on from the present velocity");
     for _ in 0..200 {

@@ -149,7 +149,7 @@ fn a_position_outside_sees_nothing() {
     let mut memory = SensorMemory::new(&terrain);
     for position in [[2.0, 0.5, 0.5], [-0.1, 0.5, 0.5], [f64::NAN, 0.5, 0.5]] {
         assert_eq!(scanned(&scanner, &mut memory, &pose(position, 0.0)), (vec![], vec![]));
-        assert_eq!(scanner.view(&memory, &pose(position, 0.0)), View::default());
+        assert_eq!(scanner.view(&memory, &pose(position, 0.0)), ScanView::default());
     }
 }
 

@@ -9,7 +9,7 @@ use nalgebra::Point3;
 use voxels::{Cell, Grid, Terrain};
 
 use super::super::body::Pose;
-use super::crowd::Crowd;
+use super::placed_bodies::PlacedBodies;
 use super::{Site, SpawnError};
 use mapgen::Entrance;
 
@@ -19,7 +19,7 @@ pub(super) fn at_entrances(site: &Site<'_>, radii_m: &[f64]) -> Result<Vec<Pose>
         return Err(SpawnError::NoEntrances);
     }
     let mut lines = Lines::new(site.terrain, site.entrances);
-    let mut crowd = Crowd::new(site.terrain, radii_m, 0.0);
+    let mut crowd = PlacedBodies::new(site.terrain, radii_m, 0.0);
     let mut starts = Vec::with_capacity(radii_m.len());
     for (agent, &radius_m) in radii_m.iter().enumerate() {
         let count = site.entrances.len();

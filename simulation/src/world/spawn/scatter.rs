@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use voxels::{Grid, Terrain};
 
 use super::SpawnError;
-use super::crowd::Crowd;
+use super::placed_bodies::PlacedBodies;
 
 /// Draws without success before the free cells are listed: a few milliseconds.
 const REJECTIONS_MAX: u32 = 1 << 14;
@@ -25,7 +25,7 @@ pub(super) fn scattered(
     let mut by_size: Vec<usize> = (0..radii_m.len()).collect();
     by_size.sort_by(|&one, &other| radii_m[other].total_cmp(&radii_m[one]));
     let mut draws = Draws { terrain, rng: random_streams::stream(seed, 0, "spawn.scattered"), left: None };
-    let mut crowd = Crowd::new(terrain, radii_m, min_distance_m);
+    let mut crowd = PlacedBodies::new(terrain, radii_m, min_distance_m);
     let mut starts = vec![Point3::origin(); radii_m.len()];
     for (fit, &agent) in by_size.iter().enumerate() {
         starts[agent] = draws.place(&mut crowd, radii_m[agent]).ok_or_else(|| SpawnError::Full {
@@ -46,7 +46,7 @@ struct Draws<'a> {
 
 impl Draws<'_> {
     /// Places a body, or tells that there is no room for it.
-    fn place(&mut self, crowd: &mut Crowd<'_>, radius_m: f64) -> Option<Point3<f64>> {
+    fn place(&mut self, crowd: &mut PlacedBodies<'_>, radius_m: f64) -> Option<Point3<f64>> {
         let extent = self.terrain.extent();
         if self.left.is_none() {
             for _ in 0..REJECTIONS_MAX {

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use voxels::{Grid, Terrain};
 
 use super::*;
-use crate::body::Bodies;
+use crate::bodies::Bodies;
 use crate::exploration_map::CellState;
 
 const CORRIDOR: &str = "\
@@ -18,7 +18,7 @@ fn nobody() -> Bodies {
     Bodies::new(Vec::new(), Vec::new()).unwrap()
 }
 
-/// The cells of the nodes, the root first.
+/// The cells of the nodes, root first.
 fn cells_of(tree: &Tree) -> Vec<Cell> {
     tree.nodes.iter().map(|node| node.cell).collect()
 }
@@ -62,16 +62,16 @@ proptest! {
         let root = Cell::new(6, 6, 2);
         map.note_covered(root);
         prop_assume!(map.state(root) == CellState::Covered);
-        let others = Others::near(&[], &extent.centre(root), 0.4, &nobody(), extent);
+        let obstacles = Obstacles::near(&[], &extent.centre(root), 0.4, &nobody(), extent);
         let mut tree = Tree::new(root);
-        tree.grow(&map, &GROWTH, &[Cell::new(1, 1, 1)], &others, &mut rng);
+        tree.grow(&map, &GROWTH, &[Cell::new(1, 1, 1)], &obstacles, &mut rng);
         check(&tree, &map, root)?;
         for step in steps {
             let cells = cells_of(&tree);
             let root = cells[step % cells.len()];
-            tree = tree.moved_to(root, &map, &GROWTH);
+            tree = tree.rerooted_at(root, &map, &GROWTH);
             check(&tree, &map, root)?;
-            tree.grow(&map, &GROWTH, &[], &others, &mut rng);
+            tree.grow(&map, &GROWTH, &[], &obstacles, &mut rng);
             check(&tree, &map, root)?;
         }
     }
@@ -84,12 +84,12 @@ fn a_moved_tree_keeps_what_hangs_together() {
     for (index, terrain) in (0..).zip(world.as_slice()) {
         if *terrain == Terrain::Free { map.note_free(&[index]) } else { map.note_wall(&[index]) }
     }
-    let others = Others::near(&[], &Point3::origin(), 0.4, &nobody(), world.extent());
+    let obstacles = Obstacles::near(&[], &Point3::origin(), 0.4, &nobody(), world.extent());
     let mut tree = Tree::new(Cell::new(5, 1, 0));
     let growth = Growth { samples: 20_000, ..GROWTH };
-    tree.grow(&map, &growth, &[], &others, &mut random_streams::stream(1, 0, "tree"));
+    tree.grow(&map, &growth, &[], &obstacles, &mut random_streams::stream(1, 0, "tree"));
     assert_eq!(tree.nodes.len(), 11, "x from 1 to 11");
-    let moved = tree.moved_to(Cell::new(8, 1, 0), &map, &GROWTH);
+    let moved = tree.rerooted_at(Cell::new(8, 1, 0), &map, &GROWTH);
     assert_eq!(moved.nodes.len(), 10, "x from 2 to 11: {moved:?}");
     assert_eq!(cells_of(&moved).first().copied(), Some(Cell::new(8, 1, 0)));
 }

@@ -1,10 +1,11 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use msgs::body_model::BodyModel;
 use proptest::prelude::*;
 use voxels::{Extent, Grid, Terrain};
 
 use super::super::super::spawn::check_room;
-use super::super::{BodyModel, Collision, Motion, Pose, Surface};
+use super::super::{Collision, Motion, Pose, Surface};
 use super::*;
 
 const DT_S: f64 = 0.02;
@@ -23,12 +24,12 @@ fn body() -> Body {
 fn carry_out(body: &mut Body, motion: Motion) -> usize {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
-    body.take_up(motion);
+    body.set_task(motion);
     (1..100_000).find(|_| body.advance(&obstacles, DT_S).task_done).expect("every task that is tested here ends")
 }
 
-fn path(way_points: &[[f64; 3]]) -> Motion {
-    Motion::Path(way_points.iter().map(|&point| Point3::from(point)).collect())
+fn path(waypoints: &[[f64; 3]]) -> Motion {
+    Motion::Path(waypoints.iter().map(|&point| Point3::from(point)).collect())
 }
 
 /// The least time for a straight leg from rest to rest, seconds.
@@ -59,7 +60,7 @@ fn its_heading_follows_at_its_own_rate() {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut body = body();
-    body.take_up(path(&[[10.0, 18.0, 10.0], [10.0, 18.0, 18.0]]));
+    body.set_task(path(&[[10.0, 18.0, 10.0], [10.0, 18.0, 18.0]]));
     body.advance(&obstacles, DT_S);
     assert!(body.pose().yaw_rad > 0.0 && body.velocity_in_map_m_s().y > 0.0, "both at once");
     for _ in 0..100 {
@@ -76,11 +77,11 @@ fn straight_way_points_are_flown_through_and_listed_until_then() {
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut ticks_through = 0;
     let mut through = body();
-    through.take_up(path(&[[12.0, 10.0, 10.0], [12.0, 10.0, 10.0], [14.0, 10.0, 10.0], [20.0, 10.0, 10.0]]));
+    through.set_task(path(&[[12.0, 10.0, 10.0], [12.0, 10.0, 10.0], [14.0, 10.0, 10.0], [20.0, 10.0, 10.0]]));
     loop {
         ticks_through += 1;
         let done = through.advance(&obstacles, DT_S).task_done;
-        let ahead = through.way_points();
+        let ahead = through.waypoints();
         assert!(ahead.iter().all(|point| point.x > through.pose().position.x), "{ahead:?} {:?}", through.pose());
         assert_eq!(ahead.is_empty(), done);
         if done {
@@ -110,12 +111,12 @@ fn a_velocity_may_be_sideways_and_turns_with_the_body() {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut body = body();
-    body.take_up(Motion::Velocity { linear_in_body_m_s: Vector3::new(0.0, 1.0, 0.0), yaw_rate_rad_s: 0.0 });
+    body.set_task(Motion::Velocity { linear_in_body_m_s: Vector3::new(0.0, 1.0, 0.0), yaw_rate_rad_s: 0.0 });
     for _ in 0..50 {
         body.advance(&obstacles, DT_S);
     }
     assert!((body.velocity_in_map_m_s() - Vector3::new(0.0, 1.0, 0.0)).norm() < 1e-12);
-    body.take_up(Motion::Velocity { linear_in_body_m_s: Vector3::new(0.0, 9.0, 0.0), yaw_rate_rad_s: 0.1 });
+    body.set_task(Motion::Velocity { linear_in_body_m_s: Vector3::new(0.0, 9.0, 0.0), yaw_rate_rad_s: 0.1 });
     for _ in 0..150 {
         body.advance(&obstacles, DT_S);
     }
@@ -187,7 +188,7 @@ proptest! {
         let bend_m_s = model.speed_max_m_s * BEND_RAD + 1e-6;
         for (motion, ticks) in tasks {
             let is_kept = matches!(motion, Motion::Keep);
-            body.take_up(motion);
+            body.set_task(motion);
             for tick in 0..ticks {
                 let (before, rate_before) = (body.velocity_in_map_m_s(), body.yaw_rate_rad_s());
                 let had_task = body.is_active();
@@ -219,12 +220,12 @@ proptest! {
     }
 
     #[test]
-    fn it_lands_exactly_on_the_last_way_point(model in models(), way_points in prop::collection::vec(points(), 1..6)) {
+    fn it_lands_exactly_on_the_last_waypoint(model in models(), waypoints in prop::collection::vec(points(), 1..6)) {
         let terrain = space();
         let obstacles = Obstacles::new(&terrain, &[], 0);
         let mut body = Body::at_rest(model, Pose { position: Point3::new(3.0, 4.5, 3.5), yaw_rad: 0.3 });
-        body.take_up(Motion::Path(way_points.clone()));
-        let mut to_visit = VecDeque::from(way_points.clone());
+        body.set_task(Motion::Path(waypoints.clone()));
+        let mut to_visit = VecDeque::from(waypoints.clone());
         let mut last = body.velocity_in_map_m_s();
         let is_done = (0..500_000).any(|_| {
             let done = body.advance(&obstacles, DT_S).task_done;
@@ -236,7 +237,7 @@ proptest! {
             done
         });
         prop_assert!(is_done);
-        prop_assert_eq!(body.pose().position, *way_points.last().unwrap());
+        prop_assert_eq!(body.pose().position, *waypoints.last().unwrap());
         prop_assert!(to_visit.is_empty(), "{to_visit:?}");
         prop_assert!(last.norm() <= model.deceleration_m_s2 * DT_S + 1e-6, "slow enough to be at rest next");
     }

@@ -1,0 +1,361 @@
+//! The abstract graph of the known free space: blocks of cells, the connected regions in each, and
+//! edges between adjacent regions.
+//!
+//! It is built like the clusters of HPA* (Botea, Müller, Schaeffer, 2004) and plays the part of the
+//! global graph of DSVP and TARE: on a map of a million cells it answers in about a millisecond
+//! where the frontiers are and how long the paths to them are. A *region* is a set of cells of one
+//! block, all usable for the body and connected through faces within the block. Regions of
+//! neighbouring blocks have an edge if a face leads from one to the other.
+//!
+//! Invariants: every usable cell lies in exactly one region; edges are symmetric; a frontier of the
+//! map is listed with exactly one region, or with none if its block has none. The graph is updated
+//! incrementally from the journal of the map, at a cost proportional to the changes, and depends on
+//! the map alone, not on when it was updated.
+//!
+//! Lengths are estimates: from centre to centre through the best face. This module plans nothing.
+
+mod shortest_paths;
+
+#[cfg(test)]
+mod tests;
+
+use voxels::{Cell, Extent, FACES};
+
+use crate::exploration_map::{ExplorationMap, Finding};
+use crate::path::{Graph, Moves};
+
+pub use shortest_paths::ShortestPaths;
+
+/// Edge of a block, cells.
+pub const BLOCK_CELLS: i32 = 5;
+
+const CELLS: usize = (BLOCK_CELLS * BLOCK_CELLS * BLOCK_CELLS) as usize;
+
+/// A region: its block and its number within the block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct RegionId {
+    block: u32,
+    number: u8,
+}
+
+/// A node of the graph.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    /// The cell of the region that is nearest to its mean.
+    pub centre: Cell,
+    /// The frontiers of the region, ascending.
+    pub frontiers: Vec<Cell>,
+    edges: Vec<Edge>,
+    /// A number below [`AbstractGraph::slots`], unique among the present regions: the index of
+    /// per-region data.
+    slot: u32,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Edge {
+    to: RegionId,
+    /// Slot of the target region.
+    slot: u32,
+    /// Length of the path between the centres, cells.
+    length: f32,
+}
+
+#[derive(Debug, Clone)]
+struct Block {
+    /// For each cell, x fastest: 1 + the number of its region, or 0.
+    labels: [u8; CELLS],
+    regions: Vec<Region>,
+}
+
+/// The abstract graph of one map.
+#[derive(Debug, Clone)]
+pub struct AbstractGraph {
+    extent: Extent,
+    /// Blocks along each axis.
+    size: [i32; 3],
+    blocks: Vec<Option<Box<Block>>>,
+    /// Position in the journal of the map up to which changes are applied.
+    read: usize,
+    /// Distance in cells within which a change can make a cell usable or unusable.
+    reach: i32,
+    /// Number of slots ever used, and those that are free again.
+    slots: u32,
+    free_slots: Vec<u32>,
+}
+
+impl AbstractGraph {
+    /// The graph of an unexplored map. `radius_m` is the radius of the body.
+    #[must_use]
+    pub fn new(extent: Extent, radius_m: f64) -> Self {
+        let size = extent.size().map(|cells| cells.div_ceil(BLOCK_CELLS as u32) as i32);
+        let blocks = size.iter().map(|&blocks| blocks as usize).product();
+        let reach = 1.max((radius_m / extent.cell_m() + 0.5).floor() as i32);
+        Self { extent, size, blocks: vec![None; blocks], read: 0, reach, slots: 0, free_slots: Vec::new() }
+    }
+
+    /// Applies the changes of the map since the last update. It must be the same map each time;
+    /// `moves` are those of the body.
+    pub fn update(&mut self, map: &ExplorationMap, moves: &Moves) {
+        let mut changed = Vec::new();
+        let mut reviewed = Vec::new();
+        for change in map.changes_since(self.read) {
+            let cell = self.extent.cell_at(change.cell as usize);
+            // A change affects the frontiers of the cells beside it and, if the cell is free, which
+            // cells are usable.
+            self.for_blocks_near(cell, 1, |block| push(&mut reviewed, block));
+            if self.reach > 1 {
+                self.for_blocks_near(cell, self.reach, |block| push(&mut changed, block));
+            } else if self.region_of(cell).is_some() != (change.finding != Finding::Wall)
+                && let Some(block) = self.block_of(cell)
+            {
+                push(&mut changed, block);
+            }
+        }
+        self.read = map.journal_len();
+        let mut relinked = changed.clone();
+        sort_and_dedup(&mut changed);
+        sort_and_dedup(&mut reviewed);
+        let graph = Graph::new(map, moves);
+        for &block in &changed {
+            self.label(block, graph);
+            relinked.extend(self.neighbours(block).into_iter().flatten());
+        }
+        for &block in changed.iter().chain(reviewed.iter().filter(|block| changed.binary_search(block).is_err())) {
+            self.list_frontiers(block, map);
+        }
+        sort_and_dedup(&mut relinked);
+        for block in relinked {
+            self.edge(block);
+        }
+    }
+
+    /// The region that contains a cell.
+    #[must_use]
+    pub fn region_of(&self, cell: Cell) -> Option<RegionId> {
+        let block = self.block_of(cell)?;
+        let number = self.blocks[block as usize].as_ref()?.labels[self.place(cell)].checked_sub(1)?;
+        Some(RegionId { block, number })
+    }
+
+    /// A region, unless it no longer exists.
+    #[must_use]
+    pub fn get(&self, region: RegionId) -> Option<&Region> {
+        self.blocks.get(region.block as usize)?.as_ref()?.regions.get(usize::from(region.number))
+    }
+
+    /// The regions of the blocks within this many cells of a cell along each axis, ascending.
+    pub fn near(&self, cell: Cell, cells: i32) -> impl Iterator<Item = (RegionId, &Region)> {
+        let axis = |at: i32, size: i32| {
+            ((at - cells).div_euclid(BLOCK_CELLS).max(0), (at + cells).div_euclid(BLOCK_CELLS).min(size - 1))
+        };
+        let [(x0, x1), (y0, y1), (z0, z1)] =
+            [axis(cell.x, self.size[0]), axis(cell.y, self.size[1]), axis(cell.z, self.size[2])];
+        let blocks = (z0..=z1).flat_map(move |z| (y0..=y1).flat_map(move |y| (x0..=x1).map(move |x| (x, y, z))));
+        blocks.flat_map(|(x, y, z)| {
+            let block = self.number_of(x, y, z);
+            let regions = self.blocks[block as usize].as_ref().map_or(&[][..], |block| &block.regions);
+            (0..).zip(regions).map(move |(number, region)| (RegionId { block, number }, region))
+        })
+    }
+
+    fn number_of(&self, x: i32, y: i32, z: i32) -> u32 {
+        ((z * self.size[1] + y) * self.size[0] + x) as u32
+    }
+
+    fn block_of(&self, cell: Cell) -> Option<u32> {
+        let inside = self.extent.contains(cell);
+        inside.then(|| self.number_of(cell.x / BLOCK_CELLS, cell.y / BLOCK_CELLS, cell.z / BLOCK_CELLS))
+    }
+
+    fn place(&self, cell: Cell) -> usize {
+        let [x, y, z] = [cell.x, cell.y, cell.z].map(|at| at.rem_euclid(BLOCK_CELLS));
+        ((z * BLOCK_CELLS + y) * BLOCK_CELLS + x) as usize
+    }
+
+    fn for_blocks_near(&self, cell: Cell, reach: i32, mut visit: impl FnMut(u32)) {
+        let axis = |at: i32, size: i32| {
+            ((at - reach).div_euclid(BLOCK_CELLS).max(0), (at + reach).div_euclid(BLOCK_CELLS).min(size - 1))
+        };
+        let [(x0, x1), (y0, y1), (z0, z1)] =
+            [axis(cell.x, self.size[0]), axis(cell.y, self.size[1]), axis(cell.z, self.size[2])];
+        for z in z0..=z1 {
+            for y in y0..=y1 {
+                for x in x0..=x1 {
+                    visit(self.number_of(x, y, z));
+                }
+            }
+        }
+    }
+
+    fn corner(&self, block: u32) -> Cell {
+        let block = block as i32;
+        let (x, y) = (block % self.size[0], block / self.size[0] % self.size[1]);
+        let z = block / self.size[0] / self.size[1];
+        Cell::new(x * BLOCK_CELLS, y * BLOCK_CELLS, z * BLOCK_CELLS)
+    }
+
+    fn neighbours(&self, block: u32) -> [Option<u32>; 6] {
+        let corner = self.corner(block);
+        FACES.map(|face| {
+            let by = Cell::new(face.x * BLOCK_CELLS, face.y * BLOCK_CELLS, face.z * BLOCK_CELLS);
+            self.block_of(corner + by)
+        })
+    }
+
+    /// Recomputes the regions of a block.
+    fn label(&mut self, block: u32, graph: Graph<'_>) {
+        let corner = self.corner(block);
+        let mut usable = [false; CELLS];
+        let mut any = false;
+        for (place, is_usable) in usable.iter_mut().enumerate() {
+            *is_usable = graph.is_usable(corner + offset(place));
+            any |= *is_usable;
+        }
+        if let Some(old) = self.blocks[block as usize].take() {
+            self.free_slots.extend(old.regions.iter().map(|region| region.slot));
+        }
+        if !any {
+            return;
+        }
+        let mut labels = [0u8; CELLS];
+        let mut regions: Vec<Region> = Vec::new();
+        let mut stack = Vec::new();
+        let mut members = Vec::new();
+        for first in 0..CELLS {
+            if !usable[first] || labels[first] != 0 {
+                continue;
+            }
+            let label = regions.len() as u8 + 1;
+            members.clear();
+            labels[first] = label;
+            stack.push(first);
+            while let Some(place) = stack.pop() {
+                members.push(offset(place));
+                for face in FACES {
+                    let next = offset(place) + face;
+                    if [next.x, next.y, next.z].iter().all(|at| (0..BLOCK_CELLS).contains(at)) {
+                        let next = place_of(next);
+                        if usable[next] && labels[next] == 0 {
+                            labels[next] = label;
+                            stack.push(next);
+                        }
+                    }
+                }
+            }
+            let centre = corner + middle(&mut members);
+            let slot = self.slot();
+            regions.push(Region { centre, frontiers: Vec::new(), edges: Vec::new(), slot });
+        }
+        self.blocks[block as usize] = Some(Box::new(Block { labels, regions }));
+    }
+
+    /// Recomputes the frontier lists of a block.
+    fn list_frontiers(&mut self, block: u32, map: &ExplorationMap) {
+        let corner = self.corner(block);
+        let Some(Block { labels, regions }) = self.blocks[block as usize].as_deref_mut() else {
+            return;
+        };
+        for region in regions.iter_mut() {
+            region.frontiers.clear();
+        }
+        for (place, label) in labels.iter().enumerate() {
+            let cell = corner + offset(place);
+            if map.is_frontier(cell) {
+                // A frontier that the body does not fit into is observed from the first region of
+                // its block.
+                regions[usize::from(label.saturating_sub(1))].frontiers.push(cell);
+            }
+        }
+    }
+
+    fn slot(&mut self) -> u32 {
+        self.free_slots.pop().unwrap_or_else(|| {
+            self.slots += 1;
+            self.slots - 1
+        })
+    }
+
+    /// Recomputes the edges that start in a block.
+    fn edge(&mut self, block: u32) {
+        let Some(mut here) = self.blocks[block as usize].take() else {
+            return;
+        };
+        for region in &mut here.regions {
+            region.edges.clear();
+        }
+        let corner = self.corner(block);
+        for (face, neighbour) in FACES.into_iter().zip(self.neighbours(block)) {
+            let Some((number, there)) = neighbour.and_then(|to| Some((to, self.blocks[to as usize].as_ref()?))) else {
+                continue;
+            };
+            for cell in side(face) {
+                let place = place_of(cell);
+                let beyond = cell + face;
+                let label = here.labels[place];
+                let other = there.labels[self.place(corner + beyond)];
+                if label == 0 || other == 0 {
+                    continue;
+                }
+                let region = &mut here.regions[usize::from(label - 1)];
+                let far = &there.regions[usize::from(other - 1)];
+                let to = RegionId { block: number, number: other - 1 };
+                let slot = far.slot;
+                let length = distance(region.centre, corner + cell) + 1.0 + distance(corner + beyond, far.centre);
+                match region.edges.iter_mut().find(|edge| edge.to == to) {
+                    Some(edge) => edge.length = edge.length.min(length),
+                    None => region.edges.push(Edge { to, slot, length }),
+                }
+            }
+        }
+        self.blocks[block as usize] = Some(here);
+    }
+}
+
+/// Appends a block unless it is the last one already.
+fn push(blocks: &mut Vec<u32>, block: u32) {
+    if blocks.last() != Some(&block) {
+        blocks.push(block);
+    }
+}
+
+fn sort_and_dedup(blocks: &mut Vec<u32>) {
+    blocks.sort_unstable();
+    blocks.dedup();
+}
+
+/// The cells of a block at one of its faces, relative to its corner.
+fn side(face: Cell) -> impl Iterator<Item = Cell> {
+    let along = |by: i32| match by {
+        0 => 0..BLOCK_CELLS,
+        1 => BLOCK_CELLS - 1..BLOCK_CELLS,
+        _ => 0..1,
+    };
+    along(face.z).flat_map(move |z| along(face.y).flat_map(move |y| along(face.x).map(move |x| Cell::new(x, y, z))))
+}
+
+fn offset(place: usize) -> Cell {
+    let place = place as i32;
+    Cell::new(place % BLOCK_CELLS, place / BLOCK_CELLS % BLOCK_CELLS, place / BLOCK_CELLS / BLOCK_CELLS)
+}
+
+fn place_of(offset: Cell) -> usize {
+    ((offset.z * BLOCK_CELLS + offset.y) * BLOCK_CELLS + offset.x) as usize
+}
+
+/// The cell nearest to the mean of all; sorts the cells.
+fn middle(cells: &mut [Cell]) -> Cell {
+    cells.sort_unstable();
+    let count = cells.len() as i32;
+    let sum = cells.iter().fold(Cell::default(), |sum, &cell| sum + cell);
+    let apart = |cell: &Cell| {
+        let [x, y, z] = [cell.x * count - sum.x, cell.y * count - sum.y, cell.z * count - sum.z];
+        x * x + y * y + z * z
+    };
+    cells.iter().min_by_key(|cell| apart(cell)).copied().unwrap_or_default()
+}
+
+/// Distance between the centres of two cells, cells.
+fn distance(a: Cell, b: Cell) -> f32 {
+    let [x, y, z] = [a.x - b.x, a.y - b.y, a.z - b.z].map(|by| by as f32);
+    (x * x + y * y + z * z).sqrt()
+}

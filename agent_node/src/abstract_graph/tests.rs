@@ -1,0 +1,144 @@
+use std::collections::BTreeMap;
+
+use proptest::prelude::*;
+use voxels::{Grid, Terrain};
+
+use super::*;
+use crate::path::{Goal, Neighbours, Scratch, Search};
+
+const RADIUS_M: f64 = 0.4;
+
+fn moves() -> Moves {
+    Moves::new(RADIUS_M, 1.0, Neighbours::TwentySix)
+}
+
+/// Reveals a world to a map, except the cells that `is_hidden`.
+fn reveal(map: &mut ExplorationMap, world: &Grid<Terrain>, is_hidden: impl Fn(Cell) -> bool) {
+    let extent = world.extent();
+    for cell in extent.cells().filter(|&cell| !is_hidden(cell)) {
+        let index = [extent.index(cell).unwrap() as u32];
+        match world.get(cell) {
+            Some(Terrain::Free) => map.note_free(&index),
+            _ => map.note_wall(&index),
+        }
+    }
+}
+
+/// Runs Dijkstra's algorithm from a cell: the path length to every reachable region, cells.
+fn lengths(paths: &mut ShortestPaths, graph: &AbstractGraph, from: Cell) -> BTreeMap<RegionId, f64> {
+    paths.begin(graph, from);
+    std::iter::from_fn(|| paths.next(graph)).map(|(id, _, length)| (id, length)).collect()
+}
+
+/// Two rooms, joined by a door at the far side.
+const ROOMS: &str = "
+#############
+#.....#.....#
+#.....#.....#
+#...........#
+#.....#.....#
+#.....#.....#
+#.....#.....#
+#.....#.....#
+#############";
+
+fn rooms() -> Grid<Terrain> {
+    Grid::from_text(ROOMS.trim_start()).unwrap()
+}
+
+#[test]
+fn the_way_to_the_next_room_leads_through_the_door() {
+    let world = rooms();
+    let mut map = ExplorationMap::new(world.extent());
+    reveal(&mut map, &world, |_| false);
+    let mut graph = AbstractGraph::new(map.extent(), RADIUS_M);
+    graph.update(&map, &moves());
+    let (from, to) = (Cell::new(1, 1, 0), Cell::new(11, 1, 0));
+    let mut paths = ShortestPaths::default();
+    let length = lengths(&mut paths, &graph, from)[&graph.region_of(to).unwrap()];
+    assert!((11.0..18.0).contains(&length), "{length}");
+    let mut scratch = Scratch::new();
+    let path = paths.path(&graph, &map, &moves(), &mut scratch, (from, to), &|_| false).unwrap();
+    assert!(path.cells.contains(&Cell::new(6, 5, 0)), "{path:?}");
+    let shut = |cell| cell == Cell::new(6, 5, 0);
+    assert_eq!(paths.path(&graph, &map, &moves(), &mut scratch, (from, to), &shut), None);
+}
+
+#[test]
+fn what_cannot_be_reached_is_no_region_of_the_ways() {
+    let world = rooms();
+    let mut map = ExplorationMap::new(world.extent());
+    reveal(&mut map, &world, |cell| cell.x == 6);
+    let mut graph = AbstractGraph::new(map.extent(), RADIUS_M);
+    graph.update(&map, &moves());
+    let reached = lengths(&mut ShortestPaths::default(), &graph, Cell::new(1, 1, 0));
+    let frontiers: usize = reached.keys().map(|&region| graph.get(region).unwrap().frontiers.len()).sum();
+    assert_eq!((frontiers, map.frontier_count()), (7, 14));
+    assert!(graph.region_of(Cell::new(11, 1, 0)).is_some_and(|far| !reached.contains_key(&far)));
+}
+
+fn noise() -> impl Strategy<Value = Vec<u8>> {
+    prop::collection::vec(0u8..4, 11 * 9 * 8)
+}
+
+fn apply(map: &mut ExplorationMap, cells: &[u8], part: std::ops::Range<usize>) {
+    for at in part {
+        match cells[at] {
+            0 | 1 => map.note_free(&[at as u32]),
+            2 => map.note_wall(&[at as u32]),
+            _ => {}
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn renewed_bit_by_bit_or_at_once_they_are_the_same(cells in noise(), cut in 0usize..792, radius in prop::sample::select(vec![0.4, 0.9])) {
+        let extent = Extent::new([11, 9, 8], 1.0).unwrap();
+        let moves = Moves::new(radius, 1.0, Neighbours::TwentySix);
+        let mut map = ExplorationMap::new(extent);
+        let mut by_bits = AbstractGraph::new(extent, radius);
+        apply(&mut map, &cells, 0..cut);
+        by_bits.update(&map, &moves);
+        apply(&mut map, &cells, cut..cells.len());
+        by_bits.update(&map, &moves);
+        let mut at_once = AbstractGraph::new(extent, radius);
+        at_once.update(&map, &moves);
+        for cell in extent.cells() {
+            prop_assert_eq!(by_bits.region_of(cell), at_once.region_of(cell));
+            prop_assert_eq!(by_bits.region_of(cell).is_some(), Graph::new(&map, &moves).is_usable(cell));
+        }
+        for (a, b) in by_bits.near(Cell::default(), 20).zip(at_once.near(Cell::default(), 20)) {
+            prop_assert_eq!(a.0, b.0);
+            let edges = |region: &Region| -> Vec<_> { region.edges.iter().map(|edge| (edge.to, edge.length)).collect() };
+            prop_assert_eq!(edges(a.1), edges(b.1));
+            prop_assert_eq!((&a.1.frontiers, a.1.centre), (&b.1.frontiers, b.1.centre));
+        }
+        let listed: usize = at_once.near(Cell::default(), 20).map(|(_, region)| region.frontiers.len()).sum();
+        if radius < 0.5 {
+            prop_assert_eq!(listed, map.frontier_count());
+        }
+    }
+
+    #[test]
+    fn there_is_a_way_from_region_to_region_if_and_only_if_there_is_a_path(cells in noise()) {
+        let extent = Extent::new([11, 9, 8], 1.0).unwrap();
+        let mut map = ExplorationMap::new(extent);
+        apply(&mut map, &cells, 0..cells.len());
+        let six = Moves::new(RADIUS_M, 1.0, Neighbours::Six);
+        let mut graph = AbstractGraph::new(extent, RADIUS_M);
+        graph.update(&map, &six);
+        let mut scratch = Scratch::new();
+        let Some(from) = extent.cells().find(|&cell| graph.region_of(cell).is_some()) else { return Ok(()) };
+        let mut paths = ShortestPaths::default();
+        let reached = lengths(&mut paths, &graph, from);
+        for to in extent.cells().step_by(7) {
+            let path = Search::new(Graph::new(&map, &six), &mut scratch, from, Goal::Cell(to)).run();
+            let is_reached = graph.region_of(to).is_some_and(|region| reached.contains_key(&region));
+            prop_assert_eq!(is_reached, path.is_some());
+            if path.is_some() {
+                prop_assert!(paths.path(&graph, &map, &six, &mut scratch, (from, to), &|_| false).is_some());
+            }
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Motions that avoid the other agents.
+//!
+//! Invariants: every motion leads only through cells known to be free, and keeps its clearance to
+//! the bodies nearby except where it starts. This module chooses neither the goal nor what happens
+//! if there is no such motion.
+
+use msgs::limits::PATH_POINTS_MAX;
+use nalgebra::Point3;
+use voxels::Cell;
+
+use super::super::Ctx;
+use super::obstacles::Obstacles;
+use crate::abstract_graph::{AbstractGraph, ShortestPaths};
+use crate::command::Motion;
+use crate::navigation::NavigationStatus;
+use crate::observation::Observation;
+use crate::path::{Neighbours, Path, straighten};
+
+/// Cells of a path, or edges of the tree, that an agent follows one by one to get clear of other
+/// bodies before it takes straight legs.
+const CLEARING_STEPS_MAX: usize = 4;
+
+/// The bodies that may block this one.
+pub(super) fn obstacles_near(observation: &Observation, ctx: &Ctx<'_>) -> Obstacles {
+    Obstacles::near(
+        &observation.contacts,
+        &ctx.position(),
+        ctx.body().radius_m,
+        &ctx.run_info().bodies,
+        ctx.map().extent(),
+    )
+}
+
+/// The motion of a body that is to be at rest: `Keep` if it is already.
+pub(super) fn hold(observation: &Observation) -> Motion {
+    if observation.is_active { Motion::Stop } else { Motion::Keep }
+}
+
+/// Length of a motion along waypoints from `from`, metres; 0 for other motions.
+pub(super) fn path_length_m(from: &Point3<f64>, motion: &Motion) -> f64 {
+    let Motion::Path(waypoints) = motion else { return 0.0 };
+    std::iter::once(from).chain(waypoints).zip(waypoints).map(|(from, to)| (to - from).norm()).sum()
+}
+
+/// The motion to a cell in a region that has been reached, if a path avoids the other agents.
+pub(super) fn motion_to(
+    ctx: &mut Ctx<'_>,
+    graph: &AbstractGraph,
+    paths: &ShortestPaths,
+    to: Cell,
+    obstacles: &Obstacles,
+) -> Option<Motion> {
+    let here = ctx.cell();
+    let (map, moves, scratch) = ctx.search_workspace(Neighbours::TwentySix);
+    let path = paths.path(graph, map, moves, scratch, (here, to), &|cell| obstacles.occupy(cell))?;
+    motion_along(ctx, &path, obstacles)
+}
+
+/// The motion along a path that avoids the other agents: as few legs as possible, after as few
+/// single steps as needed to get clear of them.
+pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles) -> Option<Motion> {
+    let (map, radius_m) = (ctx.map(), ctx.body().radius_m);
+    let is_clear = |motion: &Motion| !obstacles.block_motion(&ctx.position(), motion);
+    let NavigationStatus::Go(straight) = ctx.follow(path) else { return None };
+    let after = |steps: usize| {
+        let rest = Path { cells: path.cells[steps..].to_vec(), cost: 0 };
+        let by_steps = path.cells[1..=steps].iter().map(|&cell| map.extent().centre(cell));
+        Motion::Path(by_steps.chain(straighten(&rest, map, radius_m)).take(PATH_POINTS_MAX).collect())
+    };
+    let steps_max = CLEARING_STEPS_MAX.min(path.cells.len() - 1);
+    std::iter::once(straight).chain((1..=steps_max).map(after)).find(is_clear)
+}

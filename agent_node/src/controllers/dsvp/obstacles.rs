@@ -1,0 +1,124 @@
+//! The bodies of the agents in contact as moving obstacles.
+//!
+//! They move on, so only nearby ones matter. Their plans are unknown here.
+
+use nalgebra::Point3;
+use voxels::{Cell, Extent};
+
+use crate::bodies::Bodies;
+use crate::command::Motion;
+use crate::observation::Contact;
+
+/// Distance between body centres below which a path is blocked, as a multiple of the distance at
+/// which the bodies touch.
+const CLEARANCE: f64 = 1.025;
+
+/// Bodies beyond this distance will have moved on before one gets there, as a multiple of the
+/// distance at which the bodies touch.
+const NEAR: f64 = 6.0;
+
+/// The bodies nearby.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::controllers) struct Obstacles {
+    extent: Extent,
+    near: Vec<Obstacle>,
+}
+
+/// A body and the clearance between centres that it needs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Obstacle {
+    at: Point3<f64>,
+    clearance_m: f64,
+}
+
+impl Obstacles {
+    /// The obstacles near a body with a radius at `here`; metres, frame `map`. `bodies` are those
+    /// of the team.
+    pub(in crate::controllers) fn near(
+        contacts: &[Contact],
+        here: &Point3<f64>,
+        radius_m: f64,
+        bodies: &Bodies,
+        extent: Extent,
+    ) -> Self {
+        let is_near = |contact: &Contact| {
+            let touch_m = radius_m + bodies.of(contact.agent).radius_m;
+            let obstacle = Obstacle { at: contact.position, clearance_m: CLEARANCE * touch_m };
+            ((contact.position - here).norm() < NEAR * touch_m).then_some(obstacle)
+        };
+        Self { extent, near: contacts.iter().filter_map(is_near).collect() }
+    }
+
+    /// Whether a body at the centre of a cell would violate the clearance of an obstacle.
+    pub(in crate::controllers) fn occupy(&self, cell: Cell) -> bool {
+        !self.near.is_empty() && {
+            let centre = self.extent.centre(cell);
+            self.near.iter().any(|obstacle| (obstacle.at - centre).norm() < obstacle.clearance_m)
+        }
+    }
+
+    /// Whether a body on a straight leg would violate the clearance of an obstacle. A violation at
+    /// the start does not count unless the leg comes nearer still.
+    pub(in crate::controllers) fn block(&self, from: &Point3<f64>, to: &Point3<f64>) -> bool {
+        let by = to - from;
+        let length_squared = by.norm_squared();
+        self.near.iter().any(|obstacle| {
+            let share = if length_squared > 0.0 {
+                ((obstacle.at - from).dot(&by) / length_squared).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            let apart = (obstacle.at - (from + by * share)).norm();
+            apart < obstacle.clearance_m && share > 0.0
+        })
+    }
+
+    /// Whether a body on a path of waypoints would violate the clearance of an obstacle.
+    pub(in crate::controllers) fn block_motion(&self, from: &Point3<f64>, motion: &Motion) -> bool {
+        let Motion::Path(waypoints) = motion else { return false };
+        let starts = std::iter::once(from).chain(waypoints);
+        starts.zip(waypoints).any(|(from, to)| self.block(from, to))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use msgs::ids::AgentId;
+
+    use super::*;
+    use crate::bodies::BodyModel;
+
+    /// An obstacle: agent 1 with a radius of 0.4 m, or agent 2 with 1.4 m.
+    fn of(agent: u32, at: [f64; 3]) -> Obstacles {
+        let contacts = [Contact { agent: AgentId(agent), position: Point3::from(at) }];
+        let large = BodyModel { radius_m: 1.4, ..BodyModel::SUBMARINE };
+        let bodies = Bodies::new(vec![BodyModel::SUBMARINE, large], vec![0, 0, 1]).unwrap();
+        let extent = Extent::new([20, 20, 20], 1.0).unwrap();
+        Obstacles::near(&contacts, &Point3::new(1.5, 1.5, 1.5), 0.4, &bodies, extent)
+    }
+
+    fn obstacle(at: [f64; 3]) -> Obstacles {
+        of(1, at)
+    }
+
+    #[test]
+    fn a_larger_body_needs_more_room_and_counts_from_farther_away() {
+        let (here, ahead) = (Point3::new(1.5, 1.5, 1.5), Point3::new(12.5, 1.5, 1.5));
+        assert!(!of(1, [4.5, 3.2, 1.5]).block(&here, &ahead) && of(2, [4.5, 3.2, 1.5]).block(&here, &ahead));
+        assert!(!of(1, [9.5, 1.5, 1.5]).block(&here, &ahead) && of(2, [9.5, 1.5, 1.5]).block(&here, &ahead));
+        assert!(of(2, [4.5, 1.5, 1.5]).occupy(Cell::new(3, 2, 1)));
+    }
+
+    #[test]
+    fn a_body_in_the_way_blocks_and_one_behind_does_not() {
+        let here = Point3::new(1.5, 1.5, 1.5);
+        let ahead = Point3::new(6.5, 1.5, 1.5);
+        assert!(obstacle([3.5, 1.5, 1.5]).block(&here, &ahead));
+        assert!(obstacle([3.5, 2.3, 1.5]).block(&here, &ahead));
+        assert!(!obstacle([3.5, 2.5, 1.5]).block(&here, &ahead));
+        assert!(!obstacle([0.7, 1.5, 1.5]).block(&here, &ahead));
+        assert!(!obstacle([9.5, 1.5, 1.5]).block(&here, &Point3::new(12.5, 1.5, 1.5)), "far away");
+        assert!(obstacle([3.5, 1.5, 1.5]).occupy(Cell::new(3, 1, 1)));
+        assert!(!obstacle([3.5, 1.5, 1.5]).occupy(Cell::new(4, 1, 1)));
+    }
+}

@@ -1,0 +1,92 @@
+//! Publishes the maps of the agents as markers for observers.
+//!
+//! Invariant: publishing neither changes nor delays a reply; replies come first.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use msgs::ids::{AgentId, Tick};
+use voxels::Extent;
+
+use super::{Host, HostedAgent, RECEIVE_TIMEOUT, now};
+use crate::map_markers::MapMarkers;
+use crate::transport::Level;
+
+/// Wall time between two markers of one map, so that subscribers can keep up.
+const MARKER_PERIOD: Duration = Duration::from_millis(10);
+
+/// Most markers published in one go at the end of the run, for subscribers that stay a moment
+/// longer.
+const FINAL_MARKERS_MAX: usize = 64;
+
+/// The state of one published map.
+pub(super) struct PublishedMap {
+    view: MapMarkers,
+    observers: u64,
+    looked: Option<Instant>,
+    published: Option<Instant>,
+}
+
+impl PublishedMap {
+    pub(super) fn new(extent: Extent) -> Self {
+        Self { view: MapMarkers::new(extent), observers: 0, looked: None, published: None }
+    }
+}
+
+impl Host<'_> {
+    /// Publishes the changes of the maps to their observers: at most one marker of each map.
+    /// Returns how long to wait for the next message: the usual time if there are no observers.
+    pub(super) fn publish_maps(&mut self) -> Duration {
+        let Some(observers) = self.transport.observers().cloned() else { return RECEIVE_TIMEOUT };
+        let look_period = Duration::from_secs_f64(1.0 / self.map_hz);
+        for (id, observers) in observers {
+            let Some(hosted) = self.agents.get_mut(&id) else { continue };
+            let PublishedMap { view, observers: before, looked, published } = &mut hosted.published;
+            if std::mem::replace(before, observers) < observers {
+                view.show_again();
+            }
+            if looked.is_none_or(|looked| looked.elapsed() >= look_period) {
+                *looked = Some(now());
+                view.look(hosted.agent.map());
+            }
+            let tick = hosted.agent.last_tick().unwrap_or(Tick::ZERO);
+            if published.is_none_or(|published| published.elapsed() >= MARKER_PERIOD)
+                && let Some(part) = view.next(hosted.agent.map(), tick)
+            {
+                *published = Some(now());
+                self.transport.publish_map(id, &part);
+            }
+        }
+        MARKER_PERIOD
+    }
+
+    /// Publishes what is left of a map at the end of the run.
+    pub(super) fn publish_rest(&mut self, id: AgentId) {
+        let Some(hosted) = self.agents.get_mut(&id) else { return };
+        if self.transport.observers().is_none_or(|observers| !observers.contains_key(&id)) {
+            return;
+        }
+        hosted.published.view.look(hosted.agent.map());
+        let tick = hosted.agent.last_tick().unwrap_or(Tick::ZERO);
+        for _ in 0..FINAL_MARKERS_MAX {
+            let Some(part) = hosted.published.view.next(hosted.agent.map(), tick) else { break };
+            self.transport.publish_map(id, &part);
+        }
+    }
+
+    /// The state of the published maps, kept over a reset.
+    pub(super) fn published(&mut self) -> BTreeMap<AgentId, PublishedMap> {
+        let begun_again = |(id, mut hosted): (AgentId, HostedAgent)| {
+            hosted.published.view.begin_again();
+            (id, hosted.published)
+        };
+        std::mem::take(&mut self.agents).into_iter().map(begun_again).collect()
+    }
+
+    /// Logs a text for all agents that are still running.
+    pub(super) fn log_for_all(&mut self, level: Level, text: &str) {
+        for &id in self.agents.keys() {
+            self.transport.log(id, level, text);
+        }
+    }
+}

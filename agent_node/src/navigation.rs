@@ -1,0 +1,206 @@
+//! Navigation to cells for controllers: requests a path, holds the result back until its sim time,
+//! and makes a motion of it.
+//!
+//! Invariants: a result is available in the tick fixed at the request, on any machine; every motion
+//! leads only through cells that were known to be free at the request.
+//!
+//! Only one request is pending at a time: a request for another cell replaces it.
+
+use std::num::NonZeroU64;
+use std::task::Poll;
+
+use msgs::ids::Tick;
+use nalgebra::Point3;
+use voxels::Cell;
+
+use crate::command::{Motion, Trigger};
+use crate::exploration_map::ExplorationMap;
+use crate::path::{
+    Background, Budgeted, Goal, Graph, Moves, Neighbours, Path, Scratch, Search, direct, straighten_from,
+};
+
+/// The sim time of a path search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SearchTime {
+    /// None: the result is available at once.
+    Instant,
+    /// One tick per this many expanded cells; see [`SearchTime::BUDGETED`].
+    Budgeted(NonZeroU64),
+    /// A fixed number of ticks, while another thread searches.
+    Background(u64),
+}
+
+impl SearchTime {
+    /// The rate of the reference: 100 cells per tick.
+    pub const BUDGETED: Self = Self::Budgeted(Budgeted::PER_TICK);
+}
+
+/// The status of a navigation request.
+#[derive(Debug, Clone, PartialEq)]
+pub enum NavigationStatus {
+    /// A path exists: this motion follows it.
+    Go(Motion),
+    /// The search is pending: repeat the request when the trigger fires.
+    Searching(Trigger),
+    /// No path is known.
+    NoPath,
+}
+
+/// A result that is held back.
+#[derive(Debug)]
+enum Answer {
+    Budgeted(Budgeted),
+    Background(Background),
+}
+
+impl Answer {
+    fn poll(&mut self, now: Tick) -> Poll<Option<Path>> {
+        match self {
+            Self::Budgeted(search) => search.poll(now).map(Option::<&Path>::cloned),
+            Self::Background(search) => search.poll(now).map(Option::<&Path>::cloned),
+        }
+    }
+
+    fn usable_at(&self) -> Tick {
+        match self {
+            Self::Budgeted(search) => search.usable_at(),
+            Self::Background(search) => search.usable_at(),
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Pending {
+    question: (Cell, Cell, Neighbours, SearchTime),
+    answer: Answer,
+}
+
+/// The navigation task of one agent: the pending path search, and what searches need.
+#[derive(Debug)]
+pub struct NavigationTask {
+    radius_m: f64,
+    to_faces: Moves,
+    to_all: Moves,
+    scratch: Scratch,
+    /// Limit of expanded cells of a search.
+    cells_max: u64,
+    pending: Option<Pending>,
+    failures: u32,
+}
+
+impl NavigationTask {
+    /// For a body with a radius of `radius_m` metres on cells with edges of `cell_m` metres.
+    #[must_use]
+    pub fn new(radius_m: f64, cell_m: f64) -> Self {
+        Self {
+            radius_m,
+            to_faces: Moves::new(radius_m, cell_m, Neighbours::Six),
+            to_all: Moves::new(radius_m, cell_m, Neighbours::TwentySix),
+            scratch: Scratch::new(),
+            cells_max: u64::MAX,
+            pending: None,
+            failures: 0,
+        }
+    }
+
+    /// Number of requests without a path.
+    #[must_use]
+    pub fn failures(&self) -> u32 {
+        self.failures
+    }
+
+    fn moves(&self, neighbours: Neighbours) -> &Moves {
+        match neighbours {
+            Neighbours::Six => &self.to_faces,
+            Neighbours::TwentySix => &self.to_all,
+        }
+    }
+
+    /// Limits later searches to this number of expanded cells, beyond which they find no path,
+    /// whatever their sim time.
+    pub fn limit_searches(&mut self, cells_max: u64) {
+        self.cells_max = cells_max;
+    }
+
+    /// The moves of the body, and the scratch memory of its searches.
+    pub fn search_workspace(&mut self, neighbours: Neighbours) -> (&Moves, &mut Scratch) {
+        match neighbours {
+            Neighbours::Six => (&self.to_faces, &mut self.scratch),
+            Neighbours::TwentySix => (&self.to_all, &mut self.scratch),
+        }
+    }
+
+    /// The motion from a point (metres, frame `map`) to a cell: straight if that is clear, else
+    /// along the cheapest path through `neighbours`, with as few legs as possible. A pending search
+    /// continues with the same request and the body at rest.
+    pub fn to_cell(
+        &mut self,
+        map: &ExplorationMap,
+        from: &Point3<f64>,
+        goal: Cell,
+        neighbours: Neighbours,
+        time: SearchTime,
+        now: Tick,
+    ) -> NavigationStatus {
+        if direct(map, from, goal, self.radius_m) {
+            self.pending = None;
+            return NavigationStatus::Go(Motion::Path(vec![map.extent().centre(goal)]));
+        }
+        let start = map.extent().cell_of(from);
+        let Poll::Ready(path) = self.search(map, start, goal, neighbours, time, now) else {
+            let at = self.pending.as_ref().map_or(Tick::ZERO, |pending| pending.answer.usable_at());
+            return NavigationStatus::Searching(Trigger { at, events: 0 });
+        };
+        self.pending = None;
+        let status = path.map_or(NavigationStatus::NoPath, |path| self.motion_along(map, from, &path));
+        self.failures += u32::from(status == NavigationStatus::NoPath);
+        status
+    }
+
+    /// The motion along a path that begins in the cell of the body.
+    #[must_use]
+    pub fn motion_along(&self, map: &ExplorationMap, from: &Point3<f64>, path: &Path) -> NavigationStatus {
+        let waypoints = straighten_from(from, path, map, self.radius_m);
+        // A path of one cell whose centre cannot be reached straight: the body is as near as it can
+        // get.
+        if waypoints.is_empty() { NavigationStatus::NoPath } else { NavigationStatus::Go(Motion::Path(waypoints)) }
+    }
+
+    fn search(
+        &mut self,
+        map: &ExplorationMap,
+        start: Cell,
+        goal: Cell,
+        neighbours: Neighbours,
+        time: SearchTime,
+        now: Tick,
+    ) -> Poll<Option<Path>> {
+        let question = (start, goal, neighbours, time);
+        let pending = self.pending.take().filter(|pending| pending.question == question);
+        let mut answer = match (pending, time) {
+            (Some(pending), _) => pending.answer,
+            (None, SearchTime::Background(ticks)) => {
+                let moves = self.moves(neighbours);
+                Answer::Background(Background::start(map, moves, start, vec![goal], self.cells_max, now.after(ticks)))
+            }
+            (None, SearchTime::Instant | SearchTime::Budgeted(_)) => {
+                let cells_max = self.cells_max;
+                let (moves, scratch) = self.search_workspace(neighbours);
+                let mut search =
+                    Search::new(Graph::new(map, moves), scratch, start, Goal::Cell(goal)).at_most(cells_max);
+                match time {
+                    SearchTime::Budgeted(per_tick) => Answer::Budgeted(Budgeted::new(search, now, per_tick)),
+                    _ => return Poll::Ready(search.run()),
+                }
+            }
+        };
+        let polled = answer.poll(now);
+        if polled.is_pending() {
+            self.pending = Some(Pending { question, answer });
+        }
+        polled
+    }
+}
+
+#[cfg(test)]
+mod tests;

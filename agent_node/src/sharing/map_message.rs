@@ -1,0 +1,486 @@
+//! The encoding of a map message.
+//!
+//! | bytes | content |
+//! |---|---|
+//! | 1 | version of this form, [`VERSION`] |
+//! | number | how many agents are told the same in the same tick, the receiver included |
+//! | number each | their ids, ascending: the first one, then how many ids lie between it and the next, and so on |
+//! | number | how many blocks of the map there is news of |
+//! | bits | these blocks, ascending; the last byte is filled up with zeros |
+//!
+//! A *number* is an unsigned LEB128: 7 bits in each byte, the lowest first, the top bit set in all
+//! bytes but the last; at most 2^32 - 1, at most 5 bytes. Blocks, the numbers of cells in them and
+//! their octants are those of [`Block`]; words and gaps of bits are those of `bits.rs`. A block
+//! has:
+//!
+//! | bits | content |
+//! |---|---|
+//! | gap | how many blocks lie between the one before (or the start of the map) and it |
+//! | `0`; `10`; or `11` and one bit | the cells as a list; as octants; or with covered ones among them, `0` as a list, `1` as octants |
+//! | | as a list: a gap, the number of cells less one; the number of each cell in the block, ascending, a word of 6 bits; for each of them, one bit whether it is wall |
+//! | | as octants, for each of the eight: `0` if there is news of none of its cells; `11` if of all; `10` and a word of 8 bits with a one for each that there is news of; and behind `10` and `11`: `0` if all these cells are free, `10` if all are wall, or `11` and for each of them one bit whether it is wall |
+//! | if covered ones are among them | one bit for each of the free cells, ascending, whether it is covered |
+//!
+//! Nothing follows the last block. A cell takes between 27/64 of a bit, in a block that is all
+//! free, and 64 bits.
+//!
+//! Invariant: the result of [`decode`] is ascending, without empty blocks, inside the map, and
+//! names only agents of the run; a message with any wrong bit is rejected as a whole.
+
+use msgs::ids::AgentId;
+use thiserror::Error;
+use voxels::Extent;
+
+use super::bits::{Reader as Bits, Writer, gap_bits};
+use crate::exploration_map::{Block, Delta, Layout, bits};
+
+/// Version of the encoding.
+pub const VERSION: u8 = 2;
+
+/// Most bytes that one more cell can add to a message: a block of its own, covered and far from the
+/// others, takes 61 bits, of which the gap takes 49.
+pub(super) const CELL_BYTES_MAX: usize = 8;
+
+/// Most bytes of a message for this many receivers, without its cells.
+pub(super) const fn bare_bytes_max(receivers: usize) -> usize {
+    2 + NUMBER_BYTES_MAX * (receivers + 2)
+}
+
+const NUMBER_BYTES_MAX: usize = 5;
+
+/// Fewest bits of a block: a gap of 0, a list of one cell.
+const BLOCK_BITS_MIN: usize = 10;
+
+/// An octant with all of its cells.
+const ALL: u32 = 0xff;
+
+/// Why bytes are no map message of this run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum MapMessageError {
+    /// Another version of the encoding.
+    #[error("version {0}, expected {VERSION}")]
+    Version(u8),
+    /// Truncated after this many bytes.
+    #[error("it ends after {0} bytes, in the middle of its content")]
+    Short(usize),
+    /// A number out of range, at this byte.
+    #[error("the number at byte {0} is larger than 4294967295 or longer than 5 bytes")]
+    Number(usize),
+    /// A receiver that is not part of the run.
+    #[error("it is for agent {agent}, allowed are 0 to {}", agents.saturating_sub(1))]
+    Agent {
+        /// The id of the receiver.
+        agent: u64,
+        /// Number of agents of the run.
+        agents: u32,
+    },
+    /// A cell outside the map.
+    #[error("it tells of cells in block {block} that the map does not have")]
+    Outside {
+        /// The number of the block.
+        block: u64,
+    },
+    /// A block that is empty or not encoded canonically.
+    #[error("block {0} says nothing, or the same in a longer way than it is to be said")]
+    Block(u32),
+    /// Padding that is not zero.
+    #[error("a bit is set behind its end")]
+    Filling,
+    /// More cells from its sender than an agent can know.
+    #[error("its sender has told of more than {allowance} cells, as often as there can be news")]
+    Barred {
+        /// Number of cells that one sender may report in a run.
+        allowance: u64,
+    },
+    /// Trailing bytes, by their number.
+    #[error("{0} bytes follow its end")]
+    Long(usize),
+}
+
+/// Encodes a delta for receivers, ascending by id.
+pub(super) fn encode(receivers: &[AgentId], delta: &Delta) -> Vec<u8> {
+    let mut bytes = vec![VERSION];
+    put(&mut bytes, receivers.len() as u32);
+    let mut next = 0;
+    for receiver in receivers {
+        put(&mut bytes, receiver.0 - next);
+        next = receiver.0 + 1;
+    }
+    put(&mut bytes, delta.blocks.len() as u32);
+    let mut writer = Writer::new(&mut bytes);
+    let mut next = 0;
+    for block in &delta.blocks {
+        writer.gap(block.index - next);
+        next = block.index + 1;
+        put_block(&mut writer, block);
+    }
+    writer.end();
+    bytes
+}
+
+/// The octants of a block: reported cells, and those of them that are wall.
+fn octants(block: &Block) -> impl Iterator<Item = (u32, u32)> {
+    block.known.to_le_bytes().into_iter().zip(block.wall.to_le_bytes()).map(|(known, wall)| (known.into(), wall.into()))
+}
+
+fn put_block(writer: &mut Writer<'_>, block: &Block) {
+    let cells = block.known.count_ones();
+    let list_bits = gap_bits(cells - 1) + 7 * cells;
+    let octants_bits: u32 = octants(block).map(octant_bits).sum();
+    // The additional bit of octants without covered cells.
+    let is_list = list_bits <= octants_bits + u32::from(block.covered == 0);
+    match (block.covered == 0, is_list) {
+        (true, true) => writer.word(0, 1),
+        (true, false) => writer.word(0b01, 2),
+        (false, _) => writer.word(0b011 | u32::from(!is_list) << 2, 3),
+    }
+    if is_list {
+        writer.gap(cells - 1);
+        bits(block.known).for_each(|number| writer.word(number, 6));
+        bits(block.known).for_each(|number| writer.word((block.wall >> number) as u32 & 1, 1));
+    } else {
+        octants(block).for_each(|(known, wall)| put_octant(writer, known, wall));
+    }
+    if block.covered != 0 {
+        bits(block.known & !block.wall).for_each(|number| writer.word((block.covered >> number) as u32 & 1, 1));
+    }
+}
+
+fn octant_bits((known, wall): (u32, u32)) -> u32 {
+    match known {
+        0 => 1,
+        _ => {
+            let shape = if known == ALL { 2 } else { 10 };
+            shape
+                + if wall == 0 {
+                    1
+                } else if wall == known {
+                    2
+                } else {
+                    2 + known.count_ones()
+                }
+        }
+    }
+}
+
+fn put_octant(writer: &mut Writer<'_>, known: u32, wall: u32) {
+    match known {
+        0 => return writer.word(0, 1),
+        ALL => writer.word(0b11, 2),
+        _ => writer.word(known << 2 | 0b01, 10),
+    }
+    match wall {
+        0 => writer.word(0, 1),
+        _ if wall == known => writer.word(0b01, 2),
+        _ => {
+            writer.word(0b11, 2);
+            writer.word(gathered(wall, known), known.count_ones());
+        }
+    }
+}
+
+/// The bits of an octant at the ones of a mask, gathered at the lower end.
+fn gathered(octant: u32, mask: u32) -> u32 {
+    if mask == ALL {
+        return octant;
+    }
+    bits(mask.into()).zip(0..).fold(0, |word, (from, to)| word | (octant >> from & 1) << to)
+}
+
+/// The inverse: bits at the lower end, scattered to the ones of a mask.
+fn scattered(word: u32, mask: u32) -> u32 {
+    if mask == ALL {
+        return word;
+    }
+    bits(mask.into()).zip(0..).fold(0, |octant, (to, from)| octant | (word >> from & 1) << to)
+}
+
+/// Decodes a message: its receivers and its delta.
+///
+/// # Errors
+/// If the bytes are no map message for a map of this extent and a team of `agents`.
+pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<(Vec<AgentId>, Delta), MapMessageError> {
+    let mut reader = Reader { bytes, at: 0 };
+    let version = reader.byte()?;
+    if version != VERSION {
+        return Err(MapMessageError::Version(version));
+    }
+    let mut receivers = Vec::new();
+    let mut next = 0u64;
+    for _ in 0..reader.number()? {
+        let agent = next + u64::from(reader.number()?);
+        if agent >= agents.into() {
+            return Err(MapMessageError::Agent { agent, agents });
+        }
+        receivers.push(AgentId(agent as u32));
+        next = agent + 1;
+    }
+    let count = reader.number()?;
+    let delta = Delta { blocks: blocks(&bytes[reader.at..], count, Layout::new(extent), bytes.len())? };
+    Ok((receivers, delta))
+}
+
+fn blocks(bytes: &[u8], count: u32, layout: Layout, parcel_bytes: usize) -> Result<Vec<Block>, MapMessageError> {
+    // The count is untrusted and must not reserve memory.
+    let mut blocks = Vec::with_capacity((count as usize).min(8 * bytes.len() / BLOCK_BITS_MIN));
+    let mut reader = Bits::new(bytes);
+    let mut next = 0;
+    for _ in 0..count {
+        let gap = reader.gap();
+        if reader.has_overrun() {
+            return Err(MapMessageError::Short(parcel_bytes));
+        }
+        let index = gap.map_or(u32::MAX, |gap| next + gap);
+        if index >= layout.count() {
+            return Err(MapMessageError::Outside { block: index.into() });
+        }
+        let block = block(&mut reader, index);
+        if reader.has_overrun() {
+            return Err(MapMessageError::Short(parcel_bytes));
+        }
+        let block = block.ok_or(MapMessageError::Block(index))?;
+        if block.known & !layout.inside(index) != 0 {
+            return Err(MapMessageError::Outside { block: index.into() });
+        }
+        blocks.push(block);
+        next = index + 1;
+    }
+    match reader.rest() {
+        (0, 0) => Ok(blocks),
+        (0, _) => Err(MapMessageError::Filling),
+        (left, _) => Err(MapMessageError::Long(left)),
+    }
+}
+
+/// Decodes a block; `None` if it is not as documented. Bits beyond the end may make it either.
+fn block(reader: &mut Bits<'_>, index: u32) -> Option<Block> {
+    let is_bare_list = !reader.bit();
+    let has_covered = !is_bare_list && reader.bit();
+    let is_list = is_bare_list || has_covered && !reader.bit();
+    let mut block = Block { index, ..Block::default() };
+    if is_list {
+        let cells = reader.gap()? + 1;
+        let mut next = 0;
+        for _ in 0..cells {
+            let number = reader.word(6);
+            if number < next {
+                return None;
+            }
+            next = number + 1;
+            block.known |= 1 << number;
+        }
+        for number in bits(block.known) {
+            block.wall |= u64::from(reader.bit()) << number;
+        }
+    } else {
+        for place in 0..8 {
+            let (known, wall) = octant(reader)?;
+            block.known |= u64::from(known) << (8 * place);
+            block.wall |= u64::from(wall) << (8 * place);
+        }
+    }
+    if has_covered {
+        for number in bits(block.known & !block.wall) {
+            block.covered |= u64::from(reader.bit()) << number;
+        }
+    }
+    (block.known != 0 && has_covered == (block.covered != 0)).then_some(block)
+}
+
+/// Decodes an octant: reported cells and walls; `None` if it is not as documented.
+fn octant(reader: &mut Bits<'_>) -> Option<(u32, u32)> {
+    if !reader.bit() {
+        return Some((0, 0));
+    }
+    let known = if reader.bit() {
+        ALL
+    } else {
+        let known = reader.word(8);
+        if known == 0 || known == ALL {
+            return None;
+        }
+        known
+    };
+    let wall = match (reader.bit(), known) {
+        (false, _) => 0,
+        (true, known) if !reader.bit() => known,
+        (true, known) => {
+            let wall = scattered(reader.word(known.count_ones()), known);
+            if wall == 0 || wall == known {
+                return None;
+            }
+            wall
+        }
+    };
+    Some((known, wall))
+}
+
+fn put(bytes: &mut Vec<u8>, mut number: u32) {
+    while number >= 0x80 {
+        bytes.push(number as u8 | 0x80);
+        number >>= 7;
+    }
+    bytes.push(number as u8);
+}
+
+struct Reader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl Reader<'_> {
+    fn byte(&mut self) -> Result<u8, MapMessageError> {
+        let byte = *self.bytes.get(self.at).ok_or(MapMessageError::Short(self.bytes.len()))?;
+        self.at += 1;
+        Ok(byte)
+    }
+
+    fn number(&mut self) -> Result<u32, MapMessageError> {
+        let start = self.at;
+        let mut number = 0u64;
+        for place in 0..NUMBER_BYTES_MAX {
+            let byte = self.byte()?;
+            number |= u64::from(byte & 0x7f) << (7 * place);
+            if byte & 0x80 == 0 {
+                return u32::try_from(number).map_err(|_| MapMessageError::Number(start));
+            }
+        }
+        Err(MapMessageError::Number(start))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::exploration_map::{Change, Finding};
+
+    fn extent(size: [u32; 3]) -> Extent {
+        Extent::new(size, 1.0).unwrap()
+    }
+
+    fn block(index: u32, known: u64, wall: u64, covered: u64) -> Block {
+        Block { index, known, wall, covered }
+    }
+
+    #[test]
+    fn byte_for_byte_as_documented() {
+        let blocks = vec![
+            // Cells 3 and 5, one of them a wall.
+            block(1, 0b10_1000, 0b10_0000, 0),
+            // Octants: all free; all wall; five cells, of which one is wall; and none.
+            block(2, 0x1f_ffff, 0x04_ff00, 0),
+            // One covered cell, one that is not.
+            block(5, 0b11, 0, 0b10),
+        ];
+        let delta = Delta { blocks };
+        let bytes = encode(&[AgentId(1), AgentId(4)], &delta);
+        let strings = [
+            "100 0 100 110000 101000 0 1",
+            "0 10 110 1110 10 11111000 11 00100 0 0 0 0 0",
+            "101 110 100 000000 100000 0 0 0 1",
+        ];
+        let written = strings.concat().replace(' ', "");
+        let mut expected = vec![2, 2, 1, 2, 3];
+        for byte in written.as_bytes().chunks(8) {
+            expected.push(byte.iter().rev().fold(0, |bits, digit| bits << 1 | (digit - b'0')));
+        }
+        assert_eq!(bytes, expected);
+        let map = extent([8, 8, 8]);
+        assert_eq!(decode(&bytes, map, 5), Ok((vec![AgentId(1), AgentId(4)], delta)));
+        assert_eq!(decode(&bytes, extent([8, 8, 4]), 5), Err(MapMessageError::Outside { block: 5 }));
+        assert_eq!(decode(&bytes, extent([8, 5, 8]), 5), Err(MapMessageError::Outside { block: 2 }));
+        assert_eq!(decode(&bytes, map, 4), Err(MapMessageError::Agent { agent: 4, agents: 4 }));
+    }
+
+    #[test]
+    fn malformed_bytes_are_refused_with_the_reason() {
+        let refused = |bytes: &[u8]| decode(bytes, extent([8, 8, 8]), 2).unwrap_err().to_string();
+        assert_eq!(refused(&[]), "it ends after 0 bytes, in the middle of its content");
+        assert_eq!(refused(&[1, 0]), "version 1, expected 2");
+        assert_eq!(refused(&[2, 0, 1]), "it ends after 3 bytes, in the middle of its content");
+        assert_eq!(refused(&[2, 0, 1, 0]), "it ends after 4 bytes, in the middle of its content");
+        assert_eq!(refused(&[2, 0, 0, 7]), "1 bytes follow its end");
+        assert_eq!(refused(&[2, 1, 2, 0]), "it is for agent 2, allowed are 0 to 1");
+        let long = "the number at byte 1 is larger than 4294967295 or longer than 5 bytes";
+        assert_eq!(refused(&[2, 0xff, 0xff, 0xff, 0xff, 0x1f]), long);
+        assert_eq!(refused(&[2, 0x80, 0x80, 0x80, 0x80, 0x80]), long);
+        let bits = |digits: &str| {
+            let digits: Vec<u8> = digits.bytes().filter(|&digit| digit != b' ').collect();
+            let byte = |digits: &[u8]| digits.iter().rev().fold(0, |bits, digit| bits << 1 | (digit - b'0'));
+            [[2, 0, 1].as_slice(), &digits.chunks(8).map(byte).collect::<Vec<u8>>()].concat()
+        };
+        assert!(decode(&bits("0 0 0 010000 1 000000"), extent([8; 3]), 2).is_ok());
+        assert_eq!(refused(&bits("0 0 0 010000 1 000010")), "a bit is set behind its end");
+        assert_eq!(
+            refused(&bits("1110100 0 0 010000 1 000000")),
+            "it tells of cells in block 8 that the map does not have"
+        );
+        let endless = "it tells of cells in block 4294967295 that the map does not have";
+        assert_eq!(refused(&bits(&"1".repeat(96))), endless);
+        let wrong = "block 0 says nothing, or the same in a longer way than it is to be said";
+        for digits in [
+            "0 0 100 010000 010000 1 1",
+            "0 0 100 010000 100000 1 1",
+            "0 10 00000000",
+            "0 10 10 00000000 0 0000000",
+            "0 10 10 11111111 0 0000000",
+            "0 10 10 11000000 11 11 0000000",
+            "0 10 11 11 00000000 0000000",
+            "0 110 0 010000 0 0",
+            "0 110 0 010000 1",
+        ] {
+            assert_eq!(refused(&bits(&format!("{digits} {}", "0".repeat(64)))), wrong, "{digits}");
+        }
+    }
+
+    fn findings(volume: u32) -> impl Strategy<Value = Vec<(u32, Finding)>> {
+        let finding = prop::sample::select(vec![Finding::Free, Finding::Wall, Finding::Covered]);
+        let scattered = prop::collection::vec((0..volume, finding), 0..60);
+        let mixed = prop::sample::select(vec![Finding::Free, Finding::Wall]);
+        let dense = (0..volume, prop::collection::vec(mixed, 0..300))
+            .prop_map(move |(start, findings)| (start..volume).zip(findings).collect::<Vec<_>>());
+        (scattered, dense).prop_map(|(scattered, dense)| [scattered, dense].concat())
+    }
+
+    proptest! {
+        #[test]
+        fn comes_back_as_it_was_and_no_longer_than_reckoned(
+            receivers in prop::collection::btree_set(0u32..9, 0..9),
+            findings in findings(50_000),
+            size in prop::sample::select(vec![[1024, 1024, 1024], [7, 90, 80], [50_000 / 50, 50, 1]]),
+        ) {
+            let receivers: Vec<AgentId> = receivers.into_iter().map(AgentId).collect();
+            let count = findings.len();
+            let changes = findings.into_iter().map(|(cell, finding)| Change { cell, finding, from: None });
+            let delta = Delta::of(extent(size), changes);
+            let bytes = encode(&receivers, &delta);
+            prop_assert!(bytes.len() <= bare_bytes_max(receivers.len()) + CELL_BYTES_MAX * count);
+            prop_assert_eq!(decode(&bytes, extent(size), 9), Ok((receivers, delta)));
+        }
+
+        #[test]
+        fn one_cell_anywhere_takes_no_more_than_reckoned(cell in 0u32..1 << 30) {
+            let changes = [Change { cell, finding: Finding::Covered, from: None }];
+            let bytes = encode(&[], &Delta::of(extent([1024; 3]), changes));
+            prop_assert!(bytes.len() <= 3 + CELL_BYTES_MAX);
+        }
+
+        #[test]
+        fn what_is_decoded_lies_inside_the_map(
+            mut bytes in prop::collection::vec(any::<u8>(), 4..40),
+            blocks in 0u8..3,
+        ) {
+            bytes[..3].copy_from_slice(&[VERSION, 0, blocks]);
+            let extent = extent([18, 10, 5]);
+            for end in 3..=bytes.len() {
+                let Ok((_, delta)) = decode(&bytes[..end], extent, 4) else { continue };
+                prop_assert_eq!(delta.findings(extent).count(), delta.len());
+                prop_assert!(delta.blocks.is_sorted_by(|a, b| a.index < b.index));
+                let again = decode(&encode(&[], &delta), extent, 4);
+                prop_assert_eq!(again, Ok((vec![], delta)));
+            }
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! The transport between agents and the server: a trait that ROS 2 and the in-memory transport
+//! implement.
+//!
+//! Invariants: no method blocks on the server, except [`ServerTransport::receive`] for at most its
+//! timeout; messages may get lost, and are resent when the other side repeats its own.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use msgs::ids::AgentId;
+use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
+use msgs::parameters::Parameter;
+pub use msgs::rcl_interfaces::Level;
+use msgs::visualization_msgs::Marker;
+
+/// A message from the server.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Inbound {
+    /// The scenario of a run, as far as agents may know it.
+    Scenario(Scenario),
+    /// The reply to a join of any process.
+    JoinReply(JoinReply),
+    /// A fragment of an observation for one of the agents of this process.
+    Observation(Observation),
+}
+
+/// The transport of the agents of one process to their server.
+pub trait ServerTransport {
+    /// Sends a join.
+    fn send_join(&mut self, join: &Join);
+    /// Sends a command, the reply to an observation.
+    fn send_command(&mut self, command: &Command);
+    /// The agents whose maps are observed, each with the number of subscriptions so far; `None` if
+    /// there are none, as on transports without observers.
+    fn observers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
+        None
+    }
+    /// Publishes a marker of an agent's map to its observers.
+    fn publish_map(&mut self, _agent: AgentId, _part: &Marker) {}
+    /// Logs a text for an agent.
+    fn log(&mut self, _agent: AgentId, _level: Level, _text: &str) {}
+    /// Declares parameters of an agent's node.
+    fn declare_parameters(&mut self, _agent: AgentId, _parameters: Vec<Parameter>) {}
+    /// The next message, or `None` after the timeout.
+    fn receive(&mut self, timeout: Duration) -> Option<Inbound>;
+}

@@ -1,0 +1,86 @@
+//! The wake-up condition of an agent: when the server requests its next command.
+//!
+//! The message is `maes_msgs/Wake`.
+
+use crate::ids::Tick;
+use crate::maes_msgs::Wake;
+
+/// A tick and a set of events, whichever comes first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Trigger {
+    /// The latest tick. One that has passed means the next tick.
+    pub at: Tick,
+    /// The events that trigger earlier: a sum of the constants of `maes_msgs/Wake`, 0 for none.
+    pub events: u8,
+}
+
+impl Trigger {
+    /// The next tick; also what holds before an agent's first command.
+    pub const NEXT_TICK: Self = Self { at: Tick::ZERO, events: 0 };
+
+    /// The end of the task, by itself or by a collision.
+    pub const TASK_DONE: Self = Self { at: Tick(u64::MAX), events: Wake::TASK_DONE | Wake::COLLISION };
+
+    /// A tick and no event.
+    #[must_use]
+    pub fn at(tick: Tick) -> Self {
+        Self { at: tick, events: 0 }
+    }
+
+    /// Any of these events, however late.
+    #[must_use]
+    pub fn on(events: u8) -> Self {
+        Self { at: Tick(u64::MAX), events }
+    }
+
+    /// Whether the agent is due at `tick`, given the `events` since its last observation.
+    #[must_use]
+    pub fn is_due(&self, tick: Tick, events: u8) -> bool {
+        tick >= self.at || events & self.events != 0
+    }
+
+    /// The earlier of two triggers.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        Self { at: self.at.min(other.at), events: self.events | other.events }
+    }
+}
+
+impl From<Wake> for Trigger {
+    fn from(message: Wake) -> Self {
+        Self { at: Tick(message.at_tick), events: message.events }
+    }
+}
+
+impl From<Trigger> for Wake {
+    fn from(trigger: Trigger) -> Self {
+        Self { at_tick: trigger.at.0, events: trigger.events }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn due_at_the_tick_or_at_an_event() {
+        let trigger = Trigger { at: Tick(10), events: 0b101 };
+        assert!(!trigger.is_due(Tick(9), 0b010));
+        assert!(trigger.is_due(Tick(9), 0b100));
+        assert!(trigger.is_due(Tick(10), 0));
+        assert!(trigger.is_due(Tick(11), 0));
+        assert!(Trigger::NEXT_TICK.is_due(Tick(0), 0));
+    }
+
+    #[test]
+    fn either_of_two_is_due_with_the_earlier() {
+        let either = Trigger::at(Tick(5)).or(Trigger::on(Wake::PARCEL));
+        assert_eq!(either, Trigger { at: Tick(5), events: Wake::PARCEL });
+    }
+
+    #[test]
+    fn message_round_trips() {
+        let trigger = Trigger { at: Tick(7), events: 0b1010_0001 };
+        assert_eq!(Trigger::from(Wake::from(trigger)), trigger);
+    }
+}

@@ -1,0 +1,352 @@
+//! The session: executes the run of a scenario over a [transport](crate::transport).
+//!
+//! A run admits its agents, and then repeats per tick: look, request commands from the agents that are due, commit their
+//! replies, communicate and move, record. In reading order: [`RunConfig`] says what is run; this file has the loop;
+//! `admission` its start and `result` its end; `engine` executes a tick; `agents` speaks the protocol; `re_execution` takes
+//! the place of the agents for ticks that a recording already has; `control` answers requests; `log` and `observers` write
+//! and publish.
+//!
+//! Wall time decides only when to resend, when to give up, and how fast to go; a run that is not given up has one result.
+//!
+//! A resumed run re-executes its recording, replays the observation logs to the agents, and continues live. A verified run
+//! re-executes its recording without agents, and each message that it writes goes to a [`Checker`]. Both use this loop, so
+//! that they write the same bytes.
+
+mod admission;
+mod agents;
+mod config;
+mod control;
+mod engine;
+mod error;
+mod log;
+mod null;
+mod observers;
+mod re_execution;
+mod record;
+mod result;
+
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{self, Observation as Fragment};
+
+use crate::control::desk::Desk;
+use crate::control::{Beginning, Request};
+use crate::playback::{Playback, Said};
+use crate::transport::{Level, Transport};
+use crate::wall_clock::{nanoseconds, now};
+use simulation::digest::Digest;
+use simulation::scenario::{OnAgentLoss, Scenario};
+use simulation::wire;
+use simulation::world::World;
+
+use agents::{AgentSessions, MissingReplies, ObservationRequest, Replies, TimeoutPolicy, WaitContext};
+use engine::Engine;
+use log::{Kind, SessionLog};
+use observers::Observers;
+
+pub use config::{Mode, RunConfig, RunStart};
+pub use error::RunError;
+pub use log::{Checker, RecordingSinks};
+pub use null::{NullObserver, NullTransport};
+
+/// Wall time between two reports of progress, and between two provisional saves during ticks.
+const REPORT_PERIOD: Duration = Duration::from_millis(500);
+
+/// Wall time that agents have to acknowledge the shutdown message.
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// Prefix of the counter of the tick in which the team had explored a share of the free cells, in thousandths.
+pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
+
+/// Reason of a result: the team has seen every free cell.
+pub const EXPLORED: &str = "explored";
+
+/// Reason of a result: bodies have been in every free cell.
+pub const COVERED: &str = "covered";
+
+/// Reason of a result: the duration is over.
+pub const DURATION: &str = "duration";
+
+/// Reason of a result: the stop flag was set.
+pub const INTERRUPTED: &str = "interrupted";
+
+/// Reason of a result: a control request has ended the run.
+pub const QUIT: &str = "quit";
+
+/// The outcome of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// The result as it stands in the recording.
+    pub result: maes_msgs::Result,
+    pub digest: Digest,
+    /// Wall time of the ticks, without admission.
+    pub wall: Duration,
+}
+
+/// An observer of the progress of a run: a progress bar, a log.
+pub trait RunObserver {
+    /// Called while these agents have not joined.
+    fn waiting(&mut self, missing: &[AgentId]);
+    /// Called when all agents have joined and the clock starts.
+    fn started(&mut self);
+    /// Called about twice a second of wall time.
+    fn progress(&mut self, world: &World);
+    /// Called with a line for people.
+    fn note(&mut self, text: &str);
+}
+
+/// Executes a run in the world that was built for its scenario. `stop` ends it early, with a result, once it is set.
+///
+/// # Errors
+/// If agents are missing, lost or divergent, a recording does not fit the scenario or cannot be written, or another server is
+/// in the network. [`RunError::Reset`] is no failure: the caller continues with [`RunConfig::after_reset`].
+pub fn run(
+    config: RunConfig<'_>,
+    world: World,
+    transport: &mut dyn Transport,
+    sinks: impl Into<RecordingSinks>,
+    observer: &mut dyn RunObserver,
+    stop: &AtomicBool,
+) -> Result<Outcome, RunError> {
+    let RunConfig { scenario, mode, start } = config;
+    if start.is_paused && !transport.accepts_requests() {
+        return Err(RunError::PausedForEver);
+    }
+    let agents = scenario.agents.count;
+    let announcement = wire::scenario(scenario, &world.terrain().extent(), world.rays());
+    let allows_replacement = scenario.faults.on_agent_loss == OnAgentLoss::Wait;
+    let (keeps_log, playback, checker) = match mode {
+        Mode::Live => (allows_replacement, None, None),
+        Mode::Resume(playback) => (true, Some(playback), None),
+        Mode::Verify(playback, checker) => (false, Some(playback), Some(checker)),
+    };
+    let mut session = Session {
+        scenario,
+        external: scenario.driven(),
+        engine: Engine::new(scenario, world)?,
+        sessions: AgentSessions::new(start, agents, keeps_log, allows_replacement),
+        control: Desk::new(start.is_paused, start.rtf, crate::control::features()),
+        pending_request: None,
+        log: SessionLog::new(sinks.into(), checker, agents),
+        recorded: record::LastRecorded::default(),
+        observers: Observers::new(scenario),
+        reported: now(),
+        playback,
+        transport,
+        observer,
+        stop,
+    };
+    session.log.write(Kind::Scenario, Tick::ZERO, &announcement)?;
+    session.transport.announce(&session.sessions.announcement(&announcement));
+    session.transport.real_time_factor(start.rtf);
+    let admitted = session.admit();
+    session.observers.start_clock();
+    let ended = match admitted {
+        Ok(ControlFlow::Continue(())) => session.execute(),
+        Ok(ControlFlow::Break(reason)) => Ok(reason),
+        Err(error) => Err(error),
+    };
+    if let Some(Beginning { is_paused }) = session.control.beginning() {
+        session.log.discard();
+        session.control.end_steps("the simulation was reset");
+        return Err(RunError::Reset(start.reset(is_paused, session.control.rtf())));
+    }
+    let is_complete = matches!(ended.as_deref(), Ok(EXPLORED | COVERED | DURATION));
+    if session.playback.is_some() && !is_complete && session.log.checker().is_none() {
+        // The recording that was to be resumed holds more than what was re-executed of it.
+        session.log.discard();
+    }
+    let wall = session.observers.elapsed();
+    let reason = match &ended {
+        Ok(reason) => reason.clone(),
+        Err(error) => error.to_string(),
+    };
+    let outcome = session.finish(reason, ended.is_ok(), wall)?;
+    ended.map(|_| outcome)
+}
+
+/// A run under way: `'c` is the lifetime of its configuration, `'p` that of its ports.
+struct Session<'c, 'p> {
+    scenario: &'c Scenario,
+    /// Agents that external nodes control through standard messages.
+    external: BTreeSet<AgentId>,
+    engine: Engine<'c>,
+    sessions: AgentSessions,
+    control: Desk,
+    /// A request that has arrived and was not answered yet.
+    pending_request: Option<Request>,
+    log: SessionLog<'c>,
+    recorded: record::LastRecorded,
+    observers: Observers,
+    /// When progress was last reported.
+    reported: Instant,
+    /// The recording that is re-executed; `None` while the run is live.
+    playback: Option<Playback<'c>>,
+    transport: &'p mut dyn Transport,
+    observer: &'p mut dyn RunObserver,
+    stop: &'p AtomicBool,
+}
+
+impl<'c> Session<'c, '_> {
+    /// Executes ticks until the run is over; returns the reason.
+    fn execute(&mut self) -> Result<String, RunError> {
+        self.control.go_on(self.engine.tick(), self.wall_ns());
+        if self.playback.is_some()
+            && let ControlFlow::Break(reason) = self.re_execute()?
+        {
+            return Ok(reason);
+        }
+        loop {
+            self.hold_pace()?;
+            self.transport.clock(self.engine.tick());
+            self.record_state()?;
+            self.control.steps_are_visible();
+            self.publish();
+            if let Some(reason) = self.end_of_run()? {
+                return Ok(reason.to_owned());
+            }
+            if let ControlFlow::Break(reason) = self.advance()? {
+                return Ok(reason.to_owned());
+            }
+        }
+    }
+
+    /// Reports progress if it is due, and returns the reason if the run ends before the present tick.
+    fn end_of_run(&mut self) -> Result<Option<&'static str>, RunError> {
+        if self.reported.elapsed() >= REPORT_PERIOD {
+            self.reported = now();
+            self.log.save_provisionally()?;
+            self.observer.progress(&self.engine.world);
+        }
+        let (coverage, scenario) = (self.engine.world.coverage(), self.scenario);
+        let is_covered = scenario.stop_when_covered && coverage.is_covered();
+        let is_explored = !scenario.stop_when_covered && scenario.stop_when_explored && coverage.is_explored();
+        Ok(if is_covered {
+            Some(COVERED)
+        } else if is_explored {
+            Some(EXPLORED)
+        } else if self.engine.tick() >= scenario.duration_ticks() {
+            Some(DURATION)
+        } else if self.is_stopped() {
+            Some(INTERRUPTED)
+        } else {
+            None
+        })
+    }
+
+    /// Executes the present tick live, once control and pace allow. Breaks with the reason if the run ends instead.
+    fn advance(&mut self) -> Result<ControlFlow<&'static str>, RunError> {
+        if self.wait_for_turn()?.is_break() {
+            return Ok(ControlFlow::Break(if self.is_stopped() { INTERRUPTED } else { QUIT }));
+        }
+        if self.tick(None)?.is_break() {
+            return Ok(ControlFlow::Break(INTERRUPTED));
+        }
+        self.control.ticked();
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Executes one tick, with the replies of the agents or with recorded ones. Breaks if the wait for replies is stopped:
+    /// then the world stays as it is, and the recording has the observations of this tick.
+    fn tick(&mut self, recorded: Option<Said>) -> Result<ControlFlow<()>, RunError> {
+        self.engine.look();
+        let requests = self.requests(recorded.as_ref());
+        let is_live = recorded.is_none();
+        let replies = match recorded {
+            Some(recorded) => self.recorded_replies(&requests, recorded).map(ControlFlow::Continue),
+            None if requests.is_empty() => Ok(ControlFlow::Continue(Replies::new())),
+            None => self.replies(&requests),
+        };
+        let replies = match replies {
+            Ok(ControlFlow::Continue(replies)) => replies,
+            given_up => {
+                self.record_unanswered(&requests)?;
+                return given_up.map(|_| ControlFlow::Break(()));
+            }
+        };
+        let (committed, actions) = self.engine.commit(requests, replies, &mut self.log)?;
+        for exchange in committed {
+            self.sessions.append(exchange.agent, exchange.fragments, &exchange.reply.message, is_live);
+        }
+        self.engine.step(actions);
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// The requests of this tick. External agents get their standard sensor messages as well, while the run is live.
+    fn requests(&mut self, recorded: Option<&Said>) -> Vec<ObservationRequest> {
+        let is_live = self.playback.is_none();
+        let due = self.engine.due(recorded);
+        let mut requests = Vec::with_capacity(due.len());
+        for (agent, since) in due {
+            if is_live && self.external.contains(&agent) {
+                observers::send_sensors(&mut self.engine, agent, self.transport);
+            }
+            requests.push(self.engine.request(agent, since, Fragment::RUNNING));
+        }
+        requests
+    }
+
+    /// Requests the commands of a live tick. Agents without a reply are lost, as the scenario says.
+    fn replies(&mut self, requests: &[ObservationRequest]) -> Result<ControlFlow<(), Replies>, RunError> {
+        let tick = self.engine.tick();
+        let timeout = self.reply_timeout();
+        let policy = TimeoutPolicy::of(self.scenario.faults.on_agent_loss);
+        let (sessions, mut context) = self.waiting();
+        let MissingReplies { received, missing } =
+            match sessions.request_commands(tick, requests, timeout, policy, &mut context)? {
+                Ok(replies) => return Ok(ControlFlow::Continue(replies)),
+                Err(missing) => missing,
+            };
+        if self.is_stopped() {
+            return Ok(ControlFlow::Break(()));
+        }
+        let lost = RunError::AgentsLost { lost: missing.clone(), tick, seconds: timeout.as_secs_f64() };
+        match self.scenario.faults.on_agent_loss {
+            OnAgentLoss::Abort | OnAgentLoss::Wait => Err(lost),
+            OnAgentLoss::Drop => {
+                self.note(Level::Error, &format!("{lost}; the run continues without"));
+                self.engine.lost.extend(missing);
+                Ok(ControlFlow::Continue(received))
+            }
+        }
+    }
+
+    /// Wall time allowed for the replies of this tick. In tick 0, processes may still be discovering each other's topics, which
+    /// counts as joining.
+    fn reply_timeout(&self) -> Duration {
+        let execution = &self.scenario.execution;
+        let joining_s = if self.engine.tick() == Tick::ZERO { execution.join_timeout_s } else { 0.0 };
+        Duration::from_secs_f64(execution.decision_timeout_s.max(joining_s))
+    }
+
+    /// The sessions with what they need while they wait.
+    fn waiting(&mut self) -> (&mut AgentSessions, WaitContext<'_, 'c>) {
+        let Self { sessions, transport, observer, log, stop, .. } = self;
+        (sessions, WaitContext { transport: &mut **transport, observer: &mut **observer, log, stop })
+    }
+
+    /// Publishes what is due.
+    fn publish(&mut self) {
+        let may_tick = self.control.control().may_tick();
+        self.observers.publish(&mut self.engine, may_tick, self.transport);
+    }
+
+    /// Writes a line to the terminal and to the log topic.
+    fn note(&mut self, level: Level, text: &str) {
+        self.observer.note(text);
+        self.transport.log(level, text);
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Wall time since the start of the ticks, nanoseconds.
+    fn wall_ns(&self) -> u64 {
+        nanoseconds(self.observers.elapsed())
+    }
+}

@@ -1,0 +1,72 @@
+//! The admission of a run: every id gets its process before the clock starts.
+
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use msgs::ids::Tick;
+
+use super::agents::POLL_PERIOD;
+use super::control::Phase;
+use super::log::Kind;
+use super::{RunError, Session};
+use crate::playback::Playback;
+use crate::transport::Level;
+use crate::wall_clock::now;
+
+impl Session<'_, '_> {
+    /// Waits until every id has a process. Breaks with the reason if the run ends before its first tick.
+    pub(super) fn admit(&mut self) -> Result<ControlFlow<String>, RunError> {
+        if self.log.checker().is_some() {
+            return self.admit_recorded();
+        }
+        let seconds = self.scenario.execution.join_timeout_s;
+        let deadline = now() + Duration::from_secs_f64(seconds);
+        loop {
+            let missing = self.sessions.missing();
+            if missing.is_empty() {
+                break;
+            }
+            if self.is_stopped() {
+                return Ok(ControlFlow::Continue(()));
+            }
+            if now() >= deadline {
+                return Err(RunError::AgentsMissing { missing, seconds });
+            }
+            if let Some(other) = self.transport.other_run() {
+                self.log.discard();
+                return Err(RunError::OtherServer { other });
+            }
+            self.observer.waiting(&missing);
+            if self.answer_requests(Phase::Admission)?.is_break() {
+                return Ok(ControlFlow::Continue(()));
+            }
+            let (sessions, mut context) = self.waiting();
+            sessions.listen(Tick::ZERO, POLL_PERIOD, &mut context)?;
+        }
+        self.check_controllers()?;
+        for (agent, join) in self.sessions.joins() {
+            self.log.write(Kind::Join(agent), Tick::ZERO, &join)?;
+        }
+        if self.playback.is_none() {
+            self.log.publish()?;
+        }
+        self.observer.started();
+        let agents = self.scenario.agents.count;
+        self.transport.log(Level::Info, &format!("the run begins with {agents} agents"));
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Fails if an agent of a resumed run runs another controller than in the recording.
+    fn check_controllers(&self) -> Result<(), RunError> {
+        let recorded = self.playback.as_ref().map(Playback::joins);
+        for (agent, join) in self.sessions.joins() {
+            if let Some(before) = recorded.and_then(|joins| joins.get(&agent))
+                && before.controller != join.controller
+            {
+                let before = before.controller.clone();
+                return Err(RunError::OtherController { agent, before, now: join.controller });
+            }
+        }
+        Ok(())
+    }
+}

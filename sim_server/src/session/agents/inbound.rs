@@ -1,0 +1,179 @@
+//! Inbound messages of agents: joins and commands, accepted or refused.
+//!
+//! **Replacement of a process.** Under `faults.on_agent_loss = "wait"` a second process that joins with a taken id is held as a
+//! contender. It is refused when the first process answers an observation that was sent after the join; it takes over when
+//! the first one is given up. The observation log is then replayed to it before it gets a new observation, so it must start
+//! without state: a process that has answered something and was replaced cannot return.
+//!
+//! Invariant: a refused message changes nothing but its counter.
+
+use msgs::cdr;
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{Command, Join, JoinReply};
+
+use super::observation_log::Recall;
+use super::{AgentSessions, CommandReply, REFUSAL_REPORTS_MAX, WaitContext};
+use crate::transport::{Inbound, Incoming};
+use simulation::lockstep::{Barrier, JoinRequest, Lease, Refusal, SourceId};
+use simulation::wire;
+
+impl AgentSessions {
+    pub(super) fn handle(
+        &mut self,
+        incoming: Incoming,
+        barrier: &mut Barrier<CommandReply>,
+        context: &mut WaitContext<'_, '_>,
+    ) {
+        let Incoming { topic_agent, source, message } = incoming;
+        if self.is_of_earlier_run(&message) {
+            return;
+        }
+        let handled = match message {
+            Inbound::Join(join) => self.handle_join(topic_agent, source, join, barrier.tick(), context),
+            Inbound::Command(command) => self.handle_command(topic_agent, source, command, barrier, context),
+            Inbound::Undecodable { reason } => Err(Refusal::Undecodable { topic: topic_agent, reason }),
+        };
+        self.count(handled, context);
+    }
+
+    /// Whether a message was sent before the last reset of this server; such a message is no fault.
+    fn is_of_earlier_run(&self, message: &Inbound) -> bool {
+        let run = match message {
+            Inbound::Join(join) => join.run,
+            Inbound::Command(command) => command.run,
+            Inbound::Undecodable { .. } => return false,
+        };
+        self.start.succeeds(run)
+    }
+
+    fn count(&mut self, handled: Result<(), Refusal>, context: &mut WaitContext<'_, '_>) {
+        if let Err(refusal) = handled {
+            let name = refusal.counter();
+            let count = self.refusals.entry(name).or_default();
+            *count += 1;
+            match *count {
+                ..REFUSAL_REPORTS_MAX => context.warn(&format!("refused: {refusal}")),
+                REFUSAL_REPORTS_MAX => {
+                    context.warn(&format!("refused: {refusal} (more of this kind are only counted: {name})"));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn handle_join(
+        &mut self,
+        topic: AgentId,
+        source: SourceId,
+        join: Join,
+        tick: Tick,
+        context: &mut WaitContext<'_, '_>,
+    ) -> Result<(), Refusal> {
+        if join.run != self.start.run() {
+            return Err(Refusal::OtherRun { topic });
+        }
+        let agent = AgentId(join.agent);
+        let lease = Lease { source, instance: join.instance, controller: join.controller.clone() };
+        let request = JoinRequest { topic, agent, protocol: join.protocol, lease: lease.clone() };
+        let mut granted = self.membership.join(request);
+        if self.allows_replacement && join.last_tick == Join::NONE && matches!(granted, Err(Refusal::IdTaken { .. })) {
+            if !self.unresponsive.contains(&agent) {
+                // The next observation shows whether the present process is alive.
+                let since = self.contenders.get(&agent).map_or(tick, |(since, _)| *since);
+                self.contenders.insert(agent, (since, join));
+                return Ok(());
+            }
+            granted = self.membership.replace(agent, lease);
+            if granted.is_ok() {
+                self.start_replay(agent, context);
+            }
+        }
+        self.reply(&join, &granted, context);
+        granted
+    }
+
+    /// Starts to replay the observation log of an agent to its new process.
+    fn start_replay(&mut self, agent: AgentId, context: &mut WaitContext<'_, '_>) {
+        self.unresponsive.remove(&agent);
+        self.contenders.remove(&agent);
+        self.observation_log.rewind(agent);
+        self.to_prompt.insert(agent);
+        context.warn(&format!("agent {agent} was started again; its observation log is replayed to it"));
+    }
+
+    /// Replies to a join. All agents receive the reply, and compare its instance with their own: a foreign process that uses
+    /// the instance of a member must not make that member hear a refusal.
+    fn reply(&mut self, join: &Join, granted: &Result<(), Refusal>, context: &mut WaitContext<'_, '_>) {
+        let Join { run, agent, instance, .. } = *join;
+        let is_borrowed = self.membership.lease(AgentId(agent)).is_some_and(|lease| lease.instance == instance);
+        if granted.is_err() && is_borrowed {
+            return;
+        }
+        let reason = granted.as_ref().err().map_or_else(String::new, Refusal::to_string);
+        context.transport.reply_join(&JoinReply { run, agent, instance, accepted: granted.is_ok(), reason });
+    }
+
+    /// Notes that a process is alive, with all its agents, so that no other one replaces it.
+    fn note_alive(&mut self, agent: AgentId, source: SourceId, tick: Tick, context: &mut WaitContext<'_, '_>) {
+        if !self.unresponsive.is_empty() {
+            for agent in self.membership.agents_of(source) {
+                self.unresponsive.remove(&agent);
+            }
+        }
+        // A reply to an observation from before the contender's join may have been on its way when its process died.
+        if self.contenders.get(&agent).is_some_and(|(since, _)| tick > *since)
+            && let Some((_, join)) = self.contenders.remove(&agent)
+        {
+            let refused = Err(Refusal::IdTaken { agent });
+            self.reply(&join, &refused, context);
+            self.count(refused, context);
+        }
+    }
+
+    fn handle_command(
+        &mut self,
+        topic: AgentId,
+        source: SourceId,
+        mut command: Command,
+        barrier: &mut Barrier<CommandReply>,
+        context: &mut WaitContext<'_, '_>,
+    ) -> Result<(), Refusal> {
+        if std::mem::take(&mut command.run) != self.start.run() {
+            return Err(Refusal::OtherRun { topic });
+        }
+        let agent = AgentId(command.agent);
+        let tick = Tick(command.tick);
+        if agent != topic {
+            return Err(Refusal::WrongTopic { topic, named: agent });
+        }
+        self.membership.check(agent, source)?;
+        match self.observation_log.recall(agent, &command) {
+            Recall::Complete => {}
+            Recall::Retransmit => return Ok(()),
+            Recall::Same => {
+                self.to_prompt.insert(agent);
+                return Ok(());
+            }
+            Recall::OutOfOrder { expected } => return Err(Refusal::WrongTick { agent, got: tick, expected }),
+            Recall::Different { what } => {
+                self.divergence = Some((agent, tick, what));
+                return Ok(());
+            }
+        }
+        if let Err(refusal) = barrier.expect(agent, tick) {
+            let due = &mut self.retransmits_due[agent.index()];
+            // Compared as bytes: a field may be NaN, which does not equal itself.
+            let is_same = |last: &Command| cdr::encode(last) == cdr::encode(&command);
+            if *due > 0 && self.last_commands[agent.index()].as_ref().is_some_and(is_same) {
+                *due -= 1;
+                return Ok(());
+            }
+            return Err(refusal);
+        }
+        let (action, trigger) =
+            wire::command(&command, self.agents).map_err(|reason| Refusal::IllegalCommand { agent, tick, reason })?;
+        self.last_commands[agent.index()] = Some(command.clone());
+        self.note_alive(agent, source, tick, context);
+        barrier.accept(agent, tick, CommandReply { message: command, action, trigger })
+    }
+}

@@ -1,0 +1,170 @@
+//! Control requests, answered between two ticks.
+//!
+//! Invariants: each request is answered once, also if the run ends first; a request that changes the world is recorded as an
+//! intervention at the tick before which it takes effect, and enters the digest there; other requests leave no trace; while
+//! the clock is held the session keeps receiving, and no agent times out.
+
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use msgs::maes_msgs::Observation as Fragment;
+use msgs::service::Ask;
+use msgs::simulation_interfaces::{INVALID_POSE, Result as Outcome, ResultResponse, SetEntityStateRequest};
+
+use super::agents::POLL_PERIOD;
+use super::{RunError, SHUTDOWN_TIMEOUT, Session};
+use crate::control::entities::Team;
+use crate::control::{self, Request};
+use simulation::world::Commit;
+
+/// Most requests that are answered between two ticks, so that a flood does not stop the clock.
+const REQUESTS_MAX: usize = 32;
+
+/// Wall time between two checks for visualisation messages that are due, while the clock is held.
+const PUBLISH_PERIOD: Duration = Duration::from_millis(20);
+
+/// The phase of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Phase {
+    /// Agents are joining.
+    Admission,
+    /// The clock has started.
+    Running,
+}
+
+impl Session<'_, '_> {
+    /// Waits until the real-time factor allows the present tick, or a request arrives.
+    pub(super) fn hold_pace(&mut self) -> Result<(), RunError> {
+        let tick = self.engine.tick();
+        while !self.is_stopped()
+            && self.control.control().may_tick()
+            && let Some(wait_ns) = self.control.wait_ns(tick, self.wall_ns())
+            && !self.has_request()
+        {
+            self.listen(Duration::from_nanos(wait_ns))?;
+        }
+        Ok(())
+    }
+
+    /// Answers requests until a tick may be executed. Breaks if the run ends.
+    pub(super) fn wait_for_turn(&mut self) -> Result<ControlFlow<()>, RunError> {
+        loop {
+            if self.answer_requests(Phase::Running)?.is_break() || self.is_stopped() {
+                return Ok(ControlFlow::Break(()));
+            }
+            let wait = if self.control.control().may_tick() {
+                match self.control.wait_ns(self.engine.tick(), self.wall_ns()) {
+                    Some(wait_ns) => Duration::from_nanos(wait_ns),
+                    None => return Ok(ControlFlow::Continue(())),
+                }
+            } else {
+                POLL_PERIOD
+            };
+            if !self.has_request() {
+                self.listen(wait)?;
+            }
+        }
+    }
+
+    /// Receives for a moment while the clock is held, and publishes what is due.
+    fn listen(&mut self, wait: Duration) -> Result<(), RunError> {
+        let tick = self.engine.tick();
+        let (sessions, mut context) = self.waiting();
+        sessions.listen(tick, wait.min(PUBLISH_PERIOD), &mut context)?;
+        self.publish();
+        Ok(())
+    }
+
+    fn has_request(&mut self) -> bool {
+        self.pending_request = self.next_request();
+        self.pending_request.is_some()
+    }
+
+    fn next_request(&mut self) -> Option<Request> {
+        self.pending_request.take().or_else(|| self.transport.request())
+    }
+
+    /// Answers the requests that have arrived. Breaks if the run ends.
+    pub(super) fn answer_requests(&mut self, phase: Phase) -> Result<ControlFlow<()>, RunError> {
+        for _ in 0..REQUESTS_MAX {
+            let Some(request) = self.next_request() else {
+                break;
+            };
+            self.answer_request(request, phase)?;
+            if self.control.beginning().is_some() {
+                // Later requests are for the run after the reset.
+                break;
+            }
+        }
+        let is_over = self.control.is_quitting() || self.control.beginning().is_some();
+        Ok(if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+    }
+
+    fn answer_request(&mut self, request: Request, phase: Phase) -> Result<(), RunError> {
+        let rtf = self.control.rtf();
+        let (tick, wall_ns) = (self.engine.tick(), self.wall_ns());
+        let Some(request) = self.control.answer(request, tick, wall_ns) else {
+            if self.control.rtf() != rtf {
+                self.transport.real_time_factor(self.control.rtf());
+            }
+            return Ok(());
+        };
+        match request {
+            Request::Entities(ask) => self.with_team(|team| ask.answer(|request| team.entities(&request.filters))),
+            Request::EntityState(ask) => self.with_team(|team| ask.answer(|request| team.state(&request.entity))),
+            Request::EntitiesStates(ask) => self.with_team(|team| ask.answer(|request| team.states(&request.filters))),
+            Request::EntityInfo(ask) => self.with_team(|team| ask.answer(|request| team.info(&request.entity))),
+            Request::EntityBounds(ask) => self.with_team(|team| ask.answer(|request| team.bounds(&request.entity))),
+            Request::SetEntityState(Ask { request, reply }) => {
+                let result = self.set_entity_state(&request, phase)?;
+                reply.send(ResultResponse { result });
+            }
+            Request::Delete(Ask { request, reply }) => {
+                let result = self.delete(&request.entity, phase)?;
+                reply.send(ResultResponse { result });
+            }
+            Request::Spawn(ask) => ask.answer(|_| control::spawn()),
+            _ => unreachable!("requests that concern time alone are answered by the simulation control"),
+        }
+        Ok(())
+    }
+
+    fn with_team<T>(&self, read: impl FnOnce(&Team<'_>) -> T) -> T {
+        let world = &self.engine.world;
+        let has_left: Vec<bool> = world.agents().map(|agent| self.engine.lost.contains(&agent)).collect();
+        read(&Team { world, controllers: &self.sessions.controllers(), has_left: &has_left })
+    }
+
+    fn set_entity_state(&mut self, request: &SetEntityStateRequest, phase: Phase) -> Result<Outcome, RunError> {
+        let (agent, pose) = match self.with_team(|team| team.placement(request)) {
+            Ok(placement) => placement,
+            Err(outcome) => return Ok(outcome),
+        };
+        if phase == Phase::Admission || !self.control.control().is_at_rest() {
+            return Ok(not_now("pause the simulation before a state is set"));
+        }
+        let placed = self.engine.place(agent, pose, &mut self.log)?;
+        Ok(placed.map_or_else(|reason| Outcome::failure(INVALID_POSE, reason), |()| Outcome::ok()))
+    }
+
+    fn delete(&mut self, entity: &str, phase: Phase) -> Result<Outcome, RunError> {
+        let agent = match self.with_team(|team| team.find(entity)) {
+            Ok(agent) => agent,
+            Err(outcome) => return Ok(outcome),
+        };
+        if phase == Phase::Admission {
+            return Ok(not_now("agents are awaited"));
+        }
+        // The observation stays pending, so that the end of the recording holds what was never committed.
+        let last = [self.engine.request(agent, Commit::Speculative, Fragment::ENDED)];
+        let tick = self.engine.tick();
+        let (sessions, mut context) = self.waiting();
+        sessions.shut_down(tick, &last, SHUTDOWN_TIMEOUT, &mut context)?;
+        self.engine.remove(agent, &mut self.log)?;
+        Ok(Outcome::ok())
+    }
+}
+
+fn not_now(reason: &str) -> Outcome {
+    Outcome::failure(Outcome::INCORRECT_STATE, reason)
+}

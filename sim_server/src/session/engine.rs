@@ -1,0 +1,236 @@
+//! The engine: the world, the digest chain, and what the session keeps for each agent; executes one tick phase by phase.
+//!
+//! Invariants: only what is committed is recorded and enters the digest; an agent that was lost or removed is never asked
+//! again; the same replies in the same ticks give the same bytes.
+//!
+//! With look-ahead off every agent is asked in every tick. A reply out of turn is committed only if it does something;
+//! otherwise the observation stays pending, as if the agent had not been asked. So controllers that act only when they are
+//! due leave the same recording with and without look-ahead.
+//!
+//! This module knows no transport and no wall time.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{Counter, Observation as Fragment};
+
+use super::agents::{CommandReply, ObservationRequest, Replies};
+use super::log::{Kind, SessionLog};
+use super::{MILESTONE_COUNTER, RunError};
+use crate::playback::Said;
+use msgs::trigger::Trigger;
+use simulation::digest::Chain;
+use simulation::scenario::Scenario;
+use simulation::wire;
+use simulation::world::body::Pose;
+use simulation::world::{Action, Commit, World};
+
+/// A committed exchange with an agent.
+pub(super) struct Committed {
+    pub(super) agent: AgentId,
+    pub(super) fragments: Vec<Fragment>,
+    pub(super) reply: CommandReply,
+}
+
+/// The state of a run.
+pub(super) struct Engine<'a> {
+    scenario: &'a Scenario,
+    pub(super) world: World,
+    pub(super) chain: Chain,
+    pool: rayon::ThreadPool,
+    triggers: Vec<Trigger>,
+    /// Agents without a process: lost or removed.
+    pub(super) lost: BTreeSet<AgentId>,
+    /// Agents removed since the last tick, whose bodies stop in this one.
+    removed: Vec<AgentId>,
+    interventions: u64,
+    decisions: u64,
+    failed_searches: Vec<u32>,
+    /// The last information text of each agent.
+    pub(super) infos: Vec<String>,
+}
+
+impl<'a> Engine<'a> {
+    pub(super) fn new(scenario: &'a Scenario, world: World) -> Result<Self, RunError> {
+        let threads = scenario.execution.threads as usize;
+        let agents = scenario.agents.count as usize;
+        Ok(Self {
+            scenario,
+            chain: Chain::new(&scenario.identity(), &world),
+            world,
+            pool: rayon::ThreadPoolBuilder::new().num_threads(threads).build()?,
+            triggers: vec![Trigger::NEXT_TICK; agents],
+            lost: BTreeSet::new(),
+            removed: Vec::new(),
+            interventions: 0,
+            decisions: 0,
+            failed_searches: vec![0; agents],
+            infos: vec![String::new(); agents],
+        })
+    }
+
+    pub(super) fn tick(&self) -> Tick {
+        self.world.tick()
+    }
+
+    /// Number of agents, lost ones included.
+    pub(super) fn agents(&self) -> usize {
+        self.triggers.len()
+    }
+
+    /// Casts the scans that are due.
+    pub(super) fn look(&mut self) {
+        self.world.look(&self.pool);
+    }
+
+    /// The agents to ask in this tick, ascending. `recorded` has the replies of a tick that is re-executed.
+    pub(super) fn due(&mut self, recorded: Option<&Said>) -> Vec<(AgentId, Commit)> {
+        let tick = self.tick();
+        let mut due = Vec::new();
+        for agent in self.world.agents().filter(|agent| !self.lost.contains(agent)) {
+            let trigger = self.triggers[agent.index()];
+            let happened = self.world.events(agent, trigger.events);
+            if trigger.is_due(tick, happened) {
+                due.push((agent, Commit::Committed));
+                continue;
+            }
+            // Out of turn, a recording has only replies that did something.
+            let is_asked = match recorded {
+                Some(recorded) => recorded.commands.contains_key(&agent),
+                None => !self.scenario.execution.look_ahead,
+            };
+            if is_asked {
+                due.push((agent, Commit::Speculative));
+            }
+        }
+        due
+    }
+
+    /// The observation of an agent as a request.
+    pub(super) fn request(&mut self, agent: AgentId, since: Commit, phase: u8) -> ObservationRequest {
+        let observation = self.world.observe(agent, since);
+        ObservationRequest { agent, since, fragments: wire::observation_parts(&observation, phase) }
+    }
+
+    /// Commits and logs the exchanges of a tick. Returns them, and the actions for [`Engine::step`].
+    pub(super) fn commit(
+        &mut self,
+        requests: Vec<ObservationRequest>,
+        mut replies: Replies,
+        log: &mut SessionLog<'_>,
+    ) -> Result<(Vec<Committed>, BTreeMap<AgentId, Action>), RunError> {
+        let tick = self.tick();
+        let mut committed = Vec::new();
+        let mut actions = BTreeMap::new();
+        for ObservationRequest { agent, since, fragments } in requests {
+            let Some(reply) = replies.remove(&agent) else {
+                actions.insert(agent, Action::LOST);
+                continue;
+            };
+            let fragments = match since {
+                Commit::Committed => fragments,
+                Commit::Speculative if reply.is_no_op() => continue,
+                Commit::Speculative => self.request(agent, Commit::Committed, Fragment::RUNNING).fragments,
+            };
+            for fragment in &fragments {
+                log.exchange(Kind::Observation(agent), tick, fragment, &mut self.chain)?;
+            }
+            log.exchange(Kind::Command(agent), tick, &reply.message, &mut self.chain)?;
+            self.triggers[agent.index()] = reply.trigger;
+            self.decisions += 1;
+            self.world.note_belief(agent, reply.message.known_free);
+            self.failed_searches[agent.index()] = reply.message.failed_searches;
+            if !reply.message.info.is_empty() {
+                self.infos[agent.index()].clone_from(&reply.message.info);
+            }
+            actions.insert(agent, reply.action.clone());
+            committed.push(Committed { agent, fragments, reply });
+        }
+        Ok((committed, actions))
+    }
+
+    /// Advances the world by one tick.
+    pub(super) fn step(&mut self, mut actions: BTreeMap<AgentId, Action>) {
+        actions.extend(std::mem::take(&mut self.removed).into_iter().map(|agent| (agent, Action::LOST)));
+        self.world.step(actions);
+        self.chain.close(&self.world);
+    }
+
+    /// Moves an agent to a pose at rest, or returns the reason why it cannot be there.
+    pub(super) fn place(
+        &mut self,
+        agent: AgentId,
+        pose: Pose,
+        log: &mut SessionLog<'_>,
+    ) -> Result<Result<(), &'static str>, RunError> {
+        let placed = self.world.place(agent, pose);
+        if placed.is_ok() {
+            // Its trigger was meant for another place.
+            self.triggers[agent.index()] = Trigger::NEXT_TICK;
+            self.record_intervention(agent, Some(&pose), log)?;
+        }
+        Ok(placed)
+    }
+
+    /// Removes an agent from the run.
+    pub(super) fn remove(&mut self, agent: AgentId, log: &mut SessionLog<'_>) -> Result<(), RunError> {
+        self.lost.insert(agent);
+        self.removed.push(agent);
+        self.record_intervention(agent, None, log)
+    }
+
+    fn record_intervention(
+        &mut self,
+        agent: AgentId,
+        placed: Option<&Pose>,
+        log: &mut SessionLog<'_>,
+    ) -> Result<(), RunError> {
+        let tick = self.tick();
+        self.interventions += 1;
+        Ok(log.exchange(Kind::Intervention, tick, &wire::intervention(tick, agent, placed), &mut self.chain)?)
+    }
+
+    /// The counters of the result, without those of refused messages.
+    pub(super) fn counters(&self) -> Vec<Counter> {
+        let totals = self.world.totals();
+        let mut counters = vec![
+            counter("free_cells", self.world.coverage().free_cells() as u64),
+            counter("decisions", self.decisions),
+            counter("failed_searches", self.failed_searches.iter().copied().map(u64::from).sum()),
+            counter("scans", totals.scans),
+            counter("scans_cast", totals.scans_cast),
+            counter("collisions", totals.collisions),
+            counter("parcels_sent", totals.parcels_sent),
+            counter("parcels_delivered", totals.parcels_delivered),
+            counter("parcels_out_of_contact", totals.parcels_out_of_contact),
+            counter("parcels_inbox_full", totals.parcels_inbox_full),
+            counter("parcel_bytes_delivered", totals.parcel_bytes_delivered),
+            counter("agents_dropped", self.lost.len() as u64),
+        ];
+        // Counters of features that the scenario does not use are left out.
+        let communication = &self.scenario.communication;
+        counters.extend((communication.loss > 0.0).then(|| counter("parcels_lost_radio", totals.parcels_lost_radio)));
+        if communication.bytes_per_s.is_finite() {
+            counters.push(counter("parcels_queue_full", totals.parcels_queue_full));
+        }
+        if communication.relays.per_agent > 0 {
+            counters.extend([
+                counter("relays_left", totals.relays_left),
+                counter("relays_refused", totals.relays_refused),
+                counter("relay_writings", totals.relay_writings),
+                counter("relay_writings_lost", totals.relay_writings_lost),
+                counter("relay_readings", totals.relay_readings),
+            ]);
+        }
+        let kinds = totals.parcel_bytes_by_kind.iter();
+        counters.extend(kinds.map(|(kind, &bytes)| counter(&format!("parcel_bytes_delivered_kind_{kind}"), bytes)));
+        let milestones = self.world.coverage().milestones();
+        counters.extend(milestones.map(|(permille, tick)| counter(&format!("{MILESTONE_COUNTER}{permille}"), tick.0)));
+        counters.extend((self.interventions > 0).then(|| counter("interventions", self.interventions)));
+        counters
+    }
+}
+
+pub(super) fn counter(name: &str, value: u64) -> Counter {
+    Counter { name: name.to_owned(), value }
+}

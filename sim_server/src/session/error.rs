@@ -1,0 +1,72 @@
+//! The errors of a run.
+
+use msgs::ids::{AgentId, Tick};
+use thiserror::Error;
+
+use super::RunStart;
+use crate::playback::PlaybackError;
+use crate::recorder::RecordError;
+use simulation::lockstep::listed;
+
+/// The reason why a run has no complete result.
+#[derive(Debug, Error)]
+pub enum RunError {
+    /// Not all agents have joined in time.
+    #[error("agents missing after {seconds} s: {}", listed(missing.iter().copied()))]
+    AgentsMissing {
+        missing: Vec<AgentId>,
+        /// Timeout, wall time.
+        seconds: f64,
+    },
+    /// An agent has not answered in time, and the scenario says `abort`.
+    #[error("no answer within {seconds} s to tick {tick} from: {}", listed(lost.iter().copied()))]
+    AgentsLost {
+        lost: Vec<AgentId>,
+        /// The tick without their replies.
+        tick: Tick,
+        /// Timeout, wall time.
+        seconds: f64,
+    },
+    /// Another server is in the network, so that agents cannot tell which one to join.
+    #[error("another server is in this network, with run {other:016x}: wait for its end, or set another ROS_DOMAIN_ID")]
+    OtherServer {
+        /// Number of its run.
+        other: u64,
+    },
+    /// The run would start paused over a transport without control input.
+    #[error("execution.paused = true: this transport has no control input to resume the run; use ROS 2")]
+    PausedForEver,
+    /// A control request has reset the run. No failure: the caller continues with [`super::RunConfig::after_reset`].
+    #[error("the simulation was reset")]
+    Reset(RunStart),
+    /// The system provides no random number for the identity of the run.
+    #[error("no random number for the run: {0}")]
+    Random(#[from] getrandom::Error),
+    /// An agent answered a replayed observation differently.
+    #[error("agent {agent} diverges from its observation log: in tick {tick} {what}")]
+    Diverged {
+        agent: AgentId,
+        tick: Tick,
+        /// The field, and both values.
+        what: String,
+    },
+    /// An agent of a resumed run runs another controller than in the recording.
+    #[error("agent {agent} runs {now}, and {before} in the recording that is resumed")]
+    OtherController { agent: AgentId, before: String, now: String },
+    /// The recording cannot be re-executed.
+    #[error(transparent)]
+    Playback(#[from] PlaybackError),
+    /// The recording differs from what its re-execution gives.
+    #[error("tick {tick}: {reason}")]
+    OtherRun {
+        tick: Tick,
+        /// The difference.
+        reason: String,
+    },
+    /// The recording cannot be written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The worker threads cannot be started.
+    #[error("starting worker threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}

@@ -1,0 +1,248 @@
+//! The log of a session: every message on its way to the digest, and to a recording or to a checker.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use msgs::cdr;
+use msgs::ids::{AgentId, Tick};
+use msgs::topics::{self, Topic};
+use serde::Serialize;
+
+use crate::journal::Journal;
+use crate::recorder::{RecordError, Recorder};
+use crate::wall_clock::now;
+use simulation::digest::Chain;
+use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
+
+/// Wall time after which the open chunk of the recording is saved provisionally.
+const SAVE_PERIOD: Duration = Duration::from_millis(500);
+
+/// The kind of a message, which decides its topic.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Kind {
+    Scenario,
+    Progress,
+    Digest,
+    Result,
+    Transforms,
+    Intervention,
+    Join(AgentId),
+    Observation(AgentId),
+    Command(AgentId),
+}
+
+/// The recording sinks of a run.
+#[derive(Default)]
+pub struct RecordingSinks {
+    /// The recording, if one is made.
+    pub recorder: Option<Recorder>,
+    /// The live stream, if observers can read one.
+    pub journal: Option<Journal>,
+}
+
+impl From<Option<Recorder>> for RecordingSinks {
+    fn from(recorder: Option<Recorder>) -> Self {
+        Self { recorder, journal: None }
+    }
+}
+
+/// A checker of everything that a run writes, in order.
+pub trait Checker {
+    /// Checks a message, given as CDR with its encapsulation header.
+    fn take(&mut self, topic: &str, tick: Tick, cdr: &[u8]);
+    /// Whether a difference was found, so that the rest of the run need not be executed.
+    fn is_done(&self) -> bool;
+    /// Stops checking: later messages are ignored.
+    fn close(&mut self);
+}
+
+/// The destination of messages besides the digest.
+enum Sink<'s> {
+    Null,
+    File(Box<Recorder>),
+    Checker(&'s mut dyn Checker),
+}
+
+/// The log of a session. Messages are encoded here, because the digest covers their bytes.
+pub(super) struct SessionLog<'s> {
+    sink: Sink<'s>,
+    live: Option<Journal>,
+    sim_topics: [Topic; 6],
+    agent_topics: Vec<[Topic; 3]>,
+    /// Topics of the recorded visualisation messages so far.
+    view_topics: BTreeMap<VisualisationTopic, Topic>,
+    bytes: Vec<u8>,
+    saved: Instant,
+}
+
+impl<'s> SessionLog<'s> {
+    /// The log of a run in this mode. Verification checks what is written instead of recording it.
+    pub(super) fn new(sinks: RecordingSinks, checker: Option<&'s mut dyn Checker>, agents: u32) -> Self {
+        let RecordingSinks { recorder, journal: live } = sinks;
+        let sink = match (checker, recorder) {
+            (Some(checker), _) => Sink::Checker(checker),
+            (None, Some(recorder)) => Sink::File(Box::new(recorder)),
+            (None, None) => Sink::Null,
+        };
+        let of_agent = |agent| [topics::join(agent), topics::observation(agent), topics::command(agent)];
+        Self {
+            sink,
+            live,
+            sim_topics: [
+                topics::scenario(),
+                topics::progress(),
+                topics::digest(),
+                topics::result(),
+                topics::tf(),
+                topics::intervention(),
+            ],
+            agent_topics: (0..agents).map(AgentId).map(of_agent).collect(),
+            view_topics: BTreeMap::new(),
+            bytes: Vec::new(),
+            saved: now(),
+        }
+    }
+
+    /// Whether messages have a destination besides the digest.
+    pub(super) fn is_recording(&self) -> bool {
+        self.live.is_some() || !matches!(self.sink, Sink::Null)
+    }
+
+    /// The checker of a run that is verified.
+    pub(super) fn checker(&mut self) -> Option<&mut (dyn Checker + 's)> {
+        match &mut self.sink {
+            Sink::Checker(checker) => Some(*checker),
+            Sink::Null | Sink::File(_) => None,
+        }
+    }
+
+    /// Writes a message that the digest covers.
+    pub(super) fn exchange<M: Serialize>(
+        &mut self,
+        kind: Kind,
+        tick: Tick,
+        message: &M,
+        chain: &mut Chain,
+    ) -> Result<(), RecordError> {
+        self.encode(message);
+        chain.message(&self.bytes);
+        self.put(kind, tick)
+    }
+
+    /// Writes a message that only the recording holds.
+    pub(super) fn write<M: Serialize>(&mut self, kind: Kind, tick: Tick, message: &M) -> Result<(), RecordError> {
+        if self.is_recording() {
+            self.encode(message);
+            self.put(kind, tick)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a visualisation message.
+    pub(super) fn write_view(
+        &mut self,
+        view: VisualisationTopic,
+        tick: Tick,
+        picture: &VisualisationMessage,
+    ) -> Result<(), RecordError> {
+        self.encode(picture);
+        let topic = self.view_topics.entry(view).or_insert_with(|| view.topic());
+        let written = write(&mut self.live, &mut self.sink, topic, tick, &self.bytes);
+        self.unless_failed(written)
+    }
+
+    /// See [`Recorder::publish`].
+    pub(super) fn publish(&mut self) -> Result<(), RecordError> {
+        let published = self.recorder().map_or(Ok(()), Recorder::publish);
+        self.unless_failed(published)
+    }
+
+    /// Discards the recording; no file is left unless it is published.
+    pub(super) fn discard(&mut self) {
+        self.sink = Sink::Null;
+    }
+
+    /// Saves provisionally if it is due; also called while the session waits.
+    pub(super) fn save_if_due(&mut self) -> Result<(), RecordError> {
+        if let Some(live) = &mut self.live {
+            live.flush_now_and_then();
+        }
+        if self.saved.elapsed() >= SAVE_PERIOD { self.save_provisionally() } else { Ok(()) }
+    }
+
+    /// See [`Recorder::save_provisionally`].
+    pub(super) fn save_provisionally(&mut self) -> Result<(), RecordError> {
+        self.saved = now();
+        let written = self.recorder().map_or(Ok(()), Recorder::save_provisionally);
+        self.unless_failed(written)
+    }
+
+    pub(super) fn finish(self) -> Result<(), RecordError> {
+        match self.sink {
+            Sink::File(recorder) => recorder.finish(),
+            Sink::Null | Sink::Checker(_) => Ok(()),
+        }
+    }
+
+    fn recorder(&mut self) -> Option<&mut Recorder> {
+        match &mut self.sink {
+            Sink::File(recorder) => Some(&mut **recorder),
+            Sink::Null | Sink::Checker(_) => None,
+        }
+    }
+
+    fn encode<M: Serialize>(&mut self, message: &M) {
+        self.bytes.clear();
+        cdr::encode_into(&mut self.bytes, message);
+    }
+
+    fn put(&mut self, kind: Kind, tick: Tick) -> Result<(), RecordError> {
+        let topic = match kind {
+            Kind::Scenario => &self.sim_topics[0],
+            Kind::Progress => &self.sim_topics[1],
+            Kind::Digest => &self.sim_topics[2],
+            Kind::Result => &self.sim_topics[3],
+            Kind::Transforms => &self.sim_topics[4],
+            Kind::Intervention => &self.sim_topics[5],
+            Kind::Join(agent) => &self.agent_topics[agent.index()][0],
+            Kind::Observation(agent) => &self.agent_topics[agent.index()][1],
+            Kind::Command(agent) => &self.agent_topics[agent.index()][2],
+        };
+        let written = write(&mut self.live, &mut self.sink, topic, tick, &self.bytes);
+        self.unless_failed(written)
+    }
+
+    /// A recording ends at its first write error: later messages would follow a gap.
+    fn unless_failed(&mut self, written: Result<(), RecordError>) -> Result<(), RecordError> {
+        if written.is_err() {
+            self.sink = Sink::Null;
+        }
+        written
+    }
+}
+
+fn write(
+    live: &mut Option<Journal>,
+    sink: &mut Sink<'_>,
+    topic: &Topic,
+    tick: Tick,
+    cdr: &[u8],
+) -> Result<(), RecordError> {
+    if let Some(live) = live {
+        live.write(topic, tick, cdr);
+    }
+    sink.write(topic, tick, cdr)
+}
+
+impl Sink<'_> {
+    fn write(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) -> Result<(), RecordError> {
+        match self {
+            Self::Null => Ok(()),
+            Self::File(recorder) => recorder.write(topic, tick, cdr),
+            Self::Checker(checker) => {
+                checker.take(&topic.name, tick, cdr);
+                Ok(())
+            }
+        }
+    }
+}

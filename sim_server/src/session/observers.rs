@@ -1,0 +1,84 @@
+//! The visualisation output of a session: messages that are due for subscribed topics, and lines of the log.
+//!
+//! Invariant: nothing here changes or delays the run.
+
+use std::time::{Duration, Instant};
+
+use msgs::ids::{AgentId, Tick};
+
+use super::engine::Engine;
+use crate::transport::Transport;
+use crate::wall_clock::{nanoseconds, now};
+use simulation::scenario::Scenario;
+use simulation::visualisation::{
+    self, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
+};
+use simulation::wire;
+
+/// The visualisation topics of a run, and its wall clock.
+pub(super) struct Observers {
+    views: VisualisationScheduler,
+    /// Start of the first tick, wall time.
+    started: Instant,
+}
+
+impl Observers {
+    pub(super) fn new(scenario: &Scenario) -> Self {
+        Self { views: VisualisationScheduler::new(scenario.views.clone(), scenario.agents.count), started: now() }
+    }
+
+    /// Starts the wall clock of the run.
+    pub(super) fn start_clock(&mut self) {
+        self.started = now();
+    }
+
+    /// Wall time since the start.
+    pub(super) fn elapsed(&self) -> Duration {
+        self.started.elapsed()
+    }
+
+    /// The visualisation messages to record at the start of this tick.
+    pub(super) fn to_record(&mut self, engine: &mut Engine<'_>) -> Vec<(VisualisationTopic, VisualisationMessage)> {
+        let Engine { world, infos, lost, .. } = engine;
+        self.views.due_for_recording(world, &RunStatus { infos, lost, rtf: None })
+    }
+
+    /// Publishes what is due to topics with subscribers. Works at any time, also while the clock is held.
+    pub(super) fn publish(&mut self, engine: &mut Engine<'_>, may_tick: bool, transport: &mut dyn Transport) {
+        let Some(subscribers) = transport.subscribers() else { return };
+        let elapsed = self.started.elapsed();
+        let rtf = (!elapsed.is_zero()).then(|| sim_time(engine.tick()).div_duration_f64(elapsed));
+        let Engine { world, infos, lost, .. } = engine;
+        let moment = PublishTime { wall_ns: nanoseconds(elapsed), is_paused: !may_tick };
+        for (view, picture) in self.views.due_live(world, &RunStatus { infos, lost, rtf }, subscribers, moment) {
+            transport.publish(view, &picture);
+        }
+    }
+
+    /// Publishes a message that the session has made itself, if its topic has subscribers and its rate allows.
+    pub(super) fn publish_own(
+        &mut self,
+        view: VisualisationTopic,
+        picture: VisualisationMessage,
+        transport: &mut dyn Transport,
+    ) {
+        let Some(subscribers) = transport.subscribers() else { return };
+        if self.views.may_publish(view, subscribers, nanoseconds(self.started.elapsed())) {
+            transport.publish(view, &picture);
+        }
+    }
+}
+
+/// Sends the odometry and the scan of this tick to an externally controlled agent.
+pub(super) fn send_sensors(engine: &mut Engine<'_>, agent: AgentId, transport: &mut dyn Transport) {
+    let world = &engine.world;
+    let has_scan = world.last_scan(agent).is_some_and(|(_, tick)| tick == world.tick());
+    let points = if has_scan { visualisation::points(world, agent) } else { None };
+    let mut odometry = visualisation::odometry(world, agent);
+    odometry.pose.pose.position = wire::point(&world.measured_position(agent));
+    transport.set_sensors(agent, odometry, points);
+}
+
+fn sim_time(tick: Tick) -> Duration {
+    Duration::from_nanos(tick.time_ns())
+}

@@ -1,0 +1,86 @@
+//! The periodic messages of a recording: poses, digest, progress and visualisation at the start of a tick; and the observations
+//! of a tick that was given up.
+
+use msgs::ids::Tick;
+use msgs::maes_msgs;
+
+use super::agents::ObservationRequest;
+use super::log::Kind;
+use super::{RunError, Session};
+use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
+use simulation::wire;
+use simulation::world::Commit;
+
+/// Sim time between two digests in the recording: one second.
+const DIGEST_TICKS: u64 = 50;
+
+/// Sim time between two progress messages: ten seconds, as in the reference.
+const PROGRESS_TICKS: u64 = 500;
+
+/// The ticks of the last messages, so that the end of a run does not repeat them.
+#[derive(Default)]
+pub(super) struct LastRecorded {
+    digest: Option<Tick>,
+    progress: Option<Tick>,
+}
+
+impl Session<'_, '_> {
+    /// Records the state at the start of this tick, as far as messages are due.
+    pub(super) fn record_state(&mut self) -> Result<(), RunError> {
+        let tick = self.engine.tick();
+        let poses_period = u64::from(self.scenario.recording.poses_period_ticks);
+        if poses_period > 0 && tick.0.is_multiple_of(poses_period) && self.log.is_recording() {
+            self.log.write(Kind::Transforms, tick, &wire::transforms(&self.engine.world))?;
+        }
+        if tick.0.is_multiple_of(DIGEST_TICKS) {
+            self.record_digest()?;
+        }
+        if tick.0.is_multiple_of(PROGRESS_TICKS) {
+            self.record_progress()?;
+        }
+        if self.log.is_recording() {
+            for (view, picture) in self.observers.to_record(&mut self.engine) {
+                self.log.write_view(view, tick, &picture)?;
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn record_digest(&mut self) -> Result<(), RunError> {
+        let tick = self.engine.tick();
+        if self.recorded.digest != Some(tick) {
+            self.recorded.digest = Some(tick);
+            let digest = self.engine.chain.digest().0;
+            let digest = maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest };
+            self.log.write(Kind::Digest, tick, &digest)?;
+            self.observers.publish_own(
+                VisualisationTopic::Digest,
+                VisualisationMessage::Digest(digest),
+                self.transport,
+            );
+        }
+        Ok(())
+    }
+
+    pub(super) fn record_progress(&mut self) -> Result<(), RunError> {
+        let tick = self.engine.tick();
+        if self.recorded.progress != Some(tick) {
+            self.recorded.progress = Some(tick);
+            let progress = wire::progress(&mut self.engine.world);
+            self.transport.progress(&progress);
+            self.log.write(Kind::Progress, tick, &progress)?;
+        }
+        Ok(())
+    }
+
+    /// Records the observations of a tick that was given up. The digest does not cover them.
+    pub(super) fn record_unanswered(&mut self, requests: &[ObservationRequest]) -> Result<(), RunError> {
+        let tick = self.engine.tick();
+        for request in requests.iter().filter(|request| request.since == Commit::Committed) {
+            for fragment in &request.fragments {
+                self.log.write(Kind::Observation(request.agent), tick, fragment)?;
+            }
+        }
+        Ok(())
+    }
+}

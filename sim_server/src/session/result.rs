@@ -1,0 +1,70 @@
+//! The end of a run: the agents get the shutdown message, and the result is recorded.
+
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use msgs::maes_msgs::{self, Observation as Fragment};
+
+use super::agents::{ObservationRequest, WaitContext};
+use super::engine::counter;
+use super::log::Kind;
+use super::{Outcome, RunError, SHUTDOWN_TIMEOUT, Session};
+use crate::transport::Level;
+use simulation::digest::Digest;
+use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
+use simulation::wire;
+use simulation::world::Commit;
+
+impl Session<'_, '_> {
+    /// Shuts the agents down, and completes the recording.
+    pub(super) fn finish(mut self, reason: String, ended_well: bool, wall: Duration) -> Result<Outcome, RunError> {
+        let tick = self.engine.tick();
+        let mut last: Vec<ObservationRequest> = Vec::new();
+        for agent in self.engine.world.agents() {
+            last.push(self.engine.request(agent, Commit::Committed, Fragment::ENDED));
+        }
+        self.control.end_steps("the run has ended");
+        let is_present = |request: &&ObservationRequest| !self.engine.lost.contains(&request.agent);
+        let present: Vec<ObservationRequest> = last.iter().filter(is_present).cloned().collect();
+        // The agents come first: an error of the recording does not concern them. The stop flag does not cut this wait short.
+        let Self { sessions, transport, observer, log, .. } = &mut self;
+        let never = AtomicBool::new(false);
+        let mut context = WaitContext { transport: &mut **transport, observer: &mut **observer, log, stop: &never };
+        sessions.shut_down(tick, &present, SHUTDOWN_TIMEOUT, &mut context)?;
+        for request in &last {
+            for fragment in &request.fragments {
+                self.log.write(Kind::Observation(request.agent), tick, fragment)?;
+            }
+        }
+        let digest = self.engine.chain.digest();
+        let progress = wire::progress(&mut self.engine.world);
+        let mut counters = self.engine.counters();
+        counters.extend(self.sessions.refusals().map(|(name, value)| counter(name, value)));
+        let result = maes_msgs::Result {
+            header: progress.header,
+            tick: tick.0,
+            reason,
+            explored: progress.explored,
+            covered: progress.covered,
+            explored_by: progress.explored_by,
+            covered_by: progress.covered_by,
+            distance_m: progress.distance_m,
+            believed_by: progress.believed_by,
+            counters,
+            digest: digest.0,
+        };
+        self.record_digest()?;
+        self.record_progress()?;
+        self.log.write(Kind::Result, tick, &result)?;
+        self.publish_result(&result, ended_well);
+        self.log.finish()?;
+        Ok(Outcome { result, digest, wall })
+    }
+
+    fn publish_result(&mut self, result: &maes_msgs::Result, ended_well: bool) {
+        self.transport.publish(VisualisationTopic::Result, &VisualisationMessage::Result(Box::new(result.clone())));
+        let level = if ended_well { Level::Info } else { Level::Error };
+        let (tick, reason, digest) = (result.tick, &result.reason, Digest(result.digest));
+        self.transport.log(level, &format!("the run has ended in tick {tick}: {reason}; digest {digest}"));
+    }
+}

@@ -1,0 +1,101 @@
+//! The transport of a run: the agents' protocol, the output to observers, and the input of control requests.
+//!
+//! [`AgentTransport`] is all that the lock-step needs; [`ObserverOutput`] and [`ControlInput`] serve people and tools. One
+//! object implements the three ([`Transport`]), because a ROS 2 node receives commands and service requests in one inbox.
+//! Implementations: ROS 2 (`ros.rs`), Foxglove around another one (`foxglove`), and channels within a process
+//! (`experiments::in_memory`).
+//!
+//! Invariants: no method blocks on an agent, except [`AgentTransport::receive`] up to its timeout; a message may get lost, be
+//! repeated or overtake another one, and the session resends what stays unanswered; messages arrive unchanged.
+
+use std::time::Duration;
+
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
+use msgs::nav_msgs::Odometry;
+pub use msgs::rcl_interfaces::Level;
+use msgs::sensor_msgs::PointCloud2;
+use simulation::lockstep::SourceId;
+use simulation::scenario::Rtf;
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
+
+use crate::control::Request;
+
+/// A message from an agent process.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Inbound {
+    /// From the topic `join` of an agent.
+    Join(Join),
+    /// From the topic `command` of an agent.
+    Command(Command),
+    /// Bytes on one of these topics that do not decode.
+    Undecodable {
+        /// The decoding error.
+        reason: String,
+    },
+}
+
+/// A message from an agent process, with its origin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Incoming {
+    /// The agent whose topic carried it.
+    pub topic_agent: AgentId,
+    /// The process that sent it.
+    pub source: SourceId,
+    pub message: Inbound,
+}
+
+/// The server's side of the protocol with the agents.
+pub trait AgentTransport {
+    /// Publishes what agents may know of the scenario, to present and later subscribers.
+    fn announce(&mut self, scenario: &Scenario);
+    /// Publishes the reply to a join.
+    fn reply_join(&mut self, reply: &JoinReply);
+    /// Sends one fragment of an observation.
+    fn send(&mut self, agent: AgentId, fragment: &Observation);
+    /// The next message, or `None` after `timeout` without one.
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming>;
+    /// Holds the standard sensor messages of an externally controlled agent for this tick, until its observation is sent.
+    fn set_sensors(&mut self, _agent: AgentId, _odometry: Odometry, _points: Option<PointCloud2>) {}
+    /// The run number of another server in the same network, if one was heard. A private transport has none.
+    fn other_run(&self) -> Option<u64> {
+        None
+    }
+}
+
+/// Output to observers: visualisation tools and people. Nothing here waits or changes the run; a transport without observers
+/// leaves the defaults, which discard.
+pub trait ObserverOutput {
+    /// Publishes the lock-step clock.
+    fn clock(&mut self, _tick: Tick) {}
+    /// Publishes the progress.
+    fn progress(&mut self, _progress: &Progress) {}
+    /// The visualisation topics that have subscribers, or `None` if none has.
+    fn subscribers(&mut self) -> Option<&Subscribers> {
+        None
+    }
+    /// Publishes a message of a visualisation topic.
+    fn publish(&mut self, _view: VisualisationTopic, _picture: &VisualisationMessage) {}
+    /// Publishes the limit of the real-time factor, at the start and after each change.
+    fn real_time_factor(&mut self, _rtf: Rtf) {}
+    /// Publishes a line of the log.
+    fn log(&mut self, _level: Level, _text: &str) {}
+}
+
+/// Input of control requests; a transport without them leaves the defaults.
+pub trait ControlInput {
+    /// The next request, if one has arrived. Never waits; a request that arrives while the session waits for messages ends
+    /// that wait.
+    fn request(&mut self) -> Option<Request> {
+        None
+    }
+    /// Whether requests can arrive at all: without them, a paused run would stay paused.
+    fn accepts_requests(&self) -> bool {
+        false
+    }
+}
+
+/// All ends of a transport.
+pub trait Transport: AgentTransport + ObserverOutput + ControlInput {}
+
+impl<T: AgentTransport + ObserverOutput + ControlInput + ?Sized> Transport for T {}

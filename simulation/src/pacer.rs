@@ -1,0 +1,72 @@
+//! Holds ticks back to a rate. The wall time is an argument: nanoseconds since some moment.
+
+use msgs::ids::Tick;
+
+use crate::scenario::Rtf;
+
+/// The pace from a tick on that began at a known time.
+#[derive(Debug)]
+pub struct Pacer {
+    rtf: Rtf,
+    from: Tick,
+    begun_ns: u64,
+}
+
+impl Pacer {
+    /// Counts from tick 0 and time 0 on.
+    #[must_use]
+    pub fn new(rtf: Rtf) -> Self {
+        Self { rtf, from: Tick::ZERO, begun_ns: 0 }
+    }
+
+    /// The rate.
+    #[must_use]
+    pub fn rtf(&self) -> Rtf {
+        self.rtf
+    }
+
+    /// Goes at another rate from now on.
+    pub fn set_rtf(&mut self, rtf: Rtf, tick: Tick, wall_ns: u64) {
+        self.rtf = rtf;
+        self.restart(tick, wall_ns);
+    }
+
+    /// Counts from this tick and this moment on: what came before is no reason to hurry or to wait.
+    pub fn restart(&mut self, tick: Tick, wall_ns: u64) {
+        self.from = tick;
+        self.begun_ns = wall_ns;
+    }
+
+    /// Wall time until `tick` may begin, ns, if it may not yet.
+    #[must_use]
+    pub fn wait_ns(&self, tick: Tick, wall_ns: u64) -> Option<u64> {
+        let Rtf::Limit(limit) = self.rtf else {
+            return None;
+        };
+        let passes_ns = tick.time_ns().saturating_sub(self.from.time_ns()) as f64 / limit;
+        // What is longer than a u64 is for ever.
+        let due_ns = self.begun_ns.saturating_add(passes_ns as u64);
+        due_ns.checked_sub(wall_ns).filter(|&wait_ns| wait_ns > 0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_came_before_a_pause_does_not_count() {
+        let mut pace = Pacer::new(Rtf::Limit(1e-3));
+        let second = Tick(50);
+        assert_eq!(pace.wait_ns(second, 0), Some(1_000_000_000_000));
+        assert_eq!(pace.wait_ns(second, 400_000_000_000), Some(600_000_000_000));
+        pace.restart(second, 7);
+        assert_eq!(pace.wait_ns(second, 7), None);
+        assert_eq!(pace.wait_ns(second.after(1), 8), Some(19_999_999_999));
+        pace.set_rtf(Rtf::Limit(2.0), second, 100);
+        assert_eq!(pace.wait_ns(second.after(1), 100), Some(10_000_000));
+        assert_eq!(pace.wait_ns(second.after(1), 10_000_100), None);
+        pace.set_rtf(Rtf::MAX, second, 100);
+        assert_eq!(pace.wait_ns(second.after(1), 100), None);
+    }
+}

@@ -1,0 +1,92 @@
+//! How the run and its agents are doing, in words and numbers for people.
+
+use std::collections::BTreeSet;
+
+use msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use msgs::ids::AgentId;
+use msgs::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
+
+use crate::wire::header;
+use crate::world::World;
+
+/// Bytes on the wire of a text beside its letters, with padding.
+const TEXT_BYTES_BARE: usize = 12;
+
+/// What the run loop knows of a run beside its world.
+#[derive(Debug, Clone, Copy)]
+pub struct RunStatus<'a> {
+    /// The last information text of each agent.
+    pub infos: &'a [String],
+    /// Agents that were lost.
+    pub lost: &'a BTreeSet<AgentId>,
+    /// Sim seconds for each second of wall time since the start.
+    pub rtf: Option<f64>,
+}
+
+/// A status of the run and one of each agent, in messages that are not too large.
+pub(super) fn info(world: &World, facts: &RunStatus<'_>) -> Vec<DiagnosticArray> {
+    let bare = DiagnosticArray { header: header(world.tick()), status: Vec::new() };
+    let mut done = Vec::new();
+    let mut filling = bare.clone();
+    let mut left = VIEW_BYTES_MAX - MESSAGE_BYTES_BARE;
+    for status in std::iter::once(of_run(world, facts)).chain(of_agents(world, facts)) {
+        let bytes = bytes_of(&status);
+        if bytes > left {
+            done.push(std::mem::replace(&mut filling, bare.clone()));
+            left = VIEW_BYTES_MAX - MESSAGE_BYTES_BARE;
+        }
+        left = left.saturating_sub(bytes);
+        filling.status.push(status);
+    }
+    done.push(filling);
+    done
+}
+
+fn of_run(world: &World, facts: &RunStatus<'_>) -> DiagnosticStatus {
+    let coverage = world.coverage();
+    let mut values = vec![
+        value("tick", world.tick().0),
+        value("explored", format!("{:.4}", coverage.explored())),
+        value("covered", format!("{:.4}", coverage.covered())),
+        value("agents_lost", facts.lost.len()),
+    ];
+    values.extend(facts.rtf.map(|rtf| value("rtf", format!("{rtf:.1}"))));
+    let message = format!("{:.1} % explored", coverage.explored() * 100.0);
+    DiagnosticStatus { name: "run".to_owned(), message, values, ..DiagnosticStatus::default() }
+}
+
+fn of_agents(world: &World, facts: &RunStatus<'_>) -> impl Iterator<Item = DiagnosticStatus> {
+    let coverage = world.coverage();
+    let each = world.distance_m().into_iter().zip(coverage.explored_by()).zip(coverage.believed_by());
+    world.agents().zip(each).map(|(agent, ((distance_m, explored), believed))| {
+        let is_lost = facts.lost.contains(&agent);
+        let body = world.body(agent);
+        let message = if is_lost { "lost" } else { facts.infos.get(agent.index()).map_or("", String::as_str) };
+        let collision = body.collision().map_or("none".to_owned(), |met| format!("{:?}", met.surface).to_lowercase());
+        DiagnosticStatus {
+            level: if is_lost { DiagnosticStatus::ERROR } else { DiagnosticStatus::OK },
+            name: format!("agent_{agent}"),
+            message: message.to_owned(),
+            values: vec![
+                value("task", if body.is_active() { "active" } else { "idle" }),
+                value("collision", collision),
+                value("distance_m", format!("{distance_m:.3}")),
+                value("explored", format!("{explored:.4}")),
+                value("believed", format!("{believed:.4}")),
+            ],
+            ..DiagnosticStatus::default()
+        }
+    })
+}
+
+fn value(key: &str, value: impl ToString) -> KeyValue {
+    KeyValue { key: key.to_owned(), value: value.to_string() }
+}
+
+/// Bytes on the wire of a status, rounded up.
+fn bytes_of(status: &DiagnosticStatus) -> usize {
+    let DiagnosticStatus { level: _, name, message, hardware_id, values } = status;
+    let status =
+        [name, message, hardware_id].into_iter().chain(values.iter().flat_map(|pair| [&pair.key, &pair.value]));
+    status.map(|text| TEXT_BYTES_BARE + text.len()).sum::<usize>() + TEXT_BYTES_BARE
+}

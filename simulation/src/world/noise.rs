@@ -1,0 +1,147 @@
+//! How agents err: noise of the distances that LiDARs measure, returns that are missed, and a position that is not quite the true
+//! one. All of it is off by default.
+//!
+//! Every draw is named by the seed of the run, the agent and the tick, so that no scan hangs on another, on the order in which
+//! they are cast, or on threads.
+
+use msgs::ids::{AgentId, Tick};
+use nalgebra::{Point3, Vector3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::Rng;
+use voxels::Extent;
+
+/// What errs, and how much.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SensorNoise {
+    /// Standard deviation of measured distances, metres.
+    pub range_sigma_m: f64,
+    /// Probability that a ray that meets a wall brings nothing back.
+    pub missed_returns: f64,
+    /// Greatest error of a told position along each axis, metres.
+    pub pose_bound_m: f64,
+    /// How far that error moves along each axis in a tick at the most, metres.
+    pub pose_step_m: f64,
+    /// The seed of all this.
+    pub seed: u64,
+}
+
+/// The error of one agent's told position: a walk at random within bounds, each axis by itself.
+#[derive(Debug, Clone)]
+pub(super) struct Drift {
+    rng: ChaCha8Rng,
+    offset_m: Vector3<f64>,
+}
+
+impl SensorNoise {
+    /// Whether scans err.
+    #[must_use]
+    pub fn affects_scans(&self) -> bool {
+        self.range_sigma_m > 0.0 || self.missed_returns > 0.0
+    }
+
+    fn affects_poses(&self) -> bool {
+        self.pose_bound_m > 0.0 && self.pose_step_m > 0.0
+    }
+
+    /// The chance that is in the scan of an agent in a tick.
+    pub(super) fn scan_stream(&self, agent: AgentId, tick: Tick) -> ChaCha8Rng {
+        let mut rng = random_streams::stream(self.seed, agent.0.into(), "sensor.scan");
+        rng.set_stream(tick.0);
+        rng
+    }
+
+    /// What chance does to one return: `None` if it is missed, else how much farther it seems, metres.
+    pub(super) fn sample_return(&self, rng: &mut ChaCha8Rng) -> Option<f64> {
+        // All are drawn in any case, so that a ray draws as much whatever the scenario says.
+        let [miss, one, other] = [uniform(rng), uniform(rng), uniform(rng)];
+        // Box and Muller; 1 - one is never 0.
+        let radius = libm::sqrt(-2.0 * libm::log(1.0 - one));
+        let deviation = radius * libm::cos(std::f64::consts::TAU * other);
+        (miss >= self.missed_returns).then_some(deviation * self.range_sigma_m)
+    }
+}
+
+impl Drift {
+    /// No error at the start.
+    pub(super) fn new(noise: &SensorNoise, agent: AgentId) -> Self {
+        Self { rng: random_streams::stream(noise.seed, agent.0.into(), "sensor.pose"), offset_m: Vector3::zeros() }
+    }
+
+    /// The error one tick later.
+    pub(super) fn advance(&mut self, noise: &SensorNoise) {
+        if !noise.affects_poses() {
+            return;
+        }
+        let bound_m = noise.pose_bound_m;
+        for along in self.offset_m.iter_mut() {
+            let step_m = (2.0 * uniform(&mut self.rng) - 1.0) * noise.pose_step_m;
+            *along = (*along + step_m).clamp(-bound_m, bound_m);
+        }
+    }
+
+    /// The position that is told of a true one; always a place in the map.
+    pub(super) fn measured(&self, position: &Point3<f64>, extent: Extent) -> Point3<f64> {
+        if self.offset_m == Vector3::zeros() {
+            return *position;
+        }
+        let edge = extent.cell_m();
+        let size = extent.size();
+        let mut measured = position + self.offset_m;
+        for axis in 0..3 {
+            // Within the outermost cells, however large the map is and numbers are rounded.
+            measured[axis] = measured[axis].clamp(0.0, (f64::from(size[axis]) - 0.5) * edge);
+        }
+        measured
+    }
+}
+
+/// A number from 0 up to, but not, 1.
+fn uniform(rng: &mut ChaCha8Rng) -> f64 {
+    const BITS: u32 = 53;
+    (rng.next_u64() >> (u64::BITS - BITS)) as f64 / (1_u64 << BITS) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn returns_are_as_noisy_as_they_are_to_be() {
+        let noise = SensorNoise { range_sigma_m: 0.5, missed_returns: 0.25, ..SensorNoise::default() };
+        let mut rng = noise.scan_stream(AgentId(3), Tick(7));
+        let returns: Vec<f64> = (0..40_000).filter_map(|_| noise.sample_return(&mut rng)).collect();
+        let number = returns.len() as f64;
+        let mean = returns.iter().sum::<f64>() / number;
+        let variance = returns.iter().map(|noise| (noise - mean) * (noise - mean)).sum::<f64>() / number;
+        assert!((number / 40_000.0 - 0.75).abs() < 0.01, "{number}");
+        assert!(mean.abs() < 0.01 && (variance - 0.25).abs() < 0.01, "{mean} {variance}");
+    }
+
+    #[test]
+    fn scans_draw_by_agent_and_tick() {
+        let noise = SensorNoise { seed: 1, ..SensorNoise::default() };
+        let first = |agent, tick| noise.scan_stream(AgentId(agent), Tick(tick)).next_u64();
+        assert_eq!(first(0, 5), first(0, 5));
+        assert_ne!(first(0, 5), first(0, 6));
+        assert_ne!(first(0, 5), first(1, 5));
+    }
+
+    #[test]
+    fn a_told_position_drifts_within_its_bounds_and_the_map() {
+        let noise = SensorNoise { pose_bound_m: 0.5, pose_step_m: 0.05, ..SensorNoise::default() };
+        let mut drift = Drift::new(&noise, AgentId(0));
+        let extent = Extent::new([4, 4, 4], 1.0).unwrap();
+        let (middle, corner) = (Point3::new(2.0, 2.0, 2.0), Point3::new(0.1, 3.9, 0.1));
+        assert_eq!(drift.measured(&middle, extent), middle);
+        let mut farthest: f64 = 0.0;
+        for _ in 0..5000 {
+            let before = drift.measured(&middle, extent);
+            drift.advance(&noise);
+            let now = drift.measured(&middle, extent);
+            assert!((now - before).amax() <= 0.05 + 1e-12);
+            farthest = farthest.max((now - middle).amax());
+            assert!(extent.contains(extent.cell_of(&drift.measured(&corner, extent))));
+        }
+        assert!(farthest > 0.45 && farthest <= 0.5 + 1e-12, "{farthest}");
+    }
+}

@@ -1,0 +1,76 @@
+//! The bodies that have been placed so far, and whether there is room for one more.
+
+use nalgebra::Point3;
+use voxels::{Cell, Grid, Terrain};
+
+use super::super::collision::Sphere;
+use super::has_room_from_walls;
+
+/// Buckets along an axis at the most, so that they take little memory on any map.
+const BUCKETS_MAX: f64 = 64.0;
+
+/// Bodies on a map, sorted into cubic buckets by where their centres are.
+pub(super) struct PlacedBodies<'a> {
+    terrain: &'a Grid<Terrain>,
+    min_distance_m: f64,
+    /// Edge of a bucket: no body reaches farther than into the buckets around its own.
+    bucket_m: f64,
+    /// Buckets along each axis.
+    counts: [usize; 3],
+    buckets: Vec<Vec<Sphere>>,
+}
+
+impl<'a> PlacedBodies<'a> {
+    /// Nobody yet. `radii_m` are those of all bodies that may come; the centres of two of them stay at least `min_distance_m`
+    /// apart.
+    pub(super) fn new(terrain: &'a Grid<Terrain>, radii_m: &[f64], min_distance_m: f64) -> Self {
+        let extent = terrain.extent();
+        let lengths_m = extent.size().map(|cells| f64::from(cells) * extent.cell_m());
+        let longest_m = lengths_m.into_iter().fold(0.0, f64::max);
+        let reach_m = radii_m.iter().fold(0.0, |most: f64, &radius_m| most.max(2.0 * radius_m)).max(min_distance_m);
+        let bucket_m = reach_m.max(longest_m / BUCKETS_MAX);
+        let counts = lengths_m.map(|length_m| (length_m / bucket_m) as usize + 1);
+        let buckets = vec![Vec::new(); counts.iter().product()];
+        Self { terrain, min_distance_m, bucket_m, counts, buckets }
+    }
+
+    /// Puts a body into the middle of a cell, if there is room for it.
+    pub(super) fn place(&mut self, cell: Cell, radius_m: f64) -> Option<Point3<f64>> {
+        if !self.has_room(cell, radius_m) {
+            return None;
+        }
+        let centre = self.terrain.extent().centre(cell);
+        let [x, y, z] = self.bucket_of(&centre);
+        let bucket = self.index(x, y, z);
+        self.buckets[bucket].push(Sphere { centre, radius_m });
+        Some(centre)
+    }
+
+    /// Whether there is room for a body in the middle of a cell.
+    pub(super) fn has_room(&self, cell: Cell, radius_m: f64) -> bool {
+        let centre = self.terrain.extent().centre(cell);
+        self.terrain.get(cell) == Some(&Terrain::Free)
+            && !self.is_near_another(&centre, radius_m)
+            && has_room_from_walls(self.terrain, &centre, radius_m)
+    }
+
+    fn is_near_another(&self, centre: &Point3<f64>, radius_m: f64) -> bool {
+        let near = |other: &Sphere| (other.centre - centre).norm() < self.min_distance_m.max(radius_m + other.radius_m);
+        let home = self.bucket_of(centre);
+        // Where there is somebody near, it is most often somebody there.
+        if self.buckets[self.index(home[0], home[1], home[2])].iter().any(near) {
+            return true;
+        }
+        let [x, y, z] =
+            [0, 1, 2].map(|axis| home[axis].saturating_sub(1)..=(home[axis] + 1).min(self.counts[axis] - 1));
+        z.into_iter().any(|z| y.clone().any(|y| x.clone().any(|x| self.buckets[self.index(x, y, z)].iter().any(near))))
+    }
+
+    fn bucket_of(&self, point: &Point3<f64>) -> [usize; 3] {
+        [point.x, point.y, point.z].map(|along_m| (along_m / self.bucket_m) as usize)
+    }
+
+    fn index(&self, x: usize, y: usize, z: usize) -> usize {
+        (z * self.counts[1] + y) * self.counts[0] + x
+    }
+}
