@@ -1,8 +1,10 @@
-//! Names the build after the sources that decide what a run is: two builds with the same name make the same runs.
+//! Names the build after the sources that decide what a run is: two builds with the same name make
+//! the same runs.
 
 use std::path::{Path, PathBuf};
 
-/// What a run is made by, from the folder of the workspace. What only looks at runs is not among it.
+/// What a run is made by, from the folder of the workspace. What only looks at runs is not among
+/// it.
 const SOURCES: [&str; 13] = [
     "Cargo.lock",
     "voxels/src",
@@ -15,7 +17,7 @@ const SOURCES: [&str; 13] = [
     "sim_server/src",
     "agent_node/src",
     "experiments/src/in_memory.rs",
-    "experiments/src/single.rs",
+    "experiments/src/in_process.rs",
     "experiments/src/measure.rs",
 ];
 

@@ -1,19 +1,20 @@
 #!/usr/bin/env bash
 # Measures whole runs over real ROS 2 processes and prints the figures of docs/benchmarks.md.
 #
-#   launch_scripts/bench.sh [RUNS]      counted runs of each kind, after one that is not counted (default 3)
+#   launch_scripts/bench.sh [RUNS]      counted runs of each kind, after a warm-up (default 3)
 #
-# Each line: what, then the least, the median and the greatest value. The machine should have nothing else to do.
+# Each line: what, then the least, the median and the greatest value. The machine should have nothing
+# else to do.
 set -u
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 runs=${1:-3}
 out=$(mktemp -d "${TMPDIR:-/tmp}/maes-bench-XXXXXX")
 trap 'rm -rf "$out"' EXIT
 export ROS_DOMAIN_ID=${ROS_DOMAIN_ID:-77}
-(cd "$root" && cargo build --release --quiet) || exit 1
-export MAES_BIN_DIR=${CARGO_TARGET_DIR:-$root/target}/release
+MAES_BIN_DIR=$("$root/launch_scripts/build.sh") || exit 1
+export MAES_BIN_DIR
 
-# The highest resident memory that processes of this name have reached, in MiB; asked while they run.
+# The highest resident memory of the processes of this name, in MiB; polled while they run.
 watch_memory() { # NAME FILE
     local pid peak
     while [[ -e $out/running ]]; do
@@ -31,7 +32,7 @@ run() {
     sed -n 's/^wall time \([0-9.]*\) s.*/\1/p' "$out/stdout"
 }
 
-# The same several times; prints least, median and greatest of `expression` over the wall seconds w.
+# Several runs; prints least, median and greatest of `expression` over the wall seconds w.
 measure() { # WHAT UNIT EXPRESSION FLAG...
     local what=$1 unit=$2 expression=$3 count
     shift 3

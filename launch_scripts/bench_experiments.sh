@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# Measures the batch mode: what a plan costs beside its bare runs, and how fast one core carries out the heaviest of the papers' runs.
+# Measures `maes batch`: what a plan costs beside its bare runs, and how fast one core executes the
+# heaviest of the papers' runs.
 #
-#   launch_scripts/bench_experiments.sh [ROUNDS]      rounds of each, after one that is not counted (default 5)
+#   launch_scripts/bench_experiments.sh [ROUNDS]      rounds of each, after a warm-up (default 5)
 #
 # Processor time (user and system) is compared as well as wall time, because a busy machine distorts it less.
 set -eu
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 rounds=${1:-5}
-(cd "$root" && cargo build --release --quiet)
-bin=${CARGO_TARGET_DIR:-$root/target}/release
+bin=$("$root/launch_scripts/build.sh")
 out=$(mktemp -d "${TMPDIR:-/tmp}/maes-bench-XXXXXX")
 trap 'rm -rf "$out"' EXIT
 scenario=$root/launch_scripts/scenarios/default.toml
@@ -27,13 +27,13 @@ END
 
 bare() {
     for ((seed = 1; seed <= seeds; seed++)); do
-        "$bin/experiments" single "$scenario" --controller lvd --agents 5 --size 50 --seed "$seed" \
+        "$bin/maes" run "$scenario" --transport memory --controller lvd --agents 5 --size 50 --seed "$seed" \
             --set stop_when_explored=false --together --threads 1 >/dev/null 2>&1
     done
 }
 plan() {
     rm -rf "$out/runs"
-    "$bin/experiments" run "$out/plan.toml" --out "$out/runs" --jobs 1 >/dev/null 2>&1
+    "$bin/maes" batch "$out/plan.toml" --out "$out/runs" --jobs 1 >/dev/null 2>&1
 }
 # Least, median and greatest of a file of numbers.
 spread() { sort -g "$1" | awk '{v[NR] = $1} END {printf "%.3f %.3f %.3f\n", v[1], v[int((NR + 1) / 2)], v[NR]}'; }
@@ -52,7 +52,7 @@ echo "  processor time: $(spread "$out/cpu")"
 echo "  wall time:      $(spread "$out/wall")"
 
 for ((round = 0; round <= rounds; round++)); do
-    taskset -c 0 "$bin/experiments" single "$scenario" --controller dsvp --agents 10 --size 100 --seed 2 --together --threads 1 2>/dev/null |
+    taskset -c 0 "$bin/maes" run "$scenario" --transport memory --controller dsvp --agents 10 --size 100 --seed 2 --together --threads 1 2>/dev/null |
         sed -n 's/^wall time .*, \([0-9.]*\) x real time$/\1/p'
 done | tail -n "$rounds" >"$out/speed"
 echo "dsvp, 10 agents, 100^3, seed 2, on one core, times real time: $(spread "$out/speed")"

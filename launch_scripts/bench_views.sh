@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# Measures by how much onlookers slow a run of 20 agents down, and prints ratios.
+# Measures by how much observers slow a run of 20 agents down, and prints ratios.
 #
-#   launch_scripts/bench_views.sh [ROUNDS]      rounds (default 5), each of a run of every kind, after one that is not counted
+#   launch_scripts/bench_views.sh [ROUNDS]      rounds of a run of every kind (default 5), after a warm-up
 #
-# The kinds take turns, because a machine is not the same all day; what counts is the ratio within a round: of wall time, and of the
-# processor time of the run, which tells more where others are at work. The onlooker is a node in Python (rclpy on Fast DDS, see
-# ros_env.sh) on the same machine; its own work is in the wall time alone. Every run has the same digest, or the script fails.
+# The kinds take turns, because the load of a machine changes; what counts is the ratio within a
+# round: of wall time, and of the processor time of the run, which tells more on a busy machine. The
+# observer is a node in Python (rclpy on Fast DDS, see ros_env.sh) on the same machine; its own work
+# is in the wall time alone. Every run has the same digest, or the script fails.
 set -u
 TIMEFORMAT='%U %S'
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -13,11 +14,11 @@ rounds=${1:-5}
 out=$(mktemp -d "${TMPDIR:-/tmp}/maes-bench-views-XXXXXX")
 trap 'rm -rf "$out"' EXIT
 export ROS_DOMAIN_ID=${ROS_DOMAIN_ID:-78} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
-(cd "$root" && cargo build --release --quiet) || exit 1
-export MAES_BIN_DIR=${CARGO_TARGET_DIR:-$root/target}/release
+MAES_BIN_DIR=$("$root/launch_scripts/build.sh") || exit 1
+export MAES_BIN_DIR
 eval "$("$root/launch_scripts/ros_env.sh")" || exit 1
 
-cat >"$out/onlooker.py" <<'END'
+cat >"$out/observer.py" <<'END'
 import signal, sys
 import rclpy
 from nav_msgs.msg import Odometry
@@ -33,7 +34,7 @@ if sys.argv[1] == "all":
     topics += [("/tf", TFMessage, 100), ("/agent_0/odom", Odometry, 10), ("/sim/map", Marker, latched)]
     topics += [("/sim/unexplored", Marker, latched), ("/agent_0/map", Marker, latched)]
 rclpy.init(signal_handler_options=rclpy.SignalHandlerOptions.NO)
-node = rclpy.create_node("onlooker")
+node = rclpy.create_node("observer")
 counts = {topic: 0 for topic, _, _ in topics}
 
 def count(topic):
@@ -54,31 +55,31 @@ END
 
 flags=(--agents 20 --size 100 --seed 1 --duration 1800 --set stop_when_explored=false)
 
-# One run; prints its wall seconds, its processor seconds, and what the onlooker has received.
+# One run; prints its wall seconds, its processor seconds, and what the observer has received.
 run() { # none | points | all
-    local heard=nobody
-    onlooker=
-    trap '[[ -z $onlooker ]] || kill "$onlooker"' EXIT
+    local heard=none
+    observer=
+    trap '[[ -z $observer ]] || kill "$observer"' EXIT
     if [[ $1 != none ]]; then
-        python3 "$out/onlooker.py" "$1" >"$out/said" &
-        onlooker=$!
-        exec 5<"$out/said"
+        python3 "$out/observer.py" "$1" >"$out/printed" &
+        observer=$!
+        exec 5<"$out/printed"
         read -r _ <&5
     fi
     { time "$root/launch_scripts/run.sh" "${flags[@]}" --logs "$out/logs" 2>"$out/stderr" >"$out/stdout"; } 2>"$out/time" ||
         { cat "$out/stderr" >&2; exit 1; }
     if [[ $1 != none ]]; then
-        kill -TERM "$onlooker"
+        kill -TERM "$observer"
         read -r heard <&5
         exec 5<&-
-        wait "$onlooker" 2>/dev/null
-        onlooker=
+        wait "$observer" 2>/dev/null
+        observer=
     fi
     tail -n 1 "$out/stdout" >>"$out/digests"
     echo "$(sed -n 's/^wall time \([0-9.]*\) s.*/\1/p' "$out/stdout") $(awk '{print $1 + $2}' "$out/time") $heard"
 }
 
-mkfifo "$out/said"
+mkfifo "$out/printed"
 echo "$(date -u +%Y-%m-%d), $(nproc) cores, $(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -1), load $(cut -d' ' -f1 /proc/loadavg)"
 run none >/dev/null
 for ((round = 1; round <= rounds; round++)); do
@@ -93,5 +94,5 @@ done
 awk '$1 == "none" {wall = $2; busy = $3} $1 != "none" {print $1, "wall", $2 / wall; print $1, "processor", $3 / busy}' \
     "$out/seconds" | sort -k1,2 -k3,3g | awk '
     {what = $1 ", " $2 " time"; values[what, ++count[what]] = $3}
-    END {for (what in count) {n = count[what]; printf "%-24s by that without onlookers: least %.3f, median %.3f, greatest %.3f\n",
+    END {for (what in count) {n = count[what]; printf "%-24s by that without observers: least %.3f, median %.3f, greatest %.3f\n",
         what, values[what, 1], values[what, int((n + 1) / 2)], values[what, n]}}' | sort

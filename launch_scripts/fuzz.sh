@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
-# Gives the readers of files and messages, the server and an agent bytes that nobody has thought of, for some time each.
+# Fuzzes the readers of files and messages, the server and an agent with libFuzzer.
 #
 #   launch_scripts/fuzz.sh [SECONDS_PER_TARGET] [TARGET...]      default: 600 s for each target
 #
-# Targets: m3dm packed bt pcd ply obj stl vox pgm scenario plan recording messages server agent (fuzz/src). Needs stable Rust and a C++ compiler. New inputs that reach
-# more code stay under target/fuzz/found/<target>, findings under target/fuzz/findings. Exit code 1 if there is one.
+# Targets: m3dm packed bt pcd ply obj stl vox pgm scenario plan recording messages server agent
+# (fuzz/src). Needs stable Rust and a C++ compiler. New inputs that reach more code stay under
+# target/fuzz/found/<target>, findings under target/fuzz/findings. Exit code 1 if there is a
+# finding.
 set -uo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 all=(m3dm packed bt pcd ply obj stl vox pgm scenario plan recording messages server agent)
@@ -19,16 +21,17 @@ done
 work=${CARGO_TARGET_DIR:-$root/target}/fuzz
 triple=$(rustc -vV | sed -n 's/^host: //p')
 
-# What libFuzzer needs of the code, all of it stable. With --target, programs that only the build runs are left as they are.
+# Instrumentation for libFuzzer, with stable flags. With --target, build scripts and procedural
+# macros have none.
 pass=(-Cpasses=sancov-module)
 for option in level=4 inline-8bit-counters pc-table trace-compares; do
     pass+=("-Cllvm-args=-sanitizer-coverage-$option")
 done
-# Branches stay apart, so that each counts.
+# Branches are not folded, so that each counts.
 pass+=(-Cllvm-args=-simplifycfg-branch-fold-threshold=0)
-(cd "$root/fuzz" && RUSTFLAGS="${pass[*]}" CARGO_TARGET_DIR=$work cargo build --release --locked --features libfuzzer --target "$triple") ||
-    exit 2
-program=$work/$triple/release/fuzz
+(cd "$root" && RUSTFLAGS="${pass[*]}" CARGO_TARGET_DIR=$work \
+    cargo build --profile fuzz --locked -p fuzz --features fuzz/libfuzzer --target "$triple") || exit 2
+program=$work/$triple/fuzz/fuzz
 findings=$work/findings
 mkdir -p "$findings"
 failed=0
@@ -52,8 +55,8 @@ for target in "${targets[@]}"; do
     if ((status || ${#files[@]})); then
         failed=1
         grep -m 3 -A 2 -e 'panicked at' -e 'ERROR: libFuzzer' "$log" >&2
-        echo "the log: $log" >&2
-        for file in "${files[@]}"; do printf 'again: FUZZ_TARGET=%s %q %q\n' "$target" "$program" "$file" >&2; done
+        echo "log: $log" >&2
+        for file in "${files[@]}"; do printf 'reproduce: FUZZ_TARGET=%s %q %q\n' "$target" "$program" "$file" >&2; done
     fi
 done
 exit "$failed"

@@ -1,4 +1,4 @@
-//! What is wrong is named in one line, with exit code 2, and nothing is written.
+//! Bad input: one line with the place, exit code 2, and no file.
 
 use std::path::Path;
 
@@ -12,13 +12,13 @@ use crate::support::processes::{Ended, Process};
 use crate::support::runs::{Site, scenario, text};
 use crate::support::{bounded, root};
 
-/// A scenario without mistakes, for three agents.
+/// A valid scenario for three agents.
 const LEGAL: &str = "seed = 7\nduration_s = 40.0\n[map]\nkind = \"spheres\"\nsize = 30\n[agents]\ncount = 3\n";
 
-/// Recordings with a wrong byte that are read.
+/// Number of recordings with a flipped byte.
 const WRONG_BYTES: usize = 5_000;
 
-/// Fails unless a process has ended because of bad input, with one line that holds all of `words`.
+/// Fails unless a process has ended for bad input, with one line that has all of `words`.
 #[track_caller]
 fn assert_bad_input(ended: &Ended, words: &[&str]) {
     assert_eq!(ended.code, Some(2), "exit code\n{ended}");
@@ -30,16 +30,16 @@ fn assert_bad_input(ended: &Ended, words: &[&str]) {
     }
 }
 
-/// Whatever carries out a run refuses it, and leaves no recording.
+/// Fails unless every command that starts a run refuses it and leaves no recording.
 #[track_caller]
 fn assert_no_run(site: &Site, scenario: &Path, flags: &[&str], words: &[&str]) {
     let file = site.path("run.mcap");
     let flags = [flags, &["--record", text(&file)]].concat();
     let mut server = site.binary("sim_server");
-    let mut single = site.binary("experiments");
+    let mut single = site.binary("maes");
     for command in [
         server.arg("run").arg(scenario).args(&flags),
-        single.arg("single").arg(scenario).args(&flags),
+        single.args(["run", "--transport", "memory"]).arg(scenario).args(&flags),
         &mut site.run_sh(&[&[text(scenario)][..], &flags].concat()),
     ] {
         assert_bad_input(&Process::start(command).ended(), words);
@@ -82,12 +82,12 @@ fn scenarios() {
 }
 
 #[test]
-fn maps_that_do_not_fit_into_the_memory() {
+fn maps_larger_than_memory() {
     let site = Site::new();
     let scenario = site.file("s.toml", LEGAL);
     let mut server = site.binary("sim_server");
     server.arg("run").arg(&scenario).args(["--size", "1024"]);
-    let mut generate = site.binary("sim_server");
+    let mut generate = site.binary("maes");
     generate.args(["map", "generate", "--size", "1024", "--output", "large.txt"]);
     for command in [&server, &generate] {
         let mut limited = site.command("bash");
@@ -99,7 +99,7 @@ fn maps_that_do_not_fit_into_the_memory() {
 }
 
 #[test]
-fn flags_that_change_a_scenario() {
+fn scenario_flags() {
     let site = Site::new();
     let legal = site.file("s.toml", LEGAL);
     for (flags, words) in [
@@ -135,7 +135,7 @@ fn maps() {
     refuse("nowhere.m3dm", &["s.toml: nowhere.m3dm: No such file"]);
 
     let made = site.path("good.m3dm");
-    let mut generate = site.binary("sim_server");
+    let mut generate = site.binary("maes");
     generate.args(["map", "generate", "--size", "20", "--seed", "1", "--output"]).arg(&made);
     Process::start(&mut generate).ended().with_code(0);
     let good = std::fs::read(&made).expect("the map was written");
@@ -184,7 +184,7 @@ fn spawns() {
 }
 
 #[test]
-fn controllers_and_their_settings() {
+fn controller_settings() {
     let site = Site::new();
     let legal = site.file("s.toml", LEGAL);
     for transport in ["ros2", "memory"] {
@@ -206,7 +206,7 @@ fn controllers_and_their_settings() {
 }
 
 #[test]
-fn what_a_controller_does_not_have_leaves_nothing_behind() {
+fn refused_settings_leave_no_files() {
     let site = Site::new();
     let file = site.path("run.mcap");
     let good = site.file("good.toml", LEGAL);
@@ -227,7 +227,7 @@ fn what_a_controller_does_not_have_leaves_nothing_behind() {
 }
 
 #[test]
-fn settings_of_the_agents_are_keys_of_the_scenario() {
+fn agent_settings_are_scenario_keys() {
     let site = Site::new();
     let digest = |flags: &[&str]| {
         let short = ["--agents", "2", "--size", "20", "--duration", "20", "--set", "stop_when_explored=false"];
@@ -245,7 +245,7 @@ fn settings_of_the_agents_are_keys_of_the_scenario() {
 }
 
 #[test]
-fn the_ros_environment() {
+fn ros_environment() {
     let site = Site::new();
     let file = site.path("run.mcap");
     let mut server = site.binary("sim_server");
@@ -255,7 +255,7 @@ fn the_ros_environment() {
 }
 
 #[test]
-fn arguments_of_the_script() {
+fn launcher_arguments() {
     let site = Site::new();
     for (arguments, words) in [
         (&["--external", "two"][..], "--external two: expected ids of agents, such as 0,3"),
@@ -271,6 +271,7 @@ fn arguments_of_the_script() {
         (&["--order", "shuffle", "--transport", "memory"], "--order shuffle: over memory no processes are started"),
         (&["--agent-set", "speed"], "--agent-set speed: expected KEY=VALUE"),
         (&["a.toml", "b.toml"], "unexpected argument: b.toml"),
+        (&["--controller", "dspv"], "; did you mean dsvp?"),
     ] {
         let mut command = site.command(root().join("launch_scripts/run.sh"));
         assert_bad_input(&Process::start(command.args(arguments)).ended(), &[words]);
@@ -279,7 +280,7 @@ fn arguments_of_the_script() {
     assert_bad_input(&Process::start(command.arg("--seed")).ended(), &["--seed needs a value"]);
 }
 
-/// A recording of a short run with several chunks, in bytes.
+/// The recording of a short run, with several chunks.
 fn short_recording(site: &Site) -> Vec<u8> {
     let file = site.path("short.mcap");
     let mut play = Play::new(&LEGAL.replace("40.0", "20.0\nstop_when_explored = false"));
@@ -292,10 +293,10 @@ fn short_recording(site: &Site) -> Vec<u8> {
 }
 
 #[test]
-fn files_that_are_no_recordings() {
+fn files_that_are_not_recordings() {
     let site = Site::new();
     let whole = short_recording(&site);
-    let info = |name: &str| Process::start(site.binary("sim_server").arg("info").arg(site.path(name))).ended();
+    let info = |name: &str| Process::start(site.binary("maes").arg("info").arg(site.path(name))).ended();
     assert_bad_input(&info("nowhere.mcap"), &["nowhere.mcap: No such file"]);
     site.file("text.mcap", "not a recording");
     assert_bad_input(&info("text.mcap"), &["text.mcap: no MCAP recording"]);
@@ -310,7 +311,7 @@ fn files_that_are_no_recordings() {
     assert_bad_input(&info("other.mcap"), &["other.mcap: not a recording of this simulator"]);
 }
 
-/// The messages of a recording up to its end or its damage, unless it is refused.
+/// The messages of a recording up to its end or its damage, or the refusal.
 fn messages(bytes: Vec<u8>) -> Result<Vec<Message>, String> {
     let recording = recording::Recording::from_bytes("r.mcap".to_owned(), bytes).map_err(|error| error.to_string())?;
     let _text = info::text(&info::of(&recording));
@@ -318,7 +319,7 @@ fn messages(bytes: Vec<u8>) -> Result<Vec<Message>, String> {
 }
 
 #[test]
-fn recordings_that_are_cut_off_anywhere_are_read_up_to_the_last_whole_chunk() {
+fn cut_recordings_are_read_up_to_the_last_whole_chunk() {
     let whole = short_recording(&Site::new());
     let all = messages(whole.clone()).expect("the recording is whole");
     let ends = ends_of_chunks(&whole);
@@ -360,14 +361,14 @@ fn ends_of_chunks(whole: &[u8]) -> Vec<usize> {
 }
 
 #[test]
-fn recordings_with_a_wrong_byte_give_out_nothing_that_is_wrong() {
+fn flipped_bytes_yield_no_wrong_message() {
     let whole = short_recording(&Site::new());
     let all = messages(whole.clone()).expect("the recording is whole");
     bounded("reading recordings with a wrong byte", move || {
         let mut rng = random_streams::stream(1, 0, "wrong bytes");
         let mut refused = 0;
         for number in 0..WRONG_BYTES {
-            // The kinds of records and their lengths are few among all the bytes.
+            // Record headers are few among all bytes, so the first positions are theirs.
             let framing = ends_of_chunks(&whole).len() * 9;
             let position = match number {
                 number if number < framing => ends_of_chunks(&whole)[number / 9] + number % 9,
@@ -381,6 +382,6 @@ fn recordings_with_a_wrong_byte_give_out_nothing_that_is_wrong() {
                 Err(_) => refused += 1,
             }
         }
-        assert!(refused > 0, "some bytes are those of the documents");
+        assert!(refused > 0, "some bytes are those of the attachments");
     });
 }

@@ -1,9 +1,11 @@
-"""Opens a recording with the packages that people use, and checks it against itself and against `sim_server info`.
+"""Opens a recording with the usual Python packages, and checks it against itself and against
+`sim_server info`.
 
     check_recording.py RECORDING.mcap INFO.txt METADATA.yaml FREE_CELLS
 
-INFO.txt is what `sim_server info RECORDING.mcap` has printed, METADATA.yaml the same with `--metadata`, FREE_CELLS the number of free cells of the true map. Prints what it
-has found; exit code 1 with the reason if something is wrong.
+INFO.txt is the output of `sim_server info RECORDING.mcap`, METADATA.yaml that with `--metadata`,
+FREE_CELLS the number of free cells of the true map. Prints a summary; exit code 1 with the reason
+if a check fails.
 """
 
 import math
@@ -48,7 +50,8 @@ def cells(runs):
 
 
 def read_m3dm(data):
-    """Size in x, y, z and the set of free cell indices, from the bytes of a map file, bit by bit."""
+    """Size in x, y, z and the set of free cell indices, from the bytes of a map file, bit by bit.
+    """
     bits = "".join(f"{byte:08b}" for byte in data)
     size_x, size_z, size_y, padding = int(bits[:7], 2), int(bits[7:14], 2), int(bits[14:21], 2), int(bits[21:24], 2)
     body = bits[24 + padding :]
@@ -96,9 +99,9 @@ def check_formats(recording):
 
 
 def check_counts(recording, info):
-    told = {topic: int(count) for count, topic in re.findall(r"^ *(\d+) (/\S+)$", info, re.MULTILINE)}
+    listed = {topic: int(count) for count, topic in re.findall(r"^ *(\d+) (/\S+)$", info, re.MULTILINE)}
     found = {topic: len(messages) for topic, messages in recording.messages.items()}
-    check(told == found, f"`info` counts {told}, there are {found}")
+    check(listed == found, f"`info` counts {listed}, there are {found}")
 
 
 def check_rosbags(recording, bag):
@@ -116,7 +119,7 @@ def check_rosbags(recording, bag):
 
 
 def check_folder(recording, file, metadata_file):
-    """With its metadata beside it, the recording is a bag of rosbag2, which is a folder."""
+    """A folder with the recording and its metadata is a bag of rosbag2."""
     with tempfile.TemporaryDirectory() as folder:
         shutil.copy(file, folder)
         shutil.copy(metadata_file, Path(folder, "metadata.yaml"))
@@ -170,10 +173,10 @@ def check_agents(recording, scenario, result, free, size):
         check(all(command.agent == agent for command in commands), "commands name their agent")
         check(observations[-1][0].phase == ENDED, "the last observation is the end")
         check(observations[-1][0].tick == result.tick, "the end is that of the run")
-        asked = [parts[0].tick for parts in observations[:-1]]
+        requested = [parts[0].tick for parts in observations[:-1]]
         check(all(parts[0].phase == RUNNING for parts in observations[:-1]), "there is one end")
-        check(asked == [command.tick for command in commands], "every observation has its command")
-        check(asked == sorted(set(asked)), "no tick is asked twice")
+        check(requested == [command.tick for command in commands], "every observation has its command")
+        check(requested == sorted(set(requested)), "no tick has two requests")
         seen = set()
         for part in (part for parts in observations for part in parts):
             new = cells(part.seen_free)
@@ -194,8 +197,8 @@ def check_agents(recording, scenario, result, free, size):
 
 def check_progress(recording, scenario, result):
     progress = recording.of("/sim/progress")
-    check(progress[0].tick == 0 and progress[-1].tick == result.tick, "progress is told from start to end")
-    check([p.tick for p in progress[:-1]] == list(range(0, progress[-1].tick, 500)), "progress is told every 10 s")
+    check(progress[0].tick == 0 and progress[-1].tick == result.tick, "progress goes from start to end")
+    check([p.tick for p in progress[:-1]] == list(range(0, progress[-1].tick, 500)), "progress comes every 10 s")
     agents = scenario["agents"]["count"]
     for share in ("explored", "covered"):
         team = [getattr(p, share) for p in progress]
@@ -233,12 +236,12 @@ def main(file, info_file, metadata_file, free_cells):
     info = Path(info_file).read_text(encoding="utf-8")
     check(set(recording.attachments) == {"scenario.toml", "map.m3dm"}, "scenario and map are attached")
     scenario = tomllib.loads(recording.attachments["scenario.toml"].data.decode())
-    check("execution" not in scenario, "how a run is carried out is no part of it")
+    check("execution" not in scenario, "the execution section is no part of it")
     size, free = read_m3dm(recording.attachments["map.m3dm"].data)
     check(len(free) == free_cells, f"the map has {len(free)} free cells, not {free_cells}")
-    [told] = recording.of("/sim/scenario")
-    check(tuple(told.size) == size and told.agents == scenario["agents"]["count"], "agents are told the same")
-    check(told.agents_seed != scenario["seed"], "agents are not told the seed of the map")
+    [announced] = recording.of("/sim/scenario")
+    check(tuple(announced.size) == size and announced.agents == scenario["agents"]["count"], "agents receive the same")
+    check(announced.agents_seed != scenario["seed"], "agents do not receive the seed of the map")
     [result] = recording.of("/sim/result")
 
     check_formats(recording)

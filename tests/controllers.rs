@@ -1,4 +1,5 @@
-//! Every controller in whole runs: the same bytes however it is run, on every kind of map, and nothing it says is refused.
+//! Every controller in complete runs: deterministic, on every kind of map, without a refused
+//! command.
 
 use std::process::Command;
 
@@ -8,12 +9,12 @@ use crate::support::recordings::{Recording, counter, refusals};
 use crate::support::root;
 use crate::support::runs::{Outcome, Site, scenario, text};
 
-/// A team that meets, parts, shares maps and gets in its own way, in a cave that it does not get done with.
+/// A team with contacts, shared maps and collisions, in a cave too large for the duration.
 const TEAM: [&str; 8] = ["--agents", "4", "--size", "45", "--seed", "3", "--duration", "60"];
 
 fn in_memory(site: &Site, arguments: &[&str]) -> Command {
-    let mut command = site.binary("experiments");
-    command.arg("single").arg(scenario("default.toml")).args(TEAM).args(arguments);
+    let mut command = site.binary("maes");
+    command.args(["run", "--transport", "memory"]).arg(scenario("default.toml")).args(TEAM).args(arguments);
     command
 }
 
@@ -27,7 +28,7 @@ fn assert_sound(outcome: &Outcome, what: &str) {
 }
 
 #[track_caller]
-fn assert_same_however_it_is_run(flags: &[&str]) {
+fn assert_deterministic(flags: &[&str]) {
     let site = Site::new();
     let first = site.record_with(&mut in_memory(&site, flags));
     assert_sound(&first, &flags.join(" "));
@@ -46,17 +47,17 @@ fn assert_same_however_it_is_run(flags: &[&str]) {
 }
 
 #[test]
-fn every_controller_has_the_same_run_however_it_is_run() {
+fn every_controller_is_deterministic() {
     for name in NAMES {
-        assert_same_however_it_is_run(&["--controller", name]);
+        assert_deterministic(&["--controller", name]);
     }
 }
 
 #[test]
-fn searches_that_take_time_take_the_same_time_everywhere() {
+fn search_time_is_deterministic() {
     for time in ["budgeted", "background"] {
         let setting = format!("agents.set.search_time={time}");
-        assert_same_however_it_is_run(&["--controller", "nearest-frontier", "--set", &setting]);
+        assert_deterministic(&["--controller", "nearest-frontier", "--set", &setting]);
     }
 }
 
@@ -65,11 +66,11 @@ fn every_controller_explores_every_kind_of_map() {
     let site = Site::new();
     let imported = site.path("cave.m3dm");
     let generate = ["map", "generate", "--size", "40", "--seed", "5", "-o", text(&imported)];
-    let made = site.binary("sim_server").args(generate).status().expect("the server is there");
+    let made = site.binary("maes").args(generate).status().expect("the server is there");
     assert!(made.success());
     let run = |name: &str, map: &[&str]| {
-        let mut command = site.binary("experiments");
-        command.arg("single").arg(scenario("default.toml"));
+        let mut command = site.binary("maes");
+        command.args(["run", "--transport", "memory"]).arg(scenario("default.toml"));
         command.args(["--controller", name, "--agents", "3", "--duration", "60"]).args(map);
         site.record_with(&mut command)
     };
@@ -84,13 +85,13 @@ fn every_controller_explores_every_kind_of_map() {
     }
 }
 
-/// What the algorithms are for; the figures are in docs/benchmarks.md.
+/// The figures are in docs/benchmarks.md.
 #[test]
-fn planners_explore_a_cave_sooner_than_a_walk() {
+fn planners_explore_faster_than_random_walk() {
     let site = Site::new();
     let t99 = |name: &str| {
-        let mut command = site.binary("experiments");
-        command.arg("single").arg(scenario("default.toml"));
+        let mut command = site.binary("maes");
+        command.args(["run", "--transport", "memory"]).arg(scenario("default.toml"));
         command.args(["--controller", name, "--agents", "5", "--size", "50", "--seed", "2", "--duration", "1800"]);
         let outcome = site.record_with(&mut command);
         let result = Recording::from_bytes(&outcome.bytes).result();
@@ -100,7 +101,7 @@ fn planners_explore_a_cave_sooner_than_a_walk() {
     assert!(viewpoints < walk && voronoi < walk && auction < walk, "{walk} {voronoi} {viewpoints} {auction}");
 }
 
-/// The page on controllers lists them all.
+/// docs/controllers.md lists every controller.
 #[test]
 fn every_controller_is_documented() {
     let page = std::fs::read_to_string(root().join("docs/controllers.md")).expect("there is such a page");

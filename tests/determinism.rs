@@ -1,7 +1,8 @@
-//! Same scenario, same bytes.
+//! Equal scenarios give equal bytes.
 //!
-//! Recordings are compared whole, so that a difference in any message, stamp, counter or order is one. The runs are those that
-//! the project promises this for: five agents in a cave of 50 cells along each edge, and the settings closest to the reference.
+//! Complete recordings are compared, so that a difference in any message, stamp, counter or order
+//! is found. The runs: five agents in a cave of 50 x 50 x 50 cells, and the scenarios with the
+//! settings of the reference simulator.
 
 use std::collections::BTreeSet;
 use std::process::Command;
@@ -12,13 +13,13 @@ use std::thread;
 use crate::support::recordings::Recording;
 use crate::support::runs::{Outcome, Site, scenario, text};
 
-/// The run that most of these tests are about.
+/// The run of most tests.
 const FIVE: [&str; 10] = ["--agents", "5", "--controller", "rbw", "--size", "50", "--seed", "7", "--duration", "300"];
 
-/// A run that is short enough to be made slow.
+/// A run short enough for delays.
 const SHORT: [&str; 8] = ["--agents", "3", "--size", "30", "--seed", "7", "--duration", "40"];
 
-/// The run [`FIVE`] over ROS 2, one process for each agent, carried out once for all tests.
+/// The run [`FIVE`] over ROS 2 with one process for each agent, executed once for all tests.
 fn reference() -> &'static Outcome {
     static REFERENCE: OnceLock<Outcome> = OnceLock::new();
     REFERENCE.get_or_init(|| Site::new().record(&FIVE))
@@ -33,27 +34,27 @@ fn assert_five_agents_give_the_same(variants: &[&[&str]]) {
     }
 }
 
-/// `experiments single`, the same as `run.sh --transport memory`.
+/// `maes run --transport memory` with a scenario.
 fn in_memory(site: &Site, name: &str, arguments: &[&str]) -> Command {
-    let mut command = site.binary("experiments");
-    command.arg("single").arg(scenario(name)).args(arguments);
+    let mut command = site.binary("maes");
+    command.args(["run", "--transport", "memory"]).arg(scenario(name)).args(arguments);
     command
 }
 
 #[test]
-fn again() {
+fn repeated_run() {
     assert_five_agents_give_the_same(&[&[]]);
     let result = crate::support::recordings::Recording::from_bytes(&reference().bytes).result();
     assert!(result.tick > 1000 && result.explored > 0.9, "the run that is compared is a run: {result:?}");
 }
 
 #[test]
-fn agents_started_in_another_order() {
+fn start_order_is_irrelevant() {
     assert_five_agents_give_the_same(&[&["--order", "reverse"], &["--order", "shuffle"], &["--order", "shuffle"]]);
 }
 
 #[test]
-fn agents_that_answer_late() {
+fn delayed_replies() {
     assert_five_agents_give_the_same(&[&["--chaos-delay-ms", "20"]]);
 }
 
@@ -64,7 +65,7 @@ fn worker_threads() {
 
 #[test]
 fn without_look_ahead() {
-    // Another way to ask; the decisions that count are the same.
+    // More requests, but the same committed decisions.
     assert_five_agents_give_the_same(&[&["--look-ahead", "false"]]);
 }
 
@@ -74,7 +75,7 @@ fn several_agents_in_a_process() {
 }
 
 #[test]
-fn recorded_views() {
+fn recorded_visualisation_topics() {
     let site = Site::new();
     let record = r#"views.record=["tf_static", "odom", "points", "path", "map", "unexplored", "contacts", "info"]"#;
     let flags = [&SHORT[..], &["--set", record]].concat();
@@ -90,14 +91,14 @@ fn recorded_views() {
     let topics: BTreeSet<String> = recording.messages.iter().map(|message| message.topic.clone()).collect();
     let bare = Recording::from_bytes(&bare.bytes);
     let protocol: BTreeSet<String> = bare.messages.iter().map(|message| message.topic.clone()).collect();
-    // Five views of the run, and three of each agent.
+    // Five topics of the run and three of each agent.
     assert_eq!(topics.difference(&protocol).count(), 5 + 3 * 3, "{topics:?}");
     recording.messages.retain(|message| protocol.contains(&message.topic));
-    assert!(recording == bare, "apart from the views it is the same: {}", recording.first_difference(&bare));
+    assert!(recording == bare, "the same but for the visualisation topics: {}", recording.first_difference(&bare));
 }
 
 #[test]
-fn without_a_network() {
+fn without_network() {
     assert_five_agents_give_the_same(&[&["--transport", "memory"]]);
     let site = Site::new();
     let together = site.record_with(in_memory(&site, "default.toml", &FIVE).arg("--together"));
@@ -105,7 +106,7 @@ fn without_a_network() {
 }
 
 #[test]
-fn at_a_set_pace() {
+fn at_limited_real_time_factor() {
     assert_five_agents_give_the_same(&[&["--rtf", "100"]]);
 }
 
@@ -129,7 +130,7 @@ fn on_a_busy_machine() {
 }
 
 #[test]
-fn answers_so_late_that_they_are_asked_for_again() {
+fn retransmitted_requests() {
     let site = Site::new();
     let prompt = site.record_with(&mut in_memory(&site, "default.toml", &SHORT));
     for _ in 0..2 {
@@ -141,7 +142,7 @@ fn answers_so_late_that_they_are_asked_for_again() {
 }
 
 #[test]
-fn the_settings_of_the_reference() {
+fn reference_settings() {
     let site = Site::new();
     for (name, flags) in [
         ("maes3d.toml", &["--duration", "60"][..]),
@@ -160,9 +161,9 @@ fn the_settings_of_the_reference() {
     }
 }
 
-/// So that the tests above can fail.
+/// Shows that the tests above can fail.
 #[test]
-fn what_determines_a_run_changes_its_digest() {
+fn inputs_change_the_digest() {
     let site = Site::new();
     let digest = |flags: &[&str]| {
         let arguments = [&["--transport", "memory"][..], &SHORT, flags].concat();

@@ -1,61 +1,73 @@
-//! End-to-end tests: the binaries as people start them, and the libraries as the binaries put them together.
+//! End-to-end tests: the installed programs, and the libraries in the combination that the programs
+//! use.
 //!
-//! No test hangs on how fast something is: whoever has to wait, waits for a line, a message or the end of a process, and a wall
-//! clock only turns a hang into a failure.
+//! No test depends on speed: every wait is for a line, a message, a file or the end of a process,
+//! and wall time only turns a hang into a failure.
 
-/// Processes, ROS domains, recordings and runs in memory, for all of the others.
+/// Processes, ROS domains, recordings and in-memory runs, shared by the tests.
 mod support;
 
-/// Every controller: the same bytes however it is run, and sound on every kind of map.
+/// Every controller is deterministic and sends no illegal command, on every kind of map.
 mod controllers;
-/// The same scenario gives the same bytes: again, in another order, slower, faster, on more threads, over another transport.
+/// The same scenario gives the same bytes: repeated, in another start order, with delays, more
+/// threads, another transport.
 mod determinism;
-/// Asking agents at every tick changes nothing for those that act only when they are due, even if they talk and listen.
+/// Mutants: the comparisons of the determinism tests detect nondeterministic controllers and
+/// servers.
+mod determinism_mutants;
+/// Look-ahead is exact: requests at every tick do not change the run of agents that act only on
+/// their triggers.
 mod look_ahead;
-/// What is not deterministic is found by the comparisons of these tests.
-mod oracle;
 
-/// Scenarios, maps, recordings and arguments that are wrong: one line that says where, exit code 2, and no file.
+/// Agents that are missing, die, hang, or join with an id in use.
+mod agent_loss;
+/// Replacement of lost agent processes.
+mod agent_replacement;
+/// Bad scenarios, maps, recordings and arguments: one line of error with the place, exit code 2, no
+/// file.
 mod bad_input;
 /// Plans of many runs, and their reports.
 mod experiments;
-/// Drawn faults: runs over ROS 2 whose processes are killed, stopped and lied to are the undisturbed ones.
+/// Random fault injection: runs over ROS 2 are the same with processes killed, suspended and sent
+/// garbage.
 mod faults;
-/// Runs that are interrupted, servers that are killed, disks that are full.
+/// Illegal, foreign and undecodable messages: refused, counted, without effect.
+mod hostile_agents;
+/// Interrupted runs, killed servers, full disks.
 mod interruptions;
-/// Commands that lie, and bytes that are no commands: refused, counted, and without effect.
-mod liars;
-/// Agents that are missing, die, hang, or claim an id that is taken.
-mod lost_agents;
-/// Processes that take the place of others.
-mod lost_processes;
-/// Agents and servers that die, hang or come twice, and the run is the same as if nothing had happened.
-mod survival;
-/// While the server waits: recordings are saved, runs can be stopped, late and repeated answers are what they are.
-mod waiting;
+/// Recovery: killed, hanging and duplicate agents and killed servers leave the run unchanged.
+mod recovery;
+/// Old command names print the new ones and execute them.
+mod renamed_commands;
+/// The server while it waits for replies: saving, stopping, late and repeated replies.
+mod reply_timeouts;
+/// `launch_scripts/spawn.sh` starts a server and agents by hand.
+mod spawn_script;
 
-/// The scenarios that come with the simulator end as their page says.
+/// The scenarios of the gallery end as documented.
 mod gallery;
-/// Radios, relays and sensors that err.
+/// Radio models, relays and sensor noise.
 mod radios;
-/// Recordings are checked, and compared with others.
+/// Verification and comparison of recordings.
 mod verify;
 
-/// A real ROS 2 node looks on, and the run does not care.
-mod onlookers;
-/// Nodes of somebody else take part as agents.
-mod own_nodes;
-/// Recordings open with the Python packages that people use, and hold what they should.
+/// External ROS 2 nodes as agents.
+mod external_agents;
+/// Observers on a real ROS 2 and on a second DDS do not change a run.
+mod observers;
+/// Recordings open with the usual Python packages, and their content is complete.
 mod recordings;
-/// Recordings are played on ROS 2 topics: everything comes, late readers see what holds, and runs take no notice.
+/// Replay on ROS 2 topics: complete, latched for late readers, no effect on runs beside it.
 mod replay;
-/// A real ROS 2 node controls a run: pauses, steps, entities, parameters.
+/// Simulation control from a real ROS 2 node: pause, steps, entities, parameters.
 mod services;
 
-/// The page, in a browser.
+/// The Foxglove server: live stream, control, served recordings.
+mod foxglove_server;
+/// The viewer in a browser.
 mod viewer;
-/// People look on in a browser, or in Foxglove.
-mod viewing;
 
+/// Foreign crates: licences, duplicate versions, sources, features.
+mod dependencies;
 /// Rules of the workspace that the compiler does not check.
 mod tidy;

@@ -1,4 +1,5 @@
-//! Plans of many runs, by the command that people type: ended and gone on with, on a cluster, over ROS 2, and reported.
+//! Plans of many runs with the installed command: interrupted and completed, on a cluster, over ROS
+//! 2, and reported.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +8,7 @@ use crate::support::processes::signal;
 use crate::support::root;
 use crate::support::runs::{Run, Site, text};
 
-/// Runs of the plan `quick`.
+/// Number of runs of the plan `quick`.
 const QUICK_RUNS: usize = 48;
 
 const SMALL: &str = r#"
@@ -20,7 +21,7 @@ map = { kind = "spheres", size = 20 }
 agents = { count = 2 }
 "#;
 
-/// A table of a report or of a folder of runs.
+/// A CSV table of a report or of a folder of runs.
 struct Table {
     heads: Vec<String>,
     rows: Vec<Vec<String>>,
@@ -29,7 +30,7 @@ struct Table {
 impl Table {
     fn read(file: &Path) -> Self {
         let content = fs::read_to_string(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
-        // The only quoted cell is that of the machine, which is the last one.
+        // The only quoted cell is the last one, of the machine.
         let cells = |line: &str| line.split(',').map(str::to_owned).collect::<Vec<_>>();
         let mut lines = content.lines();
         let heads = cells(lines.next().expect("a table has a head"));
@@ -40,7 +41,7 @@ impl Table {
         self.heads.iter().position(|is| is == head).unwrap_or_else(|| panic!("no column {head}"))
     }
 
-    /// What is in some columns, row by row, sorted.
+    /// The cells of some columns by row, sorted.
     fn columns(&self, heads: &[&str]) -> Vec<Vec<&str>> {
         let places: Vec<usize> = heads.iter().map(|head| self.place(head)).collect();
         let mut rows: Vec<Vec<&str>> =
@@ -49,7 +50,7 @@ impl Table {
         rows
     }
 
-    /// All that does not hang on the machine.
+    /// The cells that do not depend on the machine.
     fn deterministic(&self) -> Vec<Vec<&str>> {
         let heads: Vec<&str> =
             self.heads.iter().map(String::as_str).filter(|head| !head.starts_with("wall_")).collect();
@@ -58,12 +59,12 @@ impl Table {
 }
 
 fn experiments(site: &Site, arguments: &[&str]) -> Run {
-    site.start(site.binary("experiments").args(arguments))
+    site.start(site.binary("maes").args(arguments))
 }
 
-/// Carries out a plan to its end.
-fn carried_out(site: &Site, plan: &Path, folder: &str, flags: &[&str]) -> Table {
-    let arguments = [&["run", text(plan), "--out", folder][..], flags].concat();
+/// Executes a plan to its end; its table of runs.
+fn executed(site: &Site, plan: &Path, folder: &str, flags: &[&str]) -> Table {
+    let arguments = [&["batch", text(plan), "--out", folder][..], flags].concat();
     experiments(site, &arguments).ended().with_code(0);
     Table::read(&site.path(folder).join("runs.csv"))
 }
@@ -81,13 +82,13 @@ fn quick() -> PathBuf {
 }
 
 #[test]
-fn quick_is_the_same_if_it_is_killed_and_stopped_and_its_report_has_the_means_of_its_rows() {
+fn interrupted_plan_is_completed_and_reported() {
     let site = Site::new();
-    let whole = carried_out(&site, &quick(), "whole", &[]);
+    let whole = executed(&site, &quick(), "whole", &[]);
     assert_eq!(whole.rows.len(), QUICK_RUNS);
 
     let plan = quick();
-    let arguments = ["run", text(&plan), "--out", "pieces"];
+    let arguments = ["batch", text(&plan), "--out", "pieces"];
     let runs = site.path("pieces").join("runs");
     for (end, done) in [("KILL", 3), ("INT", 8)] {
         let mut run = experiments(&site, &arguments);
@@ -98,7 +99,7 @@ fn quick_is_the_same_if_it_is_killed_and_stopped_and_its_report_has_the_means_of
         let kept = files_of(&runs);
         assert!((done..QUICK_RUNS).contains(&kept), "{kept} runs are there after {end}");
     }
-    let pieces = carried_out(&site, &plan, "pieces", &[]);
+    let pieces = executed(&site, &plan, "pieces", &[]);
     assert_eq!(pieces.deterministic(), whole.deterministic());
 
     experiments(&site, &["report", "whole"]).ended().with_code(0);
@@ -121,15 +122,15 @@ fn quick_is_the_same_if_it_is_killed_and_stopped_and_its_report_has_the_means_of
 }
 
 #[test]
-fn the_jobs_of_a_cluster_and_real_processes_make_the_same_rows() {
+fn cluster_jobs_and_ros_processes_give_the_same_rows() {
     let site = Site::new();
     let plan = site.file("small.toml", SMALL);
-    let whole = carried_out(&site, &plan, "whole", &[]);
+    let whole = executed(&site, &plan, "whole", &[]);
 
-    let emit = ["run", text(&plan), "--out", "cluster", "--emit", "slurm", "--parts", "4"];
+    let emit = ["batch", text(&plan), "--out", "cluster", "--emit", "slurm", "--parts", "4"];
     experiments(&site, &emit).ended().with_code(0);
     assert_eq!(files_of(&site.path("cluster/runs")), 0);
-    // As Slurm does it, one after the other.
+    // As Slurm runs them, one after the other.
     for job in ["0", "1", "2", "3"] {
         let mut script = site.command("bash");
         script.arg(site.path("cluster/plan.slurm.sh")).env("SLURM_ARRAY_TASK_ID", job);
@@ -139,8 +140,7 @@ fn the_jobs_of_a_cluster_and_real_processes_make_the_same_rows() {
     assert_eq!(cluster.deterministic(), whole.deterministic());
 
     let domain = site.domain().id().to_string();
-    let launcher = root().join("launch_scripts/run.sh");
-    let flags = ["--transport", "ros2", "--first-domain", &domain, "--launcher", text(&launcher)];
-    let over_ros = carried_out(&site, &plan, "over-ros", &flags);
+    let flags = ["--transport", "ros2", "--first-domain", &domain];
+    let over_ros = executed(&site, &plan, "over-ros", &flags);
     assert_eq!(over_ros.deterministic(), whole.deterministic());
 }

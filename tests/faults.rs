@@ -1,4 +1,5 @@
-//! `experiments faults`: runs that are disturbed are the undisturbed one, and the program can tell if they are not.
+//! `maes faults`: runs that are disturbed are the undisturbed one, and the program can tell if they
+//! are not.
 
 use std::process::Command;
 
@@ -6,7 +7,8 @@ use experiments::faults::plan::{At, Fault, Plan};
 
 use crate::support::runs::{Site, text};
 
-/// The first seed whose plan has two faults at the most, one of them such a one in the middle of the run.
+/// The first seed whose plan has at most two faults, one of them such a fault in the middle of the
+/// run.
 fn seed_with(fits: impl Fn(&Fault) -> bool) -> u64 {
     let has = |seed: &u64| {
         let Plan { faults, .. } = Plan::of_seed(*seed, 5, 60.0, 1000);
@@ -17,13 +19,13 @@ fn seed_with(fits: impl Fn(&Fault) -> bool) -> u64 {
 }
 
 fn faults(site: &Site, flags: &[&str]) -> Command {
-    let mut command = site.binary("experiments");
+    let mut command = site.binary("maes");
     command.args(["faults", "--first-domain", &site.domain().id().to_string()]).args(flags);
     command
 }
 
 #[test]
-fn disturbed_runs_are_the_undisturbed_one() {
+fn disturbed_runs_equal_the_undisturbed_one() {
     let site = Site::new();
     for seed in [
         seed_with(|fault| matches!(fault, Fault::KillAgent { .. })),
@@ -37,9 +39,9 @@ fn disturbed_runs_are_the_undisturbed_one() {
     }
 }
 
-/// So that the test above can fail.
+/// Shows that the test above can fail.
 #[test]
-fn another_run_is_told_from_the_expected_one() {
+fn different_run_fails_the_comparison() {
     let site = Site::new();
     let folder = site.path("other");
     site.start(&mut faults(&site, &["--seed", "8", "--seeds", "0", "--out", text(&folder)])).ended().with_code(0);
@@ -50,11 +52,11 @@ fn another_run_is_told_from_the_expected_one() {
     assert!(ended.stdout.contains("FAILED: the digest is "), "{ended}");
     assert!(ended.stdout.contains("scenario.toml --seed-only 1"), "how to repeat it: {ended}");
     assert!(ended.stdout.ends_with("1 seeds, 1 failures"), "{ended}");
-    assert!(out.join("seed-1/diary.log").is_file(), "what was done is there to be looked into");
+    assert!(out.join("seed-1/diary.log").is_file(), "the event log is kept");
 }
 
 #[test]
-fn a_run_that_does_not_wait_for_lost_agents_is_refused() {
+fn faults_require_waiting_for_lost_agents() {
     let site = Site::new();
     let ended = site.start(&mut faults(&site, &["--set", "faults.on_agent_loss=abort"])).ended().with_code(2);
     assert!(ended.stderr.contains("expected wait"), "{ended}");

@@ -1,4 +1,4 @@
-//! Runs that do not come to their end: what is left is readable, and nobody is left behind.
+//! Interrupted runs: their recordings are readable, and no process is left behind.
 
 use std::process::Command;
 use std::sync::{Arc, Mutex};
@@ -16,12 +16,12 @@ use crate::support::runs::{Run, Site, scenario};
 const LONG: [&str; 10] =
     ["--agents", "3", "--size", "30", "--seed", "7", "--duration", "600", "--set", "stop_when_explored=false"];
 
-/// Holds it back, so that it is in the middle when a test needs it to be.
-const HELD_BACK: [&str; 4] = ["--rtf", "20", "--record", "run.mcap"];
+/// Paces the run, which then takes a minute: enough for a busy machine to interrupt it.
+const PACED: [&str; 4] = ["--rtf", "10", "--record", "run.mcap"];
 
-fn held_back(site: &Site, flags: &[&str]) -> Run {
-    let mut run = site.start(&mut site.run_sh(&[&LONG[..], &HELD_BACK, flags].concat()));
-    run.is_under_way();
+fn paced(site: &Site, flags: &[&str]) -> Run {
+    let mut run = site.start(&mut site.run_sh(&[&LONG[..], &PACED, flags].concat()));
+    run.is_under_way(&site.path("run.mcap"));
     run
 }
 
@@ -29,7 +29,7 @@ fn undisturbed(site: &Site) -> Recording {
     Recording::from_bytes(&site.record(&[&LONG[..], &["--transport", "memory"]].concat()).bytes)
 }
 
-/// Fails unless a run was interrupted in the middle and has kept everything up to there.
+/// Fails unless a run was interrupted before its end, with a result and all messages up to there.
 #[track_caller]
 fn assert_interrupted(site: &Site, run: Run, whole: &Recording) {
     let ended = run.ended().with_code(130);
@@ -46,44 +46,44 @@ fn signals_end_a_run_with_a_result() {
     let site = Site::new();
     let whole = undisturbed(&site);
     for name in ["INT", "TERM", "HUP"] {
-        let mut run = held_back(&site, &[]);
+        let mut run = paced(&site, &[]);
         signal(run.process().pid(), name);
         assert_interrupted(&site, run, &whole);
     }
 }
 
 #[test]
-fn a_signal_of_the_terminal_ends_a_run_with_a_result() {
+fn terminal_signal_ends_a_run_with_a_result() {
     let site = Site::new();
-    let mut run = held_back(&site, &[]);
+    let mut run = paced(&site, &[]);
     signal_group(run.process().pid(), "INT");
     assert_interrupted(&site, run, &undisturbed(&site));
 }
 
 #[test]
-fn a_run_in_memory_is_interrupted_in_the_same_way() {
+fn signal_ends_an_in_memory_run() {
     let site = Site::new();
-    let mut run = held_back(&site, &["--transport", "memory"]);
+    let mut run = paced(&site, &["--transport", "memory"]);
     signal(run.process().pid(), "INT");
     assert_interrupted(&site, run, &undisturbed(&site));
 }
 
 #[test]
-fn a_second_signal_ends_everything_at_once() {
+fn second_signal_ends_at_once() {
     let site = Site::new();
-    let mut run = held_back(&site, &[]);
+    let mut run = paced(&site, &[]);
     signal(run.process().pid(), "INT");
     signal(run.process().pid(), "INT");
     run.ended().with_code(130);
     site.recording("run.mcap").assert_begins(&undisturbed(&site), 0);
 }
 
-/// Whenever a signal comes: nobody is left behind, which is looked at when a process ends.
+/// [`Run::ended`] fails if a process is left behind.
 #[test]
-fn a_signal_while_processes_are_being_started_ends_them_all() {
+fn signal_during_startup_ends_all_processes() {
     let site = Site::new();
     for words in [&["sim_server", "run"][..], &["agent_node", "--id 0"], &["agent_node", "--id 2"]] {
-        let mut run = site.start(&mut site.run_sh(&[&LONG[..], &HELD_BACK].concat()));
+        let mut run = site.start(&mut site.run_sh(&[&LONG[..], &PACED].concat()));
         run.process().waits_for_member(words);
         signal(run.process().pid(), "INT");
         run.ended().with_code(130);
@@ -91,7 +91,7 @@ fn a_signal_while_processes_are_being_started_ends_them_all() {
 }
 
 #[test]
-fn a_server_that_waits_for_agents_can_be_interrupted() {
+fn server_waiting_for_agents_is_interruptible() {
     let site = Site::new();
     let mut server = site.binary("sim_server");
     server.arg("run").arg(scenario("default.toml")).args(["--record", "run.mcap"]);
@@ -104,11 +104,10 @@ fn a_server_that_waits_for_agents_can_be_interrupted() {
 }
 
 #[test]
-fn agents_that_wait_for_a_server_can_be_interrupted() {
+fn agents_waiting_for_a_server_are_interruptible() {
     let site = Site::new();
     for name in ["INT", "TERM"] {
         let mut agent = Process::start(site.binary("agent_node").args(["--id", "0-2"]));
-        // It has to get as far as to handle signals, and nothing tells when it has.
         agent.handles(name);
         signal(agent.pid(), name);
         agent.ended().with_code(0);
@@ -116,30 +115,30 @@ fn agents_that_wait_for_a_server_can_be_interrupted() {
 }
 
 #[test]
-fn a_server_that_waits_for_an_answer_can_be_interrupted() {
+fn server_waiting_for_a_reply_is_interruptible() {
     let site = Site::new();
-    let mut run = held_back(&site, &["--decision-timeout", "1000"]);
+    let mut run = paced(&site, &["--decision-timeout", "1000"]);
     signal(run.process().member(&["agent_node", "--id 1-1"]), "STOP");
     signal(run.process().pid(), "INT");
     assert_interrupted(&site, run, &undisturbed(&site));
 }
 
-/// It has not looked for longer than an agent may take to answer, which is not the agents' fault.
+/// The time for which the server was suspended does not count as time without a reply.
 #[test]
-fn a_run_that_was_stopped_for_a_while_goes_on() {
+fn suspended_in_memory_run_continues() {
     let site = Site::new();
-    let slow = ["--transport", "memory", "--chaos-delay-ms", "50", "--decision-timeout", "1"];
+    let slow = ["--transport", "memory", "--chaos-delay-ms", "50", "--decision-timeout", "1", "--record", "run.mcap"];
     let mut run = site.start(&mut site.run_sh(&[&LONG[..], &slow].concat()));
-    run.is_under_way();
+    run.is_under_way(&site.path("run.mcap"));
     signal(run.process().pid(), "STOP");
     assert!(!run.process().says_within("anything", Duration::from_millis(1500)));
     signal(run.process().pid(), "CONT");
     assert_eq!(run.ended().with_code(0).digest(), undisturbed(&site).result_digest());
 }
 
-/// Their connections do not survive it: who goes on would be deaf, and be waited for in vain.
+/// DDS connections do not survive a suspension, so that a resumed process would receive nothing.
 #[test]
-fn processes_that_were_stopped_for_a_while_end_and_say_why() {
+fn suspended_processes_end_with_an_error() {
     let site = Site::new();
     let (mut server, mut agent) = (site.binary("sim_server"), site.binary("agent_node"));
     server.arg("run").arg(scenario("default.toml"));
@@ -155,12 +154,12 @@ fn processes_that_were_stopped_for_a_while_end_and_say_why() {
 }
 
 #[test]
-fn the_recording_of_a_server_that_is_killed_is_readable() {
+fn recording_of_a_killed_server_is_readable() {
     let site = Site::new();
     let whole = undisturbed(&site);
-    let mut run = held_back(&site, &[]);
+    let mut run = paced(&site, &[]);
     let server = run.process().member(&["sim_server", "run"]);
-    // What people were told is on the disk a moment later, and is there to stay.
+    // Messages in the file stay there whatever becomes of the server.
     run.process().waits_until(|| site.recording("run.mcap").digests().len() >= 20);
     let before = site.recording("run.mcap");
     signal(server, "KILL");
@@ -170,20 +169,20 @@ fn the_recording_of_a_server_that_is_killed_is_readable() {
     assert!(after.messages.len() >= before.messages.len());
     assert!(after.is_beginning_of(&whole), "what is left is how the run begins");
 
-    let info = Process::start(site.binary("sim_server").args(["info", "run.mcap"])).ended().with_code(0);
+    let info = Process::start(site.binary("maes").args(["info", "run.mcap"])).ended().with_code(0);
     assert!(info.stdout.contains("no result: the run did not come to its end"), "{info}");
     assert_eq!(info.digest().len(), 64);
 }
 
 #[test]
-fn agents_whose_server_is_killed_can_be_ended() {
+fn agents_of_a_killed_server_can_be_terminated() {
     let site = Site::new();
     let mut server = site.binary("sim_server");
-    server.arg("run").arg(scenario("default.toml")).args(["--agents", "1", "--size", "30", "--rtf", "20"]);
+    server.arg("run").arg(scenario("default.toml")).args(["--agents", "1", "--size", "30"]).args(PACED);
     let mut run = site.start(&mut server);
     run.process().says("waiting for agents: 0");
     let agent = Process::start(site.binary("agent_node").args(["--id", "0"]));
-    run.is_under_way();
+    run.is_under_way(&site.path("run.mcap"));
     signal(run.process().pid(), "KILL");
     assert_eq!(run.ended().code, None);
     signal(agent.pid(), "TERM");
@@ -191,23 +190,23 @@ fn agents_whose_server_is_killed_can_be_ended() {
 }
 
 #[test]
-fn agents_whose_server_is_killed_end() {
+fn agents_of_a_killed_server_time_out() {
     let site = Site::new();
     let mut server = site.binary("sim_server");
-    server.arg("run").arg(scenario("default.toml")).args(["--agents", "1", "--size", "30", "--rtf", "20"]);
+    server.arg("run").arg(scenario("default.toml")).args(["--agents", "1", "--size", "30"]).args(PACED);
     let mut run = site.start(&mut server);
     run.process().says("waiting for agents: 0");
     let agent = Process::start(site.binary("agent_node").args(["--id", "0", "--server-timeout", "3"]));
-    run.is_under_way();
+    run.is_under_way(&site.path("run.mcap"));
     signal(run.process().pid(), "KILL");
     assert_eq!(run.ended().code, None);
     let ended = agent.ended().with_code(1);
-    assert!(ended.stderr.contains("has said nothing for 3 s; it seems to be gone"), "{ended}");
+    assert!(ended.stderr.contains("has been silent for 3 s; it seems to be gone"), "{ended}");
 }
 
-/// What was there when people were last told how far the run is, is in the file when they are told again.
+/// At each progress report, the file holds the messages of the report before.
 #[test]
-fn a_recording_follows_the_run_in_wall_time() {
+fn recording_keeps_up_with_progress() {
     let site = Site::new();
     let mut play = Play::new(
         "seed = 7\nduration_s = 60.0\nstop_when_explored = false\n[map]\nkind = \"spheres\"\nsize = 20\n\
@@ -221,7 +220,7 @@ fn a_recording_follows_the_run_in_wall_time() {
         let mut ticks = lock(&ticks);
         if let Some(&Tick(last)) = ticks.last() {
             let recorded = Recording::read(&file).messages.last().map_or(0, |message| message.tick);
-            assert!(recorded >= last, "recorded up to tick {recorded}, people were told of tick {last}");
+            assert!(recorded >= last, "recorded up to tick {recorded}, reported tick {last}");
         }
         ticks.push(world.tick());
     });
@@ -229,10 +228,10 @@ fn a_recording_follows_the_run_in_wall_time() {
         agent_node::host::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("agents are welcome");
     });
     assert_eq!(played.outcome().result.tick, 3000);
-    assert!(lock(&told).len() >= 3, "a run of three seconds tells people several times");
+    assert!(lock(&told).len() >= 3, "a run of three seconds has several progress reports");
 }
 
-/// A command under which no file can grow beyond so many kilobytes, as on a disk that is full.
+/// Wraps a command so that no file can grow beyond so many kilobytes, as on a full disk.
 fn on_a_full_disk(site: &Site, kilobytes: u32, command: &Command) -> Command {
     let mut limited = site.command("bash");
     limited.arg("-c").arg(format!("trap '' XFSZ; ulimit -f {kilobytes}; exec \"$@\"")).arg("bash");
@@ -241,7 +240,7 @@ fn on_a_full_disk(site: &Site, kilobytes: u32, command: &Command) -> Command {
 }
 
 #[test]
-fn a_disk_that_is_full_ends_the_run() {
+fn full_disk_ends_the_run() {
     let site = Site::new();
     let whole = undisturbed(&site);
     for transport in ["ros2", "memory"] {
@@ -256,7 +255,7 @@ fn a_disk_that_is_full_ends_the_run() {
 }
 
 #[test]
-fn a_recording_that_cannot_be_made_is_no_run() {
+fn unwritable_recording_prevents_the_run() {
     let site = Site::new();
     for transport in ["ros2", "memory"] {
         for (file, reason) in [("nowhere/run.mcap", "No such file or directory"), ("/dev/full", "No space left")] {
@@ -268,16 +267,16 @@ fn a_recording_that_cannot_be_made_is_no_run() {
     }
 }
 
-/// As when it is piped into `head`.
+/// As with a pipe into `head`.
 #[test]
-fn a_run_that_nobody_listens_to_goes_on() {
+fn closed_output_pipes_are_tolerated() {
     let site = Site::new();
     for transport in ["ros2", "memory"] {
         let run_sh = site.run_sh(&[&LONG[..], &["--transport", transport, "--record", "run.mcap"]].concat());
-        let mut deaf = site.command("bash");
-        // A pipe whose reader has gone before anything is written to it.
-        deaf.arg("-c").arg("exec 3> >(:); wait $!; exec \"$@\" >&3 2>&3").arg("bash");
-        site.start(deaf.arg(run_sh.get_program()).args(run_sh.get_args())).ended().with_code(0);
+        let mut closed = site.command("bash");
+        // A pipe whose reader has ended before the first write.
+        closed.arg("-c").arg("exec 3> >(:); wait $!; exec \"$@\" >&3 2>&3").arg("bash");
+        site.start(closed.arg(run_sh.get_program()).args(run_sh.get_args())).ended().with_code(0);
         assert_eq!(site.recording("run.mcap").result(), undisturbed(&site).result(), "{transport}");
     }
 }

@@ -1,7 +1,9 @@
-//! Look-ahead is exact: agents that act only when they are due have the same run if they are asked at every tick.
+//! Look-ahead is exact: agents that act only on their triggers have the same run with requests at
+//! every tick.
 //!
-//! The agents here do everything that an agent can do, at random, and what they do hangs on everything they have learnt: they
-//! send parcels to each other, wait for every kind of event, and ask for scans and views.
+//! The agents here use every feature of the protocol at random, and their choices depend on
+//! everything that they have observed: they send messages to each other, wait for every kind of
+//! event, and request scans and views.
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -20,7 +22,7 @@ use simulation::scenario::Scenario;
 use crate::support::memory::{Play, Played, serve};
 use crate::support::recordings::counter;
 
-/// Four agents side by side, who lose sight of each other now and then.
+/// Four neighbouring agents that lose contact now and then.
 const SCENARIO: &str = "
 seed = 11
 duration_s = 120.0
@@ -34,42 +36,43 @@ count = 4
 range_m = 5.0
 ";
 
-/// Does something at random when it is due. Between, it either does nothing or turns a little.
+/// Acts at random when it is due. Between its triggers it keeps its task, or turns with
+/// `acts_between`.
 struct Gossip {
     rng: ChaCha8Rng,
     trigger: Trigger,
-    learnt: u64,
+    observed: u64,
     acts_between: bool,
 }
 
 impl Gossip {
     fn new(agent: AgentId, acts_between: bool) -> Self {
         let rng = random_streams::stream(5, agent.0.into(), "gossip");
-        Self { rng, trigger: Trigger::NEXT_TICK, learnt: 0, acts_between }
+        Self { rng, trigger: Trigger::NEXT_TICK, observed: 0, acts_between }
     }
 
-    fn learn(&mut self, number: u64) {
-        self.learnt = (self.learnt.rotate_left(5) ^ number).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    fn mix(&mut self, number: u64) {
+        self.observed = (self.observed.rotate_left(5) ^ number).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     }
 
-    fn learn_all(&mut self, observation: &Observation, ctx: &Ctx<'_>) {
+    fn mix_all(&mut self, observation: &Observation, ctx: &Ctx<'_>) {
         let Observation { tick, pose, events, .. } = observation;
-        self.learn(tick.0);
-        self.learn(u64::from(*events));
-        self.learn(pose.position.x.to_bits() ^ pose.yaw_rad.to_bits());
-        self.learn(u64::from(observation.is_active) + 2 * u64::from(observation.collision.is_some()));
-        self.learn(observation.scan_tick.map_or(0, |tick| tick.0));
-        self.learn((observation.seen.free.len() + 1000 * observation.seen.wall.len()) as u64);
-        self.learn(observation.view.as_ref().map_or(0, |view| view.free.iter().map(|&cell| u64::from(cell)).sum()));
-        self.learn(
+        self.mix(tick.0);
+        self.mix(u64::from(*events));
+        self.mix(pose.position.x.to_bits() ^ pose.yaw_rad.to_bits());
+        self.mix(u64::from(observation.is_active) + 2 * u64::from(observation.collision.is_some()));
+        self.mix(observation.scan_tick.map_or(0, |tick| tick.0));
+        self.mix((observation.seen.free.len() + 1000 * observation.seen.wall.len()) as u64);
+        self.mix(observation.view.as_ref().map_or(0, |view| view.free.iter().map(|&cell| u64::from(cell)).sum()));
+        self.mix(
             (ctx.map().free() * 100_000 + ctx.map().wall()) as u64 + (ctx.map().covered() as u64) * 10_000_000_000,
         );
         for contact in &observation.contacts {
-            self.learn(u64::from(contact.agent.0) ^ contact.position.y.to_bits());
+            self.mix(u64::from(contact.agent.0) ^ contact.position.y.to_bits());
         }
-        for parcel in &observation.messages {
-            self.learn(u64::from(parcel.from.0) + 100 * u64::from(parcel.kind));
-            parcel.data.iter().for_each(|&byte| self.learn(byte.into()));
+        for message in &observation.messages {
+            self.mix(u64::from(message.from.0) + 100 * u64::from(message.kind));
+            message.data.iter().for_each(|&byte| self.mix(byte.into()));
         }
     }
 
@@ -77,7 +80,7 @@ impl Gossip {
         let rng = &mut self.rng;
         let here = observation.pose.position;
         let mut beside = || here + Vector3::from_fn(|_, _| rng.random_range(-3.0..3.0));
-        match self.learnt % 8 {
+        match self.observed % 8 {
             0 => Motion::Stop,
             1 => Motion::Turn { angle_rad: rng.random_range(-3.0..3.0) },
             2 => Motion::Path(vec![beside(), beside()]),
@@ -113,7 +116,7 @@ impl Controller for Gossip {
             let turn = Motion::Turn { angle_rad: 0.1 };
             return if self.acts_between { Command::new(turn, self.trigger) } else { Command::keep(self.trigger) };
         }
-        self.learn_all(observation, ctx);
+        self.mix_all(observation, ctx);
         self.trigger = Trigger {
             at: Tick(observation.tick.0 + self.rng.random_range(0..80)),
             // Each of the five kinds of events, and all of their combinations.
@@ -131,7 +134,7 @@ impl Controller for Gossip {
             messages: self.messages(ctx),
             relays: Vec::new(),
             trigger: self.trigger,
-            info: if self.rng.random_bool(0.1) { format!("learnt {:x}", self.learnt) } else { String::new() },
+            info: if self.rng.random_bool(0.1) { format!("observed {:x}", self.observed) } else { String::new() },
         }
     }
 }
@@ -148,7 +151,7 @@ struct Setting {
 const APART: &[&[u32]] = &[&[0], &[1], &[2], &[3]];
 const PLAIN: Setting = Setting { look_ahead: true, groups: APART, threads: 1, delays: false, acts_between: false };
 
-/// Records a run of such agents, and says of which scenario.
+/// Records a run of such agents; its scenario.
 pub(crate) fn record(file: PathBuf) -> Scenario {
     let mut play = prepare(PLAIN);
     play.record = Some(file);
@@ -188,7 +191,7 @@ fn disturb(delay: Duration) {
 }
 
 #[test]
-fn agents_that_talk_have_the_same_run_however_they_are_asked() {
+fn look_ahead_does_not_change_the_run() {
     let first = play(PLAIN);
     let result = &first.outcome().result;
     for name in ["collisions", "parcels_delivered", "parcels_out_of_contact", "scans_cast", "decisions"] {
@@ -215,7 +218,7 @@ fn agents_that_talk_have_the_same_run_however_they_are_asked() {
 }
 
 #[test]
-fn an_agent_that_acts_when_it_is_not_due_has_another_run_without_look_ahead() {
+fn acting_between_triggers_changes_the_run() {
     let acting = Setting { acts_between: true, ..PLAIN };
     let asked_always = play(Setting { look_ahead: false, ..acting });
     assert_ne!(asked_always.digest(), play(acting).digest());

@@ -1,15 +1,17 @@
 #!/usr/bin/env bash
-# Makes a Python environment with the packages of a requirements file, and prints its interpreter.
+# Makes a Python environment with the packages of tests/NAME_requirements.txt, and prints its
+# interpreter.
 #
-#   tests/python_env.sh REQUIREMENTS.txt DIR
+#   tests/python_env.sh NAME
 #
-# What is there and up to date is kept. Needs Python 3.10 or later with venv, and PyPI or an index that pip is set to. Progress
-# goes to stderr.
+# Environments are in ${XDG_CACHE_HOME:-$HOME/.cache}/maes-python; one that is up to date is kept.
+# Needs Python 3.10 or later with venv, and PyPI or an index that pip is set to. Progress goes to
+# stderr.
 
 set -euo pipefail
 
-requirements=$1
-dir=$2
+requirements=$(dirname "${BASH_SOURCE[0]}")/$1_requirements.txt
+dir=${XDG_CACHE_HOME:-${HOME:?}/.cache}/maes-python/$1
 
 fail() {
     printf 'python_env: %s\n' "$1" >&2

@@ -1,4 +1,4 @@
-//! Runs with radios, relays and sensors that err are as repeatable as all others, and their recordings hold.
+//! Runs with radio models, relays and sensor noise are deterministic, and their recordings verify.
 
 use msgs::maes_msgs::Progress;
 
@@ -6,20 +6,20 @@ use crate::support::processes::Process;
 use crate::support::recordings::Recording;
 use crate::support::runs::{Outcome, Site, scenario, text};
 
-/// Flags that make runs short.
+/// Flags for a short run.
 const SHORT: [&str; 4] = ["--size", "30", "--duration", "60"];
 
-/// Runs a scenario over memory, with a recording.
+/// Executes and records a scenario over the in-memory transport.
 #[track_caller]
 fn record(site: &Site, name: &str, flags: &[&str]) -> Outcome {
     let file = scenario(name);
-    let mut single = site.binary("experiments");
-    single.args(["single", text(&file)]).args(flags);
+    let mut single = site.binary("maes");
+    single.args(["run", "--transport", "memory", text(&file)]).args(flags);
     site.record_with(&mut single)
 }
 
-/// Flags by which sensors err.
-const ERRING: [&str; 8] = [
+/// Flags for sensor noise.
+const NOISY: [&str; 8] = [
     "--set",
     "sensor.range_sigma_m=0.2",
     "--set",
@@ -31,9 +31,9 @@ const ERRING: [&str; 8] = [
 ];
 
 #[test]
-fn the_same_scenario_gives_the_same_bytes_and_they_hold() {
+fn radio_relay_and_noise_runs_are_deterministic() {
     let site = Site::new();
-    for (name, flags) in [("attenuated.toml", &[][..]), ("relays.toml", &[]), ("default.toml", &ERRING)] {
+    for (name, flags) in [("attenuated.toml", &[][..]), ("relays.toml", &[]), ("default.toml", &NOISY)] {
         let flags = [&SHORT[..], flags].concat();
         let run = record(&site, name, &flags);
         record(&site, name, &flags).assert_same(&run, name);
@@ -42,19 +42,19 @@ fn the_same_scenario_gives_the_same_bytes_and_they_hold() {
             record(&site, name, &changed).assert_same(&run, &format!("{name} {change:?}"));
         }
         let file = site.file("run.mcap", &run.bytes);
-        let verified = Process::start(site.binary("sim_server").args(["verify", text(&file), "--controllers"])).ended();
+        let verified = Process::start(site.binary("maes").args(["verify", text(&file), "--controllers"])).ended();
         assert_eq!(verified.with_code(0).digest(), run.digest(), "{name}");
     }
 }
 
-/// What the agents have on their maps, all together and added up over the run, in shares of the free cells.
+/// Known fraction of the free cells, summed over agents and progress reports.
 fn shared(run: &Outcome) -> f64 {
     let progress: Vec<Progress> = Recording::from_bytes(&run.bytes).of("/sim/progress");
     progress.iter().flat_map(|progress| &progress.believed_by).sum()
 }
 
 #[test]
-fn relays_make_agents_know_more_of_what_the_others_have_seen() {
+fn relays_spread_map_knowledge() {
     let site = Site::new();
     let flags = ["--duration", "240", "--set", "stop_when_explored=false"];
     let with = record(&site, "relays.toml", &flags);

@@ -1,6 +1,7 @@
-//! Recordings open with `rosbags`, `mcap`, `mcap-ros2-support` and `rerun-sdk` from PyPI, which the test installs.
+//! Recordings open with `rosbags`, `mcap`, `mcap-ros2-support` and `rerun-sdk` from PyPI, which the
+//! test installs.
 //!
-//! What a recording has to hold is said in `check_recording.py`, which knows nothing of this project's code.
+//! `check_recording.py` checks their content, independently of this project's code.
 
 use std::path::Path;
 
@@ -12,13 +13,13 @@ use crate::support::processes::Process;
 use crate::support::python;
 use crate::support::runs::{Site, scenario, text};
 
-/// Fails unless Python finds everything in `file` that a run in a map with so many free cells has to leave there.
+/// Fails unless `check_recording.py` accepts `file` as the recording of a run in a map with so many
+/// free cells.
 #[track_caller]
 fn assert_opens(site: &Site, file: &Path, free_cells: u64) {
-    let info = Process::start(site.binary("sim_server").arg("info").arg(file)).ended().with_code(0);
+    let info = Process::start(site.binary("maes").arg("info").arg(file)).ended().with_code(0);
     let info_file = site.file("info.txt", &info.stdout);
-    let metadata =
-        Process::start(site.binary("sim_server").arg("info").arg(file).arg("--metadata")).ended().with_code(0);
+    let metadata = Process::start(site.binary("maes").arg("info").arg(file).arg("--metadata")).ended().with_code(0);
     let metadata_file = site.file("metadata.yaml", &metadata.stdout);
     let mut check = site.command(python::for_recordings());
     check.arg(crate::support::root().join("tests/check_recording.py"));
@@ -29,7 +30,7 @@ fn assert_opens(site: &Site, file: &Path, free_cells: u64) {
 }
 
 #[test]
-fn a_run_over_ros() {
+fn ros_run_opens_in_python() {
     let site = Site::new();
     let file = site.path("run.mcap");
     let flags =
@@ -41,7 +42,7 @@ fn a_run_over_ros() {
 }
 
 #[test]
-fn a_run_of_agents_that_talk() {
+fn communicating_run_opens_in_python() {
     let site = Site::new();
     let file = site.path("run.mcap");
     let scenario = look_ahead::record(file.clone());
@@ -52,7 +53,7 @@ fn a_run_of_agents_that_talk() {
 }
 
 #[test]
-fn the_settings_of_the_reference() {
+fn reference_settings() {
     let site = Site::new();
     let file = site.path("run.mcap");
     let path = scenario("maes3d.toml");
@@ -64,9 +65,9 @@ fn the_settings_of_the_reference() {
     assert_opens(&site, &file, report.free_cells);
 }
 
-/// Points and frames are shown as such, and every other message with its fields.
+/// Points and frames have their own types in Rerun, every other message its fields.
 #[test]
-fn a_viewer_shows_what_there_is() {
+fn rerun_shows_all_topics() {
     let site = Site::new();
     let (file, shown) = (site.path("run.mcap"), site.path("run.rrd"));
     let topics = "points,odom,path,map,unexplored,contacts,info,tf_static";

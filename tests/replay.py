@@ -1,10 +1,10 @@
-"""A ROS 2 node that listens to a recording that is played, and controls it.
+"""A ROS 2 node that receives the messages of a replay, and controls it.
 
-    replay.py PLAY [EXPECTED]
+    replay.py SCENE [EXPECTED]
 
-Needs rclpy, maes_msgs and simulation_interfaces (see launch_scripts/ros_env.sh). EXPECTED is a file with a line for each message
-that is to come, `TOPIC TYPE HEX`, where HEX is its CDR with header. What each play does is said at its function. Ends with exit
-code 0; what is wrong goes to stderr, with exit code 1.
+Needs rclpy, maes_msgs and simulation_interfaces (see launch_scripts/ros_env.sh). EXPECTED is a
+file with a line for each expected message, `TOPIC TYPE HEX`, where HEX is its CDR with header. A
+scene is a function of this file. Exit code 0; a failure goes to stderr, with exit code 1.
 """
 
 import importlib
@@ -26,7 +26,7 @@ LATCHED = {"/sim/scenario", "/sim/map", "/sim/unexplored", "/sim/contacts", "/si
 
 
 def caller():
-    """Who calls the services of the replay, as soon as they are there."""
+    """A client of the services of the replay, as soon as they are available."""
     return Caller("replay", {name: SERVICES[name] for name in TIME + ["get_parameters", "set_parameters"]})
 
 
@@ -46,7 +46,7 @@ def type_of(name):
 
 
 class Listener:
-    """Listens to topics, and keeps the bytes that come."""
+    """Subscribes to topics and keeps the received bytes."""
 
     def __init__(self, types):
         self.node = rclpy.create_node("listener")
@@ -58,7 +58,7 @@ class Listener:
 
 
 def expected_of(file):
-    """The messages that are to come, and the types, by topic."""
+    """The expected messages and the types, by topic."""
     messages, types = {}, {}
     with open(file, encoding="ascii") as lines:
         for line in lines:
@@ -69,13 +69,15 @@ def expected_of(file):
 
 
 def same(got, expected):
-    """Whether a sample is that message: the header may tell of padding, which follows the message."""
+    """Whether a sample is that message: it may have padding at its end, which the header counts."""
     padding = len(got) - len(expected)
     return 0 <= padding <= 3 and got[:2] == expected[:2] and got[4 : len(expected)] == expected[4:]
 
 
 def subject(kind, data):
-    """What a message of a latched topic is about: of a marker, `ns` and `id`, which come after stamp and frame."""
+    """The key of a message of a latched topic: of a marker, `ns` and `id`, which follow stamp and
+    frame.
+    """
     if kind != "visualization_msgs/msg/Marker":
         return None
     body, texts = data[4:], []
@@ -88,14 +90,14 @@ def subject(kind, data):
 
 
 def everything(file):
-    """Hears everything from the first tick to the last, and leaves the replay at its end."""
+    """Receives every message from the first tick to the last, and leaves the replay at its end."""
     expected, types = expected_of(file)
     listener = Listener({**types, "/clock": "rosgraph_msgs/msg/Clock"})
     print("ready", flush=True)
     one = caller()
     one.executor.add_node(listener.node)
     equal(one.state(), STOPPED, "at the start")
-    # One more than there are: then it stands at its end.
+    # More than there are: the replay stops at its end.
     equal(one.code("step_simulation", steps=1_000_000), 4, "steps beyond the end")
     equal(one.state(), PAUSED, "at the end")
 
@@ -103,14 +105,14 @@ def everything(file):
         reliable = [topic for topic in expected if not topic.endswith("/points")]
         return {topic: len(expected[topic]) - len(listener.received[topic]) for topic in reliable}
 
-    # The clock is in no file: there is one for each tick.
+    # Recordings have no clock: the replay publishes one message for each tick.
     (result,) = expected["/sim/result"]
     last_tick = deserialize_message(result, Result).tick
     one.until(lambda: max(missing().values()) <= 0 and len(listener.received["/clock"]) > last_tick)
     for topic, messages in expected.items():
         got = listener.received[topic]
         if topic.endswith("/points"):
-            # What was lost is not sent again.
+            # Best effort: lost messages are not resent.
             left = iter(messages)
             check(got and all(any(same(one, other) for other in left) for one in got), f"{topic}: some, in order")
         else:
@@ -123,7 +125,7 @@ def everything(file):
 
 
 def late(file):
-    """Comes when everything has been said, is told all that holds, and ends the replay."""
+    """Subscribes after the last message, receives every latched one, and ends the replay."""
     expected, types = expected_of(file)
     last = {}
     for topic in filter(is_latched, expected):
@@ -132,19 +134,21 @@ def late(file):
     one = caller()
     one.executor.add_node(listener.node)
 
-    def is_told():
-        told = {}
+    def has_received_latched():
+        latched = {}
         for topic, messages in listener.received.items():
-            told.update({(topic, subject(types[topic], data)): data for data in messages})
-        return told.keys() == last.keys() and all(same(told[key], last[key]) for key in last)
+            latched.update({(topic, subject(types[topic], data)): data for data in messages})
+        return latched.keys() == last.keys() and all(same(latched[key], last[key]) for key in last)
 
-    one.until(is_told)
+    one.until(has_received_latched)
     equal(one.state(), PAUSED, "at the end")
     equal(one.set_state(QUITTING), OK, "quit")
 
 
 def steps(_file):
-    """Pauses, steps and the pace of a part of a recording, from tick 525 to 600; then lets it go on to its end."""
+    """Pause, steps and rate of a part of a recording, from tick 525 to 600; then plays it to its
+    end.
+    """
     listener = Listener({"/sim/progress": "maes_msgs/msg/Progress"})
     one = caller()
     one.executor.add_node(listener.node)
@@ -154,7 +158,7 @@ def steps(_file):
     equal(one.state(), STOPPED, "at the start")
     progress = listener.received["/sim/progress"]
     one.until(lambda: progress)
-    equal([deserialize_message(data, Progress).tick for data in progress], [500], "what holds at the start")
+    equal([deserialize_message(data, Progress).tick for data in progress], [500], "latched at the start")
     equal(one.ticks, [], "no time has passed")
 
     def step(count, last):
@@ -170,7 +174,7 @@ def steps(_file):
     equal(one.set_state(PLAYING), OK, "play")
     equal(one.code("step_simulation", steps=1), 3, "step while playing")
     equal(one.set_state(PAUSED), OK, "pause")
-    # What is still under way when the answer comes arrives in the end.
+    # Messages in flight at the response arrive in the end.
     seen = None
     while seen != one.ticks[-1]:
         seen = one.ticks[-1]
@@ -184,7 +188,7 @@ def steps(_file):
 
 
 def hold(_file):
-    """Listens, and is there for ever: somebody stops it."""
+    """Subscribes and stays for ever: the test suspends it."""
     types = {"/clock": "rosgraph_msgs/msg/Clock", "/tf": "tf2_msgs/msg/TFMessage"}
     listener = Listener(types)
     one = caller()
@@ -195,14 +199,14 @@ def hold(_file):
 
 
 def play(_file):
-    """Lets it go on."""
+    """Resumes the replay."""
     equal(caller().set_state(PLAYING), OK, "play")
 
 
 def main():
     rclpy.init()
-    plays = {play.__name__: play for play in (everything, late, steps, hold, play)}
-    plays[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else None)
+    scenes = {scene.__name__: scene for scene in (everything, late, steps, hold, play)}
+    scenes[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else None)
     print("done", flush=True)
     rclpy.shutdown()
 

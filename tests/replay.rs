@@ -1,6 +1,7 @@
-//! Recordings are played on ROS 2 topics, and a node of a real ROS 2 (rclpy on Fast DDS) hears and controls them.
+//! Replay of recordings on ROS 2 topics, with a node of a real ROS 2 (rclpy on Fast DDS) that
+//! receives and controls it.
 //!
-//! What it does is in `replay.py`.
+//! The node is `replay.py`.
 
 use std::fmt::Write;
 
@@ -15,7 +16,7 @@ use crate::support::{python, root};
 const FLAGS: [&str; 10] =
     ["--transport", "memory", "--agents", "2", "--size", "40", "--duration", "20", "--set", "stop_when_explored=false"];
 
-/// Records a run with these views.
+/// Records a run with these visualisation topics.
 fn record(site: &Site, name: &str, views: &str) -> Recording {
     let views = format!("views.record=[{views}]");
     let flags = ["--set", &views, "--set", "views.unexplored_period_ticks=1"];
@@ -24,23 +25,23 @@ fn record(site: &Site, name: &str, views: &str) -> Recording {
     Recording::from_bytes(&outcome.bytes)
 }
 
-/// Starts to play a recording.
+/// Starts a replay.
 fn replay(site: &Site, flags: &[&str]) -> Process {
     python::prepare_ros();
-    Process::start(site.binary("sim_server").args(["replay", "run.mcap"]).args(flags))
+    Process::start(site.binary("maes").args(["replay", "run.mcap"]).args(flags))
 }
 
-/// Begins a play of `replay.py`.
-fn begin(site: &Site, play: &[&str]) -> Process {
+/// Starts a scene of `replay.py`.
+fn begin(site: &Site, scene: &[&str]) -> Process {
     python::prepare_ros();
     let mut command = site.command("bash");
-    command.args(python::in_ros()).arg("python3").arg(root().join("tests/replay.py")).args(play);
+    command.args(python::in_ros()).arg("python3").arg(root().join("tests/replay.py")).args(scene);
     Process::start(&mut command)
 }
 
-/// Carries one out.
-fn carry_out(site: &Site, play: &[&str]) {
-    let player = begin(site, play).ended().with_code(0);
+/// Runs a scene to its end.
+fn execute(site: &Site, scene: &[&str]) {
+    let player = begin(site, scene).ended().with_code(0);
     assert!(player.stdout.contains("done"), "{player}");
 }
 
@@ -57,17 +58,17 @@ fn lines<'a>(messages: impl Iterator<Item = &'a crate::support::recordings::Mess
 }
 
 #[test]
-fn everything_is_heard_as_it_stands_in_the_file_and_a_late_reader_sees_all_that_holds() {
+fn replay_publishes_every_message_and_latches() {
     let site = Site::new();
     let views = "\"odom\", \"points\", \"path\", \"unexplored\", \"contacts\", \"info\"";
     let recording = record(&site, "run.mcap", views);
-    // What the file does not hold of the scenery is made as the run would have recorded it.
-    let with_scenery = record(&site, "scenery.mcap", "\"map\", \"tf_static\"");
-    let scenery = |topic: &str| ["/sim/map", "/tf_static"].contains(&topic);
-    assert!(!recording.messages.iter().any(|message| scenery(&message.topic)));
-    let made: Vec<_> = with_scenery.messages.iter().filter(|message| scenery(&message.topic)).collect();
+    // Static topics that the file lacks are generated as the run would have recorded them.
+    let with_statics = record(&site, "statics.mcap", "\"map\", \"tf_static\"");
+    let statics = |topic: &str| ["/sim/map", "/tf_static"].contains(&topic);
+    assert!(!recording.messages.iter().any(|message| statics(&message.topic)));
+    let made: Vec<_> = with_statics.messages.iter().filter(|message| statics(&message.topic)).collect();
     let unexplored = recording.messages.iter().filter(|message| message.topic == "/sim/unexplored").count();
-    assert!(unexplored > topics::unexplored().qos.depth as usize, "{unexplored} are not more than are kept");
+    assert!(unexplored > topics::unexplored().qos.depth as usize, "{unexplored} are not more than the depth");
     let expected = site.file("expected.txt", lines(made.iter().copied().chain(&recording.messages)));
 
     let mut listener = begin(&site, &["everything", text(&expected)]);
@@ -75,32 +76,32 @@ fn everything_is_heard_as_it_stands_in_the_file_and_a_late_reader_sees_all_that_
     let replay = replay(&site, &["--paused", "--rate", "max"]);
     listener.prints("everything 1001");
     listener.ended().with_code(0);
-    carry_out(&site, &["late", text(&expected)]);
+    execute(&site, &["late", text(&expected)]);
     let ended = replay.ended().with_code(130);
     assert_eq!(ended.stdout, format!("replayed {} messages, 20.00 s", recording.messages.len() + made.len()));
 }
 
 #[test]
-fn it_is_paused_and_stepped_by_services() {
+fn replay_is_paused_and_stepped_by_services() {
     let site = Site::new();
     record(&site, "run.mcap", "");
     let flags = ["--paused", "--rate", "0.001", "--start", "10.5", "--end", "12"];
     let replay = replay(&site, &flags);
-    carry_out(&site, &["steps"]);
+    execute(&site, &["steps"]);
     let ended = replay.ended().with_code(0);
     assert!(ended.stdout.ends_with(" messages, 1.50 s"), "{ended}");
 }
 
 #[test]
-fn a_reader_that_is_stopped_does_not_hold_it_up_for_ever() {
+fn suspended_reader_does_not_block_replay() {
     let site = Site::new();
     record(&site, "run.mcap", "");
     let replay = replay(&site, &["--paused", "--rate", "max", "--loop"]);
     let mut reader = begin(&site, &["hold"]);
     reader.prints("holds");
     signal(reader.pid(), "STOP");
-    carry_out(&site, &["play"]);
-    // Several times as many ticks as may be under way.
+    execute(&site, &["play"]);
+    // Several times as many messages as may be unacknowledged.
     let mut replay = replay;
     let messages = |line: &str| line.split(" | ").nth(2)?.split(' ').next()?.parse::<u64>().ok();
     while messages(&replay.says(" messages")).is_none_or(|messages| messages < 3000) {}
@@ -109,12 +110,12 @@ fn a_reader_that_is_stopped_does_not_hold_it_up_for_ever() {
 }
 
 #[test]
-fn a_run_beside_a_replay_is_the_same() {
+fn replay_does_not_disturb_a_run() {
     let site = Site::new();
     let recording = record(&site, "run.mcap", "");
     let mut replay = replay(&site, &["--rate", "20", "--loop"]);
     replay.says("x real time");
-    // The same run, over ROS, in the same domain.
+    // The same run over ROS 2, in the same domain.
     let flags: Vec<&str> = FLAGS[2..].to_vec();
     let beside = site.record(&flags);
     assert_eq!(beside.digest(), recording.result_digest());
@@ -123,11 +124,11 @@ fn a_run_beside_a_replay_is_the_same() {
 }
 
 #[test]
-fn what_cannot_be_played_is_told_in_one_line() {
+fn unplayable_requests_are_refused() {
     let site = Site::new();
     record(&site, "run.mcap", "");
     let refused = |arguments: &[&str], words: &str| {
-        let ended = Process::start(site.binary("sim_server").arg("replay").args(arguments)).ended().with_code(2);
+        let ended = Process::start(site.binary("maes").arg("replay").args(arguments)).ended().with_code(2);
         assert!(ended.stderr.starts_with("error: ") && ended.stderr.lines().count() == 1, "{ended}");
         assert!(ended.stderr.contains(words), "{words}\n{ended}");
     };
@@ -139,14 +140,14 @@ fn what_cannot_be_played_is_told_in_one_line() {
         "--topics /chatter: no such topic in run.mcap, which has /agent_0/command,",
     );
     refused(&["run.mcap", "--exclude", "/sim*,/x*"], "--exclude /x*");
-    refused(&["run.mcap", "--exclude", "/*"], "no message of it is to be played");
+    refused(&["run.mcap", "--exclude", "/*"], "no message is left to play");
     refused(&["run.mcap", "--start", "-1"], "--start -1");
     refused(&["run.mcap", "--start", "5", "--end", "5"], "--end 5: expected");
-    refused(&["run.mcap", "--start", "21"], "it goes up to 20 s");
+    refused(&["run.mcap", "--start", "21"], "the recording ends at 20 s");
 }
 
 #[test]
-fn a_damaged_recording_is_played_up_to_the_damage() {
+fn damaged_recording_is_played_up_to_the_damage() {
     let site = Site::new();
     let whole = record(&site, "whole.mcap", "");
     let bytes = std::fs::read(site.path("whole.mcap")).expect("there is a recording");

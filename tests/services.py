@@ -1,10 +1,10 @@
 """A ROS 2 node that controls a run through its services and parameters.
 
-    services.py PLAY [ARGUMENT]
+    services.py SCENE [ARGUMENT]
 
-Needs rclpy, maes_msgs and simulation_interfaces (see launch_scripts/ros_env.sh). What each play does is said at its function; the
-server has been started paused, with two agents, if a play does not say otherwise. Ends with exit code 0; what is wrong goes to
-stderr, with exit code 1.
+Needs rclpy, maes_msgs and simulation_interfaces (see launch_scripts/ros_env.sh). A scene is a
+function of this file; the server has started paused, with two agents, unless the scene says
+otherwise. Exit code 0; a failure goes to stderr, with exit code 1.
 """
 
 import math
@@ -75,7 +75,7 @@ def equal(got, expected, words=""):
 
 
 class Caller:
-    """Calls the services of a node, and hears the clock."""
+    """A client of the services of a node, subscribed to the clock."""
 
     def __init__(self, target="sim_server", services=SERVICES):
         self.node = rclpy.create_node("caller")
@@ -92,12 +92,12 @@ class Caller:
         self.ticks.append((clock.clock.sec * 1_000_000_000 + clock.clock.nanosec) // TICK_NS)
 
     def until(self, holds):
-        """Waits, however long it takes, and says every ten seconds where."""
-        told = time.monotonic()
+        """Waits without limit, and prints the place every ten seconds."""
+        printed = time.monotonic()
         while not holds():
             self.executor.spin_once(timeout_sec=0.1)
-            if time.monotonic() - told > 10.0:
-                told = time.monotonic()
+            if time.monotonic() - printed > 10.0:
+                printed = time.monotonic()
                 print("still waiting:", file=sys.stderr)
                 traceback.print_stack()
 
@@ -124,7 +124,7 @@ class Caller:
         return self.call("get_entity_state", entity=name).state
 
     def tick(self):
-        """The tick at which the world stands, as the stamp of a state says it."""
+        """The current tick, from the stamp of a state."""
         stamp = self.entity("agent_0").header.stamp
         return (stamp.sec * 1_000_000_000 + stamp.nanosec) // TICK_NS
 
@@ -133,7 +133,7 @@ class Caller:
         return response.result.result, list(response.entities)
 
     def step(self, steps):
-        """Steps, and fails unless exactly so many have been made when the answer is there."""
+        """Steps, and fails unless the response comes after exactly so many ticks."""
         before = self.tick()
         equal(self.code("step_simulation", steps=steps), OK, "step")
         equal((self.tick(), self.state()), (before + steps, PAUSED), f"after {steps} steps")
@@ -161,16 +161,16 @@ def whole(value):
 
 
 def admitted(caller):
-    """Steps once, which is answered when all agents are there."""
+    """Steps once; the response comes when all agents have joined."""
     caller.step(1)
 
 
 def states(_argument):
-    """The state of the simulation: every way between states, steps, and a clock that stands still."""
+    """The state of the simulation: every transition, steps, and a clock that stands still."""
     caller = Caller()
-    # The action client of rclpy forgets a goal when it has the result, be there feedback on the way or not.
-    told = []
-    hear = lambda message: told.append((message.feedback.completed_steps, message.feedback.remaining_steps))
+    # The action client of rclpy drops feedback that arrives after the result.
+    feedbacks = []
+    hear = lambda message: feedbacks.append((message.feedback.completed_steps, message.feedback.remaining_steps))
     feedback = "/sim_server/simulate_steps/_action/feedback"
     caller.node.create_subscription(SimulateSteps.Impl.FeedbackMessage, feedback, hear, RELIABLE)
     features = caller.call("get_simulator_features").features
@@ -194,7 +194,7 @@ def states(_argument):
     equal(caller.code("spawn_entity", name="x"), UNSUPPORTED, "spawn")
     equal(caller.set_state(PAUSED), 101, "paused already")
 
-    # At a slow pace, so that there is time to look; the pace counts from the moment of the pause on.
+    # Slow enough to observe; the real-time factor counts from the end of the pause.
     equal(caller.set("execution.rtf", number(2.0)).successful, True, "rtf")
     equal(caller.set_state(PLAYING), OK, "play")
     equal(caller.set_state(PLAYING), 101, "plays already")
@@ -209,7 +209,7 @@ def states(_argument):
     equal(caller.ticks[-1] <= tick, True, "the clock stands still")
     equal(caller.ticks, sorted(set(caller.ticks)), "the clock runs forwards")
 
-    # Steps that are many are ended by a pause, and the answer says so.
+    # A pause ends a long step request, whose response then is a failure.
     caller.set("execution.rtf", number(0.0))
     many = caller.begin("step_simulation", steps=10_000_000)
     caller.until(lambda: caller.ticks[-1] > tick)
@@ -217,7 +217,7 @@ def states(_argument):
     equal(caller.set_state(PAUSED), OK, "pause while stepping")
     equal(caller.wait(many).result.result, FAILED, "steps that were ended")
 
-    # The action tells after every step.
+    # The action sends feedback after every step.
     client = ActionClient(caller.node, SimulateSteps, "/sim_server/simulate_steps")
     caller.until(client.server_is_ready)
     tick = caller.tick()
@@ -226,9 +226,9 @@ def states(_argument):
     result = caller.wait(goal.get_result_async())
     equal((result.status, result.result.result.result), (4, OK), "the goal has succeeded")
     equal((caller.tick(), caller.state()), (tick + 5, PAUSED), "after five steps")
-    caller.until(lambda: len(told) >= 5)
-    equal(told, [(done, 5 - done) for done in range(1, 6)], "feedback")
-    told.clear()
+    caller.until(lambda: len(feedbacks) >= 5)
+    equal(feedbacks, [(done, 5 - done) for done in range(1, 6)], "feedback")
+    feedbacks.clear()
     goal = caller.wait(client.send_goal_async(SimulateSteps.Goal(steps=10_000_000)))
     other = caller.wait(client.send_goal_async(SimulateSteps.Goal(steps=1)))
     check(goal.accepted and not other.accepted, "one goal at a time")
@@ -237,12 +237,12 @@ def states(_argument):
     equal(caller.wait(goal.get_result_async()).status, 5, "the goal was cancelled")
     equal(caller.state(), PAUSED, "after a cancelled goal")
 
-    # The last word: the run ends, with a result.
+    # The run ends, with a result.
     equal(caller.set_state(QUITTING), OK, "quit")
 
 
 def entities(_argument):
-    """The agents as entities: filters, states, infos, and taking one out of the run."""
+    """Agents as entities: filters, states, infos, and removal."""
     caller = Caller()
     admitted(caller)
     equal(caller.found(), (OK, ["agent_0", "agent_1"]), "all")
@@ -264,9 +264,9 @@ def entities(_argument):
     equal((info.category.category, list(info.tags)), (EntityCategory.CATEGORY_ROBOT, ["rbw"]), "info")
     bounds = caller.call("get_entity_bounds", entity="agent_1").bounds
     equal((bounds.type, bounds.points[0].x), (Bounds.TYPE_BOX, 0.4), "bounds")
-    equal(caller.code("get_entity_state", entity="nobody"), NOT_FOUND, "no such entity")
+    equal(caller.code("get_entity_state", entity="unknown"), NOT_FOUND, "no such entity")
 
-    # A body is put where there is room for it, and nowhere else.
+    # A body can only be placed where it fits.
     before = caller.entity("agent_1")
     equal(caller.move("agent_1", 1000.0), 101, "outside the map")
     equal(caller.code("set_entity_state", entity="agent_1", state=caller.entity("agent_0"), set_pose=True), 101, "taken")
@@ -278,13 +278,13 @@ def entities(_argument):
 
     equal(caller.code("delete_entity", entity="agent_1"), OK, "delete")
     equal(caller.code("delete_entity", entity="agent_1"), NOT_FOUND, "delete again")
-    equal(caller.found(), (OK, ["agent_0"]), "who is left")
+    equal(caller.found(), (OK, ["agent_0"]), "the other agent")
     caller.step(10)
     equal(caller.set_state(QUITTING), OK, "quit")
 
 
 def again(_argument):
-    """Lets a run begin again from wherever it is, and the last time go on to its end."""
+    """Resets a run in every state, and then lets it run to its end."""
     caller = Caller()
     admitted(caller)
     caller.step(30)
@@ -317,7 +317,7 @@ def again(_argument):
 
 
 def intervention(distance):
-    """Lets the run go on after putting agent 1 somewhere else at tick 40; with distance 0, only after pauses."""
+    """Moves agent 1 at tick 40 and resumes the run; with distance 0, only pauses and resumes."""
     caller = Caller()
     admitted(caller)
     caller.step(39)
@@ -328,7 +328,7 @@ def intervention(distance):
 
 
 def parameters(_argument):
-    """The parameters of the server, and of an agent that offers them, as people see them too."""
+    """The parameters of the server, and of an agent that offers them."""
     caller = Caller()
     names = caller.call("list_parameters", prefixes=[], depth=0).result.names
     for name in ("seed", "map.size", "execution.rtf", "use_sim_time", "agents.count"):
@@ -364,7 +364,7 @@ def parameters(_argument):
 
 
 def nonsense(_argument):
-    """Everything that makes no sense, and a flood of it; then lets the run go on."""
+    """Malformed requests, and a flood of them; then resumes the run."""
     caller = Caller()
     admitted(caller)
     caller.step(20)
@@ -392,7 +392,7 @@ def nonsense(_argument):
     for _ in range(3000):
         caller.begin("get_entities_states", filters=EntityFilters())
         caller.begin("set_simulation_state", state=SimulationState(state=9))
-    # Behind the flood the answer may come later than the end of the run, and be lost with the server.
+    # Behind the flood the response may come after the end of the run, and be lost with the server.
     played = caller.begin("set_simulation_state", state=SimulationState(state=PLAYING))
     server = caller.clients["set_simulation_state"]
     caller.until(lambda: played.done() or not server.service_is_ready())
@@ -400,24 +400,26 @@ def nonsense(_argument):
 
 
 def hurry(_argument):
-    """Lets the run, which need not be paused, go on as fast as possible."""
+    """Sets an unlimited real-time factor, of a run that need not be paused."""
     caller = Caller("sim_server", {"set_parameters": SetParameters})
     equal(caller.set("execution.rtf", number(0.0)).successful, True, "as fast as possible")
 
 
 def pace(argument):
-    """Waits for the pace that somebody else has set, and sets another one, which the run has taken up in the end."""
+    """Waits for a real-time factor set by another client, and sets another one, which the run then
+    has.
+    """
     caller = Caller()
     caller.until(lambda: caller.get("execution.rtf")[0].double_value == float(argument))
     equal(caller.set("execution.rtf", number(3.0)).successful, True, "another one")
-    # A run answers requests after it has looked at the pace.
+    # A run responds after it has applied the parameter.
     equal(caller.state(), STOPPED, "it has not begun")
 
 
 def main():
     rclpy.init()
-    plays = {play.__name__: play for play in (states, again, entities, intervention, parameters, nonsense, hurry, pace)}
-    plays[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else None)
+    scenes = {scene.__name__: scene for scene in (states, again, entities, intervention, parameters, nonsense, hurry, pace)}
+    scenes[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else None)
     print("done", flush=True)
     rclpy.shutdown()
 

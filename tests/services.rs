@@ -1,5 +1,6 @@
-//! A node of a real ROS 2 (rclpy on Fast DDS, from `launch_scripts/ros_env.sh`) controls a run by the services of
-//! `simulation_interfaces`, reads and sets its parameters, and talks nonsense. What it does is in `services.py`.
+//! Simulation control from a node of a real ROS 2 (rclpy on Fast DDS, from
+//! `launch_scripts/ros_env.sh`): the services of
+//! `simulation_interfaces`, parameters, and malformed requests. The node is `services.py`.
 
 use std::net::Ipv4Addr;
 use std::time::Duration;
@@ -13,7 +14,7 @@ use crate::support::recordings::{Recording, counter};
 use crate::support::runs::{Run, Site};
 use crate::support::{python, root};
 
-/// A run of two agents that are asked at every tick.
+/// A run of two agents without look-ahead.
 const FLAGS: [&str; 10] = [
     "--agents",
     "2",
@@ -27,29 +28,29 @@ const FLAGS: [&str; 10] = [
     "30",
 ];
 
-/// A run of this length that begins paused.
+/// Starts a paused run of this duration.
 fn begun(site: &Site, duration_s: &str, flags: &[&str]) -> Run {
     python::prepare_ros();
     let paused = ["--paused", "true", "--record", "run.mcap", "--duration", duration_s];
     site.start(&mut site.run_sh(&[&paused[..], &FLAGS, flags].concat()))
 }
 
-/// Carries out a play of `services.py`.
-pub(crate) fn play(site: &Site, play: &[&str]) {
+/// Runs a scene of `services.py` to its end.
+pub(crate) fn play(site: &Site, scene: &[&str]) {
     let mut command = site.command("bash");
-    command.args(python::in_ros()).arg("python3").arg(root().join("tests/services.py")).args(play);
+    command.args(python::in_ros()).arg("python3").arg(root().join("tests/services.py")).args(scene);
     let player = Process::start(&mut command).ended().with_code(0);
     assert!(player.stdout.contains("done"), "{player}");
 }
 
-/// How a run has ended that was begun paused and then played with.
-fn controlled(site: &Site, duration_s: &str, flags: &[&str], words: &[&str]) -> Ended {
+/// The end of a run that started paused and was controlled by a scene.
+fn controlled(site: &Site, duration_s: &str, flags: &[&str], scene: &[&str]) -> Ended {
     let run = begun(site, duration_s, flags);
-    play(site, words);
+    play(site, scene);
     run.ended()
 }
 
-/// The recording of the same run when nobody looks.
+/// The recording of the same run without control.
 fn undisturbed(site: &Site, duration_s: &str) -> Recording {
     Recording::from_bytes(
         &site.record(&[&["--transport", "memory", "--duration", duration_s][..], &FLAGS].concat()).bytes,
@@ -57,7 +58,7 @@ fn undisturbed(site: &Site, duration_s: &str) -> Recording {
 }
 
 #[test]
-fn a_run_is_paused_stepped_and_ended_by_services() {
+fn run_is_paused_stepped_and_ended_by_services() {
     let site = Site::new();
     controlled(&site, "600", &[], &["states"]).with_code(130);
     let recording = site.recording("run.mcap");
@@ -78,7 +79,7 @@ fn agents_are_entities() {
 }
 
 #[test]
-fn interventions_are_part_of_a_run_and_pauses_are_not() {
+fn interventions_change_the_run_and_pauses_do_not() {
     let site = Site::new();
     let run = |distance: &str| {
         controlled(&site, "2", &[], &["intervention", distance]).with_code(0);
@@ -95,7 +96,7 @@ fn interventions_are_part_of_a_run_and_pauses_are_not() {
 }
 
 #[test]
-fn a_run_that_was_reset_is_the_same_run() {
+fn reset_run_is_the_same() {
     let site = Site::new();
     controlled(&site, "2", &[], &["again"]).with_code(0);
     let (recording, whole) = (site.recording("run.mcap"), undisturbed(&site, "2"));
@@ -109,7 +110,7 @@ fn parameters_are_read_and_set() {
 }
 
 #[test]
-fn a_client_that_talks_nonsense_changes_nothing() {
+fn malformed_requests_have_no_effect() {
     let site = Site::new();
     let mut run = begun(&site, "20", &[]);
     run.process().says("waiting for agents");
@@ -120,7 +121,7 @@ fn a_client_that_talks_nonsense_changes_nothing() {
     assert_eq!(recording, whole, "{}", recording.first_difference(&whole));
 }
 
-/// Bytes that are no request, where requests come in, until the server has told of them.
+/// Publishes bytes that are no request on the topics of requests, until the server has logged one.
 fn noise(site: &Site, run: &mut Run) {
     let participant = DomainParticipantBuilder::new(site.domain().id()).with_only_networks([Ipv4Addr::LOCALHOST]);
     let participant = participant.build().expect("the domain has room");
@@ -144,10 +145,10 @@ fn noise(site: &Site, run: &mut Run) {
         node.create_publisher::<u8>(&topic, None).expect("a publisher")
     });
     for _ in 0..1000 {
-        publishers.iter().for_each(|publisher| publisher.publish(7).expect("a rogue is allowed to speak"));
+        publishers.iter().for_each(|publisher| publisher.publish(7).expect("a rogue can publish"));
         if run.process().says_within("request ignored", Duration::from_millis(50)) {
             return;
         }
     }
-    panic!("the server never told of the noise");
+    panic!("the server never logged the noise");
 }

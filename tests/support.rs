@@ -1,7 +1,8 @@
-//! What the tests share.
+//! Processes, ROS domains, recordings and in-memory runs for the end-to-end tests.
 //!
-//! Invariants: no process outlives the test that started it; no two tests share a ROS domain; at most two runs are under way
-//! at a time, because two cores are what there is; a wait that takes longer than [`HANG`] is a failure.
+//! Invariants: no process outlives the test that started it; no two tests share a ROS domain; at
+//! most two runs are under way at a time, one for each core of the smallest machine; a wait that
+//! takes longer than [`HANG`] is a failure.
 
 pub(crate) mod binaries;
 pub(crate) mod domains;
@@ -18,18 +19,19 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-/// Wall time after which something that has not happened is not going to.
-pub(crate) const HANG: Duration = Duration::from_secs(180);
+/// Wall time after which a wait has failed: long enough for a machine with ten times as much to do
+/// as it has cores.
+pub(crate) const HANG: Duration = Duration::from_secs(600);
 
-/// The workspace.
+/// The root of the workspace.
 pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("this package is a folder of the workspace")
 }
 
-/// How many runs may be under way at a time.
+/// Most runs under way at a time.
 const SLOTS: u32 = 2;
 
-/// A place among the runs that may be under way at a time, or all of them.
+/// Permission to have a run under way, or several of them.
 #[derive(Debug)]
 pub(crate) struct Slot(u32);
 
@@ -37,21 +39,21 @@ static SLOTS_FREE: Mutex<u32> = Mutex::new(SLOTS);
 static SLOT_FREED: Condvar = Condvar::new();
 
 impl Slot {
-    /// Waits for a place. Nobody who has one may wait for another.
+    /// Waits for a free slot. A thread that holds one must not wait for another.
     pub(crate) fn take() -> Self {
         Self::take_some(1)
     }
 
-    /// Waits until nothing else is under way: for what needs all cores.
+    /// Waits for all slots: for work that uses all cores.
     pub(crate) fn take_all() -> Self {
         Self::take_some(SLOTS)
     }
 
-    fn take_some(places: u32) -> Self {
+    fn take_some(count: u32) -> Self {
         let mut free =
-            SLOT_FREED.wait_while(lock(&SLOTS_FREE), |free| *free < places).unwrap_or_else(PoisonError::into_inner);
-        *free -= places;
-        Self(places)
+            SLOT_FREED.wait_while(lock(&SLOTS_FREE), |free| *free < count).unwrap_or_else(PoisonError::into_inner);
+        *free -= count;
+        Self(count)
     }
 }
 
@@ -62,22 +64,23 @@ impl Drop for Slot {
     }
 }
 
-/// Locks, whatever became of the test that held the lock before.
+/// Locks a mutex, even if a test that failed has poisoned it.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The result of `work`, which takes a slot, or a failure if it hangs.
+/// The result of `work`, which takes a slot, or a failure if it hangs. The wait for the slot has no
+/// limit.
 #[track_caller]
 pub(crate) fn bounded<T: Send + 'static>(what: &str, work: impl FnOnce() -> T + Send + 'static) -> T {
+    let slot = Slot::take();
     let (done, result) = channel();
     let worker = thread::spawn(move || {
-        let _slot = Slot::take();
-        // Nobody waits any more if this took too long.
+        let _slot = slot;
+        // The receiver is gone if the work took too long.
         let _ = done.send(work());
     });
-    // The slots of other tests come first.
-    match result.recv_timeout(HANG * 2) {
+    match result.recv_timeout(HANG) {
         Ok(result) => result,
         Err(RecvTimeoutError::Timeout) => panic!("{what} hangs"),
         Err(RecvTimeoutError::Disconnected) => match worker.join() {

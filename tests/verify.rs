@@ -1,4 +1,5 @@
-//! Recordings hold, or it is said where they do not; two recordings differ where they do.
+//! `verify` accepts intact recordings and names the first wrong message of others; `diff` names the
+//! first difference.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};
@@ -34,25 +35,30 @@ use crate::support::runs::{Site, scenario};
 const SMALL: [&str; 10] =
     ["--agents", "2", "--size", "25", "--seed", "5", "--duration", "30", "--set", "stop_when_explored=false"];
 
-/// Records a run over memory under this name.
+/// Records an in-memory run in this file.
 #[track_caller]
 fn record(site: &Site, name: &str, flags: &[&str]) -> Ended {
-    let mut single = site.binary("experiments");
-    single.arg("single").arg(scenario("default.toml")).args(SMALL).args(flags).args(["--record", name]);
+    let mut single = site.binary("maes");
+    single
+        .args(["run", "--transport", "memory"])
+        .arg(scenario("default.toml"))
+        .args(SMALL)
+        .args(flags)
+        .args(["--record", name]);
     site.start(&mut single).ended().with_code(0)
 }
 
 fn verify(site: &Site, name: &str, flags: &[&str]) -> Ended {
-    Process::start(site.binary("sim_server").args(["verify", name]).args(flags)).ended()
+    Process::start(site.binary("maes").args(["verify", name]).args(flags)).ended()
 }
 
 fn diff(site: &Site, first: &str, second: &str) -> Ended {
-    Process::start(site.binary("experiments").args(["diff", first, second])).ended()
+    Process::start(site.binary("maes").args(["diff", first, second])).ended()
 }
 
-/// Fails unless a recording holds, with so many ticks.
+/// Fails unless a recording verifies, with all its ticks and messages.
 #[track_caller]
-fn assert_holds(site: &Site, name: &str, flags: &[&str]) {
+fn assert_verifies(site: &Site, name: &str, flags: &[&str]) {
     let recording = site.recording(name);
     let ended = verify(site, name, flags).with_code(0);
     let result = recording.result();
@@ -61,7 +67,7 @@ fn assert_holds(site: &Site, name: &str, flags: &[&str]) {
     assert_eq!(ended.digest(), recording.result_digest(), "{ended}");
 }
 
-/// Fails unless a recording does not hold, for this reason.
+/// Fails unless verification has failed, for this reason.
 #[track_caller]
 fn assert_refused(ended: &Ended, reason: &str) {
     assert_eq!(ended.code, Some(1), "{ended}");
@@ -69,7 +75,7 @@ fn assert_refused(ended: &Ended, reason: &str) {
     assert_eq!(ended.stderr.lines().collect::<Vec<_>>(), [reason], "{ended}");
 }
 
-/// A recording with other messages, whole and with the right check sums.
+/// A recording with changed messages and correct checksums.
 fn rewritten(file: &Path, change: impl Fn(&Message) -> Option<Vec<u8>>) -> Vec<u8> {
     let bytes = std::fs::read(file).expect("there is a recording");
     let recording = sim_server::recording::Recording::open(file).expect("it is one");
@@ -91,7 +97,7 @@ fn rewritten(file: &Path, change: impl Fn(&Message) -> Option<Vec<u8>>) -> Vec<u
     writer.into_inner().into_inner()
 }
 
-/// Changes one message of a topic, in the middle of the run, and says in which tick.
+/// Changes one message of a topic in the middle of the run; the bytes and the tick.
 fn change_one<M: DeserializeOwned + Serialize>(file: &Path, topic: &str, change: impl Fn(&mut M)) -> (Vec<u8>, u64) {
     let recording = Recording::read(file);
     let of_topic: Vec<&Message> = recording.messages.iter().filter(|message| message.topic == topic).collect();
@@ -107,14 +113,14 @@ fn change_one<M: DeserializeOwned + Serialize>(file: &Path, topic: &str, change:
 }
 
 #[test]
-fn recordings_of_every_controller_hold_and_so_do_their_commands() {
+fn recordings_of_every_controller_verify() {
     let site = Site::new();
     for name in NAMES {
         let run = record(&site, "run.mcap", &["--controller", name]);
-        assert_holds(&site, "run.mcap", &[]);
+        assert_verifies(&site, "run.mcap", &[]);
         let ended = verify(&site, "run.mcap", &["--controllers"]).with_code(0);
         let commands =
-            site.recording("run.mcap").messages.iter().filter(|said| said.topic.ends_with("/command")).count();
+            site.recording("run.mcap").messages.iter().filter(|message| message.topic.ends_with("/command")).count();
         let words = format!("{commands} commands are what the controllers decide, of 2 agents");
         assert!(ended.stdout.contains(&words), "{name}: {words}\n{ended}");
         assert_eq!(ended.digest(), run.digest());
@@ -122,7 +128,7 @@ fn recordings_of_every_controller_hold_and_so_do_their_commands() {
 }
 
 #[test]
-fn agents_that_are_asked_at_every_tick_and_views_change_nothing() {
+fn recordings_without_look_ahead_verify() {
     let site = Site::new();
     record(&site, "views.mcap", &["--look-ahead", "false", "--set", "views.record=[\"odom\",\"map\",\"info\"]"]);
     let ended = verify(&site, "views.mcap", &["--controllers"]).with_code(0);
@@ -132,12 +138,12 @@ fn agents_that_are_asked_at_every_tick_and_views_change_nothing() {
     assert!(same.stdout.starts_with("the same run: "), "{same}");
 }
 
-/// Records a run of two; `leaves` is called before each answer of agent 1, counted from 1, with the flag that ends the run, and says
-/// whether that is its last one.
+/// Records a run of two agents. `leaves` is called before each command of agent 1, with its number
+/// from 1 and the flag that ends the run, and returns whether it is the agent's last one.
 fn ended_early(site: &Site, on_agent_loss: OnAgentLoss, leaves: fn(u32, &AtomicBool) -> bool) {
     let mut play = Play::of_two(20.0);
     play.scenario.faults.on_agent_loss = on_agent_loss;
-    // A recording does not say when an agent was lost that was asked out of turn.
+    // A recording does not hold when an agent was lost to which a speculative request was sent.
     play.scenario.execution.look_ahead = true;
     play.scenario.execution.decision_timeout_s = 1.0;
     play.record = Some(site.path("run.mcap"));
@@ -161,40 +167,41 @@ fn rbw(agent: AgentId) -> Box<dyn Controller> {
 }
 
 #[test]
-fn a_run_that_was_interrupted_holds() {
+fn interrupted_run_verifies() {
     let site = Site::new();
     ended_early(&site, OnAgentLoss::Abort, |answers, stop| {
         stop.store(answers >= 3, Ordering::Relaxed);
         answers >= 3
     });
     assert_eq!(site.recording("run.mcap").result().reason, "interrupted");
-    assert_holds(&site, "run.mcap", &[]);
+    assert_verifies(&site, "run.mcap", &[]);
 }
 
 #[test]
-fn a_run_whose_agent_was_lost_holds() {
+fn run_with_a_lost_agent_verifies() {
     let site = Site::new();
     for on_agent_loss in [OnAgentLoss::Abort, OnAgentLoss::Drop] {
         ended_early(&site, on_agent_loss, |answers, _| answers >= 3);
-        assert_holds(&site, "run.mcap", &[]);
+        assert_verifies(&site, "run.mcap", &[]);
     }
 }
 
-/// A server's end over which somebody pauses the run, puts one agent where it is, lets the run go on, and takes out the other.
-struct Meddler {
+/// A server's end that pauses the run, places one agent where it is, resumes the run, and removes
+/// the other agent.
+struct Intervening {
     inner: ServerEnd,
     requests: VecDeque<Request>,
     place: Rc<RefCell<Option<EntityState>>>,
 }
 
-impl Meddler {
+impl Intervening {
     fn state(&mut self, state: u8) {
         let request = SetSimulationStateRequest { state: SimulationState { state } };
         self.requests.push_back(Request::SetState(Ask { request, reply: Reply::new(|_| {}) }));
     }
 }
 
-impl AgentTransport for Meddler {
+impl AgentTransport for Intervening {
     fn announce(&mut self, scenario: &Scenario) {
         self.inner.announce(scenario);
     }
@@ -212,7 +219,7 @@ impl AgentTransport for Meddler {
     }
 }
 
-impl ObserverOutput for Meddler {
+impl ObserverOutput for Intervening {
     fn clock(&mut self, tick: Tick) {
         let entity = |agent: u32| EntityRequest { entity: format!("agent_{agent}") };
         match tick.0 {
@@ -238,7 +245,7 @@ impl ObserverOutput for Meddler {
     }
 }
 
-impl ControlInput for Meddler {
+impl ControlInput for Intervening {
     fn request(&mut self) -> Option<Request> {
         if let Some(state) = self.place.borrow_mut().take() {
             let entity = "agent_1".to_owned();
@@ -257,17 +264,17 @@ impl ControlInput for Meddler {
 }
 
 #[test]
-fn a_run_that_somebody_has_intervened_in_holds() {
+fn run_with_interventions_verifies() {
     let site = Site::new();
     let mut play = Play::of_two(6.0);
     play.record = Some(site.path("run.mcap"));
-    play.server_link = |inner| Box::new(Meddler { inner, requests: VecDeque::new(), place: Rc::default() });
+    play.server_link = |inner| Box::new(Intervening { inner, requests: VecDeque::new(), place: Rc::default() });
     let played = play.with(|end, ids, is_over| serve(end, &ids, rbw, || {}, is_over));
     assert_eq!(played.outcome().result.tick, 300);
     let interventions: Vec<Intervention> = site.recording("run.mcap").of("/sim/intervention");
     let done: Vec<_> = interventions.iter().map(|done| (done.tick, done.kind, done.agent)).collect();
     assert_eq!(done, [(100, Intervention::PLACE, 1), (150, Intervention::REMOVE, 0)]);
-    assert_holds(&site, "run.mcap", &[]);
+    assert_verifies(&site, "run.mcap", &[]);
     let ended = verify(&site, "run.mcap", &["--controllers"]).with_code(0);
     for agent in [0, 1] {
         let words = format!("not checked: agent {agent}: controller of: setting `the`: expected KEY=VALUE");
@@ -276,14 +283,14 @@ fn a_run_that_somebody_has_intervened_in_holds() {
 }
 
 #[test]
-fn an_observation_that_was_changed_is_named() {
+fn changed_observation_is_named() {
     let site = Site::new();
     record(&site, "run.mcap", &[]);
     let values = RefCell::new(BTreeMap::new());
-    let (bytes, tick) = change_one(&site.path("run.mcap"), "/agent_1/observation", |told: &mut Observation| {
-        values.borrow_mut().insert("now", told.position.x);
-        told.position.x += 0.25;
-        values.borrow_mut().insert("before", told.position.x);
+    let (bytes, tick) = change_one(&site.path("run.mcap"), "/agent_1/observation", |observation: &mut Observation| {
+        values.borrow_mut().insert("now", observation.position.x);
+        observation.position.x += 0.25;
+        values.borrow_mut().insert("before", observation.position.x);
     });
     site.file("changed.mcap", bytes);
     let reason = format!(
@@ -296,25 +303,24 @@ fn an_observation_that_was_changed_is_named() {
 }
 
 #[test]
-fn a_command_that_was_changed_is_found_by_what_comes_of_it_and_by_the_controllers() {
+fn changed_command_is_detected() {
     let site = Site::new();
     record(&site, "run.mcap", &[]);
-    let (bytes, tick) = change_one(&site.path("run.mcap"), "/agent_1/command", |said: &mut Command| {
-        said.info = "of somebody else".to_owned();
+    let (bytes, tick) = change_one(&site.path("run.mcap"), "/agent_1/command", |command: &mut Command| {
+        command.info = "changed".to_owned();
     });
     site.file("changed.mcap", bytes);
     let digest_tick = (tick / 50 + 1) * 50;
     let refused = verify(&site, "changed.mcap", &[]);
     let reason = format!("error: changed.mcap: tick {digest_tick}, /sim/digest: digest was ");
     assert!(refused.code == Some(1) && refused.stderr.starts_with(&reason), "{reason}\n{refused}");
-    let reason = format!(
-        "error: changed.mcap: tick {tick}, agent 1, /agent_1/command: info was \"of somebody else\" and is \"\""
-    );
+    let reason =
+        format!("error: changed.mcap: tick {tick}, agent 1, /agent_1/command: info was \"changed\" and is \"\"");
     assert_refused(&verify(&site, "changed.mcap", &["--controllers"]), &reason);
 }
 
 #[test]
-fn a_recording_that_is_cut_off_holds_up_to_there() {
+fn cut_recording_verifies_up_to_the_cut() {
     let site = Site::new();
     record(&site, "run.mcap", &[]);
     let whole = site.recording("run.mcap");
@@ -332,7 +338,7 @@ fn a_recording_that_is_cut_off_holds_up_to_there() {
 }
 
 #[test]
-fn what_is_no_recording_is_bad_input() {
+fn verify_refuses_other_files() {
     let site = Site::new();
     site.file("text.mcap", "not a recording");
     for name in ["text.mcap", "nowhere.mcap"] {
@@ -344,7 +350,7 @@ fn what_is_no_recording_is_bad_input() {
 }
 
 #[test]
-fn two_recordings_differ_where_they_do() {
+fn diff_names_the_first_difference() {
     let site = Site::new();
     record(&site, "run.mcap", &[]);
     record(&site, "again.mcap", &[]);
@@ -366,8 +372,8 @@ fn two_recordings_differ_where_they_do() {
     assert!(other.stdout.starts_with("their scenarios differ: agents.controller\n"), "{other}");
     assert!(other.stdout.contains("first difference: tick 0, /sim/scenario: controller\n"), "{other}");
 
-    let (bytes, tick) = change_one(&site.path("run.mcap"), "/agent_0/command", |said: &mut Command| {
-        said.want_view = !said.want_view;
+    let (bytes, tick) = change_one(&site.path("run.mcap"), "/agent_0/command", |command: &mut Command| {
+        command.want_view = !command.want_view;
     });
     site.file("changed.mcap", bytes);
     let other = diff(&site, "run.mcap", "changed.mcap").with_code(1);

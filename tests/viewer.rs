@@ -1,36 +1,41 @@
-//! The page: its own checks and tests, in a real browser against real runs and recordings, and the pictures that are taken with it.
+//! The viewer: its static checks and tests, in a real browser with real runs and recordings, and
+//! the snapshots and movies made with it.
 
 use std::process::Command;
 use std::sync::OnceLock;
 
+use crate::support::binaries;
 use crate::support::foxglove::Client;
 use crate::support::processes::{Process, signal};
 use crate::support::recordings::Recording;
 use crate::support::runs::{Site, text};
 use crate::support::{Slot, root};
 
-/// Wall time that packages may take to be fetched, and all tests of the page to run, as an argument of `timeout`.
-const PATIENCE: &str = "1200";
+/// Longest wall time for fetching packages, and for the tests of the viewer, seconds, for
+/// `timeout`.
+const LIMIT_S: &str = "3000";
 
-/// Builds the page, once.
+/// Builds the viewer, once.
 fn prepare() {
     static BUILT: OnceLock<()> = OnceLock::new();
     BUILT.get_or_init(|| {
-        let build = root().join("launch_scripts/view.sh");
-        done(Command::new("timeout").arg(PATIENCE).arg(build).args(["--build-only", "true"]));
+        let maes = binaries::folder().join("maes");
+        let view = ["view", "--build-only", "true"];
+        done(Command::new("timeout").arg(LIMIT_S).arg(maes).args(view).current_dir(root()));
     });
 }
 
-/// Carries out a command of npm in the folder of the page, alone, for browsers that draw in software leave nothing to others. Servers
-/// that it starts are in a ROS domain of their own.
+/// The output of an npm command in the folder of the viewer. No run is under way meanwhile, because
+/// browsers that draw in software use all cores. Servers that it starts have a ROS domain of their
+/// own.
 fn npm(arguments: &[&str]) -> String {
     prepare();
     let site = Site::new();
     let _slots = Slot::take_all();
-    done(site.command("timeout").args([PATIENCE, "npm"]).args(arguments).current_dir(root().join("viewer")))
+    done(site.command("timeout").args([LIMIT_S, "npm"]).args(arguments).current_dir(root().join("viewer")))
 }
 
-/// What a command prints that has to succeed.
+/// The output of a command that has to succeed.
 fn done(command: &mut Command) -> String {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
     let [printed, complaint] = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
@@ -39,22 +44,22 @@ fn done(command: &mut Command) -> String {
 }
 
 #[test]
-fn the_page_is_as_it_should_be_written() {
+fn viewer_passes_static_checks() {
     npm(&["run", "check"]);
 }
 
 #[test]
-fn the_parts_of_the_page_do_what_they_should() {
+fn viewer_unit_tests_pass() {
     npm(&["test"]);
 }
 
 #[test]
-fn the_page_does_what_it_should_in_a_browser() {
+fn viewer_browser_tests_pass() {
     let played = npm(&["run", "e2e"]);
     assert!(played.contains(" passed"), "{played}");
 }
 
-/// A recording to take pictures of.
+/// A recording for snapshots and movies.
 fn recording(site: &Site) -> std::path::PathBuf {
     let flags = ["--transport", "memory", "--agents", "2", "--size", "24", "--seed", "3", "--duration", "20"];
     let bytes = site.record(&[&flags[..], &["--set", "stop_when_explored=false"]].concat()).bytes;
@@ -62,12 +67,12 @@ fn recording(site: &Site) -> std::path::PathBuf {
 }
 
 #[test]
-fn a_picture_of_a_moment_is_the_same_every_time() {
+fn snapshots_are_reproducible() {
     prepare();
     let site = Site::new();
     let file = recording(&site);
     let snapshot = |arguments: &[&str]| {
-        let mut command = site.binary("sim_server");
+        let mut command = site.binary("maes");
         site.start(command.arg("snapshot").arg(&file).args(["--size", "320x200"]).args(arguments)).ended()
     };
     let taken = |at: &str, name: &str| {
@@ -92,12 +97,12 @@ fn a_picture_of_a_moment_is_the_same_every_time() {
 }
 
 #[test]
-fn a_movie_has_all_its_pictures() {
+fn movies_have_all_frames() {
     prepare();
     let site = Site::new();
     let file = recording(&site);
     let movie = |arguments: &[&str]| {
-        let mut command = site.binary("experiments");
+        let mut command = site.binary("maes");
         site.start(command.arg("movie").arg(&file).args(["--size", "160x120", "--fps", "5"]).args(arguments)).ended()
     };
     for name in ["run.mp4", "run.gif"] {
@@ -113,7 +118,7 @@ fn a_movie_has_all_its_pictures() {
 }
 
 #[test]
-fn the_script_starts_the_agents_of_what_is_started_on_the_page() {
+fn view_script_starts_agents_of_browser_runs() {
     prepare();
     let site = Site::new();
     let mut script = site.command(root().join("launch_scripts/view.sh"));
@@ -123,7 +128,7 @@ fn the_script_starts_the_agents_of_what_is_started_on_the_page() {
     let request = serde_json::json!({ "scenario": scenario }).to_string();
     client.call_raw("/sim_server/start_run", "json", request.as_bytes()).expect("it answers");
     let session = client.next_session();
-    assert_eq!(Recording::from_bytes(&client.journal(&session)).result().explored_by.len(), 3);
+    assert_eq!(Recording::from_bytes(&client.live_stream(&session)).result().explored_by.len(), 3);
     script.process().prints("digest: ");
     signal(script.process().pid(), "INT");
     script.ended().with_code(0);

@@ -96,21 +96,21 @@ fn contacts(agent: u32) -> Vec<Contact> {
 
 /// One exchange of all agents with all others; the bytes and messages sent.
 fn round(agents: &mut [Agent], now: Tick) -> (usize, usize) {
-    let (mut bytes, mut parcels) = (0, 0);
+    let (mut bytes, mut messages) = (0, 0);
     let mut posted = Vec::new();
     for (id, agent) in (0..).zip(&mut *agents) {
-        for parcel in agent.exchange(&contacts(id), now) {
-            assert_eq!(parcel.to, None, "all are told the same");
-            bytes += parcel.data.len();
-            parcels += 1;
-            posted.push(ReceivedMessage { from: AgentId(id), kind: parcel.kind, data: parcel.data });
+        for message in agent.exchange(&contacts(id), now) {
+            assert_eq!(message.to, None, "all messages are broadcasts");
+            bytes += message.data.len();
+            messages += 1;
+            posted.push(ReceivedMessage { from: AgentId(id), kind: message.kind, data: message.data });
         }
         agent.received.clear();
     }
     for (id, agent) in (0..).zip(agents) {
-        agent.received.extend(posted.iter().filter(|parcel| parcel.from != AgentId(id)).cloned());
+        agent.received.extend(posted.iter().filter(|message| message.from != AgentId(id)).cloned());
     }
-    (bytes, parcels)
+    (bytes, messages)
 }
 
 fn explore(agents: &mut [Agent], terrain: &Grid<Terrain>, places: &mut [Cell], directions: &[Vector3<f64>]) -> usize {
@@ -166,9 +166,9 @@ fn exchange(criterion: &mut Criterion) {
         let now = Tick(period * u64::from(DEFAULT_PERIOD_TICKS));
         if [1, 2, 4, 7].contains(&period) {
             let mut one = agents[0].clone();
-            let told = one.map.journal_len();
+            let known = one.map.journal_len();
             one.sharing.incoming(&mut one.map, &one.received);
-            let name = format!("period {period}, {} cells told to it", one.map.journal_len() - told);
+            let name = format!("period {period}, {} cells received", one.map.journal_len() - known);
             let contacts = contacts(0);
             group.bench_function(name, |bencher| {
                 let start = || agents[0].clone();
@@ -176,9 +176,10 @@ fn exchange(criterion: &mut Criterion) {
                 bencher.iter_batched_ref(start, routine, BatchSize::PerIteration);
             });
         }
-        let (bytes, parcels) = round(&mut agents, now);
+        let (bytes, messages) = round(&mut agents, now);
         println!(
-            "period {period}: {news} cells found, told in {bytes} bytes and {parcels} parcels; {:.1} bytes for 100 cells, as runs {:.1}: ratio {:.2}",
+            "period {period}: {news} cells found, sent in {bytes} bytes and {messages} messages; \
+             {:.1} bytes for 100 cells, as runs {:.1}: ratio {:.2}",
             100.0 * bytes as f64 / news as f64,
             100.0 * as_runs as f64 / news as f64,
             as_runs as f64 / bytes as f64,

@@ -214,8 +214,8 @@ impl Agent {
 
 /// Bytes left in a command for further messages.
 fn message_budget(command: &Command) -> usize {
-    let of_parcels = command.messages.iter().map(|message| message.data.len());
-    let sizes = of_parcels.chain(command.relays.iter().map(|order| order.data.len()));
+    let of_messages = command.messages.iter().map(|message| message.data.len());
+    let sizes = of_messages.chain(command.relays.iter().map(|order| order.data.len()));
     let (number, data) = sizes.fold((0, 0), |(number, data), size| (number + 1, data + size));
     let waypoints = if let Motion::Path(waypoints) = &command.motion { waypoints.len() } else { 0 };
     let lists = POINT_BYTES * waypoints + PARCEL_BYTES_BARE * number + data;

@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn legs_take_as_long_as_the_bodies_do() {
+    fn leg_times_match_the_simulated_bodies() {
         // Measured with the server's bodies, which lose up to a tenth of a second to whole ticks.
         for (body, length_m, turn_rad, expected_s) in [
             (BodyModel::SUBMARINE, 10.0, 0.0, 10.6),
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn every_agent_has_one_of_the_bodies() {
+    fn every_agent_has_a_body() {
         let small = BodyModel { radius_m: 0.1, ..BodyModel::SUBMARINE };
         let bodies = Bodies::new(vec![BodyModel::SUBMARINE, small], vec![0, 1]).unwrap();
         assert_eq!(bodies.of(AgentId(1)), &small);

@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn the_declaration_is_consistent() {
+    fn command_line_is_consistent() {
         use clap::CommandFactory;
         Cli::command().debug_assert();
     }

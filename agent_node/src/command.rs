@@ -177,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_shorter_way_ends_at_the_same_heading() {
+    fn shorter_turn_ends_at_the_same_heading() {
         for degrees in -720..=720 {
             let angle_rad = f64::from(degrees) * PI / 180.0;
             let Motion::Turn { angle_rad: shorter } = Motion::turn(angle_rad) else { panic!() };
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_text_for_people_is_cut_where_a_character_ends() {
+    fn info_is_cut_at_a_character_boundary() {
         let said = Command::keep(Trigger::NEXT_TICK).with_info("\u{e9}".repeat(INFO_BYTES_MAX));
         assert_eq!(said.info.len(), INFO_BYTES_MAX / 2 * 2);
         assert_eq!(Command::keep(Trigger::NEXT_TICK).with_info("short").info, "short");

@@ -50,6 +50,8 @@ pub trait Controller {
     }
 }
 
+type Construct = fn(&mut Settings, ChaCha8Rng) -> Result<Box<dyn Controller>, SettingError>;
+
 /// An entry of the registry.
 #[derive(Debug)]
 pub struct Registration {
@@ -60,7 +62,7 @@ pub struct Registration {
     /// The purpose of its random stream. Two purposes that are equal give equal random numbers.
     stream: &'static str,
     /// Takes its settings and builds the controller of one agent.
-    construct: fn(&mut Settings, ChaCha8Rng) -> Result<Box<dyn Controller>, SettingError>,
+    construct: Construct,
 }
 
 /// All controllers, in the order in which they are listed everywhere.
@@ -109,13 +111,13 @@ pub const REGISTRY: &[Registration] = &[
     },
     Registration {
         name: "nearest-frontier",
-        description: "nearest frontier: by the shortest path to the nearest frontier of its map",
+        description: "greedy exploration: by the shortest path to the nearest frontier of its map",
         stream: "nearest-frontier",
         construct: |settings, rng| Ok(Box::new(nearest_frontier::NearestFrontier::new(settings, rng)?)),
     },
     Registration {
         name: "boustrophedon",
-        description: "boustrophedon coverage: sweeps the free space in straight lines until every cell is covered",
+        description: "coverage: sweeps the free space in straight lines until every cell is covered",
         stream: "boustrophedon",
         construct: |settings, rng| Ok(Box::new(boustrophedon::Boustrophedon::new(settings, rng)?)),
     },
@@ -221,6 +223,9 @@ fn build_with_settings(
 
 #[cfg(test)]
 mod tests {
+    use std::fmt::Write;
+    use std::path::Path;
+
     use super::*;
 
     #[test]
@@ -243,7 +248,8 @@ mod tests {
         assert_eq!(refused("astar", &[]), format!("controller astar: unknown; known are {known}"));
         assert_eq!(
             refused("rbw", &["speed=1".to_owned()]),
-            "controller rbw: setting `speed`: unknown; known are pitch_min_rad, pitch_max_rad, turn_min_rad, turn_max_rad"
+            "controller rbw: setting `speed`: unknown; \
+             known are pitch_min_rad, pitch_max_rad, turn_min_rad, turn_max_rad"
         );
         assert!(refused("rbw", &["turn_mim_rad=1".to_owned()]).ends_with("; did you mean `turn_min_rad`?"));
         assert_eq!(
@@ -256,11 +262,47 @@ mod tests {
         );
     }
 
-    #[test]
-    fn docs_list_every_controller_with_its_description() {
-        let page = include_str!("../../docs/controllers.md");
-        for Registration { name, description, .. } in REGISTRY {
-            assert!(page.contains(&format!("| `{name}` | {description} |")), "docs/controllers.md: {name}");
+    /// Fails unless a file holds what follows from the registry, or writes it with the environment
+    /// variable `UPDATE_DOCS`: `UPDATE_DOCS=1 cargo test --release -p agent_node
+    /// controllers::tests`.
+    fn publish(file: &str, expected: impl FnOnce(&str) -> String) {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(file);
+        let present = std::fs::read_to_string(&path).unwrap_or_default();
+        let expected = expected(&present);
+        if std::env::var_os("UPDATE_DOCS").is_some() {
+            std::fs::write(&path, expected).unwrap();
+        } else {
+            assert!(present == expected, "{file} does not match the registry: run the tests with UPDATE_DOCS=1");
         }
+    }
+
+    #[test]
+    fn document_lists_the_registry() {
+        publish("docs/controllers.md", |page| {
+            let (before, rest) = page.split_once("<!-- generated: controllers -->\n").unwrap();
+            let (_, after) = rest.split_once("<!-- end of generated -->").unwrap();
+            let mut table = "| name | what it does | settings |\n|---|---|---|\n".to_owned();
+            for registration in REGISTRY {
+                let keys: Vec<String> =
+                    registration.settings().iter().map(|setting| format!("`{}`", setting.key)).collect();
+                let keys = if keys.is_empty() { "none".to_owned() } else { keys.join(", ") };
+                let Registration { name, description, .. } = registration;
+                writeln!(table, "| `{name}` | {description} | {keys} |").unwrap();
+            }
+            format!("{before}<!-- generated: controllers -->\n{table}<!-- end of generated -->{after}")
+        });
+    }
+
+    #[test]
+    fn start_form_of_the_page_lists_the_registry() {
+        publish("viewer/src/app/controllers.json", |_| {
+            let entries = REGISTRY.iter().map(|registration| {
+                let Registration { name, description, .. } = registration;
+                let title = description.split_once(':').map_or(*description, |(title, _)| title);
+                let searches = registration.settings().iter().any(|setting| setting.key == "search_time");
+                format!("  {{ \"value\": \"{name}\", \"label\": \"{name} - {title}\", \"searches\": {searches} }}")
+            });
+            format!("[\n{}\n]\n", entries.collect::<Vec<_>>().join(",\n"))
+        });
     }
 }

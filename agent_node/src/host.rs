@@ -80,7 +80,7 @@ pub enum RunError {
         reason: String,
     },
     /// The server is silent.
-    #[error("the server of run {run:016x} has said nothing for {seconds} s; it seems to be gone")]
+    #[error("the server of run {run:016x} has been silent for {seconds} s; it seems to be gone")]
     ServerSilent {
         /// Id of the run.
         run: u64,
@@ -88,9 +88,7 @@ pub enum RunError {
         seconds: f64,
     },
     /// The server is silent, and another run has been announced.
-    #[error(
-        "a server has announced run {other:016x}, and that of run {run:016x}, which was joined, has not ended it and is silent"
-    )]
+    #[error("the server of run {run:016x} is silent and has not ended it, and run {other:016x} has been announced")]
     Superseded {
         /// Id of the joined run.
         run: u64,
@@ -428,7 +426,7 @@ mod tests {
     }
 
     #[test]
-    fn what_another_run_says_has_no_effect() {
+    fn messages_of_another_run_are_ignored() {
         let refusal = JoinReply { run: OTHER, instance: 3, ..JoinReply::default() };
         let mut server = Server::saying(
             vec![
@@ -453,7 +451,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_begins_again_is_joined_again() {
+    fn reset_run_is_joined_again() {
         let mut server = Server::saying(
             vec![
                 scenario(OURS),
@@ -478,7 +476,7 @@ mod tests {
     }
 
     #[test]
-    fn a_server_that_is_gone_is_not_waited_for() {
+    fn silent_server_ends_the_process() {
         let mut server = Server::saying(vec![scenario(OURS), observation(OURS, Part::RUNNING)], 1);
         let error = server.runs().unwrap_err();
         assert!(matches!(error, RunError::ServerSilent { run: OURS, .. }), "{error}");

@@ -58,7 +58,7 @@ mod serve {
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register(signal, Arc::clone(&stop))?;
         }
-        ros_node::stopped::end_when_continued()?;
+        ros_node::suspension::exit_on_continue()?;
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
         let mut transport = RosTransport::new(&cli.id.0, cli.has_parameters(), &env)?;
         let options = Options {

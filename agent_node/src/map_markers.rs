@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn what_changes_is_shown_and_nothing_else() {
+    fn only_changes_are_published() {
         // Two blocks along x: cells 0 to 12, and 13 to 19.
         let extent = Extent::new([20, 1, 1], 0.5).unwrap();
         let mut map = ExplorationMap::new(extent);

@@ -44,7 +44,7 @@ mod tests {
     use crate::controllers;
 
     #[test]
-    fn every_setting_of_every_controller_is_a_parameter_with_its_range() {
+    fn every_setting_is_a_parameter_with_its_range() {
         for name in controllers::NAMES {
             let settings = controllers::resolve_settings(name, &[]).unwrap();
             let parameters = of_controller(name, &settings);

@@ -17,10 +17,12 @@ use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
 use msgs::parameters::{Named, Parameter};
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
-use ros_node::audience::Audience;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
-use ros_node::{Inbox, Outlet, RosError, Sample, SharedParameters, Tally, Workshop, linger, now};
+use ros_node::{
+    EndpointFactory, Inbox, Publisher, RosError, Sample, SharedParameters, SubscriptionTracker, ThrottledWarning,
+    linger, now,
+};
 use ros2_client::{Context, Node};
 
 use crate::parameters;
@@ -31,9 +33,9 @@ pub struct RosTransport {
     /// Messages, and `None` for those handled already.
     inbox: Inbox<Result<Option<Inbound>, String>>,
     agents: Vec<AgentEndpoints>,
-    ignored: Tally,
+    ignored: ThrottledWarning,
     /// The subscriptions to the maps, by agent.
-    audience: Audience,
+    subscriptions: SubscriptionTracker,
     observers: BTreeMap<AgentId, u64>,
     context: Context,
 }
@@ -41,9 +43,9 @@ pub struct RosTransport {
 /// The node of an agent with its publishers.
 struct AgentEndpoints {
     agent: AgentId,
-    join: Outlet<Join>,
-    command: Outlet<Command>,
-    belief: Outlet<Marker>,
+    join: Publisher<Join>,
+    command: Publisher<Command>,
+    belief: Publisher<Marker>,
     rosout: Rosout,
     parameters: SharedParameters,
     node: Node,
@@ -59,7 +61,7 @@ impl RosTransport {
         let share = if has_parameters { 4 } else { 1 };
         ros_node::allow_open_files(u32::try_from(ids.len() * share).unwrap_or(u32::MAX))?;
         let context = ros_node::join(env, false)?;
-        let mut workshop = Workshop::of(&context);
+        let mut workshop = EndpointFactory::new(&context);
         let mut inbox = Inbox::default();
         let mut agents = Vec::new();
         let server = Server::default();
@@ -68,7 +70,7 @@ impl RosTransport {
             let mut node = ros_node::node(&context, &name)?;
             if agents.is_empty() {
                 let found = server.clone();
-                workshop.inlet(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
+                workshop.subscribe(&mut node, &topics::scenario(), &mut inbox, move |sample: Sample<Scenario>| {
                     let source = sample.source;
                     // A replayed recording has no server.
                     let mut scenario = message(sample)?;
@@ -82,17 +84,20 @@ impl RosTransport {
                     Ok(Some(Inbound::Scenario(scenario)))
                 })?;
                 let server = server.clone();
-                workshop.inlet(&mut node, &topics::join_reply(), &mut inbox, move |sample: Sample<JoinReply>| {
-                    server.message(sample).map(Inbound::JoinReply).map(Some)
-                })?;
+                workshop.subscribe(
+                    &mut node,
+                    &topics::join_reply(),
+                    &mut inbox,
+                    move |sample: Sample<JoinReply>| server.message(sample).map(Inbound::JoinReply).map(Some),
+                )?;
             }
             let server = server.clone();
-            workshop.inlet(&mut node, &topics::observation(agent), &mut inbox, move |sample| {
+            workshop.subscribe(&mut node, &topics::observation(agent), &mut inbox, move |sample| {
                 observation(agent, server.message(sample)?).map(Inbound::Observation).map(Some)
             })?;
-            let join = workshop.outlet(&mut node, &topics::join(agent))?;
-            let command = workshop.outlet(&mut node, &topics::command(agent))?;
-            let belief = workshop.outlet(&mut node, &topics::belief(agent))?;
+            let join = workshop.publisher(&mut node, &topics::join(agent))?;
+            let command = workshop.publisher(&mut node, &topics::command(agent))?;
+            let belief = workshop.publisher(&mut node, &topics::belief(agent))?;
             let rosout = Rosout::new(&mut workshop, &mut node, &name)?;
             let parameters = SharedParameters::default();
             parameters.borrow_mut().declare(parameters::of_agent(agent));
@@ -107,9 +112,9 @@ impl RosTransport {
             agents.push(AgentEndpoints { agent, join, command, belief, rosout, parameters, node });
         }
         let map_topics: Vec<_> = ids.iter().map(|&agent| topics::belief(agent)).collect();
-        let audience = Audience::new(&map_topics);
-        let ignored = Tally::new("message ignored".to_owned());
-        Ok(RosTransport { inbox, agents, ignored, audience, observers: BTreeMap::new(), context })
+        let subscriptions = SubscriptionTracker::new(&map_topics);
+        let ignored = ThrottledWarning::new("message ignored".to_owned());
+        Ok(RosTransport { inbox, agents, ignored, subscriptions, observers: BTreeMap::new(), context })
     }
 
     fn endpoints(&mut self, agent: AgentId) -> Option<&mut AgentEndpoints> {
@@ -131,10 +136,10 @@ impl ServerTransport for RosTransport {
     }
 
     fn observers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
-        if self.audience.look(&self.context) {
+        if self.subscriptions.poll(&self.context) {
             let numbered = self.agents.iter().enumerate();
             self.observers = numbered
-                .filter_map(|(number, endpoints)| Some((endpoints.agent, self.audience.arrivals(number)?)))
+                .filter_map(|(number, endpoints)| Some((endpoints.agent, self.subscriptions.arrivals(number)?)))
                 .collect();
         }
         (!self.observers.is_empty()).then_some(&self.observers)
@@ -148,7 +153,7 @@ impl ServerTransport for RosTransport {
 
     fn log(&mut self, agent: AgentId, level: Level, text: &str) {
         if let Some(endpoints) = self.endpoints(agent) {
-            endpoints.rosout.say(&mut endpoints.node, level, text);
+            endpoints.rosout.log(&mut endpoints.node, level, text);
         }
     }
 
@@ -205,7 +210,7 @@ impl Server {
     fn message<M>(&self, sample: Sample<M>) -> Result<M, String> {
         let source = sample.source;
         if !self.may_be(source) {
-            return Err(format!("participant {source:02x?} is not the server, whose words these would be"));
+            return Err(format!("participant {source:02x?} is not the server of this run"));
         }
         message(sample)
     }

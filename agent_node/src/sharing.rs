@@ -248,7 +248,7 @@ impl Sharing {
                     receivers.iter().for_each(|&receiver| send(Some(receiver), data.clone()));
                 }
             }
-            self.told(contacts, end);
+            self.record_sent(contacts, end);
         }
         messages
     }
@@ -348,7 +348,7 @@ impl Sharing {
     }
 
     /// Records that the contacts have been sent everything before this position.
-    fn told(&mut self, contacts: &[Contact], end: usize) {
+    fn record_sent(&mut self, contacts: &[Contact], end: usize) {
         let bytes_max = INBOX_BYTES / (2 * self.agents.max(1) as usize);
         for contact in contacts {
             let peer = self.peers.entry(contact.agent).or_default();

@@ -58,7 +58,7 @@ mod tests {
     use msgs::ids::AgentId;
 
     #[test]
-    fn times_every_decision_and_changes_none() {
+    fn decisions_are_timed_and_unchanged() {
         let times = DecisionTimes::default();
         let walk = || build("rbw", &[], AgentId(0), 7).unwrap();
         let (mut plain, mut timed) = (walk(), times.of(walk()));

@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn a_team_without_bodies_is_an_error() {
+    fn inconsistent_bodies_are_refused() {
         let refused = |bodies: &[u8], body_of: &[u8]| {
             let bodies = bodies.iter().map(|&kind| maes_msgs::Body { kind, ..Default::default() }).collect();
             let (size, body_of) = ([4, 4, 4], body_of.to_vec());
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_fit_together_in_any_order_and_twice() {
+    fn fragments_reassemble_in_any_order_and_repeated() {
         let mut reassembler = FragmentReassembler::default();
         let run = run();
         assert_eq!(reassembler.take(part(5, 1, 3, 10), &run), Ok(None));
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_tick_drops_what_was_incomplete() {
+    fn new_tick_drops_incomplete_fragments() {
         let mut reassembler = FragmentReassembler::default();
         let run = run();
         assert_eq!(reassembler.take(part(5, 0, 2, 0), &run), Ok(None));
@@ -367,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_an_error() {
+    fn inconsistent_fragments_and_cells_are_refused() {
         let run = run();
         assert!(matches!(FragmentReassembler::default().take(part(5, 1, 1, 0), &run), Err(WireError::Part { .. })));
         assert!(matches!(FragmentReassembler::default().take(part(5, 0, 1, 63), &run), Err(WireError::Cells { .. })));
@@ -376,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_an_error() {
+    fn illegal_values_are_refused() {
         let refused = |change: &dyn Fn(&mut Part)| {
             let mut wrong = part(5, 0, 1, 0);
             change(&mut wrong);
@@ -411,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_agree_on_how_many_they_are() {
+    fn fragments_must_agree_on_their_count() {
         let mut reassembler = FragmentReassembler::default();
         assert_eq!(reassembler.take(part(5, 1, 2, 10), &run()), Ok(None));
         assert_eq!(

@@ -1,74 +1,67 @@
-//! Jobs that carry out a plan on a cluster: a job array for Slurm, an indexed job for Kubernetes.
+//! Job files that run a plan on a cluster: a job array for Slurm, an indexed job for Kubernetes.
 //!
-//! Each takes a part of the plan and writes into one shared folder, so that nothing has to be brought together in the end; the
-//! last one to end leaves the tables of all. This module submits nothing.
+//! Each job runs a part of the plan and writes into one shared folder, so no merge is needed; the
+//! job that ends last writes the tables of all. This module submits nothing.
 
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use thiserror::Error;
 
 use crate::plan::Plan;
 use crate::store::{PLAN, Store, StoreError};
 
-/// What runs the jobs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum System {
-    /// A job array for Slurm: sbatch plan.slurm.sh
+/// The workload manager of a cluster.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scheduler {
+    /// Slurm: a job array, submitted with `sbatch plan.slurm.sh`.
     Slurm,
-    /// An indexed job for Kubernetes: kubectl apply -f plan.k8s.yaml
+    /// Kubernetes: an indexed job, submitted with `kubectl apply -f plan.k8s.yaml`.
     K8s,
 }
 
-/// Why a job cannot be written.
 #[derive(Debug, Error)]
 pub enum EmitError {
-    /// The folder cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The folder has no place that others could look for.
+    /// The folder has no absolute path.
     #[error("{folder}: {source}")]
-    Place {
-        /// Which.
-        folder: String,
-        /// What the system says.
-        source: std::io::Error,
-    },
+    Place { folder: String, source: std::io::Error },
 }
 
-/// Writes the plan and a job of so many parts into a folder; returns the file of the job.
+/// Writes the plan and a job file with so many parts into a folder; returns the path of the job
+/// file.
 ///
 /// # Errors
 /// If the folder cannot be used.
-pub fn emit(plan: &Plan, folder: &Path, system: System, parts: NonZero<usize>) -> Result<PathBuf, EmitError> {
+pub fn emit(plan: &Plan, folder: &Path, scheduler: Scheduler, parts: NonZero<usize>) -> Result<PathBuf, EmitError> {
     let store = Store::create(folder)?;
     store.write(PLAN, plan.text.as_bytes())?;
     let place = std::fs::canonicalize(folder)
         .map_err(|source| EmitError::Place { folder: folder.display().to_string(), source })?;
     let parts = parts.get().min(plan.runs.len());
-    let (name, text) = match system {
-        System::Slurm => ("plan.slurm.sh", slurm(&place, parts)),
-        System::K8s => ("plan.k8s.yaml", k8s(parts)),
+    let (name, text) = match scheduler {
+        Scheduler::Slurm => ("plan.slurm.sh", slurm(&place, parts)),
+        Scheduler::K8s => ("plan.k8s.yaml", k8s(parts)),
     };
     Ok(store.write(name, text.as_bytes())?)
 }
 
-/// A part is computed on one core, because a cluster has more parts than cores.
+/// One core per part: a plan has more parts than a cluster has cores to spare.
 fn slurm(folder: &Path, parts: usize) -> String {
     let quoted = format!("'{}'", folder.display().to_string().replace('\'', r"'\''"));
     format!(
         r#"#!/usr/bin/env bash
-# Carries out the plan in this folder: sbatch plan.slurm.sh
-# The folder has to be shared by all nodes. `experiments` is looked for in MAES_BIN_DIR, or else in PATH. To go on after a job that
-# was ended early, submit it again: runs that are done are not made again.
+# Runs the plan in this folder: sbatch plan.slurm.sh
+# The folder has to be shared by all nodes. `maes` is looked for in MAES_BIN_DIR, or else in PATH. To
+# continue after a job that was ended early, submit it again: runs that are done are skipped.
 #SBATCH --job-name=maes
 #SBATCH --array=0-{last}
 #SBATCH --cpus-per-task=1
 #SBATCH --mem-per-cpu=4G
 set -eu
 folder={quoted}
-exec "${{MAES_BIN_DIR:+$MAES_BIN_DIR/}}experiments" run "$folder/{PLAN}" --out "$folder" --jobs 1 --part "$SLURM_ARRAY_TASK_ID/{parts}"
+exec "${{MAES_BIN_DIR:+$MAES_BIN_DIR/}}maes" batch "$folder/{PLAN}" --out "$folder" --jobs 1 --part "$SLURM_ARRAY_TASK_ID/{parts}"
 "#,
         last = parts - 1
     )
@@ -76,9 +69,10 @@ exec "${{MAES_BIN_DIR:+$MAES_BIN_DIR/}}experiments" run "$folder/{PLAN}" --out "
 
 fn k8s(parts: usize) -> String {
     format!(
-        r#"# Carries out the plan in this folder: kubectl apply -f plan.k8s.yaml
-# IMAGE: any that has the binary `experiments` in its PATH. CLAIM: a volume that many pods may write to and that holds this folder
-# at its root. To go on after a job that was ended early, delete the job and apply it again: runs that are done are kept.
+        r#"# Runs the plan in this folder: kubectl apply -f plan.k8s.yaml
+# IMAGE: any that has the binary `maes` in its PATH. CLAIM: a volume that many pods may write to and
+# that holds this folder at its root. To continue after a job that was ended early, delete the job
+# and apply it again: runs that are done are kept.
 apiVersion: batch/v1
 kind: Job
 metadata:
@@ -92,9 +86,9 @@ spec:
     spec:
       restartPolicy: Never
       containers:
-        - name: experiments
+        - name: maes
           image: IMAGE
-          command: ["sh", "-c", "exec experiments run /plan/{PLAN} --out /plan --jobs 1 --part $JOB_COMPLETION_INDEX/{parts}"]
+          command: ["sh", "-c", "exec maes batch /plan/{PLAN} --out /plan --jobs 1 --part $JOB_COMPLETION_INDEX/{parts}"]
           resources:
             requests: {{cpu: "1", memory: 4Gi}}
             limits: {{memory: 4Gi}}

@@ -1,44 +1,41 @@
-//! What two recordings do not have in common: a key of their scenarios, and the first message.
+//! The first difference of two recordings: a key of their scenarios, and a message.
 //!
-//! Invariant: two recordings of one run are the same whatever they were called, whoever looked on and whoever disturbed.
+//! Invariant: two recordings of one run compare as the same run whatever their file names,
+//! observers and disturbances were.
 //!
-//! This module reads no file and prints nothing.
+//! This module reads no file.
 
 use sim_server::comparison::{Comparison, Difference};
 use sim_server::difference::Field;
-use sim_server::recording::{End, Recording};
+use sim_server::recording::{End, Recording, SCENARIO_ATTACHMENT};
 use sim_server::session::Checker;
-use sim_server::setup::SCENARIO_ATTACHMENT;
 
-/// What was found about two recordings.
+/// The comparison of two recordings.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Verdict {
-    /// Whether the files are the same, byte for byte.
+    /// Whether the files are equal, byte for byte.
     pub same_bytes: bool,
     /// The first key of the scenarios that differs.
     pub scenario: Option<Field>,
-    /// Whether everything else that they hold beside messages is the same: the map.
+    /// Whether all attachments except the scenario are equal: the map.
     pub same_documents: bool,
-    /// How many messages are the same, from the start on.
+    /// Number of equal messages, from the start on.
     pub messages: u64,
-    /// What there is to say about the messages.
-    pub said: Said,
-    /// The first counter of refusals that differs.
+    pub outcome: MessageOutcome,
+    /// The first refusal counter that differs; it is not part of the run.
     pub refusals: Option<Field>,
 }
 
-/// What was found about the messages of two recordings.
+/// The comparison of the messages of two recordings.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Said {
-    /// They are the same.
+pub enum MessageOutcome {
     Same,
-    /// The first one that is not.
+    /// The first difference.
     Different(Box<Difference>),
-    /// They are the same as far as a recording goes that has no end.
+    /// One recording is incomplete, and equal to the other up to its end.
     Shorter {
-        /// Whether it is the first one.
+        /// Whether the incomplete one is the first.
         is_first: bool,
-        /// How it ends.
         end: End,
     },
 }
@@ -47,7 +44,7 @@ impl Verdict {
     /// Whether they are recordings of the same run.
     #[must_use]
     pub fn is_same_run(&self) -> bool {
-        self.said == Said::Same && self.scenario.is_none() && self.same_documents
+        self.outcome == MessageOutcome::Same && self.scenario.is_none() && self.same_documents
     }
 }
 
@@ -64,14 +61,14 @@ pub fn diff(first: &Recording, second: &Recording) -> Verdict {
     if !comparison.is_done() {
         comparison.end();
     }
-    let said = match comparison.difference() {
-        None if is_first_shorter => Said::Shorter { is_first: true, end: end_of(first) },
-        None => Said::Same,
-        // All of the second one is in the first, which has more.
+    let outcome = match comparison.difference() {
+        None if is_first_shorter => MessageOutcome::Shorter { is_first: true, end: end_of(first) },
+        None => MessageOutcome::Same,
+        // The second one is a prefix of the first.
         Some(difference) if second_end != End::Whole && difference.is_lack() => {
-            Said::Shorter { is_first: false, end: second_end }
+            MessageOutcome::Shorter { is_first: false, end: second_end }
         }
-        Some(difference) => Said::Different(Box::new(difference.clone())),
+        Some(difference) => MessageOutcome::Different(Box::new(difference.clone())),
     };
     let rest = |recording: &Recording| {
         let mut documents = recording.attachments().clone();
@@ -83,7 +80,7 @@ pub fn diff(first: &Recording, second: &Recording) -> Verdict {
         scenario: scenarios(&first.scenario(), &second.scenario()),
         same_documents: rest(first) == rest(second),
         messages: comparison.compared(),
-        said,
+        outcome,
         refusals: comparison.refusals().cloned(),
     }
 }
@@ -94,7 +91,7 @@ fn end_of(recording: &Recording) -> End {
     messages.end().cloned().unwrap_or(End::Missing)
 }
 
-/// The first key of two scenarios that differs, if one does.
+/// The first key of two scenarios that differs.
 fn scenarios(first: &str, second: &str) -> Option<Field> {
     if first == second {
         return None;
@@ -124,7 +121,7 @@ fn key(name: &str, first: Option<&toml::Value>, second: Option<&toml::Value>) ->
     Some(Field { name: name.to_owned(), before: words(first), now: words(second) })
 }
 
-/// What people are told of two recordings.
+/// The comparison as text for people.
 #[must_use]
 pub fn text(verdict: &Verdict, first: &Recording, second: &Recording) -> String {
     let Verdict { messages, .. } = verdict;
@@ -137,24 +134,30 @@ pub fn text(verdict: &Verdict, first: &Recording, second: &Recording) -> String 
     if !verdict.same_documents {
         lines.push("their maps differ".to_owned());
     }
-    match &verdict.said {
-        Said::Different(difference) => {
+    match &verdict.outcome {
+        MessageOutcome::Different(difference) => {
             let place = difference.place();
             let name = &difference.field.name;
             lines.push(format!("first difference: {place}: {name}\n{}", values(&difference.field)));
         }
-        Said::Shorter { is_first, end } => {
+        MessageOutcome::Shorter { is_first, end } => {
             let shorter = if *is_first { one } else { two };
             lines.push(format!("the same as far as {shorter} goes, {messages} messages; it is {end}"));
         }
-        Said::Same if verdict.same_bytes => lines.push(format!("the same run: the same bytes, {messages} messages")),
-        Said::Same if verdict.scenario.is_none() && verdict.same_documents => {
+        MessageOutcome::Same if verdict.same_bytes => {
+            lines.push(format!("the same run: the same bytes, {messages} messages"))
+        }
+        MessageOutcome::Same if verdict.scenario.is_none() && verdict.same_documents => {
             lines.push(format!("the same run: {messages} messages are the same"));
         }
-        Said::Same => lines.push(format!("{messages} messages are the same")),
+        MessageOutcome::Same => lines.push(format!("{messages} messages are the same")),
     }
     if let Some(field) = &verdict.refusals {
-        lines.push(format!("what was refused differs, which is not of the run: {}\n{}", field.name, values(field)));
+        lines.push(format!(
+            "the refusal counters differ, which are not part of the run: {}\n{}",
+            field.name,
+            values(field)
+        ));
     }
     lines.join("\n")
 }
@@ -168,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_key_of_a_scenario_that_differs_is_named() {
+    fn first_differing_key_is_named() {
         let text = "seed = 7\n[agents]\ncount = 3\n[agents.set]\nx = 1\n";
         assert_eq!(named(text, text), None);
         assert_eq!(named(text, &text.replace('3', "4")).unwrap(), "agents.count was 3 and is 4");

@@ -1,9 +1,8 @@
-//! Carries out what is left of a plan, several runs at a time.
+//! Execution of a plan: its runs without a record, several in parallel.
 //!
-//! A run that is done is a file in the folder, so a plan goes on where it was ended, however that was. Wall time decides nothing
-//! but what people are shown.
+//! A completed run is a file in the folder, so an execution that was stopped or killed resumes with
+//! the runs that are missing. No result depends on wall time.
 
-mod display;
 mod memory;
 mod ros;
 
@@ -17,110 +16,120 @@ use std::thread;
 use thiserror::Error;
 
 use crate::plan::{BUILD, Plan, PlannedRun};
-use crate::rows::RunRecord;
+use crate::rows::{RunRecord, RunRow};
 use crate::store::{PLAN, Store, StoreError};
-
-use display::Display;
 
 pub use ros::Launcher;
 
-/// How messages go between a server and its agents.
+/// The transport between a server and its agents.
 #[derive(Debug, Clone)]
 pub enum Transport {
-    /// In this process.
+    /// All in this process.
     Memory,
-    /// Over ROS 2, in a process for each.
+    /// Over ROS 2, with a process for the server and for each agent.
     Ros2(Launcher),
 }
 
-/// A part of a plan: of so many parts, which one.
+/// A part of a plan: every `parts`-th run, beginning with run `index`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Part {
-    /// From 0.
     pub index: usize,
-    /// How many there are.
     pub parts: NonZero<usize>,
 }
 
 impl Part {
-    /// The whole plan.
     pub const WHOLE: Self = Self { index: 0, parts: NonZero::<usize>::MIN };
 }
 
-/// How a plan is carried out.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// How many runs at a time.
+    /// Number of runs in parallel.
     pub jobs: NonZero<usize>,
-    /// Over what.
     pub transport: Transport,
-    /// Which part of it.
     pub part: Part,
-    /// Whether runs in the folder that are not of this plan and build are taken out. Otherwise they are an error.
+    /// Whether to remove runs from the folder that are not of this plan and build. Otherwise they
+    /// are an error.
     pub prune: bool,
 }
 
-/// What ends the carrying out of a plan early.
+/// Requests to end an execution early.
 #[derive(Debug, Default)]
 pub struct Stop {
-    /// No new run is begun.
+    /// No further run is started.
     pub soon: AtomicBool,
-    /// Runs in flight are given up, too.
+    /// Runs in progress are abandoned as well.
     pub at_once: AtomicBool,
 }
 
 /// Why a run has no record.
 #[derive(Debug, Error)]
 pub enum RunFailure {
-    /// It was given up, because [`Stop::at_once`] was set.
+    /// [`Stop::at_once`] was set.
     #[error("interrupted")]
     Interrupted,
-    /// It cannot be set up or carried out.
+    /// It cannot be set up, or fails.
     #[error("{0}")]
     Failed(String),
 }
 
-/// Why a plan cannot be carried out.
+/// Why a plan cannot be executed.
 #[derive(Debug, Error)]
 pub enum ExecuteError {
-    /// The folder cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The folder has other runs.
+    /// The folder holds runs of another plan or build.
     #[error(
-        "{folder}: holds {count} runs that are not of this plan and this build ({BUILD}), such as {example}: choose another \
-         folder, or take them out with --prune"
+        "{folder}: holds {count} runs that are not of this plan and this build ({BUILD}), such as {example}: choose \
+         another folder, or remove them with --prune"
     )]
     OtherRuns {
-        /// Which.
         folder: String,
-        /// How many.
         count: usize,
-        /// The id of one.
+        /// The id of one of them.
         example: String,
     },
 }
 
-/// What became of a plan.
+/// Counts of the runs of an execution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Summary {
-    /// Runs that were there already.
+    /// Runs that had a record before.
     pub skipped: usize,
-    /// Runs that were carried out.
+    /// Runs that got a record.
     pub done: usize,
-    /// Runs that failed.
     pub failed: usize,
-    /// Runs that were not begun or not ended.
+    /// Runs that were not started, or were abandoned.
     pub left: usize,
 }
 
-/// Carries out a plan in a folder, and makes its tables.
+/// Receives the progress of an execution, in the thread that has called [`execute`].
+pub trait PlanObserver {
+    /// Before the first run. `pending` are those of `runs` that have no record.
+    fn started(&mut self, _runs: &[&PlannedRun], _pending: &[&PlannedRun]) {}
+    /// A run has got its record.
+    fn completed(&mut self, _run: &PlannedRun, _row: &RunRow) {}
+    /// A run has failed, for a reason of one line.
+    fn failed(&mut self, _run: &PlannedRun, _reason: &str) {}
+    /// After the last run, also if the execution fails.
+    fn ended(&mut self) {}
+}
+
+/// Observes nothing.
+impl PlanObserver for () {}
+
+/// Executes a plan in a folder, and writes its tables.
 ///
-/// A run that fails is reported on stderr and left out; the others go on.
+/// A run that fails is reported to `observer` and gets no record; the other runs continue.
 ///
 /// # Errors
 /// If the folder cannot be used.
-pub fn execute(plan: &Plan, folder: PathBuf, options: &Options, stop: &Stop) -> Result<Summary, ExecuteError> {
+pub fn execute(
+    plan: &Plan,
+    folder: PathBuf,
+    options: &Options,
+    observer: &mut dyn PlanObserver,
+    stop: &Stop,
+) -> Result<Summary, ExecuteError> {
     let store = Store::create(&folder)?;
     let done = store.done()?;
     prune(plan, &store, &done, options.prune)?;
@@ -129,34 +138,34 @@ pub fn execute(plan: &Plan, folder: PathBuf, options: &Options, stop: &Stop) -> 
     let mine: Vec<&PlannedRun> = plan.runs.iter().skip(index).step_by(parts.get()).collect();
     let todo: Vec<&PlannedRun> = mine.iter().copied().filter(|run| !done.contains(&run.id)).collect();
     let mut summary = Summary { skipped: mine.len() - todo.len(), ..Summary::default() };
-    let mut display = Display::new(&mine, &todo);
-    let carried_out = each(&todo, options, stop, |run, record| {
+    observer.started(&mine, &todo);
+    let executed = each(&todo, options, stop, |run, record| {
         match record {
             Ok(record) => {
-                store.keep(&record)?;
+                store.save(&record)?;
                 summary.done += 1;
-                display.done(run, &record.row);
+                observer.completed(run, &record.row);
             }
             Err(RunFailure::Interrupted) => {}
             Err(RunFailure::Failed(reason)) => {
                 summary.failed += 1;
-                display.failed(run, &reason);
+                observer.failed(run, &reason);
             }
         }
         Ok(())
     });
-    display.end();
-    carried_out?;
+    observer.ended();
+    executed?;
     summary.left = todo.len() - summary.done - summary.failed;
     store.write_tables()?;
     Ok(summary)
 }
 
-fn prune(plan: &Plan, store: &Store, done: &BTreeSet<String>, take_out: bool) -> Result<(), ExecuteError> {
+fn prune(plan: &Plan, store: &Store, done: &BTreeSet<String>, is_allowed: bool) -> Result<(), ExecuteError> {
     let planned: BTreeSet<&String> = plan.runs.iter().map(|run| &run.id).collect();
     let others: Vec<&String> = done.iter().filter(|id| !planned.contains(id)).collect();
     match others.first() {
-        Some(example) if !take_out => Err(ExecuteError::OtherRuns {
+        Some(example) if !is_allowed => Err(ExecuteError::OtherRuns {
             folder: store.folder().display().to_string(),
             count: others.len(),
             example: (*example).clone(),
@@ -165,7 +174,7 @@ fn prune(plan: &Plan, store: &Store, done: &BTreeSet<String>, take_out: bool) ->
     }
 }
 
-/// Carries out runs on as many threads as there are jobs, and hands over each record when it is there.
+/// Performs runs on as many threads as there are jobs, and passes each record to `take`.
 fn each(
     todo: &[&PlannedRun],
     options: &Options,
@@ -185,7 +194,7 @@ fn each(
                         Transport::Memory => memory::carry_out(run, &stop.at_once),
                         Transport::Ros2(launcher) => launcher.carry_out(run, job, &stop.at_once),
                     };
-                    // Nobody takes it if a record could not be kept; then the others are given up as well.
+                    // The receiver is gone if a record could not be saved, which abandons all runs.
                     if sender.send((run, record)).is_err() {
                         break;
                     }
@@ -204,7 +213,7 @@ fn each(
     })
 }
 
-/// The processor of this machine and how many cores may be used.
+/// The processor of this machine and its number of usable cores.
 #[must_use]
 pub fn machine() -> String {
     let cores = thread::available_parallelism().map_or(1, NonZero::get);

@@ -1,19 +1,20 @@
-//! Runs that are disturbed, one for each seed, and whether each is the undisturbed run all the same.
+//! Fault injection: one disturbed run per seed, compared with the undisturbed run.
 //!
-//! A [`plan`] of faults is drawn from a seed; the run is carried out over ROS 2 with a process for each agent, which are killed,
-//! stopped, started twice and lied to as the plan says; [`verdict`] compares what came of it with the same run over memory.
+//! A fault [`plan`] is drawn from a seed. The run is performed over ROS 2 with one process per
+//! agent; processes are killed, stopped, started twice and sent invalid messages as the plan says.
+//! [`verdict`] compares the recording with that of the same run over the in-memory transport.
 //!
-//! Invariants: a seed has one plan; no process outlives its run; wall time positions faults, and a hang is a failure, but
-//! nothing else hangs on it.
+//! Invariants: a seed has one plan; no process outlives its run; wall time decides when a fault is
+//! injected and when a run counts as hung, and nothing else.
 
-mod carry_out;
+mod fault_run;
 #[cfg(feature = "ros")]
-pub mod garbage;
+mod inject_garbage;
 pub mod plan;
 pub mod verdict;
 mod watch;
 
-use std::fs::{self, File, TryLockError};
+use std::fs;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -22,53 +23,53 @@ use std::time::Duration;
 
 use sim_server::session::NullObserver;
 use simulation::scenario::{OnAgentLoss, Rtf, Scenario};
+use supervisor::SupervisorError;
+use supervisor::domain::DomainLock;
 use thiserror::Error;
 
-use crate::single::{self, Grouping, SingleError, Team};
-use carry_out::{Bench, Failure};
+use crate::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
+use fault_run::{Bench, Failure};
+#[cfg(feature = "ros")]
+pub use inject_garbage::inject_garbage;
 use plan::Plan;
-use verdict::Sameness;
+use verdict::Equivalence;
 
-/// What is disturbed.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// The run, with its `[execution]`.
+    /// The run to disturb, with its `[execution]`.
     pub scenario: Scenario,
-    /// Of the faults.
+    /// Seeds of the fault plans.
     pub seeds: Vec<u64>,
-    /// How many runs at a time.
+    /// Number of runs in parallel.
     pub jobs: NonZero<usize>,
-    /// The folder of the binaries.
+    /// The folder of the executables.
     pub binaries: PathBuf,
-    /// ROS domain of the first run at a time; the others have the next ones.
+    /// ROS domain of the first parallel run; the others use the next ones.
     pub first_domain: u32,
-    /// Where recordings and logs are kept; otherwise only those of failures are.
+    /// The folder for all recordings and logs; without it, those of failures are kept in a
+    /// temporary folder.
     pub out: Option<PathBuf>,
-    /// The recording that is expected, if not that of the undisturbed run.
+    /// The recording to compare with instead of that of the undisturbed run.
     pub expected: Option<PathBuf>,
 }
 
-/// What came of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Summary {
-    /// Runs that have a verdict.
+    /// Number of runs with a verdict.
     pub seeds: usize,
-    /// Those that were not the undisturbed one.
+    /// Number of runs that differ from the undisturbed one.
     pub failures: usize,
-    /// Whether somebody ended it early.
     pub is_interrupted: bool,
 }
 
-/// Why nothing can be said.
 #[derive(Debug, Error)]
 pub enum FaultsError {
-    /// The run would not survive what is done to it.
-    #[error("faults.on_agent_loss = {0:?}: expected wait, for agents are killed")]
+    /// The run would end with the first agent that is killed.
+    #[error("faults.on_agent_loss = {0:?}: expected wait, because agents are killed")]
     NotWaiting(OnAgentLoss),
-    /// The undisturbed run does not come about.
+    /// The undisturbed run has no result.
     #[error("the undisturbed run: {0}")]
-    Undisturbed(#[from] SingleError),
-    /// A file or a folder cannot be written.
+    Undisturbed(#[from] InProcessError),
     #[error("{file}: {source}")]
     Write {
         /// Which.
@@ -76,19 +77,19 @@ pub enum FaultsError {
         /// What the system says.
         source: std::io::Error,
     },
-    /// A run is under way in a domain.
-    #[error("a run is under way in ROS domain {0}; choose another --first-domain")]
-    DomainTaken(u32),
+    /// A domain cannot be had.
+    #[error(transparent)]
+    Domain(#[from] SupervisorError),
     /// The expected recording cannot be read.
     #[error("{0}")]
     Expected(String),
 }
 
-/// Carries out the run with the faults of each seed; `say` is given a line for each.
+/// Performs the run with the faults of each seed, and passes a line on each to `report`.
 ///
 /// # Errors
-/// If nothing can be said about any of them.
-pub fn run(options: &Options, stop: &AtomicBool, say: &(dyn Fn(&str) + Sync)) -> Result<Summary, FaultsError> {
+/// If there is nothing to compare with, or no run can be started.
+pub fn run(options: &Options, stop: &AtomicBool, report: &(dyn Fn(&str) + Sync)) -> Result<Summary, FaultsError> {
     let scenario = &options.scenario;
     if scenario.faults.on_agent_loss != OnAgentLoss::Wait {
         return Err(FaultsError::NotWaiting(scenario.faults.on_agent_loss));
@@ -103,9 +104,9 @@ pub fn run(options: &Options, stop: &AtomicBool, say: &(dyn Fn(&str) + Sync)) ->
         None => undisturbed(scenario, &folder.join("expected.mcap"))?,
     };
     let digest = verdict::digest(&expected).map_err(FaultsError::Expected)?;
-    say(&format!("expected digest: {digest}"));
-    let locks: Vec<File> =
-        (0..options.jobs.get() as u32).map(|job| lock_domain(options.first_domain + job)).collect::<Result<_, _>>()?;
+    report(&format!("expected digest: {digest}"));
+    let domains = (0..options.jobs.get() as u32).map(|job| (options.first_domain + job).to_string());
+    let locks: Vec<DomainLock> = domains.map(|domain| DomainLock::take(&domain)).collect::<Result<_, _>>()?;
     let counts = [const { AtomicUsize::new(0) }; 3];
     let [next, done, failed] = &counts;
     thread::scope(|scope| {
@@ -120,13 +121,13 @@ pub fn run(options: &Options, stop: &AtomicBool, say: &(dyn Fn(&str) + Sync)) ->
                         folder: &folder,
                         domain: options.first_domain + job,
                         agents: scenario.agents.count,
-                        pace: if let Rtf::Limit(pace) = scenario.execution.rtf { pace } else { 0.0 },
+                        rtf: if let Rtf::Limit(pace) = scenario.execution.rtf { pace } else { 0.0 },
                         stop,
                     };
                     let plan = plan_of(scenario, seed);
                     let verdict = match judge(&bench, &plan, expected) {
-                        Ok(Sameness::Bytes) => "same, byte for byte".to_owned(),
-                        Ok(Sameness::Refusals(count)) => format!("same, {count} messages refused"),
+                        Ok(Equivalence::Bytes) => "same, byte for byte".to_owned(),
+                        Ok(Equivalence::ExceptRefusals(count)) => format!("same, {count} messages refused"),
                         Err(Failure::Interrupted) => return,
                         Err(Failure::Failed(reason)) => {
                             failed.fetch_add(1, Ordering::Relaxed);
@@ -136,9 +137,9 @@ pub fn run(options: &Options, stop: &AtomicBool, say: &(dyn Fn(&str) + Sync)) ->
                     };
                     let is_same = verdict.starts_with("same");
                     done.fetch_add(1, Ordering::Relaxed);
-                    say(&format!("seed {seed}: {plan}: {verdict}"));
+                    report(&format!("seed {seed}: {plan}: {verdict}"));
                     if is_same && options.out.is_none() {
-                        // What is left over is removed with the folder of all.
+                        // What cannot be removed here is removed with the temporary folder.
                         drop(fs::remove_dir_all(&folder));
                     }
                 }
@@ -147,28 +148,28 @@ pub fn run(options: &Options, stop: &AtomicBool, say: &(dyn Fn(&str) + Sync)) ->
     });
     let [_, seeds, failures] = counts.map(AtomicUsize::into_inner);
     if failures > 0 {
-        // It has what failures are looked into with.
+        // It holds the recordings and logs of the failures.
         let _kept = temporary.keep();
     }
     Ok(Summary { seeds, failures, is_interrupted: stop.load(Ordering::Relaxed) })
 }
 
-/// The faults of a seed.
+/// The fault plan of a seed for a scenario.
 #[must_use]
 pub fn plan_of(scenario: &Scenario, seed: u64) -> Plan {
     let duration_s = scenario.duration_ticks().time_ns() as f64 * 1e-9;
-    // A minute is more than anybody waits for.
+    // Faults are not spread over more than a minute.
     let timeout_ms = (scenario.execution.decision_timeout_s.min(60.0) * 1e3) as u32;
     Plan::of_seed(seed, scenario.agents.count, duration_s, timeout_ms.max(2))
 }
 
 fn again(scenario: &Path, seed: u64) -> String {
-    format!("experiments faults {} --seed-only {seed}", scenario.display())
+    format!("maes faults {} --seed-only {seed}", scenario.display())
 }
 
-fn judge(bench: &Bench<'_>, plan: &Plan, expected: &Path) -> Result<Sameness, Failure> {
+fn judge(bench: &Bench<'_>, plan: &Plan, expected: &Path) -> Result<Equivalence, Failure> {
     fs::create_dir_all(bench.folder)?;
-    let recording = carry_out::carry_out(bench, plan)?;
+    let recording = fault_run::execute(bench, plan)?;
     let digests = verdict::digest(expected).and_then(|digest| Ok((digest, verdict::digest(&recording)?)));
     let (before, now) = digests.map_err(Failure::Failed)?;
     if before != now {
@@ -177,25 +178,14 @@ fn judge(bench: &Bench<'_>, plan: &Plan, expected: &Path) -> Result<Sameness, Fa
     verdict::compare(expected, &recording).map_err(Failure::Failed)
 }
 
-/// Carries out the run without faults, over memory and as fast as it goes.
+/// Records the run without faults, in this process and without a real-time limit.
 fn undisturbed(scenario: &Scenario, file: &Path) -> Result<PathBuf, FaultsError> {
     let mut scenario = scenario.clone();
     scenario.execution.record = Some(file.to_owned());
     scenario.execution.rtf = Rtf::MAX;
-    let team = Team { grouping: Grouping::Together, chaos_delay: Duration::ZERO, decision_times: None };
-    single::run(&scenario, &team, &mut NullObserver, &AtomicBool::new(false))?;
+    let options = AgentOptions { threads: ThreadLayout::Shared, chaos_delay: Duration::ZERO, decision_times: None };
+    in_process::run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false))?;
     Ok(file.to_owned())
-}
-
-/// Tells `run.sh`, and other processes of this kind, that the domain is taken.
-fn lock_domain(domain: u32) -> Result<File, FaultsError> {
-    let file = std::env::temp_dir().join(format!("maes-domain-{domain}.lock"));
-    let lock = File::create(&file).map_err(|source| write_error(&file, source))?;
-    match lock.try_lock() {
-        Ok(()) => Ok(lock),
-        Err(TryLockError::WouldBlock) => Err(FaultsError::DomainTaken(domain)),
-        Err(TryLockError::Error(source)) => Err(write_error(&file, source)),
-    }
 }
 
 fn write_error(file: &Path, source: std::io::Error) -> FaultsError {

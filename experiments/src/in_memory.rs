@@ -1,7 +1,8 @@
-//! The in-memory link: the server and its agents in one process, over channels instead of a network.
+//! The in-memory transport: channels between a server and its agents in one process.
 //!
-//! The same loops run over it as over ROS 2, on a thread for the server and one for each group of agents, so messages arrive in
-//! any order here as well. Nothing gets lost.
+//! The session loops of server and agents run over it unchanged, on a thread for the server and one
+//! for each group of agents, so messages of different agents arrive in any order here as well. No
+//! message is lost.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -13,23 +14,24 @@ use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario}
 use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
 
-/// The server's end.
+/// The server's end of the transport.
 pub struct ServerEnd {
     inbox: Receiver<Incoming>,
     groups: Vec<Sender<ToAgents>>,
-    /// Who listens to the topics of an agent.
+    /// The groups that subscribe to the topics of an agent, by index.
     groups_of: BTreeMap<AgentId, Vec<usize>>,
     progress: Vec<Progress>,
 }
 
-/// The end of the agents of one group, which are like the agents of one process.
+/// The end of one group of agents, which corresponds to one agent process.
 pub struct AgentsEnd {
     inbox: Receiver<ToAgents>,
     server: Sender<Incoming>,
     source: SourceId,
 }
 
-/// Links a server with groups of agents. An agent may be in several, as if several processes ran it.
+/// Connects a server with groups of agents. An agent may be in several groups, as it may run in
+/// several processes.
 #[must_use]
 pub fn link(groups: &[Vec<AgentId>]) -> (ServerEnd, Vec<AgentsEnd>) {
     let (to_server, server_inbox) = channel();
@@ -47,7 +49,7 @@ pub fn link(groups: &[Vec<AgentId>]) -> (ServerEnd, Vec<AgentsEnd>) {
 }
 
 impl ServerEnd {
-    /// How far the run had come, from the start on.
+    /// All progress messages that the server has published.
     #[must_use]
     pub fn into_progress(self) -> Vec<Progress> {
         self.progress
@@ -55,7 +57,7 @@ impl ServerEnd {
 
     fn send_to_all(&self, message: &ToAgents) {
         for group in &self.groups {
-            // A group that has ended needs no messages.
+            // A send fails only if the group has ended.
             let _ = group.send(message.clone());
         }
     }
@@ -91,7 +93,7 @@ impl ControlInput for ServerEnd {}
 
 impl AgentsEnd {
     fn send(&self, agent: u32, message: ToServer) {
-        // A server that has ended needs no messages.
+        // A send fails only if the server has ended.
         let _ = self.server.send(Incoming { topic_agent: AgentId(agent), source: self.source, message });
     }
 }

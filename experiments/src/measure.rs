@@ -1,7 +1,7 @@
-//! From a run to its row and its series.
+//! The metrics of a run: its row and its time series.
 //!
-//! All of it comes from the messages that a recording has: progress every ten seconds of sim time, and the result. So the row of
-//! a run is the same whether it went over memory or over ROS 2.
+//! All metrics derive from recorded messages: the progress, every ten seconds of sim time, and the
+//! result. The row of a run is therefore the same with every transport.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -13,23 +13,21 @@ use simulation::digest::Digest;
 use crate::plan::{BUILD, PlannedRun};
 use crate::rows::{AgentSample, RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallRow};
 
-/// Name before the kind in the counters of bytes.
+/// Prefix of the byte counters of a kind of message.
 const BYTES_OF_KIND: &str = "parcel_bytes_delivered_kind_";
 
-/// What is known of a run that has ended.
+/// The data of a completed run.
 #[derive(Debug, Clone)]
 pub struct Trace<'a> {
     /// Cells of the map along x, y and z.
     pub size: [u32; 3],
-    /// Every ten seconds of sim time from the start on, and at the end.
+    /// From the start on, every ten seconds of sim time, and at the end.
     pub progress: &'a [Progress],
-    /// The result.
     pub result: &'a RunResult,
-    /// What the machine had to do with it.
     pub wall: WallRow,
 }
 
-/// The row and the series of a run.
+/// The record of a planned run.
 #[must_use]
 pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
     let Trace { size, progress, result, wall } = trace;
@@ -83,11 +81,11 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
     RunRecord { row, series }
 }
 
-/// What the machine had to do with a run, from its wall time and that of its decisions in ascending order.
+/// The figures of wall time. `decisions` are the wall times of decisions, ascending.
 #[must_use]
 pub fn wall_row(end: Tick, wall: Duration, decisions: &[Duration], machine: &str) -> WallRow {
     let quantile = |percent: usize| {
-        // The least value that so many per cent do not exceed.
+        // Nearest rank: the least value that `percent` per cent do not exceed.
         let place = (decisions.len() * percent).div_ceil(100).max(1) - 1;
         decisions.get(place).map(|time| time.as_secs_f64() * 1e6)
     };
@@ -119,7 +117,7 @@ impl Counters<'_> {
     }
 }
 
-/// Sim time of a tick. Fifty to a second: a division has no rounding that shows.
+/// Sim time of a tick, s. Ticks per second are whole: the division rounds at most once.
 fn seconds(tick: u64) -> f64 {
     tick as f64 / (1e9 / Tick::TICK_NS as f64)
 }
@@ -154,16 +152,18 @@ fn ratio(numerator: f64, denominator: f64) -> Option<f64> {
     (denominator > 0.0).then(|| numerator / denominator)
 }
 
-/// Mean and standard deviation of the whole population; zeros of nothing.
+/// Mean and standard deviation of a population; 0 and 0 for an empty one.
 fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
     let count = values.len().max(1) as f64;
-    // Not `sum`, which makes -0 of nothing.
+    // Not `sum`, which is -0 for an empty slice.
     let mean = values.iter().fold(0.0, |sum, value| sum + value) / count;
     let variance = values.iter().fold(0.0, |sum, value| sum + (value - mean) * (value - mean)) / count;
     (mean, variance.sqrt())
 }
 
-/// Mean of the explored share over the duration: straight between samples, and as it was after the last.
+/// Mean of the explored share over the duration: linear between samples, constant after the last.
+///
+/// Not [`crate::statistics::area_under`]: its rounding differs, and rows keep their bytes.
 fn area_under(series: &[Sample], duration_s: f64) -> f64 {
     let between: f64 =
         series.windows(2).map(|pair| (pair[1].t_s - pair[0].t_s) * (pair[0].explored + pair[1].explored) * 0.5).sum();
@@ -171,7 +171,7 @@ fn area_under(series: &[Sample], duration_s: f64) -> f64 {
     (between + after) / duration_s
 }
 
-/// The messages that are [`SAMPLE_PERIOD_S`] apart: the last one may be nearer.
+/// The messages that are [`SAMPLE_PERIOD_S`] apart; the one at the end may follow sooner.
 fn regular(progress: &[Progress]) -> impl Iterator<Item = &Progress> {
     let period_ticks = (SAMPLE_PERIOD_S * 1e9) as u64 / Tick::TICK_NS;
     progress.iter().filter(move |progress| progress.tick.is_multiple_of(period_ticks))

@@ -1,4 +1,4 @@
-//! Joins the folders of one plan, which several machines have worked on.
+//! The merge of folders of one plan that several machines have executed in part.
 
 use std::path::{Path, PathBuf};
 
@@ -7,34 +7,25 @@ use thiserror::Error;
 use crate::rows::RunRecord;
 use crate::store::{PLAN, Store, StoreError};
 
-/// Why folders cannot be joined.
 #[derive(Debug, Error)]
 pub enum MergeError {
-    /// A folder cannot be read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// There are several plans.
-    #[error("{one}/{PLAN} and {other}/{PLAN} are not the same plan; only folders of one plan can be joined")]
-    OtherPlan {
-        /// A folder.
-        one: String,
-        /// Another one.
-        other: String,
-    },
-    /// A run has come out differently in two folders.
+    #[error("{one}/{PLAN} and {other}/{PLAN} are different plans; only folders of one plan can be merged")]
+    OtherPlan { one: String, other: String },
+    /// Two folders have different records of one run.
     #[error(
-        "{folder}: run {id} has other figures than in the folders before; a run has one outcome: was a file changed?"
+        "{folder}: run {id} has other figures than in the folders before; a run has one result: was a file changed?"
     )]
     OtherOutcome {
-        /// The later folder.
+        /// The later one.
         folder: String,
-        /// The run.
         id: String,
     },
 }
 
-/// Brings the runs of `folders` together in `out`, and makes its tables. Of a run that several have, the first is kept. Returns how
-/// many runs there are.
+/// Merges the runs of `folders` into `out`, and writes its tables. If several folders have a run,
+/// the first record is kept. Returns the number of runs.
 ///
 /// # Errors
 /// If a folder cannot be read or written, or folders contradict each other.
@@ -72,13 +63,13 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
         joined.write(PLAN, text.as_bytes())?;
     }
     for record in all.values() {
-        joined.keep(record)?;
+        joined.save(record)?;
     }
     joined.write_tables()?;
     Ok(all.len())
 }
 
-/// Whether two records are equal but for what the machine had to do with them.
+/// Whether two records are equal except for wall time.
 #[must_use]
 pub fn is_same_run(one: &RunRecord, other: &RunRecord) -> bool {
     let mut like = other.clone();

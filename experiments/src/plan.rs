@@ -1,10 +1,11 @@
-//! Plans: a base scenario, axes along which it is varied, and seeds, as a TOML file; and the runs that follow from it.
+//! Plans: a TOML file with a base scenario, the axes that vary it, and seeds; and its expansion.
 //!
-//! Every combination of the axes meets the same seeds, so that runs can be compared map by map. The runs come seed by seed, and
-//! within a seed the largest first: whatever is done of a plan is comparable, and cores stay busy to the end.
+//! Every combination of axis values is run with the same seeds, so that runs can be compared map by
+//! map. Runs are ordered by seed, and within a seed the most expensive comes first: a plan that is
+//! executed in part is comparable, and cores stay busy to the end.
 //!
-//! Invariant: whoever holds a [`Plan`] holds legal scenarios and known controllers; only whether a map can be made is found out
-//! by making it. This module runs nothing.
+//! Invariant: the scenarios of a [`Plan`] are valid and its controllers known; only map generation
+//! can still fail. This module runs nothing.
 
 mod read;
 
@@ -18,91 +19,77 @@ use thiserror::Error;
 
 pub use read::SEEDS_EXPECTED;
 
-/// Runs that a plan may have at the most.
+/// Maximum number of runs of a plan.
 pub const RUNS_MAX: usize = 1_000_000;
 
-/// Tables that cannot be varied, with the reason.
+/// Keys of the scenario that cannot be an axis, with the reason.
 const FIXED: [(&str, &str); 2] = [
     ("seed", "is given by `seeds`"),
     ("execution", "cannot change a result; it is given in the base scenario or by the command line"),
 ];
 
-/// The name of this build: its version, and a hash of the sources that decide what a run is.
+/// The build id: the version, and a hash of the sources that determine the result of a run.
 pub const BUILD: &str = concat!(env!("CARGO_PKG_VERSION"), "+", env!("MAES_BUILD"));
 
-/// Why a plan cannot be carried out.
 #[derive(Debug, Error)]
 pub enum PlanError {
-    /// A file cannot be read.
     #[error("{file}: {source}")]
-    Read {
-        /// The file.
-        file: String,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// Something is wrong in a line of a plan.
+    Read { file: String, source: std::io::Error },
     #[error("{file}:{line}: {reason}")]
     Line {
-        /// The plan.
         file: String,
-        /// From 1.
+        /// Counted from 1.
         line: usize,
-        /// The key, what is wrong with it, and what is allowed.
+        /// Names the key, the mistake and the allowed values.
         reason: String,
     },
-    /// The base scenario, or what becomes of it, is not legal.
+    /// The base scenario, or a combination, is invalid.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
 }
 
-/// A key of the scenario that is varied.
+/// A key of the scenario, and the values that it takes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
     /// Dotted path of the key.
     pub key: String,
-    /// Its values.
     pub values: Vec<AxisValue>,
 }
 
-/// A value of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AxisValue {
-    /// The value.
     pub value: toml::Value,
-    /// Line of the plan in which it stands, from 1.
+    /// Line of the plan, counted from 1.
     pub line: usize,
 }
 
 impl AxisValue {
-    /// The value as a text, without quotes.
+    /// The value as text; a string is not quoted.
     #[must_use]
     pub fn text(&self) -> String {
         self.value.as_str().map_or_else(|| self.value.to_string(), str::to_owned)
     }
 }
 
-/// A run of a plan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedRun {
-    /// First 16 hexadecimal digits of the blake3 hash of the scenario, its map file if it has one, and the build.
+    /// First 16 hexadecimal digits of the blake3 hash of the scenario, its map file if it has one,
+    /// and the build.
     pub id: String,
-    /// Every axis: key and value as text.
+    /// Key and value, as text, of every axis.
     pub axes: BTreeMap<String, String>,
-    /// What is run.
     pub scenario: Scenario,
 }
 
-/// A plan and its runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// The plan as a file that needs no other: the base scenario is in it.
+    /// The plan as a self-contained file: it includes the base scenario.
     pub text: String,
-    /// What is varied, in the order of the file.
+    /// In the order of the file.
     pub axes: Vec<Axis>,
-    /// The seeds, in the order of the file.
+    /// In the order of the file.
     pub seeds: Vec<u64>,
-    /// The runs, in the order in which they are carried out.
+    /// In the order of execution.
     pub runs: Vec<PlannedRun>,
 }
 
@@ -110,25 +97,26 @@ impl Plan {
     /// Reads a plan and the scenario it is based on.
     ///
     /// # Errors
-    /// If a file cannot be read, or the plan or one of its runs is not legal.
+    /// If a file cannot be read, or the plan or one of its runs is invalid.
     pub fn load(file: &Path) -> Result<Self, PlanError> {
         let name = file.display().to_string();
         let text = std::fs::read_to_string(file).map_err(|source| PlanError::Read { file: name.clone(), source })?;
         Self::parse(&name, &text, file.parent().unwrap_or(Path::new("")))
     }
 
-    /// Parses a plan; a scenario that it names is looked for from `folder`. `file` is the name for error messages.
+    /// Parses a plan. The path of its base scenario is relative to `folder`; `file` is the name for
+    /// error messages.
     ///
     /// # Errors
     /// See [`Plan::load`].
     pub fn parse(file: &str, text: &str, folder: &Path) -> Result<Self, PlanError> {
-        Self::worked_out(file, text, folder).map_err(|error| match error {
+        Self::expand(file, text, folder).map_err(|error| match error {
             PlanError::Line { file, line, reason } => PlanError::Line { file, line, reason: one_line(&reason) },
             other => other,
         })
     }
 
-    fn worked_out(file: &str, text: &str, folder: &Path) -> Result<Self, PlanError> {
+    fn expand(file: &str, text: &str, folder: &Path) -> Result<Self, PlanError> {
         let draft = read::read(file, text, folder)?;
         for axis in &draft.axes {
             let line = axis.values[0].line;
@@ -143,7 +131,7 @@ impl Plan {
         for &seed in &draft.seeds {
             let mut of_seed = Vec::new();
             for choice in combinations(&draft.axes) {
-                let run = planned(file, &draft, &choice, seed)?;
+                let run = planned_run(file, &draft, &choice, seed)?;
                 if !ids.insert(run.id.clone()) {
                     let line = choice.first().map_or(1, |(_, value)| value.line);
                     let reason = format!("axes: two combinations are the same run, one of them {:?}", run.axes);
@@ -159,7 +147,8 @@ impl Plan {
     }
 }
 
-/// How much work a run is likely to be, in no unit: a share of the remaining time, never of a result.
+/// Estimated cost of a run, without unit: used for ordering and for remaining time, never for a
+/// result.
 #[must_use]
 pub fn cost(scenario: &Scenario) -> u64 {
     let cells = scenario.map.size.map_or(1, |size| size.cells().into_iter().map(u64::from).product::<u64>());
@@ -168,7 +157,7 @@ pub fn cost(scenario: &Scenario) -> u64 {
 
 type Choice<'a> = Vec<(&'a str, &'a AxisValue)>;
 
-/// All choices of one value for each axis, the last axis varying fastest.
+/// The product of all axes; the last axis varies fastest.
 fn combinations(axes: &[Axis]) -> Vec<Choice<'_>> {
     let mut choices = vec![Vec::new()];
     for axis in axes {
@@ -182,7 +171,7 @@ fn with<'a>(choice: &Choice<'a>, key: &'a str, value: &'a AxisValue) -> Choice<'
     choice.iter().copied().chain([(key, value)]).collect()
 }
 
-fn planned(file: &str, draft: &read::Draft, choice: &Choice<'_>, seed: u64) -> Result<PlannedRun, PlanError> {
+fn planned_run(file: &str, draft: &read::Draft, choice: &Choice<'_>, seed: u64) -> Result<PlannedRun, PlanError> {
     let mut overrides: Vec<Override> = choice
         .iter()
         .map(|(key, value)| Override {
@@ -191,9 +180,9 @@ fn planned(file: &str, draft: &read::Draft, choice: &Choice<'_>, seed: u64) -> R
             value: Some(value.value.clone()),
         })
         .collect();
-    let seed = i64::try_from(seed).expect("seeds of a plan are what TOML has room for");
+    let seed = i64::try_from(seed).expect("seeds of a plan are within the integers of TOML");
     overrides.push(Override { origin: format!("{file}: seeds"), key: "seed".to_owned(), value: Some(seed.into()) });
-    // What is wrong with a value is said with the line of the axis it comes from.
+    // An error about a value names the line of its axis.
     let line_of = |key: &str| {
         let of_axis = |axis: &str| key == axis || key.starts_with(&format!("{axis}."));
         choice.iter().find(|(axis, _)| of_axis(axis)).map_or(draft.scenario_line, |(_, value)| value.line)

@@ -1,9 +1,15 @@
-//! The report of a folder of runs: one page, figures and tables.
+//! Reports: an HTML page, figures and tables of the runs of a folder.
 //!
-//! [`write()`] reads `DIR/runs/*.json` and `DIR/plan.toml` and makes `DIR/report/report.html`, which refers to nothing outside of
-//! itself, `DIR/report/figures/*.{svg,png}` and `DIR/report/tables/*.{md,tex,csv}`. The same runs make the same bytes; figures of wall
-//! time have a section, a table and figures of their own. Plans that are only carried out in part are reported as they are, with a
-//! list of what is lacking. No run is left out of anything because of what it has come to.
+//! [`write()`] reads `DIR/runs/*.json` and `DIR/plan.toml`, and writes `DIR/report/report.html`,
+//! which is self-contained, `DIR/report/figures/*.{svg,png}` and
+//! `DIR/report/tables/*.{md,tex,csv}`.
+//!
+//! Invariants: the same runs make the same bytes, except for the section on wall time; no run is
+//! excluded because of its outcome. An incomplete plan is reported as it is, with a list of the
+//! missing runs.
+//!
+//! Plots and SVG are our own code: no plotting library guarantees the same bytes across its
+//! versions.
 
 mod figures;
 #[cfg(test)]
@@ -33,45 +39,29 @@ pub use self::study::StudyError;
 use self::table::Table;
 use crate::statistics::StatisticsError;
 
-/// Why there is no report.
 #[derive(Debug, Error)]
 pub enum ReportError {
-    /// The runs cannot be read.
     #[error(transparent)]
     Study(#[from] StudyError),
-    /// A run has a figure that nothing can be reckoned with.
-    #[error("the runs have a figure that cannot be reckoned with: {0}")]
+    /// A run has a metric that is not finite, or too large.
+    #[error("the runs have an invalid metric: {0}")]
     Statistics(#[from] StatisticsError),
-    /// A picture cannot be made.
     #[error("figure {figure}: {error}")]
-    Png {
-        /// Which.
-        figure: String,
-        /// Why.
-        error: PngError,
-    },
-    /// A file cannot be written.
+    Png { figure: String, error: PngError },
     #[error("cannot write {path}: {error}", path = path.display())]
-    Write {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        error: io::Error,
-    },
+    Write { path: PathBuf, error: io::Error },
 }
 
-/// What was reported on, and where.
+/// A report that has been written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Written {
-    /// The page.
     pub page: PathBuf,
-    /// How many runs it is about.
     pub runs: usize,
-    /// How many runs cells lack that others have.
+    /// Number of runs that are missing for a complete comparison.
     pub lacking: usize,
 }
 
-/// Everything that a report shows.
+/// The content of a report.
 struct Contents {
     figures: Vec<Figure>,
     tables: Vec<Table>,
@@ -95,7 +85,8 @@ impl Contents {
 /// Writes the report of a folder of runs into its folder `report`, over an earlier one.
 ///
 /// # Errors
-/// If there are no runs, one cannot be read or has a figure that is not finite, or a file cannot be written.
+/// If there are no runs, one cannot be read or has a metric that is not finite, or a file cannot be
+/// written.
 pub fn write(dir: &Path) -> Result<Written, ReportError> {
     let study = Study::read(dir)?;
     let contents = Contents::of(&study)?;
@@ -115,7 +106,7 @@ pub fn write(dir: &Path) -> Result<Written, ReportError> {
         let name = table.name;
         write_file(&report.join(format!("tables/{name}.md")), table.markdown().as_bytes())?;
         write_file(&report.join(format!("tables/{name}.tex")), table.latex().as_bytes())?;
-        write_file(&report.join(format!("tables/{name}.csv")), table.csv().as_bytes())?;
+        write_file(&report.join(format!("tables/{name}.csv")), &table.csv())?;
     }
     let page = report.join("report.html");
     write_file(&page, page::html(&study, &contents).as_bytes())?;

@@ -1,7 +1,7 @@
-//! What is kept of a run: one row of figures, and a series over sim time.
+//! The record of a run: one row of metrics, and a time series over sim time.
 //!
-//! Everything but [`WallRow`] is a function of the scenario, the seed and the build. A run is kept as one file,
-//! `runs/<id>.json`, which holds a [`RunRecord`]; the tables of a plan are made from these files.
+//! Everything except [`WallRow`] is a function of scenario, seed and build. A record is one file,
+//! `runs/<id>.json`; the tables of a plan are made from these files.
 
 use std::collections::BTreeMap;
 
@@ -10,39 +10,36 @@ use serde::{Deserialize, Serialize};
 /// Sim time between two samples of a series, seconds.
 pub const SAMPLE_PERIOD_S: f64 = 10.0;
 
-/// What `runs/<id>.json` holds.
+/// The content of `runs/<id>.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRecord {
-    /// The figures of the run.
     pub row: RunRow,
-    /// How it went, every [`SAMPLE_PERIOD_S`] from the start and at the end.
+    /// Every [`SAMPLE_PERIOD_S`] from the start on, and at the end.
     pub series: Vec<Sample>,
 }
 
-/// The figures of a run.
+/// The metrics of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRow {
     /// First 16 hexadecimal digits of the blake3 hash of scenario, seed and build.
     pub id: String,
-    /// The build that made the run.
+    /// See [`crate::plan::BUILD`].
     pub build: String,
-    /// What the agents ran.
     pub controller: String,
-    /// Seed of the run.
     pub seed: u64,
     /// Cells of the map along x, y and z.
     pub size: [u32; 3],
-    /// How many agents took part.
+    /// Size of the team.
     pub agents: u32,
-    /// Every axis of the plan: key and value as text.
+    /// Key and value, as text, of every axis of the plan.
     pub axes: BTreeMap<String, String>,
-    /// Sim time after which the run ends at the latest, seconds.
+    /// Maximum sim time of the run, s.
     pub duration_s: f64,
-    /// Sim time at which it ended, seconds.
+    /// Sim time at which it ended, s.
     pub end_s: f64,
-    /// Why it ended.
+    /// Why it ended, as in the result message.
     pub reason: String,
     /// Free cells of the true map.
     pub free_cells: u64,
@@ -50,11 +47,11 @@ pub struct RunRow {
     pub explored: f64,
     /// Share of the free cells that bodies of the team have passed through.
     pub covered: f64,
-    /// Share of the free cells that are on an agent's map at the end: mean over the agents.
+    /// Share of the free cells on an agent's map at the end: mean over the agents.
     pub believed_mean: f64,
-    /// The same, of the agent with the least.
+    /// The same: minimum over the agents.
     pub believed_min: f64,
-    /// When the team had seen 50 % of the free cells, seconds of sim time; `None`: never.
+    /// Sim time at which the team had seen 50 % of the free cells, s; `None` if it never had.
     pub t50_s: Option<f64>,
     /// The same, for 90 %.
     pub t90_s: Option<f64>,
@@ -64,37 +61,36 @@ pub struct RunRow {
     pub t99_9_s: Option<f64>,
     /// The same, for 100 %.
     pub t100_s: Option<f64>,
-    /// Mean of the explored share over the whole duration, 0 to 1; after the end it stays as it was.
+    /// Mean of the explored share over the whole duration, 0 to 1; constant after the end.
     pub area_under_explored: f64,
-    /// Way of all agents, metres.
+    /// Path length, summed over the agents, m.
     pub distance_m: f64,
-    /// Way of the agent that went farthest, metres.
+    /// Maximum path length of an agent, m.
     pub distance_max_m: f64,
-    /// What the agents have seen themselves, added up, over what the team has seen, less 1.
+    /// Cells seen by each agent itself, summed over the agents, divided by the cells seen by the
+    /// team, minus 1.
     pub redundancy: f64,
-    /// Standard deviation over mean of what the agents have seen themselves.
+    /// Coefficient of variation of the cells that each agent has seen itself.
     pub imbalance: f64,
-    /// Share of the pairs of agents that are in contact: mean over the samples; 0 for one agent.
+    /// Share of the pairs of agents in contact: mean over the samples; 0 for one agent.
     pub contact_share: f64,
-    /// Parcels that arrived.
+    /// Number of agent-to-agent messages delivered.
     pub parcels: u64,
-    /// Bytes of the parcels that arrived.
+    /// Payload of the agent-to-agent messages delivered, bytes.
     pub parcel_bytes: u64,
-    /// The same, by kind of parcel.
+    /// The same, by kind of message.
     pub bytes_by_kind: BTreeMap<u8, u64>,
-    /// How much of what the team has seen is not on an agent's map: mean share over agents and samples.
+    /// Share of the cells seen by the team that an agent's map lacks: mean over agents and samples.
     pub staleness: f64,
-    /// Times that agents were asked and their answers counted.
+    /// Number of committed replies of agents.
     pub decisions: u64,
-    /// Collisions of bodies with walls and with each other.
+    /// Number of collisions of bodies with walls and with each other.
     pub collisions: u64,
-    /// Searches for a path that found none.
+    /// Number of path searches without a path.
     pub search_failures: u64,
-    /// Messages of agents that were refused.
+    /// Number of messages of agents that the server has refused.
     pub refusals: u64,
-    /// Digest of the run.
     pub digest: String,
-    /// What depends on the machine.
     pub wall: WallRow,
 }
 
@@ -102,25 +98,25 @@ pub struct RunRow {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WallRow {
-    /// Wall time of the run, seconds.
+    /// Wall time of the run, s.
     pub wall_s: f64,
-    /// Sim time for each wall time.
+    /// Sim time divided by wall time.
     pub real_time_factor: f64,
-    /// Half of the decisions took at most so long, microseconds.
+    /// Median wall time of a decision, µs; `None` if not measured.
     pub decision_p50_us: Option<f64>,
-    /// 95 % of the decisions took at most so long, microseconds.
+    /// 95th percentile, µs.
     pub decision_p95_us: Option<f64>,
-    /// 99 % of the decisions took at most so long, microseconds.
+    /// 99th percentile, µs.
     pub decision_p99_us: Option<f64>,
-    /// The machine: its processor and how many cores it has.
+    /// See [`crate::execute::machine`].
     pub machine: String,
 }
 
-/// A run at one time.
+/// The metrics of a run at one time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sample {
-    /// Sim time, seconds.
+    /// Sim time, s.
     pub t_s: f64,
     /// See [`RunRow::explored`].
     pub explored: f64,
@@ -132,24 +128,24 @@ pub struct Sample {
     pub distance_m: f64,
     /// See [`RunRow::parcel_bytes`].
     pub parcel_bytes: u64,
-    /// Pairs of agents in contact.
+    /// Number of pairs of agents in contact.
     #[serde(default)]
     pub pairs_in_contact: u32,
-    /// Agent 0, 1, and so on.
+    /// By agent id.
     #[serde(default)]
     pub agents: Vec<AgentSample>,
 }
 
-/// An agent at one time. Shares are of the free cells of the true map, 0 to 1.
+/// The metrics of an agent at one time. Shares are of the free cells of the true map, 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AgentSample {
-    /// Seen by itself.
+    /// Seen by the agent itself.
     pub explored: f64,
-    /// Visited by itself.
+    /// Visited by the agent itself.
     pub covered: f64,
-    /// On its map, as it has said last.
+    /// On its map, as it has last reported.
     pub believed: f64,
-    /// Its way, metres.
+    /// Path length, m.
     pub distance_m: f64,
 }

@@ -1,7 +1,7 @@
-//! The folder of a plan: one file for each run, and the tables made from them.
+//! The folder of a plan: one file per run, and the tables made from these files.
 //!
-//! Invariant: a file has its name only once it is whole, so a process may be killed at any time, and several may work on one
-//! folder. The files of the runs are the whole state; the tables can be made anew from them.
+//! Invariant: files are written atomically, so a process may be killed at any time, and several may
+//! share a folder. The files of the runs are the whole state; tables can be regenerated from them.
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -12,36 +12,17 @@ use thiserror::Error;
 use crate::rows::RunRecord;
 use crate::tables::{self, Table};
 
-/// Name of the copy of the plan.
+/// File name of the copy of the plan.
 pub const PLAN: &str = "plan.toml";
 
-/// Why a folder cannot be used.
 #[derive(Debug, Error)]
 pub enum StoreError {
-    /// A file or folder cannot be read or made.
     #[error("{file}: {source}")]
-    File {
-        /// Which.
-        file: String,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// The file of a run is none.
+    File { file: String, source: std::io::Error },
     #[error("{file}: not the record of a run: {source}")]
-    Record {
-        /// Which.
-        file: String,
-        /// What is wrong.
-        source: serde_json::Error,
-    },
-    /// A table cannot be made.
+    Record { file: String, source: serde_json::Error },
     #[error("{file}: {reason}")]
-    Table {
-        /// Which.
-        file: String,
-        /// What is wrong.
-        reason: String,
-    },
+    Table { file: String, reason: String },
 }
 
 /// The folder of a plan.
@@ -51,33 +32,32 @@ pub struct Store {
 }
 
 impl Store {
-    /// A folder that may be there already, and is made otherwise.
+    /// Opens a folder, and creates it if it does not exist.
     ///
     /// # Errors
-    /// If it cannot be made.
+    /// If it cannot be created.
     pub fn create(folder: &Path) -> Result<Self, StoreError> {
         let runs = folder.join("runs");
         std::fs::create_dir_all(&runs).map_err(file_error(&runs))?;
         Ok(Self { folder: folder.to_owned() })
     }
 
-    /// A folder that is there.
+    /// Opens an existing folder.
     ///
     /// # Errors
-    /// If it is not, or not the folder of a plan.
+    /// If it does not exist, or is not the folder of a plan.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
         let runs = folder.join("runs");
         std::fs::read_dir(&runs).map_err(file_error(&runs))?;
         Ok(Self { folder: folder.to_owned() })
     }
 
-    /// Where it is.
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// The runs that are done.
+    /// The ids of the runs that have a record.
     ///
     /// # Errors
     /// If the folder cannot be read.
@@ -86,23 +66,23 @@ impl Store {
         let mut done = BTreeSet::new();
         for entry in std::fs::read_dir(&runs).map_err(file_error(&runs))? {
             let name = entry.map_err(file_error(&runs))?.file_name();
-            // What is being written has another ending.
+            // A file that is being written has another extension.
             done.extend(name.to_str().and_then(|name| name.strip_suffix(".json")).map(str::to_owned));
         }
         Ok(done)
     }
 
-    /// Keeps a run.
+    /// Saves the record of a run.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn keep(&self, record: &RunRecord) -> Result<(), StoreError> {
+    pub fn save(&self, record: &RunRecord) -> Result<(), StoreError> {
         let file = self.run_file(&record.row.id);
         let text = serde_json::to_string(record).map_err(|source| StoreError::Record { file: name(&file), source })?;
-        write_whole(&file, text.as_bytes())
+        write_atomically(&file, text.as_bytes())
     }
 
-    /// Takes a run out.
+    /// Removes the record of a run.
     ///
     /// # Errors
     /// If the file cannot be removed.
@@ -111,10 +91,10 @@ impl Store {
         std::fs::remove_file(&file).map_err(file_error(&file))
     }
 
-    /// All runs, by what was run and then by seed.
+    /// All records, ordered by controller, map size, team size, axes and seed.
     ///
     /// # Errors
-    /// If a file cannot be read or is no record.
+    /// If a file cannot be read or parsed.
     pub fn records(&self) -> Result<Vec<RunRecord>, StoreError> {
         let mut records = Vec::new();
         for id in self.done()? {
@@ -134,7 +114,7 @@ impl Store {
         Ok(records)
     }
 
-    /// The plan.
+    /// The text of the plan.
     ///
     /// # Errors
     /// If it cannot be read.
@@ -143,17 +123,17 @@ impl Store {
         std::fs::read_to_string(&file).map_err(file_error(&file))
     }
 
-    /// Writes a file of the folder as a whole; returns where it is.
+    /// Writes a file of the folder atomically; returns its path.
     ///
     /// # Errors
     /// If it cannot be written.
     pub fn write(&self, file: &str, bytes: &[u8]) -> Result<PathBuf, StoreError> {
         let file = self.folder.join(file);
-        write_whole(&file, bytes)?;
+        write_atomically(&file, bytes)?;
         Ok(file)
     }
 
-    /// Makes `runs.csv`, `series.csv`, `agents.csv` and the same as Parquet from the files of the runs.
+    /// Writes `runs`, `series` and `agents` as `.csv` and `.parquet`, from the files of the runs.
     ///
     /// # Errors
     /// If a file cannot be read or written.
@@ -178,14 +158,14 @@ impl Store {
     }
 }
 
-/// Writes a file under another name, and gives it its own when it is on the disk.
-fn write_whole(file: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+/// Writes a temporary file, synchronises it to disk, and renames it.
+fn write_atomically(file: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     let failed = file_error(file);
     let folder = file.parent().unwrap_or(Path::new("."));
     let mut draft = tempfile::Builder::new().prefix(".").suffix(".part").tempfile_in(folder).map_err(&failed)?;
     draft.write_all(bytes).map_err(&failed)?;
     draft.as_file().sync_all().map_err(&failed)?;
-    // Others may read it, as any other file: a temporary file is its owner's alone.
+    // Temporary files are created with mode 0600; results are readable by all.
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;

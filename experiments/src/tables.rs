@@ -1,7 +1,8 @@
-//! Runs and series as tables, and tables as CSV and Parquet.
+//! Tables of runs and time series, and their encodings as CSV and Parquet.
 //!
-//! The columns of the deterministic figures come first; those of wall time begin with `wall_`. An axis is a column
-//! `axis.<key>`, the bytes of a kind of parcel `parcel_bytes_kind_<kind>`. Lengths in metres, times in seconds.
+//! Deterministic columns come first; those of wall time begin with `wall_`. An axis is a column
+//! `axis.<key>`, the bytes of a kind of agent message are `parcel_bytes_kind_<kind>`. Lengths in
+//! metres, times in seconds.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -23,23 +24,17 @@ pub struct Table {
     pub columns: Vec<Column>,
 }
 
-/// A column of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
-    /// Its name.
     pub name: String,
-    /// Its values.
     pub values: Values,
 }
 
-/// Values of one type.
+/// Values of one type; `None` is missing.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Values {
-    /// Texts.
     Text(Vec<Option<String>>),
-    /// Whole numbers.
     Whole(Vec<Option<u64>>),
-    /// Numbers.
     Number(Vec<Option<f64>>),
 }
 
@@ -62,7 +57,7 @@ impl Values {
     }
 }
 
-/// The rows of runs.
+/// One row per run.
 #[must_use]
 pub fn runs(records: &[RunRecord]) -> Table {
     let mut table = Builder::new(records);
@@ -117,7 +112,7 @@ pub fn runs(records: &[RunRecord]) -> Table {
     table.done
 }
 
-/// The series of runs, one below the other; `id` says of which run a sample is.
+/// One row per sample of each run; `id` is that of the run.
 #[must_use]
 pub fn series(records: &[RunRecord]) -> Table {
     let samples: Vec<_> =
@@ -134,7 +129,7 @@ pub fn series(records: &[RunRecord]) -> Table {
     table.done
 }
 
-/// The series of each agent of runs, one below the other.
+/// One row per agent and sample of each run.
 #[must_use]
 pub fn agents(records: &[RunRecord]) -> Table {
     let of_sample = |(record, sample): (&RunRecord, &Sample)| {
@@ -158,7 +153,7 @@ pub fn agents(records: &[RunRecord]) -> Table {
     table.done
 }
 
-/// A table that grows column by column.
+/// Builds a table column by column.
 struct Builder<'a, R> {
     rows: &'a [R],
     done: Table,
@@ -194,10 +189,10 @@ impl<'a, R> Builder<'a, R> {
     }
 }
 
-/// A table as CSV with a line of names. Numbers have as many digits as tell them apart.
+/// Encodes a table as CSV with a header. Numbers have the digits that round-trip.
 ///
 /// # Errors
-/// What the writer says.
+/// The message of the CSV writer.
 pub fn csv(table: &Table) -> Result<Vec<u8>, String> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let rows = table.columns.first().map_or(0, |column| column.values.len());
@@ -209,10 +204,10 @@ pub fn csv(table: &Table) -> Result<Vec<u8>, String> {
     writer.into_inner().map_err(|error| error.to_string())
 }
 
-/// A table as a Parquet file.
+/// Encodes a table as a Parquet file.
 ///
 /// # Errors
-/// What the writer says.
+/// The message of the Parquet writer.
 pub fn parquet(table: &Table) -> Result<Vec<u8>, String> {
     write_parquet(table).map_err(|error| error.to_string())
 }
@@ -236,30 +231,30 @@ fn write_parquet(table: &Table) -> Result<Vec<u8>, ParquetError> {
     let mut file = SerializedFileWriter::new(&mut bytes, schema, Arc::new(WriterProperties::builder().build()))?;
     let mut group = file.next_row_group()?;
     for column in &table.columns {
-        let mut place = group.next_column()?.expect("the schema has a column for each");
-        match (place.untyped(), &column.values) {
+        let mut writer = group.next_column()?.expect("the schema has a column for each");
+        match (writer.untyped(), &column.values) {
             (ColumnWriter::ByteArrayColumnWriter(writer), Values::Text(values)) => {
-                let there: Vec<ByteArray> = values.iter().flatten().map(|text| text.as_str().into()).collect();
-                writer.write_batch(&there, Some(&levels(values)), None)?;
+                let present: Vec<ByteArray> = values.iter().flatten().map(|text| text.as_str().into()).collect();
+                writer.write_batch(&present, Some(&levels(values)), None)?;
             }
             (ColumnWriter::Int64ColumnWriter(writer), Values::Whole(values)) => {
-                let there: Vec<i64> = values.iter().flatten().map(|value| value.cast_signed()).collect();
-                writer.write_batch(&there, Some(&levels(values)), None)?;
+                let present: Vec<i64> = values.iter().flatten().map(|value| value.cast_signed()).collect();
+                writer.write_batch(&present, Some(&levels(values)), None)?;
             }
             (ColumnWriter::DoubleColumnWriter(writer), Values::Number(values)) => {
-                let there: Vec<f64> = values.iter().flatten().copied().collect();
-                writer.write_batch(&there, Some(&levels(values)), None)?;
+                let present: Vec<f64> = values.iter().flatten().copied().collect();
+                writer.write_batch(&present, Some(&levels(values)), None)?;
             }
             _ => unreachable!("the schema was made from the columns"),
         }
-        place.close()?;
+        writer.close()?;
     }
     group.close()?;
     file.close()?;
     Ok(bytes)
 }
 
-/// Which values are there, as Parquet says it.
+/// The definition levels of Parquet: 1 for a value, 0 for null.
 fn levels<V>(values: &[Option<V>]) -> Vec<i16> {
     values.iter().map(|value| i16::from(value.is_some())).collect()
 }

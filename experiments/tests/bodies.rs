@@ -1,53 +1,43 @@
-//! Teams of aerial bodies, and of bodies of several kinds, in whole runs.
+//! Complete runs of teams of aerial bodies, and of bodies of several kinds.
 
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use agent_node::controllers::NAMES;
-use experiments::single::{Grouping, Team, run};
+use experiments::in_process::{AgentOptions, ThreadLayout, run};
 use msgs::body_model::{BodyKind, BodyModel};
 use msgs::cdr;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Result as RunResult;
-use sim_server::session::RunObserver;
+use sim_server::session::NullObserver;
 use sim_server::setup;
 use simulation::scenario::Scenario;
-use simulation::world::World;
 
-struct Nobody;
-
-impl RunObserver for Nobody {
-    fn waiting(&mut self, _missing: &[AgentId]) {}
-    fn started(&mut self) {}
-    fn progress(&mut self, _world: &World) {}
-    fn note(&mut self, _text: &str) {}
-}
-
-/// Carries a scenario out, of which nothing that an agent says is refused.
-fn result(scenario: &str, grouping: Grouping) -> RunResult {
+/// The result of a scenario; fails if the server refuses a message of an agent.
+fn result(scenario: &str, threads: ThreadLayout) -> RunResult {
     let scenario = Scenario::parse("the test's scenario", scenario, &[]).expect("a legal scenario");
-    let team = Team { grouping, chaos_delay: Duration::ZERO, decision_times: None };
-    let finished = run(&scenario, &team, &mut Nobody, &AtomicBool::new(false)).expect("the run has a result");
-    let result = finished.outcome.result;
+    let options = AgentOptions { threads, chaos_delay: Duration::ZERO, decision_times: None };
+    let completed = run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false)).expect("the run has a result");
+    let result = completed.outcome.result;
     let refused = result.counters.iter().filter(|one| one.name.starts_with("refused_") && one.value > 0);
     assert_eq!(refused.count(), 0, "{:?}", result.counters);
     result
 }
 
 #[test]
-fn every_controller_explores_a_small_cave_with_aerial_bodies() {
+fn every_controller_explores_with_aerial_bodies() {
     for name in NAMES {
         let scenario = format!(
             "seed = 4\nduration_s = 400.0\nmap = {{ kind = \"spheres\", size = 20 }}\nbody = {{ kind = \"aerial\" }}\n\
              agents = {{ count = 2, controller = \"{name}\" }}\nexecution = {{ threads = 1 }}\n"
         );
-        let result = result(&scenario, Grouping::Together);
+        let result = result(&scenario, ThreadLayout::Shared);
         let least = if name.starts_with("rbw") { 0.8 } else { 0.999 };
         assert!(result.explored >= least, "{name}: {} after {} ticks", result.explored, result.tick);
     }
 }
 
-/// Two submarines and two aerial bodies, one of them small and quick.
+/// Two submarines and two aerial bodies, one of which is small and fast.
 fn mixed(controller: &str, execution: &str) -> String {
     format!(
         "seed = 5\nduration_s = 120.0\nmap = {{ kind = \"spheres\", size = 40 }}\n\
@@ -58,17 +48,17 @@ fn mixed(controller: &str, execution: &str) -> String {
 }
 
 #[test]
-fn a_mixed_team_has_the_same_run_however_it_is_run() {
+fn result_of_a_mixed_team_does_not_depend_on_threads() {
     for controller in ["rbw", "dsvp-auction"] {
-        let run = |execution: &str, grouping| result(&mixed(controller, execution), grouping);
-        let first = run("threads = 1", Grouping::Apart);
-        for (execution, grouping) in [
-            ("threads = 1", Grouping::Apart),
-            ("threads = 4", Grouping::Together),
-            ("threads = 1, look_ahead = false", Grouping::Together),
+        let run = |execution: &str, threads| result(&mixed(controller, execution), threads);
+        let first = run("threads = 1", ThreadLayout::PerAgent);
+        for (execution, threads) in [
+            ("threads = 1", ThreadLayout::PerAgent),
+            ("threads = 4", ThreadLayout::Shared),
+            ("threads = 1, look_ahead = false", ThreadLayout::Shared),
         ] {
-            let again = run(execution, grouping);
-            assert_eq!(again.digest, first.digest, "{controller}, {execution}");
+            let repeated = run(execution, threads);
+            assert_eq!(repeated.digest, first.digest, "{controller}, {execution}");
         }
         let (submarine_m, aerial_m) = (first.distance_m[0], first.distance_m[1]);
         assert!(aerial_m > submarine_m, "{controller}: {aerial_m} m and {submarine_m} m");
@@ -76,7 +66,7 @@ fn a_mixed_team_has_the_same_run_however_it_is_run() {
 }
 
 #[test]
-fn an_agent_learns_of_all_bodies_what_the_scenario_says() {
+fn agents_get_the_bodies_of_the_scenario() {
     let scenario = Scenario::parse("the test's scenario", &mixed("rbw", ""), &[]).expect("a legal scenario");
     let (world, _report) = setup::build(&scenario).expect("there is such a world");
     let told = cdr::encode(&simulation::wire::scenario(&scenario, &world.terrain().extent(), world.rays()));
@@ -96,6 +86,6 @@ fn an_agent_learns_of_all_bodies_what_the_scenario_says() {
         ];
         assert_eq!(numbers, model.numbers().map(|(_, number)| number));
     }
-    // Paces are measured with the submarine of the server's defaults.
+    // Travel times are measured with the default submarine of the server.
     assert_eq!(*run_info.bodies.of(AgentId(0)), BodyModel::SUBMARINE);
 }

@@ -1,7 +1,8 @@
-//! The report of runs made by hand, against numbers reckoned by hand.
+//! The report of synthetic runs, compared with hand calculation.
 //!
-//! `report/runs` holds eleven runs of 600 s at most: `dsvp` with seeds 1 to 4, `lvd` and `rbw` with seeds 1 to 3, five agents each,
-//! and one run of `dsvp` with ten agents. `report/expected` holds tables as they should be.
+//! `report/runs` has eleven runs of up to 600 s: `dsvp` with seeds 1 to 4, `lvd` and `rbw` with
+//! seeds 1 to 3, five agents each, and one run of `dsvp` with ten agents. `report/expected` has
+//! expected tables.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,7 +21,7 @@ fn fixture() -> PathBuf {
 fn folder() -> TempDir {
     let dir = tempfile::tempdir().expect("a temporary folder");
     fs::create_dir(dir.path().join("runs")).expect("a new folder");
-    for entry in fs::read_dir(fixture().join("runs")).expect("the runs made by hand") {
+    for entry in fs::read_dir(fixture().join("runs")).expect("the synthetic runs") {
         let path = entry.expect("a readable folder").path();
         let name = path.file_name().expect("a file has a name");
         fs::copy(&path, dir.path().join("runs").join(name)).expect("a copy");
@@ -44,7 +45,7 @@ fn files(dir: &Path) -> BTreeMap<String, Vec<u8>> {
     files
 }
 
-/// The value in a column of a table in the row of a number of agents and names.
+/// The value in a column of a table, in the row that begins with these entries after the map.
 fn value(dir: &Path, table: &str, row: &[&str], column: &str) -> f64 {
     let text = fs::read_to_string(dir.join(format!("report/tables/{table}.csv"))).expect("a table of the report");
     let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
@@ -55,7 +56,7 @@ fn value(dir: &Path, table: &str, row: &[&str], column: &str) -> f64 {
 }
 
 #[test]
-fn numbers_are_those_reckoned_by_hand() {
+fn numbers_match_hand_calculation() {
     let dir = folder();
     report::write(dir.path()).unwrap();
     let is = |table: &str, row: &[&str], column: &str, expected: f64| {
@@ -63,7 +64,7 @@ fn numbers_are_those_reckoned_by_hand() {
         assert!((got - expected).abs() < 1e-9, "{table} {row:?} {column}: {got} instead of {expected}");
     };
     let dsvp: &[&str] = &["5", "dsvp"];
-    // 0.96, 0.98, 1, 1: the mean of four; the quartiles at places 0.75 and 2.25 of 0 to 3.
+    // 0.96, 0.98, 1, 1: the quartiles at positions 0.75 and 2.25 of 0 to 3.
     is("outcome", dsvp, "runs", 4.0);
     is("outcome", dsvp, "explored_mean", 98.5);
     is("outcome", dsvp, "explored_median", 99.0);
@@ -77,13 +78,13 @@ fn numbers_are_those_reckoned_by_hand() {
     // 200, 250, 500 and 450 s.
     is("times", dsvp, "success_90", 1.0);
     is("times", dsvp, "time_90_min_mean", 1400.0 / 4.0 / 60.0);
-    // 300 and 400 s, and twice not at all: 600 s in their place; half of the runs have got there at 400 s.
+    // 300 and 400 s, and two censored at 600 s; half of the runs have reached it at 400 s.
     is("times", dsvp, "reached_99_some", 2.0);
     is("times", dsvp, "success_99", 0.5);
     is("times", dsvp, "time_99_min_mean", (300.0 + 400.0 + 600.0 + 600.0) / 4.0 / 60.0);
     is("times", dsvp, "time_99_min_median", 400.0 / 60.0);
     is("times", dsvp, "time_100_min_mean", (330.0 + 480.0 + 600.0 + 600.0) / 4.0 / 60.0);
-    // 590 s, and twice not at all.
+    // 590 s, and two censored.
     is("times", &["5", "lvd"], "success_90", 1.0 / 3.0);
     is("times", &["5", "lvd"], "time_90_min_mean", (590.0 + 600.0 + 600.0) / 3.0 / 60.0);
     is("times", &["5", "lvd"], "time_99_min_mean", 10.0);
@@ -98,7 +99,7 @@ fn numbers_are_those_reckoned_by_hand() {
 }
 
 #[test]
-fn pairs_are_those_reckoned_by_hand() {
+fn pairs_match_hand_calculation() {
     let dir = folder();
     report::write(dir.path()).unwrap();
     let is = |table: &str, row: &[&str], column: &str, expected: f64| {
@@ -106,14 +107,15 @@ fn pairs_are_those_reckoned_by_hand() {
         assert!((got - expected).abs() < 1e-9, "{table} {row:?} {column}: {got} instead of {expected}");
     };
     let row: &[&str] = &["5", "dsvp", "lvd"];
-    // Seeds 1 to 3: 300, 400 and 600 s against 600 s each. Two pairs differ, both in the same direction: p = 2 / 2^2.
+    // Seeds 1 to 3: 300, 400 and 600 s against 600 s each. Two pairs differ, both in the same
+    // direction: p = 2 / 2^2.
     is("pairs-time-99", row, "pairs", 3.0);
     is("pairs-time-99", row, "mean_a", 1300.0 / 3.0 / 60.0);
     is("pairs-time-99", row, "ratio_mean", 1300.0 / 1800.0);
     is("pairs-time-99", row, "p", 0.5);
     // Three of nine comparisons are ties, the others are lost.
     is("pairs-time-99", row, "a12", 1.5 / 9.0);
-    // Three pairs in the same direction: p = 2 / 2^3, three times in the family.
+    // Three pairs in the same direction: p = 2 / 2^3, in a family of three.
     is("pairs-area", row, "p", 0.25);
     is("pairs-area", row, "p_holm", 0.75);
     is("pairs-area", row, "a12", 1.0);
@@ -121,7 +123,7 @@ fn pairs_are_those_reckoned_by_hand() {
 }
 
 #[test]
-fn tables_are_as_they_should() {
+fn tables_match_the_expected_files() {
     let dir = folder();
     report::write(dir.path()).unwrap();
     for entry in fs::read_dir(fixture().join("expected")).unwrap() {
@@ -133,10 +135,11 @@ fn tables_are_as_they_should() {
 }
 
 #[test]
-fn the_page_is_well_formed_and_refers_to_nothing_outside() {
+fn page_is_well_formed_and_self_contained() {
     let dir = folder();
     let written = report::write(dir.path()).unwrap();
-    // `lvd` and `rbw` lack one seed of four with five agents and have none with ten, where `dsvp` lacks three.
+    // Of four seeds, `lvd` and `rbw` lack one with five agents and all with ten, where `dsvp` lacks
+    // three.
     assert_eq!((written.runs, written.lacking), (11, 1 + 1 + 4 + 4 + 3));
     let page = fs::read_to_string(&written.page).unwrap();
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
@@ -156,15 +159,15 @@ fn the_page_is_well_formed_and_refers_to_nothing_outside() {
     }
     assert!(!page.contains("@import"));
     let text: String = tree.descendants().filter(|node| node.is_text()).filter_map(|node| node.text()).collect();
-    for told in
+    for expected in
         ["<every> seed & controller", "0.1.0", "a machine with 2 cores", "1\u{2013}4", "rbw: 5 agents, 50\u{b3} cells"]
     {
-        assert!(text.contains(told), "{told}");
+        assert!(text.contains(expected), "{expected}");
     }
 }
 
 #[test]
-fn figures_are_pictures_and_the_same_runs_make_the_same_bytes() {
+fn figures_are_rendered_and_reproducible() {
     let (one, other) = (folder(), folder());
     report::write(one.path()).unwrap();
     report::write(other.path()).unwrap();
@@ -184,7 +187,7 @@ fn figures_are_pictures_and_the_same_runs_make_the_same_bytes() {
         let width: u32 = tree.root_element().attribute("width").unwrap().parse().unwrap();
         let picture = Pixmap::decode_png(&one[&format!("report/figures/{name}.png")]).unwrap();
         assert_eq!(picture.width(), 2 * width, "{name}");
-        // Text is in ink: without its font a picture would have next to none.
+        // Text is dark: without its font an image would have hardly any dark pixels.
         let ink = picture.pixels().iter().filter(|pixel| pixel.red() < 60 && pixel.green() < 60 && pixel.blue() < 60);
         assert!(ink.count() > 5000, "{name} has no text");
     }

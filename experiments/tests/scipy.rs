@@ -1,4 +1,5 @@
-//! Our statistics give what SciPy gives: `scipy/reference.json` holds its numbers, `scipy/reference.py` has made them.
+//! The statistics agree with SciPy: `scipy/reference.py` writes SciPy's results to
+//! `scipy/reference.json`.
 
 use experiments::statistics::{
     Censored, Interval, Pairing, a12, area_under, bootstrap_mean, bootstrap_ratio, holm, kaplan_meier, median_time,
@@ -6,15 +7,15 @@ use experiments::statistics::{
 };
 use serde_json::Value;
 
-/// How far the end of an interval may lie from the mean of SciPy's, in standard deviations of these. Both have the same Monte-Carlo
-/// error, and there are some two dozen ends.
+/// Maximum distance of the end of an interval from the mean of SciPy's, in standard deviations of
+/// these. Both have the same Monte-Carlo error, and there are some two dozen ends.
 const SPREADS_MAX: f64 = 5.0;
 
 fn reference() -> Value {
     serde_json::from_str(include_str!("scipy/reference.json")).expect("the reference is JSON")
 }
 
-/// The cases with this name, at least one.
+/// The cases with this name; fails if there are none.
 fn cases(of: &str) -> Vec<Value> {
     let cases = reference()[of].as_array().expect("cases are a list").clone();
     assert!(!cases.is_empty(), "{of}");
@@ -124,7 +125,7 @@ fn intervals() {
         .unwrap();
         for (ours, end, spread) in [(ours.low, "low", "low_spread"), (ours.high, "high", "high_spread")] {
             let (theirs, spread) = (number(&case[end]), number(&case[spread]));
-            // Of whole numbers every one of SciPy's intervals may be the same.
+            // With whole numbers all of SciPy's intervals may be equal.
             let off = (ours - theirs) / spread.max(1e-9);
             assert!(off.abs() <= SPREADS_MAX, "{end} is {ours}, {off:.1} spreads from SciPy's {theirs}: {case}");
         }

@@ -1,4 +1,4 @@
-//! An agent: any parts of observations, with any parcels, and map sharing on.
+//! Target `agent`: any fragments of observations with any agent messages, and map sharing on.
 
 use agent_node::agent::{Agent, Reaction};
 use agent_node::controllers;
@@ -10,18 +10,18 @@ use msgs::ids::AgentId;
 use msgs::limits::OBSERVATION_BYTES_MAX;
 use msgs::maes_msgs::{Body, CellRuns, Contact, Lidar, Observation as Part, Parcel, Scenario};
 
-use crate::lies::number;
+use crate::hostile_messages::number;
 
-/// Agents of the run.
+/// Number of agents of the run.
 const AGENTS: u32 = 3;
 
 /// Cells of the map along x, y and z.
 const SIZE: [u32; 3] = [9, 8, 7];
 
-/// Most parts that an agent is given.
+/// Most fragments for one agent.
 const PARTS_MAX: usize = 64;
 
-/// An agent that is given parts: it takes them in and answers what is legal, or says what is wrong with them.
+/// An agent takes fragments: it replies with a legal command, or with an error.
 pub(crate) fn take(bytes: &[u8]) {
     let _end_of_bytes = play(&mut Unstructured::new(bytes));
 }
@@ -77,7 +77,7 @@ fn bodies() -> Vec<Body> {
     vec![submarine, Body { kind: Body::AERIAL, ..submarine }]
 }
 
-/// A part of an observation, mostly close to one that a server could send.
+/// A fragment of an observation, mostly close to a legal one.
 fn part(data: &mut Unstructured<'_>, tick: u64) -> Result<Part> {
     let is_whole = data.ratio(7, 8)?;
     let [part, parts] = if is_whole { [0, 1] } else { [data.int_in_range(0..=3)?, data.int_in_range(0..=3)?] };
@@ -107,10 +107,10 @@ fn part(data: &mut Unstructured<'_>, tick: u64) -> Result<Part> {
     })
 }
 
-/// A few of something.
+/// A short list.
 fn some<T>(data: &mut Unstructured<'_>, mut one: impl FnMut(&mut Unstructured<'_>) -> Result<T>) -> Result<Vec<T>> {
     let count = data.int_in_range(0..=7)?;
-    // Most observations have none.
+    // Most lists are empty.
     (4..count).map(|_| one(data)).collect()
 }
 
@@ -118,7 +118,7 @@ fn peer(data: &mut Unstructured<'_>) -> Result<u32> {
     if data.ratio(1, 32)? { data.arbitrary() } else { data.int_in_range(0..=AGENTS - 1) }
 }
 
-/// A place, mostly in the map.
+/// A position, mostly in the map.
 fn position(data: &mut Unstructured<'_>) -> Result<Point> {
     if data.ratio(1, 16)? {
         return Ok(Point { x: number(data)?, y: number(data)?, z: number(data)? });
@@ -127,7 +127,7 @@ fn position(data: &mut Unstructured<'_>) -> Result<Point> {
     Ok(Point { x: along(0)?, y: along(1)?, z: along(2)? })
 }
 
-/// A parcel, mostly one that is said to be of a map, and a beginning of which is right.
+/// An agent message, mostly of the kind of a map and with a correct version.
 fn parcel(data: &mut Unstructured<'_>) -> Result<Parcel> {
     let kind = if data.ratio(1, 4)? { data.arbitrary()? } else { agent_node::sharing::MAP_MESSAGE };
     let length = data.int_in_range(0..=40)?;

@@ -1,4 +1,4 @@
-//! Files: maps, scenarios, plans and recordings.
+//! Targets of files: maps, scenarios, plans and recordings.
 
 use std::path::Path;
 
@@ -8,13 +8,13 @@ use sim_server::recording::{End, Recording};
 use simulation::scenario::Scenario;
 use voxels::{Grid, m3dm};
 
-/// What the files are called.
+/// The name of the files in errors.
 const NAME: &str = "fuzz.file";
 
-/// Most runs of a plan that is worked out here: it takes time for each of them.
+/// Most runs of a plan, because each takes time.
 const RUNS_MAX: usize = 64;
 
-/// A map file of either kind: what is read is written to the same.
+/// A map in either format: writing what was read gives the same bytes.
 pub(crate) fn map(bytes: &[u8]) {
     if let Ok(terrain) = m3dm::read(bytes) {
         assert_eq!(m3dm::write(&terrain).as_deref(), Ok(bytes));
@@ -27,7 +27,7 @@ pub(crate) fn map(bytes: &[u8]) {
     }
 }
 
-/// A scenario: what is read is written to a text that says the same.
+/// A scenario: writing what was read gives an equal scenario.
 pub(crate) fn scenario(bytes: &[u8]) {
     let Ok(text) = str::from_utf8(bytes) else { return };
     match Scenario::parse(NAME, text, &[]) {
@@ -38,11 +38,11 @@ pub(crate) fn scenario(bytes: &[u8]) {
                 assert_eq!(again.identity(), identity);
             }
         }
-        Err(error) => assert_is_said_well(&error.to_string()),
+        Err(error) => assert_well_formed(&error.to_string()),
     }
 }
 
-/// A plan, as long as it names no files and is not too large: what it is saved as is the same plan.
+/// A plan that names no file and is not too large: its saved text is the same plan.
 pub(crate) fn plan(bytes: &[u8]) {
     let Ok(text) = str::from_utf8(bytes) else { return };
     if !is_small_plan(text) {
@@ -54,14 +54,14 @@ pub(crate) fn plan(bytes: &[u8]) {
             let ids = |plan: &Plan| plan.runs.iter().map(|run| run.id.clone()).collect::<Vec<_>>();
             assert_eq!(ids(&again), ids(&plan));
         }
-        Err(error) => assert_is_said_well(&error.to_string()),
+        Err(error) => assert_well_formed(&error.to_string()),
     }
 }
 
-/// Whether a plan may be worked out here. What is no TOML may.
+/// Whether a plan is small enough. Text that is no TOML is.
 fn is_small_plan(text: &str) -> bool {
     let Ok(plan) = text.parse::<toml::Table>() else { return true };
-    // Files are whatever this machine has.
+    // The content of files would make the target depend on the machine.
     if plan.get("scenario").is_some_and(toml::Value::is_str) || text.contains("file") {
         return false;
     }
@@ -79,11 +79,11 @@ fn is_small_plan(text: &str) -> bool {
     runs <= RUNS_MAX
 }
 
-/// A recording: it is refused, or read up to its end or its damage, and described.
+/// A recording: refused, or read up to its end or its damage and described.
 pub(crate) fn recording(bytes: &[u8]) {
     let recording = match Recording::from_bytes(NAME.to_owned(), bytes.to_vec()) {
         Ok(recording) => recording,
-        Err(error) => return assert_is_said_well(&error.to_string()),
+        Err(error) => return assert_well_formed(&error.to_string()),
     };
     let mut messages = recording.messages();
     let read = messages.by_ref().count() as u64;
@@ -95,8 +95,8 @@ pub(crate) fn recording(bytes: &[u8]) {
     assert!(text.lines().last().is_some_and(|last| last.starts_with("digest: ")), "{text}");
 }
 
-/// An error is one line, and names the file.
-fn assert_is_said_well(error: &str) {
+/// Fails unless an error is one line and names the file.
+fn assert_well_formed(error: &str) {
     assert!(error.starts_with(NAME), "an error that does not name the file: {error}");
     assert!(!error.contains('\n'), "an error of several lines: {error}");
 }

@@ -1,23 +1,23 @@
-//! What is done with bytes from outside, one function for each kind of them: the targets of fuzzing.
+//! Fuzz targets: one function for each kind of bytes from outside.
 //!
-//! A target takes any bytes. It panics if a promise of docs/reliability.md is broken, and else does nothing. The same functions
-//! run under libFuzzer (`launch_scripts/fuzz.sh`) and, over the corpus and seeded changes of it, in an ordinary test
-//! (`tests/fuzzed.rs`).
+//! A target takes any bytes and panics if a promise of docs/reliability.md is broken. The same
+//! functions run under libFuzzer (`launch_scripts/fuzz.sh`) and in an ordinary test over the corpus
+//! and seeded mutations of it (`tests/fuzz_corpus.rs`).
 //!
-//! Invariants: a target is a function of its bytes, touches no file and no network, and ends. How much memory it may take is
-//! limited by whoever runs it.
+//! Invariants: a target is a function of its bytes, touches no file and no network, and terminates.
+//! The caller limits its memory.
 
 mod agent;
 mod files;
-mod lies;
+mod hostile_messages;
 mod maps;
 mod messages;
 mod server;
 
-/// What is done with bytes.
+/// A function of bytes that panics if a promise is broken.
 pub type Target = fn(&[u8]);
 
-/// All targets by name, which is that of the folder of their corpus, too.
+/// All targets by name, which is also the name of the folder of their corpus.
 pub const TARGETS: [(&str, Target); 15] = [
     ("m3dm", files::map),
     ("packed", maps::packed),

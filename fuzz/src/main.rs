@@ -1,11 +1,11 @@
-//! libFuzzer around the target that the environment names.
+//! The libFuzzer program: runs the target that an environment variable names.
 #![no_main]
 
 use std::sync::OnceLock;
 
 use libfuzzer_sys::fuzz_target;
 
-/// Name of the variable that says which of [`fuzz::TARGETS`] is run.
+/// Environment variable with the name of one of [`fuzz::TARGETS`].
 const VARIABLE: &str = "FUZZ_TARGET";
 
 static TARGET: OnceLock<fn(&[u8])> = OnceLock::new();

@@ -1,9 +1,10 @@
-//! Map files of other programs, and packed ones: what is read is a map, and one that can be written is written and read to the same.
+//! Targets of foreign map formats and the packed one: what is read is a map, and writing and
+//! reading it gives the same map.
 
 use mapgen::{Fill, ImportOptions, ImportSpec, Kind, MapFormat};
 use voxels::{Grid, Terrain, packed as format};
 
-/// Cells of a map at the most: what is tried is the reading, not the memory of a large map.
+/// Most cells of a map: the targets test reading, not memory.
 const CELLS_MAX: usize = 1 << 16;
 
 /// A packed map.
@@ -14,7 +15,7 @@ pub(crate) fn packed(bytes: &[u8]) {
     }
 }
 
-/// An OctoMap tree, which is written to one that says the same.
+/// An OctoMap tree: writing and reading it gives the same map.
 pub(crate) fn octomap(bytes: &[u8]) {
     if let Some(terrain) = read("fuzz.bt", bytes, ImportOptions::default()) {
         let again = MapFormat::OctoMap.write(&terrain, false).expect("trees are written");
@@ -53,14 +54,14 @@ pub(crate) fn pgm(bytes: &[u8]) {
     read("fuzz.pgm", bytes, ImportOptions::default());
 }
 
-/// A mesh as a solid and as a shell.
+/// A mesh, filled as a solid and as a shell.
 fn mesh(file: &str, bytes: &[u8]) {
     for fill in [Fill::Solid, Fill::Shell] {
         read(file, bytes, ImportOptions { fill: Some(fill), inside: Some(Kind::Free), ..ImportOptions::default() });
     }
 }
 
-/// The map of a file, whose refusal is one line that names the file.
+/// Reads a map; an error has to be one line that names the file.
 fn read(file: &str, bytes: &[u8], options: ImportOptions) -> Option<Grid<Terrain>> {
     let spec = ImportSpec { options, cells_max: CELLS_MAX, ..ImportSpec::new(file, bytes.to_vec()) };
     match spec.read() {

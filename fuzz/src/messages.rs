@@ -1,4 +1,4 @@
-//! Messages: whatever comes in as bytes, on both sides, and what is made of it before anything is done.
+//! Target `messages`: decoding and validation of all messages and requests, on both sides.
 
 use agent_node::wire as agent_wire;
 use msgs::cdr;
@@ -19,21 +19,21 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use simulation::{parameters, scenario, twist, wire};
 
-/// Agents of the run that the messages are of.
+/// Number of agents of the run.
 const AGENTS: u32 = 4;
 
-/// The bytes as a message of each type that comes in anywhere.
+/// Decodes the bytes as every type of incoming message.
 pub(crate) fn all(bytes: &[u8]) {
     to_the_server(bytes);
     to_an_agent(bytes);
     requests(bytes);
 }
 
-/// The message, if the bytes are one; it comes back from its own bytes as it was.
+/// The message, if the bytes are one. Its own encoding decodes to the same bytes.
 fn decoded<M: Serialize + DeserializeOwned>(bytes: &[u8]) -> Option<M> {
     let message: M = cdr::decode(bytes).ok()?;
     let once = cdr::encode(&message);
-    // The bytes are compared, because a number that is none is not equal to itself.
+    // Bytes are compared, because NaN is not equal to itself.
     let again: M = cdr::decode(&once).unwrap_or_else(|error| panic!("own bytes: {error}"));
     assert_eq!(cdr::encode(&again), once);
     Some(message)
@@ -46,7 +46,7 @@ fn to_the_server(bytes: &[u8]) {
     let of_twist = twist.and_then(|twist| twist::command(1, AgentId(0), &twist).ok());
     for command in command.into_iter().chain(of_twist) {
         if let Ok((_, wake)) = wire::command(&command, AGENTS) {
-            assert!(wake.at.0 > command.tick || command.tick == u64::MAX, "an agent is asked in a later tick");
+            assert!(wake.at.0 > command.tick || command.tick == u64::MAX, "an agent is due in a later tick");
         }
     }
 }
@@ -78,7 +78,7 @@ fn requests(bytes: &[u8]) {
     request::<SetEntityState>(bytes);
     request::<DeleteEntity>(bytes);
     request::<SpawnEntity>(bytes);
-    // The goal of the action.
+    // The goal of the action `SimulateSteps`.
     decoded::<StepRequest>(bytes);
     let mut known = Parameters::default();
     known.declare(parameters::of(&run()));
@@ -111,7 +111,7 @@ fn request<S: Service>(bytes: &[u8]) -> Option<S::Request> {
     decoded(bytes)
 }
 
-/// Any run: what its parameters are called.
+/// Any run, for the names of its parameters.
 fn run() -> scenario::Scenario {
     let text = "seed = 1\nduration_s = 1.0\nmap = { kind = \"spheres\", size = 20 }\nagents = { count = 4 }\n";
     scenario::Scenario::parse("run", text, &[]).expect("a legal scenario")

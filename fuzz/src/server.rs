@@ -1,8 +1,9 @@
-//! The server: its loop, with two agents that follow a script, and somebody who says anything.
+//! Target `server`: the session loop, with two scripted agents and a hostile sender.
 //!
-//! The liar either has a seat, that of agent 1, and its lies come before the true answer; or it has none. Without a seat, whatever
-//! it says is refused, counted and without effect. With one, the run is that of the answers which the server had to take, and of
-//! nothing else that was said.
+//! The hostile sender is either the process of agent 1, and its messages come before the legal
+//! reply; or it is foreign. Every message of a foreign sender is refused, counted and without
+//! effect. With a hostile member, the run is that of the replies which the server has to accept,
+//! and of no other message.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::OnceLock;
@@ -14,51 +15,51 @@ use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{OBSERVATION_BYTES_MAX, PROTOCOL};
 use msgs::maes_msgs::{self, Command, Join, JoinReply, Observation, Parcel, Task, Wake};
+use sim_server::session::{RunConfig, RunObserver};
+use sim_server::setup;
 use sim_server::transport::{AgentTransport, ControlInput, Inbound, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
-use sim_server::session::{RunConfig, RunObserver};
 use simulation::scenario::Scenario;
-use sim_server::setup;
 use simulation::wire;
 use simulation::world::World;
 
-use crate::lies::{self, Known};
+use crate::hostile_messages::{self, Known};
 
-/// A short run in a small cave. Everybody is asked in every tick, so that there is much to interfere with.
+/// A short run in a small cave. Without look-ahead there is a request to each agent in every tick.
 const SCENARIO: &str = "seed = 7\nduration_s = 0.4\nstop_when_explored = false\n[map]\nkind = \"spheres\"\nsize = 14\n\
                         spheres = { radius_min = 2, radius_max = 4 }\n[agents]\ncount = 2\n[lidar]\nrays = 16\n[execution]\nthreads = 1\nlook_ahead = false\n";
 
-/// Agents of the run.
+/// Number of agents of the run.
 const AGENTS: u32 = 2;
 
-/// The processes of the agents, and how they call themselves.
-const SEATS: [(SourceId, u64); AGENTS as usize] = [(SourceId([1; 16]), 11), (SourceId([2; 16]), 12)];
+/// The processes of the agents, with their instance numbers.
+const MEMBERS: [(SourceId, u64); AGENTS as usize] = [(SourceId([1; 16]), 11), (SourceId([2; 16]), 12)];
 
-/// Somebody else.
-const STRANGER: SourceId = SourceId([0xee; 16]);
+/// The source of a foreign sender.
+const FOREIGN: SourceId = SourceId([0xee; 16]);
 
-/// Most that is said between two answers.
-const LIES_MAX: usize = 6;
+/// Most hostile messages before and after a reply.
+const HOSTILE_MAX: usize = 6;
 
-/// Most that people are told: of each of ten kinds of refusals five, and what else there is.
+/// Most notes of the server: five for each of ten kinds of refusals, and ten others.
 const NOTES_MAX: usize = 60;
 
-/// A run with lies, and what it must be equal to.
+/// Executes a run with hostile messages and the run that it must equal.
 pub(crate) fn run(bytes: &[u8]) {
     let mut data = Unstructured::new(bytes);
-    let has_seat = data.arbitrary().unwrap_or(false);
-    let mut stage = Stage::new(Some(data), if has_seat { SEATS[1].0 } else { STRANGER }, BTreeMap::new());
-    let (result, notes) = stage.play();
-    assert!(notes <= NOTES_MAX, "{notes} notes for people");
+    let is_member = data.arbitrary().unwrap_or(false);
+    let mut script = Script::new(Some(data), if is_member { MEMBERS[1].0 } else { FOREIGN }, BTreeMap::new());
+    let (result, notes) = script.play();
+    assert!(notes <= NOTES_MAX, "{notes} notes");
     let refused: u64 = refusals(&result).map(|counter| counter.value).sum();
-    if has_seat {
-        let mut honest = Stage::new(None, STRANGER, stage.taken);
+    if is_member {
+        let mut honest = Script::new(None, FOREIGN, script.taken);
         let (expected, _) = honest.play();
         assert_eq!(without_refusals(result), without_refusals(expected));
     } else {
         static HONEST: OnceLock<maes_msgs::Result> = OnceLock::new();
-        let honest = HONEST.get_or_init(|| Stage::new(None, STRANGER, BTreeMap::new()).play().0);
-        assert_eq!(refused, stage.lies, "each lie of a stranger is refused");
+        let honest = HONEST.get_or_init(|| Script::new(None, FOREIGN, BTreeMap::new()).play().0);
+        assert_eq!(refused, script.foreign, "each message of a foreign sender is refused");
         assert_eq!(without_refusals(result), without_refusals(honest.clone()));
     }
 }
@@ -72,30 +73,30 @@ fn without_refusals(mut result: maes_msgs::Result) -> maes_msgs::Result {
     result
 }
 
-/// The link of a run, on which everything is said at once.
-struct Stage<'a> {
-    /// What lies are made of; `None`: there are none.
+/// The link of a run, on which every message arrives at once.
+struct Script<'a> {
+    /// The bytes of hostile messages; `None`: there are none.
     data: Option<Unstructured<'a>>,
-    liar: SourceId,
-    /// What agent 1 says instead of what the script says, by tick.
+    hostile: SourceId,
+    /// Replies of agent 1 in place of the script's, by tick.
     instead: BTreeMap<u64, Command>,
     said: VecDeque<Incoming>,
     run: u64,
     tick: u64,
-    /// Agents that were asked in this tick, and the last phase.
+    /// Agents with a request in this tick, and its phase.
     asked: BTreeSet<u32>,
     phase: u8,
-    /// Answers of agent 1 that the server had to take, by tick.
+    /// Replies of agent 1 that the server has to accept, by tick.
     taken: BTreeMap<u64, Command>,
-    /// What a stranger said and the server has heard.
-    lies: u64,
+    /// Messages of a foreign sender that the server has received.
+    foreign: u64,
 }
 
-impl<'a> Stage<'a> {
-    fn new(data: Option<Unstructured<'a>>, liar: SourceId, instead: BTreeMap<u64, Command>) -> Self {
+impl<'a> Script<'a> {
+    fn new(data: Option<Unstructured<'a>>, hostile: SourceId, instead: BTreeMap<u64, Command>) -> Self {
         Self {
             data,
-            liar,
+            hostile,
             instead,
             said: VecDeque::new(),
             run: 0,
@@ -103,11 +104,11 @@ impl<'a> Stage<'a> {
             asked: BTreeSet::new(),
             phase: Observation::RUNNING,
             taken: BTreeMap::new(),
-            lies: 0,
+            foreign: 0,
         }
     }
 
-    /// The result of the run, and how often people were told something.
+    /// The result of the run and the number of notes.
     fn play(&mut self) -> (maes_msgs::Result, usize) {
         let scenario = Scenario::parse("run", SCENARIO, &[]).expect("a legal scenario");
         let (world, _) = setup::build(&scenario).expect("there is such a world");
@@ -121,28 +122,28 @@ impl<'a> Stage<'a> {
 
     fn say(&mut self, agent: usize, message: Inbound) {
         let topic_agent = AgentId::from_index(agent);
-        self.said.push_back(Incoming { topic_agent, source: SEATS[agent].0, message });
+        self.said.push_back(Incoming { topic_agent, source: MEMBERS[agent].0, message });
     }
 
-    fn lie(&mut self) {
+    fn send_hostile(&mut self) {
         let Some(data) = &mut self.data else { return };
-        let instances = SEATS.map(|(_, instance)| instance).to_vec();
+        let instances = MEMBERS.map(|(_, instance)| instance).to_vec();
         let known = Known { run: self.run, tick: self.tick, agents: AGENTS, instances };
-        let count = data.int_in_range(0..=LIES_MAX).unwrap_or(0);
+        let count = data.int_in_range(0..=HOSTILE_MAX).unwrap_or(0);
         for _ in 0..count {
             if data.is_empty() {
                 return;
             }
-            if let Ok((topic, message)) = lies::lie(data, &known) {
-                self.said.push_back(Incoming { topic_agent: AgentId(topic), source: self.liar, message });
+            if let Ok((topic, message)) = hostile_messages::message(data, &known) {
+                self.said.push_back(Incoming { topic_agent: AgentId(topic), source: self.hostile, message });
             }
         }
     }
 
-    /// Notes an answer of agent 1 that the server has to take now.
-    fn note(&mut self, incoming: &Incoming) {
+    /// Keeps a reply of agent 1 that the server has to accept now.
+    fn keep(&mut self, incoming: &Incoming) {
         let Inbound::Command(command) = &incoming.message else { return };
-        let is_of_agent_1 = incoming.source == SEATS[1].0 && incoming.topic_agent == AgentId(1) && command.agent == 1;
+        let is_of_agent_1 = incoming.source == MEMBERS[1].0 && incoming.topic_agent == AgentId(1) && command.agent == 1;
         if is_of_agent_1
             && command.run == self.run
             && command.tick == self.tick
@@ -154,8 +155,8 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// What the script says.
-    fn answer(&self, agent: u32) -> Command {
+    /// The reply of the script.
+    fn reply(&self, agent: u32) -> Command {
         let instead = self.instead.get(&self.tick).filter(|_| agent == 1 && self.phase == Observation::RUNNING);
         if let Some(command) = instead {
             return Command { run: self.run, ..command.clone() };
@@ -179,10 +180,10 @@ impl<'a> Stage<'a> {
     }
 }
 
-impl AgentTransport for Stage<'_> {
+impl AgentTransport for Script<'_> {
     fn announce(&mut self, scenario: &maes_msgs::Scenario) {
         self.run = scenario.run;
-        for (agent, (_, instance)) in SEATS.into_iter().enumerate() {
+        for (agent, (_, instance)) in MEMBERS.into_iter().enumerate() {
             let controller = "script".to_owned();
             let (run, last_tick) = (self.run, Join::NONE);
             let agent_id = AgentId::from_index(agent).0;
@@ -192,14 +193,9 @@ impl AgentTransport for Stage<'_> {
     }
 
     fn reply_join(&mut self, reply: &JoinReply) {
-        let is_meant = |(source, instance): &(SourceId, u64)| *instance == reply.instance && *source != self.liar;
-        let honest_is_meant = SEATS.get(reply.agent as usize).is_some_and(is_meant);
-        assert!(
-            reply.accepted || !honest_is_meant,
-            "agent {} is told that it is refused: {}",
-            reply.agent,
-            reply.reason
-        );
+        let is_meant = |(source, instance): &(SourceId, u64)| *instance == reply.instance && *source != self.hostile;
+        let honest_is_meant = MEMBERS.get(reply.agent as usize).is_some_and(is_meant);
+        assert!(reply.accepted || !honest_is_meant, "agent {} receives a refusal: {}", reply.agent, reply.reason);
     }
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
@@ -208,27 +204,27 @@ impl AgentTransport for Stage<'_> {
             (self.tick, self.phase) = (part.tick, part.phase);
             self.asked.clear();
         }
-        // Sent again only if this machine is busy.
+        // Resent requests come on a busy machine only.
         if part.part + 1 == part.parts && self.asked.insert(agent.0) {
-            self.lie();
-            self.say(agent.index(), Inbound::Command(self.answer(agent.0)));
-            self.lie();
+            self.send_hostile();
+            self.say(agent.index(), Inbound::Command(self.reply(agent.0)));
+            self.send_hostile();
         }
     }
 
     fn receive(&mut self, _timeout: Duration) -> Option<Incoming> {
         let incoming = self.said.pop_front()?;
-        self.note(&incoming);
-        self.lies += u64::from(incoming.source == STRANGER);
+        self.keep(&incoming);
+        self.foreign += u64::from(incoming.source == FOREIGN);
         Some(incoming)
     }
 }
 
-impl ObserverOutput for Stage<'_> {}
+impl ObserverOutput for Script<'_> {}
 
-impl ControlInput for Stage<'_> {}
+impl ControlInput for Script<'_> {}
 
-/// Counts what people are told.
+/// Counts the notes of the server.
 struct Notes(usize);
 
 impl RunObserver for Notes {

@@ -1,5 +1,5 @@
-//! Wall time of map generation, with the default parameters of each generator. The difference between spheres and unsmoothed
-//! spheres is five passes of smoothing.
+//! Wall time of map generation, with the default parameters of each generator. The difference
+//! between spheres and unsmoothed spheres is five passes of smoothing.
 
 use std::hint::black_box;
 

@@ -1,10 +1,12 @@
 //! Buildings: floors with hallways, rooms and doors, joined by staircases and lift shafts.
 //!
-//! All floors have the same hallways and cores (staircases and lift shafts); the rooms and doors are each floor's own. A floor is
-//! planned in two dimensions, and its plan is then carved out of the solid, so that everything between is wall.
+//! All floors have the same hallways and cores (staircases and lift shafts); the rooms and doors
+//! are each floor's own. A floor is planned in two dimensions, and its plan is then carved out of
+//! the solid, so that everything between is wall.
 //!
-//! Invariants: two solid layers stand around the floors, of which entrances take a niche out of the inner one; every room that is
-//! carved has a door on the way to a hallway, the hallways of a floor are connected, and the cores join the floors.
+//! Invariants: two solid layers stand around the floors, of which entrances take a niche out of the
+//! inner one; every room that is carved has a door towards a hallway, the hallways of a floor are
+//! connected, and the cores join the floors.
 
 mod assembly;
 mod doors;
@@ -20,16 +22,19 @@ use super::{Draft, MapError, by, check_sides, in_range};
 
 pub(super) use assembly::{draft, entrances};
 
-/// Solid layers around the floors on the four sides: the shell of the map, and one for the niches of the entrances.
+/// Solid layers around the floors on the four sides: the shell of the map, and one for the niches
+/// of the entrances.
 const OUTER_WALL: i32 = 2;
 
-/// Floors that a spec may ask for: what the longest axis of a map has room for, and more than any tower has.
+/// Floors that a spec may ask for: what the longest axis of a map has room for, and more than any
+/// tower has.
 const FLOORS_MAX: u32 = 500;
 
 /// Staircases, lift shafts and entrances that a spec may ask for, each.
 const CORES_MAX: u32 = 64;
 
-/// Parameters of a building; the defaults are those of the reference's two-dimensional ancestor where it has them.
+/// Parameters of a building; the defaults are those of MAES, the two-dimensional predecessor of
+/// MAES3D, where it has them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BuildingSpec {
@@ -39,21 +44,23 @@ pub struct BuildingSpec {
     pub floor_height: u32,
     /// Solid cells between two storeys, from 1. Default 1.
     pub slab: u32,
-    /// Hallways are added until they have this share of a floor, above 0 and up to 0.9; there is always one. Default 0.2
-    /// (reference).
+    /// Hallways are added until they have this share of a floor, above 0 and up to 0.9; there is
+    /// always one. Default 0.2 (MAES).
     pub hall_share: f64,
-    /// Width of a hallway in cells, from 1. Default 4 (reference).
+    /// Width of a hallway in cells, from 1. Default 4 (MAES).
     pub hall_width: u32,
-    /// Shortest side of a room in cells, from 2. Default 6 (reference).
+    /// Shortest side of a room in cells, from 2. Default 6 (MAES).
     pub room_side_min: u32,
-    /// Probability that a part of a floor is split once more into rooms, after the first time. Default 0.85 (reference).
+    /// Probability that a part of a floor is split once more into rooms, after the first time.
+    /// Default 0.85 (MAES).
     pub split_chance: f64,
-    /// Width of a door in cells, from 1; with the padding on both sides at most the shortest side of a room. Default 2
-    /// (reference).
+    /// Width of a door in cells, from 1; with the padding on both sides at most the shortest side
+    /// of a room. Default 2 (MAES).
     pub door_width: u32,
     /// Height of a door in cells, 1 to `floor_height`. Default 2.
     pub door_height: u32,
-    /// Cells of wall on either side of a door at the least, where there is room for them. Default 2 (reference).
+    /// Least number of wall cells on either side of a door, where there is room for them. Default 2
+    /// (MAES).
     pub door_padding: u32,
     /// Staircases, each of them through all floors. Default 2.
     pub staircases: u32,
@@ -89,7 +96,8 @@ impl Default for BuildingSpec {
     }
 }
 
-/// An entrance of a building, seen from inside: a niche at the end of a hallway, where the door towards the outside would be.
+/// An entrance of a building, seen from inside: a niche at the end of a hallway, where the door
+/// towards the outside would be.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entrance {
     /// The free cells of the niche, in cell order; beyond each of them is the shell.
@@ -98,7 +106,7 @@ pub struct Entrance {
     pub outward: Cell,
 }
 
-/// What a building has.
+/// The contents of a building.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Built {
     /// Floors.

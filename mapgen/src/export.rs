@@ -1,6 +1,7 @@
-//! Maps as files of other programs: OctoMap's binary tree, and meshes of the walls' surface.
+//! Export of maps: OctoMap's binary tree, and meshes of the walls' surface.
 //!
-//! The readers of the same formats are in [`super::import`]. Nothing here opens a file.
+//! The readers of the same formats are in [`super::import`]. Content is returned as bytes; no file
+//! is written.
 
 mod surface;
 
@@ -31,7 +32,7 @@ pub fn octomap(terrain: &Grid<Terrain>) -> Vec<u8> {
     [header.into_bytes(), tree.nodes].concat()
 }
 
-/// What a child of a node is, as its two bits.
+/// The state of a child of a node, as its two bits.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Child {
     Unknown = 0,
@@ -82,7 +83,8 @@ impl Tree<'_> {
     }
 }
 
-/// The surface of the walls as a mesh in Wavefront's format, in metres; it looks into the free space.
+/// The surface of the walls as a mesh in Wavefront's format, in metres; its normals point into free
+/// space.
 #[must_use]
 pub fn obj(terrain: &Grid<Terrain>) -> Vec<u8> {
     let cell_m = terrain.extent().cell_m();
@@ -95,7 +97,7 @@ pub fn obj(terrain: &Grid<Terrain>) -> Vec<u8> {
             let next = vertices.len() + 1;
             let number = *vertices.entry(corner).or_insert_with(|| {
                 let [x, y, z] = corner.map(|along| f64::from(along) * cell_m);
-                // Writing to a text cannot fail.
+                // Writing to a string cannot fail.
                 let _ = writeln!(text, "v {x} {y} {z}");
                 next
             });

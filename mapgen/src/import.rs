@@ -1,10 +1,13 @@
-//! Imported maps: a file's bytes become a terrain, and a terrain becomes sound: its shell solid, its free cells connected.
+//! Import of maps: the content of a file becomes a terrain, and the repair gives it a solid shell
+//! and connected free space.
 //!
-//! The reference claims this repair and does not do it (maes3d.md 1.12 d). Files are recognised by the extension of their name.
-//! There is one file for each format; docs/maps.md has the rules. The readers are small and of this
-//! project, because they take hostile bytes: each says where a fault is, and takes no memory that the file does not account for.
+//! MAES3D announces this repair and does not perform it (docs/reference-model.md, "Repairs of a
+//! map"). Formats are recognised by the extension of the file name. There is one module for each
+//! format; docs/maps.md has the rules. The readers are our own instead of crates because their
+//! input is untrusted: they are bounded and fuzzed, each error names the position of the fault, and
+//! memory is proportional to the size of the file.
 //!
-//! Nothing here opens a file: the bytes come from the caller and go back to it.
+//! No file is opened here: bytes are arguments and results.
 
 mod bytes;
 mod cloud;
@@ -42,31 +45,32 @@ pub struct ImportSpec {
     pub file: String,
     /// The content of the file.
     pub bytes: Vec<u8>,
-    /// How it is read.
+    /// The import options.
     pub options: ImportOptions,
-    /// The length of a cell's edge that is asked for, metres. `None`: that of the file, or 1 m if it has none.
+    /// The requested length of a cell's edge, metres. `None`: that of the file, or 1 m if it has
+    /// none.
     pub cell_m: Option<f64>,
-    /// Cells that the map may have at the most.
+    /// Largest number of cells allowed.
     pub cells_max: usize,
 }
 
-/// A map as it stands in its file.
+/// The content of a map file, unrepaired.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Imported {
     /// The terrain, with the length of its cells.
     pub terrain: Grid<Terrain>,
-    /// What was dropped, closed or chosen on the way.
+    /// Notes on what was dropped, closed or chosen.
     pub notes: Vec<Note>,
     /// Whether the length of the cells is that of the file.
     pub stores_cell_m: bool,
 }
 
-/// Something to say about an import.
+/// A note of an import.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Note {
-    /// What it is about, in a word.
+    /// Its subject, in a word.
     pub name: &'static str,
-    /// What there is to say.
+    /// Its text.
     pub text: String,
 }
 
@@ -77,17 +81,17 @@ impl Note {
 }
 
 impl ImportSpec {
-    /// A file that is read with the defaults of its format.
+    /// A file with the default options of its format.
     #[must_use]
     pub fn new(file: impl Into<String>, bytes: Vec<u8>) -> Self {
         Self { file: file.into(), bytes, options: ImportOptions::default(), cell_m: None, cells_max: CELLS_MAX }
     }
 
-    /// The terrain as it stands in the file.
+    /// Reads the terrain, unrepaired.
     ///
     /// # Errors
-    /// [`MapError::Import`] with the name of the file, and where in it the fault lies; so if it has cells of another length than
-    /// is asked for.
+    /// [`MapError::Import`] with the name of the file and the position of the fault; also if its
+    /// cells have another length than the requested one.
     pub fn read(&self) -> Result<Imported, MapError> {
         self.try_read().map_err(|reason| MapError::Import { file: self.file.clone(), reason })
     }
@@ -106,14 +110,16 @@ impl ImportSpec {
         }
     }
 
-    /// The length of the cells that the file itself has, without its cells being read; `None` if it has none or is faulty.
+    /// The length of the cells that the file itself has, without its cells being read; `None` if it
+    /// has none or is faulty.
     #[must_use]
     pub fn stored_cell_m(&self) -> Option<f64> {
         MapFormat::of(Path::new(&self.file)).ok()?.stored_cell_m(&self.bytes)
     }
 }
 
-/// Makes a map sound: closes its shell and keeps its largest cave. `file` is the name for the error, `seed` for the report.
+/// Repairs a map: closes its shell and keeps its largest cave. `file` is the name for the error,
+/// `seed` for the report.
 ///
 /// # Errors
 /// [`MapError::Memory`]; [`MapError::ImportEmpty`] if nothing free is left.
@@ -127,7 +133,7 @@ pub fn repair(file: &str, mut terrain: Grid<Terrain>, seed: u64) -> Result<Gener
     Ok(described(terrain, seed, pockets, (None, None), shell_cells_closed))
 }
 
-/// One value for each cell, all the same.
+/// A grid with one value in every cell.
 fn new_grid<T: Clone>(extent: Extent, fill: T, cells_max: usize) -> Result<Grid<T>, FormatError> {
     let cells = extent.volume();
     if cells > cells_max {
@@ -137,7 +143,8 @@ fn new_grid<T: Clone>(extent: Extent, fill: T, cells_max: usize) -> Result<Grid<
     Ok(Grid::new(extent, fill))
 }
 
-/// The map with a layer of wall around it, if its outermost layer has a free cell and there is room for one.
+/// The map with a layer of wall around it, if its outermost layer has a free cell and there is room
+/// for one.
 fn surrounded(terrain: Grid<Terrain>, cells_max: usize) -> Result<(Grid<Terrain>, Option<Note>), FormatError> {
     let extent = terrain.extent();
     let size = extent.size().map(|cells| cells + 2);

@@ -1,10 +1,10 @@
 //! Map generation: a spec, an extent and a seed become the true terrain.
 //!
-//! Invariants of every generated map: at least one layer of wall on every side, at least one free cell, and all free
-//! cells connected through faces. The same spec, extent and seed give the same terrain; nothing else is looked at.
-//! Generation always ends: a request that cannot be met is an error.
+//! Invariants of every generated map: at least one layer of wall on every side, at least one free
+//! cell, and all free cells connected through faces. The terrain depends on spec, extent and seed
+//! alone. Generation always terminates: a request that cannot be met is an error.
 //!
-//! Nothing here opens a file, knows the time or draws a seed.
+//! There are no files, no clock and no source of seeds here.
 
 #![warn(missing_docs)]
 
@@ -27,10 +27,11 @@ pub use import::{Fill, FormatError, ImportOptions, ImportSpec, Imported, Kind, M
 pub use noise::NoiseSpec;
 pub use spheres::SpheresSpec;
 
-/// The shortest side of a generated map, in cells: one cell between two solid layers on either side.
+/// The shortest side of a generated map, in cells: one cell between two solid layers on either
+/// side.
 pub const SIDE_MIN: u32 = 5;
 
-/// How a map is made.
+/// The kind and parameters of a generated map.
 #[derive(Debug, Clone, PartialEq)]
 pub enum MapSpec {
     /// Random Connected Spheres.
@@ -42,10 +43,11 @@ pub enum MapSpec {
 }
 
 impl MapSpec {
-    /// Whether a map of this extent can be tried.
+    /// Checks the parameters for a map of this extent.
     ///
     /// # Errors
-    /// For the first parameter or side that is not usable; the error names it, its value and what is allowed.
+    /// For the first parameter or side that is not usable; the error names it, its value and what
+    /// is allowed.
     pub fn check(&self, extent: Extent) -> Result<(), MapError> {
         match self {
             Self::Spheres(spec) => spec.check(extent),
@@ -55,29 +57,30 @@ impl MapSpec {
     }
 }
 
-/// A terrain and how it came about.
+/// A terrain with its report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GeneratedMap {
     /// The true map.
     pub terrain: Grid<Terrain>,
-    /// Where one comes in; none unless it is a building.
+    /// The entrances of a building; empty for other maps.
     pub entrances: Vec<Entrance>,
-    /// What there is to say about it.
+    /// The report of its generation or import.
     pub report: MapReport,
 }
 
-/// What map generation found and did.
+/// The report of the generation and repair of a map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MapReport {
-    /// The seed that makes this map again from the same spec and extent; an import does not depend on it.
+    /// The seed that reproduces this map from the same spec and extent; an import does not depend
+    /// on it.
     pub seed: u64,
     /// Free cells of the finished map.
     pub free_cells: u64,
     /// Free cells divided by all cells of the map.
     pub free_fraction: f64,
-    /// What was carved, for [`MapSpec::Spheres`].
+    /// Spheres and tunnels, for [`MapSpec::Spheres`].
     pub carved: Option<Carved>,
-    /// What was built, for [`MapSpec::Building`].
+    /// Floors, rooms and so on, for [`MapSpec::Building`].
     pub built: Option<Built>,
     /// Free cells that became wall because they lay in a layer that must be solid.
     pub shell_cells_closed: u64,
@@ -96,7 +99,7 @@ pub struct Carved {
     pub tunnels: u64,
 }
 
-/// Why there is no map.
+/// The reason why there is no map.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum MapError {
     /// A parameter is outside the range in which a map of this extent can be made.
@@ -143,7 +146,7 @@ pub enum MapError {
     Memory {
         /// Cells along x, y and z.
         size: [u32; 3],
-        /// How much would be needed.
+        /// The memory that would be needed, MiB.
         mib: usize,
     },
     /// Noise or smoothing has left nothing free.
@@ -154,7 +157,7 @@ pub enum MapError {
     Import {
         /// The file.
         file: String,
-        /// What is wrong in it.
+        /// The fault, with its position.
         reason: FormatError,
     },
     /// A map file is solid.
@@ -165,7 +168,7 @@ pub enum MapError {
     },
 }
 
-/// Makes the map that `spec` and `seed` describe.
+/// Generates the map of `spec` and `seed`.
 ///
 /// ```
 /// use mapgen::{MapSpec, NoiseSpec, generate};
@@ -180,7 +183,8 @@ pub enum MapError {
 /// ```
 ///
 /// # Errors
-/// Those of [`MapSpec::check`]; [`MapError::Memory`]; [`MapError::FillUnreachable`]; [`MapError::Empty`] if nothing free is left.
+/// Those of [`MapSpec::check`]; [`MapError::Memory`]; [`MapError::FillUnreachable`];
+/// [`MapError::Empty`] if nothing free is left.
 pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMap, MapError> {
     check_memory(extent, GENERATION_CELL_BYTES)?;
     let (draft, built, entrances) = match spec {
@@ -220,10 +224,12 @@ fn described(
     GeneratedMap { terrain, entrances: Vec::new(), report }
 }
 
-/// The entrances of the map that [`generate`] makes of the same arguments, without the map.
+/// The entrances of the map that [`generate`] returns for the same arguments, without generating
+/// it.
 ///
 /// # Errors
-/// Those of [`MapSpec::check`]; [`MapError::OutOfRange`] if the building has fewer entrances than it should.
+/// Those of [`MapSpec::check`]; [`MapError::OutOfRange`] if the building has fewer entrances than
+/// it should.
 pub fn entrances(spec: &MapSpec, extent: Extent, seed: u64) -> Result<Vec<Entrance>, MapError> {
     match spec {
         MapSpec::Building(spec) => building::entrances(spec, extent, seed),
@@ -231,14 +237,15 @@ pub fn entrances(spec: &MapSpec, extent: Extent, seed: u64) -> Result<Vec<Entran
     }
 }
 
-/// Bytes for each cell that generation takes at the most: the terrain, a copy, and the labels of its components.
+/// Largest number of bytes per cell that generation takes: the terrain, a copy, and the labels of
+/// its components.
 const GENERATION_CELL_BYTES: usize = 8;
 
-/// Whether the system would give so many bytes for each cell. It may promise more than it can hold to, but what it does not even
-/// promise is a clear error here, and the end of the process later on.
+/// Checks that the system can allocate `cell_bytes` for each cell. The system may overcommit, but
+/// an allocation that it refuses is a clear error here instead of an abort later.
 ///
 /// # Errors
-/// If it would not.
+/// [`MapError::Memory`] if the allocation fails.
 pub fn check_memory(extent: Extent, cell_bytes: usize) -> Result<(), MapError> {
     let bytes = extent.volume().saturating_mul(cell_bytes);
     let error = |_| MapError::Memory { size: extent.size(), mib: bytes >> 20 };
@@ -250,8 +257,9 @@ pub fn free_cells(terrain: &Grid<Terrain>) -> u64 {
     terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count() as u64
 }
 
-/// The blake3 hash that names a terrain: of its size (three little-endian `u32`, x first), then one byte per cell in
-/// index order, 0 free and 1 wall. The length of a cell's edge is not part of it.
+/// The BLAKE3 hash that identifies a terrain: of its size (three little-endian `u32`, x first),
+/// then one byte per cell in index order, 0 free and 1 wall. The length of a cell's edge is not
+/// part of it.
 pub fn terrain_hash(terrain: &Grid<Terrain>) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
     for cells in terrain.extent().size() {
@@ -266,14 +274,14 @@ pub fn terrain_hash(terrain: &Grid<Terrain>) -> blake3::Hash {
     hasher.finalize()
 }
 
-/// What a generator hands over: a terrain that may still have pockets.
+/// The output of a generator: a terrain that may still have pockets.
 struct Draft {
     terrain: Grid<Terrain>,
     carved: Option<Carved>,
     shell_cells_closed: usize,
 }
 
-/// A size as people write it.
+/// A size in the form `30x30x20`.
 fn by([x, y, z]: [u32; 3]) -> String {
     format!("{x}x{y}x{z}")
 }

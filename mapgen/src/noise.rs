@@ -1,7 +1,8 @@
-//! Smoothed Noise: every inner cell is wall by chance, then the map is smoothed (maes3d.md 4.2).
+//! Smoothed Noise: every inner cell is wall by chance, then the map is smoothed
+//! (docs/reference-model.md, "Map generators: Smoothed Noise").
 //!
-//! One solid layer is guaranteed on every side; free cells may touch it. The map may fall into many caves, of which the
-//! caller keeps the largest.
+//! One solid layer is guaranteed on every side; free cells may touch it. The map may fall into many
+//! caves, of which the caller keeps the largest.
 
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -10,13 +11,14 @@ use voxels::{Extent, Grid, Terrain};
 use super::smoothing::{self, PASSES_MAX};
 use super::{Draft, MapError, check_sides, in_range};
 
-/// Parameters of Smoothed Noise; the defaults are those of the reference's user interface.
+/// Parameters of Smoothed Noise; the defaults are those of the user interface of MAES3D.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NoiseSpec {
-    /// Probability that an inner cell starts as wall, 0 to 1. Default 0.53 (the reference's slider: 0.45 to 0.60).
+    /// Probability that an inner cell starts as wall, 0 to 1. Default 0.53 (MAES3D's slider: 0.45
+    /// to 0.60).
     pub fill: f64,
-    /// How many times the map is smoothed, 0 to 1000. Default 5 (the reference's slider: 0 to 20).
+    /// How many times the map is smoothed, 0 to 1000. Default 5 (MAES3D's slider: 0 to 20).
     pub smoothing: u32,
 }
 
@@ -72,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn raw_noise_has_the_fill_that_was_asked_for() {
+    fn raw_noise_has_the_requested_fill() {
         let extent = Extent::new([52; 3], 1.0).unwrap();
         for fill in [0.1, 0.53, 0.9] {
             let draft = draft(&NoiseSpec { fill, smoothing: 0 }, extent, 3).unwrap();

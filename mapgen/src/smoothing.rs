@@ -1,18 +1,20 @@
 //! The smoothing rule of both generators: a cell becomes what most of the 26 cells around it are.
 //!
-//! Invariants: all cells of a pass change at once, and the outermost layer never changes. The work per cell does not
-//! depend on the neighbourhood: the 27 cells are added up axis by axis. Beside the terrain there are three layers of
-//! sums, so a large map costs no second copy.
+//! Invariants: all cells of a pass change at once, and the outermost layer never changes. The work
+//! per cell does not depend on the neighbourhood: the 27 cells are added up axis by axis. Beside
+//! the terrain there are three layers of sums, so a large map costs no second copy.
 
 use voxels::{Grid, Terrain};
 
 /// The largest number of passes that a spec may ask for.
 ///
-/// A pass that changes nothing ends the smoothing: default spheres of 100^3 cells come to rest within a hundred passes,
-/// while noise of that size still changes slowly after a thousand, which take half a second.
+/// A pass that changes nothing ends the smoothing: default spheres of 100^3 cells become stable
+/// within a hundred passes, while noise of that size still changes slowly after a thousand, which
+/// take half a second.
 pub(super) const PASSES_MAX: u32 = 1000;
 
-/// An inner cell is wall after a pass if more than this many of its 26 neighbours were (maes3d `Smooth`).
+/// An inner cell is wall after a pass if more than this many of its 26 neighbours were
+/// (docs/reference-model.md, "Map generators: Smoothed Noise").
 const WALL_NEIGHBOURS_OF_FREE_MAX: u8 = 13;
 
 /// Smooths the terrain `passes` times.
@@ -28,7 +30,7 @@ pub(super) fn smooth(terrain: &mut Grid<Terrain>, passes: u32) {
     }
 }
 
-/// One simultaneous pass; says whether any cell changed.
+/// One simultaneous pass; returns whether any cell changed.
 fn pass(cells: &mut [Terrain], [size_x, size_y, size_z]: [usize; 3]) -> bool {
     let layer = size_x * size_y;
     let mut rows = vec![0; size_x];
@@ -39,7 +41,8 @@ fn pass(cells: &mut [Terrain], [size_x, size_y, size_z]: [usize; 3]) -> bool {
     let mut changed = false;
     for z in 1..size_z - 1 {
         sums.rotate_left(1);
-        // The layer above is still as it was before the pass: layers are rewritten from the bottom up.
+        // The layer above is still as it was before the pass: layers are rewritten from the bottom
+        // up.
         sum_layer(&cells[(z + 1) * layer..(z + 2) * layer], size_x, &mut rows, &mut sums[2]);
         let [below, here, above] = &sums;
         for y in 1..size_y - 1 {
@@ -57,7 +60,8 @@ fn pass(cells: &mut [Terrain], [size_x, size_y, size_z]: [usize; 3]) -> bool {
     changed
 }
 
-/// For every inner cell of one layer, the number of walls among the 3 x 3 cells around it; `rows` is working space.
+/// For every inner cell of one layer, the number of walls among the 3 x 3 cells around it; `rows`
+/// is working space.
 fn sum_layer(layer: &[Terrain], size_x: usize, rows: &mut [u8], sums: &mut [u8]) {
     for (y, sums) in sums.chunks_mut(size_x).enumerate().take(layer.len() / size_x - 1).skip(1) {
         let three = &layer[(y - 1) * size_x..(y + 2) * size_x];
@@ -78,7 +82,7 @@ mod tests {
     use proptest::prelude::*;
     use voxels::{Cell, Extent, is_wall_at};
 
-    /// The rule as it is written down, cell by cell.
+    /// The smoothing rule by definition, cell by cell.
     fn literal(terrain: &Grid<Terrain>) -> Grid<Terrain> {
         let mut smoothed = terrain.clone();
         let [x, y, z] = terrain.extent().size().map(|cells| cells as i32);

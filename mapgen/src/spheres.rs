@@ -1,9 +1,10 @@
-//! Random Connected Spheres: hollow spheres at random places, each joined to its nearest neighbours by tunnels
-//! (maes3d.md 4.1).
+//! Random Connected Spheres: hollow spheres at random places, each joined to its nearest neighbours
+//! by tunnels (docs/reference-model.md, "Map generators: Random Connected Spheres").
 //!
-//! Invariants: two solid layers on every side; the loop always ends, because every sphere turns at least its centre
-//! from wall to free and a request that runs out of solid centres is an error. Tunnels are not counted in the fill
-//! ratio, so a map has a little more free space than was asked for; smoothing and pocket removal take some of it back.
+//! Invariants: two solid layers on every side; the loop always ends, because every sphere turns at
+//! least its centre from wall to free and a request that runs out of solid centres is an error.
+//! Tunnels are not counted in the fill ratio, so a map has a little more free space than was asked
+//! for; smoothing and pocket removal take some of it back.
 
 mod centres;
 mod links;
@@ -15,28 +16,32 @@ use self::centres::Centres;
 use super::smoothing::{self, PASSES_MAX};
 use super::{Carved, Draft, MapError, by, check_sides, in_range};
 
-/// Solid layers on every side (maes3d.md 4.1, step 4); they survive smoothing.
+/// Solid layers on every side, as in MAES3D (docs/reference-model.md, "Map generators: Random
+/// Connected Spheres"); they survive smoothing.
 const SHELL_LAYERS: u32 = 2;
 
-/// The largest number of tunnels that a spec may ask for per sphere: beyond it tunnels fill a map rather than join it.
+/// The largest number of tunnels that a spec may ask for per sphere: beyond it tunnels fill a map
+/// rather than join it.
 const CONNECTIONS_MAX: u32 = 64;
 
-/// Parameters of Random Connected Spheres; the defaults are those of the reference's user interface.
+/// Parameters of Random Connected Spheres; the defaults are those of the user interface of MAES3D.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SpheresSpec {
-    /// Spheres are added until they have freed this share of the map's volume, above 0 and at most the share of the
-    /// cells that a sphere can reach. Default 0.20 (the reference's slider: 0.01 to 0.30).
+    /// Spheres are added until they have freed this share of the map's volume, above 0 and at most
+    /// the share of the cells that a sphere can reach. Default 0.20 (MAES3D's slider: 0.01 to
+    /// 0.30).
     pub fill_ratio: f64,
-    /// Smallest radius of a sphere and radius of every tunnel, in cells, from 0 (a single cell). Default 3 (the
-    /// reference's slider: 2 to 15).
+    /// Smallest radius of a sphere and radius of every tunnel, in cells, from 0 (a single cell).
+    /// Default 3 (MAES3D's slider: 2 to 15).
     pub radius_min: u32,
-    /// Largest radius of a sphere, in cells, at most (shortest side - 4) / 2. Default 8 (the reference's slider: 2 to
-    /// 15).
+    /// Largest radius of a sphere, in cells, at most (shortest side - 4) / 2. Default 8 (MAES3D's
+    /// slider: 2 to 15).
     pub radius_max: u32,
-    /// To how many nearest spheres each sphere is joined, 0 to 64. Default 3 (the reference's slider: 1 to 10).
+    /// To how many nearest spheres each sphere is joined, 0 to 64. Default 3 (MAES3D's slider: 1 to
+    /// 10).
     pub connections: u32,
-    /// How many times the map is smoothed, 0 to 1000. Default 5 (the reference's slider: 0 to 20).
+    /// How many times the map is smoothed, 0 to 1000. Default 5 (MAES3D's slider: 0 to 20).
     pub smoothing: u32,
 }
 
@@ -93,7 +98,8 @@ pub(super) fn draft(spec: &SpheresSpec, extent: Extent, seed: u64) -> Result<Dra
     Ok(Draft { terrain, carved: Some(carved), shell_cells_closed })
 }
 
-/// Adds spheres, each centred in a cell that is still wall, until they have freed the share that was asked for.
+/// Adds spheres, each centred in a cell that is still wall, until they have freed the share that
+/// was asked for.
 fn carve_spheres(terrain: &mut Grid<Terrain>, spec: &SpheresSpec, seed: u64) -> Result<Vec<Sphere>, MapError> {
     let extent = terrain.extent();
     let mut centres = Centres::new(extent, spec.radius_min..=spec.radius_max, seed);
@@ -158,7 +164,7 @@ impl Ball {
         Self { rows }
     }
 
-    /// Frees the ball around `centre` and says how many cells were wall before.
+    /// Frees the ball around `centre` and returns how many of its cells were wall.
     fn carve(&self, terrain: &mut Grid<Terrain>, centre: Cell) -> u64 {
         let extent = terrain.extent();
         let mut freed = 0;
@@ -186,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn spheres_have_the_reference_s_number_of_cells() {
+    fn spheres_have_as_many_cells_as_in_maes3d() {
         let cells = |radius: u32| Ball::new(radius * radius + radius).carve(&mut solid([30; 3]), Cell::new(15, 15, 15));
         assert_eq!([2, 3, 4, 5, 6, 7, 8].map(cells), [81, 179, 389, 739, 1189, 1791, 2553]);
         assert_eq!(cells(0), 1);

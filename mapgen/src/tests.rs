@@ -39,7 +39,7 @@ fn any_spheres() -> impl Strategy<Value = (SpheresSpec, Extent)> {
 
 proptest! {
     #[test]
-    fn spheres_end_with_a_sound_map_or_a_reason((spec, extent) in any_spheres(), seed: u64) {
+    fn spheres_give_a_sound_map_or_an_error((spec, extent) in any_spheres(), seed: u64) {
         let spec = MapSpec::Spheres(spec);
         prop_assert_eq!(spec.check(extent), Ok(()));
         match generate(&spec, extent, seed) {
@@ -56,7 +56,7 @@ proptest! {
     }
 
     #[test]
-    fn noise_ends_with_a_sound_map_or_a_reason(
+    fn noise_gives_a_sound_map_or_an_error(
         size in prop::array::uniform3(5u32..20), fill in 0.0f64..=1.0, smoothing in 0u32..8, seed: u64,
     ) {
         let (spec, extent) = (MapSpec::Noise(NoiseSpec { fill, smoothing }), extent(size));
@@ -96,9 +96,9 @@ fn different_seeds_give_different_maps() {
     }
 }
 
-/// The measurements of maes3d.md 1.8.
+/// The measurements of docs/reference-model.md, "Measurements of maps".
 #[test]
-fn default_maps_are_as_open_as_the_reference_s() {
+fn default_maps_are_as_open_as_those_of_maes3d() {
     let mean = |spec: &MapSpec, side: u32| {
         let fractions = (0..8).map(|seed| generate(spec, extent([side; 3]), seed).unwrap().report.free_fraction);
         fractions.sum::<f64>() / 8.0
@@ -172,7 +172,8 @@ fn an_imported_map_is_closed_and_connected() {
     let spec = import("cave.TXT", &format!("{walls}\n##.##\n#.#.#\n..#.#\n#####\n\n{walls}"));
     let map = repaired(&spec).unwrap();
     assert_sound(&map, 1);
-    // Two caves of two cells within the shell: the right one and the left one, which comes first in index order.
+    // Two caves of two cells within the shell: the right one and the left one, which comes first in
+    // index order.
     assert_eq!(map.terrain.to_text(), format!("{walls}\n#####\n#.###\n#.###\n#####\n\n{walls}"));
     let MapReport { shell_cells_closed, pockets_removed, pocket_cells_removed, .. } = map.report;
     assert_eq!((shell_cells_closed, pockets_removed, pocket_cells_removed), (2, 1, 2));
@@ -190,7 +191,7 @@ fn an_import_that_does_not_fit_names_the_file() {
 }
 
 #[test]
-fn the_text_form_has_the_reference_s_defaults_and_no_other_keys() {
+fn text_form_has_the_defaults_of_maes3d_and_no_other_keys() {
     let spheres = SpheresSpec { fill_ratio: 0.2, radius_min: 3, radius_max: 8, connections: 3, smoothing: 5 };
     let noise = NoiseSpec { fill: 0.53, smoothing: 5 };
     assert_eq!(toml::from_str(""), Ok(spheres.clone()));

@@ -16,7 +16,8 @@ pub struct Time {
 }
 
 impl From<Tick> for Time {
-    /// The sim time of `tick`, exactly. Seconds beyond the range of the field (68 years) stay at its largest value.
+    /// The sim time of `tick`, exactly. Seconds beyond the range of the field (68 years) stay at
+    /// its largest value.
     fn from(tick: Tick) -> Self {
         let ns = tick.time_ns();
         Time { sec: i32::try_from(ns / NS_PER_S).unwrap_or(i32::MAX), nanosec: (ns % NS_PER_S) as u32 }

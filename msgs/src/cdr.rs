@@ -1,11 +1,13 @@
 //! Messages as bytes: CDR with the 4-byte header that says so, as ROS 2 sends and records it.
 //!
-//! Invariants: the bytes are those that ROS 2 itself makes of the same values (little-endian, alignment counted after the
-//! header), and equal values give equal bytes. Decoding takes any bytes: what is not a message is an error that says where.
-//! This module does not know topics or transports; the ROS client encodes what it sends by itself, with the same rules.
+//! Invariants: the bytes are those that ROS 2 itself makes of the same values (little-endian,
+//! alignment counted after the header), and equal values give equal bytes. Decoding takes any
+//! bytes: what is not a message is an error that says where. This module does not know topics or
+//! transports; the ROS client encodes what it sends by itself, with the same rules.
 //!
-//! Other writers do not give equal bytes for equal values: Fast DDS leaves the padding between fields as it finds it in memory.
-//! So what came in is decoded and encoded again before it is recorded, compared or hashed.
+//! Other writers do not give equal bytes for equal values: Fast DDS leaves the padding between
+//! fields as it finds it in memory. So what came in is decoded and encoded again before it is
+//! recorded, compared or hashed.
 
 use std::sync::Arc;
 
@@ -70,11 +72,12 @@ pub fn encode<T: Serialize>(message: &T) -> Vec<u8> {
     bytes
 }
 
-/// Replaces what is in `bytes` by the bytes of `message`, with the header. A buffer that is used again does not grow again.
+/// Replaces what is in `bytes` by the bytes of `message`, with the header. A buffer that is used
+/// again does not grow again.
 ///
 /// # Panics
-/// If the type holds what CDR cannot: a sequence that does not know its length. No type that derives `Serialize` from
-/// plain fields does.
+/// If the type holds what CDR cannot: a sequence that does not know its length. No type that
+/// derives `Serialize` from plain fields does.
 pub fn encode_into<T: Serialize>(bytes: &mut Vec<u8>, message: &T) {
     bytes.clear();
     bytes.extend_from_slice(&HEADER_LE);
@@ -114,7 +117,8 @@ fn decode_body<T: DeserializeOwned, Order: ByteOrder>(body: &[u8]) -> Result<T, 
     Ok(message)
 }
 
-/// A message that is passed on as it stands, whatever its type. Encoding it gives the bytes that it was made of.
+/// A message that is passed on as it stands, whatever its type. Encoding it gives the bytes that it
+/// was made of.
 ///
 /// ```
 /// use msgs::cdr::{self, Encoded};
@@ -130,7 +134,8 @@ impl Encoded {
     /// The message in `bytes`, which begin with the header.
     ///
     /// # Errors
-    /// If there is no header, or one of another encoding than the one in which everything is sent here.
+    /// If there is no header, or one of another encoding than the one in which everything is sent
+    /// here.
     pub fn new(bytes: &[u8]) -> Result<Self, CdrError> {
         let (header, body) = bytes.split_first_chunk::<4>().ok_or(CdrError::NoHeader(bytes.len()))?;
         match header[..2] {

@@ -1,4 +1,5 @@
-//! The package `geometry_msgs`: points, poses, velocities and transforms. Metres; right-handed, z up.
+//! The package `geometry_msgs`: points, poses, velocities and transforms. Metres; right-handed, z
+//! up.
 
 use std::fmt;
 

@@ -1,6 +1,7 @@
 //! Who and when: the two numbers that everything else refers to.
 //!
-//! Invariant: sim time is `Tick::TICK_NS` times the tick, an exact integer; nothing here knows wall time.
+//! Invariant: sim time is `Tick::TICK_NS` times the tick, an exact integer; nothing here knows wall
+//! time.
 
 use std::fmt;
 
@@ -47,7 +48,8 @@ impl Tick {
     /// The start of a run.
     pub const ZERO: Self = Self(0);
 
-    /// Sim time at this tick, nanoseconds since the start. Stays at `u64::MAX` where it would be larger (584 years).
+    /// Sim time at this tick, nanoseconds since the start. Stays at `u64::MAX` where it would be
+    /// larger (584 years).
     ///
     /// ```
     /// assert_eq!(msgs::ids::Tick(50).time_ns(), 1_000_000_000);

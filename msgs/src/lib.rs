@@ -1,14 +1,15 @@
-//! What goes over the wire: the messages of the ROS 2 package `maes_msgs`, and those of the packages that come with ROS 2, as serde
-//! structs, and the topics that carry them.
+//! What goes over the wire: the messages of the ROS 2 package `maes_msgs`, and those of the
+//! packages that come with ROS 2, as serde structs, and the topics that carry them.
 //!
 //! The list of topics is in [`topics`], and in words in `docs/topics.md` and `docs/ros2.md`.
 //!
-//! The folder of this crate is also the interface package itself: `package.xml`, `CMakeLists.txt` and `msg/` build with colcon
-//! or ament. The `.msg` files are the source; a test compares the structs with them, and another compares the bytes with those
-//! of a real ROS 2.
+//! The folder of this crate is also the interface package itself: `package.xml`, `CMakeLists.txt`
+//! and `msg/` build with colcon or ament. The `.msg` files are the source; a test compares the
+//! structs with them, and another compares the bytes with those of a real ROS 2.
 //!
-//! Invariants: no ROS client, no transport and no wall clock in here; names, units and frames of the fields are those of the
-//! `.msg` files (SI units, radians, frame `map` unless said otherwise). This crate does not check what a message says.
+//! Invariants: no ROS client, no transport and no wall clock in here; names, units and frames of
+//! the fields are those of the `.msg` files (SI units, radians, frame `map` unless said otherwise).
+//! This crate does not check what a message says.
 
 #![warn(missing_docs)]
 

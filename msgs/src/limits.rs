@@ -1,7 +1,8 @@
 //! The limits that the protocol sets, as the `.msg` files state them.
 //!
-//! All follow from one: a sample of more than 60 kB does not reach every reader over UDP with the socket buffers that a
-//! machine has by default, and nobody is told. This module checks nothing; whoever receives a message does.
+//! All follow from one: a sample of more than 60 kB does not reach every reader over UDP with the
+//! socket buffers that a machine has by default, and the loss is not reported. This module
+//! checks nothing; the receiver of a message does.
 
 /// Version of the protocol. Another one is not understood, and a join that names it is refused.
 pub const PROTOCOL: u32 = 3;
@@ -39,15 +40,17 @@ pub const POINT_BYTES: usize = 24;
 /// Bytes on the wire of a parcel beside its data, with padding.
 pub const PARCEL_BYTES_BARE: usize = 16;
 
-/// Bytes on the wire of a command or of a part of an observation without its lists and texts, rounded up generously.
+/// Bytes on the wire of a command or of a part of an observation without its lists and texts,
+/// rounded up generously.
 pub const MESSAGE_BYTES_BARE: usize = 512;
 
-/// Most bytes that the way-points and the parcels of one command may take together: what fits into one sample of
-/// [`OBSERVATION_BYTES_MAX`] beside the information text and the rest.
+/// Most bytes that the way-points and the parcels of one command may take together: what fits into
+/// one sample of [`OBSERVATION_BYTES_MAX`] beside the information text and the rest.
 pub const LIST_BYTES_MAX: usize = OBSERVATION_BYTES_MAX - INFO_BYTES_MAX - MESSAGE_BYTES_BARE;
 
-/// Longest answer of a service, bytes. A longer one is sent in parts, and RustDDS 0.15.1 writes the parameters of such a part, which
-/// say whose answer it is, with the tag of an `Option` before them: others drop it, and who has asked would wait for ever.
+/// Longest answer of a service, bytes. A longer one is sent in parts, and RustDDS 0.15.1 writes the
+/// parameters of such a part, which say whose answer it is, with the tag of an `Option` before
+/// them: others drop it, and the caller would wait for ever.
 pub const ANSWER_BYTES_MAX: usize = 1_200;
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! The messages of the package `maes_msgs`, exactly as in the `.msg` files under `msgs/msg`.
 //!
-//! The `.msg` files are the source of truth: names, order and types of the fields, the constants and the comments are theirs.
-//! Each struct is one file, and serialises to the same CDR bytes as the type that ROS 2 builds from it. Numbers are raw here;
-//! whoever receives a message checks them and converts them to types of its own.
+//! The `.msg` files are the source of truth: names, order and types of the fields, the constants
+//! and the comments are theirs. Each struct is one file, and serialises to the same CDR bytes as
+//! the type that ROS 2 builds from it. Numbers are raw here; the receiver of a message checks them
+//! and converts them to types of its own.
 //!
 //! "Sum of the constants" means a bit set. Sim time is counted in ticks, fixed updates of 20 ms.
 
@@ -41,8 +42,8 @@ pub struct Body {
 
 /// A set of map cells, as runs of consecutive cell indices.
 ///
-/// The index of cell (x, y, z) in a map of size (sx, sy, sz) is `(z * sy + y) * sx + x`; a run may go on into the next
-/// row. Runs are disjoint and ascending; both arrays have the same length.
+/// The index of cell (x, y, z) in a map of size (sx, sy, sz) is `(z * sy + y) * sx + x`; a run may
+/// go on into the next row. Runs are disjoint and ascending; both arrays have the same length.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CellRuns {
     /// Index of the first cell of each run.
@@ -78,7 +79,8 @@ pub struct Command {
     pub failed_searches: u32,
 }
 
-/// An agent that is heard now, by the communication model of the scenario, or a relay that can be read and written.
+/// An agent that is heard now, by the communication model of the scenario, or a relay that can be
+/// read and written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
     /// Its id; from [`Parcel::FIRST_RELAY`] on: a relay.
@@ -96,8 +98,8 @@ pub struct Counter {
     pub value: u64,
 }
 
-/// The digest of the run up to and including a tick: a chain over the state of the world, the observations and the
-/// commands.
+/// The digest of the run up to and including a tick: a chain over the state of the world, the
+/// observations and the commands.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Digest {
     /// Sim time of the tick; frame "map".
@@ -108,9 +110,10 @@ pub struct Digest {
     pub digest: [u8; 32],
 }
 
-/// What somebody did to the run from outside.
+/// An intervention into the run by a control request.
 ///
-/// It is part of the run: it takes effect at the beginning of its tick, before the scans, and is covered by the digest.
+/// It is part of the run: it takes effect at the beginning of its tick, before the scans, and is
+/// covered by the digest.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Intervention {
     /// Sim time.
@@ -206,8 +209,8 @@ impl LidarRequest {
 
 /// What an agent learns in a tick it is asked in.
 ///
-/// A large observation comes in several parts, in order: the first part has all fields, later parts add cells and
-/// parcels to its lists. No part is larger than 60000 bytes.
+/// A large observation comes in several parts, in order: the first part has all fields, later parts
+/// add cells and parcels to its lists. No part is larger than 60000 bytes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Observation {
     /// Sim time of the tick; frame "map".
@@ -234,7 +237,8 @@ pub struct Observation {
     pub yaw_rate_rad_s: f64,
     /// [`IDLE`](Self::IDLE) or [`ACTIVE`](Self::ACTIVE).
     pub task_status: u8,
-    /// [`NONE`](Self::NONE), [`WALL`](Self::WALL), [`FLOOR`](Self::FLOOR) or [`CEILING`](Self::CEILING).
+    /// [`NONE`](Self::NONE), [`WALL`](Self::WALL), [`FLOOR`](Self::FLOOR) or
+    /// [`CEILING`](Self::CEILING).
     pub collision: u8,
     /// Whether the collision was with another agent.
     pub collision_with_agent: bool,
@@ -265,7 +269,7 @@ impl Observation {
     pub const ENDED: u8 = 1;
     /// `task_status`: nothing to do.
     pub const IDLE: u8 = 0;
-    /// `task_status`: a task is being carried out.
+    /// `task_status`: a task is under way.
     pub const ACTIVE: u8 = 1;
     /// `collision`: none in the last motion that was tried.
     pub const NONE: u8 = 0;
@@ -281,16 +285,18 @@ impl Observation {
 
 /// Bytes from one agent to another.
 ///
-/// The server delivers them in the phase "communicate" of the tick they were sent in, if the communication model lets
-/// the receiver hear the sender then; otherwise they are lost. Radios of a limited rate send them later, in order. Relays that
-/// agents have left behind keep the bytes of one parcel each.
+/// The server delivers them in the phase "communicate" of the tick they were sent in, if the
+/// communication model lets the receiver hear the sender then; otherwise they are lost. Radios of a
+/// limited rate send them later, in order. Relays that agents have left behind keep the bytes of
+/// one parcel each.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Parcel {
     /// In a command the receiver (or [`BROADCAST`](Self::BROADCAST)), in an observation the sender.
     pub agent: u32,
     /// What the bytes are, for accounting; the sender's choice.
     pub kind: u8,
-    /// The bytes: at most 57344, and so is the sum over the parcels of one command; to a relay at most 4096.
+    /// The bytes: at most 57344, and so is the sum over the parcels of one command; to a relay at
+    /// most 4096.
     #[serde(with = "serde_bytes")]
     pub data: Vec<u8>,
 }
@@ -311,7 +317,7 @@ impl Parcel {
 pub struct Progress {
     /// Sim time of the tick; frame "map".
     pub header: Header,
-    /// Fixed updates carried out.
+    /// Fixed updates executed.
     pub tick: u64,
     /// The part seen by at least one agent.
     pub explored: f64,
@@ -354,7 +360,7 @@ pub struct Radio {
     pub loss: f64,
     /// What an agent can send in a second; infinity: unlimited.
     pub bytes_per_s: f64,
-    /// What waits at an agent to be sent, at the most.
+    /// Longest queue of an agent's radio.
     pub queue_bytes: u64,
     /// Relays that an agent can leave behind.
     pub relays_per_agent: u32,
@@ -367,7 +373,7 @@ pub struct Radio {
 pub struct Result {
     /// Sim time of the end; frame "map".
     pub header: Header,
-    /// Fixed updates carried out.
+    /// Fixed updates executed.
     pub tick: u64,
     /// Why it ended: "explored", "duration", or what ended it early.
     pub reason: String,
@@ -390,7 +396,8 @@ pub struct Result {
 }
 
 impl Scenario {
-    /// `run`: none. The server takes the number of the run off what it records, so this is what a replay says.
+    /// `run`: none. The server takes the number of the run off what it records, so this is what a
+    /// replay says.
     pub const NO_RUN: u64 = 0;
 }
 
@@ -434,10 +441,10 @@ pub struct Scenario {
     pub share_period_ticks: u32,
 }
 
-/// What a body does until it is told otherwise.
+/// What a body does until its next task.
 ///
-/// A task that replaces another starts from rest (a velocity task that replaces a velocity task goes on from the
-/// present velocity).
+/// A task that replaces another starts from rest (a velocity task that replaces a velocity task
+/// continues from the present velocity).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Task {
     /// One of the constants.
@@ -450,7 +457,8 @@ pub struct Task {
     pub angle_rad: f64,
     /// [`PATH`](Self::PATH): way-points, metres, frame "map"; 1 to 1024.
     pub path: Vec<Point>,
-    /// [`VELOCITY`](Self::VELOCITY): in the frame of the body (x forward, y left, z up); clamped to the body.
+    /// [`VELOCITY`](Self::VELOCITY): in the frame of the body (x forward, y left, z up); clamped to
+    /// the body.
     pub linear_m_s: Vector3,
     /// [`VELOCITY`](Self::VELOCITY): positive to the left; clamped to the body.
     pub yaw_rate_rad_s: f64,
@@ -471,7 +479,8 @@ impl Task {
     pub const VELOCITY: u8 = 5;
 }
 
-/// When an agent wants to be asked again: in tick `at_tick` at the latest, and earlier after any of the events named.
+/// When an agent wants to be asked again: in tick `at_tick` at the latest, and earlier after any of
+/// the events named.
 ///
 /// Between these ticks the server does not ask it, and does not wait for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

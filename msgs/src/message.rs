@@ -1,8 +1,8 @@
 //! Which ROS type each struct is, and what its definition says.
 //!
-//! Invariant: every type that a definition mentions is in the list [`ALL`] itself, so that a definition can always be
-//! completed. The texts are the `.msg` files, taken in at build time; those under `src/standard` are the field lists of the
-//! packages that come with ROS 2.
+//! Invariant: every type that a definition mentions is in the list [`ALL`] itself, so that a
+//! definition can always be completed. The texts are the `.msg` files, taken in at build time;
+//! those under `src/standard` are the field lists of the packages that come with ROS 2.
 
 use std::fmt;
 

@@ -1,8 +1,9 @@
-//! Parameters of a node, as ROS 2 has them: a list with descriptions and ranges, and the messages of the services by which people read
-//! and set them.
+//! Parameters of a node, as ROS 2 has them: a list with descriptions and ranges, and the messages
+//! of the services which read and set them.
 //!
-//! Invariants: what is read-only does not change; what is set has the type that it had and lies in its range; setting several
-//! at once sets all or none. Plain data: this module knows no transport, and what a parameter does is its owner's affair.
+//! Invariants: what is read-only does not change; what is set has the type that it had and lies in
+//! its range; setting several at once sets all or none. Plain data: this module knows no transport,
+//! and what a parameter does is its owner's affair.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,7 +15,7 @@ use crate::limits::ANSWER_BYTES_MAX;
 use crate::message::{Message, MessageType};
 use crate::service::services;
 
-/// Names in one request that are looked at, at the most.
+/// Most names of one request that are answered.
 const NAMES_MAX: usize = 64;
 
 /// What stands between the parts of a name.
@@ -186,7 +187,7 @@ impl Parameter {
         self
     }
 
-    /// One that people may set.
+    /// A parameter that may be set.
     #[must_use]
     pub fn settable(mut self) -> Self {
         self.descriptor.read_only = false;
@@ -243,14 +244,16 @@ impl Parameters {
         self.by_name.extend(parameters.into_iter().map(|parameter| (parameter.descriptor.name.clone(), parameter)));
     }
 
-    /// The values of these, in this order, as many as fit into an answer; of what there is not, [`Value::NOT_SET`].
+    /// The values of these, in this order, as many as fit into an answer; of what there is not,
+    /// [`Value::NOT_SET`].
     #[must_use]
     pub fn values(&self, names: &[String]) -> Vec<Value> {
         let value = |name: &String| self.by_name.get(name).map(|known| known.value.clone()).unwrap_or_default();
         fitting(names.iter().take(NAMES_MAX).map(value))
     }
 
-    /// What there is to know of these, in this order, as many as fit into an answer; of what there is not, its name.
+    /// What there is to know of these, in this order, as many as fit into an answer; of what there
+    /// is not, its name.
     #[must_use]
     pub fn descriptors(&self, names: &[String]) -> Vec<Descriptor> {
         let descriptor = |name: &String| match self.by_name.get(name) {
@@ -260,8 +263,9 @@ impl Parameters {
         fitting(names.iter().take(NAMES_MAX).map(descriptor))
     }
 
-    /// The names that begin with one of the prefixes (none: all), and have at most `depth` parts more than it (0: any), as many
-    /// as fit into an answer; if there is room, with the prefixes that lead to them.
+    /// The names that begin with one of the prefixes (none: all), and have at most `depth` parts
+    /// more than it (0: any), as many as fit into an answer; if there is room, with the prefixes
+    /// that lead to them.
     #[must_use]
     pub fn list(&self, prefixes: &[String], depth: u64) -> Listed {
         let is_shallow = |rest: &str| depth == 0 || (rest.matches(SEPARATOR).count() as u64) < depth;

@@ -36,7 +36,7 @@ impl Log {
     pub const FATAL: u8 = 50;
 }
 
-/// How bad something is that people are told, of the levels of [`Log`] those that are used here.
+/// Severity of a log line: the levels of [`Log`] that are used here.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Level {

@@ -1,8 +1,8 @@
 //! Definitions that stand alone: the text that a recording keeps so that anybody can decode it.
 //!
-//! The form is the `ros2msg` schema encoding of MCAP: the definition of the type, then the definition of every type that it
-//! refers to, directly or not, once each. The order is that of rosbag2: depth first, alphabetically at each level.
-//! This module does not write recordings.
+//! The form is the `ros2msg` schema encoding of MCAP: the definition of the type, then the
+//! definition of every type that it refers to, directly or not, once each. The order is that of
+//! rosbag2: depth first, alphabetically at each level. This module does not write recordings.
 
 use std::collections::BTreeSet;
 
@@ -34,8 +34,8 @@ pub fn text(message: MessageType) -> String {
     text
 }
 
-/// The definitions of request and response of a service of `simulation_interfaces`, each followed by those of the types that it refers
-/// to.
+/// The definitions of request and response of a service of `simulation_interfaces`, each followed
+/// by those of the types that it refers to.
 ///
 /// # Panics
 /// If it is not one of those that are about the time of a simulation.
@@ -94,7 +94,8 @@ fn dependencies(message: MessageType) -> BTreeSet<MessageType> {
     elements.filter(|element| !PRIMITIVES.contains(element)).map(|element| find(element, message.package)).collect()
 }
 
-/// The type that a field of a message in `package` calls `reference`: a type of the same package needs no package name.
+/// The type that a field of a message in `package` calls `reference`: a type of the same package
+/// needs no package name.
 fn find(reference: &str, package: &str) -> MessageType {
     let (package, name) = reference.split_once('/').unwrap_or((package, reference));
     *ALL.iter()
@@ -114,7 +115,8 @@ mod tests {
         text(message).lines().filter_map(|line| line.strip_prefix("MSG: ")).map(str::to_owned).collect()
     }
 
-    /// The names of all types that `message` refers to, found by comparing every line with every type there is.
+    /// The names of all types that `message` refers to, found by comparing every line with every
+    /// type there is.
     fn referred(message: MessageType) -> BTreeSet<String> {
         let mut found = BTreeSet::new();
         let mut open = vec![message];

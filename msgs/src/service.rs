@@ -1,7 +1,8 @@
 //! Which ROS type each service is, and what a caller gets.
 //!
-//! A request or a response without fields has a hidden one in ROS 2: a byte that means nothing. Types here that have no fields
-//! take a request with that byte and one without; there is no response without fields.
+//! A request or a response without fields has a hidden one in ROS 2: a byte that means nothing.
+//! Types here that have no fields take a request with that byte and one without; there is no
+//! response without fields.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -18,7 +19,7 @@ pub trait Service {
     type Response: Serialize + DeserializeOwned + Clone + 'static;
 }
 
-/// The way back to whoever asked. It never waits; an answer to somebody who has gone is lost.
+/// The way back to the caller. It never waits; an answer to a caller that has gone is lost.
 pub struct Reply<R>(Box<dyn FnOnce(R)>);
 
 impl<R> Reply<R> {

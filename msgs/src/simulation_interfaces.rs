@@ -1,9 +1,11 @@
-//! The part of the package `simulation_interfaces` that the server speaks: how simulators are controlled by the standard.
+//! The part of the package `simulation_interfaces` that the server speaks: how simulators are
+//! controlled by the standard.
 //!
-//! What is here is the same in the lines 1 and 2 of the package, with two exceptions: version 2 says in `SetEntityState` what
-//! is to be set, and a request of version 1, which does not, is understood as well; of `SpawnEntity` only the layout is the same.
-//! The interface files under `standard/simulation_interfaces` have the fields in the words of ROS; tests call the services from
-//! a real ROS 2 that was built from them.
+//! What is here is the same in the lines 1 and 2 of the package, with two exceptions: version 2
+//! says in `SetEntityState` what is to be set, and a request of version 1, which does not, is
+//! understood as well; of `SpawnEntity` only the layout is the same. The interface files under
+//! `standard/simulation_interfaces` have the fields in the words of ROS; tests call the services
+//! from a real ROS 2 that was built from them.
 
 use std::fmt;
 
@@ -423,7 +425,8 @@ impl<'de> Deserialize<'de> for SetEntityStateRequest {
     }
 }
 
-/// Reads a request of version 2, or one of version 1, which ends with the state: then the pose is to be set.
+/// Reads a request of version 2, or one of version 1, which ends with the state: then the pose is
+/// to be set.
 struct OfEitherVersion;
 
 impl<'de> Visitor<'de> for OfEitherVersion {

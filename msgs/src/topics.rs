@@ -1,10 +1,10 @@
 //! The topics: what each is called, what type it carries and with which quality of service.
 //!
-//! Invariant: this is the only list; who publishes, subscribes or records a topic asks here. Plain data: this module does not
-//! know the ROS client, and neither who publishes nor how often.
+//! Invariant: this is the only list; who publishes, subscribes or records a topic asks here. Plain
+//! data: this module does not know the ROS client, and neither who publishes nor how often.
 //!
-//! Reliable topics may still lose samples to a reader that falls behind by more than the depth; in the protocol an answer is
-//! missing then, and what was not answered is sent again.
+//! Reliable topics may still lose samples to a reader that falls behind by more than the depth; in
+//! the protocol an answer is missing then, and what was not answered is sent again.
 
 use std::fmt;
 
@@ -21,8 +21,8 @@ use crate::sensor_msgs::PointCloud2;
 use crate::tf2_msgs::TFMessage;
 use crate::visualization_msgs::Marker;
 
-/// Samples kept on the topics of the protocol. One is in flight at a time; a large observation has more parts, and a join is
-/// repeated until it is answered.
+/// Samples kept on the topics of the protocol. One is in flight at a time; a large observation has
+/// more parts, and a join is repeated until it is answered.
 const PROTOCOL_DEPTH: u32 = 16;
 
 /// Samples kept of the clock, as the clocks of other simulators do.
@@ -31,8 +31,8 @@ const CLOCK_DEPTH: u32 = 10;
 /// Samples kept of the transforms, the value that tf2 uses.
 const TF_DEPTH: u32 = 100;
 
-/// Replies kept for agents that find the topic late. One for each agent of all but the largest teams; whose reply is not among
-/// them joins again and gets another one.
+/// Replies kept for agents that find the topic late. One for each agent of all but the largest
+/// teams; whose reply is not among them joins again and gets another one.
 const JOIN_REPLY_DEPTH: u32 = 256;
 
 /// Samples kept of what is only looked at.
@@ -41,11 +41,11 @@ const VIEW_DEPTH: u32 = 10;
 /// Samples kept of point clouds: the "sensor data" of ROS.
 const SENSOR_DEPTH: u32 = 5;
 
-/// Samples kept of the transforms that do not change: one holds those of [`TRANSFORMS_MAX`] frames, so these are of as many agents as there may
-/// be.
+/// Samples kept of the transforms that do not change: one holds those of [`TRANSFORMS_MAX`] frames,
+/// so these are of as many agents as there may be.
 const TF_STATIC_DEPTH: u32 = 4;
 
-/// Transforms in one message at the most, so that it is not too large for a sample.
+/// Most transforms in one message, so that it fits into a sample.
 pub const TRANSFORMS_MAX: usize = 400;
 
 /// Samples kept of what comes in pieces.
@@ -72,7 +72,8 @@ pub enum Durability {
     Volatile,
 }
 
-/// The quality of service of a topic. The history is always "keep last"; deadline, lifespan and liveliness are not used.
+/// The quality of service of a topic. The history is always "keep last"; deadline, lifespan and
+/// liveliness are not used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Qos {
     /// Whether what was lost is sent again.
@@ -98,8 +99,8 @@ impl Qos {
         Qos { reliability: Reliability::BestEffort, durability: Durability::Volatile, depth }
     }
 
-    /// The value of `offered_qos_profiles` in a recording: the YAML list that rosbag2 reads, in the form with integers,
-    /// because the releases before Jazzy know no other.
+    /// The value of `offered_qos_profiles` in a recording: the YAML list that rosbag2 reads, in the
+    /// form with integers, because the releases before Jazzy know no other.
     pub fn offered_qos_profiles(&self) -> String {
         let reliability = match self.reliability {
             Reliability::Reliable => 1,
@@ -174,7 +175,8 @@ pub fn command(agent: AgentId) -> Topic {
     Topic::new::<Command>(format!("/agent_{agent}/command"), Qos::reliable(PROTOCOL_DEPTH))
 }
 
-/// The velocity that an agent without a controller is to hold, in each tick: from a node that speaks standard messages only.
+/// The velocity that an agent without a controller is to hold, in each tick: from a node that
+/// speaks standard messages only.
 pub fn cmd_vel(agent: AgentId) -> Topic {
     Topic::new::<TwistStamped>(format!("/agent_{agent}/cmd_vel"), Qos::reliable(PROTOCOL_DEPTH))
 }
@@ -259,8 +261,8 @@ pub fn parameter_events() -> Topic {
     Topic::new::<ParameterEvent>("/parameter_events", Qos::reliable(1000))
 }
 
-/// All topics of a run with this many agents: those of the simulation, then those of agent 0, 1, and so on; first what the
-/// protocol needs, then what is only looked at.
+/// All topics of a run with this many agents: those of the simulation, then those of agent 0, 1,
+/// and so on; first what the protocol needs, then what is only looked at.
 ///
 /// ```
 /// let topics = msgs::topics::all(2);

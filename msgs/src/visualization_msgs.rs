@@ -7,8 +7,8 @@ use crate::geometry_msgs::{Point, Pose, Vector3};
 use crate::sensor_msgs::CompressedImage;
 use crate::std_msgs::{ColorRGBA, Header};
 
-/// Something to draw, or to draw no more. The same `ns` and `id` mean the same thing: a later marker takes the place of an
-/// earlier one.
+/// Something to draw, or to draw no more. The same `ns` and `id` mean the same thing: a later
+/// marker takes the place of an earlier one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Marker {
     /// Sim time, and the frame of `pose`.
@@ -90,14 +90,16 @@ impl Marker {
 }
 
 impl Marker {
-    /// Cubes with an edge of `edge_m` about these points, in the frame of the header; without points, no cubes any more.
+    /// Cubes with an edge of `edge_m` about these points, in the frame of the header; without
+    /// points, no cubes any more.
     #[must_use]
     pub fn cubes(header: Header, ns: &str, id: i32, edge_m: f64, color: ColorRGBA, points: Vec<Point>) -> Self {
         let scale = Vector3 { x: edge_m, y: edge_m, z: edge_m };
         Self::list(Self::CUBE_LIST, header, ns, id, scale, color, points)
     }
 
-    /// A line of this width for each two points, in the frame of the header; without points, no lines any more.
+    /// A line of this width for each two points, in the frame of the header; without points, no
+    /// lines any more.
     #[must_use]
     pub fn lines(header: Header, ns: &str, id: i32, width_m: f64, color: ColorRGBA, points: Vec<Point>) -> Self {
         let scale = Vector3 { x: width_m, ..Vector3::default() };

@@ -1,23 +1,25 @@
-//! Random number streams: the one place where a seed becomes a generator.
+//! Random number streams: named generators derived from the seed of a run.
 //!
-//! A run has one seed; every consumer of chance has a stream of its own, named by (seed, id, purpose). The three are
-//! hashed into a ChaCha8 key, so streams share nothing: however many numbers one of them draws, no other changes.
-//! Adding an agent or a purpose therefore leaves all existing ones as they were.
+//! A run has one seed, and every consumer of randomness has its own stream, named by (seed, id,
+//! purpose). The three are hashed into a ChaCha8 key, so streams are independent: draws from one
+//! never change another, and a new agent or purpose leaves all existing streams as they are.
 //!
-//! This module draws nothing from the operating system; a seed is always an argument.
+//! Nothing is drawn from the operating system; the seed is always an argument.
 
 #![warn(missing_docs)]
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// Sets these keys apart from every other use of blake3. Changing it changes every map and every run.
+/// Domain separation of the BLAKE3 keys. Changing it changes every map and every run.
 const DOMAIN: &str = "maes_msgs 2026 random stream v1";
 
-/// The generator for (`seed`, `id`, `purpose`): always the same numbers, independent of every other stream.
+/// The generator for (`seed`, `id`, `purpose`): always the same numbers, independent of every other
+/// stream.
 ///
-/// `id` is that of the agent the numbers are for, or 0 where there is no agent (map generation). `purpose` is a short
-/// fixed word such as `"map.noise"`; two consumers that must not disturb each other need different words.
+/// `id` is that of the agent the numbers are for, or 0 where there is no agent (map generation).
+/// `purpose` is a short fixed word such as `"map.noise"`; independent consumers need different
+/// words.
 ///
 /// ```
 /// use rand_chacha::rand_core::Rng;
@@ -48,7 +50,7 @@ mod tests {
     }
 
     #[test]
-    fn every_part_of_the_name_matters() {
+    fn streams_differ_in_every_part_of_the_name() {
         let all = [
             first(0, 0, ""),
             first(1, 0, ""),
@@ -68,7 +70,7 @@ mod tests {
 
     /// A change here changes every map and every run of every seed.
     #[test]
-    fn the_numbers_never_change() {
+    fn streams_are_fixed() {
         let mut rng = stream(7, 3, "golden");
         assert_eq!([rng.next_u64(), rng.next_u64()], [9_120_509_127_682_535_042, 15_394_021_909_843_919_511]);
     }

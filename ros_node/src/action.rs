@@ -1,8 +1,8 @@
-//! The server of the action `SimulateSteps`: one goal at a time.
+//! The server of the action `SimulateSteps`, which executes one goal at a time.
 //!
-//! An action is three services and two topics. Here a goal comes out of the inbox as it is sent; whoever carries it out tells
-//! how far it is and how it has ended. A goal that comes while another is carried out is rejected. The results of the last
-//! few goals are kept for those who ask late.
+//! An action is three services and two topics. The inbox yields each accepted goal; its executor
+//! reports feedback and the result. A goal that arrives while another is executed is rejected. The
+//! results of the last [`RESULTS_MAX`] goals are kept for late result requests.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -17,65 +17,65 @@ use ros2_client::builtin_interfaces::Time;
 use ros2_client::{ActionTypeName, CreateError, Name, Node, RmwRequestId};
 use serde::Deserialize;
 
-use super::services::{Hearing, Wire, mapping, qos};
-use super::{Inbox, RosError, Tally, Workshop, qos_profile};
+use super::services::{CallerDiscovery, Wire, mapping, qos};
+use super::{EndpointFactory, Inbox, RosError, ThrottledWarning, qos_profile};
 use msgs::cdr;
 use msgs::simulation_interfaces::{Result as Outcome, ResultResponse, StepRequest, StepsFeedback};
 use msgs::topics::Qos;
 
 type Steps = ActionServer<Wire<StepRequest>, Wire<ResultResponse>, Wire<StepsFeedback>>;
 
-/// Results that are kept, and callers that may wait for one.
-const KEPT: usize = 16;
+/// Maximum number of results kept, and of callers waiting for one.
+const RESULTS_MAX: usize = 16;
 
-/// What comes in.
+/// An item that the action adds to the inbox.
 pub enum StepsEvent {
-    /// A goal that is to be carried out.
+    /// A goal was accepted.
     Goal(Goal),
-    /// The goal that is carried out is no longer wanted.
+    /// The goal under execution was cancelled.
     Cancel,
 }
 
-/// Steps that somebody wants.
+/// An accepted goal.
 pub struct Goal {
-    /// How many.
+    /// Number of ticks to simulate.
     pub steps: u64,
     shared: Rc<RefCell<Shared>>,
     id: GoalId,
 }
 
 impl Goal {
-    /// Tells how far it is.
-    pub fn tell(&self, done: u64, left: u64) {
+    /// Publishes feedback.
+    pub fn feedback(&self, done: u64, left: u64) {
         self.shared.borrow_mut().feedback(self.id, done, left);
     }
 
-    /// Tells how it has ended.
-    pub fn end(self, outcome: Outcome) {
+    /// Ends the goal with its result.
+    pub fn finish(self, outcome: Outcome) {
         self.shared.borrow_mut().end(self.id, outcome);
     }
 }
 
 struct Shared {
     server: Steps,
-    /// The goal that is carried out, and whether it is to be given up.
+    /// The goal under execution, and whether it was cancelled.
     active: Option<(GoalId, bool)>,
     ended: VecDeque<(GoalId, GoalStatusEnum, Outcome)>,
     waiting: VecDeque<(GoalId, RmwRequestId)>,
-    /// Of the answers to goals, to cancellations and to those who want a result.
-    hearing: [Hearing; 3],
-    /// Of the feedback.
-    hearing_feedback: Hearing,
-    unsent: Tally,
+    /// For the responses to goals, to cancellations and to result requests.
+    callers: [CallerDiscovery; 3],
+    feedback_readers: CallerDiscovery,
+    unsent: ThrottledWarning,
 }
 
-/// The goal of a cancel request, whose fields the ROS client keeps to itself; all zeros stand for any goal.
+/// The goal of a cancel request, whose fields are private to the ROS client; all zeros mean any
+/// goal.
 #[derive(Deserialize)]
 struct Cancelled {
     id: [u8; 16],
 }
 
-impl Workshop {
+impl EndpointFactory {
     /// Offers the action.
     ///
     /// # Errors
@@ -110,10 +110,10 @@ impl Workshop {
             active: None,
             ended: VecDeque::new(),
             waiting: VecDeque::new(),
-            hearing: ["send_goal", "cancel_goal", "get_result"]
-                .map(|service| Hearing::new(self.participant.as_ref(), &format!("{name}/_action/{service}"))),
-            hearing_feedback: Hearing::of_topic(self.participant.as_ref(), format!("rt{name}/_action/feedback")),
-            unsent: Tally::new(format!("{name}: not sent")),
+            callers: ["send_goal", "cancel_goal", "get_result"]
+                .map(|service| CallerDiscovery::new(&self.participant, &format!("{name}/_action/{service}"))),
+            feedback_readers: CallerDiscovery::of_topic(&self.participant, format!("rt{name}/_action/feedback")),
+            unsent: ThrottledWarning::new(format!("{name}: not sent")),
         }));
         let convert = Rc::new(convert);
         let (of_goals, made) = (Rc::clone(&shared), Rc::clone(&convert));
@@ -154,8 +154,8 @@ fn accept(
     let mut inner = shared.borrow_mut();
     let is_new = inner.active.is_none() && inner.ended.iter().all(|(known, ..)| *known != request.goal_id);
     let response = SendGoalResponse { accepted: is_new, stamp: Time::ZERO };
-    inner.hearing[0].wait(&id);
-    inner.hearing_feedback.wait(&id);
+    inner.callers[0].wait_for(&id);
+    inner.feedback_readers.wait_for(&id);
     if let Err(error) = inner.server.send_goal_response(id, response) {
         inner.unsent.add(&error);
     }
@@ -186,7 +186,7 @@ impl Shared {
             (false, false) => GoalStatusEnum::Aborted,
         };
         self.ended.push_back((id, status, outcome));
-        if self.ended.len() > KEPT {
+        if self.ended.len() > RESULTS_MAX {
             self.ended.pop_front();
         }
         self.publish_status();
@@ -212,7 +212,7 @@ impl Shared {
                 .map(|(goal_id, _)| GoalInfo { goal_id: *goal_id, stamp: Time::ZERO })
                 .collect(),
         };
-        self.hearing[1].wait(&id);
+        self.callers[1].wait_for(&id);
         if let Err(error) = self.server.send_cancel_response(id, response) {
             self.unsent.add(&error);
         }
@@ -224,20 +224,20 @@ impl Shared {
 
     fn result_wanted(&mut self, id: RmwRequestId, request: &GetResultRequest) {
         let is_active = self.active.is_some_and(|(goal, _)| goal == request.goal_id);
-        if is_active && self.waiting.len() < KEPT {
+        if is_active && self.waiting.len() < RESULTS_MAX {
             self.waiting.push_back((request.goal_id, id));
         } else {
             self.send_result(request.goal_id, id);
         }
     }
 
-    /// Answers with the result of a goal that has ended; of one that is not known, that it is not known.
+    /// Responds with the result of a finished goal, or that the goal is unknown.
     fn send_result(&mut self, goal: GoalId, request: RmwRequestId) {
         let ended = self.ended.iter().find(|(known, ..)| *known == goal);
         let unknown = || (GoalStatusEnum::Unknown, Outcome::failure(Outcome::NOT_FOUND, "no such goal"));
         let (status, result) = ended.map_or_else(unknown, |(_, status, outcome)| (*status, outcome.clone()));
         let response = GetResultResponse { status, result: Wire(ResultResponse { result }) };
-        self.hearing[2].wait(&request);
+        self.callers[2].wait_for(&request);
         if let Err(error) = self.server.send_result(request, response) {
             self.unsent.add(&error);
         }

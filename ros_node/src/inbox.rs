@@ -1,7 +1,8 @@
-//! Subscriptions that are waited for together.
+//! Subscriptions and services that are waited for together.
 //!
-//! Invariants: they take turns, so that one full topic does not hide the others; bytes that are no message come out as an error
-//! and stop nothing; every sample says which participant sent it.
+//! Invariants: they are served in turn, so that one busy topic does not starve the others;
+//! undecodable bytes are an error that stops nothing; every sample carries the participant that
+//! sent it.
 
 use std::collections::VecDeque;
 use std::pin::pin;
@@ -9,56 +10,56 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::task::{Context as TaskContext, Poll, Wake, Waker};
 use std::time::Duration;
 
-use ros2_client::{Context, Subscription};
+use ros2_client::Context;
 use rustdds::RTPSEntity;
 use serde::{Deserialize, Deserializer};
 
 use super::now;
 use msgs::message::Message;
 
-/// What came in on a topic.
+/// A sample of a topic.
 pub struct Sample<M> {
-    /// The message, or why the bytes are none.
+    /// The message, or why its bytes cannot be decoded.
     pub message: Result<M, String>,
-    /// The participant that sent it: its GUID prefix and four zeros; all zeros if it is not known.
+    /// The participant that sent it: its GUID prefix and four zeros; all zeros if unknown.
     pub source: [u8; 16],
 }
 
-/// Subscriptions that are waited for together.
+/// Subscriptions and services that are waited for together.
 pub struct Inbox<T> {
     ready: Arc<Ready>,
-    inlets: Vec<Inlet<T>>,
+    subscriptions: Vec<Subscription<T>>,
 }
 
-struct Inlet<T> {
+struct Subscription<T> {
     waker: Waker,
     take: Take<T>,
 }
 
-/// Takes the next sample of a subscription, or leaves the waker with it.
+/// Takes the next sample of a subscription, or registers the waker with it.
 pub(super) type Take<T> = Box<dyn Fn(&mut TaskContext<'_>) -> Poll<T>>;
 
 impl<T> Default for Inbox<T> {
     fn default() -> Self {
-        Inbox { ready: Arc::default(), inlets: Vec::new() }
+        Inbox { ready: Arc::default(), subscriptions: Vec::new() }
     }
 }
 
 impl<T> Inbox<T> {
     pub(super) fn add(&mut self, take: Take<T>) {
-        let number = self.inlets.len();
-        let waker = Waker::from(Arc::new(Bell { inlet: number, ready: Arc::clone(&self.ready) }));
-        self.inlets.push(Inlet { waker, take });
+        let number = self.subscriptions.len();
+        let waker = Waker::from(Arc::new(SubscriptionWaker { subscription: number, ready: Arc::clone(&self.ready) }));
+        self.subscriptions.push(Subscription { waker, take });
         self.ready.push(number);
     }
 
-    /// What came in next, or `None` if nothing came in time.
+    /// The next item, or `None` after the timeout.
     pub fn receive(&mut self, timeout: Duration) -> Option<T> {
         let begun = now();
         loop {
             let number = self.ready.next(timeout.saturating_sub(begun.elapsed()))?;
-            let inlet = &self.inlets[number];
-            if let Poll::Ready(taken) = (inlet.take)(&mut TaskContext::from_waker(&inlet.waker)) {
+            let subscription = &self.subscriptions[number];
+            if let Poll::Ready(taken) = (subscription.take)(&mut TaskContext::from_waker(&subscription.waker)) {
                 self.ready.push(number);
                 return Some(taken);
             }
@@ -66,21 +67,21 @@ impl<T> Inbox<T> {
     }
 }
 
-/// The subscriptions that may have something, in the order in which they are to be asked.
+/// The subscriptions that may have a sample, in the order in which they are polled.
 #[derive(Default)]
 struct Ready {
     numbers: Mutex<VecDeque<usize>>,
-    rung: Condvar,
+    changed: Condvar,
 }
 
 impl Ready {
     fn push(&self, number: usize) {
         self.lock().push_back(number);
-        self.rung.notify_one();
+        self.changed.notify_one();
     }
 
     fn next(&self, timeout: Duration) -> Option<usize> {
-        let waited = self.rung.wait_timeout_while(self.lock(), timeout, |numbers| numbers.is_empty());
+        let waited = self.changed.wait_timeout_while(self.lock(), timeout, |numbers| numbers.is_empty());
         waited.unwrap_or_else(PoisonError::into_inner).0.pop_front()
     }
 
@@ -90,20 +91,20 @@ impl Ready {
 }
 
 /// Wakes the inbox for one subscription.
-struct Bell {
-    inlet: usize,
+struct SubscriptionWaker {
+    subscription: usize,
     ready: Arc<Ready>,
 }
 
-impl Wake for Bell {
+impl Wake for SubscriptionWaker {
     fn wake(self: Arc<Self>) {
-        self.ready.push(self.inlet);
+        self.ready.push(self.subscription);
     }
 }
 
 /// See [`Take`].
 pub(super) fn take<M: Message + 'static>(
-    subscription: &Subscription<Decoded<M>>,
+    subscription: &ros2_client::Subscription<Decoded<M>>,
     context: &mut TaskContext<'_>,
 ) -> Poll<Sample<M>> {
     pin!(subscription.async_take()).poll(context).map(|taken| match taken {
@@ -112,12 +113,12 @@ pub(super) fn take<M: Message + 'static>(
     })
 }
 
-/// The participant of this process, as samples name it.
+/// The participant of this process, as in [`Sample::source`].
 pub fn own_source(context: &Context) -> [u8; 16] {
     source_of(context.domain_participant().guid())
 }
 
-/// The participant of an endpoint, as samples name it.
+/// The participant of an endpoint, as in [`Sample::source`].
 pub fn source_of(endpoint: rustdds::GUID) -> [u8; 16] {
     participant_of(endpoint.to_bytes())
 }
@@ -130,7 +131,8 @@ fn participant_of(mut guid: [u8; 16]) -> [u8; 16] {
 /// Bytes of a GUID that all endpoints of a participant share.
 const GUID_PREFIX_LENGTH: usize = 12;
 
-/// A message, or why the bytes are none: an error that the ROS client would give out alone loses who sent them.
+/// A message, or why its bytes cannot be decoded. A deserialisation error returned by the ROS
+/// client itself would lose the sender.
 pub(super) struct Decoded<M>(Result<M, String>);
 
 impl<'de, M: Deserialize<'de>> Deserialize<'de> for Decoded<M> {
@@ -153,14 +155,14 @@ mod tests {
     }
 
     #[test]
-    fn full_topics_take_turns() {
+    fn subscriptions_are_served_in_turn() {
         let mut inbox = inbox_of(0..3);
         let received: Vec<_> = (0..7).map(|_| inbox.receive(Duration::ZERO).unwrap()).collect();
         assert_eq!(received, [0, 1, 2, 0, 1, 2, 0]);
     }
 
     #[test]
-    fn an_empty_topic_is_asked_again_when_it_rings() {
+    fn a_pending_subscription_is_polled_after_wake() {
         let mut inbox = Inbox::default();
         let wakers = Arc::new(Mutex::new(Vec::new()));
         let left = Arc::clone(&wakers);
@@ -179,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_that_are_no_message_are_told_from_messages() {
+    fn undecodable_bytes_are_an_error() {
         let bytes = msgs::cdr::encode(&Clock::default());
         assert!(msgs::cdr::decode::<Decoded<Clock>>(&bytes).unwrap().0.is_ok());
         let broken = msgs::cdr::decode::<Decoded<Clock>>(&bytes[..9]).unwrap();

@@ -1,25 +1,28 @@
-//! The ROS client as the links use it: one participant, publishers that never wait, subscriptions that are waited for together.
+//! The ROS 2 client of both processes: one participant, publishers that never block, and an inbox
+//! that multiplexes subscriptions and services.
 //!
-//! Behind the feature `ros`: what the links of `sim_server` and `agent_node` have in common. Those and this one, with the folders
-//! beside them, are the only ones that know the ROS client.
+//! The transports of `sim_server` and `agent_node` build on this crate; those files and this crate
+//! are the only ones that name the ROS client.
 //!
-//! Invariants: publishing returns at once, whatever readers do: a message that cannot be sent is counted, told about and
-//! dropped, for the protocol sends again; a reader that has died holds up its own topic for `RENEWAL_PERIOD` at the most.
+//! Invariants: publishing returns at once, whatever readers do: a message that cannot be sent is
+//! counted, reported and dropped, because the protocol resends. A dead reader blocks its own topic
+//! for at most `RENEWAL_PERIOD`.
 //!
-//! Not done here: the client's own background task ("spinner") is never started, because it would subscribe `/clock` under a
-//! second type; so the services of parameters are our own, and who is there is known from the protocol alone.
+//! The client's background task ("spinner") is never started, because it would subscribe `/clock`
+//! under a second type. This crate therefore answers the parameter services itself, and the
+//! simulation protocol alone tells which processes have joined.
 
 mod action;
+mod blocking_publisher;
+mod discovery;
 mod inbox;
-mod meeting;
 mod parameters;
-mod patient;
 mod services;
+mod subscription_tracker;
 
-pub mod audience;
 pub mod ros_env;
 pub mod rosout;
-pub mod stopped;
+pub mod suspension;
 
 use std::fmt;
 use std::net::{Ipv4Addr, UdpSocket};
@@ -30,114 +33,101 @@ use msgs::message::Message;
 use msgs::topics::{self, Durability, Reliability};
 use ros2_client::qos::{self, QosProfile, WhenFull};
 use ros2_client::{
-    Context, CreateError, MessageTypeName, Name, Node, NodeCreateError, NodeName, NodeOptions, Publisher, Subscription,
-    WriteError,
+    Context, CreateError, MessageTypeName, Name, Node, NodeCreateError, NodeName, NodeOptions, Subscription, WriteError,
 };
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
 use serde::Serialize;
 use thiserror::Error;
 
 pub use action::{Goal, StepsEvent};
+pub use blocking_publisher::{BlockingPublisher, PublishOutcome};
 use inbox::{Decoded, take};
 pub use inbox::{Inbox, Sample, own_source, source_of};
 pub use parameters::Shared as SharedParameters;
-pub use patient::{PatientOutlet, Sent};
+pub use subscription_tracker::{SubscriptionTracker, dds_topic_name};
 
-/// Participants of a machine that are told of every other one at its start: besides multicast, which loopback does not have,
-/// the middleware sends to the ports of the first twelve (`SPDP_LOCALHOST_PEER_COUNT`). The others hear of each other only
-/// from these, or not at all.
-const FIRST_IDS: u16 = 12;
+/// Participant ids of a machine that every new participant announces itself to: loopback has no
+/// multicast, so the middleware sends to the ports of the first twelve ids
+/// (`SPDP_LOCALHOST_PEER_COUNT`). Participants with higher ids learn of each other only through
+/// these, or not at all.
+const DISCOVERABLE_IDS: u16 = 12;
 
-/// How many of the first numbers are left to processes that must be found by all others, but may start after them.
-const FIRST_IDS_LEFT: u16 = 2;
+/// How many of these ids are left free for processes that all others must discover but that may
+/// start later.
+const RESERVED_IDS: u16 = 2;
 
-/// Wall time after which the link may replace a publisher with a full window again.
+/// Minimum wall time between two replacements of a publisher whose window is full.
 const RENEWAL_PERIOD: Duration = Duration::from_secs(1);
 
-/// Wall time between two reports about one topic.
+/// Minimum wall time between two warnings about one subject.
 const REPORT_PERIOD: Duration = Duration::from_secs(5);
 
-/// Endpoints that are made in one go. The middleware announces them one by one and has bounded queues for what is to be
-/// announced; what does not fit is never announced.
-const ENDPOINTS_IN_A_ROW: usize = 32;
+/// Endpoints created without a pause. The middleware announces endpoints one by one from bounded
+/// queues and never announces what does not fit.
+const ENDPOINTS_PER_BATCH: usize = 32;
 
-/// Wall time that the middleware gets to announce them, several times what it needs.
-const ANNOUNCEMENT: Duration = Duration::from_millis(10);
+/// Wall time to announce one batch of endpoints, several times what the middleware needs.
+const ANNOUNCEMENT_TIME: Duration = Duration::from_millis(10);
 
-/// Wall time that messages under way are given at the end: some rounds of repair, which are 10 ms apart.
+/// Wall time for messages in flight at the end: several repair rounds of 10 ms.
 const LINGER: Duration = Duration::from_millis(200);
 
-/// The same if somebody looks on: nodes of people have more under way, and may be slower to take it in.
-const LINGER_WATCHED: Duration = Duration::from_secs(1);
+/// The same with observers: their nodes have more in flight and may read more slowly.
+const LINGER_OBSERVED: Duration = Duration::from_secs(1);
 
-/// Why this process does not take part in a ROS network.
+/// Why this process cannot join a ROS network.
 #[derive(Debug, Error)]
 pub enum RosError {
-    /// It is told not to look for anybody.
-    #[error("{0}: without discovery nobody would be found; set ROS_AUTOMATIC_DISCOVERY_RANGE to LOCALHOST or SUBNET")]
+    /// `ROS_AUTOMATIC_DISCOVERY_RANGE` is OFF.
+    #[error("{0}: no process can be found without discovery; set ROS_AUTOMATIC_DISCOVERY_RANGE to LOCALHOST or SUBNET")]
     DiscoveryOff(RosEnv),
-    /// The middleware does not start.
+    /// The middleware failed to create a participant.
     #[error("joining {env}: {source} (a machine has room for 120 processes in a domain)")]
-    Participant {
-        /// The network.
-        env: RosEnv,
-        /// What the middleware says.
-        source: CreateError,
-    },
-    /// A node cannot be made.
+    Participant { env: RosEnv, source: CreateError },
+    /// The middleware failed to create a node.
     #[error("making the ROS node {name}: {source}")]
-    Node {
-        /// The node.
-        name: String,
-        /// What the middleware says.
-        source: NodeCreateError,
-    },
-    /// A publisher or a subscription cannot be made.
+    Node { name: String, source: NodeCreateError },
+    /// The middleware failed to create an endpoint.
     #[error("making an endpoint of {topic}: {source}")]
     Endpoint {
-        /// The topic and its type.
+        /// Topic or service, with its type.
         topic: String,
-        /// What the middleware says.
         source: CreateError,
     },
-    /// The system does not allow as many open files as the endpoints need.
-    #[error("{wanted} open files are needed for so many agents, but the limit is {allowed}; see `ulimit -n`")]
-    OpenFiles {
-        /// How many are needed.
-        wanted: u64,
-        /// How many there may be.
-        allowed: u64,
-    },
+    /// The limit of open files is too low.
+    #[error("this many agents need {wanted} open files, but the limit is {allowed}; raise it with `ulimit -n`")]
+    OpenFiles { wanted: u64, allowed: u64 },
 }
 
-/// Open files of a process with a participant, and some to spare.
+/// Open files of a process with a participant, with a margin.
 const FILES: u64 = 256;
 
-/// Open files for each agent: four for each of two subscriptions, two for each of four publishers, and as many again for
-/// publishers that are being replaced.
+/// Open files per agent: four for each of two subscriptions, two for each of four publishers, and
+/// as many again for publishers that are being replaced.
 const FILES_PER_AGENT: u64 = 24;
 
-/// Raises the limit of open files of this process as far as endpoints for this many agents need it.
+/// Raises this process's limit of open files to what the endpoints of this many agents need.
 ///
 /// # Errors
-/// If the system does not allow as many.
+/// If the system does not allow it.
 pub fn allow_open_files(agents: u32) -> Result<(), RosError> {
     let wanted = FILES + FILES_PER_AGENT * u64::from(agents);
     match rlimit::increase_nofile_limit(wanted) {
         Ok(allowed) if allowed < wanted => Err(RosError::OpenFiles { wanted, allowed }),
-        // A system that does not tell its limit says so when it is reached.
+        // A system that does not report its limit fails when it is reached.
         Ok(_) | Err(_) => Ok(()),
     }
 }
 
 /// Joins the network that the environment names.
 ///
-/// A process that `is_met_by_all` is one that every other process must find, whoever starts first: it takes one of the first
-/// numbers on its machine, and the others leave some of them free.
+/// A process that `is_discovered_by_all` takes one of the first participant ids of its machine,
+/// which every other process announces itself to; other processes leave `RESERVED_IDS` of them
+/// free.
 ///
 /// # Errors
-/// If discovery is off, or the middleware does not start.
-pub fn join(env: &RosEnv, is_met_by_all: bool) -> Result<Context, RosError> {
+/// If discovery is off or the middleware fails to create a participant.
+pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<Context, RosError> {
     let participant = || {
         let builder = DomainParticipantBuilder::new(env.domain_id);
         match env.range {
@@ -149,11 +139,11 @@ pub fn join(env: &RosEnv, is_met_by_all: bool) -> Result<Context, RosError> {
     if env.range == DiscoveryRange::Off {
         return Err(RosError::DiscoveryOff(*env));
     }
-    let joined = if is_met_by_all {
+    let joined = if is_discovered_by_all {
         participant()
     } else {
-        // A participant takes the first number whose port is free.
-        let taken: Vec<UdpSocket> = (0..FIRST_IDS_LEFT)
+        // The middleware takes the first id whose port is free.
+        let taken: Vec<UdpSocket> = (0..RESERVED_IDS)
             .filter_map(|id| UdpSocket::bind((Ipv4Addr::UNSPECIFIED, discovery_port(env.domain_id, id))).ok())
             .collect();
         let joined = participant();
@@ -162,28 +152,28 @@ pub fn join(env: &RosEnv, is_met_by_all: bool) -> Result<Context, RosError> {
     };
     let context = joined
         .map_err(CreateError::from)
-        .inspect(meeting::meet)
+        .inspect(discovery::wait_for_discovery)
         .and_then(Context::from_domain_participant)
         .map_err(|source| RosError::Participant { env: *env, source })?;
     let number = context.domain_participant().participant_id();
-    if is_met_by_all && number >= FIRST_IDS {
+    if is_discovered_by_all && number >= DISCOVERABLE_IDS {
         eprintln!(
-            "{env}: {number} other processes were here first, so not all of them may find this one; start it before them, \
-             or set another ROS_DOMAIN_ID"
+            "{env}: {number} participants joined before this one, and not all of them may discover it; start it before \
+             them, or set another ROS_DOMAIN_ID"
         );
     }
     Ok(context)
 }
 
-/// The UDP port at which a participant is told about others, as RTPS defines it.
+/// UDP port of a participant's unicast discovery traffic (RTPS 2.5, section 9.6.2.3).
 fn discovery_port(domain_id: u16, participant_id: u16) -> u16 {
     7400 + 250 * domain_id + 10 + 2 * participant_id
 }
 
-/// A node without the parameter services of the client; its log is [`rosout::Rosout`].
+/// Creates a node without the client's parameter services and log; its log is [`rosout::Rosout`].
 ///
 /// # Errors
-/// If the middleware refuses it.
+/// If the middleware fails to create it.
 pub fn node(context: &Context, name: &str) -> Result<Node, RosError> {
     let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
     NodeName::new("/", name)
@@ -192,41 +182,38 @@ pub fn node(context: &Context, name: &str) -> Result<Node, RosError> {
         .map_err(|source| RosError::Node { name: name.to_owned(), source })
 }
 
-/// Makes endpoints, not too many at a time.
-#[derive(Default)]
-pub struct Workshop {
+/// Creates the endpoints of a process, with a pause after every `ENDPOINTS_PER_BATCH`.
+pub struct EndpointFactory {
     made: usize,
-    /// Who tells which callers of services hear the answers.
-    participant: Option<DomainParticipant>,
+    participant: DomainParticipant,
 }
 
-impl Workshop {
-    /// For a process that offers services.
-    pub fn of(context: &Context) -> Self {
-        Workshop { made: 0, participant: Some(context.domain_participant()) }
+impl EndpointFactory {
+    pub fn new(context: &Context) -> Self {
+        EndpointFactory { made: 0, participant: context.domain_participant() }
     }
 
-    /// A publisher of this topic.
+    /// Creates a publisher of this topic.
     ///
     /// # Errors
-    /// If the middleware refuses it.
-    pub fn outlet<M: Message + Clone>(
+    /// If the middleware fails to create it.
+    pub fn publisher<M: Message + Clone>(
         &mut self,
         node: &mut Node,
         topic: &topics::Topic,
-    ) -> Result<Outlet<M>, RosError> {
+    ) -> Result<Publisher<M>, RosError> {
         self.pause();
         let dds_topic = dds_topic(node, topic)?;
         let publisher = node.create_publisher(&dds_topic, None).map_err(|source| endpoint_error(topic, source))?;
-        let unsent = Tally::new(format!("{}: not sent", topic.name));
-        Ok(Outlet { publisher, topic: dds_topic, renewed: now(), unsent })
+        let unsent = ThrottledWarning::new(format!("{}: not sent", topic.name));
+        Ok(Publisher { publisher, topic: dds_topic, renewed: now(), unsent })
     }
 
-    /// Adds a subscription of this topic to the inbox. `convert` makes of each sample what the inbox gives out.
+    /// Adds a subscription of this topic to the inbox, which yields `convert(sample)`.
     ///
     /// # Errors
-    /// If the middleware refuses it.
-    pub fn inlet<M: Message + 'static, T>(
+    /// If the middleware fails to create it.
+    pub fn subscribe<M: Message + 'static, T>(
         &mut self,
         node: &mut Node,
         topic: &topics::Topic,
@@ -241,11 +228,11 @@ impl Workshop {
         Ok(())
     }
 
-    #[expect(clippy::disallowed_methods, reason = "nothing tells when the middleware has announced an endpoint")]
+    #[expect(clippy::disallowed_methods, reason = "no event marks that an endpoint was announced")]
     fn pause(&mut self) {
         self.made += 1;
-        if self.made.is_multiple_of(ENDPOINTS_IN_A_ROW) {
-            std::thread::sleep(ANNOUNCEMENT);
+        if self.made.is_multiple_of(ENDPOINTS_PER_BATCH) {
+            std::thread::sleep(ANNOUNCEMENT_TIME);
         }
     }
 }
@@ -274,77 +261,74 @@ fn qos_profile(qos: &topics::Qos) -> QosProfile {
         .history(qos::History::KeepLast { depth: qos.depth as usize })
 }
 
-/// A publisher that never waits.
+/// A publisher that never blocks.
 ///
-/// The middleware keeps a sample until every reliable reader has acknowledged it, and refuses new ones when it keeps 8192. A
-/// reader that was killed or stopped acknowledges nothing, and the middleware believes in it for up to 50 s. So a publisher
-/// that is refused is replaced by a new one, with a window of its own; living readers find it in a moment.
-pub struct Outlet<M: Serialize> {
-    publisher: Publisher<M>,
+/// The middleware keeps a sample until every reliable reader has acknowledged it, and refuses new
+/// samples at 8192. A killed or stopped reader acknowledges nothing but counts as alive for up to
+/// 50 s. A publisher that is refused is therefore replaced by a new one with its own window, which
+/// live readers match within milliseconds.
+pub struct Publisher<M: Serialize> {
+    publisher: ros2_client::Publisher<M>,
     topic: rustdds::Topic,
     renewed: Instant,
-    unsent: Tally,
+    unsent: ThrottledWarning,
 }
 
-impl<M: Serialize + Clone> Outlet<M> {
-    /// Publishes, or counts the message as not sent.
+impl<M: Serialize + Clone> Publisher<M> {
+    /// Publishes a message, or counts it as not sent.
     pub fn publish(&mut self, node: &mut Node, message: &M) {
         let Err(error) = self.publisher.publish(message.clone()) else { return };
         let error = match error {
             WriteError::WouldBlock { data } if self.renewed.elapsed() >= RENEWAL_PERIOD => {
-                match self.publish_anew(node, data) {
+                match self.renew_and_publish(node, data) {
                     Ok(()) => return,
                     Err(error) => error,
                 }
             }
-            WriteError::WouldBlock { .. } => "a reader does not acknowledge what it is sent".to_owned(),
+            WriteError::WouldBlock { .. } => "a reader acknowledges nothing".to_owned(),
             other => other.to_string(),
         };
         self.unsent.add(&error);
     }
 
-    fn publish_anew(&mut self, node: &mut Node, message: M) -> Result<(), String> {
+    fn renew_and_publish(&mut self, node: &mut Node, message: M) -> Result<(), String> {
         self.renewed = now();
         self.publisher = node.create_publisher(&self.topic, None).map_err(|error| error.to_string())?;
         self.publisher.publish(message).map_err(|error| error.to_string())
     }
 }
 
-/// A count that people are told about now and then.
-pub struct Tally {
-    what: String,
+/// A warning on stderr that counts its occurrences and is printed at most every `REPORT_PERIOD`.
+pub struct ThrottledWarning {
+    subject: String,
     count: u64,
     reported: Option<Instant>,
 }
 
-impl Tally {
-    /// Counts what the words say.
-    pub fn new(what: String) -> Self {
-        Tally { what, count: 0, reported: None }
+impl ThrottledWarning {
+    /// `subject` opens the printed line.
+    pub fn new(subject: String) -> Self {
+        ThrottledWarning { subject, count: 0, reported: None }
     }
 
-    /// Counts one more.
+    /// Counts one occurrence; prints if it is time to.
     pub fn add(&mut self, reason: &dyn fmt::Display) {
         self.count += 1;
         if self.reported.is_none_or(|reported| reported.elapsed() >= REPORT_PERIOD) {
             self.reported = Some(now());
-            eprintln!("{} ({} so far): {reason}", self.what, self.count);
+            eprintln!("{} ({} so far): {reason}", self.subject, self.count);
         }
     }
 }
 
-/// Gives messages under way a moment, and a longer one if people look on. Call it before the endpoints are dropped: what a dropped
-/// one has sent is not repaired.
-#[expect(
-    clippy::disallowed_methods,
-    reason = "the ROS client does not tell whether its messages have been acknowledged"
-)]
-pub fn linger(is_watched: bool) {
-    std::thread::sleep(if is_watched { LINGER_WATCHED } else { LINGER });
+/// Waits for messages in flight, longer if there are observers. Call it before endpoints are
+/// dropped: samples of a dropped endpoint are not repaired.
+#[expect(clippy::disallowed_methods, reason = "the ROS client does not report acknowledgements")]
+pub fn linger(has_observers: bool) {
+    std::thread::sleep(if has_observers { LINGER_OBSERVED } else { LINGER });
 }
 
-/// Wall time.
-#[expect(clippy::disallowed_methods, reason = "time-outs and reports are of wall time; no result hangs on them")]
+#[expect(clippy::disallowed_methods, reason = "time-outs and reports are of wall time; no result depends on it")]
 pub fn now() -> Instant {
     Instant::now()
 }
@@ -354,13 +338,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ports_are_those_of_the_rtps_standard() {
+    fn discovery_ports_follow_rtps() {
         assert_eq!(discovery_port(0, 0), 7410);
-        assert_eq!(discovery_port(232, FIRST_IDS_LEFT), 65414);
+        assert_eq!(discovery_port(232, RESERVED_IDS), 65414);
     }
 
     #[test]
-    fn without_discovery_there_is_no_network() {
+    fn joining_without_discovery_is_refused() {
         let env = RosEnv { domain_id: 3, range: DiscoveryRange::Off };
         let error = join(&env, true).err().unwrap();
         assert!(error.to_string().starts_with("ROS domain 3, range OFF: "), "{error}");

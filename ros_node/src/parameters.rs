@@ -1,13 +1,13 @@
-//! The six services by which the parameters of a node are read and set.
+//! The six parameter services of a node.
 //!
-//! They are answered where they come in; of what was set the owner is told through the inbox.
+//! They are answered as they arrive; the inbox yields the parameters that were set.
 
 use std::cell::RefCell;
 use std::rc::Rc;
 
 use ros2_client::Node;
 
-use super::{Inbox, RosError, Workshop};
+use super::{EndpointFactory, Inbox, RosError};
 use msgs::parameters::{
     DescribeParameters, DescriptorsResponse, GetParameterTypes, GetParameters, KindsResponse, ListParameters,
     ListResponse, Named, Parameters, SetAtomicallyResponse, SetParameters, SetParametersAtomically, SetResponse,
@@ -15,12 +15,13 @@ use msgs::parameters::{
 };
 use msgs::service::{Ask, Service};
 
-/// Parameters that their owner and the services look at.
+/// Parameters shared by the node and its services.
 pub type Shared = Rc<RefCell<Parameters>>;
 
-impl Workshop {
-    /// Offers the parameters of a node, whose name begins with a slash. What was set comes out of the inbox as what `convert`
-    /// makes of it; of bytes that are no request it is told why. `check` may refuse what type and range allow.
+impl EndpointFactory {
+    /// Offers the parameters of a node, whose name begins with a slash. The inbox yields `convert`
+    /// of the parameters that were set, or of the reason why bytes are no request. `check` may
+    /// refuse values that type and range allow.
     ///
     /// # Errors
     /// If the middleware refuses it.
@@ -90,7 +91,7 @@ impl Workshop {
 
 type Convert<T> = Rc<dyn Fn(Result<Vec<Named>, String>) -> T>;
 
-/// A request that sets nothing.
+/// Answers a request that sets nothing.
 fn read<S: Service, T>(asked: Result<Ask<S>, String>, convert: &Convert<T>, answer: impl FnOnce(Ask<S>)) -> T {
     convert(asked.map(|ask| {
         answer(ask);

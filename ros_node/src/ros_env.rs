@@ -1,54 +1,52 @@
-//! The ROS environment variables that say which network a process joins.
+//! The ROS environment variables that select the network a process joins.
 //!
-//! Invariants: a pure function of the variables it is handed, so that a test needs no environment; what is not understood is
-//! an error that names the variable, its value and the values allowed, never a guess. This module knows no ROS client.
+//! Invariants: a pure function of the variables passed in, so that a test needs no environment; an
+//! unknown value is an error that names the variable, its value and the allowed values. This module
+//! does not use the ROS client.
 //!
-//! One thing differs from ROS itself: where nothing is set, nothing leaves the machine. `ROS_STATIC_PEERS` is not supported:
-//! the middleware has no such list.
+//! One default differs from ROS: without any variable, discovery is limited to this machine.
+//! `ROS_STATIC_PEERS` is not supported, because the middleware has no such list.
 
 use std::fmt;
 
 use thiserror::Error;
 
-/// Highest domain: the UDP ports of a domain are counted from 7400 + 250 times its number, and ports end at 65535.
+/// Highest domain id: the UDP ports of a domain start at 7400 + 250 times its id, and ports end at
+/// 65535.
 const DOMAIN_ID_MAX: u16 = 232;
 
-/// The variable with the domain.
 const DOMAIN_ID: &str = "ROS_DOMAIN_ID";
 
-/// The variable with the range, as of ROS 2 Iron.
+/// The discovery range, since ROS 2 Iron.
 const RANGE: &str = "ROS_AUTOMATIC_DISCOVERY_RANGE";
 
-/// The variable that did this before. Where it is 1 it prevails, as in ROS itself.
+/// The older variable; a value of 1 takes precedence, as in ROS.
 const LOCALHOST_ONLY: &str = "ROS_LOCALHOST_ONLY";
 
-/// A variable that is set to something that does not exist.
+/// An environment variable with an unknown value.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{variable} is {value:?}; allowed are {allowed}")]
 pub struct RosEnvError {
-    /// The variable.
     pub variable: &'static str,
-    /// What it is set to.
     pub value: String,
-    /// What it may be set to.
     pub allowed: &'static str,
 }
 
-/// How far away other processes may be to be found.
+/// Which other processes are discovered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DiscoveryRange {
-    /// Nobody is found.
+    /// None.
     Off,
-    /// Processes on this machine; nothing is sent to the network.
+    /// Those on this machine; nothing is sent to the network.
     Localhost,
-    /// Processes that multicast reaches.
+    /// Those that multicast reaches.
     Subnet,
-    /// Whatever the middleware does by itself.
+    /// The middleware's default.
     SystemDefault,
 }
 
 impl fmt::Display for DiscoveryRange {
-    /// The value that the variable has for it.
+    /// The value of the variable.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             DiscoveryRange::Off => "OFF",
@@ -59,23 +57,23 @@ impl fmt::Display for DiscoveryRange {
     }
 }
 
-/// Which network a process joins.
+/// The ROS network that a process joins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RosEnv {
-    /// The domain, 0 to 232: processes of different domains do not see each other.
+    /// Domain id, 0 to 232: processes of different domains do not discover each other.
     pub domain_id: u16,
-    /// How far away others are looked for.
     pub range: DiscoveryRange,
 }
 
 impl RosEnv {
-    /// Reads `ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE` and `ROS_LOCALHOST_ONLY`. An empty variable is as good as none.
+    /// Reads `ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE` and `ROS_LOCALHOST_ONLY`. An empty
+    /// variable counts as unset.
     ///
-    /// Without any of them: domain 0, on this machine only. `ROS_LOCALHOST_ONLY=0` asks for the network, as long as no range
-    /// says otherwise.
+    /// Defaults: domain 0, this machine only. `ROS_LOCALHOST_ONLY=0` selects the network unless a
+    /// range is set.
     ///
     /// # Errors
-    /// If a variable has a value that does not exist.
+    /// If a variable has an unknown value.
     ///
     /// ```
     /// use ros_node::ros_env::{DiscoveryRange, RosEnv};
@@ -131,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_leaves_the_machine_unless_asked() {
+    fn default_is_this_machine_only() {
         let home = RosEnv { domain_id: 0, range: DiscoveryRange::Localhost };
         assert_eq!(env(&[]), Ok(home));
         assert_eq!(env(&[(DOMAIN_ID, ""), (RANGE, ""), (LOCALHOST_ONLY, "")]), Ok(home));
@@ -139,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn every_range_by_its_name() {
+    fn every_range_is_parsed() {
         for range in
             [DiscoveryRange::Off, DiscoveryRange::Localhost, DiscoveryRange::Subnet, DiscoveryRange::SystemDefault]
         {
@@ -148,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn the_old_variable_prevails_where_it_is_1() {
+    fn localhost_only_1_takes_precedence() {
         let range = |variables: &[(&str, &str)]| env(variables).unwrap().range;
         assert_eq!(range(&[(LOCALHOST_ONLY, "1"), (RANGE, "SUBNET")]), DiscoveryRange::Localhost);
         assert_eq!(range(&[(LOCALHOST_ONLY, "0"), (RANGE, "OFF")]), DiscoveryRange::Off);
@@ -156,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn the_domains_end_at_232() {
+    fn domain_id_ends_at_232() {
         assert_eq!(env(&[(DOMAIN_ID, "232")]).unwrap().domain_id, 232);
         for value in ["233", "-1", "65536", "1.0", "seven"] {
             let error = env(&[(DOMAIN_ID, value)]).unwrap_err();
@@ -165,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_name_the_variable_and_what_it_may_be() {
+    fn errors_name_variable_and_allowed_values() {
         assert_eq!(
             env(&[(RANGE, "localhost")]).unwrap_err().to_string(),
             "ROS_AUTOMATIC_DISCOVERY_RANGE is \"localhost\"; allowed are SUBNET, LOCALHOST, OFF and SYSTEM_DEFAULT"

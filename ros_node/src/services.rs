@@ -1,14 +1,15 @@
-//! Servers of services and of an action, waited for together with the subscriptions.
+//! Service servers, whose requests arrive in the inbox.
 //!
-//! Invariants: a request is an item of the inbox like any sample; an answer that cannot be sent is counted and dropped;
-//! answering never waits, save once for each caller of each service until the caller is known to hear it, for [`HEARING`] at the
-//! most; bytes that are no request are told from requests and stop nothing, and nobody is answered.
+//! Invariants: a request is an item of the inbox like any sample; a response that cannot be sent is
+//! counted and dropped; responding never blocks, except once per caller and service until the
+//! caller's response reader is discovered, for at most [`CALLER_TIMEOUT`]; undecodable bytes are an
+//! error without a response.
 //!
-//! Answers have to stay below [`msgs::limits::ANSWER_BYTES_MAX`].
+//! Responses must stay below [`msgs::limits::ANSWER_BYTES_MAX`].
 //!
-//! How a request and its answer are told to belong together is not part of the standard, and implementations differ: Fast DDS
-//! and Connext put it beside the message, Cyclone into it. A server speaks one way, which follows `RMW_IMPLEMENTATION` as
-//! with every other node.
+//! DDS-RPC leaves the correlation of request and response to the vendor: Fast DDS and Connext send
+//! it beside the message, Cyclone inside it. A server supports one mapping, which follows
+//! `RMW_IMPLEMENTATION` as in every other node.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -23,53 +24,55 @@ use rustdds::DomainParticipant;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::{Inbox, RosError, Tally, Workshop, now, qos_profile};
+use super::{EndpointFactory, Inbox, RosError, ThrottledWarning, now, qos_profile};
 use msgs::service::{Ask, Reply, Service};
 use msgs::topics::Qos;
 
-/// Requests and answers kept, more than ROS keeps, because those of several callers may come at once.
-const DEPTH: u32 = 64;
+/// Queue depth of requests and responses; deeper than the ROS default, because several callers may
+/// ask at once.
+const QUEUE_DEPTH: u32 = 64;
 
-/// The environment variable that says with which middleware the ROS nodes here are built.
+/// The environment variable that names the middleware of the ROS nodes here.
 const RMW_IMPLEMENTATION: &str = "RMW_IMPLEMENTATION";
 
-/// Wall time for which an answer waits for a caller that is not known to listen yet: its request may arrive before the news that
-/// it listens, and what is sent then is lost.
-const HEARING: Duration = Duration::from_secs(1);
+/// Maximum wall time to wait for the response reader of a new caller: its request may arrive before
+/// its reader is discovered, and a response sent before that is lost.
+const CALLER_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Wall time between two looks.
-const HEARING_PERIOD: Duration = Duration::from_millis(2);
+/// Wall time between two polls of the discovered readers.
+const CALLER_POLL_PERIOD: Duration = Duration::from_millis(2);
 
-/// Wall time from the news to when it has got about in the middleware, several times what it needs on a machine that is not busy.
-const HEARING_SPREADS: Duration = Duration::from_millis(25);
+/// Wall time from discovery of a reader until the middleware has matched it, several times what it
+/// needs on an idle machine.
+const CALLER_SETTLING: Duration = Duration::from_millis(25);
 
-/// Callers that are remembered.
+/// Maximum number of callers that are remembered.
 const CALLERS_MAX: usize = 1024;
 
-/// Bytes of a GUID that tell processes from each other, in both ways to name a caller.
+/// Bytes of a GUID that identify a process, in both mappings.
 const PROCESS_BYTES: usize = 8;
 
-/// Which callers hear the answers on a topic.
-pub(super) struct Hearing {
-    participant: Option<DomainParticipant>,
+/// The callers whose response reader on a topic has been discovered.
+pub(super) struct CallerDiscovery {
+    participant: DomainParticipant,
     topic: String,
     known: RefCell<BTreeSet<[u8; PROCESS_BYTES]>>,
 }
 
-impl Hearing {
-    /// Of the answers of the service with this name.
-    pub(super) fn new(participant: Option<&DomainParticipant>, name: &str) -> Self {
+impl CallerDiscovery {
+    /// For the responses of the service with this name.
+    pub(super) fn new(participant: &DomainParticipant, name: &str) -> Self {
         Self::of_topic(participant, format!("rr{name}Reply"))
     }
 
-    /// Of a topic, by its name in the middleware.
-    pub(super) fn of_topic(participant: Option<&DomainParticipant>, topic: String) -> Self {
-        Hearing { participant: participant.cloned(), topic, known: RefCell::new(BTreeSet::new()) }
+    /// For a topic, by its DDS name.
+    pub(super) fn of_topic(participant: &DomainParticipant, topic: String) -> Self {
+        CallerDiscovery { participant: participant.clone(), topic, known: RefCell::new(BTreeSet::new()) }
     }
 
-    /// Waits until the caller hears the answer, if this is its first one.
-    #[expect(clippy::disallowed_methods, reason = "the ROS client does not tell when a reader has been found")]
-    pub(super) fn wait(&self, id: &RmwRequestId) {
+    /// Waits until the caller's response reader is discovered, if this is its first request.
+    #[expect(clippy::disallowed_methods, reason = "the ROS client has no event for a matched reader")]
+    pub(super) fn wait_for(&self, id: &RmwRequestId) {
         let process = process(&id.writer_gid.to_bytes16());
         let mut known = self.known.borrow_mut();
         if known.contains(&process) {
@@ -80,14 +83,14 @@ impl Hearing {
         }
         known.insert(process);
         let begun = now();
-        while !self.hears(&process) && begun.elapsed() < HEARING {
-            std::thread::sleep(HEARING_PERIOD);
+        while !self.has_reader(&process) && begun.elapsed() < CALLER_TIMEOUT {
+            std::thread::sleep(CALLER_POLL_PERIOD);
         }
-        std::thread::sleep(HEARING_SPREADS);
+        std::thread::sleep(CALLER_SETTLING);
     }
 
-    fn hears(&self, caller: &[u8; PROCESS_BYTES]) -> bool {
-        let readers = self.participant.as_ref().map(DomainParticipant::discovered_readers).unwrap_or_default();
+    fn has_reader(&self, caller: &[u8; PROCESS_BYTES]) -> bool {
+        let readers = self.participant.discovered_readers();
         readers.iter().any(|reader| {
             *reader.subscription_topic_data.topic_name() == self.topic
                 && process(&reader.reader_proxy.remote_reader_guid.to_bytes()) == *caller
@@ -101,7 +104,7 @@ fn process(guid: &[u8; 16]) -> [u8; PROCESS_BYTES] {
     process
 }
 
-/// How requests and answers are told to belong together.
+/// How requests and responses are correlated.
 pub(super) fn mapping() -> ServiceMapping {
     mapping_of(std::env::var(RMW_IMPLEMENTATION).ok().as_deref())
 }
@@ -113,23 +116,23 @@ fn mapping_of(middleware: Option<&str>) -> ServiceMapping {
     }
 }
 
-/// The quality of service of requests and answers.
+/// QoS of requests and responses.
 pub(super) fn qos() -> ros2_client::QosProfile {
-    qos_profile(&Qos::reliable(DEPTH))
+    qos_profile(&Qos::reliable(QUEUE_DEPTH))
 }
 
-/// A message as the ROS client wants it.
+/// A message wrapped for the ROS client.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Wire<M>(pub(super) M);
 
 impl<M: Serialize + DeserializeOwned> ros2_client::Message for Wire<M> {}
 
-/// Both ends of a service.
+/// The server of a service type.
 pub(super) type ServerOf<S> = Server<Wire<<S as Service>::Request>, Wire<<S as Service>::Response>>;
 
-impl Workshop {
-    /// Offers a service: its requests come out of the inbox as what `convert` makes of them. Of bytes that are no request it
-    /// is told why.
+impl EndpointFactory {
+    /// Offers a service: the inbox yields `convert` of each request, or of the reason why bytes are
+    /// no request.
     ///
     /// # Errors
     /// If the middleware refuses it.
@@ -140,7 +143,7 @@ impl Workshop {
         inbox: &mut Inbox<T>,
         convert: impl Fn(Result<Ask<S>, String>) -> T + 'static,
     ) -> Result<(), RosError> {
-        // Two endpoints.
+        // A service has two endpoints.
         self.pause();
         self.pause();
         let failed = |source| endpoint_error::<S>(name, source);
@@ -149,16 +152,16 @@ impl Workshop {
         let kind = ServiceTypeName::new(S::PACKAGE, S::NAME);
         let server: ServerOf<S> = node.create_server(mapping(), &parsed, &kind, qos(), qos()).map_err(failed)?;
         let server = Rc::new(server);
-        let unsent = Rc::new(RefCell::new(Tally::new(format!("{name}: answer not sent"))));
-        let hearing = Rc::new(Hearing::new(self.participant.as_ref(), name));
+        let unsent = Rc::new(RefCell::new(ThrottledWarning::new(format!("{name}: answer not sent"))));
+        let callers = Rc::new(CallerDiscovery::new(&self.participant, name));
         inbox.add(Box::new(move |context| {
             take_request(&server, context).map(|taken| {
                 convert(taken.map(|(id, request)| {
-                    let (server, unsent, hearing) = (Rc::clone(&server), Rc::clone(&unsent), Rc::clone(&hearing));
+                    let (server, unsent, callers) = (Rc::clone(&server), Rc::clone(&unsent), Rc::clone(&callers));
                     Ask {
                         request,
                         reply: Reply::new(move |response| {
-                            hearing.wait(&id);
+                            callers.wait_for(&id);
                             answer(&server, id, response, &unsent);
                         }),
                     }
@@ -173,7 +176,7 @@ pub(super) fn endpoint_error<S: Service>(name: &str, source: CreateError) -> Ros
     RosError::Endpoint { topic: format!("{name} [{}/srv/{}]", S::PACKAGE, S::NAME), source }
 }
 
-/// Takes the next request, or leaves the waker with the server.
+/// Takes the next request, or registers the waker with the server.
 pub(super) fn take_request<Q, R>(
     server: &Server<Wire<Q>, Wire<R>>,
     context: &mut TaskContext<'_>,
@@ -186,9 +189,13 @@ where
     taken.map(|taken| taken.map(|(id, Wire(request))| (id, request)).map_err(|error| error.to_string()))
 }
 
-/// Answers a request, or counts the answer as not sent.
-pub(super) fn answer<Q, R>(server: &Server<Wire<Q>, Wire<R>>, id: RmwRequestId, response: R, unsent: &RefCell<Tally>)
-where
+/// Sends a response, or counts it as not sent.
+pub(super) fn answer<Q, R>(
+    server: &Server<Wire<Q>, Wire<R>>,
+    id: RmwRequestId,
+    response: R,
+    unsent: &RefCell<ThrottledWarning>,
+) where
     Q: Serialize + DeserializeOwned + 'static,
     R: Serialize + DeserializeOwned + 'static,
 {
@@ -202,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_way_of_cyclone_is_spoken_on_request_only() {
+    fn cyclone_mapping_is_chosen_by_rmw_implementation() {
         assert_eq!(mapping_of(None), ServiceMapping::Enhanced);
         assert_eq!(mapping_of(Some("rmw_fastrtps_cpp")), ServiceMapping::Enhanced);
         assert_eq!(mapping_of(Some("rmw_cyclonedds_cpp")), ServiceMapping::Cyclone);

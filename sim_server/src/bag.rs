@@ -1,7 +1,7 @@
-//! The `metadata.yaml` that makes a folder with a recording a bag of rosbag2.
+//! The `metadata.yaml` of a rosbag2 bag with one recording.
 //!
-//! `ros2 bag` and others open a recording as it is; tools that want a folder need this file beside it. Of version 5 of the format,
-//! which every distribution since Humble reads.
+//! `ros2 bag` opens a recording directly; tools that expect a folder need this file beside it. It
+//! has version 5 of the format, which every distribution since Humble reads.
 //!
 //! This module writes no file.
 
@@ -14,7 +14,7 @@ use crate::recording::{Channel, Recording};
 /// The metadata of a bag that holds this recording alone, under `file_name`.
 ///
 /// # Panics
-/// Never: a text can be written to.
+/// Never: writing to a string succeeds.
 #[must_use]
 pub fn metadata(recording: &Recording, file_name: &str) -> String {
     let mut topics: BTreeMap<String, (Arc<Channel>, u64)> = BTreeMap::new();
@@ -50,7 +50,7 @@ pub fn metadata(recording: &Recording, file_name: &str) -> String {
     text
 }
 
-/// A text as YAML, which takes those of JSON.
+/// A string as YAML, of which JSON is a subset.
 fn quoted(text: &str) -> String {
     serde_json::Value::from(text).to_string()
 }

@@ -1,4 +1,4 @@
-//! What the user types: the arguments of the binary, and how they become overrides of the scenario.
+//! The command line of the server, and how its flags become overrides of the scenario.
 //!
 //! This module only declares; it opens nothing and runs nothing.
 
@@ -6,16 +6,16 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::map_cli::MapCommand;
-#[cfg(feature = "ros")]
-use crate::replay::{Manner, Wishes};
-#[cfg(feature = "ros")]
-use simulation::scenario::Rtf;
 use simulation::scenario::{Override, keys};
 
-/// World server of a deterministic simulator of 3-D multi-agent exploration.
+/// World server of a deterministic simulator of multi-robot exploration.
 #[derive(Debug, Parser)]
-#[command(name = "sim_server", version, arg_required_else_help = true)]
+#[command(
+    name = "sim_server",
+    version,
+    arg_required_else_help = true,
+    after_help = "`maes run` starts a server with its agents; recordings, maps and scenarios are for `maes`, too."
+)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -25,171 +25,48 @@ pub struct Cli {
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Serve a run over ROS 2
-    #[cfg(feature = "ros")]
-    Run(RunArgs),
-    /// Play a recording on its ROS 2 topics
-    #[cfg(feature = "ros")]
-    Replay(ReplayArgs),
-    /// Show a recording in a browser
-    #[cfg(feature = "view")]
-    View(ViewArgs),
-    /// Take a picture of a moment of a recording
-    #[cfg(feature = "view")]
-    Snapshot(SnapshotArgs),
-    /// Print a scenario with all its keys, or one of them
-    Scenario(ScenarioArgs),
-    /// Make, describe and convert maps
-    #[command(subcommand)]
-    Map(MapCommand),
-    /// Describe a recording: scenario, result, counters, digest
-    Info {
-        /// The recording (.mcap)
-        file: PathBuf,
-        /// Print the metadata.yaml of a rosbag2 folder with this recording instead
-        #[arg(long)]
-        metadata: bool,
-    },
-    /// Check a recording: carry out its run again, and compare everything that comes of it
-    Verify(VerifyArgs),
-}
-
-/// Arguments of `verify`.
-#[derive(Debug, Args)]
-pub struct VerifyArgs {
-    /// The recording (.mcap)
-    pub file: PathBuf,
-    /// Have the agents decide again, too, and compare their commands
-    #[cfg(feature = "controllers")]
-    #[arg(long)]
-    pub controllers: bool,
-}
-
-/// Arguments of `replay`.
-#[cfg(feature = "ros")]
-#[derive(Debug, Args)]
-pub struct ReplayArgs {
-    /// The recording (.mcap)
-    pub file: PathBuf,
-    /// Sim seconds for each second of wall time, at the most; max: as fast as possible
-    #[arg(long, value_name = "X|max", value_parser = rate, default_value = "1")]
-    pub rate: Rtf,
-    /// Sim time from which on it is played
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true)]
-    pub start: f64,
-    /// Sim time up to which it is played, if not to its end
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
-    pub end: Option<f64>,
-    /// Begin again at the end
-    #[arg(long = "loop")]
-    pub is_loop: bool,
-    /// Begin paused, until somebody lets it go on through a service
-    #[arg(long)]
-    pub paused: bool,
-    /// Play only these topics; a * at the end stands for any rest
-    #[arg(long, value_name = "NAME[,NAME...]", value_delimiter = ',')]
-    pub topics: Vec<String>,
-    /// Leave these topics out; a * at the end stands for any rest
-    #[arg(long, value_name = "NAME[,NAME...]", value_delimiter = ',')]
-    pub exclude: Vec<String>,
-}
-
-#[cfg(feature = "ros")]
-impl ReplayArgs {
-    /// How it is to be played.
-    #[must_use]
-    pub fn manner(&self) -> Manner {
-        Manner { rate: self.rate, is_loop: self.is_loop, is_paused: self.paused }
-    }
-
-    /// What is to be played.
-    #[must_use]
-    pub fn wishes(&self) -> Wishes {
-        Wishes { only: self.topics.clone(), exclude: self.exclude.clone(), start_s: self.start, end_s: self.end }
-    }
-}
-
-/// Arguments of `view`.
-#[cfg(feature = "view")]
-#[derive(Debug, Args)]
-pub struct ViewArgs {
-    /// The recording (.mcap)
-    pub file: PathBuf,
-    /// Where the page is to be; port 0: a free one
-    #[arg(long, value_name = "ADDR:PORT", default_value = crate::viewing::DEFAULT_ADDRESS)]
-    pub address: String,
-    /// The folder of the page, if it is not the one that was built here
-    #[arg(long, value_name = "DIR")]
-    pub page: Option<PathBuf>,
-}
-
-/// Arguments of `snapshot`.
-#[cfg(feature = "view")]
-#[derive(Debug, Args)]
-pub struct SnapshotArgs {
-    /// What is to be seen.
-    #[command(flatten)]
-    pub subject: crate::viewing::pictures::Subject,
-    /// Sim time of the moment
-    #[arg(long, value_name = "SECONDS")]
-    pub at: f64,
-    /// The picture (.png)
-    #[arg(long, value_name = "PNG", value_parser = png)]
-    pub out: PathBuf,
-}
-
-#[cfg(feature = "view")]
-fn png(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    if path.extension().is_some_and(|extension| extension == "png") {
-        Ok(path)
-    } else {
-        Err("expected a name that ends in .png".to_owned())
-    }
+    /// Serve a run over ROS 2; `maes run` also starts the agents
+    Run(Box<RunArgs>),
 }
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// The scenario (.toml), or a recording of it (.mcap); a run that goes on has one
+    /// The scenario (.toml), or a recording of it (.mcap); a resumed run has one
     #[cfg_attr(feature = "view", arg(required_unless_present_any = ["resume", "idle"]))]
     #[cfg_attr(not(feature = "view"), arg(required_unless_present = "resume"))]
     pub scenario: Option<PathBuf>,
-    /// Let people look on in a browser, or in Foxglove: a page and a Foxglove WebSocket at this address
+    /// Show the run in a browser or in Foxglove: a page and a Foxglove WebSocket at this address
     #[cfg(feature = "view")]
-    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = crate::viewing::DEFAULT_ADDRESS)]
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = crate::foxglove::DEFAULT_ADDRESS)]
     pub view: Option<String>,
     /// The folder of the page, if it is not the one that was built here
     #[cfg(feature = "view")]
     #[arg(long, value_name = "DIR", requires = "view")]
     pub page: Option<PathBuf>,
-    /// Wait until somebody starts a run on the page, again and again
+    /// Serve the runs that are started on the page, one after the other
     #[cfg(feature = "view")]
     #[arg(long, requires = "view", conflicts_with_all = ["resume", "scenario"])]
     pub idle: bool,
-    /// Go on with the run of this recording, whose server was killed, and complete it, or the file that --record names
+    /// With --idle: the program that checks the controller of a run before it starts, called with
+    /// `--check --id 0 --controller NAME --set KEY=VALUE...` [default: agent_node beside this program]
+    #[cfg(feature = "view")]
+    #[arg(long, value_name = "PROGRAM", requires = "idle")]
+    pub check_agents: Option<PathBuf>,
+    /// Resume the run of this recording, whose server was killed; completes it, or the file that
+    /// --record names
     #[arg(long, value_name = "FILE.mcap")]
     pub resume: Option<PathBuf>,
-    /// Also write what is said about the run to this file
+    /// Write what is printed about the run to this file as well
     #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,
     /// Write a line to this file (or pipe) once agents may be started
     #[arg(long, value_name = "FILE")]
     pub ready: Option<PathBuf>,
-    /// Keys of the scenario that are to be different.
-    #[command(flatten)]
-    pub keys: KeyArgs,
-}
-
-/// Arguments of `scenario`.
-#[derive(Debug, Args)]
-pub struct ScenarioArgs {
-    /// The scenario (.toml), or a recording of it (.mcap)
-    pub scenario: PathBuf,
-    /// Print only the value of this key, for example agents.count; of a table, a line KEY=VALUE for each of its keys
-    #[arg(long, value_name = "KEY")]
-    pub get: Option<String>,
-    /// Keys of the scenario that are to be different.
+    /// Write digest, reason, last tick and wall time to this file when the run has a result
+    #[arg(long, value_name = "FILE.json")]
+    pub summary: Option<PathBuf>,
+    /// Keys of the scenario to override.
     #[command(flatten)]
     pub keys: KeyArgs,
 }
@@ -332,17 +209,11 @@ fn rtf(text: &str) -> Result<toml::Value, String> {
     }
 }
 
-#[cfg(feature = "ros")]
-fn rate(text: &str) -> Result<Rtf, String> {
-    if text == "max" {
-        return Ok(Rtf::MAX);
-    }
-    let limit = text.parse().map_err(|_| "expected a number or max".to_owned())?;
-    simulation::parameters::pace(simulation::parameters::RATE, limit)
-}
-
 /// Reads `KEY=VALUE`; the value is TOML, or a plain word.
-pub(crate) fn assignment(text: &str) -> Result<(String, toml::Value), String> {
+///
+/// # Errors
+/// If there is no `=`.
+pub fn assignment(text: &str) -> Result<(String, toml::Value), String> {
     let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE")?;
     let parsed = toml::from_str::<toml::Table>(&format!("value = {value}"));
     let value = parsed.ok().and_then(|mut table| table.remove("value")).unwrap_or_else(|| value.into());
@@ -419,7 +290,6 @@ mod tests {
         }
     }
 
-    #[cfg(feature = "ros")]
     #[test]
     fn sizes_paces_and_assignments() {
         assert_eq!(size("50"), Ok(50.into()));
@@ -433,13 +303,5 @@ mod tests {
         assert_eq!(assignment("agents.controller=rbw"), Ok(("agents.controller".into(), "rbw".into())));
         assert_eq!(assignment("a=[1, 2]").unwrap().1, toml::Value::Array(vec![1.into(), 2.into()]));
         assert!(assignment("a").is_err());
-    }
-
-    #[cfg(feature = "ros")]
-    #[test]
-    fn rates() {
-        assert_eq!(rate("max"), Ok(Rtf::MAX));
-        assert_eq!(rate("0.5"), Ok(Rtf::Limit(0.5)));
-        assert!(rate("fast").is_err() && rate("-1").is_err() && rate("inf").is_err());
     }
 }

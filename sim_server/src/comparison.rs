@@ -1,9 +1,11 @@
-//! Whether two runs say the same: message by message in order, up to the first in which they differ.
+//! Comparison of two runs: message by message in order, up to the first difference.
 //!
-//! **What is passed over.** Views (`[views]` of a scenario says which are recorded) are of who looks on, and the counters of refusals
-//! in a result of who has disturbed; neither is of the run. Everything else is compared bit by bit.
+//! **What is ignored.** Visualisation messages (`[views]` of a scenario selects which are recorded)
+//! depend on observers, and the refusal counters of a result on foreign traffic; neither belongs to
+//! the run. Everything else is compared bitwise.
 //!
-//! Invariants: nothing is looked at behind the first difference; what a recording without its end does not hold is no difference.
+//! Invariants: nothing behind the first difference is compared; what a recording without an end
+//! does not hold is no difference.
 //!
 //! This module knows no world, and reads no file.
 
@@ -23,25 +25,23 @@ use crate::recording::{End, Message, Messages, Recording};
 use crate::session::Checker;
 use simulation::digest::Digest;
 
-/// What the names of the counters of refusals begin with.
+/// Prefix of the refusal counters.
 const REFUSED: &str = "refused_";
 
-/// What a difference is called that is one of whole messages.
+/// Field name of a difference between whole messages.
 const WHOLE_MESSAGE: &str = "the message";
 
-/// What is said of a message that is not there.
+/// Text for a missing message.
 const NONE: &str = "none";
 
 /// Where two runs differ.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Difference {
-    /// When.
     pub tick: Tick,
-    /// Whose topic it is, if it is the topic of an agent.
+    /// The agent, if it is the topic of an agent.
     pub agent: Option<AgentId>,
-    /// The topic.
     pub topic: String,
-    /// What differs of the message: a field with its two values, or the message itself.
+    /// The field with its two values, or the whole message.
     pub field: Field,
 }
 
@@ -51,13 +51,13 @@ impl Difference {
         Self { tick: place.tick, agent, topic: place.topic.to_owned(), field }
     }
 
-    /// Whether there is nothing in the place of a message of the recording.
+    /// Whether the other run lacks a message of the recording.
     #[must_use]
     pub fn is_lack(&self) -> bool {
         self.field.name == WHOLE_MESSAGE && self.field.now == NONE
     }
 
-    /// Where it is.
+    /// Tick, agent and topic.
     #[must_use]
     pub fn place(&self) -> String {
         let agent = self.agent.map_or_else(String::new, |agent| format!(", agent {agent}"));
@@ -71,7 +71,7 @@ impl fmt::Display for Difference {
     }
 }
 
-/// Where a message stands.
+/// Position of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Place<'a> {
     tick: Tick,
@@ -84,7 +84,7 @@ impl fmt::Display for Place<'_> {
     }
 }
 
-/// Compares what is said with a recording.
+/// Compares the messages of a run with a recording.
 pub struct Comparison<'a> {
     before: Messages<'a>,
     compared: u64,
@@ -95,69 +95,69 @@ pub struct Comparison<'a> {
 }
 
 impl<'a> Comparison<'a> {
-    /// Begins at the start of a recording.
+    /// Starts at the beginning of a recording.
     #[must_use]
     pub fn new(recording: &'a Recording) -> Self {
         let before = recording.messages();
         Self { before, compared: 0, last_tick: Tick::ZERO, found: None, refusals: None, is_closed: false }
     }
 
-    /// How many messages are the same.
+    /// Number of equal messages.
     #[must_use]
     pub fn compared(&self) -> u64 {
         self.compared
     }
 
-    /// The tick of the last one that is.
+    /// Tick of the last equal message.
     #[must_use]
     pub fn last_tick(&self) -> Tick {
         self.last_tick
     }
 
-    /// The first difference, as far as is known.
+    /// The first difference found so far.
     #[must_use]
     pub fn difference(&self) -> Option<&Difference> {
         self.found.as_ref()
     }
 
-    /// The first counter of refusals that differs. It is no difference of the run.
+    /// The first refusal counter that differs, which is no difference of the run.
     #[must_use]
     pub fn refusals(&self) -> Option<&Field> {
         self.refusals.as_ref()
     }
 
-    /// Whether the recording has ended without its end before everything was said.
+    /// Whether the recording ended, without an end record, before the run did.
     #[must_use]
     pub fn is_closed(&self) -> bool {
         self.is_closed
     }
 
-    /// Nothing more is said: what the recording has beyond that is a difference.
+    /// Ends the run: further messages of the recording are a difference.
     pub fn end(&mut self) {
         if !self.is_done()
             && let Some(message) = self.next()
         {
             let place = place(&message);
-            self.found = Some(whole(&place, Some(place), None));
+            self.found = Some(message_difference(&place, Some(place), None));
         }
     }
 
-    /// The next message of the recording that is of the run.
+    /// The next message of the recording that belongs to the run.
     fn next(&mut self) -> Option<Message> {
-        self.before.find(|message| Kind::of(&message.channel.topic).is_some())
+        self.before.find(|message| MessageKind::of(&message.channel.topic).is_some())
     }
 }
 
 impl Checker for Comparison<'_> {
     fn take(&mut self, topic: &str, tick: Tick, cdr: &[u8]) {
-        let Some(kind) = Kind::of(topic) else { return };
+        let Some(kind) = MessageKind::of(topic) else { return };
         if self.is_done() {
             return;
         }
         let now = Place { tick, topic };
         let Some(message) = self.next() else {
             match self.before.end() {
-                Some(End::Whole) => self.found = Some(whole(&now, None, Some(now))),
+                Some(End::Whole) => self.found = Some(message_difference(&now, None, Some(now))),
                 _ => self.close(),
             }
             return;
@@ -165,11 +165,11 @@ impl Checker for Comparison<'_> {
         let before = place(&message);
         if before != now {
             let first = if before.tick <= now.tick { before } else { now };
-            self.found = Some(whole(&first, Some(before), Some(now)));
+            self.found = Some(message_difference(&first, Some(before), Some(now)));
             return;
         }
         if message.data != cdr {
-            if kind == Kind::Result {
+            if kind == MessageKind::Result {
                 self.refusals = between_refusals(&message.data, cdr);
             }
             if let Some(field) = kind.between(&message.data, cdr) {
@@ -190,13 +190,13 @@ impl Checker for Comparison<'_> {
     }
 }
 
-/// Where a recorded command is not the one that is given now, if one is.
+/// The difference between a recorded command and the present one, if any.
 #[must_use]
-pub fn with_command(recorded: &Message, now: Option<&maes_msgs::Command>) -> Option<Difference> {
+pub fn compare_command(recorded: &Message, now: Option<&maes_msgs::Command>) -> Option<Difference> {
     let place = place(recorded);
-    let Some(now) = now else { return Some(whole(&place, Some(place), None)) };
+    let Some(now) = now else { return Some(message_difference(&place, Some(place), None)) };
     let now = cdr::encode(now);
-    let field = (recorded.data != now).then(|| Kind::Command.between(&recorded.data, &now)).flatten();
+    let field = (recorded.data != now).then(|| MessageKind::Command.between(&recorded.data, &now)).flatten();
     field.map(|field| Difference::new(&place, field))
 }
 
@@ -204,15 +204,15 @@ fn place(message: &Message) -> Place<'_> {
     Place { tick: message.tick(), topic: &message.channel.topic }
 }
 
-/// A difference of whole messages.
-fn whole(at: &Place<'_>, before: Option<Place<'_>>, now: Option<Place<'_>>) -> Difference {
-    let words = |place: Option<Place<'_>>| place.map_or_else(|| NONE.to_owned(), |place| place.to_string());
-    Difference::new(at, Field { name: WHOLE_MESSAGE.to_owned(), before: words(before), now: words(now) })
+/// A difference between whole messages.
+fn message_difference(at: &Place<'_>, before: Option<Place<'_>>, now: Option<Place<'_>>) -> Difference {
+    let text = |place: Option<Place<'_>>| place.map_or_else(|| NONE.to_owned(), |place| place.to_string());
+    Difference::new(at, Field { name: WHOLE_MESSAGE.to_owned(), before: text(before), now: text(now) })
 }
 
-/// A message of the run.
+/// The kinds of messages that belong to the run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum MessageKind {
     Scenario,
     Progress,
     Digest,
@@ -224,8 +224,8 @@ enum Kind {
     Command,
 }
 
-impl Kind {
-    /// What is said on a topic, if it is of the run.
+impl MessageKind {
+    /// The kind of a topic's messages, if they belong to the run.
     fn of(topic: &str) -> Option<Self> {
         if let Some((_, rest)) = topics::split(topic) {
             return match rest {
@@ -246,7 +246,7 @@ impl Kind {
         of_run.into_iter().find_map(|(known, kind)| (known.name == topic).then_some(kind))
     }
 
-    /// The first field that is different.
+    /// The first field that differs.
     fn between(self, before: &[u8], now: &[u8]) -> Option<Field> {
         match self {
             Self::Scenario => decoded(before, now, fields::<maes_msgs::Scenario>),
@@ -262,7 +262,7 @@ impl Kind {
     }
 }
 
-/// What is different of two messages, whose bytes are.
+/// The first difference of two messages with different bytes.
 fn decoded<M: DeserializeOwned>(
     before: &[u8],
     now: &[u8],
@@ -271,8 +271,8 @@ fn decoded<M: DeserializeOwned>(
     match (cdr::decode(before), cdr::decode(now)) {
         (Ok(before), Ok(now)) => between(&before, &now),
         _ => {
-            let words = |bytes: &[u8]| format!("{} that are no such message", bytes.len());
-            Some(Field { name: "bytes".to_owned(), before: words(before), now: words(now) })
+            let text = |bytes: &[u8]| format!("{} that cannot be decoded", bytes.len());
+            Some(Field { name: "bytes".to_owned(), before: text(before), now: text(now) })
         }
     }
 }
@@ -291,11 +291,11 @@ fn between_digests(before: &maes_msgs::Digest, now: &maes_msgs::Digest) -> Optio
 }
 
 fn hashes(before: [u8; 32], now: [u8; 32]) -> Option<Field> {
-    let words = |digest| Digest(digest).to_string();
-    (before != now).then(|| Field { name: "digest".to_owned(), before: words(before), now: words(now) })
+    let text = |digest| Digest(digest).to_string();
+    (before != now).then(|| Field { name: "digest".to_owned(), before: text(before), now: text(now) })
 }
 
-/// The counters of refusals are left out.
+/// Ignores the refusal counters.
 fn between_results(before: &maes_msgs::Result, now: &maes_msgs::Result) -> Option<Field> {
     let rest =
         |result: &maes_msgs::Result| maes_msgs::Result { counters: Vec::new(), digest: [0; 32], ..result.clone() };
@@ -309,7 +309,7 @@ fn between_refusals(before: &[u8], now: &[u8]) -> Option<Field> {
     counters(&before, &now, |name| name.starts_with(REFUSED))
 }
 
-/// The first counter by name that is different, of some.
+/// The first counter by name that differs, among those that `of` selects.
 fn counters(before: &maes_msgs::Result, now: &maes_msgs::Result, of: impl Fn(&str) -> bool) -> Option<Field> {
     let by_name = |result: &maes_msgs::Result| -> BTreeMap<String, u64> {
         let counters = result.counters.iter().filter(|counter| of(&counter.name));
@@ -317,11 +317,11 @@ fn counters(before: &maes_msgs::Result, now: &maes_msgs::Result, of: impl Fn(&st
     };
     let (before, now) = (by_name(before), by_name(now));
     let different = before.keys().chain(now.keys()).find(|name| before.get(*name) != now.get(*name))?;
-    let words = |value: Option<&u64>| value.map_or_else(|| "none".to_owned(), u64::to_string);
+    let text = |value: Option<&u64>| value.map_or_else(|| "none".to_owned(), u64::to_string);
     Some(Field {
         name: format!("counters.{different}"),
-        before: words(before.get(different)),
-        now: words(now.get(different)),
+        before: text(before.get(different)),
+        now: text(now.get(different)),
     })
 }
 

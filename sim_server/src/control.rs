@@ -1,25 +1,25 @@
-//! What people may ask of a run, and what it does about it: the state of the simulation by the standard.
+//! Simulation control as `simulation_interfaces` defines it: requests, states and steps.
 //!
-//! [`Control`] is a pure state machine: which states there are, which way leads from one to another, how many steps are to be
-//! made. It is asked before each tick whether there is to be one. [`desk`] answers with it what is about time alone, also for what is
-//! no run; [`entities`] finds agents and tells of them.
+//! [`StateMachine`] holds the states, their transitions and pending steps, and decides before each
+//! tick whether it may run. [`SimulationControl`] answers the requests about time alone, for runs
+//! and replays; [`entities`] answers those about agents.
 //!
-//! Invariants: time passes only in `PLAYING`; after the last of the steps that were asked for the state is `PAUSED`; a request
-//! that is refused changes nothing.
+//! Invariants: time passes only in `PLAYING`; after the last requested step the state is `PAUSED`;
+//! a refused request changes nothing.
 //!
 //! | from, to | `STOPPED` | `PLAYING` | `PAUSED` | `QUITTING` |
 //! |---|---|---|---|---|
 //! | `STOPPED` | 101 | yes | yes | yes |
-//! | `PLAYING` | begins again | 101 | yes; ends steps under way | yes |
-//! | `PAUSED` | begins again | yes | 101 | yes |
+//! | `PLAYING` | reset | 101 | yes; ends pending steps | yes |
+//! | `PAUSED` | reset | yes | 101 | yes |
 //! | `QUITTING` | 103 | 103 | 103 | 101 |
 //!
-//! What cannot begin again, such as a recording that is played, answers that it is unsupported.
+//! A simulation without reset, such as a replay, answers that it is unsupported.
 //!
-//! This module knows no transport and no clock, and carries out nothing: `run/control.rs` does.
+//! This module knows no transport and no clock, and changes no world: the run loop does.
 
-pub mod desk;
 pub mod entities;
+mod simulation_control;
 
 use msgs::service::Ask;
 use msgs::simulation_interfaces::{
@@ -31,53 +31,42 @@ use msgs::simulation_interfaces::{
 
 use simulation::scenario::Rtf;
 
-/// A request with the way to answer it.
+pub use simulation_control::SimulationControl;
+
+/// A request with its reply channel.
 pub enum Request {
-    /// What the server can do.
     Features(Ask<GetSimulatorFeatures>),
-    /// The state of the simulation.
     State(Ask<GetSimulationState>),
-    /// To be in that state.
     SetState(Ask<SetSimulationState>),
-    /// To make steps, and answer then.
+    /// Simulate steps; the reply follows the last one.
     Step(Ask<StepSimulation>),
-    /// To make steps, and tell after each.
+    /// Simulate steps with feedback after each (the action).
     Steps(Box<dyn Steps>),
-    /// To end the steps of which it tells after each.
+    /// Cancel the steps of the action.
     CancelSteps,
-    /// To begin again.
     Reset(Ask<ResetSimulation>),
-    /// Which agents there are.
     Entities(Ask<GetEntities>),
-    /// Where one is.
     EntityState(Ask<GetEntityState>),
-    /// Where some are.
     EntitiesStates(Ask<GetEntitiesStates>),
-    /// What one is.
     EntityInfo(Ask<GetEntityInfo>),
-    /// How large one is.
     EntityBounds(Ask<GetEntityBounds>),
-    /// To put one somewhere.
     SetEntityState(Ask<SetEntityState>),
-    /// To take one out of the run.
     Delete(Ask<DeleteEntity>),
-    /// To add one.
     Spawn(Ask<SpawnEntity>),
-    /// To go at this pace.
+    /// Set the real-time factor.
     Rtf(Rtf),
 }
 
-/// Somebody who wants steps and is told after each one.
+/// A goal of the action `SimulateSteps`.
 pub trait Steps {
-    /// How many.
+    /// Number of ticks to simulate.
     fn steps(&self) -> u64;
-    /// So many are done, and so many are not.
-    fn tell(&self, done: u64, left: u64);
-    /// That is all.
-    fn end(self: Box<Self>, outcome: Outcome);
+    fn feedback(&self, done: u64, left: u64);
+    /// Ends the goal with its result.
+    fn finish(self: Box<Self>, outcome: Outcome);
 }
 
-/// What the server can do, and nothing else.
+/// The features of `GetSimulatorFeatures` that a run supports.
 #[must_use]
 pub fn features() -> SimulatorFeatures {
     SimulatorFeatures {
@@ -109,18 +98,16 @@ pub fn features() -> SimulatorFeatures {
 /// The state of a simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// At tick 0, and not begun.
+    /// At tick 0, not started.
     Stopped,
-    /// Time passes.
     Playing,
-    /// Time stands still.
     Paused,
-    /// The run ends.
+    /// The run is ending.
     Quitting,
 }
 
 impl State {
-    /// As the standard numbers it.
+    /// The number of the state in `simulation_interfaces`.
     #[must_use]
     pub fn number(self) -> u8 {
         match self {
@@ -132,94 +119,95 @@ impl State {
     }
 }
 
-/// Steps that were asked for.
+/// Pending steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Stepping {
     done: u64,
     left: u64,
 }
 
-/// The state machine.
+/// The state machine of a simulation.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Control {
+pub struct StateMachine {
     state: State,
     stepping: Option<Stepping>,
-    can_begin_again: bool,
-    /// How it is to begin again, if it is to.
-    beginning: Option<Beginning>,
+    can_reset: bool,
+    /// The requested reset.
+    pending_reset: Option<Reset>,
 }
 
-/// How something that is to begin again begins.
+/// A requested reset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Beginning {
-    /// Whether it waits at tick 0.
+pub struct Reset {
+    /// Whether the simulation stays at tick 0 after it.
     pub is_paused: bool,
 }
 
-impl Control {
-    /// At tick 0; one that is not paused plays as soon as it can.
+impl StateMachine {
+    /// At tick 0, playing unless paused.
     #[must_use]
-    pub fn new(is_paused: bool, can_begin_again: bool) -> Self {
+    pub fn new(is_paused: bool, can_reset: bool) -> Self {
         let state = if is_paused { State::Stopped } else { State::Playing };
-        Self { state, stepping: None, can_begin_again, beginning: None }
+        Self { state, stepping: None, can_reset, pending_reset: None }
     }
 
-    /// How it is to begin again, if it is to: whoever carries it out ends it then, and begins anew.
+    /// The requested reset: the executor ends the run then and starts it again.
     #[must_use]
-    pub fn beginning(&self) -> Option<Beginning> {
-        self.beginning
+    pub fn pending_reset(&self) -> Option<Reset> {
+        self.pending_reset
     }
 
-    /// Is to begin again, playing if time passes now; `scope` is a sum of the constants of `ResetSimulation`.
+    /// Requests a reset, which keeps playing if time passes now; `scope` is a sum of the constants
+    /// of `ResetSimulation`.
     ///
     /// # Errors
-    /// The answer that says why not.
+    /// The result that explains the refusal.
     pub fn reset(&mut self, scope: u8) -> Result<(), Outcome> {
-        if !self.can_begin_again {
-            return Err(no_way_back());
+        if !self.can_reset {
+            return Err(reset_unsupported());
         }
         if self.state == State::Quitting {
             return Err(Outcome::failure(Outcome::INCORRECT_STATE, "the simulation is about to end"));
         }
         let time_and_state = ResetRequest::SCOPE_TIME | ResetRequest::SCOPE_STATE;
         if scope == ResetRequest::SCOPE_DEFAULT || scope & time_and_state == time_and_state {
-            self.beginning = Some(Beginning { is_paused: !self.may_tick() });
+            self.pending_reset = Some(Reset { is_paused: !self.may_tick() });
         } else if scope != ResetRequest::SCOPE_SPAWNED {
-            // Nothing can be spawned, so there would be nothing to take away.
+            // Nothing can be spawned, so there is nothing to remove.
             let reason = format!("scope = {scope}: expected 0 or 255 (all) or 3 (time and state), which go together");
             return Err(Outcome::failure(Outcome::FEATURE_UNSUPPORTED, reason));
         }
         Ok(())
     }
 
-    /// The state. While steps are made, time passes.
+    /// The state; `PLAYING` while steps are pending.
     #[must_use]
     pub fn state(&self) -> State {
         if self.stepping.is_some() { State::Playing } else { self.state }
     }
 
-    /// Whether there is to be a tick now.
+    /// Whether a tick may run now.
     #[must_use]
     pub fn may_tick(&self) -> bool {
         self.state() == State::Playing
     }
 
-    /// Whether ticks are made because they were asked for one by one: no pace holds them back.
+    /// Whether ticks run because steps are pending; the real-time factor does not limit them.
     #[must_use]
     pub fn is_stepping(&self) -> bool {
         self.stepping.is_some()
     }
 
-    /// Whether the world may be changed by hand: it stands still, and does not end.
+    /// Whether the world may be edited: time stands still, and the run is not ending.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
         matches!(self.state(), State::Stopped | State::Paused)
     }
 
-    /// Goes to a state by its number.
+    /// Changes to a state by its number.
     ///
     /// # Errors
-    /// The answer that says why not.
+    /// The result that explains the refusal.
     pub fn set_state(&mut self, number: u8) -> Result<(), Outcome> {
         let state = self.state();
         if number == state.number() {
@@ -232,11 +220,11 @@ impl Control {
             SimulationState::PLAYING => State::Playing,
             SimulationState::PAUSED => State::Paused,
             SimulationState::QUITTING => State::Quitting,
-            SimulationState::STOPPED if self.can_begin_again => {
-                self.beginning = Some(Beginning { is_paused: true });
+            SimulationState::STOPPED if self.can_reset => {
+                self.pending_reset = Some(Reset { is_paused: true });
                 return Ok(());
             }
-            SimulationState::STOPPED => return Err(no_way_back()),
+            SimulationState::STOPPED => return Err(reset_unsupported()),
             other => {
                 return Err(Outcome::failure(
                     INCORRECT_TRANSITION,
@@ -248,10 +236,10 @@ impl Control {
         Ok(())
     }
 
-    /// Begins to make steps.
+    /// Starts steps.
     ///
     /// # Errors
-    /// The answer that says why not.
+    /// The result that explains the refusal.
     pub fn step(&mut self, steps: u64) -> Result<(), Outcome> {
         if !self.is_at_rest() {
             let reason = format!("the simulation is {:?}: pause it before steps", self.state());
@@ -265,7 +253,7 @@ impl Control {
         Ok(())
     }
 
-    /// A tick has been made: how many of the steps are done and how many are not, if it was one of them.
+    /// Counts a tick; returns how many steps are done and left if it was one of them.
     pub fn ticked(&mut self) -> Option<(u64, u64)> {
         let stepping = self.stepping.as_mut()?;
         stepping.done += 1;
@@ -277,16 +265,16 @@ impl Control {
         Some((done, left))
     }
 
-    /// Makes no more steps.
+    /// Drops pending steps.
     pub fn end_steps(&mut self) {
         self.stepping = None;
     }
 }
 
-fn no_way_back() -> Outcome {
+fn reset_unsupported() -> Outcome {
     Outcome::failure(
         Outcome::FEATURE_UNSUPPORTED,
-        "it cannot begin again: end it with state 3 (QUITTING) and start the same anew",
+        "a reset is not supported: set state 3 (QUITTING) and start it again",
     )
 }
 
@@ -304,17 +292,16 @@ pub fn spawn() -> standard::SpawnEntityResponse {
 mod tests {
     use super::*;
 
-    fn in_state(state: State) -> Control {
-        Control { state, ..Control::new(false, true) }
+    fn in_state(state: State) -> StateMachine {
+        StateMachine { state, ..StateMachine::new(false, true) }
     }
 
-    /// The code of an answer.
     fn code(done: Result<(), Outcome>) -> u8 {
         done.map_or_else(|outcome| outcome.result, |()| Outcome::OK)
     }
 
     #[test]
-    fn every_way_from_every_state() {
+    fn transitions_between_all_states() {
         let to =
             [SimulationState::STOPPED, SimulationState::PLAYING, SimulationState::PAUSED, SimulationState::QUITTING];
         for (from, codes) in [
@@ -327,7 +314,7 @@ mod tests {
                 let mut control = in_state(from);
                 assert_eq!(code(control.set_state(target)), expected, "{from:?} to {target}");
                 let is_reset = expected == 1 && target == SimulationState::STOPPED;
-                assert_eq!(control.beginning(), is_reset.then_some(Beginning { is_paused: true }));
+                assert_eq!(control.pending_reset(), is_reset.then_some(Reset { is_paused: true }));
                 let reached = if expected == 1 && !is_reset { target } else { from.number() };
                 assert_eq!(control.state().number(), reached, "{from:?} to {target}");
             }
@@ -338,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_are_counted_and_end_in_a_pause() {
+    fn steps_end_in_paused() {
         for from in [State::Stopped, State::Paused] {
             let mut control = in_state(from);
             assert!(!control.may_tick());
@@ -355,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_under_way_can_be_ended() {
+    fn stepping_can_be_cancelled() {
         for (target, reached) in
             [(SimulationState::PAUSED, State::Paused), (SimulationState::QUITTING, State::Quitting)]
         {
@@ -368,31 +355,31 @@ mod tests {
     }
 
     #[test]
-    fn a_run_plays_unless_it_is_to_begin_paused() {
-        assert_eq!(Control::new(false, true).state(), State::Playing);
-        assert_eq!(Control::new(true, true).state(), State::Stopped);
+    fn initial_state_is_playing_or_stopped() {
+        assert_eq!(StateMachine::new(false, true).state(), State::Playing);
+        assert_eq!(StateMachine::new(true, true).state(), State::Stopped);
     }
 
     #[test]
-    fn all_begins_again_or_nothing_does() {
+    fn only_a_full_reset_is_supported() {
         for (from, is_paused) in [(State::Stopped, true), (State::Playing, false), (State::Paused, true)] {
             for scope in [0, 3, 7, 255] {
                 let mut control = in_state(from);
                 assert_eq!(control.reset(scope), Ok(()), "{from:?} {scope}");
-                assert_eq!(control.beginning(), Some(Beginning { is_paused }), "{from:?} {scope}");
+                assert_eq!(control.pending_reset(), Some(Reset { is_paused }), "{from:?} {scope}");
             }
             for scope in [1, 2, 5, 6, 8] {
                 let mut control = in_state(from);
-                assert_eq!((code(control.reset(scope)), control.beginning()), (Outcome::FEATURE_UNSUPPORTED, None));
+                assert_eq!((code(control.reset(scope)), control.pending_reset()), (Outcome::FEATURE_UNSUPPORTED, None));
             }
             let mut control = in_state(from);
-            assert_eq!((control.reset(4), control.beginning()), (Ok(()), None), "nothing was spawned");
+            assert_eq!((control.reset(4), control.pending_reset()), (Ok(()), None), "nothing was spawned");
         }
         assert_eq!(code(in_state(State::Quitting).reset(0)), Outcome::INCORRECT_STATE);
-        let mut once = Control::new(true, false);
+        let mut once = StateMachine::new(true, false);
         once.step(1).unwrap();
         assert_eq!(code(once.reset(0)), Outcome::FEATURE_UNSUPPORTED);
         assert_eq!(code(once.set_state(SimulationState::STOPPED)), Outcome::FEATURE_UNSUPPORTED);
-        assert_eq!(once.beginning(), None);
+        assert_eq!(once.pending_reset(), None);
     }
 }

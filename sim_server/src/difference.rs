@@ -1,8 +1,9 @@
-//! A field in which two messages differ: the first by name.
+//! The first field, by name, in which two messages differ.
 //!
-//! Messages are compared as they are encoded: numbers bit by bit, so that NaN is equal to itself and 0 is not -0.
+//! Messages are compared in encoded form: numbers bitwise, so that NaN equals itself and 0 differs
+//! from -0.
 //!
-//! This module knows no message in particular.
+//! This module works for any message type.
 
 use std::fmt;
 
@@ -10,14 +11,14 @@ use msgs::cdr;
 use serde::Serialize;
 use serde_json::Value;
 
-/// A field with its two values, as JSON writes them; said as `position.x was 1.0 and is 2.0`.
+/// A field with its two values as JSON, displayed as `position.x was 1.0 and is 2.0`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Field {
-    /// Its path in the message, such as `task.path[3].x`.
+    /// Path in the message, such as `task.path[3].x`.
     pub name: String,
-    /// Its value in the first message.
+    /// Value in the first message.
     pub before: String,
-    /// Its value in the second.
+    /// Value in the second message.
     pub now: String,
 }
 
@@ -28,7 +29,7 @@ impl fmt::Display for Field {
     }
 }
 
-/// The first field that is different, or nothing if the messages are the same.
+/// The first field that differs, or `None` if the messages are equal.
 #[must_use]
 pub fn between<M: Serialize>(before: &M, now: &M) -> Option<Field> {
     if cdr::encode(before) == cdr::encode(now) {
@@ -38,7 +39,7 @@ pub fn between<M: Serialize>(before: &M, now: &M) -> Option<Field> {
     Some(first("", &value(before), &value(now)).unwrap_or_else(|| Field {
         name: "a number".to_owned(),
         before: "none or infinite".to_owned(),
-        now: "another such".to_owned(),
+        now: "another of these".to_owned(),
     }))
 }
 
@@ -57,7 +58,7 @@ fn first(field: &str, before: &Value, now: &Value) -> Option<Field> {
             let pairs = before.iter().zip(now).enumerate();
             pairs.into_iter().find_map(|(at, (before, now))| first(&format!("{field}[{at}]"), before, now))
         }
-        // As texts, in which 0.0 is not -0.0.
+        // As text, in which 0.0 differs from -0.0.
         _ => {
             let (before, now) = (before.to_string(), now.to_string());
             if before == now { None } else { named(before, now) }
@@ -71,7 +72,7 @@ mod tests {
     use msgs::maes_msgs::{Command, Observation};
 
     #[test]
-    fn the_first_field_is_named_with_both_values() {
+    fn first_different_field_is_named() {
         let before = Command::default();
         assert_eq!(between(&before, &before.clone()), None);
         let mut now = before.clone();
@@ -90,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_compared_bit_by_bit() {
+    fn numbers_are_compared_bitwise() {
         let with = |distance_m| {
             let mut command = Command::default();
             command.task.distance_m = distance_m;

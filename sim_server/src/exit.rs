@@ -1,24 +1,24 @@
-//! The exit codes of a run, the same whatever carries it out.
+//! Exit codes of the commands.
 
 use std::process::ExitCode;
 
 use crate::session::{INTERRUPTED, Outcome, QUIT, RunError};
 use crate::verify::VerifyError;
 
-/// A failure of the system: no network, a full disk.
+/// System failure: no network, a full disk.
 pub const FAILED: u8 = 1;
-/// A recording does not hold, or two recordings differ.
+/// A recording does not verify, or two recordings differ.
 pub const DIFFERENT: u8 = 1;
-/// Bad input: a scenario, a map, a recording, an argument.
+/// Bad input: scenario, map, recording or argument.
 pub const BAD_INPUT: u8 = 2;
-/// Agents were missing at the start.
+/// Agents did not join in time.
 pub const AGENTS_MISSING: u8 = 3;
 /// An agent was lost and the scenario says `abort`.
 pub const AGENTS_LOST: u8 = 4;
-/// The run was interrupted by a signal, 128 + SIGINT, or ended early by a service.
+/// Interrupted by a signal (128 + SIGINT), or ended early by a service.
 pub const BY_SIGNAL: u8 = 130;
 
-/// The exit code for a run with a result.
+/// Exit code of a run with a result.
 #[must_use]
 pub fn of_outcome(outcome: &Outcome) -> ExitCode {
     if [INTERRUPTED, QUIT].contains(&outcome.result.reason.as_str()) {
@@ -28,7 +28,7 @@ pub fn of_outcome(outcome: &Outcome) -> ExitCode {
     }
 }
 
-/// The exit code for a recording that does not hold, or cannot be checked.
+/// Exit code of a recording that does not verify or cannot be checked.
 #[must_use]
 pub fn of_verify_error(error: &VerifyError) -> ExitCode {
     match error {
@@ -41,7 +41,7 @@ pub fn of_verify_error(error: &VerifyError) -> ExitCode {
     }
 }
 
-/// The exit code for a run without one.
+/// Exit code of a run without a result.
 #[must_use]
 pub fn of_error(error: &RunError) -> ExitCode {
     ExitCode::from(match error {

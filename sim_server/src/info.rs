@@ -1,6 +1,6 @@
-//! What a recording says about its run.
+//! Summary of a recording.
 //!
-//! Reads whole recordings and such that end in the middle of a record, up to there.
+//! Truncated recordings are summarised up to the truncation.
 
 use std::path::Path;
 
@@ -8,26 +8,25 @@ use msgs::{maes_msgs, topics};
 
 use crate::recording::{End, Recording, RecordingError};
 
-/// What a recording holds, as far as it can be read.
+/// The summary of a recording, as far as it can be read.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Info {
-    /// The scenario.
+    /// Scenario as TOML.
     pub scenario: String,
-    /// Messages by topic.
+    /// Number of messages, by topic.
     pub messages: std::collections::BTreeMap<String, u64>,
-    /// The last digest.
     pub digest: Option<maes_msgs::Digest>,
-    /// What agents were told of the run.
-    pub told: Option<maes_msgs::Scenario>,
-    /// How far it had come, from the start on.
+    /// The scenario as announced to agents.
+    pub announced: Option<maes_msgs::Scenario>,
+    /// Progress messages, in order.
     pub progress: Vec<maes_msgs::Progress>,
-    /// The result, if the run came to its end.
+    /// The result, if the run ended.
     pub result: Option<maes_msgs::Result>,
-    /// Where and why reading ended, if it was not the end of the file.
+    /// Where and why reading stopped, unless at the end.
     pub damage: Option<String>,
 }
 
-/// Reads what a recording holds.
+/// Summarises a file.
 ///
 /// # Errors
 /// If it cannot be opened or is no recording.
@@ -35,7 +34,7 @@ pub fn read(file: &Path) -> Result<Info, RecordingError> {
     Recording::open(file).map(|recording| of(&recording))
 }
 
-/// What a recording holds.
+/// Summarises a recording.
 #[must_use]
 pub fn of(recording: &Recording) -> Info {
     let mut info = Info { scenario: recording.scenario().into_owned(), ..Info::default() };
@@ -50,7 +49,7 @@ pub fn of(recording: &Recording) -> Info {
         } else if *topic == topics::progress().name {
             info.progress.extend(message.decode());
         } else if *topic == topics::scenario().name {
-            info.told = message.decode().ok();
+            info.announced = message.decode().ok();
         }
     }
     if let Some(end @ (End::CutOff { .. } | End::Damage { .. })) = messages.end() {
@@ -59,7 +58,7 @@ pub fn of(recording: &Recording) -> Info {
     info
 }
 
-/// A description for people; the last line is the digest.
+/// The summary as text; the last line is the digest.
 #[must_use]
 pub fn text(info: &Info) -> String {
     let mut text = format!("scenario:\n{}\nmessages:\n", info.scenario);

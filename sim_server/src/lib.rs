@@ -1,11 +1,13 @@
-//! The world server: owns the true world and the clock of a run.
+//! The world server: it owns the true world and the clock of a run.
 //!
-//! In reading order: [`session`] executes a run over a [`transport`], which ROS 2 (`ros`) and the in-memory transport
-//! implement; [`control`] is the state machine of control requests; [`recorder`] and [`journal`] write recordings,
-//! [`recording`] and [`playback`] read them; [`verify`] re-executes one and [`comparison`] finds the first difference;
-//! [`replay`] schedules its messages for publication; [`setup`] builds worlds from files.
+//! In reading order: [`setup`] makes the world of a scenario, and [`session`] executes its run over
+//! a [`transport`], `ros` over ROS 2; [`control`] answers requests of `simulation_interfaces`;
+//! [`recorder`] and [`live_stream`] write what a run exchanges; [`recording`] reads it,
+//! [`playback`] by tick and [`replay`] by time; [`verify`] re-executes a recording and
+//! [`comparison`] finds the first difference; `foxglove` serves observers. The pure core is in the
+//! crate `simulation`.
 //!
-//! This crate knows nothing of what agents believe or how they decide.
+//! This crate does not know what agents believe or how they decide.
 
 pub mod bag;
 pub mod cli;
@@ -13,20 +15,21 @@ pub mod comparison;
 pub mod control;
 pub mod difference;
 pub mod exit;
+#[cfg(feature = "view")]
+pub mod foxglove;
 pub mod info;
-pub mod journal;
-pub mod map_cli;
+pub mod live_stream;
 pub mod playback;
 pub mod recorder;
 pub mod recording;
+pub mod renamed;
 pub mod replay;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod session;
 pub mod setup;
+pub mod summary;
 pub mod terminal;
 pub mod transport;
 pub mod verify;
-#[cfg(feature = "view")]
-pub mod viewing;
 pub mod wall_clock;

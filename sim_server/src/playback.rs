@@ -1,10 +1,11 @@
-//! What was said in a recorded run, tick by tick, to carry it out again without those who said it.
+//! The inputs of a recorded run (commands, interventions) by tick, for re-execution without its
+//! agents.
 //!
-//! Invariants: what was said in a tick is given out only if the recording holds something of a later tick or has its end, so that it
-//! is all of it; what was done to the run from outside is given out as soon as it stands there, for somebody was told that it
-//! is done.
+//! Invariants: commands of a tick are returned only if the recording holds a message of a later
+//! tick or its end, so that they are complete; interventions are returned as soon as they are
+//! recorded, because their caller has received a success reply.
 //!
-//! This module knows no world, and does not compare.
+//! This module knows no world and compares nothing.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +18,7 @@ use thiserror::Error;
 use crate::recording::{Message, Messages, Recording};
 use simulation::digest::Digest;
 
-/// A message of a recording that cannot be read.
+/// An undecodable message of a recording.
 #[derive(Debug, Error)]
 #[error("{file}: {topic} in tick {tick}: {source}")]
 pub struct PlaybackError {
@@ -27,57 +28,58 @@ pub struct PlaybackError {
     source: CdrError,
 }
 
-/// How a recording ended.
+/// How a recording ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Horizon {
     /// With a result, in this tick.
     Ended(Tick),
-    /// Without one: this is the first tick of which not everything need be there.
+    /// Without a result: the first tick that may be incomplete.
     Open(Tick),
 }
 
-/// How a run that has a result has ended.
+/// How a run with a result has ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ending {
-    /// As the result says.
+    /// Reason in the result.
     pub reason: String,
-    /// Whether its last tick had begun: scans were cast and agents asked, but not all answers awaited.
-    pub is_given_up: bool,
+    /// Whether its last tick had begun: scans were cast and observations sent, but not all commands
+    /// received.
+    pub is_mid_tick: bool,
 }
 
-/// A recorded run, from its start on.
+/// A recorded run, read tick by tick.
 pub struct Playback<'a> {
     file: String,
     messages: Messages<'a>,
-    /// The first one that was not given out.
+    /// The next message.
     next: Option<Message>,
     horizon: Horizon,
     ending: Option<Ending>,
-    /// What each agent ran, of those that had joined.
+    /// Join messages, by agent.
     joins: BTreeMap<AgentId, Join>,
 }
 
-/// What was said in a tick.
+/// The recorded inputs of a tick.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Said {
-    /// The digest at its start, if it was told.
+pub struct RecordedTick {
+    /// The digest at its start, if recorded.
     pub digest: Option<Digest>,
-    /// What was done to the run before it, in order.
+    /// Interventions before it, in order.
     pub interventions: Vec<Intervention>,
-    /// What was answered.
+    /// Commands, by agent.
     pub commands: BTreeMap<AgentId, Command>,
 }
 
 impl<'a> Playback<'a> {
-    /// Begins at the start of a recording.
+    /// Starts at the beginning of a recording.
     ///
     /// # Errors
-    /// If a message of its protocol cannot be read.
+    /// If a protocol message cannot be decoded.
     pub fn new(recording: &'a Recording) -> Result<Self, PlaybackError> {
         let mut horizon = Horizon::Open(Tick::ZERO);
         let mut joins = BTreeMap::new();
         let mut reason = None;
-        // Of the last tick.
+        // Observations of the last tick.
         let mut observations: Vec<Message> = Vec::new();
         for message in recording.messages() {
             let tick = message.tick();
@@ -97,19 +99,20 @@ impl<'a> Playback<'a> {
                 observations.push(message);
             }
         }
-        let mut is_given_up = false;
+        let mut is_mid_tick = false;
         for message in observations {
-            let told: Observation = message.decode().map_err(|source| unreadable(recording, &message, source))?;
-            // Those who were not due have no observation of it, but scans show.
-            is_given_up |= told.phase == Observation::RUNNING || told.scan_tick == told.tick;
+            let observation: Observation =
+                message.decode().map_err(|source| unreadable(recording, &message, source))?;
+            // Agents that were not due have no observation of it, but scans show.
+            is_mid_tick |= observation.phase == Observation::RUNNING || observation.scan_tick == observation.tick;
         }
-        let ending = reason.map(|reason| Ending { reason, is_given_up });
+        let ending = reason.map(|reason| Ending { reason, is_mid_tick });
         let mut messages = recording.messages();
         let next = messages.next();
         Ok(Self { file: recording.file().to_owned(), messages, next, horizon, ending, joins })
     }
 
-    /// How the recording ended.
+    /// How the recording ends.
     #[must_use]
     pub fn horizon(&self) -> Horizon {
         self.horizon
@@ -121,13 +124,13 @@ impl<'a> Playback<'a> {
         self.ending.as_ref()
     }
 
-    /// What the agents ran, by agent.
+    /// Join messages, by agent.
     #[must_use]
     pub fn joins(&self) -> &BTreeMap<AgentId, Join> {
         &self.joins
     }
 
-    /// Whether everything is there that was said in a tick.
+    /// Whether the recording holds a tick completely.
     #[must_use]
     pub fn covers(&self, tick: Tick) -> bool {
         match self.horizon {
@@ -135,32 +138,32 @@ impl<'a> Playback<'a> {
         }
     }
 
-    /// What was said in a tick; each one after those before it.
+    /// The inputs of a tick; call it for ascending ticks.
     ///
     /// # Errors
-    /// If it cannot be read.
-    pub fn said(&mut self, tick: Tick) -> Result<Said, PlaybackError> {
+    /// If a message cannot be decoded.
+    pub fn read_tick(&mut self, tick: Tick) -> Result<RecordedTick, PlaybackError> {
         let is_covered = self.covers(tick);
-        let mut said = Said::default();
+        let mut recorded = RecordedTick::default();
         while let Some(message) = self.next.take_if(|message| message.tick() <= tick) {
             self.next = self.messages.next();
             let unreadable =
                 |source| PlaybackError { file: self.file.clone(), topic: message.channel.topic.clone(), tick, source };
             match message.of_agent() {
                 Some((agent, "command")) if is_covered => {
-                    said.commands.insert(agent, message.decode().map_err(unreadable)?);
+                    recorded.commands.insert(agent, message.decode().map_err(unreadable)?);
                 }
                 None if message.channel.topic == topics::intervention().name => {
-                    said.interventions.push(message.decode().map_err(unreadable)?);
+                    recorded.interventions.push(message.decode().map_err(unreadable)?);
                 }
                 None if message.channel.topic == topics::digest().name => {
-                    let told: maes_msgs::Digest = message.decode().map_err(unreadable)?;
-                    said.digest = Some(Digest(told.digest));
+                    let digest: maes_msgs::Digest = message.decode().map_err(unreadable)?;
+                    recorded.digest = Some(Digest(digest.digest));
                 }
                 _ => {}
             }
         }
-        Ok(said)
+        Ok(recorded)
     }
 }
 

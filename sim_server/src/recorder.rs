@@ -1,15 +1,16 @@
-//! The recording of a run: an MCAP file (profile `ros2`, `ros2msg` schemas, `cdr` messages) that the server writes itself.
+//! The recorder: it writes a run as an MCAP file (profile `ros2`, `ros2msg` schemas, `cdr`
+//! messages).
 //!
-//! Invariants: equal runs give equal bytes, so every stamp is sim time and chunks end at set sim times or sizes; what was
-//! written before the last [`Recorder::save_provisionally`] can be read back even if the process is killed, because the chunk
-//! that is still open is put behind the last whole one, and overwritten when it is complete; a recording that fails or is given
-//! up gets no end that it has not come to.
+//! Invariants: equal runs give equal bytes, so every stamp is sim time and chunks end at fixed sim
+//! times or sizes; everything written before the last [`Recorder::save_provisionally`] survives a
+//! kill of the process, because the open chunk is appended behind the last whole one and
+//! overwritten once it is complete; a recording that fails or is aborted has no end record.
 //!
-//! **Where it is written.** A recording has a temporary name in its folder until [`Recorder::publish`], which puts it in the
-//! place of an older one. One that is given up before leaves no file, and leaves the older one alone. What is no regular file,
-//! such as a device, is written to as it is.
+//! **File name.** A recording has a temporary name in its folder until [`Recorder::publish`], which
+//! replaces an older file. One that is aborted before leaves no file and keeps the older one. What
+//! is no regular file, such as a device, is written in place.
 //!
-//! This module knows no world: it takes messages.
+//! This module knows no world, only messages.
 
 mod sink;
 
@@ -28,7 +29,7 @@ use thiserror::Error;
 
 use sink::Sink;
 
-/// Sim time between the ends of two chunks. Long chunks compress better; how much a crash may cost does not hang on it.
+/// Sim time per chunk. Long chunks compress better; what a crash may cost does not depend on it.
 const CHUNK_TICKS: u64 = 500;
 
 /// Bytes after which a chunk ends early, so that readers need little memory.
@@ -37,77 +38,65 @@ const CHUNK_BYTES_MAX: usize = 1 << 20;
 /// Why a recording could not be written.
 #[derive(Debug, Error)]
 pub enum RecordError {
-    /// The file cannot be made or written.
+    /// The file cannot be created or written.
     #[error("recording {file}: {source}")]
-    File {
-        /// The file.
-        file: String,
-        /// What the system says.
-        source: std::io::Error,
-    },
+    File { file: String, source: std::io::Error },
     /// The MCAP writer refuses.
     #[error("recording {file}: {source}")]
-    Mcap {
-        /// The file.
-        file: String,
-        /// What the writer says.
-        source: mcap::McapError,
-    },
+    Mcap { file: String, source: mcap::McapError },
 }
 
-/// Something a recording holds besides messages.
+/// An attachment of a recording.
 #[derive(Debug, Clone, Copy)]
 pub struct Document<'a> {
     /// Name of the attachment.
     pub name: &'a str,
-    /// Its media type.
     pub media_type: &'a str,
-    /// Its content.
     pub data: &'a [u8],
 }
 
-/// A recording that is being written.
+/// A recording being written.
 pub struct Recorder {
-    /// As the user calls it.
+    /// The file as the user names it.
     file: PathBuf,
-    /// The present name and the final one, until it is published.
+    /// Temporary and final name, until published.
     unpublished: Option<(PathBuf, PathBuf)>,
     sink: Sink,
     writer: Writer<Sink>,
     channels: Vec<Topic>,
     channel_of_topic: BTreeMap<String, usize>,
-    /// How many channels the writer knows: the others are announced in the chunk that is open.
-    channels_written: usize,
+    /// Channels that the writer knows: later ones are added with the open chunk.
+    channels_known: usize,
     open: OpenChunk,
 }
 
-/// The messages of the chunk that is not written yet.
+/// Messages of the open chunk.
 #[derive(Debug, Default)]
 struct OpenChunk {
-    /// Channel, tick, and where in `bytes` the message ends.
+    /// Channel, tick, and end of the message in `bytes`.
     messages: Vec<(usize, Tick, usize)>,
     bytes: Vec<u8>,
-    /// How many of the messages have been saved provisionally.
+    /// Messages that have been saved provisionally.
     saved: usize,
 }
 
 impl Recorder {
-    /// Begins a recording with its documents (scenario, map), under a temporary name.
+    /// Creates a recording with its documents (scenario, map), under a temporary name.
     ///
     /// # Errors
-    /// If the file cannot be made or written; then there is none.
+    /// If the file cannot be created or written; then there is none.
     pub fn create(file: &Path, documents: &[Document<'_>]) -> Result<Self, RecordError> {
         let unpublished = names(file).map_err(|source| file_error(file, source))?;
         let present = unpublished.as_ref().map_or(file, |(temporary, _)| temporary);
         let handle = File::create(present).map_err(|source| file_error(file, source))?;
-        let mut recorder = Self::begin(file, Sink::new(handle));
+        let mut recorder = Self::with_sink(file, Sink::new(handle));
         recorder.unpublished = unpublished;
         recorder.attach(documents)?;
         Ok(recorder)
     }
 
-    fn begin(file: &Path, sink: Sink) -> Self {
-        let writer = begin(sink.clone()).expect("memory can be written");
+    fn with_sink(file: &Path, sink: Sink) -> Self {
+        let writer = open_writer(sink.clone()).expect("memory can be written");
         Self {
             file: file.to_owned(),
             unpublished: None,
@@ -115,7 +104,7 @@ impl Recorder {
             writer,
             channels: Vec::new(),
             channel_of_topic: BTreeMap::new(),
-            channels_written: 0,
+            channels_known: 0,
             open: OpenChunk::default(),
         }
     }
@@ -124,7 +113,7 @@ impl Recorder {
         attach(&mut self.writer, documents).map_err(|source| self.mcap_error(source))
     }
 
-    /// Takes its name, in the place of an older recording: the run has begun.
+    /// Takes the final name, replacing an older recording.
     ///
     /// # Errors
     /// If the file cannot be renamed.
@@ -157,8 +146,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// Makes everything written so far readable from the file, without ending the chunk. To be called now and then in wall
-    /// time; it changes no byte of the finished file.
+    /// Makes everything written so far readable, without ending the chunk. Call it regularly in
+    /// wall time; it changes no byte of the finished file.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -187,19 +176,19 @@ impl Recorder {
     fn end_chunk(&mut self) -> Result<(), RecordError> {
         let open = std::mem::take(&mut self.open);
         let ended =
-            open.write(&mut self.writer, &self.channels, self.channels_written).and_then(|()| self.writer.flush());
-        self.channels_written = self.channels.len();
+            open.write(&mut self.writer, &self.channels, self.channels_known).and_then(|()| self.writer.flush());
+        self.channels_known = self.channels.len();
         ended.map_err(|source| self.mcap_error(source))
     }
 
-    /// The records of the open chunk as they would stand in a file: written to a file in memory, with everything around cut
-    /// off. It announces every channel again, so that it can be read whatever came before it.
+    /// The records of the open chunk as they would stand in a file. They repeat all channels, so
+    /// that they can be read whatever precedes them.
     fn provisional_chunk(&self) -> McapResult<Vec<u8>> {
-        let mut bare = begin(Cursor::new(Vec::new()))?;
+        let mut bare = open_writer(Cursor::new(Vec::new()))?;
         bare.flush()?;
         let bytes_before = bare.into_inner().into_inner().len();
 
-        let mut writer = begin(Cursor::new(Vec::new()))?;
+        let mut writer = open_writer(Cursor::new(Vec::new()))?;
         self.open.write(&mut writer, &self.channels, 0)?;
         writer.flush()?;
         let mut bytes = writer.into_inner().into_inner();
@@ -218,16 +207,17 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // The writer ends the file when it is dropped after this. One that has not come to its end must not have one.
+        // The writer writes an end record when it is dropped, which an unfinished recording must
+        // not have.
         self.sink.seal();
         if let Some((temporary, _)) = &self.unpublished {
-            // Nobody needs it, and why it is given up is told elsewhere.
+            // The reason for aborting is reported elsewhere.
             let _ = fs::remove_file(temporary);
         }
     }
 }
 
-/// The temporary and the final name of a recording, or `None` for what is no regular file.
+/// Temporary and final name of a recording, or `None` for what is no regular file.
 fn names(file: &Path) -> std::io::Result<Option<(PathBuf, PathBuf)>> {
     let target = match fs::metadata(file) {
         Ok(metadata) if metadata.is_file() => fs::canonicalize(file)?,
@@ -256,10 +246,10 @@ impl OpenChunk {
         self.messages.push((channel, tick, self.bytes.len()));
     }
 
-    /// Writes the messages, after announcing the channels from number `announced` on.
-    fn write<W: Write + Seek>(&self, writer: &mut Writer<W>, channels: &[Topic], announced: usize) -> McapResult<()> {
-        for (number, channel) in channels.iter().enumerate().skip(announced) {
-            let id = announce(writer, channel)?;
+    /// Writes the messages, after the channels from index `known` on.
+    fn write<W: Write + Seek>(&self, writer: &mut Writer<W>, channels: &[Topic], known: usize) -> McapResult<()> {
+        for (number, channel) in channels.iter().enumerate().skip(known) {
+            let id = add_channel(writer, channel)?;
             assert_eq!(id, channel_id(number), "channels are numbered in order");
         }
         let mut start = 0;
@@ -281,7 +271,7 @@ fn file_error(file: &Path, source: std::io::Error) -> RecordError {
     RecordError::File { file: file.display().to_string(), source }
 }
 
-/// What the writer says, or what the system says if that is all it means.
+/// The writer's error, or the system's if the writer only passes it on.
 fn record_error(file: &Path, source: mcap::McapError) -> RecordError {
     match source {
         mcap::McapError::Io(source) => file_error(file, source),
@@ -289,17 +279,17 @@ fn record_error(file: &Path, source: mcap::McapError) -> RecordError {
     }
 }
 
-fn begin<W: Write + Seek>(stream: W) -> McapResult<Writer<W>> {
-    // Chunks end where the recorder says; compression stays on this thread.
+fn open_writer<W: Write + Seek>(stream: W) -> McapResult<Writer<W>> {
+    // The recorder ends chunks; compression stays on this thread.
     options().compression(Some(Compression::Zstd)).chunk_size(None).compression_threads(0).create(stream)
 }
 
-/// What a file says of itself, chunked or not.
+/// Writer options of recordings and live streams.
 pub(crate) fn options() -> WriteOptions {
     WriteOptions::new().profile("ros2").library(concat!("maes sim_server ", env!("CARGO_PKG_VERSION")))
 }
 
-/// Puts documents into a file that has just begun.
+/// Attaches documents to a new file.
 pub(crate) fn attach<W: Write + Seek>(writer: &mut Writer<W>, documents: &[Document<'_>]) -> McapResult<()> {
     for document in documents {
         writer.attach(&Attachment {
@@ -313,13 +303,13 @@ pub(crate) fn attach<W: Write + Seek>(writer: &mut Writer<W>, documents: &[Docum
     writer.flush()
 }
 
-/// Channels are numbered from 1, in the order they are announced.
+/// Channel ids count from 1, in the order of their creation.
 fn channel_id(number: usize) -> u16 {
     u16::try_from(number + 1).expect("a run has fewer than 65535 topics")
 }
 
-/// Tells a file of a topic.
-pub(crate) fn announce<W: Write + Seek>(writer: &mut Writer<W>, topic: &Topic) -> McapResult<u16> {
+/// Adds the channel of a topic.
+pub(crate) fn add_channel<W: Write + Seek>(writer: &mut Writer<W>, topic: &Topic) -> McapResult<u16> {
     let definition = schema::text(topic.message);
     let schema = writer.add_schema(&topic.message.to_string(), "ros2msg", definition.as_bytes())?;
     let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), topic.qos.offered_qos_profiles())]);

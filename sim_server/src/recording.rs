@@ -1,10 +1,11 @@
-//! Reading a recording, from its first record to its last or to where it is damaged.
+//! The reader of recordings, up to their end or to damage.
 //!
-//! Invariants: nothing of a damaged chunk and nothing behind it is given out, because the sum of a chunk is checked before its first
-//! message; a recording without its end gives out every message up to its last whole chunk; a file that is no recording of this
-//! simulator is refused when it is opened. No content of a file makes this panic or fill the memory.
+//! Invariants: no message of or behind a damaged chunk is returned, because a chunk's checksum is
+//! verified before its first message; a recording without an end yields all messages up to its last
+//! whole chunk; a file that is no recording of this simulator is refused when opened. No content of
+//! a file causes a panic or exhausts memory.
 //!
-//! This module says what stands in a file, and not what it means.
+//! This module returns messages without interpreting them.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -20,9 +21,16 @@ use msgs::topics;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
-use crate::setup::SCENARIO_ATTACHMENT;
+/// Name of the attachment with the scenario.
+pub const SCENARIO_ATTACHMENT: &str = "scenario.toml";
 
-/// Longest record that is read, bytes, unless the file is longer: a damaged length must not fill the memory.
+/// Name of the attachment with the true map.
+pub const MAP_ATTACHMENT: &str = "map.m3dm";
+
+/// Name of the attachment with the true map in recordings of earlier builds.
+pub const TEXT_MAP_ATTACHMENT: &str = "map.txt";
+
+/// Maximum bytes of a record, unless the file is longer: a damaged length must not exhaust memory.
 const RECORD_BYTES_MAX: usize = 1 << 26;
 
 /// Why a file cannot be read as a recording.
@@ -30,32 +38,19 @@ const RECORD_BYTES_MAX: usize = 1 << 26;
 pub enum RecordingError {
     /// The file cannot be read.
     #[error("{file}: {source}")]
-    Read {
-        /// The file.
-        file: String,
-        /// What the system says.
-        source: std::io::Error,
-    },
+    Read { file: String, source: std::io::Error },
     /// The file is no MCAP file.
     #[error("{file}: no MCAP recording: {source}")]
-    NoMcap {
-        /// The file.
-        file: String,
-        /// What the reader says.
-        source: mcap::McapError,
-    },
-    /// The file is an MCAP file of something else.
+    NoMcap { file: String, source: mcap::McapError },
+    /// The file is another MCAP file.
     #[error("{file}: not a recording of this simulator: it has no attachment {SCENARIO_ATTACHMENT}")]
-    OtherRecording {
-        /// The file.
-        file: String,
-    },
+    OtherRecording { file: String },
 }
 
-/// How the compression of a chunk is named in it: the length of the name, and the name.
+/// Name of the compression in a chunk: length and text.
 const ZSTD: &[u8] = b"\x04\0\0\0zstd";
 
-/// Where that stands in a chunk: behind its times, its length and its sum.
+/// Its offset in a chunk: behind times, length and checksum.
 const COMPRESSION_AT: usize = 28;
 
 /// A recording in memory.
@@ -69,64 +64,58 @@ pub struct Recording {
 /// A topic of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Channel {
-    /// Its name.
     pub topic: String,
     /// Its type, such as `maes_msgs/msg/Command`.
     pub type_name: String,
-    /// How it was offered, as rosbag2 writes it.
+    /// Offered QoS profiles, as rosbag2 writes them.
     pub offered_qos: String,
 }
 
 /// A message of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
-    /// Where it was said.
     pub channel: Arc<Channel>,
-    /// When, sim time.
+    /// Sim time, ns.
     pub time_ns: u64,
     /// CDR with its encapsulation header.
     pub data: Vec<u8>,
 }
 
 impl Message {
-    /// The message, if it is one of this type.
+    /// Decodes the message.
     ///
     /// # Errors
-    /// If it is not.
+    /// If it is not of this type.
     pub fn decode<M: DeserializeOwned>(&self) -> Result<M, CdrError> {
         cdr::decode(&self.data)
     }
 
-    /// The tick in which it was said.
+    /// The tick of its stamp.
     #[must_use]
     pub fn tick(&self) -> Tick {
         Tick(self.time_ns / Tick(1).time_ns())
     }
 
-    /// The agent and the rest of the topic, of a topic of an agent.
+    /// Agent and remaining name, of a topic of an agent.
     #[must_use]
     pub fn of_agent(&self) -> Option<(AgentId, &str)> {
         topics::split(&self.channel.topic)
     }
 }
 
-/// Where the messages of a recording ended.
+/// Where the messages of a recording end.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum End {
-    /// At its end.
+    /// At the end record.
     Whole,
-    /// Without an end: its server was killed, or is still at work.
+    /// Without an end record: the server was killed, or is still recording.
     Missing,
-    /// In the middle of a record: it was written or copied in part.
-    CutOff {
-        /// Bytes that are there.
-        bytes: usize,
-    },
-    /// Where it cannot be read any further.
+    /// In the middle of a record: the file is truncated.
+    CutOff { bytes: usize },
+    /// At damage.
     Damage {
-        /// Bytes from the start of the file before which the damage lies.
+        /// The damage lies before this byte.
         before_byte: usize,
-        /// What the reader says.
         reason: String,
     },
 }
@@ -155,14 +144,14 @@ impl Recording {
         Self::from_bytes(name, bytes)
     }
 
-    /// The same of bytes in memory; `file` is what errors call them.
+    /// Reads bytes in memory; errors call them `file`.
     ///
     /// # Errors
     /// If they are no recording of this simulator.
     pub fn from_bytes(file: String, bytes: Vec<u8>) -> Result<Self, RecordingError> {
         let mut records = Records::new(&bytes);
         let mut attachments = BTreeMap::new();
-        // The documents come before everything that is said.
+        // Attachments precede all messages.
         loop {
             match records.next() {
                 Some(Ok(Record::Attachment { header, data, .. })) => {
@@ -180,13 +169,13 @@ impl Recording {
         Ok(Self { file, bytes, attachments })
     }
 
-    /// What errors call it.
+    /// The name for error messages.
     #[must_use]
     pub fn file(&self) -> &str {
         &self.file
     }
 
-    /// The scenario, as text.
+    /// The scenario as TOML.
     #[must_use]
     pub fn scenario(&self) -> Cow<'_, str> {
         String::from_utf8_lossy(&self.attachments[SCENARIO_ATTACHMENT])
@@ -198,26 +187,26 @@ impl Recording {
         &self.bytes
     }
 
-    /// All documents of it, by name.
+    /// Attachments by name.
     #[must_use]
     pub fn attachments(&self) -> &BTreeMap<String, Vec<u8>> {
         &self.attachments
     }
 
-    /// A document of it.
+    /// An attachment.
     #[must_use]
     pub fn attachment(&self, name: &str) -> Option<&[u8]> {
         self.attachments.get(name).map(Vec::as_slice)
     }
 
-    /// All messages, in the order in which they stand there.
+    /// All messages, in file order.
     #[must_use]
     pub fn messages(&self) -> Messages<'_> {
         Messages { records: Records::new(&self.bytes), schemas: BTreeMap::new(), channels: BTreeMap::new(), end: None }
     }
 }
 
-/// The messages of a recording, up to its end or to its damage.
+/// Iterator over the messages of a recording, up to its end or damage.
 pub struct Messages<'a> {
     records: Records<'a>,
     schemas: BTreeMap<u16, String>,
@@ -226,7 +215,7 @@ pub struct Messages<'a> {
 }
 
 impl Messages<'_> {
-    /// Where they ended, once they have.
+    /// Where they ended, once the iterator is exhausted.
     #[must_use]
     pub fn end(&self) -> Option<&End> {
         self.end.as_ref()
@@ -254,7 +243,7 @@ impl Iterator for Messages<'_> {
                         return Some(Message { channel, time_ns: header.log_time, data: data.into_owned() });
                     }
                 }
-                // What comes behind is a summary.
+                // A summary follows.
                 Some(Ok(Record::DataEnd(_))) => self.end = Some(End::Whole),
                 Some(Ok(_)) => {}
                 None => self.end = Some(End::Missing),
@@ -263,9 +252,9 @@ impl Iterator for Messages<'_> {
                 }
                 Some(Err(source)) => {
                     let before_byte = self.records.position;
-                    let reason = match self.records.strange {
+                    let reason = match self.records.unexpected {
                         Some(kind) if before_byte == self.records.bytes.len() => {
-                            format!("a record of kind {kind:#04x} that no recording has there, or not like that")
+                            format!("a record of kind {kind:#04x} that no recording has at this place or in this form")
                         }
                         _ => source.to_string(),
                     };
@@ -279,24 +268,24 @@ impl Iterator for Messages<'_> {
 
 /// The records of an MCAP file.
 struct Records<'a> {
-    /// Up to the first byte of a record that a recording does not have.
+    /// Truncated behind the first byte of an unexpected record.
     bytes: &'a [u8],
-    /// The kind of that record.
-    strange: Option<u8>,
+    /// Kind of that record.
+    unexpected: Option<u8>,
     reader: LinearReader,
     position: usize,
 }
 
 impl<'a> Records<'a> {
     fn new(bytes: &'a [u8]) -> Self {
-        let strange = strange_record(bytes);
-        let bytes = strange.map_or(bytes, |at| &bytes[..=at]);
+        let unexpected = first_unexpected_record(bytes);
+        let bytes = unexpected.map_or(bytes, |at| &bytes[..=at]);
         let options = LinearReaderOptions::default()
             .with_skip_end_magic(true)
             .with_prevalidate_chunk_crcs(true)
             .with_record_length_limit(bytes.len().max(RECORD_BYTES_MAX));
         let reader = LinearReader::new_with_options(options);
-        Self { bytes, strange: strange.map(|at| bytes[at]), reader, position: 0 }
+        Self { bytes, unexpected: unexpected.map(|at| bytes[at]), reader, position: 0 }
     }
 
     fn next(&mut self) -> Option<mcap::McapResult<Record<'static>>> {
@@ -319,17 +308,18 @@ impl<'a> Records<'a> {
     }
 }
 
-/// Where the first record begins that the recorder does not write like that, if there is one.
+/// Offset of the first record that the recorder never writes in this form.
 ///
-/// The reader of the library passes over what it does not know, so a chunk whose kind is damaged would be missing without a word;
-/// in a chunk without compression it reads on behind the chunk's end, and it takes the length of the data of an attachment on trust.
-fn strange_record(bytes: &[u8]) -> Option<usize> {
+/// The library's reader skips unknown records, so a chunk with a damaged kind would be missing
+/// silently; in an uncompressed chunk it reads beyond the chunk's end, and it trusts the data
+/// length of an attachment.
+fn first_unexpected_record(bytes: &[u8]) -> Option<usize> {
     let mut at = mcap::MAGIC.len();
     while let Some((&kind, rest)) = bytes.get(at..).and_then(<[u8]>::split_first)
         && let Some((&length, rest)) = rest.split_first_chunk()
     {
         let length = usize::try_from(u64::from_le_bytes(length)).unwrap_or(usize::MAX);
-        // Of a record that is cut off the reader says so.
+        // The reader reports a truncated record.
         let whole = rest.get(..length);
         let is_known = match kind {
             op::HEADER => at == mcap::MAGIC.len(),
@@ -338,12 +328,12 @@ fn strange_record(bytes: &[u8]) -> Option<usize> {
                 let length = named.len().min(ZSTD.len());
                 named[..length] == ZSTD[..length]
             }),
-            // A channel, the bytes of the list, and the list.
+            // Channel, byte length of the list, and the list.
             op::MESSAGE_INDEX => whole.is_none_or(|content| {
                 let list = content.get(2..).and_then(<[u8]>::split_first_chunk);
                 list.is_some_and(|(&bytes, list)| u32::from_le_bytes(bytes) as usize == list.len())
             }),
-            // What comes behind is a summary.
+            // A summary follows.
             op::DATA_END => return None,
             _ => false,
         };
@@ -355,14 +345,15 @@ fn strange_record(bytes: &[u8]) -> Option<usize> {
     None
 }
 
-/// Whether an attachment is as long as its parts: two times, two texts, the length of the data, the data, and its sum.
+/// Whether an attachment's length matches its fields: two times, two strings, data length, data and
+/// checksum.
 fn is_attachment(content: &[u8]) -> bool {
-    fn behind_a_text(bytes: &[u8]) -> Option<&[u8]> {
+    fn after_string(bytes: &[u8]) -> Option<&[u8]> {
         let (length, rest) = bytes.split_first_chunk()?;
         rest.get(u32::from_le_bytes(*length) as usize..)
     }
-    let behind_texts = content.get(2 * size_of::<u64>()..).and_then(behind_a_text).and_then(behind_a_text);
-    behind_texts.and_then(<[u8]>::split_first_chunk).is_some_and(|(length, rest)| {
+    let after_strings = content.get(2 * size_of::<u64>()..).and_then(after_string).and_then(after_string);
+    after_strings.and_then(<[u8]>::split_first_chunk).is_some_and(|(length, rest)| {
         u64::from_le_bytes(*length).checked_add(size_of::<u32>() as u64) == Some(rest.len() as u64)
     })
 }

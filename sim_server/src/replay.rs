@@ -1,17 +1,18 @@
-//! Playing a recording: which message is due when.
+//! Scheduling of a replay: which recorded message is due when.
 //!
-//! [`Programme`] says what of a recording is played, [`Pass`] gives it out tick by tick, [`Shelf`] keeps what late readers have to
-//! be told, and [`Player`] says which tick comes when: by its rate, by pauses and steps, and over and over again.
+//! [`PlaybackSchedule`] selects topics and ticks, [`PlaybackCursor`] yields the messages tick by
+//! tick, [`LatchedCache`] holds what late readers of latched topics need, and [`Player`] decides
+//! which tick is due, given rate, pauses, steps and looping.
 //!
-//! Invariants: messages come out in the order of the file, each in the tick of its stamp; what comes out is what stands in the
-//! file, byte for byte; pauses, steps and the rate change when something comes, and nothing else.
+//! Invariants: messages come in the order of the file, each in the tick of its stamp, byte for byte
+//! as recorded; pauses, steps and the rate affect only their timing.
 //!
-//! This module knows no transport and no clock: the wall time is an argument, nanoseconds since some moment. `ros/replay.rs`
-//! publishes.
+//! This module knows no transport and no clock: wall time is an argument, in nanoseconds since an
+//! arbitrary epoch. `ros/replay.rs` publishes.
 
-mod pass;
-mod programme;
-mod shelf;
+mod cursor;
+mod latched_cache;
+mod schedule;
 
 #[cfg(test)]
 mod tests;
@@ -19,26 +20,25 @@ mod tests;
 use msgs::ids::Tick;
 use msgs::simulation_interfaces::SimulatorFeatures;
 
-use crate::control::Request;
-use crate::control::desk::Desk;
+use crate::control::{Request, SimulationControl};
 use simulation::scenario::Rtf;
 
-pub use pass::{Cue, Pass};
-pub use programme::{Programme, ReplayError, Wishes};
-pub use shelf::Shelf;
+pub use cursor::{PlaybackCursor, ScheduledMessage};
+pub use latched_cache::LatchedCache;
+pub use schedule::{PlaybackOptions, PlaybackSchedule, ReplayError};
 
-/// How a recording is played.
+/// Rate and mode of a replay.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Manner {
-    /// Sim seconds for each second of wall time, at the most.
+pub struct PlaybackTiming {
+    /// Maximum sim seconds per second of wall time.
     pub rate: Rtf,
-    /// Whether it begins again after its end.
+    /// Whether it restarts after its end.
     pub is_loop: bool,
-    /// Whether it waits at its beginning.
+    /// Whether it starts paused.
     pub is_paused: bool,
 }
 
-/// What a replay can do, and nothing else.
+/// The features of `GetSimulatorFeatures` that a replay supports.
 #[must_use]
 pub fn features() -> SimulatorFeatures {
     SimulatorFeatures {
@@ -51,29 +51,29 @@ pub fn features() -> SimulatorFeatures {
             SimulatorFeatures::STEP_SIMULATION_ACTION,
         ],
         spawn_formats: Vec::new(),
-        custom_info: "a recording is played: a step is a tick of 20 ms of sim time, and nothing can be changed"
+        custom_info: "replay of a recording: a step is a tick of 20 ms of sim time, and nothing can be changed"
             .to_owned(),
     }
 }
 
-/// What is to be done now.
+/// The next action of a replay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Turn {
-    /// Say what belongs to this tick.
+pub enum PlayerAction {
+    /// Publish the messages of this tick.
     Play(Tick),
-    /// Wait for so long, wall time in ns, or until somebody asks something.
+    /// Wait this long, wall time in ns, or until a request arrives.
     Wait(u64),
-    /// Wait until somebody asks something: time stands still.
-    Rest,
-    /// Go back to the beginning, and ask again.
+    /// Wait for a request: the replay is paused.
+    Idle,
+    /// Restart the cursor, then ask for the next action.
     Rewind,
-    /// Everything has been played, or somebody has asked for the end.
+    /// The replay has ended or was asked to quit.
     End,
 }
 
-/// Says which tick comes when.
+/// Decides which tick is due when.
 pub struct Player {
-    desk: Desk,
+    control: SimulationControl,
     first: Tick,
     last: Tick,
     next: Tick,
@@ -82,76 +82,76 @@ pub struct Player {
 }
 
 impl Player {
-    /// Plays the ticks of a programme; the first one is due at `wall_ns`.
+    /// Plays the ticks of a schedule; the first one is due at `wall_ns`.
     #[must_use]
-    pub fn new(programme: &Programme, manner: Manner, wall_ns: u64) -> Self {
-        let (first, last) = programme.ticks();
-        let mut desk = Desk::new(manner.is_paused, manner.rate, features());
-        desk.go_on(first, wall_ns);
-        Self { desk, first, last, next: first, is_loop: manner.is_loop, sim_ticks: 0 }
+    pub fn new(schedule: &PlaybackSchedule, timing: PlaybackTiming, wall_ns: u64) -> Self {
+        let (first, last) = schedule.ticks();
+        let mut control = SimulationControl::new(timing.is_paused, timing.rate, features());
+        control.restart_pacing(first, wall_ns);
+        Self { control, first, last, next: first, is_loop: timing.is_loop, sim_ticks: 0 }
     }
 
-    /// What is to be done now. At the end of the recording a replay that does not play waits, so that one can look at the end.
-    pub fn turn(&mut self, wall_ns: u64) -> Turn {
-        if self.desk.is_quitting() {
-            return Turn::End;
+    /// The next action. At the end of the recording, a paused replay stays open.
+    pub fn next_action(&mut self, wall_ns: u64) -> PlayerAction {
+        if self.control.is_quitting() {
+            return PlayerAction::End;
         }
-        if !self.desk.control().may_tick() {
-            return Turn::Rest;
+        if !self.control.may_tick() {
+            return PlayerAction::Idle;
         }
         if self.next > self.last {
             if self.is_loop {
                 // The last tick lasts as long as any other.
-                if let Some(wait_ns) = self.desk.wait_ns(self.next, wall_ns) {
-                    return Turn::Wait(wait_ns);
+                if let Some(wait_ns) = self.control.wait_ns(self.next, wall_ns) {
+                    return PlayerAction::Wait(wait_ns);
                 }
                 self.next = self.first;
-                self.desk.go_on(self.first, wall_ns);
-                return Turn::Rewind;
+                self.control.restart_pacing(self.first, wall_ns);
+                return PlayerAction::Rewind;
             }
-            if self.desk.control().is_stepping() {
-                self.desk.end_steps("the recording is at its end");
-                return Turn::Rest;
+            if self.control.is_stepping() {
+                self.control.end_steps("the recording is at its end");
+                return PlayerAction::Idle;
             }
-            return Turn::End;
+            return PlayerAction::End;
         }
-        match self.desk.wait_ns(self.next, wall_ns) {
-            Some(wait_ns) => Turn::Wait(wait_ns),
-            None => Turn::Play(self.next),
+        match self.control.wait_ns(self.next, wall_ns) {
+            Some(wait_ns) => PlayerAction::Wait(wait_ns),
+            None => PlayerAction::Play(self.next),
         }
     }
 
-    /// The tick that was to be played has been, and the clock has told of it.
+    /// Call after the tick was published, the clock included.
     pub fn played(&mut self) {
         self.sim_ticks += u64::from(self.next > self.first);
         self.next = self.next.next();
-        self.desk.ticked();
-        self.desk.steps_are_visible();
+        self.control.ticked();
+        self.control.report_steps();
     }
 
-    /// Answers a request; nobody can ask for anything that a replay does not offer.
+    /// Answers a request; the services of a replay offer no others.
     pub fn answer(&mut self, request: Request, wall_ns: u64) {
-        drop(self.desk.answer(request, self.next, wall_ns));
+        drop(self.control.answer(request, self.next, wall_ns));
     }
 
-    /// Answers whoever waits for steps that will not be made any more.
+    /// Ends pending steps with an error.
     pub fn end(&mut self) {
-        self.desk.end_steps("the replay has ended");
+        self.control.end_steps("the replay has ended");
     }
 
-    /// How far it is: the tick that was played last, or the first one.
+    /// The tick played last, or the first one.
     #[must_use]
     pub fn position(&self) -> Tick {
         Tick(self.next.0.saturating_sub(1)).max(self.first)
     }
 
-    /// Whether somebody has asked for the end.
+    /// Whether quitting was requested.
     #[must_use]
     pub fn is_quitting(&self) -> bool {
-        self.desk.is_quitting()
+        self.control.is_quitting()
     }
 
-    /// Sim time that has passed, ticks: what is played again counts again.
+    /// Sim time that has passed, in ticks, over all rounds of a loop.
     #[must_use]
     pub fn sim_ticks(&self) -> u64 {
         self.sim_ticks

@@ -1,8 +1,11 @@
-//! What the binary does over ROS 2: a run, one run after the other, a recording that is played.
+//! A run over ROS 2, or one run after the other.
 
 use std::fs::File;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+#[cfg(feature = "view")]
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -10,16 +13,16 @@ use anyhow::Context;
 use mapgen::MapReport;
 use msgs::ids::Tick;
 use ros_node::ros_env::RosEnv;
-use sim_server::cli::{ReplayArgs, RunArgs};
+use sim_server::cli::RunArgs;
+#[cfg(feature = "view")]
+use sim_server::foxglove::{self, FoxgloveServer, ObservedLink};
 use sim_server::playback::{Horizon, Playback};
 use sim_server::recording::Recording;
-use sim_server::replay::Programme;
-use sim_server::ros::{RosLink, replay};
+use sim_server::ros::RosLink;
 use sim_server::session::{self, Mode, RecordingSinks, RunConfig, RunError};
+use sim_server::summary::Summary;
 use sim_server::terminal::{self, Terminal};
 use sim_server::transport::Transport;
-#[cfg(feature = "view")]
-use sim_server::viewing::{self, Viewing, Watched};
 use sim_server::{exit, setup};
 use simulation::scenario::{Override, Scenario};
 use simulation::world::World;
@@ -28,11 +31,11 @@ use simulation::world::World;
 #[cfg(feature = "view")]
 const IDLE_PERIOD: std::time::Duration = std::time::Duration::from_millis(100);
 
-/// Nobody can look on.
+/// Runs cannot be observed.
 #[cfg(not(feature = "view"))]
-enum Viewing {}
+enum FoxgloveServer {}
 
-/// A recording whose run goes on.
+/// A recording whose run is resumed.
 struct Resumed {
     file: PathBuf,
     recording: Recording,
@@ -59,25 +62,6 @@ impl Resumed {
         scenario.execution.record.get_or_insert_with(|| self.file.clone());
         Ok(scenario)
     }
-}
-
-/// Plays a recording over ROS 2.
-pub(super) fn replay(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
-    let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
-    let recording = Recording::open(&args.file)?;
-    let programme = Programme::new(&recording, &args.wishes())?;
-    let stop = stopped_by_signals()?;
-    let mut terminal = Terminal::new(programme.ticks().1, 0);
-    programme.notes().iter().for_each(|note| terminal.say(&format!("warning: {note}")));
-    let played = replay::play(&recording, &programme, args.manner(), &env, &mut terminal, &stop);
-    terminal.clear();
-    let played = match played {
-        Ok(played) => played,
-        Err(error) => return failed(&error),
-    };
-    let sim_s = Tick(played.sim_ticks).time_ns() as f64 * 1e-9;
-    super::print(&format!("replayed {} messages, {sim_s:.2} s", played.messages));
-    Ok(ExitCode::from(if played.is_interrupted { exit::BY_SIGNAL } else { 0 }))
 }
 
 /// A flag that SIGINT and SIGTERM set; a second signal ends the process.
@@ -113,11 +97,12 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         (None, None) => unreachable!("one of the two is required"),
     };
     let source = args.scenario.as_deref().or(args.resume.as_deref()).unwrap_or(Path::new(""));
-    let job = Job { name: source.display().to_string(), scenario: &scenario, resumed: resumed.as_ref() };
-    // What is wrong with the world is told before anything is taken.
+    let summary = args.summary.as_deref();
+    let job = Job { name: source.display().to_string(), scenario: &scenario, resumed: resumed.as_ref(), summary };
+    // An error in the world is reported before anything is opened.
     let made = job.make()?;
     let stop = stopped_by_signals()?;
-    ros_node::stopped::end_when_continued().context("handling signals")?;
+    ros_node::suspension::exit_on_continue().context("handling signals")?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing,
         Err(error) => return failed(&error),
@@ -140,33 +125,33 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
 }
 
 #[cfg(feature = "view")]
-fn open_viewing(args: &RunArgs) -> anyhow::Result<Result<Option<Viewing>, viewing::ViewingError>> {
+fn open_viewing(args: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>, foxglove::FoxgloveServerError>> {
     let Some(address) = &args.view else { return Ok(Ok(None)) };
-    let page = viewing::page(args.page.as_deref())?;
-    Ok(Viewing::open(address, page.as_deref(), args.idle).map(Some))
+    let page = foxglove::page(args.page.as_deref())?;
+    Ok(FoxgloveServer::open(address, page.as_deref(), args.idle).map(Some))
 }
 
 #[cfg(not(feature = "view"))]
-fn open_viewing(_: &RunArgs) -> anyhow::Result<Result<Option<Viewing>, std::convert::Infallible>> {
+fn open_viewing(_: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>, std::convert::Infallible>> {
     Ok(Ok(None))
 }
 
 #[cfg(feature = "view")]
-fn tell_address(viewing: Option<&Viewing>, terminal: &mut Terminal) {
+fn tell_address(viewing: Option<&FoxgloveServer>, terminal: &mut Terminal) {
     if let Some(viewing) = viewing {
-        terminal.say(&format!("to look on: http://{0} (Foxglove WebSocket: ws://{0})", viewing.address()));
+        terminal.say(&format!("observe at http://{0} (Foxglove WebSocket: ws://{0})", viewing.address()));
     }
 }
 
 #[cfg(not(feature = "view"))]
-fn tell_address(_: Option<&Viewing>, _: &mut Terminal) {}
+fn tell_address(_: Option<&FoxgloveServer>, _: &mut Terminal) {}
 
 /// Serves the runs that people start on the page, one after the other, until it is interrupted.
 #[cfg(feature = "view")]
 fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<ExitCode> {
     const NAME: &str = "the scenario";
     let stop = stopped_by_signals()?;
-    ros_node::stopped::end_when_continued().context("handling signals")?;
+    ros_node::suspension::exit_on_continue().context("handling signals")?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing.expect("an idle server is looked at"),
         Err(error) => return failed(&error),
@@ -186,12 +171,12 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
                 continue;
             }
         };
-        #[cfg(feature = "controllers")]
-        if let Err(error) = super::controllers::check(&scenario) {
-            request.answer(Err(&format!("{NAME}: agents.controller, agents.set: {error}")));
+        if let Err(reason) = check_agents(args.check_agents.as_deref(), &scenario) {
+            request.answer(Err(&format!("{NAME}: agents.controller, agents.set: {reason}")));
             continue;
         }
-        let job = Job { name: NAME.to_owned(), scenario: &scenario, resumed: None };
+        let summary = args.summary.as_deref();
+        let job = Job { name: NAME.to_owned(), scenario: &scenario, resumed: None, summary };
         let begun = job.make().and_then(|made| job.begin(made, env, Some(&viewing)));
         let begun = match begun.and_then(|begun| tell_agents(args, runs + 1, &scenario).map(|()| begun)) {
             Ok(begun) => begun,
@@ -208,7 +193,32 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
     Ok(code)
 }
 
-/// Says which agents may be started: in a file beside the one of `--ready`, whose name is written into that.
+/// Whether there is the controller that a scenario names, with its settings. The server does not
+/// know the controllers: it asks a program that does, and refuses nothing if there is none.
+#[cfg(feature = "view")]
+fn check_agents(program: Option<&Path>, scenario: &Scenario) -> Result<(), String> {
+    let sibling = || {
+        let program = std::env::current_exe().ok()?.with_file_name("agent_node");
+        program.is_file().then_some(program)
+    };
+    let Some(program) = program.map(Path::to_owned).or_else(sibling) else { return Ok(()) };
+    let mut check = Command::new(&program);
+    check.args(["--check", "--id", "0", "--controller", &scenario.agents.controller]);
+    for (key, value) in &scenario.agents.set {
+        // A text is passed without its quotes.
+        let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        check.arg("--set").arg(format!("{key}={value}"));
+    }
+    let checked = check.stdin(Stdio::null()).output().map_err(|error| format!("{}: {error}", program.display()))?;
+    if checked.status.success() {
+        return Ok(());
+    }
+    let reason = String::from_utf8_lossy(&checked.stderr);
+    Err(reason.trim().trim_start_matches("error: ").to_owned())
+}
+
+/// Says which agents may be started: in a file beside the one of `--ready`, whose name is written
+/// into that.
 #[cfg(feature = "view")]
 fn tell_agents(args: &RunArgs, number: u32, scenario: &Scenario) -> anyhow::Result<()> {
     let Some(ready) = &args.ready else { return Ok(()) };
@@ -223,6 +233,8 @@ struct Job<'a> {
     name: String,
     scenario: &'a Scenario,
     resumed: Option<&'a Resumed>,
+    /// Where the summary of its result is written.
+    summary: Option<&'a Path>,
 }
 
 /// A world, and where its map comes from.
@@ -234,7 +246,7 @@ struct Begun<'a> {
     map: MapReport,
     link: Box<dyn Transport + 'a>,
     records: RecordingSinks,
-    viewing: Option<&'a Viewing>,
+    viewing: Option<&'a FoxgloveServer>,
 }
 
 impl<'a> Job<'a> {
@@ -246,25 +258,30 @@ impl<'a> Job<'a> {
         built.map_err(|error| anyhow::anyhow!("{}: {error}", self.name))
     }
 
-    fn records(&self, world: &World, viewing: Option<&Viewing>) -> anyhow::Result<RecordingSinks> {
+    fn records(&self, world: &World, viewing: Option<&FoxgloveServer>) -> anyhow::Result<RecordingSinks> {
         let file = self.scenario.execution.record.as_deref();
         let recorder = file.map(|file| setup::record(file, self.scenario, world)).transpose()?;
         #[cfg(feature = "view")]
-        let journal = viewing
-            .map(|viewing| setup::with_documents(self.scenario, world, |documents| viewing.journal(documents)))
+        let live = viewing
+            .map(|viewing| setup::with_documents(self.scenario, world, |documents| viewing.live_stream(documents)))
             .transpose()
             .context("viewing")?;
         #[cfg(not(feature = "view"))]
-        let (journal, _) = (None, viewing);
-        Ok(RecordingSinks { recorder, journal })
+        let (live, _) = (None, viewing);
+        Ok(RecordingSinks { recorder, live })
     }
 
     /// Joins the network and opens what is to be written.
-    fn begin(&self, (world, map): Made, env: &RosEnv, viewing: Option<&'a Viewing>) -> anyhow::Result<Begun<'a>> {
+    fn begin(
+        &self,
+        (world, map): Made,
+        env: &RosEnv,
+        viewing: Option<&'a FoxgloveServer>,
+    ) -> anyhow::Result<Begun<'a>> {
         let link = RosLink::new(self.scenario, env)?;
         #[cfg(feature = "view")]
         let link: Box<dyn Transport + 'a> = match viewing {
-            Some(viewing) => Box::new(Watched::new(link, viewing, self.scenario)),
+            Some(viewing) => Box::new(ObservedLink::new(link, viewing, self.scenario)),
             None => Box::new(link),
         };
         #[cfg(not(feature = "view"))]
@@ -273,7 +290,7 @@ impl<'a> Job<'a> {
         Ok(Begun { world, map, link, records, viewing })
     }
 
-    /// The run, and as often as somebody has it begin again.
+    /// The run, again after each reset.
     fn carry_out(
         &self,
         begun: Begun<'_>,
@@ -292,7 +309,7 @@ impl<'a> Job<'a> {
         let config = RunConfig::new(scenario, playback.map_or(Mode::Live, Mode::Resume));
         let mut ended = config.and_then(|config| session::run(config, world, &mut *link, records, terminal, stop));
         while let Err(RunError::Reset(start)) = ended {
-            terminal.say("begins again, as somebody has asked for");
+            terminal.say("the run begins again: a service call has reset it");
             let (world, _) = self.make()?;
             ended = match self.records(&world, viewing) {
                 Ok(records) => {
@@ -307,7 +324,13 @@ impl<'a> Job<'a> {
             Ok(outcome) => {
                 let text = terminal::result_text(&outcome);
                 terminal.keep(&text);
-                super::print(&text);
+                // Results go to stdout; that nothing reads them is no failure.
+                drop(writeln!(std::io::stdout(), "{text}"));
+                if let Some(file) = self.summary
+                    && let Err(error) = Summary::of(&outcome).write(file)
+                {
+                    return failed(&format!("--summary {}: {error}", file.display()));
+                }
                 exit::of_outcome(&outcome)
             }
             Err(error) => {

@@ -1,16 +1,18 @@
 //! The session: executes the run of a scenario over a [transport](crate::transport).
 //!
-//! A run admits its agents, and then repeats per tick: look, request commands from the agents that are due, commit their
-//! replies, communicate and move, record. In reading order: [`RunConfig`] says what is run; this file has the loop;
-//! `admission` its start and `result` its end; `engine` executes a tick; `agents` speaks the protocol; `re_execution` takes
-//! the place of the agents for ticks that a recording already has; `control` answers requests; `log` and `observers` write
-//! and publish.
+//! A run admits its agents, and then repeats per tick: look, request commands from the agents that
+//! are due, commit their replies, communicate and move, record. In reading order: [`RunConfig`]
+//! says what is run; this file has the loop; `admission` its start and `result` its end; `engine`
+//! executes a tick; `agents` speaks the protocol; `re_execution` takes the place of the agents for
+//! ticks that a recording already has; `control` answers requests; `log` and `observers` write and
+//! publish.
 //!
-//! Wall time decides only when to resend, when to give up, and how fast to go; a run that is not given up has one result.
+//! Wall time decides only when to resend, when to give up, and how fast to go; a run that is not
+//! given up has one result.
 //!
-//! A resumed run re-executes its recording, replays the observation logs to the agents, and continues live. A verified run
-//! re-executes its recording without agents, and each message that it writes goes to a [`Checker`]. Both use this loop, so
-//! that they write the same bytes.
+//! A resumed run re-executes its recording, replays the observation logs to the agents, and
+//! continues live. A verified run re-executes its recording without agents, and each message that
+//! it writes goes to a [`Checker`]. Both use this loop, so that they write the same bytes.
 
 mod admission;
 mod agents;
@@ -33,9 +35,8 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Fragment};
 
-use crate::control::desk::Desk;
-use crate::control::{Beginning, Request};
-use crate::playback::{Playback, Said};
+use crate::control::{Request, Reset, SimulationControl};
+use crate::playback::{Playback, RecordedTick};
 use crate::transport::{Level, Transport};
 use crate::wall_clock::{nanoseconds, now};
 use simulation::digest::Digest;
@@ -59,7 +60,8 @@ const REPORT_PERIOD: Duration = Duration::from_millis(500);
 /// Wall time that agents have to acknowledge the shutdown message.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Prefix of the counter of the tick in which the team had explored a share of the free cells, in thousandths.
+/// Prefix of the counter of the tick in which the team had explored a share of the free cells, in
+/// thousandths.
 pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
 
 /// Reason of a result: the team has seen every free cell.
@@ -99,11 +101,13 @@ pub trait RunObserver {
     fn note(&mut self, text: &str);
 }
 
-/// Executes a run in the world that was built for its scenario. `stop` ends it early, with a result, once it is set.
+/// Executes a run in the world that was built for its scenario. `stop` ends it early, with a
+/// result, once it is set.
 ///
 /// # Errors
-/// If agents are missing, lost or divergent, a recording does not fit the scenario or cannot be written, or another server is
-/// in the network. [`RunError::Reset`] is no failure: the caller continues with [`RunConfig::after_reset`].
+/// If agents are missing, lost or divergent, a recording does not fit the scenario or cannot be
+/// written, or another server is in the network. [`RunError::Reset`] is no failure: the caller
+/// continues with [`RunConfig::after_reset`].
 pub fn run(
     config: RunConfig<'_>,
     world: World,
@@ -129,7 +133,7 @@ pub fn run(
         external: scenario.driven(),
         engine: Engine::new(scenario, world)?,
         sessions: AgentSessions::new(start, agents, keeps_log, allows_replacement),
-        control: Desk::new(start.is_paused, start.rtf, crate::control::features()),
+        control: SimulationControl::new(start.is_paused, start.rtf, crate::control::features()),
         pending_request: None,
         log: SessionLog::new(sinks.into(), checker, agents),
         recorded: record::LastRecorded::default(),
@@ -150,7 +154,7 @@ pub fn run(
         Ok(ControlFlow::Break(reason)) => Ok(reason),
         Err(error) => Err(error),
     };
-    if let Some(Beginning { is_paused }) = session.control.beginning() {
+    if let Some(Reset { is_paused }) = session.control.pending_reset() {
         session.log.discard();
         session.control.end_steps("the simulation was reset");
         return Err(RunError::Reset(start.reset(is_paused, session.control.rtf())));
@@ -176,7 +180,7 @@ struct Session<'c, 'p> {
     external: BTreeSet<AgentId>,
     engine: Engine<'c>,
     sessions: AgentSessions,
-    control: Desk,
+    control: SimulationControl,
     /// A request that has arrived and was not answered yet.
     pending_request: Option<Request>,
     log: SessionLog<'c>,
@@ -194,7 +198,7 @@ struct Session<'c, 'p> {
 impl<'c> Session<'c, '_> {
     /// Executes ticks until the run is over; returns the reason.
     fn execute(&mut self) -> Result<String, RunError> {
-        self.control.go_on(self.engine.tick(), self.wall_ns());
+        self.control.restart_pacing(self.engine.tick(), self.wall_ns());
         if self.playback.is_some()
             && let ControlFlow::Break(reason) = self.re_execute()?
         {
@@ -204,7 +208,7 @@ impl<'c> Session<'c, '_> {
             self.hold_pace()?;
             self.transport.clock(self.engine.tick());
             self.record_state()?;
-            self.control.steps_are_visible();
+            self.control.report_steps();
             self.publish();
             if let Some(reason) = self.end_of_run()? {
                 return Ok(reason.to_owned());
@@ -215,7 +219,8 @@ impl<'c> Session<'c, '_> {
         }
     }
 
-    /// Reports progress if it is due, and returns the reason if the run ends before the present tick.
+    /// Reports progress if it is due, and returns the reason if the run ends before the present
+    /// tick.
     fn end_of_run(&mut self) -> Result<Option<&'static str>, RunError> {
         if self.reported.elapsed() >= REPORT_PERIOD {
             self.reported = now();
@@ -238,7 +243,8 @@ impl<'c> Session<'c, '_> {
         })
     }
 
-    /// Executes the present tick live, once control and pace allow. Breaks with the reason if the run ends instead.
+    /// Executes the present tick live, once control and pace allow. Breaks with the reason if the
+    /// run ends instead.
     fn advance(&mut self) -> Result<ControlFlow<&'static str>, RunError> {
         if self.wait_for_turn()?.is_break() {
             return Ok(ControlFlow::Break(if self.is_stopped() { INTERRUPTED } else { QUIT }));
@@ -250,9 +256,10 @@ impl<'c> Session<'c, '_> {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Executes one tick, with the replies of the agents or with recorded ones. Breaks if the wait for replies is stopped:
-    /// then the world stays as it is, and the recording has the observations of this tick.
-    fn tick(&mut self, recorded: Option<Said>) -> Result<ControlFlow<()>, RunError> {
+    /// Executes one tick, with the replies of the agents or with recorded ones. Breaks if the wait
+    /// for replies is stopped: then the world stays as it is, and the recording has the
+    /// observations of this tick.
+    fn tick(&mut self, recorded: Option<RecordedTick>) -> Result<ControlFlow<()>, RunError> {
         self.engine.look();
         let requests = self.requests(recorded.as_ref());
         let is_live = recorded.is_none();
@@ -276,8 +283,9 @@ impl<'c> Session<'c, '_> {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// The requests of this tick. External agents get their standard sensor messages as well, while the run is live.
-    fn requests(&mut self, recorded: Option<&Said>) -> Vec<ObservationRequest> {
+    /// The requests of this tick. External agents get their standard sensor messages as well, while
+    /// the run is live.
+    fn requests(&mut self, recorded: Option<&RecordedTick>) -> Vec<ObservationRequest> {
         let is_live = self.playback.is_none();
         let due = self.engine.due(recorded);
         let mut requests = Vec::with_capacity(due.len());
@@ -315,8 +323,8 @@ impl<'c> Session<'c, '_> {
         }
     }
 
-    /// Wall time allowed for the replies of this tick. In tick 0, processes may still be discovering each other's topics, which
-    /// counts as joining.
+    /// Wall time allowed for the replies of this tick. In tick 0, processes may still be
+    /// discovering each other's topics, which counts as joining.
     fn reply_timeout(&self) -> Duration {
         let execution = &self.scenario.execution;
         let joining_s = if self.engine.tick() == Tick::ZERO { execution.join_timeout_s } else { 0.0 };
@@ -331,7 +339,7 @@ impl<'c> Session<'c, '_> {
 
     /// Publishes what is due.
     fn publish(&mut self) {
-        let may_tick = self.control.control().may_tick();
+        let may_tick = self.control.may_tick();
         self.observers.publish(&mut self.engine, may_tick, self.transport);
     }
 

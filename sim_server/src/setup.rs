@@ -9,7 +9,7 @@ use thiserror::Error;
 use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
 
 use crate::recorder::{Document, RecordError, Recorder};
-use crate::recording::{Recording, RecordingError};
+use crate::recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, TEXT_MAP_ATTACHMENT};
 use mapgen::{self, GeneratedMap, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
 use simulation::scenario::{LidarPattern, LidarSchedule, MapKind, Origins, Override, Scenario, ScenarioError};
 use simulation::world::lidar::{Pattern, Scanner};
@@ -19,14 +19,6 @@ use simulation::world::{ScanSchedule, World, WorldParams};
 /// Memory of a world per cell of the map, and of each agent in it per cell; bytes, rounded up.
 const WORLD_CELL_BYTES: usize = 2;
 const AGENT_CELL_BYTES: usize = 2;
-
-/// Name of the attachment of a recording that holds the scenario.
-pub const SCENARIO_ATTACHMENT: &str = "scenario.toml";
-
-/// Name of the attachment with the true map, and its name in recordings of earlier builds with
-/// large maps.
-const MAP_ATTACHMENT: &str = "map.m3dm";
-const TEXT_MAP_ATTACHMENT: &str = "map.txt";
 
 /// Why a scenario cannot be set up.
 #[derive(Debug, Error)]

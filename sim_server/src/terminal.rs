@@ -1,6 +1,7 @@
-//! What a person sees of a run: a progress bar on a terminal, plain lines otherwise, and a table at the end.
+//! Terminal output of a run: a progress bar on a terminal, plain lines otherwise, and a table at
+//! the end.
 //!
-//! Progress and notes go to stderr; the result goes to stdout, its last line is the digest.
+//! Progress and notes go to stderr; the result goes to stdout, with the digest as its last line.
 
 use std::fs::File;
 use std::io::{IsTerminal, Write};
@@ -17,10 +18,10 @@ use crate::wall_clock::now;
 use simulation::lockstep::listed;
 use simulation::world::World;
 
-/// Wall time between two plain lines.
+/// Minimum wall time between two plain progress lines.
 const LINE_PERIOD: Duration = Duration::from_secs(5);
 
-/// Shows the progress of a run on stderr.
+/// Progress display on stderr.
 pub struct Terminal {
     bar: Option<ProgressBar>,
     duration: Tick,
@@ -32,10 +33,10 @@ pub struct Terminal {
 }
 
 impl Terminal {
-    /// For a run of so many agents that ends at `duration` at the latest.
+    /// For a run of this many agents with this maximum duration.
     ///
     /// # Panics
-    /// Never: the template of the bar is right.
+    /// Never: the template of the bar is valid.
     #[must_use]
     pub fn new(duration: Tick, agents: u32) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
@@ -47,30 +48,30 @@ impl Terminal {
         Self { bar, duration, agents, started: None, line_written: None, waiting_for: Vec::new(), log: None }
     }
 
-    /// Also writes what is said to a file.
+    /// Also writes messages to a file.
     #[must_use]
     pub fn with_log(self, log: Option<File>) -> Self {
         Self { log, ..self }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn clear(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
     }
 
-    /// Says something, above the bar if there is one.
+    /// Prints a message, above the bar if there is one.
     pub fn say(&mut self, text: &str) {
         match &self.bar {
             Some(bar) => bar.println(text),
-            // A run does not end because nobody listens any more.
+            // A closed stderr must not end the run.
             None => drop(writeln!(std::io::stderr(), "{text}")),
         }
         self.keep(text);
     }
 
-    /// Shows how far it is: on the bar, or now and then as a line.
+    /// Shows progress: on the bar, or as a line every few seconds.
     pub fn status(&mut self, tick: Tick, text: String) {
         match &self.bar {
             Some(bar) => {
@@ -85,9 +86,9 @@ impl Terminal {
         }
     }
 
-    /// Writes something to the log only.
+    /// Writes a message to the log only.
     pub fn keep(&mut self, text: &str) {
-        // A log that cannot be written must not end the run it is about.
+        // A log that cannot be written must not end the run.
         if let Some(log) = &mut self.log
             && writeln!(log, "{text}").is_err()
         {
@@ -132,7 +133,7 @@ impl RunObserver for Terminal {
     }
 }
 
-/// The result of a run as a text for people: a table, and the digest as the last line.
+/// The result of a run as text: a table, and the digest as the last line.
 #[must_use]
 pub fn result_text(outcome: &Outcome) -> String {
     let result = &outcome.result;
@@ -176,7 +177,7 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
     )
 }
 
-/// Minutes and seconds of sim time.
+/// Sim time as minutes and seconds.
 pub(crate) fn clock(tick: Tick) -> String {
     let seconds = tick.time_ns() as f64 * 1e-9;
     format!("{:02}:{:05.2}", (seconds / 60.0) as u64, seconds % 60.0)

@@ -1,12 +1,14 @@
-//! The transport of a run: the agents' protocol, the output to observers, and the input of control requests.
+//! The transport of a run: the agents' protocol, the output to observers, and the input of control
+//! requests.
 //!
-//! [`AgentTransport`] is all that the lock-step needs; [`ObserverOutput`] and [`ControlInput`] serve people and tools. One
-//! object implements the three ([`Transport`]), because a ROS 2 node receives commands and service requests in one inbox.
-//! Implementations: ROS 2 (`ros.rs`), Foxglove around another one (`foxglove`), and channels within a process
-//! (`experiments::in_memory`).
+//! [`AgentTransport`] is all that the lock-step needs; [`ObserverOutput`] and [`ControlInput`]
+//! serve people and tools. One object implements the three ([`Transport`]), because a ROS 2 node
+//! receives commands and service requests in one inbox. Implementations: ROS 2 (`ros.rs`), Foxglove
+//! around another one (`foxglove`), and channels within a process (`experiments::in_memory`).
 //!
-//! Invariants: no method blocks on an agent, except [`AgentTransport::receive`] up to its timeout; a message may get lost, be
-//! repeated or overtake another one, and the session resends what stays unanswered; messages arrive unchanged.
+//! Invariants: no method blocks on an agent, except [`AgentTransport::receive`] up to its timeout;
+//! a message may get lost, be repeated or overtake another one, and the session resends what stays
+//! unanswered; messages arrive unchanged.
 
 use std::time::Duration;
 
@@ -55,16 +57,18 @@ pub trait AgentTransport {
     fn send(&mut self, agent: AgentId, fragment: &Observation);
     /// The next message, or `None` after `timeout` without one.
     fn receive(&mut self, timeout: Duration) -> Option<Incoming>;
-    /// Holds the standard sensor messages of an externally controlled agent for this tick, until its observation is sent.
+    /// Holds the standard sensor messages of an externally controlled agent for this tick, until
+    /// its observation is sent.
     fn set_sensors(&mut self, _agent: AgentId, _odometry: Odometry, _points: Option<PointCloud2>) {}
-    /// The run number of another server in the same network, if one was heard. A private transport has none.
+    /// The run number of another server in the same network, if one was heard. A private transport
+    /// has none.
     fn other_run(&self) -> Option<u64> {
         None
     }
 }
 
-/// Output to observers: visualisation tools and people. Nothing here waits or changes the run; a transport without observers
-/// leaves the defaults, which discard.
+/// Output to observers: visualisation tools and people. Nothing here waits or changes the run; a
+/// transport without observers leaves the defaults, which discard.
 pub trait ObserverOutput {
     /// Publishes the lock-step clock.
     fn clock(&mut self, _tick: Tick) {}
@@ -84,8 +88,8 @@ pub trait ObserverOutput {
 
 /// Input of control requests; a transport without them leaves the defaults.
 pub trait ControlInput {
-    /// The next request, if one has arrived. Never waits; a request that arrives while the session waits for messages ends
-    /// that wait.
+    /// The next request, if one has arrived. Never waits; a request that arrives while the session
+    /// waits for messages ends that wait.
     fn request(&mut self) -> Option<Request> {
         None
     }

@@ -1,11 +1,11 @@
-//! Checks a recording by carrying out its run again: everything that comes of its map, commands and interventions is compared with
-//! what it holds.
+//! Verification of a recording by re-executing its run: everything that follows from its map,
+//! commands and interventions is compared with what it holds.
 //!
-//! Invariants: a recording that is damaged or has no end is checked up to the last tick that it has in whole; what was recorded by
-//! this build and was not changed since holds.
+//! Invariants: a recording that is damaged or has no end is checked up to its last complete tick;
+//! an unchanged recording of this build verifies.
 //!
-//! A command is an input of the run: that one was changed shows in what comes of it, in the next digest at the latest. Whether the
-//! agents decide so is asked by [`controllers`].
+//! A command is an input of the run: a modified one shows in its consequences, in the next digest
+//! at the latest. [`controllers`] checks whether the agents decide so.
 
 pub mod controllers;
 
@@ -21,62 +21,54 @@ use crate::session::{self, Checker, Mode, NullObserver, NullTransport, Recording
 use crate::setup::{self, SetupError};
 use simulation::digest::Digest;
 
-/// What was found to hold.
+/// A verified recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Verified {
-    /// The ticks from the start on that were made again.
+    /// Re-executed ticks.
     pub ticks: Tick,
-    /// How many messages are the same.
+    /// Number of equal messages.
     pub messages: u64,
-    /// The digest after these ticks.
+    /// Digest after these ticks.
     pub digest: Digest,
-    /// Why the run has ended, if the recording has its result.
+    /// Reason of the result, if the recording has one.
     pub reason: Option<String>,
-    /// Where the file has ended.
+    /// Where the file ends.
     pub end: End,
 }
 
-/// Why a recording does not hold, or cannot be checked.
+/// Why a recording does not verify.
 #[derive(Debug, Error)]
 pub enum VerifyError {
-    /// It says no scenario that there can be, or has no map.
+    /// Its scenario is not legal, or it has no map.
     #[error(transparent)]
     Scenario(Box<SetupError>),
-    /// There is no such world.
+    /// Its world cannot be made.
     #[error("{file}: {source}")]
-    World {
-        /// The recording.
-        file: String,
-        /// What is wrong.
-        source: Box<SetupError>,
-    },
-    /// A message cannot be read.
+    World { file: String, source: Box<SetupError> },
+    /// A message cannot be decoded.
     #[error(transparent)]
     Playback(#[from] PlaybackError),
-    /// It holds something else than what comes of it.
-    #[error("{file}: {difference}{}", said(end))]
+    /// It holds another message than re-execution yields.
+    #[error("{file}: {difference}{}", file_end(end))]
     Different {
-        /// The recording.
         file: String,
-        /// The first message that is different.
+        /// The first difference.
         difference: Box<Difference>,
-        /// Where the file has ended.
+        /// Where the file ends.
         end: End,
     },
-    /// Its run cannot be carried out again.
-    #[error("{file}: {source}{}", said(end))]
+    /// Its run cannot be re-executed.
+    #[error("{file}: {source}{}", file_end(end))]
     Run {
-        /// The recording.
         file: String,
-        /// Why not.
         source: Box<RunError>,
-        /// Where the file has ended.
+        /// Where the file ends.
         end: End,
     },
 }
 
 impl VerifyError {
-    /// The tick before which everything holds, if that is known.
+    /// The tick up to which everything holds, if known.
     #[must_use]
     pub fn tick(&self) -> Option<Tick> {
         match self {
@@ -90,18 +82,18 @@ impl VerifyError {
     }
 }
 
-/// What is said about the end of a file, if there is something to say.
-fn said(end: &End) -> String {
+/// A note on the end of a file that is not whole.
+fn file_end(end: &End) -> String {
     match end {
         End::Whole => String::new(),
         end => format!(" (the file is {end})"),
     }
 }
 
-/// Checks a recording.
+/// Verifies a recording.
 ///
 /// # Errors
-/// If it does not hold, or cannot be checked.
+/// If it does not verify, or cannot be checked.
 pub fn verify(recording: &Recording) -> Result<Verified, VerifyError> {
     let file = || recording.file().to_owned();
     let scenario =
@@ -121,7 +113,7 @@ pub fn verify(recording: &Recording) -> Result<Verified, VerifyError> {
     if outcome.is_ok() && !comparison.is_done() {
         comparison.end();
     }
-    // What is found first comes first: an error is of what comes of it.
+    // A difference precedes the error that follows from it.
     if let Some(difference) = comparison.difference() {
         return Err(VerifyError::Different { file: file(), difference: Box::new(difference.clone()), end });
     }
@@ -137,20 +129,20 @@ pub fn verify(recording: &Recording) -> Result<Verified, VerifyError> {
     }
 }
 
-/// Where a file ends that was read to its end.
+/// Where a file ends.
 fn end_of(recording: &Recording) -> End {
     let mut messages = recording.messages();
     messages.by_ref().for_each(drop);
     messages.end().cloned().unwrap_or(End::Missing)
 }
 
-/// What people are told; the last line, the digest, comes by itself.
+/// The report for the user, without the digest.
 #[must_use]
 pub fn text(verified: &Verified) -> String {
     let Verified { ticks, messages, reason, .. } = verified;
     let ending = match reason {
         Some(reason) => format!("up to the end of the run: {reason}"),
-        None => "up to where the recording leaves off, before the end of its run".to_owned(),
+        None => "up to the end of the file, before the end of the run".to_owned(),
     };
     let text = format!("verified {ticks} ticks and {messages} messages, {ending}");
     match &verified.end {

@@ -1,8 +1,9 @@
-//! Rays per second of the LiDAR, marking of seen cells included, on one core: 100^3 spheres map at 20 % fill, 5124 rays, unlimited
-//! range. Run with `cargo bench -p sim_server --bench lidar`.
+//! Rays per second of the LiDAR, marking of seen cells included, on one core: 100^3 spheres map at
+//! 20 % fill, 5124 rays, unlimited range. Run with `cargo bench -p simulation --bench lidar`.
 //!
-//! "known" is what most scans of a run are: all that there is to see has been seen before. "exploring" is the first 200 scans of
-//! an agent that is put down at random. "first" is one scan by an agent that has seen nothing yet.
+//! "known" is the common case of a run: everything has been seen before. "exploring" is the first
+//! 200 scans of an agent at random poses. "first" is one scan by an agent that has seen nothing
+//! yet.
 
 use std::f64::consts::TAU;
 use std::hint::black_box;

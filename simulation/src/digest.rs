@@ -1,10 +1,10 @@
-//! The digest of a run: a chain over every tick that two equal runs share and two different runs do not.
+//! The digest of a run: a hash chain over its ticks, equal for two runs exactly if they are equal.
 //!
-//! The link of a tick is the blake3 hash of the link before it, the tick, what was done to the run from outside before it, the
-//! messages exchanged in the tick (observations and commands that counted, as CDR, in the order of the agents), and the state of the
-//! world at the end of the tick, bit by bit: bodies, score, and relays if there are any.
+//! The link of a tick is the BLAKE3 hash of the previous link, the interventions before the tick,
+//! its messages (committed observations and commands, as CDR, in the order of the agents), and the
+//! state of the world at its end, bit by bit: tick, bodies, coverage, and relays if there are any.
 //!
-//! This module decides nothing and writes nothing.
+//! The session decides which messages are committed.
 
 use std::fmt;
 
@@ -21,7 +21,7 @@ impl fmt::Display for Digest {
     }
 }
 
-/// The chain of a run.
+/// The hash chain of a run.
 #[derive(Debug, Clone)]
 pub struct Chain {
     link: Digest,
@@ -29,7 +29,8 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// The chain of a run of this scenario (see [`crate::scenario::Scenario::identity`]) in this world, before its first tick.
+    /// The chain of a run of this scenario (see [`crate::scenario::Scenario::identity`]) in this
+    /// world, before its first tick.
     #[must_use]
     pub fn new(identity: &str, world: &World) -> Self {
         let mut hasher = blake3::Hasher::new();
@@ -46,7 +47,7 @@ impl Chain {
         self.hasher.update(cdr);
     }
 
-    /// Ends a tick with the state it has led to.
+    /// Ends a tick with the state of the world.
     pub fn close(&mut self, world: &World) {
         self.hasher.update(&world.tick().0.to_le_bytes());
         for agent in world.agents() {
@@ -77,7 +78,7 @@ impl Chain {
         for share in [world.coverage().explored(), world.coverage().covered()] {
             self.hasher.update(&share.to_bits().to_le_bytes());
         }
-        // Without relays the digest is that of a run that cannot have any.
+        // Runs without relays keep the digest they had before relays existed.
         for relay in world.relays() {
             self.hasher.update(&relay.id.on_wire().to_le_bytes());
             self.hasher.update(&relay.writings.to_le_bytes());
@@ -90,7 +91,7 @@ impl Chain {
         self.hasher.update(&self.link.0);
     }
 
-    /// The digest up to the last tick that was closed.
+    /// The digest up to the last closed tick.
     #[must_use]
     pub fn digest(&self) -> Digest {
         self.link

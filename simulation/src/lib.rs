@@ -1,13 +1,13 @@
-//! The pure core of a run: a scenario, the true world and its fixed update, the lock-step, the digest, and the messages that
-//! carry them.
+//! The pure core of a run: scenario, true world, lock-step, digest and the conversion to messages.
 //!
-//! In reading order: [`scenario`] says what a run is; [`world`] is its physics; [`lockstep`] decides which agent is asked when;
-//! [`wire`] converts to and from messages; [`digest`] is the proof that two runs are the same;
-//! [`views`] makes the standard messages that visualisation tools show, [`twist`] the commands of
-//! externally controlled agents, [`parameters`] the ROS parameters of a scenario, [`pace`] the real-time factor.
+//! In reading order: [`scenario`] defines a run; [`world`] is its physics; [`lockstep`] decides
+//! which agent is due and when the replies of a tick are complete; [`wire`] converts to and from
+//! messages; [`digest`] proves that two runs are equal; [`visualisation`] makes the standard
+//! messages of visualisation tools, [`twist`] the commands of externally controlled agents,
+//! [`parameters`] the ROS parameters of a scenario, and [`pacer`] limits the real-time factor.
 //!
-//! Invariants: no file, no network, no wall clock and no environment. The dependencies of this crate allow none of them, save
-//! the standard library, whose use `clippy.toml` restricts.
+//! Invariants: no file, no network, no wall clock and no environment. No dependency provides them,
+//! and `clippy.toml` forbids those of the standard library.
 
 #![warn(missing_docs)]
 

@@ -1,12 +1,16 @@
-//! The lock-step protocol: the membership of a run, the triggers that make agents due, and the barrier of a tick.
+//! The lock-step protocol: the membership of a run, the triggers that make agents due, and the
+//! barrier of a tick.
 //!
-//! Three pure state machines. [`Membership`] leases each agent id to one process. [`Trigger`](msgs::trigger::Trigger) tells
-//! whether an agent is due. [`Barrier`] collects the replies of one tick.
+//! Three pure state machines. [`Membership`] leases each agent id to one process.
+//! [`Trigger`](msgs::trigger::Trigger) tells whether an agent is due. [`Barrier`] collects the
+//! replies of one tick.
 //!
-//! Invariants: an id belongs to one process at a time; the barrier of a tick is complete exactly when every awaited agent has
-//! given one legal reply for that tick, whatever the order of arrival; a refused message changes nothing.
+//! Invariants: an id belongs to one process at a time; the barrier of a tick is complete exactly
+//! when every awaited agent has given one legal reply for that tick, whatever the order of arrival;
+//! a refused message changes nothing.
 //!
-//! This module knows no transport, no threads and no wall time: timeouts belong to the session loop.
+//! This module knows no transport, no threads and no wall time: timeouts belong to the session
+//! loop.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -155,7 +159,8 @@ pub struct Membership {
     leases: Vec<Option<Lease>>,
 }
 
-/// Longest controller label that is kept, characters: it is displayed and recorded, and a sample could hold 60 kB of it.
+/// Longest controller label that is kept, characters: it is displayed and recorded, and a sample
+/// could hold 60 kB of it.
 const CONTROLLER_CHARS_MAX: usize = 1_024;
 
 /// The lease of an agent id to a process.

@@ -1,10 +1,11 @@
-//! Holds ticks back to a rate. The wall time is an argument: nanoseconds since some moment.
+//! A pacer that limits the real-time factor by delaying ticks. Wall time is an argument, in
+//! nanoseconds since a fixed instant.
 
 use msgs::ids::Tick;
 
 use crate::scenario::Rtf;
 
-/// The pace from a tick on that began at a known time.
+/// Delays ticks relative to a reference tick and its wall time.
 #[derive(Debug)]
 pub struct Pacer {
     rtf: Rtf,
@@ -13,38 +14,38 @@ pub struct Pacer {
 }
 
 impl Pacer {
-    /// Counts from tick 0 and time 0 on.
+    /// A pacer whose reference is tick 0 at wall time 0.
     #[must_use]
     pub fn new(rtf: Rtf) -> Self {
         Self { rtf, from: Tick::ZERO, begun_ns: 0 }
     }
 
-    /// The rate.
+    /// The limit of the real-time factor.
     #[must_use]
     pub fn rtf(&self) -> Rtf {
         self.rtf
     }
 
-    /// Goes at another rate from now on.
+    /// Sets the limit, and makes `tick` at `wall_ns` the reference.
     pub fn set_rtf(&mut self, rtf: Rtf, tick: Tick, wall_ns: u64) {
         self.rtf = rtf;
         self.restart(tick, wall_ns);
     }
 
-    /// Counts from this tick and this moment on: what came before is no reason to hurry or to wait.
+    /// Makes `tick` at `wall_ns` the reference, so that a delay or a lead from before is dropped.
     pub fn restart(&mut self, tick: Tick, wall_ns: u64) {
         self.from = tick;
         self.begun_ns = wall_ns;
     }
 
-    /// Wall time until `tick` may begin, ns, if it may not yet.
+    /// Wall time until `tick` may begin, ns; `None` if it may begin now.
     #[must_use]
     pub fn wait_ns(&self, tick: Tick, wall_ns: u64) -> Option<u64> {
         let Rtf::Limit(limit) = self.rtf else {
             return None;
         };
         let passes_ns = tick.time_ns().saturating_sub(self.from.time_ns()) as f64 / limit;
-        // What is longer than a u64 is for ever.
+        // The cast saturates: a longer time is infinite.
         let due_ns = self.begun_ns.saturating_add(passes_ns as u64);
         due_ns.checked_sub(wall_ns).filter(|&wait_ns| wait_ns > 0)
     }
@@ -55,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_came_before_a_pause_does_not_count() {
+    fn restart_discards_the_past() {
         let mut pace = Pacer::new(Rtf::Limit(1e-3));
         let second = Tick(50);
         assert_eq!(pace.wait_ns(second, 0), Some(1_000_000_000_000));

@@ -1,11 +1,12 @@
-//! Agents that are driven by standard messages, by a node that knows nothing of this project.
+//! Externally controlled agents: a ROS 2 node that uses standard messages only.
 //!
-//! Such a node gets odometry in every tick and a point cloud with every scan ([`crate::views`]), and answers each stamp of `/clock`
-//! with a `geometry_msgs/TwistStamped` of the same stamp on `/agent_<id>/cmd_vel`. This module makes of each twist the command that
-//! an agent of ours would have sent. So all that follows is the same: the lock-step waits for it, it is checked, recorded and part
-//! of the digest.
+//! The node receives odometry in every tick and a point cloud with every scan
+//! ([`crate::visualisation`]), and replies to each stamp of `/clock` with a
+//! `geometry_msgs/TwistStamped` of the same stamp on `/agent_<id>/cmd_vel`. This module converts
+//! each twist into the equivalent command of an agent, so lock-step, checks, recording and digest
+//! are the same as for any agent.
 //!
-//! Invariant: a twist becomes the same command whenever it comes. This module sends nothing and knows no transport.
+//! Invariant: a twist becomes the same command whenever it comes. There is no transport here.
 
 use msgs::geometry_msgs::TwistStamped;
 use msgs::ids::{AgentId, Tick};
@@ -14,23 +15,25 @@ use msgs::maes_msgs::{Command, Join, LidarRequest, Task, Wake};
 
 use crate::wire::body_frame;
 
-/// What such an agent is called where others name their controller.
+/// The controller name of an externally controlled agent.
 const CONTROLLER: &str = "cmd_vel";
 
-/// The join on behalf of a node that has been found to publish velocities for an agent.
+/// The join on behalf of a node that publishes velocities for an agent.
 #[must_use]
 pub fn join(run: u64, agent: AgentId) -> Join {
     let (controller, last_tick) = (CONTROLLER.to_owned(), Join::NONE);
     Join { run, agent: agent.0, instance: 0, protocol: PROTOCOL, controller, last_tick }
 }
 
-/// The command that a twist stands for: hold this velocity, scan as the scenario says, ask again in the next tick.
+/// The command equivalent to a twist: hold this velocity, keep the scan schedule, next request in
+/// the next tick.
 ///
-/// The twist is in the frame of the body: x forward, y left, z up. Only the yaw rate of its angular part counts, because the body
-/// stays upright.
+/// The twist is in the frame of the body: x forward, y left, z up. Of its angular part only z, the
+/// yaw rate, is used, because the body stays upright.
 ///
 /// # Errors
-/// What is wrong with the stamp or the frame. Numbers are checked where those of all commands are.
+/// Describes a wrong stamp or frame. Numbers are checked as those of all commands
+/// ([`crate::wire::command`]).
 pub fn command(run: u64, agent: AgentId, twist: &TwistStamped) -> Result<Command, String> {
     let own_frame = body_frame(agent);
     let frame = twist.header.frame_id.trim_start_matches('/');
@@ -56,7 +59,7 @@ pub fn command(run: u64, agent: AgentId, twist: &TwistStamped) -> Result<Command
     })
 }
 
-/// The receipt for the end of a run.
+/// The acknowledgement of the end of a run.
 #[must_use]
 pub fn acknowledgement(run: u64, agent: AgentId, tick: Tick) -> Command {
     Command { tick: tick.0, run, agent: agent.0, ..Command::default() }
@@ -98,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_twist_is_a_velocity_for_the_tick_of_its_stamp() {
+    fn twist_is_a_velocity_for_the_tick_of_its_stamp() {
         let command = command(9, AGENT, &twist(2, 40_000_000, "agent_3/base_link")).unwrap();
         assert_eq!((command.tick, command.run, command.agent), (102, 9, 3));
         assert_eq!(command.task.kind, Task::VELOCITY);
@@ -108,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn the_world_takes_no_numbers_that_are_none() {
+    fn nan_is_refused() {
         let mut nonsense = twist(0, 0, "");
         nonsense.twist.linear.x = f64::NAN;
         let command = command(9, AGENT, &nonsense).unwrap();

@@ -1,14 +1,17 @@
-//! What people look at: standard messages made of the world, for whoever listens and for the recording.
+//! The visualisation topics of a run: standard messages of the state of the world, for live
+//! subscribers and for the recording.
 //!
-//! Live and recorded views are made by the same code and know nothing of each other. A recorded view hangs on sim time alone, so
-//! equal runs give equal bytes. A live one has a period in sim time and a greatest rate in wall time, because runs go at
-//! hundreds of times real time; what nobody listens to is not made, and a new reader is shown everything from the start.
+//! Live and recorded topics are made by the same code and are independent of each other. A recorded
+//! topic depends on sim time alone, so equal runs give equal bytes. A live topic has a period in
+//! sim time and a rate limit in wall time, because runs reach hundreds of times real time. Topics
+//! without subscribers are not computed, and a new subscriber gets everything from the start.
 //!
-//! Invariants: looking changes nothing of the world; no message is larger than [`msgs::limits::VIEW_BYTES_MAX`]; every
-//! stamp is sim time. Frames: `map` is the world, and `agent_<id>/base_link` moves in it; `agent_<id>/lidar` is at the same
-//! place. There is no frame `odom`, because bodies know where they are.
+//! Invariants: the world does not change; no message is larger than
+//! [`msgs::limits::VIEW_BYTES_MAX`]; every stamp is sim time. Frames: `map` is the world,
+//! `agent_<id>/base_link` is a body in it, `agent_<id>/lidar` coincides with the body. There is no
+//! frame `odom`, because poses are known.
 //!
-//! This module knows no transport and no clock: who listens and what time it is are arguments.
+//! Subscribers and wall time are arguments: there is no transport and no clock here.
 
 mod cells;
 mod cloud;
@@ -37,38 +40,38 @@ pub use cloud::points;
 pub use poses::odometry;
 pub use status::RunStatus;
 
-/// Wall time between two pieces of one view: a reader must be able to take each before the next comes.
-const PIECE_PERIOD_NS: u64 = 10_000_000;
+/// Wall time between two chunks of a topic, ns, so that a subscriber can take each before the next.
+const CHUNK_PERIOD_NS: u64 = 10_000_000;
 
-/// Something to look at: a topic.
+/// A visualisation topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum VisualisationTopic {
     /// The poses of all bodies.
     Transforms,
-    /// The frames that do not move.
+    /// The static frames.
     StaticTransforms,
-    /// Where an agent is and how it moves.
+    /// Pose and velocity of an agent.
     Odometry(AgentId),
-    /// The last scan of an agent.
+    /// The last scan of an agent, as a point cloud.
     Points(AgentId),
-    /// Where an agent is going.
+    /// The remaining waypoints of an agent.
     Path(AgentId),
-    /// The walls.
+    /// The visible walls of the map.
     Map,
-    /// What nobody has seen.
+    /// The free cells that no agent has seen.
     Unexplored,
-    /// Who hears whom.
+    /// The contacts between agents and relays.
     Contacts,
-    /// How things are, in words.
+    /// The status of the run and of each agent, as diagnostics.
     Info,
-    /// The digest.
+    /// The digest of the run so far.
     Digest,
-    /// The outcome.
+    /// The result of the run.
     Result,
 }
 
 impl VisualisationTopic {
-    /// All views of a run with this many agents.
+    /// All topics of a run with this many agents.
     pub fn all(agents: u32) -> impl Iterator<Item = Self> {
         let of_run = [
             Self::Transforms,
@@ -84,12 +87,12 @@ impl VisualisationTopic {
         of_run.into_iter().chain((0..agents).map(AgentId).flat_map(of_agent))
     }
 
-    /// Whether it comes in pieces, one after the other.
-    fn has_pieces(self) -> bool {
+    /// Whether it is published in chunks.
+    fn is_chunked(self) -> bool {
         matches!(self, Self::Map | Self::Unexplored)
     }
 
-    /// Its topic.
+    /// Its name, type and QoS.
     #[must_use]
     pub fn topic(self) -> Topic {
         match self {
@@ -108,7 +111,7 @@ impl VisualisationTopic {
     }
 }
 
-/// A message of a view.
+/// A message of a visualisation topic.
 #[derive(Debug, Clone, PartialEq)]
 pub enum VisualisationMessage {
     /// Of [`VisualisationTopic::Transforms`] and [`VisualisationTopic::StaticTransforms`].
@@ -119,7 +122,8 @@ pub enum VisualisationMessage {
     Points(PointCloud2),
     /// Of [`VisualisationTopic::Path`].
     Path(Path),
-    /// Of [`VisualisationTopic::Map`], [`VisualisationTopic::Unexplored`] and [`VisualisationTopic::Contacts`].
+    /// Of [`VisualisationTopic::Map`], [`VisualisationTopic::Unexplored`] and
+    /// [`VisualisationTopic::Contacts`].
     Marker(Box<Marker>),
     /// Of [`VisualisationTopic::Info`].
     Info(DiagnosticArray),
@@ -129,7 +133,7 @@ pub enum VisualisationMessage {
     Result(Box<maes_msgs::Result>),
 }
 
-/// As the message that it holds.
+/// Serialises as the message that it holds.
 impl Serialize for VisualisationMessage {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
@@ -145,109 +149,116 @@ impl Serialize for VisualisationMessage {
     }
 }
 
-/// The views that somebody listens to, each with how many readers have ever come: more than before means that there is a new one.
+/// The topics with subscribers, each with the number of subscribers that have ever matched: a
+/// larger number than before means a new one.
 pub type Subscribers = BTreeMap<VisualisationTopic, u64>;
 
-/// Messages that are to be shown or recorded, in order.
+/// Messages to be published or recorded, in order.
 pub type VisualisationMessages = Vec<(VisualisationTopic, VisualisationMessage)>;
 
-/// When something is shown.
+/// The wall time at which live topics are published.
 #[derive(Debug, Clone, Copy)]
 pub struct PublishTime {
-    /// Nanoseconds since some moment on the wall.
+    /// Wall time since a fixed instant, ns.
     pub wall_ns: u64,
-    /// Whether sim time stands still until somebody says otherwise.
+    /// Whether the simulation is paused.
     pub is_paused: bool,
 }
 
-/// What has been shown of a run, and when.
+/// Schedules the visualisation topics of a run, live and recorded.
 #[derive(Debug)]
 pub struct VisualisationScheduler {
     settings: ViewsSection,
-    recorded_views: Vec<VisualisationTopic>,
-    live: Shown,
-    recorded: Shown,
+    recorded_topics: Vec<VisualisationTopic>,
+    live: PublishState,
+    recorded: PublishState,
 }
 
 impl VisualisationScheduler {
-    /// Nothing shown yet of a run with this many agents.
+    /// Nothing published yet of a run with this many agents.
     #[must_use]
     pub fn new(settings: ViewsSection, agents: u32) -> Self {
         let asked: BTreeSet<RecordedView> = settings.record.iter().copied().collect();
-        let recorded_views =
-            VisualisationTopic::all(agents).filter(|view| recorded_as(*view).is_some_and(|name| asked.contains(&name)));
-        Self { recorded_views: recorded_views.collect(), settings, live: Shown::default(), recorded: Shown::default() }
+        let recorded_topics = VisualisationTopic::all(agents)
+            .filter(|topic| recorded_as(*topic).is_some_and(|name| asked.contains(&name)));
+        Self {
+            recorded_topics: recorded_topics.collect(),
+            settings,
+            live: PublishState::default(),
+            recorded: PublishState::default(),
+        }
     }
 
-    /// What there is to record at the start of this tick. To be asked in every tick.
-    pub fn due_for_recording(&mut self, world: &mut World, facts: &RunStatus<'_>) -> VisualisationMessages {
-        let mut pictures = Vec::new();
-        let facts = RunStatus { rtf: None, ..*facts };
-        for &view in &self.recorded_views {
-            let period = self.settings.period_ticks(view);
-            if self.recorded.is_due(view, world, period) {
-                self.recorded.note(view, world);
-                self.recorded.look(view, world, &facts, &mut pictures);
-                while self.recorded.piece(view, world, &mut pictures) {}
+    /// The messages to record at the start of this tick. Must be called in every tick.
+    pub fn due_for_recording(&mut self, world: &mut World, run_status: &RunStatus<'_>) -> VisualisationMessages {
+        let mut messages = Vec::new();
+        let run_status = RunStatus { rtf: None, ..*run_status };
+        for &topic in &self.recorded_topics {
+            let period = self.settings.period_ticks(topic);
+            if self.recorded.is_due(topic, world, period) {
+                self.recorded.mark_published(topic, world);
+                self.recorded.render(topic, world, &run_status, &mut messages);
+                while self.recorded.chunk(topic, world, &mut messages) {}
             }
         }
-        pictures
+        messages
     }
 
-    /// What there is to show now: at most one piece of what comes in pieces.
+    /// The messages to publish now; of a chunked topic at most one chunk.
     pub fn due_live(
         &mut self,
         world: &mut World,
-        facts: &RunStatus<'_>,
-        listeners: &Subscribers,
+        run_status: &RunStatus<'_>,
+        subscribers: &Subscribers,
         now: PublishTime,
     ) -> VisualisationMessages {
-        let mut pictures = Vec::new();
+        let mut messages = Vec::new();
         let PublishTime { wall_ns, is_paused } = now;
-        for (&view, &arrivals) in listeners {
-            let entry = self.live.entry(view);
+        for (&topic, &arrivals) in subscribers {
+            let entry = self.live.entry(topic);
             let is_new = entry.arrivals < arrivals;
-            // In almost every tick of a fast run there is nothing to do, so that has to take next to no time.
-            if !is_new && wall_ns < entry.open_ns && (wall_ns < entry.piece_ns || !view.has_pieces()) {
+            // The fast path: in almost every tick of a fast run nothing is due.
+            if !is_new && wall_ns < entry.next_ns && (wall_ns < entry.next_chunk_ns || !topic.is_chunked()) {
                 continue;
             }
             if is_new {
-                if !is_paused && entry.shown == Some(world.tick()) {
-                    // It is shown again in the next tick: transforms of a tick that has been told are refused by those who have them.
+                if !is_paused && entry.published == Some(world.tick()) {
+                    // Repeated in the next tick: tf2 refuses a transform with a stamp that it has.
                     continue;
                 }
                 entry.arrivals = arrivals;
-                self.live.forget(view);
+                self.live.reset(topic);
             }
-            if wall_ns >= self.live.entry(view).open_ns
-                && self.live.is_due(view, world, self.settings.period_ticks(view))
+            if wall_ns >= self.live.entry(topic).next_ns
+                && self.live.is_due(topic, world, self.settings.period_ticks(topic))
             {
-                self.live.note(view, world);
-                self.live.entry(view).open_ns = wall_ns + self.settings.pause_ns();
-                self.live.look(view, world, facts, &mut pictures);
+                self.live.mark_published(topic, world);
+                self.live.entry(topic).next_ns = wall_ns + self.settings.pause_ns();
+                self.live.render(topic, world, run_status, &mut messages);
             }
-            if wall_ns >= self.live.entry(view).piece_ns && self.live.piece(view, world, &mut pictures) {
-                self.live.entry(view).piece_ns = wall_ns + PIECE_PERIOD_NS;
+            if wall_ns >= self.live.entry(topic).next_chunk_ns && self.live.chunk(topic, world, &mut messages) {
+                self.live.entry(topic).next_chunk_ns = wall_ns + CHUNK_PERIOD_NS;
             }
         }
-        pictures
+        messages
     }
 
-    /// Whether a message of the run loop's own, such as the digest, may be shown now.
-    pub fn may_publish(&mut self, view: VisualisationTopic, listeners: &Subscribers, wall_ns: u64) -> bool {
+    /// Whether a message that the session makes itself, such as the digest, may be published now.
+    /// Takes its slot of the rate limit.
+    pub fn may_publish(&mut self, topic: VisualisationTopic, subscribers: &Subscribers, wall_ns: u64) -> bool {
         let pause_ns = self.settings.pause_ns();
-        let entry = self.live.entry(view);
-        let may = listeners.contains_key(&view) && wall_ns >= entry.open_ns;
+        let entry = self.live.entry(topic);
+        let may = subscribers.contains_key(&topic) && wall_ns >= entry.next_ns;
         if may {
-            entry.open_ns = wall_ns + pause_ns;
+            entry.next_ns = wall_ns + pause_ns;
         }
         may
     }
 }
 
-/// What a scenario calls a view that it can have recorded. The others are recorded in any case, or never.
-fn recorded_as(view: VisualisationTopic) -> Option<RecordedView> {
-    match view {
+/// The name in a scenario of a topic that can be recorded; the others are always or never recorded.
+fn recorded_as(topic: VisualisationTopic) -> Option<RecordedView> {
+    match topic {
         VisualisationTopic::Odometry(_) => Some(RecordedView::Odom),
         VisualisationTopic::Points(_) => Some(RecordedView::Points),
         VisualisationTopic::Path(_) => Some(RecordedView::Path),
@@ -260,95 +271,95 @@ fn recorded_as(view: VisualisationTopic) -> Option<RecordedView> {
     }
 }
 
-/// What has been shown to one audience.
+/// What has been published to one side, live or recorded.
 #[derive(Debug, Default)]
-struct Shown {
-    entries: BTreeMap<VisualisationTopic, Entry>,
+struct PublishState {
+    entries: BTreeMap<VisualisationTopic, TopicState>,
     paths: BTreeMap<AgentId, Vec<Point3<f64>>>,
     unexplored: Option<Unexplored>,
-    /// Walls that are still to be shown, the last ones first.
+    /// Chunks of walls still to be published, in reverse order.
     walls: Vec<Marker>,
 }
 
-/// What has been shown of one view.
+/// The state of one topic.
 #[derive(Debug, Default)]
-struct Entry {
+struct TopicState {
     arrivals: u64,
-    /// The tick of what was shown last; of points, that of the scan.
-    shown: Option<Tick>,
-    /// Wall time from which on something may be shown again.
-    open_ns: u64,
-    /// The same for pieces.
-    piece_ns: u64,
+    /// Tick of the last message; of points, that of the scan.
+    published: Option<Tick>,
+    /// Earliest wall time of the next message, ns.
+    next_ns: u64,
+    /// Earliest wall time of the next chunk, ns.
+    next_chunk_ns: u64,
 }
 
-impl Shown {
-    fn entry(&mut self, view: VisualisationTopic) -> &mut Entry {
-        self.entries.entry(view).or_default()
+impl PublishState {
+    fn entry(&mut self, topic: VisualisationTopic) -> &mut TopicState {
+        self.entries.entry(topic).or_default()
     }
 
-    /// As if nothing had been shown of a view, for a reader that has just come.
-    fn forget(&mut self, view: VisualisationTopic) {
-        let entry = self.entry(view);
-        (entry.shown, entry.open_ns) = (None, 0);
-        match view {
+    /// Resets a topic for a new subscriber.
+    fn reset(&mut self, topic: VisualisationTopic) {
+        let entry = self.entry(topic);
+        (entry.published, entry.next_ns) = (None, 0);
+        match topic {
             VisualisationTopic::Path(agent) => drop(self.paths.remove(&agent)),
             VisualisationTopic::Unexplored => self.unexplored = None,
             _ => {}
         }
     }
 
-    /// Whether this is a tick in which a view is shown: a multiple of its period, or, of points, after a scan. What was never
-    /// shown is due at once.
-    fn is_due(&mut self, view: VisualisationTopic, world: &World, period_ticks: u64) -> bool {
-        let shown = self.entry(view).shown;
-        match (view, shown) {
+    /// Whether a topic is due in this tick: a multiple of its period or, of points, after a scan. A
+    /// topic that was never published is due at once.
+    fn is_due(&mut self, topic: VisualisationTopic, world: &World, period_ticks: u64) -> bool {
+        let published = self.entry(topic).published;
+        match (topic, published) {
             (VisualisationTopic::Digest | VisualisationTopic::Result, _) => false,
-            (VisualisationTopic::StaticTransforms | VisualisationTopic::Map, shown) => shown.is_none(),
-            (VisualisationTopic::Points(agent), shown) => world.last_scan(agent).is_some_and(|(_, scan)| {
-                // One of this tick has not been cast yet, or is not over.
-                scan < world.tick() && shown.is_none_or(|shown| scan.0 >= shown.0 + period_ticks)
+            (VisualisationTopic::StaticTransforms | VisualisationTopic::Map, published) => published.is_none(),
+            (VisualisationTopic::Points(agent), published) => world.last_scan(agent).is_some_and(|(_, scan)| {
+                // A scan of this tick has not been cast yet, or not completely.
+                scan < world.tick() && published.is_none_or(|published| scan.0 >= published.0 + period_ticks)
             }),
             (_, None) => true,
-            (_, Some(shown)) => world.tick() > shown && world.tick().0.is_multiple_of(period_ticks),
+            (_, Some(published)) => world.tick() > published && world.tick().0.is_multiple_of(period_ticks),
         }
     }
 
-    /// Notes that a view is shown now.
-    fn note(&mut self, view: VisualisationTopic, world: &World) {
-        self.entry(view).shown = match view {
+    /// Marks a topic as published now.
+    fn mark_published(&mut self, topic: VisualisationTopic, world: &World) {
+        self.entry(topic).published = match topic {
             VisualisationTopic::Points(agent) => world.last_scan(agent).map(|(_, scan)| scan),
             _ => Some(world.tick()),
         };
     }
 
-    /// Makes the messages of a view; of one that comes in pieces, finds out which pieces are to be shown.
-    fn look(
+    /// Makes the messages of a topic; of a chunked topic, selects the chunks to be published.
+    fn render(
         &mut self,
-        view: VisualisationTopic,
+        topic: VisualisationTopic,
         world: &mut World,
-        facts: &RunStatus<'_>,
-        pictures: &mut VisualisationMessages,
+        run_status: &RunStatus<'_>,
+        messages: &mut VisualisationMessages,
     ) {
-        match view {
+        match topic {
             VisualisationTopic::Transforms => {
-                push(pictures, view, poses::transforms(world).map(VisualisationMessage::Transforms))
+                push(messages, topic, poses::transforms(world).map(VisualisationMessage::Transforms))
             }
             VisualisationTopic::StaticTransforms => push(
-                pictures,
-                view,
+                messages,
+                topic,
                 poses::static_transforms(world.agents(), world.tick()).map(VisualisationMessage::Transforms),
             ),
             VisualisationTopic::Odometry(agent) => {
-                push(pictures, view, [VisualisationMessage::Odometry(Box::new(odometry(world, agent)))])
+                push(messages, topic, [VisualisationMessage::Odometry(Box::new(odometry(world, agent)))])
             }
             VisualisationTopic::Points(agent) => {
-                push(pictures, view, points(world, agent).map(VisualisationMessage::Points))
+                push(messages, topic, points(world, agent).map(VisualisationMessage::Points))
             }
             VisualisationTopic::Path(agent) => {
                 let waypoints = world.body(agent).waypoints();
                 if self.paths.get(&agent) != Some(&waypoints) {
-                    push(pictures, view, [VisualisationMessage::Path(poses::path(world.tick(), &waypoints))]);
+                    push(messages, topic, [VisualisationMessage::Path(poses::path(world.tick(), &waypoints))]);
                     self.paths.insert(agent, waypoints);
                 }
             }
@@ -358,50 +369,50 @@ impl Shown {
             }
             VisualisationTopic::Unexplored => {
                 let unexplored = self.unexplored.get_or_insert_with(|| Unexplored::new(world.terrain()));
-                unexplored.look(world.coverage().explored_cells());
+                unexplored.update(world.coverage().explored_cells());
             }
             VisualisationTopic::Contacts => {
-                push(pictures, view, [VisualisationMessage::Marker(Box::new(poses::contacts(world)))])
+                push(messages, topic, [VisualisationMessage::Marker(Box::new(poses::contacts(world)))])
             }
             VisualisationTopic::Info => {
-                push(pictures, view, status::info(world, facts).into_iter().map(VisualisationMessage::Info))
+                push(messages, topic, status::info(world, run_status).into_iter().map(VisualisationMessage::Info))
             }
             VisualisationTopic::Digest | VisualisationTopic::Result => {}
         }
     }
 
-    /// Takes the next piece that is to be shown of a view, if there is one.
-    fn piece(&mut self, view: VisualisationTopic, world: &World, pictures: &mut VisualisationMessages) -> bool {
-        let piece = match view {
+    /// Takes the next chunk of a topic; returns whether there was one.
+    fn chunk(&mut self, topic: VisualisationTopic, world: &World, messages: &mut VisualisationMessages) -> bool {
+        let chunk = match topic {
             VisualisationTopic::Map => self.walls.pop(),
             VisualisationTopic::Unexplored => self.unexplored.as_mut().and_then(|unexplored| {
                 unexplored.next(world.terrain(), world.coverage().explored_cells(), world.tick())
             }),
             _ => None,
         };
-        let is_there = piece.is_some();
-        push(pictures, view, piece.map(|marker| VisualisationMessage::Marker(Box::new(marker))));
+        let is_there = chunk.is_some();
+        push(messages, topic, chunk.map(|marker| VisualisationMessage::Marker(Box::new(marker))));
         is_there
     }
 }
 
-/// What does not change in a run with this terrain and so many agents, as it is shown and recorded at tick 0: frames and walls.
+/// The messages that do not change in a run, as of tick 0: static frames and walls.
 #[must_use]
 pub fn static_messages(terrain: &Grid<Terrain>, agents: u32) -> VisualisationMessages {
-    let mut pictures = Vec::new();
+    let mut messages = Vec::new();
     let transforms = poses::static_transforms((0..agents).map(AgentId), Tick::ZERO);
-    push(&mut pictures, VisualisationTopic::StaticTransforms, transforms.map(VisualisationMessage::Transforms));
+    push(&mut messages, VisualisationTopic::StaticTransforms, transforms.map(VisualisationMessage::Transforms));
     let walls = walls(terrain, Tick::ZERO).into_iter();
-    push(&mut pictures, VisualisationTopic::Map, walls.map(|marker| VisualisationMessage::Marker(Box::new(marker))));
-    pictures
+    push(&mut messages, VisualisationTopic::Map, walls.map(|marker| VisualisationMessage::Marker(Box::new(marker))));
+    messages
 }
 
 fn push(
-    pictures: &mut VisualisationMessages,
-    view: VisualisationTopic,
+    messages: &mut VisualisationMessages,
+    topic: VisualisationTopic,
     new: impl IntoIterator<Item = VisualisationMessage>,
 ) {
-    pictures.extend(new.into_iter().map(|picture| (view, picture)));
+    messages.extend(new.into_iter().map(|message| (topic, message)));
 }
 
 #[cfg(test)]

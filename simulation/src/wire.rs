@@ -1,10 +1,10 @@
-//! Domain types to and from the messages of the protocol: the only place of the server that knows both. What is only looked at is
-//! made in [`crate::views`].
+//! Conversion between domain types and the messages of the protocol. Visualisation messages are
+//! made in [`crate::visualisation`].
 //!
-//! Invariants: no part of an observation is larger than [`OBSERVATION_BYTES_MAX`] on the wire; what comes out of [`command`] is legal
-//! for the world, whatever was sent.
+//! Invariants: no fragment of an observation is larger than [`OBSERVATION_BYTES_MAX`] on the wire;
+//! [`command`] returns only actions that are legal for the world.
 //!
-//! This module sends nothing and knows no transport.
+//! There is no transport here.
 
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
@@ -34,13 +34,14 @@ const RUN_BYTES: usize = 6;
 /// The frame of the world.
 pub const MAP_FRAME: &str = "map";
 
-/// The header of something of a tick in the frame `map`.
+/// The header of a message of a tick in the frame `map`.
 #[must_use]
 pub fn header(tick: Tick) -> Header {
     Header { stamp: tick.into(), frame_id: MAP_FRAME.to_owned() }
 }
 
-/// An observation as messages, in order, without the number of the run. `phase` is [`Part::RUNNING`] or [`Part::ENDED`].
+/// An observation as fragments, in order; the caller sets the number of the run. `phase` is
+/// [`Part::RUNNING`] or [`Part::ENDED`].
 #[must_use]
 pub fn observation_parts(observation: &Observation, phase: u8) -> Vec<Part> {
     let first = Part {
@@ -101,7 +102,7 @@ pub fn observation_parts(observation: &Observation, phase: u8) -> Vec<Part> {
     parts.finish()
 }
 
-/// An observation that is being split.
+/// Splits an observation into fragments of bounded size.
 struct Parts {
     bare: Part,
     left: usize,
@@ -139,10 +140,11 @@ impl Parts {
     }
 }
 
-/// A command as what it does and when to ask again.
+/// The action and the trigger of a command.
 ///
 /// # Errors
-/// The field, its value and what is allowed, if the command is not legal for a team of `agents`.
+/// Names the field, its value and the allowed values, if the command is not legal for a team of
+/// `agents`.
 pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Trigger), String> {
     if message.info.len() > INFO_BYTES_MAX {
         return Err(format!("info has {} bytes, at most {INFO_BYTES_MAX} are allowed", message.info.len()));
@@ -239,7 +241,7 @@ fn agent_messages(parcels: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<Agen
         .collect()
 }
 
-/// Lengths and rates beyond this are mistakes, and would only lose precision.
+/// Bound of lengths and rates, beyond which precision would suffer.
 const COORDINATE_MAX: f64 = 1e6;
 
 fn coordinate(field: &str, value: f64) -> Result<f64, String> {
@@ -267,7 +269,7 @@ fn parcel(message: &AgentMessage) -> maes_msgs::Parcel {
     }
 }
 
-/// What agents may know of a scenario, without the number of a run.
+/// The part of a scenario that agents may know; the caller sets the number of the run.
 #[must_use]
 pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::Scenario {
     let (bodies, body_of) = bodies(scenario);
@@ -297,7 +299,7 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
     }
 }
 
-/// The bodies that there are, and by agent which of them is its own.
+/// The different body models, and by agent the index of its own.
 fn bodies(scenario: &Scenario) -> (Vec<maes_msgs::Body>, Vec<u8>) {
     let mut bodies = vec![maes_msgs::Body::from(scenario.body)];
     let mut body_of = vec![0; scenario.agents.count as usize];
@@ -320,13 +322,13 @@ pub fn settings(agents: &AgentsSection) -> Vec<String> {
     agents.set.iter().map(setting).collect()
 }
 
-/// The seed that agents may know: one that the seed of the map cannot be told from.
+/// The seed of the agents, from which the seed of the map cannot be derived.
 fn agents_seed(seed: u64) -> u64 {
     use rand_chacha::rand_core::Rng;
     random_streams::stream(seed, 0, "agents").next_u64()
 }
 
-/// How far a world has come.
+/// The progress of a world.
 #[must_use]
 pub fn progress(world: &mut World) -> maes_msgs::Progress {
     let pairs_in_contact = world.pairs_in_contact();
@@ -370,19 +372,20 @@ pub fn body_frame(agent: AgentId) -> String {
     format!("agent_{agent}/base_link")
 }
 
-/// A pose as it is sent.
+/// A pose (metres, radians, frame `map`) as a message.
 #[must_use]
 pub fn pose(pose: &Pose) -> geometry_msgs::Pose {
     geometry_msgs::Pose { position: point(&pose.position), orientation: rotation(pose.yaw_rad) }
 }
 
-/// The rotation about the vertical.
+/// The rotation about the vertical by `yaw_rad`, as a quaternion.
 pub fn rotation(yaw_rad: f64) -> geometry_msgs::Quaternion {
     let (sin, cos) = libm::sincos(yaw_rad * 0.5);
     geometry_msgs::Quaternion { x: 0.0, y: 0.0, z: sin, w: cos }
 }
 
-/// What was done to an agent before this tick: its body was put at a pose, or it was taken out of the run.
+/// An intervention before this tick: the body of an agent was moved to `placed`, or the agent was
+/// removed from the run.
 #[must_use]
 pub fn intervention(tick: Tick, agent: AgentId, placed: Option<&Pose>) -> maes_msgs::Intervention {
     maes_msgs::Intervention {
@@ -395,7 +398,7 @@ pub fn intervention(tick: Tick, agent: AgentId, placed: Option<&Pose>) -> maes_m
     }
 }
 
-/// Where an intervention has put an agent; nowhere if it has taken it out of the run.
+/// The pose to which an intervention moved an agent, `None` if it removed the agent.
 #[must_use]
 pub fn placement(intervention: &maes_msgs::Intervention) -> Option<Pose> {
     (intervention.kind == maes_msgs::Intervention::PLACE).then(|| Pose {
@@ -410,7 +413,7 @@ pub fn point(point: &Point3<f64>) -> geometry_msgs::Point {
     geometry_msgs::Point { x: point.x, y: point.y, z: point.z }
 }
 
-/// A vector as it is sent.
+/// A vector as a message.
 #[must_use]
 pub fn vector(vector: &Vector3<f64>) -> geometry_msgs::Vector3 {
     geometry_msgs::Vector3 { x: vector.x, y: vector.y, z: vector.z }

@@ -1,14 +1,16 @@
 //! The true world and its fixed update: look, (compute, outside), communicate, move.
 //!
-//! A tick goes like this: [`World::look`] casts the scans that are due; the caller asks the agents that are due for commands
-//! (with [`World::observe`]); [`World::step`] delivers the messages, moves the bodies in the order of their ids, and ends the
-//! tick. Each body sees the others where they are at that moment: lower ids have moved already, higher ids not yet, so two
-//! bodies can never come to overlap.
+//! A tick consists of three calls: [`World::look`] casts the scans that are due; the caller sends
+//! observations ([`World::observe`]) to the agents that are due and collects their commands;
+//! [`World::step`] delivers messages, moves the bodies in the order of their ids, and ends the
+//! tick. A body collides with the others at their present positions: lower ids have moved already,
+//! higher ids not yet, so two bodies never overlap.
 //!
-//! Invariants: no body leaves free space or overlaps another; the result depends on the arguments alone. Threads only share
-//! out scans, each of which writes to the memory of its own agent.
+//! Invariants: no body leaves free space or overlaps another; results depend on the arguments
+//! alone. Threads share the scans of a tick, each of which writes to the memory of its own agent.
 //!
-//! This module knows no ROS, no file and no wall clock, and does not judge who is due: see [`crate::lockstep`].
+//! This module has no ROS, no files and no wall clock, and does not decide which agent is due: see
+//! [`crate::lockstep`].
 
 pub mod body;
 pub mod collision;
@@ -43,36 +45,37 @@ use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
 use radio_medium::RadioMedium;
 
-/// Everything about a world that is not its terrain.
+/// The parameters of a world, apart from its terrain.
 #[derive(Debug, Clone)]
 pub struct WorldParams {
-    /// What bodies can do.
+    /// The body model of the team.
     pub body: BodyModel,
-    /// What those of some agents can do instead.
+    /// Body models of the agents that have another one.
     pub other_bodies: BTreeMap<AgentId, BodyModel>,
-    /// What LiDARs see.
+    /// The LiDAR of every agent.
     pub scanner: Scanner,
-    /// When LiDARs scan.
+    /// The scan schedule of the LiDARs.
     pub schedule: ScanSchedule,
-    /// How agents communicate.
+    /// The radios and their contact model.
     pub comms: Comms,
-    /// How agents err.
+    /// The sensor noise.
     pub noise: SensorNoise,
 }
 
-/// When LiDARs scan.
+/// The scan schedule of the LiDARs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ScanSchedule {
-    /// Each as its agent asks; until it asks, every so many ticks, all in the same tick.
+    /// Each LiDAR scans as its agent requests; until the first request, all scan every
+    /// `period_ticks`, in the same tick.
     OnRequest {
-        /// At least 1.
+        /// Ticks between scans, at least 1.
         period_ticks: u32,
     },
-    /// The reference's way: one agent in each tick, in turn, whatever they ask.
+    /// One agent scans in each tick, in turn, whatever agents request (MAES3D).
     TakeTurns,
 }
 
-/// The true world.
+/// The true world at the start of a tick.
 #[derive(Debug)]
 pub struct World {
     tick: Tick,
@@ -86,7 +89,7 @@ pub struct World {
     totals: Totals,
 }
 
-/// One agent as the world sees it.
+/// The state of one agent in the world.
 #[derive(Debug)]
 struct AgentState {
     body: Body,
@@ -95,7 +98,7 @@ struct AgentState {
     memory: SensorMemory,
     next_scan: Option<Tick>,
     scan_period_ticks: Option<u32>,
-    /// Where and when the last scan was cast.
+    /// Pose and tick of the last scan.
     last_scan: Option<(Pose, Tick)>,
     want_view: bool,
     pending_observation: PendingObservation,
@@ -105,7 +108,8 @@ struct AgentState {
 }
 
 impl AgentState {
-    /// The event that those in contact are others than were reported, if they are.
+    /// [`CONTACTS`] if the agents or relays in contact differ from those of the last committed
+    /// observation, else no event.
     fn change_of_contacts(&self, contacts: &[AgentId], relays: &[(RelayId, Point3<f64>)]) -> Events {
         let is_as_reported = contacts == self.reported_contacts && relays == self.reported_relays;
         if is_as_reported { 0 } else { CONTACTS }
@@ -113,7 +117,8 @@ impl AgentState {
 }
 
 impl World {
-    /// A world at tick 0 with a body at each of `starts`, which have room (see [`spawn`]).
+    /// A world at tick 0 with a body at rest at each of `starts`, by agent; see [`spawn`] for
+    /// starts that are free of walls and of each other.
     #[must_use]
     pub fn new(terrain: Grid<Terrain>, params: WorldParams, starts: &[Pose]) -> Self {
         let memory = SensorMemory::new(&terrain);
@@ -158,7 +163,7 @@ impl World {
         }
     }
 
-    /// The present tick.
+    /// The current tick.
     #[must_use]
     pub fn tick(&self) -> Tick {
         self.tick
@@ -170,13 +175,13 @@ impl World {
         &self.terrain
     }
 
-    /// The score so far.
+    /// Explored and covered cells so far.
     #[must_use]
     pub fn coverage(&self) -> &Coverage {
         &self.coverage
     }
 
-    /// Running totals.
+    /// Running totals of scans, collisions and messages.
     #[must_use]
     pub fn totals(&self) -> &Totals {
         &self.totals
@@ -193,17 +198,18 @@ impl World {
         &self.agents[agent.index()].body
     }
 
-    /// Where an agent is told that it is, metres, frame `map`: what it says to others, too.
+    /// The position that an agent measures for itself, and reports to agents in contact: metres,
+    /// frame `map`. It is the true one unless the sensor noise has a pose drift.
     #[must_use]
     pub fn measured_position(&self, agent: AgentId) -> Point3<f64> {
         let state = &self.agents[agent.index()];
         state.drift.measured(&state.body.pose().position, self.terrain.extent())
     }
 
-    /// Puts a body somewhere, at rest. Its task has ended, as its agent is told.
+    /// Moves a body to a pose, at rest, and ends its task with [`TASK_DONE`].
     ///
     /// # Errors
-    /// What is in the way, if there is no room; then nothing changes.
+    /// The obstacle, if the body does not fit there; the world is unchanged then.
     pub fn place(&mut self, agent: AgentId, pose: Pose) -> Result<(), &'static str> {
         let model = *self.body(agent).model();
         let others = self.spheres.iter().enumerate().filter(|(other, _)| *other != agent.index());
@@ -212,40 +218,41 @@ impl World {
         state.body = Body::at_rest(model, pose);
         state.pending_observation.events |= TASK_DONE;
         self.contacts = None;
-        self.settle(agent.index());
+        self.update_position(agent.index());
         Ok(())
     }
 
-    /// Notes how many free cells an agent says are on its map.
+    /// Records how many free cells an agent reports to be on its map.
     pub fn note_belief(&mut self, agent: AgentId, known_free: u32) {
         self.coverage.believe(agent, known_free);
     }
 
-    /// Pairs of agents in contact now.
+    /// Number of pairs of agents in contact in this tick.
     pub fn pairs_in_contact(&mut self) -> u32 {
         let higher =
             |agent, others: Vec<AgentId>| others.iter().filter(|&&other| other > agent).map(|_| 1).sum::<u32>();
         self.agents().map(|agent| higher(agent, self.contacts_of(agent))).sum()
     }
 
-    /// Way travelled by each agent in metres, by agent.
+    /// Distance travelled so far, metres, by agent.
     #[must_use]
     pub fn distance_m(&self) -> Vec<f64> {
         self.agents.iter().map(|state| state.distance_m).collect()
     }
 
-    /// Agents in contact with an agent now, ascending.
+    /// The agents in contact with `agent` in this tick, ascending.
     pub fn in_contact_with(&mut self, agent: AgentId) -> Vec<AgentId> {
         self.contacts_of(agent)
     }
 
-    /// From where and when the last scan of an agent was.
+    /// Pose and tick of the last scan of an agent, `None` before its first.
     #[must_use]
     pub fn last_scan(&self, agent: AgentId) -> Option<(Pose, Tick)> {
         self.agents[agent.index()].last_scan
     }
 
-    /// Where the rays of a scan of an agent from a pose meet walls, metres, frame `map`, in the scanner's own fixed order.
+    /// The points where the rays of a scan of `agent` from `pose` hit walls: metres, frame `map`,
+    /// in the fixed order of the scanner's rays.
     #[must_use]
     pub fn hits_from(&self, agent: AgentId, pose: &Pose) -> Vec<Point3<f64>> {
         let Self { params: WorldParams { scanner, noise, .. }, agents, .. } = self;
@@ -258,13 +265,13 @@ impl World {
         }
     }
 
-    /// Rays of one scan.
+    /// Number of rays of one scan.
     #[must_use]
     pub fn rays(&self) -> u32 {
         self.params.scanner.rays()
     }
 
-    /// Phase look: casts the scans that are due in this tick, of several agents at a time on the threads of `pool`.
+    /// Phase look: casts the scans that are due in this tick, in parallel on the threads of `pool`.
     pub fn look(&mut self, pool: &ThreadPool) {
         let tick = self.tick;
         let team = self.agents.len() as u64;
@@ -287,7 +294,7 @@ impl World {
             let pose = *state.body.pose();
             let sees_the_same = state.last_scan.is_some_and(|(last, _)| scanner.sees_the_same(&last, &pose));
             state.last_scan = Some((pose, tick));
-            // A second look errs otherwise than the first.
+            // With noise, a repeated scan from the same pose differs from the first.
             if noise.affects_scans() || !sees_the_same {
                 cast.push((index, state));
             }
@@ -320,7 +327,7 @@ impl World {
             let new_free = &self.agents[index].pending_observation.free[first..];
             let agent = AgentId::from_index(index);
             if self.params.noise.affects_scans() {
-                // What is taken for free and is wall is no score.
+                // A wall that noise makes look free is not explored.
                 let is_free = |&cell: &u32| self.terrain.as_slice()[cell as usize] == Terrain::Free;
                 let truly_free: Vec<u32> = new_free.iter().copied().filter(is_free).collect();
                 self.coverage.explore(agent, &truly_free);
@@ -331,8 +338,8 @@ impl World {
         self.coverage.note_milestones(tick);
     }
 
-    /// What has happened to an agent since its last observation that counted, as far as `asked` names it: a change of contacts
-    /// is looked for only if it is asked for.
+    /// The events of an agent since its last committed observation, restricted to `asked`. Contacts
+    /// are computed only if `asked` names [`CONTACTS`].
     pub fn events(&mut self, agent: AgentId, asked: Events) -> Events {
         let mut events = self.agents[agent.index()].pending_observation.events;
         if asked & CONTACTS != 0 {
@@ -342,7 +349,8 @@ impl World {
         events & asked
     }
 
-    /// What an agent learns in this tick. With [`Commit::Committed`] it counts as told afterwards.
+    /// The observation of an agent in this tick. [`Commit::Committed`] marks its content as
+    /// delivered.
     pub fn observe(&mut self, agent: AgentId, commit: Commit) -> Observation {
         let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
         let contact_positions = contacts.iter().map(|&other| (other, self.measured_position(other))).collect();
@@ -385,7 +393,8 @@ impl World {
         observation
     }
 
-    /// Phases communicate and move, and the end of the tick. Agents without an action go on as before.
+    /// Phases communicate and move, and the end of the tick. Agents without an action continue
+    /// their tasks.
     pub fn step(&mut self, actions: BTreeMap<AgentId, Action>) {
         self.communicate(&actions);
         for (agent, action) in actions {
@@ -428,12 +437,13 @@ impl World {
                 state.pending_observation.events |= COLLISION;
                 self.totals.collisions += 1;
             }
-            self.settle(index);
+            self.update_position(index);
         }
     }
 
-    /// Takes note of where a body has come to.
-    fn settle(&mut self, index: usize) {
+    /// Updates what depends on the position of a body: its collision sphere, its cell and the
+    /// coverage.
+    fn update_position(&mut self, index: usize) {
         let state = &mut self.agents[index];
         let position = state.body.pose().position;
         self.spheres[index].centre = position;

@@ -1,5 +1,5 @@
-//! Makes the seeds of the corpora of fuzzing, from a real run and from what comes with the project:
-//! `cargo run --release -p tests --example fuzz_seeds`. The other files there were found by fuzzing.
+//! Writes the seeds of the fuzzing corpora, from a real run and the files of the project:
+//! `cargo run --release -p tests --example fuzz_seeds`. Fuzzing has found the other files there.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use experiments::single::{Grouping, Team};
+use experiments::in_process::{self, AgentOptions, ThreadLayout};
 use mapgen::MapFormat;
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
@@ -22,11 +22,11 @@ use sim_server::setup;
 use simulation::scenario::Scenario;
 use voxels::{m3dm, packed};
 
-/// A run of two agents that tell each other what they see, long enough for two chunks of the recording.
+/// A run of two agents with map sharing, long enough for two chunks of the recording.
 const RUN: &str = "seed = 7\nduration_s = 11.0\nstop_when_explored = false\n[map]\nkind = \"spheres\"\nsize = 14\n\
                    spheres = { radius_min = 2, radius_max = 4 }\n[agents]\ncount = 2\n[lidar]\nrays = 16\nperiod_ticks = 100\n[recording]\nposes_period_ticks = 250\n";
 
-/// Messages of each topic that are kept.
+/// Messages for each topic.
 const MESSAGES_MAX: usize = 3;
 
 fn main() {
@@ -91,7 +91,7 @@ fn main() {
     }
 }
 
-/// A few points, triangles, voxels and pixels in the formats that are only read, and in the texts of the others.
+/// Small maps in the formats that are only read, and in the text variants of the others.
 fn small_maps() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let floats = |numbers: &[f32]| -> Vec<u8> { numbers.iter().flat_map(|number| number.to_le_bytes()).collect() };
     let points = floats(&[0.5, 0.5, 0.5, 3.5, 0.5, 0.5, 3.5, 2.5, 1.5]);
@@ -150,13 +150,12 @@ fn inside(scenario: &str) -> String {
     toml::to_string(&plan).expect("a table can be written").replace("seed = 7\n", "")
 }
 
-/// The recording of a run over memory.
+/// The recording of an in-memory run.
 fn recorded(mut scenario: Scenario) -> Vec<u8> {
     let file = corpus().join("seeds.mcap");
     scenario.execution.record = Some(file.clone());
-    let team = Team { grouping: Grouping::Apart, chaos_delay: Duration::ZERO, decision_times: None };
-    experiments::single::run(&scenario, &team, &mut NullObserver, &AtomicBool::new(false))
-        .expect("the run has a result");
+    let options = AgentOptions { threads: ThreadLayout::PerAgent, chaos_delay: Duration::ZERO, decision_times: None };
+    in_process::run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false)).expect("the run has a result");
     let bytes = fs::read(&file).expect("there is a recording");
     fs::remove_file(&file).expect("it can be removed");
     bytes

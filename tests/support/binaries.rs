@@ -1,4 +1,4 @@
-//! The binaries, built once.
+//! The binaries under test, built once.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -6,25 +6,25 @@ use std::sync::OnceLock;
 
 use super::root;
 
-/// The folder with `sim_server`, `agent_node` and `experiments`, as they are delivered.
+/// The folder with `maes`, `sim_server` and `agent_node`, as they are delivered.
 pub(crate) fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
-        let arguments = ["build", "--release", "-p", "sim_server", "-p", "agent_node", "-p", "experiments"];
+        let arguments = ["build", "--release", "-p", "sim_server", "-p", "agent_node", "-p", "maes"];
         let built = cargo().args(arguments).output().expect("cargo runs");
         assert!(built.status.success(), "building the binaries:\n{}", String::from_utf8_lossy(&built.stderr));
         target_folder().join("release")
     })
 }
 
-/// Cargo, in the workspace, with the same target folder as this test.
+/// Cargo, in the workspace, with the target folder of this test.
 pub(crate) fn cargo() -> Command {
     let mut cargo = Command::new(env!("CARGO"));
     cargo.current_dir(root()).env("CARGO_TARGET_DIR", target_folder());
     cargo
 }
 
-/// Where cargo puts things: this test lies in `<target>/<profile>/deps`.
+/// The target folder of cargo: this test lies in `<target>/<profile>/deps`.
 pub(crate) fn target_folder() -> PathBuf {
     let test = std::env::current_exe().expect("the test knows where it is");
     test.ancestors().nth(3).expect("a test lies in <target>/<profile>/deps").to_owned()

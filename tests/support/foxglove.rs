@@ -1,6 +1,6 @@
-//! A client of the Foxglove WebSocket protocol, as little of it as the tests need.
+//! A minimal client of the Foxglove WebSocket protocol.
 //!
-//! What it hears is kept in order of kind; whoever waits for something reads on until it is there.
+//! It sorts everything that it receives into tables, and reads on until the awaited entry is there.
 
 use std::collections::BTreeMap;
 use std::net::TcpStream;
@@ -15,12 +15,12 @@ use tungstenite::{Message, WebSocket};
 
 use super::HANG;
 
-/// A client.
+/// A connected client.
 pub(crate) struct Client {
     socket: WebSocket<TcpStream>,
-    /// What was last said with each operation in text, such as `serverInfo`.
+    /// The last JSON message of each operation, such as `serverInfo`.
     pub(crate) said: BTreeMap<String, Value>,
-    /// Identifiers of the channels by topic, and of the services by name.
+    /// Ids of the channels by topic, and of the services by name.
     channels: BTreeMap<String, u64>,
     services: BTreeMap<String, u64>,
     /// Messages by topic.
@@ -55,7 +55,7 @@ impl Client {
         client
     }
 
-    /// The session that the server has told of last.
+    /// The current session id.
     pub(crate) fn session(&self) -> String {
         self.said["serverInfo"]["sessionId"].as_str().expect("a session is a text").to_owned()
     }
@@ -68,12 +68,12 @@ impl Client {
         self.session()
     }
 
-    /// The topics that are offered.
+    /// The advertised topics.
     pub(crate) fn offered(&self) -> Vec<&str> {
         self.channels.keys().map(String::as_str).collect()
     }
 
-    /// Asks for the messages of a topic.
+    /// Subscribes to a topic as soon as it is advertised.
     pub(crate) fn subscribe(&mut self, topic: &str) {
         self.read_until(|client| client.channels.contains_key(topic));
         let subscription = json!({ "id": self.topics.len(), "channelId": self.channels[topic] });
@@ -81,7 +81,7 @@ impl Client {
         self.say(&json!({ "op": "subscribe", "subscriptions": [subscription] }));
     }
 
-    /// Calls a service with bytes.
+    /// Calls a service with an encoded request.
     #[track_caller]
     pub(crate) fn call_raw(&mut self, service: &str, encoding: &str, request: &[u8]) -> Result<Vec<u8>, String> {
         self.asked += 1;
@@ -94,14 +94,14 @@ impl Client {
         self.answers.remove(&call).expect("it is there")
     }
 
-    /// Calls a service of ROS.
+    /// Calls a ROS service.
     #[track_caller]
     pub(crate) fn call<R: DeserializeOwned>(&mut self, service: &str, request: &impl Serialize) -> R {
         let answer = self.call_raw(service, "cdr", &cdr::encode(request)).expect("the service answers");
         cdr::decode(&answer).expect("an answer can be decoded")
     }
 
-    /// Asks for a piece of an asset.
+    /// Fetches an asset.
     #[track_caller]
     pub(crate) fn fetch(&mut self, uri: &str) -> Result<Vec<u8>, String> {
         self.asked += 1;
@@ -111,9 +111,9 @@ impl Client {
         self.assets.remove(&request).expect("it is there")
     }
 
-    /// The journal of a session to its end.
+    /// The live stream of a session up to its end.
     #[track_caller]
-    pub(crate) fn journal(&mut self, session: &str) -> Vec<u8> {
+    pub(crate) fn live_stream(&mut self, session: &str) -> Vec<u8> {
         let mut bytes = Vec::new();
         loop {
             match self.fetch(&format!("maes://run/{session}/{}", bytes.len())) {
@@ -127,7 +127,7 @@ impl Client {
         }
     }
 
-    /// Sets a parameter, and says what the server has set.
+    /// Sets a parameter and returns what the server has set.
     #[track_caller]
     pub(crate) fn set(&mut self, name: &str, value: impl Into<Value>) -> Value {
         self.said.remove("parameterValues");
@@ -150,20 +150,20 @@ impl Client {
         self.socket.send(Message::text(text.to_string())).expect("the server is there");
     }
 
-    /// Reads for a moment whatever comes.
+    /// Reads for 20 ms.
     fn pause(&mut self) {
-        self.patience(Duration::from_millis(20));
+        self.read_timeout(Duration::from_millis(20));
         while let Ok(message) = self.socket.read() {
             self.take(message);
         }
-        self.patience(HANG);
+        self.read_timeout(HANG);
     }
 
-    fn patience(&mut self, time: Duration) {
+    fn read_timeout(&mut self, time: Duration) {
         self.socket.get_mut().set_read_timeout(Some(time)).expect("a stream has time-outs");
     }
 
-    /// Reads until something holds.
+    /// Reads until `holds`.
     #[track_caller]
     pub(crate) fn read_until(&mut self, holds: impl Fn(&Self) -> bool) {
         while !holds(self) {

@@ -1,4 +1,4 @@
-//! Runs in this process, over the in-memory link, with agents that the test brings along.
+//! Runs inside the test process over the in-memory transport, with agents of the test.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -26,35 +26,33 @@ use simulation::world::World;
 
 use super::{HANG, bounded};
 
-/// A run with agents of the test.
+/// The set-up of an in-memory run.
 pub(crate) struct Play {
-    /// What is run.
     pub(crate) scenario: Scenario,
-    /// Agents that share a thread.
+    /// Ids of the agents of each thread.
     pub(crate) groups: Vec<Vec<u32>>,
-    /// Where the recording goes.
+    /// The file of the recording.
     pub(crate) record: Option<PathBuf>,
-    /// Called each time that people are told how far the run is.
+    /// Called with every progress report.
     pub(crate) watch: Box<dyn FnMut(&World) + Send>,
-    /// What stands between the server and the link.
+    /// Wraps the server's end of the transport.
     pub(crate) server_link: fn(ServerEnd) -> Box<dyn Transport>,
-    /// What the server goes on with.
+    /// The recording to resume.
     pub(crate) resumed: Option<Recording>,
-    /// Ends the run early once it is set.
+    /// Ends the run once it is set.
     pub(crate) stop: Arc<AtomicBool>,
 }
 
-/// What became of it.
+/// The outcome of an in-memory run.
 #[derive(Debug)]
 pub(crate) struct Played {
-    /// As the server says.
     pub(crate) outcome: Result<Outcome, RunError>,
-    /// What people were told.
+    /// The notes of the server for its user.
     pub(crate) notes: Vec<String>,
 }
 
 impl Play {
-    /// A run with a thread for each agent, without a recording.
+    /// A run with one thread for each agent, without a recording.
     pub(crate) fn new(scenario: &str) -> Self {
         let scenario = Scenario::parse("the test's scenario", scenario, &[]).expect("the scenario of a test is legal");
         Self {
@@ -68,8 +66,8 @@ impl Play {
         }
     }
 
-    /// Two agents in a small cave that are asked at every tick, for so many seconds of sim time, so that there is much to
-    /// interfere with.
+    /// Two agents in a small cave, for so many seconds of sim time. Without look-ahead both send a
+    /// command at every tick: many messages to interfere with.
     pub(crate) fn of_two(duration_s: f64) -> Self {
         Self::new(&format!(
             r#"
@@ -87,7 +85,7 @@ impl Play {
         ))
     }
 
-    /// Carries the run out. `node` is what a group does until the run is over or its flag is set.
+    /// Executes the run. `node` serves a group of agents until the run ends, which sets its flag.
     #[track_caller]
     pub(crate) fn with(self, node: impl Fn(AgentsEnd, Vec<AgentId>, &AtomicBool) + Send + Sync + 'static) -> Played {
         bounded("a run in memory", move || {
@@ -116,20 +114,18 @@ impl Play {
 }
 
 impl Played {
-    /// The outcome.
     #[track_caller]
     pub(crate) fn outcome(&self) -> &Outcome {
         self.outcome.as_ref().unwrap_or_else(|error| panic!("{error}\n{}", self.notes.join("\n")))
     }
 
-    /// The digest.
     #[track_caller]
     pub(crate) fn digest(&self) -> String {
         self.outcome().digest.to_string()
     }
 }
 
-/// Keeps what people are told.
+/// Collects the notes of the server.
 struct Notes {
     notes: Vec<String>,
     watch: Box<dyn FnMut(&World) + Send>,
@@ -149,7 +145,7 @@ impl RunObserver for Notes {
     }
 }
 
-/// What a group does if it runs what the scenario says.
+/// Options of a group of agents with the controller of the scenario.
 pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
     Options {
         agents,
@@ -163,7 +159,8 @@ pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
     }
 }
 
-/// Agents with controllers of the test: joins, and answers until the run is over. `pause` comes before each answer.
+/// Serves agents with controllers of the test until the run ends. `pause` is called before each
+/// command.
 pub(crate) fn serve(
     mut link: impl ServerTransport,
     ids: &[AgentId],

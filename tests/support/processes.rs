@@ -1,4 +1,4 @@
-//! Processes: what they say, how they end, and what they leave behind.
+//! Child processes: their output, exit codes and descendants.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,13 +13,13 @@ use std::time::Duration;
 
 use super::HANG;
 
-/// Wall time between two looks at something that does not tell when it changes.
+/// Wall time between two polls of something that sends no event.
 const POLL: Duration = Duration::from_millis(20);
 
-/// Environment variable by which everything that a test has started can be found.
+/// Environment variable that marks every descendant of a test.
 const MARKER: &str = "MAES_END_TO_END";
 
-/// A process that a test has started. All its descendants are killed when this is dropped.
+/// A child process of a test. Dropping it kills all its descendants.
 pub(crate) struct Process {
     what: String,
     pid: u32,
@@ -29,14 +29,12 @@ pub(crate) struct Process {
     stderr: Lines,
 }
 
-/// How a process has ended.
+/// Exit code and output of a process that has ended.
 #[derive(Debug)]
 pub(crate) struct Ended {
     /// The exit code; none if it was killed.
     pub(crate) code: Option<i32>,
-    /// What it has said.
     pub(crate) stdout: String,
-    /// What it has complained about.
     pub(crate) stderr: String,
 }
 
@@ -56,7 +54,7 @@ impl Process {
         let (ended, status) = channel();
         thread::spawn(move || {
             let status = child.wait().expect("a child can be waited for");
-            // Nobody is there any more if the test has failed.
+            // The receiver is gone if the test has failed.
             let _ = ended.send(status);
         });
         Self { what, pid, marker, status, stdout, stderr }
@@ -67,14 +65,14 @@ impl Process {
         self.pid
     }
 
-    /// The first line of stderr, from where it was last looked at, that holds `text`.
+    /// Waits for a line of stderr with `text`, behind the lines that were read before.
     #[track_caller]
     pub(crate) fn says(&mut self, text: &str) -> String {
         let found = self.stderr.find(text, HANG);
         found.unwrap_or_else(|| panic!("never said on stderr: {text}\n{}", self.story()))
     }
 
-    /// Whether such a line comes within `time`; what came before it has been looked at then.
+    /// Whether such a line comes within `time`. The lines up to it count as read.
     pub(crate) fn says_within(&mut self, text: &str, time: Duration) -> bool {
         self.stderr.find(text, time).is_some()
     }
@@ -86,7 +84,7 @@ impl Process {
         found.unwrap_or_else(|| panic!("never printed on stdout: {text}\n{}", self.story()))
     }
 
-    /// Waits, between the lines that it says, until `holds`.
+    /// Polls until `holds`. Lines of stderr that come meanwhile count as read.
     #[track_caller]
     pub(crate) fn waits_until(&mut self, holds: impl Fn() -> bool) {
         for _ in 0..HANG.as_millis() / POLL.as_millis() {
@@ -95,10 +93,10 @@ impl Process {
             }
             self.says_within("\u{0}", POLL);
         }
-        panic!("it never came to that\n{}", self.story());
+        panic!("the condition never held\n{}", self.story());
     }
 
-    /// Waits until it handles a signal by itself.
+    /// Waits until the process has a handler for a signal.
     #[track_caller]
     pub(crate) fn handles(&mut self, name: &str) {
         let bit = 1_u64
@@ -106,7 +104,7 @@ impl Process {
                 "INT" => 2,
                 "TERM" => 15,
                 "CONT" => 18,
-                other => panic!("{other} is not looked for"),
+                other => panic!("{other}: no number of this signal here"),
             } - 1);
         let pid = self.pid;
         self.waits_until(|| {
@@ -116,12 +114,12 @@ impl Process {
         });
     }
 
-    /// This process and its descendants that are still there: command lines by process id.
+    /// Command lines of this process and its living descendants, by process id.
     pub(crate) fn family(&self) -> BTreeMap<u32, String> {
         marked(&self.marker)
     }
 
-    /// Waits until somebody in the family has a command line that holds all of `words`.
+    /// Waits for a process of the family whose command line has all of `words`.
     #[track_caller]
     pub(crate) fn waits_for_member(&mut self, words: &[&str]) {
         let marker = self.marker.clone();
@@ -129,7 +127,7 @@ impl Process {
         self.waits_until(|| marked(&marker).values().any(fits));
     }
 
-    /// The one member of the family whose command line holds all of `words`.
+    /// The only process of the family whose command line has all of `words`.
     #[track_caller]
     pub(crate) fn member(&self, words: &[&str]) -> u32 {
         let family = self.family();
@@ -140,10 +138,10 @@ impl Process {
         }
     }
 
-    /// Waits for the end.
+    /// Waits for the end of the process.
     ///
     /// # Panics
-    /// If it does not come, or a descendant is left behind.
+    /// If it does not end, or leaves a descendant behind.
     #[track_caller]
     pub(crate) fn ended(mut self) -> Ended {
         let Ok(status) = self.status.recv_timeout(HANG) else {
@@ -154,7 +152,7 @@ impl Process {
         Ended { code: status.code(), stdout: self.stdout.all(), stderr: self.stderr.all() }
     }
 
-    /// Everything it has said so far, for people.
+    /// Command line and output so far, for messages of failures.
     fn story(&self) -> String {
         let Self { what, stdout, stderr, .. } = self;
         format!("{what}\nstdout:\n{}\nstderr:\n{}", stdout.so_far(), stderr.so_far())
@@ -163,7 +161,7 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // Who is killed may have started somebody just before.
+        // A process may have started another one just before it was killed.
         for _ in 0..10 {
             let family = self.family();
             if family.is_empty() {
@@ -187,7 +185,7 @@ impl Ended {
         }
     }
 
-    /// Itself, if it has ended with this exit code.
+    /// Fails unless the process has ended with this exit code.
     #[track_caller]
     pub(crate) fn with_code(self, code: i32) -> Self {
         assert_eq!(self.code, Some(code), "exit code\n{self}");
@@ -201,7 +199,7 @@ impl std::fmt::Display for Ended {
     }
 }
 
-/// Lines that a thread reads from a stream.
+/// The lines of a stream, read by a thread.
 struct Lines {
     coming: Receiver<String>,
     seen: Vec<String>,
@@ -213,7 +211,7 @@ impl Lines {
         thread::spawn(move || {
             let lossy = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
             let read = BufReader::new(stream).split(b'\n').map_while(Result::ok).map(lossy);
-            // A test that has failed listens no more, but the process may still have something to say.
+            // After a failed test the receiver is gone; the stream is read to its end all the same.
             read.for_each(|line| drop(lines.send(line)));
         });
         Self { coming, seen: Vec::new() }
@@ -229,7 +227,7 @@ impl Lines {
         }
     }
 
-    /// All lines that have come, for people.
+    /// All lines so far.
     fn so_far(&self) -> String {
         let coming: Vec<String> = self.coming.try_iter().collect();
         [&self.seen[..], &coming].concat().join("\n")
@@ -247,12 +245,12 @@ impl Lines {
     }
 }
 
-/// Sends a signal, such as `INT`, to a process; that it is gone already is no failure.
+/// Sends a signal, such as `INT`, to a process, which may have ended already.
 pub(crate) fn signal(pid: u32, name: &str) {
     kill(&pid.to_string(), name);
 }
 
-/// Sends a signal to the group of a process that was started here, as a terminal does.
+/// Sends a signal to the process group of a child, as a terminal does.
 pub(crate) fn signal_group(pid: u32, name: &str) {
     kill(&format!("-{pid}"), name);
 }
@@ -266,7 +264,7 @@ fn kill(target: &str, name: &str) {
 fn marked(marker: &str) -> BTreeMap<u32, String> {
     let entry = format!("{MARKER}={marker}");
     let has_marker = |folder: &Path| {
-        // A process that ends while it is looked at has no environment any more.
+        // A process that has just ended has no environment.
         let environment = fs::read(folder.join("environ")).unwrap_or_default();
         environment.split(|&byte| byte == 0).any(|variable| variable == entry.as_bytes())
     };

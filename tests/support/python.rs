@@ -1,27 +1,27 @@
-//! Python environments: made once by scripts, and kept.
+//! Python environments, which scripts make once and keep.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use super::{binaries, root};
+use super::root;
 
-/// Wall time that packages may take to be downloaded and built, as an argument of `timeout`.
+/// Longest wall time for downloading and building packages, seconds, for `timeout`.
 const INSTALLATION: &str = "1500";
 
-/// The interpreter with the packages that people open recordings with.
+/// The interpreter with the usual readers of recordings.
 pub(crate) fn for_recordings() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();
     PYTHON.get_or_init(|| environment("recording"))
 }
 
-/// The interpreter with a viewer of recordings.
+/// The interpreter with the viewer Rerun.
 pub(crate) fn for_rerun() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();
     PYTHON.get_or_init(|| environment("rerun"))
 }
 
-/// The interpreter with a second DDS.
+/// The interpreter with Cyclone DDS.
 pub(crate) fn for_cyclone() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();
     PYTHON.get_or_init(|| environment("cyclone"))
@@ -29,15 +29,13 @@ pub(crate) fn for_cyclone() -> &'static Path {
 
 /// The interpreter with the packages of a requirements file.
 fn environment(name: &str) -> PathBuf {
-    let folder = binaries::target_folder().join(format!("python-{name}"));
-    let tests = root().join("tests");
     let mut command = Command::new("timeout");
-    command.arg(INSTALLATION).arg(tests.join("python_env.sh"));
-    command.arg(tests.join(format!("{name}_requirements.txt"))).arg(folder);
+    command.arg(INSTALLATION).arg(root().join("tests/python_env.sh")).arg(name);
     PathBuf::from(prepared(&mut command).trim_end())
 }
 
-/// Makes a ROS 2 with our messages. A command of this environment begins with the words of [`in_ros`].
+/// Prepares a ROS 2 with the messages of this project. Commands run in it behind the arguments of
+/// [`in_ros`].
 pub(crate) fn prepare_ros() {
     static PREPARED: OnceLock<()> = OnceLock::new();
     PREPARED.get_or_init(|| {
@@ -45,13 +43,13 @@ pub(crate) fn prepare_ros() {
     });
 }
 
-/// A shell script that runs its arguments in the ROS 2 that [`prepare_ros`] has made.
+/// Arguments for `bash`: a script that runs what follows in the ROS 2 of [`prepare_ros`].
 pub(crate) fn in_ros() -> [String; 3] {
     let script = root().join("launch_scripts/ros_env.sh");
     ["-c".to_owned(), format!("eval \"$({})\" && exec \"$@\"", script.display()), "bash".to_owned()]
 }
 
-/// What a command prints that has to succeed.
+/// The output of a command that has to succeed.
 fn prepared(command: &mut Command) -> String {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
     let complaint = String::from_utf8_lossy(&output.stderr);

@@ -1,4 +1,4 @@
-//! Recordings, as they are in the file.
+//! Recordings as they are in the file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -10,7 +10,7 @@ use msgs::ids::Tick;
 use msgs::maes_msgs;
 use serde::de::DeserializeOwned;
 
-/// The messages of a recording, as far as it can be read.
+/// The messages of a recording up to its end or its damage.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Recording {
     /// In the order of the file.
@@ -20,26 +20,34 @@ pub(crate) struct Recording {
 /// A message.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Message {
-    /// Its topic.
     pub(crate) topic: String,
-    /// The tick that its stamp says.
+    /// The tick of its stamp.
     pub(crate) tick: u64,
-    /// As CDR, with header.
+    /// CDR with its encapsulation header.
     pub(crate) data: Vec<u8>,
 }
 
 impl Recording {
-    /// Reads a file, whole or cut off.
+    /// Reads a file, complete or cut.
     #[track_caller]
     pub(crate) fn read(file: &Path) -> Self {
         let bytes = std::fs::read(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
         Self::from_bytes(&bytes)
     }
 
-    /// The same of bytes in memory.
+    /// Reads bytes, complete or cut.
     #[track_caller]
     pub(crate) fn from_bytes(bytes: &[u8]) -> Self {
-        let stream = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into()).expect("it begins as MCAP");
+        Self::parse(bytes).expect("it begins as MCAP")
+    }
+
+    /// What a file holds that is still written to, if it exists and begins as MCAP.
+    pub(crate) fn read_so_far(file: &Path) -> Option<Self> {
+        std::fs::read(file).ok().and_then(|bytes| Self::parse(&bytes))
+    }
+
+    fn parse(bytes: &[u8]) -> Option<Self> {
+        let stream = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into()).ok()?;
         let messages = stream.map_while(Result::ok).map(|message| {
             assert_eq!(message.log_time % Tick::TICK_NS, 0, "stamps are sim time");
             assert_eq!(message.log_time, message.publish_time);
@@ -49,7 +57,7 @@ impl Recording {
                 data: message.data.into_owned(),
             }
         });
-        Self { messages: messages.collect() }
+        Some(Self { messages: messages.collect() })
     }
 
     /// The messages of a topic, decoded.
@@ -82,12 +90,12 @@ impl Recording {
             .collect()
     }
 
-    /// Whether `whole` begins with exactly these messages.
+    /// Whether these are the first messages of `whole`.
     pub(crate) fn is_beginning_of(&self, whole: &Self) -> bool {
         whole.messages.starts_with(&self.messages)
     }
 
-    /// Fails unless this is the beginning of `whole`, at least `seconds` of sim time long.
+    /// Fails unless the digests are the first ones of `whole`, and at least `seconds` of them.
     #[track_caller]
     pub(crate) fn assert_begins(&self, whole: &Self, seconds: usize) {
         let (part, whole) = (self.digests(), whole.digests());
@@ -97,7 +105,7 @@ impl Recording {
         }
     }
 
-    /// Where two recordings part, for people.
+    /// Describes the first difference between two recordings.
     pub(crate) fn first_difference(&self, other: &Self) -> String {
         let number = self.messages.iter().zip(&other.messages).take_while(|(one, two)| one == two).count();
         let name = |recording: &Self| {
@@ -122,7 +130,7 @@ pub(crate) fn counter(result: &maes_msgs::Result, name: &str) -> u64 {
     counter.unwrap_or_else(|| panic!("no counter {name} in {:?}", result.counters)).value
 }
 
-/// All refusals that were counted, by name.
+/// The counters of refusals that are not zero, by name.
 pub(crate) fn refusals(result: &maes_msgs::Result) -> BTreeMap<&str, u64> {
     let refusals = result.counters.iter().filter(|counter| counter.name.starts_with("refused_") && counter.value > 0);
     refusals.map(|counter| (counter.name.as_str(), counter.value)).collect()

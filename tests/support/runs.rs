@@ -1,4 +1,4 @@
-//! Runs as people start them: `run.sh`, the server, an agent, a run in memory.
+//! Runs of the programs under test: `run.sh`, a server, an agent, an in-memory run.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -11,21 +11,20 @@ use super::processes::{Ended, Process};
 use super::recordings::Recording;
 use super::{Slot, binaries, root};
 
-/// A place for runs: a ROS domain and a folder. Dropping it removes the folder.
+/// A ROS domain and a temporary folder for the runs of a test. Dropping it removes the folder.
 pub(crate) struct Site {
     domain: Domain,
     folder: TempDir,
 }
 
-/// A run that is under way.
+/// A run that has been started.
 pub(crate) struct Run {
     process: Process,
     _slot: Slot,
 }
 
-/// A run that came to its end, with its recording.
+/// A run that has ended, with its recording.
 pub(crate) struct Outcome {
-    /// How it ended.
     pub(crate) ended: Ended,
     /// The bytes of the recording.
     pub(crate) bytes: Vec<u8>,
@@ -33,10 +32,9 @@ pub(crate) struct Outcome {
 
 impl Site {
     pub(crate) fn new() -> Self {
-        Self { domain: Domain::claim(), folder: tempfile::tempdir().expect("there is room for a folder") }
+        Self { domain: Domain::reserve(), folder: tempfile::tempdir().expect("there is room for a folder") }
     }
 
-    /// The domain.
     pub(crate) fn domain(&self) -> &Domain {
         &self.domain
     }
@@ -46,20 +44,20 @@ impl Site {
         self.folder.path().join(name)
     }
 
-    /// A text file in the folder.
+    /// Writes a file in the folder.
     pub(crate) fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
         let path = self.path(name);
         std::fs::write(&path, content).expect("the folder can be written to");
         path
     }
 
-    /// The recording of that name.
+    /// Reads a recording in the folder.
     #[track_caller]
     pub(crate) fn recording(&self, name: &str) -> Recording {
         Recording::read(&self.path(name))
     }
 
-    /// A command in the domain and the folder, with nothing else of ROS in its environment.
+    /// A command in the domain and the folder, with no other setting of ROS in its environment.
     pub(crate) fn command(&self, program: impl AsRef<OsStr>) -> Command {
         let mut command = Command::new(program);
         command
@@ -83,19 +81,19 @@ impl Site {
         command
     }
 
-    /// Starts a run when it is its turn.
+    /// Starts a run as soon as a slot is free.
     pub(crate) fn start(&self, command: &mut Command) -> Run {
         let slot = Slot::take();
         Run { process: Process::start(command), _slot: slot }
     }
 
-    /// Carries out `run.sh` with these arguments, and with a recording.
+    /// Runs `run.sh` with these arguments and a recording, to its end.
     #[track_caller]
     pub(crate) fn record(&self, arguments: &[&str]) -> Outcome {
         self.record_with(&mut self.run_sh(arguments))
     }
 
-    /// Carries out a command that is a run, with a recording.
+    /// Runs a command with `--record` to its end.
     #[track_caller]
     pub(crate) fn record_with(&self, command: &mut Command) -> Outcome {
         let file = self.path("compared.mcap");
@@ -107,13 +105,13 @@ impl Site {
 }
 
 impl Outcome {
-    /// The digest as it was printed.
+    /// The printed digest.
     #[track_caller]
     pub(crate) fn digest(&self) -> String {
         self.ended.digest()
     }
 
-    /// Fails if the other one is not the same run, byte for byte.
+    /// Fails unless both have the same digest and the same recording, byte for byte.
     #[track_caller]
     pub(crate) fn assert_same(&self, other: &Self, what: &str) {
         let difference = difference((&self.digest(), &self.bytes), (&other.digest(), &other.bytes));
@@ -121,7 +119,7 @@ impl Outcome {
     }
 }
 
-/// In what two runs differ, if they do: digests first, then the bytes of their recordings.
+/// How two runs differ, if they do: first their digests, then the bytes of their recordings.
 pub(crate) fn difference(one: (&str, &[u8]), two: (&str, &[u8])) -> Option<String> {
     let parting = || Recording::from_bytes(one.1).first_difference(&Recording::from_bytes(two.1));
     if one.0 != two.0 {
@@ -134,21 +132,21 @@ pub(crate) fn difference(one: (&str, &[u8]), two: (&str, &[u8])) -> Option<Strin
 }
 
 impl Run {
-    /// The process.
     pub(crate) fn process(&mut self) -> &mut Process {
         &mut self.process
     }
 
-    /// Waits until the clock has started and the run is some way on.
+    /// Waits until the recording of the run has the digest of its first second of sim time.
     #[track_caller]
-    pub(crate) fn is_under_way(&mut self) {
-        self.process.says("x real time");
+    pub(crate) fn is_under_way(&mut self, recording: &Path) {
+        let has_first_second = |recording: Recording| recording.digests().len() >= 2;
+        self.process.waits_until(|| Recording::read_so_far(recording).is_some_and(has_first_second));
     }
 
-    /// Where people can look on, as the server says on stderr.
+    /// The address of the Foxglove server, from the server's stderr.
     #[track_caller]
     pub(crate) fn address(&mut self) -> String {
-        let line = self.process.says("to look on: http://");
+        let line = self.process.says("observe at http://");
         line.split(['/', ' ']).find(|word| word.starts_with("127.")).expect("the line has an address").to_owned()
     }
 
@@ -159,12 +157,12 @@ impl Run {
     }
 }
 
-/// A scenario that comes with the project.
+/// The file of a scenario of the project.
 pub(crate) fn scenario(name: &str) -> PathBuf {
     root().join("launch_scripts/scenarios").join(name)
 }
 
-/// Arguments of `run.sh` or `experiments single` for a scenario and flags.
+/// A path as an argument.
 pub(crate) fn text(path: &Path) -> &str {
     path.to_str().expect("paths of tests are texts")
 }

@@ -1,7 +1,7 @@
-//! A map cut into cubes of cells, so that what changes in one place need not be told of all others.
+//! A partition of a map into cubic blocks of cells, so that a change concerns one block.
 //!
-//! Blocks are numbered as cells are: x first, then y, then z. Those at the upper ends of the map may be smaller. This module
-//! does not know what is in the cells.
+//! Blocks are numbered as cells are: x first, then y, then z. Those at the upper ends of the map
+//! may be smaller.
 
 use crate::{Cell, Extent};
 

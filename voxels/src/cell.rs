@@ -1,6 +1,6 @@
 //! [`Cell`]: the integer coordinates of one voxel, and its neighbours in a fixed order.
 //!
-//! A cell is only a place; whether it lies in a map is the business of [`Extent`](crate::Extent).
+//! Whether a cell lies in a map is decided by [`Extent`](crate::Extent).
 
 use std::cmp::Ordering;
 use std::ops::{Add, Sub};

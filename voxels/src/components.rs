@@ -71,8 +71,8 @@ fn flood(terrain: &Grid<Terrain>, labels: &mut Grid<u32>, first: usize, label: u
     size
 }
 
-/// Turns every free cell outside the largest component into wall; of several equally large ones
-/// the one with the lowest cell index stays (`maes3d.md` 1.8).
+/// Turns every free cell outside the largest component into wall; of several equally large ones the
+/// one with the lowest cell index stays (docs/reference-model.md, "Repairs of a map").
 pub fn keep_largest_component(terrain: &mut Grid<Terrain>) -> Pockets {
     let components = free_components(terrain);
     let Some(kept) = components.largest() else {
@@ -173,7 +173,7 @@ mod tests {
             let left = free_components(&after);
             prop_assert_eq!(left.sizes.len(), found.sizes.len().min(1));
             prop_assert_eq!(left.sizes.first(), found.sizes.iter().max());
-            prop_assert_eq!(pockets.kept_cells + pockets.filled_cells, found.sizes.iter().sum());
+            prop_assert_eq!(pockets.kept_cells + pockets.filled_cells, found.sizes.iter().sum::<usize>());
         }
     }
 }

@@ -1,4 +1,4 @@
-//! [`Extent`]: how large a map is, and the way between points, cells and indices.
+//! [`Extent`]: the size of a map, and conversions between points, cells and indices.
 //!
 //! Invariants: every axis has 1 to [`Extent::AXIS_MAX`] cells and `cell_m` is finite and positive,
 //! so the volume fits `u32` and no other code tests for an empty map.
@@ -25,7 +25,7 @@ pub struct Extent {
     cell_m: f64,
 }
 
-/// Why an [`Extent`] cannot be made.
+/// The reason why an [`Extent`] is illegal.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum ExtentError {
     /// An axis is empty or too long.
@@ -48,7 +48,8 @@ impl Extent {
     /// An extent of `size` = (x, y, z) cells with edges of `cell_m` metres.
     ///
     /// # Errors
-    /// If an axis is outside 1 to [`Extent::AXIS_MAX`], or `cell_m` is not a finite positive number.
+    /// If an axis is outside 1 to [`Extent::AXIS_MAX`], or `cell_m` is not a finite positive
+    /// number.
     pub fn new(size: [u32; 3], cell_m: f64) -> Result<Self, ExtentError> {
         for (axis, cells) in ['x', 'y', 'z'].into_iter().zip(size) {
             if !(1..=Self::AXIS_MAX).contains(&cells) {

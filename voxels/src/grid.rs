@@ -25,7 +25,7 @@ pub struct Grid<T> {
     values: Vec<T>,
 }
 
-/// Why a [`Grid`] cannot be made.
+/// The reason why a [`Grid`] cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum GridError {
     /// The number of values does not match the extent.

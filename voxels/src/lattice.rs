@@ -1,6 +1,7 @@
 //! Directions spread evenly over the sphere: the Fibonacci lattice.
 //!
-//! Source: the reference's sensor, whose pole is a horizontal axis; here it is x.
+//! As in the LiDAR of MAES3D, the pole is a horizontal axis, here x (docs/reference-model.md,
+//! "LiDAR").
 
 use std::f64::consts::TAU;
 
@@ -9,7 +10,8 @@ use nalgebra::Vector3;
 /// (1 + sqrt 5) / 2.
 const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
 
-/// Direction number `index` of `count`, a vector of length 1. The first ones look along x, the last ones against it.
+/// Direction number `index` of `count`, a vector of length 1. The first ones look along x, the last
+/// ones against it.
 #[must_use]
 pub fn direction(index: u32, count: u32) -> Vector3<f64> {
     let azimuth = TAU * f64::from(index) / GOLDEN_RATIO;

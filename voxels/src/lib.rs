@@ -8,7 +8,7 @@
 //! it, and every function here that returns several cells returns them in that order unless it
 //! says otherwise.
 //!
-//! Nothing here knows about agents, time or chance.
+//! There are no agents, no time and no randomness here.
 
 #![warn(missing_docs)]
 

@@ -1,14 +1,14 @@
-//! M3DM map files: the reference simulator's format, byte for byte (`maes3d.md` 1.12).
+//! M3DM map files: the format of MAES3D, byte for byte (docs/reference-model.md, "Map file
+//! format").
 //!
 //! A bit stream, most significant bit first: `W:7 | H:7 | D:7 | offset:3`, then `offset` zero bits
 //! that make the file a whole number of bytes, then W * H * D bits (1 = wall) with the first
-//! coordinate slowest and the last fastest. The reference's axes are left-handed with y up, ours are
-//! right-handed with z up: our x is its x, our y its z, our z its y. That change mirrors nothing. So
-//! W, H, D are our sizes along x, z, y, and the bits run with our x slowest, then z, y fastest.
+//! coordinate slowest and the last fastest. The axes of MAES3D are left-handed with y up, ours are
+//! right-handed with z up: our x is its x, our y its z, our z its y. That change mirrors nothing.
+//! So W, H, D are our sizes along x, z, y, and the bits run with our x slowest, then z, y fastest.
 //!
-//! The file holds no cell length: cells read from it are 1 m long. Larger maps, and smaller files, are the business of
-//! [`crate::packed`]. This module repairs nothing (open
-//! shells and pockets are the importer's business).
+//! The file holds no cell length: cells read from it are 1 m long. Larger maps and smaller files:
+//! [`crate::packed`]. Open shells and pockets are not repaired here but by the importer.
 
 use thiserror::Error;
 
@@ -20,10 +20,10 @@ const HEADER: usize = 3;
 /// The largest size along an axis: seven bits.
 pub const AXIS_MAX: u32 = 127;
 
-/// Why bytes are not an M3DM map, or a map cannot become one.
+/// The reason why bytes are not an M3DM map, or why a map cannot be written as one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum M3dmError {
-    /// There are not even three bytes.
+    /// The file is shorter than its header.
     #[error("byte {got}: the file ends within its header, expected length at least 3 bytes")]
     Header {
         /// Length of the file.
@@ -56,7 +56,7 @@ pub enum M3dmError {
         h: u32,
         /// Third size.
         d: u32,
-        /// The length that such a map has, in bytes.
+        /// The length of the file that the header requires, bytes.
         length: usize,
     },
     /// Bytes are missing at the end.
@@ -64,15 +64,15 @@ pub enum M3dmError {
     Truncated {
         /// Length of the file.
         got: usize,
-        /// The length that the header demands, in bytes.
+        /// The length of the file that the header requires, bytes.
         length: usize,
     },
     /// Bytes follow the last cell.
     #[error("byte {length}: {surplus} bytes follow the last cell, expected length {length} bytes")]
     Trailing {
-        /// The length that the header demands, in bytes.
+        /// The length of the file that the header requires, bytes.
         length: usize,
-        /// The bytes too many.
+        /// Number of bytes too many.
         surplus: usize,
     },
     /// A padding bit is set.
@@ -85,7 +85,7 @@ pub enum M3dmError {
         offset: u32,
         /// The byte that holds them.
         value: u8,
-        /// The length that the header demands, in bytes.
+        /// The length of the file that the header requires, bytes.
         length: usize,
     },
     /// The map to be written has an axis that seven bits cannot hold.
@@ -98,7 +98,7 @@ pub enum M3dmError {
     },
 }
 
-/// What the first three bytes say, and what follows from it.
+/// The header, and what follows from it.
 struct Header {
     w: u32,
     h: u32,

@@ -1,12 +1,14 @@
-//! Packed M3DM: maps of up to 1024 cells along an axis, as the lengths of runs.
+//! Packed M3DM: run-length coded maps of up to 1024 cells along an axis.
 //!
-//! Every cell is predicted from the three before it, at x - 1, y - 1 and z - 1: it is what two of them are. Outside the map all
-//! is wall. Where the three agree, a wrong prediction is rare, and where they differ it is not, so the two kinds of cells are told
-//! apart, and of each kind a run is the number of cells between two wrong predictions. That is what makes runs long: a cave has
-//! surfaces along every axis, and plain runs of free and wall cells would be two to three times the size.
+//! Every cell is predicted as the majority of the three cells before it, at x - 1, y - 1 and z - 1;
+//! the outside is wall. Wrong predictions are rare where the three agree and common where they
+//! differ, so the two kinds of cells are coded separately. A run is the number of cells of a kind
+//! between two wrong predictions. Plain runs of free and wall cells would take two to three times
+//! the size, because a cave has surfaces along every axis.
 //!
-//! All numbers are little-endian. The first byte of a plain M3DM file is at least 2 (its first seven bits are a size of at least
-//! 1), so the mark, which begins with 0, is never that of a plain one.
+//! All numbers are little-endian. The first byte of a plain M3DM file is at least 2 (its first
+//! seven bits are a size of at least 1), so no plain file begins with the mark, whose first byte is
+//! 0.
 //!
 //! | bytes | content |
 //! |---|---|
@@ -21,11 +23,12 @@
 //! | 48 to 51 | CRC-32 of all other bytes |
 //! | 52 to the end | the codes of agreeing cells, then those of differing cells |
 //!
-//! A run is an exponential Golomb code of order k: with n bits in `(run >> k) + 1`, n - 1 zeros, these n bits, then the low k
-//! bits of the run; the most significant bit of each byte first, the last byte filled up with zeros. After its last run, a kind
-//! has no wrong predictions.
+//! A run is an exponential Golomb code of order k: with n bits in `(run >> k) + 1`, n - 1 zeros,
+//! these n bits, then the low k bits of the run; the most significant bit of each byte first, the
+//! last byte filled up with zeros. After its last run, a kind has no wrong predictions.
 //!
-//! This module repairs nothing. No memory is taken for cells before the lengths and the sum of the file have been compared.
+//! Memory for cells is allocated only after the lengths and the checksum have been verified. Maps
+//! are not repaired here.
 
 use thiserror::Error;
 
@@ -33,18 +36,18 @@ use crate::{Extent, ExtentError, Grid, Terrain};
 
 mod bits;
 
-use bits::{BitReader, BitWriter, code_bits, crc32};
+use bits::{BitReader, BitWriter, code_bits};
 
-/// What a packed file begins with.
+/// The first bytes of a packed file.
 const MARK: [u8; 8] = *b"\0M3DMRLE";
 
-/// The version that is written, and the only one that is read.
+/// The version that is written and read.
 const VERSION: u8 = 1;
 
-/// Length of what comes before the codes, in bytes.
+/// Length of the header, bytes.
 const HEADER: usize = 52;
 
-/// Where the sum stands.
+/// The bytes of the checksum.
 const SUM: std::ops::Range<usize> = 48..HEADER;
 
 /// The largest order of codes.
@@ -53,7 +56,7 @@ const ORDER_MAX: u8 = 24;
 /// Cells whose three neighbours agree, and those whose neighbours differ.
 const KINDS: usize = 2;
 
-/// Why bytes are not a packed map.
+/// The reason why bytes are not a packed map.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum PackedError {
     /// The file ends early.
@@ -61,7 +64,7 @@ pub enum PackedError {
     Truncated {
         /// Length of the file.
         got: usize,
-        /// The length that is missing.
+        /// The expected length, bytes.
         length: u64,
         /// Whether the file may be longer.
         at_least: bool,
@@ -69,75 +72,75 @@ pub enum PackedError {
     /// Bytes follow the last code.
     #[error("byte {length}: {surplus} bytes follow the last run, expected length {length} bytes")]
     Trailing {
-        /// The length that the header demands, in bytes.
+        /// The length of the file that the header requires, bytes.
         length: u64,
-        /// The bytes too many.
+        /// Number of bytes too many.
         surplus: u64,
     },
-    /// A field of the header has a value that it cannot have.
+    /// A field of the header has an illegal value.
     #[error("byte {byte}: {name} is {value}, allowed is {allowed}")]
     Field {
-        /// Where the field begins.
+        /// Offset of the field, bytes.
         byte: usize,
-        /// What it says.
+        /// The field, in words.
         name: &'static str,
         /// Its value.
         value: u64,
-        /// What it may be.
+        /// The allowed values.
         allowed: String,
     },
-    /// The size or the cell length is none.
+    /// The size or the cell length is illegal.
     #[error("byte {byte}: {reason}")]
     Extent {
-        /// Where the field begins.
+        /// Offset of the field, bytes.
         byte: usize,
-        /// What is wrong.
+        /// The fault.
         reason: ExtentError,
     },
-    /// The file was changed after it was written.
-    #[error("byte 48: the sum is {told:#010x}, that of the file is {found:#010x}: the file is damaged")]
+    /// The checksum does not match: the file is damaged.
+    #[error("byte 48: the checksum is {stored:#010x}, that of the file is {computed:#010x}: the file is damaged")]
     Sum {
-        /// As the header says.
-        told: u32,
-        /// Of the bytes.
-        found: u32,
+        /// According to the header.
+        stored: u32,
+        /// Computed from the bytes.
+        computed: u32,
     },
-    /// The map has more cells than the reader is allowed.
+    /// The map has more cells than the caller allows.
     #[error("byte 12: the map has {cells} cells, allowed are {cells_max}")]
     TooLarge {
-        /// As the header says.
+        /// According to the header.
         cells: usize,
-        /// As the caller says.
+        /// The limit of the caller.
         cells_max: usize,
     },
-    /// A code is none, or goes on behind the end.
+    /// A code is malformed, or extends beyond the end.
     #[error("byte {byte}: run {run} is not a code of order {order} that ends within its {length} bytes")]
     Code {
-        /// Where the codes of its kind begin.
+        /// Offset of the codes of its kind, bytes.
         byte: usize,
-        /// Which run, from 0.
+        /// Index of the run, from 0.
         run: u32,
         /// Order of the codes.
         order: u8,
-        /// Length of the codes.
+        /// Length of the codes, bytes.
         length: usize,
     },
-    /// The runs are for more cells than there are, or bits are left.
+    /// The runs cover more cells than the map has.
     #[error("byte {byte}: the runs do not end with the map, {left} of {runs} are left behind its last cell")]
     Runs {
-        /// Where the codes of their kind begin.
+        /// Offset of the codes of their kind, bytes.
         byte: usize,
-        /// Runs that no cell has a use for.
+        /// Runs behind the last cell.
         left: u32,
-        /// All runs of their kind.
+        /// Number of runs of their kind.
         runs: u32,
     },
-    /// What fills up the last byte is not zero.
+    /// The padding of the last byte is not zero.
     #[error("byte {byte}: the codes do not fill their {length} bytes, or the bits behind them are not 0")]
     Padding {
-        /// Where the codes of the kind begin.
+        /// Offset of the codes of the kind, bytes.
         byte: usize,
-        /// Their length.
+        /// Length of the codes, bytes.
         length: usize,
     },
     /// The system has not enough memory.
@@ -145,13 +148,13 @@ pub enum PackedError {
     Memory(usize),
 }
 
-/// Whether bytes are a packed map rather than a plain one, going by how they begin.
+/// Whether bytes are a packed map rather than a plain one, by their first bytes.
 pub fn is_packed(bytes: &[u8]) -> bool {
-    // A file that is cut off within the mark is a damaged packed map.
+    // A file truncated within the mark is a damaged packed map.
     !bytes.is_empty() && bytes.iter().zip(MARK).all(|(&byte, mark)| byte == mark)
 }
 
-/// What stands before the codes.
+/// The header of a packed map.
 struct Header {
     extent: Extent,
     orders: [u8; KINDS],
@@ -159,10 +162,10 @@ struct Header {
     lengths: [usize; KINDS],
 }
 
-/// The extent that a packed map says it has, after its lengths and its sum have been compared.
+/// The extent of a packed map, after its lengths and its checksum have been verified.
 ///
 /// # Errors
-/// If the header, a length or the sum is wrong.
+/// If the header, a length or the checksum is wrong.
 pub fn extent(bytes: &[u8]) -> Result<Extent, PackedError> {
     Ok(header(bytes)?.extent)
 }
@@ -170,7 +173,8 @@ pub fn extent(bytes: &[u8]) -> Result<Extent, PackedError> {
 /// Reads a packed map of at most `cells_max` cells.
 ///
 /// # Errors
-/// If a field, a length, the sum or a run is wrong, with the byte; if the map is larger than allowed.
+/// If a field, a length, the checksum or a run is wrong (with its offset), or if the map is larger
+/// than allowed.
 ///
 /// # Panics
 /// Never: there is a value for each cell.
@@ -196,7 +200,7 @@ pub fn read(bytes: &[u8], cells_max: usize) -> Result<Grid<Terrain>, PackedError
     }
 
     let mut walls = Vec::new();
-    // Memory that is promised is not yet used, and a promise that cannot be kept is an error here.
+    // Reserved memory is not used yet, and a refused reservation is an error here.
     walls.try_reserve_exact(cells).map_err(|_| PackedError::Memory(cells))?;
     let [size_x, size_y, _] = extent.size().map(|cells| cells as usize);
     for index in 0..cells {
@@ -210,7 +214,7 @@ pub fn read(bytes: &[u8], cells_max: usize) -> Result<Grid<Terrain>, PackedError
     Ok(Grid::from_vec(extent, walls).expect("one value was pushed for each cell"))
 }
 
-/// Writes a map with the length of its cells.
+/// Writes a map, including the length of its cells.
 pub fn write(terrain: &Grid<Terrain>) -> Vec<u8> {
     let extent = terrain.extent();
     let [size_x, size_y, _] = extent.size().map(|cells| cells as usize);
@@ -280,9 +284,9 @@ fn header(bytes: &[u8]) -> Result<Header, PackedError> {
     if got as u64 > length {
         return Err(PackedError::Trailing { length, surplus: got as u64 - length });
     }
-    let (told, found) = (u32_at(SUM.start), sum_of(bytes));
-    if told != found {
-        return Err(PackedError::Sum { told, found });
+    let (stored, computed) = (u32_at(SUM.start), sum_of(bytes));
+    if stored != computed {
+        return Err(PackedError::Sum { stored, computed });
     }
     let cells = extent.volume() as u64;
     if let Some(kind) = (0..KINDS).find(|&kind| u64::from(runs[kind]) > cells) {
@@ -292,7 +296,7 @@ fn header(bytes: &[u8]) -> Result<Header, PackedError> {
     Ok(Header { extent, orders: [bytes[9], bytes[10]], runs, lengths: lengths.map(|length| length as usize) })
 }
 
-/// What a cell is predicted to be from the cells before it, and the kind of the cell.
+/// The prediction of a cell from the cells before it, and its kind.
 fn prediction(before: &[Terrain], index: usize, size_x: usize, size_y: usize) -> (Terrain, usize) {
     let layer = size_x * size_y;
     let wall = Terrain::Wall;
@@ -309,25 +313,28 @@ fn opposite(terrain: Terrain) -> Terrain {
     }
 }
 
-/// The order that makes the codes of these runs shortest; of several the lowest.
+/// The order with the shortest codes of these runs; of several the lowest.
 fn best_order(runs: &[u32]) -> u8 {
     let bits = |order: u8| runs.iter().map(|&run| u64::from(code_bits(run, order))).sum::<u64>();
     (0..=ORDER_MAX).min_by_key(|&order| bits(order)).unwrap_or_default()
 }
 
 fn sum_of(bytes: &[u8]) -> u32 {
-    crc32([&bytes[..SUM.start], &bytes[SUM.end..]])
+    let mut crc = crc32fast::Hasher::new();
+    crc.update(&bytes[..SUM.start]);
+    crc.update(&bytes[SUM.end..]);
+    crc.finalize()
 }
 
-/// The runs of one kind of cells while they are read.
+/// A decoder of the runs of one kind of cells.
 struct Runs<'a> {
     codes: BitReader<'a>,
     order: u8,
-    /// How many there are.
+    /// Number of runs.
     runs: u32,
-    /// How many have been read.
+    /// Number of runs that have been read.
     taken: u32,
-    /// Cells to come before the next wrong prediction.
+    /// Cells before the next wrong prediction.
     left: u32,
     /// Whether there is a next wrong prediction.
     wrong: bool,
@@ -344,7 +351,7 @@ impl Runs<'_> {
         Ok(())
     }
 
-    /// Goes on by one cell, and says whether its prediction is wrong.
+    /// Advances by one cell; returns whether its prediction is wrong.
     fn step(&mut self) -> Result<bool, u32> {
         if !self.wrong {
             return Ok(false);
@@ -357,7 +364,7 @@ impl Runs<'_> {
         Ok(true)
     }
 
-    /// Whether the cells have used up all runs, and these all bits.
+    /// Checks that the cells have consumed all runs, and the runs all bits.
     fn check_end(&self, byte: usize, length: usize) -> Result<(), PackedError> {
         if self.wrong {
             let left = self.runs - self.taken + 1;

@@ -1,6 +1,6 @@
-//! Lists of cell indices as runs of consecutive indices, the form in which they travel.
+//! Run-length coding of lists of cell indices, the form in which they are sent.
 //!
-//! A run is a first index and a length of 1 to 65535; it may go on into the next row of the map.
+//! A run is a first index and a length of 1 to 65535; it may continue in the next row of the map.
 
 use thiserror::Error;
 
@@ -32,8 +32,8 @@ pub fn runs(sorted: impl Iterator<Item = u32>) -> (Vec<u32>, Vec<u16>) {
 
 /// The cell indices that runs stand for, run by run.
 ///
-/// Runs from outside the program must pass [`check_runs`] first: here a surplus of starts or
-/// lengths is ignored, and a run ends at the largest index.
+/// Untrusted runs must pass [`check_runs`] first: here a surplus of starts or lengths is ignored,
+/// and a run ends at the largest index.
 ///
 /// ```
 /// assert!(voxels::indices(&[3, 9], &[3, 1]).eq([3, 4, 5, 9]));
@@ -45,10 +45,10 @@ pub fn indices<'a>(starts: &'a [u32], lengths: &'a [u16]) -> impl Iterator<Item 
         .flat_map(|(&start, &length)| (0..u32::from(length)).map_while(move |offset| start.checked_add(offset)))
 }
 
-/// Why runs are not an ascending list of cells of a map; runs count from 0.
+/// The reason why runs are not an ascending list of cells of a map; runs count from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RunsError {
-    /// The two arrays do not belong together.
+    /// The two arrays differ in length.
     #[error("{starts} run starts came with {lengths} run lengths")]
     Arrays {
         /// Number of starts.
@@ -59,13 +59,13 @@ pub enum RunsError {
     /// A run without cells.
     #[error("run {run} is empty, allowed are 1 to 65535 cells")]
     Empty {
-        /// Which run.
+        /// Index of the run.
         run: usize,
     },
     /// A run starts before the end of the one before it.
     #[error("run {run} starts at cell {start}, allowed after the run before it are {lowest} and above")]
     Order {
-        /// Which run.
+        /// Index of the run.
         run: usize,
         /// Its first cell.
         start: u32,
@@ -75,7 +75,7 @@ pub enum RunsError {
     /// A run leaves the map.
     #[error("run {run} ends with cell {last}, the map has {volume} cells")]
     Outside {
-        /// Which run.
+        /// Index of the run.
         run: usize,
         /// Its last cell.
         last: u64,
@@ -84,8 +84,8 @@ pub enum RunsError {
     },
 }
 
-/// Checks runs that came from outside: disjoint, ascending, within a map of `volume` cells.
-/// Returns the number of cells.
+/// Checks untrusted runs: disjoint, ascending, within a map of `volume` cells. Returns the number
+/// of cells.
 ///
 /// # Errors
 /// If one of these does not hold; the error names the run.
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_no_run() {
+    fn empty_list_has_no_runs() {
         assert_eq!(runs(std::iter::empty()), (vec![], vec![]));
         assert_eq!(check_runs(&[], &[], 0), Ok(0));
     }

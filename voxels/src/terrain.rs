@@ -1,4 +1,4 @@
-//! [`Terrain`]: what a cell of the true world is made of, and worlds drawn as text.
+//! [`Terrain`]: the material of a cell of the true world, and maps drawn as text.
 //!
 //! The world outside the map counts as wall.
 
@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::{Cell, Extent, ExtentError, Grid};
 
-/// What a cell of the true world is made of.
+/// The material of a cell of the true world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Terrain {
@@ -21,7 +21,7 @@ pub fn is_wall_at(terrain: &Grid<Terrain>, cell: Cell) -> bool {
     terrain.get(cell) != Some(&Terrain::Free)
 }
 
-/// Why a text is not a world; lines and columns count from 1.
+/// The reason why a text is not a map; lines and columns count from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum TextError {
     /// There is no row at all.
@@ -92,7 +92,8 @@ impl Grid<Terrain> {
         let rows = layers[0].len();
         let size = [columns, rows, layers.len()].map(|cells| u32::try_from(cells).unwrap_or(u32::MAX));
         let extent = Extent::new(size, 1.0)?;
-        // Before there is memory for cells: a few long rows must not make a map of cells that the text does not have.
+        // Checked before cells are allocated: a few long rows must not allocate cells that the text
+        // does not have.
         for layer in &layers {
             check_shape(layer, rows, columns)?;
         }

@@ -1,4 +1,4 @@
-//! How much of a straight line lies in walls.
+//! The length of a straight line inside walls.
 
 use std::ops::ControlFlow;
 
@@ -6,7 +6,8 @@ use nalgebra::Point3;
 
 use crate::{Grid, Terrain, is_wall_at, walk};
 
-/// Metres of the straight line between two points of the map frame that lie in wall cells. Symmetric in its two points.
+/// Metres of the straight line between two points of the map frame that lie in wall cells.
+/// Symmetric in its two points.
 ///
 /// The world outside the map is wall: a line with an end out there counts as a whole.
 ///
@@ -62,7 +63,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_is_symmetric_and_what_samples_say(
+        fn length_is_symmetric_and_matches_samples(
             walls in prop::collection::vec(prop::bool::weighted(0.3), 216),
             a in prop::array::uniform3(0.0..5.99_f64),
             b in prop::array::uniform3(0.0..5.99_f64),

@@ -1,14 +1,16 @@
 //! Ray traversal: which cells a ray or a segment crosses, in order, after Amanatides and Woo
 //! ("A Fast Voxel Traversal Algorithm for Ray Tracing", 1987).
 //!
-//! **Rule.** Everything is computed in cell units (`point / cell_m`) with plain `f64` operations, so
-//! the cells are the same on every machine. The ray keeps, per axis, the distance at which it meets
-//! the next cell boundary, and steps along the axis where that is smallest; the distance then grows
-//! by `1 / |direction|` of that axis. **Ties:** when boundaries are reached at the same distance, the
-//! lower axis steps first: x before y before z. Consecutive cells always share a face.
+//! **Rule.** Everything is computed in cell units (`point / cell_m`) with plain `f64` operations,
+//! so the cells are the same on every machine. The ray keeps, per axis, the distance at which it
+//! meets the next cell boundary, and steps along the axis where that is smallest; the distance then
+//! grows by `1 / |direction|` of that axis. **Ties:** when boundaries are reached at the same
+//! distance, the lower axis steps first: x before y before z. Consecutive cells always share a
+//! face.
 //!
-//! A ray that only touches an edge or a corner passes through the cells that this rule names, and no
-//! others. The simulated LiDAR follows the same rule with its own loop; a test holds the two equal.
+//! A ray that only touches an edge or a corner passes through the cells that this rule names, and
+//! no others. The simulated LiDAR follows the same rule with its own loop; a test holds the two
+//! equal.
 
 use std::ops::ControlFlow;
 
@@ -76,8 +78,8 @@ impl Crossings {
 /// `visit` gets the cell and the distance at which the ray enters it, in metres if `direction` has
 /// length 1 and otherwise in multiples of its length; `t_max_m` is in the same unit and may be
 /// infinite. The first cell is the origin's own, at 0. Nothing is visited if the origin is outside
-/// the map; only the first cell is if the direction is zero. `origin` and `direction` are in the map
-/// frame.
+/// the map; only the first cell is if the direction is zero. `origin` and `direction` are in the
+/// map frame.
 ///
 /// ```
 /// use nalgebra::{Point3, Vector3};
@@ -120,8 +122,8 @@ pub fn walk<B>(
 /// Visits the cells that the segment between two points crosses, from the cell of one end to the
 /// cell of the other, until `visit` breaks.
 ///
-/// The segment is always walked from the end that is smaller in (x, y, z) order, so the cells do not
-/// depend on the order of the arguments. Cells outside the map are visited as well; points with
+/// The segment is always walked from the end that is smaller in (x, y, z) order, so the cells do
+/// not depend on the order of the arguments. Cells outside the map are visited as well; points with
 /// coordinates that are not finite, or more than 2^29 cells from the origin, visit nothing.
 #[inline]
 pub fn walk_segment<B>(
@@ -145,7 +147,8 @@ pub fn walk_segment<B>(
 
     let direction = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
     let mut ray = Crossings::new(cell_of(from), from, direction);
-    // Counting the steps instead of comparing distances makes the walk end in the last cell exactly.
+    // Counting the steps instead of comparing distances makes the walk end in the last cell
+    // exactly.
     let way = cell_of(to) - cell_of(from);
     let way = [way.x, way.y, way.z];
     let mut steps_left = way.map(i32::unsigned_abs);
@@ -333,7 +336,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_ray_visits_what_exact_arithmetic_says(
+        fn ray_matches_exact_arithmetic(
             size in prop::array::uniform3(1u32..12),
             origin in prop::array::uniform3(0i32..PARTS * 12),
             direction in prop::array::uniform3(prop_oneof![-3i32..=3, -60i32..=60]),
@@ -368,7 +371,7 @@ mod tests {
         }
 
         #[test]
-        fn a_segment_visits_what_its_ray_visits(
+        fn segment_matches_its_ray(
             a in prop::array::uniform3(0.0f64..9.0),
             b in prop::array::uniform3(0.0f64..9.0),
         ) {

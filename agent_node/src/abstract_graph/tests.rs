@@ -47,7 +47,7 @@ fn rooms() -> Grid<Terrain> {
 }
 
 #[test]
-fn the_way_to_the_next_room_leads_through_the_door() {
+fn path_to_the_next_room_leads_through_the_door() {
     let world = rooms();
     let mut map = ExplorationMap::new(world.extent());
     reveal(&mut map, &world, |_| false);
@@ -65,7 +65,7 @@ fn the_way_to_the_next_room_leads_through_the_door() {
 }
 
 #[test]
-fn what_cannot_be_reached_is_no_region_of_the_ways() {
+fn unreachable_regions_are_not_visited() {
     let world = rooms();
     let mut map = ExplorationMap::new(world.extent());
     reveal(&mut map, &world, |cell| cell.x == 6);
@@ -93,7 +93,9 @@ fn apply(map: &mut ExplorationMap, cells: &[u8], part: std::ops::Range<usize>) {
 
 proptest! {
     #[test]
-    fn renewed_bit_by_bit_or_at_once_they_are_the_same(cells in noise(), cut in 0usize..792, radius in prop::sample::select(vec![0.4, 0.9])) {
+    fn incremental_updates_equal_one_update(
+        cells in noise(), cut in 0usize..792, radius in prop::sample::select(vec![0.4, 0.9]),
+    ) {
         let extent = Extent::new([11, 9, 8], 1.0).unwrap();
         let moves = Moves::new(radius, 1.0, Neighbours::TwentySix);
         let mut map = ExplorationMap::new(extent);
@@ -110,7 +112,8 @@ proptest! {
         }
         for (a, b) in by_bits.near(Cell::default(), 20).zip(at_once.near(Cell::default(), 20)) {
             prop_assert_eq!(a.0, b.0);
-            let edges = |region: &Region| -> Vec<_> { region.edges.iter().map(|edge| (edge.to, edge.length)).collect() };
+            let edges =
+                |region: &Region| -> Vec<_> { region.edges.iter().map(|edge| (edge.to, edge.length)).collect() };
             prop_assert_eq!(edges(a.1), edges(b.1));
             prop_assert_eq!((&a.1.frontiers, a.1.centre), (&b.1.frontiers, b.1.centre));
         }
@@ -121,7 +124,7 @@ proptest! {
     }
 
     #[test]
-    fn there_is_a_way_from_region_to_region_if_and_only_if_there_is_a_path(cells in noise()) {
+    fn regions_are_connected_iff_a_path_exists(cells in noise()) {
         let extent = Extent::new([11, 9, 8], 1.0).unwrap();
         let mut map = ExplorationMap::new(extent);
         apply(&mut map, &cells, 0..cells.len());

@@ -47,7 +47,7 @@ fn part(tick: u64, phase: u8) -> Part {
 }
 
 #[test]
-fn a_tick_that_is_asked_again_is_answered_in_the_same_words() {
+fn resent_observation_gets_the_same_reply() {
     let mut agent = agent();
     let first = agent.take(part(3, Part::RUNNING)).unwrap();
     assert_eq!(agent.take(part(3, Part::RUNNING)).unwrap(), first);
@@ -60,7 +60,7 @@ fn a_tick_that_is_asked_again_is_answered_in_the_same_words() {
 }
 
 #[test]
-fn the_end_is_receipted_even_in_a_tick_that_was_answered() {
+fn end_is_acknowledged_even_in_a_replied_tick() {
     let mut agent = agent();
     agent.take(part(3, Part::RUNNING)).unwrap();
     let Reaction::Acknowledge(acknowledgement) = agent.take(part(3, Part::ENDED)).unwrap() else { panic!() };
@@ -112,10 +112,10 @@ struct Mailbox {
     free: Vec<u32>,
     parcels: Vec<Message>,
     events: u8,
-    asked: (usize, usize, u8),
+    requested: (usize, usize, u8),
     contacts: Vec<u32>,
     wake: Option<Trigger>,
-    counted: Vec<maes_msgs::Command>,
+    committed: Vec<maes_msgs::Command>,
 }
 
 const AGENTS: u32 = 4;
@@ -178,7 +178,7 @@ fn play(
             if !is_due && looks_ahead {
                 continue;
             }
-            let (free, parcels, events) = if is_due { (0, 0, 0) } else { mailbox.asked };
+            let (free, parcels, events) = if is_due { (0, 0, 0) } else { mailbox.requested };
             let mut seen = mailbox.free[free..].to_vec();
             seen.sort_unstable();
             let (start, length) = voxels::runs(seen.into_iter());
@@ -194,7 +194,7 @@ fn play(
                 seen_free: CellRuns { start, length },
                 ..Part::default()
             };
-            mailbox.asked = (mailbox.free.len(), mailbox.parcels.len(), mailbox.events);
+            mailbox.requested = (mailbox.free.len(), mailbox.parcels.len(), mailbox.events);
             let Reaction::Reply(command) = agents[index].take(part).unwrap() else { panic!() };
             let data_bytes: usize = command.parcels.iter().map(|parcel| parcel.data.len()).sum();
             assert!(data_bytes <= PARCEL_BYTES_MAX);
@@ -210,8 +210,8 @@ fn play(
                 continue;
             }
             let wake = Trigger { at: Tick(command.wake.at_tick.max(tick + 1)), events: command.wake.events };
-            let counted = [std::mem::take(&mut mailbox.counted), vec![command.clone()]].concat();
-            *mailbox = Mailbox { contacts: contacts.clone(), wake: Some(wake), counted, ..Mailbox::default() };
+            let committed = [std::mem::take(&mut mailbox.committed), vec![command.clone()]].concat();
+            *mailbox = Mailbox { contacts: contacts.clone(), wake: Some(wake), committed, ..Mailbox::default() };
             for parcel in command.parcels {
                 let named = contacts.iter().filter(|&&to| parcel.agent == Message::BROADCAST || parcel.agent == to);
                 posted.extend(named.map(|&to| (to, Message { agent: id, ..parcel.clone() })));
@@ -223,19 +223,19 @@ fn play(
         }
     }
     let has_shared = agents.iter().all(|agent| agent.sharing().totals().messages_taken > 3);
-    let counted = boxes.into_iter().map(|mailbox| mailbox.counted).collect();
+    let committed = boxes.into_iter().map(|mailbox| mailbox.committed).collect();
     drop(agents);
-    (counted, shown.into_iter().map(|shown| shown.take()).collect(), has_shared)
+    (committed, shown.into_iter().map(|shown| shown.take()).collect(), has_shared)
 }
 
 #[test]
-fn asking_out_of_turn_changes_nothing() {
+fn polling_between_triggers_changes_nothing() {
     for seed in 0..12 {
         let (commands, shown, has_shared) = play(seed, true, false);
-        let (asked_always, shown_always, _) = play(seed, false, false);
-        assert_eq!(commands, asked_always, "seed {seed}");
-        assert_eq!(shown, shown_always, "seed {seed}");
-        assert!(has_shared, "seed {seed}: nothing was put to the test");
+        let (polled, shown_polled, _) = play(seed, false, false);
+        assert_eq!(commands, polled, "seed {seed}");
+        assert_eq!(shown, shown_polled, "seed {seed}");
+        assert!(has_shared, "seed {seed}: nothing was shared");
         let restless = play(seed, false, true);
         assert_ne!(restless.0, commands);
         assert_eq!(restless.0, play(seed, false, true).0);
@@ -257,7 +257,7 @@ impl Controller for Sleeper {
 }
 
 #[test]
-fn a_controller_is_asked_when_it_wants_to_be_and_misses_nothing() {
+fn controller_is_called_at_its_triggers_with_all_observations() {
     let shown = Rc::new(RefCell::new(Vec::new()));
     let sleeper = Sleeper { ticks: vec![30, 90], shown: Rc::clone(&shown) };
     let mut agent = Agent::new(AgentId(2), run_info(3), Box::new(sleeper));
@@ -270,13 +270,13 @@ fn a_controller_is_asked_when_it_wants_to_be_and_misses_nothing() {
     };
     let first = ask(5, 0, Vec::new());
     assert_eq!((first.wake.at_tick, first.wake.events, first.parcels.len()), (10, Events::CONTACTS, 1));
-    let map_parcel = Message { agent: 1, kind: MAP_MESSAGE, data: vec![2, 1, 2, 1, 0b1111_1000, 1] };
-    let other_parcel = Message { agent: 1, kind: 7, data: vec![3] };
-    let shared = ask(10, 9, vec![map_parcel, other_parcel.clone()]);
+    let map_message = Message { agent: 1, kind: MAP_MESSAGE, data: vec![2, 1, 2, 1, 0b1111_1000, 1] };
+    let other_message = Message { agent: 1, kind: 7, data: vec![3] };
+    let shared = ask(10, 9, vec![map_message, other_message.clone()]);
     assert_eq!((shared.wake.at_tick, shared.want_view, shared.parcels.len()), (20, true, 1));
     assert_eq!(shown.borrow().len(), 1, "the controller sleeps");
     assert_eq!(ask(20, 4, Vec::new()).wake.at_tick, 30);
-    ask(30, 2, vec![other_parcel]);
+    ask(30, 2, vec![other_message]);
     let shown = shown.take();
     assert_eq!(shown.iter().map(|observation| observation.tick.0).collect::<Vec<_>>(), [5, 30]);
     assert_eq!(shown[1].seen.free, [2, 4, 9]);
@@ -288,14 +288,14 @@ fn a_controller_is_asked_when_it_wants_to_be_and_misses_nothing() {
 }
 
 #[test]
-fn controllers_come_first_in_the_room_for_parcels() {
-    let parcel = |bytes| AgentMessage { to: None, kind: 3, data: vec![0; bytes] };
+fn controllers_messages_have_priority_in_the_budget() {
+    let message = |bytes| AgentMessage { to: None, kind: 3, data: vec![0; bytes] };
     let mut command = Command::keep(Trigger::NEXT_TICK);
     assert_eq!(message_budget(&command), PARCEL_BYTES_MAX);
-    command.messages = vec![parcel(50_000)];
+    command.messages = vec![message(50_000)];
     assert_eq!(message_budget(&command), PARCEL_BYTES_MAX - 50_000);
     command.motion = Motion::Path(vec![Point3::origin(); 1000]);
     assert_eq!(message_budget(&command), 0);
-    command.messages = vec![parcel(10_000)];
+    command.messages = vec![message(10_000)];
     assert_eq!(message_budget(&command), LIST_BYTES_MAX - 24_000 - 10_016);
 }

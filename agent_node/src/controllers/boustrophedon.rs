@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn the_body_is_in_every_cell_and_hardly_in_one_twice() {
+    fn covers_every_cell_with_few_revisits() {
         for search_time in ["instant", "budgeted", "background"] {
             let mut world = World::new(HALL, flat(1, 5));
             world.run(&mut controller(search_time), 3000);
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_straight_and_as_long_as_they_can_be() {
+    fn lines_are_straight_and_as_long_as_possible() {
         let mut world = World::new(HALL, flat(1, 5));
         world.look();
         let command = world.ask(&mut controller("instant"));
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_nearer_to_another_agent_is_left_to_it_while_there_is_something_else() {
+    fn cells_nearer_to_another_agent_come_last() {
         // Only both ends of a corridor are not covered.
         let mut world = World::known("#########\n#.......#\n#########\n", flat(3, 1));
         (2..7).for_each(|x| world.map.note_covered(flat(x, 1)));
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn goes_on_after_somebody_was_in_the_way() {
+    fn continues_after_a_collision_with_an_agent() {
         let mut world = World::new(HALL, flat(1, 5));
         let mut controller = controller("instant");
         world.look();

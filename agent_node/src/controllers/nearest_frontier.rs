@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn explores_all_and_waits_for_news() {
+    fn explores_all_and_waits_for_map_updates() {
         for (search_time, goes_at_once) in [("instant", true), ("budgeted", false), ("background", false)] {
             let mut world = World::new(CAVE, flat(1, 6));
             let mut controller = controller(search_time);
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn goes_to_the_nearest_by_way_and_not_by_distance() {
+    fn nearest_is_by_path_length_not_by_distance() {
         // The one to the right is two cells away, behind a wall.
         let mut world = World::known("?......\n#.####.\n#.#?#?.\n?.....#\n", flat(1, 2));
         world.observation.scan_tick = Some(Tick::ZERO);
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn looks_for_another_one_as_soon_as_the_goal_is_none() {
+    fn goal_is_replaced_once_it_is_no_frontier() {
         let mut world = World::known("......?\n", flat(2, 0));
         world.observation.scan_tick = Some(Tick::ZERO);
         let mut controller = controller("instant");
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn leaves_a_frontier_alone_that_it_cannot_look_beyond() {
+    fn unresolvable_frontier_is_abandoned() {
         let mut world = World::known("?....?\n", flat(2, 0));
         world.observation.scan_tick = Some(Tick::ZERO);
         let mut controller = controller("instant");
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn makes_way_at_random_and_goes_on() {
+    fn steps_aside_at_random_and_continues() {
         let mut waits = BTreeSet::new();
         let mut places = BTreeSet::new();
         let mut world = World::known("........\n........\n.......?\n", flat(1, 1));
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn asks_for_nothing_but_motion() {
+    fn commands_only_motion() {
         let mut world = World::new(CAVE, flat(1, 6));
         world.look();
         let command = world.ask(&mut controller("instant"));

@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn starts_with_a_random_turn_and_goes_on_for_ever() {
+    fn starts_with_a_random_turn_and_moves_until_a_collision() {
         let mut world = World::empty();
         let mut rbw = walk(&[]).unwrap();
         let turn = world.ask_about(&mut rbw, &idle());
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn an_aerial_body_does_not_turn_first() {
+    fn aerial_body_does_not_turn_first() {
         let mut world = World::empty().aerial();
         let mut rbw = walk(&["turn_min_rad=1.5", "turn_max_rad=1.5"]).unwrap();
         let mut off = |about: &Observation| {

@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn waits_a_tick_then_goes_on_at_45_degrees() {
+    fn waits_a_tick_then_moves_at_45_degrees() {
         let mut world = World::empty();
         let mut rbw = walk();
         let mut observation = idle();

@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn one_is_left_where_the_team_is_last_in_sight() {
+    fn relay_is_dropped_at_the_last_point_in_contact() {
         // At the corner; from there on the relay itself is in sight.
         assert_eq!(places("on", true), [5]);
         assert_eq!(places("on", false), [0; 0]);
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn who_has_none_left_leaves_none() {
+    fn no_relay_is_dropped_without_stock() {
         let mut world = World::known(BEND, flat(5, 3));
         world.observation.contacts = vec![Contact { agent: AgentId(0), position: Point3::new(1.5, 3.5, 0.5) }];
         let observation = world.observation.clone();
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_ends_where_it_ends() {
+    fn point_along_a_path_stops_at_its_end() {
         let at = |x: f64| Point3::new(x, 0.0, 0.0);
         assert_eq!(along(&at(0.0), &[at(2.0), at(4.0)], 3.0), at(3.0));
         assert_eq!(along(&at(0.0), &[at(2.0)], 3.0), at(2.0));

@@ -181,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_search_time_is_one_of_three_words() {
+    fn search_time_is_one_of_three_words() {
         let taken = |texts: &[&str]| {
             let texts: Vec<String> = texts.iter().map(ToString::to_string).collect();
             Settings::parse(&texts).unwrap().search_time()

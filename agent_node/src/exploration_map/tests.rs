@@ -5,7 +5,7 @@ use super::*;
 const A: AgentId = AgentId(4);
 
 #[test]
-fn what_is_known_stays_known() {
+fn known_cells_stay_known() {
     let extent = Extent::new([3, 2, 1], 1.0).unwrap();
     let mut map = ExplorationMap::new(extent);
     map.note_free(&[0, 1]);
@@ -20,12 +20,12 @@ fn what_is_known_stays_known() {
 }
 
 #[test]
-fn covered_is_kept_and_free() {
+fn covered_cells_stay_covered_and_free() {
     let mut map = ExplorationMap::new(Extent::new([2, 2, 1], 1.0).unwrap());
     map.note_covered(Cell::new(1, 1, 0));
     map.note_covered(Cell::new(1, 1, 0));
     map.note_free(&[3]);
-    map.merge(&saying(map.extent(), &[3], Finding::Free), A);
+    map.merge(&report(map.extent(), &[3], Finding::Free), A);
     assert_eq!(map.state(Cell::new(1, 1, 0)), CellState::Covered);
     map.note_wall(&[0]);
     map.note_covered(Cell::new(0, 0, 0));
@@ -34,24 +34,24 @@ fn covered_is_kept_and_free() {
 }
 
 #[test]
-fn the_journal_holds_changes_in_the_order_they_were_learnt() {
+fn journal_holds_changes_in_order() {
     let mut map = ExplorationMap::new(Extent::new([3, 1, 1], 1.0).unwrap());
     map.note_free(&[1, 1]);
     let position = map.journal_len();
-    let said = [(0, Finding::Free), (2, Finding::Wall), (1, Finding::Covered)];
-    map.merge(&Delta::of(map.extent(), said.map(|(cell, finding)| Change { cell, finding, from: None })), A);
+    let findings = [(0, Finding::Free), (2, Finding::Wall), (1, Finding::Covered)];
+    map.merge(&Delta::of(map.extent(), findings.map(|(cell, finding)| Change { cell, finding, from: None })), A);
     map.note_covered(Cell::new(1, 0, 0));
     let change = |cell, finding, from| Change { cell, finding, from };
-    let told =
+    let expected =
         [change(0, Finding::Free, Some(A)), change(1, Finding::Covered, Some(A)), change(2, Finding::Wall, Some(A))];
-    assert!(map.changes_since(position).eq(told));
+    assert!(map.changes_since(position).eq(expected));
     assert!(map.changes(0..1).eq([change(1, Finding::Free, None)]));
     assert_eq!(map.changes_since(99).count() + map.changes(9..12).count(), 0);
     assert_eq!(size_of::<Entry>(), 8);
 }
 
 #[test]
-fn cells_outside_the_map_are_left_out() {
+fn cells_outside_the_map_are_ignored() {
     let mut map = ExplorationMap::new(Extent::new([2, 2, 2], 1.0).unwrap());
     map.note_free(&[8, u32::MAX]);
     map.note_wall(&[8, u32::MAX]);
@@ -61,11 +61,11 @@ fn cells_outside_the_map_are_left_out() {
 }
 
 #[test]
-fn the_own_sensor_overrules_hearsay() {
+fn own_sensor_overrides_reports() {
     let extent = Extent::new([5, 1, 1], 1.0).unwrap();
     let mut map = ExplorationMap::new(extent);
-    map.merge(&saying(extent, &[0, 1], Finding::Wall), A);
-    map.merge(&saying(extent, &[2], Finding::Covered), A);
+    map.merge(&report(extent, &[0, 1], Finding::Wall), A);
+    map.merge(&report(extent, &[2], Finding::Covered), A);
     assert_eq!(map.frontiers().collect::<Vec<_>>(), [2]);
     let position = map.journal_len();
     map.note_free(&[1]);
@@ -78,23 +78,23 @@ fn the_own_sensor_overrules_hearsay() {
     let corrections = [change(1, Finding::Free), change(2, Finding::Wall)];
     assert!(map.changes_since(position).eq(corrections), "a confirmation is no change");
     // From now on no report changes these cells.
-    map.merge(&saying(extent, &[1], Finding::Wall), A);
-    map.merge(&saying(extent, &[0], Finding::Free), A);
-    map.merge(&saying(extent, &[2], Finding::Covered), A);
+    map.merge(&report(extent, &[1], Finding::Wall), A);
+    map.merge(&report(extent, &[0], Finding::Free), A);
+    map.merge(&report(extent, &[2], Finding::Covered), A);
     assert_eq!((map.corrections(), map.contradictions(), map.journal_len()), (2, 3, position + 2));
-    map.merge(&saying(extent, &[1], Finding::Covered), A);
+    map.merge(&report(extent, &[1], Finding::Covered), A);
     assert_eq!(states(&map)[1], CellState::Covered, "a visit is no contradiction to a free cell");
     map.note_wall(&[1]);
     assert_eq!((states(&map)[1], map.contradictions()), (CellState::Covered, 4));
 }
 
 #[test]
-fn free_overrules_wall_among_hearsay_in_either_order() {
+fn free_overrides_wall_among_reports_in_any_order() {
     let extent = Extent::new([3, 1, 1], 1.0).unwrap();
-    let (free, wall) = (saying(extent, &[1], Finding::Free), saying(extent, &[1], Finding::Wall));
-    for said in [[&free, &wall], [&wall, &free]] {
+    let (free, wall) = (report(extent, &[1], Finding::Free), report(extent, &[1], Finding::Wall));
+    for findings in [[&free, &wall], [&wall, &free]] {
         let mut map = ExplorationMap::new(extent);
-        said.into_iter().for_each(|delta| map.merge(delta, A));
+        findings.into_iter().for_each(|delta| map.merge(delta, A));
         assert_eq!(states(&map)[1], CellState::Free);
         assert_eq!((map.free(), map.wall(), map.frontier_count(), map.contradictions()), (1, 0, 1, 0));
     }
@@ -123,7 +123,7 @@ fn cells(volume: u32) -> impl Strategy<Value = Vec<u32>> {
 }
 
 /// The same finding for several cells.
-fn saying(extent: Extent, cells: &[u32], finding: Finding) -> Delta {
+fn report(extent: Extent, cells: &[u32], finding: Finding) -> Delta {
     let cells = cells.iter().filter(|&&cell| (cell as usize) < extent.volume());
     Delta::of(extent, cells.map(|&cell| Change { cell, finding, from: None }))
 }
@@ -133,13 +133,13 @@ fn truthful(extent: Extent, cells: &[u32], visited: &[u32]) -> Delta {
     let finding = |cell: u32, free| if cell.is_multiple_of(3) { Finding::Wall } else { free };
     let seen = cells.iter().map(|&cell| (cell, finding(cell, Finding::Free)));
     let visited = visited.iter().map(|&cell| (cell, finding(cell, Finding::Covered)));
-    let said = seen.chain(visited).filter(|&(cell, _)| (cell as usize) < extent.volume());
-    Delta::of(extent, said.map(|(cell, finding)| Change { cell, finding, from: None }))
+    let findings = seen.chain(visited).filter(|&(cell, _)| (cell as usize) < extent.volume());
+    Delta::of(extent, findings.map(|(cell, finding)| Change { cell, finding, from: None }))
 }
 
 proptest! {
     #[test]
-    fn frontier_counts_and_journal_are_those_of_the_cells(
+    fn frontiers_counts_and_journal_agree_with_the_cells(
         size in [1u32..6, 1u32..6, 1u32..6],
         updates in prop::collection::vec((0u8..6, prop::collection::vec(0u32..150, 0..12)), 0..30),
     ) {
@@ -151,8 +151,8 @@ proptest! {
                 1 => map.note_wall(&cells),
                 2 => cells.iter().for_each(|&cell| map.note_covered(extent.cell_at(cell as usize))),
                 3 => map.merge(&truthful(extent, &cells, &cells[..cells.len() / 2]), A),
-                4 => map.merge(&saying(extent, &cells, Finding::Free), A),
-                _ => map.merge(&saying(extent, &cells, Finding::Wall), AgentId(5)),
+                4 => map.merge(&report(extent, &cells, Finding::Free), A),
+                _ => map.merge(&report(extent, &cells, Finding::Wall), AgentId(5)),
             }
             prop_assert_eq!(map.frontiers().collect::<Vec<_>>(), swept(&map));
             prop_assert_eq!(map.frontier_count(), map.frontiers().count());
@@ -182,30 +182,30 @@ proptest! {
     }
 
     #[test]
-    fn the_order_of_what_is_heard_and_found_does_not_matter(
-        mut said in prop::collection::vec((0usize..4, 0u32..12), 0..40),
+    fn order_of_findings_and_reports_does_not_matter(
+        mut findings in prop::collection::vec((0usize..4, 0u32..12), 0..40),
         seed in any::<prop::sample::Index>(),
     ) {
         let extent = Extent::new([3, 2, 2], 1.0).unwrap();
         // The own sensor never contradicts itself.
         let own = |cell: u32| if cell.is_multiple_of(3) { Finding::Wall } else { Finding::Free };
-        let learnt = |said: &[(usize, u32)]| {
+        let merged_map = |findings: &[(usize, u32)]| {
             let mut map = ExplorationMap::new(extent);
-            for &(what, cell) in said {
+            for &(what, cell) in findings {
                 match (what, own(cell)) {
                     (3, Finding::Wall) => map.note_wall(&[cell]),
                     (3, _) => map.note_free(&[cell]),
-                    _ => map.merge(&saying(extent, &[cell], [Finding::Free, Finding::Covered, Finding::Wall][what]), A),
+                    _ => map.merge(&report(extent, &[cell], [Finding::Free, Finding::Covered, Finding::Wall][what]), A),
                 }
             }
             map
         };
-        let there = learnt(&said);
-        let again = learnt(&[said.as_slice(), said.as_slice()].concat());
-        said.reverse();
-        let half = seed.index(said.len() + 1);
-        said.rotate_left(half);
-        let back = learnt(&said);
+        let there = merged_map(&findings);
+        let again = merged_map(&[findings.as_slice(), findings.as_slice()].concat());
+        findings.reverse();
+        let half = seed.index(findings.len() + 1);
+        findings.rotate_left(half);
+        let back = merged_map(&findings);
         prop_assert_eq!(states(&there), states(&back));
         prop_assert_eq!(states(&there), states(&again));
         prop_assert_eq!(there.journal_len(), again.journal_len());

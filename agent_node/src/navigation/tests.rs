@@ -51,7 +51,7 @@ fn ask_until_answered(
 }
 
 #[test]
-fn the_search_time_changes_when_but_not_what() {
+fn search_time_changes_only_the_tick_of_the_result() {
     let map = drawn(ROUND);
     let mut navigation = navigation();
     let (at, instant) = ask_until_answered(&mut navigation, &map, SearchTime::Instant, 40);
@@ -75,7 +75,7 @@ fn the_search_time_changes_when_but_not_what() {
 }
 
 #[test]
-fn an_answer_is_given_late_if_it_is_asked_for_late() {
+fn late_poll_returns_the_result() {
     let map = drawn(ROUND);
     let mut navigation = navigation();
     let instant = ask(&mut navigation, &map, flat(3, 0), SearchTime::Instant, 0);
@@ -88,7 +88,7 @@ fn an_answer_is_given_late_if_it_is_asked_for_late() {
 }
 
 #[test]
-fn another_question_in_between_starts_the_first_one_anew() {
+fn another_request_restarts_the_first_one() {
     let map = drawn(ROUND);
     for time in [SearchTime::Budgeted(FIVE), SearchTime::Background(25)] {
         let mut navigation = navigation();
@@ -102,7 +102,7 @@ fn another_question_in_between_starts_the_first_one_anew() {
 }
 
 #[test]
-fn an_answer_is_that_of_the_map_that_was_asked() {
+fn result_is_that_of_the_map_at_the_request() {
     let before = drawn(&ROUND.replace("..#.##.", "..?.##."));
     let mut after = before.clone();
     after.note_free(&[7 + 2]);
@@ -121,7 +121,7 @@ fn an_answer_is_that_of_the_map_that_was_asked() {
 }
 
 #[test]
-fn a_straight_way_takes_no_search() {
+fn straight_path_needs_no_search() {
     let map = drawn(ROUND);
     for time in [SearchTime::Instant, SearchTime::BUDGETED, SearchTime::Background(25)] {
         let straight = NavigationStatus::Go(Motion::Path(vec![map.extent().centre(flat(1, 1))]));
@@ -130,7 +130,7 @@ fn a_straight_way_takes_no_search() {
 }
 
 #[test]
-fn no_way_is_an_answer() {
+fn absence_of_a_path_is_a_result() {
     let map = drawn(&ROUND.replacen(".......", "...?...", 1));
     for time in [SearchTime::Instant, SearchTime::Budgeted(FIVE), SearchTime::Background(25)] {
         let (_, answer) = ask_until_answered(&mut navigation(), &map, time, 0);

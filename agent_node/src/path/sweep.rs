@@ -147,7 +147,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn small_bodies_touch_what_a_step_passes() {
+    fn small_bodies_touch_the_cells_of_a_step() {
         let home = centre(Cell::default());
         let passed = |to: Cell, radius_m: f64| touched(home, centre(to), clearance(radius_m, 1.0).unwrap());
         for radius_m in [0.0, 0.4, 0.5] {
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_that_fits_exactly_fits_whatever_the_cells_measure() {
+    fn exact_fit_holds_at_any_cell_size() {
         for cell_m in [0.1, 0.3, 0.7, 1.0, 2.3] {
             assert_eq!(clearance(cell_m * 0.5, cell_m), Some(0.5));
             assert_eq!(clearance(cell_m * 1.5, cell_m), Some(1.5));
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn some_bodies_fit_nowhere() {
+    fn oversized_bodies_fit_nowhere() {
         for radius_m in [f64::NAN, f64::INFINITY, -1.0, 17.0] {
             assert_eq!(clearance(radius_m, 1.0), None);
         }
@@ -201,7 +201,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_distance_is_the_least_one(
+        fn distance_is_the_minimum_along_the_leg(
             from in prop::array::uniform3(-3.0..3.0), to in prop::array::uniform3(-3.0..3.0),
         ) {
             let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);
@@ -211,7 +211,7 @@ mod tests {
         }
 
         #[test]
-        fn no_cell_is_overlooked(
+        fn swept_cells_are_complete(
             from in prop::array::uniform3(-3.0..3.0), to in prop::array::uniform3(-3.0..3.0), radius in 0.1..2.0,
         ) {
             let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);

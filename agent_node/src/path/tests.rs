@@ -26,7 +26,7 @@ fn points(cells: &[Cell]) -> Vec<Point3<f64>> {
 }
 
 #[test]
-fn a_corridor_is_one_leg() {
+fn corridor_is_one_leg() {
     let map = drawn("#######\n#.....#\n#######\n");
     for neighbours in [Neighbours::Six, Neighbours::TwentySix] {
         let path = search(&map, neighbours, 0.5, flat(1, 1), flat(5, 1)).unwrap();
@@ -49,7 +49,7 @@ fn out_of_a_dead_end() {
 }
 
 #[test]
-fn a_t_turns_once() {
+fn t_junction_turns_once() {
     let map = drawn(".......\n###.###\n###.###\n");
     let path = search(&map, Neighbours::TwentySix, 0.4, flat(3, 0), flat(6, 2)).unwrap();
     assert_eq!(path.cost, 5 * EDGE_COST);
@@ -72,9 +72,10 @@ fn two_rooms_and_a_door() {
 }
 
 #[test]
-fn a_wide_body_goes_through_a_wide_door() {
-    let slab = "........#........\n........#........\n.................\n.................\n.................\n........#........\n";
-    let map = drawn(&[slab; 3].join("\n"));
+fn wide_body_fits_through_a_wide_door() {
+    let (wall, door) = ("........#........\n", ".................\n");
+    let slab = [wall, wall, door, door, door, wall].concat();
+    let map = drawn(&[slab.as_str(); 3].join("\n"));
     for (radius_m, fits) in [(1.0, true), (1.5, true), (1.6, false)] {
         let (start, goal) = (Cell::new(2, 3, 1), Cell::new(14, 2, 1));
         let path = search(&map, Neighbours::TwentySix, radius_m, start, goal);
@@ -114,7 +115,7 @@ fn covered_cells_are_free() {
 }
 
 #[test]
-fn the_start_need_not_be_usable_and_goals_must() {
+fn start_need_not_be_usable_and_goals_must() {
     let map = drawn("#..?\n");
     for neighbours in [Neighbours::Six, Neighbours::TwentySix] {
         for (start, goal) in [(0, 2), (3, 1)] {
@@ -132,7 +133,7 @@ fn the_start_need_not_be_usable_and_goals_must() {
 }
 
 #[test]
-fn an_unusable_goal_costs_nothing() {
+fn unusable_goal_costs_no_expansions() {
     let map = drawn("..#\n");
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
     let mut scratch = Scratch::new();
@@ -142,7 +143,7 @@ fn an_unusable_goal_costs_nothing() {
 }
 
 #[test]
-fn the_nearest_of_several() {
+fn nearest_of_several_goals() {
     let map = drawn("...#...\n.......\n...#...\n");
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
     let graph = Graph::new(&map, &moves);
@@ -177,7 +178,7 @@ fn direct_is_exact() {
 }
 
 #[test]
-fn who_stands_beside_the_centre_goes_there_first_if_need_be() {
+fn off_centre_start_goes_to_the_centre_if_needed() {
     let map = drawn("...\n#.#\n#.#\n");
     let path = search(&map, Neighbours::Six, 0.4, flat(1, 0), flat(1, 2)).unwrap();
     let straight = straighten_from(&Point3::new(1.55, 0.45, 0.5), &path, &map, 0.4);
@@ -219,7 +220,7 @@ fn long_paths_are_cut() {
 }
 
 #[test]
-fn a_search_that_may_not_go_everywhere_or_on_for_ever() {
+fn search_is_limited_in_cells_and_expansions() {
     let map = drawn(".......\n.#####.\n.......\n");
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
     let mut scratch = Scratch::new();
@@ -235,7 +236,7 @@ fn a_search_that_may_not_go_everywhere_or_on_for_ever() {
 }
 
 #[test]
-fn the_budget_says_when() {
+fn budget_sets_the_tick_of_the_result() {
     let map = comb(50);
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
     let graph = Graph::new(&map, &moves);
@@ -257,7 +258,7 @@ fn the_budget_says_when() {
 }
 
 #[test]
-fn the_background_finds_what_was_there_when_asked() {
+fn background_search_uses_the_map_at_the_request() {
     let mut map = comb(100);
     let moves = Moves::new(0.4, 1.0, Neighbours::TwentySix);
     let instant = find(Graph::new(&map, &moves), &mut Scratch::new(), flat(0, 2), Goal::Cell(flat(0, 6)));
@@ -404,7 +405,7 @@ proptest! {
     }
 
     #[test]
-    fn paths_hang_together_and_keep_clear((map, start, goal, radius, neighbours) in any_question()) {
+    fn paths_are_connected_and_clear((map, start, goal, radius, neighbours) in any_question()) {
         let Some(path) = search(&map, neighbours, radius * map.extent().cell_m(), start, goal) else {
             return Ok(());
         };
@@ -453,7 +454,7 @@ proptest! {
     }
 
     #[test]
-    fn pieces_do_not_matter((map, start, goal, radius, neighbours) in any_question(), step in 1u64..20) {
+    fn slicing_does_not_change_the_result((map, start, goal, radius, neighbours) in any_question(), step in 1u64..20) {
         let cell_m = map.extent().cell_m();
         let moves = Moves::new(radius * cell_m, cell_m, neighbours);
         let graph = Graph::new(&map, &moves);
@@ -478,7 +479,7 @@ proptest! {
     }
 
     #[test]
-    fn in_the_open_the_estimate_is_exact(
+    fn heuristic_is_exact_in_free_space(
         size in prop::array::uniform3(1u32..7), index in any::<prop::sample::Index>(),
     ) {
         let extent = Extent::new(size, 1.0).unwrap();

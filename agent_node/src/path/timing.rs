@@ -148,7 +148,7 @@ mod tests {
     use crate::path::Neighbours;
 
     #[test]
-    fn a_dropped_search_ends_its_thread() {
+    fn dropped_search_ends_its_thread() {
         let extent = Extent::new([60; 3], 1.0).unwrap();
         let mut map = ExplorationMap::new(extent);
         map.note_free(&(0..extent.volume() as u32).collect::<Vec<_>>());

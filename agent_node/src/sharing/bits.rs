@@ -140,10 +140,11 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_is_read(words in prop::collection::vec((any::<bool>(), any::<u32>(), 0u32..=24), 0..60)) {
+        fn bits_round_trip(words in prop::collection::vec((any::<bool>(), any::<u32>(), 0u32..=24), 0..60)) {
             let mut bytes = Vec::new();
             let mut writer = Writer::new(&mut bytes);
-            let words: Vec<_> = words.into_iter().map(|(is_gap, word, bits)| (is_gap, word & ((1 << bits) - 1), bits)).collect();
+            let masked = |(is_gap, word, bits): (bool, u32, u32)| (is_gap, word & ((1 << bits) - 1), bits);
+            let words: Vec<(bool, u32, u32)> = words.into_iter().map(masked).collect();
             let mut bits_written = 0;
             for &(is_gap, word, bits) in &words {
                 if is_gap {

@@ -2,24 +2,26 @@
 //!
 //! | bytes | content |
 //! |---|---|
-//! | 1 | version of this form, [`VERSION`] |
-//! | number | how many agents are told the same in the same tick, the receiver included |
-//! | number each | their ids, ascending: the first one, then how many ids lie between it and the next, and so on |
-//! | number | how many blocks of the map there is news of |
-//! | bits | these blocks, ascending; the last byte is filled up with zeros |
+//! | 1 | version of the encoding, [`VERSION`] |
+//! | number | number of receivers of the message in the same tick |
+//! | number each | ids, ascending: the first one, then the ids between it and the next, and so on |
+//! | number | number of blocks of the map |
+//! | bits | the blocks, ascending; the last byte is padded with zeros |
 //!
 //! A *number* is an unsigned LEB128: 7 bits in each byte, the lowest first, the top bit set in all
 //! bytes but the last; at most 2^32 - 1, at most 5 bytes. Blocks, the numbers of cells in them and
-//! their octants are those of [`Block`]; words and gaps of bits are those of `bits.rs`. A block
-//! has:
+//! their octants are those of [`Block`]; words and gaps of bits are those of `bits.rs`. A block is:
 //!
-//! | bits | content |
-//! |---|---|
-//! | gap | how many blocks lie between the one before (or the start of the map) and it |
-//! | `0`; `10`; or `11` and one bit | the cells as a list; as octants; or with covered ones among them, `0` as a list, `1` as octants |
-//! | | as a list: a gap, the number of cells less one; the number of each cell in the block, ascending, a word of 6 bits; for each of them, one bit whether it is wall |
-//! | | as octants, for each of the eight: `0` if there is news of none of its cells; `11` if of all; `10` and a word of 8 bits with a one for each that there is news of; and behind `10` and `11`: `0` if all these cells are free, `10` if all are wall, or `11` and for each of them one bit whether it is wall |
-//! | if covered ones are among them | one bit for each of the free cells, ascending, whether it is covered |
+//! 1. A gap: the number of blocks between the block before (or the start of the map) and it.
+//! 2. Its form: `0`: a list without covered cells; `10`: octants without covered cells; `110`: a
+//!    list with covered cells; `111`: octants with covered cells.
+//! 3. Its cells. A list is a gap, the number of cells less one; then the number of each cell in the
+//!    block, ascending, a word of 6 bits; then one bit for each of them, whether it is wall.
+//!    Otherwise each of the eight octants is `0` if none of its cells is reported; `11` if all are;
+//!    `10` and a word of 8 bits, with a one for each reported cell, if some are. After `10` and
+//!    `11` follows `0` if all these cells are free, `10` if all are wall, or `11` and one bit for
+//!    each of them, whether it is wall.
+//! 4. With covered cells, one bit for each free cell, ascending, whether it is covered.
 //!
 //! Nothing follows the last block. A cell takes between 27/64 of a bit, in a block that is all
 //! free, and 64 bits.
@@ -61,13 +63,13 @@ pub enum MapMessageError {
     #[error("version {0}, expected {VERSION}")]
     Version(u8),
     /// Truncated after this many bytes.
-    #[error("it ends after {0} bytes, in the middle of its content")]
+    #[error("truncated after {0} bytes")]
     Short(usize),
     /// A number out of range, at this byte.
     #[error("the number at byte {0} is larger than 4294967295 or longer than 5 bytes")]
     Number(usize),
     /// A receiver that is not part of the run.
-    #[error("it is for agent {agent}, allowed are 0 to {}", agents.saturating_sub(1))]
+    #[error("receiver {agent} is not part of the run, allowed are 0 to {}", agents.saturating_sub(1))]
     Agent {
         /// The id of the receiver.
         agent: u64,
@@ -75,25 +77,25 @@ pub enum MapMessageError {
         agents: u32,
     },
     /// A cell outside the map.
-    #[error("it tells of cells in block {block} that the map does not have")]
+    #[error("block {block} has cells outside the map")]
     Outside {
         /// The number of the block.
         block: u64,
     },
     /// A block that is empty or not encoded canonically.
-    #[error("block {0} says nothing, or the same in a longer way than it is to be said")]
+    #[error("block {0} is empty or not encoded canonically")]
     Block(u32),
     /// Padding that is not zero.
-    #[error("a bit is set behind its end")]
+    #[error("a bit is set after its end")]
     Filling,
     /// More cells from its sender than an agent can know.
-    #[error("its sender has told of more than {allowance} cells, as often as there can be news")]
+    #[error("its sender has reported more than {allowance} cells, all that an agent can know")]
     Barred {
         /// Number of cells that one sender may report in a run.
         allowance: u64,
     },
     /// Trailing bytes, by their number.
-    #[error("{0} bytes follow its end")]
+    #[error("{0} bytes after its end")]
     Long(usize),
 }
 
@@ -220,7 +222,7 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<(Vec<A
     Ok((receivers, delta))
 }
 
-fn blocks(bytes: &[u8], count: u32, layout: Layout, parcel_bytes: usize) -> Result<Vec<Block>, MapMessageError> {
+fn blocks(bytes: &[u8], count: u32, layout: Layout, message_bytes: usize) -> Result<Vec<Block>, MapMessageError> {
     // The count is untrusted and must not reserve memory.
     let mut blocks = Vec::with_capacity((count as usize).min(8 * bytes.len() / BLOCK_BITS_MIN));
     let mut reader = Bits::new(bytes);
@@ -228,7 +230,7 @@ fn blocks(bytes: &[u8], count: u32, layout: Layout, parcel_bytes: usize) -> Resu
     for _ in 0..count {
         let gap = reader.gap();
         if reader.has_overrun() {
-            return Err(MapMessageError::Short(parcel_bytes));
+            return Err(MapMessageError::Short(message_bytes));
         }
         let index = gap.map_or(u32::MAX, |gap| next + gap);
         if index >= layout.count() {
@@ -236,7 +238,7 @@ fn blocks(bytes: &[u8], count: u32, layout: Layout, parcel_bytes: usize) -> Resu
         }
         let block = block(&mut reader, index);
         if reader.has_overrun() {
-            return Err(MapMessageError::Short(parcel_bytes));
+            return Err(MapMessageError::Short(message_bytes));
         }
         let block = block.ok_or(MapMessageError::Block(index))?;
         if block.known & !layout.inside(index) != 0 {
@@ -397,12 +399,12 @@ mod tests {
     #[test]
     fn malformed_bytes_are_refused_with_the_reason() {
         let refused = |bytes: &[u8]| decode(bytes, extent([8, 8, 8]), 2).unwrap_err().to_string();
-        assert_eq!(refused(&[]), "it ends after 0 bytes, in the middle of its content");
+        assert_eq!(refused(&[]), "truncated after 0 bytes");
         assert_eq!(refused(&[1, 0]), "version 1, expected 2");
-        assert_eq!(refused(&[2, 0, 1]), "it ends after 3 bytes, in the middle of its content");
-        assert_eq!(refused(&[2, 0, 1, 0]), "it ends after 4 bytes, in the middle of its content");
-        assert_eq!(refused(&[2, 0, 0, 7]), "1 bytes follow its end");
-        assert_eq!(refused(&[2, 1, 2, 0]), "it is for agent 2, allowed are 0 to 1");
+        assert_eq!(refused(&[2, 0, 1]), "truncated after 3 bytes");
+        assert_eq!(refused(&[2, 0, 1, 0]), "truncated after 4 bytes");
+        assert_eq!(refused(&[2, 0, 0, 7]), "1 bytes after its end");
+        assert_eq!(refused(&[2, 1, 2, 0]), "receiver 2 is not part of the run, allowed are 0 to 1");
         let long = "the number at byte 1 is larger than 4294967295 or longer than 5 bytes";
         assert_eq!(refused(&[2, 0xff, 0xff, 0xff, 0xff, 0x1f]), long);
         assert_eq!(refused(&[2, 0x80, 0x80, 0x80, 0x80, 0x80]), long);
@@ -412,14 +414,11 @@ mod tests {
             [[2, 0, 1].as_slice(), &digits.chunks(8).map(byte).collect::<Vec<u8>>()].concat()
         };
         assert!(decode(&bits("0 0 0 010000 1 000000"), extent([8; 3]), 2).is_ok());
-        assert_eq!(refused(&bits("0 0 0 010000 1 000010")), "a bit is set behind its end");
-        assert_eq!(
-            refused(&bits("1110100 0 0 010000 1 000000")),
-            "it tells of cells in block 8 that the map does not have"
-        );
-        let endless = "it tells of cells in block 4294967295 that the map does not have";
+        assert_eq!(refused(&bits("0 0 0 010000 1 000010")), "a bit is set after its end");
+        assert_eq!(refused(&bits("1110100 0 0 010000 1 000000")), "block 8 has cells outside the map");
+        let endless = "block 4294967295 has cells outside the map";
         assert_eq!(refused(&bits(&"1".repeat(96))), endless);
-        let wrong = "block 0 says nothing, or the same in a longer way than it is to be said";
+        let wrong = "block 0 is empty or not encoded canonically";
         for digits in [
             "0 0 100 010000 010000 1 1",
             "0 0 100 010000 100000 1 1",
@@ -446,7 +445,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn comes_back_as_it_was_and_no_longer_than_reckoned(
+        fn encoding_round_trips_within_its_size_bound(
             receivers in prop::collection::btree_set(0u32..9, 0..9),
             findings in findings(50_000),
             size in prop::sample::select(vec![[1024, 1024, 1024], [7, 90, 80], [50_000 / 50, 50, 1]]),
@@ -461,14 +460,14 @@ mod tests {
         }
 
         #[test]
-        fn one_cell_anywhere_takes_no_more_than_reckoned(cell in 0u32..1 << 30) {
+        fn one_cell_stays_within_the_size_bound(cell in 0u32..1 << 30) {
             let changes = [Change { cell, finding: Finding::Covered, from: None }];
             let bytes = encode(&[], &Delta::of(extent([1024; 3]), changes));
             prop_assert!(bytes.len() <= 3 + CELL_BYTES_MAX);
         }
 
         #[test]
-        fn what_is_decoded_lies_inside_the_map(
+        fn decoded_cells_lie_inside_the_map(
             mut bytes in prop::collection::vec(any::<u8>(), 4..40),
             blocks in 0u8..3,
         ) {

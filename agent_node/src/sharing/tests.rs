@@ -13,7 +13,7 @@ struct Team {
     sharings: Vec<Sharing>,
     inboxes: Vec<Vec<ReceivedMessage>>,
     /// Cells sent so far: from, to, cell, finding.
-    told: Vec<(u32, u32, u32, u8)>,
+    delivered: Vec<(u32, u32, u32, u8)>,
 }
 
 impl Team {
@@ -23,7 +23,7 @@ impl Team {
             maps: vec![ExplorationMap::new(extent); count],
             sharings: vec![Sharing::new(period, agents); count],
             inboxes: vec![Vec::new(); count],
-            told: Vec::new(),
+            delivered: Vec::new(),
         }
     }
 
@@ -41,14 +41,14 @@ impl Team {
             sent[index] = messages.iter().map(|message| message.data.len()).sum();
             assert!(sent[index] + messages.len() * PARCEL_BYTES_BARE <= budget);
             for AgentMessage { to, kind, data } in messages {
-                let everybody: Vec<AgentId> = contacts.iter().map(|contact| contact.agent).collect();
-                let receivers = to.map_or(everybody, |to| vec![to]);
+                let in_contact: Vec<AgentId> = contacts.iter().map(|contact| contact.agent).collect();
+                let receivers = to.map_or(in_contact, |to| vec![to]);
                 let extent = self.maps[index].extent();
                 let (named, delta) = map_message::decode(&data, extent, self.maps.len() as u32).unwrap();
                 for receiver in receivers {
                     assert!(named.contains(&receiver));
                     let findings = delta.findings(extent);
-                    self.told.extend(findings.map(|(cell, finding)| (agent, receiver.0, cell, finding as u8)));
+                    self.delivered.extend(findings.map(|(cell, finding)| (agent, receiver.0, cell, finding as u8)));
                     posted.push((receiver, ReceivedMessage { from: AgentId(agent), kind, data: data.clone() }));
                 }
             }
@@ -59,9 +59,9 @@ impl Team {
         sent
     }
 
-    fn told_cells(&self, from: u32, to: u32) -> Vec<u32> {
-        let of_pair = self.told.iter().filter(|told| (told.0, told.1) == (from, to));
-        let mut cells: Vec<u32> = of_pair.map(|told| told.2).collect();
+    fn sent_cells(&self, from: u32, to: u32) -> Vec<u32> {
+        let of_pair = self.delivered.iter().filter(|delivered| (delivered.0, delivered.1) == (from, to));
+        let mut cells: Vec<u32> = of_pair.map(|delivered| delivered.2).collect();
         cells.sort_unstable();
         cells
     }
@@ -89,7 +89,7 @@ fn contacts(agent: u32, pairs: &[(u32, u32)]) -> Vec<Contact> {
     others.into_iter().map(|agent| Contact { agent: AgentId(agent), position: Point3::origin() }).collect()
 }
 
-fn everybody(agents: u32) -> Vec<(u32, u32)> {
+fn all_pairs(agents: u32) -> Vec<(u32, u32)> {
     (0..agents).flat_map(|one| (one + 1..agents).map(move |other| (one, other))).collect()
 }
 
@@ -98,7 +98,7 @@ fn extent(size: u32) -> Extent {
 }
 
 #[test]
-fn two_agents_tell_each_other_at_once_and_then_once_a_period() {
+fn two_agents_exchange_at_once_and_then_every_period() {
     let mut team = Team::new(2, extent(10), 5);
     let pair = [(0, 1)];
     assert_eq!(team.trigger(0, &[], 0), Trigger { at: Tick(u64::MAX), events: Events::CONTACTS });
@@ -125,7 +125,7 @@ fn two_agents_tell_each_other_at_once_and_then_once_a_period() {
 }
 
 #[test]
-fn what_one_was_told_it_tells_others_but_never_back() {
+fn received_changes_are_forwarded_but_not_returned() {
     let mut team = Team::new(3, extent(10), 5);
     team.maps[0].note_free(&[1, 2, 3]);
     team.maps[1].note_free(&[20, 21]);
@@ -135,23 +135,23 @@ fn what_one_was_told_it_tells_others_but_never_back() {
     team.tick(3, &[(1, 2)], BUDGET);
     team.tick(4, &[], BUDGET);
     assert_eq!(team.states(1), team.states(2), "C knows what A saw");
-    assert_eq!(team.told_cells(1, 2), [1, 2, 3, 20, 21]);
-    assert_eq!(team.told_cells(2, 1), [40]);
+    assert_eq!(team.sent_cells(1, 2), [1, 2, 3, 20, 21]);
+    assert_eq!(team.sent_cells(2, 1), [40]);
     for now in 5..30 {
         team.tick(now, &[(0, 1), (1, 2)], BUDGET);
     }
-    assert_eq!(team.told_cells(1, 0), [20, 21, 40], "nothing goes back, nothing is told twice");
-    assert_eq!(team.told_cells(1, 2), [1, 2, 3, 20, 21]);
+    assert_eq!(team.sent_cells(1, 0), [20, 21, 40], "nothing is returned, nothing is sent twice");
+    assert_eq!(team.sent_cells(1, 2), [1, 2, 3, 20, 21]);
     assert_eq!(team.states(0), team.states(2));
 }
 
 #[test]
-fn a_correction_is_told_to_all_who_heard_the_error() {
+fn corrections_reach_all_receivers_of_the_error() {
     let mut team = Team::new(4, extent(10), 5);
     let chain = [(0, 1), (1, 2), (2, 3)];
     team.maps[0].note_wall(&[7, 8]);
     (0..20).for_each(|now| drop(team.tick(now, &chain, BUDGET)));
-    assert_eq!(team.states(3)[7..9], [CellState::Wall; 2], "relayed twice");
+    assert_eq!(team.states(3)[7..9], [CellState::Wall; 2], "forwarded twice");
     team.maps[2].note_free(&[7]);
     team.maps[3].note_wall(&[8]);
     (20..40).for_each(|now| drop(team.tick(now, &chain, BUDGET)));
@@ -164,9 +164,9 @@ fn a_correction_is_told_to_all_who_heard_the_error() {
 }
 
 #[test]
-fn what_all_have_heard_is_not_passed_on() {
+fn content_received_by_all_is_not_forwarded() {
     let mut team = Team::new(4, extent(10), 5);
-    let all = everybody(4);
+    let all = all_pairs(4);
     for (agent, map) in (0..).zip(&mut team.maps) {
         map.note_free(&[10 * agent, 10 * agent + 1]);
     }
@@ -174,12 +174,12 @@ fn what_all_have_heard_is_not_passed_on() {
         let sent = team.tick(now, &all, BUDGET);
         assert_eq!(sent.iter().any(|&bytes| bytes > 0), now == 0, "tick {now}");
     }
-    assert_eq!(team.told.len(), 4 * 3 * 2);
+    assert_eq!(team.delivered.len(), 4 * 3 * 2);
     assert!((1..4).all(|agent| team.states(agent) == team.states(0)));
 }
 
 #[test]
-fn what_does_not_fit_goes_on_in_the_next_ticks() {
+fn remainder_is_sent_in_the_next_ticks() {
     let size = 40;
     let mut team = Team::new(2, extent(size), 1000);
     let pair = [(0, 1)];
@@ -202,12 +202,12 @@ fn what_does_not_fit_goes_on_in_the_next_ticks() {
     }
     assert!((4..8).contains(&ticks), "{ticks}");
     team.tick(ticks, &pair, budget);
-    assert_eq!(team.told_cells(0, 1).len(), scattered.len());
+    assert_eq!(team.sent_cells(0, 1).len(), scattered.len());
     assert_eq!(team.maps[1].free(), scattered.len());
 }
 
 #[test]
-fn an_exchange_that_is_cut_off_goes_on_at_the_next_meeting() {
+fn interrupted_exchange_continues_at_the_next_contact() {
     let mut team = Team::new(2, extent(40), 1000);
     team.maps[0].note_free(&(0..20_000).map(|cell| 3 * cell).collect::<Vec<_>>());
     team.tick(3, &[(0, 1)], 2000);
@@ -216,12 +216,12 @@ fn an_exchange_that_is_cut_off_goes_on_at_the_next_meeting() {
     assert_eq!(team.tick(4, &[], BUDGET), [0, 0]);
     team.tick(90, &[(0, 1)], BUDGET);
     team.tick(91, &[], BUDGET);
-    assert_eq!(team.told_cells(0, 1).len(), 20_000);
+    assert_eq!(team.sent_cells(0, 1).len(), 20_000);
     assert_eq!(team.maps[1].free(), 20_000);
 }
 
 #[test]
-fn one_exchange_leaves_room_in_the_inbox_for_those_of_all_others() {
+fn exchange_leaves_room_in_the_inbox_for_others() {
     let agents = 20;
     let mut team = Team::new(agents, extent(128), 251);
     team.maps[0].note_free(&(0..600_000).map(|cell| 3 * cell).collect::<Vec<_>>());
@@ -238,14 +238,14 @@ fn one_exchange_leaves_room_in_the_inbox_for_those_of_all_others() {
 }
 
 #[test]
-fn an_exchange_takes_few_bytes_for_a_cell() {
+fn exchange_takes_few_bytes_per_cell() {
     const HALLS_X: [i32; 3] = [14, 24, 34];
     const RADIUS: f64 = 8.0;
     let mut team = Team::new(2, extent(50), 5);
     let distance =
         |cell: Cell, x: i32| f64::from((cell.x - x).pow(2) + (cell.y - 25).pow(2) + (cell.z - 25).pow(2)).sqrt();
     let is_free = |cell: Cell| HALLS_X.into_iter().any(|x| distance(cell, x) < RADIUS);
-    let mut told = 0;
+    let mut delivered = 0;
     // Three rooms that open into each other; for the second and third, only the part beyond the one
     // before is new.
     for (exchange, x) in (0..).zip(HALLS_X) {
@@ -257,18 +257,18 @@ fn an_exchange_takes_few_bytes_for_a_cell() {
         };
         map.note_free(&indices(&free));
         map.note_wall(&indices(&wall));
-        let cells = map.journal_len() - told;
-        told = map.journal_len();
+        let cells = map.journal_len() - delivered;
+        delivered = map.journal_len();
         let bytes = team.tick(5 * exchange, &[(0, 1)], BUDGET)[0];
         let bytes_per_100_cells = 100 * bytes / cells;
         assert!((5..40).contains(&bytes_per_100_cells), "exchange {exchange}: {bytes} bytes for {cells} cells");
     }
-    assert_eq!(team.told.len(), told);
+    assert_eq!(team.delivered.len(), delivered);
     assert_eq!(team.maps[0].contradictions(), 0);
 }
 
 #[test]
-fn with_a_period_of_0_it_only_listens() {
+fn period_0_only_receives() {
     let mut team = Team::new(2, extent(10), 5);
     team.sharings[1] = Sharing::new(0, 2);
     team.maps.iter_mut().zip([3, 500]).for_each(|(map, cell)| map.note_free(&[cell]));
@@ -279,7 +279,7 @@ fn with_a_period_of_0_it_only_listens() {
 }
 
 #[test]
-fn malformed_parcels_are_refused_and_other_kinds_left_alone() {
+fn malformed_messages_are_rejected_and_other_kinds_ignored() {
     let mut map = ExplorationMap::new(extent(4));
     let mut sharing = Sharing::new(5, 3);
     let message = |kind, data: &[u8]| ReceivedMessage { from: AgentId(2), kind, data: data.to_vec() };
@@ -309,7 +309,7 @@ fn whole_map(extent: Extent, finding: Finding) -> ReceivedMessage {
 }
 
 #[test]
-fn a_flood_is_cut_off_and_costs_nothing_from_then_on() {
+fn flooding_sender_is_barred() {
     let extent = extent(12);
     let volume = extent.volume() as u64;
     let mut map = ExplorationMap::new(extent);
@@ -338,7 +338,7 @@ fn a_flood_is_cut_off_and_costs_nothing_from_then_on() {
 }
 
 #[test]
-fn the_honest_bulk_of_a_first_meeting_of_all_is_no_flood() {
+fn full_first_exchange_of_all_is_accepted() {
     let agents = 6;
     let extent = extent(30);
     let mut team = Team::new(agents, extent, 50);
@@ -348,7 +348,7 @@ fn the_honest_bulk_of_a_first_meeting_of_all_is_no_flood() {
         map.note_free(&(0..volume).collect::<Vec<_>>());
         (0..volume).filter(|cell| cell % 2 == id % 2).for_each(|cell| map.note_covered(extent.cell_at(cell as usize)));
     }
-    (0..250).for_each(|now| drop(team.tick(now, &everybody(agents), 3000)));
+    (0..250).for_each(|now| drop(team.tick(now, &all_pairs(agents), 3000)));
     for agent in 0..agents as usize {
         assert_eq!(team.maps[agent].covered(), volume as usize);
         assert_eq!(team.sharings[agent].totals().messages_refused, 0);
@@ -357,7 +357,9 @@ fn the_honest_bulk_of_a_first_meeting_of_all_is_no_flood() {
 
 proptest! {
     #[test]
-    fn garbage_is_no_danger(mut datas in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..60), 0..8)) {
+    fn random_bytes_are_merged_or_rejected(
+        mut datas in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..60), 0..8),
+    ) {
         let mut map = ExplorationMap::new(extent(5));
         let mut sharing = Sharing::new(5, 3);
         let mut count = 0;
@@ -377,7 +379,7 @@ proptest! {
     }
 
     #[test]
-    fn in_the_end_each_believes_its_own_sensor_and_else_the_best_of_what_the_others_found(
+    fn maps_converge_to_own_findings_and_best_reports(
         findings in prop::collection::vec((0usize..4, 0u32..27, 0u8..3), 0..80),
         meetings in prop::collection::vec((0u32..4, 0u32..4), 1..20),
         pace in 1usize..20,
@@ -405,7 +407,7 @@ proptest! {
         }
         for _ in 0..8 {
             now += 1;
-            team.tick(now, &everybody(agents), BUDGET);
+            team.tick(now, &all_pairs(agents), BUDGET);
         }
         for agent in 0..agents as usize {
             for cell in 0..27 {
@@ -423,7 +425,7 @@ proptest! {
     }
 
     #[test]
-    fn what_one_knows_all_know_along_a_chain(
+    fn knowledge_propagates_along_a_chain(
         findings in prop::collection::vec((0u32..5, 0u32..1000, any::<bool>()), 0..60),
     ) {
         let agents = 5;
@@ -439,16 +441,16 @@ proptest! {
         }
         (0..12).for_each(|now| drop(team.tick(now, &chain, BUDGET)));
         for agent in 1..agents as usize {
-            prop_assert_eq!(team.states(agent), team.states(0), "no mark of coverage is lost on the way");
+            prop_assert_eq!(team.states(agent), team.states(0), "no mark of coverage is lost");
         }
-        let count = team.told.len();
-        team.told.sort_unstable();
-        team.told.dedup();
-        prop_assert_eq!(team.told.len(), count, "nothing is told twice");
+        let count = team.delivered.len();
+        team.delivered.sort_unstable();
+        team.delivered.dedup();
+        prop_assert_eq!(team.delivered.len(), count, "nothing is sent twice");
     }
 
     #[test]
-    fn all_maps_are_equal_after_a_round_of_everybody_with_everybody(
+    fn maps_converge_after_all_pairs_exchange(
         agents in 2u32..6,
         findings in prop::collection::vec((0u32..6, 0u32..1000, any::<bool>()), 0..150),
         meetings in prop::collection::vec((0u32..6, 0u32..6), 0..25),
@@ -471,7 +473,7 @@ proptest! {
                 team.tick(now, pair.as_slice(), budget);
             }
         }
-        let all = everybody(agents);
+        let all = all_pairs(agents);
         for _ in 0..16 {
             now += 1;
             team.tick(now, &all, budget);
@@ -480,9 +482,9 @@ proptest! {
             prop_assert_eq!(team.states(agent), team.states(0));
             prop_assert_eq!(team.maps[agent].contradictions(), 0);
         }
-        let count = team.told.len();
-        team.told.sort_unstable();
-        team.told.dedup();
-        prop_assert_eq!(team.told.len(), count, "nothing is told twice");
+        let count = team.delivered.len();
+        team.delivered.sort_unstable();
+        team.delivered.dedup();
+        prop_assert_eq!(team.delivered.len(), count, "nothing is sent twice");
     }
 }

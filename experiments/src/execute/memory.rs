@@ -1,4 +1,4 @@
-//! A run of a plan in this process.
+//! A planned run in this process, over the in-memory transport.
 
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -8,24 +8,29 @@ use msgs::ids::Tick;
 use sim_server::session::{INTERRUPTED, NullObserver};
 
 use super::{RunFailure, machine};
+use crate::in_process::{self, AgentOptions, ThreadLayout};
 use crate::measure::{self, Trace};
 use crate::plan::PlannedRun;
 use crate::rows::RunRecord;
-use crate::single::{self, Grouping, Team};
 
-/// Carries out a run, with one thread for the server and one for all agents: other runs have the other cores.
+/// Performs a run on one thread for the server and one for all agents: the other cores are for
+/// the other jobs.
 pub(super) fn carry_out(run: &PlannedRun, stop: &AtomicBool) -> Result<RunRecord, RunFailure> {
     let mut scenario = run.scenario.clone();
     scenario.execution.threads = 1;
     scenario.execution.record = None;
     let times = DecisionTimes::default();
-    let team = Team { grouping: Grouping::Together, chaos_delay: Duration::ZERO, decision_times: Some(times.clone()) };
-    let finished = single::run(&scenario, &team, &mut NullObserver, stop)
+    let options = AgentOptions {
+        threads: ThreadLayout::Shared,
+        chaos_delay: Duration::ZERO,
+        decision_times: Some(times.clone()),
+    };
+    let completed = in_process::run(&scenario, &options, &mut NullObserver, stop)
         .map_err(|error| RunFailure::Failed(error.to_string()))?;
-    let result = &finished.outcome.result;
+    let result = &completed.outcome.result;
     if result.reason == INTERRUPTED {
         return Err(RunFailure::Interrupted);
     }
-    let wall = measure::wall_row(Tick(result.tick), finished.outcome.wall, &times.sorted(), &machine());
-    Ok(measure::record(run, Trace { size: finished.size, progress: &finished.progress, result, wall }))
+    let wall = measure::wall_row(Tick(result.tick), completed.outcome.wall, &times.sorted(), &machine());
+    Ok(measure::record(run, Trace { size: completed.size, progress: &completed.progress, result, wall }))
 }

@@ -15,8 +15,8 @@ fn options(part: Part) -> Options {
     Options { jobs: NonZero::new(2).unwrap(), transport: Transport::Memory, part, prune: false }
 }
 
-fn carry_out(folder: &Path, part: Part) -> Summary {
-    execute(&plan(), folder.to_owned(), &options(part), &Stop::default()).unwrap()
+fn run_part(folder: &Path, part: Part) -> Summary {
+    execute(&plan(), folder.to_owned(), &options(part), &mut (), &Stop::default()).unwrap()
 }
 
 fn records(folder: &Path) -> Vec<RunRecord> {
@@ -29,20 +29,20 @@ fn are_same(one: &Path, other: &Path) -> bool {
 }
 
 #[test]
-fn a_plan_run_twice_has_the_same_rows_and_one_ended_early_goes_on_to_them() {
+fn rows_are_reproducible_and_an_interrupted_plan_resumes_to_them() {
     let site = tempfile::tempdir().unwrap();
-    let [whole, again, cut] = ["whole", "again", "cut"].map(|name| site.path().join(name));
+    let [whole, repeated, cut] = ["whole", "repeated", "cut"].map(|name| site.path().join(name));
     let done = Summary { done: 6, ..Summary::default() };
-    assert_eq!(carry_out(&whole, Part::WHOLE), done);
-    assert_eq!(carry_out(&again, Part::WHOLE), done);
-    assert!(are_same(&whole, &again));
-    // Only two runs are done, and one was cut off in the middle of writing.
+    assert_eq!(run_part(&whole, Part::WHOLE), done);
+    assert_eq!(run_part(&repeated, Part::WHOLE), done);
+    assert!(are_same(&whole, &repeated));
+    // Two runs have a record, and writing a third one was interrupted.
     let store = Store::create(&cut).unwrap();
     for record in &records(&whole)[..2] {
-        store.keep(record).unwrap();
+        store.save(record).unwrap();
     }
     std::fs::write(cut.join("runs/.half.part"), "{").unwrap();
-    assert_eq!(carry_out(&cut, Part::WHOLE), Summary { done: 4, skipped: 2, ..Summary::default() });
+    assert_eq!(run_part(&cut, Part::WHOLE), Summary { done: 4, skipped: 2, ..Summary::default() });
     assert!(are_same(&whole, &cut));
     for name in ["series.csv", "agents.csv"] {
         let table = |folder: &Path| std::fs::read(folder.join(name)).unwrap();
@@ -53,29 +53,29 @@ fn a_plan_run_twice_has_the_same_rows_and_one_ended_early_goes_on_to_them() {
 }
 
 #[test]
-fn a_stop_leaves_the_rest_for_later() {
+fn stop_leaves_pending_runs() {
     let site = tempfile::tempdir().unwrap();
     let stop = Stop { soon: AtomicBool::new(true), at_once: AtomicBool::new(false) };
-    let summary = execute(&plan(), site.path().to_owned(), &options(Part::WHOLE), &stop).unwrap();
+    let summary = execute(&plan(), site.path().to_owned(), &options(Part::WHOLE), &mut (), &stop).unwrap();
     assert_eq!(summary, Summary { left: 6, ..Summary::default() });
     let run = &plan().runs[0];
-    let given_up = memory::carry_out(run, &AtomicBool::new(true));
-    assert!(matches!(given_up, Err(RunFailure::Interrupted)));
+    let abandoned = memory::carry_out(run, &AtomicBool::new(true));
+    assert!(matches!(abandoned, Err(RunFailure::Interrupted)));
 }
 
 #[test]
-fn parts_are_merged_into_the_whole_and_contradictions_are_refused() {
+fn merged_parts_are_the_whole_and_contradictions_are_refused() {
     let site = tempfile::tempdir().unwrap();
     let [whole, first, second, joined] = ["whole", "first", "second", "joined"].map(|name| site.path().join(name));
-    carry_out(&whole, Part::WHOLE);
+    run_part(&whole, Part::WHOLE);
     let parts = NonZero::new(2).unwrap();
-    carry_out(&first, Part { index: 0, parts });
-    carry_out(&second, Part { index: 1, parts });
+    run_part(&first, Part { index: 0, parts });
+    run_part(&second, Part { index: 1, parts });
     assert_eq!(merge(&[first.clone(), second.clone()], &joined).unwrap(), 6);
     assert!(are_same(&whole, &joined));
-    let mut lie = records(&second).remove(0);
-    lie.row.explored *= 0.5;
-    Store::open(&second).unwrap().keep(&lie).unwrap();
+    let mut altered = records(&second).remove(0);
+    altered.row.explored *= 0.5;
+    Store::open(&second).unwrap().save(&altered).unwrap();
     let refused = merge(&[joined.clone(), second], &site.path().join("other")).unwrap_err();
     assert!(matches!(refused, MergeError::OtherOutcome { .. }), "{refused}");
     std::fs::write(first.join(PLAN), "another").unwrap();
@@ -83,12 +83,12 @@ fn parts_are_merged_into_the_whole_and_contradictions_are_refused() {
 }
 
 #[test]
-fn runs_of_another_plan_are_refused_or_taken_out() {
+fn runs_of_another_plan_are_refused_or_pruned() {
     let site = tempfile::tempdir().unwrap();
     let small = Plan { runs: plan().runs.split_off(5), ..plan() };
     let begin = |plan: &Plan, prune: bool| {
         let options = Options { prune, ..options(Part::WHOLE) };
-        execute(plan, site.path().to_owned(), &options, &Stop::default())
+        execute(plan, site.path().to_owned(), &options, &mut (), &Stop::default())
     };
     begin(&plan(), false).unwrap();
     assert!(matches!(begin(&small, false), Err(ExecuteError::OtherRuns { count: 5, .. })));

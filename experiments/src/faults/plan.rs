@@ -1,18 +1,18 @@
-//! What is done to a run: faults drawn from a seed, each with its time.
+//! Fault plans: faults drawn from a seed, each with its time.
 //!
 //! Invariant: the same seed, team and duration give the same plan; pure.
 //!
-//! Not decided here: how a time is reached, and which process runs an agent by then.
+//! Not decided here: how a time is reached, and which process runs an agent at that time.
 
 use std::fmt;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Faults of a plan at the most.
+/// Maximum number of faults of a plan.
 const FAULTS_MAX: u32 = 4;
 
-/// What can happen, each as often as it stands here.
+/// The kinds of faults; a kind is as likely as it is frequent in this list.
 const KINDS: [Kind; 14] = [
     Kind::KillAgent,
     Kind::KillAgent,
@@ -23,7 +23,7 @@ const KINDS: [Kind; 14] = [
     Kind::Hang,
     Kind::Hang,
     Kind::Hang,
-    Kind::LateAnswers,
+    Kind::LateReplies,
     Kind::Duplicate,
     Kind::Duplicate,
     Kind::Garbage,
@@ -35,7 +35,7 @@ enum Kind {
     KillAgent,
     KillServer,
     Hang,
-    LateAnswers,
+    LateReplies,
     Duplicate,
     Garbage,
 }
@@ -43,89 +43,68 @@ enum Kind {
 /// The faults of one run, in the order of their times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// From which it was drawn.
     pub seed: u64,
-    /// What happens.
     pub faults: Vec<Timed>,
 }
 
-/// A fault and its time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timed {
-    /// When.
     pub at: At,
-    /// What.
     pub fault: Fault,
 }
 
-/// When a fault happens.
+/// The time of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 pub enum At {
-    /// So many milliseconds of wall time after the agents were started, which may be before all have joined.
+    /// Wall time since the agents were started, ms; may come before all agents have joined.
     Joining(u32),
-    /// When the run has come this far, seconds of sim time.
+    /// Sim time, s.
     Running(f64),
 }
 
-/// Which process, if an agent has several.
+/// The process that a fault hits if an agent has several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Which {
-    /// The one that was started first.
     Oldest,
-    /// The one that was started last.
     Newest,
 }
 
-/// What happens. Times are milliseconds of wall time.
+/// A fault. Times are wall time, ms.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fault {
-    /// A process of an agent is killed, and another one started later.
-    KillAgent {
-        /// Of whom.
-        agent: u32,
-        /// Which process.
-        which: Which,
-        /// How much later.
-        restart_ms: u32,
-    },
-    /// The server is killed, and all agents with it; all are started again, and the run goes on.
+    /// Kills a process of an agent, and starts another one `restart_ms` later.
+    KillAgent { agent: u32, which: Which, restart_ms: u32 },
+    /// Kills the server and all agents, and restarts them to resume the run.
     KillServer {
-        /// When it is killed once more after that.
+        /// Time after the restart at which the server is killed once more.
         again_ms: Option<u32>,
     },
-    /// A process of an agent is stopped, and goes on later.
+    /// Stops a process of an agent (SIGSTOP), and continues it `for_ms` later.
     Hang {
-        /// Of whom.
         agent: u32,
-        /// Which process.
         which: Which,
-        /// How much later.
         for_ms: u32,
-        /// When another one is started beside it.
+        /// Time after the stop at which another process of the agent is started.
         successor_ms: Option<u32>,
     },
-    /// An agent waits before each answer, at random, from the start on.
-    LateAnswers {
-        /// Who.
+    /// Delays each reply of an agent at random, from the start of the run on.
+    LateReplies {
         agent: u32,
-        /// How long at the most.
+        /// Upper bound of the delay.
         up_to_ms: u32,
     },
-    /// A second process is started for an agent.
-    Duplicate {
-        /// Whom.
-        agent: u32,
-    },
-    /// Somebody says things on the topics of the agents that no agent may say.
+    /// Starts a second process of an agent.
+    Duplicate { agent: u32 },
+    /// Sends invalid messages on the topics of the agents.
     Garbage {
-        /// How many messages.
+        /// Number of messages.
         messages: u32,
     },
 }
 
 impl Plan {
-    /// The plan of a seed, for a team of so many `agents` and a run of `duration_s` of sim time; `timeout_ms` is the wall time
-    /// after which an agent is given up.
+    /// The plan of a seed, for a team of `agents` and a run of `duration_s` of sim time.
+    /// `timeout_ms` is the decision timeout of the run.
     #[must_use]
     pub fn of_seed(seed: u64, agents: u32, duration_s: f64, timeout_ms: u32) -> Self {
         let mut rng = random_streams::stream(seed, 0, "faults");
@@ -134,9 +113,9 @@ impl Plan {
             .map(|_| {
                 let fault = fault(&mut rng, agents, timeout_ms);
                 let at = match fault {
-                    Fault::LateAnswers { .. } => At::Joining(0),
+                    Fault::LateReplies { .. } => At::Joining(0),
                     _ if rng.random_bool(0.2) => At::Joining(rng.random_range(0..1000)),
-                    // Tenths, so that a time is written as it is.
+                    // Tenths: a time is printed exactly.
                     _ => At::Running(f64::from(rng.random_range(0..(duration_s * 10.0) as u32)) / 10.0),
                 };
                 Timed { at, fault }
@@ -164,7 +143,7 @@ fn fault(rng: &mut ChaCha8Rng, agents: u32, timeout_ms: u32) -> Fault {
             let successor_ms = (is_long && rng.random_bool(0.6)).then(|| rng.random_range(0..timeout_ms * 2));
             Fault::Hang { agent, which, for_ms, successor_ms }
         }
-        Kind::LateAnswers => Fault::LateAnswers { agent, up_to_ms: rng.random_range(5..40) },
+        Kind::LateReplies => Fault::LateReplies { agent, up_to_ms: rng.random_range(5..40) },
         Kind::Duplicate => Fault::Duplicate { agent },
         Kind::Garbage => Fault::Garbage { messages: rng.random_range(100..4000) },
     }
@@ -196,7 +175,7 @@ impl fmt::Display for Timed {
                 write!(f, " hang agent {agent} ({}) for {for_ms}ms", of(which))?;
                 successor_ms.map_or(Ok(()), |ms| write!(f, ", successor+{ms}ms"))
             }
-            Fault::LateAnswers { agent, up_to_ms } => write!(f, " agent {agent} late by up to {up_to_ms}ms"),
+            Fault::LateReplies { agent, up_to_ms } => write!(f, " agent {agent} late by up to {up_to_ms}ms"),
             Fault::Duplicate { agent } => write!(f, " second agent {agent}"),
             Fault::Garbage { messages } => write!(f, " {messages} garbage messages"),
         }
@@ -212,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_seed_has_one_plan() {
+    fn plan_is_a_function_of_the_seed() {
         for seed in 0..100 {
             assert_eq!(plan(seed), plan(seed));
         }
@@ -220,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn plans_are_in_order_and_of_the_team() {
+    fn faults_are_sorted_and_within_team_and_duration() {
         for seed in 0..500 {
             let Plan { faults, .. } = plan(seed);
             assert!((1..=4).contains(&faults.len()));
@@ -230,7 +209,7 @@ mod tests {
                 match fault {
                     Fault::KillAgent { agent, .. }
                     | Fault::Hang { agent, .. }
-                    | Fault::LateAnswers { agent, .. }
+                    | Fault::LateReplies { agent, .. }
                     | Fault::Duplicate { agent } => assert!(agent < 5),
                     Fault::KillServer { .. } | Fault::Garbage { .. } => {}
                 }
@@ -239,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_comes_up_and_so_does_each_phase() {
+    fn every_kind_and_phase_is_drawn() {
         let all: Vec<Timed> = (0..200).flat_map(|seed| plan(seed).faults).collect();
         let has = |fits: &dyn Fn(&Timed) -> bool| assert!(all.iter().any(fits));
         has(&|timed| matches!(timed.at, At::Joining(1..)));
@@ -248,13 +227,13 @@ mod tests {
         has(&|timed| matches!(timed.fault, Fault::KillServer { again_ms: Some(_) }));
         has(&|timed| matches!(timed.fault, Fault::Hang { for_ms: ..1000, successor_ms: None, .. }));
         has(&|timed| matches!(timed.fault, Fault::Hang { for_ms: 1000.., successor_ms: Some(_), .. }));
-        has(&|timed| matches!(timed.fault, Fault::LateAnswers { .. }));
+        has(&|timed| matches!(timed.fault, Fault::LateReplies { .. }));
         has(&|timed| matches!(timed.fault, Fault::Duplicate { .. }));
         has(&|timed| matches!(timed.fault, Fault::Garbage { .. }));
     }
 
     #[test]
-    fn a_plan_is_one_line() {
+    fn plan_prints_as_one_line() {
         let at = At::Running(12.5);
         let faults = vec![
             Timed { at: At::Joining(3), fault: Fault::KillServer { again_ms: Some(7) } },

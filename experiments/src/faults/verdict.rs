@@ -1,6 +1,7 @@
-//! Whether a disturbed run is the undisturbed one: digest, messages, and bytes.
+//! The comparison of a disturbed run with the undisturbed one: digest, messages, bytes.
 //!
-//! Invariant: nothing is let pass but the counters of refused messages, because the disturbances themselves are counted there.
+//! Invariant: every difference counts except in the counters of refused messages, which count the
+//! injected messages themselves.
 
 use std::path::Path;
 
@@ -9,37 +10,37 @@ use msgs::topics;
 use sim_server::difference;
 use sim_server::recording::{End, Message, Recording, RecordingError};
 
-/// How the counters of refused messages begin.
+/// Prefix of the names of refusal counters.
 const REFUSED: &str = "refused_";
 
-/// In which way a run is the undisturbed one.
+/// The degree to which a disturbed run equals the undisturbed one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sameness {
+pub enum Equivalence {
     /// The files are equal, byte for byte.
     Bytes,
-    /// All is equal but the counters of refused messages, of which there were more by so many.
-    Refusals(u64),
+    /// Only the refusal counters differ: this many more messages were refused.
+    ExceptRefusals(u64),
 }
 
 /// Compares a recording with the one that is expected.
 ///
 /// # Errors
-/// If they are not the same; says where, and what is different.
-pub fn compare(expected: &Path, found: &Path) -> Result<Sameness, String> {
+/// The first difference, as a line of text.
+pub fn compare(expected: &Path, found: &Path) -> Result<Equivalence, String> {
     let open = |file: &Path| Recording::open(file).map_err(|error: RecordingError| error.to_string());
     let (before, now) = (open(expected)?, open(found)?);
     if before.scenario() != now.scenario() {
-        return Err("the scenario is another one".to_owned());
+        return Err("the scenarios differ".to_owned());
     }
     let refusals = compare_messages(&before, &now)?;
     if refusals > 0 {
-        return Ok(Sameness::Refusals(refusals));
+        return Ok(Equivalence::ExceptRefusals(refusals));
     }
     let bytes = |file: &Path| std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()));
     if bytes(expected)? == bytes(found)? {
-        Ok(Sameness::Bytes)
+        Ok(Equivalence::Bytes)
     } else {
-        Err("all messages are the same, but the bytes of the files are not".to_owned())
+        Err("all messages are equal, but the bytes of the files differ".to_owned())
     }
 }
 
@@ -51,13 +52,13 @@ fn compare_messages(before: &Recording, now: &Recording) -> Result<u64, String> 
             (None, None) => break,
             (Some(one), Some(two)) if one == two => {}
             (Some(one), Some(two)) if is_result(&one) && is_result(&two) => refusals += compare_results(&one, &two)?,
-            (one, two) => return Err(format!("message {number} is to be {}, and is {}", name(one), name(two))),
+            (one, two) => return Err(format!("message {number}: expected {}, found {}", name(one), name(two))),
         }
     }
     match (expected.end(), found.end()) {
         (Some(End::Whole), Some(End::Whole)) => Ok(refusals),
-        (Some(End::Whole), end) => Err(format!("the recording has no end: {end:?}")),
-        (end, _) => Err(format!("the expected recording has no end: {end:?}")),
+        (Some(End::Whole), end) => Err(format!("the recording is incomplete: {end:?}")),
+        (end, _) => Err(format!("the expected recording is incomplete: {end:?}")),
     }
 }
 
@@ -72,7 +73,7 @@ fn name(message: Option<Message>) -> String {
     )
 }
 
-/// How many messages more were refused, if there is no other difference.
+/// The number of additional refusals, if there is no other difference.
 fn compare_results(before: &Message, now: &Message) -> Result<u64, String> {
     let decode = |message: &Message| message.decode::<maes_msgs::Result>().map_err(|error| error.to_string());
     let (mut before, mut now) = (decode(before)?, decode(now)?);
@@ -80,7 +81,7 @@ fn compare_results(before: &Message, now: &Message) -> Result<u64, String> {
     match difference::between(&before, &now) {
         Some(what) => Err(format!("the result: {what}")),
         None if found > expected => Ok(found - expected),
-        None => Err(format!("{expected} refusals were expected, and there are {found}")),
+        None => Err(format!("expected {expected} refusals, found {found}")),
     }
 }
 
@@ -92,7 +93,7 @@ fn take_refusals(result: &mut maes_msgs::Result) -> u64 {
 /// The digest of a recorded run.
 ///
 /// # Errors
-/// If there is none.
+/// If the file is no recording, or has no result.
 pub fn digest(file: &Path) -> Result<String, String> {
     let recording = Recording::open(file).map_err(|error| error.to_string())?;
     let result = recording.messages().filter(is_result).last();

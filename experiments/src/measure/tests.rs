@@ -5,7 +5,7 @@ use super::*;
 use crate::plan::Plan;
 
 #[test]
-fn figures_of_a_run_are_those_worked_out_by_hand() {
+fn metrics_match_hand_calculation() {
     let text = "seeds = [4]\n[scenario]\nduration_s = 40.0\n[scenario.map]\nkind = \"spheres\"\nsize = 24\n\
                 [scenario.agents]\ncount = 2\n";
     let plan = Plan::parse("p.toml", text, Path::new(".")).unwrap();
@@ -53,7 +53,8 @@ fn figures_of_a_run_are_those_worked_out_by_hand() {
     assert_eq!(row.area_under_explored, (2.5 + 7.5 + 4.0 + 16.0) / 40.0);
     assert_eq!((row.redundancy, row.imbalance), (0.25, 0.2));
     assert_eq!((row.believed_mean, row.believed_min), (0.875, 0.75));
-    // In contact at 0 and 20 s of the three regular samples; stale by 0, 1/2, 0 and 1/2 from the first cell on.
+    // In contact at 0 and 20 s of the three regular samples; staleness 0, 1/2, 0 and 1/2 from the
+    // first explored cell on.
     assert_eq!((row.contact_share, row.staleness), (2.0 / 3.0, 0.25));
     assert_eq!((row.distance_m, row.distance_max_m, row.refusals, row.free_cells), (8.0, 5.0, 3, 100));
     assert_eq!(row.bytes_by_kind, BTreeMap::from([(1, 7)]));

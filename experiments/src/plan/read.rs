@@ -1,7 +1,7 @@
-//! The text of a plan: its keys, and where they stand.
+//! The parser of plan files, which knows the line of each key.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Deserialize;
 use simulation::scenario::{Scenario, ScenarioError};
@@ -9,23 +9,22 @@ use toml::Spanned;
 
 use super::{Axis, AxisValue, PlanError, RUNS_MAX};
 
-/// What `seeds` may be.
-pub const SEEDS_EXPECTED: &str = "expected seeds from 0 to 9223372036854775807: a range such as \"1..30\", which has both its ends, \
-                                  or a list such as [1, 2, 7]";
+/// The allowed values of `seeds`, for error messages.
+pub const SEEDS_EXPECTED: &str = "expected seeds from 0 to 9223372036854775807: a range such as \"1..30\", which \
+                                  includes both ends, or a list such as [1, 2, 7]";
 
-/// A plan before it is expanded.
+/// A plan before its expansion.
 pub(super) struct Draft {
-    /// The plan as a file that needs no other.
+    /// See [`super::Plan::text`].
     pub(super) text: String,
     /// Name of the base scenario for error messages.
     pub(super) scenario_name: String,
-    /// The base scenario.
     pub(super) scenario_text: String,
-    /// Line of the plan that gives it, from 1.
+    /// Line of the plan that names or begins the base scenario, counted from 1.
     pub(super) scenario_line: usize,
-    /// What is varied, in the order of the file; no axis is empty.
+    /// In the order of the file; no axis is empty.
     pub(super) axes: Vec<Axis>,
-    /// The seeds, each once and at least one.
+    /// Distinct, and at least one.
     pub(super) seeds: Vec<u64>,
 }
 
@@ -38,7 +37,7 @@ struct PlanFile {
     axes: BTreeMap<Spanned<String>, Vec<Spanned<toml::Value>>>,
 }
 
-/// Only the base scenario of a plan, for errors with their place.
+/// The base scenario of a plan alone, parsed for errors with a line.
 #[derive(Deserialize)]
 struct Base {
     #[expect(dead_code, reason = "read for its errors")]
@@ -65,9 +64,9 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
         toml::Value::String(named) => {
             let path = folder.join(named);
             let name = path.display().to_string();
-            let base_text = read_base(&path)
+            let base_text = std::fs::read_to_string(&path)
                 .map_err(|source| at_line(scenario_line, format!("scenario = {named:?}: {name}: {source}")))?;
-            // For errors with their place in that file.
+            // For errors with a line of that file.
             Scenario::parse(&name, &base_text, &[])?;
             let base: toml::Table = toml::from_str(&base_text).map_err(syntax)?;
             let contained = with_base(text, &plan.scenario, &base);
@@ -98,11 +97,8 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
     Ok(Draft { text: self_contained, scenario_name, scenario_text, scenario_line, axes, seeds })
 }
 
-fn read_base(path: &PathBuf) -> std::io::Result<String> {
-    std::fs::read_to_string(path)
-}
-
-/// The text of a plan with its base scenario in it, at the end, in place of the name of a file.
+/// The text of a plan in which the base scenario, appended as a table, replaces the name of its
+/// file.
 fn with_base(text: &str, scenario: &Spanned<toml::Value>, base: &toml::Table) -> String {
     let span = scenario.span();
     let start = text[..span.start].rfind('\n').map_or(0, |at| at + 1);
@@ -131,12 +127,12 @@ fn seeds(value: &toml::Value) -> Result<Vec<u64>, String> {
         _ => return Err(expected()),
     };
     if seeds.is_empty() {
-        return Err(format!("there is none; {SEEDS_EXPECTED}"));
+        return Err(format!("no seeds; {SEEDS_EXPECTED}"));
     }
     let mut sorted = seeds.clone();
     sorted.sort_unstable();
     match sorted.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => Err(format!("{} is there twice", pair[0])),
+        Some(pair) => Err(format!("{} is listed twice", pair[0])),
         None => Ok(seeds),
     }
 }
@@ -164,7 +160,7 @@ fn axes(
                 .enumerate()
                 .find(|(at, value)| values[..*at].iter().any(|other| other.value == value.value));
             match twice {
-                Some((_, value)) => Err((value.line, format!("axes.\"{key}\": {} is there twice", value.value))),
+                Some((_, value)) => Err((value.line, format!("axes.\"{key}\": {} is listed twice", value.value))),
                 None => Ok(Axis { key, values }),
             }
         })

@@ -12,7 +12,7 @@ fn refused(head: &str) -> String {
 }
 
 #[test]
-fn every_combination_meets_every_seed() {
+fn every_combination_is_run_with_every_seed() {
     let plan = parse("seeds = \"3..4\"\n[axes]\n\"agents.controller\" = [\"rbw\", \"lvd\"]\n\"agents.count\" = [1, 3]")
         .unwrap();
     let what: Vec<(u64, &str, u32)> = plan
@@ -21,7 +21,7 @@ fn every_combination_meets_every_seed() {
         .map(|run| (run.scenario.seed, run.scenario.agents.controller.as_str(), run.scenario.agents.count))
         .collect();
     let of_seed = |seed| [(seed, "rbw", 3), (seed, "lvd", 3), (seed, "rbw", 1), (seed, "lvd", 1)];
-    assert_eq!(what, [of_seed(3), of_seed(4)].concat(), "seed by seed, and the largest first");
+    assert_eq!(what, [of_seed(3), of_seed(4)].concat(), "by seed, and the most expensive first");
     assert_eq!(plan.runs[0].axes["agents.count"], "3");
     assert_eq!(plan.runs.iter().map(|run| &run.id).collect::<BTreeSet<_>>().len(), 8);
     assert_eq!(
@@ -31,7 +31,7 @@ fn every_combination_meets_every_seed() {
 }
 
 #[test]
-fn a_run_is_the_same_in_every_plan_and_however_it_is_carried_out() {
+fn run_id_depends_neither_on_the_plan_nor_on_execution() {
     let one = parse("seeds = [7]").unwrap();
     let other = parse("seeds = \"6..8\"\naxes.\"agents.count\" = [1, 2]").unwrap();
     assert!(other.runs.iter().any(|run| run.id == one.runs[0].id));
@@ -40,7 +40,7 @@ fn a_run_is_the_same_in_every_plan_and_however_it_is_carried_out() {
 }
 
 #[test]
-fn a_plan_with_a_named_scenario_becomes_one_that_needs_no_other_file() {
+fn text_of_a_plan_is_self_contained() {
     let folder = tempfile::tempdir().unwrap();
     let base = "seed = 9\nduration_s = 10.0\n[map]\nkind = \"noise\"\nsize = 20\n[agents]\ncount = 2\n";
     std::fs::write(folder.path().join("base.toml"), base).unwrap();
@@ -52,19 +52,19 @@ fn a_plan_with_a_named_scenario_becomes_one_that_needs_no_other_file() {
 }
 
 #[test]
-fn mistakes_are_named_with_key_line_and_what_is_allowed() {
-    for (head, says) in [
+fn errors_name_line_key_and_allowed_values() {
+    for (head, expected) in [
         ("seeds = [1]\nsed = 2", "p.toml:2: unknown field `sed`, expected one of `scenario`, `seeds`, `axes`"),
         ("", "missing field `seeds`"),
         ("seeds = \"2..1\"", "p.toml:1: seeds: the range \"2..1\" has no seeds"),
-        ("seeds = []", "p.toml:1: seeds: there is none; expected seeds from 0"),
-        ("seeds = [1, 2, 1]", "p.toml:1: seeds: 1 is there twice"),
+        ("seeds = []", "p.toml:1: seeds: no seeds; expected seeds from 0"),
+        ("seeds = [1, 2, 1]", "p.toml:1: seeds: 1 is listed twice"),
         ("seeds = [-1]", "p.toml:1: seeds: expected seeds from 0"),
         (
             "seeds = [1]\naxes.\"agents.count\" = []",
             "p.toml:2: axes.\"agents.count\" = []: expected at least one value",
         ),
-        ("seeds = [1]\naxes.\"agents.count\" = [1,\n1]", "p.toml:3: axes.\"agents.count\": 1 is there twice"),
+        ("seeds = [1]\naxes.\"agents.count\" = [1,\n1]", "p.toml:3: axes.\"agents.count\": 1 is listed twice"),
         ("seeds = [1]\naxes.\"agents.count\" = [1,\n0]", "p.toml:3: agents.count = 0: expected 1 to 1000"),
         (
             "seeds = [1]\naxes.\"agents.cuont\" = [1]",
@@ -86,7 +86,7 @@ fn mistakes_are_named_with_key_line_and_what_is_allowed() {
         ("seeds = \"0..999999\"\naxes.\"agents.count\" = [1, 2]", "more runs than the 1000000"),
     ] {
         let error = refused(head);
-        assert!(error.contains(says), "{head:?}: {error}");
+        assert!(error.contains(expected), "{head:?}: {error}");
     }
     let with_base = |base: &str| Plan::parse("p.toml", base, Path::new("/nowhere")).unwrap_err().to_string();
     let error = with_base(&format!("seeds = [1]\n{BASE}colour = 3\n"));
@@ -96,7 +96,7 @@ fn mistakes_are_named_with_key_line_and_what_is_allowed() {
 }
 
 #[test]
-fn the_plans_of_the_repository_are_legal() {
+fn plans_of_the_repository_are_valid() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("plans");
     let runs = |name: &str| Plan::load(&folder.join(name)).unwrap_or_else(|error| panic!("{error}")).runs.len();
     let plans =

@@ -1,6 +1,7 @@
 //! The figures of a study, as SVG.
 //!
-//! Colours and dashes belong to controllers and are the same in all figures. A figure that the study has nothing for is left out.
+//! A controller has the same colour and dash pattern in all figures. A figure without data is
+//! omitted.
 
 mod boxes;
 mod curves;
@@ -10,24 +11,18 @@ mod traffic;
 use std::collections::BTreeSet;
 
 use super::plot::Mark;
-use super::study::{Field, Place, Study};
+use super::study::{Condition, Environment, Study};
 use crate::statistics::StatisticsError;
 
-/// A picture and what it shows.
 #[derive(Debug, Clone)]
 pub(super) struct Figure {
     /// Stem of its file names.
     pub(super) name: String,
-    /// What it shows and how to read it.
     pub(super) caption: String,
-    /// The picture.
     pub(super) svg: String,
 }
 
-/// The figures that are functions of the runs alone.
-///
-/// # Errors
-/// If a figure of a run is not finite.
+/// The figures without wall time, which are functions of scenario, seed and build.
 pub(super) fn deterministic(study: &Study) -> Result<Vec<Figure>, StatisticsError> {
     let mut figures = vec![curves::exploration(study)?];
     figures.extend(curves::times(study)?);
@@ -38,19 +33,16 @@ pub(super) fn deterministic(study: &Study) -> Result<Vec<Figure>, StatisticsErro
 }
 
 /// The figures of wall time.
-///
-/// # Errors
-/// If a figure of a run is not finite.
 pub(super) fn of_wall_time(study: &Study) -> Result<Vec<Figure>, StatisticsError> {
     let mut figures: Vec<Figure> = boxes::real_time_factor(study)?.into_iter().collect();
     figures.extend(teams::decisions(study)?);
     Ok(figures)
 }
 
-/// How panels for places stand: one for each place, team sizes side by side if there are two to four of them.
+/// The arrangement of panels: one per condition, with two to four team sizes side by side.
 struct Panels {
-    /// The place of each panel; `None`: there is no such run.
-    places: Vec<(Field, u32, Option<Place>)>,
+    /// The condition of each panel; `None` if it has no runs.
+    conditions: Vec<(Environment, u32, Option<Condition>)>,
     columns: usize,
 }
 
@@ -58,27 +50,33 @@ impl Panels {
     fn of(study: &Study) -> Self {
         let team_sizes = study.team_sizes();
         if (2..=4).contains(&team_sizes.len()) {
-            let mut places = Vec::new();
-            for field in study.fields() {
+            let mut conditions = Vec::new();
+            for environment in study.environments() {
                 for &agents in &team_sizes {
-                    let place = study.places.iter().find(|place| place.agents == agents && place.field() == field);
-                    places.push((field.clone(), agents, place.cloned()));
+                    let condition = study
+                        .conditions
+                        .iter()
+                        .find(|condition| condition.agents == agents && condition.environment() == environment);
+                    conditions.push((environment.clone(), agents, condition.cloned()));
                 }
             }
-            Self { places, columns: team_sizes.len() }
+            Self { conditions, columns: team_sizes.len() }
         } else {
-            let places = study.places.iter().map(|place| (place.field(), place.agents, Some(place.clone())));
-            Self { places: places.collect(), columns: columns(study.places.len()) }
+            let conditions = study
+                .conditions
+                .iter()
+                .map(|condition| (condition.environment(), condition.agents, Some(condition.clone())));
+            Self { conditions: conditions.collect(), columns: columns(study.conditions.len()) }
         }
     }
 
-    fn title(study: &Study, field: &Field, agents: u32) -> String {
-        let place = Place { others: field.others.clone(), size: field.size, agents };
-        study.place_name(&place)
+    fn title(study: &Study, environment: &Environment, agents: u32) -> String {
+        let condition = Condition { others: environment.others.clone(), size: environment.size, agents };
+        study.condition_name(&condition)
     }
 }
 
-/// How many panels to put side by side where their order has no meaning.
+/// The number of columns of panels without a natural order.
 fn columns(panels: usize) -> usize {
     match panels {
         0..=3 => panels.max(1),
@@ -87,8 +85,8 @@ fn columns(panels: usize) -> usize {
     }
 }
 
-/// How many runs the cells of a study have.
-fn runs_told(study: &Study) -> String {
+/// The number of runs of the cells of a study, as a note.
+fn runs_note(study: &Study) -> String {
     let counts: BTreeSet<usize> = study.cells().map(|(_, _, runs)| runs.len()).collect();
     match (counts.first(), counts.last()) {
         (Some(1), Some(1)) => "1 run per cell".to_owned(),
@@ -98,7 +96,7 @@ fn runs_told(study: &Study) -> String {
     }
 }
 
-/// All controllers by name.
+/// An entry for each controller.
 fn legend(study: &Study, mark: fn(usize) -> Mark) -> Vec<(Mark, String)> {
     study.controllers.iter().enumerate().map(|(i, name)| (mark(i), name.clone())).collect()
 }

@@ -1,4 +1,4 @@
-//! Runs made by hand.
+//! Synthetic runs for tests.
 
 use std::collections::BTreeMap;
 

@@ -1,12 +1,12 @@
-//! The tables of a study: one row for each cell.
+//! The tables of a study: one row per cell.
 
 use std::collections::BTreeMap;
 
 use super::numbers::{
     AREA, BELIEVED, COLLISIONS, CONTACT, COVERED, DISTANCE, DISTANCE_MAX, EXPLORED, Estimate, FAILURES, IMBALANCE,
-    MARKS, Metric, Quartiles, REAL_TIME_FACTOR, REDUNDANCY, RESAMPLES, STALENESS, TRAFFIC, TimeUnit, Times, WALL,
+    MILESTONES, Metric, Quartiles, REAL_TIME_FACTOR, REDUNDANCY, RESAMPLES, STALENESS, TRAFFIC, TimeUnit, Times, WALL,
 };
-use super::study::{Place, Study};
+use super::study::{Condition, Study};
 use super::table::{Entry, Table, digits_for, mean_entry};
 use crate::rows::RunRecord;
 use crate::statistics::StatisticsError;
@@ -14,17 +14,13 @@ use crate::statistics::StatisticsError;
 /// Decimals of shares in per cent and of minutes.
 const DIGITS: usize = 1;
 
-/// All but the comparison of pairs.
-///
-/// # Errors
-/// If a figure of a run is not finite.
+/// All tables except the pairwise comparisons.
 pub(super) fn tables(study: &Study) -> Result<Vec<Table>, StatisticsError> {
     Ok(vec![outcome(study)?, times(study)?, effort(study)?, communication(study)?, endings(study)])
 }
 
-/// What was explored.
 fn outcome(study: &Study) -> Result<Table, StatisticsError> {
-    let mut columns = place_columns(study);
+    let mut columns = cell_columns(study);
     columns.push(column("runs", "runs"));
     for metric in [EXPLORED, AREA] {
         columns.push(column(&format!("{}, mean [95 % CI]", metric.label()), metric.key));
@@ -45,17 +41,16 @@ fn outcome(study: &Study) -> Result<Table, StatisticsError> {
         }
         Ok(row)
     })?;
-    let caption = "Outcome: shares of the free cells, over the runs of a cell. The area under the curve is the mean of the explored \
-                   share over the whole duration; what the team has explored by the end of a run stays explored.";
+    let caption = "Outcome: shares of the free cells, over the runs of a cell. The area under the curve is the mean of \
+                   the explored share over the whole duration; the share is constant after the end of a run.";
     Ok(Table { name: "outcome", caption: caption.to_owned(), columns, rows })
 }
 
-/// When how much was explored.
 fn times(study: &Study) -> Result<Table, StatisticsError> {
     let unit = TimeUnit::of(&study.runs);
-    let mut columns = place_columns(study);
-    for mark in MARKS {
-        let (percent, symbol) = (mark.percent, unit.symbol);
+    let mut columns = cell_columns(study);
+    for milestone in MILESTONES {
+        let (percent, symbol) = (milestone.percent, unit.symbol);
         columns.push(column(&format!("runs that reach {percent} %"), &format!("reached_{percent}")));
         columns.push(column(&format!("share that reaches {percent} %"), &format!("success_{percent}")));
         let title = format!("restricted mean time to {percent} % ({symbol}), [95 % CI]");
@@ -65,8 +60,8 @@ fn times(study: &Study) -> Result<Table, StatisticsError> {
     }
     let rows = rows(study, |runs| {
         let mut row = Vec::new();
-        for mark in MARKS {
-            let times = Times::of(runs, mark);
+        for milestone in MILESTONES {
+            let times = Times::of(runs, milestone);
             row.push(Entry::Share(times.reached(), runs.len()));
             row.push(Entry::Number(Some(times.success()?), 2));
             row.push(Entry::Mean(Some(unit.estimate(times.estimate()?)), DIGITS));
@@ -74,17 +69,17 @@ fn times(study: &Study) -> Result<Table, StatisticsError> {
         }
         Ok(row)
     })?;
-    let caption = "Time until the team has seen 90, 99 and 100 % of the free cells. A run that does not get there counts as one that \
-                   was watched for the whole duration: the restricted mean takes the duration in its place, and the median \
-                   (Kaplan-Meier) is missing where fewer than half of the runs get there.";
+    let caption = "Time until the team has seen 90, 99 and 100 % of the free cells. A run that does not reach a share is \
+                   right-censored at the duration: the restricted mean uses the duration as its time, and the median \
+                   (Kaplan-Meier) is missing where fewer than half of the runs reach the share.";
     Ok(Table { name: "times", caption: caption.to_owned(), columns, rows })
 }
 
-/// What it cost the team.
 fn effort(study: &Study) -> Result<Table, StatisticsError> {
     let metrics = [DISTANCE, DISTANCE_MAX, REDUNDANCY, IMBALANCE, COLLISIONS, FAILURES];
-    let caption = "Effort, mean [95 % CI]. Redundancy: what the agents have seen themselves, added up, over what the team has seen, \
-                   less 1. Imbalance: standard deviation over mean of what the agents have seen themselves.";
+    let caption = "Effort, mean [95 % CI]. Redundancy: cells seen by each agent itself, summed over the agents, divided by \
+                   the cells seen by the team, minus 1. Imbalance: coefficient of variation of the cells that each \
+                   agent has seen itself.";
     Ok(Table {
         name: "effort",
         caption: caption.to_owned(),
@@ -93,21 +88,18 @@ fn effort(study: &Study) -> Result<Table, StatisticsError> {
     })
 }
 
-/// What was said.
 fn communication(study: &Study) -> Result<Table, StatisticsError> {
     let metrics = [TRAFFIC, CONTACT, STALENESS];
-    let caption = "Communication, mean [95 % CI]. Pairs in contact: share of the pairs of agents, mean over the run. Staleness: how \
-                   much of what the team has seen an agent's map lacks, mean over agents and the run.";
+    let caption = "Communication, mean [95 % CI]. Pairs in contact: share of the pairs of agents, mean over the run. \
+                   Staleness: share of the cells seen by the team that an agent's map lacks, mean over agents and \
+                   the run.";
     let columns = mean_columns(study, &metrics);
     Ok(Table { name: "communication", caption: caption.to_owned(), columns, rows: means(study, &metrics)? })
 }
 
-/// What depends on the machine.
-///
-/// # Errors
-/// If a figure of a run is not finite.
+/// The table of wall time.
 pub(super) fn cost(study: &Study) -> Result<Table, StatisticsError> {
-    let mut columns = place_columns(study);
+    let mut columns = cell_columns(study);
     for metric in [REAL_TIME_FACTOR, WALL] {
         columns.push(column(&format!("{}, median (quartiles)", metric.label()), metric.key));
     }
@@ -126,19 +118,16 @@ pub(super) fn cost(study: &Study) -> Result<Table, StatisticsError> {
         }
         Ok(row)
     })?;
-    let caption = "Cost of the simulation in wall time, over the runs of a cell; it depends on the machine and on what else ran there. \
-                   Of the decision times of a run, the median over the runs.";
+    let caption = "Wall time of the simulation, over the runs of a cell; it depends on the machine and its load. Decision \
+                   times: percentiles of each run, of which the median over the runs is shown.";
     Ok(Table { name: "cost", caption: caption.to_owned(), columns, rows })
 }
 
-/// Percentiles of the decision times of a run, microseconds.
+/// The 50th, 95th and 99th percentile of the decision times of a run, µs.
 pub(super) const DECISION_TIMES: [fn(&RunRecord) -> Option<f64>; 3] =
     [|run| run.row.wall.decision_p50_us, |run| run.row.wall.decision_p95_us, |run| run.row.wall.decision_p99_us];
 
-/// Median over the runs that have it, microseconds.
-///
-/// # Errors
-/// If one is not finite.
+/// The median over the runs that have measured it, µs.
 pub(super) fn decision_us(
     runs: &[&RunRecord],
     time_us: fn(&RunRecord) -> Option<f64>,
@@ -147,32 +136,31 @@ pub(super) fn decision_us(
     if times.is_empty() { Ok(None) } else { Ok(Some(Quartiles::of(&times)?.median)) }
 }
 
-/// Why runs have ended.
 fn endings(study: &Study) -> Table {
-    let mut columns = place_columns(study);
-    columns.push(column("reason of the end", "reason"));
+    let mut columns = cell_columns(study);
+    columns.push(column("end reason", "reason"));
     columns.push(column("runs", "runs"));
     let mut rows = Vec::new();
-    for (place, controller, runs) in study.cells() {
+    for (condition, controller, runs) in study.cells() {
         let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
         for run in &runs {
             *reasons.entry(&run.row.reason).or_default() += 1;
         }
         for (reason, count) in reasons {
-            let mut row = place_entries(study, place, controller);
+            let mut row = cell_entries(study, condition, controller);
             row.extend([Entry::Text(reason.to_owned()), Entry::Share(count, runs.len())]);
             rows.push(row);
         }
     }
-    Table { name: "endings", caption: "Why the runs ended.".to_owned(), columns, rows }
+    Table { name: "endings", caption: "Reasons for the end of runs.".to_owned(), columns, rows }
 }
 
 fn rows(
     study: &Study,
     entries: impl Fn(&[&RunRecord]) -> Result<Vec<Entry>, StatisticsError>,
 ) -> Result<Vec<Vec<Entry>>, StatisticsError> {
-    let row = |(place, controller, runs): (&Place, usize, Vec<&RunRecord>)| {
-        let mut row = place_entries(study, place, controller);
+    let row = |(condition, controller, runs): (&Condition, usize, Vec<&RunRecord>)| {
+        let mut row = cell_entries(study, condition, controller);
         row.extend(entries(&runs)?);
         Ok(row)
     };
@@ -180,7 +168,7 @@ fn rows(
 }
 
 fn mean_columns(study: &Study, metrics: &[Metric]) -> Vec<(String, String)> {
-    let mut columns = place_columns(study);
+    let mut columns = cell_columns(study);
     columns.extend(metrics.iter().map(|metric| column(&metric.label(), metric.key)));
     columns
 }
@@ -191,34 +179,34 @@ fn means(study: &Study, metrics: &[Metric]) -> Result<Vec<Vec<Entry>>, Statistic
     })
 }
 
-/// Columns that say which cell a row is of, the controller last.
-fn place_columns(study: &Study) -> Vec<(String, String)> {
-    let mut columns = field_columns(study);
+/// The columns that identify a cell.
+fn cell_columns(study: &Study) -> Vec<(String, String)> {
+    let mut columns = condition_columns(study);
     columns.push(column("controller", "controller"));
     columns
 }
 
-/// Columns that say which place a row is of.
-pub(super) fn field_columns(study: &Study) -> Vec<(String, String)> {
+/// The columns that identify a condition.
+pub(super) fn condition_columns(study: &Study) -> Vec<(String, String)> {
     let mut columns: Vec<_> = study.others.iter().map(|key| column(key, key)).collect();
     columns.extend([column("map (cells)", "map"), column("agents", "agents")]);
     columns
 }
 
-fn place_entries(study: &Study, place: &Place, controller: usize) -> Vec<Entry> {
-    let mut entries = field_entries(place);
+fn cell_entries(study: &Study, condition: &Condition, controller: usize) -> Vec<Entry> {
+    let mut entries = condition_entries(condition);
     entries.push(Entry::Text(study.controllers[controller].clone()));
     entries
 }
 
-/// What stands in [`field_columns`].
-pub(super) fn field_entries(place: &Place) -> Vec<Entry> {
-    let mut entries: Vec<_> = place.others.iter().map(|value| Entry::Text(value.0.clone())).collect();
-    entries.extend([Entry::Size(place.size), Entry::Count(place.agents as usize)]);
+/// The entries of [`condition_columns`].
+pub(super) fn condition_entries(condition: &Condition) -> Vec<Entry> {
+    let mut entries: Vec<_> = condition.others.iter().map(|value| Entry::Text(value.0.clone())).collect();
+    entries.extend([Entry::Size(condition.size), Entry::Count(condition.agents as usize)]);
     entries
 }
 
-/// A title for readers and a name for programs.
+/// A title for readers, and a column name for programs.
 pub(super) fn column(title: &str, key: &str) -> (String, String) {
     (title.to_owned(), key.to_owned())
 }

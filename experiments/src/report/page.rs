@@ -1,5 +1,5 @@
-//! The page: what was run, the figures, the tables, and every run. Well-formed as XML as well, and without any reference to
-//! another file.
+//! The HTML page: facts about the study, figures, tables, and a list of all runs. It is well-formed
+//! XML, and refers to no other file.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -12,7 +12,7 @@ use super::study::{Study, agents_name, size_name};
 use super::svg::escape;
 use super::table::{Entry, Table};
 
-/// Style of the page. What is neutral in the figures follows the background.
+/// The style sheet. Neutral colours of the figures follow the background.
 const STYLE: &str = "
 :root { color-scheme: light dark; --ink: #1a1a1a; --soft: #5a5a5a; --paper: #ffffff; --rule: #d8d8d8; --head: #f4f5f7; }
 body { margin: 2rem auto; padding: 0 1.2rem; max-width: 72rem; background: var(--paper); color: var(--ink);
@@ -37,7 +37,6 @@ pre { background: var(--head); padding: 0.8rem; overflow-x: auto; font-size: 0.8
 }
 ";
 
-/// The whole page.
 pub(super) fn html(study: &Study, contents: &Contents) -> String {
     let title = format!("Report on {} runs", study.runs.len());
     let mut text = format!(
@@ -48,31 +47,33 @@ pub(super) fn html(study: &Study, contents: &Contents) -> String {
     text.push_str(&facts(study));
     text.push_str(&lacking(study));
     text.push_str("<h2>Results</h2>\n");
-    text.push_str("<p class=\"note\">Functions of scenario, seed and build: a repetition gives the same numbers. Intervals are 95 % \
-         bootstrap intervals (BCa) over the runs of a cell, which differ in the seed and so in the map.</p>\n");
+    text.push_str(
+        "<p class=\"note\">Functions of scenario, seed and build: a repetition gives the same numbers. Intervals are \
+         95 % bootstrap intervals (BCa) over the runs of a cell, which differ in the seed and therefore in the map.</p>\n",
+    );
     text.extend(contents.figures.iter().map(figure));
     text.extend(contents.tables.iter().map(wide));
     if !contents.pairs.is_empty() {
-        text.push_str("<h2>Controllers compared, seed by seed</h2>\n");
+        text.push_str("<h2>Pairwise comparison of controllers, seed by seed</h2>\n");
         text.extend(contents.pairs.iter().map(wide));
     }
     text.push_str("<h2>Cost of the simulation</h2>\n");
     text.push_str(
-        "<p class=\"note\">Wall time: differs between machines and repetitions, and is no part of the results.</p>\n",
+        "<p class=\"note\">Wall time: differs between machines and repetitions, and is not part of the results.</p>\n",
     );
     text.extend(contents.cost_figures.iter().map(figure));
     text.push_str(&wide(&contents.cost));
     if let Some(plan) = &study.plan {
-        write!(text, "<h2>Plan</h2>\n<pre>{}</pre>\n", escape(plan)).expect("a String takes all");
+        write!(text, "<h2>Plan</h2>\n<pre>{}</pre>\n", escape(plan)).expect("a String can be written");
     }
     write!(text, "<h2>Runs</h2>\n<details>\n<summary>All {} runs</summary>\n", study.runs.len())
-        .expect("a String takes all");
+        .expect("a String can be written");
     text.push_str(&wide(&runs(study)));
     text.push_str("</details>\n</body>\n</html>\n");
     text
 }
 
-/// What was run.
+/// A list of controllers, maps, team sizes, axes, seeds and builds.
 fn facts(study: &Study) -> String {
     let rows = || study.runs.iter().map(|run| &run.row);
     let unique = |texts: BTreeSet<String>| texts.into_iter().collect::<Vec<_>>().join("; ");
@@ -80,10 +81,10 @@ fn facts(study: &Study) -> String {
     let mut facts = vec![
         ("Controllers".to_owned(), study.controllers.join(", ")),
         ("Maps".to_owned(), sizes.into_iter().map(size_name).collect::<Vec<_>>().join(", ")),
-        ("Teams".to_owned(), study.team_sizes().into_iter().map(agents_name).collect::<Vec<_>>().join(", ")),
+        ("Team sizes".to_owned(), study.team_sizes().into_iter().map(agents_name).collect::<Vec<_>>().join(", ")),
     ];
     for (i, key) in study.others.iter().enumerate() {
-        let values: BTreeSet<_> = study.places.iter().map(|place| &place.others[i]).collect();
+        let values: BTreeSet<_> = study.conditions.iter().map(|condition| &condition.others[i]).collect();
         facts.push((key.clone(), values.into_iter().map(|value| value.0.clone()).collect::<Vec<_>>().join(", ")));
     }
     facts.extend([
@@ -95,22 +96,22 @@ fn facts(study: &Study) -> String {
     ]);
     let mut text = "<dl>\n".to_owned();
     for (name, value) in facts {
-        writeln!(text, "<dt>{}</dt><dd>{}</dd>", escape(&name), escape(&value)).expect("a String takes all");
+        writeln!(text, "<dt>{}</dt><dd>{}</dd>", escape(&name), escape(&value)).expect("a String can be written");
     }
     text.push_str("</dl>\n");
     text
 }
 
-/// What was not run.
+/// A list of cells with missing seeds.
 fn lacking(study: &Study) -> String {
     let lacking = study.lacking();
     if lacking.is_empty() {
         return String::new();
     }
     let seeds = study.seeds().len();
-    let mut text = format!("<p>Not every cell has all {seeds} seeds; these lack some:</p>\n<ul>\n");
+    let mut text = format!("<p>Some of the {seeds} seeds are missing in these cells:</p>\n<ul>\n");
     for (cell, count) in lacking {
-        writeln!(text, "<li>{}: {count} of {seeds} lacking</li>", escape(&cell)).expect("a String takes all");
+        writeln!(text, "<li>{}: {count} of {seeds} missing</li>", escape(&cell)).expect("a String can be written");
     }
     text.push_str("</ul>\n");
     text
@@ -125,18 +126,18 @@ fn wide(table: &Table) -> String {
     format!("<div class=\"wide\">\n{}</div>\n", table.html())
 }
 
-/// Every run.
+/// The table of all runs.
 fn runs(study: &Study) -> Table {
     let mut columns = vec![column("run", "id"), column("controller", "controller"), column("map (cells)", "map")];
     columns.extend(study.others.iter().map(|key| column(key, key)));
-    columns.extend([column("agents", "agents"), column("seed", "seed"), column("reason of the end", "reason")]);
+    columns.extend([column("agents", "agents"), column("seed", "seed"), column("end reason", "reason")]);
     columns.push(column("end (s)", "end_s"));
     columns.push(column(&EXPLORED.label(), EXPLORED.key));
-    columns.push(column("99 % after (s)", "t99_s"));
+    columns.push(column("time to 99 % (s)", "t99_s"));
     columns.push(column(&DISTANCE.label(), DISTANCE.key));
     columns.push(column("digest", "digest"));
     let mut rows = Vec::new();
-    for (place, controller, cell) in study.cells() {
+    for (condition, controller, cell) in study.cells() {
         for run in cell {
             let row = &run.row;
             let mut entries = vec![
@@ -144,7 +145,7 @@ fn runs(study: &Study) -> Table {
                 Entry::Text(study.controllers[controller].clone()),
                 Entry::Size(row.size),
             ];
-            entries.extend(place.others.iter().map(|value| Entry::Text(value.0.clone())));
+            entries.extend(condition.others.iter().map(|value| Entry::Text(value.0.clone())));
             entries.extend([
                 Entry::Count(row.agents as usize),
                 Entry::Text(row.seed.to_string()),
@@ -158,10 +159,10 @@ fn runs(study: &Study) -> Table {
             rows.push(entries);
         }
     }
-    Table { name: "runs", caption: "Every run.".to_owned(), columns, rows }
+    Table { name: "runs", caption: "All runs.".to_owned(), columns, rows }
 }
 
-/// Numbers as ranges: 1-10, 12.
+/// Numbers as ranges, such as 1–10, 12.
 fn ranges(numbers: &BTreeSet<u64>) -> String {
     let mut ranges: Vec<(u64, u64)> = Vec::new();
     for &number in numbers {
@@ -181,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn seeds_are_told_as_ranges() {
+    fn seeds_are_shown_as_ranges() {
         assert_eq!(ranges(&[1, 2, 3, 7, 9, 10].into()), "1–3, 7, 9–10");
         assert_eq!(ranges(&[u64::MAX].into()), u64::MAX.to_string());
     }

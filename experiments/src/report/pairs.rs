@@ -1,27 +1,23 @@
-//! Comparison of controllers, two at a time and run by run: only runs with the same seed, and so on the same map, are held against
-//! each other.
+//! Pairwise comparison of controllers: runs are paired by seed, and so by map.
 //!
-//! The comparisons of all controllers at one place are a family: their p-values are adjusted for each other (Holm). Each place is a
-//! question of its own; an adjustment for all places as well would need more seeds than anybody has time for.
+//! The comparisons under one condition are a family: their p-values are adjusted together (Holm).
+//! Conditions are separate questions; an adjustment over all of them would need far more seeds.
 
-use super::numbers::{AREA, DISTANCE, EXPLORED, Estimate, LEVEL, MARKS, RESAMPLES, SEED, TimeUnit, Times};
-use super::outcomes::{column, field_columns, field_entries};
+use super::numbers::{AREA, DISTANCE, EXPLORED, Estimate, LEVEL, MILESTONES, RESAMPLES, SEED, TimeUnit, Times};
+use super::outcomes::{column, condition_columns, condition_entries};
 use super::study::Study;
 use super::table::{Entry, Table, digits_for};
 use crate::rows::RunRecord;
 use crate::statistics::{Pairing, StatisticsError, a12, bootstrap_ratio, holm, mean, wilcoxon_signed_rank};
 
-/// One table for each figure that is compared; none for a study of one controller.
-///
-/// # Errors
-/// If a figure of a run is not finite.
+/// One table per metric; none for a study of one controller.
 pub(super) fn tables(study: &Study) -> Result<Vec<Table>, StatisticsError> {
     if study.controllers.len() < 2 {
         return Ok(Vec::new());
     }
     let unit = TimeUnit::of(&study.runs);
     let times = |runs: &[&RunRecord]| -> Vec<f64> {
-        Times::of(runs, MARKS[1]).restricted().iter().map(|time| time / unit.seconds).collect()
+        Times::of(runs, MILESTONES[1]).restricted().iter().map(|time| time / unit.seconds).collect()
     };
     let compared: [Compared; 4] = [
         ("pairs-time-99", format!("restricted time to 99 % ({}), less is better", unit.symbol), &times),
@@ -32,11 +28,11 @@ pub(super) fn tables(study: &Study) -> Result<Vec<Table>, StatisticsError> {
     compared.into_iter().map(|compared| table(study, compared)).collect()
 }
 
-/// Name of the table, what is compared, and its values in runs.
+/// Name of the table, title of the metric, and its values.
 type Compared<'a> = (&'static str, String, &'a dyn Fn(&[&RunRecord]) -> Vec<f64>);
 
 fn table(study: &Study, (name, what, values): Compared) -> Result<Table, StatisticsError> {
-    let mut columns = field_columns(study);
+    let mut columns = condition_columns(study);
     let titles = [
         ("A", "a"),
         ("B", "b"),
@@ -50,19 +46,19 @@ fn table(study: &Study, (name, what, values): Compared) -> Result<Table, Statist
     ];
     columns.extend(titles.map(|(title, key)| column(title, key)));
     let mut rows = Vec::new();
-    for place in &study.places {
+    for condition in &study.conditions {
         let mut family = Vec::new();
         let mut p_values = Vec::new();
         for a in 0..study.controllers.len() {
             for b in a + 1..study.controllers.len() {
-                let (runs_a, runs_b) = paired(&study.cell(place, a), &study.cell(place, b));
+                let (runs_a, runs_b) = paired(&study.cell(condition, a), &study.cell(condition, b));
                 if runs_a.is_empty() {
                     continue;
                 }
                 let (values_a, values_b) = (values(&runs_a), values(&runs_b));
                 let (mean_a, mean_b) = (mean(&values_a)?, mean(&values_b)?);
                 let test = wilcoxon_signed_rank(&values_a, &values_b)?;
-                let mut row = field_entries(place);
+                let mut row = condition_entries(condition);
                 row.extend([a, b].map(|controller| Entry::Text(study.controllers[controller].clone())));
                 row.push(Entry::Count(runs_a.len()));
                 row.extend([mean_a, mean_b].map(|mean| Entry::Number(Some(mean), digits_for(mean))));
@@ -86,7 +82,7 @@ fn table(study: &Study, (name, what, values): Compared) -> Result<Table, Statist
     Ok(Table { name, caption, columns, rows })
 }
 
-/// The ratio of the means, without an interval for a single pair, and without anything where there is none.
+/// The ratio of the means: without an interval for a single pair, empty if the denominator is 0.
 fn ratio(a: &[f64], b: &[f64]) -> Result<Entry, StatisticsError> {
     let (mean_a, mean_b) = (mean(a)?, mean(b)?);
     if mean_b == 0.0 {
@@ -100,11 +96,11 @@ fn ratio(a: &[f64], b: &[f64]) -> Result<Entry, StatisticsError> {
     Ok(Entry::Mean(Some(Estimate { mean: mean_a / mean_b, interval }), 2))
 }
 
-/// The runs of two cells that have the same seed, in the same order. Both come in ascending order of the seed.
+/// The runs of two cells that share a seed, in the same order. Both cells are sorted by seed.
 fn paired<'a>(a: &[&'a RunRecord], b: &[&'a RunRecord]) -> (Vec<&'a RunRecord>, Vec<&'a RunRecord>) {
     let other = |run: &&'a RunRecord| {
-        let place = b.binary_search_by_key(&run.row.seed, |other| other.row.seed).ok()?;
-        Some((*run, b[place]))
+        let index = b.binary_search_by_key(&run.row.seed, |other| other.row.seed).ok()?;
+        Some((*run, b[index]))
     };
     a.iter().filter_map(other).unzip()
 }
@@ -115,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_runs_with_the_same_seed_are_compared() {
+    fn runs_are_paired_by_seed() {
         let runs: Vec<_> = [1, 2, 5].map(|seed| fixture::run("dsvp", seed, 2)).into();
         let others: Vec<_> = [2, 3, 5].map(|seed| fixture::run("lvd", seed, 2)).into();
         let (a, b) = paired(&runs.iter().collect::<Vec<_>>(), &others.iter().collect::<Vec<_>>());
@@ -124,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_comparison_with_nothing_in_common_has_no_rows() {
+    fn comparison_without_common_seeds_has_no_rows() {
         let study = Study::new(vec![fixture::run("dsvp", 1, 2), fixture::run("lvd", 2, 2)], None);
         assert!(tables(&study).unwrap().iter().all(|table| table.rows.is_empty()));
     }

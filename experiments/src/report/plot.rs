@@ -1,7 +1,7 @@
-//! Sheets of panels with axes, a title and a legend: what all figures have in common.
+//! The layout of figures: sheets of equal panels with axes, a title and a legend.
 //!
-//! A sheet is as many equal panels as asked for, in rows; the legend stands above them and so covers no data. This module knows
-//! nothing of runs.
+//! Panels are arranged in rows; the legend is above them, where it covers no data. This module does
+//! not depend on runs.
 
 use super::svg::{Anchor, Area, GRID, INK, Label, Paint, Pen, SOFT, Svg, text_width};
 
@@ -15,21 +15,21 @@ const LARGE: f64 = 14.0;
 const EDGE: f64 = 12.0;
 /// Space between a frame and its tick labels, pixels.
 const TICK_GAP: f64 = 6.0;
-/// Width of an upright axis label and the space to the tick labels, pixels.
+/// Width of a vertical axis label with its distance to the tick labels, pixels.
 const LABEL: f64 = NORMAL + 10.0;
-/// How much wider bold text is.
+/// Width of bold text relative to regular text.
 const BOLD: f64 = 1.12;
-/// Space to the right of a panel, pixels: half of its last tick label has to fit.
+/// Space to the right of a panel for half of its last tick label, pixels.
 const RIGHT_GAP: f64 = 22.0;
 /// Height of a title over a panel, pixels.
 const PANEL_TITLE: f64 = 24.0;
 /// Height of a line of the legend, pixels.
 const LEGEND_LINE: f64 = 20.0;
-/// Length of a piece of line in the legend, pixels.
+/// Length of a line sample in the legend, pixels.
 const SAMPLE: f64 = 34.0;
 
-/// Colours that readers with any colour vision tell apart (Okabe and Ito, "Color Universal Design", 2008), without their yellow,
-/// which is too light for lines on white; their black follows the background.
+/// Colours for all types of colour vision (Okabe and Ito, "Color Universal Design", 2008), without
+/// their yellow, which is too light for lines on white; their black follows the background.
 const COLOURS: [Paint; 7] = [
     Paint { colour: "#0072b2", class: "blue" },
     Paint { colour: "#d55e00", class: "vermillion" },
@@ -39,27 +39,25 @@ const COLOURS: [Paint; 7] = [
     Paint { colour: "#56b4e9", class: "" },
     INK,
 ];
-/// Dashes and gaps, pixels. Their number has no factor in common with that of the colours, so that 35 styles differ.
+/// Dashes and gaps, pixels. Their number is coprime with that of the colours: 35 styles differ.
 const DASHES: [&str; 5] = ["", "7 3", "2 2.5", "9 3 2 3", "13 4"];
 
-/// Colour of a series.
 pub(super) fn colour(index: usize) -> Paint {
     COLOURS[index % COLOURS.len()]
 }
 
-/// Line of a series.
 pub(super) fn pen(index: usize) -> Pen {
     Pen { dash: DASHES[index % DASHES.len()], ..Pen::solid(colour(index), 2.0) }
 }
 
-/// What stands in the legend before a name.
+/// The symbol of a legend entry, for the series of an index.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Mark {
-    /// The line of a series, with a band around it.
+    /// Its line, with a band around it.
     Band(usize),
-    /// The line of a series.
+    /// Its line.
     Line(usize),
-    /// The colour of a series.
+    /// Its colour.
     Box(usize),
 }
 
@@ -85,7 +83,8 @@ impl Axis {
         Self { low, high, logarithmic: false, ticks, rules: true }
     }
 
-    /// Like [`Self::linear`], and ends a little above a tick: what is drawn there stays clear of the frame.
+    /// Like [`Self::linear`], but ends slightly above a tick, so that marks stay clear of the
+    /// frame.
     pub(super) fn rounded(low: f64, high: f64, count: usize) -> Self {
         let high = if high > low { high } else { low + 1.0 };
         let step = round_step((high - low) / count as f64);
@@ -98,7 +97,8 @@ impl Axis {
         Self { low: -2.5, high: 102.5, ..Self::linear(0.0, 100.0, 5) }
     }
 
-    /// Logarithmic around positive values, from tick to tick: 1, 2 and 5 in each decade, or decades alone if there are many.
+    /// Logarithmic, of positive values, from tick to tick: 1, 2 and 5 in each decade, or only
+    /// decades if there are many.
     pub(super) fn logarithmic(low: f64, high: f64) -> Self {
         let (first, last) = (libm::log10(low).floor() as i32, libm::log10(high).ceil() as i32);
         let factors: &[f64] = if last - first <= 3 { &[1.0, 2.0, 5.0] } else { &[1.0] };
@@ -111,24 +111,24 @@ impl Axis {
         Self { low, high, logarithmic: true, ticks, rules: true }
     }
 
-    /// One place for each name, at 0, 1, 2, ...
+    /// Categorical: names at 0, 1, 2, ...
     pub(super) fn names(names: impl IntoIterator<Item = String>) -> Self {
         let ticks: Vec<_> = names.into_iter().enumerate().map(|(i, name)| (i as f64, name)).collect();
         Self { low: -0.5, high: ticks.len() as f64 - 0.5, logarithmic: false, ticks, rules: false }
     }
 
-    /// From `low` to `high` with ticks at the given places.
+    /// From `low` to `high` with the given ticks.
     pub(super) fn at(low: f64, high: f64, ticks: impl IntoIterator<Item = (f64, String)>) -> Self {
         Self { low, high, logarithmic: false, ticks: ticks.into_iter().collect(), rules: true }
     }
 
-    /// About how wide its longest tick label is, pixels.
+    /// Approximate width of the longest tick label, pixels.
     fn label_width(&self) -> f64 {
         self.ticks.iter().map(|(_, label)| text_width(label, SMALL)).fold(0.0, f64::max)
     }
 
-    /// Place of a value, 0 at the low end to 1 at the high end.
-    fn place(&self, value: f64) -> f64 {
+    /// Position of a value: 0 at the low end, 1 at the high end.
+    fn position(&self, value: f64) -> f64 {
         if self.logarithmic {
             let (low, high) = (libm::log10(self.low), libm::log10(self.high));
             (libm::log10(value.max(self.low)) - low) / (high - low)
@@ -138,41 +138,35 @@ impl Axis {
     }
 }
 
-/// What a sheet is made for.
 #[derive(Debug, Clone)]
 pub(super) struct Layout<'a> {
     /// Stem of the file names.
     pub(super) name: &'a str,
-    /// Stands at the top.
     pub(super) title: &'a str,
-    /// Stands below it: how to read the figure.
+    /// Below the title: how to read the figure.
     pub(super) note: &'a str,
     /// Name and unit along the horizontal axes.
     pub(super) x_label: &'a str,
-    /// Names and units along the vertical axes, one for each panel, or one for all; told only where it is not that of the panel to
-    /// the left.
+    /// Names and units along the vertical axes, one per panel or one for all; shown unless it is
+    /// that of the panel to the left.
     pub(super) y_labels: &'a [String],
-    /// Series by name.
     pub(super) legend: &'a [(Mark, String)],
-    /// How many panels there are.
     pub(super) panels: usize,
-    /// How many panels stand side by side.
     pub(super) columns: usize,
-    /// Room for tick labels to the left of each panel, pixels.
+    /// Space for tick labels to the left of each panel, pixels.
     pub(super) left: f64,
-    /// Height of a panel over that of others.
+    /// Factor on the default height of a panel.
     pub(super) tallness: f64,
 }
 
-/// Room to the left that the tick labels of an axis need, pixels.
+/// The space for the tick labels of vertical axes, pixels.
 pub(super) fn room_for<'a>(axes: impl IntoIterator<Item = &'a Axis>) -> f64 {
     axes.into_iter().map(Axis::label_width).fold(0.0, f64::max)
 }
 
-/// A figure in the making.
+/// A figure under construction.
 #[derive(Debug)]
 pub(super) struct Sheet<'a> {
-    /// Where to draw.
     pub(super) svg: Svg,
     layout: Layout<'a>,
     panel: (f64, f64),
@@ -233,13 +227,13 @@ impl<'a> Sheet<'a> {
         y + if self.layout.legend.is_empty() { 0.0 } else { LEGEND_LINE + 6.0 }
     }
 
-    /// Width of a panel and all that belongs to it, but for the labels of the first column.
+    /// Width of a panel with its labels and gaps, without the label of the first column.
     fn column_width(&self) -> f64 {
         let label = LABEL - self.outer_label();
         label + self.layout.left + TICK_GAP + self.panel.0 + RIGHT_GAP
     }
 
-    /// Room for the labels of the first column: none if all columns have it.
+    /// Width of the label of the first column; 0 if every column has its own label.
     fn outer_label(&self) -> f64 {
         let differs =
             |index: usize| !index.is_multiple_of(self.layout.columns) && self.label(index) != self.label(index - 1);
@@ -307,14 +301,14 @@ impl<'a> Sheet<'a> {
         panel
     }
 
-    /// Says in a panel that there is nothing to show.
+    /// Writes a note into a panel without data.
     pub(super) fn empty(&mut self, panel: &Panel, text: &str) {
         let Area { left, top, width, height } = panel.area;
         let label = Label { paint: SOFT, ..Label::new(text, NORMAL, Anchor::Middle) };
         self.svg.text((left + width / 2.0, top + height / 2.0), &label);
     }
 
-    /// The whole figure as SVG.
+    /// The figure as SVG.
     pub(super) fn finish(self) -> String {
         let rows = self.layout.panels.div_ceil(self.layout.columns.max(1)) as f64;
         let height = self.head + rows * (PANEL_TITLE + self.panel.1 + self.foot()) + EDGE;
@@ -322,41 +316,41 @@ impl<'a> Sheet<'a> {
     }
 }
 
-/// Where a panel is and what its axes say.
+/// The area and the axes of a panel.
 #[derive(Debug, Clone)]
 pub(super) struct Panel {
-    /// Inside of its frame.
+    /// Inside the frame.
     pub(super) area: Area,
     x: Axis,
     y: Axis,
 }
 
 impl Panel {
-    /// Where a pair of values is on the sheet, pixels.
+    /// The position of a pair of values on the sheet, pixels.
     pub(super) fn at(&self, x: f64, y: f64) -> (f64, f64) {
         let Area { left, top, width, height } = self.area;
-        (left + self.x.place(x) * width, top + (1.0 - self.y.place(y)) * height)
+        (left + self.x.position(x) * width, top + (1.0 - self.y.position(y)) * height)
     }
 
-    /// Its inside and so much around it, pixels: a line along an edge keeps its width.
+    /// The area with a margin, pixels, so that a line along an edge is not cut.
     pub(super) fn with_margin(&self, margin: f64) -> Area {
         let Area { left, top, width, height } = self.area;
         Area { left: left - margin, top: top - margin, width: width + 2.0 * margin, height: height + 2.0 * margin }
     }
 }
 
-/// The step of 1, 2 or 5 times a power of ten that is at least as large.
+/// The least 1, 2 or 5 times a power of ten that is not below `step`.
 fn round_step(step: f64) -> f64 {
     let power = libm::exp10(libm::log10(step).floor());
     [1.0, 2.0, 5.0].iter().map(|factor| factor * power).find(|&round| round >= step * 0.999_999).unwrap_or(10.0 * power)
 }
 
-/// Decimals that show a step.
+/// The number of decimals of multiples of a step.
 fn decimals(step: f64) -> usize {
     (-libm::log10(step * 1.000_001).floor()).max(0.0) as usize
 }
 
-/// So many times a power of ten, written out while that is short.
+/// A factor times a power of ten, with a label that is written out if short.
 fn tick(decade: i32, factor: f64) -> (f64, String) {
     let value = factor * libm::exp10(decade.into());
     let label = match decade {
@@ -384,13 +378,13 @@ mod tests {
     }
 
     #[test]
-    fn a_value_is_where_its_axis_says() {
-        assert_eq!(Axis::linear(10.0, 20.0, 5).place(12.5), 0.25);
-        assert!((Axis::logarithmic(1.0, 100.0).place(10.0) - 0.5).abs() < 1e-12);
+    fn position_is_relative_to_the_axis() {
+        assert_eq!(Axis::linear(10.0, 20.0, 5).position(12.5), 0.25);
+        assert!((Axis::logarithmic(1.0, 100.0).position(10.0) - 0.5).abs() < 1e-12);
     }
 
     #[test]
-    fn thirty_five_series_look_different() {
+    fn thirty_five_styles_differ() {
         let styles: std::collections::BTreeSet<_> = (0..35).map(|i| (colour(i).colour, pen(i).dash)).collect();
         assert_eq!(styles.len(), 35);
     }

@@ -1,7 +1,7 @@
-//! The runs of a folder, put in order: cells of runs that differ in the seed alone.
+//! A study: the runs of a folder, grouped into cells of runs that differ only in the seed.
 //!
-//! A cell is a place (map size, number of agents and the values of all other axes) and a controller. Invariants: cells hold at
-//! least one run, and their runs are in ascending order of the seed. No statistics here.
+//! A cell is a condition (map size, team size and the values of all other axes) and a controller.
+//! Invariants: a cell has at least one run, and its runs are sorted by seed. No statistics here.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,21 +12,15 @@ use thiserror::Error;
 use crate::rows::{RunRecord, RunRow};
 use crate::store::{PLAN, Store, StoreError};
 
-/// Why there is nothing to report on.
 #[derive(Debug, Error)]
 pub enum StudyError {
-    /// The folder cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// There is no run.
-    #[error("{folder}: no runs there; `experiments run` makes them", folder = folder.display())]
-    Empty {
-        /// The folder.
-        folder: PathBuf,
-    },
+    #[error("{folder}: no runs there; `maes batch` makes them", folder = folder.display())]
+    Empty { folder: PathBuf },
 }
 
-/// The value of an axis; numbers come first and in their order.
+/// The value of an axis. Numbers sort first, by value.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Value(pub(super) String);
 
@@ -43,54 +37,48 @@ impl PartialOrd for Value {
     }
 }
 
-/// Everything but controller and seed.
+/// The parameters of a run except controller and seed.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Place {
-    /// Values of [`Study::others`], in their order.
+pub(super) struct Condition {
+    /// Values of [`Study::others`], in that order.
     pub(super) others: Vec<Value>,
     /// Cells of the map along x, y and z.
     pub(super) size: [u32; 3],
-    /// How many agents.
     pub(super) agents: u32,
 }
 
-impl Place {
-    /// The place without its number of agents: what panels over the number of agents are made for.
-    pub(super) fn field(&self) -> Field {
-        Field { others: self.others.clone(), size: self.size }
+impl Condition {
+    /// The condition without the team size, for panels over the team size.
+    pub(super) fn environment(&self) -> Environment {
+        Environment { others: self.others.clone(), size: self.size }
     }
 }
 
-/// A [`Place`] without its number of agents.
+/// A [`Condition`] without the team size.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Field {
-    /// See [`Place::others`].
+pub(super) struct Environment {
+    /// See [`Condition::others`].
     pub(super) others: Vec<Value>,
-    /// See [`Place::size`].
+    /// See [`Condition::size`].
     pub(super) size: [u32; 3],
 }
 
-/// Runs of a folder.
 #[derive(Debug, Clone)]
 pub(super) struct Study {
-    /// The plan, as it was written.
+    /// The text of the plan.
     pub(super) plan: Option<String>,
-    /// All runs.
     pub(super) runs: Vec<RunRecord>,
-    /// Their controllers, in alphabetical order; the place of one is its colour.
+    /// In alphabetical order; the index determines the colour.
     pub(super) controllers: Vec<String>,
-    /// Axes beside map size, number of agents, controller and seed.
+    /// Axes other than map size, team size, controller and seed.
     pub(super) others: Vec<String>,
-    /// All places that have a run.
-    pub(super) places: Vec<Place>,
-    cells: BTreeMap<(Place, usize), Vec<usize>>,
+    /// Conditions that have a run.
+    pub(super) conditions: Vec<Condition>,
+    cells: BTreeMap<(Condition, usize), Vec<usize>>,
 }
 
 impl Study {
-    /// Reads the runs of a folder, and its plan if there is one.
-    ///
-    /// # Errors
-    /// If a file cannot be read or is not the file of a run, or if there is no run.
+    /// Reads the runs of a folder, and its plan if it has one.
     pub(super) fn read(folder: &Path) -> Result<Self, StudyError> {
         let store = Store::open(folder)?;
         let runs = store.records()?;
@@ -101,74 +89,72 @@ impl Study {
         Ok(Self::new(runs, plan))
     }
 
-    /// Puts runs in order.
+    /// Groups runs into cells.
     pub(super) fn new(runs: Vec<RunRecord>, plan: Option<String>) -> Self {
         let controllers: BTreeSet<&String> = runs.iter().map(|run| &run.row.controller).collect();
         let controllers: Vec<String> = controllers.into_iter().cloned().collect();
         let others = other_axes(&runs);
-        let mut cells: BTreeMap<(Place, usize), Vec<usize>> = BTreeMap::new();
+        let mut cells: BTreeMap<(Condition, usize), Vec<usize>> = BTreeMap::new();
         for (i, RunRecord { row, .. }) in runs.iter().enumerate() {
             let values = others.iter().map(|key| Value(axis(row, key).to_owned())).collect();
-            let place = Place { others: values, size: row.size, agents: row.agents };
+            let condition = Condition { others: values, size: row.size, agents: row.agents };
             let controller = controllers.iter().position(|name| *name == row.controller);
-            cells.entry((place, controller.expect("every controller is listed"))).or_default().push(i);
+            cells.entry((condition, controller.expect("every controller is listed"))).or_default().push(i);
         }
         for cell in cells.values_mut() {
             cell.sort_by(|&a, &b| (runs[a].row.seed, &runs[a].row.id).cmp(&(runs[b].row.seed, &runs[b].row.id)));
         }
-        let places: BTreeSet<Place> = cells.keys().map(|(place, _)| place.clone()).collect();
-        Self { plan, runs, controllers, others, places: places.into_iter().collect(), cells }
+        let conditions: BTreeSet<Condition> = cells.keys().map(|(condition, _)| condition.clone()).collect();
+        Self { plan, runs, controllers, others, conditions: conditions.into_iter().collect(), cells }
     }
 
-    /// The runs of a controller at a place, by seed; empty if there are none.
-    pub(super) fn cell(&self, place: &Place, controller: usize) -> Vec<&RunRecord> {
-        let runs = self.cells.get(&(place.clone(), controller));
+    /// The runs of a controller under a condition, by seed; may be empty.
+    pub(super) fn cell(&self, condition: &Condition, controller: usize) -> Vec<&RunRecord> {
+        let runs = self.cells.get(&(condition.clone(), controller));
         runs.into_iter().flatten().map(|&run| &self.runs[run]).collect()
     }
 
-    /// All cells that have a run: place, controller, runs.
-    pub(super) fn cells(&self) -> impl Iterator<Item = (&Place, usize, Vec<&RunRecord>)> {
+    /// Condition, controller and runs of every cell.
+    pub(super) fn cells(&self) -> impl Iterator<Item = (&Condition, usize, Vec<&RunRecord>)> {
         let runs = |cell: &Vec<usize>| cell.iter().map(|&run| &self.runs[run]).collect();
-        self.cells.iter().map(move |((place, controller), cell)| (place, *controller, runs(cell)))
+        self.cells.iter().map(move |((condition, controller), cell)| (condition, *controller, runs(cell)))
     }
 
-    /// Numbers of agents.
+    /// Ascending.
     pub(super) fn team_sizes(&self) -> Vec<u32> {
-        let agents: BTreeSet<u32> = self.places.iter().map(|place| place.agents).collect();
+        let agents: BTreeSet<u32> = self.conditions.iter().map(|condition| condition.agents).collect();
         agents.into_iter().collect()
     }
 
-    /// Places without their number of agents.
-    pub(super) fn fields(&self) -> Vec<Field> {
-        let fields: BTreeSet<Field> = self.places.iter().map(Place::field).collect();
-        fields.into_iter().collect()
+    /// The environments of all conditions.
+    pub(super) fn environments(&self) -> Vec<Environment> {
+        let environments: BTreeSet<Environment> = self.conditions.iter().map(Condition::environment).collect();
+        environments.into_iter().collect()
     }
 
-    /// What to call a place.
-    pub(super) fn place_name(&self, place: &Place) -> String {
-        format!("{}, {}", agents_name(place.agents), self.field_name(&place.field()))
+    pub(super) fn condition_name(&self, condition: &Condition) -> String {
+        format!("{}, {}", agents_name(condition.agents), self.environment_name(&condition.environment()))
     }
 
-    /// What to call a field.
-    pub(super) fn field_name(&self, field: &Field) -> String {
-        let others = self.others.iter().zip(&field.others).map(|(key, Value(value))| format!(", {key} = {value}"));
-        format!("{}{}", size_name(field.size), others.collect::<String>())
+    pub(super) fn environment_name(&self, environment: &Environment) -> String {
+        let others =
+            self.others.iter().zip(&environment.others).map(|(key, Value(value))| format!(", {key} = {value}"));
+        format!("{}{}", size_name(environment.size), others.collect::<String>())
     }
 
-    /// Seeds of all runs.
     pub(super) fn seeds(&self) -> BTreeSet<u64> {
         self.runs.iter().map(|run| run.row.seed).collect()
     }
 
-    /// Cells that lack seeds that other cells have, or have no run at all, each with how many are lacking.
+    /// The cells in which seeds of other cells are missing, each with the number of missing seeds.
     pub(super) fn lacking(&self) -> Vec<(String, usize)> {
         let seeds = self.seeds();
         let mut lacking = Vec::new();
-        for place in &self.places {
+        for condition in &self.conditions {
             for (controller, name) in self.controllers.iter().enumerate() {
-                let there: BTreeSet<u64> = self.cell(place, controller).iter().map(|run| run.row.seed).collect();
-                if there.len() < seeds.len() {
-                    lacking.push((format!("{name}: {}", self.place_name(place)), seeds.len() - there.len()));
+                let present: BTreeSet<u64> = self.cell(condition, controller).iter().map(|run| run.row.seed).collect();
+                if present.len() < seeds.len() {
+                    lacking.push((format!("{name}: {}", self.condition_name(condition)), seeds.len() - present.len()));
                 }
             }
         }
@@ -176,7 +162,7 @@ impl Study {
     }
 }
 
-/// Axes that tell runs apart which size, agents, controller and seed do not: those whose value none of these determines.
+/// The axes whose value is determined by neither size, team size, controller nor seed.
 fn other_axes(runs: &[RunRecord]) -> Vec<String> {
     let builds: BTreeSet<&str> = runs.iter().map(|run| run.row.build.as_str()).collect();
     let keys: BTreeSet<&str> = runs.iter().flat_map(|run| run.row.axes.keys().map(String::as_str)).collect();
@@ -194,7 +180,7 @@ fn other_axes(runs: &[RunRecord]) -> Vec<String> {
     candidates.filter(|key| !named.iter().any(|by| determined(key, *by))).map(str::to_owned).collect()
 }
 
-/// Taken for an axis if the runs are of several builds.
+/// Treated as an axis if the runs are of several builds.
 const BUILD: &str = "build";
 
 fn axis<'a>(row: &'a RunRow, key: &str) -> &'a str {
@@ -205,12 +191,10 @@ fn axis<'a>(row: &'a RunRow, key: &str) -> &'a str {
     }
 }
 
-/// What to call a number of agents.
 pub(super) fn agents_name(agents: u32) -> String {
     format!("{agents} agent{}", if agents == 1 { "" } else { "s" })
 }
 
-/// What to call a map of a size in cells.
 pub(super) fn size_name([x, y, z]: [u32; 3]) -> String {
     if x == y && y == z { format!("{x}\u{b3} cells") } else { format!("{x} \u{d7} {y} \u{d7} {z} cells") }
 }
@@ -221,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_that_another_determines_make_no_panels() {
+    fn determined_axes_make_no_panels() {
         let mut runs = Vec::new();
         for (seed, agents, range) in [(1, 2, "10"), (1, 2, "5"), (2, 2, "10"), (1, 5, "10")] {
             let mut run = fixture::run("dsvp", seed, agents);
@@ -231,7 +215,7 @@ mod tests {
         }
         let study = Study::new(runs, None);
         assert_eq!(study.others, ["lidar.range_m"]);
-        let names: Vec<_> = study.places.iter().map(|place| study.place_name(place)).collect();
+        let names: Vec<_> = study.conditions.iter().map(|condition| study.condition_name(condition)).collect();
         assert_eq!(
             names,
             [
@@ -244,15 +228,15 @@ mod tests {
     }
 
     #[test]
-    fn several_builds_are_kept_apart() {
+    fn builds_are_separate_conditions() {
         let mut other = fixture::run("dsvp", 1, 2);
         other.row.build = "0.2.0".to_owned();
         let study = Study::new(vec![fixture::run("dsvp", 1, 2), other], None);
-        assert_eq!((study.others, study.places.len()), (vec!["build".to_owned()], 2));
+        assert_eq!((study.others, study.conditions.len()), (vec!["build".to_owned()], 2));
     }
 
     #[test]
-    fn a_folder_without_runs_is_an_error_that_names_it() {
+    fn folder_without_runs_is_an_error() {
         let dir = tempfile::tempdir().unwrap();
         let error = Study::read(dir.path()).unwrap_err().to_string();
         assert!(error.contains("runs"), "{error}");

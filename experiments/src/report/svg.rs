@@ -1,8 +1,8 @@
-//! Writing SVG: shapes in pixels from the top left, appended in drawing order.
+//! An SVG writer: shapes in pixels from the top left, in drawing order.
 //!
-//! Colours are attributes, so that a file looks the same everywhere; every neutral colour also has a class, which a page may
-//! override for a dark background. A picture has its own opaque background, refers to nothing outside and names its ids after
-//! itself, so that several may stand in one page.
+//! Colours are attributes, so that a file looks the same everywhere; neutral colours also have a
+//! class, which a page may override for a dark background. An image has an opaque background, is
+//! self-contained, and prefixes its ids with its name, so that several can be part of one page.
 
 use std::fmt::Write;
 
@@ -14,7 +14,7 @@ pub(super) const SOFT: Paint = Paint { colour: "#5a5a5a", class: "soft" };
 pub(super) const GRID: Paint = Paint { colour: "#e3e3e3", class: "rule" };
 /// Background.
 pub(super) const PAPER: Paint = Paint { colour: "#ffffff", class: "paper" };
-/// Font of all text, first the one that the PNG files are made with.
+/// Font of all text, beginning with that of the PNG files.
 const FONT: &str = "'DejaVu Sans', Verdana, 'Noto Sans', sans-serif";
 
 /// A colour and the class by which a page may override it.
@@ -22,16 +22,14 @@ const FONT: &str = "'DejaVu Sans', Verdana, 'Noto Sans', sans-serif";
 pub(super) struct Paint {
     /// `#rrggbb`.
     pub(super) colour: &'static str,
-    /// Class; empty for none.
+    /// Empty for none.
     pub(super) class: &'static str,
 }
 
-/// How a line is drawn.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pen {
-    /// Its colour.
     pub(super) paint: Paint,
-    /// Width, pixels.
+    /// Pixels.
     pub(super) width: f64,
     /// Lengths of dashes and gaps, pixels; empty for a solid line.
     pub(super) dash: &'static str,
@@ -49,40 +47,33 @@ impl Pen {
         let Self { paint, width, dash, opacity } = self;
         let mut text = format!("{} stroke=\"{}\" stroke-width=\"{width}\"", class(paint, "-line"), paint.colour);
         if !dash.is_empty() {
-            write!(text, " stroke-dasharray=\"{dash}\"").expect("a String takes all");
+            write!(text, " stroke-dasharray=\"{dash}\"").expect("a String can be written");
         }
         if *opacity < 1.0 {
-            write!(text, " stroke-opacity=\"{opacity}\"").expect("a String takes all");
+            write!(text, " stroke-opacity=\"{opacity}\"").expect("a String can be written");
         }
         text
     }
 }
 
-/// Where the given place is in a line of text.
+/// The alignment of text at its position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Anchor {
-    /// At its start.
     Start,
-    /// In its middle.
     Middle,
-    /// At its end.
     End,
 }
 
 /// A line of text.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Label<'a> {
-    /// What it says.
     pub(super) text: &'a str,
     /// Size of the font, pixels.
     pub(super) size: f64,
-    /// Which part of it is at the given place.
     pub(super) anchor: Anchor,
-    /// Bold instead of regular.
     pub(super) bold: bool,
-    /// Its colour.
     pub(super) paint: Paint,
-    /// Turned by a quarter, read upwards.
+    /// Rotated by 90°, to be read upwards.
     pub(super) upright: bool,
 }
 
@@ -93,20 +84,16 @@ impl<'a> Label<'a> {
     }
 }
 
-/// An upright rectangle in pixels.
+/// An axis-aligned rectangle, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Area {
-    /// Left edge.
     pub(super) left: f64,
-    /// Upper edge.
     pub(super) top: f64,
-    /// To the right.
     pub(super) width: f64,
-    /// Downwards.
     pub(super) height: f64,
 }
 
-/// A picture in the making.
+/// An image under construction.
 #[derive(Debug)]
 pub(super) struct Svg {
     name: String,
@@ -115,7 +102,7 @@ pub(super) struct Svg {
 }
 
 impl Svg {
-    /// An empty picture; `name` is the stem of its ids.
+    /// An empty image; `name` is the prefix of its ids.
     pub(super) fn new(name: &str) -> Self {
         Self { name: name.to_owned(), body: String::new(), clips: 0 }
     }
@@ -167,7 +154,8 @@ impl Svg {
         let Area { left, top, width, height } = area;
         let attributes = pen.attributes();
         self.push(format_args!(
-            "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" fill=\"none\"{attributes}/>"
+            "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" \
+             fill=\"none\"{attributes}/>"
         ));
     }
 
@@ -182,7 +170,7 @@ impl Svg {
         ));
     }
 
-    /// A line of text with its base line at a place.
+    /// A line of text with its baseline at a position.
     pub(super) fn text(&mut self, (x, y): (f64, f64), label: &Label) {
         let Label { text, size, anchor, bold, paint, upright } = *label;
         let anchor = match anchor {
@@ -193,30 +181,31 @@ impl Svg {
         let weight = if bold { " font-weight=\"bold\"" } else { "" };
         let turned = if upright { format!(" transform=\"rotate(-90 {x:.2} {y:.2})\"") } else { String::new() };
         self.push(format_args!(
-            "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{weight}{turned}{} fill=\"{}\">{}</text>",
+            "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{weight}{turned}{} \
+             fill=\"{}\">{}</text>",
             class(&paint, ""),
             paint.colour,
             escape(text)
         ));
     }
 
-    /// What follows, up to [`Self::end_clip`], is drawn inside an area only.
+    /// Clips all shapes up to [`Self::end_clip`] to an area.
     pub(super) fn begin_clip(&mut self, area: Area) {
         let Area { left, top, width, height } = area;
         let id = format!("{}-clip-{}", self.name, self.clips);
         self.clips += 1;
         self.push(format_args!(
-            "<clipPath id=\"{id}\"><rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" height=\"{height:.2}\"/></clipPath>"
+            "<clipPath id=\"{id}\"><rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" \
+             height=\"{height:.2}\"/></clipPath>"
         ));
         self.push(format_args!("<g clip-path=\"url(#{id})\">"));
     }
 
-    /// Ends what [`Self::begin_clip`] has begun.
     pub(super) fn end_clip(&mut self) {
         self.push(format_args!("</g>"));
     }
 
-    /// The whole picture; `title` is for those who cannot see it.
+    /// The image as a file; `title` is its text alternative.
     pub(super) fn finish(self, width: f64, height: f64, title: &str) -> String {
         let background = format!(
             "<rect width=\"{width:.0}\" height=\"{height:.0}\"{} fill=\"{}\"/>",
@@ -232,16 +221,16 @@ impl Svg {
     }
 
     fn push(&mut self, element: std::fmt::Arguments) {
-        writeln!(self.body, "{element}").expect("a String takes all");
+        writeln!(self.body, "{element}").expect("a String can be written");
     }
 }
 
-/// About how wide a line of text is, pixels; rather too wide than too narrow.
+/// Approximate width of a line of text, pixels; rather too large than too small.
 pub(super) fn text_width(text: &str, size: f64) -> f64 {
     text.chars().map(character_width).sum::<f64>() * size
 }
 
-/// About how wide a character of DejaVu Sans is over the size of the font.
+/// Approximate width of a character of DejaVu Sans, relative to the font size.
 fn character_width(character: char) -> f64 {
     match character {
         'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ' ' | '\'' | '|' => 0.33,
@@ -252,7 +241,7 @@ fn character_width(character: char) -> f64 {
     }
 }
 
-/// Text for XML, in an element or in a quoted attribute.
+/// Escapes text for an XML element or a quoted attribute; replaces control characters.
 pub(super) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {
@@ -261,7 +250,7 @@ pub(super) fn escape(text: &str) -> String {
             '<' => escaped.push_str("&lt;"),
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
-            // XML has no place for the others.
+            // XML does not allow other control characters.
             '\n' | '\t' | '\r' => escaped.push(character),
             character if character.is_control() => escaped.push('\u{fffd}'),
             character => escaped.push(character),
@@ -278,7 +267,7 @@ fn joined(points: &[(f64, f64)]) -> String {
     let mut text = String::with_capacity(points.len() * 14);
     for (x, y) in points {
         let gap = if text.is_empty() { "" } else { " " };
-        write!(text, "{gap}{x:.2},{y:.2}").expect("a String takes all");
+        write!(text, "{gap}{x:.2},{y:.2}").expect("a String can be written");
     }
     text
 }
@@ -288,12 +277,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_xml_keeps_for_itself_is_escaped() {
+    fn xml_is_escaped() {
         assert_eq!(escape("a<b & \"c\">\u{1}\n"), "a&lt;b &amp; &quot;c&quot;&gt;\u{fffd}\n");
     }
 
     #[test]
-    fn a_picture_is_well_formed_with_ids_of_its_own() {
+    fn image_is_well_formed_with_prefixed_ids() {
         let mut svg = Svg::new("times");
         let area = Area { left: 1.0, top: 2.0, width: 30.0, height: 40.0 };
         svg.begin_clip(area);

@@ -1,4 +1,4 @@
-//! Tables of estimates, and their forms: for a page, for Markdown, for LaTeX and for programs.
+//! Tables of estimates, and their formats: HTML, Markdown, LaTeX and CSV.
 
 use std::fmt::Write;
 
@@ -6,27 +6,21 @@ use super::numbers::{Estimate, Quartiles};
 use super::svg::escape;
 use crate::statistics::Interval;
 
-/// What stands where there is no figure.
+/// Shown in place of a missing value.
 const NONE: &str = "\u{2013}";
 
-/// A place in a table.
+/// An entry of a table; the last number of a variant is the number of decimals shown.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Entry {
-    /// A name.
     Text(String),
     /// Size of a map in cells.
     Size([u32; 3]),
-    /// A whole number.
     Count(usize),
-    /// A number with so many decimals; `None` if there is none.
     Number(Option<f64>, usize),
-    /// So many of so many.
+    /// A part of a number of runs.
     Share(usize, usize),
-    /// A mean with its interval, with so many decimals; `None` if there is none.
     Mean(Option<Estimate>, usize),
-    /// A median with quartiles, with so many decimals.
     Median(Quartiles, usize),
-    /// A probability.
     Probability(f64),
 }
 
@@ -54,7 +48,7 @@ impl Entry {
         }
     }
 
-    /// For programs, with all digits: as many values as the kind has.
+    /// For programs: the values of the entry, with all digits.
     fn values(&self) -> Vec<String> {
         let optional = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
         match self {
@@ -75,7 +69,7 @@ impl Entry {
         }
     }
 
-    /// Names of [`Self::values`] in a column.
+    /// The column names of [`Self::values`].
     fn keys(&self, key: &str) -> Vec<String> {
         let with = |suffixes: &[&str]| suffixes.iter().map(|suffix| format!("{key}_{suffix}")).collect();
         match self {
@@ -93,7 +87,7 @@ impl Entry {
     }
 }
 
-/// Decimals that show three digits of a number, at most three; none for zero.
+/// The number of decimals for three significant digits: 0 to 3, and 0 for zero.
 pub(super) fn digits_for(number: f64) -> usize {
     if number == 0.0 {
         return 0;
@@ -102,47 +96,44 @@ pub(super) fn digits_for(number: f64) -> usize {
     (2.0 - magnitude).clamp(0.0, 3.0) as usize
 }
 
-/// A mean with three digits.
+/// A mean with three significant digits.
 pub(super) fn mean_entry(estimate: Estimate) -> Entry {
     Entry::Mean(Some(estimate), digits_for(estimate.mean))
 }
 
 fn fixed(number: f64, digits: usize) -> String {
     let text = format!("{number:.digits$}");
-    // Rounding may leave a zero with a sign.
+    // No negative zero after rounding.
     match text.strip_prefix('-') {
         Some(rest) if rest.bytes().all(|byte| matches!(byte, b'0' | b'.')) => rest.to_owned(),
         _ => text,
     }
 }
 
-/// Rows of entries under titles. Every row has an entry for every column, of the same kind in all rows.
+/// Rows of entries. Every row has an entry per column, of the same variant in all rows.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Table {
     /// Stem of the file names.
     pub(super) name: &'static str,
-    /// What it shows.
     pub(super) caption: String,
-    /// Title for readers, and name for programs.
+    /// A title for readers, and a column name for programs.
     pub(super) columns: Vec<(String, String)>,
-    /// From top to bottom.
     pub(super) rows: Vec<Vec<Entry>>,
 }
 
 impl Table {
-    /// For a page.
     pub(super) fn html(&self) -> String {
         let mut text =
             format!("<table id=\"table-{}\">\n<caption>{}</caption>\n<thead><tr>", self.name, escape(&self.caption));
         for (title, _) in &self.columns {
-            write!(text, "<th scope=\"col\">{}</th>", escape(title)).expect("a String takes all");
+            write!(text, "<th scope=\"col\">{}</th>", escape(title)).expect("a String can be written");
         }
         text.push_str("</tr></thead>\n<tbody>\n");
         for row in &self.rows {
             text.push_str("<tr>");
             for entry in row {
                 let class = if entry.is_text() { "" } else { " class=\"number\"" };
-                write!(text, "<td{class}>{}</td>", escape(&entry.shown())).expect("a String takes all");
+                write!(text, "<td{class}>{}</td>", escape(&entry.shown())).expect("a String can be written");
             }
             text.push_str("</tr>\n");
         }
@@ -150,7 +141,6 @@ impl Table {
         text
     }
 
-    /// For a Markdown file.
     pub(super) fn markdown(&self) -> String {
         let cell = |text: &str| text.replace('\\', "\\\\").replace('|', "\\|").replace('\n', " ");
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
@@ -164,7 +154,7 @@ impl Table {
         text
     }
 
-    /// For a LaTeX document that uses the package booktabs: a `tabular` with its caption as a comment.
+    /// A `tabular` for the package booktabs, with the caption as a comment.
     pub(super) fn latex(&self) -> String {
         let line = |cells: Vec<String>| format!("{} \\\\\n", cells.join(" & "));
         let kinds = |i: usize| if self.rows.first().is_some_and(|row| !row[i].is_text()) { 'r' } else { 'l' };
@@ -180,25 +170,22 @@ impl Table {
         text
     }
 
-    /// For programs: comma-separated values with all digits.
-    pub(super) fn csv(&self) -> String {
-        let cell = |text: &String| {
-            let quoted = text.contains(['"', ',', '\n', '\r']);
-            if quoted { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.clone() }
+    /// For programs, with all digits.
+    pub(super) fn csv(&self) -> Vec<u8> {
+        let header: Vec<String> = match self.rows.first() {
+            Some(first) => self.columns.iter().zip(first).flat_map(|((_, key), entry)| entry.keys(key)).collect(),
+            None => self.columns.iter().map(|(_, key)| key.clone()).collect(),
         };
-        let line = |cells: Vec<String>| format!("{}\n", cells.iter().map(cell).collect::<Vec<_>>().join(","));
-        let Some(first) = self.rows.first() else {
-            return line(self.columns.iter().map(|(_, key)| key.clone()).collect());
-        };
-        let mut text = line(self.columns.iter().zip(first).flat_map(|((_, key), entry)| entry.keys(key)).collect());
-        for row in &self.rows {
-            text.push_str(&line(row.iter().flat_map(Entry::values).collect()));
+        let rows = self.rows.iter().map(|row| row.iter().flat_map(Entry::values).collect());
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        for record in std::iter::once(header).chain(rows) {
+            writer.write_record(&record).expect("rows have the columns of the header, and memory can be written");
         }
-        text
+        writer.into_inner().expect("memory can be written")
     }
 }
 
-/// Text for LaTeX.
+/// Escapes text for LaTeX.
 fn latex(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {
@@ -216,7 +203,7 @@ fn latex(text: &str) -> String {
             '\u{b3}' => escaped.push_str("$^3$"),
             '\u{b5}' => escaped.push_str("$\\mu$"),
             '\u{2013}' => escaped.push_str("--"),
-            // A line that begins with a bracket would be the argument of the line break before.
+            // A bracket at the start of a line would be an argument of the preceding line break.
             '[' => escaped.push_str("{[}"),
             character => escaped.push(character),
         }
@@ -253,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn markdown_latex_and_csv_are_as_they_should() {
+    fn markdown_latex_and_csv_match() {
         assert_eq!(
             table().markdown(),
             "What & why\n\n| controller | runs | explored (%) | p |\n| :-- | --: | --: | --: |\n\
@@ -267,14 +254,14 @@ mod tests {
              \\bottomrule\n\\end{tabular}\n"
         );
         assert_eq!(
-            table().csv(),
+            String::from_utf8(table().csv()).unwrap(),
             "controller,runs_some,runs_all,explored_mean,explored_low,explored_high,p\n\
              \"a_b|c,d\",3,10,97.5,95.26,99,0.0001\n50³,0,1,-0.01,,,0.25\n"
         );
     }
 
     #[test]
-    fn three_digits_are_shown() {
+    fn three_significant_digits_are_shown() {
         assert_eq!([1234.0, 123.4, 12.34, 1.2, 0.01, 0.0].map(digits_for), [0, 0, 1, 2, 3, 0]);
     }
 }

@@ -1,8 +1,9 @@
-//! Intervals by the bootstrap: runs are drawn again from the runs that there are, many times, and the figure is taken each time.
+//! Bootstrap confidence intervals: a statistic of many resamples of the runs, with replacement.
 //!
-//! The interval is the bias-corrected and accelerated one (BCa; Efron, 1987; Efron and Tibshirani, 1993, section 14.3), with the
-//! acceleration from leaving out one run at a time. Where its corrections are not defined it is the percentile interval. A resample is
-//! kept as how often it holds each run, so that the order in which runs are drawn cannot change a sum.
+//! The interval is bias-corrected and accelerated (BCa; Efron, 1987; Efron and Tibshirani, 1993,
+//! section 14.3), with the acceleration from the jackknife. Where the corrections are undefined it
+//! is the percentile interval. A resample is stored as the multiplicity of each run, so that the
+//! order of drawing cannot change a sum.
 
 use std::f64::consts::SQRT_2;
 use std::ops::RangeInclusive;
@@ -13,28 +14,30 @@ use statrs::function::erf::erfc_inv;
 
 use super::{Interval, StatisticsError, check_pairs, check_range, check_sample, count, quantile_of_sorted};
 
-/// How many resamples there may be. With fewer the ends of a 95 % interval rest on one or two of them; more than the greatest number
-/// take memory and change no digit that anybody reads. 10 000 give two to three digits of the width.
+/// The allowed number of resamples. With fewer, the ends of a 95 % interval rest on one or two of
+/// them; more take memory and change no significant digit. 10 000 give two to three digits of the
+/// width.
 pub const RESAMPLES: RangeInclusive<usize> = 100..=1_000_000;
 
-/// How two samples belong together.
+/// The design of a comparison of two samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pairing {
-    /// `a[i]` and `b[i]` are runs on the same map: they are drawn together.
+    /// `a[i]` and `b[i]` are runs on the same map: they are resampled together.
     Paired,
-    /// The samples have nothing to do with each other: each is drawn by itself.
+    /// The samples are resampled separately.
     Independent,
 }
 
-/// An interval that holds the mean of what the sample is drawn from with probability `level` (0.95), roughly: of few runs it is too narrow
-/// (with ten, one in nine such intervals misses rather than one in twenty). Equal values give an interval without width.
+/// A confidence interval of the mean at `level` (0.95). The coverage is approximate: with ten runs,
+/// one in nine such intervals misses the mean rather than one in twenty. Equal values give an
+/// interval without width.
 ///
-/// The seed alone decides which runs are drawn, whatever their values: with one seed for the points of a curve, these rest on the same
-/// resamples of runs.
+/// The resamples depend on the seed, not on the values: with one seed for all points of a curve,
+/// all points use the same resamples of runs.
 ///
 /// # Errors
-/// If there are fewer than two values (one says nothing about how far runs differ), one is not finite or so large that sums are not,
-/// or `level` or `resamples` is out of its range.
+/// If there are fewer than two values, one is not finite or so large that sums are not, or `level`
+/// or `resamples` is out of its range.
 pub fn bootstrap_mean(xs: &[f64], level: f64, resamples: usize, seed: u64) -> Result<Interval, StatisticsError> {
     check_sample(xs, 2)?;
     let sample = Sample::new(xs);
@@ -42,11 +45,13 @@ pub fn bootstrap_mean(xs: &[f64], level: f64, resamples: usize, seed: u64) -> Re
     interval(&[xs.len()], mean, level, resamples, seed)
 }
 
-/// An interval for the ratio mean(`a`) / mean(`b`), for instance how many times as long `a` takes (Kalibera and Jones, 2013).
+/// A confidence interval of the ratio mean(`a`) / mean(`b`), such as a speedup (Kalibera and Jones,
+/// 2013).
 ///
 /// # Errors
-/// If a sample has fewer than two values, one is not finite or negative in `b`, paired samples differ in length, `level` or
-/// `resamples` is out of its range, or the mean of `b` is zero, be it in one resample.
+/// If a sample has fewer than two values, one is not finite or negative in `b`, paired samples
+/// differ in length, `level` or `resamples` is out of its range, or the mean of `b` is zero in a
+/// resample.
 pub fn bootstrap_ratio(
     a: &[f64],
     b: &[f64],
@@ -75,21 +80,20 @@ pub fn bootstrap_ratio(
     }
 }
 
-/// A sample as what its values have above the least one. Thereby the mean of equal values is exactly that value, and that of zeros
-/// exactly zero.
+/// A sample as offsets from its minimum, so that the mean of equal values is exactly that value.
 struct Sample {
     least: f64,
     above: Vec<f64>,
 }
 
 impl Sample {
-    /// Of one value or more.
+    /// `xs` is not empty.
     fn new(xs: &[f64]) -> Sample {
         let least = xs.iter().copied().fold(f64::INFINITY, f64::min);
         Sample { least, above: xs.iter().map(|x| x - least).collect() }
     }
 
-    /// The mean of a resample that holds each value so many times.
+    /// The mean of a resample, given the multiplicity of each value.
     fn mean(&self, times: &[f64]) -> f64 {
         let sum: f64 = self.above.iter().zip(times).map(|(above, times)| above * times).sum();
         self.least + sum / times.iter().sum::<f64>()
@@ -100,8 +104,8 @@ fn finite(value: f64, or: StatisticsError) -> Result<f64, StatisticsError> {
     if value.is_finite() { Ok(value) } else { Err(or) }
 }
 
-/// The interval of a figure of samples with these sizes, none of them 0. The figure is given how often each value of each sample is
-/// drawn.
+/// The interval of a statistic of samples with these sizes, none of them 0. The statistic gets the
+/// multiplicity of each value of each sample.
 fn interval(
     sizes: &[usize],
     figure: impl Fn(&[Vec<f64>]) -> Result<f64, StatisticsError>,
@@ -128,19 +132,19 @@ fn interval(
     Ok(Interval { low: quantile_of_sorted(&figures, low), high: quantile_of_sorted(&figures, high) })
 }
 
-/// Draws as many values as there are, with replacement; each is noted by how often it is drawn.
+/// Draws a resample: the multiplicity of each value.
 fn draw(times: &mut [f64], rng: &mut ChaCha8Rng) {
     times.fill(0.0);
     let size = times.len() as u64;
     for _ in 0..times.len() {
-        // The upper half of the product is uniform over the places but for one part in 2^32 / size.
+        // The upper half of the product is uniform except for one part in 2^32 / size.
         let place = (u64::from(rng.next_u32()) * size) >> 32;
         times[place as usize] += 1.0;
     }
 }
 
-/// How fast the spread of the figure changes with its value: the skewness of the figures with one run left out, over 6. Not a number
-/// if these are all equal. `drawn` holds every value once, and does so again afterwards.
+/// The acceleration: the skewness of the jackknife values, divided by 6; NaN if these are all
+/// equal. `drawn` has every value once, before and after.
 fn acceleration(
     drawn: &mut [Vec<f64>],
     figure: impl Fn(&[Vec<f64>]) -> Result<f64, StatisticsError>,
@@ -164,7 +168,7 @@ fn acceleration(
     Ok(cubes / (6.0 * squares * squares.sqrt()))
 }
 
-/// The shares of the resamples below the ends of the BCa interval; none if they are not defined.
+/// The shares of the resamples below the ends of the BCa interval; `None` if they are undefined.
 fn corrected_shares(sorted: &[f64], estimate: f64, acceleration: f64, tail: f64) -> Option<(f64, f64)> {
     let below = sorted.partition_point(|&figure| figure < estimate);
     let not_above = sorted.partition_point(|&figure| figure <= estimate);
@@ -172,20 +176,20 @@ fn corrected_shares(sorted: &[f64], estimate: f64, acceleration: f64, tail: f64)
     let share = |z: f64| {
         let shifted = bias + z;
         let stretch = 1.0 - acceleration * shifted;
-        // Past this point the correction turns back on itself.
-        (stretch > 0.0).then(|| normal_below(bias + shifted / stretch))
+        // The correction is not monotonic beyond this point.
+        (stretch > 0.0).then(|| normal_cdf(bias + shifted / stretch))
     };
     let z = normal_quantile(tail);
     let (low, high) = (share(z)?, share(-z)?);
     (low.is_finite() && high.is_finite() && low <= high).then_some((low, high))
 }
 
-/// The probability that a standard normal variable is below `z`.
-pub(super) fn normal_below(z: f64) -> f64 {
+/// The cumulative distribution function of the standard normal distribution.
+pub(super) fn normal_cdf(z: f64) -> f64 {
     libm::erfc(-z / SQRT_2) / 2.0
 }
 
-/// The value below which a standard normal variable is with this probability; infinite for 0 and 1.
+/// The quantile function of the standard normal distribution; infinite for 0 and 1.
 pub(super) fn normal_quantile(probability: f64) -> f64 {
     -SQRT_2 * erfc_inv(2.0 * probability)
 }

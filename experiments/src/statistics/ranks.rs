@@ -1,31 +1,31 @@
-//! Comparisons by rank, which ask who is ahead and not by how much: they hold whatever the values are distributed like.
+//! Comparisons by rank, which assume no distribution of the values.
 
-use super::bootstrap::normal_below;
+use super::bootstrap::normal_cdf;
 use super::{StatisticsError, check_pairs, check_range, check_sample, count};
 
-/// Up to so many pairs the p-value is exact if no differences are zero or equally large, as in SciPy.
+/// Maximum number of pairs with an exact p-value if there are no ties and no zeros, as in SciPy.
 const EXACT_PAIRS_MAX: usize = 50;
 
-/// Up to so many pairs it is exact in any case, as in SciPy.
+/// Maximum number of pairs with an exact p-value in any case, as in SciPy.
 const EXACT_TIED_PAIRS_MAX: usize = 13;
 
-/// The outcome of [`wilcoxon_signed_rank`].
+/// The result of [`wilcoxon_signed_rank`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wilcoxon {
-    /// The lesser of the sums of ranks of positive and of negative differences.
+    /// The smaller of the rank sums of positive and of negative differences.
     pub statistic: f64,
-    /// The probability, if neither side is better, of a statistic so small or smaller. Two-sided.
+    /// Two-sided.
     pub p_value: f64,
-    /// How many pairs differ.
+    /// Number of pairs that differ.
     pub pairs: usize,
 }
 
-/// Whether the differences `a[i] - b[i]` lie around zero (Wilcoxon, 1945): two-sided, as `scipy.stats.wilcoxon` does unless told
-/// otherwise.
+/// The two-sided signed-rank test of whether the differences `a[i] - b[i]` are symmetric about zero
+/// (Wilcoxon, 1945), with the defaults of `scipy.stats.wilcoxon`.
 ///
-/// Pairs without a difference are left out, and equally large differences share the mean of their ranks. The p-value counts all ways of
-/// giving the ranks signs (exact) for up to 50 pairs if no difference is zero and no two are equally large, and for up to 13 pairs in
-/// any case; otherwise it is that of the normal distribution with the correction for ties, and without one for continuity. If no pair
+/// Pairs without a difference are dropped, and ties get the mean of their ranks. The p-value is
+/// exact for up to 50 pairs without ties and zeros, and for up to 13 pairs in any case; otherwise
+/// it is the normal approximation with tie correction and without continuity correction. If no pair
 /// differs, the statistic is 0 and the p-value 1.
 ///
 /// # Errors
@@ -47,15 +47,15 @@ pub fn wilcoxon_signed_rank(a: &[f64], b: &[f64]) -> Result<Wilcoxon, Statistics
     Ok(Wilcoxon { statistic: count(twice_lesser) / 2.0, p_value, pairs: differences.len() })
 }
 
-/// Differences by how large they are. Ranks are doubled, so that the mean of two ranks is whole.
+/// Ranks of absolute differences, doubled, so that the mean of two ranks is a whole number.
 struct Ranked {
-    /// In the order of size.
+    /// Ascending.
     twice_ranks: Vec<usize>,
-    /// The sum of those of positive differences.
+    /// Rank sum of the positive differences.
     twice_positive: usize,
-    /// The sum of those of negative differences.
+    /// Rank sum of the negative differences.
     twice_negative: usize,
-    /// The sum of n^3 - n over groups of n equally large differences.
+    /// The sum of n^3 - n over groups of n ties.
     ties: f64,
 }
 
@@ -77,9 +77,9 @@ impl Ranked {
     }
 }
 
-/// Twice the share, of all ways of giving the ranks signs, of those in which the sum of positive ones is not above `twice_sum`.
+/// Twice the share of all sign assignments whose sum of positive ranks is at most `twice_sum`.
 fn exact_p_value(twice_ranks: &[usize], twice_sum: usize) -> f64 {
-    // How many ways lead to each sum. At most 2^50, which f64 holds exactly.
+    // Number of sign assignments for each sum: at most 2^50, which f64 holds exactly.
     let mut ways = vec![0.0; twice_ranks.iter().sum::<usize>() + 1];
     ways[0] = 1.0;
     let mut highest = 0;
@@ -94,16 +94,17 @@ fn exact_p_value(twice_ranks: &[usize], twice_sum: usize) -> f64 {
     (2.0 * as_small / all).min(1.0)
 }
 
-/// Twice the probability of a sum of ranks not above `sum` by the normal distribution.
+/// The p-value of a rank sum by the normal approximation.
 fn normal_p_value(pairs: usize, ties: f64, sum: f64) -> f64 {
     let n = count(pairs);
     let centre = n * (n + 1.0) / 4.0;
     let variance = (n * (n + 1.0) * (2.0 * n + 1.0) - ties / 2.0) / 24.0;
-    (2.0 * normal_below((sum - centre) / variance.sqrt())).min(1.0)
+    (2.0 * normal_cdf((sum - centre) / variance.sqrt())).min(1.0)
 }
 
-/// The probability that a value of `a` is greater than one of `b`, a tie counting half (Vargha and Delaney, 2000). 0.5 is no
-/// difference; 0.56, 0.64 and 0.71 (or 0.44, 0.36 and 0.29) are by convention a small, a medium and a large one.
+/// The effect size A12: the probability that a value of `a` is greater than one of `b`, a tie
+/// counting half (Vargha and Delaney, 2000). 0.5 is no difference; 0.56, 0.64 and 0.71 (or 0.44,
+/// 0.36 and 0.29) are by convention a small, a medium and a large one.
 ///
 /// # Errors
 /// If a sample is empty, or a value is not finite.
@@ -116,8 +117,8 @@ pub fn a12(a: &[f64], b: &[f64]) -> Result<f64, StatisticsError> {
     Ok(count(a.iter().map(twice_won).sum()) / (2.0 * count(a.len()) * count(b.len())))
 }
 
-/// P-values of several comparisons, adjusted so that the chance of even one false alarm among them stays below the level that each is
-/// held against (Holm, 1979). In the order they came in; none is smaller than before, and their order is kept.
+/// P-values adjusted for multiple comparisons (Holm, 1979), which controls the family-wise error
+/// rate. In the order of the input.
 ///
 /// # Errors
 /// If one is not within 0 to 1.

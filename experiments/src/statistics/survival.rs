@@ -1,27 +1,28 @@
-//! Times that may not have been reached: a run that ends before it has seen 99 % says only that this would have taken longer.
+//! Survival analysis of times to a milestone that a run may not reach.
 //!
-//! Leaving such runs out, or counting their end as the time, makes slow algorithms look fast. Here they are right-censored: they count
-//! among those who had not reached the mark for as long as they were watched (Kaplan and Meier, 1958).
+//! Excluding such runs, or using their end as the time, is biased in favour of slow algorithms.
+//! Here they are right-censored: they are at risk for as long as they were observed (Kaplan and
+//! Meier, 1958).
 
 use super::{StatisticsError, check_horizon, check_range, check_sample, count};
 
-/// Rounding leaves a share that is one half this far off at most.
+/// Maximum rounding error of a share of one half.
 const HALF_TOLERANCE: f64 = 1e-9;
 
-/// When a run reached a mark, or until when it was watched without reaching it.
+/// The time at which a run reached a milestone, or until which it was observed without reaching it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Censored {
-    /// Seconds since the start (or any other unit, the same for all).
+    /// Since the start, in any unit.
     pub time: f64,
-    /// Whether the mark was reached at `time`; if not, the run was only watched until then.
+    /// Whether the milestone was reached at `time`; otherwise the run is censored at `time`.
     pub happened: bool,
 }
 
-/// The share of runs that have not reached the mark, over time: (time, share after it), a step at every time at which runs reach it.
-/// Begins with (0, 1); between two steps and after the last one the share stays as it is. The share that *has* reached it is 1 minus
-/// this one.
+/// The Kaplan-Meier estimate of the share of runs that have not reached the milestone, as steps of
+/// (time, share from then on), beginning with (0, 1). The share that has reached it is 1 minus this
+/// one.
 ///
-/// Runs that end at the very time at which others reach the mark count as watched at it.
+/// Runs that are censored at the time at which others reach the milestone are at risk at that time.
 ///
 /// # Errors
 /// If there are no runs, or a time is not finite or below 0.
@@ -31,19 +32,20 @@ pub fn kaplan_meier(runs: &[Censored]) -> Result<Vec<(f64, f64)>, StatisticsErro
     runs.sort_by(|a, b| a.time.total_cmp(&b.time));
     let mut share = 1.0;
     let mut steps = vec![(0.0, share)];
-    let mut watched = runs.len();
+    let mut at_risk = runs.len();
     for together in runs.chunk_by(|a, b| a.time == b.time) {
         let reached = together.iter().filter(|run| run.happened).count();
         if reached > 0 {
-            share *= count(watched - reached) / count(watched);
+            share *= count(at_risk - reached) / count(at_risk);
             steps.push((together[0].time, share));
         }
-        watched -= together.len();
+        at_risk -= together.len();
     }
     Ok(steps)
 }
 
-/// The first time at which half of the runs or fewer have not reached the mark, by [`kaplan_meier`]; `None` if that never happens.
+/// The median time by [`kaplan_meier`]; `None` if more than half of the runs do not reach the
+/// milestone.
 ///
 /// # Errors
 /// As [`kaplan_meier`].
@@ -52,9 +54,10 @@ pub fn median_time(runs: &[Censored]) -> Result<Option<f64>, StatisticsError> {
     Ok(steps.iter().find(|(_, share)| *share <= 0.5 + HALF_TOLERANCE).map(|(time, _)| *time))
 }
 
-/// The mean time to the mark if nobody waits beyond `horizon`: the area under [`kaplan_meier`] up to there. Where every run is watched
-/// up to the horizon this is the mean of the times with the horizon in place of those not reached. If nobody is watched for so long,
-/// the last share holds until the horizon, which makes it the greatest mean that the runs allow.
+/// The restricted mean time to the milestone: the area under [`kaplan_meier`] up to `horizon`. If
+/// all runs are observed up to the horizon, this is the mean of the times with the horizon in place
+/// of those not reached. If no run is observed for so long, the last share is extended to the
+/// horizon, which gives the greatest mean that is consistent with the runs.
 ///
 /// # Errors
 /// As [`kaplan_meier`], or if the horizon is not above 0.
@@ -65,7 +68,7 @@ pub fn restricted_mean(runs: &[Censored], horizon: f64) -> Result<f64, Statistic
     Ok(steps.iter().zip(ends).map(|((from, share), to)| (to.min(horizon) - from).max(0.0) * share).sum())
 }
 
-/// The share of the runs that have reached the mark.
+/// The share of the runs that have reached the milestone.
 ///
 /// # Errors
 /// As [`kaplan_meier`].

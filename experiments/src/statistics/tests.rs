@@ -1,7 +1,7 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-use super::bootstrap::{normal_below, normal_quantile};
+use super::bootstrap::{normal_cdf, normal_quantile};
 use super::*;
 
 const LEVEL: f64 = 0.95;
@@ -10,7 +10,7 @@ fn reached(time: f64) -> Censored {
     Censored { time, happened: true }
 }
 
-fn watched(time: f64) -> Censored {
+fn censored_at(time: f64) -> Censored {
     Censored { time, happened: false }
 }
 
@@ -18,7 +18,7 @@ fn too_few<T>(needed: usize, got: usize) -> Result<T, StatisticsError> {
     Err(StatisticsError::TooFew { needed, got })
 }
 
-/// Fails unless a sample with NaN or an infinity in its second place is refused with that place.
+/// Fails unless a sample with NaN or an infinity at index 1 is an error with that index.
 #[track_caller]
 fn assert_finite_only<T: std::fmt::Debug>(figure: impl Fn(&[f64]) -> Result<T, StatisticsError>) {
     for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
@@ -28,7 +28,7 @@ fn assert_finite_only<T: std::fmt::Debug>(figure: impl Fn(&[f64]) -> Result<T, S
 }
 
 #[test]
-fn a_mean_is_in_the_middle() {
+fn mean_by_hand() {
     assert_eq!(mean(&[1.0, 2.0, 6.0]), Ok(3.0));
     assert_eq!(mean(&[4.0]), Ok(4.0));
     assert_eq!(mean(&[]), too_few(1, 0));
@@ -36,7 +36,7 @@ fn a_mean_is_in_the_middle() {
 }
 
 #[test]
-fn quantiles_lie_between_values() {
+fn quantiles_are_interpolated() {
     assert_eq!(quantile(&[1.0, 2.0, 3.0, 4.0], 0.5), Ok(2.5));
     assert_eq!(quantile(&[1.0, 2.0, 3.0, 4.0], 0.25), Ok(1.75));
     assert_eq!(quantile(&[7.0], 0.3), Ok(7.0));
@@ -53,9 +53,9 @@ fn quantiles_lie_between_values() {
 fn areas_are_mean_heights() {
     // 0 to 1 over the first half, 1 from there on.
     assert_eq!(area_under(&[(0.0, 0.0), (50.0, 1.0)], 100.0), Ok(0.75));
-    // What comes after the horizon does not count but for the line to it.
+    // Points after the horizon count only for the line to them.
     assert_eq!(area_under(&[(0.0, 0.0), (200.0, 1.0)], 100.0), Ok(0.25));
-    // Before the first point the curve is as high as there.
+    // Constant before the first point.
     assert_eq!(area_under(&[(50.0, 0.5)], 100.0), Ok(0.5));
     assert_eq!(area_under(&[(150.0, 0.5), (160.0, 1.0)], 100.0), Ok(0.5));
     // A jump.
@@ -63,7 +63,7 @@ fn areas_are_mean_heights() {
 }
 
 #[test]
-fn curves_that_are_none_are_refused() {
+fn invalid_curves_are_refused() {
     assert_eq!(area_under(&[], 10.0), too_few(1, 0));
     assert_eq!(
         area_under(&[(0.0, 0.0), (2.0, 0.0), (1.0, 0.0)], 10.0),
@@ -82,17 +82,17 @@ fn curves_that_are_none_are_refused() {
 }
 
 #[test]
-fn the_normal_distribution_is_that_of_the_tables() {
+fn normal_distribution_matches_tables() {
     for (z, below) in
         [(0.0, 0.5), (1.0, 0.841_344_746_068_542_9), (1.959_963_984_540_054, 0.975), (-3.0, 0.001_349_898_031_630_095)]
     {
-        assert!((normal_below(z) / below - 1.0).abs() < 1e-14, "{z}");
+        assert!((normal_cdf(z) / below - 1.0).abs() < 1e-14, "{z}");
         assert!((normal_quantile(below) - z).abs() < 1e-12, "{z}");
     }
 }
 
 #[test]
-fn intervals_hang_on_the_seed_alone() {
+fn interval_is_a_function_of_the_seed() {
     let xs = [3.0, 1.0, 4.0, 1.0, 5.0, 9.0, 2.0, 6.0];
     let interval = |seed| bootstrap_mean(&xs, LEVEL, 1000, seed).unwrap();
     assert_eq!(interval(1), interval(1));
@@ -102,12 +102,12 @@ fn intervals_hang_on_the_seed_alone() {
 }
 
 #[test]
-fn intervals_need_two_values_and_no_difference() {
+fn intervals_need_two_values() {
     assert_eq!(bootstrap_mean(&[], LEVEL, 1000, 1), too_few(2, 0));
     assert_eq!(bootstrap_mean(&[1.0], LEVEL, 1000, 1), too_few(2, 1));
-    // 0.1 is not exact: sums of it must not make a difference where there is none.
+    // 0.1 is not exact: rounding of sums must not widen the interval.
     assert_eq!(bootstrap_mean(&[0.1; 7], LEVEL, 1000, 1), Ok(Interval { low: 0.1, high: 0.1 }));
-    // Two values: half of the resamples have both, a quarter each has only one.
+    // Two values: half of the resamples have both, a quarter each has only one of them.
     assert_eq!(bootstrap_mean(&[1.0, 3.0], LEVEL, 1000, 1), Ok(Interval { low: 1.0, high: 3.0 }));
     assert_eq!(bootstrap_mean(&[f64::MAX, -f64::MAX], LEVEL, 1000, 1), Err(StatisticsError::TooLarge));
     assert_finite_only(|xs| bootstrap_mean(xs, LEVEL, 1000, 1));
@@ -128,7 +128,7 @@ fn levels_and_resamples_have_bounds() {
 }
 
 #[test]
-fn pairs_that_keep_their_ratio_leave_no_doubt() {
+fn constant_ratio_has_no_width_if_paired() {
     let b = [100.0, 250.0, 400.0, 800.0];
     let a = b.map(|value| value * 1.5);
     let paired = bootstrap_ratio(&a, &b, Pairing::Paired, LEVEL, 1000, 1).unwrap();
@@ -143,7 +143,7 @@ fn ratios_need_a_denominator() {
     for pairing in [Pairing::Paired, Pairing::Independent] {
         assert_eq!(ratio(&[1.0, 2.0], &[0.0, 0.0], pairing), Err(StatisticsError::ZeroDenominator));
         assert_eq!(ratio(&[0.0, 0.0], &[0.0, 0.0], pairing), Err(StatisticsError::ZeroDenominator));
-        // Not zero as such, but in many resamples.
+        // Not zero itself, but in many resamples.
         assert_eq!(ratio(&[1.0, 2.0], &[0.0, 1.0], pairing), Err(StatisticsError::ZeroDenominator));
         assert_eq!(ratio(&[1.0, 2.0, 3.0], &[0.1, 0.0, 0.0], pairing), Err(StatisticsError::ZeroDenominator));
         assert!(matches!(ratio(&[1.0, 2.0], &[-1.0, 1.0], pairing), Err(StatisticsError::OutOfRange { .. })));
@@ -157,9 +157,10 @@ fn ratios_need_a_denominator() {
 }
 
 #[test]
-fn who_is_not_watched_any_more_is_not_held_against_anybody() {
-    // The textbook way by hand: 4/5 at 10, the one watched until 15 leaves three, 2/3 of that at 20, none after 40.
-    let runs = [reached(20.0), watched(15.0), reached(10.0), watched(30.0), reached(40.0)];
+fn censored_runs_leave_the_risk_set() {
+    // By hand: 4/5 at 10, three at risk after the one censored at 15, 2/3 of that at 20, none after
+    // 40.
+    let runs = [reached(20.0), censored_at(15.0), reached(10.0), censored_at(30.0), reached(40.0)];
     let steps = kaplan_meier(&runs).unwrap();
     assert_eq!(steps.len(), 4);
     for (step, hand) in steps.iter().zip([(0.0, 1.0), (10.0, 0.8), (20.0, 0.8 * 2.0 / 3.0), (40.0, 0.0)]) {
@@ -173,19 +174,19 @@ fn who_is_not_watched_any_more_is_not_held_against_anybody() {
 }
 
 #[test]
-fn a_time_that_half_never_reach_has_no_median() {
-    assert_eq!(median_time(&[watched(1800.0); 3]), Ok(None));
-    assert_eq!(restricted_mean(&[watched(1800.0); 3], 1800.0), Ok(1800.0));
-    assert_eq!(success_fraction(&[watched(1800.0); 3]), Ok(0.0));
-    assert_eq!(median_time(&[reached(5.0), watched(1800.0), watched(1800.0)]), Ok(None));
+fn median_is_missing_if_most_runs_are_censored() {
+    assert_eq!(median_time(&[censored_at(1800.0); 3]), Ok(None));
+    assert_eq!(restricted_mean(&[censored_at(1800.0); 3], 1800.0), Ok(1800.0));
+    assert_eq!(success_fraction(&[censored_at(1800.0); 3]), Ok(0.0));
+    assert_eq!(median_time(&[reached(5.0), censored_at(1800.0), censored_at(1800.0)]), Ok(None));
     // Exactly half.
-    assert_eq!(median_time(&[reached(5.0), watched(1800.0)]), Ok(Some(5.0)));
-    // Nobody is watched until the horizon: the last share holds.
-    assert_eq!(restricted_mean(&[reached(10.0), watched(20.0)], 100.0), Ok(10.0 + 90.0 * 0.5));
+    assert_eq!(median_time(&[reached(5.0), censored_at(1800.0)]), Ok(Some(5.0)));
+    // No run is observed until the horizon: the last share is extended.
+    assert_eq!(restricted_mean(&[reached(10.0), censored_at(20.0)], 100.0), Ok(10.0 + 90.0 * 0.5));
 }
 
 #[test]
-fn marks_may_be_reached_at_the_start_or_after_the_horizon() {
+fn milestones_at_the_start_or_after_the_horizon() {
     assert_eq!(kaplan_meier(&[reached(0.0)]), Ok(vec![(0.0, 1.0), (0.0, 0.0)]));
     assert_eq!(median_time(&[reached(0.0)]), Ok(Some(0.0)));
     assert_eq!(restricted_mean(&[reached(0.0)], 100.0), Ok(0.0));
@@ -193,18 +194,19 @@ fn marks_may_be_reached_at_the_start_or_after_the_horizon() {
 }
 
 #[test]
-fn times_that_are_none_are_refused() {
+fn invalid_times_are_refused() {
     assert_eq!(kaplan_meier(&[]), too_few(1, 0));
     assert_eq!(median_time(&[]), too_few(1, 0));
     assert_eq!(restricted_mean(&[], 10.0), too_few(1, 0));
     assert_eq!(success_fraction(&[]), too_few(1, 0));
     assert!(matches!(kaplan_meier(&[reached(-1.0)]), Err(StatisticsError::OutOfRange { .. })));
-    assert_finite_only(|times| success_fraction(&times.iter().map(|time| watched(*time)).collect::<Vec<_>>()));
+    assert_finite_only(|times| success_fraction(&times.iter().map(|time| censored_at(*time)).collect::<Vec<_>>()));
 }
 
 #[test]
 fn signed_ranks_by_hand() {
-    // Differences 1, 2, 3, 4, -5: ranks 10 to 5. Sums up to 5 arise in 10 of 32 ways: 0; 1; 2; 3, 1+2; 4, 1+3; 5, 1+4, 2+3.
+    // Differences 1, 2, 3, 4, -5: ranks 10 to 5. Sums up to 5 arise in 10 of 32 ways: 0; 1; 2; 3,
+    // 1+2; 4, 1+3; 5, 1+4, 2+3.
     let wilcoxon = wilcoxon_signed_rank(&[1.0, 2.0, 3.0, 4.0, 0.0], &[0.0, 0.0, 0.0, 0.0, 5.0]).unwrap();
     assert_eq!(wilcoxon, Wilcoxon { statistic: 5.0, p_value: 20.0 / 32.0, pairs: 5 });
     // Differences 1, 1, -1: each has rank 2. Of 8 ways 1 gives 0 and 3 give 2.
@@ -214,7 +216,7 @@ fn signed_ranks_by_hand() {
 }
 
 #[test]
-fn samples_that_agree_show_no_difference() {
+fn equal_samples_have_p_value_1() {
     for pairs in [1, 13, 14, 60] {
         let same = vec![2.0; pairs];
         assert_eq!(wilcoxon_signed_rank(&same, &same), Ok(Wilcoxon { statistic: 0.0, p_value: 1.0, pairs: 0 }));
@@ -223,7 +225,7 @@ fn samples_that_agree_show_no_difference() {
 }
 
 #[test]
-fn comparisons_need_values() {
+fn comparisons_check_their_samples() {
     assert_eq!(wilcoxon_signed_rank(&[], &[]), too_few(1, 0));
     let unpaired = Err(StatisticsError::Unpaired { left: 1, right: 2 });
     assert_eq!(wilcoxon_signed_rank(&[1.0], &[1.0, 2.0]), unpaired);
@@ -236,8 +238,8 @@ fn comparisons_need_values() {
 }
 
 #[test]
-fn a12_counts_duels() {
-    // 3 wins and 1 tie in 6 duels.
+fn a12_by_hand() {
+    // 3 wins and 1 tie in 6 comparisons.
     assert_eq!(a12(&[1.0, 2.0, 3.0], &[1.5, 2.0]), Ok(3.5 / 6.0));
     assert_eq!(a12(&[9.0], &[1.0]), Ok(1.0));
     assert_eq!(a12(&[-0.0], &[0.0]), Ok(0.5));
@@ -255,16 +257,16 @@ fn holm_by_hand() {
 }
 
 #[test]
-fn what_is_wrong_is_said_in_a_line() {
-    let said = |result: Result<Interval, StatisticsError>| result.unwrap_err().to_string();
-    assert_eq!(said(bootstrap_mean(&[1.0], LEVEL, 1000, 1)), "2 values or more are needed, there are 1");
-    assert_eq!(said(bootstrap_mean(&[1.0, f64::NAN], LEVEL, 1000, 1)), "value 1 is NaN, it must be finite");
-    assert_eq!(said(bootstrap_mean(&[1.0, 2.0], LEVEL, 1, 1)), "1 resamples, there must be 100 to 1000000");
+fn errors_are_one_line() {
+    let message = |result: Result<Interval, StatisticsError>| result.unwrap_err().to_string();
+    assert_eq!(message(bootstrap_mean(&[1.0], LEVEL, 1000, 1)), "2 values or more are needed, there are 1");
+    assert_eq!(message(bootstrap_mean(&[1.0, f64::NAN], LEVEL, 1000, 1)), "value 1 is NaN, it must be finite");
+    assert_eq!(message(bootstrap_mean(&[1.0, 2.0], LEVEL, 1, 1)), "1 resamples, there must be 100 to 1000000");
     let level = "the level of an interval is 95, it must be between 0 and 1";
-    assert_eq!(said(bootstrap_mean(&[1.0, 2.0], 95.0, 1000, 1)), level);
+    assert_eq!(message(bootstrap_mean(&[1.0, 2.0], 95.0, 1000, 1)), level);
 }
 
-/// Values as runs have them, with repetitions.
+/// Typical values, with ties.
 fn value() -> impl Strategy<Value = f64> {
     prop_oneof![-1e3..1e3, (-4..5).prop_map(f64::from)]
 }
@@ -283,7 +285,7 @@ proptest! {
     }
 
     #[test]
-    fn areas_are_between_the_heights(mut times in vec(0.0..200.0, 1..20), heights in vec(0.0..=1.0, 20)) {
+    fn areas_are_within_the_heights(mut times in vec(0.0..200.0, 1..20), heights in vec(0.0..=1.0, 20)) {
         times.sort_by(f64::total_cmp);
         let points: Vec<_> = times.into_iter().zip(heights).collect();
         let area = area_under(&points, 100.0).unwrap();
@@ -293,7 +295,7 @@ proptest! {
     }
 
     #[test]
-    fn intervals_of_symmetric_samples_hold_their_mean(half in vec(0.1..100.0, 3..12), centre in -50.0..50.0, seed: u64) {
+    fn intervals_of_symmetric_samples_contain_their_mean(half in vec(0.1..100.0, 3..12), centre in -50.0..50.0, seed: u64) {
         let xs: Vec<f64> = half.iter().flat_map(|off| [centre - off, centre + off]).collect();
         let interval = bootstrap_mean(&xs, LEVEL, 500, seed).unwrap();
         prop_assert!(interval.low < centre && centre < interval.high, "{interval:?}");
@@ -323,7 +325,7 @@ proptest! {
     }
 
     #[test]
-    fn shares_not_there_yet_never_grow(runs in vec(censored(), 1..30), horizon in 1.0..3000.0) {
+    fn survival_never_grows(runs in vec(censored(), 1..30), horizon in 1.0..3000.0) {
         let steps = kaplan_meier(&runs).unwrap();
         prop_assert_eq!(steps[0], (0.0, 1.0));
         prop_assert!(steps.windows(2).all(|pair| pair[0].0 <= pair[1].0 && pair[1].1 < pair[0].1));
@@ -336,7 +338,7 @@ proptest! {
     }
 
     #[test]
-    fn without_losses_times_are_plain(times in vec(0.0..1000.0, 1..30)) {
+    fn uncensored_times_have_plain_mean_and_median(times in vec(0.0..1000.0, 1..30)) {
         let runs: Vec<Censored> = times.iter().map(|time| reached(*time)).collect();
         let restricted = restricted_mean(&runs, 1000.0).unwrap();
         prop_assert!((restricted - mean(&times).unwrap()).abs() < 1e-9);
@@ -346,7 +348,7 @@ proptest! {
     }
 
     #[test]
-    fn signed_ranks_do_not_take_sides(pairs in vec((value(), value()), 1..70)) {
+    fn signed_rank_test_is_symmetric(pairs in vec((value(), value()), 1..70)) {
         let (a, b): (Vec<f64>, Vec<f64>) = pairs.into_iter().unzip();
         let wilcoxon = wilcoxon_signed_rank(&a, &b).unwrap();
         prop_assert_eq!(wilcoxon, wilcoxon_signed_rank(&b, &a).unwrap());
@@ -356,13 +358,13 @@ proptest! {
     }
 
     #[test]
-    fn a12_of_both_sides_is_one(a in vec(value(), 1..20), b in vec(value(), 1..20)) {
+    fn a12_of_both_orders_sums_to_one(a in vec(value(), 1..20), b in vec(value(), 1..20)) {
         let sum = a12(&a, &b).unwrap() + a12(&b, &a).unwrap();
         prop_assert!((sum - 1.0).abs() < 1e-12);
     }
 
     #[test]
-    fn holm_keeps_the_order_and_lowers_nothing(p_values in vec(0.0..=1.0, 1..20)) {
+    fn holm_is_monotonic_and_lowers_nothing(p_values in vec(0.0..=1.0, 1..20)) {
         let adjusted = holm(&p_values).unwrap();
         for (&p, &after) in p_values.iter().zip(&adjusted) {
             prop_assert!(p <= after && after <= 1.0);

@@ -15,13 +15,13 @@ fn table() -> Table {
 }
 
 #[test]
-fn csv_quotes_what_has_to_be_and_leaves_empty_what_is_missing() {
+fn csv_quotes_only_if_needed_and_leaves_missing_values_empty() {
     let text = String::from_utf8(csv(&table()).unwrap()).unwrap();
     assert_eq!(text, "axis.agents.controller,seed,t90_s\n\"a, \"\"b\"\"\",18446744073709551615,\n,2,0.1\n");
 }
 
 #[test]
-fn parquet_is_read_back() {
+fn parquet_round_trips() {
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), parquet(&table()).unwrap()).unwrap();
     let reader = SerializedFileReader::new(file.reopen().unwrap()).unwrap();
@@ -34,7 +34,7 @@ fn parquet_is_read_back() {
 }
 
 #[test]
-fn tables_of_no_runs_have_their_columns() {
+fn tables_without_runs_have_columns() {
     for table in [runs(&[]), series(&[]), agents(&[])] {
         assert!(String::from_utf8(csv(&table).unwrap()).unwrap().starts_with("id,"));
         assert!(!parquet(&table).unwrap().is_empty());

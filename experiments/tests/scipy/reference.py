@@ -1,10 +1,11 @@
-"""Makes reference.json: samples, and what SciPy says about them. tests/scipy.rs holds our statistics against it.
+"""Writes reference.json: samples, and the results of SciPy for them. tests/scipy.rs compares ours.
 
     python3 -m venv venv && venv/bin/pip install scipy statsmodels
     venv/bin/python experiments/tests/scipy/reference.py
 
-The samples are drawn here with a fixed seed, so another version of SciPy must give the same file but for the versions in it, the
-last digits, and the bootstrap's within their spread. Holm's correction, which SciPy lacks, is that of statsmodels.
+The samples are drawn with a fixed seed, so another version of SciPy gives the same file except for
+the versions in it, the last digits, and the bootstrap results within their spread. Holm's
+correction, which SciPy lacks, is that of statsmodels.
 """
 
 import json
@@ -20,12 +21,12 @@ from statsmodels.stats.multitest import multipletests
 RNG = numpy.random.default_rng(20261121)
 LEVEL = 0.95
 RESAMPLES = 10_000
-# From how many intervals, each with a seed of its own, the spread of their ends is taken.
+# Number of intervals, each with its own seed, for the spread of their ends.
 REPETITIONS = 40
 
 
 def sample(values, digits=3):
-    """Few digits, so that the file stays short and is read to the same numbers everywhere."""
+    """Few digits keep the file short and its numbers exact."""
     return [round(float(value), digits) for value in values]
 
 
@@ -61,9 +62,9 @@ def signed_ranks():
     for pairs in (4, 8, 13, 14, 20, 50, 60):
         for shift in (0, 1):
             a = RNG.integers(20, 30, pairs)
-            # Differences of whole numbers: several are equally large, and some are zero.
+            # Differences of whole numbers have ties and zeros.
             yield case(f"{pairs} pairs, ties and zeros, shift {shift}", a, a + RNG.integers(-4, 5, pairs) + shift)
-            # None is zero.
+            # No zeros.
             steps = RNG.integers(1, 5, pairs) * RNG.choice([-1, 1, 1], pairs)
             yield case(f"{pairs} pairs, ties, shift {shift}", a, a + steps * (1 + shift))
     a = RNG.normal(10, 2, 12)
@@ -182,7 +183,7 @@ def main():
         "survivals": list(survivals()),
         "intervals": list(intervals()),
     }
-    # A line for each case, so that a change of one is seen as that.
+    # One line per case, for readable diffs.
     lines = []
     for key, value in reference.items():
         if isinstance(value, list):

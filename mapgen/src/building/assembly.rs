@@ -1,4 +1,4 @@
-//! The plans of the floors become a building.
+//! Assembly of a building from the plans of its floors.
 
 use rand::RngExt;
 use voxels::{Cell, Extent, Grid, Terrain};
@@ -48,7 +48,7 @@ pub(crate) fn entrances(spec: &BuildingSpec, extent: Extent, seed: u64) -> Resul
     plan(spec, extent, seed).map(|(_, entrances)| entrances)
 }
 
-/// What all floors share, and where the entrances are.
+/// The plan that all floors share, and the entrances.
 fn plan(spec: &BuildingSpec, extent: Extent, seed: u64) -> Result<(Skeleton, Vec<Entrance>), MapError> {
     spec.check(extent)?;
     let mut rng = random_streams::stream(seed, 0, "map.building");

@@ -1,7 +1,8 @@
-//! Doors: every room gets one on the way to a hallway.
+//! Doors: every room gets one towards a hallway.
 //!
-//! Rooms at a hallway get doors to it; then, round by round, those beside a room that has been reached get a door to it. A door
-//! keeps the padding of the spec to the corners of both rooms. Where no wall is long enough for that, it is as wide as it can be.
+//! Rooms at a hallway get doors to it; then, round by round, those beside a room that has been
+//! reached get a door to it. A door keeps the padding of the spec to the corners of both rooms.
+//! Where no wall is long enough for that, it is as wide as it can be.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -10,13 +11,14 @@ use voxels::Extent;
 use super::BuildingSpec;
 use super::rect::{Rect, Side};
 
-/// The most doors from a room to one neighbour: one wall each, if the neighbour, a hallway, is on several sides (reference).
+/// The most doors from a room to one neighbour: one wall each, if the neighbour, a hallway, is on
+/// several sides (MAES).
 const DOORS_TO_NEIGHBOUR_MAX: usize = 3;
 
-/// Who has a cell of the plan: nobody, the hallways, or a room by its number.
+/// The owner of a cell of the plan: none, the hallways, or a room by its number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Owner {
-    Nobody,
+    Free,
     Halls,
     Room(usize),
 }
@@ -61,7 +63,7 @@ pub(super) fn connect(
         let leads_on = |wall: &&Shared| match wall.neighbour {
             Owner::Room(neighbour) => before[neighbour],
             Owner::Halls => true,
-            Owner::Nobody => false,
+            Owner::Free => false,
         };
         for &room in &left {
             let mut walls: Vec<&Shared> =
@@ -97,7 +99,7 @@ fn door(Shared { wall, along, .. }: &Shared, width: i32, padding: i32, rng: &mut
 /// For each room, the pieces of wall that it shares with one neighbour each, side by side.
 fn shared_walls(extent: Extent, halls: &[Rect], rooms: &[Rect]) -> Vec<Vec<Shared>> {
     let [size_x, size_y, _] = extent.size().map(|cells| cells as usize);
-    let mut owners = vec![Owner::Nobody; size_x * size_y];
+    let mut owners = vec![Owner::Free; size_x * size_y];
     let numbered = rooms.iter().enumerate().map(|(number, rect)| (rect, Owner::Room(number)));
     for (rect, owner) in halls.iter().map(|rect| (rect, Owner::Halls)).chain(numbered) {
         for y in rect.low[1]..rect.high[1] {
@@ -126,5 +128,5 @@ fn pieces(room: Rect, side: Side, owner_at: impl Fn([i32; 2]) -> Owner) -> Vec<S
         wall: wall.between(along, run[0], run[run.len() - 1] + 1),
         along,
     };
-    runs.map(piece).filter(|piece| piece.neighbour != Owner::Nobody).collect()
+    runs.map(piece).filter(|piece| piece.neighbour != Owner::Free).collect()
 }

@@ -2,7 +2,8 @@
 
 use voxels::{Cell, Grid, Terrain};
 
-/// A side of a rectangle: across which axis it looks (0 is x), and at which end of it (0 is the low one).
+/// A side of a rectangle: across which axis it looks (0 is x), and at which end of it (0 is the low
+/// one).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Side {
     pub(super) axis: usize,
@@ -58,7 +59,7 @@ impl Rect {
         }
     }
 
-    /// What is left of it without the `cells` layers that lie nearest to a side; `None` if it is nothing.
+    /// The rectangle without the `cells` layers nearest to a side; `None` if nothing is left.
     pub(super) fn without(self, side: Side, cells: i32) -> Option<Self> {
         let opposite = Side { end: 1 - side.end, ..side };
         let left = self.along(side.axis) - cells;

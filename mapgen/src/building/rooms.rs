@@ -1,4 +1,4 @@
-//! How a region becomes rooms: it is split by walls one cell thick, again and again, as chance has it.
+//! Rooms: a region is split at random, recursively, by walls one cell thick.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -6,10 +6,11 @@ use rand_chacha::ChaCha8Rng;
 use super::BuildingSpec;
 use super::rect::Rect;
 
-/// The axis of the first split, which is always made if there is room (reference: along y).
+/// The axis of the first split, which is always made if there is room (along y, as in MAES).
 const FIRST_AXIS: usize = 1;
 
-/// The rooms of a region. Each of them has no side shorter than `room_side_min`, which the region must not have either.
+/// The rooms of a region. Each of them has no side shorter than `room_side_min`, which the region
+/// must not have either.
 pub(super) fn split(spec: &BuildingSpec, region: Rect, rng: &mut ChaCha8Rng) -> Vec<Rect> {
     let mut rooms = Vec::new();
     let mut open = vec![(region, FIRST_AXIS, true)];

@@ -1,8 +1,10 @@
-//! What all floors share: the hallways, the cores beside the first of them, and the regions that are left for rooms.
+//! The plan that all floors share: hallways, the cores beside the first of them, and the regions
+//! for rooms.
 //!
-//! The first hallway, the spine, crosses the whole floor. Cores are cut off the ends of the two regions beside it; then further
-//! hallways cross the largest region that is left. A hallway always ends at an older one on at least one side, so that all of them
-//! are connected. Between two rectangles there is one layer of wall.
+//! The first hallway, the spine, crosses the whole floor. Cores are cut off the ends of the two
+//! regions beside it; then further hallways cross the largest region that is left. A hallway always
+//! ends at an older one on at least one side, so that all of them are connected. Between two
+//! rectangles there is one layer of wall.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -18,7 +20,7 @@ pub(super) struct Skeleton {
     pub(super) halls: Vec<Rect>,
     /// Staircases and lift shafts.
     pub(super) cores: Vec<Core>,
-    /// What is left for rooms.
+    /// The regions for rooms.
     pub(super) regions: Vec<Rect>,
     /// Ends of hallways at the outer wall: the last layer of the hallway and its side.
     pub(super) mouths: Vec<(Rect, Side)>,
@@ -53,7 +55,8 @@ struct Region {
     cut: usize,
 }
 
-/// The axis that the first hallway cuts in two, if the map has room for one with rooms on both sides: x rather than y.
+/// The axis that the first hallway cuts in two, if the map has room for one with rooms on both
+/// sides: x rather than y.
 pub(super) fn spine_axis(spec: &BuildingSpec, extent: Extent) -> Option<usize> {
     let inside = inside(extent);
     let has_room =
@@ -83,7 +86,8 @@ pub(super) fn cores_that_fit(spec: &BuildingSpec, extent: Extent) -> (u32, u32) 
     (stairs, fit(spec.lift_shafts, slab_length(spec, spec.lift_width as i32)))
 }
 
-/// Cells of a staircase along the hallway: a landing, a step for each layer between two floors, and a landing.
+/// Cells of a staircase along the hallway: a landing, a step for each layer between two floors, and
+/// a landing.
 fn stairs_length(spec: &BuildingSpec) -> i32 {
     2 * spec.stair_width as i32 + spec.rise() - 1
 }
@@ -152,7 +156,8 @@ impl Skeleton {
         [beside(rect.low[axis], low - 1, 1), beside(low + width + 1, rect.high[axis], 0)]
     }
 
-    /// Cuts the cores off the ends of the two regions beside the spine; the regions that are behind them.
+    /// Cuts the cores off the ends of the two regions beside the spine; the regions that are behind
+    /// them.
     fn place_cores(
         &mut self,
         spec: &BuildingSpec,
@@ -187,7 +192,7 @@ impl Skeleton {
             at_hall[far.axis][far.end] = false;
             *place = rest.map(|rect| Region { rect, at_hall, ..region });
         }
-        // What is too narrow for a room stays solid.
+        // A rest too narrow for a room stays solid.
         for place in beside.iter_mut() {
             *place = place.filter(|region| region.rect.shortest_side() >= spec.room_side_min as i32);
         }

@@ -1,14 +1,15 @@
-//! Staircases and lift shafts: what is free of a core, and its doors to the hallway.
+//! Staircases and lift shafts: the free cells of a core, and its doors to the hallway.
 //!
-//! The flights of a staircase lie above each other. From a landing at one end of the core the steps go up, one cell for each cell
-//! along the hallway, to a landing at the other end, which is as high as the next floor. Above each step there are as many free
-//! cells as on a floor, and the next flight is as thick as the slab between two floors.
+//! The flights of a staircase lie above each other. From a landing at one end of the core the steps
+//! go up, one cell for each cell along the hallway, to a landing at the other end, which is as high
+//! as the next floor. Above each step there are as many free cells as on a floor, and the next
+//! flight is as thick as the slab between two floors.
 
 use super::BuildingSpec;
 use super::rect::{Block, Rect, Side};
 use super::skeleton::{Core, CoreKind};
 
-/// All that is free of a core and of the wall between it and the hallway.
+/// All free cells of a core and of the wall between it and the hallway.
 pub(super) fn carve(spec: &BuildingSpec, core: &Core) -> Vec<Block> {
     match core.kind {
         CoreKind::Stairs { up_to } => stairs(spec, core, up_to),

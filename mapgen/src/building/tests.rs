@@ -42,7 +42,7 @@ fn any_building() -> impl Strategy<Value = (BuildingSpec, Extent)> {
 
 proptest! {
     #[test]
-    fn a_building_is_whole_and_has_what_was_asked_for((spec, extent) in any_building(), seed: u64) {
+    fn building_is_connected_and_complete((spec, extent) in any_building(), seed: u64) {
         let map_spec = MapSpec::Building(spec.clone());
         if let Err(refused) = map_spec.check(extent) {
             let is_about_a_key = matches!(refused, MapError::OutOfRange { .. });
@@ -204,7 +204,7 @@ fn doors_lead_from_room_to_room_where_no_hallway_is_near() {
 }
 
 #[test]
-fn what_does_not_fit_is_told_with_what_does() {
+fn refusals_name_what_fits() {
     let default = BuildingSpec::default();
     let refused = |spec: BuildingSpec, size| spec.check(extent(size)).unwrap_err().to_string();
     for (spec, size, expected) in [

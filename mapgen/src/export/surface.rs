@@ -1,7 +1,8 @@
-//! The surface between wall and free cells as rectangles, as large as they can greedily be made.
+//! The surface between wall and free cells as rectangles, merged greedily.
 //!
-//! Layer by layer along each axis, and for each side: the first face that is left grows to the right as long as it can, and then
-//! upwards. All faces of the surface are covered once, those at the edge of the map included, because outside is wall.
+//! Layer by layer along each axis, and for each side: the first face that is left grows to the
+//! right as long as it can, and then upwards. All faces of the surface are covered once, those at
+//! the edge of the map included, because outside is wall.
 
 use voxels::{Cell, Grid, Terrain, is_wall_at};
 
@@ -82,7 +83,7 @@ impl Faces {
         Self { size: [size_u, size_v], is_left }
     }
 
-    /// Takes all faces out as rectangles: their lowest corners and their edges.
+    /// Removes all faces as rectangles, given as lowest corners and edges.
     fn merge(&mut self, mut found: impl FnMut([u32; 2], [u32; 2])) {
         let [size_u, size_v] = self.size;
         for v in 0..size_v {

@@ -1,11 +1,11 @@
-//! Bytes and lines of a file, read from the front, with errors that say where.
+//! A reader of bytes and lines with errors that name the position.
 
 use super::FormatError;
 
 /// Longest piece of a file that an error repeats, in bytes.
 const SHOWN_MAX: usize = 40;
 
-/// Bytes of a file, from some place on.
+/// The rest of a file from a position on.
 pub(super) struct Bytes<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -13,12 +13,12 @@ pub(super) struct Bytes<'a> {
 }
 
 impl<'a> Bytes<'a> {
-    /// From the first byte on.
+    /// A reader at the first byte.
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, at: 0, line: 0 }
     }
 
-    /// The place of the next byte.
+    /// The position of the next byte.
     pub(super) fn at(&self) -> usize {
         self.at
     }
@@ -31,7 +31,7 @@ impl<'a> Bytes<'a> {
     /// The next `count` bytes.
     ///
     /// # Errors
-    /// If there are not so many; the error says what they would have been.
+    /// If the file ends before; the error names `what`.
     pub(super) fn take(&mut self, count: usize, what: &str) -> Result<&'a [u8], FormatError> {
         let rest = self.rest();
         if rest.len() < count {
@@ -45,7 +45,7 @@ impl<'a> Bytes<'a> {
     /// The next four bytes as a little-endian number.
     ///
     /// # Errors
-    /// If there are not so many.
+    /// If the file ends before.
     pub(super) fn u32(&mut self, what: &str) -> Result<u32, FormatError> {
         let bytes = self.take(4, what)?;
         Ok(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
@@ -63,7 +63,7 @@ impl<'a> Bytes<'a> {
         Some((self.line, rest[..length].trim_ascii_end()))
     }
 
-    /// The next line of a header that must go on.
+    /// The next line of a header that is not complete yet.
     ///
     /// # Errors
     /// If the file ends first.
@@ -81,7 +81,7 @@ pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
 /// A word as a number.
 ///
 /// # Errors
-/// If it is none; the error names the line and what the number would have been.
+/// If it is not a number; the error names the line and `what`.
 pub(super) fn number<T: std::str::FromStr>(line: usize, word: Option<&[u8]>, what: &str) -> Result<T, FormatError> {
     let Some(word) = word else {
         return Err(FormatError::line(line, format!("{what} is missing")));
@@ -93,7 +93,7 @@ pub(super) fn number<T: std::str::FromStr>(line: usize, word: Option<&[u8]>, wha
 /// Three numbers.
 ///
 /// # Errors
-/// If one is missing or none.
+/// If one is missing or not a number.
 pub(super) fn three<'a>(
     line: usize,
     words: &mut impl Iterator<Item = &'a [u8]>,
@@ -106,7 +106,7 @@ pub(super) fn three<'a>(
     Ok(place)
 }
 
-/// A piece of a file as part of an error, which is one line whatever the file holds.
+/// An excerpt of a file for an error message: one line, whatever the file contains.
 pub(super) fn shown(piece: &[u8]) -> String {
     format!("{:?}", String::from_utf8_lossy(&piece[..piece.len().min(SHOWN_MAX)]))
 }

@@ -1,7 +1,9 @@
-//! Point clouds: every cell with a point is wall, every other one in the box around the points is free.
+//! Point clouds: every cell with a point is wall, every other one in the box around the points is
+//! free.
 //!
-//! That is what a cloud can say: what was hit. What lies behind a wall is free, too, then, and not connected with what lies before
-//! it, so the repair of maps fills it unless it is the larger part; `free_from` decides it.
+//! A cloud contains only what was hit. Space behind a wall is therefore free as well, and not
+//! connected with the space in front of it: the repair of maps fills the smaller part, or
+//! `free_from` decides.
 
 use std::collections::VecDeque;
 
@@ -48,7 +50,7 @@ pub(super) fn keep_from(
     if terrain.get(start) != Some(&Terrain::Free) {
         return Err(FormatError::FreeFrom { place, is_outside: !extent.contains(start) });
     }
-    // Kept cells are taken out of the map, and put back into a solid one.
+    // Kept cells are removed from the map and put into a solid one.
     let mut kept = Grid::new(extent, Terrain::Wall);
     let mut open = VecDeque::from([start]);
     terrain.set(start, Terrain::Wall);
@@ -100,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_connected_with_a_place_is_filled() {
+    fn unconnected_cells_are_filled() {
         let points: Vec<[f64; 3]> = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [2.0, 2.0], [5.0, 2.0]]
             .into_iter()
             .map(|[x, y]| [x, y, 0.0])

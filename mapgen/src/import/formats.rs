@@ -1,4 +1,4 @@
-//! The file formats for maps, and what can be wrong with their files.
+//! The file formats of maps, and their errors.
 
 use std::fmt::{self, Display};
 use std::path::Path;
@@ -12,7 +12,7 @@ use super::{ImportSpec, Imported, obj, octomap, pcd, pgm, ply, stl, vox};
 /// A file format for maps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MapFormat {
-    /// The reference's bit format, up to 127 cells per axis, and the packed one of this project, `.m3dm`.
+    /// The bit format of MAES3D, up to 127 cells per axis, and our packed one, `.m3dm`.
     M3dm,
     /// A world drawn with `#` and `.`, `.txt`.
     Text,
@@ -32,12 +32,12 @@ pub enum MapFormat {
     Pgm,
 }
 
-/// A place in a file.
+/// A position in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
-    /// From 0.
+    /// A byte offset, from 0.
     Byte(usize),
-    /// From 1.
+    /// A line number, from 1.
     Line(usize),
 }
 
@@ -50,7 +50,7 @@ impl Display for Place {
     }
 }
 
-/// Why bytes are not a map, or a map has no bytes in this format.
+/// The reason why bytes are not a map, or why a map cannot be written.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum FormatError {
     /// The extension of the file's name is missing or unknown.
@@ -62,38 +62,38 @@ pub enum FormatError {
         /// Its extension.
         extension: &'static str,
     },
-    /// Not M3DM, or too large for it.
+    /// Malformed M3DM, or a map too large for it.
     #[error(transparent)]
     M3dm(#[from] M3dmError),
-    /// Not packed M3DM.
+    /// Malformed packed M3DM.
     #[error(transparent)]
     Packed(#[from] PackedError),
     /// Not UTF-8.
     #[error("byte {0}: not UTF-8 text")]
     Utf8(usize),
-    /// Not a world drawn as text.
+    /// Malformed text map.
     #[error(transparent)]
     Text(#[from] TextError),
-    /// Not of its format.
+    /// Malformed content of another format.
     #[error("{place}: {reason}")]
     Content {
-        /// Where.
+        /// The position of the fault.
         place: Place,
-        /// What is wrong, and what is allowed.
+        /// The fault, and what is allowed.
         reason: String,
     },
-    /// The file is well formed and holds nothing to make a map of.
+    /// The file is well formed and contains nothing to make a map of.
     #[error("the file has no {0}")]
     Nothing(&'static str),
-    /// The file's own size is none.
+    /// The size in the file is not a legal extent.
     #[error(transparent)]
     Extent(ExtentError),
-    /// What the file holds does not fit into a map.
+    /// The content of the file does not fit into a map.
     #[error("{reason}, with cells of {cell_m} m; choose longer ones")]
     Box {
         /// The axis that is too long.
         reason: ExtentError,
-        /// Length of the cells.
+        /// Length of a cell, metres.
         cell_m: f64,
     },
     /// The map has more cells than its reader allows.
@@ -101,28 +101,28 @@ pub enum FormatError {
     TooManyCells {
         /// Cells of the map.
         cells: usize,
-        /// Cells that are allowed.
+        /// Largest number of cells allowed.
         cells_max: usize,
     },
     /// The system has not enough memory.
     #[error("a map of {0} cells takes more memory than can be had")]
     Memory(usize),
-    /// The file has cells of another length than is asked for.
+    /// The cells of the file have another length than the requested one.
     #[error("the file has cells of {stored} m, asked for are cells of {asked} m; leave cell_m out, or let them agree")]
     CellLength {
-        /// Of the file, metres.
+        /// Cell length of the file, metres.
         stored: f64,
-        /// Of the user, metres.
+        /// Requested cell length, metres.
         asked: f64,
     },
-    /// An option has a value that it cannot have.
+    /// An option has an illegal value.
     #[error("{name} = {value}, allowed is {allowed}")]
     Option {
         /// The option.
         name: &'static str,
         /// Its value.
         value: String,
-        /// What it may be.
+        /// The allowed values.
         allowed: &'static str,
     },
     /// An option that the format does not have.
@@ -135,15 +135,15 @@ pub enum FormatError {
         /// Its options.
         has: &'static [&'static str],
     },
-    /// The place that is to be free is not.
+    /// The position given as free is wall or outside.
     #[error(
         "free_from = {},{},{} lies {}, expected a place in a free cell",
         .place[0], .place[1], .place[2], if *.is_outside { "outside the map" } else { "in wall" }
     )]
     FreeFrom {
-        /// In coordinates of the file.
+        /// In coordinates of the file, in its units.
         place: [f64; 3],
-        /// Whether it is not in the map at all.
+        /// Whether it is outside the map.
         is_outside: bool,
     },
 }
@@ -181,7 +181,7 @@ impl MapFormat {
         }
     }
 
-    /// The format of a file, by the extension of its name; upper and lower case are the same.
+    /// The format of a file by the extension of its name, ignoring case.
     ///
     /// # Errors
     /// [`FormatError::Extension`], which lists the known extensions.
@@ -232,13 +232,13 @@ impl MapFormat {
         }
     }
 
-    /// Whether files of this format can say how long their cells are.
+    /// Whether files of this format contain a cell length.
     #[must_use]
     pub fn may_store_cell_m(self) -> bool {
         matches!(self, Self::M3dm | Self::OctoMap)
     }
 
-    /// The length of the cells that a file has.
+    /// The cell length of a file, metres.
     pub(super) fn stored_cell_m(self, bytes: &[u8]) -> Option<f64> {
         match self {
             Self::M3dm if packed::is_packed(bytes) => Some(packed::extent(bytes).ok()?.cell_m()),
@@ -255,7 +255,8 @@ impl MapFormat {
         if self.is_written() { Ok(()) } else { Err(FormatError::NotWritten { extension: self.extension() }) }
     }
 
-    /// The bytes of a file of this format. M3DM is packed if `is_packed`, and if the map has more than 127 cells along an axis.
+    /// The bytes of a file of this format. M3DM is packed if `is_packed`, and if the map has more
+    /// than 127 cells along an axis.
     ///
     /// # Errors
     /// If the format is only read.

@@ -1,7 +1,8 @@
-//! From places of a file, in its own axes and units, to cells of a map around them.
+//! Conversion from positions in a file, in its axes and units, to cells of a map around them.
 //!
-//! Cells lie on multiples of the cell length in the file's coordinates, so that a file and a part of it are cut into the same
-//! cells. Around what the file holds there is the margin that is asked for, and one layer of cells more, on every side.
+//! Cells lie on multiples of the cell length in the file's coordinates, so that a file and a part
+//! of it have the same cells. The map extends beyond the content of the file by the margin of the
+//! options and one more layer of cells on every side.
 
 use voxels::{Cell, Extent, ExtentError, Grid, Terrain};
 
@@ -18,10 +19,10 @@ pub(super) struct Units {
 }
 
 impl Units {
-    /// As the options say, with cells of the length that is asked for, or 1 m.
+    /// The axes and units of the options, with cells of the requested length, or 1 m.
     ///
     /// # Errors
-    /// If the cell length is none.
+    /// If the cell length is illegal.
     pub(super) fn new(spec: &ImportSpec) -> Result<Self, FormatError> {
         let cell_m = spec.cell_m.unwrap_or(1.0);
         Extent::new([1; 3], cell_m).map_err(FormatError::Extent)?;
@@ -30,7 +31,7 @@ impl Units {
         Ok(Self { up: options.up.unwrap_or(Up::Z), metres: options.scale.unwrap_or(1.0), cell_m, margin })
     }
 
-    /// The place in our axes, in lengths of cells.
+    /// The position in map axes, in lengths of cells.
     pub(super) fn cells(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let ours = match self.up {
             Up::Z => [x, y, z],
@@ -40,7 +41,7 @@ impl Units {
     }
 }
 
-/// What lies between two corners, in lengths of cells.
+/// A box between two corners, in lengths of cells.
 #[derive(Clone, Copy)]
 pub(super) struct Bounds {
     /// The lowest coordinates.
@@ -50,7 +51,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// The bounds of places; `None` if there are none.
+    /// The bounds of positions; `None` without positions.
     pub(super) fn of(places: impl Iterator<Item = [f64; 3]>) -> Option<Self> {
         places.fold(None, |bounds: Option<Self>, place| {
             let Self { low, high } = bounds.unwrap_or(Self { low: place, high: place });
@@ -61,7 +62,7 @@ impl Bounds {
     }
 }
 
-/// Where the cells of a map are in the file.
+/// The position of the cells of a map in the file.
 pub(super) struct Frame {
     units: Units,
     /// The lowest corner of the map in lengths of cells, whole numbers.
@@ -70,17 +71,18 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// The cells that hold `bounds`, the upper ends of which are cells of their own if `is_closed`, the margin, and a layer around it.
+    /// The cells that hold `bounds`, the upper ends of which are cells of their own if `is_closed`,
+    /// the margin, and a layer around it.
     ///
     /// # Errors
-    /// If they are too many.
+    /// If there are too many cells.
     pub(super) fn around(units: Units, bounds: Bounds, is_closed: bool) -> Result<Self, FormatError> {
         let low = bounds.low.map(|along| libm::floor(along) - units.margin - 1.0);
         let mut size = [0; 3];
         for axis in 0..3 {
             let high = bounds.high[axis];
             let end = if is_closed { libm::floor(high) + 1.0 } else { libm::ceil(high) };
-            // Beyond every map, the number is a large one.
+            // The cast saturates at a size larger than any map.
             size[axis] = (end.max(libm::floor(bounds.low[axis]) + 1.0) + units.margin + 1.0 - low[axis]) as u32;
         }
         let in_cells = |reason: ExtentError| FormatError::Box { reason, cell_m: units.cell_m };
@@ -95,23 +97,23 @@ impl Frame {
         new_grid(self.extent, fill, spec.cells_max)
     }
 
-    /// A place that is given in lengths of cells, from the corner of the map.
+    /// A position in lengths of cells, relative to the corner of the map.
     pub(super) fn in_map(&self, place: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|axis| place[axis] - self.low[axis])
     }
 
-    /// The cell of such a place.
+    /// The cell of a position in lengths of cells.
     pub(super) fn cell(&self, place: [f64; 3]) -> Cell {
         let [x, y, z] = self.in_map(place).map(|along| libm::floor(along) as i32);
         Cell::new(x, y, z)
     }
 
-    /// The cell of a place of the file.
+    /// The cell of a position in the file.
     pub(super) fn cell_of_place(&self, place: [f64; 3]) -> Cell {
         self.cell(self.units.cells(place))
     }
 
-    /// Where the map begins.
+    /// A note with the origin of the map.
     pub(super) fn note(&self) -> Note {
         let [x, y, z] = self.low.map(|along| along * self.units.cell_m);
         let turned = if self.units.up == Up::Y { ", after its y has become our z" } else { "" };

@@ -1,12 +1,13 @@
 //! Meshes of triangles: cells whose centres are inside, or cells that the surface touches.
 //!
-//! **Inside.** A line through a cell's centre along an axis enters and leaves a closed mesh by turns, so the centre is inside if the
-//! line has met the mesh an odd number of times. Two of the three axes decide. A line that has met it an odd number of times at its
-//! end has come through a hole; it has no say.
-//! **Surface.** A triangle touches a cell if a part of it lies in the cell, the lower faces of which belong to it.
+//! **Inside.** A line through a cell's centre along an axis enters and leaves a closed mesh by
+//! turns, so the centre is inside if the line has met the mesh an odd number of times. Two of the
+//! three axes decide. A line that has met it an odd number of times at its end has come through a
+//! hole; its vote is void. **Surface.** A triangle touches a cell if a part of it lies in the cell,
+//! the lower faces of which belong to it.
 //!
-//! Which way a triangle faces makes no difference. Two triangles that share an edge are cut by the same numbers along it, so no
-//! line slips through between them.
+//! The orientation of triangles is irrelevant. Two triangles that share an edge are intersected
+//! with the same arithmetic along it, so no line passes between them.
 
 use voxels::{Cell, Extent, Grid, Terrain, close_shell};
 
@@ -130,7 +131,8 @@ fn votes<T: Iterator<Item = Triangle>>(
     Ok((votes, holes))
 }
 
-/// Tells the index of each cell before whose centre a line along `axis` through it meets the triangle, and after the centre before.
+/// Visits the index of each cell before whose centre a line along `axis` through it meets the
+/// triangle, and after the centre before.
 fn cross(triangle: &Triangle, axis: usize, size: [usize; 3], mut met: impl FnMut(usize)) {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let (corner, normal) = (triangle[0], normal(triangle));
@@ -160,7 +162,7 @@ fn cross(triangle: &Triangle, axis: usize, size: [usize; 3], mut met: impl FnMut
         for column in centres(ends[0].min(ends[1]), ends[0].max(ends[1]), size[u]) {
             let at_u = column as f64 + 0.5;
             let slope = normal[u] * (at_u - corner[u]) + normal[v] * (at_v - corner[v]);
-            // A triangle that is seen edge on has any depth between its ends; so has a number that is none.
+            // A triangle parallel to the line has any depth between its ends; so has NaN.
             let depth = (corner[axis] - slope / normal[axis]).max(depth_min).min(depth_max);
             let cell = libm::floor(depth + 0.5).max(0.0) as usize;
             if cell < size[axis] {
@@ -178,7 +180,7 @@ fn centres(low: f64, high: f64, size: usize) -> std::ops::Range<usize> {
     first(low)..first(high)
 }
 
-/// Tells each cell that a triangle touches.
+/// Visits each cell that a triangle touches.
 fn touch(triangle: &Triangle, mut touched: impl FnMut(Cell)) {
     for x in cells(triangle, 0) {
         let slab = clipped(triangle, 0, x);
@@ -191,7 +193,8 @@ fn touch(triangle: &Triangle, mut touched: impl FnMut(Cell)) {
     }
 }
 
-/// The cells along an axis in which a polygon lies; one in a plane between two cells lies in the upper one.
+/// The cells along an axis in which a polygon lies; one in a plane between two cells lies in the
+/// upper one.
 fn cells(polygon: &[[f64; 3]], axis: usize) -> std::ops::RangeInclusive<i32> {
     let Some(Bounds { low, high }) = Bounds::of(polygon.iter().copied()) else {
         return std::ops::RangeInclusive::new(1, 0);
@@ -200,7 +203,8 @@ fn cells(polygon: &[[f64; 3]], axis: usize) -> std::ops::RangeInclusive<i32> {
     first as i32..=first.max(libm::ceil(high[axis]) - 1.0) as i32
 }
 
-/// The part of a convex polygon that lies in the cells with the coordinate `at` along an axis, their faces included.
+/// The part of a convex polygon that lies in the cells with the coordinate `at` along an axis,
+/// their faces included.
 fn clipped(polygon: &[[f64; 3]], axis: usize, at: i32) -> Vec<[f64; 3]> {
     let above = half(polygon, axis, f64::from(at), 1.0);
     half(&above, axis, f64::from(at) + 1.0, -1.0)
@@ -225,7 +229,7 @@ fn half(polygon: &[[f64; 3]], axis: usize, plane: f64, side: f64) -> Vec<[f64; 3
     part
 }
 
-/// A vector across the triangle, twice as long as its area is large.
+/// The normal of a triangle, with twice its area as length.
 fn normal([a, b, c]: &Triangle) -> [f64; 3] {
     let to = |corner: &[f64; 3]| [0, 1, 2].map(|along| corner[along] - a[along]);
     let (b, c) = (to(b), to(c));

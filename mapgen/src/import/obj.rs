@@ -1,6 +1,7 @@
-//! Meshes in Wavefront's OBJ format: vertices and faces; everything else is of no use here.
+//! Meshes in Wavefront's OBJ format: vertices and faces; everything else is ignored.
 //!
-//! A face of more than three corners becomes the triangles between its first corner and each of its other edges.
+//! A face of more than three corners becomes the triangles between its first corner and each of its
+//! other edges.
 
 use super::bytes::{Bytes, number, shown, three, words};
 use super::mesh::{self, Mesh};
@@ -9,7 +10,7 @@ use super::{FormatError, ImportSpec, Imported};
 /// A map of an OBJ file.
 ///
 /// # Errors
-/// If the file is none, or its mesh does not fit into a map.
+/// If the file is malformed, or its mesh does not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut mesh = Mesh::default();
     let mut text = Bytes::new(&spec.bytes);

@@ -1,9 +1,10 @@
-//! Binary trees of OctoMap (`.bt`): free and occupied cells; of all others the file does not know.
+//! Binary trees of OctoMap (`.bt`): free, occupied and unknown cells.
 //!
-//! A text header with the resolution, then the tree, its nodes before their children: two bytes for each node that has children,
-//! with two bits for each child, from the lowest bits on. 00: unknown, 01: free, 10: occupied, 11: has children, which follow. Child
-//! i is on the upper side of x if bit 0 of i is set, of y if bit 1 is, of z if bit 2 is. The tree is 16 levels deep, and the origin
-//! of the file is its middle.
+//! A text header with the resolution, then the tree, its nodes before their children: two bytes for
+//! each node that has children, with two bits for each child, from the lowest bits on. 00: unknown,
+//! 01: free, 10: occupied, 11: has children, which follow. Child i is on the upper side of x if bit
+//! 0 of i is set, of y if bit 1 is, of z if bit 2 is. The tree is 16 levels deep, and the origin of
+//! the file is its middle.
 
 use voxels::{Cell, Extent, Terrain};
 
@@ -15,7 +16,7 @@ use super::{FormatError, ImportSpec, Imported, Note, new_grid, surrounded};
 /// Levels of the tree below its root.
 const DEPTH: u32 = 16;
 
-/// What a leaf is.
+/// The state of a leaf.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Leaf {
     Free,
@@ -25,7 +26,7 @@ enum Leaf {
 /// A map of a tree.
 ///
 /// # Errors
-/// If the file is none, or the known cells do not fit into a map.
+/// If the file is malformed, or the known cells do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut bytes = Bytes::new(&spec.bytes);
     let resolution_m = header(&mut bytes)?;
@@ -78,10 +79,10 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     Ok(Imported { terrain, notes, stores_cell_m: true })
 }
 
-/// The length of a cell that the header says.
+/// The resolution in the header, metres.
 ///
 /// # Errors
-/// If the header is none.
+/// If the header is malformed.
 pub(super) fn resolution_m(bytes: &[u8]) -> Result<f64, FormatError> {
     header(&mut Bytes::new(bytes))
 }
@@ -117,8 +118,8 @@ fn header(bytes: &mut Bytes<'_>) -> Result<f64, FormatError> {
     }
 }
 
-/// Tells all leaves of a tree with their lowest corners and edges, in cells from the lowest corner of the tree; returns how many
-/// bytes follow it. The tree begins at byte `start` of the file.
+/// Visits all leaves of a tree with their lowest corners and edges, in cells from the lowest corner
+/// of the tree; returns how many bytes follow it. The tree begins at byte `start` of the file.
 fn walk(tree: &[u8], start: usize, mut leaf: impl FnMut(Leaf, [u32; 3], u32)) -> Result<usize, FormatError> {
     if tree.is_empty() {
         return Ok(0);
@@ -188,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_has_leaves_of_many_cells() {
+    fn written_tree_merges_equal_cells() {
         let solid = Grid::new(Extent::new([64; 3], 0.1).unwrap(), Terrain::Wall);
         let bytes = export::octomap(&solid);
         assert!(bytes.ends_with(&[&b"data\n"[..], &[0, 0xc0], &[3, 0].repeat(8), &[2, 0]].concat()), "{bytes:?}");

@@ -1,6 +1,6 @@
-//! What a user may say about how a map file is to be read: the keys of `[map.import]`, and options of `map convert`.
+//! Import options: the keys of `[map.import]`, and options of `map convert`.
 //!
-//! A file format has some of them; one that it does not have is an error rather than without effect.
+//! Each file format has some of them; an option that the format does not have is an error.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,10 +9,11 @@ use super::FormatError;
 /// Height of a floor plan in cells, floor and ceiling not counted, unless an option says otherwise.
 pub(super) const HEIGHT_CELLS: u32 = 5;
 
-/// Brightness from which a pixel of a floor plan is free, unless an option says otherwise: grey that stands for unknown is wall.
+/// Brightness from which a pixel of a floor plan is free, unless an option says otherwise: grey
+/// that stands for unknown is wall.
 pub(super) const THRESHOLD: f64 = 0.9;
 
-/// How a map file is read; what is left out has the default of its field.
+/// Import options of a map file; `None` is the default of the field.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::Args))]
 #[serde(default, deny_unknown_fields)]
@@ -25,7 +26,8 @@ pub struct ImportOptions {
     #[cfg_attr(feature = "clap", arg(long, value_enum))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inside: Option<Kind>,
-    /// OctoMap: what cells are of which the file does not know whether they are free [default: wall].
+    /// OctoMap: what cells are of which the file does not know whether they are free [default:
+    /// wall].
     #[cfg_attr(feature = "clap", arg(long, value_enum))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unknown: Option<Kind>,
@@ -41,7 +43,8 @@ pub struct ImportOptions {
     #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub margin_cells: Option<u32>,
-    /// Meshes, point clouds and OctoMap: only cells that are connected with this place of the file stay free [default: all].
+    /// Meshes, point clouds and OctoMap: only cells that are connected with this place of the file
+    /// stay free [default: all].
     #[cfg_attr(feature = "clap", arg(long, value_name = "X,Y,Z", value_parser = parse_place, allow_hyphen_values = true))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub free_from: Option<[f64; 3]>,
@@ -66,7 +69,7 @@ pub enum Fill {
     Shell,
 }
 
-/// What a cell is.
+/// The state of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "snake_case")]
@@ -89,16 +92,16 @@ pub enum Up {
 }
 
 impl ImportOptions {
-    /// Whether nothing is said.
+    /// Whether no option is given.
     #[must_use]
     pub fn is_default(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Whether all values are usable, whatever the format.
+    /// Checks all values, whatever the format.
     ///
     /// # Errors
-    /// The option, its value and what is allowed.
+    /// Names the option, its value and the allowed values.
     pub fn check(&self) -> Result<(), FormatError> {
         let require = |name, value: Option<String>, holds: bool, allowed| match value {
             Some(value) if !holds => Err(FormatError::Option { name, value, allowed }),

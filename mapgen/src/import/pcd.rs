@@ -1,14 +1,15 @@
 //! Point clouds of the Point Cloud Library (PCD 0.7): ascii, binary and binary_compressed.
 //!
-//! Of the fields, x, y and z count, of any type of number. Compressed data are LZF, field by field.
+//! Only the fields x, y and z are used, of any numeric type. Compressed data are LZF, field by
+//! field.
 
 use super::bytes::{Bytes, number, shown, words};
 use super::{FormatError, ImportSpec, Imported, Note, cloud};
 
-/// Bytes of a point at the most.
+/// Largest size of a point, bytes.
 const STRIDE_MAX: usize = 1 << 16;
 
-/// How many bytes three bytes of LZF can become: the longest repetition.
+/// Bytes that three bytes of LZF can expand to: the longest repetition.
 const LZF_GROWTH: usize = 264;
 
 /// Type of a field.
@@ -41,7 +42,7 @@ struct Header {
     data: Data,
 }
 
-/// A coordinate: where it is in a point.
+/// The position of a coordinate in a point.
 struct Coordinate {
     /// The field, by its number among all fields.
     field: usize,
@@ -54,7 +55,7 @@ struct Coordinate {
 /// A map of a PCD file.
 ///
 /// # Errors
-/// If the file is none, or its points do not fit into a map.
+/// If the file is malformed, or its points do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut bytes = Bytes::new(&spec.bytes);
     let header = header(&mut bytes)?;
@@ -153,7 +154,7 @@ impl Header {
         self.fields.iter().map(|field| field.size * field.count).sum()
     }
 
-    /// Where x, y and z are.
+    /// The positions of x, y and z.
     fn coordinates(&self, line: usize) -> Result<[Coordinate; 3], FormatError> {
         let find = |name: u8| {
             let field = self.fields.iter().position(|field| field.name == [name]).ok_or_else(|| {
@@ -268,7 +269,7 @@ fn unpack(packed: &[u8], length: usize, start: usize) -> Result<Vec<u8>, FormatE
                 let reason = format!("a repetition reaches back {} bytes of {}", back + 1, data.len());
                 FormatError::byte(start + at - 1, reason)
             })?;
-            // What is repeated may overlap what it makes.
+            // A repetition may overlap its own output.
             for byte in from..from + count + 2 {
                 data.push(data[byte]);
             }
@@ -319,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn all_kinds_of_data_say_the_same() {
+    fn all_encodings_give_the_same_map() {
         let [by_point, by_field] = points();
         let ascii = read(&spec(format!("{HEADER}ascii\n9 9 0.5 1 -2\n\n9 9 0.5 3 0\n").into_bytes())).unwrap();
         let binary = read(&spec([format!("{HEADER}binary\n").as_bytes(), &by_point].concat())).unwrap();

@@ -1,6 +1,7 @@
 //! Floor plans as portable grey maps (PGM): P2 in text and P5 in bytes.
 //!
-//! A pixel is a column of cells of one kind, from floor to ceiling. The first row of the picture has the highest y.
+//! A pixel is a column of cells of one kind, from floor to ceiling. The first row of the picture
+//! has the highest y.
 
 use voxels::{Cell, Extent, Terrain};
 
@@ -8,13 +9,13 @@ use super::bytes::{shown, words};
 use super::options::{HEIGHT_CELLS, THRESHOLD};
 use super::{FormatError, ImportSpec, Imported, Note, new_grid, surrounded};
 
-/// The largest brightness that a file may have.
+/// The largest maximum grey value that the format allows.
 const MAXIMUM: u32 = 65535;
 
 /// A map of a PGM file.
 ///
 /// # Errors
-/// If the file is none, or too large for a map.
+/// If the file is malformed, or too large for a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let options = &spec.options;
     let height = options.height_cells.unwrap_or(HEIGHT_CELLS);
@@ -34,7 +35,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let extent = Extent::new([size_x, size_y, height + 2], spec.cell_m.unwrap_or(1.0)).map_err(FormatError::Extent)?;
     let pixels = (size_x * size_y) as usize;
     let brightness = if is_text {
-        // A number and what parts it from the next one.
+        // A number and its separator.
         let room = (spec.bytes.len() - tokens.at).div_ceil(2);
         if room < pixels {
             return Err(FormatError::byte(
@@ -62,7 +63,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     }
     let text = format!("{free} free, {} wall, as bright as {threshold} of {maximum} is free", pixels - free);
     let mut notes = vec![Note::new("pixels", text)];
-    // Floor and ceiling are there; the sides may be open.
+    // Floor and ceiling are closed; the sides may be open.
     let (terrain, closed) = surrounded(terrain, spec.cells_max)?;
     notes.extend(closed);
     Ok(Imported { terrain, notes, stores_cell_m: false })
@@ -86,14 +87,14 @@ fn raster(bytes: &[u8], start: usize, pixels: usize, maximum: u32) -> Result<Vec
     }
 }
 
-/// Words of the header, and of a text, without comments.
+/// The words of the header and of ascii data, without comments.
 struct Tokens<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
 impl<'a> Tokens<'a> {
-    /// The next word and where it begins.
+    /// The next word and its position.
     fn next(&mut self, what: &str) -> Result<(usize, &'a [u8]), FormatError> {
         loop {
             let rest = &self.bytes[self.at..];
@@ -145,7 +146,7 @@ mod tests {
         assert_eq!(notes.len(), 2);
     }
     #[test]
-    fn bytes_and_words_say_the_same() {
+    fn binary_and_ascii_give_the_same_map() {
         let text = read(&spec(b"P2 2 2 255 0 255 127 254", 1, Some(0.5))).unwrap();
         let bytes = read(&spec(b"P5\n2 2 # plan\n255\n\x00\xff\x7f\xfe, and more", 1, Some(0.5))).unwrap();
         let wide = read(&spec(b"P5 2 2 65535 \x00\xff\xff\xff\x7f\x00\xfe\x00", 1, Some(0.5))).unwrap();

@@ -1,15 +1,15 @@
 //! Point clouds in the Polygon File Format (PLY 1.0): ascii, and binary of either byte order.
 //!
-//! Of the element `vertex`, the properties x, y and z count. Faces and what else comes after the vertices are not looked at: a mesh
-//! is what OBJ and STL are for.
+//! Of the element `vertex`, the properties x, y and z are used. Faces and later elements are
+//! ignored; for meshes there are OBJ and STL.
 
 use super::bytes::{Bytes, number, shown, words};
 use super::{FormatError, ImportSpec, Imported, Note, cloud};
 
-/// Bytes, or words, of an element at the most.
+/// Largest number of bytes, or words, of an element.
 const ELEMENT_MAX: usize = 1 << 20;
 
-/// How numbers are written.
+/// The encoding of numbers.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Order {
     Ascii,
@@ -42,7 +42,7 @@ struct Element {
 /// A map of the vertices of a PLY file.
 ///
 /// # Errors
-/// If the file is none, or its vertices do not fit into a map.
+/// If the file is malformed, or its vertices do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut bytes = Bytes::new(&spec.bytes);
     let (order, elements) = header(&mut bytes)?;
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn all_kinds_of_data_say_the_same() {
+    fn all_encodings_give_the_same_map() {
         let ascii = read(&with_format("ascii", b"2 5 5\n1 -2 0.5\r\n\n3 0 0.5\n3 0 1 2\n")).unwrap();
         assert_eq!(ascii.terrain.extent().size(), [5, 5, 3]);
         assert_eq!(crate::free_cells(&ascii.terrain), 9 - 2);

@@ -1,6 +1,6 @@
 //! Meshes of triangles in the STL format, ascii and binary.
 //!
-//! A file is binary if it is as long as its number of triangles demands, whatever it begins with.
+//! A file is binary if its length matches its number of triangles, whatever it begins with.
 
 use super::bytes::{Bytes, shown, three, words};
 use super::mesh::{self, Mesh};
@@ -13,7 +13,7 @@ const TRIANGLE: usize = 50;
 /// A map of an STL file.
 ///
 /// # Errors
-/// If the file is none, or its mesh does not fit into a map.
+/// If the file is malformed, or its mesh does not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let bytes = spec.bytes.as_slice();
     let mesh = match binary_length(bytes) {
@@ -40,7 +40,7 @@ fn binary(triangles: &[u8]) -> Mesh {
     let mut mesh = Mesh::default();
     for triangle in triangles.chunks_exact(TRIANGLE) {
         let float = |at: usize| f32::from_le_bytes([0, 1, 2, 3].map(|byte| triangle[at + byte]));
-        // The normal comes first; the order of the corners says it as well.
+        // The normal comes first and is ignored: it follows from the order of the corners.
         let corners = [12, 24, 36].map(|at| [0, 4, 8].map(|along| f64::from(float(at + along))));
         mesh.add(corners);
     }

@@ -101,7 +101,7 @@ proptest! {
     }
 
     #[test]
-    fn words_for_numbers_are_refused_or_a_map(
+    fn any_words_are_refused_or_a_map(
         which in 0..BEGINNINGS.len(), words in prop::collection::vec("[-0-9.ef#v /]{1,9}", 0..30),
     ) {
         let (file, beginning) = BEGINNINGS[which];

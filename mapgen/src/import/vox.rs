@@ -1,7 +1,8 @@
-//! Models of MagicaVoxel (`.vox`, versions 150 and 200): voxels are wall, every other cell in the box of a model is free.
+//! Models of MagicaVoxel (`.vox`, versions 150 and 200): voxels are wall, every other cell in the
+//! box of a model is free.
 //!
-//! The models of a scene are put where its transforms, in their first frame, put them; of a file without a scene the first model is
-//! read. Colours, materials, layers and cameras are of no use here.
+//! The models of a scene are placed by its transforms in their first frame; of a file without a
+//! scene the first model is read. Colours, materials, layers and cameras are ignored.
 
 use std::collections::BTreeMap;
 
@@ -10,11 +11,12 @@ use voxels::{Cell, Extent, Terrain};
 use super::bytes::{Bytes, shown};
 use super::{FormatError, ImportSpec, Imported, Note, new_grid, surrounded};
 
-/// Nodes of a scene that are visited at the most, and voxels that are put into the map: a short file can name a model often.
+/// Bounds of the visited nodes of a scene and of the voxels put into the map, because a short file
+/// can refer to a model often.
 const VISITS_MAX: usize = 1 << 16;
 const VOXELS_MAX: usize = 1 << 28;
 
-/// Pairs of texts of a node at the most.
+/// Largest number of attributes of a node.
 const PAIRS_MAX: u32 = 1 << 16;
 
 /// A model: its size, and four bytes for each voxel.
@@ -42,7 +44,7 @@ const UNTURNED: Transform = Transform { rows: [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
 /// A map of a VOX file.
 ///
 /// # Errors
-/// If the file is none, or its models do not fit into a map.
+/// If the file is malformed, or its models do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let (models, nodes) = chunks(&spec.bytes)?;
     let mut notes = Vec::new();
@@ -85,7 +87,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
 }
 
 impl Transform {
-    /// What comes first and then this.
+    /// The composition that applies `first`, then `self`.
     fn after(&self, first: &Self) -> Self {
         let column = |axis: usize| [0, 1, 2].map(|row| first.rows[row][axis]);
         let rows = self.rows.map(|row| [0, 1, 2].map(|axis| dot(row, column(axis))));
@@ -93,7 +95,7 @@ impl Transform {
         Self { rows, shift }
     }
 
-    /// Where the voxel of a model comes to lie, which turns about the lower middle of its box.
+    /// The cell of a voxel of a model, which rotates about the lower middle of its box.
     fn cell(&self, voxel: [i64; 3], size: [u32; 3]) -> [i64; 3] {
         // In half cells, so that the centres of voxels are whole numbers.
         let centre = [0, 1, 2].map(|axis| 2 * voxel[axis] + 1 - 2 * i64::from(size[axis] / 2));
@@ -121,7 +123,7 @@ fn chunks(bytes: &[u8]) -> Result<(Vec<Model<'_>>, BTreeMap<u32, Node>), FormatE
         let at = file.at();
         let name = file.take(4, "the name of a chunk")?;
         let length = file.u32("the length of a chunk")?;
-        // The chunks of a chunk follow it, and are read as if they stood by themselves.
+        // Child chunks follow their parent and are read as chunks of their own.
         file.u32("the length of what a chunk has")?;
         let start = file.at();
         let mut chunk = Chunk { bytes: Bytes::new(file.take(length as usize, "a chunk")?), start };
@@ -155,7 +157,7 @@ fn chunks(bytes: &[u8]) -> Result<(Vec<Model<'_>>, BTreeMap<u32, Node>), FormatE
     Ok((models, nodes))
 }
 
-/// The content of a chunk, and where it begins in the file.
+/// The content of a chunk, and its position in the file.
 struct Chunk<'a> {
     bytes: Bytes<'a>,
     start: usize,
@@ -173,7 +175,7 @@ impl<'a> Chunk<'a> {
         Ok(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
     }
 
-    /// Pairs of texts.
+    /// The attributes of a node, pairs of strings.
     fn pairs(&mut self) -> Result<Vec<[&'a [u8]; 2]>, FormatError> {
         let at = self.start + self.bytes.at();
         let count = self.u32("the number of attributes")?;
@@ -237,14 +239,15 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// Three whole numbers, parted by spaces.
+/// Three integers separated by spaces.
 fn shift(text: &str) -> Option<[i64; 3]> {
     let numbers: Vec<i64> =
         text.split_ascii_whitespace().map(|word| word.parse::<i32>().ok().map(i64::from)).collect::<Option<_>>()?;
     numbers.try_into().ok()
 }
 
-/// A rotation: the places of the numbers that are not 0 in the first two rows, two bits each, then the signs of the rows.
+/// A rotation: the places of the numbers that are not 0 in the first two rows, two bits each, then
+/// the signs of the rows.
 fn rotation(text: &str) -> Option<[[i64; 3]; 3]> {
     let bits: u8 = text.trim().parse().ok()?;
     let [first, second] = [bits & 3, bits >> 2 & 3].map(usize::from);
@@ -259,7 +262,7 @@ fn rotation(text: &str) -> Option<[[i64; 3]; 3]> {
     Some(rows)
 }
 
-/// The models of a scene, from its first node on, where they are.
+/// The models of a scene with their transforms, from its first node on.
 fn place<'m, 'a>(
     nodes: &BTreeMap<u32, Node>,
     models: &'m [Model<'a>],

@@ -1,9 +1,9 @@
-//! Where the next sphere goes.
+//! The centres of new spheres.
 //!
-//! The reference draws a radius and a centre until the centre is a wall cell, which never ends once none is left. Here
-//! the same loop runs for a bounded number of draws; after that the remaining wall cells are listed and one is drawn
-//! from the list, with the probability that the endless loop would have given it. So the bound decides only how fast a
-//! map is made.
+//! MAES3D draws a radius and a centre until the centre is a wall cell, which never ends once none
+//! is left. Here the same loop runs for a bounded number of draws; after that the remaining wall
+//! cells are listed and one is drawn from the list, with the probability that the endless loop
+//! would have given it. So the bound decides only how fast a map is made.
 
 use std::ops::RangeInclusive;
 
@@ -13,8 +13,9 @@ use voxels::{Cell, Extent, Grid, Terrain};
 
 use super::Sphere;
 
-/// Draws without success before the remaining wall cells are listed. At this bound the list of even the largest map is
-/// short (wall cells are rarer than about one in ten thousand), and all draws together take a few milliseconds.
+/// Draws without success before the remaining wall cells are listed. At this bound the list of even
+/// the largest map is short (wall cells are rarer than about one in ten thousand), and all draws
+/// together take a few milliseconds.
 const REJECTIONS_MAX: u32 = 1 << 16;
 
 /// The source of new spheres for one map.
@@ -22,7 +23,8 @@ pub(super) struct Centres {
     extent: Extent,
     radii: RangeInclusive<u32>,
     rng: ChaCha8Rng,
-    /// Once drawing has failed: the wall cells that can be a centre of at least the smallest sphere.
+    /// Once drawing has failed: the wall cells that can be a centre of at least the smallest
+    /// sphere.
     left: Option<Vec<Cell>>,
 }
 
@@ -56,9 +58,9 @@ impl Centres {
         let left = self.left.get_or_insert_with(|| wall_cells(terrain, legal_centres(extent, smallest)));
         left.retain(|&cell| terrain.get(cell) == Some(&Terrain::Wall));
 
-        // The loop meets radius r in a given legal cell with a probability proportional to 1 / (number of legal cells
-        // of r). `up_to[i]` is the sum of these over the smallest i + 1 radii: the weight of a cell in which just those
-        // fit.
+        // The loop meets radius r in a given legal cell with a probability proportional to 1 /
+        // (number of legal cells of r). `up_to[i]` is the sum of these over the smallest i + 1
+        // radii: the weight of a cell in which just those fit.
         let up_to: Vec<f64> = self
             .radii
             .clone()
@@ -92,7 +94,8 @@ impl Centres {
     }
 }
 
-/// Per axis, the coordinates at which a sphere of this radius may be centred: r + 1 to size - 3 - r (maes3d.md 4.1).
+/// Per axis, the coordinates at which a sphere of this radius may be centred: r + 1 to size - 3 - r
+/// (docs/reference-model.md, "Map generators: Random Connected Spheres").
 fn legal_centres(extent: Extent, radius: u32) -> [RangeInclusive<i32>; 3] {
     extent.size().map(|size| radius as i32 + 1..=size as i32 - 3 - radius as i32)
 }

@@ -1,14 +1,16 @@
-//! Which spheres a tunnel joins: each with its nearest others.
+//! The pairs of spheres joined by tunnels: each sphere with its nearest neighbours.
 //!
-//! Distances are squared integers and ties go to the sphere that was made first, so the answer is exact. Centres are
-//! sorted into cubic buckets, because a map of 1024^3 cells has hundreds of thousands of them.
+//! Distances are squared integers and ties go to the sphere that was made first, so the answer is
+//! exact. Centres are sorted into cubic buckets, because a map of 1024^3 cells has hundreds of
+//! thousands of them.
 
 use std::ops::RangeInclusive;
 
 use voxels::{Cell, Extent};
 
-/// The pairs (from, to) of indices into `centres` such that `to` is one of the `connections` nearest other centres of
-/// `from`; every unordered pair once, listed by the sphere that comes first.
+/// The pairs (from, to) of indices into `centres` such that `to` is one of the `connections`
+/// nearest other centres of `from`; every unordered pair once, listed by the sphere that comes
+/// first.
 pub(super) fn nearest(extent: Extent, centres: &[Cell], connections: usize) -> Vec<(usize, usize)> {
     if connections == 0 {
         return Vec::new();
@@ -49,7 +51,8 @@ impl<'a> Buckets<'a> {
         buckets
     }
 
-    /// The `count` centres nearest to the one at `index`, nearest first, ties in ascending order of index.
+    /// The `count` centres nearest to the one at `index`, nearest first, ties in ascending order of
+    /// index.
     fn nearest(&self, index: usize, count: usize) -> Vec<usize> {
         let centre = self.centres[index];
         let home = self.bucket_of(centre);
@@ -107,7 +110,7 @@ mod tests {
     use proptest::prelude::*;
     use std::collections::BTreeSet;
 
-    /// The rule as it is written down: all others sorted by distance, creation order on ties.
+    /// The rule by definition: all others sorted by distance, ties in order of creation.
     fn literal(centres: &[Cell], connections: usize) -> Vec<(usize, usize)> {
         let mut known = BTreeSet::new();
         let mut pairs = Vec::new();
@@ -136,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_that_choose_each_other_is_one_tunnel() {
+    fn mutual_neighbours_share_one_tunnel() {
         let centres = [Cell::new(1, 1, 1), Cell::new(3, 1, 1), Cell::new(9, 1, 1)];
         let extent = Extent::new([11, 3, 3], 1.0).unwrap();
         assert_eq!(nearest(extent, &centres, 1), [(0, 1), (2, 1)]);

@@ -1,4 +1,5 @@
-//! The `.msg` files against the structs: the same fields in the same order, the same types, the same constants.
+//! The `.msg` files against the structs: the same fields in the same order, the same types, the
+//! same constants.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -42,7 +43,8 @@ fn parse(message: MessageType) -> Definition {
     definition
 }
 
-/// A type of the same package may stand without the name of the package; a `byte` is eight bits that Rust has no other name for.
+/// A type of the same package may stand without the name of the package; a `byte` is eight bits
+/// that Rust has no other name for.
 fn in_full(kind: &str, package: &str) -> String {
     let own = kind.starts_with(|first: char| first.is_ascii_uppercase());
     if own { format!("{package}/{kind}") } else { kind.replace("byte", "uint8") }

@@ -1,4 +1,5 @@
-//! The bytes of a real ROS 2 against ours. `make_fixtures.py` has written them, with rclpy and Fast DDS.
+//! The bytes of a real ROS 2 against ours. `make_fixtures.py` has written them, with rclpy and Fast
+//! DDS.
 
 use std::collections::BTreeSet;
 use std::fmt::Debug;

@@ -1,6 +1,7 @@
 //! The interface package and the structs say the same.
 //!
-//! - `definitions`: the `.msg` files, as they are and as this test reads them, against the fields of the structs;
+//! - `definitions`: the `.msg` files, as they are and as this test reads them, against the fields
+//!   of the structs;
 //! - `fixtures`: the bytes that a real ROS 2 makes of each message, against ours;
 //! - `sample`: a message with another value in every field;
 //! - `shape`: the fields of a struct, as serde sees them.

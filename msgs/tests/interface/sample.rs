@@ -1,8 +1,9 @@
 //! A message with another value in every field, by the rule of `make_fixtures.py`.
 //!
-//! The n-th primitive value, counted from 1, is a function of n and its type: integers are the low bits of n times an odd
-//! constant, floats are n / 8, booleans tell whether n is odd, strings are "é" n % 4 times and then n. Sequences have two
-//! elements. The values come from a deserializer, so that no message is written out by hand.
+//! The n-th primitive value, counted from 1, is a function of n and its type: integers are the low
+//! bits of n times an odd constant, floats are n / 8, booleans tell whether n is odd, strings are
+//! "é" n % 4 times and then n. Sequences have two elements. The values come from a deserializer, so
+//! that no message is written out by hand.
 
 use std::fmt;
 

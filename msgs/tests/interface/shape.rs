@@ -1,4 +1,5 @@
-//! The fields of structs, as serde sees them: a serializer that writes down names and ROS types instead of values.
+//! The fields of structs, as serde sees them: a serializer that writes down names and ROS types
+//! instead of values.
 
 use std::any::type_name;
 use std::collections::BTreeMap;

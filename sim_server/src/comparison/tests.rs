@@ -3,33 +3,33 @@ use msgs::maes_msgs::{Command, Counter, Observation};
 use msgs::topics::Topic;
 
 use crate::recorder::{Document, Recorder};
-use crate::setup::SCENARIO_ATTACHMENT;
+use crate::recording::SCENARIO_ATTACHMENT;
 
-type Said = (Topic, Tick, Vec<u8>);
+type Recorded = (Topic, Tick, Vec<u8>);
 
-fn observation(tick: u64, x: f64) -> Said {
+fn observation(tick: u64, x: f64) -> Recorded {
     let mut observation = Observation { agent: 3, tick, ..Observation::default() };
     observation.position.x = x;
     (topics::observation(AgentId(3)), Tick(tick), cdr::encode(&observation))
 }
 
-fn command(tick: u64) -> Said {
+fn command(tick: u64) -> Recorded {
     (topics::command(AgentId(3)), Tick(tick), cdr::encode(&Command { agent: 3, tick, ..Command::default() }))
 }
 
-fn result(counters: &[(&str, u64)]) -> Said {
+fn result(counters: &[(&str, u64)]) -> Recorded {
     let counters = counters.iter().map(|&(name, value)| Counter { name: name.to_owned(), value }).collect();
     (topics::result(), Tick(9), cdr::encode(&maes_msgs::Result { tick: 9, counters, ..maes_msgs::Result::default() }))
 }
 
-/// A recording of these messages; without its end if it is to be open.
-fn recording(said: &[Said], is_open: bool) -> Recording {
+/// A recording of these messages; without an end record if open.
+fn recording(messages: &[Recorded], is_open: bool) -> Recording {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run.mcap");
     let documents = [Document { name: SCENARIO_ATTACHMENT, media_type: "", data: b"" }];
     let mut recorder = Recorder::create(&file, &documents).unwrap();
     recorder.publish().unwrap();
-    for (topic, tick, data) in said {
+    for (topic, tick, data) in messages {
         recorder.write(topic, *tick, data).unwrap();
     }
     if is_open {
@@ -41,8 +41,8 @@ fn recording(said: &[Said], is_open: bool) -> Recording {
     Recording::open(&file).unwrap()
 }
 
-/// What is found if this is said against a recording of that.
-fn compared<'a>(recording: &'a Recording, now: &[Said]) -> Comparison<'a> {
+/// The comparison of these messages with a recording.
+fn compared<'a>(recording: &'a Recording, now: &[Recorded]) -> Comparison<'a> {
     let mut comparison = Comparison::new(recording);
     for (topic, tick, data) in now {
         comparison.take(&topic.name, *tick, data);
@@ -51,12 +51,12 @@ fn compared<'a>(recording: &'a Recording, now: &[Said]) -> Comparison<'a> {
     comparison
 }
 
-fn found(before: &[Said], now: &[Said]) -> Option<String> {
+fn found(before: &[Recorded], now: &[Recorded]) -> Option<String> {
     compared(&recording(before, false), now).difference().map(Difference::to_string)
 }
 
 #[test]
-fn the_first_field_that_differs_is_named() {
+fn first_different_field_is_named() {
     let before = [observation(1, 1.5), command(1), observation(2, 1.5)];
     assert_eq!(found(&before, &before), None);
     let now = [observation(1, 1.5), command(1), observation(2, 1.75)];
@@ -65,7 +65,7 @@ fn the_first_field_that_differs_is_named() {
 }
 
 #[test]
-fn messages_that_lack_or_are_too_many_are_named() {
+fn missing_and_surplus_messages_are_named() {
     let whole = [observation(1, 0.0), command(1), observation(2, 0.0)];
     let (part, gap) = ([observation(1, 0.0), command(1)], [observation(1, 0.0), observation(2, 0.0)]);
     let (o2, c1) = ("/agent_3/observation of tick 2", "/agent_3/command of tick 1");
@@ -78,20 +78,20 @@ fn messages_that_lack_or_are_too_many_are_named() {
 }
 
 #[test]
-fn nothing_is_said_of_what_a_recording_without_its_end_does_not_hold() {
+fn messages_after_an_open_end_are_no_difference() {
     let open = recording(&[observation(1, 0.0)], true);
     let comparison = compared(&open, &[observation(1, 0.0), command(1)]);
     assert_eq!((comparison.difference(), comparison.is_closed(), comparison.compared()), (None, true, 1));
 }
 
 #[test]
-fn views_are_not_of_the_run() {
+fn visualisation_messages_are_ignored() {
     let view = (topics::info(), Tick(1), vec![0, 1, 0, 0]);
     assert_eq!(found(&[view, command(1)], &[command(1)]), None);
 }
 
 #[test]
-fn refusals_are_not_of_the_run_and_other_counters_are() {
+fn only_refusal_counters_are_ignored() {
     let before = recording(&[result(&[("scans", 5), ("refused_wrong_tick", 0)])], false);
     let disturbed = compared(&before, &[result(&[("scans", 5), ("refused_wrong_tick", 2)])]);
     assert_eq!(disturbed.difference(), None);

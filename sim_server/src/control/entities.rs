@@ -1,8 +1,9 @@
-//! The agents as the entities of the standard: which there are, where they are, and where they can be put.
+//! The agents as entities of `simulation_interfaces`: their names, states, bounds and poses.
 //!
-//! Entity `agent_3` is agent 3: category `ROBOT`, with a tag that is its controller. Its state is the truth, in the frame `map`.
+//! Entity `agent_3` is agent 3: category `ROBOT`, tagged with its controller. Its state is the
+//! ground truth, in the frame `map`.
 //!
-//! Invariant: whatever is asked for, an answer fits into a datagram ([`ANSWER_BYTES_MAX`]); what does not is refused.
+//! Invariant: a response fits into a datagram ([`ANSWER_BYTES_MAX`]); a larger one is refused.
 
 use msgs::cdr;
 use msgs::geometry_msgs::{Accel, Quaternion, Twist, Vector3 as Triple};
@@ -21,35 +22,33 @@ use simulation::wire;
 use simulation::world::body::Pose;
 use simulation::world::{World, collision};
 
-/// Bytes of a regular expression at the most, and of what it is compiled to.
+/// Maximum bytes of a regular expression, and of its compiled form.
 const FILTER_BYTES_MAX: usize = 1024;
 const FILTER_SIZE_MAX: usize = 1 << 20;
 
-/// Characters of a text of somebody else that are told.
+/// Maximum characters quoted from a foreign text.
 const TEXT_CHARS_MAX: usize = 200;
 
-/// How far an orientation may be from upright, and its length from 1.
+/// Tolerance of an orientation: deviation from upright, and of its norm from 1.
 const TILT_MAX: f64 = 1e-3;
 
-/// What there is to know of the agents beside the world.
+/// The agents of a run, as far as services need them.
 #[derive(Debug, Clone, Copy)]
 pub struct Team<'a> {
-    /// The true world.
     pub world: &'a World,
-    /// What each agent runs, by agent.
+    /// Controller label, by agent.
     pub controllers: &'a [String],
     /// Whether an agent has left the run, by agent.
     pub has_left: &'a [bool],
 }
 
-/// The name of an agent as an entity.
 #[must_use]
 pub fn name(agent: AgentId) -> String {
     format!("agent_{agent}")
 }
 
 impl Team<'_> {
-    /// The agents that take part, ascending.
+    /// The agents that have not left, ascending.
     fn agents(&self) -> impl Iterator<Item = AgentId> {
         self.world.agents().filter(|agent| !self.has_left.get(agent.index()).copied().unwrap_or(false))
     }
@@ -57,7 +56,7 @@ impl Team<'_> {
     /// The agent with this name.
     ///
     /// # Errors
-    /// The answer that says that there is none.
+    /// The result that names the unknown entity.
     pub fn find(&self, entity: &str) -> Result<AgentId, Outcome> {
         self.agents().find(|&agent| name(agent) == entity).ok_or_else(|| {
             let shown: String = entity.chars().take(64).collect();
@@ -71,7 +70,7 @@ impl Team<'_> {
     /// The agents that pass a filter, ascending.
     ///
     /// # Errors
-    /// The answer that says what is wrong with it.
+    /// The result that names the illegal filter.
     pub fn filtered(&self, filters: &EntityFilters) -> Result<Vec<AgentId>, Outcome> {
         let EntityFilters { filter, categories, tags, bounds } = filters;
         let pattern = pattern(filter)?;
@@ -93,7 +92,7 @@ impl Team<'_> {
         Ok(self.agents().filter(is_meant).collect())
     }
 
-    /// The name of the controller, without its settings.
+    /// Name of the controller, without its settings.
     fn tags(&self, agent: AgentId) -> Vec<String> {
         let controller = self.controllers.get(agent.index()).and_then(|label| label.split_whitespace().next());
         controller.into_iter().map(|name| name.chars().take(TEXT_CHARS_MAX).collect()).collect()
@@ -169,7 +168,7 @@ impl Team<'_> {
         }
     }
 
-    /// The answer to `GetEntityBounds`: the box about the sphere that a body is.
+    /// The answer to `GetEntityBounds`: the bounding box of a spherical body.
     #[must_use]
     pub fn bounds(&self, entity: &str) -> EntityBoundsResponse {
         match self.find(entity) {
@@ -183,17 +182,17 @@ impl Team<'_> {
         }
     }
 
-    /// Which agent is to be put where.
+    /// The agent and pose of a request.
     ///
     /// # Errors
-    /// The answer that says why this cannot be. Whether there is room is not looked at.
+    /// The result that explains the refusal. Free space is not checked here.
     pub fn placement(&self, request: &SetEntityStateRequest) -> Result<(AgentId, Pose), Outcome> {
         let SetEntityStateRequest { entity, state, set_pose, set_twist, set_acceleration } = request;
         let agent = self.find(entity)?;
         if *set_twist || *set_acceleration {
             return Err(Outcome::failure(
                 Outcome::FEATURE_UNSUPPORTED,
-                "a body moves as its agent's task says: only the pose can be set",
+                "the agent's task moves its body: only the pose can be set",
             ));
         }
         if !set_pose {
@@ -214,7 +213,7 @@ impl Team<'_> {
     }
 }
 
-/// The heading of an upright body; `None` for a rotation that is none or tilts it.
+/// Yaw of an upright orientation, rad; `None` if it is no unit quaternion or is tilted.
 fn yaw(rotation: &Quaternion) -> Option<f64> {
     let Quaternion { x, y, z, w } = *rotation;
     let length = (x * x + y * y + z * z + w * w).sqrt();
@@ -235,7 +234,7 @@ fn pattern(filter: &str) -> Result<Option<Regex>, Outcome> {
     built.map(Some).map_err(|error| failed(format!("filters.filter: {}", shortened(error))))
 }
 
-/// A part of space.
+/// A region to filter by.
 enum Region {
     Everywhere,
     Sphere { centre: Point3<f64>, radius_m: f64 },

@@ -1,11 +1,12 @@
 //! A file that grows by whole chunks.
 //!
-//! The MCAP writer fills in lengths after the fact, so what it writes is kept in memory until it flushes, and goes to the file
-//! in one piece: a process that is killed leaves whole chunks behind. Beyond the end of the file, a provisional chunk may lie
-//! that the next flush overwrites.
+//! The MCAP writer fills in lengths after the fact, so its output is buffered in memory until it
+//! flushes and then written at once: a killed process leaves whole chunks behind. A provisional
+//! chunk may follow the end of the file, which the next flush overwrites.
 //!
-//! Invariant: once something could not be written, the file is cut off behind the last flush and never touched again, so that
-//! nothing stands behind a gap; the MCAP writer, which writes an end when it is dropped, then writes it to memory alone.
+//! Invariant: after a failed write, the file is truncated to the last flush and never written
+//! again, so that nothing follows a gap; the end record that the MCAP writer writes when dropped
+//! goes to memory alone.
 //!
 //! This module knows nothing of MCAP.
 
@@ -15,7 +16,7 @@ use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use std::os::unix::fs::FileExt;
 use std::rc::Rc;
 
-/// What a sink needs of a file.
+/// File operations that a sink needs.
 pub(super) trait Store {
     fn write_all_at(&self, bytes: &[u8], at: u64) -> io::Result<()>;
     fn set_len(&self, length: u64) -> io::Result<()>;
@@ -36,24 +37,24 @@ impl Store for File {
     }
 }
 
-/// A file with its last, unflushed part in memory; clones share it.
+/// A file with its unflushed tail in memory; clones share it.
 #[derive(Clone)]
 pub(super) struct Sink(Rc<RefCell<Tail>>);
 
 struct Tail {
     store: Box<dyn Store>,
-    /// Length of what has been flushed.
+    /// Flushed bytes.
     flushed: u64,
-    /// What comes behind it.
+    /// Bytes behind them.
     unflushed: Cursor<Vec<u8>>,
-    /// Where the provisional bytes in the file end.
+    /// End of the provisional bytes in the file.
     provisional_end: u64,
-    /// Nothing goes to the file any more.
+    /// No more writes to the file.
     is_sealed: bool,
 }
 
 impl Tail {
-    /// Puts bytes behind everything that was flushed, as the end of the file.
+    /// Writes bytes behind everything flushed, as the end of the file.
     fn put(&mut self, bytes: &[u8]) -> io::Result<()> {
         if self.is_sealed {
             return Err(io::Error::other("an earlier write has failed"));
@@ -65,7 +66,7 @@ impl Tail {
         }
         if written.is_err() {
             self.is_sealed = true;
-            // What matters is why it could not be written.
+            // The first error is the one to report.
             let _ = self.store.set_len(self.flushed);
         }
         self.provisional_end = end;
@@ -84,17 +85,17 @@ impl Sink {
         })))
     }
 
-    /// Leaves the file as it is from now on.
+    /// Stops all writes to the file.
     pub(super) fn seal(&self) {
         self.0.borrow_mut().is_sealed = true;
     }
 
-    /// Puts bytes behind everything that was flushed; the next flush overwrites them.
+    /// Writes bytes behind everything flushed; the next flush overwrites them.
     pub(super) fn write_provisionally(&self, bytes: &[u8]) -> io::Result<()> {
         self.0.borrow_mut().put(bytes)
     }
 
-    /// Brings everything to the disk.
+    /// Syncs the file to disk.
     pub(super) fn sync(&self) -> io::Result<()> {
         self.0.borrow().store.sync()
     }
@@ -111,7 +112,7 @@ impl Write for Sink {
         let written = tail.put(unflushed.get_ref());
         match written {
             Ok(()) => tail.flushed += unflushed.get_ref().len() as u64,
-            // The writer's positions stay true, so that it can come to its end in memory.
+            // Keeps the writer's positions valid, so that it can finish in memory.
             Err(_) => tail.unflushed = unflushed,
         }
         written

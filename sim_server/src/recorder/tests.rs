@@ -35,7 +35,7 @@ fn readable(file: &Path) -> Vec<(String, u64)> {
 }
 
 #[test]
-fn what_is_written_can_be_read() {
+fn written_messages_are_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let mut recorder = Recorder::create(&file, &[SCENARIO]).unwrap();
@@ -55,7 +55,7 @@ fn what_is_written_can_be_read() {
 }
 
 #[test]
-fn saving_provisionally_changes_no_byte_of_the_finished_file() {
+fn provisional_saves_leave_the_finished_file_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let files = ["plain", "saved"].map(|name| folder.path().join(name));
     for (file, saves) in files.iter().zip([false, true]) {
@@ -72,7 +72,7 @@ fn saving_provisionally_changes_no_byte_of_the_finished_file() {
 }
 
 #[test]
-fn everything_saved_provisionally_is_readable_at_once() {
+fn provisional_saves_are_readable_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let mut recorder = Recorder::create(&file, &[SCENARIO]).unwrap();
@@ -86,18 +86,18 @@ fn everything_saved_provisionally_is_readable_at_once() {
             read.iter().filter(|(topic, _)| topic == "/sim/progress").map(|&(_, tick)| tick).collect();
         assert_eq!(ticks, (0..end).collect::<Vec<_>>());
     }
-    // Killed: nothing is finished, and all is still there.
+    // A killed process leaves everything saved.
     std::mem::forget(recorder);
     assert_eq!(readable(&file).len(), 1503);
 }
 
 #[test]
-fn a_file_that_cannot_be_made_is_named() {
+fn error_names_the_file() {
     let error = Recorder::create(Path::new("/nowhere/a.mcap"), &[]).err().unwrap().to_string();
     assert!(error.contains("/nowhere/a.mcap"), "{error}");
 }
 
-/// Names in a folder.
+/// File names in a folder.
 fn listed(folder: &Path) -> Vec<String> {
     let mut names: Vec<_> =
         fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -106,7 +106,7 @@ fn listed(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn a_recording_that_is_given_up_leaves_the_older_one_alone() {
+fn aborted_recording_keeps_the_older_one() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     for (older, expected) in [(None, &[][..]), (Some("older"), &["a.mcap"][..])] {
@@ -129,7 +129,7 @@ fn a_recording_that_is_given_up_leaves_the_older_one_alone() {
 }
 
 #[test]
-fn a_recording_behind_a_link_is_written_where_it_points() {
+fn symbolic_links_are_followed() {
     let folder = tempfile::tempdir().unwrap();
     let [file, link] = ["a.mcap", "b.mcap"].map(|name| folder.path().join(name));
     fs::write(&file, "older").unwrap();
@@ -139,7 +139,7 @@ fn a_recording_behind_a_link_is_written_where_it_points() {
     assert!(mcap::Summary::read(&fs::read(&file).unwrap()).unwrap().is_some());
 }
 
-/// A disk that has room for so many bytes, and takes what fits of the write that is too much.
+/// A disk with limited space, which takes the part of a write that fits.
 #[derive(Clone)]
 struct SmallDisk {
     room: usize,
@@ -169,10 +169,10 @@ impl sink::Store for SmallDisk {
     }
 }
 
-/// Records on a small disk as long as it can be done; what is on the disk afterwards.
+/// Records on a small disk until it fails; returns what is on the disk.
 fn record_on(room: usize) -> (Result<(), RecordError>, Vec<u8>) {
     let disk = SmallDisk { room, bytes: Rc::default() };
-    let mut recorder = Recorder::begin(Path::new("a.mcap"), Sink::new(disk.clone()));
+    let mut recorder = Recorder::with_sink(Path::new("a.mcap"), Sink::new(disk.clone()));
     let record = |recorder: &mut Recorder| {
         recorder.attach(&[SCENARIO])?;
         for tick in 0..1700 {
@@ -188,7 +188,7 @@ fn record_on(room: usize) -> (Result<(), RecordError>, Vec<u8>) {
 }
 
 #[test]
-fn a_disk_that_is_full_leaves_a_beginning_without_an_end() {
+fn full_disk_leaves_whole_chunks_without_an_end() {
     let (recorded, whole) = record_on(usize::MAX);
     recorded.unwrap();
     let read = |bytes: &[u8]| -> Vec<u64> {
@@ -201,7 +201,10 @@ fn a_disk_that_is_full_leaves_a_beginning_without_an_end() {
         let (recorded, left) = record_on(room);
         recorded.unwrap_err();
         assert!(whole.starts_with(&left), "room {room}: cut off behind whole chunks");
-        assert!(left.len() < mcap::MAGIC.len() * 2 || !left.ends_with(mcap::MAGIC), "room {room}: a false end");
+        assert!(
+            left.len() < mcap::MAGIC.len() * 2 || !left.ends_with(mcap::MAGIC),
+            "room {room}: a false end of the file"
+        );
         assert!(all.starts_with(&read(&left)), "room {room}");
         lengths.push(left.len());
     }

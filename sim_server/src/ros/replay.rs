@@ -1,8 +1,10 @@
-//! A recording on its ROS 2 topics: one participant with one node `replay`, its services, and a publisher for each topic.
+//! Replay of a recording over ROS 2: one participant with one node `replay`, its services, and a
+//! publisher per topic.
 //!
-//! Invariants: everything is published with the type and the quality of service that it has in a run, as it stands in the file;
-//! readers are waited for, but each topic only for a moment (see [`ros_node::PatientOutlet`]); a late reader of a latched topic
-//! is told all that holds. When something is due is decided in [`crate::replay`].
+//! Invariants: messages are published as recorded, with the type and QoS they have in a run;
+//! readers are waited for, but each topic only for a bounded time (see
+//! [`ros_node::BlockingPublisher`]); a late reader of a latched topic receives every message that
+//! still holds. [`crate::replay`] decides when a message is due.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -11,146 +13,146 @@ use msgs::cdr::Encoded;
 use msgs::ids::Tick;
 use msgs::rosgraph_msgs::Clock;
 use msgs::topics;
-use ros_node::audience::Audience;
 use ros_node::ros_env::RosEnv;
-use ros_node::{Inbox, PatientOutlet, RosError, Sent, Workshop, linger, now};
+use ros_node::{BlockingPublisher, EndpointFactory, Inbox, PublishOutcome, RosError, SubscriptionTracker, linger};
 use ros2_client::{Context, Node};
 
-use super::services::{Asked, Services};
+use super::services::{ServiceEvent, Services};
 use crate::recording::Recording;
-use crate::replay::{Cue, Manner, Pass, Player, Programme, Shelf, Turn};
+use crate::replay::{
+    LatchedCache, PlaybackCursor, PlaybackSchedule, PlaybackTiming, Player, PlayerAction, ScheduledMessage,
+};
 use crate::terminal::{self, Terminal};
+use crate::wall_clock::now;
 use simulation::parameters;
 
-/// The name of the node.
 const NODE: &str = "replay";
 
-/// Wall time that those who were there first get to be found, before anything is said: at the least, and at the most.
-const OPENING: Duration = Duration::from_millis(300);
-const OPENING_MAX: Duration = Duration::from_secs(3);
+/// Minimum and maximum wall time for existing readers to be matched before the first message.
+const MATCHING_TIME_MIN: Duration = Duration::from_millis(300);
+const MATCHING_TIME_MAX: Duration = Duration::from_secs(3);
 
-/// Wall time between two looks for requests and for late readers while there is something to publish.
-const LOOK_PERIOD: Duration = Duration::from_millis(5);
+/// Wall time between two polls for requests and late readers while messages are due.
+const POLL_PERIOD: Duration = Duration::from_millis(5);
 
-/// Wall time for which requests are awaited at the most, before it is looked who listens and whether to end.
-const PATIENCE: Duration = Duration::from_millis(20);
+/// Maximum wall time that one wait for requests takes, before readers and `stop` are polled.
+const WAIT_MAX: Duration = Duration::from_millis(20);
 
-/// Wall time between two messages that late readers are told again, so that they can take each.
-const PIECE_PERIOD: Duration = Duration::from_millis(10);
+/// Minimum wall time between two retransmissions to late readers, so that they can keep up.
+const RETRANSMISSION_PERIOD: Duration = Duration::from_millis(10);
 
-/// Wall time between two reports.
+/// Wall time between two progress reports.
 const REPORT_PERIOD: Duration = Duration::from_millis(500);
 
-/// Publishers that take as many files as an agent of a run at the most.
+/// Publishers that need at most as many open files as an agent of a run.
 const TOPICS_OF_AGENT: usize = 8;
 
-/// What became of a replay.
+/// Outcome of a replay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Played {
-    /// Messages of the programme that were published, `/clock` not among them.
+    /// Published messages without `/clock`.
     pub messages: u64,
-    /// Sim time that has passed, ticks.
+    /// Sim time that has passed, in ticks.
     pub sim_ticks: u64,
-    /// Whether it was ended from outside.
+    /// Whether a signal or a service ended it.
     pub is_interrupted: bool,
 }
 
 /// Plays a recording until its end, or until `stop` is set.
 ///
 /// # Errors
-/// If the network cannot be joined, or the system has not enough of something.
+/// If the network cannot be joined or a system limit is reached.
 pub fn play(
     recording: &Recording,
-    programme: &Programme,
-    manner: Manner,
+    schedule: &PlaybackSchedule,
+    timing: PlaybackTiming,
     env: &RosEnv,
     terminal: &mut Terminal,
     stop: &AtomicBool,
 ) -> Result<Played, RosError> {
-    let mut stage = Stage::new(programme, manner, env)?;
-    stage.open(stop);
-    let mut player = Player::new(programme, manner, stage.wall_ns());
-    let mut pass = Pass::begin(recording, programme);
-    stage.say_opening(&mut pass, stop);
+    let mut node = ReplayNode::new(schedule, timing, env)?;
+    node.wait_for_readers(stop);
+    let mut player = Player::new(schedule, timing, node.wall_ns());
+    let mut cursor = PlaybackCursor::new(recording, schedule);
+    node.publish_initial(&mut cursor, stop);
     let mut reported = None;
     let is_stopped = || stop.load(Ordering::Relaxed);
     while !is_stopped() {
-        stage.look(&mut player, Duration::ZERO);
+        node.poll(&mut player, Duration::ZERO);
         if reported.is_none_or(|reported: Instant| reported.elapsed() >= REPORT_PERIOD) {
             reported = Some(now());
-            terminal.status(player.position(), stage.status(&player));
+            terminal.status(player.position(), node.status(&player));
         }
-        match player.turn(stage.wall_ns()) {
-            Turn::Play(tick) => {
-                stage.say_tick(tick, &mut pass, stop);
+        match player.next_action(node.wall_ns()) {
+            PlayerAction::Play(tick) => {
+                node.publish_tick(tick, &mut cursor, stop);
                 player.played();
             }
-            Turn::Wait(wait_ns) => stage.look(&mut player, Duration::from_nanos(wait_ns)),
-            Turn::Rest => stage.look(&mut player, PATIENCE),
-            Turn::Rewind => {
-                pass = Pass::begin(recording, programme);
-                stage.say_opening(&mut pass, stop);
+            PlayerAction::Wait(wait_ns) => node.poll(&mut player, Duration::from_nanos(wait_ns)),
+            PlayerAction::Idle => node.poll(&mut player, WAIT_MAX),
+            PlayerAction::Rewind => {
+                cursor = PlaybackCursor::new(recording, schedule);
+                node.publish_initial(&mut cursor, stop);
             }
-            Turn::End => break,
+            PlayerAction::End => break,
         }
     }
     player.end();
     let is_interrupted = is_stopped() || player.is_quitting();
-    Ok(Played { messages: stage.messages, sim_ticks: player.sim_ticks(), is_interrupted })
+    Ok(Played { messages: node.messages, sim_ticks: player.sim_ticks(), is_interrupted })
 }
 
-/// A replay in a ROS network.
-struct Stage {
-    inbox: Inbox<Asked>,
+/// The node of a replay.
+struct ReplayNode {
+    inbox: Inbox<ServiceEvent>,
     services: Services,
-    clock: PatientOutlet,
-    seats: Vec<Seat>,
-    audience: Audience,
-    looked: Instant,
-    /// When late readers may be told the next thing.
-    piece: Instant,
+    clock: BlockingPublisher,
+    topics: Vec<ReplayTopic>,
+    subscriptions: SubscriptionTracker,
+    polled: Instant,
+    /// When the next retransmission to late readers is due.
+    next_retransmission: Instant,
     begun: Instant,
     messages: u64,
     node: Node,
     context: Context,
 }
 
-/// A topic.
-struct Seat {
-    outlet: PatientOutlet,
-    shelf: Option<Shelf>,
-    /// Readers that have ever come.
+/// A topic with its publisher.
+struct ReplayTopic {
+    publisher: BlockingPublisher,
+    cache: Option<LatchedCache>,
+    /// Readers that have ever settled.
     arrivals: u64,
 }
 
-impl Stage {
-    fn new(programme: &Programme, manner: Manner, env: &RosEnv) -> Result<Self, RosError> {
-        // So many publishers take no more files than an agent of a run.
+impl ReplayNode {
+    fn new(schedule: &PlaybackSchedule, timing: PlaybackTiming, env: &RosEnv) -> Result<Self, RosError> {
         ros_node::allow_open_files(
-            u32::try_from(programme.topics().len().div_ceil(TOPICS_OF_AGENT)).unwrap_or(u32::MAX),
+            u32::try_from(schedule.topics().len().div_ceil(TOPICS_OF_AGENT)).unwrap_or(u32::MAX),
         )?;
         let context = ros_node::join(env, true)?;
         let mut node = ros_node::node(&context, NODE)?;
-        let mut workshop = Workshop::of(&context);
-        let clock = workshop.patient_outlet(&context, &mut node, &topics::clock())?;
-        let mut seats = Vec::new();
-        for topic in programme.topics() {
-            let outlet = workshop.patient_outlet(&context, &mut node, topic)?;
-            seats.push(Seat { outlet, shelf: Shelf::of(topic), arrivals: 0 });
+        let mut endpoints = EndpointFactory::new(&context);
+        let clock = endpoints.blocking_publisher(&context, &mut node, &topics::clock())?;
+        let mut topics = Vec::new();
+        for topic in schedule.topics() {
+            let publisher = endpoints.blocking_publisher(&context, &mut node, topic)?;
+            topics.push(ReplayTopic { publisher, cache: LatchedCache::for_topic(topic), arrivals: 0 });
         }
         let mut inbox = Inbox::default();
-        let declared = parameters::of_replay(manner.rate);
-        let services = Services::of_replay(&mut node, &mut workshop, &mut inbox, declared)?;
-        let audience = Audience::new(programme.topics());
+        let declared = parameters::of_replay(timing.rate);
+        let services = Services::of_replay(&mut node, &mut endpoints, &mut inbox, declared)?;
+        let subscriptions = SubscriptionTracker::new(schedule.topics());
         let born = now();
         Ok(Self {
             inbox,
             services,
             clock,
-            seats,
-            audience,
-            looked: born,
-            piece: born,
+            topics,
+            subscriptions,
+            polled: born,
+            next_retransmission: born,
             begun: born,
             messages: 0,
             node,
@@ -158,16 +160,16 @@ impl Stage {
         })
     }
 
-    /// Waits until those who were there first can hear everything. Requests wait meanwhile.
-    fn open(&mut self, stop: &AtomicBool) {
+    /// Waits until existing readers have settled. Requests queue up meanwhile.
+    fn wait_for_readers(&mut self, stop: &AtomicBool) {
         let begun = now();
-        let is_open = |audience: &Audience| begun.elapsed() >= OPENING && audience.has_settled();
-        while !stop.load(Ordering::Relaxed) && !is_open(&self.audience) && begun.elapsed() < OPENING_MAX {
-            self.receive(PATIENCE);
-            self.audience.look(&self.context);
+        let is_matched =
+            |subscriptions: &SubscriptionTracker| begun.elapsed() >= MATCHING_TIME_MIN && subscriptions.all_settled();
+        while !stop.load(Ordering::Relaxed) && !is_matched(&self.subscriptions) && begun.elapsed() < MATCHING_TIME_MAX {
+            self.receive(WAIT_MAX);
+            self.subscriptions.poll(&self.context);
         }
-        // They are no late readers.
-        self.greet_new_readers(false);
+        self.note_new_readers(false);
         self.begun = now();
     }
 
@@ -176,89 +178,89 @@ impl Stage {
     }
 
     fn receive(&mut self, timeout: Duration) -> bool {
-        let asked = self.inbox.receive(timeout);
-        let is_there = asked.is_some();
-        if let Some(asked) = asked {
-            self.services.take_in(&mut self.node, asked);
+        let event = self.inbox.receive(timeout);
+        let is_there = event.is_some();
+        if let Some(event) = event {
+            self.services.receive(&mut self.node, event);
         }
         is_there
     }
 
-    /// Answers requests and tells late readers what they have missed; waits so long for a request if there is none.
-    fn look(&mut self, player: &mut Player, wait: Duration) {
-        if wait.is_zero() && self.looked.elapsed() < LOOK_PERIOD {
+    /// Answers requests and serves late readers; waits up to `wait` for a request.
+    fn poll(&mut self, player: &mut Player, wait: Duration) {
+        if wait.is_zero() && self.polled.elapsed() < POLL_PERIOD {
             return;
         }
-        self.looked = now();
-        let mut wait = wait.min(PATIENCE);
+        self.polled = now();
+        let mut wait = wait.min(WAIT_MAX);
         while self.services.has_room() && self.receive(std::mem::take(&mut wait)) {}
         while let Some(request) = self.services.next() {
             player.answer(request, self.wall_ns());
         }
-        if self.audience.look(&self.context) {
-            self.greet_new_readers(true);
+        if self.subscriptions.poll(&self.context) {
+            self.note_new_readers(true);
         }
-        if now() >= self.piece {
-            self.say_again();
+        if now() >= self.next_retransmission {
+            self.retransmit();
         }
     }
 
-    fn greet_new_readers(&mut self, are_late: bool) {
-        for (number, seat) in self.seats.iter_mut().enumerate() {
-            let arrivals = self.audience.arrivals(number).unwrap_or(seat.arrivals);
-            if std::mem::replace(&mut seat.arrivals, arrivals) < arrivals
+    fn note_new_readers(&mut self, are_late: bool) {
+        for (number, topic) in self.topics.iter_mut().enumerate() {
+            let arrivals = self.subscriptions.arrivals(number).unwrap_or(topic.arrivals);
+            if std::mem::replace(&mut topic.arrivals, arrivals) < arrivals
                 && are_late
-                && let Some(shelf) = &mut seat.shelf
+                && let Some(cache) = &mut topic.cache
             {
-                shelf.greet();
+                cache.reader_joined();
             }
         }
     }
 
-    /// Tells late readers of each topic one thing that they have missed.
-    fn say_again(&mut self) {
-        for seat in &mut self.seats {
-            let Some(shelf) = &mut seat.shelf else { continue };
-            if let Some(message) = shelf.wanted().cloned() {
-                self.piece = now() + PIECE_PERIOD;
-                match seat.outlet.publish(&mut self.node, &message) {
-                    Sent::Yes => shelf.note(&message),
-                    Sent::NotYet => {}
-                    Sent::Anew => shelf.forget_history(),
+    /// Retransmits one message per topic that late readers have missed.
+    fn retransmit(&mut self) {
+        for topic in &mut self.topics {
+            let Some(cache) = &mut topic.cache else { continue };
+            if let Some(message) = cache.next_missing().cloned() {
+                self.next_retransmission = now() + RETRANSMISSION_PERIOD;
+                match topic.publisher.publish(&mut self.node, &message) {
+                    PublishOutcome::Sent => cache.record_published(&message),
+                    PublishOutcome::Retry => {}
+                    PublishOutcome::Renewed => cache.publisher_replaced(),
                 }
             }
         }
     }
 
-    fn say_opening(&mut self, pass: &mut Pass<'_>, stop: &AtomicBool) {
-        while let Some(cue) = pass.opening() {
-            self.say(&cue, stop);
+    fn publish_initial(&mut self, cursor: &mut PlaybackCursor<'_>, stop: &AtomicBool) {
+        while let Some(message) = cursor.next_initial() {
+            self.publish(&message, stop);
         }
     }
 
-    /// Says what belongs to a tick, the clock first.
-    fn say_tick(&mut self, tick: Tick, pass: &mut Pass<'_>, stop: &AtomicBool) {
+    /// Publishes the messages of a tick, the clock first.
+    fn publish_tick(&mut self, tick: Tick, cursor: &mut PlaybackCursor<'_>, stop: &AtomicBool) {
         let clock = Encoded::of(&Clock { clock: tick.into() });
-        while self.clock.publish(&mut self.node, &clock) != Sent::Yes && !stop.load(Ordering::Relaxed) {
-            self.receive(LOOK_PERIOD);
+        while self.clock.publish(&mut self.node, &clock) != PublishOutcome::Sent && !stop.load(Ordering::Relaxed) {
+            self.receive(POLL_PERIOD);
         }
-        while let Some(cue) = pass.until(tick) {
-            self.say(&cue, stop);
+        while let Some(message) = cursor.next_until(tick) {
+            self.publish(&message, stop);
         }
     }
 
-    fn say(&mut self, cue: &Cue, stop: &AtomicBool) {
+    fn publish(&mut self, message: &ScheduledMessage, stop: &AtomicBool) {
         while !stop.load(Ordering::Relaxed) {
-            let seat = &mut self.seats[cue.topic];
-            match seat.outlet.publish(&mut self.node, &cue.message) {
-                Sent::Yes => {
+            let topic = &mut self.topics[message.topic];
+            match topic.publisher.publish(&mut self.node, &message.message) {
+                PublishOutcome::Sent => {
                     self.messages += 1;
-                    return seat.shelf.iter_mut().for_each(|shelf| shelf.note(&cue.message));
+                    return topic.cache.iter_mut().for_each(|cache| cache.record_published(&message.message));
                 }
-                Sent::NotYet => {}
-                Sent::Anew => seat.shelf.iter_mut().for_each(Shelf::forget_history),
+                PublishOutcome::Retry => {}
+                PublishOutcome::Renewed => topic.cache.iter_mut().for_each(LatchedCache::publisher_replaced),
             }
-            self.receive(LOOK_PERIOD);
+            self.receive(POLL_PERIOD);
         }
     }
 
@@ -274,7 +276,7 @@ impl Stage {
     }
 }
 
-impl Drop for Stage {
+impl Drop for ReplayNode {
     fn drop(&mut self) {
         linger(true);
     }

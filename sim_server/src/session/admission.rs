@@ -14,7 +14,8 @@ use crate::transport::Level;
 use crate::wall_clock::now;
 
 impl Session<'_, '_> {
-    /// Waits until every id has a process. Breaks with the reason if the run ends before its first tick.
+    /// Waits until every id has a process. Breaks with the reason if the run ends before its first
+    /// tick.
     pub(super) fn admit(&mut self) -> Result<ControlFlow<String>, RunError> {
         if self.log.checker().is_some() {
             return self.admit_recorded();

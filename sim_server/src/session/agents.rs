@@ -1,8 +1,10 @@
-//! The server's sessions with the agents: observation requests go out, are resent while unanswered, and legal replies come in.
+//! The server's sessions with the agents: observation requests go out, are resent while unanswered,
+//! and legal replies come in.
 //!
-//! Invariants: a refused message changes nothing but its counter; a resent observation changes nothing, because a tick has one
-//! reply; every wait is bounded by a timeout or ends with the stop flag; recorded messages carry no run number: it is added
-//! when a message is sent and removed when one is received.
+//! Invariants: a refused message changes nothing but its counter; a resent observation changes
+//! nothing, because a tick has one reply; every wait is bounded by a timeout or ends with the stop
+//! flag; recorded messages carry no run number: it is added when a message is sent and removed when
+//! one is received.
 
 mod inbound;
 mod observation_log;
@@ -28,7 +30,8 @@ use simulation::scenario::OnAgentLoss;
 use simulation::world::body::Motion;
 use simulation::world::{Action, Commit};
 
-/// Wall time without a reply after which an observation is resent for the first time; the interval doubles from then on.
+/// Wall time without a reply after which an observation is resent for the first time; the interval
+/// doubles from then on.
 const RESEND_FIRST: Duration = Duration::from_millis(100);
 
 /// Longest wall time between two resends.
@@ -37,11 +40,12 @@ const RESEND_MAX: Duration = Duration::from_secs(1);
 /// Wall time for which the session waits for a message before it attends to its other duties.
 pub(super) const POLL_PERIOD: Duration = Duration::from_millis(50);
 
-/// Longest wall time between two polls that counts towards a timeout. A longer gap means that this process was stopped, for
-/// which no agent is to blame.
+/// Longest wall time between two polls that counts towards a timeout. A longer gap means that this
+/// process was stopped, for which no agent is to blame.
 const POLL_GAP_MAX: Duration = Duration::from_millis(200);
 
-/// Refusals of one kind that are reported; further ones are only counted, because an agent may flood.
+/// Refusals of one kind that are reported; further ones are only counted, because an agent may
+/// flood.
 const REFUSAL_REPORTS_MAX: u64 = 5;
 
 /// An observation that awaits a command.
@@ -127,12 +131,14 @@ impl WaitContext<'_, '_> {
 
 /// The sessions of all agents of a run.
 pub(super) struct AgentSessions {
-    /// Tells messages of this run from those of any other. Neither the recording nor the digest holds it.
+    /// Tells messages of this run from those of any other. Neither the recording nor the digest
+    /// holds it.
     start: RunStart,
     agents: u32,
     membership: Membership,
     last_commands: Vec<Option<Command>>,
-    /// By agent: how many retransmits of its last command are accepted, because its observation was resent so often.
+    /// By agent: how many retransmits of its last command are accepted, because its observation was
+    /// resent so often.
     retransmits_due: Vec<u32>,
     refusals: BTreeMap<&'static str, u64>,
     observation_log: ObservationLog,
@@ -195,7 +201,8 @@ impl AgentSessions {
         Refusal::COUNTERS.into_iter().map(|name| (name, self.refusals[name]))
     }
 
-    /// Handles one message while no reply is awaited, or waits for one up to `wait`; `tick` is the next tick.
+    /// Handles one message while no reply is awaited, or waits for one up to `wait`; `tick` is the
+    /// next tick.
     pub(super) fn listen(
         &mut self,
         tick: Tick,
@@ -220,9 +227,9 @@ impl AgentSessions {
         self.observation_log.skip(agent);
     }
 
-    /// Sends the requests, and waits until all have a reply and every replaced process has replayed its observation log;
-    /// resends what stays unanswered. Replies are missing if `timeout` of wall time has passed and the policy is to fail, or
-    /// if the wait was stopped.
+    /// Sends the requests, and waits until all have a reply and every replaced process has replayed
+    /// its observation log; resends what stays unanswered. Replies are missing if `timeout` of wall
+    /// time has passed and the policy is to fail, or if the wait was stopped.
     ///
     /// # Errors
     /// If the recording cannot be saved meanwhile, or a replayed agent diverges.
@@ -249,7 +256,8 @@ impl AgentSessions {
                 return Err(RunError::Diverged { agent, tick, what });
             }
             if !self.to_prompt.is_empty() {
-                // A replayed agent has made progress: the others have been waiting for it, so the timeout starts anew.
+                // A replayed agent has made progress: the others have been waiting for it, so the
+                // timeout starts anew.
                 (waited, interval) = (Duration::ZERO, RESEND_FIRST);
                 resend_at = interval;
                 self.prompt(requests, &barrier, context.transport);
@@ -257,7 +265,8 @@ impl AgentSessions {
             if !self.is_waiting(&barrier) {
                 break;
             }
-            // Checked after every message, so that a flood postpones neither the timeout nor the other agents.
+            // Checked after every message, so that a flood postpones neither the timeout nor the
+            // other agents.
             let polled = now();
             waited += polled.duration_since(last_poll).min(POLL_GAP_MAX);
             last_poll = polled;

@@ -1,8 +1,9 @@
 //! Control requests, answered between two ticks.
 //!
-//! Invariants: each request is answered once, also if the run ends first; a request that changes the world is recorded as an
-//! intervention at the tick before which it takes effect, and enters the digest there; other requests leave no trace; while
-//! the clock is held the session keeps receiving, and no agent times out.
+//! Invariants: each request is answered once, also if the run ends first; a request that changes
+//! the world is recorded as an intervention at the tick before which it takes effect, and enters
+//! the digest there; other requests leave no trace; while the clock is held the session keeps
+//! receiving, and no agent times out.
 
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -37,7 +38,7 @@ impl Session<'_, '_> {
     pub(super) fn hold_pace(&mut self) -> Result<(), RunError> {
         let tick = self.engine.tick();
         while !self.is_stopped()
-            && self.control.control().may_tick()
+            && self.control.may_tick()
             && let Some(wait_ns) = self.control.wait_ns(tick, self.wall_ns())
             && !self.has_request()
         {
@@ -52,7 +53,7 @@ impl Session<'_, '_> {
             if self.answer_requests(Phase::Running)?.is_break() || self.is_stopped() {
                 return Ok(ControlFlow::Break(()));
             }
-            let wait = if self.control.control().may_tick() {
+            let wait = if self.control.may_tick() {
                 match self.control.wait_ns(self.engine.tick(), self.wall_ns()) {
                     Some(wait_ns) => Duration::from_nanos(wait_ns),
                     None => return Ok(ControlFlow::Continue(())),
@@ -91,12 +92,12 @@ impl Session<'_, '_> {
                 break;
             };
             self.answer_request(request, phase)?;
-            if self.control.beginning().is_some() {
+            if self.control.pending_reset().is_some() {
                 // Later requests are for the run after the reset.
                 break;
             }
         }
-        let is_over = self.control.is_quitting() || self.control.beginning().is_some();
+        let is_over = self.control.is_quitting() || self.control.pending_reset().is_some();
         Ok(if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 
@@ -140,7 +141,7 @@ impl Session<'_, '_> {
             Ok(placement) => placement,
             Err(outcome) => return Ok(outcome),
         };
-        if phase == Phase::Admission || !self.control.control().is_at_rest() {
+        if phase == Phase::Admission || !self.control.is_at_rest() {
             return Ok(not_now("pause the simulation before a state is set"));
         }
         let placed = self.engine.place(agent, pose, &mut self.log)?;
@@ -155,7 +156,8 @@ impl Session<'_, '_> {
         if phase == Phase::Admission {
             return Ok(not_now("agents are awaited"));
         }
-        // The observation stays pending, so that the end of the recording holds what was never committed.
+        // The observation stays pending, so that the end of the recording holds what was never
+        // committed.
         let last = [self.engine.request(agent, Commit::Speculative, Fragment::ENDED)];
         let tick = self.engine.tick();
         let (sessions, mut context) = self.waiting();

@@ -1,11 +1,13 @@
-//! The engine: the world, the digest chain, and what the session keeps for each agent; executes one tick phase by phase.
+//! The engine: the world, the digest chain, and what the session keeps for each agent; executes one
+//! tick phase by phase.
 //!
-//! Invariants: only what is committed is recorded and enters the digest; an agent that was lost or removed is never asked
-//! again; the same replies in the same ticks give the same bytes.
+//! Invariants: only what is committed is recorded and enters the digest; an agent that was lost or
+//! removed is never asked again; the same replies in the same ticks give the same bytes.
 //!
-//! With look-ahead off every agent is asked in every tick. A reply out of turn is committed only if it does something;
-//! otherwise the observation stays pending, as if the agent had not been asked. So controllers that act only when they are
-//! due leave the same recording with and without look-ahead.
+//! With look-ahead off every agent is asked in every tick. A reply out of turn is committed only if
+//! it does something; otherwise the observation stays pending, as if the agent had not been asked.
+//! So controllers that act only when they are due leave the same recording with and without
+//! look-ahead.
 //!
 //! This module knows no transport and no wall time.
 
@@ -17,7 +19,7 @@ use msgs::maes_msgs::{Counter, Observation as Fragment};
 use super::agents::{CommandReply, ObservationRequest, Replies};
 use super::log::{Kind, SessionLog};
 use super::{MILESTONE_COUNTER, RunError};
-use crate::playback::Said;
+use crate::playback::RecordedTick;
 use msgs::trigger::Trigger;
 use simulation::digest::Chain;
 use simulation::scenario::Scenario;
@@ -83,8 +85,9 @@ impl<'a> Engine<'a> {
         self.world.look(&self.pool);
     }
 
-    /// The agents to ask in this tick, ascending. `recorded` has the replies of a tick that is re-executed.
-    pub(super) fn due(&mut self, recorded: Option<&Said>) -> Vec<(AgentId, Commit)> {
+    /// The agents to ask in this tick, ascending. `recorded` has the replies of a tick that is
+    /// re-executed.
+    pub(super) fn due(&mut self, recorded: Option<&RecordedTick>) -> Vec<(AgentId, Commit)> {
         let tick = self.tick();
         let mut due = Vec::new();
         for agent in self.world.agents().filter(|agent| !self.lost.contains(agent)) {
@@ -112,7 +115,8 @@ impl<'a> Engine<'a> {
         ObservationRequest { agent, since, fragments: wire::observation_parts(&observation, phase) }
     }
 
-    /// Commits and logs the exchanges of a tick. Returns them, and the actions for [`Engine::step`].
+    /// Commits and logs the exchanges of a tick. Returns them, and the actions for
+    /// [`Engine::step`].
     pub(super) fn commit(
         &mut self,
         requests: Vec<ObservationRequest>,

@@ -36,7 +36,8 @@ pub enum RunError {
     /// The run would start paused over a transport without control input.
     #[error("execution.paused = true: this transport has no control input to resume the run; use ROS 2")]
     PausedForEver,
-    /// A control request has reset the run. No failure: the caller continues with [`super::RunConfig::after_reset`].
+    /// A control request has reset the run. No failure: the caller continues with
+    /// [`super::RunConfig::after_reset`].
     #[error("the simulation was reset")]
     Reset(RunStart),
     /// The system provides no random number for the identity of the run.

@@ -1,4 +1,5 @@
-//! The log of a session: every message on its way to the digest, and to a recording or to a checker.
+//! The log of a session: every message on its way to the digest, and to a recording or to a
+//! checker.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -8,7 +9,7 @@ use msgs::ids::{AgentId, Tick};
 use msgs::topics::{self, Topic};
 use serde::Serialize;
 
-use crate::journal::Journal;
+use crate::live_stream::LiveStream;
 use crate::recorder::{RecordError, Recorder};
 use crate::wall_clock::now;
 use simulation::digest::Chain;
@@ -37,12 +38,12 @@ pub struct RecordingSinks {
     /// The recording, if one is made.
     pub recorder: Option<Recorder>,
     /// The live stream, if observers can read one.
-    pub journal: Option<Journal>,
+    pub live: Option<LiveStream>,
 }
 
 impl From<Option<Recorder>> for RecordingSinks {
     fn from(recorder: Option<Recorder>) -> Self {
-        Self { recorder, journal: None }
+        Self { recorder, live: None }
     }
 }
 
@@ -66,7 +67,7 @@ enum Sink<'s> {
 /// The log of a session. Messages are encoded here, because the digest covers their bytes.
 pub(super) struct SessionLog<'s> {
     sink: Sink<'s>,
-    live: Option<Journal>,
+    live: Option<LiveStream>,
     sim_topics: [Topic; 6],
     agent_topics: Vec<[Topic; 3]>,
     /// Topics of the recorded visualisation messages so far.
@@ -78,7 +79,7 @@ pub(super) struct SessionLog<'s> {
 impl<'s> SessionLog<'s> {
     /// The log of a run in this mode. Verification checks what is written instead of recording it.
     pub(super) fn new(sinks: RecordingSinks, checker: Option<&'s mut dyn Checker>, agents: u32) -> Self {
-        let RecordingSinks { recorder, journal: live } = sinks;
+        let RecordingSinks { recorder, live } = sinks;
         let sink = match (checker, recorder) {
             (Some(checker), _) => Sink::Checker(checker),
             (None, Some(recorder)) => Sink::File(Box::new(recorder)),
@@ -165,7 +166,7 @@ impl<'s> SessionLog<'s> {
     /// Saves provisionally if it is due; also called while the session waits.
     pub(super) fn save_if_due(&mut self) -> Result<(), RecordError> {
         if let Some(live) = &mut self.live {
-            live.flush_now_and_then();
+            live.flush_if_due();
         }
         if self.saved.elapsed() >= SAVE_PERIOD { self.save_provisionally() } else { Ok(()) }
     }
@@ -222,7 +223,7 @@ impl<'s> SessionLog<'s> {
 }
 
 fn write(
-    live: &mut Option<Journal>,
+    live: &mut Option<LiveStream>,
     sink: &mut Sink<'_>,
     topic: &Topic,
     tick: Tick,

@@ -1,4 +1,5 @@
-//! Null objects: a transport without agents for a run that is verified, and an observer of a run that reports nothing.
+//! Null objects: a transport without agents for a run that is verified, and an observer of a run
+//! that reports nothing.
 
 use std::time::Duration;
 

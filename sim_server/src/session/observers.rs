@@ -1,4 +1,5 @@
-//! The visualisation output of a session: messages that are due for subscribed topics, and lines of the log.
+//! The visualisation output of a session: messages that are due for subscribed topics, and lines of
+//! the log.
 //!
 //! Invariant: nothing here changes or delays the run.
 
@@ -43,7 +44,8 @@ impl Observers {
         self.views.due_for_recording(world, &RunStatus { infos, lost, rtf: None })
     }
 
-    /// Publishes what is due to topics with subscribers. Works at any time, also while the clock is held.
+    /// Publishes what is due to topics with subscribers. Works at any time, also while the clock is
+    /// held.
     pub(super) fn publish(&mut self, engine: &mut Engine<'_>, may_tick: bool, transport: &mut dyn Transport) {
         let Some(subscribers) = transport.subscribers() else { return };
         let elapsed = self.started.elapsed();
@@ -55,7 +57,8 @@ impl Observers {
         }
     }
 
-    /// Publishes a message that the session has made itself, if its topic has subscribers and its rate allows.
+    /// Publishes a message that the session has made itself, if its topic has subscribers and its
+    /// rate allows.
     pub(super) fn publish_own(
         &mut self,
         view: VisualisationTopic,

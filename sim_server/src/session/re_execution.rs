@@ -1,7 +1,8 @@
-//! Re-execution: the part of a run that is known from its recording. The recorded replies take the place of the agents.
+//! Re-execution: the part of a run that is known from its recording. The recorded replies take the
+//! place of the agents.
 //!
-//! Invariants: what is written is what was written then; a recording that does not fit what comes of the scenario here is not
-//! continued.
+//! Invariants: what is written is what was written then; a recording that does not fit what comes
+//! of the scenario here is not continued.
 
 use std::ops::ControlFlow;
 
@@ -11,16 +12,16 @@ use msgs::maes_msgs::{Intervention, Observation as Fragment};
 use super::agents::{CommandReply, MissingReplies, ObservationRequest, Replies, TimeoutPolicy, recorded_join};
 use super::log::Kind;
 use super::{COVERED, DURATION, EXPLORED, INTERRUPTED, QUIT, RunError, Session};
-use crate::playback::{Ending, Playback, Said};
+use crate::playback::{Ending, Playback, RecordedTick};
 use crate::transport::Level;
 use simulation::scenario::OnAgentLoss;
 use simulation::wire;
 use simulation::world::Commit;
 
 /// What a recording says of the present tick.
-enum RecordedTick {
+enum NextTick {
     /// These replies.
-    Replies(Said),
+    Recorded(RecordedTick),
     /// Nothing more: the tick is the first that is executed live.
     Live,
     /// The run that is verified ends here, for this reason.
@@ -28,7 +29,8 @@ enum RecordedTick {
 }
 
 impl Session<'_, '_> {
-    /// Admits the recorded agents of a run that is verified. Breaks with the reason if it had no tick.
+    /// Admits the recorded agents of a run that is verified. Breaks with the reason if it had no
+    /// tick.
     pub(super) fn admit_recorded(&mut self) -> Result<ControlFlow<String>, RunError> {
         let agents = self.engine.agents();
         let joins = self.playback.as_ref().map(Playback::joins).into_iter().flatten();
@@ -37,7 +39,8 @@ impl Session<'_, '_> {
         for (agent, controller) in joins.into_iter().filter(|(agent, _)| agent.index() < agents) {
             self.log.write(Kind::Join(agent), Tick::ZERO, &recorded_join(agent, controller))?;
         }
-        // A run that was interrupted during admission has a tick without replies; one that failed then has none.
+        // A run that was interrupted during admission has a tick without replies; one that failed
+        // then has none.
         let ending = self.playback.as_ref().and_then(Playback::ending);
         match ending {
             _ if is_complete => Ok(ControlFlow::Continue(())),
@@ -49,7 +52,8 @@ impl Session<'_, '_> {
         }
     }
 
-    /// Executes the recorded ticks. Continues with the first live tick executed, or breaks with the reason of the end.
+    /// Executes the recorded ticks. Continues with the first live tick executed, or breaks with the
+    /// reason of the end.
     pub(super) fn re_execute(&mut self) -> Result<ControlFlow<String>, RunError> {
         loop {
             self.record_state()?;
@@ -57,52 +61,52 @@ impl Session<'_, '_> {
                 return Ok(ControlFlow::Break(reason.to_owned()));
             }
             match self.recorded_tick()? {
-                RecordedTick::Replies(said) => {
-                    if self.tick(Some(said))?.is_break() {
+                NextTick::Recorded(recorded) => {
+                    if self.tick(Some(recorded))?.is_break() {
                         return Ok(ControlFlow::Break(INTERRUPTED.to_owned()));
                     }
                     self.control.ticked();
                 }
-                RecordedTick::Live => {
+                NextTick::Live => {
                     if self.go_live()?.is_break() {
                         return Ok(ControlFlow::Break(INTERRUPTED.to_owned()));
                     }
                     // The state of this tick is recorded already.
                     return Ok(self.advance()?.map_break(str::to_owned));
                 }
-                RecordedTick::End(reason) => return Ok(ControlFlow::Break(reason)),
+                NextTick::End(reason) => return Ok(ControlFlow::Break(reason)),
             }
         }
     }
 
     /// Looks up the present tick, and repeats its interventions.
-    fn recorded_tick(&mut self) -> Result<RecordedTick, RunError> {
+    fn recorded_tick(&mut self) -> Result<NextTick, RunError> {
         let tick = self.engine.tick();
         let playback = self.playback.as_mut().expect("a recording is re-executed");
         let is_known = playback.covers(tick);
-        let said = playback.said(tick)?;
+        let recorded = playback.read_tick(tick)?;
         if self.log.checker().is_some_and(|checker| checker.is_done()) {
-            return Ok(RecordedTick::End(String::new()));
+            return Ok(NextTick::End(String::new()));
         }
         let is_verified = self.log.checker().is_some();
         let digest = self.engine.chain.digest();
-        if let Some(before) = said.digest.filter(|before| !is_verified && *before != digest) {
+        if let Some(before) = recorded.digest.filter(|before| !is_verified && *before != digest) {
             let reason =
                 format!("the digest was {before} and is {digest}: the recording is of another build or scenario");
             return Err(RunError::OtherRun { tick, reason });
         }
-        for intervention in &said.interventions {
+        for intervention in &recorded.interventions {
             self.repeat_intervention(intervention)?;
         }
         Ok(match (is_known, is_verified) {
-            (true, _) => RecordedTick::Replies(said),
-            (false, true) => RecordedTick::End(self.end_recorded()?),
-            (false, false) => RecordedTick::Live,
+            (true, _) => NextTick::Recorded(recorded),
+            (false, true) => NextTick::End(self.end_recorded()?),
+            (false, false) => NextTick::Live,
         })
     }
 
-    /// Turns a resumed run live: the recording so far replaces the one that was read, and the agents replay their observation
-    /// logs. Breaks if that is stopped.
+    /// Turns a resumed run live: the recording so far replaces the one that was read, and the
+    /// agents replay their observation logs. Breaks if that is stopped.
     fn go_live(&mut self) -> Result<ControlFlow<()>, RunError> {
         let tick = self.engine.tick();
         self.playback = None;
@@ -111,24 +115,24 @@ impl Session<'_, '_> {
         self.note(Level::Info, &format!("re-executed up to tick {tick}; the run continues from there"));
         let replayed = self.replay_observation_logs()?;
         let wall_ns = self.wall_ns();
-        self.control.go_on(tick, wall_ns);
+        self.control.restart_pacing(tick, wall_ns);
         Ok(replayed)
     }
 
     /// Ends a verified run as its recording ends; returns the reason.
     fn end_recorded(&mut self) -> Result<String, RunError> {
         let tick = self.engine.tick();
-        let Some(Ending { reason, is_given_up }) = self.playback.as_ref().and_then(Playback::ending).cloned() else {
+        let Some(Ending { reason, is_mid_tick }) = self.playback.as_ref().and_then(Playback::ending).cloned() else {
             return Ok(self.end_check());
         };
         if [EXPLORED, COVERED, DURATION].contains(&reason.as_str()) {
             let reason = format!("the run has ended there, for the reason `{reason}`, and continues here");
             return Err(RunError::OtherRun { tick, reason });
         }
-        if is_given_up {
+        if is_mid_tick {
             self.engine.look();
             // Without replies, only the agents that are due count as asked.
-            let requests = self.requests(Some(&Said::default()));
+            let requests = self.requests(Some(&RecordedTick::default()));
             self.record_unanswered(&requests)?;
         }
         Ok(reason)
@@ -161,17 +165,18 @@ impl Session<'_, '_> {
         }
     }
 
-    /// The recorded replies of a tick, if they fit its requests. Agents that were lost then are lost here.
+    /// The recorded replies of a tick, if they fit its requests. Agents that were lost then are
+    /// lost here.
     pub(super) fn recorded_replies(
         &mut self,
         requests: &[ObservationRequest],
-        mut said: Said,
+        mut recorded: RecordedTick,
     ) -> Result<Replies, RunError> {
         let tick = self.engine.tick();
         let misfit = |reason: String| RunError::OtherRun { tick, reason };
         let mut replies = Replies::new();
         for agent in requests.iter().map(|request| request.agent) {
-            match said.commands.remove(&agent) {
+            match recorded.commands.remove(&agent) {
                 Some(message) => {
                     let (action, trigger) = wire::command(&message, self.scenario.agents.count)
                         .map_err(|reason| misfit(format!("the command of agent {agent}: {reason}")))?;
@@ -183,7 +188,7 @@ impl Session<'_, '_> {
                 None => return Err(misfit(format!("agent {agent} is asked here, and has answered nothing there"))),
             }
         }
-        match said.commands.keys().next() {
+        match recorded.commands.keys().next() {
             None => Ok(replies),
             Some(agent) => Err(misfit(format!("agent {agent} has answered there, and is not asked here"))),
         }

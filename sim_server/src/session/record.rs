@@ -1,5 +1,5 @@
-//! The periodic messages of a recording: poses, digest, progress and visualisation at the start of a tick; and the observations
-//! of a tick that was given up.
+//! The periodic messages of a recording: poses, digest, progress and visualisation at the start of
+//! a tick; and the observations of a tick that was given up.
 
 use msgs::ids::Tick;
 use msgs::maes_msgs;

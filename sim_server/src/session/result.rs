@@ -26,7 +26,8 @@ impl Session<'_, '_> {
         self.control.end_steps("the run has ended");
         let is_present = |request: &&ObservationRequest| !self.engine.lost.contains(&request.agent);
         let present: Vec<ObservationRequest> = last.iter().filter(is_present).cloned().collect();
-        // The agents come first: an error of the recording does not concern them. The stop flag does not cut this wait short.
+        // The agents come first: an error of the recording does not concern them. The stop flag
+        // does not cut this wait short.
         let Self { sessions, transport, observer, log, .. } = &mut self;
         let never = AtomicBool::new(false);
         let mut context = WaitContext { transport: &mut **transport, observer: &mut **observer, log, stop: &never };

@@ -1,8 +1,8 @@
-//! Whether the agents of a recording have decided as their controllers do: each is told again what it was told, and its commands are
-//! compared.
+//! Verification of recorded commands: each agent is re-executed on its recorded observations, and
+//! its commands are compared.
 //!
-//! Every agent is asked on its own, side by side with the others, because what it was told is known. What agents are is not known
-//! here: whoever calls brings them along.
+//! Agents are re-executed independently and in parallel, because their observations are known. The
+//! caller provides the agents, which this crate does not know.
 
 use std::collections::BTreeMap;
 
@@ -15,165 +15,166 @@ use thiserror::Error;
 use crate::comparison::{self, Difference};
 use crate::recording::{Message, Recording};
 
-/// Where agents come from.
-pub trait Controllers: Sync {
-    /// An agent that knows nothing but what all are told, and runs what it has said that it runs: a name, and settings
-    /// `KEY=VALUE` behind it.
+/// Creates agents.
+pub trait ControllerFactory: Sync {
+    /// Creates an agent from the announced scenario and the controller of its join message: a name,
+    /// followed by settings `KEY=VALUE`.
     ///
     /// # Errors
-    /// Says why there is no such agent here.
-    fn agent(&self, told: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn Decider>, String>;
+    /// The reason why there is no such agent here.
+    fn agent(&self, announced: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String>;
 }
 
-/// An agent.
-pub trait Decider {
-    /// Tells it a part of an observation, and gives its answer once it has one.
+/// A re-executed agent.
+pub trait AgentReplica {
+    /// Passes a fragment of an observation, and returns the command once there is one.
     ///
     /// # Errors
-    /// Says why it cannot go on.
+    /// The reason why it cannot continue.
     fn take(&mut self, part: Observation) -> Result<Option<Command>, String>;
 }
 
-/// What was found about the commands of a recording.
+/// The verified commands of a recording.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Checked {
-    /// How many commands are the same.
+    /// Number of equal commands.
     pub commands: u64,
-    /// Whose.
+    /// The agents checked.
     pub agents: Vec<AgentId>,
-    /// Whose were not looked at, and why not.
+    /// The agents not checked, and why.
     pub unchecked: BTreeMap<AgentId, String>,
 }
 
-/// Why the commands of a recording do not hold.
+/// Why the commands of a recording do not verify.
 #[derive(Debug, Error)]
 pub enum ControllersError {
-    /// A command is not what is decided.
+    /// A command differs.
     #[error("{file}: {difference}")]
     Different {
-        /// The recording.
         file: String,
-        /// The first command that is different.
+        /// The first difference.
         difference: Box<Difference>,
     },
-    /// An agent cannot be told what the recording has.
+    /// An agent does not accept its observations.
     #[error("{file}: tick {tick}, agent {agent}: {reason}")]
-    Agent {
-        /// The recording.
-        file: String,
-        /// When.
-        tick: Tick,
-        /// Who.
-        agent: AgentId,
-        /// Why not.
-        reason: String,
-    },
+    Agent { file: String, tick: Tick, agent: AgentId, reason: String },
 }
 
-/// What one agent was told and has answered, in order.
+/// Observations and commands of one agent, in order.
 #[derive(Debug, Default)]
-struct Past {
+struct AgentHistory {
     runs: String,
     messages: Vec<Message>,
 }
 
-/// Has the agents of a recording decide again, in all ticks before one.
+/// Re-executes the agents of a recording, in all ticks before one.
 ///
 /// # Errors
-/// If one of them decides otherwise; the first one by tick and number is named.
-pub fn check(recording: &Recording, before: Tick, controllers: &dyn Controllers) -> Result<Checked, ControllersError> {
-    let (told, pasts) = pasts(recording, before);
-    let looked_at: Vec<(AgentId, Looked)> =
-        pasts.into_par_iter().map(|(agent, past)| (agent, look_at(&told, agent, &past, controllers))).collect();
+/// If a command differs; the first one by tick and agent is reported.
+pub fn check(
+    recording: &Recording,
+    before: Tick,
+    controllers: &dyn ControllerFactory,
+) -> Result<Checked, ControllersError> {
+    let (announced, histories) = histories(recording, before);
+    let verdicts: Vec<(AgentId, Verdict)> = histories
+        .into_par_iter()
+        .map(|(agent, history)| (agent, check_agent(&announced, agent, &history, controllers)))
+        .collect();
     let mut checked = Checked::default();
-    let mut first: Option<(Tick, AgentId, Wrong)> = None;
-    for (agent, looked) in looked_at {
-        match looked {
-            Looked::Same { commands } => {
+    let mut first: Option<(Tick, AgentId, Mismatch)> = None;
+    for (agent, verdict) in verdicts {
+        match verdict {
+            Verdict::Same { commands } => {
                 checked.commands += commands;
                 checked.agents.push(agent);
             }
-            Looked::Unknown { reason } => {
+            Verdict::Unchecked { reason } => {
                 checked.unchecked.insert(agent, reason);
             }
-            // Agents come in order, so that of two in one tick the first stays.
-            Looked::Wrong { tick, wrong } if first.as_ref().is_none_or(|(first, ..)| tick < *first) => {
-                first = Some((tick, agent, wrong));
+            // Agents come in order, so the first of two in one tick stays.
+            Verdict::Mismatch { tick, mismatch } if first.as_ref().is_none_or(|(first, ..)| tick < *first) => {
+                first = Some((tick, agent, mismatch));
             }
-            Looked::Wrong { .. } => {}
+            Verdict::Mismatch { .. } => {}
         }
     }
     let file = recording.file().to_owned();
     match first {
         None => Ok(checked),
-        Some((_, _, Wrong::Command(difference))) => Err(ControllersError::Different { file, difference }),
-        Some((tick, agent, Wrong::Agent(reason))) => Err(ControllersError::Agent { file, tick, agent, reason }),
+        Some((_, _, Mismatch::Command(difference))) => Err(ControllersError::Different { file, difference }),
+        Some((tick, agent, Mismatch::Agent(reason))) => Err(ControllersError::Agent { file, tick, agent, reason }),
     }
 }
 
-/// What agents are told of the run, and what each was told and has answered in all ticks before one.
-fn pasts(recording: &Recording, before: Tick) -> (Scenario, BTreeMap<AgentId, Past>) {
-    let mut told = Scenario::default();
-    let mut pasts: BTreeMap<AgentId, Past> = BTreeMap::new();
+/// The announced scenario, and the history of each agent in all ticks before one.
+fn histories(recording: &Recording, before: Tick) -> (Scenario, BTreeMap<AgentId, AgentHistory>) {
+    let mut announced = Scenario::default();
+    let mut histories: BTreeMap<AgentId, AgentHistory> = BTreeMap::new();
     for message in recording.messages().take_while(|message| message.tick() < before) {
         if message.channel.topic == topics::scenario().name {
-            told = message.decode().unwrap_or_default();
+            announced = message.decode().unwrap_or_default();
         }
         match message.of_agent() {
             Some((agent, "join")) => {
-                pasts.entry(agent).or_default().runs = message.decode().map_or_else(|_| String::new(), runs);
+                histories.entry(agent).or_default().runs = message.decode().map_or_else(|_| String::new(), runs);
             }
-            Some((agent, "observation" | "command")) => pasts.entry(agent).or_default().messages.push(message),
+            Some((agent, "observation" | "command")) => histories.entry(agent).or_default().messages.push(message),
             _ => {}
         }
     }
-    (told, pasts)
+    (announced, histories)
 }
 
 fn runs(join: Join) -> String {
     join.controller
 }
 
-/// What was found about one agent.
-enum Looked {
+/// The outcome for one agent.
+enum Verdict {
     Same { commands: u64 },
-    Unknown { reason: String },
-    Wrong { tick: Tick, wrong: Wrong },
+    Unchecked { reason: String },
+    Mismatch { tick: Tick, mismatch: Mismatch },
 }
 
-/// What is wrong with what an agent has said.
-enum Wrong {
+/// Why an agent does not verify.
+enum Mismatch {
     Command(Box<Difference>),
     Agent(String),
 }
 
-fn look_at(told: &Scenario, agent: AgentId, past: &Past, controllers: &dyn Controllers) -> Looked {
-    let mut decider = match controllers.agent(told, agent, &past.runs) {
-        Ok(decider) => decider,
-        Err(reason) => return Looked::Unknown { reason },
+fn check_agent(
+    announced: &Scenario,
+    agent: AgentId,
+    history: &AgentHistory,
+    controllers: &dyn ControllerFactory,
+) -> Verdict {
+    let mut replica = match controllers.agent(announced, agent, &history.runs) {
+        Ok(replica) => replica,
+        Err(reason) => return Verdict::Unchecked { reason },
     };
     let mut commands = 0;
     let mut answer = None;
-    for message in &past.messages {
+    for message in &history.messages {
         let tick = message.tick();
         if message.of_agent().is_some_and(|(_, topic)| topic == "command") {
-            if let Some(difference) = comparison::with_command(message, answer.take().as_ref()) {
-                return Looked::Wrong { tick, wrong: Wrong::Command(Box::new(difference)) };
+            if let Some(difference) = comparison::compare_command(message, answer.take().as_ref()) {
+                return Verdict::Mismatch { tick, mismatch: Mismatch::Command(Box::new(difference)) };
             }
             commands += 1;
             continue;
         }
         let part = message.decode().map_err(|error| error.to_string());
-        match part.and_then(|part| decider.take(part)) {
+        match part.and_then(|part| replica.take(part)) {
             Ok(None) => {}
             Ok(Some(command)) => answer = Some(command),
-            Err(reason) => return Looked::Wrong { tick, wrong: Wrong::Agent(reason) },
+            Err(reason) => return Verdict::Mismatch { tick, mismatch: Mismatch::Agent(reason) },
         }
     }
-    Looked::Same { commands }
+    Verdict::Same { commands }
 }
 
-/// What people are told, a line each.
+/// The report for the user.
 #[must_use]
 pub fn text(checked: &Checked) -> String {
     let Checked { commands, agents, unchecked } = checked;
@@ -188,23 +189,23 @@ pub fn text(checked: &Checked) -> String {
 mod tests {
     use super::*;
     use crate::recorder::{Document, Recorder};
-    use crate::setup::SCENARIO_ATTACHMENT;
+    use crate::recording::SCENARIO_ATTACHMENT;
     use msgs::cdr;
 
-    /// Says how many parts it was told.
+    /// Counts the fragments it receives.
     struct Counting(u32);
 
-    impl Decider for Counting {
+    impl AgentReplica for Counting {
         fn take(&mut self, part: Observation) -> Result<Option<Command>, String> {
             self.0 += 1;
             Ok(Some(command(part.agent, part.tick, self.0)))
         }
     }
 
-    struct Counters;
+    struct CountingFactory;
 
-    impl Controllers for Counters {
-        fn agent(&self, _told: &Scenario, _agent: AgentId, runs: &str) -> Result<Box<dyn Decider>, String> {
+    impl ControllerFactory for CountingFactory {
+        fn agent(&self, _announced: &Scenario, _agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String> {
             if runs == "counting" { Ok(Box::new(Counting(0))) } else { Err(format!("{runs}: unknown")) }
         }
     }
@@ -213,13 +214,13 @@ mod tests {
         Command { agent, tick, known_free, ..Command::default() }
     }
 
-    /// Of three agents and three ticks; the commands are changed.
+    /// Three agents and three ticks, with modified commands.
     fn recording(change: impl Fn(&mut Command)) -> Recording {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("run.mcap");
         let documents = [Document { name: SCENARIO_ATTACHMENT, media_type: "", data: b"" }];
         let mut recorder = Recorder::create(&file, &documents).unwrap();
-        for (agent, controller) in [(0, "counting"), (1, "of somebody"), (2, "counting")] {
+        for (agent, controller) in [(0, "counting"), (1, "of a user"), (2, "counting")] {
             let join = Join { agent, controller: controller.to_owned(), ..Join::default() };
             recorder.write(&topics::join(AgentId(agent)), Tick::ZERO, &cdr::encode(&join)).unwrap();
         }
@@ -235,21 +236,21 @@ mod tests {
     }
 
     #[test]
-    fn those_who_are_known_decide_again() {
-        let checked = check(&recording(|_| {}), Tick(3), &Counters).unwrap();
+    fn known_controllers_are_re_executed() {
+        let checked = check(&recording(|_| {}), Tick(3), &CountingFactory).unwrap();
         assert_eq!((checked.commands, checked.agents), (6, vec![AgentId(0), AgentId(2)]));
-        assert_eq!(checked.unchecked[&AgentId(1)], "of somebody: unknown");
+        assert_eq!(checked.unchecked[&AgentId(1)], "of a user: unknown");
     }
 
     #[test]
-    fn the_first_command_that_is_another_is_named() {
+    fn first_different_command_is_named() {
         let changed = recording(|command| {
             if (command.tick, command.agent) >= (1, 2) {
                 command.want_view = true;
             }
         });
-        let refused = check(&changed, Tick(3), &Counters).unwrap_err().to_string();
+        let refused = check(&changed, Tick(3), &CountingFactory).unwrap_err().to_string();
         assert!(refused.ends_with(": tick 1, agent 2, /agent_2/command: want_view was true and is false"), "{refused}");
-        assert!(check(&changed, Tick(1), &Counters).is_ok(), "what comes later is not looked at");
+        assert!(check(&changed, Tick(1), &CountingFactory).is_ok(), "later ticks are not checked");
     }
 }

@@ -1,7 +1,8 @@
-//! Cells as cubes, in pieces: the walls, and what nobody has seen.
+//! Markers of cells, in chunks: the visible walls and the unexplored free cells.
 
 use std::collections::BTreeSet;
 
+use fixedbitset::FixedBitSet;
 use msgs::ids::Tick;
 use msgs::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 use msgs::std_msgs::ColorRGBA;
@@ -10,10 +11,10 @@ use voxels::{Blocks, Cell, Extent, Grid, Terrain};
 
 use crate::wire::{header, point};
 
-/// Cubes of a piece at the most.
+/// Largest number of cubes in a chunk.
 const CUBES_MAX: usize = (VIEW_BYTES_MAX - MESSAGE_BYTES_BARE) / POINT_BYTES;
 
-/// Cells along each axis of a block: as many as fit into a piece.
+/// Cells along each axis of a block, as many as fit into a chunk.
 const BLOCK_SIDE: u32 = 13;
 
 const WALL_COLOUR: ColorRGBA = ColorRGBA { r: 0.6, g: 0.6, b: 0.55, a: 1.0 };
@@ -24,53 +25,49 @@ fn cubes(extent: Extent, tick: Tick, (ns, colour): (&str, ColorRGBA), id: i32, c
     Marker::cubes(header(tick), ns, id, extent.cell_m(), colour, points)
 }
 
-/// The walls that share a face with a free cell, which are those that can be seen, in pieces that are numbered from 0.
+/// The walls that share a face with a free cell, in chunks with marker ids from 0.
 pub(super) fn walls(terrain: &Grid<Terrain>, tick: Tick) -> Vec<Marker> {
     let is_free = |cell| terrain.get(cell) == Some(&Terrain::Free);
     let seen = |(cell, kind): &(Cell, &Terrain)| **kind == Terrain::Wall && cell.neighbours6().into_iter().any(is_free);
     let walls: Vec<Cell> = terrain.iter().filter(seen).map(|(cell, _)| cell).collect();
-    let pieces = (0..).zip(walls.chunks(CUBES_MAX));
-    pieces.map(|(id, cells)| cubes(terrain.extent(), tick, ("walls", WALL_COLOUR), id, cells)).collect()
+    let chunks = (0..).zip(walls.chunks(CUBES_MAX));
+    chunks.map(|(id, cells)| cubes(terrain.extent(), tick, ("walls", WALL_COLOUR), id, cells)).collect()
 }
 
-/// Which of the free cells that nobody has seen have been shown, block by block.
+/// The unexplored free cells, block by block, as far as they have been published.
 #[derive(Debug)]
 pub(super) struct Unexplored {
     blocks: Blocks,
-    /// The cells that had been seen when it was last looked.
-    explored: Vec<u64>,
-    /// Blocks that differ from what was shown last.
+    /// The explored cells at the last update.
+    explored: FixedBitSet,
+    /// Blocks that differ from what was published last.
     changed: BTreeSet<u32>,
 }
 
 impl Unexplored {
-    /// Nothing shown: every block that has free cells is to be.
+    /// Nothing published: every block with free cells has changed.
     pub(super) fn new(terrain: &Grid<Terrain>) -> Self {
         let blocks = Blocks::new(terrain.extent(), BLOCK_SIDE);
         let free = terrain.as_slice().iter().enumerate().filter(|&(_, &kind)| kind == Terrain::Free);
         let changed = free.map(|(index, _)| blocks.of(index)).collect();
-        Self { blocks, explored: vec![0; terrain.extent().volume().div_ceil(64)], changed }
+        Self { blocks, explored: FixedBitSet::with_capacity(terrain.extent().volume()), changed }
     }
 
-    /// Finds out which blocks have changed since it was last looked.
-    pub(super) fn look(&mut self, explored: &[u64]) {
-        for (number, (before, &now)) in self.explored.iter_mut().zip(explored).enumerate() {
-            let mut new = now & !*before;
-            *before = now;
-            while new != 0 {
-                self.changed.insert(self.blocks.of(number * 64 + new.trailing_zeros() as usize));
-                new &= new - 1;
-            }
-        }
+    /// Updates the set of changed blocks.
+    pub(super) fn update(&mut self, explored: &FixedBitSet) {
+        let mut new = explored.clone();
+        new.difference_with(&self.explored);
+        self.changed.extend(new.ones().map(|index| self.blocks.of(index)));
+        self.explored.clone_from(explored);
     }
 
-    /// The next block that has changed, as it is now.
-    pub(super) fn next(&mut self, terrain: &Grid<Terrain>, explored: &[u64], tick: Tick) -> Option<Marker> {
+    /// The next changed block in its present state.
+    pub(super) fn next(&mut self, terrain: &Grid<Terrain>, explored: &FixedBitSet, tick: Tick) -> Option<Marker> {
         let block = self.changed.pop_first()?;
         let extent = terrain.extent();
         let is_unseen = |&cell: &Cell| {
             let index = extent.index(cell).expect("the cells of a block are in the map");
-            terrain.as_slice()[index] == Terrain::Free && explored[index / 64] >> (index % 64) & 1 == 0
+            terrain.as_slice()[index] == Terrain::Free && !explored.contains(index)
         };
         let cells: Vec<Cell> = self.blocks.cells(block).filter(is_unseen).collect();
         let id = i32::try_from(block).expect("an extent has at most 2^30 cells");
@@ -83,11 +80,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_block_fits_into_a_piece() {
+    fn full_block_fits_into_a_chunk() {
         assert!((BLOCK_SIDE as usize).pow(3) <= CUBES_MAX);
         let terrain = Grid::new(Extent::new([13, 13, 13], 0.1).unwrap(), Terrain::Free);
         let mut unexplored = Unexplored::new(&terrain);
-        let explored = vec![0; 13_usize.pow(3).div_ceil(64)];
+        let explored = FixedBitSet::with_capacity(13_usize.pow(3));
         let marker = unexplored.next(&terrain, &explored, Tick(3)).unwrap();
         assert_eq!(marker.points.len(), 2197);
         assert!(msgs::cdr::encode(&marker).len() <= VIEW_BYTES_MAX);
@@ -95,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn only_walls_that_can_be_seen_are_shown_in_pieces_that_fit() {
+    fn visible_walls_are_split_into_chunks() {
         let extent = Extent::new([60, 60, 3], 0.5).unwrap();
         let mut terrain = Grid::new(extent, Terrain::Wall);
         for (x, y) in (1..59).flat_map(|x| (1..59).map(move |y| (x, y))) {

@@ -1,4 +1,4 @@
-//! What a LiDAR has found, as a cloud of points.
+//! Point clouds of LiDAR scans.
 
 use msgs::ids::AgentId;
 use msgs::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
@@ -14,11 +14,12 @@ use crate::world::body::Pose;
 const COORDINATE_BYTES: u32 = 4;
 const POINT_BYTES: u32 = 3 * COORDINATE_BYTES;
 
-/// Points of a cloud at the most: 4957.
+/// Largest number of points in a cloud: 4957.
 const POINTS_MAX: usize = (VIEW_BYTES_MAX - MESSAGE_BYTES_BARE) / POINT_BYTES as usize;
 
-/// Where the rays of the last scan of an agent have met walls: in the frame of its body at the moment of the scan, which the stamp
-/// tells; `None` if there was no scan. Of more than 4957 points, so many spread evenly over the rays.
+/// The hits of the last scan of an agent, metres, in the frame of its body at the stamp, which is
+/// that of the scan; `None` before the first scan. More than 4957 points are thinned evenly over
+/// the rays.
 #[must_use]
 pub fn points(world: &World, agent: AgentId) -> Option<PointCloud2> {
     let (pose, tick) = world.last_scan(agent)?;
@@ -62,7 +63,8 @@ mod tests {
 
     #[test]
     fn points_are_in_the_frame_of_the_body() {
-        // It looks along y: what is ahead of it is on x, and what is at greater x is on its right.
+        // The heading is along y: what is ahead has a positive x, what is at greater x of the map
+        // is to the right.
         let pose = Pose { position: Point3::new(1.0, 2.0, 3.0), yaw_rad: std::f64::consts::FRAC_PI_2 };
         let hits = [Point3::new(1.0, 6.0, 3.0), Point3::new(2.5, 2.0, 2.0)];
         let cloud = cloud(Header::default(), &pose, &hits);

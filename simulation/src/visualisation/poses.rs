@@ -1,4 +1,4 @@
-//! Where bodies are, where they are going, and who hears whom.
+//! Transforms, odometry, paths and contacts.
 
 use msgs::geometry_msgs::{
     Pose, PoseStamped, PoseWithCovariance, TransformStamped, Twist, TwistWithCovariance, Vector3,
@@ -18,24 +18,24 @@ use crate::world::World;
 /// Bytes on the wire of a pose with a header, with padding.
 const POSE_BYTES: usize = 72;
 
-/// Waypoints in a path at the most; those after them are left out.
+/// Largest number of poses in a path; later waypoints are omitted.
 const POSES_MAX: usize = (VIEW_BYTES_MAX - MESSAGE_BYTES_BARE) / POSE_BYTES;
 
-/// Lines between agents at the most; those after them are left out.
+/// Largest number of contact lines; later ones are omitted.
 const LINES_MAX: usize = (VIEW_BYTES_MAX - MESSAGE_BYTES_BARE) / (2 * POINT_BYTES);
 
-/// Width of a line between agents, in cells.
+/// Width of a contact line, in cells.
 const LINE_CELLS: f64 = 0.1;
 
 /// Its colour.
 const LINE_COLOUR: ColorRGBA = ColorRGBA { r: 0.1, g: 0.8, b: 0.2, a: 0.9 };
 
-/// The poses of all bodies, in messages that are not too large.
+/// The poses of all bodies, in messages of bounded size.
 pub(super) fn transforms(world: &World) -> impl Iterator<Item = TFMessage> + use<> {
     in_parts(crate::wire::transforms(world).transforms)
 }
 
-/// Where the LiDAR of each agent is: in the centre of its body.
+/// The frame of each LiDAR: the centre of the body.
 pub(super) fn static_transforms<A>(agents: A, tick: Tick) -> impl Iterator<Item = TFMessage> + use<A>
 where
     A: Iterator<Item = AgentId>,
@@ -55,8 +55,8 @@ fn in_parts(transforms: Vec<TransformStamped>) -> impl Iterator<Item = TFMessage
     parts.into_iter()
 }
 
-/// Where an agent is at the start of this tick, in the frame `map`, and its velocity in the last fixed update, in the frame of its
-/// body. Both are exact: the covariances are zero.
+/// The true pose of an agent at the start of this tick (metres, frame `map`), and its velocity in
+/// the last fixed update (m/s and rad/s, frame of the body). The covariances are zero.
 #[must_use]
 pub fn odometry(world: &World, agent: AgentId) -> Odometry {
     let body = world.body(agent);
@@ -78,15 +78,15 @@ pub fn odometry(world: &World, agent: AgentId) -> Odometry {
     }
 }
 
-/// A way along these points.
+/// A path along waypoints (metres, frame `map`).
 pub(super) fn path(tick: Tick, waypoints: &[Point3<f64>]) -> Path {
     let pose =
         |waypoint| PoseStamped { header: header(tick), pose: Pose { position: point(waypoint), ..Pose::default() } };
     Path { header: header(tick), poses: waypoints.iter().take(POSES_MAX).map(pose).collect() }
 }
 
-/// A line between each two agents in contact, from each agent to the relays that it reaches, and between relays that hear each
-/// other.
+/// A line for each pair of agents in contact, from each agent to the relays that it reaches, and
+/// for each pair of relays in contact.
 pub(super) fn contacts(world: &mut World) -> Marker {
     let mut ends = Vec::new();
     for one in world.agents() {

@@ -1,4 +1,4 @@
-//! How the run and its agents are doing, in words and numbers for people.
+//! The status of the run and of each agent, as diagnostics.
 
 use std::collections::BTreeSet;
 
@@ -9,27 +9,28 @@ use msgs::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 use crate::wire::header;
 use crate::world::World;
 
-/// Bytes on the wire of a text beside its letters, with padding.
+/// Bytes on the wire of a string beside its characters, with padding.
 const TEXT_BYTES_BARE: usize = 12;
 
-/// What the run loop knows of a run beside its world.
+/// What the session knows of a run beside its world.
 #[derive(Debug, Clone, Copy)]
 pub struct RunStatus<'a> {
     /// The last information text of each agent.
     pub infos: &'a [String],
-    /// Agents that were lost.
+    /// Agents that have been lost.
     pub lost: &'a BTreeSet<AgentId>,
-    /// Sim seconds for each second of wall time since the start.
+    /// Real-time factor since the start: sim seconds per second of wall time; `None` for the
+    /// recording.
     pub rtf: Option<f64>,
 }
 
-/// A status of the run and one of each agent, in messages that are not too large.
-pub(super) fn info(world: &World, facts: &RunStatus<'_>) -> Vec<DiagnosticArray> {
+/// A status of the run and one of each agent, in messages of bounded size.
+pub(super) fn info(world: &World, run_status: &RunStatus<'_>) -> Vec<DiagnosticArray> {
     let bare = DiagnosticArray { header: header(world.tick()), status: Vec::new() };
     let mut done = Vec::new();
     let mut filling = bare.clone();
     let mut left = VIEW_BYTES_MAX - MESSAGE_BYTES_BARE;
-    for status in std::iter::once(of_run(world, facts)).chain(of_agents(world, facts)) {
+    for status in std::iter::once(of_run(world, run_status)).chain(of_agents(world, run_status)) {
         let bytes = bytes_of(&status);
         if bytes > left {
             done.push(std::mem::replace(&mut filling, bare.clone()));
@@ -42,26 +43,26 @@ pub(super) fn info(world: &World, facts: &RunStatus<'_>) -> Vec<DiagnosticArray>
     done
 }
 
-fn of_run(world: &World, facts: &RunStatus<'_>) -> DiagnosticStatus {
+fn of_run(world: &World, run_status: &RunStatus<'_>) -> DiagnosticStatus {
     let coverage = world.coverage();
     let mut values = vec![
         value("tick", world.tick().0),
         value("explored", format!("{:.4}", coverage.explored())),
         value("covered", format!("{:.4}", coverage.covered())),
-        value("agents_lost", facts.lost.len()),
+        value("agents_lost", run_status.lost.len()),
     ];
-    values.extend(facts.rtf.map(|rtf| value("rtf", format!("{rtf:.1}"))));
+    values.extend(run_status.rtf.map(|rtf| value("rtf", format!("{rtf:.1}"))));
     let message = format!("{:.1} % explored", coverage.explored() * 100.0);
     DiagnosticStatus { name: "run".to_owned(), message, values, ..DiagnosticStatus::default() }
 }
 
-fn of_agents(world: &World, facts: &RunStatus<'_>) -> impl Iterator<Item = DiagnosticStatus> {
+fn of_agents(world: &World, run_status: &RunStatus<'_>) -> impl Iterator<Item = DiagnosticStatus> {
     let coverage = world.coverage();
     let each = world.distance_m().into_iter().zip(coverage.explored_by()).zip(coverage.believed_by());
     world.agents().zip(each).map(|(agent, ((distance_m, explored), believed))| {
-        let is_lost = facts.lost.contains(&agent);
+        let is_lost = run_status.lost.contains(&agent);
         let body = world.body(agent);
-        let message = if is_lost { "lost" } else { facts.infos.get(agent.index()).map_or("", String::as_str) };
+        let message = if is_lost { "lost" } else { run_status.infos.get(agent.index()).map_or("", String::as_str) };
         let collision = body.collision().map_or("none".to_owned(), |met| format!("{:?}", met.surface).to_lowercase());
         DiagnosticStatus {
             level: if is_lost { DiagnosticStatus::ERROR } else { DiagnosticStatus::OK },

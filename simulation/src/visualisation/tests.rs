@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use fixedbitset::FixedBitSet;
 use msgs::body_model::BodyModel;
 use msgs::cdr;
 use msgs::limits::VIEW_BYTES_MAX;
@@ -25,7 +26,8 @@ fn tunnel() -> Grid<Terrain> {
     terrain
 }
 
-/// Two bodies in the tunnel, 4 m apart; the first looks along y. LiDARs see one metre, every 10 ticks.
+/// Two bodies in the tunnel, 4 m apart; the first has its heading along y. LiDARs have a range of 1
+/// m and scan every 10 ticks.
 fn world() -> World {
     let params = WorldParams {
         body: BodyModel { radius_m: 0.1, ..BodyModel::default() },
@@ -45,64 +47,64 @@ fn step(world: &mut World, actions: impl IntoIterator<Item = (u32, Motion)>) {
     world.step(actions.into_iter().map(|(agent, motion)| (AgentId(agent), action(motion))).collect());
 }
 
-fn facts<'a>(lost: &'a BTreeSet<AgentId>, infos: &'a [String]) -> RunStatus<'a> {
+fn run_status<'a>(lost: &'a BTreeSet<AgentId>, infos: &'a [String]) -> RunStatus<'a> {
     RunStatus { infos, lost, rtf: Some(7.25) }
 }
 
-fn views(record: Vec<RecordedView>) -> VisualisationScheduler {
+fn scheduler(record: Vec<RecordedView>) -> VisualisationScheduler {
     VisualisationScheduler::new(ViewsSection { record, ..ViewsSection::default() }, 2)
 }
 
-/// What is shown to listeners, with how many messages of each view.
-fn shown(
-    views: &mut VisualisationScheduler,
+/// The number of messages of each topic that are published to subscribers.
+fn published(
+    scheduler: &mut VisualisationScheduler,
     world: &mut World,
-    listeners: &[(VisualisationTopic, u64)],
+    subscribers: &[(VisualisationTopic, u64)],
     wall_ms: u64,
 ) -> BTreeMap<VisualisationTopic, usize> {
-    shown_at(views, world, listeners, PublishTime { wall_ns: wall_ms * 1_000_000, is_paused: true })
+    published_at(scheduler, world, subscribers, PublishTime { wall_ns: wall_ms * 1_000_000, is_paused: true })
 }
 
-fn shown_at(
-    views: &mut VisualisationScheduler,
+fn published_at(
+    scheduler: &mut VisualisationScheduler,
     world: &mut World,
-    listeners: &[(VisualisationTopic, u64)],
+    subscribers: &[(VisualisationTopic, u64)],
     now: PublishTime,
 ) -> BTreeMap<VisualisationTopic, usize> {
     let (lost, infos) = (BTreeSet::new(), vec![String::new(); 2]);
-    let listeners = listeners.iter().copied().collect();
+    let subscribers = subscribers.iter().copied().collect();
     let mut counts = BTreeMap::new();
-    for (view, _) in views.due_live(world, &facts(&lost, &infos), &listeners, now) {
-        *counts.entry(view).or_default() += 1;
+    for (topic, _) in scheduler.due_live(world, &run_status(&lost, &infos), &subscribers, now) {
+        *counts.entry(topic).or_default() += 1;
     }
     counts
 }
 
 #[test]
-fn every_view_has_a_topic_of_its_own() {
-    let topics: BTreeSet<String> = VisualisationTopic::all(3).map(|view| view.topic().to_string()).collect();
+fn topics_are_distinct_and_known() {
+    let topics: BTreeSet<String> = VisualisationTopic::all(3).map(|topic| topic.topic().to_string()).collect();
     assert_eq!(topics.len(), VisualisationTopic::all(3).count());
     let known: BTreeSet<String> = topics::all(3).iter().map(Topic::to_string).collect();
     assert!(topics.is_subset(&known));
 }
 
 #[test]
-fn no_tick_is_shown_twice_while_time_goes_on() {
+fn new_subscriber_waits_for_the_next_tick() {
     let mut world = world();
-    let mut views = views(Vec::new());
+    let mut scheduler = scheduler(Vec::new());
     let mut count = |world: &mut World, arrivals, is_paused| {
         let transforms = [(VisualisationTopic::Transforms, arrivals)];
-        shown_at(&mut views, world, &transforms, PublishTime { wall_ns: 0, is_paused }).values().sum::<usize>()
+        published_at(&mut scheduler, world, &transforms, PublishTime { wall_ns: 0, is_paused }).values().sum::<usize>()
     };
     assert_eq!(count(&mut world, 1, false), 1);
     assert_eq!(count(&mut world, 2, false), 0, "the second reader waits for the next tick");
     step(&mut world, []);
     assert_eq!(count(&mut world, 2, false), 1);
-    assert_eq!(count(&mut world, 3, true), 1, "the third one would wait for ever");
+    assert_eq!(count(&mut world, 3, true), 1, "the third one would wait forever");
 }
 
 #[test]
-fn an_odometry_is_in_the_map_and_its_twist_in_the_body() {
+fn odometry_pose_is_in_map_and_twist_in_body() {
     let mut world = world();
     let ahead = Motion::Velocity { linear_in_body_m_s: Vector3::new(0.5, 0.0, 0.0), yaw_rate_rad_s: 0.25 };
     for _ in 0..10 {
@@ -111,35 +113,35 @@ fn an_odometry_is_in_the_map_and_its_twist_in_the_body() {
     let odometry = odometry(&world, AgentId(0));
     assert_eq!(odometry.header, msgs::std_msgs::Header { stamp: Tick(10).into(), frame_id: "map".to_owned() });
     assert_eq!(odometry.child_frame_id, "agent_0/base_link");
-    // It speeds up by 0.5 m/s^2 for a fifth of a second, and looks along y of the map.
+    // It accelerates by 0.5 m/s^2 for a fifth of a second, with its heading along y of the map.
     assert!((odometry.twist.twist.linear.x - 0.1).abs() < 1e-9, "{odometry:?}");
     assert_eq!(odometry.twist.twist.linear.y, 0.0);
     assert!(odometry.pose.pose.position.y > 1.5 && odometry.pose.pose.position.x < 1.5, "{odometry:?}");
 }
 
 #[test]
-fn a_path_is_what_is_left_of_the_task() {
+fn path_is_the_remaining_task() {
     let mut world = world();
     let waypoints: Vec<Point3<f64>> = [6.0, 7.0].map(|x| Point3::new(x, 1.5, 1.5)).into();
     step(&mut world, [(1, Motion::Path(waypoints.clone()))]);
     assert_eq!(world.body(AgentId(1)).waypoints(), waypoints);
-    let mut views = views(Vec::new());
+    let mut scheduler = scheduler(Vec::new());
     let path = [(VisualisationTopic::Path(AgentId(1)), 1)];
-    assert_eq!(shown(&mut views, &mut world, &path, 0).len(), 1);
-    // The same once more is not news.
+    assert_eq!(published(&mut scheduler, &mut world, &path, 0).len(), 1);
+    // An unchanged path is not repeated.
     (0..19).for_each(|_| step(&mut world, []));
-    assert_eq!(shown(&mut views, &mut world, &path, 1000).len(), 0);
+    assert_eq!(published(&mut scheduler, &mut world, &path, 1000).len(), 0);
     (0..100).for_each(|_| step(&mut world, []));
     assert_eq!(world.body(AgentId(1)).waypoints(), waypoints[1..]);
-    assert_eq!(shown(&mut views, &mut world, &path, 2000).len(), 1);
+    assert_eq!(published(&mut scheduler, &mut world, &path, 2000).len(), 1);
 }
 
 #[test]
-fn a_cloud_has_the_stamp_of_its_scan_and_comes_once() {
+fn cloud_has_the_stamp_of_its_scan() {
     let mut world = world();
-    let mut views = views(Vec::new());
+    let mut scheduler = scheduler(Vec::new());
     let points = [(VisualisationTopic::Points(AgentId(0)), 1)];
-    assert_eq!(shown(&mut views, &mut world, &points, 0).len(), 0);
+    assert_eq!(published(&mut scheduler, &mut world, &points, 0).len(), 0);
     step(&mut world, []);
     let cloud = super::points(&world, AgentId(0)).unwrap();
     assert_eq!((cloud.header.stamp, cloud.header.frame_id.as_str()), (Tick(0).into(), "agent_0/base_link"));
@@ -147,17 +149,17 @@ fn a_cloud_has_the_stamp_of_its_scan_and_comes_once() {
     // Walls are half a metre away on five sides.
     assert!(hits.len() > 800 && hits.iter().all(|hit| (hit - Point3::new(1.5, 1.5, 1.5)).norm() < 1.0 + 1e-9));
     assert_eq!(cloud.width as usize, hits.len());
-    assert_eq!(shown(&mut views, &mut world, &points, 1000).len(), 1);
+    assert_eq!(published(&mut scheduler, &mut world, &points, 1000).len(), 1);
     (0..9).for_each(|_| step(&mut world, []));
-    assert_eq!(shown(&mut views, &mut world, &points, 2000).len(), 0, "the next scan is in tick 10");
+    assert_eq!(published(&mut scheduler, &mut world, &points, 2000).len(), 0, "the next scan is in tick 10");
     step(&mut world, []);
-    assert_eq!(shown(&mut views, &mut world, &points, 3000).len(), 1);
+    assert_eq!(published(&mut scheduler, &mut world, &points, 3000).len(), 1);
 }
 
 #[test]
-fn live_views_keep_to_a_rate_and_new_readers_are_shown_everything() {
+fn live_topics_are_rate_limited_and_repeated_for_new_subscribers() {
     let mut world = world();
-    let mut views = views(Vec::new());
+    let mut scheduler = scheduler(Vec::new());
     let all = |arrivals| {
         [
             (VisualisationTopic::Transforms, arrivals),
@@ -165,46 +167,46 @@ fn live_views_keep_to_a_rate_and_new_readers_are_shown_everything() {
             (VisualisationTopic::Unexplored, arrivals),
         ]
     };
-    let map_and_all = shown(&mut views, &mut world, &all(1), 0);
+    let map_and_all = published(&mut scheduler, &mut world, &all(1), 0);
     assert_eq!(map_and_all.len(), 3);
     step(&mut world, []);
     (0..9).for_each(|_| step(&mut world, []));
-    assert_eq!(shown(&mut views, &mut world, &all(1), 10).len(), 0, "30 Hz of wall time");
-    let again = shown(&mut views, &mut world, &all(1), 40);
+    assert_eq!(published(&mut scheduler, &mut world, &all(1), 10).len(), 0, "30 Hz of wall time");
+    let again = published(&mut scheduler, &mut world, &all(1), 40);
     assert_eq!(
         again.into_keys().collect::<Vec<_>>(),
         [VisualisationTopic::Transforms],
-        "walls stay, and a look at what is unseen is not due"
+        "walls stay, and unexplored cells are not due"
     );
     (0..40).for_each(|_| step(&mut world, []));
-    let changed = shown(&mut views, &mut world, &all(1), 80);
+    let changed = published(&mut scheduler, &mut world, &all(1), 80);
     assert_eq!(
         changed.into_keys().collect::<Vec<_>>(),
         [VisualisationTopic::Transforms, VisualisationTopic::Unexplored]
     );
-    assert_eq!(shown(&mut views, &mut world, &all(1), 200).len(), 0, "the world stands still");
-    assert_eq!(shown(&mut views, &mut world, &all(2), 201), map_and_all, "somebody has come");
+    assert_eq!(published(&mut scheduler, &mut world, &all(1), 200).len(), 0, "the world stands still");
+    assert_eq!(published(&mut scheduler, &mut world, &all(2), 201), map_and_all, "a new subscriber");
 }
 
 #[test]
-fn what_nobody_has_seen_shrinks_until_it_is_deleted() {
+fn unexplored_marker_shrinks_until_deleted() {
     let mut terrain = tunnel();
     terrain.set(voxels::Cell::new(1, 1, 1), Terrain::Wall);
     let free: Vec<usize> = (2..9).map(|x| terrain.extent().index(voxels::Cell::new(x, 1, 1)).unwrap()).collect();
-    let mut explored = vec![0; terrain.extent().volume().div_ceil(64)];
+    let mut explored = FixedBitSet::with_capacity(terrain.extent().volume());
     let mut unexplored = Unexplored::new(&terrain);
     let first = unexplored.next(&terrain, &explored, Tick(1)).unwrap();
     assert_eq!((first.points.len(), first.action, first.id), (7, Marker::ADD, 0));
     assert_eq!(first.points[0], msgs::geometry_msgs::Point { x: 2.5, y: 1.5, z: 1.5 });
-    explored[free[0] / 64] |= 1 << (free[0] % 64);
-    unexplored.look(&explored);
+    explored.insert(free[0]);
+    unexplored.update(&explored);
     assert_eq!(unexplored.next(&terrain, &explored, Tick(2)).unwrap().points, first.points[1..]);
     for &cell in &free {
-        explored[cell / 64] |= 1 << (cell % 64);
+        explored.insert(cell);
     }
-    unexplored.look(&explored);
+    unexplored.update(&explored);
     assert_eq!(unexplored.next(&terrain, &explored, Tick(3)).unwrap().action, Marker::DELETE);
-    unexplored.look(&explored);
+    unexplored.update(&explored);
     assert_eq!(unexplored.next(&terrain, &explored, Tick(4)), None);
 }
 
@@ -217,11 +219,11 @@ fn contacts_are_lines_from_body_to_body() {
 }
 
 #[test]
-fn texts_tell_of_the_run_and_of_each_agent() {
+fn status_covers_the_run_and_each_agent() {
     let world = world();
     let infos = vec!["looking around".to_owned(), "x".repeat(1000)];
     let lost = BTreeSet::from([AgentId(1)]);
-    let told = status::info(&world, &facts(&lost, &infos));
+    let told = status::info(&world, &run_status(&lost, &infos));
     let statuses = &told[0].status;
     assert_eq!(statuses.iter().map(|status| status.name.as_str()).collect::<Vec<_>>(), ["run", "agent_0", "agent_1"]);
     assert_eq!(statuses[1].message, "looking around");
@@ -231,22 +233,22 @@ fn texts_tell_of_the_run_and_of_each_agent() {
 }
 
 #[test]
-fn recorded_views_hang_on_sim_time_alone_and_fit_into_samples() {
+fn recorded_topics_depend_on_sim_time_and_fit_into_samples() {
     let every = || {
         use RecordedView::{Contacts, Info, Map, Odom, Path, Points, TfStatic, Unexplored};
         vec![TfStatic, Odom, Points, Path, Map, Unexplored, Contacts, Info]
     };
     let run = |rtf| {
         let mut world = world();
-        let mut views = views(every());
+        let mut scheduler = scheduler(every());
         let (lost, infos) = (BTreeSet::new(), vec!["busy".to_owned(), String::new()]);
         let mut recorded = Vec::new();
         for _ in 0..60 {
-            let facts = RunStatus { rtf, ..facts(&lost, &infos) };
-            for (view, picture) in views.due_for_recording(&mut world, &facts) {
-                let bytes = cdr::encode(&picture);
-                assert!(bytes.len() <= VIEW_BYTES_MAX, "{view:?}");
-                recorded.push((world.tick(), view, bytes));
+            let run_status = RunStatus { rtf, ..run_status(&lost, &infos) };
+            for (topic, message) in scheduler.due_for_recording(&mut world, &run_status) {
+                let bytes = cdr::encode(&message);
+                assert!(bytes.len() <= VIEW_BYTES_MAX, "{topic:?}");
+                recorded.push((world.tick(), topic, bytes));
             }
             step(&mut world, [(0, Motion::Turn { angle_rad: 1.0 })]);
         }
@@ -255,7 +257,7 @@ fn recorded_views_hang_on_sim_time_alone_and_fit_into_samples() {
     let recorded = run(Some(1.0));
     assert_eq!(recorded, run(None));
     let ticks = |wanted: VisualisationTopic| -> Vec<u64> {
-        recorded.iter().filter(|(_, view, _)| *view == wanted).map(|(tick, _, _)| tick.0).collect()
+        recorded.iter().filter(|(_, topic, _)| *topic == wanted).map(|(tick, _, _)| tick.0).collect()
     };
     assert_eq!(ticks(VisualisationTopic::Odometry(AgentId(1))), (0..60).step_by(5).collect::<Vec<_>>());
     assert_eq!(ticks(VisualisationTopic::Points(AgentId(1))), [1, 11, 21, 31, 41, 51]);

@@ -73,7 +73,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_is_sent_is_refused_or_legal(
+    fn any_command_is_refused_or_legal(
         kind in 0..8_u8,
         numbers in prop::array::uniform4(any::<f64>()),
         path in prop::collection::vec(any::<f64>(), 0..5),
@@ -164,7 +164,7 @@ fn a_scenario_says_which_body_each_agent_has() {
 }
 
 #[test]
-fn relays_are_named_as_they_are_told() {
+fn relay_ids_round_trip() {
     let relay = RelayId { owner: AgentId(4), number: 7 };
     let says = |agent, bytes| {
         let parcel = maes_msgs::Parcel { agent, kind: 2, data: vec![1; bytes] };

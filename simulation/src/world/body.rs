@@ -1,15 +1,17 @@
-//! The body of an agent: what a motion task does to a pose in one fixed update.
+//! Kinematics of a body: how a motion task changes its pose in one fixed update.
 //!
-//! There are two kinds. The submarine is the reference's: a sphere that turns about the vertical and moves along a line raised by
-//! a pitch angle, with bang-bang speed control. The aerial body (`body/aerial.rs`) goes in any direction at once, and turns
-//! meanwhile. Every leg (a straight move or a turn) starts from rest; a task that replaces another ends it at once, except that a
-//! velocity task goes on from the velocity of a velocity task.
+//! There are two kinds. The submarine is that of MAES3D: a sphere that turns about the vertical and
+//! moves along a line raised by a pitch angle, with bang-bang speed control. The aerial body
+//! (`body/aerial.rs`) accelerates in any direction and turns while it moves. Every leg (a straight
+//! move or a turn) starts from rest. A new task ends the previous one at rest, except that a
+//! velocity task continues from the velocity of a velocity task.
 //!
-//! Invariants: a body never comes nearer to a wall or to another body than its radius allows (see [`super::collision`]);
-//! a leg of a path that has come to its end lands exactly on its waypoint, unless that is blocked; other legs of a submarine end
-//! within `MOVE_REST_M` or `TURN_REST_RAD` of where they lead, as in the reference; all quantities stay finite.
+//! Invariants: a body never comes nearer to a wall or to another body than its radius allows (see
+//! [`super::collision`]); a completed leg of a path ends exactly on its waypoint, unless that is
+//! blocked; other legs of a submarine end within `MOVE_REST_M` or `TURN_REST_RAD` of their target,
+//! as in MAES3D; all quantities stay finite.
 //!
-//! This module does not decide who moves first, and it knows no messages.
+//! The order in which bodies move is that of [`super::World::step`].
 
 mod aerial;
 mod ramp;
@@ -24,45 +26,48 @@ use super::collision::{Contact, Obstacles, Sphere, Surface};
 use aerial::Flight;
 use ramp::{Ramp, RampLimits, approached};
 
-/// A leg whose rest is below this is finished. Reference: 0.001 voxel and 0.001 degree.
+/// A leg with less than this to go is finished; 0.001 voxel and 0.001 degree in MAES3D.
 const MOVE_REST_M: f64 = 1e-3;
 const TURN_REST_RAD: f64 = 1e-3 * PI / 180.0;
 
-/// Where a body is and where it looks, in the frame `map`.
+/// Position and heading of a body in the frame `map`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Centre of the body, metres.
     pub position: Point3<f64>,
-    /// Heading: 0 along x, positive to the left, in (-pi, pi].
+    /// Heading, radians: 0 along x, positive to the left, in (-pi, pi].
     pub yaw_rad: f64,
 }
 
-/// What an agent asks of its body.
+/// A motion task.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Motion {
-    /// Go on with the present task.
+    /// Continue the present task.
     Keep,
     /// End the present task, at rest at once.
     Stop,
-    /// Straight along the heading, raised by `pitch_rad`, for `distance_m` (infinity: until a collision).
+    /// Straight along the heading, raised by `pitch_rad`, for `distance_m` (infinity: until a
+    /// collision).
     Move {
-        /// Elevation above the horizontal, -pi/2 ..= pi/2.
+        /// Elevation above the horizontal, radians, -pi/2 ..= pi/2.
         pitch_rad: f64,
-        /// At least 0.
+        /// Distance, metres, at least 0.
         distance_m: f64,
     },
-    /// Turn about the vertical, positive to the left, -2 pi ..= 2 pi.
+    /// Turn about the vertical.
     Turn {
-        /// How far.
+        /// Angle, radians, positive to the left, -2 pi ..= 2 pi.
         angle_rad: f64,
     },
-    /// Visit waypoints (frame `map`) in turn: a submarine turns towards each, then moves straight; an aerial body moves at once.
+    /// Visit waypoints (metres, frame `map`) in order: a submarine turns towards each and then
+    /// moves straight, an aerial body moves at once.
     Path(Vec<Point3<f64>>),
-    /// Hold a velocity, clamped to the body, until told otherwise.
+    /// Hold a velocity, clamped to the limits of the body, until the next task.
     Velocity {
-        /// In the frame of the body: x forward, y left, z up. A submarine cannot move sideways: y is taken as 0.
+        /// Linear velocity, m/s, in the frame of the body: x forward, y left, z up. A submarine
+        /// cannot move sideways and takes y as 0.
         linear_in_body_m_s: Vector3<f64>,
-        /// Positive to the left.
+        /// Turn rate, rad/s, positive to the left.
         yaw_rate_rad_s: f64,
     },
 }
@@ -77,7 +82,7 @@ enum Task {
     Velocity { target_in_body_m_s: Vector3<f64>, target_yaw_rate_rad_s: f64 },
 }
 
-/// The part of a path that is under way: towards `target`, turning first.
+/// The active leg of a path: a turn towards `target`, then a straight move.
 #[derive(Debug, Clone, PartialEq)]
 struct PathLeg {
     target: Point3<f64>,
@@ -85,27 +90,27 @@ struct PathLeg {
     go: Ramp,
 }
 
-/// What one fixed update did to a body.
+/// The outcome of one fixed update of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Moved {
     /// The task has ended, by itself or by a collision.
     pub task_done: bool,
-    /// The motion of this tick was refused.
+    /// The motion of this tick was refused because of a collision.
     pub collided: bool,
-    /// Length of the way of this tick.
+    /// Distance moved in this tick, metres.
     pub distance_m: f64,
 }
 
-/// The last refused motion.
+/// A refused motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Collision {
-    /// Which side of the body.
+    /// The kind of surface that was hit.
     pub surface: Surface,
     /// Whether another agent was in the way.
     pub with_agent: bool,
 }
 
-/// A body and its present task.
+/// A body and its motion task.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Body {
     model: BodyModel,
@@ -117,7 +122,7 @@ pub struct Body {
 }
 
 impl Body {
-    /// A body at rest.
+    /// A body at rest without a task.
     #[must_use]
     pub fn at_rest(model: BodyModel, pose: Pose) -> Self {
         Self {
@@ -130,32 +135,32 @@ impl Body {
         }
     }
 
-    /// What it can do.
+    /// Its kind and limits.
     #[must_use]
     pub fn model(&self) -> &BodyModel {
         &self.model
     }
 
-    /// Where it is.
+    /// Its pose.
     #[must_use]
     pub fn pose(&self) -> &Pose {
         &self.pose
     }
 
-    /// What of the world it fills.
+    /// The sphere that it occupies.
     #[must_use]
     pub fn sphere(&self) -> Sphere {
         Sphere { centre: self.pose.position, radius_m: self.model.radius_m }
     }
 
-    /// Whether a task is being carried out.
+    /// Whether a task is active.
     #[must_use]
     pub fn is_active(&self) -> bool {
         self.task != Task::Idle
     }
 
-    /// The points that the present task still leads to, in order, frame `map`: the waypoints of a path, or the end of a move
-    /// that has one.
+    /// The remaining waypoints of the present task, metres, frame `map`: those of a path, or the
+    /// end of a finite move.
     #[must_use]
     pub fn waypoints(&self) -> Vec<Point3<f64>> {
         match &self.task {
@@ -168,7 +173,7 @@ impl Body {
         }
     }
 
-    /// The collision of the last motion that was tried, if there was one.
+    /// The collision of the last attempted motion, if there was one.
     #[must_use]
     pub fn collision(&self) -> Option<Collision> {
         self.collision
@@ -186,13 +191,14 @@ impl Body {
         self.velocity_in_body_m_s
     }
 
-    /// Turn rate of the last fixed update, rad/s.
+    /// Turn rate of the last fixed update, rad/s, positive to the left.
     #[must_use]
     pub fn yaw_rate_rad_s(&self) -> f64 {
         self.yaw_rate_rad_s
     }
 
-    /// Takes up a task. The motion is legal: finite numbers (an infinite move distance apart) within the documented ranges.
+    /// Replaces the task. The motion must be legal: finite numbers (a move distance may be
+    /// infinite) within the documented ranges.
     pub fn set_task(&mut self, motion: Motion) {
         let keeps_velocity = matches!(self.task, Task::Velocity { .. });
         self.task = match motion {
@@ -216,48 +222,48 @@ impl Body {
             }
             Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s } => {
                 if !keeps_velocity {
-                    self.come_to_rest();
+                    self.stop();
                 }
                 self.task =
                     Task::Velocity { target_in_body_m_s: linear_in_body_m_s, target_yaw_rate_rad_s: yaw_rate_rad_s };
                 return;
             }
         };
-        self.come_to_rest();
+        self.stop();
     }
 
-    /// Carries the task on by one fixed update of `dt_s` seconds.
+    /// Advances the task by one fixed update of `dt_s` seconds.
     pub fn advance(&mut self, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
         let mut task = std::mem::replace(&mut self.task, Task::Idle);
         let moved = match &mut task {
             Task::Idle => {
-                self.come_to_rest();
+                self.stop();
                 return Moved::default();
             }
-            Task::Move { direction_in_map, ramp } => self.go_on(*direction_in_map, ramp, obstacles, dt_s),
+            Task::Move { direction_in_map, ramp } => self.step_move(*direction_in_map, ramp, obstacles, dt_s),
             Task::Turn { sign, ramp } => {
-                let done = self.turn_on(*sign, ramp, dt_s);
+                let done = self.step_turn(*sign, ramp, dt_s);
                 Moved { task_done: done, ..Moved::default() }
             }
-            Task::Path { leg, rest } => self.follow(leg, rest, obstacles, dt_s),
-            Task::Flight(flight) => self.fly(flight, obstacles, dt_s),
+            Task::Path { leg, rest } => self.step_path(leg, rest, obstacles, dt_s),
+            Task::Flight(flight) => self.step_flight(flight, obstacles, dt_s),
             Task::Velocity { target_in_body_m_s, target_yaw_rate_rad_s } => {
                 let target = (*target_in_body_m_s, *target_yaw_rate_rad_s);
                 match self.model.kind {
-                    BodyKind::Submarine => self.hold(target, obstacles, dt_s),
-                    BodyKind::Aerial => self.hold_in_flight(target, obstacles, dt_s),
+                    BodyKind::Submarine => self.step_velocity(target, obstacles, dt_s),
+                    BodyKind::Aerial => self.step_velocity_in_flight(target, obstacles, dt_s),
                 }
             }
         };
         if moved.collided {
-            self.come_to_rest();
+            self.stop();
         } else if !moved.task_done {
             self.task = task;
         }
         moved
     }
 
-    fn follow(
+    fn step_path(
         &mut self,
         leg: &mut PathLeg,
         rest: &mut VecDeque<Point3<f64>>,
@@ -265,16 +271,17 @@ impl Body {
         dt_s: f64,
     ) -> Moved {
         if let Some((sign, ramp)) = &mut leg.turn {
-            if self.turn_on(*sign, ramp, dt_s) {
+            if self.step_turn(*sign, ramp, dt_s) {
                 leg.turn = None;
             }
             return Moved::default();
         }
-        let way = leg.target - self.pose.position;
-        let direction = way.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-        let mut moved = self.go_on(direction, &mut leg.go, obstacles, dt_s);
+        let offset = leg.target - self.pose.position;
+        let direction = offset.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+        let mut moved = self.step_move(direction, &mut leg.go, obstacles, dt_s);
         if moved.task_done && !moved.collided {
-            // The exact target, so that rounding does not add up over the legs of a long path.
+            // The exact target, so that rounding errors do not accumulate over the legs of a long
+            // path.
             if !obstacles.blocks(&self.pose.position, &leg.target, self.model.radius_m) {
                 self.pose.position = leg.target;
             }
@@ -286,7 +293,7 @@ impl Body {
         moved
     }
 
-    fn go_on(
+    fn step_move(
         &mut self,
         direction_in_map: Vector3<f64>,
         ramp: &mut Ramp,
@@ -297,7 +304,7 @@ impl Body {
             BodyKind::Submarine => ramp.next_step(&self.move_limits(), dt_s),
             BodyKind::Aerial => ramp.next_landing_step(&self.move_limits(), dt_s),
         };
-        let mut moved = self.shift(direction_in_map * step_m, obstacles, dt_s);
+        let mut moved = self.translate(direction_in_map * step_m, obstacles, dt_s);
         moved.task_done |= done;
         moved
     }
@@ -311,7 +318,7 @@ impl Body {
         }
     }
 
-    fn turn_on(&mut self, sign: f64, ramp: &mut Ramp, dt_s: f64) -> bool {
+    fn step_turn(&mut self, sign: f64, ramp: &mut Ramp, dt_s: f64) -> bool {
         let limits = RampLimits {
             speed_max: self.model.turn_rate_max_rad_s,
             acceleration: self.model.turn_acceleration_rad_s2,
@@ -329,7 +336,7 @@ impl Body {
         done
     }
 
-    fn hold(
+    fn step_velocity(
         &mut self,
         (target_in_body_m_s, target_yaw_rate_rad_s): (Vector3<f64>, f64),
         obstacles: &Obstacles<'_>,
@@ -338,7 +345,7 @@ impl Body {
         let target = self.clamped(Vector3::new(target_in_body_m_s.x, 0.0, target_in_body_m_s.z));
         let velocity = self.velocity_towards(&self.velocity_in_body_m_s, &target, dt_s);
         let rate_rad_s = self.rate_towards(target_yaw_rate_rad_s, dt_s);
-        let moved = self.shift(turned(&velocity, self.pose.yaw_rad) * dt_s, obstacles, dt_s);
+        let moved = self.translate(turned(&velocity, self.pose.yaw_rad) * dt_s, obstacles, dt_s);
         if !moved.collided {
             self.velocity_in_body_m_s = velocity;
             self.yaw_rate_rad_s = rate_rad_s;
@@ -347,19 +354,20 @@ impl Body {
         moved
     }
 
-    /// A velocity in the same direction, as fast as the body can go at the most.
+    /// The velocity with its magnitude clamped to the maximum speed.
     fn clamped(&self, velocity_m_s: Vector3<f64>) -> Vector3<f64> {
         let speed_m_s = velocity_m_s.norm();
         let limit_m_s = self.model.speed_max_m_s;
         if speed_m_s > limit_m_s { velocity_m_s * (limit_m_s / speed_m_s) } else { velocity_m_s }
     }
 
-    /// The velocity after a tick in which it is brought from `present` towards `target`.
+    /// The velocity one tick after `present` on its way to `target`, within the acceleration
+    /// limits.
     fn velocity_towards(&self, present: &Vector3<f64>, target: &Vector3<f64>, dt_s: f64) -> Vector3<f64> {
         approached(present, target, self.model.acceleration_m_s2 * dt_s, self.model.deceleration_m_s2 * dt_s)
     }
 
-    /// The turn rate after a tick in which it is brought towards `target_rad_s`.
+    /// The turn rate one tick later on its way to `target_rad_s`, within the acceleration limits.
     fn rate_towards(&self, target_rad_s: f64, dt_s: f64) -> f64 {
         let limit_rad_s = self.model.turn_rate_max_rad_s;
         approached(
@@ -371,8 +379,8 @@ impl Body {
         .x
     }
 
-    /// Moves the centre by `displacement` (metres, frame `map`) if nothing is in the way.
-    fn shift(&mut self, displacement: Vector3<f64>, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
+    /// Moves the centre by `displacement` (metres, frame `map`) unless something blocks it.
+    fn translate(&mut self, displacement: Vector3<f64>, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
         if let Some(contact) = obstacles.first_contact(&self.pose.position, &displacement, self.model.radius_m) {
             self.collision = Some(Collision::from(contact));
             return Moved { task_done: true, collided: true, distance_m: 0.0 };
@@ -385,13 +393,13 @@ impl Body {
     }
 
     fn leg_to(&self, target: Point3<f64>) -> PathLeg {
-        let way = target - self.pose.position;
-        let is_vertical = libm::hypot(way.x, way.y) < MOVE_REST_M;
-        let turn_rad = if is_vertical { 0.0 } else { wrapped(libm::atan2(way.y, way.x) - self.pose.yaw_rad) };
+        let offset = target - self.pose.position;
+        let is_vertical = libm::hypot(offset.x, offset.y) < MOVE_REST_M;
+        let turn_rad = if is_vertical { 0.0 } else { wrapped(libm::atan2(offset.y, offset.x) - self.pose.yaw_rad) };
         PathLeg {
             target,
             turn: (turn_rad.abs() >= TURN_REST_RAD).then(|| (turn_rad.signum(), Ramp::from_rest(turn_rad.abs()))),
-            go: Ramp::from_rest(way.norm()),
+            go: Ramp::from_rest(offset.norm()),
         }
     }
 
@@ -401,7 +409,7 @@ impl Body {
         Vector3::new(yaw_cos * pitch_cos, yaw_sin * pitch_cos, pitch_sin)
     }
 
-    fn come_to_rest(&mut self) {
+    fn stop(&mut self) {
         self.velocity_in_body_m_s = Vector3::zeros();
         self.yaw_rate_rad_s = 0.0;
     }
@@ -413,7 +421,7 @@ impl From<Contact> for Collision {
     }
 }
 
-/// `angle_rad` brought into (-pi, pi].
+/// `angle_rad` wrapped into (-pi, pi].
 #[must_use]
 pub fn wrapped(angle_rad: f64) -> f64 {
     if angle_rad > -PI && angle_rad <= PI {
@@ -423,7 +431,7 @@ pub fn wrapped(angle_rad: f64) -> f64 {
     if turned <= -PI { turned + TAU } else { turned }
 }
 
-/// `vector` turned about the vertical by `yaw_rad`.
+/// `vector` rotated about the vertical by `yaw_rad`.
 fn turned(vector: &Vector3<f64>, yaw_rad: f64) -> Vector3<f64> {
     let (sin, cos) = libm::sincos(yaw_rad);
     Vector3::new(vector.x * cos - vector.y * sin, vector.x * sin + vector.y * cos, vector.z)

@@ -1,19 +1,20 @@
 //! Swept-sphere collision of a body against the walls of the terrain and against other bodies.
 //!
-//! A motion is refused as a whole: it is either free of contact or not carried out. It is in contact if the sphere would come
-//! nearer to a wall cell or to another sphere than its radius *while approaching it*; a motion that leaves or slides along a
-//! surface is free, so that rounding can never lock a body. The distance from a moving point to a box is a convex function of
-//! time, which makes the test exact.
+//! A motion with contact is refused as a whole. Contact means that the sphere would come nearer to
+//! a wall cell or to another sphere than its radius *while approaching it*; a motion that leaves or
+//! slides along a surface is free, so that rounding can never lock a body. The distance from a
+//! moving point to a box is a convex function of time, which makes the test exact.
 //!
 //! Everything outside the map is wall.
 
 use nalgebra::{Point3, Vector3};
 use voxels::{Cell, Grid, Terrain};
 
-/// Cosine of 45 degrees: a surface whose normal is nearer to the vertical than that is a floor or a ceiling (reference).
+/// Cosine of 45 degrees: a surface whose normal is closer to the vertical is a floor or a ceiling
+/// (as in MAES3D).
 const STEEP: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// What kind of surface a body has met.
+/// The kind of surface that a body has hit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Surface {
     /// Beside the body.
@@ -38,30 +39,30 @@ impl Surface {
     }
 }
 
-/// The first thing a motion touches.
+/// The first contact of a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// When, as a share of the motion, 0 ..= 1.
+    /// Fraction of the motion before the contact, 0 ..= 1.
     pub time: f64,
-    /// Unit normal of the surface at the point of contact, towards the body.
+    /// Unit normal of the surface at the point of contact, towards the body, frame `map`.
     pub normal: Vector3<f64>,
-    /// Whether it is another body.
+    /// Whether the obstacle is another body.
     pub with_agent: bool,
 }
 
-/// What can be in the way of one body.
+/// The obstacles of one body.
 pub struct Obstacles<'a> {
     terrain: &'a Grid<Terrain>,
     others: &'a [Sphere],
     itself: usize,
 }
 
-/// Another body.
+/// The sphere that a body occupies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sphere {
     /// Centre, metres, frame `map`.
     pub centre: Point3<f64>,
-    /// Radius in metres.
+    /// Radius, metres.
     pub radius_m: f64,
 }
 
@@ -72,8 +73,9 @@ impl<'a> Obstacles<'a> {
         Self { terrain, others: bodies, itself }
     }
 
-    /// The first contact of a sphere that is moved from `from` by `displacement` (metres, frame `map`); walls win over bodies
-    /// and lower cells over higher ones if several are met at the same time.
+    /// The first contact of a sphere of `radius_m` that moves from `from` by `displacement`
+    /// (metres, frame `map`). Of simultaneous contacts, walls win over bodies and lower cells over
+    /// higher ones.
     #[must_use]
     pub fn first_contact(&self, from: &Point3<f64>, displacement: &Vector3<f64>, radius_m: f64) -> Option<Contact> {
         let mut first: Option<Contact> = None;
@@ -109,7 +111,7 @@ impl<'a> Obstacles<'a> {
         first
     }
 
-    /// Whether something is in the way between two centres.
+    /// Whether a sphere that moves between two centres has a contact.
     #[must_use]
     pub fn blocks(&self, from: &Point3<f64>, to: &Point3<f64>, radius_m: f64) -> bool {
         self.first_contact(from, &(to - from), radius_m).is_some()
@@ -132,7 +134,8 @@ impl Sphere {
     }
 }
 
-/// When `a t^2 + 2 b t + c` first falls below `limit` for t >= 0, if it is falling at 0 at all.
+/// The first t >= 0 at which `a t^2 + 2 b t + c` falls below `limit`, `None` if it does not
+/// decrease at 0.
 fn first_time_within(a: f64, b: f64, c: f64, limit: f64) -> Option<f64> {
     if b >= 0.0 {
         return None;
@@ -141,7 +144,7 @@ fn first_time_within(a: f64, b: f64, c: f64, limit: f64) -> Option<f64> {
         return Some(0.0);
     }
     let discriminant = b * b - a * (c - limit);
-    // Touching without entering is no contact.
+    // Touching without entering is not a contact.
     if discriminant <= 0.0 {
         return None;
     }
@@ -157,7 +160,8 @@ struct Cube {
 impl Cube {
     fn first_contact(&self, from: &Point3<f64>, displacement: &Vector3<f64>, radius_m: f64) -> Option<Contact> {
         let limit = radius_m * radius_m;
-        // Between the times at which the centre passes a face's plane, the distance to each axis' slab is linear in time.
+        // Between the times at which the centre crosses a face's plane, the distance to the slab of
+        // each axis is linear in time.
         let mut times = [0.0; 8];
         let mut count = 1;
         for axis in 0..3 {
@@ -203,7 +207,8 @@ impl Cube {
         None
     }
 
-    /// Unit vector from the nearest point of the cube to `point`; against the motion if `point` is inside.
+    /// Unit vector from the nearest point of the cube to `point`; against the motion if `point` is
+    /// inside.
     fn normal_at(&self, point: &Point3<f64>, displacement: &Vector3<f64>) -> Vector3<f64> {
         let high = self.low + Vector3::repeat(self.edge_m);
         let nearest = point.sup(&self.low).inf(&high);

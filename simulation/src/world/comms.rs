@@ -1,9 +1,10 @@
-//! Who hears whom: the communication models, and what messages are.
+//! The contact models of the radios, and the messages between agents.
 //!
-//! Contact is symmetric, hangs on the places of the two radios and on the terrain alone, and agents do not hide each other
-//! (reference: line casts against the map alone). Which model assumes what: docs/communication.md.
+//! Contact is symmetric and depends on the positions of the two radios and on the terrain alone;
+//! bodies do not block it (as in MAES3D, which casts lines against the map only). The assumptions
+//! of each model: docs/communication.md.
 //!
-//! This module does not look into messages, and delivers none: `air.rs` does.
+//! Messages are delivered in `radio_medium.rs`.
 
 use msgs::ids::AgentId;
 use msgs::relay_id::RelayId;
@@ -11,43 +12,44 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 use voxels::{Grid, Terrain, length_in_walls_m, line_of_sight};
 
-/// When two radios are in contact.
+/// The condition under which two radios are in contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ContactModel {
-    /// No wall cell lies on the straight line between them, and they are within range.
+    /// No wall cell lies on the straight line between them, and their distance is within range.
     LineOfSightAndRange {
         /// Greatest distance, metres; infinity: as far as the line of sight.
         range_m: f64,
     },
-    /// They are within range, whatever is between them.
+    /// Their distance is within range, whatever lies between them.
     Range {
         /// Greatest distance, metres.
         range_m: f64,
     },
     /// Always.
     Global,
-    /// The power that is received is enough.
+    /// The received power reaches the threshold.
     Attenuated(PathLoss),
 }
 
-/// How a signal grows weaker, `[communication.attenuation]`: as the distance to a power, and as another power of the length of
-/// the way inside walls. The defaults are those of IR2 (docs/communication.md).
+/// The path loss model `[communication.attenuation]`: log-distance loss in the open plus
+/// log-distance loss of the length inside walls. The defaults are those of IR2
+/// (docs/communication.md).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PathLoss {
-    /// Power sent, dBm.
+    /// Transmit power, dBm.
     pub tx_dbm: f64,
-    /// Least power that can be received, dBm.
+    /// Receiver sensitivity, dBm.
     pub threshold_dbm: f64,
-    /// Loss over the reference distance in the open, dB.
+    /// Path loss over the reference distance in the open, dB.
     pub reference_loss_db: f64,
     /// The reference distance, metres.
     pub reference_m: f64,
     /// Path loss exponent in the open.
     pub free_exponent: f64,
-    /// Path loss exponent of the way inside walls.
+    /// Path loss exponent inside walls.
     pub wall_exponent: f64,
-    /// Length inside walls that is measured in, metres: walls of this length cost `3.01 * wall_exponent` dB.
+    /// Reference length inside walls, metres: walls of this length cost `3.01 * wall_exponent` dB.
     pub wall_reference_m: f64,
 }
 
@@ -66,7 +68,8 @@ impl Default for PathLoss {
 }
 
 impl PathLoss {
-    /// Power received over a distance of which a part lies in walls, dBm. It never exceeds the power sent.
+    /// Received power over `distance_m`, `in_walls_m` of which lie inside walls, dBm. It never
+    /// exceeds the transmit power.
     #[must_use]
     pub fn received_dbm(&self, distance_m: f64, in_walls_m: f64) -> f64 {
         let free_db = self.reference_loss_db + 10.0 * self.free_exponent * libm::log10(distance_m / self.reference_m);
@@ -74,7 +77,7 @@ impl PathLoss {
         self.tx_dbm - free_db.max(0.0) - wall_db
     }
 
-    /// How far it reaches in the open, metres; less than 0: nowhere.
+    /// Range in the open, metres; negative if nothing can be received.
     #[must_use]
     pub fn reach_m(&self) -> f64 {
         let left_db = self.tx_dbm - self.threshold_dbm;
@@ -86,7 +89,7 @@ impl PathLoss {
 }
 
 impl ContactModel {
-    /// Whether radios at two places are in contact.
+    /// Whether radios at two positions (metres, frame `map`) are in contact.
     #[must_use]
     pub fn joins(&self, terrain: &Grid<Terrain>, one: &Point3<f64>, other: &Point3<f64>) -> bool {
         let distance_m = (other - one).norm();
@@ -95,7 +98,7 @@ impl ContactModel {
             Self::Range { range_m } => distance_m <= *range_m,
             Self::Global => true,
             Self::Attenuated(loss) => {
-                // The walls are looked at only where the open would let the signal through.
+                // Walls are measured only if the received power in the open suffices.
                 let is_enough = |in_walls_m| loss.received_dbm(distance_m, in_walls_m) >= loss.threshold_dbm;
                 is_enough(0.0) && is_enough(length_in_walls_m(terrain, one, other))
             }
@@ -103,27 +106,28 @@ impl ContactModel {
     }
 }
 
-/// How agents communicate: who hears whom, and what the radios can do.
+/// The contact model and the properties of the radios and relays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comms {
-    /// Who hears whom.
+    /// The contact model.
     pub contact: ContactModel,
     /// Probability that a message is lost on its way to one receiver, 0 ..= 1.
     pub loss: f64,
-    /// What each agent can send; infinity: unlimited.
+    /// Transmit rate of each agent, bytes/s; infinity: unlimited.
     pub bytes_per_s: f64,
-    /// What waits at an agent to be sent, at the most.
+    /// Capacity of an agent's transmit queue, bytes.
     pub queue_bytes: u64,
-    /// Relays that each agent can leave behind, at most [`msgs::limits::RELAYS_PER_AGENT_MAX`].
+    /// Relays that each agent can deploy, at most [`msgs::limits::RELAYS_PER_AGENT_MAX`].
     pub relays_per_agent: u32,
-    /// How near a relay in contact has to be to be read and written, metres; infinity: contact is enough.
+    /// Distance within which a relay in contact can be read and written, metres; infinity: contact
+    /// suffices.
     pub relay_read_range_m: f64,
-    /// The seed of what is lost by chance.
+    /// Seed of the packet loss.
     pub seed: u64,
 }
 
 impl Comms {
-    /// Radios that lose and delay nothing, and no relays.
+    /// Radios without loss, delay or limit, and no relays.
     #[must_use]
     pub fn perfect(contact: ContactModel) -> Self {
         let unlimited = f64::INFINITY;
@@ -139,44 +143,46 @@ impl Comms {
     }
 }
 
-/// A message on its way or in an inbox.
+/// A message between agents, or between an agent and a relay.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AgentMessage {
     /// In a command: the receiver; in an inbox: the sender.
     pub peer: Peer,
-    /// The sender's mark, for accounting.
+    /// The kind of content, chosen by the sender, for accounting.
     pub kind: u8,
     /// The content.
     pub data: Vec<u8>,
 }
 
-/// The other end of a message.
+/// The other end of a message, seen from an agent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Peer {
     /// One agent.
     One(AgentId),
-    /// Everybody in contact (as a receiver only).
+    /// All agents in contact (as a receiver only).
     Broadcast,
-    /// A relay: as a receiver it keeps the content, as a sender it tells what it keeps.
+    /// A relay: as a receiver it stores the content, as a sender it reports what it stores.
     Relay(RelayId),
-    /// A relay that is left behind where the agent is, and keeps the content (as a receiver only).
+    /// A relay that is deployed at the position of the agent and stores the content (as a receiver
+    /// only).
     NewRelay,
 }
 
-/// The contacts of one tick, found out pair by pair when they are asked for.
+/// The contacts of one tick, computed per pair on demand.
 ///
-/// Positions do not change between the phases look and communicate, so a table serves the whole tick.
+/// Positions do not change between the phases look and communicate, so a table serves the whole
+/// tick.
 #[derive(Debug, Clone)]
 pub struct ContactTable {
     positions: Vec<Point3<f64>>,
     known: Vec<Option<bool>>,
-    /// By agent the networks of relays that it hears, ascending; empty if there are no relays.
+    /// By agent the relay networks in contact, ascending; empty without relays.
     networks: Vec<Vec<usize>>,
 }
 
 impl ContactTable {
-    /// A table for bodies at `positions` (metres, frame `map`), by agent. `networks` are those of relays that each agent hears,
-    /// ascending; none at all if there are no relays.
+    /// A table for bodies at `positions` (metres, frame `map`), by agent. `networks` are the relay
+    /// networks in contact with each agent, ascending; empty without relays.
     #[must_use]
     pub fn new(positions: Vec<Point3<f64>>, networks: Vec<Vec<usize>>) -> Self {
         let agents = positions.len();
@@ -191,7 +197,8 @@ impl ContactTable {
             .collect()
     }
 
-    /// Whether two different agents are in contact, directly or over a network of relays that both hear.
+    /// Whether two different agents are in contact, directly or over a relay network in contact
+    /// with both.
     pub fn in_contact(&mut self, one: AgentId, other: AgentId, model: &ContactModel, terrain: &Grid<Terrain>) -> bool {
         let (low, high) = if one < other { (one.index(), other.index()) } else { (other.index(), one.index()) };
         let slot = low * self.positions.len() + high;

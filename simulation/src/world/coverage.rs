@@ -1,36 +1,36 @@
-//! How much of the free space has been seen (explored) and visited (covered), by each agent and by the team.
+//! Exploration and coverage: the free cells that have been seen and visited, by each agent and by
+//! the team.
 //!
-//! A free cell is explored once a scan has crossed it, and covered once the centre of a body has been in it. Fractions are of
-//! all free cells of the true map (reference: after pocket removal), as real numbers.
+//! A free cell is explored once a scan has crossed it, and covered once the centre of a body has
+//! been in it. Shares are of all free cells of the true map after its repair (MAES3D: after pocket
+//! removal).
 
+use fixedbitset::FixedBitSet;
 use msgs::ids::{AgentId, Tick};
 
-/// A set of cell indices.
+/// A set of cell indices with its size.
 #[derive(Debug, Clone)]
 struct CellSet {
-    words: Vec<u64>,
+    cells: FixedBitSet,
+    /// Kept up to date, because shares are read in every tick.
     len: usize,
 }
 
 impl CellSet {
     fn new(volume: usize) -> Self {
-        Self { words: vec![0; volume.div_ceil(64)], len: 0 }
+        Self { cells: FixedBitSet::with_capacity(volume), len: 0 }
     }
 
     fn insert(&mut self, index: u32) {
-        let word = &mut self.words[index as usize / 64];
-        let bit = 1 << (index % 64);
-        if *word & bit == 0 {
-            *word |= bit;
-            self.len += 1;
-        }
+        let is_known = self.cells.put(index as usize);
+        self.len += usize::from(!is_known);
     }
 }
 
-/// Shares of the free cells, in thousandths, of which it is noted when the team has seen so much.
+/// Explored shares, in thousandths of the free cells, whose ticks are recorded.
 pub const MILESTONES_PERMILLE: [u64; 5] = [500, 900, 990, 999, 1000];
 
-/// The score of a run.
+/// Explored and covered cells of a run.
 #[derive(Debug, Clone)]
 pub struct Coverage {
     free_cells: usize,
@@ -38,17 +38,17 @@ pub struct Coverage {
     covered: CellSet,
     explored_by: Vec<usize>,
     covered_by: Vec<CellSet>,
-    /// Free cells that are on each agent's map, as it says.
+    /// Free cells on each agent's own map, as last reported.
     believed_by: Vec<usize>,
-    /// When the milestones were reached, as far as they have been.
+    /// Ticks of the milestones reached so far.
     milestones: Vec<Tick>,
 }
 
 impl Coverage {
-    /// Nothing seen yet.
+    /// Nothing explored or covered yet, in a map of `volume` cells.
     ///
     /// # Panics
-    /// If there are no free cells: a share of nothing is no number.
+    /// If there are no free cells, because shares are undefined then.
     #[must_use]
     pub fn new(volume: usize, free_cells: usize, agents: usize) -> Self {
         assert!(free_cells > 0, "a world has free cells");
@@ -63,7 +63,7 @@ impl Coverage {
         }
     }
 
-    /// Notes free cells that `agent` has seen for the first time.
+    /// Records free cells that `agent` has seen for the first time.
     pub fn explore(&mut self, agent: AgentId, new_free: &[u32]) {
         self.explored_by[agent.index()] += new_free.len();
         for &cell in new_free {
@@ -71,18 +71,19 @@ impl Coverage {
         }
     }
 
-    /// Notes that the centre of `agent` is in a cell.
+    /// Records that the centre of the body of `agent` is in a cell.
     pub fn cover(&mut self, agent: AgentId, cell: u32) {
         self.covered.insert(cell);
         self.covered_by[agent.index()].insert(cell);
     }
 
-    /// Notes how many free cells `agent` says are on its map; more than there are count as all.
+    /// Records how many free cells `agent` reports to be on its map, clamped to the number there
+    /// are.
     pub fn believe(&mut self, agent: AgentId, known_free: u32) {
         self.believed_by[agent.index()] = self.free_cells.min(known_free as usize);
     }
 
-    /// Notes which milestones have been reached by now.
+    /// Records the milestones reached by now.
     pub fn note_milestones(&mut self, now: Tick) {
         let (explored, free) = (self.explored.len as u64, self.free_cells as u64);
         while MILESTONES_PERMILLE.get(self.milestones.len()).is_some_and(|&permille| explored * 1000 >= free * permille)
@@ -91,7 +92,7 @@ impl Coverage {
         }
     }
 
-    /// The milestones that have been reached, in thousandths, and when.
+    /// The milestones reached so far, in thousandths, with their ticks.
     pub fn milestones(&self) -> impl Iterator<Item = (u64, Tick)> {
         MILESTONES_PERMILLE.into_iter().zip(self.milestones.iter().copied())
     }
@@ -120,31 +121,31 @@ impl Coverage {
         self.share(self.covered.len)
     }
 
-    /// Share of the free cells that each agent has seen, by agent.
+    /// Share of the free cells that each agent has seen, by agent, 0 ..= 1.
     #[must_use]
     pub fn explored_by(&self) -> Vec<f64> {
         self.explored_by.iter().map(|&cells| self.share(cells)).collect()
     }
 
-    /// Share of the free cells that each agent has visited, by agent.
+    /// Share of the free cells that each agent has visited, by agent, 0 ..= 1.
     #[must_use]
     pub fn covered_by(&self) -> Vec<f64> {
         self.covered_by.iter().map(|set| self.share(set.len)).collect()
     }
 
-    /// Share of the free cells that is on each agent's map, by agent, as they said last.
+    /// Share of the free cells on each agent's own map, as last reported, by agent, 0 ..= 1.
     #[must_use]
     pub fn believed_by(&self) -> Vec<f64> {
         self.believed_by.iter().map(|&cells| self.share(cells)).collect()
     }
 
-    /// The free cells that at least one agent has seen: a bit for each cell of the map, by index, 64 to a word.
+    /// The free cells that at least one agent has seen, by cell index.
     #[must_use]
-    pub fn explored_cells(&self) -> &[u64] {
-        &self.explored.words
+    pub fn explored_cells(&self) -> &FixedBitSet {
+        &self.explored.cells
     }
 
-    /// Free cells of the map.
+    /// Number of free cells of the map.
     #[must_use]
     pub fn free_cells(&self) -> usize {
         self.free_cells
@@ -160,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn milestones_are_noted_in_the_tick_in_which_they_are_reached() {
+    fn milestones_have_the_tick_they_are_reached_in() {
         let mut coverage = Coverage::new(1000, 1000, 2);
         let cells: Vec<u32> = (0..1000).collect();
         for (tick, seen) in [(3, 499), (4, 500), (5, 950), (6, 1000), (7, 1000)] {

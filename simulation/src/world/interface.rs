@@ -1,6 +1,6 @@
-//! What a world is told and tells: actions of agents, what they learn, what happens to them, and running totals.
+//! The interface of the world: actions and observations of agents, events, and running totals.
 //!
-//! This module does nothing: see [`super::World`].
+//! Plain data; the behaviour is that of [`super::World`].
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,8 @@ use super::body::{Collision, Motion, Pose};
 use super::comms::AgentMessage;
 use super::lidar::ScanView;
 
-/// Things that can happen to an agent between two observations: a set of the bits of `maes_msgs/Wake`.
+/// A set of events between two observations of an agent: a sum of the constants of
+/// `maes_msgs/Wake`. It is a plain number because it travels as one, unknown bits included.
 pub type Events = u8;
 /// The task has ended.
 pub const TASK_DONE: Events = msgs::maes_msgs::Wake::TASK_DONE;
@@ -26,103 +27,105 @@ pub const CONTACTS: Events = msgs::maes_msgs::Wake::CONTACTS;
 /// A message has arrived.
 pub const PARCEL: Events = msgs::maes_msgs::Wake::PARCEL;
 
-/// What the world does for an agent in one tick: a command, without its wake condition.
+/// What an agent does in one tick: its command without the trigger.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Action {
-    /// Task of the body.
+    /// The motion task of the body.
     pub motion: Motion,
-    /// Request to the LiDAR.
+    /// The request to the LiDAR.
     pub lidar: ScanRequest,
-    /// Whether the next observation is to hold the view of the last scan.
+    /// Whether the next observation includes the view of the last scan.
     pub want_view: bool,
-    /// To send in this tick.
+    /// Messages to send in this tick.
     pub messages: Vec<AgentMessage>,
 }
 
 impl Action {
-    /// What becomes of an agent that does not answer any more: its body stops, and its LiDAR is off where agents decide about it;
-    /// a schedule that takes turns goes on scanning for it.
+    /// The action of a lost agent: its body stops, and its LiDAR is off under
+    /// [`ScanSchedule::OnRequest`](super::ScanSchedule::OnRequest).
     pub const LOST: Self =
         Self { motion: Motion::Stop, lidar: ScanRequest::Never, want_view: false, messages: Vec::new() };
 }
 
-/// What an agent learns. Cell lists are ascending indices.
+/// An observation of an agent. Cell lists are ascending indices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
-    /// The tick it is of.
+    /// The tick it was taken in.
     pub tick: Tick,
-    /// Whom it is for.
+    /// The observing agent.
     pub agent: AgentId,
-    /// Own pose.
+    /// The measured pose of its body, metres and radians, frame `map`.
     pub pose: Pose,
-    /// Own velocity, m/s, frame `map`.
+    /// The velocity of its body, m/s, frame `map`.
     pub velocity_in_map_m_s: Vector3<f64>,
-    /// Own turn rate, rad/s.
+    /// The turn rate of its body about the vertical, rad/s, positive to the left.
     pub yaw_rate_rad_s: f64,
-    /// Whether a task is under way.
+    /// Whether a motion task is active.
     pub is_active: bool,
-    /// Collision of the last motion that was tried.
+    /// The collision of the last attempted motion, if there was one.
     pub collision: Option<Collision>,
-    /// What has happened since the last observation.
+    /// Events since the last observation.
     pub events: Events,
-    /// Agents in contact and where they are, ascending.
+    /// Agents in contact with their measured positions (metres, frame `map`), ascending.
     pub contacts: Vec<(AgentId, Point3<f64>)>,
-    /// Relays in reach and where they are, ascending.
+    /// Relays in reach with their positions (metres, frame `map`), ascending.
     pub relays: Vec<(RelayId, Point3<f64>)>,
-    /// Arrived since the last observation.
+    /// Messages received since the last observation, in order of arrival.
     pub messages: Vec<AgentMessage>,
-    /// Tick of the last scan.
+    /// Tick of the last scan, `None` before the first.
     pub scan_tick: Option<Tick>,
     /// Free cells seen for the first time since the last observation.
     pub seen_free: Vec<u32>,
     /// Walls seen for the first time since the last observation.
     pub seen_wall: Vec<u32>,
-    /// The last scan as a whole, on request.
+    /// Everything the last scan saw, on request.
     pub view: Option<ScanView>,
 }
 
-/// How much of what an agent has not been told yet an observation takes.
+/// Whether an observation is committed or speculative. An agent that is asked ahead of its trigger
+/// (look-ahead) gets a speculative one, which leaves the pending observation as it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Commit {
-    /// Everything since the last observation that counted.
+    /// It contains everything since the last committed observation, and clears it.
     Committed,
-    /// Only what is new since the agent was last asked, for an agent that is asked out of turn.
+    /// It contains only what is new since the last observation of either kind, and clears nothing.
     Speculative,
 }
 
-/// Running totals of a world, for the result of a run.
+/// Running totals of a world. The names are those of the counters in the result of a run, where
+/// agent messages are called parcels.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Totals {
     /// Scans that were due.
     pub scans: u64,
-    /// Scans that were cast: the others were of a body that had not moved.
+    /// Scans that were cast; scans of a body that has not moved are skipped.
     pub scans_cast: u64,
-    /// Motions refused.
+    /// Motions refused because of a collision.
     pub collisions: u64,
-    /// Parcels sent, one for each receiver named or in contact.
+    /// Messages sent, counted once per receiver.
     pub parcels_sent: u64,
-    /// Parcels delivered.
+    /// Messages delivered.
     pub parcels_delivered: u64,
-    /// Parcels lost because the receiver was out of contact.
+    /// Messages lost because the receiver was out of contact.
     pub parcels_out_of_contact: u64,
-    /// Parcels lost because the receiver's inbox was full.
+    /// Messages lost because the receiver's inbox was full.
     pub parcels_inbox_full: u64,
-    /// Parcels lost by chance.
+    /// Messages lost to random packet loss.
     pub parcels_lost_radio: u64,
-    /// Parcels lost because too much waited to be sent.
+    /// Messages lost because the sender's transmit queue was full.
     pub parcels_queue_full: u64,
-    /// Relays left behind.
+    /// Relays deployed.
     pub relays_left: u64,
-    /// Relays that agents wanted to leave and did not have.
+    /// Deployments refused because the agent had no relay left.
     pub relays_refused: u64,
-    /// How often relays were written on after they were left.
+    /// Writes to deployed relays.
     pub relay_writings: u64,
-    /// How often that failed, because the relay was out of reach or is none.
+    /// Writes that failed because the relay was out of reach or does not exist.
     pub relay_writings_lost: u64,
-    /// How often agents were told what relays keep.
+    /// Reads of relay content by agents.
     pub relay_readings: u64,
-    /// Bytes delivered.
+    /// Bytes of delivered messages.
     pub parcel_bytes_delivered: u64,
-    /// The same by the sender's mark.
+    /// The same by message kind.
     pub parcel_bytes_by_kind: BTreeMap<u8, u64>,
 }

@@ -1,12 +1,15 @@
-//! What a LiDAR sees: rays from a body through the true terrain, and the memory of what they have met before.
+//! The simulated LiDAR: rays from a body through the true terrain, and a memory of the cells they
+//! have hit before.
 //!
-//! A scan visits exactly the cells that [`voxels::walk`] visits along each of its rays up to the first wall, the wall included,
-//! with the same arithmetic and the same tie rule; a test holds the two equal. Rays are fixed in the map frame (`maes3d.md` 1.4:
-//! they do not turn with the body); the heading only chooses which of them are used when the field of view is limited.
-//! There is no noise, but for scans that are to have it (`blurred`). Bodies do not hide what is behind them.
+//! A scan visits exactly the cells that [`voxels::walk`] visits along each of its rays up to the
+//! first wall, the wall included, with the same arithmetic and the same tie rule; a test compares
+//! the two. Rays are fixed in the frame `map` and do not turn with the body
+//! (docs/reference-model.md, "LiDAR"); the heading only selects which of them are used if the field
+//! of view is limited. Scans are exact, except for those of `noisy`. Bodies do not occlude what is
+//! behind them.
 //!
-//! Invariants: a scan changes nothing but the seen marks of its memory, and the marks it leaves are the same on every
-//! processor. This module does not know when scans are due, and tells nobody what it has seen.
+//! Invariants: a scan changes only the seen marks of its memory, and these are the same on every
+//! processor. When scans are due is decided in [`super::World::look`].
 
 mod cast;
 mod noisy;
@@ -24,29 +27,31 @@ use cast::{FREE, Field, Found, Kernel, OUTSIDE, Start, WALL};
 pub use noisy::NoisyScan;
 use pattern::Bundle;
 
-/// How the rays of a scan are spread.
+/// The directions of the rays of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pattern {
-    /// A Fibonacci lattice: ray i of n has the azimuth `2 pi i / golden ratio` about the x axis of the map and the angle
-    /// `acos(1 - 2 (i + 0.5) / n)` from it.
+    /// A Fibonacci lattice: ray i of n has the azimuth `2 pi i / golden ratio` about the x axis of
+    /// the map and the angle `acos(1 - 2 (i + 0.5) / n)` from it.
     Lattice {
-        /// Number of rays; 5124 in the reference (`maes3d.md` 1.4).
+        /// Number of rays; 5124 in MAES3D (docs/reference-model.md, "LiDAR").
         rays: u32,
     },
-    /// One ray to every cell on the edge of a sphere about the body's cell: the reference's older sensing.
+    /// One ray to every cell on the edge of a sphere about the body's cell: the older sensing of
+    /// MAES3D.
     ///
-    /// The edge is the cells of the ball (offset length at most the radius) that share a face with a cell outside it. A ray
-    /// goes from the body's exact position along the offset of its edge cell and is as long as that offset, so it ends in
-    /// that cell, at the place that the body has in its own; nothing beyond the radius is seen. The reference counts 360 rays
-    /// for a radius of 5 and 528 for 6 because its list repeats mirror images; they are 222 and 354 different rays.
+    /// The edge is the cells of the ball (offset length at most the radius) that share a face with
+    /// a cell outside it. A ray goes from the body's exact position along the offset of its edge
+    /// cell and is as long as that offset, so it ends in that cell; nothing beyond the radius is
+    /// seen. MAES3D counts 360 rays for a radius of 5 and 528 for 6 because its list repeats mirror
+    /// images; these are 222 and 354 different rays.
     Shell {
-        /// Radius of the sphere in cells; 5 in the reference. A larger radius than 1774 counts as 1774, which sees the whole of
-        /// the largest map.
+        /// Radius of the sphere in cells; 5 in MAES3D. It is clamped to 1774, which covers the
+        /// largest map.
         radius_cells: u32,
     },
 }
 
-/// A LiDAR: its rays, how far it sees and how wide.
+/// A LiDAR: its rays, range and field of view.
 #[derive(Clone)]
 pub struct Scanner {
     pattern: Pattern,
@@ -57,7 +62,7 @@ pub struct Scanner {
     cone_cos: Option<f64>,
 }
 
-/// The rays would fill pages.
+/// Omits the rays, of which there are thousands.
 impl fmt::Debug for Scanner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Scanner")
@@ -70,11 +75,11 @@ impl fmt::Debug for Scanner {
 }
 
 impl Scanner {
-    /// A LiDAR whose rays are `pattern`.
+    /// A LiDAR with this pattern of rays.
     ///
-    /// A lattice sees cells that a ray enters within `range_m` metres, which may be infinite; a shell sees as far as its radius
-    /// and has no use for `range_m`. A ray is used if its angle from the heading is less than `fov_rad / 2`, so `fov_rad` is
-    /// the full opening angle of a cone in radians; from 2 pi on all rays are used.
+    /// A lattice sees cells that a ray enters within `range_m` metres, which may be infinite; a
+    /// shell sees as far as its radius and ignores `range_m`. `fov_rad` is the full opening angle
+    /// of a cone about the heading, in radians; from 2 pi on all rays are used.
     pub fn new(pattern: Pattern, range_m: f64, fov_rad: f64) -> Self {
         let directions = pattern.directions();
         Self {
@@ -86,21 +91,23 @@ impl Scanner {
         }
     }
 
-    /// Rays of a scan in all directions.
+    /// Number of rays of a scan with an unlimited field of view.
     pub fn rays(&self) -> u32 {
         self.rays
     }
 
-    /// Whether scans from two poses are the same in an unchanged world: the heading counts only with a limited field of view.
+    /// Whether scans from two poses see the same. The heading matters only with a limited field of
+    /// view.
     pub fn sees_the_same(&self, a: &Pose, b: &Pose) -> bool {
         a.position == b.position && (self.cone_cos.is_none() || a.yaw_rad == b.yaw_rad)
     }
 
-    /// Casts a scan from `pose` and marks what it meets as seen.
+    /// Casts a scan from `pose` and marks the cells it hits as seen.
     ///
-    /// Appends the indices of the cells that this memory has not seen before: crossed free cells (and the body's own) to
-    /// `new_free`, walls that ended a ray to `new_wall`. **They come in no particular order, and that order differs between
-    /// processors: sort before anything depends on it.** A position outside the map sees nothing.
+    /// Appends the indices of the cells that this memory has not seen before: crossed free cells
+    /// (and the body's own) to `new_free`, walls that ended a ray to `new_wall`. **They come in no
+    /// particular order, and that order differs between processors: sort before anything depends on
+    /// it.** A position outside the map sees nothing.
     pub fn scan(&self, memory: &mut SensorMemory, pose: &Pose, new_free: &mut Vec<u32>, new_wall: &mut Vec<u32>) {
         let Some(start) = self.start(memory, pose) else { return };
         let first = [new_free.len(), new_wall.len()];
@@ -113,7 +120,7 @@ impl Scanner {
         }
     }
 
-    /// What a scan from `pose` meets as a whole, seen before or not; changes nothing.
+    /// Everything that a scan from `pose` sees, whether seen before or not.
     pub fn view(&self, memory: &SensorMemory, pose: &Pose) -> ScanView {
         let mut view = ScanView::default();
         let Some(start) = self.start(memory, pose) else { return view };
@@ -146,7 +153,8 @@ impl Scanner {
         view
     }
 
-    /// Where the rays of a scan from `pose` meet walls: the hits of its [`Scanner::view`].
+    /// The points where the rays of a scan from `pose` hit walls, metres, frame `map`: the hits of
+    /// its [`Scanner::view`].
     pub fn hits(&self, memory: &SensorMemory, pose: &Pose) -> Vec<Point3<f64>> {
         let mut hits = Vec::new();
         let Some(start) = self.start(memory, pose) else { return hits };
@@ -180,22 +188,24 @@ impl Scanner {
     }
 }
 
-/// What one agent's LiDAR has seen so far, laid over the terrain, which all of them share: one byte per cell answers both "wall?" and
-/// "new?", unless it is new. Of cells that nobody has been near to it takes no memory, where the system provides it page by page.
+/// The cells that one agent's LiDAR has seen so far. One byte per cell holds its kind once it has
+/// been seen; the kinds of all cells are shared by all agents. Pages of cells that were never seen
+/// take no memory where the system commits it on first write.
 ///
-/// The cells are surrounded by one layer of marks for the world outside, so that a ray needs no range test.
+/// One layer of marks for the outside surrounds the cells, so that a ray needs no range test.
 #[derive(Clone)]
 pub struct SensorMemory {
     extent: Extent,
     strides: [usize; 3],
     kinds: Arc<Vec<u8>>,
-    /// The kinds of the cells that have been seen, and 0 for the others.
+    /// The kind of each cell that has been seen, 0 for the others.
     seen: Vec<u8>,
-    /// By cell index, by how much rays that cross it outnumber those that end in it, as far as scans err; else empty.
+    /// By cell index the number of rays that crossed it minus those that ended in it; empty without
+    /// noise.
     votes: Vec<i8>,
 }
 
-/// The cells would fill pages.
+/// Omits the cells, of which there are millions.
 impl fmt::Debug for SensorMemory {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("SensorMemory").field("extent", &self.extent).finish_non_exhaustive()
@@ -203,7 +213,7 @@ impl fmt::Debug for SensorMemory {
 }
 
 impl SensorMemory {
-    /// The memory of a LiDAR that has not seen anything yet.
+    /// The memory of a LiDAR that has seen nothing yet.
     pub fn new(terrain: &Grid<Terrain>) -> Self {
         let extent = terrain.extent();
         let [x, y, z] = extent.size().map(|cells| cells as usize + 2);
@@ -220,14 +230,14 @@ impl SensorMemory {
         Self { kinds: Arc::new(kinds), seen, ..nothing }
     }
 
-    /// The memory of another LiDAR in the same terrain that has not seen anything yet.
+    /// An empty memory for another LiDAR in the same terrain.
     #[must_use]
     pub fn unused(&self) -> Self {
         let (extent, strides, kinds) = (self.extent, self.strides, Arc::clone(&self.kinds));
         Self { extent, strides, kinds, seen: vec![0; self.seen.len()], votes: Vec::new() }
     }
 
-    /// Where a cell of the map lies in `kinds` and `seen`.
+    /// The slot of a cell of the map in `kinds` and `seen`.
     fn slot_of(&self, cell: voxels::Cell) -> usize {
         let [x, y, z] = self.strides;
         (cell.x + 1) as usize * x + (cell.y + 1) as usize * y + (cell.z + 1) as usize * z
@@ -242,14 +252,15 @@ impl SensorMemory {
     }
 }
 
-/// Everything that one scan meets.
+/// Everything that one scan sees.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ScanView {
     /// Indices of the free cells, the body's own included, ascending.
     pub free: Vec<u32>,
     /// Indices of the walls that ended a ray, ascending.
     pub wall: Vec<u32>,
-    /// Where rays met a wall, in the map frame, in metres, in the scanner's own fixed order of rays.
+    /// The points where rays hit walls, metres, frame `map`, in the fixed order of the scanner's
+    /// rays.
     pub hits: Vec<Point3<f64>>,
 }
 

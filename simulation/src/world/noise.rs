@@ -1,8 +1,8 @@
-//! How agents err: noise of the distances that LiDARs measure, returns that are missed, and a position that is not quite the true
-//! one. All of it is off by default.
+//! The sensor noise model: Gaussian noise and missed returns of the LiDARs, and drift of the
+//! measured position. All of it is off by default.
 //!
-//! Every draw is named by the seed of the run, the agent and the tick, so that no scan hangs on another, on the order in which
-//! they are cast, or on threads.
+//! Every random stream is named by seed, agent and tick, so scans depend neither on each other nor
+//! on threads.
 
 use msgs::ids::{AgentId, Tick};
 use nalgebra::{Point3, Vector3};
@@ -10,22 +10,22 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
 use voxels::Extent;
 
-/// What errs, and how much.
+/// The parameters of the sensor noise.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SensorNoise {
     /// Standard deviation of measured distances, metres.
     pub range_sigma_m: f64,
-    /// Probability that a ray that meets a wall brings nothing back.
+    /// Probability that a ray which hits a wall has no return, 0 ..= 1.
     pub missed_returns: f64,
-    /// Greatest error of a told position along each axis, metres.
+    /// Bound of the position error along each axis, metres.
     pub pose_bound_m: f64,
-    /// How far that error moves along each axis in a tick at the most, metres.
+    /// Largest change of the position error along each axis in a tick, metres.
     pub pose_step_m: f64,
-    /// The seed of all this.
+    /// Seed of the noise.
     pub seed: u64,
 }
 
-/// The error of one agent's told position: a walk at random within bounds, each axis by itself.
+/// The drift of one agent's measured position: a bounded random walk along each axis.
 #[derive(Debug, Clone)]
 pub(super) struct Drift {
     rng: ChaCha8Rng,
@@ -33,7 +33,7 @@ pub(super) struct Drift {
 }
 
 impl SensorNoise {
-    /// Whether scans err.
+    /// Whether scans have noise or missed returns.
     #[must_use]
     pub fn affects_scans(&self) -> bool {
         self.range_sigma_m > 0.0 || self.missed_returns > 0.0
@@ -43,18 +43,20 @@ impl SensorNoise {
         self.pose_bound_m > 0.0 && self.pose_step_m > 0.0
     }
 
-    /// The chance that is in the scan of an agent in a tick.
+    /// The random stream of the scan of an agent in a tick.
     pub(super) fn scan_stream(&self, agent: AgentId, tick: Tick) -> ChaCha8Rng {
         let mut rng = random_streams::stream(self.seed, agent.0.into(), "sensor.scan");
         rng.set_stream(tick.0);
         rng
     }
 
-    /// What chance does to one return: `None` if it is missed, else how much farther it seems, metres.
+    /// Draws the noise of one return: `None` if it is missed, else the error of its distance,
+    /// metres.
     pub(super) fn sample_return(&self, rng: &mut ChaCha8Rng) -> Option<f64> {
-        // All are drawn in any case, so that a ray draws as much whatever the scenario says.
+        // All three are always drawn, so that the number of draws per ray does not depend on the
+        // parameters.
         let [miss, one, other] = [uniform(rng), uniform(rng), uniform(rng)];
-        // Box and Muller; 1 - one is never 0.
+        // Box-Muller transform; 1 - one is never 0.
         let radius = libm::sqrt(-2.0 * libm::log(1.0 - one));
         let deviation = radius * libm::cos(std::f64::consts::TAU * other);
         (miss >= self.missed_returns).then_some(deviation * self.range_sigma_m)
@@ -62,12 +64,12 @@ impl SensorNoise {
 }
 
 impl Drift {
-    /// No error at the start.
+    /// The drift at the start: no error.
     pub(super) fn new(noise: &SensorNoise, agent: AgentId) -> Self {
         Self { rng: random_streams::stream(noise.seed, agent.0.into(), "sensor.pose"), offset_m: Vector3::zeros() }
     }
 
-    /// The error one tick later.
+    /// Advances the drift by one tick.
     pub(super) fn advance(&mut self, noise: &SensorNoise) {
         if !noise.affects_poses() {
             return;
@@ -79,7 +81,7 @@ impl Drift {
         }
     }
 
-    /// The position that is told of a true one; always a place in the map.
+    /// The measured position for a true one (metres, frame `map`), clamped to the map.
     pub(super) fn measured(&self, position: &Point3<f64>, extent: Extent) -> Point3<f64> {
         if self.offset_m == Vector3::zeros() {
             return *position;
@@ -88,14 +90,14 @@ impl Drift {
         let size = extent.size();
         let mut measured = position + self.offset_m;
         for axis in 0..3 {
-            // Within the outermost cells, however large the map is and numbers are rounded.
+            // Half a cell below the upper boundary, so that rounding cannot leave the map.
             measured[axis] = measured[axis].clamp(0.0, (f64::from(size[axis]) - 0.5) * edge);
         }
         measured
     }
 }
 
-/// A number from 0 up to, but not, 1.
+/// A uniform number in [0, 1).
 fn uniform(rng: &mut ChaCha8Rng) -> f64 {
     const BITS: u32 = 53;
     (rng.next_u64() >> (u64::BITS - BITS)) as f64 / (1_u64 << BITS) as f64
@@ -106,7 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn returns_are_as_noisy_as_they_are_to_be() {
+    fn returns_have_the_given_noise() {
         let noise = SensorNoise { range_sigma_m: 0.5, missed_returns: 0.25, ..SensorNoise::default() };
         let mut rng = noise.scan_stream(AgentId(3), Tick(7));
         let returns: Vec<f64> = (0..40_000).filter_map(|_| noise.sample_return(&mut rng)).collect();
@@ -118,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn scans_draw_by_agent_and_tick() {
+    fn scan_stream_depends_on_agent_and_tick() {
         let noise = SensorNoise { seed: 1, ..SensorNoise::default() };
         let first = |agent, tick| noise.scan_stream(AgentId(agent), Tick(tick)).next_u64();
         assert_eq!(first(0, 5), first(0, 5));
@@ -127,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_told_position_drifts_within_its_bounds_and_the_map() {
+    fn measured_position_drifts_within_bounds_and_map() {
         let noise = SensorNoise { pose_bound_m: 0.5, pose_step_m: 0.05, ..SensorNoise::default() };
         let mut drift = Drift::new(&noise, AgentId(0));
         let extent = Extent::new([4, 4, 4], 1.0).unwrap();

@@ -1,21 +1,23 @@
-//! What has happened to an agent and what it has seen since it was last told.
+//! The pending observation of an agent: events, seen cells and messages since the last committed
+//! observation.
 //!
-//! Invariant: what is taken with [`PendingObservation::take`] is the same however often [`PendingObservation::speculate`] was called before, so that
-//! asking out of turn changes nothing.
+//! Invariant: [`PendingObservation::commit`] returns the same however often
+//! [`PendingObservation::speculate`] was called before, so look-ahead does not change a run.
 
 use msgs::limits::PARCEL_BYTES_MAX;
 
 use super::comms::AgentMessage;
 use super::{Events, PARCEL};
 
-/// What a message takes beside its data, so that empty ones count as well.
+/// Bytes charged for a message in addition to its data, so that empty messages fill an inbox as
+/// well.
 const PARCEL_BYTES_BARE: usize = 64;
 
-/// Bytes an inbox holds at the most; a message that does not fit is lost. 64 full messages: an agent that never asks for its
-/// mail must not make the server grow.
+/// Capacity of an inbox in bytes, 64 messages of the largest size; a message that does not fit is
+/// lost. It bounds the memory that an agent which is never due can take.
 const INBOX_BYTES_MAX: usize = 64 * (PARCEL_BYTES_MAX + PARCEL_BYTES_BARE);
 
-/// What an agent is told. Cells are indices.
+/// The content of an observation that is new to its agent. Cells are ascending indices.
 #[derive(Debug, Default)]
 pub(super) struct ObservationDelta {
     pub(super) events: Events,
@@ -24,11 +26,11 @@ pub(super) struct ObservationDelta {
     pub(super) messages: Vec<AgentMessage>,
 }
 
-/// What an agent has not been told yet, since the last observation that counted.
+/// Events, cells and messages since the last committed observation.
 #[derive(Debug, Default)]
 pub(super) struct PendingObservation {
     pub(super) events: Events,
-    /// Cells in the order in which they were seen.
+    /// Cell indices in the order in which they were seen.
     pub(super) free: Vec<u32>,
     pub(super) wall: Vec<u32>,
     messages: Vec<AgentMessage>,
@@ -36,7 +38,7 @@ pub(super) struct PendingObservation {
     watermark: Watermark,
 }
 
-/// How much of it was told when the agent was asked out of turn.
+/// How much of the pending observation speculative observations have contained.
 #[derive(Debug, Default)]
 struct Watermark {
     events: Events,
@@ -46,7 +48,7 @@ struct Watermark {
 }
 
 impl PendingObservation {
-    /// Puts a message into the inbox, unless that is full.
+    /// Adds a message to the inbox; returns false, and drops it, if the inbox is full.
     pub(super) fn post(&mut self, message: AgentMessage) -> bool {
         let bytes = self.message_bytes + PARCEL_BYTES_BARE + message.data.len();
         if bytes > INBOX_BYTES_MAX {
@@ -58,13 +60,13 @@ impl PendingObservation {
         true
     }
 
-    /// Everything, cells ascending; nothing is left.
+    /// Takes everything that is pending.
     pub(super) fn commit(&mut self) -> ObservationDelta {
         let Self { events, free, wall, messages, .. } = std::mem::take(self);
         ObservationDelta { events, free: sorted(free), wall: sorted(wall), messages }
     }
 
-    /// What is new since this was last called, cells ascending; everything is left.
+    /// Copies what is new since the last call; everything stays pending.
     pub(super) fn speculate(&mut self) -> ObservationDelta {
         let delta = ObservationDelta {
             events: self.events & !self.watermark.events,

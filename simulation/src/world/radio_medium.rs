@@ -1,12 +1,15 @@
-//! The phase communicate: what becomes of messages between the command that sends them and the inbox.
+//! The radio medium: transmit queues, packet loss and relays between the command that sends a
+//! message and the inbox of its receiver (phase communicate).
 //!
-//! First relays are left behind, then they are written on; then each agent, in the order of the ids, sends what it has to
-//! send; last, relays tell their news to those that reach them. A radio of a limited rate sends in the order of the commands, each
-//! message as a whole once its last byte is through; what waits is bounded, and what does not fit is lost. Whether a message arrives
-//! is judged when it has been sent: the receiver is in contact then, chance lets it through, and the inbox has room.
+//! Relays are deployed first, then written; then each agent, in the order of ids, transmits; last,
+//! relays deliver unread content to the agents that reach them. A radio of limited rate transmits
+//! in the order of the commands, and a message arrives as a whole with its last byte. Its queue is
+//! bounded, and a message that does not fit is lost. Delivery is decided at the end of the
+//! transmission: the receiver must be in contact then, the message must survive packet loss, and
+//! the inbox must have room.
 //!
-//! **Chance.** Whether a message is lost is a draw that is named by the sender, the tick, how many the sender has sent before in
-//! this tick, and the receiver. So no draw hangs on another, or on who is asked first.
+//! **Packet loss.** Each draw is named by sender, tick, number of the message within the tick, and
+//! receiver, so draws depend neither on each other nor on the order of replies.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -20,35 +23,35 @@ use super::comms::{AgentMessage, ContactTable, Peer};
 use super::relays::{Relay, Relays};
 use super::{Action, World};
 
-/// Receivers of one message at the most, so that draws of one message do not run into those of the next.
+/// Draws reserved for one message, more than it can have receivers.
 const RECEIVERS_MAX: u128 = 1 << 32;
 
-/// What is between the agents.
+/// Messages in transmission, and the relays.
 #[derive(Debug)]
 pub(super) struct RadioMedium {
     queues: Vec<Queue>,
     pub(super) relays: Relays,
 }
 
-/// Parcels that wait at an agent to be sent.
+/// The transmit queue of an agent.
 #[derive(Debug, Clone, Default)]
 struct Queue {
     messages: VecDeque<AgentMessage>,
-    /// Bytes on the air that they take.
+    /// Bytes on the air of all queued messages.
     bytes: u64,
-    /// Bytes that have been sent of the first one.
+    /// Bytes of the first message that are transmitted.
     sent: f64,
 }
 
 impl RadioMedium {
-    /// Nothing on its way between so many agents.
+    /// A medium without traffic between `agents`.
     pub(super) fn new(agents: usize) -> Self {
         Self { queues: vec![Queue::default(); agents], relays: Relays::new(agents) }
     }
 }
 
 impl Queue {
-    /// Puts a message at the end, unless more than `bytes_max` would wait.
+    /// Appends a message; returns false, and drops it, if more than `bytes_max` would be queued.
     fn push(&mut self, message: AgentMessage, bytes_max: u64) -> bool {
         let bytes = bytes_on_air(&message);
         if self.bytes + bytes > bytes_max {
@@ -59,59 +62,60 @@ impl Queue {
         true
     }
 
-    /// Sends for one tick: the messages that are through by its end, in order. What a radio without work could have sent is not
-    /// saved up.
+    /// Transmits for one tick and returns the messages that are complete by its end, in order.
+    /// Unused rate does not accumulate.
     fn send(&mut self, bytes_per_tick: f64) -> Vec<AgentMessage> {
-        let mut through = Vec::new();
+        let mut sent = Vec::new();
         self.sent += bytes_per_tick;
         while let Some(first) = self.messages.front() {
             let bytes = bytes_on_air(first);
             if self.sent < bytes as f64 {
-                return through;
+                return sent;
             }
             self.sent -= bytes as f64;
             self.bytes -= bytes;
-            through.extend(self.messages.pop_front());
+            sent.extend(self.messages.pop_front());
         }
         self.sent = 0.0;
-        through
+        sent
     }
 }
 
-/// What a message takes on the air: empty ones count as well.
+/// Bytes of a message on the air, its header included.
 fn bytes_on_air(message: &AgentMessage) -> u64 {
     (message.data.len() + PARCEL_BYTES_BARE) as u64
 }
 
-/// Whether chance loses the message that `sender` sends in a tick after so many others, on its way to `receiver`.
+/// Whether packet loss drops message number `others` of `sender` in `tick` on its way to
+/// `receiver`. `loss` is a probability.
 fn is_lost(loss: f64, seed: u64, tick: Tick, sender: AgentId, others: usize, receiver: AgentId) -> bool {
     if loss <= 0.0 {
         return false;
     }
     let mut rng = random_streams::stream(seed, sender.0.into(), "radio.loss");
     rng.set_stream(tick.0);
-    // A draw takes two words of 32 bits.
+    // A draw consumes two words of 32 bits.
     rng.set_word_pos(2 * (others as u128 * RECEIVERS_MAX + u128::from(receiver.0)));
     const BITS: u32 = 53;
     ((rng.next_u64() >> (u64::BITS - BITS)) as f64) < loss * (1_u64 << BITS) as f64
 }
 
 impl World {
-    /// The relays that agents have left behind, in the order of leaving.
+    /// The deployed relays, in the order of deployment.
     #[must_use]
     pub fn relays(&self) -> &[Relay] {
         self.radio.relays.all()
     }
 
-    /// The pairs of relays that hear each other, by place in [`World::relays`].
+    /// The pairs of relays in contact, as indices into [`World::relays`].
     #[must_use]
     pub fn relay_links(&self) -> &[(usize, usize)] {
         self.radio.relays.links()
     }
 
     pub(super) fn communicate(&mut self, actions: &BTreeMap<AgentId, Action>) {
-        self.leave_relays(actions);
-        self.write_on_relays(actions);
+        self.deploy_relays(actions);
+        self.write_relays(actions);
         let comms = &self.params.comms;
         let (bytes_per_tick, queue_bytes) = (comms.bytes_per_s * Tick::TICK_S, comms.queue_bytes);
         let is_unlimited = comms.bytes_per_s == f64::INFINITY;
@@ -125,13 +129,13 @@ impl World {
             let queue = &mut self.radio.queues[sender.index()];
             let refused = to_agents.filter(|&message| !queue.push(message.clone(), queue_bytes)).count();
             self.totals.parcels_queue_full += refused as u64;
-            let through = queue.send(bytes_per_tick);
-            through.iter().enumerate().for_each(|(others, message)| self.deliver(sender, message, others));
+            let sent = queue.send(bytes_per_tick);
+            sent.iter().enumerate().for_each(|(others, message)| self.deliver(sender, message, others));
         }
-        self.tell_news_of_relays();
+        self.deliver_relay_content();
     }
 
-    /// A message has been sent, after so many others in this tick.
+    /// Delivers message number `others` of a sender in this tick to its receivers.
     fn deliver(&mut self, sender: AgentId, message: &AgentMessage, others: usize) {
         let receivers = match message.peer {
             Peer::One(receiver) => vec![receiver],
@@ -161,14 +165,14 @@ impl World {
         }
     }
 
-    fn leave_relays(&mut self, actions: &BTreeMap<AgentId, Action>) {
+    fn deploy_relays(&mut self, actions: &BTreeMap<AgentId, Action>) {
         for (&owner, action) in actions {
             for AgentMessage { kind, data, .. } in
                 action.messages.iter().filter(|message| message.peer == Peer::NewRelay)
             {
                 let position = self.spheres[owner.index()].centre;
                 let content = (*kind, data.clone());
-                if self.radio.relays.leave(owner, position, content, &self.params.comms, &self.terrain) {
+                if self.radio.relays.deploy(owner, position, content, &self.params.comms, &self.terrain) {
                     self.totals.relays_left += 1;
                     self.contacts = None;
                 } else {
@@ -178,7 +182,7 @@ impl World {
         }
     }
 
-    fn write_on_relays(&mut self, actions: &BTreeMap<AgentId, Action>) {
+    fn write_relays(&mut self, actions: &BTreeMap<AgentId, Action>) {
         for (&writer, action) in actions {
             for AgentMessage { peer, kind, data } in &action.messages {
                 let Peer::Relay(relay) = *peer else { continue };
@@ -192,24 +196,25 @@ impl World {
         }
     }
 
-    /// Relays tell what is new to those that reach them; who has no room is told later.
-    fn tell_news_of_relays(&mut self) {
+    /// Delivers unread content of relays to the agents that reach them; a full inbox gets it later.
+    fn deliver_relay_content(&mut self) {
         if self.relays().is_empty() {
             return;
         }
         for agent in self.agents() {
             let from = self.spheres[agent.index()].centre;
             for relay in self.radio.relays.reached(agent, &from, &self.params.comms, &self.terrain) {
-                let Some(message) = self.radio.relays.news(agent, relay) else { continue };
+                let Some(message) = self.radio.relays.unread(agent, relay) else { continue };
                 if self.agents[agent.index()].pending_observation.post(message) {
-                    self.radio.relays.has_read(agent, relay);
+                    self.radio.relays.mark_read(agent, relay);
                     self.totals.relay_readings += 1;
                 }
             }
         }
     }
 
-    /// The relays that an agent is told of, and where they are, ascending: those that it reaches, or the nearest of them.
+    /// The relays in an agent's observation with their positions (metres, frame `map`), ascending:
+    /// those it reaches, at most the nearest [`RELAYS_TOLD_MAX`].
     pub fn relays_of(&mut self, agent: AgentId) -> Vec<(RelayId, Point3<f64>)> {
         if self.relays().is_empty() {
             return Vec::new();
@@ -219,24 +224,24 @@ impl World {
         let distance_m = |&relay: &usize| (self.relays()[relay].position - from).norm();
         reached.sort_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
         reached.truncate(RELAYS_TOLD_MAX);
-        let mut told: Vec<_> = reached.into_iter().map(|relay| &self.relays()[relay]).collect();
-        told.sort_by_key(|relay| relay.id);
-        told.into_iter().map(|relay| (relay.id, relay.position)).collect()
+        let mut reported: Vec<_> = reached.into_iter().map(|relay| &self.relays()[relay]).collect();
+        reported.sort_by_key(|relay| relay.id);
+        reported.into_iter().map(|relay| (relay.id, relay.position)).collect()
     }
 
     pub(super) fn in_contact(&mut self, one: AgentId, other: AgentId) -> bool {
-        self.know_contacts();
-        let table = self.contacts.as_mut().expect("it has just been made");
+        self.compute_contacts();
+        let table = self.contacts.as_mut().expect("it has just been computed");
         table.in_contact(one, other, &self.params.comms.contact, &self.terrain)
     }
 
     pub(super) fn contacts_of(&mut self, agent: AgentId) -> Vec<AgentId> {
-        self.know_contacts();
-        let table = self.contacts.as_mut().expect("it has just been made");
+        self.compute_contacts();
+        let table = self.contacts.as_mut().expect("it has just been computed");
         table.of(agent, &self.params.comms.contact, &self.terrain)
     }
 
-    fn know_contacts(&mut self) {
+    fn compute_contacts(&mut self) {
         if self.contacts.is_some() {
             return;
         }

@@ -1,9 +1,11 @@
-//! Relays that agents have left behind: they float in place, carry messages from one to the next, and keep some bytes.
+//! Radio relays deployed by agents: they stay in place, forward messages and store some bytes.
 //!
-//! Relays in contact with each other, directly or over others, are a *network*; two agents that hear the same network are in
-//! contact. What each agent hears is found out again only once it has moved or a relay has come.
+//! Relays in contact with each other, directly or over others, form a *network*; two agents in
+//! contact with the same network are in contact. The relays in contact with an agent are computed
+//! again once it has moved or a relay has been deployed.
 //!
-//! Invariants: a relay stays where it was left and is in nobody's way; numbers go up in the order of leaving, by agent.
+//! Invariants: a relay never moves and blocks no body; the relays of an agent are numbered in the
+//! order of deployment.
 
 use msgs::ids::AgentId;
 use msgs::relay_id::RelayId;
@@ -12,60 +14,60 @@ use voxels::{Grid, Terrain};
 
 use super::comms::{AgentMessage, Comms, Peer};
 
-/// A relay.
+/// A deployed relay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Relay {
-    /// Its name.
+    /// Owner and number.
     pub id: RelayId,
-    /// Where it floats, metres, frame `map`.
+    /// Position, metres, frame `map`.
     pub position: Point3<f64>,
-    /// The mark of what it keeps.
+    /// The kind of the stored content.
     pub kind: u8,
-    /// What it keeps.
+    /// The stored content.
     pub data: Vec<u8>,
-    /// How often something was written on it; 0: it was left empty, and is.
+    /// Number of writes; 0: it was deployed empty and still is.
     pub writings: u64,
     network: usize,
 }
 
-/// All relays of a world, and who hears and has read them.
+/// All relays of a world, and the agents in contact with them.
 #[derive(Debug, Default)]
 pub(super) struct Relays {
-    /// In the order of leaving.
+    /// In the order of deployment.
     relays: Vec<Relay>,
     links: Vec<(usize, usize)>,
     listeners: Vec<Listener>,
 }
 
-/// An agent, as far as relays are concerned.
+/// The state of an agent towards the relays.
 #[derive(Debug, Clone, Default)]
 struct Listener {
     left: u32,
-    /// Where and among how many relays the list of those in contact was made.
+    /// Position and number of relays for which `heard` was computed.
     heard_at: Option<(Point3<f64>, usize)>,
     heard: Vec<usize>,
-    /// By relay, how many of its writings the agent knows.
+    /// By relay, the number of writes that the agent has read.
     read: Vec<u64>,
 }
 
 impl Relays {
-    /// None, for so many agents.
+    /// No relays yet, for a team of `agents`.
     pub(super) fn new(agents: usize) -> Self {
         Self { listeners: vec![Listener::default(); agents], ..Self::default() }
     }
 
-    /// All of them, in the order of leaving.
+    /// All relays, in the order of deployment.
     pub(super) fn all(&self) -> &[Relay] {
         &self.relays
     }
 
-    /// The pairs of relays that hear each other, by place in [`Relays::all`].
+    /// The pairs of relays in contact, as indices into [`Relays::all`].
     pub(super) fn links(&self) -> &[(usize, usize)] {
         &self.links
     }
 
-    /// Leaves a relay behind with this content, unless the agent has none left. Says whether it has.
-    pub(super) fn leave(
+    /// Deploys a relay with this content; returns false if the agent has none left.
+    pub(super) fn deploy(
         &mut self,
         owner: AgentId,
         position: Point3<f64>,
@@ -80,7 +82,7 @@ impl Relays {
         let new = self.relays.len();
         let heard: Vec<usize> =
             (0..new).filter(|&other| comms.contact.joins(terrain, &self.relays[other].position, &position)).collect();
-        // A new network, which takes in those of the relays it hears.
+        // A new network that absorbs the networks of the relays in contact.
         let joined: Vec<usize> = heard.iter().map(|&other| self.relays[other].network).collect();
         self.relays.iter_mut().filter(|relay| joined.contains(&relay.network)).for_each(|relay| relay.network = new);
         self.links.extend(heard.into_iter().map(|other| (other, new)));
@@ -88,11 +90,11 @@ impl Relays {
         let writings = u64::from(!data.is_empty());
         self.relays.push(Relay { id: RelayId { owner, number }, position, kind, data, writings, network: new });
         self.listeners[owner.index()].left += 1;
-        self.has_read(owner, new);
+        self.mark_read(owner, new);
         true
     }
 
-    /// Writes on a relay that the agent can reach from where it is. Says whether it can.
+    /// Writes to a relay; returns false if the agent does not reach it.
     pub(super) fn write(
         &mut self,
         writer: AgentId,
@@ -108,11 +110,12 @@ impl Relays {
         };
         (self.relays[relay].kind, self.relays[relay].data) = content;
         self.relays[relay].writings += 1;
-        self.has_read(writer, relay);
+        self.mark_read(writer, relay);
         true
     }
 
-    /// The relays that an agent can read and write from where it is, in the order of leaving, by place in [`Relays::all`].
+    /// The relays that an agent at `from` can read and write, in the order of deployment, as
+    /// indices into [`Relays::all`].
     pub(super) fn reached(
         &mut self,
         agent: AgentId,
@@ -125,21 +128,21 @@ impl Relays {
         self.listeners[agent.index()].heard.iter().copied().filter(is_near).collect()
     }
 
-    /// What a relay has to tell an agent that reaches it, as a message; nothing if the agent knows it.
-    pub(super) fn news(&self, agent: AgentId, relay: usize) -> Option<AgentMessage> {
+    /// The content of a relay as a message, `None` if the agent has read it.
+    pub(super) fn unread(&self, agent: AgentId, relay: usize) -> Option<AgentMessage> {
         let known = self.listeners[agent.index()].read.get(relay).copied().unwrap_or(0);
         let Relay { id, kind, data, writings, .. } = &self.relays[relay];
         (*writings > known).then(|| AgentMessage { peer: Peer::Relay(*id), kind: *kind, data: data.clone() })
     }
 
-    /// Notes that an agent knows what a relay keeps.
-    pub(super) fn has_read(&mut self, agent: AgentId, relay: usize) {
+    /// Marks the content of a relay as read by an agent.
+    pub(super) fn mark_read(&mut self, agent: AgentId, relay: usize) {
         let read = &mut self.listeners[agent.index()].read;
         read.resize(self.relays.len(), 0);
         read[relay] = self.relays[relay].writings;
     }
 
-    /// The networks that an agent hears, ascending.
+    /// The relay networks in contact with an agent, ascending.
     pub(super) fn networks(
         &mut self,
         agent: AgentId,

@@ -1,8 +1,9 @@
-//! Where the agents start.
+//! Start poses of the agents.
 //!
-//! Invariant: every start has room for its body (no wall and no other body within its radius) and lies inside the map.
+//! Invariant: every start has room for its body (no wall and no other body within its radius) and
+//! lies inside the map.
 //!
-//! Whether a team fits is found out by placing it: an error says how many bodies found room in the same way.
+//! Whether a team fits is decided by placing it: the error reports how many bodies found room.
 
 mod cube;
 mod placed_bodies;
@@ -21,7 +22,7 @@ use super::body::Pose;
 use super::collision::Sphere;
 use mapgen::Entrance;
 
-/// How starts are chosen.
+/// The rule by which starts are chosen: the table `[spawn]` of a scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(
     tag = "kind",
@@ -30,31 +31,33 @@ use mapgen::Entrance;
     expecting = "{ kind = \"nearest_origin\" } or { kind = \"list\", poses = [...] }, or kind \"scattered\", \"box\" or \"entrances\""
 )]
 pub enum SpawnSpec {
-    /// The reference's way: the cells of the free cube nearest to the origin of the map, one for each agent. The cube has
-    /// three cells along each edge, or as many more as the team needs.
+    /// The cells of the free cube nearest to the origin of the map, one for each agent (MAES3D).
+    /// The cube has three cells along each edge, or more if the team needs them.
     NearestOrigin {
         /// Heading of all agents, radians.
         #[serde(default)]
         yaw_rad: f64,
     },
-    /// One start for each agent: `[x, y, z]` in metres, or `[x, y, z, yaw]` with the heading in radians.
+    /// One start for each agent: `[x, y, z]` in metres, or `[x, y, z, yaw]` with the heading in
+    /// radians, frame `map`.
     List {
-        /// By agent.
+        /// The starts, by agent.
         poses: Vec<Vec<f64>>,
     },
-    /// Centres of free cells of the whole map, at random.
+    /// Centres of random free cells of the whole map.
     Scattered {
-        /// Distance between the centres of two bodies at the least, metres.
+        /// Least distance between the centres of two bodies, metres.
         #[serde(default)]
         min_distance_m: f64,
-        /// Seed of the starts, if it is not that of the run.
+        /// Seed of the starts; that of the run by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         seed: Option<u64>,
         /// Heading of all agents, radians.
         #[serde(default)]
         yaw_rad: f64,
     },
-    /// Centres of free cells in a box, packed in the order of [`SpawnSpec::NearestOrigin`]: x slowest, then z, then y.
+    /// Centres of free cells in a box, packed in the order of [`SpawnSpec::NearestOrigin`]: x
+    /// slowest, then z, then y.
     Box {
         /// The lowest corner of the box: x, y, z in metres.
         low: [f64; 3],
@@ -64,11 +67,11 @@ pub enum SpawnSpec {
         #[serde(default)]
         yaw_rad: f64,
     },
-    /// At the entrances of a building, in turn, then in line behind them, all of them facing inwards.
+    /// At the entrances of a building in turn, then queued behind them, all facing inwards.
     Entrances {},
 }
 
-/// A map to start on.
+/// A map with what starts depend on.
 #[derive(Debug, Clone, Copy)]
 pub struct Site<'a> {
     /// The true map.
@@ -79,7 +82,7 @@ pub struct Site<'a> {
     pub seed: u64,
 }
 
-/// Why there is no start for the team.
+/// The reason why the team has no starts.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum SpawnError {
     /// No free cube is large enough.
@@ -92,53 +95,53 @@ pub enum SpawnError {
         edge: i32,
         /// Size of the team.
         agents: usize,
-        /// The largest team that there is a cube for.
+        /// The largest team that fits into a free cube.
         fit: usize,
     },
-    /// The free space that starts are chosen from is used up.
+    /// The free space from which starts are chosen is exhausted.
     #[error("spawn: {fit} of {agents} bodies find room {place}")]
     Full {
         /// Size of the team.
         agents: usize,
-        /// Bodies that found room before there was none.
+        /// Number of bodies that found room.
         fit: usize,
-        /// Where they were looking for it.
+        /// The space that was searched, in words.
         place: String,
     },
-    /// The map is no building, or has no way in.
+    /// The map is not a building, or has no entrance.
     #[error(
         "spawn: this map has no entrances; `spawn.kind = \"entrances\"` needs `map.kind = \"building\"` with \
          `map.building.entrances` of 1 or more"
     )]
     NoEntrances,
-    /// The list does not fit the team.
+    /// The list has another length than the team.
     #[error("spawn.poses: {got} poses for {expected} agents")]
     WrongCount {
-        /// Poses in the list.
+        /// Number of poses in the list.
         got: usize,
-        /// Agents of the team.
+        /// Number of agents of the team.
         expected: usize,
     },
-    /// An entry of the list is no pose.
+    /// An entry of the list is not a pose.
     #[error(
         "spawn.poses[{index}]: expected [x, y, z] or [x, y, z, yaw] with finite numbers and a yaw of -2 pi to 2 pi, got {got:?}"
     )]
     NotAPose {
-        /// Position in the list.
+        /// Index in the list.
         index: usize,
-        /// The entry.
+        /// The numbers of the entry.
         got: Vec<f64>,
     },
-    /// There is no room for the body at an entry of the list.
+    /// The body does not fit at an entry of the list.
     #[error("spawn.poses[{index}]: a body of radius {radius_m} m does not fit at {position:?}: {reason}")]
     NoRoom {
-        /// Position in the list.
+        /// Index in the list.
         index: usize,
-        /// Where.
+        /// Position of the entry, metres, frame `map`.
         position: [f64; 3],
-        /// Radius of the body.
+        /// Radius of the body, metres.
         radius_m: f64,
-        /// What is in the way.
+        /// The obstacle, in words.
         reason: &'static str,
     },
     /// The bodies are too large for cells.
@@ -147,9 +150,9 @@ pub enum SpawnError {
          {fits_m}, or `spawn.kind` to \"scattered\"", fits_m = cell_m / 2.0
     )]
     BodyTooLarge {
-        /// Radius of the body.
+        /// Radius of the body, metres.
         radius_m: f64,
-        /// Edge of a cell.
+        /// Edge of a cell, metres.
         cell_m: f64,
     },
 }
@@ -158,7 +161,7 @@ impl SpawnSpec {
     /// The starts of bodies with these radii, by agent.
     ///
     /// # Errors
-    /// If there is no room for one of them; the error says how many there is room for.
+    /// If one of them has no room; the error reports how many have.
     pub fn poses(&self, site: &Site<'_>, radii_m: &[f64]) -> Result<Vec<Pose>, SpawnError> {
         let facing = |yaw_rad: f64| move |position| Pose { position, yaw_rad };
         match self {
@@ -179,7 +182,8 @@ impl SpawnSpec {
     }
 }
 
-/// One cell for each agent, out of those whose centres lie in a box. A cell that is passed over is not looked at again.
+/// One cell for each agent among those with their centres in a box. A skipped cell is not tried
+/// again for later bodies.
 fn boxed(
     terrain: &Grid<Terrain>,
     radii_m: &[f64],
@@ -193,10 +197,10 @@ fn boxed(
     let along = [0, 1, 2].map(|axis| (0..size[axis]).filter(|cell| is_inside(axis, cell)).collect::<Vec<i32>>());
     let [x, y, z] = &along;
     let mut cells = x.iter().flat_map(|&x| z.iter().flat_map(move |&z| y.iter().map(move |&y| Cell::new(x, y, z))));
-    let mut crowd = PlacedBodies::new(terrain, radii_m, 0.0);
+    let mut placed = PlacedBodies::new(terrain, radii_m, 0.0);
     let mut starts = Vec::with_capacity(radii_m.len());
     for &radius_m in radii_m {
-        let start = cells.find_map(|cell| crowd.place(cell, radius_m));
+        let start = cells.find_map(|cell| placed.place(cell, radius_m));
         starts.push(start.ok_or_else(|| SpawnError::Full {
             agents: radii_m.len(),
             fit: starts.len(),
@@ -233,10 +237,10 @@ fn listed(entries: &[Vec<f64>], terrain: &Grid<Terrain>, radii_m: &[f64]) -> Res
     Ok(poses)
 }
 
-/// Whether a body can be there.
+/// Checks that a body fits at a position (metres, frame `map`).
 ///
 /// # Errors
-/// What is in the way.
+/// The obstacle, in words.
 pub(super) fn check_room<'a>(
     terrain: &Grid<Terrain>,
     others: impl IntoIterator<Item = &'a Sphere>,
@@ -252,7 +256,7 @@ pub(super) fn check_room<'a>(
     Ok(())
 }
 
-/// Whether a sphere at rest keeps clear of every wall and of the end of the map.
+/// Whether a sphere at rest is clear of every wall and of the boundary of the map.
 fn has_room_from_walls(terrain: &Grid<Terrain>, position: &Point3<f64>, radius_m: f64) -> bool {
     let extent = terrain.extent();
     if terrain.get(extent.cell_of(position)) != Some(&Terrain::Free) {

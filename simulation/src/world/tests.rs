@@ -62,7 +62,7 @@ const A: AgentId = AgentId(0);
 const B: AgentId = AgentId(1);
 
 #[test]
-fn a_hall_is_explored_at_the_first_look() {
+fn first_scan_explores_a_hall() {
     let pool = pool(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
     assert_eq!(world.coverage().explored(), 0.0);
@@ -79,7 +79,7 @@ fn a_hall_is_explored_at_the_first_look() {
 }
 
 #[test]
-fn scans_come_as_the_scenario_or_the_agent_says() {
+fn scan_schedule_follows_scenario_and_requests() {
     let pool = pool(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
     let scan_ticks = |world: &mut World, request: Option<ScanRequest>, ticks: u64| -> Vec<u64> {
@@ -103,7 +103,7 @@ fn scans_come_as_the_scenario_or_the_agent_says() {
 }
 
 #[test]
-fn in_turns_one_agent_scans_in_each_tick() {
+fn one_agent_scans_per_tick_in_turn() {
     let pool = pool(1);
     let turns = WorldParams { schedule: ScanSchedule::TakeTurns, ..params() };
     let mut world = World::new(hall([5, 4, 3]), turns, &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
@@ -116,7 +116,7 @@ fn in_turns_one_agent_scans_in_each_tick() {
 }
 
 #[test]
-fn the_result_of_a_look_does_not_hang_on_threads() {
+fn scans_do_not_depend_on_threads() {
     let starts = [at(1.5, 1.5, 1.5), at(3.5, 2.5, 1.5), at(7.5, 2.5, 1.5)];
     let seen = |threads| {
         let pool = pool(threads);
@@ -145,7 +145,7 @@ fn walls_and_range_end_contact() {
 }
 
 #[test]
-fn parcels_reach_those_in_contact_in_the_next_observation() {
+fn messages_reach_agents_in_contact() {
     let starts = [at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5), at(7.5, 3.5, 1.5)];
     let mut world = World::new(two_rooms(), params(), &starts);
     let message = |peer, data: &[u8]| AgentMessage { peer, kind: 7, data: data.to_vec() };
@@ -162,7 +162,7 @@ fn parcels_reach_those_in_contact_in_the_next_observation() {
 }
 
 #[test]
-fn a_full_inbox_loses_what_comes_and_does_not_grow() {
+fn full_inbox_drops_messages() {
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
     for _ in 0..70 {
         let messages = vec![AgentMessage { peer: Peer::One(B), kind: 0, data: vec![0; PARCEL_BYTES_MAX] }];
@@ -173,7 +173,7 @@ fn a_full_inbox_loses_what_comes_and_does_not_grow() {
 }
 
 #[test]
-fn events_are_told_once_and_named_ones_wake() {
+fn events_are_reported_once() {
     let pool = pool(1);
     let mut world = World::new(two_rooms(), params(), &[at(1.5, 1.5, 1.5), at(7.5, 1.5, 1.5)]);
     world.observe(A, Commit::Committed);
@@ -200,7 +200,7 @@ fn events_are_told_once_and_named_ones_wake() {
 }
 
 #[test]
-fn asked_out_of_turn_everything_is_told_once_and_counted_once() {
+fn speculative_observations_do_not_commit() {
     let pool = pool(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
     world.look(&pool);
@@ -217,7 +217,7 @@ fn asked_out_of_turn_everything_is_told_once_and_counted_once() {
 }
 
 #[test]
-fn the_view_comes_on_request() {
+fn view_is_included_on_request() {
     let pool = pool(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
     world.look(&pool);
@@ -230,7 +230,7 @@ fn the_view_comes_on_request() {
 }
 
 #[test]
-fn two_bodies_that_meet_head_on_stop_and_never_overlap() {
+fn head_on_bodies_never_overlap() {
     let mut world =
         World::new(hall([20, 3, 3]), params(), &[at(2.5, 2.5, 2.5), Pose { yaw_rad: PI, ..at(19.5, 2.5, 2.5) }]);
     world.step([(A, action(endless(0.0))), (B, action(endless(0.0)))].into());
@@ -261,7 +261,7 @@ fn any_motion() -> impl Strategy<Value = Motion> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
-    fn no_command_takes_a_body_out_of_free_space(
+    fn no_command_moves_a_body_out_of_free_space(
         commands in prop::collection::vec((any_motion(), any_motion(), 1..200_usize), 1..30),
     ) {
         let terrain = two_rooms();
@@ -287,7 +287,7 @@ proptest! {
 }
 
 #[test]
-fn a_body_is_put_where_there_is_room_and_its_agent_is_told() {
+fn place_needs_room_and_reports_task_done() {
     let mut world = World::new(two_rooms(), params(), &[at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5)]);
     world.step(BTreeMap::from([(A, action(endless(0.0)))]));
     assert!(world.body(A).is_active());
@@ -308,7 +308,7 @@ fn a_body_is_put_where_there_is_room_and_its_agent_is_told() {
 }
 
 #[test]
-fn bodies_of_a_mixed_team_meet_where_their_radii_do() {
+fn mixed_bodies_touch_at_the_sum_of_their_radii() {
     let small = BodyModel { radius_m: 0.2, ..BodyModel::AERIAL };
     let params = WorldParams { other_bodies: [(B, small)].into(), ..params() };
     let facing = [at(2.5, 2.5, 2.5), Pose { yaw_rad: PI, ..at(19.5, 2.5, 2.5) }];
@@ -326,7 +326,7 @@ fn bodies_of_a_mixed_team_meet_where_their_radii_do() {
 }
 
 #[test]
-fn errors_hang_neither_on_threads_nor_on_who_is_asked() {
+fn noise_depends_neither_on_threads_nor_on_speculation() {
     let noise = SensorNoise { range_sigma_m: 0.3, missed_returns: 0.1, pose_bound_m: 0.5, pose_step_m: 0.05, seed: 3 };
     let starts = [at(1.5, 1.5, 1.5), at(3.5, 2.5, 1.5), at(7.5, 2.5, 1.5)];
     let observed = |threads, is_asked_between: bool| {
@@ -353,7 +353,7 @@ fn errors_hang_neither_on_threads_nor_on_who_is_asked() {
 }
 
 #[test]
-fn what_is_taken_for_free_and_is_wall_is_no_score() {
+fn walls_seen_as_free_are_not_explored() {
     let noise = SensorNoise { range_sigma_m: 2.0, ..SensorNoise::default() };
     let pool = pool(1);
     let mut world = World::new(two_rooms(), WorldParams { noise, ..params() }, &[at(1.5, 1.5, 1.5)]);

@@ -4,6 +4,7 @@
  * are found here.
  */
 
+import controllers from "./controllers.json";
 import SCENARIO_KEYS from "./scenario-keys.json";
 
 export type Generator = "spheres" | "noise" | "building" | "file";
@@ -131,18 +132,8 @@ export interface Controller {
   readonly searches: boolean;
 }
 
-/** The three controllers of the reference come first. */
-export const CONTROLLERS: readonly Controller[] = [
-  { value: "rbw", label: "rbw - random ballistic walk", searches: false },
-  { value: "lvd", label: "lvd - local Voronoi decomposition", searches: true },
-  { value: "dsvp", label: "dsvp - dual-stage viewpoint planner", searches: false },
-  { value: "rbw-maes3d", label: "rbw-maes3d - as coded in MAES3D", searches: false },
-  { value: "lvd-maes3d", label: "lvd-maes3d - as coded in MAES3D", searches: false },
-  { value: "dsvp-maes3d", label: "dsvp-maes3d - as coded in MAES3D", searches: false },
-  { value: "dsvp-auction", label: "dsvp-auction - dsvp with an auction", searches: false },
-  { value: "nearest-frontier", label: "nearest-frontier - to the nearest unknown", searches: true },
-  { value: "boustrophedon", label: "boustrophedon - coverage, line by line", searches: true },
-];
+/** All controllers; the file is generated from the registry of agent_node. */
+export const CONTROLLERS: readonly Controller[] = controllers;
 
 /** Cells of a storey, of a ceiling, and of the outer walls. */
 const FLOOR_HEIGHT = 3;

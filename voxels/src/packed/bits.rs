@@ -1,29 +1,4 @@
-//! Bits of packed maps: exponential Golomb codes, most significant bit first, and CRC-32.
-
-/// The table of CRC-32 as in ISO 3309: the reflected polynomial 0xEDB88320.
-const CRC_TABLE: [u32; 256] = crc_table();
-
-const fn crc_table() -> [u32; 256] {
-    let mut table = [0; 256];
-    let mut byte = 0;
-    while byte < 256 {
-        let mut value = byte as u32;
-        let mut bit = 0;
-        while bit < 8 {
-            value = if value & 1 == 1 { value >> 1 ^ 0xEDB8_8320 } else { value >> 1 };
-            bit += 1;
-        }
-        table[byte] = value;
-        byte += 1;
-    }
-    table
-}
-
-/// CRC-32 of two pieces, one after the other.
-pub(super) fn crc32(pieces: [&[u8]; 2]) -> u32 {
-    let bytes = pieces.into_iter().flatten();
-    !bytes.fold(u32::MAX, |crc, &byte| crc >> 8 ^ CRC_TABLE[usize::from(crc as u8 ^ byte)])
-}
+//! Bits of packed maps: exponential Golomb codes, most significant bit first.
 
 /// Length of the code of `value` of order `order`, in bits.
 pub(super) fn code_bits(value: u32, order: u8) -> u32 {
@@ -39,7 +14,7 @@ fn bit_length(value: u64) -> u32 {
 #[derive(Default)]
 pub(super) struct BitWriter {
     bytes: Vec<u8>,
-    /// Bits of the last byte that are used; 0: none has been begun.
+    /// Number of bits used in the last byte; 0: the last byte is complete.
     used: u32,
 }
 
@@ -48,7 +23,7 @@ impl BitWriter {
     pub(super) fn code(&mut self, value: u32, order: u8) {
         let above = (u64::from(value) >> order) + 1;
         let length = bit_length(above);
-        // The zeros in front are those of a longer number.
+        // The leading zeros are those of a longer number.
         self.bits(above, 2 * length - 1);
         self.bits(u64::from(value), order.into());
     }
@@ -67,7 +42,7 @@ impl BitWriter {
         }
     }
 
-    /// All bytes, the last one filled up with zeros.
+    /// All bytes, the last one padded with zeros.
     pub(super) fn into_bytes(self) -> Vec<u8> {
         self.bytes
     }
@@ -111,7 +86,7 @@ impl<'a> BitReader<'a> {
         Some(bit)
     }
 
-    /// Whether nothing is left but the zeros that fill up the last byte.
+    /// Whether only the zero padding of the last byte is left.
     pub(super) fn is_at_end(&self) -> bool {
         let rest = self.bytes.len() * 8 - self.at;
         let is_clear =

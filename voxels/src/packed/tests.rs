@@ -15,7 +15,7 @@ fn message_within(bytes: &[u8], cells_max: usize) -> String {
     read(bytes, cells_max).unwrap_err().to_string()
 }
 
-/// The bytes with another sum that is right.
+/// The bytes with a corrected checksum.
 fn with_sum(mut bytes: Vec<u8>) -> Vec<u8> {
     let sum = sum_of(&bytes);
     bytes[SUM].copy_from_slice(&sum.to_le_bytes());
@@ -46,8 +46,8 @@ fn no_plain_map_is_taken_for_a_packed_one() {
 }
 
 #[test]
-fn the_sum_is_crc_32() {
-    assert_eq!(crc32([b"1234", b"56789"]), 0xCBF4_3926);
+fn checksum_is_crc_32() {
+    assert_eq!(crc32fast::hash(b"123456789"), 0xCBF4_3926);
 }
 
 #[test]
@@ -101,7 +101,7 @@ proptest! {
     }
 
     #[test]
-    fn a_file_that_is_cut_off_or_damaged_is_refused(
+    fn truncated_or_damaged_file_is_refused(
         terrain in any_map(), at in any::<prop::sample::Index>(), flip in 1u8..=255,
     ) {
         let mut bytes = write(&terrain);

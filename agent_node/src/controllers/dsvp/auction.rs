@@ -296,7 +296,7 @@ mod tests {
     const FAR: Cell = Cell { x: 45, y: 20, z: 20 };
 
     #[test]
-    fn of_two_with_the_same_goal_the_nearer_one_keeps_it_and_the_lower_id_if_none_is() {
+    fn shorter_path_wins_then_the_lower_id() {
         let is_outbid = |pair: [Auction; 2]| pair.map(|auction| auction.is_outbid(Tick(101)));
         assert_eq!(is_outbid(two([(GOAL, 5.0), (BESIDE, 9.0)])), [false, true]);
         assert_eq!(is_outbid(two([(GOAL, 9.0), (BESIDE, 5.0)])), [true, false]);
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn in_a_mixed_team_the_one_that_will_be_there_sooner_keeps_it() {
+    fn mixed_team_compares_travel_times() {
         // Agent 1 is aerial.
         let bodies = Bodies::new(vec![BodyModel::SUBMARINE, BodyModel::AERIAL], vec![0, 1, 0, 0]).unwrap();
         let is_outbid = |claims| two_of(&bodies, claims).map(|auction| auction.is_outbid(Tick(101)));
@@ -313,12 +313,12 @@ mod tests {
         assert_eq!(is_outbid([(GOAL, 10.0), (BESIDE, 40.0)]), [false, true]);
         let [submarine, flyer] = two_of(&bodies, [(FAR, 9.0), (GOAL, 9.0)]);
         let to_goal = |auction: &Auction, cell, path_m| auction.penalty_m(cell, path_m, &[], Tick(101));
-        assert_eq!(to_goal(&submarine, BESIDE, 8.0), 40.0, "it will be there sooner, although its way is longer");
+        assert_eq!(to_goal(&submarine, BESIDE, 8.0), 40.0, "it will be there sooner, although its path is longer");
         assert!(to_goal(&flyer, FAR, 12.0) < 40.0);
     }
 
     #[test]
-    fn what_another_has_claimed_is_worth_less_and_costs_more_the_nearer_it_is() {
+    fn claims_lower_utility_and_raise_cost_nearby() {
         let [_, auction] = two([(GOAL, 5.0), (FAR, 9.0)]);
         let utility_factor = |cell| auction.utility_factor(cell, 30.0, Tick(101));
         assert!(
@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn an_agent_without_a_goal_has_the_frontiers_beside_it() {
+    fn frontiers_beside_an_agent_without_a_claim_are_left_to_it() {
         let auction = Auction::new(PARAMS, &bodies(), AgentId(0), extent());
         let contact = Contact { agent: AgentId(1), position: Point3::new(20.5, 20.5, 20.5) };
         assert_eq!(auction.penalty_m(BESIDE, 30.0, &[contact], Tick(1)), 40.0);
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn a_claim_is_remembered_without_contact_until_its_lease_is_over() {
+    fn claims_expire_with_their_lease() {
         let [mut auction, _] = two([(FAR, 5.0), (GOAL, 8.0)]);
         // 8 m at 0.8 m/s are 10 s; 30 s more make 2000 ticks.
         auction.receive(&[], Tick(2099), 4);
@@ -353,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn claims_are_passed_on_and_the_latest_counts() {
+    fn claims_are_forwarded_and_the_latest_wins() {
         let [first, mut second] = two([(GOAL, 5.0), (FAR, 5.0)]);
         let mut third = Auction::new(PARAMS, &bodies(), AgentId(2), extent());
         third.receive(&messages_of(&second), Tick(102), 4);
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn malformed_parcels_and_endless_leases_change_little() {
+    fn malformed_messages_are_ignored_and_leases_are_bounded() {
         let [auction, _] = two([(GOAL, 5.0), (FAR, 5.0)]);
         let good = auction.encode();
         let received = |data: Vec<u8>| {

@@ -40,7 +40,7 @@ mod tests {
     }
 
     #[test]
-    fn straight_on_makes_no_difference_and_back_makes_the_most() {
+    fn difference_grows_from_straight_on_to_reverse() {
         let (x, y) = (Vector3::x(), Vector3::y());
         assert_eq!(difference(&[], x), 0.0);
         assert!(difference(&line(x), x) < 1e-12);
@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn a_detour_differs_less_than_another_direction() {
+    fn detour_differs_less_than_another_direction() {
         let detour = [Vector3::new(1.0, 0.5, 0.0), Vector3::new(2.0, 0.5, 0.0), Vector3::new(3.0, 0.0, 0.0)];
         assert!(difference(&detour, Vector3::x()) < difference(&detour, Vector3::y()));
     }

@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn sees_as_far_as_its_range_and_as_deep_as_it_is_allowed() {
+    fn gain_is_limited_by_range_and_depth() {
         let map = corridor();
         let gain = |range, depth, x| GainEstimator::new(2000, range, depth).gain(&map, Cell::new(x, 1, 1));
         assert_eq!(gain(5.0, 9, 8), 5);
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn sees_nothing_through_walls_and_counts_nothing_twice() {
+    fn walls_block_rays_and_cells_count_once() {
         let mut map = corridor();
         let wall = map.extent().index(Cell::new(9, 1, 1)).unwrap() as u32;
         map.note_wall(&[wall]);

@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_larger_body_needs_more_room_and_counts_from_farther_away() {
+    fn larger_bodies_need_more_clearance() {
         let (here, ahead) = (Point3::new(1.5, 1.5, 1.5), Point3::new(12.5, 1.5, 1.5));
         assert!(!of(1, [4.5, 3.2, 1.5]).block(&here, &ahead) && of(2, [4.5, 3.2, 1.5]).block(&here, &ahead));
         assert!(!of(1, [9.5, 1.5, 1.5]).block(&here, &ahead) && of(2, [9.5, 1.5, 1.5]).block(&here, &ahead));
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_in_the_way_blocks_and_one_behind_does_not() {
+    fn bodies_ahead_block_and_bodies_behind_do_not() {
         let here = Point3::new(1.5, 1.5, 1.5);
         let ahead = Point3::new(6.5, 1.5, 1.5);
         assert!(obstacle([3.5, 1.5, 1.5]).block(&here, &ahead));

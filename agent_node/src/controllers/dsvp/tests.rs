@@ -56,7 +56,7 @@ const PIT: &str = "
 #########";
 
 #[test]
-fn explores_all_there_is() {
+fn explores_small_worlds_completely() {
     let (low, in_the_middle) = (Cell::new(1, 1, 0), Cell::new(6, 1, 0));
     for (name, drawing, start) in [
         ("corridor", CORRIDOR, low),
@@ -75,7 +75,7 @@ fn explores_all_there_is() {
 }
 
 #[test]
-fn relocates_when_nothing_is_to_be_gained_nearby() {
+fn relocates_without_gain_nearby() {
     let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
     // No viewpoint has such a gain.
     let mut controller = planner(&["gain_min=1000"]);
@@ -87,7 +87,7 @@ fn relocates_when_nothing_is_to_be_gained_nearby() {
 }
 
 #[test]
-fn a_frontier_that_was_given_up_comes_back_to_life_with_news_from_beyond() {
+fn abandoned_frontier_is_explored_after_a_map_update() {
     // The sensor does not reveal the rest of the corridor.
     let mut world = World::known("......??????", Cell::new(5, 0, 0));
     let extent = world.map.extent();
@@ -108,7 +108,7 @@ fn a_frontier_that_was_given_up_comes_back_to_life_with_news_from_beyond() {
 }
 
 #[test]
-fn a_viewpoint_that_shows_less_than_was_hoped_is_not_chosen_again() {
+fn unproductive_viewpoint_is_not_chosen_again() {
     // It has arrived, and the scan has revealed nothing.
     let cell = Cell::new(4, 0, 0);
     let mut world = World::known("????.????", cell);
@@ -119,7 +119,7 @@ fn a_viewpoint_that_shows_less_than_was_hoped_is_not_chosen_again() {
 }
 
 #[test]
-fn carries_its_news_to_the_agent_it_met_last_and_then_anywhere() {
+fn pursues_the_last_contact_and_then_wanders() {
     let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
     let met_at = Point3::new(13.5, 4.5, 0.5);
     world.observation.contacts = vec![Contact { agent: AgentId(2), position: met_at }];
@@ -134,7 +134,7 @@ fn carries_its_news_to_the_agent_it_met_last_and_then_anywhere() {
 }
 
 #[test]
-fn agents_in_each_others_way_do_not_wait_for_ever() {
+fn mutual_blockage_is_resolved() {
     let mut world = World::new(CORRIDOR.trim_start(), Cell::new(4, 1, 0));
     world.observation.contacts = vec![Contact { agent: AgentId(2), position: Point3::new(6.5, 1.5, 0.5) }];
     let mut controller = planner(&[]);

@@ -43,7 +43,7 @@ const BENT: &str = "\
     #####?\n";
 
 #[test]
-fn waits_for_a_scan_and_a_tick_and_always_asks_for_the_view() {
+fn waits_for_a_scan_and_a_tick_and_always_requests_the_view() {
     let mut world = World::known(&room(), flat(4, 4));
     let mut planner = planner();
     assert_eq!(world.ask(&mut planner), Command::keep(Trigger::NEXT_TICK).with_view_request());
@@ -62,7 +62,7 @@ fn waits_for_a_scan_and_a_tick_and_always_asks_for_the_view() {
 }
 
 #[test]
-fn frontiers_along_y_are_chosen_for_ever() {
+fn frontiers_along_y_are_always_chosen() {
     let map = drawn("?????\n.....\n.....\n.....\n?????\n");
     let view = Cells { free: (0..25).collect(), wall: Vec::new() };
     let here = Point3::new(2.5, 2.5, 0.5);
@@ -87,7 +87,7 @@ fn local_frontiers_are_not_covered() {
 }
 
 #[test]
-fn the_list_takes_new_frontiers_once_and_others_again_and_again() {
+fn new_frontiers_are_listed_once_and_others_repeatedly() {
     let map = drawn("?.?.?.?.?\n");
     let view = Cells { free: vec![1, 3, 5, 7], wall: Vec::new() };
     let mut frontiers = Frontiers::default();
@@ -102,7 +102,7 @@ fn the_list_takes_new_frontiers_once_and_others_again_and_again() {
 }
 
 #[test]
-fn clearing_a_long_list_early_changes_only_its_length() {
+fn early_purge_changes_only_the_length_of_the_list() {
     let mut map = drawn(&room());
     let mut frontiers = Frontiers::default();
     for number in 0..20 * CLEARED_FROM {
@@ -139,7 +139,7 @@ fn samples_are_biased_near_and_within_the_horizon() {
 }
 
 #[test]
-fn only_the_end_of_an_edge_counts_and_covered_ends_are_refused() {
+fn only_edge_ends_are_checked_and_covered_ends_refused() {
     // A wall between two rooms that a step of one cell can only cross at its corner.
     let mut map = drawn("..\n..\n");
     assert!(is_open(&map, Point3::new(1.2, 1.2, 0.5)));
@@ -158,7 +158,7 @@ fn only_the_end_of_an_edge_counts_and_covered_ends_are_refused() {
 }
 
 #[test]
-fn edges_are_one_cell_at_the_most() {
+fn edges_are_at_most_one_cell_long() {
     let from = Point3::new(1.0, 2.0, 3.0);
     assert_eq!(step(from, Point3::new(1.0, 2.0, 9.0)), Point3::new(1.0, 2.0, 4.0));
     assert_eq!(step(from, Point3::new(1.0, 2.5, 3.0)), Point3::new(1.0, 2.5, 3.0));
@@ -166,7 +166,7 @@ fn edges_are_one_cell_at_the_most() {
 }
 
 #[test]
-fn a_stage_draws_200_samples_whatever_comes_of_them() {
+fn stage_always_draws_200_samples() {
     let map = drawn("....\n....\n");
     let mut trees = Trees::new(Point3::new(0.5, 0.5, 0.5));
     let mut drawn_by_stage = rng();
@@ -180,7 +180,7 @@ fn a_stage_draws_200_samples_whatever_comes_of_them() {
 }
 
 #[test]
-fn a_neighbour_towards_y_is_no_gain() {
+fn neighbour_towards_y_has_no_gain() {
     let with = |cell: Cell, is_wall: bool| {
         let mut map = drawn(&["...\n...\n..."; 3].join("\n\n").replace('.', "?"));
         for offset in FACES {
@@ -224,7 +224,7 @@ fn relocation_takes_the_last_of_the_list() {
 }
 
 #[test]
-fn relocation_burns_what_can_be_reached_straight() {
+fn relocation_discards_frontiers_in_straight_reach() {
     let mut world = World::known(BENT, flat(5, 3));
     world.show(&[flat(5, 3)]);
     let mut planner = planner();
@@ -253,7 +253,7 @@ fn relocation_burns_what_can_be_reached_straight() {
 }
 
 #[test]
-fn relocation_leaves_out_what_is_no_frontier_any_more() {
+fn relocation_skips_former_frontiers() {
     let mut world = World::known(BENT, flat(5, 3));
     world.show(&[flat(5, 3)]);
     let mut planner = planner();
@@ -266,7 +266,7 @@ fn relocation_leaves_out_what_is_no_frontier_any_more() {
 }
 
 #[test]
-fn who_is_done_stays_so() {
+fn done_agent_stays_done() {
     let mut world = World::known("...\n", flat(1, 0));
     world.show(&[flat(0, 0), flat(1, 0), flat(2, 0)]);
     let mut planner = planner();
@@ -278,7 +278,7 @@ fn who_is_done_stays_so() {
 }
 
 #[test]
-fn the_last_destination_is_the_root_even_if_it_was_not_reached() {
+fn last_destination_is_the_root_even_if_not_reached() {
     let mut world = in_room();
     let mut planner = planner();
     let first = act(&mut world, &mut planner);
@@ -292,7 +292,7 @@ fn the_last_destination_is_the_root_even_if_it_was_not_reached() {
 }
 
 #[test]
-fn relocation_sticks() {
+fn relocation_persists() {
     let map = drawn(&room());
     let mut trees = Trees::new(Point3::new(4.5, 4.5, 0.5));
     trees.grow(&mut rng(), &map, &[]);
@@ -326,7 +326,7 @@ fn relocation_sticks() {
 }
 
 #[test]
-fn the_global_tree_grows_with_every_stage() {
+fn global_tree_grows_with_every_stage() {
     let mut world = in_room();
     let mut planner = planner();
     let mut nodes = 1;
@@ -340,7 +340,7 @@ fn the_global_tree_grows_with_every_stage() {
 }
 
 #[test]
-fn without_a_destination_it_tries_again_and_lists_frontiers_once() {
+fn without_destination_it_retries_and_lists_frontiers_once() {
     // No cell around is free, so no sample can be added; seven frontiers are in view.
     let mut world = World::known("?????????\n#.......#\n####?####\n####.####\n", flat(4, 0));
     world.show(&(1..8).map(|x| flat(x, 2)).collect::<Vec<_>>());

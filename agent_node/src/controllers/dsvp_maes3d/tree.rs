@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn pruning_skips_the_next_and_cuts_off_what_hangs_below() {
+    fn pruning_skips_the_next_node_and_disconnects_descendants() {
         // A chain that leaves the cube and re-enters it with its last node.
         let mut tree = Tree::new(at(0.0));
         let inside = tree.add(at(14.0), 0);
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_of_a_branch_counts_twice_and_depth_discounts() {
+    fn end_of_a_branch_counts_twice_and_depth_discounts() {
         let gain_of = |tree: &Tree, gains: &[f64]| {
             let gains = gains.to_vec();
             tree.best_branch(move |at| gains[at.x as usize])
@@ -264,7 +264,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_index_finds_what_looking_at_all_finds(
+        fn index_agrees_with_linear_search(
             places in proptest::collection::vec([-9i32..9, -9..9, -9..9], 0..60),
             to in [-200i32..200, -20..20, -20..20],
         ) {

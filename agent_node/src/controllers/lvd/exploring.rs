@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_direction_of_the_compass_is_its_own() {
+    fn compass_directions_are_distinct() {
         for (number, step) in Cell::default().neighbours26().into_iter().enumerate() {
             assert_eq!(direction_of(step), Some(number));
             assert_eq!(direction_of(Cell::new(9 * step.x, 9 * step.y, 9 * step.z)), Some(number));

@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_the_nearest_on_the_way_through_free_cells() {
+    fn finds_the_nearest_cell_through_free_cells() {
         let map = known("...\n.#.\n.#.\n");
         let mut flood = Flood::default();
         let start = Cell::new(0, 0, 0);
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn goes_on_in_the_next_tick_and_else_begins_again() {
+    fn continues_in_the_next_tick_or_restarts() {
         let map = known("......\n");
         let [start, goal] = [0, 5].map(|x| Cell::new(x, 0, 0));
         let mut flood = Flood::default();
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn knows_the_way_it_came() {
+    fn path_of_a_flood_is_known() {
         let map = known("...\n.#.\n.#.\n");
         let mut flood = Flood::default();
         let [start, goal] = [0, 2].map(|x| Cell::new(x, 0, 0));
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pocket_is_cut_off() {
+    fn pocket_is_cut_off() {
         let map = known(".#....\n.#.##.\n");
         let mut flood = Flood::default();
         let (pocket, here, there) = (Cell::new(0, 0, 0), Cell::new(2, 0, 0), Cell::new(5, 0, 0));
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn can_be_used_for_another_map() {
+    fn flood_is_reusable_for_another_map() {
         let mut flood = Flood::default();
         let empty = ExplorationMap::new(Extent::new([1, 1, 1], 1.0).unwrap());
         let mut nearest =

@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn holds_the_last_scan_alone() {
+    fn holds_only_the_last_scan() {
         let extent = Extent::new([4, 1, 1], 1.0).unwrap();
         let mut scan = LastScan::default();
         assert!(!scan.is_free(extent, Cell::new(0, 0, 0)));

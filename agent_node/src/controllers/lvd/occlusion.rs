@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_straight_ahead_has_edges_on_its_four_sides() {
+    fn wall_straight_ahead_has_edges_on_four_sides() {
         let (own, wall) = (Cell::new(0, 5, 5), Cell::new(5, 5, 5));
         let beside = [Cell::new(4, 5, 4), Cell::new(4, 4, 5), Cell::new(4, 6, 5), Cell::new(4, 5, 6)];
         assert_eq!(of(own, wall, &[wall]), beside);
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_at_an_angle_in_the_plane_has_edges_above_below_and_behind() {
+    fn planar_diagonal_wall_has_edges_above_below_and_behind() {
         let (own, wall) = (Cell::new(0, 0, 5), Cell::new(5, 5, 5));
         let (above, below) = (Cell::new(5, 5, 6), Cell::new(5, 5, 4));
         let behind = [Cell::new(6, 4, 5), Cell::new(4, 6, 5)];
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_askew_has_two_candidates_behind_each_face() {
+    fn diagonal_wall_has_two_candidates_behind_each_face() {
         let (own, wall) = (Cell::new(0, 0, 0), Cell::new(5, 5, 5));
         let walls = [Cell::new(5, 6, 5), Cell::new(5, 5, 6)];
         assert_eq!(of(own, wall, &walls), [Cell::new(6, 5, 4), Cell::new(6, 4, 5)]);
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_ends_it() {
+    fn error_ends_the_enumeration() {
         let (own, wall) = (Cell::new(0, 0, 0), Cell::new(5, 5, 5));
         assert_eq!(candidates(own, wall, |_| Err("outside"), |_| Ok(())), Err("outside"));
         assert_eq!(candidates(own, wall, |_| Ok(false), |_| Err("enough")), Err("enough"));

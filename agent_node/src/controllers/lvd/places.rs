@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn near_cells_are_one_place() {
+    fn nearby_cells_are_one_place() {
         let mut places = Places::new(2.0);
         assert_eq!(places.visits(Cell::new(5, 5, 5)), (0, None));
         places.visit(Cell::new(5, 5, 5), Tick(3));
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn the_place_not_visited_for_the_longest_time_comes_first() {
+    fn place_visited_longest_ago_comes_first() {
         let mut places = Places::new(0.0);
         let [first, second, third, fourth] = [1, 2, 3, 4].map(|x| Cell::new(x, 0, 0));
         for (cell, tick) in [(first, 5), (second, 6), (first, 7)] {

@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_place_belongs_to_the_nearest_agent_and_then_to_the_lowest_id() {
+    fn points_belong_to_the_nearest_agent_then_to_the_lowest_id() {
         let region = |agent| Region {
             agent: AgentId(agent),
             position: Point3::new(0.5, 0.5, 0.5),

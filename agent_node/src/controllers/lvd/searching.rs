@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn occlusion_points_are_looked_from_in_turn_until_they_were_visited_too_often() {
+    fn occlusion_points_alternate_up_to_the_visit_limit() {
         let mut world = at_the_left();
         let mut places = Places::new(0.0);
         let mut looked_from = Vec::new();
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn near_occlusion_points_are_one() {
+    fn nearby_occlusion_points_are_merged() {
         let mut world = at_the_left();
         let mut places = Places::new(3.0);
         places.visit(NEAR, Tick(1));
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn occlusion_points_that_are_refused_or_hide_nothing_or_are_anothers_do_not_count() {
+    fn useless_occlusion_points_are_left_out() {
         let mut world = at_the_left();
         let places = Places::new(0.0);
         assert_eq!(search(&mut world, &places, &[NEAR], |search| search.occlusion_point()), Some(FAR));

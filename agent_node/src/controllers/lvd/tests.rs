@@ -53,7 +53,7 @@ fn visits_all(drawing: &str, start: Cell, settings: &[&str]) -> World {
 }
 
 #[test]
-fn visits_all_of_small_worlds() {
+fn visits_small_worlds_completely() {
     for settings in [
         &[][..],
         &["leg_max_m=0", "near_m=0"],
@@ -68,21 +68,21 @@ fn visits_all_of_small_worlds() {
 }
 
 #[test]
-fn a_dead_end_behind_a_corner_is_looked_into() {
+fn dead_end_behind_a_corner_is_explored() {
     let drawing = "##########\n#........#\n########.#\n########.#\n########.#\n########.#\n##########\n";
     let world = visits_all(drawing, Cell::new(1, 5, 0), &["visit_radius_m=2"]);
     assert!(world.said.iter().any(|said| said.contains("exploring")), "{:?}", world.said);
 }
 
 #[test]
-fn asks_only_when_there_is_something_to_decide() {
+fn decides_only_when_necessary() {
     let world = visits_all(CORRIDOR, Cell::new(1, 1, 0), &[]);
     // One decision for each new cell, some to choose, and one every five seconds at the end.
     assert!(world.decisions < 27 + 20 + 3000 / 250, "{}", world.decisions);
 }
 
 #[test]
-fn goes_straight_on_through_what_is_unvisited() {
+fn leg_continues_through_unvisited_cells() {
     let mut world = World::new(CORRIDOR, Cell::new(1, 1, 0));
     let mut near = lvd(&["leg_max_m=0"]);
     world.run(&mut near, 2);
@@ -93,7 +93,7 @@ fn goes_straight_on_through_what_is_unvisited() {
 }
 
 #[test]
-fn of_directions_that_are_equally_good_the_compass_takes_the_first() {
+fn compass_breaks_ties_by_order() {
     let mut world = World::new(CORRIDOR, Cell::new(14, 1, 0));
     world.run(&mut lvd(&["leg_max_m=0", "near_m=0"]), 2);
     // West comes before east.
@@ -101,7 +101,7 @@ fn of_directions_that_are_equally_good_the_compass_takes_the_first() {
 }
 
 #[test]
-fn leaves_what_is_nearer_to_another_to_it() {
+fn cells_nearer_to_another_agent_are_left_to_it() {
     let mut world = World::new(CORRIDOR, Cell::new(14, 1, 0));
     world.observation.contacts = vec![Contact { agent: AgentId(0), position: Point3::new(10.5, 1.5, 0.5) }];
     world.run(&mut lvd(&["leg_max_m=0", "near_m=0"]), 2);
@@ -117,7 +117,7 @@ fn goes_to_the_boundary_when_its_region_is_done() {
 }
 
 #[test]
-fn leaves_search_mode_once_it_sees_something_unvisited() {
+fn unvisited_cell_in_sight_ends_search_mode() {
     let mut world = World::new(ROOMS, Cell::new(2, 2, 0));
     let mut lvd = lvd(&["visit_radius_m=24"]);
     world.run(&mut lvd, 3000);
@@ -128,7 +128,7 @@ fn leaves_search_mode_once_it_sees_something_unvisited() {
 }
 
 #[test]
-fn two_in_each_others_way_do_not_stay_there() {
+fn mutual_blockage_is_resolved() {
     let wide = "##############\n#............#\n#............#\n##############\n";
     let mut world = World::new(wide, Cell::new(1, 1, 0));
     // It blocks the corridor without claiming a region: no cell is nearer to it.
@@ -148,7 +148,7 @@ fn settings_are_checked() {
 }
 
 #[test]
-fn what_is_far_away_is_gone_to_in_stages() {
+fn distant_destination_is_reached_in_stages() {
     let wide = 150;
     let drawing = format!("{0}\n#{1}#\n{0}\n", "#".repeat(wide + 2), ".".repeat(wide));
     let mut world = World::known(&drawing, Cell::new(1, 1, 0));

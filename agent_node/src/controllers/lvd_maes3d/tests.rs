@@ -77,7 +77,7 @@ fn acts_a_tick_late_at_the_start_and_after_each_task() {
 }
 
 #[test]
-fn of_cells_equally_near_the_one_on_its_plus_z_side_counts_and_cells_within_3_75_are_visited() {
+fn plus_z_wins_ties_and_cells_within_3_75_are_visited() {
     let mut world = World::new(FIELD, MIDDLE);
     world.run(&mut LvdMaes3d::new(), 2);
     assert_eq!(world.said, ["destination (7.5, 11.5, 0.5), exploration mode"]);
@@ -97,7 +97,7 @@ fn cells_between_two_agents_belong_to_both() {
 }
 
 #[test]
-fn looks_at_the_last_scan_even_if_it_is_from_another_place() {
+fn last_scan_is_used_even_from_another_place() {
     let mut world = World::new(FIELD, MIDDLE);
     world.look();
     let extent = world.map.extent();
@@ -111,7 +111,7 @@ fn looks_at_the_last_scan_even_if_it_is_from_another_place() {
 }
 
 #[test]
-fn selections_count_neighbours_are_not_merged_and_the_last_one_listed_is_left() {
+fn selections_count_and_the_last_listed_point_remains() {
     let mut world = World::new(&hall(), Cell::new(3, 7, 2));
     let mut lvd = searching_in(&mut world);
     let extent = world.map.extent();
@@ -133,7 +133,7 @@ fn selections_count_neighbours_are_not_merged_and_the_last_one_listed_is_left() 
 }
 
 #[test]
-fn anything_unvisited_in_view_ends_search_mode_at_the_centre_of_the_own_cell() {
+fn unvisited_cell_in_view_ends_search_mode_at_own_centre() {
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = searching_in(&mut world);
     cover_all(&mut world);
@@ -156,7 +156,7 @@ fn anything_unvisited_in_view_ends_search_mode_at_the_centre_of_the_own_cell() {
 }
 
 #[test]
-fn a_wall_at_the_edge_of_the_map_is_an_error() {
+fn wall_at_the_edge_of_the_map_is_an_error() {
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = searching_in(&mut world);
     cover_all(&mut world);
@@ -170,7 +170,7 @@ fn a_wall_at_the_edge_of_the_map_is_an_error() {
 }
 
 #[test]
-fn with_nothing_to_do_it_tries_again_in_each_tick() {
+fn without_destination_it_retries_every_tick() {
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = LvdMaes3d { notices_at: Some(Tick(5)), ..LvdMaes3d::new() };
     world.look();
@@ -181,7 +181,7 @@ fn with_nothing_to_do_it_tries_again_in_each_tick() {
 }
 
 #[test]
-fn visits_a_hall_with_a_pillar() {
+fn visits_a_room_with_a_pillar() {
     let mut world = World::new(&hall(), Cell::new(3, 7, 2));
     world.run(&mut LvdMaes3d::new(), 2000);
     assert!(world.said.iter().any(|said| said.ends_with("search mode")), "{:?}", world.said);
@@ -189,7 +189,7 @@ fn visits_a_hall_with_a_pillar() {
 }
 
 #[test]
-fn ways_are_searched_for_over_faces_and_take_no_time() {
+fn path_search_uses_faces_and_takes_no_time() {
     let start = Cell::new(3, 7, 2);
     let mut world = World::known(&hall(), start);
     let far = world.left(&[]).into_iter().filter(|&cell| squared(cell - start) > 15);

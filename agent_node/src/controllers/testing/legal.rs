@@ -46,10 +46,10 @@ pub(super) fn assert_legal(command: &Command) {
     assert!(is_legal_motion, "{command:?}");
     assert_ne!(command.lidar, ScanRequest::Every(0), "{command:?}");
     assert!(command.info.len() <= INFO_BYTES_MAX, "{command:?}");
-    let of_parcels = command.messages.iter().map(|message| message.data.len());
+    let of_messages = command.messages.iter().map(|message| message.data.len());
     let of_relays = command.relays.iter().map(|order| order.data.len());
     assert!(of_relays.clone().all(|bytes| bytes <= RELAY_BYTES_MAX), "{command:?}");
-    assert!(of_parcels.chain(of_relays).sum::<usize>() <= PARCEL_BYTES_MAX, "{command:?}");
+    assert!(of_messages.chain(of_relays).sum::<usize>() <= PARCEL_BYTES_MAX, "{command:?}");
 }
 
 /// Mostly in the map, else on its edges, outside, or not finite.
@@ -98,10 +98,19 @@ prop_compose! {
             is_active,
             collision,
             events,
-            contacts: contacts.into_iter().map(|(agent, position)| Contact { agent: AgentId(agent), position }).collect(),
+            contacts: contacts
+                .into_iter()
+                .map(|(agent, position)| Contact { agent: AgentId(agent), position })
+                .collect(),
             relays: relays.iter().map(|&(number, position)| Relay { id: relay(number), position }).collect(),
-            readings: relays.iter().map(|&(number, _)| Reading { relay: relay(number), kind: 1, data: Vec::new() }).collect(),
-            messages: messages.into_iter().map(|(from, kind, data)| ReceivedMessage { from: AgentId(from), kind, data }).collect(),
+            readings: relays
+                .iter()
+                .map(|&(number, _)| Reading { relay: relay(number), kind: 1, data: Vec::new() })
+                .collect(),
+            messages: messages
+                .into_iter()
+                .map(|(from, kind, data)| ReceivedMessage { from: AgentId(from), kind, data })
+                .collect(),
             scan_tick: has_scanned.then_some(Tick(tick)),
             seen,
             view,
@@ -126,7 +135,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(512))]
 
     #[test]
-    fn whatever_is_observed_the_answer_is_legal(observations in observations(), seed: u64, is_aerial: bool) {
+    fn commands_are_legal_for_any_observation(observations in observations(), seed: u64, is_aerial: bool) {
         let extent = Extent::new(SIZE, 1.0).unwrap();
         for (name, settings) in NAMES.into_iter().map(|name| (name, &[][..])).chain(OTHER_SETTINGS) {
             let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();

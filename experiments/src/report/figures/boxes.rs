@@ -1,38 +1,37 @@
-//! Box plots: how runs of a cell spread, team sizes side by side.
+//! Box plots of the runs of each cell, grouped by team size.
 
 use super::super::numbers::{DISTANCE, EXPLORED, Metric, Quartiles, REAL_TIME_FACTOR, REDUNDANCY, STALENESS};
 use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, room_for};
-use super::super::study::{Place, Study};
+use super::super::study::{Condition, Study};
 use super::super::svg::{Area, Pen};
-use super::{Figure, columns, legend, runs_told};
+use super::{Figure, columns, legend, runs_note};
 use crate::statistics::StatisticsError;
 
-/// Share of the place for a team size that its boxes take.
+/// Width of the boxes of a team size, relative to the width of its group.
 const GROUP: f64 = 0.8;
-/// Widest box, pixels.
+/// Maximum width of a box, pixels.
 const WIDTH_MAX: f64 = 46.0;
-/// Whiskers reach to the farthest run within so many heights of the box (Tukey).
+/// Whiskers extend to the farthest run within this many interquartile ranges of the box (Tukey).
 const WHISKER: f64 = 1.5;
 
-/// What the runs have come to.
+/// Metrics of exploration and communication.
 pub(super) fn outcome(study: &Study) -> Result<Vec<Figure>, StatisticsError> {
     let several = study.team_sizes().last().is_some_and(|&agents| agents > 1);
     let mut metrics = vec![EXPLORED, DISTANCE];
-    // An agent alone sees nothing twice and has nobody to hear of.
+    // Redundancy and staleness need a team.
     if several {
         metrics.extend([REDUNDANCY, STALENESS]);
     }
     metrics.into_iter().map(|metric| boxes(study, metric, false)).collect()
 }
 
-/// Sim time over wall time.
 pub(super) fn real_time_factor(study: &Study) -> Result<Option<Figure>, StatisticsError> {
     let positive = study.runs.iter().all(|run| run.row.wall.real_time_factor > 0.0);
     if positive { boxes(study, REAL_TIME_FACTOR, true).map(Some) } else { Ok(None) }
 }
 
 fn boxes(study: &Study, metric: Metric, logarithmic: bool) -> Result<Figure, StatisticsError> {
-    let fields = study.fields();
+    let environments = study.environments();
     let y = value_axis(study, metric, logarithmic);
     let name = format!("box-{}", metric.key.replace('_', "-"));
     let mut title = metric.title.to_owned();
@@ -41,29 +40,33 @@ fn boxes(study: &Study, metric: Metric, logarithmic: bool) -> Result<Figure, Sta
         name: &name,
         title: &title,
         note: &format!(
-            "box: quartiles and median; whiskers: within 1.5 box heights; dots: single runs; {}",
-            runs_told(study)
+            "box: quartiles and median; whiskers: within 1.5 interquartile ranges; dots: single runs; {}",
+            runs_note(study)
         ),
         x_label: "agents",
         y_labels: &[metric.label()],
         legend: &legend(study, Mark::Box),
-        panels: fields.len(),
-        columns: columns(fields.len()),
+        panels: environments.len(),
+        columns: columns(environments.len()),
         left: room_for([&y]),
         tallness: 1.15,
     };
     let mut sheet = Sheet::new(layout);
-    for (i, field) in fields.iter().enumerate() {
-        let team_sizes: Vec<u32> =
-            study.places.iter().filter(|place| place.field() == *field).map(|place| place.agents).collect();
+    for (i, environment) in environments.iter().enumerate() {
+        let team_sizes: Vec<u32> = study
+            .conditions
+            .iter()
+            .filter(|condition| condition.environment() == *environment)
+            .map(|condition| condition.agents)
+            .collect();
         let x = Axis::names(team_sizes.iter().map(u32::to_string));
-        let panel = sheet.panel(i, &study.field_name(field), &x, &y);
+        let panel = sheet.panel(i, &study.environment_name(environment), &x, &y);
         let slots = study.controllers.len() as f64;
         let width = (panel.area.width / team_sizes.len() as f64 * GROUP / slots).min(WIDTH_MAX);
         for (group, &agents) in team_sizes.iter().enumerate() {
-            let place = Place { others: field.others.clone(), size: field.size, agents };
+            let condition = Condition { others: environment.others.clone(), size: environment.size, agents };
             for controller in 0..study.controllers.len() {
-                let values = metric.values(&study.cell(&place, controller));
+                let values = metric.values(&study.cell(&condition, controller));
                 if !values.is_empty() {
                     let offset = (controller as f64 - (slots - 1.0) / 2.0) * width;
                     draw_box(&mut sheet, &panel, (group as f64, offset, width * 0.8), controller, &values)?;
@@ -73,25 +76,21 @@ fn boxes(study: &Study, metric: Metric, logarithmic: bool) -> Result<Figure, Sta
     }
     let svg = sheet.finish();
     let caption = format!(
-        "{title}: boxes from the first to the third quartile with the median, whiskers to the farthest run within 1.5 times the \
-         height of the box, dots: single runs.{}",
-        if logarithmic {
-            " The axis is logarithmic. Wall time depends on the machine and on what else ran there."
-        } else {
-            ""
-        }
+        "{title}: boxes from the first to the third quartile with the median, whiskers to the farthest run within 1.5 \
+         times the interquartile range, dots: single runs.{}",
+        if logarithmic { " The axis is logarithmic. Wall time depends on the machine and its load." } else { "" }
     );
     Ok(Figure { name, caption, svg })
 }
 
-/// One axis for all panels.
+/// The common vertical axis of all panels.
 fn value_axis(study: &Study, metric: Metric, logarithmic: bool) -> Axis {
     let values: Vec<f64> = study.cells().flat_map(|(_, _, runs)| metric.values(&runs)).collect();
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
     let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     match () {
         () if logarithmic => Axis::logarithmic(low, high),
-        // Shares that all come close to the whole are told apart there.
+        // Shares that are all close to 100 % get a magnified axis.
         () if metric.key == EXPLORED.key => {
             let floor = [95.0, 90.0, 80.0, 60.0, 40.0, 20.0].into_iter().find(|floor| low > floor + 0.5);
             Axis::rounded(floor.unwrap_or(0.0), 100.0, 5)
@@ -100,7 +99,7 @@ fn value_axis(study: &Study, metric: Metric, logarithmic: bool) -> Axis {
     }
 }
 
-/// A box in the group at `place`, so many pixels beside its centre and so many wide.
+/// Draws a box in the group at `place`, `offset` pixels beside its centre and `width` pixels wide.
 fn draw_box(
     sheet: &mut Sheet,
     panel: &Panel,
@@ -123,7 +122,7 @@ fn draw_box(
     sheet.svg.frame(area, &pen);
     sheet.svg.line((area.left, y(median)), (area.left + width, y(median)), &Pen::solid(colour(controller), 2.6));
     for (i, value) in values.iter().enumerate() {
-        // Spread over the box, so that equal runs are seen to be several.
+        // Spread over the box, so that equal values do not overlap.
         let aside = ((i * 5) % 8) as f64 / 7.0 - 0.5;
         sheet.svg.disc((x + 0.6 * width * aside, y(*value)), 1.8, colour(controller), 0.75);
     }

@@ -1,22 +1,23 @@
-//! Shares over sim time: what was explored, and how many runs have got how far.
+//! Curves over sim time: the explored share, and the share of runs that have reached a milestone.
 
-use super::super::numbers::{Estimate, MARKS, Mark as Milestone, TimeUnit, Times, explored_at};
+use super::super::numbers::{Estimate, MILESTONES, Milestone, TimeUnit, Times, explored_at};
 use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, pen, room_for};
-use super::super::study::{Place, Study};
+use super::super::study::{Condition, Study};
 use super::super::svg::Pen;
-use super::{Figure, Panels, legend, runs_told};
+use super::{Figure, Panels, legend, runs_note};
 use crate::rows::RunRecord;
 use crate::statistics::{StatisticsError, kaplan_meier};
 
-/// Points of a curve: one every 10 s of half an hour.
+/// Points of a curve: one per 10 s of half an hour.
 const POINTS: usize = 180;
-/// Bootstrap resamples for a point of a band: its edge is drawn, not read off.
+/// Bootstrap resamples per point of a band: fewer than for a number in a table, as it is only
+/// drawn.
 const RESAMPLES: usize = 1000;
 
-/// Explored share over time, mean and band, with every run.
+/// Explored share over time: mean with its band, and every run.
 pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
-    let draw = |sheet: &mut Sheet, panel: &Panel, place: &Place, unit: TimeUnit| {
-        let cells: Vec<_> = cells(study, place).collect();
+    let draw = |sheet: &mut Sheet, panel: &Panel, condition: &Condition, unit: TimeUnit| {
+        let cells: Vec<_> = cells(study, condition).collect();
         for (controller, runs) in &cells {
             for run in runs {
                 let points: Vec<_> = run
@@ -29,15 +30,15 @@ pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
         }
         for (controller, runs) in &cells {
             let (mean, band) = mean_and_band(runs)?;
-            let place = |(time_s, share): &(f64, f64)| panel.at(time_s / unit.seconds, 100.0 * share);
-            let band: Vec<_> = band.iter().map(place).collect();
-            let mean: Vec<_> = mean.iter().map(place).collect();
+            let position = |(time_s, share): &(f64, f64)| panel.at(time_s / unit.seconds, 100.0 * share);
+            let band: Vec<_> = band.iter().map(position).collect();
+            let mean: Vec<_> = mean.iter().map(position).collect();
             sheet.svg.polygon(&band, colour(*controller), 0.18);
             sheet.svg.polyline(&mean, &pen(*controller));
         }
         Ok(())
     };
-    let sheet = Told {
+    let sheet = SheetText {
         name: "exploration",
         title: "Exploration over time",
         note: "thick: mean; band: 95 % bootstrap interval of the mean; thin: single runs",
@@ -45,15 +46,16 @@ pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
         mark: Mark::Band,
     };
     let svg = over_time(study, &sheet, draw)?;
-    let caption = "Explored share of the free cells over sim time. Thick lines: mean over the runs of a cell. Bands: 95 % bootstrap \
-                   interval of the mean, point by point. Thin lines: single runs; a run that has ended stays in the mean as it was.";
+    let caption = "Explored share of the free cells over sim time. Thick lines: mean over the runs of a cell. Bands: 95 % \
+                   bootstrap interval of the mean, pointwise. Thin lines: single runs; a run that has ended counts with \
+                   its last value.";
     Ok(Figure { name: "exploration".to_owned(), caption: caption.to_owned(), svg })
 }
 
-/// Seconds and shares.
+/// (Time in seconds, share).
 type Points = Vec<(f64, f64)>;
 
-/// Mean over the runs, and the outline of its band.
+/// The mean over the runs, and the outline of its band.
 fn mean_and_band(runs: &[&RunRecord]) -> Result<(Points, Points), StatisticsError> {
     let end_s = runs.iter().map(|run| run.row.duration_s).fold(0.0, f64::max);
     let mut mean = Vec::with_capacity(POINTS + 1);
@@ -72,15 +74,15 @@ fn mean_and_band(runs: &[&RunRecord]) -> Result<(Points, Points), StatisticsErro
     Ok((mean, lower))
 }
 
-/// Share of the runs that have reached each mark, over time.
+/// The share of the runs that have reached each milestone, over time.
 pub(super) fn times(study: &Study) -> Result<Vec<Figure>, StatisticsError> {
-    MARKS.iter().map(|&milestone| time_to(study, milestone)).collect()
+    MILESTONES.iter().map(|&milestone| time_to(study, milestone)).collect()
 }
 
 fn time_to(study: &Study, milestone: Milestone) -> Result<Figure, StatisticsError> {
     let percent = milestone.percent;
-    let draw = |sheet: &mut Sheet, panel: &Panel, place: &Place, unit: TimeUnit| {
-        for (controller, runs) in cells(study, place) {
+    let draw = |sheet: &mut Sheet, panel: &Panel, condition: &Condition, unit: TimeUnit| {
+        for (controller, runs) in cells(study, condition) {
             let times = Times::of(&runs, milestone);
             let mut points = Vec::new();
             let mut reached = 0.0;
@@ -96,23 +98,23 @@ fn time_to(study: &Study, milestone: Milestone) -> Result<Figure, StatisticsErro
     };
     let name = format!("time-to-{percent}");
     let title = format!("Time to {percent} % explored");
-    let sheet = Told {
+    let sheet = SheetText {
         name: &name,
         title: &title,
-        note: "share of the runs that have got there (Kaplan-Meier)",
+        note: "share of the runs that have reached it (Kaplan-Meier)",
         y_label: &format!("runs with {percent} % explored (% of runs)"),
         mark: Mark::Line,
     };
     let svg = over_time(study, &sheet, draw)?;
     let caption = format!(
-        "Share of the runs of a cell that have explored {percent} % of the free cells, over sim time (1 minus the Kaplan-Meier \
-         estimate). A line that ends below 100 % leaves the runs that have not got there by the end of the duration."
+        "Share of the runs of a cell that have explored {percent} % of the free cells, over sim time (1 minus the \
+         Kaplan-Meier estimate). A line that ends below 100 % has runs that did not reach it within the duration."
     );
     Ok(Figure { name, caption, svg })
 }
 
-/// What a sheet of curves says.
-struct Told<'a> {
+/// The texts of a sheet of curves.
+struct SheetText<'a> {
     name: &'a str,
     title: &'a str,
     note: &'a str,
@@ -120,41 +122,41 @@ struct Told<'a> {
     mark: fn(usize) -> Mark,
 }
 
-/// Panels of shares in per cent over sim time. `draw` may assume that its panel has runs.
+/// Panels of shares in per cent over sim time. `draw` is called for panels with runs only.
 fn over_time(
     study: &Study,
-    told: &Told,
-    draw: impl Fn(&mut Sheet, &Panel, &Place, TimeUnit) -> Result<(), StatisticsError>,
+    text: &SheetText,
+    draw: impl Fn(&mut Sheet, &Panel, &Condition, TimeUnit) -> Result<(), StatisticsError>,
 ) -> Result<String, StatisticsError> {
     let unit = TimeUnit::of(&study.runs);
     let panels = Panels::of(study);
     let y = Axis::shares();
     let layout = Layout {
-        name: told.name,
-        title: told.title,
-        note: &format!("{}; {}", told.note, runs_told(study)),
+        name: text.name,
+        title: text.title,
+        note: &format!("{}; {}", text.note, runs_note(study)),
         x_label: &format!("sim time ({})", unit.symbol),
-        y_labels: &[told.y_label.to_owned()],
-        legend: &legend(study, told.mark),
-        panels: panels.places.len(),
+        y_labels: &[text.y_label.to_owned()],
+        legend: &legend(study, text.mark),
+        panels: panels.conditions.len(),
         columns: panels.columns,
         left: room_for([&y]),
         tallness: 1.0,
     };
     let mut sheet = Sheet::new(layout);
-    for (i, (field, agents, place)) in panels.places.iter().enumerate() {
-        let end_s = match place {
-            Some(place) => {
-                cells(study, place).flat_map(|(_, runs)| runs).map(|run| run.row.duration_s).fold(0.0, f64::max)
+    for (i, (environment, agents, condition)) in panels.conditions.iter().enumerate() {
+        let end_s = match condition {
+            Some(condition) => {
+                cells(study, condition).flat_map(|(_, runs)| runs).map(|run| run.row.duration_s).fold(0.0, f64::max)
             }
             None => study.runs.iter().map(|run| run.row.duration_s).fold(0.0, f64::max),
         };
         let x = Axis::linear(0.0, end_s / unit.seconds, 6);
-        let panel = sheet.panel(i, &Panels::title(study, field, *agents), &x, &y);
-        match place {
-            Some(place) => {
+        let panel = sheet.panel(i, &Panels::title(study, environment, *agents), &x, &y);
+        match condition {
+            Some(condition) => {
                 sheet.svg.begin_clip(panel.with_margin(2.0));
-                draw(&mut sheet, &panel, place, unit)?;
+                draw(&mut sheet, &panel, condition, unit)?;
                 sheet.svg.end_clip();
             }
             None => sheet.empty(&panel, "no runs"),
@@ -163,8 +165,8 @@ fn over_time(
     Ok(sheet.finish())
 }
 
-/// Controllers that have runs at a place, and these runs.
-fn cells<'a>(study: &'a Study, place: &'a Place) -> impl Iterator<Item = (usize, Vec<&'a RunRecord>)> {
-    let runs = move |controller| (controller, study.cell(place, controller));
+/// The controllers that have runs under a condition, with these runs.
+fn cells<'a>(study: &'a Study, condition: &'a Condition) -> impl Iterator<Item = (usize, Vec<&'a RunRecord>)> {
+    let runs = move |controller| (controller, study.cell(condition, controller));
     (0..study.controllers.len()).map(runs).filter(|(_, runs)| !runs.is_empty())
 }

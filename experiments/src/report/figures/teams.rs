@@ -1,26 +1,26 @@
-//! What more agents bring, and how long their decisions take.
+//! Figures over the team size: scaling, and wall time of decisions.
 
-use super::super::numbers::{DISTANCE, EXPLORED, Estimate, MARKS, RESAMPLES, TimeUnit, Times};
+use super::super::numbers::{DISTANCE, EXPLORED, Estimate, MILESTONES, RESAMPLES, TimeUnit, Times};
 use super::super::outcomes::{DECISION_TIMES, decision_us};
 use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, pen, room_for};
-use super::super::study::{Field, Place, Study};
+use super::super::study::{Condition, Environment, Study};
 use super::super::svg::Pen;
-use super::{Figure, columns, legend, runs_told};
+use super::{Figure, columns, legend, runs_note};
 use crate::rows::RunRecord;
 use crate::statistics::StatisticsError;
 
-/// Space between the marks of two controllers at the same number of agents, pixels.
+/// Offset between the marks of two controllers at the same team size, pixels.
 const ASIDE: f64 = 5.0;
-/// Up to so many maps stand side by side.
-const FIELDS_ACROSS_MAX: usize = 4;
+/// Maximum number of environments side by side.
+const ENVIRONMENTS_ACROSS_MAX: usize = 4;
 
-/// A figure over the number of agents.
+/// A metric over the team size.
 struct Scaled<'a> {
     label: String,
     estimate: &'a dyn Fn(&[&RunRecord]) -> Result<Estimate, StatisticsError>,
 }
 
-/// Explored share, time to 99 % and distance over the number of agents; `None` if all teams are equally large.
+/// Explored share, time to 99 % and distance over the team size; `None` if there is only one size.
 pub(super) fn scaling(study: &Study) -> Result<Option<Figure>, StatisticsError> {
     if study.team_sizes().len() < 2 {
         return Ok(None);
@@ -30,21 +30,21 @@ pub(super) fn scaling(study: &Study) -> Result<Option<Figure>, StatisticsError> 
         Scaled { label: EXPLORED.label(), estimate: &|runs| Estimate::of(&EXPLORED.values(runs), RESAMPLES) },
         Scaled {
             label: format!("restricted mean time to 99 % ({})", unit.symbol),
-            estimate: &|runs| Ok(unit.estimate(Times::of(runs, MARKS[1]).estimate()?)),
+            estimate: &|runs| Ok(unit.estimate(Times::of(runs, MILESTONES[1]).estimate()?)),
         },
         Scaled { label: DISTANCE.label(), estimate: &|runs| Estimate::of(&DISTANCE.values(runs), RESAMPLES) },
     ];
-    let fields = study.fields();
-    // Fields side by side while there are several and they fit, else below each other.
-    let fields_across = (2..=FIELDS_ACROSS_MAX).contains(&fields.len());
-    let panels: Vec<(usize, usize)> = if fields_across {
-        (0..rows.len()).flat_map(|row| (0..fields.len()).map(move |field| (row, field))).collect()
+    let environments = study.environments();
+    // Environments side by side if there are several and they fit, otherwise below each other.
+    let environments_across = (2..=ENVIRONMENTS_ACROSS_MAX).contains(&environments.len());
+    let panels: Vec<(usize, usize)> = if environments_across {
+        (0..rows.len()).flat_map(|row| (0..environments.len()).map(move |environment| (row, environment))).collect()
     } else {
-        (0..fields.len()).flat_map(|field| (0..rows.len()).map(move |row| (row, field))).collect()
+        (0..environments.len()).flat_map(|environment| (0..rows.len()).map(move |row| (row, environment))).collect()
     };
     let mut lines = Vec::new();
-    for &(row, field) in &panels {
-        lines.push(lines_of(study, &fields[field], &rows[row])?);
+    for &(row, environment) in &panels {
+        lines.push(lines_of(study, &environments[environment], &rows[row])?);
     }
     let axis = |row: usize| {
         axis_from_zero(panels.iter().zip(&lines).filter(|(panel, _)| panel.0 == row).flat_map(|(_, lines)| lines))
@@ -54,54 +54,55 @@ pub(super) fn scaling(study: &Study) -> Result<Option<Figure>, StatisticsError> 
     let layout = Layout {
         name: "scaling",
         title: "Scaling with the number of agents",
-        note: &format!("means with 95 % bootstrap intervals; {}", runs_told(study)),
+        note: &format!("means with 95 % bootstrap intervals; {}", runs_note(study)),
         x_label: "agents",
         y_labels: &labels,
         legend: &legend(study, Mark::Line),
         panels: lines.len(),
-        columns: if fields_across { fields.len() } else { rows.len() },
+        columns: if environments_across { environments.len() } else { rows.len() },
         left: room_for(&axes),
         tallness: 1.0,
     };
     let mut sheet = Sheet::new(layout);
     let x = agents_axis(study);
-    for (i, (lines, &(row, field))) in lines.iter().zip(&panels).enumerate() {
-        let panel = sheet.panel(i, &study.field_name(&fields[field]), &x, &axes[row]);
+    for (i, (lines, &(row, environment))) in lines.iter().zip(&panels).enumerate() {
+        let panel = sheet.panel(i, &study.environment_name(&environments[environment]), &x, &axes[row]);
         for Line { controller, points } in lines {
             draw_line(&mut sheet, &panel, study, *controller, points);
         }
     }
-    let caption = "Means over the runs of a cell with 95 % bootstrap intervals, over the number of agents; the marks of controllers \
-                   are moved aside a little. The restricted mean time takes the duration in place of a time that was not reached.";
+    let caption = "Means over the runs of a cell with 95 % bootstrap intervals, over the number of agents; the marks of \
+                   controllers are slightly offset. The restricted mean time uses the duration for runs that do not \
+                   reach 99 %.";
     Ok(Some(Figure { name: "scaling".to_owned(), caption: caption.to_owned(), svg: sheet.finish() }))
 }
 
-/// Estimates of a controller over the number of agents.
+/// The estimates of a controller over the team size.
 struct Line {
     controller: usize,
     points: Vec<(u32, Estimate)>,
 }
 
-fn lines_of(study: &Study, field: &Field, scaled: &Scaled) -> Result<Vec<Line>, StatisticsError> {
+fn lines_of(study: &Study, environment: &Environment, scaled: &Scaled) -> Result<Vec<Line>, StatisticsError> {
     let mut lines = Vec::new();
     for controller in 0..study.controllers.len() {
         let mut points = Vec::new();
-        for (place, runs) in team_cells(study, field, controller) {
-            points.push((place.agents, (scaled.estimate)(&runs)?));
+        for (condition, runs) in team_cells(study, environment, controller) {
+            points.push((condition.agents, (scaled.estimate)(&runs)?));
         }
         lines.push(Line { controller, points });
     }
     Ok(lines)
 }
 
-/// The cells of a field and a controller that have runs, by the number of agents.
+/// The cells of an environment and a controller that have runs, by team size.
 fn team_cells<'a>(
     study: &'a Study,
-    field: &Field,
+    environment: &Environment,
     controller: usize,
-) -> impl Iterator<Item = (&'a Place, Vec<&'a RunRecord>)> {
-    let places = study.places.iter().filter(|place| place.field() == *field);
-    places.map(move |place| (place, study.cell(place, controller))).filter(|(_, runs)| !runs.is_empty())
+) -> impl Iterator<Item = (&'a Condition, Vec<&'a RunRecord>)> {
+    let conditions = study.conditions.iter().filter(|condition| condition.environment() == *environment);
+    conditions.map(move |condition| (condition, study.cell(condition, controller))).filter(|(_, runs)| !runs.is_empty())
 }
 
 fn draw_line(sheet: &mut Sheet, panel: &Panel, study: &Study, controller: usize, points: &[(u32, Estimate)]) {
@@ -137,19 +138,19 @@ fn agents_axis(study: &Study) -> Axis {
     Axis::at(0.0, most * 1.08, team_sizes.iter().map(|&agents| (agents.into(), agents.to_string())))
 }
 
-/// Wall time of a decision: median, 95th and 99th percentile; `None` if nobody has measured it.
+/// Wall time of a decision: median, 95th and 99th percentile; `None` if it was not measured.
 pub(super) fn decisions(study: &Study) -> Result<Option<Figure>, StatisticsError> {
-    let fields = study.fields();
+    let environments = study.environments();
     let mut panels = Vec::new();
-    for field in &fields {
+    for environment in &environments {
         let mut ranges = Vec::new();
         for controller in 0..study.controllers.len() {
-            for (place, runs) in team_cells(study, field, controller) {
+            for (condition, runs) in team_cells(study, environment, controller) {
                 let times: Result<Vec<_>, _> = DECISION_TIMES.iter().map(|&time| decision_us(&runs, time)).collect();
                 if let Some(times) = times?.into_iter().collect::<Option<Vec<f64>>>()
                     && times.iter().all(|&time| time > 0.0)
                 {
-                    ranges.push((controller, place.agents, times));
+                    ranges.push((controller, condition.agents, times));
                 }
             }
         }
@@ -167,16 +168,16 @@ pub(super) fn decisions(study: &Study) -> Result<Option<Figure>, StatisticsError
         x_label: "agents",
         y_labels: &["wall time of a decision (µs)".to_owned()],
         legend: &legend(study, Mark::Line),
-        panels: fields.len(),
-        columns: columns(fields.len()),
+        panels: environments.len(),
+        columns: columns(environments.len()),
         left: room_for([&y]),
         tallness: 1.0,
     };
     let mut sheet = Sheet::new(layout);
     let team_sizes = study.team_sizes();
     let x = Axis::names(team_sizes.iter().map(u32::to_string));
-    for (i, (field, ranges)) in fields.iter().zip(&panels).enumerate() {
-        let panel = sheet.panel(i, &study.field_name(field), &x, &y);
+    for (i, (environment, ranges)) in environments.iter().zip(&panels).enumerate() {
+        let panel = sheet.panel(i, &study.environment_name(environment), &x, &y);
         let slots = study.controllers.len() as f64;
         let step = (panel.area.width / team_sizes.len() as f64 * 0.8 / slots).min(40.0);
         for (controller, agents, times) in ranges {
@@ -189,13 +190,13 @@ pub(super) fn decisions(study: &Study) -> Result<Option<Figure>, StatisticsError
             let [median, high, highest] = [0, 1, 2].map(|i| at(times[i]));
             sheet.svg.line(median, highest, &Pen { width: 1.5, ..pen(*controller) });
             sheet.svg.disc(median, 3.5, colour(*controller), 1.0);
-            for (place, half) in [(high, 6.0), (highest, 3.5)] {
+            for ((x, y), half) in [(high, 6.0), (highest, 3.5)] {
                 let bar = Pen::solid(colour(*controller), 2.0);
-                sheet.svg.line((place.0 - half, place.1), (place.0 + half, place.1), &bar);
+                sheet.svg.line((x - half, y), (x + half, y), &bar);
             }
         }
     }
-    let caption = "Wall time of a decision of an agent: dot: median, long bar: 95th percentile, short bar: 99th percentile; of each, \
-                   the median over the runs of a cell. The axis is logarithmic.";
+    let caption = "Wall time of a decision of an agent: dot: median, long bar: 95th percentile, short bar: 99th percentile; \
+                   of each, the median over the runs of a cell. The axis is logarithmic.";
     Ok(Some(Figure { name: "decision-times".to_owned(), caption: caption.to_owned(), svg: sheet.finish() }))
 }

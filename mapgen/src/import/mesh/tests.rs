@@ -125,7 +125,7 @@ proptest! {
     }
 
     #[test]
-    fn no_way_leads_through_a_shell(centre in prop::array::uniform3(-2.0f64..2.0), radius in 3.0f64..6.0) {
+    fn no_path_leads_through_a_shell(centre in prop::array::uniform3(-2.0f64..2.0), radius in 3.0f64..6.0) {
         let with_margin = ImportOptions { margin_cells: Some(1), ..options(Fill::Shell, Kind::Wall) };
         let terrain = read(&ball(centre, radius), with_margin).terrain;
         let caves = voxels::free_components(&terrain);

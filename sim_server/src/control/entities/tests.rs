@@ -12,7 +12,7 @@ use simulation::world::{ScanSchedule, WorldParams};
 
 const RADIUS_M: f64 = 0.4;
 
-/// A hall with agents 0, 1 and 2 in a row, two metres apart.
+/// A room with agents 0, 1 and 2 in a row, two metres apart.
 fn world() -> World {
     let layer = "#########\n#.......#\n#.......#\n#########\n";
     let solid = "#########\n#########\n#########\n#########\n";
@@ -29,10 +29,10 @@ fn world() -> World {
     World::new(terrain, params, &[start(1.5), start(3.5), start(5.5)])
 }
 
-fn with_team<T>(has_left: [bool; 3], look: impl FnOnce(&Team<'_>) -> T) -> T {
+fn with_team<T>(has_left: [bool; 3], check: impl FnOnce(&Team<'_>) -> T) -> T {
     let world = world();
     let controllers = ["rbw", "lvd", "rbw"].map(str::to_owned);
-    look(&Team { world: &world, controllers: &controllers, has_left: &has_left })
+    check(&Team { world: &world, controllers: &controllers, has_left: &has_left })
 }
 
 fn found(filters: &EntityFilters) -> Result<Vec<u32>, u8> {
@@ -48,12 +48,12 @@ fn bounds(r#type: u8, points: &[[f64; 3]]) -> EntityFilters {
 }
 
 #[test]
-fn names_are_filtered_by_regular_expressions() {
+fn names_match_regular_expressions() {
     let named = |filter: &str| found(&EntityFilters { filter: filter.to_owned(), ..EntityFilters::default() });
     assert_eq!(named(""), Ok(vec![0, 1, 2]));
     assert_eq!(named("agent_[12]"), Ok(vec![1, 2]));
     assert_eq!(named("^agent_1$|_0"), Ok(vec![0, 1]));
-    assert_eq!(named("nobody"), Ok(vec![]));
+    assert_eq!(named("agent_x"), Ok(vec![]));
     assert_eq!(named("("), Err(Outcome::OPERATION_FAILED));
     assert_eq!(named(&"a".repeat(FILTER_BYTES_MAX + 1)), Err(Outcome::OPERATION_FAILED));
     assert_eq!(named("((a{99}){99}){99}"), Err(Outcome::OPERATION_FAILED));
@@ -78,7 +78,7 @@ fn tags_and_categories_are_filtered() {
 }
 
 #[test]
-fn what_touches_a_sphere_or_a_box_is_found() {
+fn bounds_select_touching_bodies() {
     assert_eq!(found(&bounds(Bounds::SPHERE, &[[1.5, 1.5, 1.5], [1.7, 0.0, 0.0]])), Ok(vec![0, 1]));
     assert_eq!(found(&bounds(Bounds::SPHERE, &[[1.5, 1.5, 1.5], [1.5, 0.0, 0.0]])), Ok(vec![0]));
     assert_eq!(found(&bounds(Bounds::BOX, &[[9.0, 9.0, 9.0], [3.8, 0.0, 0.0]])), Ok(vec![1, 2]));
@@ -96,7 +96,7 @@ fn what_touches_a_sphere_or_a_box_is_found() {
 }
 
 #[test]
-fn who_has_left_is_no_entity() {
+fn removed_agents_are_no_entities() {
     with_team([false, true, false], |team| {
         assert_eq!(team.entities(&EntityFilters::default()).entities, ["agent_0", "agent_2"]);
         assert_eq!(team.state("agent_1").result.result, Outcome::NOT_FOUND);
@@ -110,7 +110,7 @@ fn who_has_left_is_no_entity() {
 }
 
 #[test]
-fn only_upright_poses_with_numbers_can_be_set() {
+fn only_finite_upright_poses_are_accepted() {
     let request = SetEntityStateRequest {
         entity: "agent_1".to_owned(),
         state: EntityState::default(),

@@ -1,8 +1,9 @@
 //! Inbound messages of agents: joins and commands, accepted or refused.
 //!
-//! **Replacement of a process.** Under `faults.on_agent_loss = "wait"` a second process that joins with a taken id is held as a
-//! contender. It is refused when the first process answers an observation that was sent after the join; it takes over when
-//! the first one is given up. The observation log is then replayed to it before it gets a new observation, so it must start
+//! **Replacement of a process.** Under `faults.on_agent_loss = "wait"` a second process that joins
+//! with a taken id is held as a contender. It is refused when the first process answers an
+//! observation that was sent after the join; it takes over when the first one is given up. The
+//! observation log is then replayed to it before it gets a new observation, so it must start
 //! without state: a process that has answered something and was replaced cannot return.
 //!
 //! Invariant: a refused message changes nothing but its counter.
@@ -101,8 +102,8 @@ impl AgentSessions {
         context.warn(&format!("agent {agent} was started again; its observation log is replayed to it"));
     }
 
-    /// Replies to a join. All agents receive the reply, and compare its instance with their own: a foreign process that uses
-    /// the instance of a member must not make that member hear a refusal.
+    /// Replies to a join. All agents receive the reply, and compare its instance with their own: a
+    /// foreign process that uses the instance of a member must not make that member hear a refusal.
     fn reply(&mut self, join: &Join, granted: &Result<(), Refusal>, context: &mut WaitContext<'_, '_>) {
         let Join { run, agent, instance, .. } = *join;
         let is_borrowed = self.membership.lease(AgentId(agent)).is_some_and(|lease| lease.instance == instance);
@@ -120,7 +121,8 @@ impl AgentSessions {
                 self.unresponsive.remove(&agent);
             }
         }
-        // A reply to an observation from before the contender's join may have been on its way when its process died.
+        // A reply to an observation from before the contender's join may have been on its way when
+        // its process died.
         if self.contenders.get(&agent).is_some_and(|(since, _)| tick > *since)
             && let Some((_, join)) = self.contenders.remove(&agent)
         {

@@ -1,10 +1,12 @@
-//! The observation log: what each agent has observed and answered so far, to be replayed to a process that replaces another.
+//! The observation log: what each agent has observed and answered so far, to be replayed to a
+//! process that replaces another.
 //!
-//! A replacement gets all committed observations from the start, one at a time, and must give the same commands: controllers
-//! are deterministic, so that afterwards it has the state of its predecessor.
+//! A replacement gets all committed observations from the start, one at a time, and must give the
+//! same commands: controllers are deterministic, so that afterwards it has the state of its
+//! predecessor.
 //!
-//! Invariants: replayed is what was committed, in the order of commitment; a command that differs from the logged one is never
-//! accepted.
+//! Invariants: replayed is what was committed, in the order of commitment; a command that differs
+//! from the logged one is never accepted.
 //!
 //! This module knows no transport and no wall time.
 

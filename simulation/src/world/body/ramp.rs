@@ -1,25 +1,26 @@
-//! Speed control along a line: so far to go, so fast now, how far in the next fixed update.
+//! Speed control along one leg: from the distance to go and the speed, the step of the next fixed
+//! update.
 //!
-//! The same for moves (metres) and turns (radians). This module knows neither.
+//! Units are metres for moves and radians for turns.
 
 use nalgebra::Vector3;
 
-/// A ramp that lands ends where no more than this is left to go, so that rounding costs no tick of its own.
+/// A landing ramp ends with no more than this to go, so that rounding does not cost a tick.
 const LANDING_REST: f64 = 1e-9;
 
-/// Speed control along one leg: a distance still to go (metres or radians) and the present speed.
+/// The distance to go on a leg and the present speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ramp {
     pub(super) rest: f64,
     speed: f64,
 }
 
-/// Limits of a [`Ramp`] in units of its distance.
+/// Limits of a [`Ramp`] in the unit of its distance.
 pub(super) struct RampLimits {
     pub(super) speed_max: f64,
     pub(super) acceleration: f64,
     pub(super) deceleration: f64,
-    /// A leg whose rest is below this is finished; of no use to a ramp that lands.
+    /// A leg with less than this to go is finished; unused by a landing ramp.
     pub(super) rest_min: f64,
 }
 
@@ -28,9 +29,10 @@ impl Ramp {
         Self { rest, speed: 0.0 }
     }
 
-    /// The step of this tick and whether it is the last one.
+    /// The step of this tick, and whether it is the last one.
     ///
-    /// The reference's rule: brake while the braking distance reaches the target, speed up otherwise.
+    /// The rule of MAES3D: brake while the braking distance reaches the target, accelerate
+    /// otherwise.
     pub(super) fn next_step(&mut self, limits: &RampLimits, dt_s: f64) -> (f64, bool) {
         if self.rest < limits.rest_min {
             return (self.rest, true);
@@ -45,8 +47,8 @@ impl Ramp {
         (step, false)
     }
 
-    /// As [`Ramp::next_step`], by a rule that never brakes harder than it may: the last step ends on the target, and is so slow
-    /// that the body can be at rest in the tick after it.
+    /// As [`Ramp::next_step`], without ever exceeding the deceleration: the last step ends on the
+    /// target, slow enough to be at rest in the tick after it.
     pub(super) fn next_landing_step(&mut self, limits: &RampLimits, dt_s: f64) -> (f64, bool) {
         let slowest = self.speed - limits.deceleration * dt_s;
         let fastest = (self.speed + limits.acceleration * dt_s).min(limits.speed_max);
@@ -57,10 +59,11 @@ impl Ramp {
     }
 }
 
-/// The highest speed at which a body may go for a tick if `rest` is left to go and it is to come to rest there, braking by at most
-/// `deceleration * dt_s` from tick to tick.
+/// The highest speed for the next tick with which a body can still stop after `rest`, braking by at
+/// most `deceleration * dt_s` per tick.
 ///
-/// From speed v, with a change of d in a tick, it goes n ticks at v, v - d, v - 2 d ...: n v - d n (n - 1) / 2 in units of `dt_s`.
+/// Braking by d per tick from speed v takes n ticks at v, v - d, v - 2 d ..., a distance of n v - d
+/// n (n - 1) / 2 in units of `dt_s`.
 pub(super) fn landing_speed(rest: f64, deceleration: f64, dt_s: f64) -> f64 {
     let change = deceleration * dt_s;
     let ticks = (0.5 + (0.25 + 2.0 * (rest / (dt_s * change))).sqrt()).floor();
@@ -71,7 +74,8 @@ pub(super) fn landing_speed(rest: f64, deceleration: f64, dt_s: f64) -> f64 {
     }
 }
 
-/// `present` brought towards `target` by at most `faster` where that speeds up, and at most `slower` where it brakes.
+/// `present` moved towards `target` by at most `faster` if that accelerates, and at most `slower`
+/// if it brakes.
 pub(super) fn approached(present: &Vector3<f64>, target: &Vector3<f64>, faster: f64, slower: f64) -> Vector3<f64> {
     let change = target - present;
     let size = change.norm();

@@ -13,7 +13,7 @@ fn body() -> Body {
 }
 
 /// Ticks until the task is done.
-fn carry_out(body: &mut Body, motion: Motion) -> usize {
+fn execute(body: &mut Body, motion: Motion) -> usize {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     body.set_task(motion);
@@ -21,8 +21,8 @@ fn carry_out(body: &mut Body, motion: Motion) -> usize {
 }
 
 #[test]
-fn moves_take_as_long_as_in_the_reference() {
-    // maes3d: measured durations; the reference computes in single precision.
+fn move_durations_match_maes3d() {
+    // Durations measured in MAES3D, which computes in single precision.
     let durations = [
         (0.5, 2.28),
         (1.0, 3.22),
@@ -36,7 +36,7 @@ fn moves_take_as_long_as_in_the_reference() {
     ];
     for (distance_m, expected_s) in durations {
         let mut body = body();
-        let ticks = carry_out(&mut body, Motion::Move { pitch_rad: 0.0, distance_m });
+        let ticks = execute(&mut body, Motion::Move { pitch_rad: 0.0, distance_m });
         let took_s = ticks as f64 * DT_S;
         assert!((took_s - expected_s).abs() <= 0.061, "{distance_m} m took {took_s} s instead of {expected_s} s");
         assert!((body.pose().position.x - 10.0 - distance_m).abs() < 1e-9, "lands on the target");
@@ -44,13 +44,13 @@ fn moves_take_as_long_as_in_the_reference() {
 }
 
 #[test]
-fn turns_take_as_long_as_in_the_reference() {
+fn turn_durations_match_maes3d() {
     let durations = [(1.0, 0.30), (10.0, 0.90), (45.0, 2.14), (90.0, 3.08), (135.0, 3.74), (180.0, 4.24), (0.0, 0.02)];
     for (angle_deg, expected_s) in durations {
         for sign in [1.0, -1.0] {
             let mut body = body();
             let angle_rad: f64 = sign * angle_deg * PI / 180.0;
-            let took_s = carry_out(&mut body, Motion::Turn { angle_rad }) as f64 * DT_S;
+            let took_s = execute(&mut body, Motion::Turn { angle_rad }) as f64 * DT_S;
             assert!(
                 (took_s - expected_s).abs() <= 0.021,
                 "{angle_deg} degrees took {took_s} s instead of {expected_s} s"
@@ -61,7 +61,7 @@ fn turns_take_as_long_as_in_the_reference() {
 }
 
 #[test]
-fn never_faster_than_allowed() {
+fn speed_stays_within_its_limit() {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut body = body();
@@ -77,15 +77,15 @@ fn never_faster_than_allowed() {
 fn a_raised_move_goes_along_the_heading_and_up() {
     let mut body =
         Body::at_rest(BodyModel::SUBMARINE, Pose { position: Point3::new(10.0, 10.0, 10.0), yaw_rad: PI / 2.0 });
-    carry_out(&mut body, Motion::Move { pitch_rad: PI / 6.0, distance_m: 2.0 });
+    execute(&mut body, Motion::Move { pitch_rad: PI / 6.0, distance_m: 2.0 });
     let way = body.pose().position - Point3::new(10.0, 10.0, 10.0);
     assert!((way - Vector3::new(0.0, 3.0_f64.sqrt(), 1.0)).norm() < 1e-9, "{way}");
 }
 
 #[test]
-fn an_endless_move_ends_at_a_wall() {
+fn infinite_move_ends_at_a_wall() {
     let mut body = body();
-    carry_out(&mut body, Motion::Move { pitch_rad: 0.0, distance_m: f64::INFINITY });
+    execute(&mut body, Motion::Move { pitch_rad: 0.0, distance_m: f64::INFINITY });
     assert_eq!(body.collision(), Some(Collision { surface: Surface::Wall, with_agent: false }));
     let gap_m = 100.0 - body.pose().position.x - BodyModel::SUBMARINE.radius_m;
     assert!((0.0..=0.03).contains(&gap_m), "{gap_m}");
@@ -94,7 +94,7 @@ fn an_endless_move_ends_at_a_wall() {
 }
 
 #[test]
-fn a_path_is_followed_to_the_point() {
+fn path_ends_exactly_on_its_last_waypoint() {
     let mut body = body();
     let waypoints = vec![
         Point3::new(12.0, 10.0, 10.0),
@@ -102,7 +102,7 @@ fn a_path_is_followed_to_the_point() {
         Point3::new(12.0, 13.0, 12.0),
         Point3::new(10.0, 13.0, 11.0),
     ];
-    carry_out(&mut body, Motion::Path(waypoints.clone()));
+    execute(&mut body, Motion::Path(waypoints.clone()));
     assert_eq!(body.pose().position, *waypoints.last().unwrap());
     assert!(wrapped(body.pose().yaw_rad - PI).abs() < 1e-9, "{}", body.pose().yaw_rad);
 }
@@ -112,14 +112,14 @@ fn a_vertical_leg_needs_no_turn() {
     let mut up = body();
     let above = Point3::new(10.0, 10.0, 12.0);
     assert_eq!(
-        carry_out(&mut up, Motion::Path(vec![above])),
-        carry_out(&mut body(), Motion::Move { pitch_rad: PI / 2.0, distance_m: 2.0 })
+        execute(&mut up, Motion::Path(vec![above])),
+        execute(&mut body(), Motion::Move { pitch_rad: PI / 2.0, distance_m: 2.0 })
     );
     assert_eq!(up.pose().yaw_rad, 0.0);
 }
 
 #[test]
-fn a_new_task_starts_from_rest_and_stop_is_at_once() {
+fn new_task_starts_from_rest() {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut body = body();
@@ -140,7 +140,7 @@ fn a_new_task_starts_from_rest_and_stop_is_at_once() {
 }
 
 #[test]
-fn a_velocity_is_approached_held_and_clamped() {
+fn velocity_is_ramped_held_and_clamped() {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut body = body();
@@ -155,7 +155,7 @@ fn a_velocity_is_approached_held_and_clamped() {
     assert!((body.velocity_in_map_m_s() - Vector3::new(1.0, 0.0, 0.0)).norm() < 1e-12);
     body.set_task(forwards(9.0, 9.0));
     body.advance(&obstacles, DT_S);
-    assert!(body.velocity_in_map_m_s().norm() > 1.0, "goes on from the present velocity");
+    assert!(body.velocity_in_map_m_s().norm() > 1.0, "continues from the present velocity");
     for _ in 0..200 {
         body.advance(&obstacles, DT_S);
     }

@@ -95,7 +95,8 @@ proptest! {
         prop_assert_eq!(ContactModel::Attenuated(loss).joins(&world, &one, &other), expected);
     }
 
-    /// Whatever the walls cost, no more are in contact than in the open, and no fewer than in line of sight within the reach.
+    /// Whatever the walls cost, no more are in contact than in the open, and no fewer than in line
+    /// of sight within the reach.
     #[test]
     fn walls_only_take_away(wall_exponent in 0.0..1000.0_f64, (world, one, other) in places()) {
         let loss = PathLoss { reference_loss_db: 50.0, reference_m: 4.0, wall_exponent, ..PathLoss::default() };

@@ -1,8 +1,10 @@
-//! The loop that follows rays through a sensor memory; most of a run's time is spent here.
+//! Ray casting through a sensor memory; most of a run's time is spent here.
 //!
-//! Amanatides and Woo with the rule of `voxels::traverse`, twice: ray by ray ([`cast_ray`]), which is the definition, and by
-//! bundles of rays side by side ([`bundles`]), which the compiler turns into vector code. The lanes of a bundle do the same
-//! `f64` operations as a single ray, so the processor decides nothing but the order of what is found.
+//! The traversal of `voxels::traverse` (Amanatides and Woo), twice: ray by ray ([`cast_ray`]),
+//! which is the definition, and in bundles of rays ([`bundles`]), which the compiler vectorises.
+//! The lanes of a bundle do the same `f64` operations as a single ray, so only the order of new
+//! cells depends on the processor. Marks are plain bits of a byte, not `bitflags`, because the
+//! bundles compute with the marks of eight lanes in one word.
 
 #[cfg(any(target_arch = "x86_64", test))]
 mod bundles;
@@ -15,9 +17,9 @@ use super::pattern::{Bundle, Cone};
 pub(super) const FREE: u8 = SEEN;
 /// The mark of a wall.
 pub(super) const WALL: u8 = SEEN | IS_WALL;
-/// The mark of what is not a cell of the map.
+/// The mark of slots outside the map.
 pub(super) const OUTSIDE: u8 = SEEN | IS_OUTSIDE;
-/// The bit of every mark of a cell that has been seen; those that have not been seen have 0.
+/// The bit of every mark; a cell that has not been seen has the mark 0.
 const SEEN: u8 = 1;
 const IS_WALL: u8 = 2;
 const IS_OUTSIDE: u8 = 4;
@@ -32,20 +34,21 @@ pub(super) fn is_wall(kind: u8) -> bool {
     kind & IS_WALL != 0
 }
 
-/// What rays go through: the kinds of all cells, which all agents share, and the marks of those that one of them has seen.
+/// The field that rays cross: the kinds of all cells, shared by all agents, and the cells that one
+/// agent has seen.
 pub(super) struct Field<'a> {
     pub(super) kinds: &'a [u8],
     pub(super) seen: &'a mut [u8],
 }
 
-/// Slots of cells that were found; see [`super::SensorMemory`] for what a slot is.
+/// Slots (see [`super::SensorMemory`]) of cells that a scan sees for the first time.
 pub(super) struct Found<'a> {
     pub(super) free: &'a mut Vec<u32>,
     pub(super) wall: &'a mut Vec<u32>,
 }
 
 impl Found<'_> {
-    /// Marks a cell as seen, adds it if it is new, and says of which kind it is.
+    /// Marks a cell as seen, adds it if it is new, and returns its kind.
     pub(super) fn mark(&mut self, field: &mut Field<'_>, slot: usize) -> u8 {
         let kind = field.kinds[slot];
         if std::mem::replace(&mut field.seen[slot], kind) == 0 {
@@ -54,7 +57,7 @@ impl Found<'_> {
         kind
     }
 
-    /// Adds a cell of this kind to the list of its kind; the world outside to neither.
+    /// Adds a cell to the list of its kind; slots outside the map are not listed.
     pub(super) fn add(&mut self, kind: u8, slot: usize) {
         let slot = slot as u32;
         match kind {
@@ -65,21 +68,21 @@ impl Found<'_> {
     }
 }
 
-/// Where rays begin, and what all rays of a scan have in common.
+/// The start of the rays of a scan, and their common parameters.
 pub(super) struct Start {
     slot: usize,
-    /// Distances along the axes, in cells, to the upper boundaries of the body's cell.
+    /// Distances along the axes to the upper boundaries of the body's cell, in cells.
     above: [f64; 3],
-    /// The same to the lower boundaries.
+    /// Distances to the lower boundaries.
     below: [f64; 3],
     strides: [i64; 3],
-    /// How far rays go, in lengths of their directions.
+    /// Range of the rays in lengths of their directions.
     limit: f64,
     cone: Option<Cone>,
 }
 
 impl Start {
-    /// `position` in cells; `slot` is where its cell lies in the memory.
+    /// `position` is in cells; `slot` is that of its cell in the memory.
     pub(super) fn new(
         cell: Cell,
         slot: usize,
@@ -104,12 +107,13 @@ impl Start {
         self.slot
     }
 
-    /// The field of view, if that is limited.
+    /// The field of view, `None` if unlimited.
     pub(super) fn cone(&self) -> Option<&Cone> {
         self.cone.as_ref()
     }
 
-    /// Distances to the boundaries that rays of this bundle meet first, and the steps in slots across them.
+    /// Distances to the boundaries that rays of this bundle cross first, and the steps in slots
+    /// across them.
     fn towards(&self, bundle: &Bundle) -> ([f64; 3], [i64; 3]) {
         let pick = |axis: usize| if bundle.goes_down[axis] { self.below[axis] } else { self.above[axis] };
         let step = |axis: usize| if bundle.goes_down[axis] { -self.strides[axis] } else { self.strides[axis] };
@@ -117,8 +121,9 @@ impl Start {
     }
 }
 
-/// Follows one ray until `enter` returns false for a slot, and returns that slot and the distance at which it was entered, in
-/// lengths of the ray's direction; `None` if the ray's length ends first. The start's own cell is not entered.
+/// Follows one ray until `enter` returns false for a slot, and returns that slot and the distance
+/// at which it was entered, in lengths of the ray's direction; `None` if the ray's length ends
+/// first. The start's own cell is not entered.
 #[inline(always)]
 pub(super) fn cast_ray(
     start: &Start,
@@ -154,7 +159,7 @@ pub(super) fn cast_ray(
     }
 }
 
-/// Ways to cast a scan. All of them see the same.
+/// Implementations of a scan, all with the same result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kernel {
     /// Ray by ray, on any processor.
@@ -203,7 +208,7 @@ impl Kernel {
         }
     }
 
-    /// Casts all rays of a scan, marks what they meet and adds what is new to `found`.
+    /// Casts all rays of a scan, marks the cells they hit and adds the new ones to `found`.
     #[cfg_attr(
         target_arch = "x86_64",
         expect(
@@ -215,8 +220,8 @@ impl Kernel {
         assert!(self.is_available(), "{self:?} is for another processor");
         match self {
             Kernel::Single => scan_singly(field, start, bundles, found),
-            // SAFETY: `scan_avx2` is a safe function but for the processor features that it demands, and `is_available` has
-            // just found all of them.
+            // SAFETY: `scan_avx2` is safe except for the processor features that it requires, which
+            // `is_available` has just checked.
             #[cfg(target_arch = "x86_64")]
             Kernel::Avx2 => unsafe { bundles::scan_avx2(field, start, bundles, found) },
             // SAFETY: as for `scan_avx2`.

@@ -1,21 +1,23 @@
-//! Which way rays go, and the order in which they are cast: neighbours together, because they meet the same cells.
+//! The directions of rays, and their order: neighbouring rays are cast together, because they cross
+//! the same cells.
 
 use nalgebra::Vector3;
 use voxels::{Cell, FACES, lattice};
 
 use super::Pattern;
 
-/// Rays that are cast side by side. Enough for two vector registers of the widest kind, which hides the time that a load takes.
+/// Rays that are cast side by side: two registers of the widest vectors, which hides the latency of
+/// loads.
 pub(super) const LANES: usize = 16;
 
-/// The largest radius of a shell; it sees the whole of the largest map.
+/// The largest radius of a shell, in cells; it covers the largest map.
 const RADIUS_CELLS_MAX: u32 = 1774;
 
 /// A heading and the cosine of half the field of view.
 pub(super) type Cone = (Vector3<f64>, f64);
 
 impl Pattern {
-    /// The rays as directions in cell units; their length is the unit of the distances along them.
+    /// The directions of the rays in cell units; their length is the unit of distances along them.
     pub(super) fn directions(self) -> Vec<Vector3<f64>> {
         match self {
             Pattern::Lattice { rays } => (0..rays).map(|ray| lattice::direction(ray, rays)).collect(),
@@ -41,21 +43,22 @@ fn shell(radius_cells: u32) -> Vec<Vector3<f64>> {
     directions
 }
 
-/// Up to [`LANES`] neighbouring rays of one octant; lanes without a ray are never on.
+/// Up to [`LANES`] neighbouring rays of one octant; lanes without a ray are never active.
 #[derive(Clone)]
 pub(super) struct Bundle {
     /// 1 / |component| per axis and lane: the distance between two crossings of cell boundaries.
     pub(super) inverse: [[f64; LANES]; 3],
-    /// Per axis, whether the rays go down it. A ray that does not move along an axis counts as going up.
+    /// Per axis, whether the rays go down it. A ray that does not move along an axis counts as
+    /// going up.
     pub(super) goes_down: [bool; 3],
     directions: [Vector3<f64>; LANES],
-    /// The same with length 1.
+    /// The directions with length 1.
     units: [Vector3<f64>; LANES],
     rays: usize,
 }
 
 impl Bundle {
-    /// Sorts rays into bundles.
+    /// Groups rays into bundles.
     pub(super) fn pack(mut directions: Vec<Vector3<f64>>) -> Vec<Self> {
         directions.sort_by_key(|direction| (octant(direction), neighbourhood(direction)));
         let octants = directions.chunk_by(|a, b| octant(a) == octant(b));
@@ -85,7 +88,7 @@ impl Bundle {
         self.directions[lane]
     }
 
-    /// The lanes whose rays are used.
+    /// The lanes whose rays are within the field of view.
     pub(super) fn lanes(&self, cone: Option<&Cone>) -> impl Iterator<Item = usize> {
         (0..self.rays).filter(move |&lane| match cone {
             Some((heading, cone_cos)) => heading.dot(&self.units[lane]) > *cone_cos,
@@ -98,8 +101,8 @@ fn octant(direction: &Vector3<f64>) -> [bool; 3] {
     [0, 1, 2].map(|axis| direction[axis] < 0.0)
 }
 
-/// A number that is close for rays of one octant that are close: the place of the ray on the octant's triangle, its two
-/// coordinates interleaved bit by bit (Morton order).
+/// The Morton code of the point where a ray crosses its octant's triangle: rays with close codes
+/// are close.
 fn neighbourhood(direction: &Vector3<f64>) -> u32 {
     let sum = direction.x.abs() + direction.y.abs() + direction.z.abs();
     let [u, v] = [direction.x, direction.y].map(|component| (component.abs() / sum * 1023.0) as u32);

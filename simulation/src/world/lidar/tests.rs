@@ -132,7 +132,7 @@ fn a_cone_looks_along_the_heading() {
 }
 
 #[test]
-fn only_what_is_new_is_found() {
+fn scan_reports_new_cells_only() {
     let terrain = Grid::from_text("......\n......\n").unwrap();
     let scanner = Scanner::new(Pattern::Lattice { rays: 500 }, 1.4, TAU);
     let mut memory = SensorMemory::new(&terrain);
@@ -154,7 +154,7 @@ fn a_position_outside_sees_nothing() {
 }
 
 #[test]
-fn the_heading_counts_only_with_a_limited_view() {
+fn heading_matters_only_with_a_limited_view() {
     let scanner = |fov_rad| Scanner::new(Pattern::Lattice { rays: 10 }, 5.0, fov_rad);
     let (here, turned, moved) = (pose([1.0; 3], 0.0), pose([1.0; 3], 1.0), pose([1.1; 3], 0.0));
     assert!(scanner(TAU).sees_the_same(&here, &turned));
@@ -163,7 +163,8 @@ fn the_heading_counts_only_with_a_limited_view() {
     assert!(scanner(3.0).sees_the_same(&here, &here));
 }
 
-/// A world, its terrain drawn at random, with a free place in it: anywhere, on cell boundaries or in the middle of a cell.
+/// A world, its terrain drawn at random, with a free place in it: anywhere, on cell boundaries or
+/// in the middle of a cell.
 fn any_world() -> impl Strategy<Value = (Grid<Terrain>, [f64; 3])> {
     let size = prop::array::uniform3(prop_oneof![1u32..4, 4u32..14]);
     (size, prop_oneof![Just(1.0), Just(0.5), Just(0.3)], 0.0..0.5).prop_flat_map(|(size, cell_m, share)| {
@@ -194,7 +195,7 @@ fn any_scanner() -> impl Strategy<Value = (Pattern, f64, f64)> {
 
 proptest! {
     #[test]
-    fn a_scan_sees_what_walk_visits(
+    fn scan_sees_what_walk_visits(
         (terrain, position) in any_world(),
         (pattern, range_m, fov_rad) in any_scanner(),
         yaw_rad in -PI..PI,

@@ -19,7 +19,8 @@ fn perfect() -> Comms {
     Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY })
 }
 
-/// A gallery with a bend, so that its ends do not see each other: agents in both ends and in the bend.
+/// A gallery with a bend, so that its ends do not see each other: agents in both ends and in the
+/// bend.
 fn gallery(comms: Comms, agents: usize) -> World {
     let solid = "#########\n#########\n#########\n#########\n#########\n";
     let layer = "#########\n#.......#\n#.#####.#\n#.#####.#\n#########\n";
@@ -57,19 +58,19 @@ fn sends(messages: Vec<AgentMessage>) -> Action {
     Action { motion: Motion::Keep, lidar: ScanRequest::Keep, want_view: false, messages }
 }
 
-fn told(world: &mut World, agent: AgentId) -> Vec<AgentMessage> {
+fn received(world: &mut World, agent: AgentId) -> Vec<AgentMessage> {
     world.observe(agent, Commit::Committed).messages
 }
 
 #[test]
-fn chance_loses_its_share_and_is_the_same_every_time() {
+fn packet_loss_has_its_share_and_is_reproducible() {
     let lost = |seed, loss| {
         let mut world = hall(Comms { loss, seed, ..perfect() });
         let arrived: Vec<Vec<AgentMessage>> = (0..500)
             .map(|n| {
                 let numbered = |m: u8| message(Peer::One(B), &[m, (n % 256) as u8]);
                 world.step([(A, sends(vec![numbered(0), numbered(1)]))].into());
-                told(&mut world, B)
+                received(&mut world, B)
             })
             .collect();
         let totals = world.totals();
@@ -85,7 +86,7 @@ fn chance_loses_its_share_and_is_the_same_every_time() {
 }
 
 #[test]
-fn what_others_send_changes_nothing_of_what_is_lost() {
+fn packet_loss_is_independent_of_other_senders() {
     let arrivals = |with_other: bool| {
         let mut world = gallery(Comms { contact: ContactModel::Global, loss: 0.5, seed: 9, ..perfect() }, 3);
         (0..200_u8)
@@ -95,7 +96,7 @@ fn what_others_send_changes_nothing_of_what_is_lost() {
                     actions.insert(A, sends(vec![message(Peer::Broadcast, b"x"); 3]));
                 }
                 world.step(actions);
-                let mut arrived = told(&mut world, AgentId(2));
+                let mut arrived = received(&mut world, AgentId(2));
                 arrived.retain(|message| message.peer == Peer::One(B));
                 arrived
             })
@@ -105,14 +106,14 @@ fn what_others_send_changes_nothing_of_what_is_lost() {
 }
 
 #[test]
-fn a_slow_radio_sends_in_order_and_loses_what_does_not_fit() {
+fn limited_rate_keeps_order_and_drops_overflow() {
     // 1000 bytes in a second are 20 in a tick; a message takes 16 beside its data.
     let mut world = hall(Comms { bytes_per_s: 1000.0, queue_bytes: 100, ..perfect() });
     let messages = (0..4).map(|n| message(Peer::One(B), &[n; 24])).collect();
     world.step([(A, sends(messages))].into());
     let mut arrived = Vec::new();
     for tick in 1..20 {
-        arrived.extend(told(&mut world, B).into_iter().map(|message| (tick, message.data[0])));
+        arrived.extend(received(&mut world, B).into_iter().map(|message| (tick, message.data[0])));
         world.step(BTreeMap::new());
     }
     // Two wait, and the third and the fourth do not fit.
@@ -120,24 +121,24 @@ fn a_slow_radio_sends_in_order_and_loses_what_does_not_fit() {
     assert_eq!((world.totals().parcels_queue_full, world.totals().parcels_delivered), (2, 2));
     // Idle time is not saved up.
     world.step([(A, sends(vec![message(Peer::One(B), &[9; 24])]))].into());
-    assert_eq!(told(&mut world, B), []);
+    assert_eq!(received(&mut world, B), []);
     world.step(BTreeMap::new());
-    assert_eq!(told(&mut world, B).len(), 1);
+    assert_eq!(received(&mut world, B).len(), 1);
 }
 
 #[test]
-fn contact_counts_when_a_parcel_has_been_sent() {
+fn contact_is_checked_when_a_message_is_complete() {
     let range = ContactModel::LineOfSightAndRange { range_m: 5.0 };
     let mut world = hall(Comms { contact: range, bytes_per_s: 1000.0, queue_bytes: 1000, ..perfect() });
     world.step([(A, sends(vec![message(Peer::Broadcast, &[1; 24])]))].into());
     let away = Pose { position: Point3::new(6.8 - 0.3, 2.5, 1.5), yaw_rad: 0.0 };
     world.place(B, away).unwrap();
     world.step(BTreeMap::new());
-    assert_eq!((told(&mut world, B).len(), world.totals().parcels_sent), (0, 0), "nobody is in contact any more");
+    assert_eq!((received(&mut world, B).len(), world.totals().parcels_sent), (0, 0), "no agent is in contact any more");
 }
 
 #[test]
-fn relays_join_agents_and_keep_what_is_written() {
+fn relays_connect_agents_and_store_content() {
     let mut world = gallery(Comms { relays_per_agent: 1, ..perfect() }, 2);
     let contacts = |world: &mut World, agent| world.observe(agent, Commit::Committed).contacts.len();
     assert_eq!((contacts(&mut world, A), contacts(&mut world, B)), (0, 0));
@@ -162,7 +163,7 @@ fn relays_join_agents_and_keep_what_is_written() {
     let observation = world.observe(A, Commit::Committed);
     assert_eq!(observation.relays, [(first, Point3::new(1.5, 3.5, 1.5))]);
     assert_eq!(world.totals().relay_readings, 1, "B has read the corner from the other corner");
-    told(&mut world, B);
+    received(&mut world, B);
     // Out of sight, so out of reach for writing; but messages go over both.
     let words = vec![
         message(Peer::Relay(second), b"far"),
@@ -171,17 +172,17 @@ fn relays_join_agents_and_keep_what_is_written() {
     ];
     world.step([(A, sends(words))].into());
     assert_eq!((world.totals().relay_writings, world.totals().relay_writings_lost), (1, 1));
-    assert_eq!(told(&mut world, B), [message(Peer::One(A), b"hello")]);
+    assert_eq!(received(&mut world, B), [message(Peer::One(A), b"hello")]);
     place(&mut world, B, 7.5, 3.5);
     world.step(BTreeMap::new());
     assert_eq!(world.events(B, CONTACTS | PARCEL), CONTACTS | PARCEL);
-    assert_eq!(told(&mut world, B), [message(Peer::Relay(first), b"near")]);
+    assert_eq!(received(&mut world, B), [message(Peer::Relay(first), b"near")]);
     world.step(BTreeMap::new());
-    assert_eq!(told(&mut world, B), [], "told once");
+    assert_eq!(received(&mut world, B), [], "delivered once");
 }
 
 #[test]
-fn relays_are_read_from_near_by_if_that_is_asked() {
+fn relays_are_read_within_the_read_range() {
     let mut world = hall(Comms { relays_per_agent: 1, relay_read_range_m: 2.0, ..perfect() });
     world.step([(A, sends(vec![message(Peer::NewRelay, b"x")]))].into());
     assert_eq!(world.observe(B, Commit::Committed).relays, []);
@@ -193,7 +194,7 @@ fn relays_are_read_from_near_by_if_that_is_asked() {
 
 proptest! {
     #[test]
-    fn a_queue_keeps_order_and_bytes(
+    fn queue_keeps_order_and_bytes(
         sizes in prop::collection::vec(0..400_usize, 1..40),
         bytes_per_tick in 1.0..500.0_f64,
     ) {
@@ -221,14 +222,14 @@ proptest! {
 
     /// A radio that can send everything at once is one without a limit.
     #[test]
-    fn a_fast_radio_is_an_unlimited_one(sizes in prop::collection::vec((0..2_u32, 0..100_usize), 0..20)) {
+    fn very_fast_radio_equals_unlimited_radio(sizes in prop::collection::vec((0..2_u32, 0..100_usize), 0..20)) {
         let run = |bytes_per_s| {
             let mut world = hall(Comms { bytes_per_s, queue_bytes: 1 << 20, ..perfect() });
             let arrived: Vec<_> = sizes
                 .iter()
                 .map(|&(sender, size)| {
                     world.step([(AgentId(sender), sends(vec![message(Peer::Broadcast, &vec![1; size]); 2]))].into());
-                    [A, B].map(|agent| told(&mut world, agent))
+                    [A, B].map(|agent| received(&mut world, agent))
                 })
                 .collect();
             (arrived, world.totals().clone())

@@ -1,4 +1,4 @@
-//! Starts in the free cube nearest to the origin of the map, as in the reference.
+//! Starts in the free cube nearest to the origin of the map, as in MAES3D.
 
 use nalgebra::Point3;
 use voxels::{Cell, Grid, Terrain};
@@ -26,7 +26,8 @@ pub(super) fn nearest_origin(terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result
     Ok(cube(corner, edge).take(agents).map(|cell| extent.centre(cell)).collect())
 }
 
-/// The lowest corner of the free cube that is nearest to cell (0, 0, 0), of several the first in the order of [`cube`].
+/// The lowest corner of the free cube nearest to cell (0, 0, 0); of several, the first in the order
+/// of [`cube`].
 fn nearest_cube(terrain: &Grid<Terrain>, edge: i32) -> Option<Cell> {
     let is_free = |cell: Cell| terrain.get(cell) == Some(&Terrain::Free);
     let [size_x, size_y, size_z] = terrain.extent().size().map(u32::cast_signed);
@@ -52,7 +53,7 @@ fn nearest_cube(terrain: &Grid<Terrain>, edge: i32) -> Option<Cell> {
     nearest
 }
 
-/// The cells of a cube. Order as in the reference, with its axes x, y (up), z: x slowest, then up, then the other horizontal axis.
+/// The cells of a cube in the order of MAES3D: x slowest, then up, then the other horizontal axis.
 fn cube(corner: Cell, edge: i32) -> impl Iterator<Item = Cell> {
     (0..edge).flat_map(move |x| (0..edge).flat_map(move |z| (0..edge).map(move |y| corner + Cell::new(x, y, z))))
 }

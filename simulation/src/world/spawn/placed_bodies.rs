@@ -1,4 +1,4 @@
-//! The bodies that have been placed so far, and whether there is room for one more.
+//! The bodies placed so far, in a spatial hash that answers whether another one fits.
 
 use nalgebra::Point3;
 use voxels::{Cell, Grid, Terrain};
@@ -6,23 +6,23 @@ use voxels::{Cell, Grid, Terrain};
 use super::super::collision::Sphere;
 use super::has_room_from_walls;
 
-/// Buckets along an axis at the most, so that they take little memory on any map.
+/// Largest number of buckets along an axis, which bounds their memory.
 const BUCKETS_MAX: f64 = 64.0;
 
-/// Bodies on a map, sorted into cubic buckets by where their centres are.
+/// Bodies on a map in cubic buckets by their centres.
 pub(super) struct PlacedBodies<'a> {
     terrain: &'a Grid<Terrain>,
     min_distance_m: f64,
-    /// Edge of a bucket: no body reaches farther than into the buckets around its own.
+    /// Edge of a bucket, metres; bodies that conflict are in the same or in adjacent buckets.
     bucket_m: f64,
-    /// Buckets along each axis.
+    /// Number of buckets along each axis.
     counts: [usize; 3],
     buckets: Vec<Vec<Sphere>>,
 }
 
 impl<'a> PlacedBodies<'a> {
-    /// Nobody yet. `radii_m` are those of all bodies that may come; the centres of two of them stay at least `min_distance_m`
-    /// apart.
+    /// No bodies yet. `radii_m` are the radii of all bodies that may be placed; the centres of any
+    /// two stay at least `min_distance_m` apart.
     pub(super) fn new(terrain: &'a Grid<Terrain>, radii_m: &[f64], min_distance_m: f64) -> Self {
         let extent = terrain.extent();
         let lengths_m = extent.size().map(|cells| f64::from(cells) * extent.cell_m());
@@ -34,7 +34,7 @@ impl<'a> PlacedBodies<'a> {
         Self { terrain, min_distance_m, bucket_m, counts, buckets }
     }
 
-    /// Puts a body into the middle of a cell, if there is room for it.
+    /// Places a body at the centre of a cell and returns the position, if it fits.
     pub(super) fn place(&mut self, cell: Cell, radius_m: f64) -> Option<Point3<f64>> {
         if !self.has_room(cell, radius_m) {
             return None;
@@ -46,18 +46,18 @@ impl<'a> PlacedBodies<'a> {
         Some(centre)
     }
 
-    /// Whether there is room for a body in the middle of a cell.
+    /// Whether a body fits at the centre of a cell.
     pub(super) fn has_room(&self, cell: Cell, radius_m: f64) -> bool {
         let centre = self.terrain.extent().centre(cell);
         self.terrain.get(cell) == Some(&Terrain::Free)
-            && !self.is_near_another(&centre, radius_m)
+            && !self.conflicts(&centre, radius_m)
             && has_room_from_walls(self.terrain, &centre, radius_m)
     }
 
-    fn is_near_another(&self, centre: &Point3<f64>, radius_m: f64) -> bool {
+    fn conflicts(&self, centre: &Point3<f64>, radius_m: f64) -> bool {
         let near = |other: &Sphere| (other.centre - centre).norm() < self.min_distance_m.max(radius_m + other.radius_m);
         let home = self.bucket_of(centre);
-        // Where there is somebody near, it is most often somebody there.
+        // Most conflicts are with a body of the same bucket.
         if self.buckets[self.index(home[0], home[1], home[2])].iter().any(near) {
             return true;
         }

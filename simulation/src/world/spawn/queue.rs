@@ -1,7 +1,9 @@
-//! Starts at the entrances of a building: one body after the other goes to the next entrance and stands in line there.
+//! Starts at the entrances of a building: bodies are assigned to the entrances in turn and queue
+//! there.
 //!
-//! The line of an entrance is its own cells and then the cells behind them, nearest first along free cells that share a face. A
-//! cell belongs to one line, and one that is passed over for want of room is not looked at again.
+//! The queue of an entrance consists of its own cells and then the cells behind them, in
+//! breadth-first order over free cells that share a face. A cell belongs to one queue, and a cell
+//! without room is not tried again.
 
 use std::collections::VecDeque;
 
@@ -13,20 +15,20 @@ use super::placed_bodies::PlacedBodies;
 use super::{Site, SpawnError};
 use mapgen::Entrance;
 
-/// Starts of bodies with these radii, by agent; each looks the way that leads in from its entrance.
+/// Starts of bodies with these radii, by agent; each faces inwards from its entrance.
 pub(super) fn at_entrances(site: &Site<'_>, radii_m: &[f64]) -> Result<Vec<Pose>, SpawnError> {
     if site.entrances.is_empty() {
         return Err(SpawnError::NoEntrances);
     }
-    let mut lines = Lines::new(site.terrain, site.entrances);
-    let mut crowd = PlacedBodies::new(site.terrain, radii_m, 0.0);
+    let mut queues = Queues::new(site.terrain, site.entrances);
+    let mut placed = PlacedBodies::new(site.terrain, radii_m, 0.0);
     let mut starts = Vec::with_capacity(radii_m.len());
     for (agent, &radius_m) in radii_m.iter().enumerate() {
         let count = site.entrances.len();
-        // Where a line has come to its end, the next one takes its bodies.
+        // If a queue has no more room, the next one takes the body.
         let mut in_turn = (0..count).map(|later| (agent + later) % count);
         let place = in_turn.find_map(|entrance| {
-            let position = lines.find(entrance, |cell| crowd.place(cell, radius_m))?;
+            let position = queues.find(entrance, |cell| placed.place(cell, radius_m))?;
             let outward = site.entrances[entrance].outward;
             Some(Pose { position, yaw_rad: libm::atan2(f64::from(-outward.y), f64::from(-outward.x)) })
         });
@@ -39,30 +41,30 @@ pub(super) fn at_entrances(site: &Site<'_>, radii_m: &[f64]) -> Result<Vec<Pose>
     Ok(starts)
 }
 
-/// The lines of all entrances, as far as they have been looked at.
-struct Lines<'a> {
+/// The queues of all entrances, as far as they have been searched.
+struct Queues<'a> {
     terrain: &'a Grid<Terrain>,
-    is_in_line: Grid<bool>,
-    /// By entrance: the cells that come next.
+    is_queued: Grid<bool>,
+    /// By entrance, the cells to be tried next.
     next: Vec<VecDeque<Cell>>,
 }
 
-impl<'a> Lines<'a> {
+impl<'a> Queues<'a> {
     fn new(terrain: &'a Grid<Terrain>, entrances: &[Entrance]) -> Self {
-        let mut is_in_line = Grid::new(terrain.extent(), false);
+        let mut is_queued = Grid::new(terrain.extent(), false);
         for &cell in entrances.iter().flat_map(|entrance| &entrance.cells) {
-            is_in_line.set(cell, true);
+            is_queued.set(cell, true);
         }
         let next = entrances.iter().map(|entrance| entrance.cells.iter().copied().collect()).collect();
-        Self { terrain, is_in_line, next }
+        Self { terrain, is_queued, next }
     }
 
-    /// The first answer of `take` to the cells of a line that have not been looked at.
+    /// The first position that `take` returns for an untried cell of a queue.
     fn find(&mut self, entrance: usize, mut take: impl FnMut(Cell) -> Option<Point3<f64>>) -> Option<Point3<f64>> {
         while let Some(cell) = self.next[entrance].pop_front() {
             for behind in cell.neighbours6() {
                 let is_free = self.terrain.get(behind) == Some(&Terrain::Free);
-                if is_free && self.is_in_line.set(behind, true) == Some(false) {
+                if is_free && self.is_queued.set(behind, true) == Some(false) {
                     self.next[entrance].push_back(behind);
                 }
             }

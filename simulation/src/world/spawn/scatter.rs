@@ -1,8 +1,9 @@
-//! Starts at random in the free space of the whole map.
+//! Random starts in the free space of the whole map.
 //!
-//! Cells are drawn until a body has room. When many draws in a row have failed, the cells that still have room are listed, and each
-//! of them is drawn once at the most, so that the search ends when there is no room left. Large bodies are placed first; a cell that
-//! has no room for one of them may have some for a smaller one, but is not in the list.
+//! Rejection sampling: cells are drawn until a body fits. After many rejections in a row, the cells
+//! that still have room are listed and each is drawn at most once, so the search ends when there is
+//! no room left. Large bodies are placed first; a cell without room for one of them is not listed,
+//! even if it has room for a smaller one.
 
 use nalgebra::Point3;
 use rand::RngExt;
@@ -12,10 +13,10 @@ use voxels::{Grid, Terrain};
 use super::SpawnError;
 use super::placed_bodies::PlacedBodies;
 
-/// Draws without success before the free cells are listed: a few milliseconds.
+/// Rejections before the cells with room are listed; a few milliseconds.
 const REJECTIONS_MAX: u32 = 1 << 14;
 
-/// The centres of cells for bodies with these radii, by agent.
+/// Starts at cell centres for bodies with these radii, by agent.
 pub(super) fn scattered(
     terrain: &Grid<Terrain>,
     radii_m: &[f64],
@@ -24,11 +25,11 @@ pub(super) fn scattered(
 ) -> Result<Vec<Point3<f64>>, SpawnError> {
     let mut by_size: Vec<usize> = (0..radii_m.len()).collect();
     by_size.sort_by(|&one, &other| radii_m[other].total_cmp(&radii_m[one]));
-    let mut draws = Draws { terrain, rng: random_streams::stream(seed, 0, "spawn.scattered"), left: None };
-    let mut crowd = PlacedBodies::new(terrain, radii_m, min_distance_m);
+    let mut sampler = Sampler { terrain, rng: random_streams::stream(seed, 0, "spawn.scattered"), left: None };
+    let mut placed = PlacedBodies::new(terrain, radii_m, min_distance_m);
     let mut starts = vec![Point3::origin(); radii_m.len()];
     for (fit, &agent) in by_size.iter().enumerate() {
-        starts[agent] = draws.place(&mut crowd, radii_m[agent]).ok_or_else(|| SpawnError::Full {
+        starts[agent] = sampler.place(&mut placed, radii_m[agent]).ok_or_else(|| SpawnError::Full {
             agents: radii_m.len(),
             fit,
             place: format!("in this map, at random and at least {min_distance_m} m apart"),
@@ -37,32 +38,33 @@ pub(super) fn scattered(
     Ok(starts)
 }
 
-struct Draws<'a> {
+struct Sampler<'a> {
     terrain: &'a Grid<Terrain>,
     rng: ChaCha8Rng,
-    /// Once drawing from the whole map has failed: indices of the cells that had room then and have not been drawn since.
+    /// After too many rejections: indices of the cells that had room then and have not been drawn
+    /// since.
     left: Option<Vec<u32>>,
 }
 
-impl Draws<'_> {
-    /// Places a body, or tells that there is no room for it.
-    fn place(&mut self, crowd: &mut PlacedBodies<'_>, radius_m: f64) -> Option<Point3<f64>> {
+impl Sampler<'_> {
+    /// Places a body; `None` if there is no room for it.
+    fn place(&mut self, placed: &mut PlacedBodies<'_>, radius_m: f64) -> Option<Point3<f64>> {
         let extent = self.terrain.extent();
         if self.left.is_none() {
             for _ in 0..REJECTIONS_MAX {
                 let cell = extent.cell_at(self.rng.random_range(0..extent.volume()));
-                if let Some(centre) = crowd.place(cell, radius_m) {
+                if let Some(centre) = placed.place(cell, radius_m) {
                     return Some(centre);
                 }
             }
         }
         let left = self.left.get_or_insert_with(|| {
             let cells = self.terrain.iter().zip(0..);
-            cells.filter_map(|((cell, _), index)| crowd.has_room(cell, radius_m).then_some(index)).collect()
+            cells.filter_map(|((cell, _), index)| placed.has_room(cell, radius_m).then_some(index)).collect()
         });
         while !left.is_empty() {
             let index = left.swap_remove(self.rng.random_range(0..left.len()));
-            if let Some(centre) = crowd.place(extent.cell_at(index as usize), radius_m) {
+            if let Some(centre) = placed.place(extent.cell_at(index as usize), radius_m) {
                 return Some(centre);
             }
         }

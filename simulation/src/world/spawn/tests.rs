@@ -31,7 +31,7 @@ fn cube_nearest_to_the_origin_is_filled_x_slowest_then_up() {
 }
 
 #[test]
-fn a_team_that_does_not_fit_is_told_so() {
+fn team_that_does_not_fit_is_refused() {
     let spec = SpawnSpec::NearestOrigin { yaw_rad: 0.0 };
     assert_eq!(poses(&spec, &hall(), &[0.4; 28]), Err(SpawnError::NoCube { edge: 4, agents: 28, fit: 27 }));
 }
@@ -51,7 +51,7 @@ fn a_list_is_checked_entry_by_entry() {
 }
 
 #[test]
-fn a_radius_counts_for_its_own_agent() {
+fn each_agent_has_its_own_radius() {
     let entries = vec![vec![1.5, 1.5, 1.5], vec![2.9, 1.5, 1.5]];
     let spec = SpawnSpec::List { poses: entries };
     assert!(poses(&spec, &hall(), &[0.5, 0.5]).is_ok());
@@ -60,7 +60,7 @@ fn a_radius_counts_for_its_own_agent() {
     assert_eq!(poses(&cube, &hall(), &[0.4, 0.6]), Err(SpawnError::BodyTooLarge { radius_m: 0.6, cell_m: 1.0 }));
 }
 
-/// How many of the asked bodies a message says there is room for.
+/// The number of bodies with room, from an error.
 fn fit(outcome: Result<Vec<Pose>, SpawnError>) -> usize {
     match outcome {
         Err(SpawnError::Full { fit, .. } | SpawnError::NoCube { fit, .. }) => fit,
@@ -90,7 +90,7 @@ fn bodies_wider_than_a_cell_keep_clear_of_each_other_and_of_walls() {
     assert_eq!(fit(poses(&spec, &hall(), &[1.2; 2])), 1);
 }
 
-/// A house of one hallway along x, with an entrance at its low end.
+/// A building with one hallway along x and an entrance at its low end.
 fn house() -> (Grid<Terrain>, Vec<Entrance>) {
     let solid = "#######\n#######\n#######\n";
     let terrain = Grid::from_text(&[solid, "#######\n#.....#\n#######\n", solid].join("\n")).unwrap();
@@ -98,7 +98,7 @@ fn house() -> (Grid<Terrain>, Vec<Entrance>) {
 }
 
 #[test]
-fn at_an_entrance_bodies_stand_in_line_and_look_inwards() {
+fn bodies_queue_at_an_entrance_facing_inwards() {
     let (terrain, entrances) = house();
     let site = Site { terrain: &terrain, entrances: &entrances, seed: 1 };
     let line = SpawnSpec::Entrances {}.poses(&site, &[0.4; 3]).unwrap();
@@ -121,7 +121,7 @@ fn entrances_take_turns() {
 }
 
 #[test]
-fn scattered_starts_are_the_seed_s_own() {
+fn scattered_starts_depend_on_the_seed() {
     let scattered = |run_seed, seed| {
         let spec = SpawnSpec::Scattered { min_distance_m: 1.5, seed, yaw_rad: 0.0 };
         spec.poses(&Site { terrain: &hall(), entrances: &[], seed: run_seed }, &[0.4; 4]).unwrap()
@@ -132,7 +132,7 @@ fn scattered_starts_are_the_seed_s_own() {
 }
 
 #[test]
-fn scattering_ends_with_how_many_found_room() {
+fn scattering_reports_how_many_fit() {
     let spec = |min_distance_m| SpawnSpec::Scattered { min_distance_m, seed: None, yaw_rad: 0.0 };
     assert_eq!(fit(poses(&spec(0.0), &hall(), &[0.4; 46])), 45);
     assert_eq!(fit(poses(&spec(100.0), &hall(), &[0.4; 2])), 1);
@@ -140,7 +140,7 @@ fn scattering_ends_with_how_many_found_room() {
 }
 
 proptest! {
-    /// Whoever is placed has room, and an error tells the size of a team that would have been placed.
+    /// Placed bodies have room, and an error reports the size of a team that can be placed.
     #[test]
     fn every_start_has_room(
         walls in prop::collection::vec(0u8..4, 6 * 5 * 4),

@@ -14,7 +14,7 @@ const CORRIDOR: &str = "\
 
 const GROWTH: Growth = Growth { horizon: 6, extension: 3.0, samples: 150, bias: 0.3, jitter: 1, radius_m: 0.4 };
 
-fn nobody() -> Bodies {
+fn no_bodies() -> Bodies {
     Bodies::new(Vec::new(), Vec::new()).unwrap()
 }
 
@@ -44,7 +44,7 @@ fn check(tree: &Tree, map: &ExplorationMap, root: Cell) -> Result<(), TestCaseEr
 
 proptest! {
     #[test]
-    fn a_tree_keeps_to_known_free_cells_within_its_horizon(
+    fn tree_stays_in_known_free_cells_within_its_horizon(
         cells in prop::collection::vec(0u8..8, 12 * 12 * 4),
         seed: u64,
         steps in prop::collection::vec(0usize..100, 1..4),
@@ -62,7 +62,7 @@ proptest! {
         let root = Cell::new(6, 6, 2);
         map.note_covered(root);
         prop_assume!(map.state(root) == CellState::Covered);
-        let obstacles = Obstacles::near(&[], &extent.centre(root), 0.4, &nobody(), extent);
+        let obstacles = Obstacles::near(&[], &extent.centre(root), 0.4, &no_bodies(), extent);
         let mut tree = Tree::new(root);
         tree.grow(&map, &GROWTH, &[Cell::new(1, 1, 1)], &obstacles, &mut rng);
         check(&tree, &map, root)?;
@@ -78,13 +78,13 @@ proptest! {
 }
 
 #[test]
-fn a_moved_tree_keeps_what_hangs_together() {
+fn rerooted_tree_keeps_its_component() {
     let world = Grid::<Terrain>::from_text(CORRIDOR).unwrap();
     let mut map = ExplorationMap::new(world.extent());
     for (index, terrain) in (0..).zip(world.as_slice()) {
         if *terrain == Terrain::Free { map.note_free(&[index]) } else { map.note_wall(&[index]) }
     }
-    let obstacles = Obstacles::near(&[], &Point3::origin(), 0.4, &nobody(), world.extent());
+    let obstacles = Obstacles::near(&[], &Point3::origin(), 0.4, &no_bodies(), world.extent());
     let mut tree = Tree::new(Cell::new(5, 1, 0));
     let growth = Growth { samples: 20_000, ..GROWTH };
     tree.grow(&map, &growth, &[], &obstacles, &mut random_streams::stream(1, 0, "tree"));

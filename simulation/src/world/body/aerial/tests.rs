@@ -21,7 +21,7 @@ fn body() -> Body {
 }
 
 /// Ticks until the task is done, in free space.
-fn carry_out(body: &mut Body, motion: Motion) -> usize {
+fn execute(body: &mut Body, motion: Motion) -> usize {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     body.set_task(motion);
@@ -45,10 +45,10 @@ fn least_s(length_m: f64) -> f64 {
 }
 
 #[test]
-fn it_flies_sideways_at_once_and_as_fast_as_it_may() {
+fn flies_sideways_at_full_speed() {
     for length_m in [0.01, 0.5, 1.0, 3.0, 8.0] {
         let mut body = body();
-        let took_s = carry_out(&mut body, path(&[[10.0, 10.0 - length_m, 10.0]])) as f64 * DT_S;
+        let took_s = execute(&mut body, path(&[[10.0, 10.0 - length_m, 10.0]])) as f64 * DT_S;
         let lost_s = took_s - least_s(length_m);
         assert!((-0.041..0.061).contains(&lost_s), "{length_m} m took {took_s} s");
         assert_eq!(body.pose().position, Point3::new(10.0, 10.0 - length_m, 10.0));
@@ -56,7 +56,7 @@ fn it_flies_sideways_at_once_and_as_fast_as_it_may() {
 }
 
 #[test]
-fn its_heading_follows_at_its_own_rate() {
+fn heading_turns_at_its_own_rate() {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut body = body();
@@ -72,7 +72,7 @@ fn its_heading_follows_at_its_own_rate() {
 }
 
 #[test]
-fn straight_way_points_are_flown_through_and_listed_until_then() {
+fn straight_waypoints_are_flown_through() {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut ticks_through = 0;
@@ -88,21 +88,21 @@ fn straight_way_points_are_flown_through_and_listed_until_then() {
             break;
         }
     }
-    assert_eq!(ticks_through, carry_out(&mut body(), path(&[[20.0, 10.0, 10.0]])));
-    let bent = carry_out(&mut body(), path(&[[14.0, 10.0, 10.0], [20.0, 10.1, 10.0]]));
+    assert_eq!(ticks_through, execute(&mut body(), path(&[[20.0, 10.0, 10.0]])));
+    let bent = execute(&mut body(), path(&[[14.0, 10.0, 10.0], [20.0, 10.1, 10.0]]));
     assert!(bent > ticks_through + 20, "it comes to rest where the way bends");
 }
 
 #[test]
 fn a_move_goes_along_the_heading_and_a_turn_is_on_the_spot() {
     let mut body = body();
-    carry_out(&mut body, Motion::Turn { angle_rad: FRAC_PI_2 });
+    execute(&mut body, Motion::Turn { angle_rad: FRAC_PI_2 });
     assert!((body.pose().yaw_rad - FRAC_PI_2).abs() < 1e-12 && body.pose().position == START);
-    carry_out(&mut body, Motion::Move { pitch_rad: PI / 6.0, distance_m: 2.0 });
+    execute(&mut body, Motion::Move { pitch_rad: PI / 6.0, distance_m: 2.0 });
     let way = body.pose().position - START;
     assert!((way - Vector3::new(0.0, 3.0_f64.sqrt(), 1.0)).norm() < 1e-9, "{way}");
     assert!((body.pose().yaw_rad - FRAC_PI_2).abs() < 1e-12);
-    carry_out(&mut body, Motion::Move { pitch_rad: 0.0, distance_m: f64::INFINITY });
+    execute(&mut body, Motion::Move { pitch_rad: 0.0, distance_m: f64::INFINITY });
     assert_eq!(body.collision(), Some(Collision { surface: Surface::Wall, with_agent: false }));
 }
 
@@ -177,7 +177,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
     #[test]
-    fn whatever_it_is_told_it_keeps_to_its_limits_and_to_free_space(
+    fn any_motion_keeps_limits_and_free_space(
         model in models(),
         tasks in prop::collection::vec((motions(), 1..200_usize), 1..8),
     ) {
@@ -201,7 +201,8 @@ proptest! {
                     prop_assert_eq!(after, Vector3::zeros());
                     continue;
                 }
-                // A new task goes on from a velocity only if both are velocities, and this need not have been one.
+                // A new task continues from a velocity only if both are velocities, and this need
+                // not have been one.
                 if tick == 0 && !is_kept && before == Vector3::zeros() {
                     prop_assert!(after.norm() <= model.acceleration_m_s2 * DT_S + bend_m_s);
                 }
@@ -220,7 +221,7 @@ proptest! {
     }
 
     #[test]
-    fn it_lands_exactly_on_the_last_waypoint(model in models(), waypoints in prop::collection::vec(points(), 1..6)) {
+    fn lands_exactly_on_the_last_waypoint(model in models(), waypoints in prop::collection::vec(points(), 1..6)) {
         let terrain = space();
         let obstacles = Obstacles::new(&terrain, &[], 0);
         let mut body = Body::at_rest(model, Pose { position: Point3::new(3.0, 4.5, 3.5), yaw_rad: 0.3 });

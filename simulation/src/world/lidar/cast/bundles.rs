@@ -1,7 +1,8 @@
-//! Many rays side by side, written so that the compiler makes vector code of it where the processor has the registers.
+//! Ray casting in bundles, written so that the compiler vectorises it.
 //!
-//! Every lane does what [`super::cast_ray`] does, operation by operation; multiplications and additions are never fused, as the
-//! language does not allow that. All lanes compute in every round, and those whose rays have ended stay where they are.
+//! Every lane does what [`super::cast_ray`] does, operation by operation; Rust never fuses
+//! multiplications and additions. All lanes compute in every round, and lanes whose rays have ended
+//! keep their slots.
 
 use super::{Field, Found, SEEN, Start};
 use crate::world::lidar::pattern::{Bundle, Cone, LANES};
@@ -9,10 +10,10 @@ use crate::world::lidar::pattern::{Bundle, Cone, LANES};
 /// Lanes in one word of marks.
 const WORD: usize = 8;
 
-/// The marks of a word with all lanes on.
+/// A word with all lanes active.
 const EACH: u64 = 0x0101_0101_0101_0101;
 
-/// One byte per lane of a bundle, the lowest byte first: 1 if the lane is on.
+/// One byte per lane of a bundle, the lowest byte first: 1 if the lane is active.
 type LaneMarks = [u64; LANES / WORD];
 
 #[cfg(target_arch = "x86_64")]
@@ -40,7 +41,7 @@ fn scan(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut Fo
     }
 }
 
-/// The lanes whose rays are used.
+/// The lanes whose rays are within the field of view.
 fn lanes_on(bundle: &Bundle, cone: Option<&Cone>) -> LaneMarks {
     if cone.is_none() && bundle.is_full() {
         return [EACH; LANES / WORD];
@@ -52,7 +53,7 @@ fn lanes_on(bundle: &Bundle, cone: Option<&Cone>) -> LaneMarks {
     on
 }
 
-/// Casts the rays of a bundle whose lanes are `on`.
+/// Casts the rays of the lanes that are `on`.
 #[inline(always)]
 fn cast<const LIMITED: bool>(
     field: &mut Field<'_>,
@@ -92,13 +93,14 @@ fn cast<const LIMITED: bool>(
             if new != 0 {
                 marks |= mark_lanes(field, slots, new, found);
             }
-            // The bits of walls and of the world outside, each moved to the place of the lane's mark.
+            // The bits of walls and of the outside, each shifted to the lowest bit of its lane.
             *on &= !(marks >> 1 | marks >> 2);
         }
     }
 }
 
-/// Marks the cells of the lanes that have met something new, and gives out their marks. Several lanes may have met the same cell.
+/// Marks the cells of the lanes that have hit a new cell, and returns their marks. Several lanes
+/// may have hit the same cell.
 #[cold]
 #[inline(never)]
 fn mark_lanes(field: &mut Field<'_>, slots: &[i64], mut new: u64, found: &mut Found<'_>) -> u64 {

@@ -1,0 +1,146 @@
+//! A run in one process: the server and its agents on threads, connected by [`crate::in_memory`].
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use agent_node::controllers;
+use agent_node::host::{Options, RunError as AgentError};
+use agent_node::stopwatch::DecisionTimes;
+use msgs::ids::AgentId;
+use msgs::maes_msgs::Progress;
+use sim_server::recorder::RecordError;
+use sim_server::session::{Outcome, RunConfig, RunError, RunObserver};
+use sim_server::setup::{self, SetupError};
+use simulation::scenario::{Origins, Scenario};
+use simulation::wire;
+use thiserror::Error;
+
+use crate::in_memory;
+
+/// Why a run has no result.
+#[derive(Debug, Error)]
+pub enum InProcessError {
+    #[error(transparent)]
+    Setup(#[from] SetupError),
+    /// Some agents are controlled by standard messages, which exist over ROS 2 only.
+    #[error("agents.cmd_vel = {0:?}: expected [] without a network; foreign ROS 2 nodes join over ROS 2 only")]
+    OverRosOnly(Vec<u32>),
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The server has stopped with an error.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// An agent has stopped with an error.
+    #[error(transparent)]
+    Agent(#[from] AgentError),
+}
+
+/// The distribution of agents over threads. The result of a run does not depend on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ThreadLayout {
+    /// One thread per agent.
+    PerAgent,
+    /// One thread for all agents.
+    Shared,
+}
+
+/// How agents are executed, whatever their controllers.
+#[derive(Debug, Clone)]
+pub struct AgentOptions {
+    pub threads: ThreadLayout,
+    /// Upper bound of the random delay before each reply.
+    pub chaos_delay: Duration,
+    /// Collects the wall time of decisions.
+    pub decision_times: Option<DecisionTimes>,
+}
+
+/// A run with its result.
+#[derive(Debug, Clone)]
+pub struct CompletedRun {
+    pub outcome: Outcome,
+    /// Cells of the map along x, y and z.
+    pub size: [u32; 3],
+    /// Progress from the start on, every ten seconds of sim time, and at the end.
+    pub progress: Vec<Progress>,
+}
+
+/// Runs a scenario, and records it to the file that the scenario names. `stop` ends the run early;
+/// it is also set when an agent fails.
+///
+/// # Errors
+/// If the scenario cannot be set up, or the server or an agent fails; the error of an agent is
+/// reported first.
+pub fn run(
+    scenario: &Scenario,
+    options: &AgentOptions,
+    observer: &mut dyn RunObserver,
+    stop: &AtomicBool,
+) -> Result<CompletedRun, InProcessError> {
+    if !scenario.agents.cmd_vel.is_empty() {
+        return Err(InProcessError::OverRosOnly(scenario.agents.cmd_vel.clone()));
+    }
+    let scenario = &setup::resolve(scenario.clone(), &Origins::new("the scenario", "", &[]))?;
+    let (world, _report) = setup::build(scenario)?;
+    let announced = wire::scenario(scenario, &world.terrain().extent(), world.rays());
+    // Checked before a recording is created for a run that cannot start.
+    controllers::build(&announced.controller, &announced.settings, AgentId(0), announced.agents_seed)
+        .map_err(AgentError::from)?;
+    let recorder = match &scenario.execution.record {
+        Some(file) => Some(setup::record(file, scenario, &world)?),
+        None => None,
+    };
+    let agents = (0..scenario.agents.count).map(AgentId);
+    let groups: Vec<Vec<AgentId>> = match options.threads {
+        ThreadLayout::PerAgent => agents.map(|agent| vec![agent]).collect(),
+        ThreadLayout::Shared => vec![agents.collect()],
+    };
+    let (mut server_end, agents_ends) = in_memory::link(&groups);
+    let agents_stop = AtomicBool::new(false);
+    let outcome = thread::scope(|scope| -> Result<Outcome, InProcessError> {
+        let stop_agents = SetOnDrop(&agents_stop);
+        let nodes: Vec<_> = (0..)
+            .zip(groups)
+            .zip(agents_ends)
+            .map(|((instance, agents), mut end)| {
+                let options = Options {
+                    agents,
+                    controller: None,
+                    settings: Vec::new(),
+                    instance,
+                    // The server and the agents share a process, so the server cannot vanish alone.
+                    server_timeout: Duration::MAX,
+                    chaos_delay: options.chaos_delay,
+                    // Has no effect: this link publishes no maps.
+                    map_hz: 1.0,
+                    decision_times: options.decision_times.clone(),
+                };
+                let agents_stop = &agents_stop;
+                scope.spawn(move || {
+                    let ended = agent_node::host::run(&mut end, &options, agents_stop);
+                    if ended.is_err() {
+                        stop.store(true, Ordering::Relaxed);
+                    }
+                    ended
+                })
+            })
+            .collect();
+        let outcome = RunConfig::live(scenario)
+            .and_then(|config| sim_server::session::run(config, world, &mut server_end, recorder, observer, stop));
+        drop(stop_agents);
+        for node in nodes {
+            node.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        }
+        Ok(outcome?)
+    })?;
+    Ok(CompletedRun { outcome, size: announced.size, progress: server_end.into_progress() })
+}
+
+/// Sets a flag at the end of a scope, also when the scope panics.
+struct SetOnDrop<'a>(&'a AtomicBool);
+
+impl Drop for SetOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,140 @@
+//! The command `maes`. Every exit code is made here, or in [`sim_server::exit`].
+//!
+//! Each module is a subcommand or a few of one kind; what they do is in the libraries. `maes run`
+//! starts `sim_server` and `agent_node`, which lie beside it.
+
+mod controllers;
+mod faults;
+mod map;
+mod movie;
+mod output;
+mod plans;
+mod progress;
+mod recordings;
+mod run;
+mod scenario;
+mod signals;
+mod usage;
+mod view;
+
+use std::process::ExitCode;
+
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::Shell;
+use experiments::in_process::InProcessError;
+use experiments::plan::BUILD;
+use faults::FaultsArgs;
+use map::MapCommand;
+use movie::MovieArgs;
+use plans::{BatchArgs, MergeArgs, ReportArgs};
+use recordings::{DiffArgs, InfoArgs, ReplayArgs, SnapshotArgs, VerifyArgs};
+use run::RunArgs;
+use scenario::ScenarioArgs;
+use sim_server::exit;
+use supervisor::SupervisorError;
+use view::ViewArgs;
+
+/// A deterministic simulator of multi-robot exploration for ROS 2.
+#[derive(Debug, Parser)]
+#[command(name = "maes", version = BUILD, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a scenario: a world server, a process for each agent, one recording, one exit code
+    #[command(after_help = run::AFTER_HELP)]
+    Run(Box<RunArgs>),
+    /// Execute the runs of a plan, and make its tables
+    Batch(BatchArgs),
+    /// Join the folders of one plan into one
+    Merge(MergeArgs),
+    /// Make figures, tables and a page from the runs of a folder
+    Report(ReportArgs),
+    /// Show a recording or a run in a browser, or let runs be started there
+    View(Box<ViewArgs>),
+    /// Play a recording on its ROS 2 topics
+    Replay(ReplayArgs),
+    /// Check a recording: execute its run again, and compare everything that comes of it
+    Verify(VerifyArgs),
+    /// Show the first message in which two recordings differ
+    Diff(DiffArgs),
+    /// Describe a recording: scenario, messages by topic, result, counters, digest
+    Info(InfoArgs),
+    /// Take a picture of a moment of a recording
+    Snapshot(SnapshotArgs),
+    /// Make a movie of a recording
+    Movie(MovieArgs),
+    /// Make, describe and convert maps
+    #[command(subcommand)]
+    Map(MapCommand),
+    /// Print a scenario with all its keys, or one of them
+    Scenario(ScenarioArgs),
+    /// Disturb runs over ROS 2 with seeded faults, and compare each with the undisturbed run
+    Faults(Box<FaultsArgs>),
+    /// Print a completion script for a shell, for example `maes completions bash`
+    Completions {
+        #[arg(value_enum)]
+        shell: Shell,
+    },
+}
+
+fn main() -> ExitCode {
+    let parsed = Cli::command().try_get_matches().and_then(|matches| {
+        let cli = Cli::from_arg_matches(&matches)?;
+        Ok((cli, matches))
+    });
+    let (cli, matches) = match parsed {
+        Ok(parsed) => parsed,
+        Err(error) => return usage::report(&error),
+    };
+    let given = matches.subcommand().map(|(_, given)| given).unwrap_or(&matches);
+    let done = match cli.command {
+        Command::Run(args) => run::run(&args, given),
+        Command::Batch(args) => plans::batch(&args),
+        Command::Merge(args) => plans::merge(&args),
+        Command::Report(args) => plans::report(&args),
+        Command::View(args) => view::view(*args, given),
+        Command::Replay(args) => recordings::replay(&args),
+        Command::Verify(args) => recordings::verify(&args),
+        Command::Diff(args) => recordings::diff(&args),
+        Command::Info(args) => recordings::info(&args),
+        Command::Snapshot(args) => recordings::snapshot(&args),
+        Command::Movie(args) => movie::make(&args),
+        Command::Map(command) => map::run(command).map(|()| ExitCode::SUCCESS).map_err(Into::into),
+        Command::Scenario(args) => scenario::print(&args),
+        Command::Faults(args) => faults::faults(&args),
+        Command::Completions { shell } => {
+            clap_complete::generate(shell, &mut Cli::command(), "maes", &mut std::io::stdout());
+            Ok(ExitCode::SUCCESS)
+        }
+    };
+    done.unwrap_or_else(|error| {
+        output::say(&format!("error: {error}"));
+        exit_code(&error)
+    })
+}
+
+fn exit_code(error: &anyhow::Error) -> ExitCode {
+    if let Some(error) = error.downcast_ref::<SupervisorError>() {
+        return ExitCode::from(error.exit_code());
+    }
+    match error.downcast_ref::<InProcessError>() {
+        Some(InProcessError::Run(error)) => exit::of_error(error),
+        Some(InProcessError::Record(_)) => ExitCode::from(exit::FAILED),
+        _ if plans::is_failure(error) => ExitCode::from(exit::FAILED),
+        _ => ExitCode::from(exit::BAD_INPUT),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_declaration_is_consistent() {
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,447 @@
+//! The commands `maes map generate|info|convert`.
+//!
+//! Results go to stdout. A command that fails has written no file: a file is complete under a
+//! temporary name before it takes its own. Maps themselves are made and read in [`mapgen`]; here
+//! are only files, options and words.
+
+mod slices;
+mod spec;
+
+use std::fmt::Display;
+use std::fs::{self, File};
+use std::io::{self, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand, ValueEnum};
+use thiserror::Error;
+use voxels::{Extent, ExtentError, close_shell, free_components};
+
+use mapgen::{self, Built, FormatError, ImportOptions, ImportSpec, Imported, MapError, MapFormat, MapReport, Note};
+
+use sim_server::cli::assignment;
+use slices::Slice;
+
+/// Make, describe and convert maps.
+#[derive(Debug, Clone, PartialEq, Subcommand)]
+pub(crate) enum MapCommand {
+    /// Make a map and write it to a file.
+    Generate(GenerateArgs),
+    /// Describe map files as they stand.
+    Info(InfoArgs),
+    /// Write a map in another format, with its shell closed and its pockets filled.
+    Convert(ConvertArgs),
+}
+
+/// Options of `map generate`.
+#[derive(Debug, Clone, PartialEq, Args)]
+pub(crate) struct GenerateArgs {
+    /// How the map is made.
+    #[arg(long, value_enum, default_value_t = Kind::Spheres)]
+    pub(crate) kind: Kind,
+    /// Cells along every axis, as one number or as XxYxZ.
+    #[arg(long, value_name = "S|XxYxZ", value_parser = parse_size)]
+    pub(crate) size: [u32; 3],
+    /// Length of a cell's edge in metres; stored by --rle and .bt, and the unit of meshes.
+    #[arg(long, value_name = "M", default_value_t = 1.0)]
+    pub(crate) cell_m: f64,
+    /// Seed of the map; without it one is drawn and printed.
+    #[arg(long, value_name = "K")]
+    pub(crate) seed: Option<u64>,
+    /// Spheres: share of the volume to free [default: 0.2]. Noise: probability of wall [default:
+    /// 0.53].
+    #[arg(long, value_name = "SHARE")]
+    pub(crate) fill: Option<f64>,
+    /// Spheres: smallest radius and radius of tunnels, in cells [default: 3].
+    #[arg(long, value_name = "CELLS")]
+    pub(crate) radius_min: Option<u32>,
+    /// Spheres: largest radius in cells [default: 8].
+    #[arg(long, value_name = "CELLS")]
+    pub(crate) radius_max: Option<u32>,
+    /// Spheres: nearest spheres that each one is joined to [default: 3].
+    #[arg(long, value_name = "N")]
+    pub(crate) connections: Option<u32>,
+    /// Smoothing passes [default: 5].
+    #[arg(long, value_name = "N")]
+    pub(crate) smoothing: Option<u32>,
+    /// Any parameter of the kind of map by its name in a scenario, for instance floors=5; comes
+    /// last.
+    #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
+    pub(crate) set: Vec<(String, toml::Value)>,
+    /// Write packed M3DM, as is always done beyond 127 cells along an axis: smaller, and with the
+    /// length of cells.
+    #[arg(long)]
+    pub(crate) rle: bool,
+    /// The file to write: .m3dm, .txt, .bt, .obj or .stl.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+}
+
+/// The generators that need no file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Kind {
+    /// Random Connected Spheres.
+    Spheres,
+    /// Smoothed Noise.
+    Noise,
+    /// Floors of hallways and rooms; its parameters are set with --set.
+    Building,
+}
+
+/// Options of `map info`.
+#[derive(Debug, Clone, PartialEq, Args)]
+pub(crate) struct InfoArgs {
+    /// Map files of any known format.
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+    /// Draw one layer of cells, for instance z=25.
+    #[arg(long, value_name = "AXIS=K", value_parser = slices::parse)]
+    pub(crate) slice: Option<Slice>,
+    /// Draw so many layers side by side, scaled to the terminal; 0: none [default: 3 on a terminal,
+    /// else 0].
+    #[arg(long, value_name = "N")]
+    pub(crate) slices: Option<u32>,
+    /// Write layers as a picture; only with one map file.
+    #[arg(long, value_name = "FILE.png")]
+    pub(crate) png: Option<PathBuf>,
+    /// Length of a cell's edge in metres [default: that of the file, or 1].
+    #[arg(long, value_name = "M")]
+    pub(crate) cell_m: Option<f64>,
+    /// How the files are read.
+    #[command(flatten)]
+    pub(crate) import: ImportOptions,
+}
+
+/// Options of `map convert`.
+#[derive(Debug, Clone, PartialEq, Args)]
+pub(crate) struct ConvertArgs {
+    /// The map to read: .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, .vox or .pgm.
+    #[arg(value_name = "IN")]
+    pub(crate) input: PathBuf,
+    /// The file to write: .m3dm, .txt, .bt, .obj or .stl.
+    #[arg(value_name = "OUT")]
+    pub(crate) output: PathBuf,
+    /// Length of a cell's edge in metres [default: that of the file, or 1].
+    #[arg(long, value_name = "M")]
+    pub(crate) cell_m: Option<f64>,
+    /// How the map is read.
+    #[command(flatten)]
+    pub(crate) import: ImportOptions,
+    /// Write packed M3DM, as is always done beyond 127 cells along an axis: smaller, and with the
+    /// length of cells.
+    #[arg(long)]
+    pub(crate) rle: bool,
+    /// Leave the shell open where it is open, and the pockets.
+    #[arg(long)]
+    pub(crate) as_is: bool,
+}
+
+/// Why a map command failed; always one line.
+#[derive(Debug, Error)]
+pub(crate) enum MapCliError {
+    /// A file cannot be read.
+    #[error("{}: cannot be read: {reason}", .file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// The system's reason.
+        reason: io::Error,
+    },
+    /// A file cannot be written; it is as it was before.
+    #[error("{}: cannot be written: {reason}", .file.display())]
+    Write {
+        /// The file.
+        file: PathBuf,
+        /// The system's reason.
+        reason: io::Error,
+    },
+    /// A file's name or content does not fit a map format.
+    #[error("{}: {reason}", .file.display())]
+    Format {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong, and where.
+        reason: FormatError,
+    },
+    /// The size or the cell length is not usable.
+    #[error(transparent)]
+    Extent(#[from] ExtentError),
+    /// No map can be made from the options or the file.
+    #[error(transparent)]
+    Map(#[from] MapError),
+    /// An option that the chosen kind of map does not have.
+    #[error("--{option} is not an option of --kind {kind}, which has {has}")]
+    NotForKind {
+        /// The option's name.
+        option: &'static str,
+        /// The kind's name.
+        kind: &'static str,
+        /// Its options.
+        has: &'static str,
+    },
+    /// A parameter that the chosen kind of map does not have, or of another type.
+    #[error("--set {assignment}: {reason}")]
+    Set {
+        /// What was asked for.
+        assignment: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A slice outside the map.
+    #[error("{}: --slice {axis}={at} is outside the map, {axis} goes from 0 to {last}", .file.display())]
+    Slice {
+        /// The file.
+        file: PathBuf,
+        /// `x`, `y` or `z`.
+        axis: char,
+        /// The layer that was asked for.
+        at: u32,
+        /// The last layer of the map.
+        last: u32,
+    },
+    /// One picture for several maps.
+    #[error("--png {}: a picture is of one map, there are {count}", .file.display())]
+    OnePicture {
+        /// The picture.
+        file: PathBuf,
+        /// Number of maps.
+        count: usize,
+    },
+    /// A picture cannot be packed.
+    #[error("--png {}: {reason}", .file.display())]
+    Picture {
+        /// The picture.
+        file: PathBuf,
+        /// What is wrong.
+        reason: png::EncodingError,
+    },
+    /// The operating system gives no random numbers.
+    #[error("no seed can be drawn ({0}); give one with --seed")]
+    Seed(getrandom::Error),
+    /// The report cannot be printed.
+    #[error("stdout: {0}")]
+    Print(#[from] io::Error),
+}
+
+/// Runs a map command and prints its report on stdout. On an error no file has been written or
+/// changed.
+pub(crate) fn run(command: MapCommand) -> Result<(), MapCliError> {
+    let columns = io::stdout().is_terminal().then(|| usize::from(console::Term::stdout().size().1));
+    match run_to(command, columns, &mut io::stdout().lock()) {
+        // A reader may stop reading the report, as `head` does.
+        Err(MapCliError::Print(error)) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        result => result,
+    }
+}
+
+/// Runs a command; `columns` is the width of the terminal, if `out` is one.
+fn run_to(command: MapCommand, columns: Option<usize>, out: &mut dyn Write) -> Result<(), MapCliError> {
+    match command {
+        MapCommand::Generate(args) => generate(&args, out),
+        MapCommand::Info(args) => info(&args, columns, out),
+        MapCommand::Convert(args) => convert(&args, out),
+    }
+}
+
+fn generate(args: &GenerateArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
+    let format = format_of(&args.output)?;
+    let extent = Extent::new(args.size, args.cell_m)?;
+    let in_output = |reason| MapCliError::Format { file: args.output.clone(), reason };
+    format.check().map_err(in_output)?;
+    let spec = spec::of(args)?;
+    spec.check(extent)?;
+    let seed = match args.seed {
+        Some(seed) => seed,
+        // 32 bits are enough for maps to differ, and short enough to be typed again.
+        None => getrandom::u32().map_err(MapCliError::Seed)?.into(),
+    };
+    let map = mapgen::generate(&spec, extent, seed)?;
+    write_file(&args.output, &format.write(&map.terrain, args.rle).map_err(in_output)?)?;
+
+    let mut report = Report::new(out);
+    report.line("file", args.output.display())?;
+    report.line("seed", seed)?;
+    let [x_m, y_m, z_m] = extent.size().map(|cells| f64::from(cells) * extent.cell_m());
+    report.line("size", format_args!("{} ({x_m} m x {y_m} m x {z_m} m)", by(extent)))?;
+    report.cells(extent, map.report.free_cells)?;
+    if let Some(carved) = map.report.carved {
+        report.line("spheres", carved.spheres)?;
+        report.line("tunnels", carved.tunnels)?;
+    }
+    if let Some(built) = map.report.built {
+        let Built { floors, rooms, doors, staircases, lift_shafts, entrances } = built;
+        report.line("building", format_args!("{floors} floor(s), {rooms} room(s), {doors} door(s)"))?;
+        report.line("ways up", format_args!("{staircases} staircase(s), {lift_shafts} lift shaft(s)"))?;
+        report.line("entrances", entrances)?;
+    }
+    report.repairs(&map.report)?;
+    report.line("blake3", mapgen::terrain_hash(&map.terrain))
+}
+
+fn info(args: &InfoArgs, columns: Option<usize>, out: &mut dyn Write) -> Result<(), MapCliError> {
+    if let (Some(file), count @ 2..) = (&args.png, args.files.len()) {
+        return Err(MapCliError::OnePicture { file: file.clone(), count });
+    }
+    let count = args.slices.unwrap_or(if columns.is_some() && args.slice.is_none() { slices::SHOWN } else { 0 });
+    for (index, file) in args.files.iter().enumerate() {
+        if index > 0 {
+            writeln!(out)?;
+        }
+        let imported = import(file, args.import, args.cell_m)?.read()?;
+        let slice = args.slice.map(|slice| slice.draw(&imported.terrain, file)).transpose()?;
+        if let Some(picture) = &args.png {
+            let pixels = slices::png(&imported.terrain);
+            let pixels = pixels.map_err(|reason| MapCliError::Picture { file: picture.clone(), reason })?;
+            write_file(picture, &pixels)?;
+        }
+        describe(file, &imported, out)?;
+        if let Some(slice) = slice {
+            write!(out, "\n{slice}")?;
+        }
+        if count > 0 {
+            write!(out, "\n{}", slices::overview(&imported.terrain, count, columns.unwrap_or(slices::COLUMNS)))?;
+        }
+    }
+    Ok(())
+}
+
+/// A map file to read.
+fn import(file: &Path, options: ImportOptions, cell_m: Option<f64>) -> Result<ImportSpec, MapCliError> {
+    Ok(ImportSpec { options, cell_m, ..ImportSpec::new(file.display().to_string(), read_bytes(file)?) })
+}
+
+fn describe(file: &Path, imported: &Imported, out: &mut dyn Write) -> Result<(), MapCliError> {
+    let Imported { terrain, notes, .. } = imported;
+    let extent = terrain.extent();
+    let components = free_components(terrain);
+    let open = close_shell(&mut terrain.clone(), 1);
+    let mut report = Report::new(out);
+    report.line("file", file.display())?;
+    report.line("size", by(extent))?;
+    report.cell_m(imported)?;
+    report.notes(notes)?;
+    report.cells(extent, mapgen::free_cells(terrain))?;
+    match components.sizes.as_slice() {
+        sizes @ ([] | [_]) => report.line("components", sizes.len())?,
+        sizes => {
+            let largest = sizes.iter().max().copied().unwrap_or_default();
+            report.line("components", format_args!("{} (the largest has {largest} cells)", sizes.len()))?;
+        }
+    }
+    match open {
+        0 => report.line("shell", "closed")?,
+        _ => report.line("shell", format_args!("open ({open} free cells in the outermost layer)"))?,
+    }
+    report.line("blake3", mapgen::terrain_hash(terrain))
+}
+
+fn convert(args: &ConvertArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
+    let output = format_of(&args.output)?;
+    let in_output = |reason| MapCliError::Format { file: args.output.clone(), reason };
+    output.check().map_err(in_output)?;
+    let spec = import(&args.input, args.import, args.cell_m)?;
+    let mut imported = spec.read()?;
+    let extent = imported.terrain.extent();
+    let repairs = if args.as_is {
+        None
+    } else {
+        // Of an import, the seed is part of the report alone.
+        let map = mapgen::repair(&spec.file, imported.terrain, 0)?;
+        imported.terrain = map.terrain;
+        Some(map.report)
+    };
+    write_file(&args.output, &output.write(&imported.terrain, args.rle).map_err(in_output)?)?;
+
+    let mut report = Report::new(out);
+    report.line("file", args.output.display())?;
+    report.line("size", by(extent))?;
+    report.cell_m(&imported)?;
+    report.notes(&imported.notes)?;
+    report.cells(extent, mapgen::free_cells(&imported.terrain))?;
+    match &repairs {
+        Some(repairs) => report.repairs(repairs)?,
+        None => report.line("repairs", "none (--as-is)")?,
+    }
+    report.line("blake3", mapgen::terrain_hash(&imported.terrain))
+}
+
+/// Aligned lines of a name and a value.
+struct Report<'a> {
+    out: &'a mut dyn Write,
+}
+
+impl<'a> Report<'a> {
+    fn new(out: &'a mut dyn Write) -> Self {
+        Self { out }
+    }
+
+    fn line(&mut self, name: &str, value: impl Display) -> Result<(), MapCliError> {
+        Ok(writeln!(self.out, "{name:<11}{value}")?)
+    }
+
+    /// The length of cells, if the file has it or it is not 1 m.
+    fn cell_m(&mut self, imported: &Imported) -> Result<(), MapCliError> {
+        let cell_m = imported.terrain.extent().cell_m();
+        if imported.stores_cell_m || cell_m != 1.0 { self.line("cell_m", cell_m) } else { Ok(()) }
+    }
+
+    fn notes(&mut self, notes: &[Note]) -> Result<(), MapCliError> {
+        notes.iter().try_for_each(|note| self.line(note.name, &note.text))
+    }
+
+    fn cells(&mut self, extent: Extent, free: u64) -> Result<(), MapCliError> {
+        let volume = extent.volume();
+        self.line("cells", volume)?;
+        self.line("free", format_args!("{free} ({:.2} %)", 100.0 * free as f64 / volume as f64))
+    }
+
+    fn repairs(&mut self, map: &MapReport) -> Result<(), MapCliError> {
+        self.line("shell", format_args!("closed ({} free cells filled)", map.shell_cells_closed))?;
+        let MapReport { pockets_removed, pocket_cells_removed, .. } = map;
+        self.line("pockets", format_args!("{pockets_removed} filled ({pocket_cells_removed} cells)"))
+    }
+}
+
+fn by(extent: Extent) -> String {
+    let [x, y, z] = extent.size();
+    format!("{x}x{y}x{z}")
+}
+
+fn parse_size(text: &str) -> Result<[u32; 3], String> {
+    let sides: Result<Vec<u32>, _> = text.split('x').map(str::parse).collect();
+    match sides.as_deref() {
+        Ok(&[side]) => Ok([side; 3]),
+        Ok(&[x, y, z]) => Ok([x, y, z]),
+        _ => Err("a size is one number of cells, or three as in 50x40x30".to_owned()),
+    }
+}
+
+fn format_of(file: &Path) -> Result<MapFormat, MapCliError> {
+    MapFormat::of(file).map_err(|reason| MapCliError::Format { file: file.to_path_buf(), reason })
+}
+
+fn read_bytes(file: &Path) -> Result<Vec<u8>, MapCliError> {
+    fs::read(file).map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })
+}
+
+/// Writes a file under a temporary name beside it and then renames it, so that there is never half
+/// a file.
+fn write_file(file: &Path, bytes: &[u8]) -> Result<(), MapCliError> {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(file.file_name().unwrap_or_default());
+    name.push(format!(".{}.tmp", std::process::id()));
+    let temporary = file.with_file_name(name);
+    let write = || {
+        let mut handle = File::create_new(&temporary)?;
+        let written = handle.write_all(bytes).and_then(|()| handle.sync_all());
+        let moved = written.and_then(|()| fs::rename(&temporary, file));
+        if moved.is_err() {
+            // What matters to the user is why the file could not be written.
+            let _ = fs::remove_file(&temporary);
+        }
+        moved
+    };
+    write().map_err(|reason| MapCliError::Write { file: file.to_path_buf(), reason })
+}
+
+#[cfg(test)]
+mod tests;

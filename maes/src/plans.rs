@@ -1,0 +1,184 @@
+//! Commands about plans: `batch`, `merge`, `report`.
+
+use std::num::NonZero;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::thread;
+
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+use experiments::cluster::{self, Scheduler};
+use experiments::execute::{self, ExecuteError, Launcher, Options, Part, Stop, Summary, Transport};
+use experiments::faults::FaultsError;
+use experiments::merge;
+use experiments::plan::{BUILD, Plan};
+use experiments::report::{self, ReportError, Written};
+use experiments::store::{Store, StoreError};
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use sim_server::exit;
+use supervisor::binaries;
+
+use crate::output::{print, say};
+use crate::progress::ProgressDisplay;
+
+/// Arguments of `batch`.
+#[derive(Debug, Args)]
+pub(crate) struct BatchArgs {
+    /// The plan (.toml)
+    plan: PathBuf,
+    /// The folder for its runs and tables; runs that are there already are skipped
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Runs in parallel [default: one for each core; over ROS 2: 1]
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZero<usize>>,
+    /// How messages go between a server and its agents
+    #[arg(long, value_enum, default_value_t = TransportName::Memory)]
+    transport: TransportName,
+    /// Only every N-th run, from the K-th on, K from 0
+    #[arg(long, value_name = "K/N", value_parser = part)]
+    part: Option<Part>,
+    /// Remove runs from the folder that are not of this plan and build
+    #[arg(long)]
+    prune: bool,
+    /// Run nothing; write a job into the folder that runs the plan on a cluster
+    #[arg(long, value_enum, value_name = "SYSTEM")]
+    emit: Option<SchedulerName>,
+    /// With --emit: number of jobs that share the plan
+    #[arg(long, value_name = "N", default_value = "16", requires = "emit")]
+    parts: NonZero<usize>,
+    /// Over ROS 2: the domain of the first parallel run; the others use the next ones
+    #[arg(long, value_name = "ID", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=101))]
+    first_domain: u32,
+    /// The script that started a run; has no effect any more
+    #[arg(long, value_name = "FILE", hide = true)]
+    launcher: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum TransportName {
+    /// In this process
+    Memory,
+    /// Over ROS 2, a process for each agent
+    Ros2,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SchedulerName {
+    /// A job array for Slurm: sbatch plan.slurm.sh
+    Slurm,
+    /// An indexed job for Kubernetes: kubectl apply -f plan.k8s.yaml
+    K8s,
+}
+
+impl From<SchedulerName> for Scheduler {
+    fn from(name: SchedulerName) -> Self {
+        match name {
+            SchedulerName::Slurm => Self::Slurm,
+            SchedulerName::K8s => Self::K8s,
+        }
+    }
+}
+
+/// Arguments of `merge`.
+#[derive(Debug, Args)]
+pub(crate) struct MergeArgs {
+    /// Folders of one plan
+    #[arg(required = true, value_name = "DIR")]
+    folders: Vec<PathBuf>,
+    /// The folder that gets all their runs, and the tables; may be one of them
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// The folder of a plan
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+}
+
+fn part(text: &str) -> Result<Part, String> {
+    let expected = || "expected K/N, such as 0/4, with K from 0 to N - 1".to_owned();
+    let (index, parts) = text.split_once('/').ok_or_else(expected)?;
+    let part = index.parse().ok().zip(parts.parse().ok()).map(|(index, parts)| Part { index, parts });
+    part.filter(|part| part.index < part.parts.get()).ok_or_else(expected)
+}
+
+/// Whether an error is a failure of the system, and not bad input.
+pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
+    matches!(error.downcast_ref::<ExecuteError>(), Some(ExecuteError::Store(_)))
+        || error.downcast_ref::<StoreError>().is_some()
+        || matches!(error.downcast_ref::<FaultsError>(), Some(FaultsError::Write { .. }))
+        || matches!(error.downcast_ref::<ReportError>(), Some(ReportError::Png { .. } | ReportError::Write { .. }))
+}
+
+/// Executes what is left of a plan.
+pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
+    if args.launcher.is_some() {
+        say("note: `--launcher` has no effect any more: `maes` starts the processes itself");
+    }
+    let plan = Plan::load(&args.plan)?;
+    if let Some(scheduler) = args.emit {
+        let file = cluster::emit(&plan, &args.out, scheduler.into(), args.parts)?;
+        print(&format!("{}", file.display()));
+        return Ok(ExitCode::SUCCESS);
+    }
+    let cores = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+    let (transport, jobs) = match args.transport {
+        TransportName::Memory => (Transport::Memory, cores),
+        TransportName::Ros2 => (Transport::Ros2(launcher(args)?), NonZero::<usize>::MIN),
+    };
+    let jobs = args.jobs.unwrap_or(jobs);
+    let options = Options { jobs, transport, part: args.part.unwrap_or(Part::WHOLE), prune: args.prune };
+    let stop = Arc::new(Stop::default());
+    let mut signals = Signals::new([SIGINT, SIGTERM]).context("handling signals")?;
+    let handle = signals.handle();
+    let summary = thread::scope(|scope| {
+        scope.spawn(|| {
+            for _ in signals.forever() {
+                if stop.soon.swap(true, Ordering::Relaxed) {
+                    stop.at_once.store(true, Ordering::Relaxed);
+                } else {
+                    say("ending after the runs under way; once more to give them up");
+                }
+            }
+        });
+        let summary = execute::execute(&plan, args.out.clone(), &options, &mut ProgressDisplay::default(), &stop);
+        handle.close();
+        summary
+    })?;
+    let Summary { skipped, done, failed, left } = summary;
+    print(&format!("{done} runs done, {skipped} were there already, {failed} failed, {left} left; build {BUILD}"));
+    print(&format!("{}", args.out.join("runs.csv").display()));
+    Ok(match summary {
+        Summary { left: 1.., .. } => ExitCode::from(exit::BY_SIGNAL),
+        Summary { failed: 1.., .. } => ExitCode::from(exit::FAILED),
+        _ => ExitCode::SUCCESS,
+    })
+}
+
+fn launcher(args: &BatchArgs) -> anyhow::Result<Launcher> {
+    Ok(Launcher { binaries: binaries::folder()?, first_domain: args.first_domain })
+}
+
+/// Joins folders.
+pub(crate) fn merge(args: &MergeArgs) -> anyhow::Result<ExitCode> {
+    let runs = merge::merge(&args.folders, &args.out)?;
+    print(&format!("{runs} runs in {}", args.out.join("runs.csv").display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Makes the report of a folder, and its tables of all runs.
+pub(crate) fn report(args: &ReportArgs) -> anyhow::Result<ExitCode> {
+    let Written { page, runs, lacking } = report::write(&args.folder)?;
+    Store::open(&args.folder)?.write_tables()?;
+    let lacking = if lacking > 0 { format!(", {lacking} lacking for a whole comparison") } else { String::new() };
+    print(&format!("{runs} runs{lacking}"));
+    print(&format!("{}", page.display()));
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,136 @@
+//! The progress of a plan on stderr: a bar on a terminal, plain lines otherwise.
+
+use std::io::{IsTerminal, Write};
+use std::time::{Duration, Instant};
+
+use experiments::execute::PlanObserver;
+use experiments::plan::{self, PlannedRun};
+use experiments::rows::RunRow;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Shows how far a plan has come.
+pub(crate) struct ProgressDisplay {
+    bar: Option<ProgressBar>,
+    started: Instant,
+    /// Runs of the plan, including those that had a record before.
+    runs: usize,
+    ended: usize,
+    /// [`plan::cost`] of the runs that were pending at the start, and of those completed since.
+    pending_cost: u64,
+    done_cost: u64,
+    sim_s: f64,
+}
+
+impl Default for ProgressDisplay {
+    fn default() -> Self {
+        Self { bar: None, started: now(), runs: 0, ended: 0, pending_cost: 0, done_cost: 0, sim_s: 0.0 }
+    }
+}
+
+impl PlanObserver for ProgressDisplay {
+    fn started(&mut self, runs: &[&PlannedRun], pending: &[&PlannedRun]) {
+        self.bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::with_draw_target(Some(runs.len() as u64), ProgressDrawTarget::stderr());
+            let style = ProgressStyle::with_template("{bar:30} {msg}").expect("the template is right");
+            bar.set_style(style);
+            bar
+        });
+        self.started = now();
+        self.runs = runs.len();
+        self.ended = runs.len() - pending.len();
+        self.pending_cost = pending.iter().map(|run| plan::cost(&run.scenario)).sum();
+        if self.ended > 0 {
+            self.print(&format!("{} of {} runs are done already", self.ended, self.runs));
+        }
+        self.show(None);
+    }
+
+    fn completed(&mut self, run: &PlannedRun, row: &RunRow) {
+        self.sim_s += row.end_s;
+        self.count(run);
+        let name = name(run);
+        let text = format!("{name}: {} after {:.0} s, explored {:.1} %", row.reason, row.end_s, row.explored * 100.0);
+        self.show(Some(&text));
+    }
+
+    fn failed(&mut self, run: &PlannedRun, reason: &str) {
+        self.count(run);
+        self.print(&format!("error: {}: {reason}", name(run)));
+        self.show(None);
+    }
+
+    fn ended(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl ProgressDisplay {
+    fn count(&mut self, run: &PlannedRun) {
+        self.ended += 1;
+        self.done_cost += plan::cost(&run.scenario);
+    }
+
+    fn show(&mut self, event: Option<&str>) {
+        let state = self.state();
+        match (&self.bar, event) {
+            (Some(bar), _) => {
+                bar.set_position(self.ended as u64);
+                bar.set_message(state);
+            }
+            (None, Some(event)) => self.print(&format!("{state} | {event}")),
+            (None, None) => {}
+        }
+    }
+
+    fn state(&self) -> String {
+        let wall = now().duration_since(self.started);
+        let mut text = format!("{}/{} runs", self.ended, self.runs);
+        if self.done_cost > 0 {
+            let rate = self.sim_s / wall.as_secs_f64().max(1e-3);
+            let left = (self.pending_cost - self.done_cost) as f64 / self.done_cost as f64;
+            text += &format!(" | {rate:.0} x real time | {} left", clock(wall.mul_f64(left)));
+        }
+        text
+    }
+
+    fn print(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(text),
+            // A closed stderr does not end the plan.
+            None => drop(writeln!(std::io::stderr(), "{text}")),
+        }
+    }
+}
+
+/// The axes and the seed of a run, which tell it from the others of its plan.
+fn name(run: &PlannedRun) -> String {
+    let axes = run.axes.iter().map(|(key, value)| format!("{key} = {value}, "));
+    format!("{}seed {}", axes.collect::<String>(), run.scenario.seed)
+}
+
+/// Hours, minutes and seconds.
+fn clock(time: Duration) -> String {
+    let seconds = time.as_secs();
+    match (seconds / 3600, seconds / 60 % 60) {
+        (0, minutes) => format!("{minutes}:{:02}", seconds % 60),
+        (hours, minutes) => format!("{hours}:{minutes:02}:{:02}", seconds % 60),
+    }
+}
+
+#[expect(clippy::disallowed_methods, reason = "the display shows a rate and an estimate; no result depends on it")]
+fn now() -> Instant {
+    Instant::now()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clock_has_hours_only_if_needed() {
+        assert_eq!(clock(Duration::from_secs(59)), "0:59");
+        assert_eq!(clock(Duration::from_secs(3_725)), "1:02:05");
+    }
+}

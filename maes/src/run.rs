@@ -1,0 +1,368 @@
+//! `maes run`: a scenario over ROS 2, with a process for each agent, or in this process.
+
+mod memory;
+
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::num::NonZero;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::bail;
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, ValueEnum};
+use sim_server::cli::{KeyArgs, assignment};
+use sim_server::{exit, setup};
+use simulation::scenario::{Override, Scenario};
+use supervisor::run::{Console, Run, Source};
+use supervisor::team::{Order, Team};
+use supervisor::{binaries, logs};
+
+use crate::output::say;
+use crate::{controllers, signals};
+
+/// The scenario of a run that names none.
+const DEFAULT_SCENARIO: &str = include_str!("../../launch_scripts/scenarios/default.toml");
+
+/// What it is called in errors.
+const DEFAULT_NAME: &str = "the default scenario";
+
+/// The file that the server reads it from.
+const DEFAULT_FILE: &str = "default.toml";
+
+pub(crate) const AFTER_HELP: &str = "\
+With faults.on_agent_loss = \"wait\", agent processes that die are started again, each three times.
+
+Exit codes: 0 the run has a result; 1 a failure of the system; 2 bad input; 3 agents were missing at
+the start; 4 an agent was lost; 5 an agent was refused; 130 interrupted, or told to quit.";
+
+/// Arguments of `run`.
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    /// The scenario (.toml), or a recording of it (.mcap) [default: five agents walk at random
+    /// through a cave for half an hour]
+    pub(crate) scenario: Option<PathBuf>,
+    /// Resume the run of this recording, whose server was killed; completes it, or the file that
+    /// --record names
+    #[arg(long, value_name = "FILE.mcap")]
+    resume: Option<PathBuf>,
+    /// ros2: a server and a process for each agent; memory: all in this process, without a network
+    #[arg(long, value_enum, default_value_t = Transport::Ros2, value_name = "ros2|memory", hide_possible_values = true)]
+    transport: Transport,
+    /// Show the run in a browser or in Foxglove at this address; `maes view` does more
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = sim_server::foxglove::DEFAULT_ADDRESS)]
+    pub(crate) view: Option<String>,
+    /// The folder of the page, if it is not the one that was built here
+    #[arg(long, value_name = "DIR")]
+    pub(crate) page: Option<PathBuf>,
+    /// The folder of the processes' logs [default: out/logs/<time>-<pid>; over memory: no logs]
+    #[arg(long, value_name = "DIR")]
+    logs: Option<PathBuf>,
+
+    /// A setting of the agents' controllers: the key agents.set.KEY; can be given again
+    #[arg(long, value_name = "KEY=VALUE", value_parser = agent_setting, help_heading = "Agents")]
+    agent_set: Vec<(String, toml::Value)>,
+    /// Agents that are started elsewhere, each a process of its own; those of the key
+    /// agents.cmd_vel are among them
+    #[arg(long, value_name = "ID,...", value_parser = ids, help_heading = "Agents")]
+    external: Option<Ids>,
+    /// Agents in each process [default: 1]
+    #[arg(long, value_name = "N", value_parser = process_size, help_heading = "Agents")]
+    agents_per_process: Option<NonZero<u32>>,
+    /// The order in which agents start [default: forward]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "forward|reverse|shuffle",
+        hide_possible_values = true,
+        help_heading = "Agents"
+    )]
+    order: Option<OrderName>,
+    /// Let each agent wait up to so long, at random, before each reply
+    #[arg(long, value_name = "MS", help_heading = "Agents")]
+    chaos_delay_ms: Option<u64>,
+    /// Offer the properties of each agent as ROS parameters [default: if a process runs no more
+    /// than 8 agents]
+    #[arg(long, value_name = "true|false", hide_possible_values = true, help_heading = "Agents")]
+    agent_parameters: Option<bool>,
+    /// Run all agents on one thread; only with --transport memory
+    #[arg(long, help_heading = "Agents")]
+    together: bool,
+    /// Print how much wall time the agents' decisions take; only with --transport memory
+    #[arg(long, help_heading = "Agents")]
+    decision_times: bool,
+    /// Write what is printed about the run to this file as well; only with --transport memory
+    #[arg(long, value_name = "FILE", hide = true)]
+    log: Option<PathBuf>,
+
+    #[command(flatten, next_help_heading = "Keys of the scenario")]
+    keys: KeyArgs,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Transport {
+    Ros2,
+    Memory,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum OrderName {
+    Forward,
+    Reverse,
+    Shuffle,
+}
+
+/// Ids of agents.
+#[derive(Debug, Clone)]
+struct Ids(BTreeSet<u32>);
+
+/// Most digits of an id, and of a number of agents.
+const DIGITS_MAX: usize = 4;
+
+fn number(text: &str) -> Option<u32> {
+    let is_plain = (1..=DIGITS_MAX).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_digit());
+    is_plain.then(|| text.parse().ok())?
+}
+
+fn ids(text: &str) -> Result<Ids, String> {
+    let parts = text.split(',').filter(|_| !text.is_empty());
+    parts
+        .map(number)
+        .collect::<Option<BTreeSet<u32>>>()
+        .map(Ids)
+        .ok_or_else(|| "expected ids of agents, such as 0,3".to_owned())
+}
+
+fn process_size(text: &str) -> Result<NonZero<u32>, String> {
+    number(text).and_then(NonZero::new).ok_or_else(|| "expected a number from 1".to_owned())
+}
+
+fn agent_setting(text: &str) -> Result<(String, toml::Value), String> {
+    let (key, value) = assignment(text)?;
+    if key.is_empty() { Err("expected KEY=VALUE".to_owned()) } else { Ok((key, value)) }
+}
+
+impl RunArgs {
+    /// What was typed as overrides of the scenario.
+    fn overrides(&self) -> Vec<Override> {
+        let mut overrides = self.keys.overrides();
+        overrides.extend(self.agent_set.iter().map(|(key, value)| Override {
+            origin: format!("--agent-set {key}={value}"),
+            key: format!("agents.set.{key}"),
+            value: Some(value.clone()),
+        }));
+        overrides
+    }
+
+    fn scenario(&self) -> Result<Scenario, setup::SetupError> {
+        let overrides = self.overrides();
+        match self.resume.as_ref().or(self.scenario.as_ref()) {
+            Some(file) => setup::load(file, &overrides),
+            None => setup::parse(DEFAULT_NAME, DEFAULT_SCENARIO, &overrides),
+        }
+    }
+
+    /// What the scenario is called in errors.
+    fn name(&self) -> String {
+        self.scenario.as_ref().map_or_else(|| DEFAULT_NAME.to_owned(), |file| file.display().to_string())
+    }
+
+    fn source(&self) -> Source {
+        match (&self.scenario, &self.resume) {
+            (Some(file), _) => Source::File(file.clone()),
+            (None, Some(_)) => Source::Resumed,
+            (None, None) => Source::Text { name: DEFAULT_FILE, toml: DEFAULT_SCENARIO.to_owned() },
+        }
+    }
+
+    fn team(&self) -> Team {
+        Team {
+            per_process: self.agents_per_process,
+            order: match self.order {
+                None | Some(OrderName::Forward) => Order::Forward,
+                Some(OrderName::Reverse) => Order::Reverse,
+                Some(OrderName::Shuffle) => Order::Shuffle,
+            },
+            external: self.external.as_ref().map(|ids| ids.0.clone()).unwrap_or_default(),
+            chaos_delay_ms: self.chaos_delay_ms,
+            parameters: self.agent_parameters,
+        }
+    }
+
+    /// Begins paused, as if that were typed.
+    pub(crate) fn begin_paused(&mut self) {
+        self.keys.paused = Some(true);
+    }
+
+    /// Refuses flags that have no meaning over this transport.
+    fn check_transport(&self) -> anyhow::Result<()> {
+        if self.transport == Transport::Ros2 {
+            let of_memory = [("together", self.together), ("decision-times", self.decision_times)];
+            let of_memory = of_memory.into_iter().chain([("log", self.log.is_some())]);
+            if let Some((flag, _)) = of_memory.into_iter().find(|(_, is_given)| *is_given) {
+                bail!("--{flag}: only with --transport memory");
+            }
+            return Ok(());
+        }
+        if let Some(size) = self.agents_per_process {
+            bail!("--agents-per-process {size}: over memory there is one process; leave it out");
+        }
+        if let Some(Ids(ids)) = &self.external {
+            let ids: Vec<String> = ids.iter().map(u32::to_string).collect();
+            bail!("--external {}: over memory no other processes take part; leave it out", ids.join(","));
+        }
+        if let Some(order) = self.order.and_then(|order| order.to_possible_value()) {
+            bail!("--order {}: over memory no processes are started; leave it out", order.get_name());
+        }
+        if let Some(file) = &self.resume {
+            bail!("--resume {}: over memory no server is left to resume; leave out --transport", file.display());
+        }
+        if self.view.is_some() {
+            bail!("--view: runs over memory cannot be observed; record the run, and view the recording");
+        }
+        if let Some(parameters) = self.agent_parameters {
+            bail!("--agent-parameters {parameters}: over memory there are no nodes; leave it out");
+        }
+        Ok(())
+    }
+
+    /// The flags of `sim_server run` for what was typed.
+    pub(crate) fn server_flags(&self, given: &ArgMatches) -> Vec<OsString> {
+        let mut flags = Vec::new();
+        for arg in KeyArgs::augment_args(clap::Command::new("keys")).get_arguments() {
+            let id = arg.get_id().as_str();
+            let Some(long) = arg.get_long().filter(|_| is_given(given, id)) else { continue };
+            flags.extend(given.get_raw(id).into_iter().flatten().map(|value| flag(long, value)));
+        }
+        let settings = self.agent_set.iter();
+        flags.extend(settings.map(|(key, value)| flag("set", format!("agents.set.{key}={value}"))));
+        flags.extend(self.resume.iter().map(|file| flag("resume", file)));
+        flags.extend(self.view.iter().map(|address| flag("view", address)));
+        flags.extend(self.page.iter().filter(|_| self.view.is_some()).map(|folder| flag("page", folder)));
+        flags
+    }
+
+    /// The first flag that was typed; of a command that has these arguments.
+    pub(crate) fn first_flag(given: &ArgMatches, but: &[&str]) -> Option<String> {
+        let command = Self::augment_args(clap::Command::new("run"));
+        let flags = command.get_arguments().filter_map(|arg| Some((arg.get_id().as_str(), arg.get_long()?)));
+        let mut typed = flags.filter(|(id, _)| !but.contains(id) && is_given(given, id));
+        typed.next().map(|(_, long)| format!("--{long}"))
+    }
+}
+
+/// Whether an argument was typed.
+pub(crate) fn is_given(given: &ArgMatches, id: &str) -> bool {
+    given.value_source(id) == Some(ValueSource::CommandLine)
+}
+
+fn flag(name: &str, value: impl Into<OsString>) -> OsString {
+    let mut flag = OsString::from(format!("--{name}="));
+    flag.push(value.into());
+    flag
+}
+
+/// Runs a scenario.
+pub(crate) fn run(args: &RunArgs, given: &ArgMatches) -> anyhow::Result<ExitCode> {
+    run_with(args, args.server_flags(given))
+}
+
+/// Runs a scenario with these flags of `sim_server run`.
+pub(crate) fn run_with(args: &RunArgs, server_flags: Vec<OsString>) -> anyhow::Result<ExitCode> {
+    args.check_transport()?;
+    let interruptions = (args.transport == Transport::Ros2).then(signals::count).transpose()?;
+    let scenario = args.scenario()?;
+    let team = args.team();
+    team.check(&scenario)?;
+    // The server does not know the controllers.
+    controllers::check(&scenario)?;
+    let Some(interruptions) = interruptions else {
+        return memory::run(args, &scenario);
+    };
+    if interruptions() > 0 {
+        return Ok(ExitCode::from(exit::BY_SIGNAL));
+    }
+    let run = Run {
+        binaries: binaries::folder()?,
+        domain: None,
+        scenario: &scenario,
+        source: args.source(),
+        server_flags,
+        team,
+        logs: args.logs.clone().unwrap_or_else(logs::default_folder),
+        console: Console::Inherited,
+    };
+    let ended = run.supervise(&interruptions, &say)?;
+    Ok(ExitCode::from(ended.code))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Cli {
+        #[command(flatten)]
+        run: RunArgs,
+    }
+
+    fn parsed(line: &str) -> (RunArgs, ArgMatches) {
+        use clap::{CommandFactory, FromArgMatches};
+        let matches = Cli::command().try_get_matches_from(line.split(' ')).unwrap();
+        (Cli::from_arg_matches(&matches).unwrap().run, matches)
+    }
+
+    #[test]
+    fn keys_are_passed_on_as_they_were_typed() {
+        let (args, given) = parsed(
+            "run s.toml --seed 7 --record-topics map,odom --paused --set a.b=[1,2] --set c=-1 --size=9x8x7 \
+             --agent-set speed=1.5 --agents 2 --view --order reverse",
+        );
+        let mut flags: Vec<_> = args.server_flags(&given).into_iter().map(|flag| flag.into_string().unwrap()).collect();
+        flags.sort();
+        let expected = [
+            "--agents=2",
+            "--paused=true",
+            "--record-topics=map",
+            "--record-topics=odom",
+            "--seed=7",
+            "--set=a.b=[1,2]",
+            "--set=agents.set.speed=1.5",
+            "--set=c=-1",
+            "--size=9x8x7",
+            "--view=127.0.0.1:8765",
+        ];
+        assert_eq!(flags, expected);
+        assert_eq!(RunArgs::first_flag(&given, &[]).as_deref(), Some("--view"));
+        assert_eq!(RunArgs::first_flag(&parsed("run a.mcap").1, &[]), None);
+    }
+
+    #[test]
+    fn a_run_without_a_scenario_is_the_default_one() {
+        let scenario = parsed("run --agents 2").0.scenario().unwrap();
+        assert_eq!((scenario.agents.count, scenario.seed), (2, 1));
+    }
+
+    #[test]
+    fn ids_are_numbers_of_four_digits() {
+        assert_eq!(ids("3,0,3").unwrap().0, BTreeSet::from([0, 3]));
+        assert!(ids("").unwrap().0.is_empty());
+        for wrong in ["a", "1,", "-1", "12345", "1;2"] {
+            assert!(ids(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn flags_that_do_not_fit_the_transport_are_refused() {
+        let refused = |line: &str| parsed(line).0.check_transport().unwrap_err().to_string();
+        assert_eq!(refused("run --together"), "--together: only with --transport memory");
+        let over_memory = |flags: &str| refused(&format!("run --transport memory {flags}"));
+        assert!(over_memory("--order shuffle").starts_with("--order shuffle: over memory no processes are started"));
+        assert!(over_memory("--external 1,0").starts_with("--external 0,1: over memory"));
+        assert!(over_memory("--view").starts_with("--view: "));
+        assert!(over_memory("--resume a.mcap").starts_with("--resume a.mcap: "));
+        assert!(over_memory("--agent-parameters true").starts_with("--agent-parameters true: "));
+    }
+}

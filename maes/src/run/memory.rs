@@ -1,0 +1,58 @@
+//! A run in this process: the server and its agents on threads, and no network.
+
+use std::fs::{self, File};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use agent_node::stopwatch::DecisionTimes;
+use anyhow::Context;
+use experiments::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
+use sim_server::exit;
+use sim_server::terminal::{self, Terminal};
+use simulation::scenario::Scenario;
+use supervisor::SupervisorError;
+
+use super::RunArgs;
+use crate::output::{print, say};
+use crate::signals;
+
+pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCode> {
+    let mut file = args.log.clone();
+    if let Some(folder) = &args.logs {
+        let failed = |source| SupervisorError::Io { what: folder.display().to_string(), source };
+        fs::create_dir_all(folder).map_err(failed)?;
+        file.get_or_insert_with(|| folder.join("server.log"));
+    }
+    let stop = signals::stop_flag()?;
+    let log = file.map(|file| File::create(&file).context(file.display().to_string())).transpose()?;
+    let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log);
+    let threads = if args.together { ThreadLayout::Shared } else { ThreadLayout::PerAgent };
+    let chaos_delay = Duration::from_millis(args.chaos_delay_ms.unwrap_or(0));
+    let decision_times = args.decision_times.then(DecisionTimes::default);
+    let options = AgentOptions { threads, chaos_delay, decision_times: decision_times.clone() };
+    let finished = in_process::run(scenario, &options, &mut terminal, &stop);
+    terminal.clear();
+    if let Some(times) = decision_times {
+        say(&summary(&times.sorted()));
+    }
+    let outcome = finished
+        .map_err(|error| match error {
+            InProcessError::Setup(_) | InProcessError::OverRosOnly(_) => anyhow::anyhow!("{}: {error}", args.name()),
+            other => other.into(),
+        })?
+        .outcome;
+    let text = terminal::result_text(&outcome);
+    terminal.keep(&text);
+    print(&text);
+    Ok(exit::of_outcome(&outcome))
+}
+
+/// Of durations in ascending order.
+fn summary(times: &[Duration]) -> String {
+    let share = |permille: usize| {
+        let place = (times.len() * permille / 1000).min(times.len().saturating_sub(1));
+        times.get(place).copied().unwrap_or_default()
+    };
+    let (median, p99, longest) = (share(500), share(990), share(1000));
+    format!("{} decisions: median {median:.1?}, p99 {p99:.1?}, longest {longest:.1?}", times.len())
+}

@@ -1,0 +1,178 @@
+//! The page: found beside the binaries, or built from its sources with npm.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+use std::time::SystemTime;
+
+use sim_server::exit;
+use thiserror::Error;
+
+use super::browser::in_path;
+use crate::output::say;
+
+/// What the page is made of, from the folder of its sources; folders with all that is in them.
+const SOURCES: [&str; 4] = ["src", "index.html", "package-lock.json", "vite.config.ts"];
+
+/// Why there is no page.
+#[derive(Debug, Error)]
+pub(super) enum PageError {
+    #[error("--page {0}: expected a folder with index.html")]
+    NoPage(String),
+    #[error("npm is missing: install Node.js 20.19 or later, which builds the page in {0}")]
+    NoNpm(String),
+    #[error(
+        "there is no page: neither {0}, nor the sources of the page (viewer/) two folders above the binaries or here; \
+         name the folder of a page with --page"
+    )]
+    NoSources(String),
+    #[error("building the page: {0}")]
+    Build(String),
+}
+
+/// Prints an error; the exit code.
+pub(super) fn failed(error: &PageError) -> ExitCode {
+    say(&format!("error: {error}"));
+    ExitCode::from(match error {
+        PageError::Build(_) => exit::FAILED,
+        PageError::NoPage(_) | PageError::NoNpm(_) | PageError::NoSources(_) => exit::BAD_INPUT,
+    })
+}
+
+/// The folder of the page, built if its sources are here and newer.
+pub(super) fn folder(named: Option<&Path>) -> Result<PathBuf, PageError> {
+    if let Some(folder) = named {
+        return if folder.join("index.html").is_file() {
+            Ok(folder.to_owned())
+        } else {
+            Err(PageError::NoPage(folder.display().to_string()))
+        };
+    }
+    let places = Places::find();
+    if let Some(sources) = &places.sources {
+        build(sources, false)?;
+        return Ok(sources.join("dist"));
+    }
+    let installed = places.installed;
+    if installed.join("index.html").is_file() {
+        Ok(installed)
+    } else {
+        Err(PageError::NoSources(installed.display().to_string()))
+    }
+}
+
+/// Builds the page, and installs what its tools need.
+pub(super) fn build_only() -> Result<(), PageError> {
+    let places = Places::find();
+    let sources = places.sources.ok_or_else(|| PageError::NoSources(places.installed.display().to_string()))?;
+    build(&sources, true)
+}
+
+/// Where a page may be.
+struct Places {
+    /// Beside the binaries, for a page that was installed.
+    installed: PathBuf,
+    /// The sources in the workspace whose `target/release` has the binaries, or below the present
+    /// folder.
+    sources: Option<PathBuf>,
+}
+
+impl Places {
+    fn find() -> Self {
+        let program = std::env::current_exe().and_then(|program| program.canonicalize()).unwrap_or_default();
+        let binaries = program.parent().unwrap_or(Path::new("."));
+        let workspace = binaries.ancestors().nth(2).unwrap_or(binaries);
+        let candidates = [workspace.join("viewer"), PathBuf::from("viewer")];
+        let is_sources = |folder: &PathBuf| folder.join("vite.config.ts").is_file();
+        Self { installed: binaries.join("viewer"), sources: candidates.into_iter().find(is_sources) }
+    }
+}
+
+/// Builds the page if it is older than its sources; `is_complete` says whether the packages that
+/// build it have to be there even if they have nothing to do.
+fn build(sources: &Path, is_complete: bool) -> Result<(), PageError> {
+    let [packages, lock, built] =
+        ["node_modules", "package-lock.json", "dist/index.html"].map(|name| sources.join(name));
+    let is_stale = modified(&built).is_none_or(|built| newest(sources) > Some(built));
+    if !is_stale && !is_complete {
+        return Ok(());
+    }
+    let lacks_packages = modified(&packages).is_none_or(|packages| modified(&lock) > Some(packages));
+    if !is_stale && !lacks_packages {
+        return Ok(());
+    }
+    if in_path("npm").is_none() {
+        return Err(PageError::NoNpm(sources.display().to_string()));
+    }
+    if lacks_packages {
+        say("fetching the packages that build the page; this takes some minutes, once");
+        npm(sources, &["ci", "--no-audit", "--no-fund", "--loglevel=error"])?;
+        touch(&packages).map_err(|error| PageError::Build(format!("{}: {error}", packages.display())))?;
+    }
+    if is_stale {
+        say("building the page");
+        npm(sources, &["run", "--silent", "build"])?;
+    }
+    Ok(())
+}
+
+fn npm(folder: &Path, arguments: &[&str]) -> Result<(), PageError> {
+    let mut npm = Command::new("npm");
+    npm.args(arguments).current_dir(folder).stdin(Stdio::null()).stdout(io::stderr());
+    match npm.status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => Err(PageError::Build(format!("npm {}: {status}", arguments[0]))),
+        Err(error) => Err(PageError::Build(format!("npm: {error}"))),
+    }
+}
+
+fn modified(path: &Path) -> Option<SystemTime> {
+    fs::metadata(path).and_then(|metadata| metadata.modified()).ok()
+}
+
+/// When the sources were changed last.
+fn newest(folder: &Path) -> Option<SystemTime> {
+    let mut open: Vec<PathBuf> = SOURCES.iter().map(|name| folder.join(name)).collect();
+    let mut newest = None;
+    while let Some(path) = open.pop() {
+        newest = newest.max(modified(&path));
+        open.extend(fs::read_dir(&path).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())));
+    }
+    newest
+}
+
+/// npm leaves the time of the folder as it was if there is nothing to change.
+#[expect(clippy::disallowed_methods, reason = "the time of a folder is compared with that of the lock file")]
+fn touch(folder: &Path) -> io::Result<()> {
+    File::open(folder)?.set_modified(SystemTime::now())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_is_stale_when_a_source_is_newer() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        fs::create_dir_all(path("src/app")).unwrap();
+        for name in ["src/app/main.ts", "index.html"] {
+            fs::write(path(name), "").unwrap();
+        }
+        let first = newest(folder.path()).unwrap();
+        let later = first + std::time::Duration::from_secs(5);
+        File::options().write(true).open(path("src/app/main.ts")).unwrap().set_modified(later).unwrap();
+        assert_eq!(newest(folder.path()), Some(later));
+        assert_eq!(modified(&path("dist/index.html")), None);
+    }
+
+    #[test]
+    fn a_named_folder_needs_a_page() {
+        let empty = tempfile::tempdir().unwrap();
+        let refused = super::folder(Some(empty.path())).unwrap_err().to_string();
+        assert!(refused.ends_with(": expected a folder with index.html"), "{refused}");
+        fs::write(empty.path().join("index.html"), "a page").unwrap();
+        assert_eq!(super::folder(Some(empty.path())).unwrap(), empty.path());
+    }
+}

@@ -1,0 +1,165 @@
+//! Snapshots and movies of a recording, rendered by the page in a headless browser.
+//!
+//! A temporary server on this machine serves page and recording; a script beside the page
+//! (`viewer/pictures`) drives the browser and reports errors to the user. This module renders
+//! nothing itself.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use clap::Args;
+use serde::Serialize;
+use thiserror::Error;
+
+use super::{FoxgloveServerError, NO_PAGE_HERE, StaticFileServer, http_gateway};
+use crate::exit;
+
+const FREE_PORT: &str = "127.0.0.1:0";
+
+/// What to render.
+#[derive(Debug, Args)]
+pub struct CaptureArgs {
+    /// The recording (.mcap)
+    pub file: PathBuf,
+    /// Size of the image in pixels
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
+    pub size: [u32; 2],
+    /// Point the camera at this agent instead of the whole map
+    #[arg(long, value_name = "ID")]
+    pub agent: Option<u32>,
+    /// Layers to draw, for example walls,unexplored,trails,labels [default: those of the page]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub layers: Option<Vec<String>>,
+    /// The folder of the page [default: the one that was built here]
+    #[arg(long, value_name = "DIR")]
+    pub page: Option<PathBuf>,
+}
+
+/// Sim time of a snapshot or of a movie.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[serde(untagged)]
+pub enum CaptureTime {
+    /// A single image.
+    Snapshot {
+        /// Sim time, s.
+        at: f64,
+    },
+    Movie {
+        /// Sim time of the first frame, s; the start of the recording if `None`.
+        from: Option<f64>,
+        /// Sim time of the last frame, s; the end of the recording if `None`.
+        to: Option<f64>,
+        /// Duration of the movie, s.
+        seconds: f64,
+        /// Frames per second.
+        fps: u32,
+    },
+}
+
+/// Why nothing was rendered.
+#[derive(Debug, Error)]
+pub enum CaptureError {
+    /// The page cannot be served.
+    #[error(transparent)]
+    FoxgloveServer(#[from] FoxgloveServerError),
+    /// The page was not built.
+    #[error("{NO_PAGE_HERE}")]
+    NoPage,
+    /// The browser driver cannot be started.
+    #[error("Node.js 20.19 or later is required for snapshots and movies: {0}")]
+    Node(std::io::Error),
+    /// The driver has reported an error.
+    #[error("nothing was rendered")]
+    Driver {
+        /// Whether the request was not legal.
+        is_bad_input: bool,
+    },
+}
+
+/// The order for the browser driver, as JSON.
+#[derive(Serialize)]
+struct DriverOrder<'a> {
+    url: String,
+    out: &'a Path,
+    size: [u32; 2],
+    agent: Option<u32>,
+    layers: Option<&'a [String]>,
+    #[serde(flatten)]
+    time: CaptureTime,
+}
+
+/// Renders into the file `out`: PNG for a snapshot, MP4 or GIF for a movie.
+///
+/// # Errors
+/// If the page, the browser or the driver is missing, or the order is not legal; then there is no
+/// file.
+///
+/// # Panics
+/// Never: an order is plain data.
+pub fn take(args: &CaptureArgs, time: CaptureTime, out: &Path) -> Result<(), CaptureError> {
+    let page = http_gateway::page(args.page.as_deref())?.ok_or(CaptureError::NoPage)?;
+    let server = StaticFileServer::open(FREE_PORT, &page, &args.file)?;
+    let out = std::path::absolute(out).map_err(FoxgloveServerError::System)?;
+    let order = DriverOrder {
+        url: server.url(),
+        out: &out,
+        size: args.size,
+        agent: args.agent,
+        layers: args.layers.as_deref(),
+        time,
+    };
+    let mut driver = Command::new("node");
+    driver.arg(page.join("../pictures/take.mjs"));
+    driver.arg(serde_json::to_string(&order).expect("an order is plain data"));
+    // The driver notices by itself when this process ends.
+    let status = driver.stdin(Stdio::null()).status();
+    match status.map_err(CaptureError::Node)?.code() {
+        Some(0) => Ok(()),
+        code => Err(CaptureError::Driver { is_bad_input: code == Some(exit::BAD_INPUT.into()) }),
+    }
+}
+
+/// The exit code of a failure.
+#[must_use]
+pub fn exit_code(error: &CaptureError) -> u8 {
+    match error {
+        CaptureError::Driver { is_bad_input: true }
+        | CaptureError::FoxgloveServer(FoxgloveServerError::Page { .. }) => exit::BAD_INPUT,
+        _ => exit::FAILED,
+    }
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides: Option<Vec<u32>> = text.split('x').map(|side| side.parse().ok()).collect();
+    match sides.as_deref() {
+        Some(&[width, height]) if (16..=8192).contains(&width) && (16..=8192).contains(&height) => Ok([width, height]),
+        _ => Err("expected width and height in pixels, each from 16 to 8192, such as 1280x720".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes() {
+        assert_eq!(size("1280x720"), Ok([1280, 720]));
+        for wrong in ["1280", "0x720", "1280x720x3", "axb", "9000x100", ""] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn order_is_flat_json() {
+        let order = DriverOrder {
+            url: "u".to_owned(),
+            out: Path::new("/o.png"),
+            size: [1, 2],
+            agent: None,
+            layers: Some(&["walls".to_owned()]),
+            time: CaptureTime::Snapshot { at: 1.5 },
+        };
+        let expected = serde_json::json!({ "url": "u", "out": "/o.png", "size": [1, 2], "agent": null, "layers": ["walls"], "at": 1.5 });
+        assert_eq!(serde_json::to_value(&order).unwrap(), expected);
+    }
+}

@@ -1,0 +1,217 @@
+//! A link that also serves the observers of the Foxglove server; messages pass through unchanged.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use foxglove::{ChannelBuilder, Context, PartialMetadata, RawChannel, Schema};
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario};
+use msgs::nav_msgs::Odometry;
+use msgs::sensor_msgs::PointCloud2;
+use msgs::topics::{self, Topic};
+use msgs::{cdr, schema};
+
+use super::FoxgloveServer;
+use super::services;
+use crate::control::Request;
+use crate::transport::{AgentTransport, ControlInput, Incoming, Level, ObserverOutput, Transport};
+use crate::wall_clock::now;
+use simulation::scenario::{self, Rtf};
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
+
+/// Minimum wall time between two broadcasts of the time.
+const CLOCK_PERIOD: Duration = Duration::from_millis(33);
+
+/// A link with observers.
+pub struct ObservedLink<'v, L> {
+    link: L,
+    foxglove: &'v FoxgloveServer,
+    scenario: &'v scenario::Scenario,
+    channels: BTreeMap<VisualisationTopic, Arc<RawChannel>>,
+    view_of_topic: BTreeMap<String, VisualisationTopic>,
+    /// Subscriptions at the Foxglove server, as of `revision`.
+    own: BTreeMap<VisualisationTopic, u64>,
+    revision: u64,
+    /// Subscriptions at the inner link, when last polled.
+    inner: Subscribers,
+    all: Subscribers,
+    time_sent: Option<Instant>,
+    tick: Tick,
+    is_time_sent: bool,
+}
+
+impl<'v, L: Transport> ObservedLink<'v, L> {
+    /// Serves observers of a run over a link.
+    pub fn new(link: L, foxglove: &'v FoxgloveServer, scenario: &'v scenario::Scenario) -> Self {
+        Self {
+            link,
+            foxglove,
+            scenario,
+            channels: BTreeMap::new(),
+            view_of_topic: BTreeMap::new(),
+            own: BTreeMap::new(),
+            revision: 0,
+            inner: Subscribers::new(),
+            all: Subscribers::new(),
+            time_sent: None,
+            tick: Tick::ZERO,
+            is_time_sent: true,
+        }
+    }
+
+    /// Creates the channels of a run.
+    fn open_channels(&mut self, run: u64) {
+        self.channels.clear();
+        let context = &self.foxglove.context;
+        for view in VisualisationTopic::all(self.scenario.agents.count) {
+            let channel = channel(context, &view.topic());
+            self.view_of_topic.insert(channel.topic().to_owned(), view);
+            self.channels.insert(view, channel);
+        }
+        let others = [topics::scenario(), topics::progress()].map(|topic| channel(context, &topic));
+        self.foxglove.hub.start_session(run, self.scenario, self.channels.values().cloned().chain(others));
+    }
+
+    /// Broadcasts the time unless that was done, or anything else a moment ago.
+    fn broadcast_time(&mut self) {
+        if !self.is_time_sent && self.time_sent.is_none_or(|sent| sent.elapsed() >= CLOCK_PERIOD) {
+            self.time_sent = Some(now());
+            self.is_time_sent = true;
+            self.foxglove.server.broadcast_time(self.tick.time_ns());
+        }
+    }
+
+    /// Updates the subscriptions; returns whether they may have changed.
+    fn update_own(&mut self) -> bool {
+        let Some(arrivals) = self.foxglove.hub.arrivals(&mut self.revision) else { return false };
+        let view = |(topic, arrivals)| Some((*self.view_of_topic.get(&topic)?, arrivals));
+        self.own = arrivals.into_iter().filter_map(view).collect();
+        true
+    }
+}
+
+/// Arrival counts that grow whenever one of the two does.
+fn merge(all: &mut Subscribers, own: &BTreeMap<VisualisationTopic, u64>, inner: &Subscribers) {
+    let sum = |view: &VisualisationTopic| own.get(view).unwrap_or(&0) + inner.get(view).unwrap_or(&0);
+    all.retain(|view, _| own.contains_key(view) || inner.contains_key(view));
+    for &view in own.keys().chain(inner.keys()) {
+        all.insert(view, sum(&view));
+    }
+}
+
+impl<L: Transport> AgentTransport for ObservedLink<'_, L> {
+    fn announce(&mut self, scenario: &Scenario) {
+        self.open_channels(scenario.run);
+        self.foxglove.hub.publish_latched(&topics::scenario().name, cdr::encode(scenario), Tick::ZERO);
+        self.link.announce(scenario);
+    }
+
+    fn reply_join(&mut self, reply: &JoinReply) {
+        self.link.reply_join(reply);
+    }
+
+    fn send(&mut self, agent: AgentId, part: &Observation) {
+        self.link.send(agent, part);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        // The last of many ticks in quick succession, when none comes any more.
+        self.broadcast_time();
+        self.link.receive(timeout)
+    }
+
+    fn set_sensors(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
+        self.link.set_sensors(agent, odometry, points);
+    }
+
+    fn other_run(&self) -> Option<u64> {
+        self.link.other_run()
+    }
+}
+
+impl<L: Transport> ObserverOutput for ObservedLink<'_, L> {
+    fn clock(&mut self, tick: Tick) {
+        self.link.clock(tick);
+        self.tick = tick;
+        self.is_time_sent = false;
+        self.broadcast_time();
+    }
+
+    fn progress(&mut self, progress: &Progress) {
+        self.foxglove.hub.publish_latched(&topics::progress().name, cdr::encode(progress), Tick(progress.tick));
+        self.link.progress(progress);
+    }
+
+    fn subscribers(&mut self) -> Option<&Subscribers> {
+        let is_other_here = self.update_own();
+        let there = self.link.subscribers();
+        if self.own.is_empty() {
+            return there;
+        }
+        // In almost every tick both are as before, and then there is nothing to do.
+        let is_other_there = there.map_or(!self.inner.is_empty(), |there| *there != self.inner);
+        if is_other_there {
+            self.inner = there.cloned().unwrap_or_default();
+        }
+        if is_other_here || is_other_there {
+            merge(&mut self.all, &self.own, &self.inner);
+        }
+        Some(&self.all)
+    }
+
+    fn publish(&mut self, view: VisualisationTopic, picture: &VisualisationMessage) {
+        let is_last = view == VisualisationTopic::Result;
+        if is_last || self.own.is_empty() || self.inner.contains_key(&view) {
+            self.link.publish(view, picture);
+        }
+        if is_last {
+            if let VisualisationMessage::Result(result) = picture {
+                self.foxglove.hub.publish_latched(&view.topic().name, cdr::encode(picture), Tick(result.tick));
+            }
+        } else if self.own.contains_key(&view)
+            && let Some(channel) = self.channels.get(&view)
+        {
+            let time_ns = self.tick.time_ns();
+            channel.log_with_meta(&cdr::encode(picture), PartialMetadata::with_log_time(time_ns));
+        }
+    }
+
+    fn real_time_factor(&mut self, rtf: Rtf) {
+        self.foxglove.hub.set_rtf(rtf);
+        self.link.real_time_factor(rtf);
+    }
+
+    fn log(&mut self, level: Level, text: &str) {
+        self.link.log(level, text);
+    }
+}
+
+impl<L: Transport> ControlInput for ObservedLink<'_, L> {
+    fn request(&mut self) -> Option<Request> {
+        self.link.request().or_else(|| self.foxglove.requests.try_iter().find_map(services::request))
+    }
+
+    fn accepts_requests(&self) -> bool {
+        true
+    }
+}
+
+impl<L> Drop for ObservedLink<'_, L> {
+    fn drop(&mut self) {
+        for request in self.foxglove.requests.try_iter() {
+            services::refuse(request, "the run has ended");
+        }
+        self.foxglove.wait_for_readers();
+    }
+}
+
+fn channel(context: &Arc<Context>, topic: &Topic) -> Arc<RawChannel> {
+    let schema = Schema::new(topic.message.to_string(), "ros2msg", schema::text(topic.message).into_bytes());
+    ChannelBuilder::new(topic.name.as_str())
+        .context(context)
+        .message_encoding("cdr")
+        .schema(schema)
+        .build_raw()
+        .expect("a channel of its own is refused only where the schema's encoding is none")
+}

@@ -1,0 +1,165 @@
+//! Agents that are controlled with standard messages (`cmd_vel`): their controller process, and the
+//! odometry and scans they receive.
+//!
+//! The first process found to publish velocities for such an agent controls it for the whole run.
+//! [`simulation::twist`] converts its twists into commands.
+
+use std::cell::Cell;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use msgs::geometry_msgs::TwistStamped;
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{JoinReply, Observation as Part};
+use msgs::nav_msgs::Odometry;
+use msgs::rosgraph_msgs::Clock;
+use msgs::sensor_msgs::PointCloud2;
+use msgs::topics;
+use ros_node::dds_topic_name;
+use ros_node::{EndpointFactory, Inbox, Publisher, RosError, Sample, source_of};
+use ros2_client::{Context, Node};
+
+use super::Item;
+use super::visualisation::VisualisationPublishers;
+use crate::transport::{Inbound, Incoming};
+use crate::wall_clock::now;
+use simulation::lockstep::SourceId;
+use simulation::twist;
+use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
+
+/// Wall time between two polls for publishers of velocities.
+const POLL_PERIOD: Duration = Duration::from_millis(50);
+
+/// The externally controlled agents of a run.
+pub(super) struct ExternalAgents {
+    agents: BTreeMap<AgentId, ExternalAgent>,
+    /// Messages on behalf of their controllers.
+    outgoing: VecDeque<Incoming>,
+    polled: Option<Instant>,
+}
+
+#[derive(Default)]
+struct ExternalAgent {
+    /// What it receives in this tick.
+    pictures: Vec<(VisualisationTopic, VisualisationMessage)>,
+    /// The participant that controls it, once known.
+    source: Option<SourceId>,
+    is_accepted: bool,
+    /// The tick of the last observation; velocities before the first one are ignored.
+    requested: Rc<Cell<Option<Tick>>>,
+}
+
+impl ExternalAgents {
+    /// Subscribes to the velocities of these agents. `own_run` holds the number of the run once it
+    /// is known.
+    ///
+    /// # Errors
+    /// If the middleware fails to create an endpoint.
+    pub(super) fn new(
+        agents: &BTreeSet<AgentId>,
+        endpoints: &mut EndpointFactory,
+        node: &mut Node,
+        inbox: &mut Inbox<Item>,
+        own_run: &Rc<Cell<Option<u64>>>,
+    ) -> Result<Self, RosError> {
+        let mut external = BTreeMap::new();
+        for &agent in agents {
+            let entry = ExternalAgent::default();
+            let (requested, own_run) = (Rc::clone(&entry.requested), Rc::clone(own_run));
+            endpoints.subscribe(node, &topics::cmd_vel(agent), inbox, move |sample: Sample<TwistStamped>| {
+                let Some(run) = own_run.get().filter(|_| requested.get().is_some()) else { return Item::Handled };
+                let command = sample.message.and_then(|twist| twist::command(run, agent, &twist));
+                let message = command.map_or_else(|reason| Inbound::Undecodable { reason }, Inbound::Command);
+                Item::Agent(Incoming { topic_agent: agent, source: SourceId(sample.source), message })
+            })?;
+            external.insert(agent, entry);
+        }
+        Ok(Self { agents: external, outgoing: VecDeque::new(), polled: None })
+    }
+
+    /// Forgets the previous run.
+    pub(super) fn reset(&mut self) {
+        self.outgoing.clear();
+        for agent in self.agents.values_mut() {
+            agent.pictures.clear();
+            agent.is_accepted = false;
+            agent.requested.set(None);
+        }
+    }
+
+    /// Whether there are none. They need the clock even before its subscription is discovered.
+    pub(super) fn is_empty(&self) -> bool {
+        self.agents.is_empty()
+    }
+
+    /// The next message on behalf of a controller: a join once it is found, an acknowledgement at
+    /// the end.
+    pub(super) fn next(&mut self, context: &Context, run: Option<u64>) -> Option<Incoming> {
+        if let Some(run) = run
+            && self.agents.values().any(|agent| !agent.is_accepted)
+            && self.polled.is_none_or(|polled| polled.elapsed() >= POLL_PERIOD)
+        {
+            self.polled = Some(now());
+            self.find_controllers(context, run);
+        }
+        self.outgoing.pop_front()
+    }
+
+    fn find_controllers(&mut self, context: &Context, run: u64) {
+        let writers = context.domain_participant().discovered_writers();
+        for (&agent, external) in self.agents.iter_mut().filter(|(_, external)| !external.is_accepted) {
+            let topic = dds_topic_name(&topics::cmd_vel(agent));
+            let of_agent = writers.iter().filter(|writer| *writer.publication_topic_data.topic_name() == topic);
+            let sources = of_agent.map(|writer| SourceId(source_of(writer.publication_topic_data.key)));
+            external.source = external.source.or(sources.min());
+            if let Some(source) = external.source {
+                let message = Inbound::Join(twist::join(run, agent));
+                self.outgoing.push_back(Incoming { topic_agent: agent, source, message });
+            }
+        }
+    }
+
+    /// Handles the reply to a join.
+    pub(super) fn receive_reply(&mut self, reply: &JoinReply) {
+        if let Some(external) = self.agents.get_mut(&AgentId(reply.agent)) {
+            external.is_accepted |= reply.accepted;
+        }
+    }
+
+    /// Keeps what an agent receives in this tick.
+    pub(super) fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
+        if let Some(external) = self.agents.get_mut(&agent) {
+            let points = points.map(|points| (VisualisationTopic::Points(agent), VisualisationMessage::Points(points)));
+            let odometry = (VisualisationTopic::Odometry(agent), VisualisationMessage::Odometry(Box::new(odometry)));
+            external.pictures = points.into_iter().chain([odometry]).collect();
+        }
+    }
+
+    /// Sends or resends what was kept, once all fragments of the observation have arrived here.
+    pub(super) fn send(
+        &mut self,
+        node: &mut Node,
+        clock: &mut Publisher<Clock>,
+        visualisation: &mut VisualisationPublishers,
+        agent: AgentId,
+        part: &Part,
+    ) {
+        let Some(external) = self.agents.get_mut(&agent).filter(|_| part.part + 1 == part.parts) else { return };
+        let tick = Tick(part.tick);
+        if part.phase == Part::ENDED {
+            if let Some(source) = external.source {
+                let message = Inbound::Command(twist::acknowledgement(part.run, agent, tick));
+                self.outgoing.push_back(Incoming { topic_agent: agent, source, message });
+            }
+            return;
+        }
+        for (view, picture) in &external.pictures {
+            visualisation.show(node, *view, picture);
+        }
+        if external.requested.replace(Some(tick)) == Some(tick) {
+            // A resend: some of it may have been lost, perhaps the clock.
+            clock.publish(node, &Clock { clock: tick.into() });
+        }
+    }
+}

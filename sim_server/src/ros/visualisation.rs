@@ -1,0 +1,156 @@
+//! Publishers of the visualisation topics.
+//!
+//! They exist from the start, so that tools find the topics; a topic without a reader is not
+//! published to.
+
+use std::collections::BTreeSet;
+
+use msgs::diagnostic_msgs::DiagnosticArray;
+use msgs::ids::AgentId;
+use msgs::maes_msgs::{Digest, Result as Outcome};
+use msgs::nav_msgs::{Odometry, Path};
+use msgs::sensor_msgs::PointCloud2;
+use msgs::tf2_msgs::TFMessage;
+use msgs::topics;
+use msgs::visualization_msgs::Marker;
+use ros_node::{EndpointFactory, Publisher, RosError, SubscriptionTracker};
+use ros2_client::{Context, Node};
+
+use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
+
+/// Index of `/clock` in the subscription tracker; the views follow.
+const CLOCK: usize = 0;
+
+/// The visualisation topics with their publishers and subscriptions.
+pub(super) struct VisualisationPublishers {
+    driven: BTreeSet<AgentId>,
+    publishers: Vec<(VisualisationTopic, TopicPublisher)>,
+    subscriptions: SubscriptionTracker,
+    listeners: Subscribers,
+}
+
+enum TopicPublisher {
+    Transforms(Publisher<TFMessage>),
+    Odometry(Publisher<Odometry>),
+    Points(Publisher<PointCloud2>),
+    Path(Publisher<Path>),
+    Marker(Publisher<Marker>),
+    Info(Publisher<DiagnosticArray>),
+    Digest(Publisher<Digest>),
+    Result(Publisher<Outcome>),
+}
+
+impl VisualisationPublishers {
+    /// Offers the visualisation topics of a run with this many agents. Topics that feed an
+    /// externally controlled agent are published with its observations, whatever their
+    /// subscriptions.
+    ///
+    /// # Errors
+    /// If the middleware fails to create a publisher.
+    pub(super) fn new(
+        endpoints: &mut EndpointFactory,
+        node: &mut Node,
+        agents: u32,
+        driven: &BTreeSet<AgentId>,
+    ) -> Result<Self, RosError> {
+        let mut publishers = Vec::new();
+        let mut tracked = vec![topics::clock()];
+        for view in VisualisationTopic::all(agents) {
+            let topic = view.topic();
+            let publisher = match view {
+                VisualisationTopic::Transforms | VisualisationTopic::StaticTransforms => {
+                    TopicPublisher::Transforms(endpoints.publisher(node, &topic)?)
+                }
+                VisualisationTopic::Odometry(_) => TopicPublisher::Odometry(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::Points(_) => TopicPublisher::Points(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::Path(_) => TopicPublisher::Path(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::Map | VisualisationTopic::Unexplored | VisualisationTopic::Contacts => {
+                    TopicPublisher::Marker(endpoints.publisher(node, &topic)?)
+                }
+                VisualisationTopic::Info => TopicPublisher::Info(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::Digest => TopicPublisher::Digest(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::Result => TopicPublisher::Result(endpoints.publisher(node, &topic)?),
+            };
+            publishers.push((view, publisher));
+            tracked.push(topic);
+        }
+        // Sorted by view, for binary search.
+        let mut numbered: Vec<_> = publishers.into_iter().zip(tracked.split_off(1)).collect();
+        numbered.sort_by_key(|((view, _), _)| *view);
+        let (publishers, view_topics): (Vec<_>, Vec<_>) = numbered.into_iter().unzip();
+        tracked.extend(view_topics);
+        let driven = driven.clone();
+        Ok(Self {
+            driven,
+            publishers,
+            subscriptions: SubscriptionTracker::new(&tracked),
+            listeners: Subscribers::new(),
+        })
+    }
+
+    /// Makes the next poll effective at once, because a reader may have just joined.
+    pub(super) fn poll_immediately(&mut self) {
+        self.subscriptions.poll_immediately();
+    }
+
+    /// The topics that have readers, or `None` without any.
+    pub(super) fn listeners(&mut self, context: &Context) -> Option<&Subscribers> {
+        self.poll(context);
+        (!self.listeners.is_empty()).then_some(&self.listeners)
+    }
+
+    /// Whether any topic had a reader at the last poll.
+    pub(super) fn has_listeners(&self) -> bool {
+        !self.listeners.is_empty()
+    }
+
+    /// Whether the clock has a reader.
+    pub(super) fn clock_has_subscribers(&mut self, context: &Context) -> bool {
+        self.poll(context);
+        self.subscriptions.has_subscribers(CLOCK)
+    }
+
+    fn poll(&mut self, context: &Context) {
+        if self.subscriptions.poll(context) {
+            let arrivals = |(number, (view, _)): (usize, &(VisualisationTopic, TopicPublisher))| {
+                let (VisualisationTopic::Odometry(agent) | VisualisationTopic::Points(agent)) = *view else {
+                    return self.arrivals(number, *view);
+                };
+                if self.driven.contains(&agent) { None } else { self.arrivals(number, *view) }
+            };
+            self.listeners = self.publishers.iter().enumerate().filter_map(arrivals).collect();
+        }
+    }
+
+    fn arrivals(&self, number: usize, view: VisualisationTopic) -> Option<(VisualisationTopic, u64)> {
+        Some((view, self.subscriptions.arrivals(CLOCK + 1 + number)?))
+    }
+
+    /// Publishes a message of a view.
+    pub(super) fn show(&mut self, node: &mut Node, view: VisualisationTopic, picture: &VisualisationMessage) {
+        let Ok(number) = self.publishers.binary_search_by_key(&view, |(view, _)| *view) else { return };
+        match (&mut self.publishers[number].1, picture) {
+            (TopicPublisher::Transforms(publisher), VisualisationMessage::Transforms(message)) => {
+                publisher.publish(node, message)
+            }
+            (TopicPublisher::Odometry(publisher), VisualisationMessage::Odometry(message)) => {
+                publisher.publish(node, message)
+            }
+            (TopicPublisher::Points(publisher), VisualisationMessage::Points(message)) => {
+                publisher.publish(node, message)
+            }
+            (TopicPublisher::Path(publisher), VisualisationMessage::Path(message)) => publisher.publish(node, message),
+            (TopicPublisher::Marker(publisher), VisualisationMessage::Marker(message)) => {
+                publisher.publish(node, message)
+            }
+            (TopicPublisher::Info(publisher), VisualisationMessage::Info(message)) => publisher.publish(node, message),
+            (TopicPublisher::Digest(publisher), VisualisationMessage::Digest(message)) => {
+                publisher.publish(node, message)
+            }
+            (TopicPublisher::Result(publisher), VisualisationMessage::Result(message)) => {
+                publisher.publish(node, message)
+            }
+            (_, picture) => unreachable!("a view has pictures of one type, not {picture:?}"),
+        }
+    }
+}

@@ -1,0 +1,41 @@
+use std::io;
+use std::path::Path;
+
+use sim_server::exit;
+use thiserror::Error;
+
+/// Why a run cannot be supervised.
+#[derive(Debug, Error)]
+pub enum SupervisorError {
+    /// Two servers in one domain would share their agents.
+    #[error("a run is under way in ROS domain {0}; choose another ROS_DOMAIN_ID")]
+    DomainTaken(String),
+    /// An external agent that the team does not have.
+    #[error("--external {agent}: agent {agent} does not take part: ids are 0 to {}", count - 1)]
+    UnknownExternal { agent: u32, count: u32 },
+    /// External agents are processes of their own, so the others have to be, too.
+    #[error("--agents-per-process {0}: expected 1 if some agents are external")]
+    SharedProcess(u32),
+    #[error("{what}: {source}")]
+    Io { what: String, source: io::Error },
+}
+
+impl SupervisorError {
+    pub(crate) fn io(what: impl Into<String>, source: io::Error) -> Self {
+        Self::Io { what: what.into(), source }
+    }
+
+    /// The error of a file or a program.
+    pub(crate) fn of(path: &Path) -> impl Fn(io::Error) -> Self {
+        move |source| Self::io(path.display().to_string(), source)
+    }
+
+    /// The exit code of the supervising process.
+    #[must_use]
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Io { .. } => exit::FAILED,
+            _ => exit::BAD_INPUT,
+        }
+    }
+}

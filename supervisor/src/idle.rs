@@ -1,0 +1,84 @@
+//! A server that waits for runs that are started on its page, one after the other, and the agents
+//! of each.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use sim_server::setup;
+
+use crate::SupervisorError;
+use crate::child::{ChildGuard, Signal, exit_code};
+use crate::domain::{self, DomainLock};
+use crate::processes::{self, ChildEvents, send};
+use crate::ready::ReadyPipe;
+use crate::team::Team;
+
+/// An idle server.
+#[derive(Debug, Clone)]
+pub struct IdleServer {
+    /// The folder with `sim_server` and `agent_node`.
+    pub binaries: PathBuf,
+    /// Where the page is: `ADDR:PORT`.
+    pub address: String,
+    /// The folder of the page, if it is not beside the binaries.
+    pub page: Option<PathBuf>,
+    /// The folder of the logs.
+    pub logs: PathBuf,
+}
+
+impl IdleServer {
+    /// Serves runs until the user interrupts it; the exit code of the server. `begun` is called
+    /// once the server was started.
+    ///
+    /// # Errors
+    /// If the server or an agent cannot be started.
+    pub fn supervise(&self, interruptions: &dyn Fn() -> u32, begun: impl FnOnce()) -> Result<u8, SupervisorError> {
+        let _lock = DomainLock::take(&domain::of_environment())?;
+        fs::create_dir_all(&self.logs).map_err(SupervisorError::of(&self.logs))?;
+        let mut events = ChildEvents::new()?;
+        let mut ready = ReadyPipe::create(&self.logs)?;
+        let mut command = processes::command(&self.binaries, "sim_server", None);
+        command.args(["run", "--idle", "--view", &self.address]);
+        if let Some(page) = &self.page {
+            command.arg("--page").arg(page);
+        }
+        command.arg("--check-agents").arg(self.binaries.join("agent_node"));
+        command.arg("--log").arg(self.logs.join("server.log")).arg("--ready").arg(ready.path());
+        let mut server = processes::start(command)?;
+        begun();
+        let mut agents: Vec<ChildGuard> = Vec::new();
+        let mut forwarded = 0;
+        let code = loop {
+            while forwarded < interruptions() {
+                forwarded += 1;
+                send(&server, Signal::SIGTERM);
+            }
+            agents.retain_mut(|agent| matches!(agent.ended(), Ok(None)));
+            if let Some(status) = server.ended().map_err(|source| SupervisorError::io("sim_server", source))? {
+                break exit_code(status);
+            }
+            // For every run that begins the server says which scenario it is.
+            while let Some(line) = ready.next_line().map_err(|source| SupervisorError::io("ready", source))? {
+                self.start_team(Path::new(&line), &mut agents)?;
+            }
+            events.wait(Some(std::os::fd::AsFd::as_fd(&ready)))?;
+        };
+        if code != 0 {
+            agents.iter().for_each(|agent| send(agent, Signal::SIGTERM));
+        }
+        processes::await_end(agents, &mut events)?;
+        Ok(code)
+    }
+
+    fn start_team(&self, file: &Path, agents: &mut Vec<ChildGuard>) -> Result<(), SupervisorError> {
+        // The server has read it before; if it is gone, so is the run.
+        let Ok(scenario) = setup::load(file, &[]) else { return Ok(()) };
+        let run = file.file_stem().unwrap_or_default().to_string_lossy();
+        for group in Team::default().groups(&scenario) {
+            let log = self.logs.join(format!("{run}_agent_{}.log", group.first));
+            let command = processes::command(&self.binaries, "agent_node", None);
+            agents.push(processes::start_agents(command, group, &log)?);
+        }
+        Ok(())
+    }
+}

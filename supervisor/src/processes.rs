@@ -1,0 +1,113 @@
+//! What a run and an idle server share: their processes, and waiting for one of them to end.
+
+use std::fs::{File, OpenOptions};
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use nix::errno::Errno;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use signal_hook::SigId;
+use signal_hook::consts::SIGCHLD;
+
+use crate::SupervisorError;
+use crate::child::{ChildGuard, Signal};
+use crate::domain;
+use crate::team::Group;
+
+/// Wall time after which a supervisor looks for interruptions again.
+const PERIOD: Duration = Duration::from_millis(100);
+
+/// Wall time that agents have to end once the server has ended.
+const SHUTDOWN: Duration = Duration::from_secs(5);
+
+/// Wakes a supervisor when a child process ends.
+pub(crate) struct ChildEvents {
+    pipe: UnixStream,
+    id: SigId,
+}
+
+impl ChildEvents {
+    pub(crate) fn new() -> Result<Self, SupervisorError> {
+        let open = || {
+            let (pipe, sender) = UnixStream::pair()?;
+            pipe.set_nonblocking(true)?;
+            let id = signal_hook::low_level::pipe::register(SIGCHLD, sender)?;
+            Ok(Self { pipe, id })
+        };
+        open().map_err(|source| SupervisorError::io("handling SIGCHLD", source))
+    }
+
+    /// Waits until a child process ends, `other` can be read, or a tenth of a second is over.
+    pub(crate) fn wait(&mut self, other: Option<BorrowedFd<'_>>) -> Result<(), SupervisorError> {
+        let mut awaited: Vec<PollFd<'_>> =
+            other.into_iter().chain([self.pipe.as_fd()]).map(|fd| PollFd::new(fd, PollFlags::POLLIN)).collect();
+        let timeout = PollTimeout::try_from(PERIOD).unwrap_or(PollTimeout::ZERO);
+        match poll(&mut awaited, timeout) {
+            Ok(_) | Err(Errno::EINTR) => {}
+            Err(errno) => return Err(SupervisorError::io("waiting for processes", errno.into())),
+        }
+        // Every wake-up is followed by a look at all processes, so one stands for many.
+        let mut bytes = [0; 64];
+        while matches!(io::Read::read(&mut self.pipe, &mut bytes), Ok(1..)) {}
+        Ok(())
+    }
+}
+
+impl Drop for ChildEvents {
+    fn drop(&mut self) {
+        signal_hook::low_level::unregister(self.id);
+    }
+}
+
+/// Starts a program in a ROS domain: that of the environment if none is named.
+pub(crate) fn command(binaries: &Path, name: &str, ros_domain: Option<u32>) -> Command {
+    let mut command = Command::new(binaries.join(name));
+    if let Some(id) = ros_domain {
+        command.env(domain::VARIABLE, id.to_string());
+    }
+    command
+}
+
+/// Starts a child process, and names the program if the system does not.
+pub(crate) fn start(command: Command) -> Result<ChildGuard, SupervisorError> {
+    let program = command.get_program().to_owned();
+    ChildGuard::start(command).map_err(SupervisorError::of(Path::new(&program)))
+}
+
+/// Starts a process for a group of agents; all that it prints is appended to `log`.
+pub(crate) fn start_agents(mut command: Command, group: Group, log: &Path) -> Result<ChildGuard, SupervisorError> {
+    let open = || -> io::Result<(File, File)> {
+        let file = OpenOptions::new().create(true).append(true).open(log)?;
+        Ok((file.try_clone()?, file))
+    };
+    let (stdout, stderr) = open().map_err(SupervisorError::of(log))?;
+    command.arg("--id").arg(format!("{}-{}", group.first, group.last)).stdout(stdout).stderr(stderr);
+    start(command)
+}
+
+/// Waits for agent processes whose server has ended; those that do not end are killed.
+pub(crate) fn await_end(mut agents: Vec<ChildGuard>, events: &mut ChildEvents) -> Result<(), SupervisorError> {
+    let begun = now();
+    loop {
+        agents.retain_mut(|agent| matches!(agent.ended(), Ok(None)));
+        // Dropping them kills them.
+        if agents.is_empty() || begun.elapsed() >= SHUTDOWN {
+            return Ok(());
+        }
+        events.wait(None)?;
+    }
+}
+
+/// Sends a signal to a process; one that is not there needs none.
+pub(crate) fn send(child: &ChildGuard, signal: Signal) {
+    drop(child.signal(signal));
+}
+
+#[expect(clippy::disallowed_methods, reason = "a bounded wait for processes to end")]
+fn now() -> Instant {
+    Instant::now()
+}

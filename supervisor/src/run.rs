@@ -1,0 +1,292 @@
+//! One run: a server, its agents, an exit code and a summary.
+//!
+//! With `faults.on_agent_loss = "wait"` the server holds the clock for agents that are lost; then
+//! agent processes that die are started again, each [`RESTARTS_MAX`] times.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use sim_server::exit;
+use sim_server::summary::Summary;
+use simulation::scenario::{OnAgentLoss, Scenario};
+
+use crate::SupervisorError;
+use crate::child::{ChildGuard, Signal, exit_code};
+use crate::domain::{self, DomainLock};
+use crate::processes::{self, ChildEvents, send};
+use crate::ready::ReadyPipe;
+use crate::team::{Group, Team};
+
+/// Restarts of each agent process before it is given up.
+pub const RESTARTS_MAX: u32 = 3;
+
+/// Exit code of an agent process that cannot take part: an argument, a controller, a setting.
+const AGENT_BAD_INPUT: u8 = 2;
+
+/// Exit code of an agent process that the server has refused, because another one has its id.
+const AGENT_REFUSED: u8 = 5;
+
+/// Exit code of a process that SIGTERM has ended.
+const BY_SIGTERM: u8 = 128 + Signal::SIGTERM as u8;
+
+/// Where the server reads the scenario.
+#[derive(Debug, Clone)]
+pub enum Source {
+    File(PathBuf),
+    /// A text; the server reads it from a file of this name in the folder of the logs.
+    Text {
+        name: &'static str,
+        toml: String,
+    },
+    /// The recording that `--resume` names.
+    Resumed,
+}
+
+/// Where the server prints.
+#[derive(Debug, Clone)]
+pub enum Console {
+    /// Where this process does.
+    Inherited,
+    /// Results nowhere, everything else to a file.
+    Quiet { stderr: PathBuf },
+}
+
+/// A run to supervise.
+#[derive(Debug, Clone)]
+pub struct Run<'a> {
+    /// The folder with `sim_server` and `agent_node`.
+    pub binaries: PathBuf,
+    /// The ROS domain, if it is not that of the environment.
+    pub domain: Option<u32>,
+    /// The scenario as the server will read it, flags included.
+    pub scenario: &'a Scenario,
+    pub source: Source,
+    /// Further flags of `sim_server run`.
+    pub server_flags: Vec<OsString>,
+    pub team: Team,
+    /// The folder of the logs.
+    pub logs: PathBuf,
+    pub console: Console,
+}
+
+/// How a supervised run has ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ended {
+    /// 0: the run has a result; 1: a failure of the system; 2: bad input; 3: agents were missing at
+    /// the start; 4: an agent was lost; 5: an agent was refused; 130: interrupted, or told to quit;
+    /// that of the server if a signal has ended it.
+    pub code: u8,
+    /// What the server says of the run, if it has a result.
+    pub summary: Option<Summary>,
+}
+
+impl Run<'_> {
+    /// Runs the processes to their end. `interruptions` is how often the user has asked for the end
+    /// so far; `say` is given lines for stderr.
+    ///
+    /// # Errors
+    /// If the run cannot begin, or a process cannot be started; no process is left then.
+    pub fn supervise(&self, interruptions: &dyn Fn() -> u32, say: &dyn Fn(&str)) -> Result<Ended, SupervisorError> {
+        self.team.check(self.scenario)?;
+        let domain = self.domain.map_or_else(domain::of_environment, |id| id.to_string());
+        let _lock = DomainLock::take(&domain)?;
+        fs::create_dir_all(&self.logs).map_err(SupervisorError::of(&self.logs))?;
+        let summary = self.logs.join("summary.json");
+        drop(fs::remove_file(&summary));
+        let mut events = ChildEvents::new()?;
+        let mut ready = ReadyPipe::create(&self.logs)?;
+        let server = processes::start(self.server(&ready, &summary)?)?;
+        let mut supervision = Supervision {
+            run: self,
+            interruptions,
+            say,
+            server,
+            forwarded: 0,
+            agents: BTreeMap::new(),
+            restarts: BTreeMap::new(),
+            refusal: None,
+        };
+        let code = match supervision.await_ready(&mut ready, &mut events)? {
+            Some(code) => code,
+            None => {
+                drop(ready);
+                supervision.start_team()?;
+                let code = supervision.await_server(&mut events)?;
+                supervision.end_agents(code, &mut events)?
+            }
+        };
+        Ok(Ended { code, summary: Summary::read(&summary) })
+    }
+
+    fn server(&self, ready: &ReadyPipe, summary: &Path) -> Result<Command, SupervisorError> {
+        let mut command = processes::command(&self.binaries, "sim_server", self.domain);
+        command.arg("run");
+        match &self.source {
+            Source::File(file) => drop(command.arg(file)),
+            Source::Text { name, toml } => {
+                let file = self.logs.join(name);
+                fs::write(&file, toml).map_err(SupervisorError::of(&file))?;
+                command.arg(file);
+            }
+            Source::Resumed => {}
+        }
+        command.args(&self.server_flags).arg("--log").arg(self.logs.join("server.log"));
+        command.arg("--ready").arg(ready.path()).arg("--summary").arg(summary);
+        if let Console::Quiet { stderr } = &self.console {
+            let file = File::create(stderr).map_err(SupervisorError::of(stderr))?;
+            command.stdout(Stdio::null()).stderr(file);
+        }
+        Ok(command)
+    }
+
+    fn log_of(&self, group: Group) -> PathBuf {
+        self.logs.join(format!("agent_{}.log", group.first))
+    }
+
+    fn start_agents(&self, group: Group) -> Result<ChildGuard, SupervisorError> {
+        let mut command = processes::command(&self.binaries, "agent_node", self.domain);
+        if let Some(delay) = self.team.chaos_delay_ms {
+            command.arg("--chaos-delay-ms").arg(delay.to_string());
+        }
+        if let Some(parameters) = self.team.parameters {
+            command.arg("--parameters").arg(parameters.to_string());
+        }
+        processes::start_agents(command, group, &self.log_of(group))
+    }
+}
+
+/// A run under way.
+struct Supervision<'a> {
+    run: &'a Run<'a>,
+    interruptions: &'a dyn Fn() -> u32,
+    say: &'a dyn Fn(&str),
+    server: ChildGuard,
+    /// Interruptions that the server was sent.
+    forwarded: u32,
+    agents: BTreeMap<Group, ChildGuard>,
+    restarts: BTreeMap<Group, u32>,
+    /// The exit code of a run that ends because of its agents.
+    refusal: Option<u8>,
+}
+
+impl Supervision<'_> {
+    /// Sends the server what the user has asked for: the first signal ends the run with a result,
+    /// the second one ends the server at once.
+    fn forward_interruptions(&mut self) {
+        while self.forwarded < (self.interruptions)() {
+            self.forwarded += 1;
+            send(&self.server, Signal::SIGTERM);
+        }
+    }
+
+    fn is_interrupted(&self) -> bool {
+        self.forwarded > 0
+    }
+
+    /// Waits for the server's handshake; the exit code of a server that ends before.
+    fn await_ready(&mut self, ready: &mut ReadyPipe, events: &mut ChildEvents) -> Result<Option<u8>, SupervisorError> {
+        loop {
+            self.forward_interruptions();
+            let ended = self.server.ended().map_err(|source| SupervisorError::io("sim_server", source))?;
+            let line = ready.next_line();
+            if line.map_err(|source| SupervisorError::io("ready", source))?.is_some() {
+                return Ok(None);
+            }
+            if let Some(status) = ended {
+                let code = exit_code(status);
+                // It has not got as far as to handle the signal.
+                let is_unhandled = self.is_interrupted() && code == BY_SIGTERM;
+                return Ok(Some(if is_unhandled { exit::BY_SIGNAL } else { code }));
+            }
+            events.wait(Some(std::os::fd::AsFd::as_fd(ready)))?;
+        }
+    }
+
+    fn start_team(&mut self) -> Result<(), SupervisorError> {
+        for group in self.run.team.groups(self.run.scenario) {
+            self.forward_interruptions();
+            if self.is_interrupted() {
+                break;
+            }
+            drop(fs::remove_file(self.run.log_of(group)));
+            let process = self.run.start_agents(group)?;
+            self.agents.insert(group, process);
+        }
+        Ok(())
+    }
+
+    /// Looks after the agents until the server ends; its exit code.
+    fn await_server(&mut self, events: &mut ChildEvents) -> Result<u8, SupervisorError> {
+        loop {
+            self.forward_interruptions();
+            self.look_after_agents()?;
+            if let Some(status) = self.server.ended().map_err(|source| SupervisorError::io("sim_server", source))? {
+                return Ok(exit_code(status));
+            }
+            events.wait(None)?;
+        }
+    }
+
+    fn look_after_agents(&mut self) -> Result<(), SupervisorError> {
+        let mut ended = Vec::new();
+        for (&group, process) in &mut self.agents {
+            if let Some(status) = process.ended().map_err(|source| SupervisorError::io("agent_node", source))? {
+                ended.push((group, exit_code(status)));
+            }
+        }
+        for (group, code) in ended {
+            self.agents.remove(&group);
+            self.agents_ended(group, code)?;
+        }
+        Ok(())
+    }
+
+    /// Agents that cannot take part end the run, unless other ones have taken their place; about
+    /// agents that die the server decides.
+    fn agents_ended(&mut self, group: Group, code: u8) -> Result<(), SupervisorError> {
+        let is_awaited = self.run.scenario.faults.on_agent_loss == OnAgentLoss::Wait;
+        let is_refused = code == AGENT_BAD_INPUT || (code == AGENT_REFUSED && !is_awaited);
+        let log = self.run.log_of(group);
+        if is_refused && self.refusal.is_none() {
+            self.refusal = Some(code);
+            (self.say)(fs::read_to_string(&log).unwrap_or_default().trim_end());
+            send(&self.server, Signal::SIGTERM);
+        } else if code != 0 && !self.is_interrupted() {
+            let first = group.first;
+            (self.say)(&format!("agent process {first} ended with exit code {code}; its log: {}", log.display()));
+            if is_awaited && code != AGENT_REFUSED {
+                self.restart(group)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn restart(&mut self, group: Group) -> Result<(), SupervisorError> {
+        let restarts = self.restarts.entry(group).or_default();
+        *restarts += 1;
+        if *restarts <= RESTARTS_MAX {
+            let process = self.run.start_agents(group)?;
+            self.agents.insert(group, process);
+        } else if self.refusal.is_none() {
+            let first = group.first;
+            (self.say)(&format!("agent process {first} is given up after {RESTARTS_MAX} restarts"));
+            self.refusal = Some(exit::AGENTS_LOST);
+            send(&self.server, Signal::SIGTERM);
+        }
+        Ok(())
+    }
+
+    /// The server has sent the agents their shutdown message, unless it has failed. The exit code
+    /// of the run.
+    fn end_agents(self, code: u8, events: &mut ChildEvents) -> Result<u8, SupervisorError> {
+        let agents: Vec<ChildGuard> = self.agents.into_values().collect();
+        if code != 0 {
+            agents.iter().for_each(|agent| send(agent, Signal::SIGTERM));
+        }
+        processes::await_end(agents, events)?;
+        Ok(self.refusal.unwrap_or(code))
+    }
+}

@@ -1,0 +1,139 @@
+//! Foreign crates: licences, duplicate versions and sources by the rules of `deny.toml`, and one
+//! set of features everywhere.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::support::binaries::cargo;
+use crate::support::root;
+
+/// Members whose own features a build of the workspace enables, so that building them alone builds
+/// them again; and this one.
+const WITHOUT_UNIFIED_FEATURES: [&str; 2] = ["fuzz", "workspace_features"];
+
+/// The foreign crates of `cargo tree` with these arguments: name, version, and `field`.
+fn tree(arguments: &[&str], field: &str) -> BTreeSet<(String, String, String)> {
+    let mut tree = cargo();
+    let edges = ["-e", "normal,build,dev", "--prefix", "none", "--format"];
+    tree.args(["tree", "--locked"]).args(arguments).args(edges).arg(format!("{{p}}|{field}"));
+    let output = tree.output().expect("cargo runs");
+    assert!(output.status.success(), "{tree:?}: {}", String::from_utf8_lossy(&output.stderr));
+    let lines = String::from_utf8(output.stdout).expect("names of packages are texts");
+    let crates = lines.lines().filter_map(|line| line.trim_end_matches(" (*)").split_once('|'));
+    // Members have a path in parentheses, procedural macros the words `proc-macro`.
+    let foreign = crates.filter(|(package, _)| !package.contains("(/"));
+    foreign
+        .map(|(package, field)| {
+            let mut words = package.split(' ');
+            let (name, version) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+            (name.to_owned(), version.trim_start_matches('v').to_owned(), field.to_owned())
+        })
+        .collect()
+}
+
+fn rules() -> toml::Table {
+    let text = std::fs::read_to_string(root().join("deny.toml")).expect("there are rules");
+    text.parse().expect("the rules are TOML")
+}
+
+/// The texts in an array of the rules: plain ones, or those with the key `crate` of tables.
+fn texts(rules: &toml::Table, section: &str, key: &str) -> BTreeSet<String> {
+    let entries = rules[section][key].as_array().expect("an array");
+    let texts = entries.iter().map(|entry| entry.get("crate").unwrap_or(entry).as_str().expect("a text").to_owned());
+    texts.collect()
+}
+
+/// Whether an SPDX expression can be met with allowed licences. `/` is an old form of `OR`; an
+/// exception with `WITH` only grants more.
+fn is_allowed(expression: &str, allowed: &BTreeSet<String>) -> bool {
+    if let Some(start) = expression.find('(') {
+        let length = expression[start..].find(')').expect("parentheses are closed and not nested");
+        let inner = is_allowed(&expression[start + 1..start + length], allowed);
+        let word = if inner { "allowed" } else { "refused" };
+        return is_allowed(&format!("{}{word}{}", &expression[..start], &expression[start + length + 1..]), allowed);
+    }
+    let is_met = |licence: &str| {
+        let name = licence.split(" WITH ").next().unwrap_or_default().trim();
+        name == "allowed" || allowed.contains(name)
+    };
+    expression.replace('/', " OR ").split(" OR ").any(|all| all.split(" AND ").all(is_met))
+}
+
+#[test]
+fn licences_are_allowed() {
+    let allowed = texts(&rules(), "licenses", "allow");
+    for (name, version, licence) in tree(&["--workspace", "--all-features"], "{l}") {
+        assert!(is_allowed(&licence, &allowed), "{name} {version}: {licence:?}; deny.toml allows {allowed:?}");
+    }
+    for (expression, expected) in [
+        ("MIT", true),
+        ("GPL-3.0", false),
+        ("GPL-3.0 OR MIT", true),
+        ("MIT AND GPL-3.0", false),
+        ("(GPL-3.0 OR MIT) AND Zlib", true),
+        ("(MIT OR Zlib) AND GPL-3.0", false),
+        ("Apache-2.0 WITH LLVM-exception", true),
+        ("Unlicense/MIT", true),
+        ("", false),
+    ] {
+        assert_eq!(is_allowed(expression, &allowed), expected, "{expression}");
+    }
+}
+
+#[test]
+fn versions_are_not_duplicated() {
+    let mut skipped = texts(&rules(), "bans", "skip");
+    let mut versions: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for (name, version, _) in tree(&["--workspace", "--all-features"], "") {
+        versions.entry(name).or_default().push(version);
+    }
+    for (name, versions) in versions.into_iter().filter(|(_, versions)| versions.len() > 1) {
+        let kept: Vec<_> = versions.iter().filter(|version| !skipped.remove(&format!("{name}@{version}"))).collect();
+        assert!(kept.len() <= 1, "{name} is there in the versions {versions:?}; deny.toml names all but one of them");
+    }
+    assert!(skipped.is_empty(), "deny.toml names what is no duplicate: {skipped:?}");
+}
+
+#[test]
+fn sources_are_crates_io() {
+    let lock: toml::Table = std::fs::read_to_string(root().join("Cargo.lock"))
+        .expect("there is a lock file")
+        .parse()
+        .expect("a lock file is TOML");
+    let packages = lock["package"].as_array().expect("an array of packages");
+    let mut foreign = 0;
+    for package in packages {
+        let Some(source) = package.get("source").and_then(toml::Value::as_str) else { continue };
+        assert_eq!(source, "registry+https://github.com/rust-lang/crates.io-index", "{}", package["name"]);
+        assert!(package.get("checksum").is_some(), "{} has a checksum", package["name"]);
+        foreign += 1;
+    }
+    assert!(foreign > 100, "{foreign} foreign crates");
+}
+
+/// So that `cargo test -p CRATE` compiles no foreign crate again after a build of the workspace.
+#[test]
+fn members_share_the_features_of_the_workspace() {
+    let workspace = tree(&["--workspace"], "{f}");
+    let members = unified_members();
+    assert!(members.len() >= 5, "{members:?}");
+    for member in members {
+        let other: Vec<_> = tree(&["-p", &member], "{f}").difference(&workspace).cloned().collect();
+        assert!(
+            other.is_empty(),
+            "{member} alone asks for other features than the workspace; is `workspace_features` among its development \
+             dependencies, with all of these crates? {other:#?}"
+        );
+    }
+}
+
+/// The members of the workspace that are built with unified features.
+fn unified_members() -> Vec<String> {
+    let manifest = std::fs::read_to_string(root().join("Cargo.toml")).expect("there is a manifest");
+    let manifest: toml::Table = manifest.parse().expect("a manifest is TOML");
+    let folders = manifest["workspace"]["members"].as_array().expect("an array of members");
+    let names = folders.iter().map(|folder| {
+        let folder = folder.as_str().expect("a path");
+        folder.rsplit('/').next().unwrap_or(folder).to_owned()
+    });
+    names.filter(|name| !WITHOUT_UNIFIED_FEATURES.contains(&name.as_str())).collect()
+}

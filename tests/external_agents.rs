@@ -1,0 +1,44 @@
+//! External agents on a real ROS 2 (rclpy on Fast DDS): one with the protocol of this project, and
+//! one with standard messages only. Both are the examples of docs/own-node.md.
+
+use crate::support::processes::Process;
+use crate::support::recordings::Recording;
+use crate::support::runs::{Outcome, Site};
+use crate::support::{python, root};
+
+fn example(site: &Site, script: &str, agent: &str) -> Process {
+    python::prepare_ros();
+    let mut command = site.command("bash");
+    let script = root().join("examples/python").join(script);
+    command.args(python::in_ros()).arg("python3").arg(script).arg(agent).env("PYTHONDONTWRITEBYTECODE", "1");
+    Process::start(&mut command)
+}
+
+/// Agent 0 uses the protocol, agent 1 standard messages; agent 2 is an `agent_node`.
+fn mixed_team(order: &str) -> Outcome {
+    let site = Site::new();
+    let speaker = example(&site, "agent.py", "0");
+    let _driver = example(&site, "cmd_vel_agent.py", "1");
+    let team = ["--agents", "3", "--external", "0", "--set", "agents.cmd_vel=[1]", "--order", order];
+    let cave = ["--size", "30", "--duration", "30", "--set", "stop_when_explored=false"];
+    let outcome = site.record(&[&team[..], &cave, &["--decision-timeout", "60", "--join-timeout", "300"]].concat());
+    speaker.ended().with_code(0);
+    outcome
+}
+
+#[test]
+fn mixed_team_is_deterministic() {
+    let [first, again] = ["forward", "reverse"].map(mixed_team);
+    assert_eq!(first.digest(), again.digest());
+    let result = Recording::from_bytes(&first.bytes).result();
+    assert!(result.explored_by.iter().all(|&share| share > 0.2), "{:?}", result.explored_by);
+    assert!(result.distance_m.iter().all(|&distance_m| distance_m > 5.0), "{:?}", result.distance_m);
+}
+
+#[test]
+fn cmd_vel_agents_require_ros() {
+    let site = Site::new();
+    let mut over_memory = site.run_sh(&["--agents", "2", "--transport", "memory", "--set", "agents.cmd_vel=[1]"]);
+    let ended = site.start(&mut over_memory).ended().with_code(2);
+    assert!(ended.stderr.contains("agents.cmd_vel"), "{}", ended.stderr);
+}

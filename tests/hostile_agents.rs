@@ -1,0 +1,496 @@
+//! Illegal commands, foreign senders, floods and undecodable messages: refused, counted, and
+//! without effect on the digest.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::net::Ipv4Addr;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use agent_node::transport::{Inbound as ToAgents, ServerTransport};
+use experiments::in_memory::{AgentsEnd, ServerEnd};
+use msgs::geometry_msgs::Point;
+use msgs::ids::{AgentId, Tick};
+use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
+use msgs::maes_msgs::{self, Command, Join, JoinReply, LidarRequest, Observation, Parcel, Progress, Scenario, Task};
+use msgs::topics::{self, Topic};
+use rand::RngExt;
+use ros2_client::qos::{Durability, QosProfile, Reliability, WhenFull};
+use ros2_client::{Context, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, Subscription};
+use rustdds::DomainParticipantBuilder;
+use serde::de::DeserializeOwned;
+use serde::ser::{Serialize, SerializeTuple, Serializer};
+use sim_server::session::RunError;
+use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
+use simulation::lockstep::SourceId;
+
+use crate::support::domains::Domain;
+use crate::support::memory::{Play, honest};
+use crate::support::processes::signal;
+use crate::support::recordings::{Recording, refusals};
+use crate::support::runs::{Run, Site};
+use crate::support::{HANG, lock};
+
+/// Duration of a run, seconds of sim time.
+const DURATION_S: f64 = 4.0;
+
+fn undisturbed_digest() -> String {
+    let agents = |mut end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
+        agent_node::host::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("honest agents are welcome");
+    };
+    let played = Play::of_two(DURATION_S).with(agents);
+    assert_eq!(refusals(&played.outcome().result), BTreeMap::new());
+    played.digest()
+}
+
+/// Illegal variants of a legal command.
+fn illegal(command: &Command) -> Vec<Command> {
+    let with = |change: &dyn Fn(&mut Command)| {
+        let mut changed = command.clone();
+        change(&mut changed);
+        changed
+    };
+    let task = |task: Task| with(&|command| command.task = task.clone());
+    let point = |x| Point { x, y: 1.0, z: 1.0 };
+    let mut commands = vec![
+        task(Task { kind: 6, ..Task::default() }),
+        task(Task { kind: 255, ..Task::default() }),
+        task(Task { kind: Task::PATH, path: Vec::new(), ..Task::default() }),
+        task(Task { kind: Task::PATH, path: vec![point(1.0); PATH_POINTS_MAX + 1], ..Task::default() }),
+        with(&|command| command.lidar = LidarRequest { kind: 4, period_ticks: 1 }),
+        with(&|command| command.lidar = LidarRequest { kind: LidarRequest::EVERY, period_ticks: 0 }),
+        with(&|command| command.info = "x".repeat(INFO_BYTES_MAX + 1)),
+        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: vec![0; PARCEL_BYTES_MAX + 1] }]),
+        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: vec![0; 20_000] }; 3]),
+        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: Vec::new() }; 10_000]),
+        with(&|command| command.parcels = vec![Parcel { agent: 2, kind: 0, data: vec![1] }]),
+    ];
+    for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300] {
+        commands.extend([
+            task(Task { kind: Task::MOVE, pitch_rad: wrong, distance_m: 1.0, ..Task::default() }),
+            task(Task { kind: Task::TURN, angle_rad: wrong, ..Task::default() }),
+            task(Task { kind: Task::VELOCITY, yaw_rate_rad_s: wrong, ..Task::default() }),
+            task(Task { kind: Task::PATH, path: vec![point(1.0), point(wrong)], ..Task::default() }),
+        ]);
+        let mut velocity = Task { kind: Task::VELOCITY, ..Task::default() };
+        velocity.linear_m_s.z = wrong;
+        commands.push(task(velocity));
+    }
+    for wrong in [f64::NAN, f64::NEG_INFINITY, -0.1] {
+        commands.push(task(Task { kind: Task::MOVE, distance_m: wrong, ..Task::default() }));
+    }
+    commands
+}
+
+/// A link that sends illegal commands of two agents in every tick, before and after each true
+/// command.
+struct IllegalSender {
+    inner: AgentsEnd,
+    last_tick: [Option<u64>; 2],
+    sent: Arc<Mutex<BTreeMap<&'static str, u64>>>,
+}
+
+impl IllegalSender {
+    fn send_illegal(&mut self, counter: &'static str, command: &Command) {
+        *lock(&self.sent).entry(counter).or_default() += 1;
+        self.inner.send_command(command);
+    }
+
+    /// Sends illegal commands before the true one, so that they arrive while it is awaited.
+    fn send_all_illegal(&mut self, command: &Command) {
+        // Unlike any true command, which may be resent.
+        let info = "illegal".to_owned();
+        let changed = |tick: u64, agent: u32| Command { tick, agent, info: info.clone(), ..command.clone() };
+        let Command { tick, agent, .. } = *command;
+        for wrong in [tick.wrapping_sub(1), tick + 1, tick + 1_000_000, u64::MAX] {
+            self.send_illegal("refused_wrong_tick", &changed(wrong, agent));
+        }
+        for unknown in [2, 1000, u32::MAX] {
+            self.send_illegal("refused_unknown_agent", &changed(tick, unknown));
+        }
+        if tick == 100 {
+            for _ in 0..10_000 {
+                self.send_illegal("refused_wrong_tick", &changed(99, agent));
+            }
+        }
+        for command in illegal(command) {
+            self.send_illegal("refused_illegal_command", &command);
+        }
+    }
+}
+
+impl ServerTransport for IllegalSender {
+    fn send_join(&mut self, join: &Join) {
+        self.inner.send_join(&Join { protocol: PROTOCOL + 1, ..join.clone() });
+        self.inner.send_join(&Join { agent: 7, ..join.clone() });
+        let mut sent = lock(&self.sent);
+        *sent.entry("refused_wrong_protocol").or_default() += 1;
+        *sent.entry("refused_unknown_agent").or_default() += 1;
+        drop(sent);
+        self.inner.send_join(join);
+    }
+
+    fn send_command(&mut self, command: &Command) {
+        let last_tick = &mut self.last_tick[command.agent as usize];
+        if *last_tick == Some(command.tick) {
+            // A resent request must not change the number of illegal commands.
+            return self.inner.send_command(command);
+        }
+        *last_tick = Some(command.tick);
+        self.send_all_illegal(command);
+        self.inner.send_command(command);
+        // Agent 1 replies after agent 0, so that the tick is not over yet.
+        if command.agent == 0 {
+            let stop = Task { kind: Task::STOP, ..Task::default() };
+            self.send_illegal("refused_second_answer", &Command { task: stop, ..command.clone() });
+        }
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<ToAgents> {
+        // Drops the refusals of this link's own false joins.
+        let is_true = |message: &ToAgents| !matches!(message, ToAgents::JoinReply(reply) if !reply.accepted);
+        self.inner.receive(timeout).filter(is_true)
+    }
+}
+
+#[test]
+fn hostile_commands_are_refused_without_effect() {
+    let sent = Arc::new(Mutex::new(BTreeMap::new()));
+    let mut play = Play::of_two(DURATION_S);
+    play.groups = vec![vec![0, 1]];
+    let shared = Arc::clone(&sent);
+    let played = play.with(move |inner, ids, is_over| {
+        let mut link = IllegalSender { inner, last_tick: [None; 2], sent: Arc::clone(&shared) };
+        agent_node::host::run(&mut link, &honest(0, ids), is_over).expect("refusals do not concern the agent");
+    });
+    let sent = lock(&sent).clone();
+    assert!(sent["refused_illegal_command"] > 10_000 && sent["refused_wrong_tick"] > 10_000, "{sent:?}");
+    assert_eq!(refusals(&played.outcome().result), sent);
+    assert_eq!(played.digest(), undisturbed_digest());
+    assert!(played.notes.iter().any(|note| note.contains("agent 0, tick 0: task.kind = 6")), "{:?}", played.notes);
+    assert!(played.notes.len() < 100, "a flood of illegal commands is no flood of notes: {}", played.notes.len());
+}
+
+/// A server's end into which a foreign sender injects messages.
+struct ForeignSender {
+    inner: ServerEnd,
+    waiting: VecDeque<Incoming>,
+}
+
+const FOREIGN: SourceId = SourceId([0xee; 16]);
+
+/// The instance number of an agent's process.
+fn instance_of(agent: u32) -> u64 {
+    u64::from(agent) + 10
+}
+
+impl ForeignSender {
+    fn say(&mut self, topic: u32, source: SourceId, message: ToServer) {
+        self.waiting.push_back(Incoming { topic_agent: AgentId(topic), source, message });
+    }
+}
+
+impl AgentTransport for ForeignSender {
+    fn announce(&mut self, scenario: &Scenario) {
+        self.inner.announce(scenario);
+    }
+
+    fn reply_join(&mut self, reply: &JoinReply) {
+        self.inner.reply_join(reply);
+    }
+
+    fn send(&mut self, agent: AgentId, part: &Observation) {
+        let stop = Task { kind: Task::STOP, ..Task::default() };
+        let run = part.run;
+        let command = Command { tick: part.tick, run, agent: agent.0, task: stop, ..Command::default() };
+        let other = 1 - agent.0;
+        self.say(agent.0, FOREIGN, ToServer::Command(command.clone()));
+        self.say(other, FOREIGN, ToServer::Command(command.clone()));
+        self.say(agent.0, FOREIGN, ToServer::Undecodable { reason: "noise".to_owned() });
+        let controller = "x".to_owned();
+        let join = Join { run, agent: agent.0, instance: 1, protocol: PROTOCOL, controller, last_tick: 0 };
+        // Messages of a member, with the number of another run.
+        let welcome = SourceId(u128::from(agent.0).to_le_bytes());
+        self.say(agent.0, welcome, ToServer::Command(Command { run: run ^ 1, ..command }));
+        self.say(agent.0, welcome, ToServer::Join(Join { run: 0, ..join.clone() }));
+        self.say(agent.0, FOREIGN, ToServer::Join(join.clone()));
+        // With the agent's own instance number, which is public: the agent must not receive a
+        // refusal.
+        let borrowed = Join { instance: instance_of(agent.0), ..join.clone() };
+        self.say(agent.0, FOREIGN, ToServer::Join(borrowed.clone()));
+        self.say(agent.0, FOREIGN, ToServer::Join(Join { protocol: PROTOCOL + 1, ..borrowed.clone() }));
+        self.say(other, FOREIGN, ToServer::Join(borrowed));
+        self.say(other, FOREIGN, ToServer::Join(join));
+        self.inner.send(agent, part);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        self.waiting.pop_front().or_else(|| self.inner.receive(timeout))
+    }
+}
+
+impl ObserverOutput for ForeignSender {
+    fn clock(&mut self, tick: Tick) {
+        self.inner.clock(tick);
+    }
+
+    fn progress(&mut self, progress: &Progress) {
+        self.inner.progress(progress);
+    }
+}
+
+impl ControlInput for ForeignSender {}
+
+#[test]
+fn foreign_senders_are_refused_without_effect() {
+    let mut play = Play::of_two(DURATION_S);
+    play.server_link = |inner| Box::new(ForeignSender { inner, waiting: VecDeque::new() });
+    let played = play.with(|mut end, ids, is_over| {
+        // Agents recognise refusals of foreign joins by the instance number.
+        agent_node::host::run(&mut end, &honest(instance_of(ids[0].0), ids), is_over).expect("agents are welcome");
+    });
+    let refusals = refusals(&played.outcome().result);
+    let asked = refusals["refused_not_joined"];
+    assert!(asked >= 2 * 200, "{refusals:?}");
+    let all = [
+        "refused_id_taken",
+        "refused_not_joined",
+        "refused_other_run",
+        "refused_undecodable",
+        "refused_wrong_protocol",
+        "refused_wrong_topic",
+    ];
+    assert_eq!(refusals.keys().copied().collect::<Vec<_>>(), all);
+    for (name, factor) in [
+        ("refused_id_taken", 2),
+        ("refused_other_run", 2),
+        ("refused_undecodable", 1),
+        ("refused_wrong_protocol", 1),
+        ("refused_wrong_topic", 3),
+    ] {
+        assert_eq!(refusals[name], factor * asked, "{name} in {refusals:?}");
+    }
+    assert_eq!(played.digest(), undisturbed_digest());
+}
+
+/// Illegal commands of a member in each tick, and half of its illegal joins.
+const FLOOD: u64 = 50;
+
+/// Agent 1: keeps its position, and with `floods` sends illegal messages beside each reply.
+fn stays(mut end: AgentsEnd, floods: bool, is_over: &AtomicBool) {
+    let mut run = 0;
+    let mut answered = None;
+    while !is_over.load(Ordering::Relaxed) {
+        match end.receive(Duration::from_millis(20)) {
+            Some(ToAgents::Scenario(scenario)) => {
+                run = scenario.run;
+                end.send_join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+            }
+            Some(ToAgents::Observation(Observation { tick, phase, part, parts, .. })) if part + 1 == parts => {
+                let answer = Command { tick, run, agent: 1, ..Command::default() };
+                let is_first = answered.replace((tick, phase)) != Some((tick, phase));
+                if !floods || phase == Observation::ENDED {
+                    end.send_command(&answer);
+                    continue;
+                }
+                // A resent request must not change the number of illegal messages.
+                for number in 0..if is_first { FLOOD } else { 0 } {
+                    end.send_command(&Command { tick: tick + 1 + number, ..answer.clone() });
+                    end.send_join(&Join { run, agent: 1, instance: 2 + number, protocol: PROTOCOL, ..Join::default() });
+                    end.send_join(&Join { run, agent: 0, instance: tick, protocol: PROTOCOL, ..Join::default() });
+                }
+                let parcel = Parcel { agent: Parcel::BROADCAST, kind: 7, data: vec![7; PARCEL_BYTES_MAX] };
+                end.send_command(&Command { parcels: vec![parcel], ..answer });
+            }
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn flooding_member_does_not_affect_others() {
+    let result = |floods: bool| {
+        let played = Play::of_two(DURATION_S).with(move |mut end, ids, is_over| {
+            if ids[0] == AgentId(1) {
+                return stays(end, floods, is_over);
+            }
+            // The flood does not use this instance number.
+            agent_node::host::run(&mut end, &honest(u64::MAX, ids), is_over).expect("agent 0 is welcome");
+        });
+        assert!(played.notes.len() < 20, "a flood of illegal commands is no flood of notes: {:?}", played.notes);
+        played.outcome().result.clone()
+    };
+    let (quiet, flooded) = (result(false), result(true));
+    assert_eq!(flooded.tick, quiet.tick);
+    assert_eq!(flooded.explored_by, quiet.explored_by);
+    assert_eq!(flooded.covered_by, quiet.covered_by);
+    assert_eq!(flooded.distance_m, quiet.distance_m);
+    let flood = FLOOD * quiet.tick;
+    assert_eq!(refusals(&flooded), BTreeMap::from([("refused_id_taken", 2 * flood), ("refused_wrong_tick", flood)]));
+    // The inbox of agent 0, which is not due for long, is bounded.
+    let count = |result: &maes_msgs::Result, name: &str| {
+        result.counters.iter().find(|counter| counter.name == name).expect("it is counted").value
+    };
+    assert!(count(&flooded, "parcels_inbox_full") > 0, "{:?}", flooded.counters);
+    assert_eq!(count(&flooded, "parcels_sent"), count(&quiet, "parcels_sent") + quiet.tick);
+}
+
+/// A stream of messages delays neither the timeout nor the end of a run.
+#[test]
+fn flooding_without_reply_times_out() {
+    let mut play = Play::of_two(DURATION_S);
+    play.scenario.execution.decision_timeout_s = 2.0;
+    play.scenario.execution.join_timeout_s = 2.0;
+    let played = play.with(move |mut end, ids, is_over| {
+        if ids[0] == AgentId(0) {
+            agent_node::host::run(&mut end, &honest(0, ids), is_over).expect("agent 0 is welcome");
+            return;
+        }
+        let Some(ToAgents::Scenario(Scenario { run, .. })) = end.receive(HANG) else {
+            panic!("the scenario comes first")
+        };
+        end.send_join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+        while !is_over.load(Ordering::Relaxed) {
+            for _ in 0..100 {
+                end.send_command(&Command { tick: u64::MAX, run, agent: 1, ..Command::default() });
+            }
+            end.receive(Duration::from_millis(1));
+        }
+    });
+    match played.outcome {
+        Err(RunError::AgentsLost { lost, tick: Tick(0), .. }) => assert_eq!(lost, [AgentId(1)]),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Raw bytes, whatever the type of the topic.
+#[derive(Debug)]
+struct Noise(Vec<u8>);
+
+impl Serialize for Noise {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut bytes = serializer.serialize_tuple(self.0.len())?;
+        self.0.iter().try_for_each(|byte| bytes.serialize_element(byte))?;
+        bytes.end()
+    }
+}
+
+/// A DDS participant in the domain of a run that is no member of it.
+struct Rogue {
+    node: Node,
+    _context: Context,
+}
+
+impl Rogue {
+    fn new(domain: &Domain) -> Self {
+        let participant = DomainParticipantBuilder::new(domain.id()).with_only_networks([Ipv4Addr::LOCALHOST]);
+        let participant = participant.build().expect("the domain has room");
+        let context = Context::from_domain_participant(participant).expect("the domain has room");
+        let name = NodeName::new("/", "rogue").expect("a legal name");
+        let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
+        let node = context.new_node(name, options).expect("the domain has room");
+        Self { node, _context: context }
+    }
+
+    fn topic(&self, topic: &Topic, durability: Durability) -> rustdds::Topic {
+        let qos = QosProfile::publisher_default().reliability(Reliability::Reliable { when_full: WhenFull::Fail });
+        let name = Name::parse(&topic.name).expect("a legal name");
+        let kind = MessageTypeName::new(topic.message.package, topic.message.name);
+        self.node.create_topic(&name, kind, &qos.durability(durability)).expect("a topic")
+    }
+
+    fn publisher<M: Serialize>(&mut self, topic: &Topic) -> Publisher<M> {
+        let topic = self.topic(topic, Durability::Volatile);
+        self.node.create_publisher(&topic, None).expect("a publisher")
+    }
+
+    /// Subscribes to a latched topic.
+    fn subscription<M: DeserializeOwned + 'static>(&mut self, topic: &Topic) -> Subscription<M> {
+        let topic = self.topic(topic, Durability::TransientLocal);
+        self.node.create_subscription(&topic, None).expect("a subscription")
+    }
+}
+
+#[test]
+fn undecodable_messages_are_refused_without_effect() {
+    let site = Site::new();
+    let flags = ["--agents", "2", "--size", "20", "--duration", "600", "--set", "stop_when_explored=false"];
+    let whole = site.record(&[&flags[..], &["--transport", "memory"]].concat());
+    let whole = Recording::from_bytes(&whole.bytes);
+
+    let mut run = site.start(&mut site.run_sh(&[&flags[..], &["--rtf", "4", "--record", "run.mcap"]].concat()));
+    run.is_under_way(&site.path("run.mcap"));
+    let mut rogue = Rogue::new(site.domain());
+    let noise_on_commands = rogue.publisher(&topics::command(AgentId(0)));
+    let noise_on_joins = rogue.publisher(&topics::join(AgentId(1)));
+    let mut rng = random_streams::stream(1, 0, "noise");
+    let mut noise = || Noise((0..rng.random_range(0..200)).map(|_| rng.random()).collect());
+    publish_until(&mut run, "a message on a topic of agent 0 cannot be decoded", || {
+        noise_on_commands.publish(noise()).is_ok()
+    });
+    publish_until(&mut run, "a message on a topic of agent 1 cannot be decoded", || {
+        noise_on_joins.publish(noise()).is_ok()
+    });
+
+    let commands = rogue.publisher(&topics::command(AgentId(0)));
+    let stop = Task { kind: Task::STOP, ..Task::default() };
+    let command = Command { task: stop, ..Command::default() };
+    publish_until(&mut run, "a message on a topic of agent 0 is of another run", || {
+        commands.publish(command.clone()).is_ok()
+    });
+
+    signal(run.process().pid(), "INT");
+    run.ended().with_code(130);
+    let recording = site.recording("run.mcap");
+    let result = recording.result();
+    let names: Vec<_> = refusals(&result).into_keys().collect();
+    assert_eq!(names, ["refused_other_run", "refused_undecodable"]);
+    recording.assert_begins(&whole, 1);
+}
+
+/// Any participant in the network can publish on the server's topics.
+#[test]
+fn agent_ignores_other_servers() {
+    let site = Site::new();
+    let flags = ["--agents", "2", "--size", "20", "--duration", "600", "--set", "stop_when_explored=false"];
+    let whole = site.record(&[&flags[..], &["--transport", "memory"]].concat());
+    let whole = Recording::from_bytes(&whole.bytes);
+
+    let mut run = site.start(&mut site.run_sh(&[&flags[..], &["--rtf", "4", "--record", "run.mcap"]].concat()));
+    run.is_under_way(&site.path("run.mcap"));
+    let mut rogue = Rogue::new(site.domain());
+    let scenarios = rogue.subscription::<Scenario>(&topics::scenario());
+    let observations = rogue.publisher(&topics::observation(AgentId(0)));
+    let mut number = None;
+    let log = site.path("logs/agent_0.log");
+    let is_ignored = || std::fs::read_to_string(&log).is_ok_and(|log| log.contains("is not the server"));
+    let pause = Duration::from_millis(50);
+    let mut pauses_left = HANG.as_millis() / pause.as_millis();
+    while !is_ignored() {
+        pauses_left = pauses_left.checked_sub(1).expect("the agent receives a message of the rogue");
+        run.process().says_within("x real time", pause);
+        number = number.or_else(|| scenarios.take().ok().flatten().map(|(scenario, _)| scenario.run));
+        if let Some(run) = number {
+            let end = Observation { run, parts: 1, phase: Observation::ENDED, tick: 1, ..Observation::default() };
+            observations.publish(end).expect("a rogue can publish");
+        }
+    }
+    signal(run.process().pid(), "INT");
+    run.ended().with_code(130);
+    let recording = site.recording("run.mcap");
+    assert_eq!(refusals(&recording.result()), BTreeMap::new());
+    recording.assert_begins(&whole, 1);
+}
+
+/// Publishes repeatedly, because discovery takes time, until the server prints `text`.
+#[track_caller]
+fn publish_until(run: &mut Run, text: &str, mut publish: impl FnMut() -> bool) {
+    let pause = Duration::from_millis(50);
+    for _ in 0..HANG.as_millis() / pause.as_millis() {
+        assert!(publish(), "a rogue can publish");
+        if run.process().says_within(text, pause) {
+            return;
+        }
+    }
+    panic!("the server never printed: {text}");
+}

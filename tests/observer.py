@@ -1,0 +1,265 @@
+"""A ROS 2 node that observes a run: checks its nodes, topics and public messages with the stock
+types.
+
+    observer.py [--agents N] [--size S] [--look-ahead] [--then forever|result]
+
+Needs rclpy and maes_msgs (see launch_scripts/ros_env.sh). Prints `ready` when it has subscribed,
+and `received everything` when all checks have passed; then it ends, or stays for ever, or until
+it has the result of the run and prints `result DIGEST`. With --look-ahead, agents do not get an
+observation at every tick. A failure goes to stderr, with exit code 1.
+"""
+
+import argparse
+import math
+import struct
+import sys
+import time
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from maes_msgs.msg import Digest, Observation, Progress, Result, Scenario
+from nav_msgs.msg import Odometry, Path
+from rcl_interfaces.msg import Log
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2, PointField
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker
+
+RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+SENSOR = qos_profile_sensor_data
+TICK_NS = 20_000_000
+TYPES = {
+    "/clock": "rosgraph_msgs/msg/Clock",
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/tf_static": "tf2_msgs/msg/TFMessage",
+    "/rosout": "rcl_interfaces/msg/Log",
+    "/sim/scenario": "maes_msgs/msg/Scenario",
+    "/sim/join_reply": "maes_msgs/msg/JoinReply",
+    "/sim/progress": "maes_msgs/msg/Progress",
+    "/sim/digest": "maes_msgs/msg/Digest",
+    "/sim/result": "maes_msgs/msg/Result",
+    "/sim/map": "visualization_msgs/msg/Marker",
+    "/sim/unexplored": "visualization_msgs/msg/Marker",
+    "/sim/contacts": "visualization_msgs/msg/Marker",
+    "/sim/info": "diagnostic_msgs/msg/DiagnosticArray",
+    "/agent_0/observation": "maes_msgs/msg/Observation",
+    "/agent_0/command": "maes_msgs/msg/Command",
+    "/agent_0/join": "maes_msgs/msg/Join",
+    "/agent_0/odom": "nav_msgs/msg/Odometry",
+    "/agent_0/points": "sensor_msgs/msg/PointCloud2",
+    "/agent_0/path": "nav_msgs/msg/Path",
+    "/agent_0/map": "visualization_msgs/msg/Marker",
+}
+# Subscriptions, and how many messages of each are required.
+SUBSCRIPTIONS = {
+    "/clock": (Clock, RELIABLE, 50),
+    "/tf": (TFMessage, RELIABLE, 10),
+    "/tf_static": (TFMessage, LATCHED, 1),
+    "/rosout": (Log, LATCHED, 2),
+    "/sim/scenario": (Scenario, LATCHED, 1),
+    "/sim/progress": (Progress, LATCHED, 1),
+    "/sim/digest": (Digest, RELIABLE, 2),
+    "/sim/map": (Marker, LATCHED, 1),
+    "/sim/unexplored": (Marker, LATCHED, 1),
+    "/sim/contacts": (Marker, LATCHED, 1),
+    "/sim/info": (DiagnosticArray, RELIABLE, 2),
+    "/sim/result": (Result, LATCHED, 0),
+    "/agent_0/observation": (Observation, RELIABLE, 20),
+    "/agent_0/odom": (Odometry, RELIABLE, 10),
+    "/agent_0/points": (PointCloud2, SENSOR, 3),
+    "/agent_0/path": (Path, LATCHED, 1),
+    "/agent_0/map": (Marker, LATCHED, 3),
+}
+
+
+def check(holds, words):
+    if not holds:
+        sys.exit(f"wrong: {words}")
+
+
+def nanoseconds(stamp):
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+class Observer:
+    def __init__(self, node, arguments):
+        self.node = node
+        self.agents = arguments.agents
+        self.size = arguments.size
+        self.wanted = {topic: count for topic, (_, _, count) in SUBSCRIPTIONS.items()}
+        if arguments.look_ahead:
+            self.wanted["/agent_0/observation"] = 1
+        self.received = {topic: [] for topic in SUBSCRIPTIONS}
+        for topic, (kind, qos, _) in SUBSCRIPTIONS.items():
+            node.create_subscription(kind, topic, lambda message, topic=topic: self.receive(topic, message), qos)
+
+    def receive(self, topic, message):
+        # An observer that stays for ever keeps a bounded number.
+        if len(self.received[topic]) < 2000:
+            self.received[topic].append(message)
+
+    def missing(self):
+        """Missing messages by topic."""
+        left = {topic: count - len(self.received[topic]) for topic, count in self.wanted.items()}
+        return {topic: count for topic, count in left.items() if count > 0}
+
+    def unseen(self):
+        """Nodes and topics that are missing in the graph."""
+        nodes = {(name, "/") for name in ["sim_server"] + [f"agent_{agent}" for agent in range(self.agents)]}
+        topics = dict(self.node.get_topic_names_and_types())
+        return sorted(nodes - set(self.node.get_node_names_and_namespaces())) + sorted(TYPES.keys() - topics.keys())
+
+    def has_received_everything(self):
+        return not self.missing() and not self.unseen()
+
+    def check(self):
+        self.check_graph()
+        self.check_protocol()
+        self.check_frames()
+        self.check_texts()
+        self.check_markers()
+        self.check_points()
+
+    def check_graph(self):
+        topics = dict(self.node.get_topic_names_and_types())
+        for topic, kind in TYPES.items():
+            check(topics[topic] == [kind], f"{topic} has the types {topics[topic]}")
+        for topic, (_, qos, _) in SUBSCRIPTIONS.items():
+            ours = {"sim_server"} | {f"agent_{agent}" for agent in range(self.agents)}
+            offers = [end for end in self.node.get_publishers_info_by_topic(topic) if end.node_name in ours]
+            check(offers, f"{topic} has a publisher")
+            for offer in offers:
+                offered = offer.qos_profile
+                check(offered.reliability == qos.reliability, f"{topic} is {offered.reliability}")
+                check(offered.durability == qos.durability, f"{topic} is {offered.durability}")
+
+    def check_protocol(self):
+        times_ns = [nanoseconds(clock.clock) for clock in self.received["/clock"]]
+        check(times_ns == sorted(set(times_ns)), "the clock runs forwards")
+        check(all(time_ns % TICK_NS == 0 for time_ns in times_ns), "the clock shows fixed updates")
+        scenario = self.received["/sim/scenario"][0]
+        expected = ([self.size] * 3, self.agents, TICK_NS)
+        check((list(scenario.size), scenario.agents, scenario.tick_ns) == expected, f"{scenario}")
+        observations = self.received["/agent_0/observation"]
+        ticks = [observation.tick for observation in observations]
+        check(ticks == sorted(ticks), "observations come in order")
+        check(all(observation.agent == 0 for observation in observations), "observations are of agent 0")
+        check(0.0 < observations[-1].position.x < self.size, f"the agent is in the map: {observations[-1].position}")
+        check(0.0 <= self.received["/sim/progress"][0].explored <= 1.0, "progress is a fraction")
+        check(all(digest.tick % 50 == 0 for digest in self.received["/sim/digest"]), "digests are of whole seconds")
+
+    def check_frames(self):
+        fixed = {(at.header.frame_id, at.child_frame_id) for message in self.received["/tf_static"] for at in message.transforms}
+        check(fixed == {(f"agent_{agent}/base_link", f"agent_{agent}/lidar") for agent in range(self.agents)}, f"{fixed}")
+        moving = {f"agent_{agent}/base_link" for agent in range(self.agents)}
+        for message in self.received["/tf"]:
+            check({at.child_frame_id for at in message.transforms} == moving, "every agent has a frame")
+            check(all(at.header.frame_id == "map" for at in message.transforms), "frames are in the map")
+        for topic in ("/tf", "/agent_0/odom"):
+            first = lambda message: message.transforms[0] if topic == "/tf" else message  # noqa: E731
+            stamps = [nanoseconds(first(message).header.stamp) for message in self.received[topic]]
+            check(stamps == sorted(set(stamps)), f"{topic} goes forwards")
+            # A new subscriber gets a message at once; the others follow the period.
+            unexpected = [stamp for stamp in stamps if stamp % (5 * TICK_NS) != 0]
+            check(len(unexpected) <= 4, f"{topic} comes every 5 ticks, but at {unexpected} ns")
+        for odometry in self.received["/agent_0/odom"]:
+            check((odometry.header.frame_id, odometry.child_frame_id) == ("map", "agent_0/base_link"), "frames of odometry")
+            check(abs(odometry.twist.twist.linear.y) < 1e-9, "the twist is in the frame of the body, which cannot go sideways")
+        for path in self.received["/agent_0/path"]:
+            check(path.header.frame_id == "map", "a path is in the map")
+            check(all(0.0 < pose.pose.position.x < self.size for pose in path.poses), "a path stays in the map")
+
+    def check_texts(self):
+        for info in self.received["/sim/info"]:
+            names = [status.name for status in info.status]
+            check(names == ["run"] + [f"agent_{agent}" for agent in range(self.agents)], f"{names}")
+            values = {value.key: value.value for value in info.status[0].values}
+            check(0.0 <= float(values["explored"]) <= 1.0 and float(values["rtf"]) > 0.0, f"{values}")
+        logs = {(log.name, log.level) for log in self.received["/rosout"] if log.name != self.node.get_name()}
+        check(("sim_server", Log.INFO) in logs, f"{logs}")
+        check(any(name.startswith("agent_") for name, _ in logs), f"{logs}")
+
+    def check_markers(self):
+        self.walls = self.cells("/sim/map", {"walls"})
+        unexplored = self.cells("/sim/unexplored", {"unexplored"})
+        check(self.walls and not self.walls & unexplored, "unexplored cells are free")
+        believed = self.cells("/agent_0/map", {"walls", "free", "frontiers"})
+        check(believed, "an agent has a map")
+        for lines in self.received["/sim/contacts"]:
+            check(lines.type == Marker.LINE_LIST and len(lines.points) % 2 == 0, "contacts are lines")
+            check((lines.action == Marker.DELETE) == (not lines.points), "without contacts there are no lines")
+
+    def cells(self, topic, groups):
+        """The cells of all markers of a topic, checked."""
+        found = set()
+        for marker in self.received[topic]:
+            check(marker.ns in groups and marker.type == Marker.CUBE_LIST, f"{topic}: {marker.ns}, {marker.type}")
+            check(marker.header.frame_id == "map" and marker.pose.orientation.w == 1.0, f"{topic} is in the map")
+            check((marker.action == Marker.DELETE) == (not marker.points), f"{topic}: a marker without points is deleted")
+            found |= {(math.floor(at.x), math.floor(at.y), math.floor(at.z)) for at in marker.points}
+        check(all(0 <= along < self.size for cell in found for along in cell), f"{topic} stays in the map")
+        return found
+
+    def check_points(self):
+        """Points lie on walls, from the pose of the agent at the tick of the scan."""
+        poses = {observation.tick: observation for observation in self.received["/agent_0/observation"]}
+        compared = 0
+        for cloud in self.received["/agent_0/points"]:
+            check(cloud.header.frame_id == "agent_0/base_link", f"frame of points: {cloud.header.frame_id}")
+            check([field.name for field in cloud.fields] == ["x", "y", "z"], "fields of points")
+            check(all(field.datatype == PointField.FLOAT32 for field in cloud.fields), "points are float32")
+            check(len(cloud.data) == cloud.row_step == cloud.width * 12 > 0, "length of points")
+            at = poses.get(nanoseconds(cloud.header.stamp) // TICK_NS)
+            if at is None:
+                continue
+            compared += 1
+            sin, cos = math.sin(at.yaw_rad), math.cos(at.yaw_rad)
+            missed = 0
+            for x, y, z in struct.iter_unpack("<fff", bytes(cloud.data)):
+                # A little beyond the surface, which is a face of the wall.
+                far = 1.0 + 1e-4 / math.sqrt(x * x + y * y + z * z)
+                hit = (
+                    at.position.x + (cos * x - sin * y) * far,
+                    at.position.y + (sin * x + cos * y) * far,
+                    at.position.z + z * far,
+                )
+                missed += tuple(math.floor(along) for along in hit) not in self.walls
+            # A ray at an edge may end in the next cell.
+            check(missed <= cloud.width // 100, f"{missed} of {cloud.width} rays have not met a wall")
+        check(compared > 0 or self.wanted["/agent_0/observation"] == 1, "a scan was in a tick that was observed")
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--agents", type=int, default=2)
+    parser.add_argument("--size", type=int, default=20)
+    parser.add_argument("--look-ahead", action="store_true")
+    parser.add_argument("--then", choices=["forever", "result"])
+    arguments = parser.parse_args()
+    rclpy.init()
+    node = rclpy.create_node("observer")
+    observer = Observer(node, arguments)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    print("ready", flush=True)
+    printed = time.monotonic()
+    while not observer.has_received_everything():
+        executor.spin_once(timeout_sec=0.2)
+        if time.monotonic() - printed > 10.0:
+            printed = time.monotonic()
+            print(f"still missing: {observer.missing()} {observer.unseen()}", file=sys.stderr, flush=True)
+    observer.check()
+    print("received everything", flush=True)
+    while arguments.then == "forever" or (arguments.then == "result" and not observer.received["/sim/result"]):
+        executor.spin_once(timeout_sec=0.2)
+    for result in observer.received["/sim/result"]:
+        print(f"result {bytes(result.digest).hex()}", flush=True)
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,212 @@
+//! The server while it waits for replies: it saves the recording, can be stopped, and tolerates
+//! late and repeated replies.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use agent_node::transport::{Inbound, ServerTransport};
+use experiments::in_memory::{AgentsEnd, ServerEnd};
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
+use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
+use simulation::scenario::Rtf;
+
+use crate::support::memory::{Play, Played, honest};
+use crate::support::processes::{Process, signal};
+use crate::support::recordings::{Recording, refusals};
+use crate::support::runs::{Site, scenario};
+
+/// Duration of a run, seconds of sim time.
+const DURATION_S: f64 = 1.0;
+
+/// An agent's link that hands each command to a closure.
+struct Slow<F> {
+    inner: AgentsEnd,
+    answer: F,
+    /// The last requested tick, and how many times it was requested.
+    asked: (u64, u32),
+}
+
+impl<F: FnMut(&mut AgentsEnd, &Command, u32)> ServerTransport for Slow<F> {
+    fn send_join(&mut self, join: &Join) {
+        self.inner.send_join(join);
+    }
+
+    fn send_command(&mut self, command: &Command) {
+        (self.answer)(&mut self.inner, command, self.asked.1);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
+        let message = self.inner.receive(timeout);
+        if let Some(Inbound::Observation(Observation { tick, .. })) = &message {
+            self.asked = if self.asked.0 == *tick { (*tick, self.asked.1 + 1) } else { (*tick, 1) };
+        }
+        message
+    }
+}
+
+/// A run in which a closure sends the commands of agent 1. Its last argument: how many times the
+/// tick was requested.
+fn with_answers(play: Play, answer: impl Fn(&mut AgentsEnd, &Command, u32) + Send + Sync + 'static) -> Played {
+    play.with(move |inner, ids, is_over| {
+        let options = honest(u64::from(ids[0].0), ids.clone());
+        let answer = |end: &mut AgentsEnd, command: &Command, asked| {
+            if ids == [AgentId(1)] { answer(end, command, asked) } else { end.send_command(command) }
+        };
+        let mut link = Slow { inner, answer, asked: (u64::MAX, 0) };
+        agent_node::host::run(&mut link, &options, is_over).expect("agents are welcome");
+    })
+}
+
+/// Digest and number of refused messages of such a run.
+fn run(play: Play, answer: impl Fn(&mut AgentsEnd, &Command, u32) + Send + Sync + 'static) -> (String, u64) {
+    let played = with_answers(play, answer);
+    (played.digest(), refusals(&played.outcome().result).values().sum())
+}
+
+#[test]
+fn first_reply_may_take_the_join_timeout() {
+    let mut impatient = Play::of_two(DURATION_S);
+    impatient.scenario.execution.decision_timeout_s = 0.5;
+    // Requests are resent after 0.1, 0.3 and 0.7 s.
+    let late = run(impatient, |end, command, asked| {
+        if command.tick > 0 || asked >= 4 {
+            end.send_command(command);
+        }
+    });
+    assert_eq!(late, run(Play::of_two(DURATION_S), |end, command, _| end.send_command(command)));
+}
+
+/// NaN is not equal to itself, so replies are compared by their bytes.
+#[test]
+fn repeated_reply_with_nan_is_idempotent() {
+    let said_once = |end: &mut AgentsEnd, command: &Command, _| {
+        let mut command = command.clone();
+        command.task.yaw_rate_rad_s = f64::NAN;
+        end.send_command(&command);
+    };
+    let once = run(Play::of_two(DURATION_S), said_once);
+    // At the second request of tick 10 the agent replies twice, and at the third once more.
+    let twice = run(Play::of_two(DURATION_S), move |end, command, asked| {
+        let times = if command.tick != 10 { 1 } else { [0, 0, 2, 1][asked.min(3) as usize] };
+        (0..times).for_each(|_| said_once(end, command, asked));
+    });
+    assert_eq!((once.1, &once), (0, &twice));
+}
+
+#[test]
+fn recording_is_saved_while_a_reply_is_awaited() {
+    let site = Site::new();
+    let file = site.path("run.mcap");
+    let mut recorded = Play::of_two(DURATION_S);
+    recorded.record = Some(file.clone());
+    recorded.scenario.execution.decision_timeout_s = 1000.0;
+    run(recorded, move |end, command, _| {
+        while command.tick == 20 && last_tick(&file) < 20 {
+            // Until then only the same request is resent.
+            end.receive(Duration::from_millis(20));
+        }
+        end.send_command(command);
+    });
+}
+
+/// The tick of the last message that can be read.
+fn last_tick(file: &Path) -> u64 {
+    Recording::read(file).messages.last().map_or(0, |message| message.tick)
+}
+
+/// The tick that the server of [`paced_run_can_be_stopped`] has reached.
+static CLOCK: AtomicU64 = AtomicU64::new(0);
+
+/// A server's end that stores the tick.
+struct Clocked(ServerEnd);
+
+impl AgentTransport for Clocked {
+    fn announce(&mut self, scenario: &Scenario) {
+        self.0.announce(scenario);
+    }
+
+    fn reply_join(&mut self, reply: &JoinReply) {
+        self.0.reply_join(reply);
+    }
+
+    fn send(&mut self, agent: AgentId, part: &Observation) {
+        self.0.send(agent, part);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        self.0.receive(timeout)
+    }
+}
+
+impl ObserverOutput for Clocked {
+    fn clock(&mut self, tick: Tick) {
+        self.0.clock(tick);
+        CLOCK.store(tick.0, Ordering::Relaxed);
+    }
+
+    fn progress(&mut self, progress: &Progress) {
+        self.0.progress(progress);
+    }
+}
+
+impl ControlInput for Clocked {}
+
+#[test]
+fn paced_run_can_be_stopped() {
+    let mut paced = Play::of_two(DURATION_S);
+    paced.server_link = |end| Box::new(Clocked(end));
+    paced.scenario.execution.rtf = Rtf::Limit(1e-6);
+    let stop = Arc::clone(&paced.stop);
+    let played = with_answers(paced, move |end, command, _| {
+        end.send_command(command);
+        while CLOCK.load(Ordering::Relaxed) < 1 {
+            end.receive(Duration::from_millis(20));
+        }
+        // No request comes any more, because the next tick is hours away.
+        while end.receive(Duration::from_millis(300)).is_some() {}
+        stop.store(true, Ordering::Relaxed);
+    });
+    let result = &played.outcome().result;
+    assert_eq!((result.reason.as_str(), result.tick), ("interrupted", 1));
+}
+
+#[test]
+fn abandoned_tick_keeps_sent_observations() {
+    let site = Site::new();
+    let long = ["--agents", "2", "--size", "20", "--duration", "600", "--look-ahead", "false", "--rtf", "20"];
+    let flags = ["--set", "stop_when_explored=false", "--decision-timeout", "1000", "--record", "run.mcap"];
+    let mut run = site.start(&mut site.run_sh(&[&long[..], &flags].concat()));
+    run.is_under_way(&site.path("run.mcap"));
+    signal(run.process().member(&["agent_node", "--id 1-1"]), "STOP");
+    signal(run.process().pid(), "INT");
+    run.ended().with_code(130);
+    let recording = site.recording("run.mcap");
+    for agent in [0, 1] {
+        let told: Vec<Observation> = recording.of(&format!("/agent_{agent}/observation"));
+        let answers: Vec<Command> = recording.of(&format!("/agent_{agent}/command"));
+        let running: Vec<_> = told.iter().filter(|part| part.phase == Observation::RUNNING && part.part == 0).collect();
+        let [answered, told] = [answers.len(), running.len()];
+        // Equal if the signal came between two ticks, or if no agent was due in this one.
+        assert!(told == answered || told == answered + 1, "agent {agent}: told {told} times, answered {answered}");
+    }
+}
+
+#[test]
+fn failed_start_keeps_the_older_recording() {
+    let site = Site::new();
+    site.file("run.mcap", "an older recording");
+    let start = |environment: (&str, &str), flags: &[&str]| {
+        let mut server = site.binary("sim_server");
+        server.arg("run").arg(scenario("default.toml")).args(["--record", "run.mcap"]).args(flags);
+        Process::start(server.env(environment.0, environment.1)).ended()
+    };
+    start(("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF"), &[]).with_code(1);
+    start(("ROS_DOMAIN_ID", "233"), &[]).with_code(2);
+    start(("NOTHING", ""), &["--set", "map.spheres.fill_ratio=7"]).with_code(2);
+    assert_eq!(std::fs::read_to_string(site.path("run.mcap")).expect("it is there"), "an older recording");
+    let left: Vec<_> = std::fs::read_dir(site.path("")).expect("it is there").collect();
+    assert_eq!(left.len(), 1, "{left:?}");
+}

@@ -1,0 +1,3 @@
+//! Does nothing; without a build script, the build dependencies of this package would be left out.
+
+fn main() {}

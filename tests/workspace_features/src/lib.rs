@@ -1,0 +1,1 @@
+//! No code: the features that Cargo.toml asks for are all there is.
