@@ -3,8 +3,8 @@
     ros2 launch launch_scripts/maes.launch.py agents:=5 controller:=dsvp size:=100 rviz:=true
     ros2 launch launch_scripts/maes.launch.py --show-args
 
-The launch ends with the run. launch_scripts/run.sh does the same without ROS, and has more flags; build the binaries first
-(`cargo build --release`).
+The launch ends with the run. `maes run` does the same without ROS, and has more flags; build the
+binaries first (`cargo build --release`).
 """
 
 import os

@@ -20,6 +20,8 @@ const LONG: [&str; 10] =
 const PACED: [&str; 4] = ["--rtf", "10", "--record", "run.mcap"];
 
 fn paced(site: &Site, flags: &[&str]) -> Run {
+    // One of an earlier run would be under way already.
+    drop(std::fs::remove_file(site.path("run.mcap")));
     let mut run = site.start(&mut site.run_sh(&[&LONG[..], &PACED, flags].concat()));
     run.is_under_way(&site.path("run.mcap"));
     run

@@ -11,10 +11,11 @@
 //! Plots and SVG are our own code: no plotting library guarantees the same bytes across its
 //! versions.
 
+mod estimates;
 mod figures;
 #[cfg(test)]
 mod fixture;
-mod numbers;
+mod metrics;
 mod outcomes;
 mod page;
 mod pairs;
@@ -110,8 +111,8 @@ pub fn write(dir: &Path) -> Result<Written, ReportError> {
     }
     let page = report.join("report.html");
     write_file(&page, page::html(&study, &contents).as_bytes())?;
-    let lacking = study.lacking().iter().map(|(_, count)| count).sum();
-    Ok(Written { page, runs: study.runs.len(), lacking })
+    let missing = study.missing().iter().map(|(_, count)| count).sum();
+    Ok(Written { page, runs: study.runs.len(), lacking: missing })
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {

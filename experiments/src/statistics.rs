@@ -21,7 +21,7 @@ pub use bootstrap::{Pairing, RESAMPLES, bootstrap_mean, bootstrap_ratio};
 pub use ranks::{Wilcoxon, a12, holm, wilcoxon_signed_rank};
 pub use survival::{Censored, kaplan_meier, median_time, restricted_mean, success_fraction};
 
-/// Why a statistic is undefined. Places are indices.
+/// Why a statistic is undefined. `place` is an index.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum StatisticsError {
     #[error("{needed} values or more are needed, there are {got}")]

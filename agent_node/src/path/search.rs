@@ -86,7 +86,7 @@ pub enum Progress {
 /// A search that can run in slices; the slicing does not change the result.
 ///
 /// It borrows the map, which cannot change meanwhile; [`super::Budgeted`] and [`super::Background`]
-/// are results that take sim time while the world goes on.
+/// are results that take sim time while the simulation continues.
 ///
 /// The start is the cell of the body: it need not be usable, and cells that the body touches there
 /// do not block its first step. If no goal is usable (nor the start), there is no path, at once.

@@ -3,9 +3,9 @@ use std::path::Path;
 use super::*;
 use crate::merge::{MergeError, is_same_run, merge};
 
-const PLAN_TEXT: &str = "seeds = \"1..3\"\n[axes]\n\"agents.controller\" = [\"rbw\", \"nearest-frontier\"]\n[scenario]\n\
-                         duration_s = 25.0\n[scenario.map]\nkind = \"spheres\"\nsize = 24\n[scenario.agents]\ncount = 2\n\
-                         [scenario.lidar]\nrange_m = 3.0\n";
+const PLAN_TEXT: &str = "seeds = \"1..3\"\n[axes]\n\"agents.controller\" = [\"rbw\", \"nearest-frontier\"]\n\
+                         [scenario]\nduration_s = 25.0\n[scenario.map]\nkind = \"spheres\"\nsize = 24\n\
+                         [scenario.agents]\ncount = 2\n[scenario.lidar]\nrange_m = 3.0\n";
 
 fn plan() -> Plan {
     Plan::parse("p.toml", PLAN_TEXT, Path::new(".")).unwrap()

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::numbers::{
-    AREA, BELIEVED, COLLISIONS, CONTACT, COVERED, DISTANCE, DISTANCE_MAX, EXPLORED, Estimate, FAILURES, IMBALANCE,
-    MILESTONES, Metric, Quartiles, REAL_TIME_FACTOR, REDUNDANCY, RESAMPLES, STALENESS, TRAFFIC, TimeUnit, Times, WALL,
+use super::estimates::{Estimate, Quartiles, RESAMPLES, Times};
+use super::metrics::{
+    AREA, BELIEVED, COLLISIONS, CONTACT, COVERED, DISTANCE, DISTANCE_MAX, EXPLORED, FAILURES, IMBALANCE, MILESTONES,
+    Metric, REAL_TIME_FACTOR, REDUNDANCY, STALENESS, TRAFFIC, TimeUnit, WALL,
 };
 use super::study::{Condition, Study};
 use super::table::{Entry, Table, digits_for, mean_entry};
@@ -69,17 +70,17 @@ fn times(study: &Study) -> Result<Table, StatisticsError> {
         }
         Ok(row)
     })?;
-    let caption = "Time until the team has seen 90, 99 and 100 % of the free cells. A run that does not reach a share is \
-                   right-censored at the duration: the restricted mean uses the duration as its time, and the median \
-                   (Kaplan-Meier) is missing where fewer than half of the runs reach the share.";
+    let caption = "Time until the team has seen 90, 99 and 100 % of the free cells. A run that does not reach a \
+                   share is right-censored at the duration: the restricted mean uses the duration as its time, and \
+                   the median (Kaplan-Meier) is missing where fewer than half of the runs reach the share.";
     Ok(Table { name: "times", caption: caption.to_owned(), columns, rows })
 }
 
 fn effort(study: &Study) -> Result<Table, StatisticsError> {
     let metrics = [DISTANCE, DISTANCE_MAX, REDUNDANCY, IMBALANCE, COLLISIONS, FAILURES];
-    let caption = "Effort, mean [95 % CI]. Redundancy: cells seen by each agent itself, summed over the agents, divided by \
-                   the cells seen by the team, minus 1. Imbalance: coefficient of variation of the cells that each \
-                   agent has seen itself.";
+    let caption = "Effort, mean [95 % CI]. Redundancy: cells seen by each agent itself, summed over the agents, \
+                   divided by the cells seen by the team, minus 1. Imbalance: coefficient of variation of the cells \
+                   that each agent has seen itself.";
     Ok(Table {
         name: "effort",
         caption: caption.to_owned(),
@@ -118,8 +119,8 @@ pub(super) fn cost(study: &Study) -> Result<Table, StatisticsError> {
         }
         Ok(row)
     })?;
-    let caption = "Wall time of the simulation, over the runs of a cell; it depends on the machine and its load. Decision \
-                   times: percentiles of each run, of which the median over the runs is shown.";
+    let caption = "Wall time of the simulation, over the runs of a cell; it depends on the machine and its load. \
+                   Decision times: percentiles of each run, of which the median over the runs is shown.";
     Ok(Table { name: "cost", caption: caption.to_owned(), columns, rows })
 }
 

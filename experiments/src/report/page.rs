@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 use super::Contents;
 use super::figures::Figure;
-use super::numbers::{DISTANCE, EXPLORED};
+use super::metrics::{DISTANCE, EXPLORED};
 use super::outcomes::column;
 use super::study::{Study, agents_name, size_name};
 use super::svg::escape;
@@ -45,11 +45,12 @@ pub(super) fn html(study: &Study, contents: &Contents) -> String {
          <style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n"
     );
     text.push_str(&facts(study));
-    text.push_str(&lacking(study));
+    text.push_str(&missing(study));
     text.push_str("<h2>Results</h2>\n");
     text.push_str(
         "<p class=\"note\">Functions of scenario, seed and build: a repetition gives the same numbers. Intervals are \
-         95 % bootstrap intervals (BCa) over the runs of a cell, which differ in the seed and therefore in the map.</p>\n",
+         95 % bootstrap intervals (BCa) over the runs of a cell, which differ in the seed and therefore in the \
+         map.</p>\n",
     );
     text.extend(contents.figures.iter().map(figure));
     text.extend(contents.tables.iter().map(wide));
@@ -103,14 +104,14 @@ fn facts(study: &Study) -> String {
 }
 
 /// A list of cells with missing seeds.
-fn lacking(study: &Study) -> String {
-    let lacking = study.lacking();
-    if lacking.is_empty() {
+fn missing(study: &Study) -> String {
+    let missing = study.missing();
+    if missing.is_empty() {
         return String::new();
     }
     let seeds = study.seeds().len();
     let mut text = format!("<p>Some of the {seeds} seeds are missing in these cells:</p>\n<ul>\n");
-    for (cell, count) in lacking {
+    for (cell, count) in missing {
         writeln!(text, "<li>{}: {count} of {seeds} missing</li>", escape(&cell)).expect("a String can be written");
     }
     text.push_str("</ul>\n");

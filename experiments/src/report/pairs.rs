@@ -3,7 +3,8 @@
 //! The comparisons under one condition are a family: their p-values are adjusted together (Holm).
 //! Conditions are separate questions; an adjustment over all of them would need far more seeds.
 
-use super::numbers::{AREA, DISTANCE, EXPLORED, Estimate, LEVEL, MILESTONES, RESAMPLES, SEED, TimeUnit, Times};
+use super::estimates::{Estimate, LEVEL, RESAMPLES, SEED, Times};
+use super::metrics::{AREA, DISTANCE, EXPLORED, MILESTONES, TimeUnit};
 use super::outcomes::{column, condition_columns, condition_entries};
 use super::study::Study;
 use super::table::{Entry, Table, digits_for};
@@ -75,9 +76,9 @@ fn table(study: &Study, (name, what, values): Compared) -> Result<Table, Statist
         rows.append(&mut family);
     }
     let caption = format!(
-        "Controllers A and B compared run by run with the same seed: {what}. A12: probability that A has the greater value, a tie \
-         counting half; 0.5 is no difference. p: Wilcoxon signed-rank test, two-sided; Holm: adjusted for all \
-         comparisons on the same kind of map with the same number of agents."
+        "Controllers A and B compared run by run with the same seed: {what}. A12: probability that A has the greater \
+         value, a tie counting half; 0.5 is no difference. p: Wilcoxon signed-rank test, two-sided; Holm: adjusted \
+         for all comparisons on the same kind of map with the same number of agents."
     );
     Ok(Table { name, caption, columns, rows })
 }

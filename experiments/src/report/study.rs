@@ -147,18 +147,18 @@ impl Study {
     }
 
     /// The cells in which seeds of other cells are missing, each with the number of missing seeds.
-    pub(super) fn lacking(&self) -> Vec<(String, usize)> {
+    pub(super) fn missing(&self) -> Vec<(String, usize)> {
         let seeds = self.seeds();
-        let mut lacking = Vec::new();
+        let mut missing = Vec::new();
         for condition in &self.conditions {
             for (controller, name) in self.controllers.iter().enumerate() {
                 let present: BTreeSet<u64> = self.cell(condition, controller).iter().map(|run| run.row.seed).collect();
                 if present.len() < seeds.len() {
-                    lacking.push((format!("{name}: {}", self.condition_name(condition)), seeds.len() - present.len()));
+                    missing.push((format!("{name}: {}", self.condition_name(condition)), seeds.len() - present.len()));
                 }
             }
         }
-        lacking
+        missing
     }
 }
 
@@ -224,7 +224,7 @@ mod tests {
                 "5 agents, 50³ cells, lidar.range_m = 10"
             ]
         );
-        assert_eq!(study.lacking().iter().map(|(_, count)| count).sum::<usize>(), 2);
+        assert_eq!(study.missing().iter().map(|(_, count)| count).sum::<usize>(), 2);
     }
 
     #[test]

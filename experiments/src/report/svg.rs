@@ -213,8 +213,9 @@ impl Svg {
             PAPER.colour
         );
         format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" viewBox=\"0 0 {width:.0} \
-             {height:.0}\" font-family=\"{FONT}\" role=\"img\">\n<title>{}</title>\n{background}\n{}</svg>\n",
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
+             viewBox=\"0 0 {width:.0} {height:.0}\" \
+             font-family=\"{FONT}\" role=\"img\">\n<title>{}</title>\n{background}\n{}</svg>\n",
             escape(title),
             self.body
         )

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::numbers::{Estimate, Quartiles};
+use super::estimates::{Estimate, Quartiles};
 use super::svg::escape;
 use crate::statistics::Interval;
 

@@ -295,7 +295,7 @@ proptest! {
     }
 
     #[test]
-    fn intervals_of_symmetric_samples_contain_their_mean(half in vec(0.1..100.0, 3..12), centre in -50.0..50.0, seed: u64) {
+    fn intervals_of_symmetric_samples_hold_the_mean(half in vec(0.1..100.0, 3..12), centre in -50.0..50.0, seed: u64) {
         let xs: Vec<f64> = half.iter().flat_map(|off| [centre - off, centre + off]).collect();
         let interval = bootstrap_mean(&xs, LEVEL, 500, seed).unwrap();
         prop_assert!(interval.low < centre && centre < interval.high, "{interval:?}");

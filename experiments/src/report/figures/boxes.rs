@@ -1,6 +1,7 @@
 //! Box plots of the runs of each cell, grouped by team size.
 
-use super::super::numbers::{DISTANCE, EXPLORED, Metric, Quartiles, REAL_TIME_FACTOR, REDUNDANCY, STALENESS};
+use super::super::estimates::Quartiles;
+use super::super::metrics::{DISTANCE, EXPLORED, Metric, REAL_TIME_FACTOR, REDUNDANCY, STALENESS};
 use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, room_for};
 use super::super::study::{Condition, Study};
 use super::super::svg::{Area, Pen};

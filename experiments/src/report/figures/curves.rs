@@ -1,6 +1,7 @@
 //! Curves over sim time: the explored share, and the share of runs that have reached a milestone.
 
-use super::super::numbers::{Estimate, MILESTONES, Milestone, TimeUnit, Times, explored_at};
+use super::super::estimates::{Estimate, Times};
+use super::super::metrics::{MILESTONES, Milestone, TimeUnit, explored_at};
 use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, pen, room_for};
 use super::super::study::{Condition, Study};
 use super::super::svg::Pen;
@@ -46,9 +47,9 @@ pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
         mark: Mark::Band,
     };
     let svg = over_time(study, &sheet, draw)?;
-    let caption = "Explored share of the free cells over sim time. Thick lines: mean over the runs of a cell. Bands: 95 % \
-                   bootstrap interval of the mean, pointwise. Thin lines: single runs; a run that has ended counts with \
-                   its last value.";
+    let caption = "Explored share of the free cells over sim time. Thick lines: mean over the runs of a cell. Bands: \
+                   95 % bootstrap interval of the mean, pointwise. Thin lines: single runs; a run that has ended \
+                   counts with its last value.";
     Ok(Figure { name: "exploration".to_owned(), caption: caption.to_owned(), svg })
 }
 

@@ -1,6 +1,7 @@
 //! Figures over the team size: scaling, and wall time of decisions.
 
-use super::super::numbers::{DISTANCE, EXPLORED, Estimate, MILESTONES, RESAMPLES, TimeUnit, Times};
+use super::super::estimates::{Estimate, RESAMPLES, Times};
+use super::super::metrics::{DISTANCE, EXPLORED, MILESTONES, TimeUnit};
 use super::super::outcomes::{DECISION_TIMES, decision_us};
 use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, pen, room_for};
 use super::super::study::{Condition, Environment, Study};
@@ -71,9 +72,9 @@ pub(super) fn scaling(study: &Study) -> Result<Option<Figure>, StatisticsError> 
             draw_line(&mut sheet, &panel, study, *controller, points);
         }
     }
-    let caption = "Means over the runs of a cell with 95 % bootstrap intervals, over the number of agents; the marks of \
-                   controllers are slightly offset. The restricted mean time uses the duration for runs that do not \
-                   reach 99 %.";
+    let caption = "Means over the runs of a cell with 95 % bootstrap intervals, over the number of agents; the marks \
+                   of controllers are slightly offset. The restricted mean time uses the duration for runs that do \
+                   not reach 99 %.";
     Ok(Some(Figure { name: "scaling".to_owned(), caption: caption.to_owned(), svg: sheet.finish() }))
 }
 
@@ -196,7 +197,7 @@ pub(super) fn decisions(study: &Study) -> Result<Option<Figure>, StatisticsError
             }
         }
     }
-    let caption = "Wall time of a decision of an agent: dot: median, long bar: 95th percentile, short bar: 99th percentile; \
-                   of each, the median over the runs of a cell. The axis is logarithmic.";
+    let caption = "Wall time of a decision of an agent: dot: median, long bar: 95th percentile, short bar: 99th \
+                   percentile; of each, the median over the runs of a cell. The axis is logarithmic.";
     Ok(Some(Figure { name: "decision-times".to_owned(), caption: caption.to_owned(), svg: sheet.finish() }))
 }

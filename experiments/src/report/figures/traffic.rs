@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use agent_node::controllers::dsvp::CLAIMS_MESSAGE;
 use agent_node::sharing::MAP_MESSAGE;
 
-use super::super::numbers::{Estimate, RESAMPLES};
+use super::super::estimates::{Estimate, RESAMPLES};
 use super::super::plot::{Axis, Layout, Mark, Panel, SMALL, Sheet, colour, room_for};
 use super::super::study::{Condition, Study};
 use super::super::svg::{Anchor, Area, INK, Label, Pen, SOFT};
@@ -84,8 +84,8 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
             sheet.svg.text((x + 6.0, y + 0.36 * SMALL), &Label::new(&text, SMALL, Anchor::Start));
         }
     }
-    let caption = "Data delivered to other agents in a run, by kind of message: mean over the runs of a cell, with the 95 % \
-                   bootstrap interval of the sum. Every panel has its own axis.";
+    let caption = "Data delivered to other agents in a run, by kind of message: mean over the runs of a cell, with \
+                   the 95 % bootstrap interval of the sum. Every panel has its own axis.";
     Ok(Some(Figure { name: "communication".to_owned(), caption: caption.to_owned(), svg: sheet.finish() }))
 }
 
