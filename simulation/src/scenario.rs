@@ -26,7 +26,6 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::world::spawn::SpawnSpec;
-use mapgen::FormatError;
 
 pub use bodies::BodyEntry;
 pub use origin::Origins;
