@@ -1,7 +1,8 @@
 //! The kinematic model of a body: its kind and its limits, with the defaults of each kind.
 //!
-//! The server moves bodies by it, agents predict travel times with it. Its serde form is the table `[body]` of a
-//! scenario, its message is `maes_msgs/Body`. Values are not validated here: the parser of scenarios does that.
+//! The server moves bodies by it, agents predict travel times with it. Its serde form is the table
+//! `[body]` of a scenario, its message is `maes_msgs/Body`. Values are not validated here: the
+//! parser of scenarios does that.
 
 use std::f64::consts::TAU;
 
@@ -23,12 +24,13 @@ pub enum BodyKind {
 
 /// Kind and limits of a body, a sphere.
 ///
-/// Deserialises from the table `[body]` of a scenario, in which missing keys take the defaults of the kind.
+/// Deserialises from the table `[body]` of a scenario, in which missing keys take the defaults of
+/// the kind.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "BodyKeys")]
 pub struct BodyModel {
-    /// Kinematics. Not serialised where it is the default, so that the text of a scenario with submarines only stays
-    /// the same, byte for byte.
+    /// Kinematics. Not serialised where it is the default, so that the text of a scenario with
+    /// submarines only stays the same, byte for byte.
     #[serde(skip_serializing_if = "is_submarine")]
     pub kind: BodyKind,
     /// Radius of the sphere, metres.
@@ -129,8 +131,8 @@ pub struct BodyKeys {
 }
 
 impl BodyKeys {
-    /// The model with these keys; missing keys are those of `base`, or the defaults of the kind if `base` is of another
-    /// kind.
+    /// The model with these keys; missing keys are those of `base`, or the defaults of the kind if
+    /// `base` is of another kind.
     #[must_use]
     pub fn over(&self, base: &BodyModel) -> BodyModel {
         let kind = self.kind.unwrap_or(base.kind);
