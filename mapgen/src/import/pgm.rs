@@ -1,6 +1,6 @@
 //! Floor plans as portable grey maps (PGM): P2 in text and P5 in bytes.
 //!
-//! A pixel is a column of cells of one kind, from floor to ceiling. The first row of the picture
+//! A pixel is a column of cells of one kind, from floor to ceiling. The first row of the image
 //! has the highest y.
 
 use voxels::{Cell, Extent, Terrain};

@@ -223,8 +223,8 @@ fn status_covers_the_run_and_each_agent() {
     let world = world();
     let infos = vec!["looking around".to_owned(), "x".repeat(1000)];
     let lost = BTreeSet::from([AgentId(1)]);
-    let told = status::info(&world, &run_status(&lost, &infos));
-    let statuses = &told[0].status;
+    let messages = status::info(&world, &run_status(&lost, &infos));
+    let statuses = &messages[0].status;
     assert_eq!(statuses.iter().map(|status| status.name.as_str()).collect::<Vec<_>>(), ["run", "agent_0", "agent_1"]);
     assert_eq!(statuses[1].message, "looking around");
     assert_eq!((statuses[2].message.as_str(), statuses[2].level), ("lost", 2));

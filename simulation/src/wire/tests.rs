@@ -157,9 +157,9 @@ fn next_request_is_never_before_the_next_tick() {
 fn a_scenario_says_which_body_each_agent_has() {
     let text = "seed = 1\nduration_s = 1.0\nmap = { kind = \"spheres\", size = 20 }\nagents = { count = 4 }\n\
                 [[bodies]]\nagents = [3, 1]\nkind = \"aerial\"\n[[bodies]]\nagents = [2]\nradius_m = 0.2\n";
-    let told = scenario(&Scenario::parse("s.toml", text, &[]).unwrap(), &Extent::new([20; 3], 1.0).unwrap(), 10);
-    assert_eq!(told.body_of, [0, 1, 2, 1]);
-    let bodies: Vec<_> = told.bodies.iter().map(|body| (body.kind, body.radius_m, body.speed_max_m_s)).collect();
+    let message = scenario(&Scenario::parse("s.toml", text, &[]).unwrap(), &Extent::new([20; 3], 1.0).unwrap(), 10);
+    assert_eq!(message.body_of, [0, 1, 2, 1]);
+    let bodies: Vec<_> = message.bodies.iter().map(|body| (body.kind, body.radius_m, body.speed_max_m_s)).collect();
     assert_eq!(bodies, [(0, 0.4, 1.5), (1, 0.4, 3.0), (0, 0.2, 1.5)]);
 }
 
@@ -180,8 +180,8 @@ fn relay_ids_round_trip() {
 
     let place = Point3::new(1.0, 1.0, 1.0);
     let messages = vec![AgentMessage { peer: Peer::Relay(relay), kind: 2, data: vec![5] }];
-    let told = Observation { relays: vec![(relay, place)], messages, ..observation() };
-    let parts = observation_parts(&told, Part::RUNNING);
+    let observed = Observation { relays: vec![(relay, place)], messages, ..observation() };
+    let parts = observation_parts(&observed, Part::RUNNING);
     assert_eq!(parts[0].contacts.iter().map(|contact| contact.agent).collect::<Vec<_>>(), [1, relay.on_wire()]);
     assert_eq!(parts[0].parcels[0].agent, relay.on_wire());
 }

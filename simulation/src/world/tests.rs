@@ -361,9 +361,9 @@ fn walls_seen_as_free_are_not_explored() {
         world.look(&pool);
         world.step(BTreeMap::new());
     }
-    let told = world.observe(A, Commit::Committed).seen_free;
-    let truly_free = told.iter().filter(|&&cell| world.terrain().as_slice()[cell as usize] == Terrain::Free).count();
-    assert!(truly_free < told.len());
+    let seen = world.observe(A, Commit::Committed).seen_free;
+    let truly_free = seen.iter().filter(|&&cell| world.terrain().as_slice()[cell as usize] == Terrain::Free).count();
+    assert!(truly_free < seen.len());
     let score = world.coverage().explored() * world.coverage().free_cells() as f64;
     assert_eq!(score.round() as usize, truly_free);
     // Bodies that keep still scan again all the same.
