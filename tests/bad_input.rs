@@ -70,7 +70,7 @@ fn scenarios() {
         &format!("{LEGAL}[body]\nradius_m = nan\n"),
         &["s.toml:9: body.radius_m = NaN: expected a number above 0, up to 1e6"],
     );
-    refuse(&LEGAL.replace("size = 30", "size = 2000"), &["s.toml: map.size: ", "2000", "1 to 1024"]);
+    refuse(&LEGAL.replace("size = 30", "size = 2000"), &["s.toml:5: map.size = 2000: expected 5 to 1024"]);
     refuse(&LEGAL.replace("size = 30", "size = 5"), &["s.toml: map.spheres: radius_min is 3"]);
     refuse(
         &LEGAL.replace("size = 30", "size = -3"),
@@ -271,7 +271,7 @@ fn launcher_arguments() {
         (&["--order", "shuffle", "--transport", "memory"], "--order shuffle: over memory no processes are started"),
         (&["--agent-set", "speed"], "--agent-set speed: expected KEY=VALUE"),
         (&["a.toml", "b.toml"], "unexpected argument: b.toml"),
-        (&["--controller", "dspv"], "; did you mean dsvp?"),
+        (&["--controller", "dspv"], "; did you mean `dsvp`?"),
     ] {
         let mut command = site.command(root().join("launch_scripts/run.sh"));
         assert_bad_input(&Process::start(command.args(arguments)).ended(), &[words]);

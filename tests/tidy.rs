@@ -166,7 +166,7 @@ fn pure_modules_use_no_system_interface() {
         ("mapgen", &[""]),
         ("simulation", &[""]),
         ("sim_server", &["control", "replay"]),
-        ("agent_node", &["agent", "controllers", "exploration_map", "command", "observation", "wire", "belief_view"]),
+        ("agent_node", &["agent", "controllers", "exploration_map", "command", "observation", "wire", "map_markers"]),
     ];
     for (of, modules) in pure {
         for module in modules {

@@ -277,7 +277,7 @@ fn run_with_interventions_verifies() {
     assert_verifies(&site, "run.mcap", &[]);
     let ended = verify(&site, "run.mcap", &["--controllers"]).with_code(0);
     for agent in [0, 1] {
-        let words = format!("not checked: agent {agent}: controller of: setting `the`: expected KEY=VALUE");
+        let words = format!("not checked: agent {agent}: controller of: unknown; known are rbw, ");
         assert!(ended.stdout.contains(&words), "{words}\n{ended}");
     }
 }
