@@ -20,9 +20,9 @@ pub(crate) fn word(value: &toml::Value) -> String {
 }
 
 /// All controllers that come with the simulator.
-pub(crate) struct OfThisBuild;
+pub(crate) struct BuiltInControllers;
 
-impl ControllerFactory for OfThisBuild {
+impl ControllerFactory for BuiltInControllers {
     fn agent(&self, told: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String> {
         let mut words = runs.split(' ');
         let name = words.next().unwrap_or_default();
@@ -30,13 +30,13 @@ impl ControllerFactory for OfThisBuild {
         let run_info = wire::run_info(told).map_err(|error| error.to_string())?;
         let controller =
             controllers::build(name, &settings, agent, run_info.agents_seed).map_err(|error| error.to_string())?;
-        Ok(Box::new(OfAgent(Agent::new(agent, run_info, controller))))
+        Ok(Box::new(BuiltInReplica(Agent::new(agent, run_info, controller))))
     }
 }
 
-struct OfAgent(Agent);
+struct BuiltInReplica(Agent);
 
-impl AgentReplica for OfAgent {
+impl AgentReplica for BuiltInReplica {
     fn take(&mut self, part: Observation) -> Result<Option<Command>, String> {
         match self.0.take(part) {
             Ok(Reaction::Reply(command)) => Ok(Some(command)),

@@ -15,7 +15,7 @@ use sim_server::{bag, exit, info, ros, verify};
 use simulation::parameters::{self, RATE};
 use simulation::scenario::Rtf;
 
-use crate::controllers::OfThisBuild;
+use crate::controllers::BuiltInControllers;
 use crate::output::{print, say};
 use crate::signals;
 
@@ -130,7 +130,7 @@ pub(crate) fn verify(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
             // A changed command shows only later in what comes of it.
             if args.controllers
                 && let Some(tick) = error.tick()
-                && let Err(earlier) = verify::controllers::check(&recording, tick, &OfThisBuild)
+                && let Err(earlier) = verify::controllers::check(&recording, tick, &BuiltInControllers)
             {
                 return failed(&earlier, ExitCode::from(exit::DIFFERENT));
             }
@@ -139,7 +139,7 @@ pub(crate) fn verify(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     };
     print(&verify::text(&verified));
     if args.controllers {
-        match verify::controllers::check(&recording, verified.ticks, &OfThisBuild) {
+        match verify::controllers::check(&recording, verified.ticks, &BuiltInControllers) {
             Ok(checked) => print(&verify::controllers::text(&checked)),
             Err(error) => return failed(&error, ExitCode::from(exit::DIFFERENT)),
         }

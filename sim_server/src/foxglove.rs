@@ -7,7 +7,7 @@
 //!
 //! ```text
 //!   browser --- HTTP gateway --+-- files of the page
-//!                              +-- Foxglove WebSocket -- [Hub] -- [ObservedLink] -- run loop, link
+//!                              +-- Foxglove WebSocket -- [Hub] -- [ObservedTransport] -- run loop, link
 //! ```
 //!
 //! Invariants: an observer never delays the run; its requests reach the run like those over ROS
@@ -19,7 +19,7 @@
 pub mod capture;
 mod http_gateway;
 mod hub;
-mod observed_link;
+mod observed_transport;
 mod services;
 mod static_files;
 
@@ -41,7 +41,7 @@ use crate::recorder::Document;
 use http_gateway::GatewayContent;
 pub use http_gateway::page;
 use hub::Hub;
-pub use observed_link::ObservedLink;
+pub use observed_transport::ObservedTransport;
 use services::ClientRequest;
 pub use services::StartRequest;
 pub use static_files::StaticFileServer;

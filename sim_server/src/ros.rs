@@ -69,7 +69,7 @@ impl From<ServiceEvent> for Item {
 }
 
 /// The server in a ROS network.
-pub struct RosLink {
+pub struct RosTransport {
     inbox: Inbox<Item>,
     /// Agent messages that arrived while polling for requests.
     queued: VecDeque<Incoming>,
@@ -94,7 +94,7 @@ pub struct RosLink {
     context: Context,
 }
 
-impl RosLink {
+impl RosTransport {
     /// Joins the network and offers the topics, services and parameters of a run.
     ///
     /// # Errors
@@ -139,7 +139,7 @@ impl RosLink {
         // Created last, so that agents do not wait for visualisation topics.
         let visualisation = VisualisationPublishers::new(&mut endpoints, &mut node, agents, &driven)?;
         let services = Services::of_run(&mut node, &mut endpoints, &mut inbox, parameters::of(run))?;
-        Ok(RosLink {
+        Ok(RosTransport {
             inbox,
             queued: VecDeque::new(),
             services,
@@ -172,7 +172,7 @@ impl RosLink {
     }
 }
 
-impl AgentTransport for RosLink {
+impl AgentTransport for RosTransport {
     fn announce(&mut self, scenario: &Scenario) {
         self.own_run.set(Some(scenario.run));
         self.external.reset();
@@ -219,7 +219,7 @@ impl AgentTransport for RosLink {
     }
 }
 
-impl ObserverOutput for RosLink {
+impl ObserverOutput for RosTransport {
     fn clock(&mut self, tick: Tick) {
         if !self.external.is_empty() || self.visualisation.clock_has_subscribers(&self.context) {
             self.clock.publish(&mut self.node, &Clock { clock: tick.into() });
@@ -247,7 +247,7 @@ impl ObserverOutput for RosLink {
     }
 }
 
-impl ControlInput for RosLink {
+impl ControlInput for RosTransport {
     fn request(&mut self) -> Option<Request> {
         if self.requests_polled.elapsed() >= REQUEST_PERIOD {
             while self.queued.len() < QUEUED_MAX
@@ -275,7 +275,7 @@ impl ControlInput for RosLink {
     }
 }
 
-impl Drop for RosLink {
+impl Drop for RosTransport {
     fn drop(&mut self) {
         linger(self.visualisation.has_listeners() || self.services.was_called());
     }

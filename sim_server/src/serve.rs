@@ -15,10 +15,10 @@ use msgs::ids::Tick;
 use ros_node::ros_env::RosEnv;
 use sim_server::cli::RunArgs;
 #[cfg(feature = "view")]
-use sim_server::foxglove::{self, FoxgloveServer, ObservedLink};
+use sim_server::foxglove::{self, FoxgloveServer, ObservedTransport};
 use sim_server::playback::{Horizon, Playback};
 use sim_server::recording::Recording;
-use sim_server::ros::RosLink;
+use sim_server::ros::RosTransport;
 use sim_server::session::{self, Mode, RecordingSinks, RunConfig, RunError};
 use sim_server::summary::Summary;
 use sim_server::terminal::{self, Terminal};
@@ -278,10 +278,10 @@ impl<'a> Job<'a> {
         env: &RosEnv,
         viewing: Option<&'a FoxgloveServer>,
     ) -> anyhow::Result<Begun<'a>> {
-        let link = RosLink::new(self.scenario, env)?;
+        let link = RosTransport::new(self.scenario, env)?;
         #[cfg(feature = "view")]
         let link: Box<dyn Transport + 'a> = match viewing {
-            Some(viewing) => Box::new(ObservedLink::new(link, viewing, self.scenario)),
+            Some(viewing) => Box::new(ObservedTransport::new(link, viewing, self.scenario)),
             None => Box::new(link),
         };
         #[cfg(not(feature = "view"))]

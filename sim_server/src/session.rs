@@ -266,7 +266,7 @@ impl<'c> Session<'c, '_> {
         let replies = match recorded {
             Some(recorded) => self.recorded_replies(&requests, recorded).map(ControlFlow::Continue),
             None if requests.is_empty() => Ok(ControlFlow::Continue(Replies::new())),
-            None => self.replies(&requests),
+            None => self.await_replies(&requests),
         };
         let replies = match replies {
             Ok(ControlFlow::Continue(replies)) => replies,
@@ -299,7 +299,7 @@ impl<'c> Session<'c, '_> {
     }
 
     /// Requests the commands of a live tick. Agents without a reply are lost, as the scenario says.
-    fn replies(&mut self, requests: &[ObservationRequest]) -> Result<ControlFlow<(), Replies>, RunError> {
+    fn await_replies(&mut self, requests: &[ObservationRequest]) -> Result<ControlFlow<(), Replies>, RunError> {
         let tick = self.engine.tick();
         let timeout = self.reply_timeout();
         let policy = TimeoutPolicy::of(self.scenario.faults.on_agent_loss);

@@ -3,7 +3,7 @@
 //! Times to a milestone are right-censored at the duration: a run that has not reached the
 //! milestone when it ends does not reach it, even if it ends early because all agents have stopped.
 
-use super::metrics::Milestone;
+use super::metrics::{Milestone, TimeUnit};
 use crate::rows::{RunRecord, RunRow};
 use crate::statistics::{
     Censored, Interval, StatisticsError, bootstrap_mean, mean, median_time, quantile, restricted_mean, success_fraction,
@@ -29,6 +29,14 @@ impl Estimate {
     pub(super) fn of(xs: &[f64], resamples: usize) -> Result<Self, StatisticsError> {
         let interval = if xs.len() < 2 { None } else { Some(bootstrap_mean(xs, LEVEL, resamples, SEED)?) };
         Ok(Self { mean: mean(xs)?, interval })
+    }
+
+    /// Converts seconds into this unit.
+    pub(super) fn in_unit(self, unit: TimeUnit) -> Self {
+        let TimeUnit { seconds, .. } = unit;
+        let Self { mean, interval } = self;
+        let interval = interval.map(|Interval { low, high }| Interval { low: low / seconds, high: high / seconds });
+        Self { mean: mean / seconds, interval }
     }
 }
 

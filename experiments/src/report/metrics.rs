@@ -1,8 +1,6 @@
 //! Metrics of a run, the milestones of exploration, and the unit of sim time of a report.
 
-use super::estimates::Estimate;
 use crate::rows::{RunRecord, RunRow};
-use crate::statistics::Interval;
 
 /// A share of the free cells to explore.
 #[derive(Debug, Clone, Copy)]
@@ -88,13 +86,6 @@ impl TimeUnit {
     pub(super) fn of(runs: &[RunRecord]) -> Self {
         let longest_s = runs.iter().map(|run| run.row.duration_s).fold(0.0, f64::max);
         if longest_s >= 600.0 { Self { symbol: "min", seconds: 60.0 } } else { Self { symbol: "s", seconds: 1.0 } }
-    }
-
-    /// Converts an estimate from seconds.
-    pub(super) fn estimate(self, Estimate { mean, interval }: Estimate) -> Estimate {
-        let Self { seconds, .. } = self;
-        let interval = interval.map(|Interval { low, high }| Interval { low: low / seconds, high: high / seconds });
-        Estimate { mean: mean / seconds, interval }
     }
 }
 

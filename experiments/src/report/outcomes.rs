@@ -65,7 +65,7 @@ fn times(study: &Study) -> Result<Table, StatisticsError> {
             let times = Times::of(runs, milestone);
             row.push(Entry::Share(times.reached(), runs.len()));
             row.push(Entry::Number(Some(times.success()?), 2));
-            row.push(Entry::Mean(Some(unit.estimate(times.estimate()?)), DIGITS));
+            row.push(Entry::Mean(Some(times.estimate()?.in_unit(unit)), DIGITS));
             row.push(Entry::Number(times.median_s()?.map(|time| time / unit.seconds), DIGITS));
         }
         Ok(row)

@@ -85,8 +85,8 @@ pub(super) type Replies = BTreeMap<AgentId, CommandReply>;
 /// What follows when a reply is overdue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TimeoutPolicy {
-    /// The request fails.
-    Fail,
+    /// The request returns without the missing replies; the scenario decides between abort and drop.
+    ReturnIncomplete,
     /// The clock is held until another process replaces the one that does not reply.
     Hold,
 }
@@ -95,7 +95,7 @@ impl TimeoutPolicy {
     pub(super) fn of(on_agent_loss: OnAgentLoss) -> Self {
         match on_agent_loss {
             OnAgentLoss::Wait => Self::Hold,
-            OnAgentLoss::Abort | OnAgentLoss::Drop => Self::Fail,
+            OnAgentLoss::Abort | OnAgentLoss::Drop => Self::ReturnIncomplete,
         }
     }
 }
@@ -270,13 +270,13 @@ impl AgentSessions {
             let polled = now();
             waited += polled.duration_since(last_poll).min(POLL_GAP_MAX);
             last_poll = polled;
-            let has_failed = waited >= timeout && policy == TimeoutPolicy::Fail;
+            let has_failed = waited >= timeout && policy == TimeoutPolicy::ReturnIncomplete;
             if has_failed || !context.poll()? {
                 let missing = self.awaited(&barrier).into_iter().collect();
                 return Ok(Err(MissingReplies { received: barrier.into_answers_so_far(), missing }));
             }
             if waited >= timeout {
-                self.give_up(&self.awaited(&barrier), timeout, context);
+                self.mark_replaceable(&self.awaited(&barrier), timeout, context);
             }
             if waited >= resend_at {
                 interval = (interval * 2).min(RESEND_MAX);
@@ -322,8 +322,9 @@ impl AgentSessions {
         }
     }
 
-    /// Lets other processes replace those that do not reply, each with all its agents.
-    fn give_up(&mut self, missing: &BTreeSet<AgentId>, timeout: Duration, context: &mut WaitContext<'_, '_>) {
+    /// Lets other processes replace those that do not reply, each with all its agents. Called only under
+    /// [`TimeoutPolicy::Hold`].
+    fn mark_replaceable(&mut self, missing: &BTreeSet<AgentId>, timeout: Duration, context: &mut WaitContext<'_, '_>) {
         let new: Vec<AgentId> = missing.difference(&self.unresponsive).copied().collect();
         if new.is_empty() {
             return;
@@ -355,7 +356,7 @@ impl AgentSessions {
         (0..self.agents).map(AgentId).for_each(|agent| self.observation_log.skip(agent));
         let has_joined = |request: &&ObservationRequest| self.membership.lease(request.agent).is_some();
         let last: Vec<ObservationRequest> = last.iter().filter(has_joined).cloned().collect();
-        let replies = self.request_commands(tick, &last, timeout, TimeoutPolicy::Fail, context)?;
+        let replies = self.request_commands(tick, &last, timeout, TimeoutPolicy::ReturnIncomplete, context)?;
         if let Err(MissingReplies { missing, .. }) = replies {
             let missing = listed(missing);
             context.warn(&format!("no acknowledgement of the shutdown message from: {missing}"));

@@ -137,9 +137,9 @@ impl<'a> Engine<'a> {
                 Commit::Speculative => self.request(agent, Commit::Committed, Fragment::RUNNING).fragments,
             };
             for fragment in &fragments {
-                log.exchange(Kind::Observation(agent), tick, fragment, &mut self.chain)?;
+                log.write_digested(Kind::Observation(agent), tick, fragment, &mut self.chain)?;
             }
-            log.exchange(Kind::Command(agent), tick, &reply.message, &mut self.chain)?;
+            log.write_digested(Kind::Command(agent), tick, &reply.message, &mut self.chain)?;
             self.triggers[agent.index()] = reply.trigger;
             self.decisions += 1;
             self.world.note_belief(agent, reply.message.known_free);
@@ -191,7 +191,7 @@ impl<'a> Engine<'a> {
     ) -> Result<(), RunError> {
         let tick = self.tick();
         self.interventions += 1;
-        Ok(log.exchange(Kind::Intervention, tick, &wire::intervention(tick, agent, placed), &mut self.chain)?)
+        Ok(log.write_digested(Kind::Intervention, tick, &wire::intervention(tick, agent, placed), &mut self.chain)?)
     }
 
     /// The counters of the result, without those of refused messages.

@@ -118,7 +118,7 @@ impl<'s> SessionLog<'s> {
     }
 
     /// Writes a message that the digest covers.
-    pub(super) fn exchange<M: Serialize>(
+    pub(super) fn write_digested<M: Serialize>(
         &mut self,
         kind: Kind,
         tick: Tick,

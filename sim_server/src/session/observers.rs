@@ -39,7 +39,10 @@ impl Observers {
     }
 
     /// The visualisation messages to record at the start of this tick.
-    pub(super) fn to_record(&mut self, engine: &mut Engine<'_>) -> Vec<(VisualisationTopic, VisualisationMessage)> {
+    pub(super) fn due_for_recording(
+        &mut self,
+        engine: &mut Engine<'_>,
+    ) -> Vec<(VisualisationTopic, VisualisationMessage)> {
         let Engine { world, infos, lost, .. } = engine;
         self.views.due_for_recording(world, &RunStatus { infos, lost, rtf: None })
     }

@@ -39,7 +39,7 @@ impl Session<'_, '_> {
             self.record_progress()?;
         }
         if self.log.is_recording() {
-            for (view, picture) in self.observers.to_record(&mut self.engine) {
+            for (view, picture) in self.observers.due_for_recording(&mut self.engine) {
                 self.log.write_view(view, tick, &picture)?;
             }
         }

@@ -198,7 +198,8 @@ impl Default for FaultsSection {
     }
 }
 
-/// `[execution]`: none of this changes a result.
+/// `[execution]`: how a run is executed. None of it changes the result of a run in which no process
+/// exceeds a timeout; `faults.on_agent_loss` decides what follows if one does.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ExecutionSection {

@@ -31,7 +31,7 @@ pub(super) fn scaling(study: &Study) -> Result<Option<Figure>, StatisticsError> 
         Scaled { label: EXPLORED.label(), estimate: &|runs| Estimate::of(&EXPLORED.values(runs), RESAMPLES) },
         Scaled {
             label: format!("restricted mean time to 99 % ({})", unit.symbol),
-            estimate: &|runs| Ok(unit.estimate(Times::of(runs, MILESTONES[1]).estimate()?)),
+            estimate: &|runs| Ok(Times::of(runs, MILESTONES[1]).estimate()?.in_unit(unit)),
         },
         Scaled { label: DISTANCE.label(), estimate: &|runs| Estimate::of(&DISTANCE.values(runs), RESAMPLES) },
     ];

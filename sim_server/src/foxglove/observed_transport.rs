@@ -24,7 +24,7 @@ use simulation::visualisation::{Subscribers, VisualisationMessage, Visualisation
 const CLOCK_PERIOD: Duration = Duration::from_millis(33);
 
 /// A link with observers.
-pub struct ObservedLink<'v, L> {
+pub struct ObservedTransport<'v, L> {
     link: L,
     foxglove: &'v FoxgloveServer,
     scenario: &'v scenario::Scenario,
@@ -41,7 +41,7 @@ pub struct ObservedLink<'v, L> {
     is_time_sent: bool,
 }
 
-impl<'v, L: Transport> ObservedLink<'v, L> {
+impl<'v, L: Transport> ObservedTransport<'v, L> {
     /// Serves observers of a run over a link.
     pub fn new(link: L, foxglove: &'v FoxgloveServer, scenario: &'v scenario::Scenario) -> Self {
         Self {
@@ -100,7 +100,7 @@ fn merge(all: &mut Subscribers, own: &BTreeMap<VisualisationTopic, u64>, inner: 
     }
 }
 
-impl<L: Transport> AgentTransport for ObservedLink<'_, L> {
+impl<L: Transport> AgentTransport for ObservedTransport<'_, L> {
     fn announce(&mut self, scenario: &Scenario) {
         self.open_channels(scenario.run);
         self.foxglove.hub.publish_latched(&topics::scenario().name, cdr::encode(scenario), Tick::ZERO);
@@ -130,7 +130,7 @@ impl<L: Transport> AgentTransport for ObservedLink<'_, L> {
     }
 }
 
-impl<L: Transport> ObserverOutput for ObservedLink<'_, L> {
+impl<L: Transport> ObserverOutput for ObservedTransport<'_, L> {
     fn clock(&mut self, tick: Tick) {
         self.link.clock(tick);
         self.tick = tick;
@@ -187,7 +187,7 @@ impl<L: Transport> ObserverOutput for ObservedLink<'_, L> {
     }
 }
 
-impl<L: Transport> ControlInput for ObservedLink<'_, L> {
+impl<L: Transport> ControlInput for ObservedTransport<'_, L> {
     fn request(&mut self) -> Option<Request> {
         self.link.request().or_else(|| self.foxglove.requests.try_iter().find_map(services::request))
     }
@@ -197,7 +197,7 @@ impl<L: Transport> ControlInput for ObservedLink<'_, L> {
     }
 }
 
-impl<L> Drop for ObservedLink<'_, L> {
+impl<L> Drop for ObservedTransport<'_, L> {
     fn drop(&mut self) {
         for request in self.foxglove.requests.try_iter() {
             services::refuse(request, "the run has ended");
