@@ -55,7 +55,7 @@ pub(crate) struct RunArgs {
     /// The folder of the page, if it is not the one that was built here
     #[arg(long, value_name = "DIR")]
     pub(crate) page: Option<PathBuf>,
-    /// The folder of the processes' logs [default: out/logs/<time>-<pid>; over memory: no logs]
+    /// The folder of the processes' logs [default: out/logs/TIME-PID; over memory: no logs]
     #[arg(long, value_name = "DIR")]
     logs: Option<PathBuf>,
 
