@@ -35,6 +35,8 @@ mod faults;
 mod hostile_agents;
 /// Interrupted runs, killed servers, full disks.
 mod interruptions;
+/// Limits of a process: its start, its shutdown, its memory.
+mod process_limits;
 /// Recovery: killed, hanging and duplicate agents and killed servers leave the run unchanged.
 mod recovery;
 /// Old command names print the new ones and execute them.

@@ -32,6 +32,9 @@ pub struct Cli {
     /// it has subscribers
     #[arg(long, value_name = "HZ", default_value_t = 5.0, value_parser = hertz)]
     pub map_hz: f64,
+    /// Block the first starts for ever, as a deadlock would: a test of the restart
+    #[arg(long, value_name = "N", default_value_t = 0, hide = true)]
+    pub stalled_starts: u32,
     /// Check the controller and its settings, and exit
     #[arg(long, requires = "controller")]
     pub check: bool,

@@ -32,6 +32,7 @@ mod serve {
     use agent_node::cli::Cli;
     use agent_node::host::{self, Options, RunError};
     use agent_node::ros::RosTransport;
+    use ros_node::process_guard::{Limits, ProcessGuard};
     use ros_node::ros_env::RosEnv;
 
     /// A failure of the system or of the protocol.
@@ -56,11 +57,18 @@ mod serve {
     fn serve(cli: Cli) -> anyhow::Result<()> {
         let stop = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+            // A second signal ends the process at once.
+            signal_hook::flag::register_conditional_shutdown(signal, FAILED.into(), Arc::clone(&stop))?;
             signal_hook::flag::register(signal, Arc::clone(&stop))?;
         }
         ros_node::suspension::exit_on_continue()?;
+        let guard = ProcessGuard::watch(Limits::from_vars(|name| std::env::var(name).ok())?, Arc::clone(&stop))?;
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
+        if guard.starts() <= cli.stalled_starts {
+            ros_node::process_guard::stall();
+        }
         let mut transport = RosTransport::new(&cli.id.0, cli.has_parameters(), &env)?;
+        guard.started();
         let options = Options {
             chaos_delay: cli.chaos_delay(),
             server_timeout: cli.server_timeout(),
@@ -71,7 +79,12 @@ mod serve {
             settings: cli.set,
             instance: getrandom::u64()?,
         };
-        Ok(host::run(&mut transport, &options, &stop)?)
+        let ended = host::run(&mut transport, &options, &stop);
+        guard.shutting_down();
+        drop(transport);
+        ended?;
+        anyhow::ensure!(!guard.memory_exceeded(), "this process has ended because of its memory");
+        Ok(())
     }
 }
 

@@ -12,6 +12,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::Context;
 use mapgen::MapReport;
 use msgs::ids::Tick;
+use ros_node::process_guard::{Limits, ProcessGuard};
 use ros_node::ros_env::RosEnv;
 use sim_server::cli::RunArgs;
 #[cfg(feature = "view")]
@@ -75,6 +76,13 @@ fn stopped_by_signals() -> anyhow::Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
+/// Begins to watch the time and the memory of this process.
+fn guard(stop: &Arc<AtomicBool>) -> anyhow::Result<ProcessGuard> {
+    let limits = Limits::from_vars(|name| std::env::var(name).ok())?;
+    ros_node::suspension::exit_on_continue().context("handling signals")?;
+    ProcessGuard::watch(limits, Arc::clone(stop)).context("starting a thread")
+}
+
 /// The end of what the system does not allow.
 fn failed(error: &dyn std::fmt::Display) -> anyhow::Result<ExitCode> {
     eprintln!("error: {error}");
@@ -102,7 +110,7 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     // An error in the world is reported before anything is opened.
     let made = job.make()?;
     let stop = stopped_by_signals()?;
-    ros_node::suspension::exit_on_continue().context("handling signals")?;
+    let guard = guard(&stop)?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing,
         Err(error) => return failed(&error),
@@ -113,12 +121,14 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     };
     match job.begin(made, &env, viewing.as_ref()) {
         Ok(begun) => {
+            guard.started();
             ready()?;
             let log =
                 args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
             let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log);
             tell_address(viewing.as_ref(), &mut terminal);
-            job.carry_out(begun, playback, &mut terminal, &stop)
+            let ended = job.carry_out(begun, playback, &mut terminal, &stop, || guard.shutting_down());
+            if guard.memory_exceeded() { Ok(ExitCode::from(exit::FAILED)) } else { ended }
         }
         Err(error) => failed(&error),
     }
@@ -151,7 +161,7 @@ fn tell_address(_: Option<&FoxgloveServer>, _: &mut Terminal) {}
 fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<ExitCode> {
     const NAME: &str = "the scenario";
     let stop = stopped_by_signals()?;
-    ros_node::suspension::exit_on_continue().context("handling signals")?;
+    let guard = guard(&stop)?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing.expect("an idle server is looked at"),
         Err(error) => return failed(&error),
@@ -160,6 +170,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
     let log_of_one = || log.as_ref().map(File::try_clone).transpose().context("--log");
     let mut waiting = Terminal::new(Tick::ZERO, 0).with_log(log_of_one()?);
     tell_address(Some(&viewing), &mut waiting);
+    guard.started();
     let mut code = ExitCode::SUCCESS;
     let mut runs = 0;
     while !stop.load(std::sync::atomic::Ordering::Relaxed) {
@@ -188,9 +199,10 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
         runs += 1;
         request.answer(Ok(()));
         let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log_of_one()?);
-        code = job.carry_out(begun, None, &mut terminal, &stop)?;
+        code = job.carry_out(begun, None, &mut terminal, &stop, || ())?;
     }
-    Ok(code)
+    guard.shutting_down();
+    Ok(if guard.memory_exceeded() { ExitCode::from(exit::FAILED) } else { code })
 }
 
 /// Whether there is the controller that a scenario names, with its settings. The server does not
@@ -290,13 +302,14 @@ impl<'a> Job<'a> {
         Ok(Begun { world, map, link, records, viewing })
     }
 
-    /// The run, again after each reset.
+    /// The run, again after each reset. `ending` is called before anything is closed.
     fn carry_out(
         &self,
         begun: Begun<'_>,
         playback: Option<Playback<'_>>,
         terminal: &mut Terminal,
         stop: &AtomicBool,
+        ending: impl FnOnce(),
     ) -> anyhow::Result<ExitCode> {
         let Begun { world, map, mut link, records, viewing } = begun;
         let scenario = self.scenario;
@@ -319,6 +332,7 @@ impl<'a> Job<'a> {
                 Err(error) => return failed(&error),
             };
         }
+        ending();
         terminal.clear();
         Ok(match ended {
             Ok(outcome) => {

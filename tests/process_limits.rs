@@ -1,0 +1,87 @@
+//! Limits of a process: a start that stalls is begun again, a shutdown that hangs and memory beyond
+//! its limit end the process.
+
+use crate::support::processes::signal;
+use crate::support::runs::{Run, Site, text};
+
+const SCENARIO: &str = "seed = 5\nduration_s = 20\nstop_when_explored = false\n\
+                        [map]\nkind = \"spheres\"\nsize = 20\n[agents]\ncount = 2\n";
+
+fn agent(site: &Site, id: &str, flags: &[&str], limits: &[(&str, &str)]) -> Run {
+    let mut command = site.binary("agent_node");
+    site.start(command.args(["--id", id]).args(flags).envs(limits.iter().copied()))
+}
+
+fn server(site: &Site, flags: &[&str], limits: &[(&str, &str)]) -> Run {
+    let scenario = site.file("limits.toml", SCENARIO);
+    let mut command = site.binary("sim_server");
+    site.start(command.arg("run").arg(scenario).args(flags).envs(limits.iter().copied()))
+}
+
+/// A stalled start stands for the start deadlock of the middleware.
+#[test]
+fn a_stalled_start_is_begun_again_and_the_run_is_the_same() {
+    let site = Site::new();
+    let file = site.path("stalled.mcap");
+    let scenario = site.file("limits.toml", SCENARIO);
+    let mut script = site.command("bash");
+    // Slots are few: the processes of one run share that of the server.
+    script.args([
+        "-c",
+        "agent_node --id 0 --stalled-starts 2 2>stalled.log & agent_node --id 1 & exec sim_server \"$@\"",
+        "bash",
+    ]);
+    script.args(["run", text(&scenario), "--record", text(&file)]).env("MAES_START_LIMIT_S", "1");
+    let path = format!("{}:{}", crate::support::binaries::folder().display(), std::env::var("PATH").unwrap());
+    site.start(script.env("PATH", path)).ended().with_code(0);
+    let said = std::fs::read_to_string(site.path("stalled.log")).unwrap();
+    assert!(said.contains("start 2 of 5") && said.contains("start 3 of 5"), "{said}");
+    let undisturbed = site.record_with(site.command(crate::support::binaries::folder().join("maes")).args([
+        "run",
+        text(&scenario),
+        "--transport",
+        "memory",
+    ]));
+    assert!(std::fs::read(&file).unwrap() == undisturbed.bytes, "the same recording, byte for byte");
+}
+
+#[test]
+fn starts_that_stall_again_and_again_end_the_process() {
+    let site = Site::new();
+    let stalled = agent(&site, "0", &["--stalled-starts", "99"], &[("MAES_START_LIMIT_S", "1"), ("MAES_START", "5")]);
+    let ended = stalled.ended().with_code(1);
+    assert!(ended.stderr.contains("for the 5th time"), "{ended}");
+}
+
+#[test]
+fn a_process_that_does_not_end_when_told_to_is_ended() {
+    let site = Site::new();
+    let mut stalled = agent(&site, "0", &["--stalled-starts", "1"], &[("MAES_SHUTDOWN_LIMIT_S", "1")]);
+    stalled.process().handles("TERM");
+    signal(stalled.process().pid(), "TERM");
+    let ended = stalled.ended().with_code(1);
+    assert!(ended.stderr.contains("MAES_SHUTDOWN_LIMIT_S"), "{ended}");
+}
+
+#[test]
+fn memory_beyond_its_limit_ends_a_process() {
+    let site = Site::new();
+    let limits = [("MAES_MEMORY_LIMIT_MB", "1")];
+    for run in [server(&site, &[], &limits), agent(&site, "0", &[], &limits)] {
+        let ended = run.ended().with_code(1);
+        assert!(ended.stderr.contains("its limit is 1 MB (MAES_MEMORY_LIMIT_MB)"), "{ended}");
+    }
+}
+
+#[test]
+fn limits_that_are_no_numbers_are_refused() {
+    let site = Site::new();
+    for (variable, run) in [
+        ("MAES_START_LIMIT_S", agent(&site, "0", &[], &[("MAES_START_LIMIT_S", "soon")])),
+        ("MAES_MEMORY_LIMIT_MB", server(&site, &[], &[("MAES_MEMORY_LIMIT_MB", "-1")])),
+    ] {
+        let ended = run.ended();
+        assert!(ended.code != Some(0) && ended.stderr.contains(variable), "{ended}");
+        assert!(ended.stderr.contains("a whole number from 1"), "{ended}");
+    }
+}
