@@ -69,6 +69,8 @@ if [[ ! -d $copy ]]; then
             fail "patch is missing: install it, on Debian and Ubuntu with: apt install patch"
         fi || fail "${patch##*/} does not fit rustdds $version: $log"
     done
+    # By which `ros_node` knows what it is built with.
+    printf '\n/// This copy has the fixes of contrib/rustdds.\npub const MAES_FIXES: bool = true;\n' >>"$temporary/src/lib.rs"
     rm -rf "$root"/.cargo/rustdds-*
     # Fails if another call was faster, which made the same.
     mv -T "$temporary" "$copy" 2>/dev/null || [[ -d $copy ]]

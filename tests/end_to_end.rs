@@ -35,6 +35,8 @@ mod faults;
 mod hostile_agents;
 /// Interrupted runs, killed servers, full disks.
 mod interruptions;
+/// RTPS packets of strangers: no memory, no effect, and none from outside the machine.
+mod network_attacks;
 /// Recovery: killed, hanging and duplicate agents and killed servers leave the run unchanged.
 mod recovery;
 /// Old command names print the new ones and execute them.
