@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # Builds the binaries if needed, and prints their folder on stdout; everything else is on stderr.
+# They have the fixes of contrib/rustdds (see patched_rustdds.sh).
 #
 # With MAES_BIN_DIR set, that is the folder and nothing is built. Exit code 1 if something that the
 # build needs is missing.
@@ -26,5 +27,6 @@ found=$(cut -d ' ' -f 2 <<<"$found")
     missing "Rust $needed or later is needed, and this is $found: update it with: rustup update"
 
 [[ -x $bin/maes ]] || echo "The first build takes about seven minutes on two cores." >&2
+"$root/launch_scripts/patched_rustdds.sh" >/dev/null
 (cd "$root" && cargo build --release >&2)
 echo "$bin"

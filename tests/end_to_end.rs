@@ -37,6 +37,8 @@ mod hostile_agents;
 mod interruptions;
 /// Limits of a process: its start, its shutdown, its memory.
 mod process_limits;
+/// RTPS packets of strangers: no memory, no effect, and none from outside the machine.
+mod network_attacks;
 /// Recovery: killed, hanging and duplicate agents and killed servers leave the run unchanged.
 mod recovery;
 /// Old command names print the new ones and execute them.

@@ -11,6 +11,7 @@ pub(crate) mod memory;
 pub(crate) mod processes;
 pub(crate) mod python;
 pub(crate) mod recordings;
+pub(crate) mod rtps;
 pub(crate) mod runs;
 
 use std::path::Path;

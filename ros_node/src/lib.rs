@@ -16,6 +16,7 @@ mod action;
 mod blocking_publisher;
 mod discovery;
 mod inbox;
+mod loopback;
 mod parameters;
 mod services;
 mod subscription_tracker;
@@ -124,7 +125,7 @@ pub fn allow_open_files(agents: u32) -> Result<(), RosError> {
 ///
 /// A process that `is_discovered_by_all` takes one of the first participant ids of its machine,
 /// which every other process announces itself to; other processes leave `RESERVED_IDS` of them
-/// free.
+/// free. Under `LOCALHOST` the sockets of this process reach the loopback device only.
 ///
 /// # Errors
 /// If discovery is off or the middleware fails to create a participant.
@@ -151,6 +152,11 @@ pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<Context, RosErro
         drop(taken);
         joined.or_else(|_| participant())
     };
+    if env.range == DiscoveryRange::Localhost
+        && let Err(error) = loopback::confine_sockets()
+    {
+        eprintln!("{env}: packets of other machines are not kept away, which takes Linux 5.7 or later: {error}");
+    }
     let context = joined
         .map_err(CreateError::from)
         .inspect(discovery::wait_for_discovery)
@@ -332,6 +338,21 @@ pub fn linger(has_observers: bool) {
 #[expect(clippy::disallowed_methods, reason = "time-outs and reports are of wall time; no result depends on it")]
 pub fn now() -> Instant {
     Instant::now()
+}
+
+/// Whether this build has the fixes of `contrib/rustdds` in the DDS library.
+pub fn has_dds_fixes() -> bool {
+    /// What the published library says, which has no constant of this name: a glob import shadows it.
+    const MAES_FIXES: bool = false;
+    {
+        #[allow(
+            unused_imports,
+            clippy::wildcard_imports,
+            reason = "only the copy with the fixes has the constant"
+        )]
+        use rustdds::*;
+        MAES_FIXES
+    }
 }
 
 #[cfg(test)]
