@@ -62,14 +62,14 @@ const NO_PAGE: &str = "<!doctype html><title>MAES</title><p>The simulator is her
 /// Path of the recording beside the page; its file name may follow, for display.
 const RECORDING: &str = "recording";
 
-/// Headers of every response. The page has scripts and styles of its own files only; it reads
-/// recordings from, and connects to, any address that the user names, and decompresses with
-/// WebAssembly from a data URL.
+/// Headers of every response. The page runs scripts of its own files only (styles may be inline,
+/// because browsers that make images add some); it reads recordings from, and connects to, any
+/// address that the user names, and decompresses with WebAssembly from a data URL.
 const HEADERS: [(HeaderName, HeaderValue); 6] = [
     (
         HeaderName::from_static("content-security-policy"),
         HeaderValue::from_static(
-            "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; style-src 'self'; \
+            "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; style-src 'self' 'unsafe-inline'; \
              img-src 'self' data: blob:; connect-src 'self' data: blob: http: https: ws: wss:; \
              base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
         ),

@@ -268,7 +268,7 @@ impl Hub {
             }
             ClientMessage::UnsubscribeParameterUpdates(request) => {
                 if let Some(client) = self.state().clients.get_mut(&id) {
-                    request.parameter_names.iter().for_each(|name| drop(client.parameters.remove(name)));
+                    client.parameters.retain(|name| !request.parameter_names.contains(name));
                 }
             }
             _ => outbox.reply(&Status::error("this server does not have that capability")),
