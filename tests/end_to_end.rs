@@ -68,6 +68,8 @@ mod services;
 
 /// The Foxglove server: live stream, control, served recordings.
 mod foxglove_server;
+/// Attacks on the page and the WebSocket, each without effect.
+mod view_attacks;
 /// The viewer in a browser.
 mod viewer;
 

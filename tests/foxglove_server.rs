@@ -40,10 +40,11 @@ fn state(client: &mut Client) -> u8 {
     client.call::<StateResponse>("/sim_server/get_simulation_state", &NoRequest {}).state.state
 }
 
-/// The response to an HTTP request with these header lines.
-fn get(address: &str, path: &str, lines: &str) -> String {
-    let mut stream = TcpStream::connect(address).expect("the server is there");
-    let request = format!("GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{lines}\r\n");
+/// The response to an HTTP request with these header lines, to `host:port/...`.
+pub(crate) fn get(address: &str, path: &str, lines: &str) -> String {
+    let host = address.split('/').next().expect("an address");
+    let mut stream = TcpStream::connect(host).expect("the server is there");
+    let request = format!("GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{lines}\r\n");
     stream.write_all(request.as_bytes()).expect("it listens");
     let mut answer = Vec::new();
     stream.read_to_end(&mut answer).expect("it answers");
@@ -206,14 +207,25 @@ fn recording_is_served_in_ranges_to_local_pages() {
     shown.arg("view").arg(&file).args(["--address", ANYWHERE, "--browser", "false", "--page"]).arg(&page);
     let mut shown = site.start(&mut shown);
     let url = shown.process().prints("http://");
-    let address = url.trim_start_matches("http://").split('/').next().expect("an address").to_owned();
-    assert!(url.ends_with("/?recording=recording/some.mcap"), "{url}");
-    let part = get(&address, "/recording/some.mcap", "Range: bytes=0-4\r\n");
+    let address = url.trim().trim_start_matches("http://").to_owned();
+    let path = address.split_once('/').map(|(_, path)| format!("/{path}")).expect("a path");
+    assert!(path.starts_with("/?token=") && path.ends_with("&recording=recording/some.mcap"), "{path}");
+    assert!(get(&address, "/", "").starts_with("HTTP/1.1 401"));
+    assert!(get(&address, "/recording/some.mcap", "").starts_with("HTTP/1.1 401"));
+    // The token is exchanged for a cookie, and leaves the address.
+    let admitted = get(&address, &path, "");
+    assert!(admitted.starts_with("HTTP/1.1 303"), "{admitted}");
+    assert!(admitted.contains("location: /?recording=recording/some.mcap\r\n"), "{admitted}");
+    let cookie = admitted.lines().find_map(|line| line.strip_prefix("set-cookie: ")).expect("a cookie");
+    assert!(cookie.ends_with("; Path=/; HttpOnly; SameSite=Strict"), "{cookie}");
+    let cookie = format!("Cookie: {}\r\n", cookie.split(';').next().expect("a value"));
+    let get = |path: &str, lines: &str| get(&address, path, &format!("{cookie}{lines}"));
+    let part = get("/recording/some.mcap", "Range: bytes=0-4\r\n");
     assert!(part.starts_with("HTTP/1.1 206") && part.contains(&format!("0-4/{}", bytes.len())), "{part}");
-    assert!(get(&address, "/", "").ends_with("a page"));
-    assert!(get(&address, "/nothing.js", "").starts_with("HTTP/1.1 404"));
-    assert!(get(&address, "/", "Origin: https://example.org\r\n").starts_with("HTTP/1.1 403"));
-    assert!(get(&address, "/", "Upgrade: websocket\r\n").starts_with("HTTP/1.1 404"));
+    assert!(get("/", "").ends_with("a page"));
+    assert!(get("/nothing.js", "").starts_with("HTTP/1.1 404"));
+    assert!(get("/", "Origin: https://example.org\r\n").starts_with("HTTP/1.1 403"));
+    assert!(get("/", "Upgrade: websocket\r\n").starts_with("HTTP/1.1 404"));
     signal(shown.process().pid(), "INT");
     shown.ended().with_code(0);
 }

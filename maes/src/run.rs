@@ -12,6 +12,7 @@ use anyhow::bail;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, ValueEnum};
 use sim_server::cli::{KeyArgs, assignment};
+use sim_server::foxglove::{PageOrigin, TOKEN_VARIABLE, Token};
 use sim_server::{exit, setup};
 use simulation::scenario::{Override, Scenario};
 use supervisor::run::{Console, Run, Source};
@@ -55,6 +56,10 @@ pub(crate) struct RunArgs {
     /// The folder of the page, if it is not the one that was built here
     #[arg(long, value_name = "DIR")]
     pub(crate) page: Option<PathBuf>,
+    /// Let pages of this origin connect as well, for example https://app.foxglove.dev; may be
+    /// repeated
+    #[arg(long, value_name = "ORIGIN")]
+    pub(crate) view_allow_origin: Vec<PageOrigin>,
     /// The folder of the processes' logs [default: out/logs/TIME-PID; over memory: no logs]
     #[arg(long, value_name = "DIR")]
     logs: Option<PathBuf>,
@@ -239,7 +244,15 @@ impl RunArgs {
         flags.extend(self.resume.iter().map(|file| flag("resume", file)));
         flags.extend(self.view.iter().map(|address| flag("view", address)));
         flags.extend(self.page.iter().filter(|_| self.view.is_some()).map(|folder| flag("page", folder)));
+        if self.view.is_some() {
+            flags.extend(self.origin_flags());
+        }
         flags
+    }
+
+    /// The flags of `sim_server run` for the origins whose pages may connect.
+    pub(crate) fn origin_flags(&self) -> impl Iterator<Item = OsString> {
+        self.view_allow_origin.iter().map(|origin| flag("view-allow-origin", origin.to_string()))
     }
 
     /// The first flag that was typed; of a command that has these arguments.
@@ -256,7 +269,7 @@ pub(crate) fn is_given(given: &ArgMatches, id: &str) -> bool {
     given.value_source(id) == Some(ValueSource::CommandLine)
 }
 
-fn flag(name: &str, value: impl Into<OsString>) -> OsString {
+pub(crate) fn flag(name: &str, value: impl Into<OsString>) -> OsString {
     let mut flag = OsString::from(format!("--{name}="));
     flag.push(value.into());
     flag
@@ -264,11 +277,16 @@ fn flag(name: &str, value: impl Into<OsString>) -> OsString {
 
 /// Runs a scenario.
 pub(crate) fn run(args: &RunArgs, given: &ArgMatches) -> anyhow::Result<ExitCode> {
-    run_with(args, args.server_flags(given))
+    run_with(args, args.server_flags(given), None)
 }
 
-/// Runs a scenario with these flags of `sim_server run`.
-pub(crate) fn run_with(args: &RunArgs, server_flags: Vec<OsString>) -> anyhow::Result<ExitCode> {
+/// The environment of a server with this token, which no user but this one can read.
+pub(crate) fn token_env(token: &Token) -> Vec<(&'static str, String)> {
+    vec![(TOKEN_VARIABLE, token.as_str().to_owned())]
+}
+
+/// Runs a scenario with these flags of `sim_server run`, and this token if it is observed.
+pub(crate) fn run_with(args: &RunArgs, server_flags: Vec<OsString>, token: Option<&Token>) -> anyhow::Result<ExitCode> {
     args.check_transport()?;
     let interruptions = (args.transport == Transport::Ros2).then(signals::count).transpose()?;
     let scenario = args.scenario()?;
@@ -288,6 +306,7 @@ pub(crate) fn run_with(args: &RunArgs, server_flags: Vec<OsString>) -> anyhow::R
         scenario: &scenario,
         source: args.source(),
         server_flags,
+        server_env: token.map(token_env).unwrap_or_default(),
         team,
         logs: args.logs.clone().unwrap_or_else(logs::default_folder),
         console: Console::Inherited,
@@ -318,7 +337,7 @@ mod tests {
     fn keys_are_passed_on_as_they_were_typed() {
         let (args, given) = parsed(
             "run s.toml --seed 7 --record-topics map,odom --paused --set a.b=[1,2] --set c=-1 --size=9x8x7 \
-             --agent-set speed=1.5 --agents 2 --view --order reverse",
+             --agent-set speed=1.5 --agents 2 --view --order reverse --view-allow-origin https://a.example",
         );
         let mut flags: Vec<_> = args.server_flags(&given).into_iter().map(|flag| flag.into_string().unwrap()).collect();
         flags.sort();
@@ -332,6 +351,7 @@ mod tests {
             "--set=agents.set.speed=1.5",
             "--set=c=-1",
             "--size=9x8x7",
+            "--view-allow-origin=https://a.example",
             "--view=127.0.0.1:8765",
         ];
         assert_eq!(flags, expected);

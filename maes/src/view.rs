@@ -4,6 +4,7 @@
 mod browser;
 mod page;
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -12,7 +13,7 @@ use clap::{ArgMatches, Args};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use sim_server::exit;
-use sim_server::foxglove::{DEFAULT_ADDRESS, StaticFileServer};
+use sim_server::foxglove::{DEFAULT_ADDRESS, PageOrigin, StaticFileServer, Token};
 use sim_server::recording::Recording;
 use supervisor::idle::IdleServer;
 use supervisor::{binaries, logs};
@@ -41,12 +42,20 @@ pub(crate) struct ViewArgs {
     /// Build the page, and nothing else
     #[arg(long, value_name = "true|false", num_args = 0..=1, default_missing_value = "true")]
     build_only: Option<bool>,
+    /// The folder of the recordings of runs that are started on the page; the server names them
+    /// [default: out/recordings]
+    #[arg(long, value_name = "DIR")]
+    record_dir: Option<PathBuf>,
+    /// The folder of the map files that runs started on the page may name [default: the folder of
+    /// the project's scenarios, if it is here]
+    #[arg(long, value_name = "DIR")]
+    map_dir: Option<PathBuf>,
     #[command(flatten)]
     run: RunArgs,
 }
 
 /// Flags that are not of a run.
-const OF_THE_PAGE: [&str; 1] = ["page"];
+const OF_THE_PAGE: [&str; 2] = ["page", "view_allow_origin"];
 
 fn address(text: &str) -> Result<String, String> {
     let port = text.rsplit_once(':').map(|(_, port)| port.parse::<u16>());
@@ -59,7 +68,7 @@ fn address(text: &str) -> Result<String, String> {
 
 /// Shows something in a browser until it ends or is interrupted.
 pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCode> {
-    let ViewArgs { run, address, browser, build_only } = args;
+    let ViewArgs { run, address, browser, build_only, record_dir, map_dir } = args;
     let file = run.scenario.clone();
     let is_recording = file.as_deref().is_some_and(is_recording);
     if let Some(file) = &file
@@ -73,6 +82,10 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
             None => bail!("{flag}: runs that are started on the page have their settings from there; leave it out"),
             Some(_) => {}
         }
+    }
+    let folders = [("record-dir", record_dir), ("map-dir", map_dir)];
+    if let (Some(_), Some((name, _))) = (&file, folders.iter().find(|(_, folder)| folder.is_some())) {
+        bail!("--{name}: only for runs that are started on the page; leave it out, or the file");
     }
     if build_only == Some(true) {
         return Ok(match page::build_only() {
@@ -88,19 +101,34 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
         Ok(page) => page,
         Err(error) => return Ok(page::failed(&error)),
     };
+    let shown =
+        Shown { page, address, browser, token: Token::of_environment()?, origins: run.view_allow_origin.clone() };
     match file {
-        Some(file) if is_recording => show_recording(&file, &page, &address, browser),
-        Some(_) => show_run(run, given, page, &address, browser),
-        None => serve_idle(page, address, browser),
+        Some(file) if is_recording => show_recording(&file, shown),
+        Some(_) => show_run(run, given, shown),
+        None => {
+            let folders = folders.into_iter().filter_map(|(name, folder)| Some(run::flag(name, folder?)));
+            serve_idle(shown, run.origin_flags().chain(folders).collect())
+        }
     }
+}
+
+/// Where something is shown, and to whom.
+struct Shown {
+    page: PathBuf,
+    address: String,
+    browser: Option<bool>,
+    token: Token,
+    /// Origins whose pages may connect as well.
+    origins: Vec<PageOrigin>,
 }
 
 fn is_recording(file: &Path) -> bool {
     file.extension().is_some_and(|extension| extension == "mcap")
 }
 
-fn show_recording(file: &Path, page: &Path, address: &str, browser: Option<bool>) -> anyhow::Result<ExitCode> {
-    let server = match StaticFileServer::open(address, page, file) {
+fn show_recording(file: &Path, shown: Shown) -> anyhow::Result<ExitCode> {
+    let server = match StaticFileServer::open(&shown.address, &shown.page, file, shown.token, &shown.origins) {
         Ok(server) => server,
         Err(error) => {
             say(&format!("error: {error}"));
@@ -110,38 +138,35 @@ fn show_recording(file: &Path, page: &Path, address: &str, browser: Option<bool>
     // Before the address is printed: whoever reads it may interrupt this at once.
     let mut signals = Signals::new([SIGINT, SIGTERM]).context("handling signals")?;
     print(&server.url());
-    Browser::new(browser).open(&server.url());
+    Browser::new(shown.browser).open(&server.url());
     signals.forever().next();
     Ok(ExitCode::SUCCESS)
 }
 
-fn show_run(
-    mut run: RunArgs,
-    given: &ArgMatches,
-    page: PathBuf,
-    address: &str,
-    browser: Option<bool>,
-) -> anyhow::Result<ExitCode> {
+fn show_run(mut run: RunArgs, given: &ArgMatches, shown: Shown) -> anyhow::Result<ExitCode> {
     if is_given(given, "view") {
         bail!("--view: here, the page is at --address ADDR:PORT");
     }
-    run.view = Some(address.to_owned());
-    run.page = Some(page);
+    run.view = Some(shown.address.clone());
+    run.page = Some(shown.page);
     let mut server_flags = run.server_flags(given);
     if !is_given(given, "paused") {
         run.begin_paused();
         server_flags.push("--paused=true".into());
     }
-    let _opening = Browser::new(browser).open_when_served(address);
-    run::run_with(&run, server_flags)
+    let _opening = Browser::new(shown.browser).open_when_served(&shown.address, &shown.token);
+    run::run_with(&run, server_flags, Some(&shown.token))
 }
 
-fn serve_idle(page: PathBuf, address: String, browser: Option<bool>) -> anyhow::Result<ExitCode> {
+fn serve_idle(shown: Shown, server_flags: Vec<OsString>) -> anyhow::Result<ExitCode> {
+    let Shown { page, address, browser, token, .. } = shown;
     let interruptions = signals::count()?;
     let logs = logs::default_folder();
-    let server = IdleServer { binaries: binaries::folder()?, address, page: Some(page), logs };
+    let server_env = run::token_env(&token);
+    let binaries = binaries::folder()?;
+    let server = IdleServer { binaries, address, page: Some(page), server_flags, server_env, logs };
     let mut opening = None;
-    let begun = || opening = Some(Browser::new(browser).open_when_served(&server.address));
+    let begun = || opening = Some(Browser::new(browser).open_when_served(&server.address, &token));
     let code = server.supervise(&interruptions, begun)?;
     drop(opening);
     Ok(ExitCode::from(code))

@@ -44,6 +44,11 @@ pub struct RunArgs {
     #[cfg(feature = "view")]
     #[arg(long, value_name = "DIR", requires = "view")]
     pub page: Option<PathBuf>,
+    /// Let pages of this origin connect as well, for example https://app.foxglove.dev; may be
+    /// repeated
+    #[cfg(feature = "view")]
+    #[arg(long, value_name = "ORIGIN", requires = "view")]
+    pub view_allow_origin: Vec<crate::foxglove::PageOrigin>,
     /// Serve the runs that are started on the page, one after the other
     #[cfg(feature = "view")]
     #[arg(long, requires = "view", conflicts_with_all = ["resume", "scenario"])]
@@ -53,6 +58,15 @@ pub struct RunArgs {
     #[cfg(feature = "view")]
     #[arg(long, value_name = "PROGRAM", requires = "idle")]
     pub check_agents: Option<PathBuf>,
+    /// With --idle: the folder of the recordings of requested runs, which the server names
+    #[cfg(feature = "view")]
+    #[arg(long, value_name = "DIR", requires = "idle", default_value = crate::foxglove::RECORD_DIR)]
+    pub record_dir: PathBuf,
+    /// With --idle: the folder of the map files that requested runs may name [default: the folder
+    /// of the project's scenarios, if it is here]
+    #[cfg(feature = "view")]
+    #[arg(long, value_name = "DIR", requires = "idle")]
+    pub map_dir: Option<PathBuf>,
     /// Resume the run of this recording, whose server was killed; completes it, or the file that
     /// --record names
     #[arg(long, value_name = "FILE.mcap")]

@@ -10,18 +10,24 @@
 //!                              +-- Foxglove WebSocket -- [Hub] -- [ObservedTransport] -- run loop, link
 //! ```
 //!
-//! Invariants: an observer never delays the run; its requests reach the run like those over ROS
+//! Invariants: the gateway is the only way in, and it serves nothing without the token of this
+//! start ([`Token`]); an observer never delays the run; its requests reach the run like those over ROS
 //! ([`crate::control`]) and are answered between two ticks; a client that is too slow loses
 //! messages, or its connection.
 //!
 //! This module does not know what the page draws.
 
+mod access;
 pub mod capture;
 mod http_gateway;
 mod hub;
 mod observed_transport;
+mod outbox;
+mod requested_run;
 mod services;
 mod static_files;
+mod timed_stream;
+mod websocket;
 
 use std::io;
 use std::net::SocketAddr;
@@ -30,18 +36,19 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Duration;
 
-use foxglove::websocket::Capability;
-use foxglove::{Context, FoxgloveError, WebSocketServer, WebSocketServerHandle};
 use thiserror::Error;
 use tokio::runtime::Runtime;
 
 use crate::live_stream::LiveStream;
 use crate::recorder::Document;
 
+use access::Access;
+pub use access::{PageOrigin, TOKEN_VARIABLE, Token};
 use http_gateway::GatewayContent;
 pub use http_gateway::page;
 use hub::Hub;
 pub use observed_transport::ObservedTransport;
+pub use requested_run::{RequestError, RequestedRun, RequestedRuns, RunFolders};
 use services::ClientRequest;
 pub use services::StartRequest;
 pub use static_files::StaticFileServer;
@@ -49,14 +56,14 @@ pub use static_files::StaticFileServer;
 /// The default address, with the port that Foxglove expects.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
 
+/// The default folder of the recordings of requested runs.
+pub const RECORD_DIR: &str = "out/recordings";
+
 /// Error text for a page that was not built.
-pub const NO_PAGE_HERE: &str = "the page was not built: npm --prefix viewer ci && npm --prefix viewer run build, or launch_scripts/view.sh, which does both";
+pub const NO_PAGE_HERE: &str = "the page was not built: npm --prefix viewer ci && npm --prefix viewer run build, or maes view --build-only, which does both";
 
 /// Maximum queued requests; a further one is refused.
 const REQUESTS_MAX: usize = 256;
-
-/// Maximum messages queued per client; beyond it the oldest are dropped.
-const BACKLOG_MESSAGES_MAX: usize = 1024;
 
 /// Maximum wall time that the end of a run waits for readers of the live stream.
 const READERS_TIMEOUT: Duration = Duration::from_secs(2);
@@ -71,64 +78,66 @@ pub enum FoxgloveServerError {
         address: String,
         source: io::Error,
     },
+    /// The token that the user sets is none.
+    #[error(
+        "{TOKEN_VARIABLE}: expected 16 to 256 of the characters A-Z, a-z, 0-9, - and _; \
+         without the variable a token is drawn"
+    )]
+    Token,
     /// The folder has no page.
     #[error("--page {folder}: expected a folder with index.html")]
     Page { folder: String },
     /// The system refuses.
     #[error("serving observers: {0}")]
     System(#[from] io::Error),
-    /// The Foxglove library refuses.
-    #[error("Foxglove server: {0}")]
-    Foxglove(#[from] FoxgloveError),
 }
 
 /// The server, from before a run until after it.
 pub struct FoxgloveServer {
     hub: Arc<Hub>,
-    server: Arc<WebSocketServerHandle>,
-    context: Arc<Context>,
     requests: Receiver<ClientRequest>,
     address: SocketAddr,
+    /// The query with the token.
+    query: String,
     /// Its tasks end when it is dropped.
     _runtime: Runtime,
 }
 
 impl FoxgloveServer {
     /// Listens at an address such as `127.0.0.1:8765`; port 0 selects a free one. `page` is the
-    /// folder of the page; `is_idle` offers the service that starts runs.
+    /// folder of the page; `is_idle` offers the service that starts runs. Clients have to show the
+    /// token, and those that are pages must be of this server or of an `allowed` origin.
     ///
     /// # Errors
     /// If the address cannot be bound.
-    pub fn open(address: &str, page: Option<&Path>, is_idle: bool) -> Result<Self, FoxgloveServerError> {
+    pub fn open(
+        address: &str,
+        page: Option<&Path>,
+        is_idle: bool,
+        token: Token,
+        allowed: &[PageOrigin],
+    ) -> Result<Self, FoxgloveServerError> {
         let (runtime, listener) = http_gateway::open(address)?;
         let local = listener.local_addr()?;
-        let context = Context::new();
         let (sender, requests) = sync_channel(REQUESTS_MAX);
-        let hub = Arc::new(Hub::new(sender.clone()));
-        let info = [("maes".to_owned(), "1".to_owned()), ("idle".to_owned(), is_idle.to_string())];
-        let server = WebSocketServer::new()
-            .name("MAES")
-            .context(&context)
-            // Only the HTTP gateway connects to it.
-            .bind("127.0.0.1", 0)
-            .server_info(info.into_iter().collect())
-            .session_id(hub.session())
-            .capabilities([Capability::Time, Capability::Parameters])
-            .supported_encodings(["cdr", "json"])
-            .services(services::all(&sender, is_idle))
-            .listener(Arc::clone(&hub) as _)
-            .parameter_handler(Arc::clone(&hub) as _)
-            .fetch_asset_handler(Arc::clone(&hub) as _)
-            .message_backlog_size(BACKLOG_MESSAGES_MAX);
-        let server = Arc::new(runtime.block_on(server.start())?);
-        hub.set_server(&server);
-        let foxglove = Some(SocketAddr::from(([127, 0, 0, 1], server.port())));
-        http_gateway::serve(
-            &runtime,
-            listener,
-            GatewayContent { page: page.map(Path::to_owned), foxglove, recording: None },
-        );
-        Ok(Self { hub, server, context, requests, address: local, _runtime: runtime })
+        let hub = Arc::new(Hub::new(sender, is_idle));
+        let access = Access::new(token, allowed, local);
+        let query = access.query();
+        let content = GatewayContent { page: page.map(Path::to_owned), hub: Some(Arc::clone(&hub)), recording: None };
+        http_gateway::serve(&runtime, listener, access, content);
+        Ok(Self { hub, requests, address: local, query, _runtime: runtime })
+    }
+
+    /// The address of the page, with the token.
+    #[must_use]
+    pub fn url(&self) -> String {
+        format!("http://{}/?{}", self.address, self.query)
+    }
+
+    /// The address of the WebSocket, with the token.
+    #[must_use]
+    pub fn websocket_url(&self) -> String {
+        format!("ws://{}/?{}", self.address, self.query)
     }
 
     /// The address it listens at.
@@ -163,6 +172,6 @@ impl FoxgloveServer {
 
     /// Waits until readers of the live stream have read its end.
     pub fn wait_for_readers(&self) {
-        self.hub.wait_for_readers(READERS_TIMEOUT, || self.server.client_count() == 0);
+        self.hub.wait_for_readers(READERS_TIMEOUT);
     }
 }

@@ -16,7 +16,7 @@ use ros_node::process_guard::{Limits, ProcessGuard};
 use ros_node::ros_env::RosEnv;
 use sim_server::cli::RunArgs;
 #[cfg(feature = "view")]
-use sim_server::foxglove::{self, FoxgloveServer, ObservedTransport};
+use sim_server::foxglove::{self, FoxgloveServer, ObservedTransport, RequestedRuns, RunFolders, Token};
 use sim_server::playback::{Horizon, Playback};
 use sim_server::recording::Recording;
 use sim_server::ros::RosTransport;
@@ -138,7 +138,11 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
 fn open_viewing(args: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>, foxglove::FoxgloveServerError>> {
     let Some(address) = &args.view else { return Ok(Ok(None)) };
     let page = foxglove::page(args.page.as_deref())?;
-    Ok(FoxgloveServer::open(address, page.as_deref(), args.idle).map(Some))
+    let token = match Token::of_environment() {
+        Err(foxglove::FoxgloveServerError::System(error)) => return Ok(Err(error.into())),
+        token => token?,
+    };
+    Ok(FoxgloveServer::open(address, page.as_deref(), args.idle, token, &args.view_allow_origin).map(Some))
 }
 
 #[cfg(not(feature = "view"))]
@@ -149,7 +153,10 @@ fn open_viewing(_: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>, st
 #[cfg(feature = "view")]
 fn tell_address(viewing: Option<&FoxgloveServer>, terminal: &mut Terminal) {
     if let Some(viewing) = viewing {
-        terminal.say(&format!("observe at http://{0} (Foxglove WebSocket: ws://{0})", viewing.address()));
+        let text = |page: &str, socket: &str| format!("observe at {page} (Foxglove WebSocket: {socket})");
+        terminal.show(&text(&viewing.url(), &viewing.websocket_url()));
+        // Others may read the log: it does not have the token.
+        terminal.keep(&text(&format!("http://{}", viewing.address()), &format!("ws://{}", viewing.address())));
     }
 }
 
@@ -160,6 +167,8 @@ fn tell_address(_: Option<&FoxgloveServer>, _: &mut Terminal) {}
 #[cfg(feature = "view")]
 fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<ExitCode> {
     const NAME: &str = "the scenario";
+    let maps = args.map_dir.clone().or_else(scenarios_folder);
+    let mut requested = RequestedRuns::new(RunFolders { recordings: args.record_dir.clone(), maps });
     let stop = stopped_by_signals()?;
     let guard = guard(&stop)?;
     let viewing = match open_viewing(args)? {
@@ -175,8 +184,8 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
     let mut runs = 0;
     while !stop.load(std::sync::atomic::Ordering::Relaxed) {
         let Some(request) = viewing.next_start(IDLE_PERIOD) else { continue };
-        let scenario = match setup::parse(NAME, &request.scenario, overrides) {
-            Ok(scenario) => scenario,
+        let foxglove::RequestedRun { scenario, recording } = match requested.scenario(&request, overrides) {
+            Ok(run) => run,
             Err(error) => {
                 request.answer(Err(&error.to_string()));
                 continue;
@@ -197,12 +206,20 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
             }
         };
         runs += 1;
-        request.answer(Ok(()));
+        request.answer(Ok(recording.as_deref()));
         let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log_of_one()?);
         code = job.carry_out(begun, None, &mut terminal, &stop, || ())?;
     }
     guard.shutting_down();
     Ok(if guard.memory_exceeded() { ExitCode::from(exit::FAILED) } else { code })
+}
+
+/// The folder of the project's scenarios, if this is a build of the workspace.
+#[cfg(feature = "view")]
+fn scenarios_folder() -> Option<PathBuf> {
+    let binary = std::env::current_exe().ok()?;
+    let folder = binary.parent()?.join("../../launch_scripts/scenarios");
+    folder.is_dir().then_some(folder)
 }
 
 /// Whether there is the controller that a scenario names, with its settings. The server does not

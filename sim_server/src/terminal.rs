@@ -63,12 +63,17 @@ impl Terminal {
 
     /// Prints a message, above the bar if there is one.
     pub fn say(&mut self, text: &str) {
+        self.show(text);
+        self.keep(text);
+    }
+
+    /// Prints a line to stderr only: the log is without secrets.
+    pub fn show(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.println(text),
             // A closed stderr must not end the run.
             None => drop(writeln!(std::io::stderr(), "{text}")),
         }
-        self.keep(text);
     }
 
     /// Shows progress: on the bar, or as a line every few seconds.

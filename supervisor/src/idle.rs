@@ -1,6 +1,7 @@
 //! A server that waits for runs that are started on its page, one after the other, and the agents
 //! of each.
 
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -22,6 +23,10 @@ pub struct IdleServer {
     pub address: String,
     /// The folder of the page, if it is not beside the binaries.
     pub page: Option<PathBuf>,
+    /// Further flags of `sim_server run`.
+    pub server_flags: Vec<OsString>,
+    /// Further environment variables of `sim_server`, for what other users must not see.
+    pub server_env: Vec<(&'static str, String)>,
     /// The folder of the logs.
     pub logs: PathBuf,
 }
@@ -42,6 +47,7 @@ impl IdleServer {
         if let Some(page) = &self.page {
             command.arg("--page").arg(page);
         }
+        command.args(&self.server_flags).envs(self.server_env.iter().cloned());
         command.arg("--check-agents").arg(self.binaries.join("agent_node"));
         command.arg("--log").arg(self.logs.join("server.log")).arg("--ready").arg(ready.path());
         let mut server = processes::start(command)?;

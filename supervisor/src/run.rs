@@ -66,6 +66,8 @@ pub struct Run<'a> {
     pub source: Source,
     /// Further flags of `sim_server run`.
     pub server_flags: Vec<OsString>,
+    /// Further environment variables of `sim_server`, for what other users must not see.
+    pub server_env: Vec<(&'static str, String)>,
     pub team: Team,
     /// The folder of the logs.
     pub logs: PathBuf,
@@ -133,6 +135,7 @@ impl Run<'_> {
             }
             Source::Resumed => {}
         }
+        command.envs(self.server_env.iter().cloned());
         command.args(&self.server_flags).arg("--log").arg(self.logs.join("server.log"));
         command.arg("--ready").arg(ready.path()).arg("--summary").arg(summary);
         if let Console::Quiet { stderr } = &self.console {

@@ -11,9 +11,26 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use tungstenite::client::IntoClientRequest;
-use tungstenite::{Message, WebSocket};
+use tungstenite::http::StatusCode;
+use tungstenite::{Error, HandshakeError, Message, WebSocket};
 
 use super::HANG;
+
+/// The socket after a handshake with these headers at `host:port/...`, or the status of the refusal.
+pub(crate) fn handshake(address: &str, headers: &[(&'static str, &str)]) -> Result<WebSocket<TcpStream>, StatusCode> {
+    let host = address.split('/').next().unwrap_or(address);
+    let stream = TcpStream::connect(host).unwrap_or_else(|error| panic!("{address}: {error}"));
+    stream.set_read_timeout(Some(HANG)).expect("a stream has time-outs");
+    let mut request = format!("ws://{address}").into_client_request().expect("an address is a request");
+    for (name, value) in headers {
+        request.headers_mut().insert(*name, value.parse().expect("a legal header"));
+    }
+    match tungstenite::client(request, stream) {
+        Ok((socket, _)) => Ok(socket),
+        Err(HandshakeError::Failure(Error::Http(response))) => Err(response.status()),
+        Err(error) => panic!("{address}: {error}"),
+    }
+}
 
 /// A connected client.
 pub(crate) struct Client {
@@ -32,16 +49,12 @@ pub(crate) struct Client {
 }
 
 impl Client {
-    /// Connects to `host:port`.
+    /// Connects to `host:port/?token=TOKEN`.
     #[track_caller]
     pub(crate) fn connect(address: &str) -> Self {
-        let stream = TcpStream::connect(address).unwrap_or_else(|error| panic!("{address}: {error}"));
-        stream.set_read_timeout(Some(HANG)).expect("a stream has time-outs");
-        let mut request = format!("ws://{address}/").into_client_request().expect("an address is a request");
-        request.headers_mut().insert("sec-websocket-protocol", "foxglove.sdk.v1".parse().expect("a legal header"));
-        let (socket, _) = tungstenite::client(request, stream).expect("the server speaks the protocol");
+        let socket = handshake(address, &[("sec-websocket-protocol", "foxglove.sdk.v1")]);
         let mut client = Self {
-            socket,
+            socket: socket.unwrap_or_else(|error| panic!("{address}: {error}")),
             said: BTreeMap::new(),
             channels: BTreeMap::new(),
             services: BTreeMap::new(),

@@ -143,11 +143,13 @@ impl Run {
         self.process.waits_until(|| Recording::read_so_far(recording).is_some_and(has_first_second));
     }
 
-    /// The address of the Foxglove server, from the server's stderr.
+    /// The address of the Foxglove server, with its token, from the server's stderr:
+    /// `127.0.0.1:PORT/?token=TOKEN`.
     #[track_caller]
     pub(crate) fn address(&mut self) -> String {
         let line = self.process.says("observe at http://");
-        line.split(['/', ' ']).find(|word| word.starts_with("127.")).expect("the line has an address").to_owned()
+        let url = line.split(' ').find_map(|word| word.strip_prefix("http://")).expect("the line has an address");
+        url.to_owned()
     }
 
     /// Waits for the end.

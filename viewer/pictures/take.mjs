@@ -1,12 +1,15 @@
 /**
  * Captures an image or a movie of a recording with the viewer's page in headless Chromium.
  *
- *     node take.mjs '{"url": "http://127.0.0.1:PORT/?recording=recording/run.mcap",
- *                     "out": "/tmp/cave.png", "size": [1280, 720],
- *                     "agent": null, "layers": null, "at": 120}'
- *     node take.mjs '{"url": ..., "out": "/tmp/cave.mp4", "size": [1280, 720],
- *                     "agent": 3, "layers": ["walls", "trails"],
- *                     "from": null, "to": 300, "seconds": 20, "fps": 30}'
+ *     MAES_CAPTURE='{"url": "http://127.0.0.1:PORT/?token=...&recording=recording/run.mcap",
+ *                    "out": "/tmp/cave.png", "size": [1280, 720],
+ *                    "agent": null, "layers": null, "at": 120}' node take.mjs
+ *     MAES_CAPTURE='{"url": ..., "out": "/tmp/cave.mp4", "size": [1280, 720],
+ *                    "agent": 3, "layers": ["walls", "trails"],
+ *                    "from": null, "to": 300, "seconds": 20, "fps": 30}' node take.mjs
+ *
+ * The order is in the environment, which other users of the machine cannot read, because the
+ * address has the token of the server.
  *
  * Called by `maes snapshot` and `maes movie`, which serve the page. The output file appears when it
  * is complete. Errors are one line on stderr; exit code 2: the request is invalid, 1: something has
@@ -28,7 +31,7 @@ const PROGRESS_MS = 2000;
 
 cleanUpAtExit();
 try {
-  await take(parseRequest(process.argv[2]));
+  await take(parseRequest(process.env["MAES_CAPTURE"]));
 } catch (error) {
   report(`error: ${firstLine(error)}`);
   process.exit(error instanceof InvalidRequest ? error.exitCode : 1);

@@ -4,7 +4,7 @@ import { join } from "node:path";
 import { McapWriter } from "@mcap/core";
 import type { Page } from "@playwright/test";
 import { expect, test } from "./support/fixtures.ts";
-import { SCENARIO } from "./support/paths.ts";
+import { addressWith, SCENARIO } from "./support/paths.ts";
 import { recording, temporaryFolder } from "./support/recordings.ts";
 import * as shown from "./support/shown.ts";
 
@@ -48,7 +48,7 @@ async function choose(page: Page, name: string, content: Buffer): Promise<void> 
 }
 
 test("other files are rejected with a message", async ({ page, servers }) => {
-  await page.goto(new URL("/?recording=", await servers.view(recording("cave"))).href);
+  await page.goto(addressWith(await servers.view(recording("cave")), { recording: "" }));
   const banner = page.getByTestId("banner-opening");
   for (const [name, content, expected] of [
     ["notes.mcap", Buffer.from("These are only some words.\n".repeat(20)), /MCAP/],
@@ -74,7 +74,7 @@ test("other files are rejected with a message", async ({ page, servers }) => {
 });
 
 test("a cut recording is shown up to the cut", async ({ page, servers }) => {
-  await page.goto(new URL("/?recording=", await servers.view(recording("cave"))).href);
+  await page.goto(addressWith(await servers.view(recording("cave")), { recording: "" }));
   const whole = readFileSync(recording("cave"));
   await choose(page, "cut.mcap", whole.subarray(0, Math.floor(whole.length / 2)));
   await shown.ready(page);
@@ -95,13 +95,13 @@ test("a cut recording is shown up to the cut", async ({ page, servers }) => {
 
 test("an unreachable address is reported", async ({ page, servers }) => {
   const url = await servers.view(recording("cave"));
-  await page.goto(new URL("/?recording=nothing.mcap", url).href);
+  await page.goto(addressWith(url, { recording: "nothing.mcap" }));
   await expect(page.getByTestId("banner-opening")).toContainText("nothing.mcap");
   await expect(page.getByTestId("banner-opening")).toContainText("404");
   await expect(page.getByTestId("drop-zone")).toBeVisible();
 
   // Port 1 is closed.
-  await page.goto(new URL("/?server=127.0.0.1:1", url).href);
+  await page.goto(addressWith(url, { server: "127.0.0.1:1" }));
   await expect(page.getByTestId("banner-connection")).toContainText(
     "No simulator answers at ws://127.0.0.1:1",
   );

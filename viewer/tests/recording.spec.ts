@@ -2,6 +2,7 @@
 import { readFileSync } from "node:fs";
 import type { Page } from "@playwright/test";
 import { expect, test } from "./support/fixtures.ts";
+import { addressWith } from "./support/paths.ts";
 import { recording } from "./support/recordings.ts";
 import * as shown from "./support/shown.ts";
 
@@ -13,7 +14,7 @@ const TICK_S = 0.02;
 const numberOf = (text: string): number => Number(text.replace(/\s/g, ""));
 
 test("opens from the file chooser", async ({ page, servers }) => {
-  await page.goto(new URL("/?recording=", await servers.view(FILE)).href);
+  await page.goto(addressWith(await servers.view(FILE), { recording: "" }));
   await expect(page.getByTestId("welcome")).toBeVisible();
   const chooser = page.waitForEvent("filechooser");
   await page.getByTestId("open-file").click();
@@ -28,7 +29,7 @@ test("opens from the file chooser", async ({ page, servers }) => {
 });
 
 test("opens by drag and drop", async ({ page, servers }) => {
-  await page.goto(new URL("/?recording=", await servers.view(FILE)).href);
+  await page.goto(addressWith(await servers.view(FILE), { recording: "" }));
   await expect(page.getByTestId("drop-zone")).toBeVisible();
   const bytes = readFileSync(FILE).toString("base64");
   await page.evaluate((base64) => {

@@ -44,6 +44,7 @@ impl Launcher {
             scenario: &run.scenario,
             source: Source::Text { name: "scenario.toml", toml: run.scenario.to_toml() },
             server_flags: vec!["--record".into(), recording.clone().into()],
+            server_env: Vec::new(),
             team: Team::default(),
             logs: folder.path().join("logs"),
             console: Console::Quiet { stderr: stderr.clone() },

@@ -7,6 +7,8 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
+use sim_server::foxglove::Token;
+
 use crate::output::say;
 
 /// Opens an address on a desktop.
@@ -56,9 +58,9 @@ impl Browser {
     }
 
     /// Shows the page at an address `ADDR:PORT` once a server accepts connections there.
-    pub(super) fn open_when_served(self, address: &str) -> Opening {
+    pub(super) fn open_when_served(self, address: &str, token: &Token) -> Opening {
         let (given_up, is_given_up) = channel();
-        let url = format!("http://{address}/");
+        let url = format!("http://{address}/?token={}", token.as_str());
         let address = address.to_owned();
         if matches!(self, Self::Opened) {
             thread::spawn(move || {

@@ -11,8 +11,11 @@ use clap::Args;
 use serde::Serialize;
 use thiserror::Error;
 
-use super::{FoxgloveServerError, NO_PAGE_HERE, StaticFileServer, http_gateway};
+use super::{FoxgloveServerError, NO_PAGE_HERE, StaticFileServer, Token, http_gateway};
 use crate::exit;
+
+/// The environment variable with the order for the browser driver.
+const ORDER_VARIABLE: &str = "MAES_CAPTURE";
 
 const FREE_PORT: &str = "127.0.0.1:0";
 
@@ -98,7 +101,7 @@ struct DriverOrder<'a> {
 /// Never: an order is plain data.
 pub fn take(args: &CaptureArgs, time: CaptureTime, out: &Path) -> Result<(), CaptureError> {
     let page = http_gateway::page(args.page.as_deref())?.ok_or(CaptureError::NoPage)?;
-    let server = StaticFileServer::open(FREE_PORT, &page, &args.file)?;
+    let server = StaticFileServer::open(FREE_PORT, &page, &args.file, Token::draw()?, &[])?;
     let out = std::path::absolute(out).map_err(FoxgloveServerError::System)?;
     let order = DriverOrder {
         url: server.url(),
@@ -110,7 +113,8 @@ pub fn take(args: &CaptureArgs, time: CaptureTime, out: &Path) -> Result<(), Cap
     };
     let mut driver = Command::new("node");
     driver.arg(page.join("../pictures/take.mjs"));
-    driver.arg(serde_json::to_string(&order).expect("an order is plain data"));
+    // Arguments are seen by all users of the machine, and the address has the token.
+    driver.env(ORDER_VARIABLE, serde_json::to_string(&order).expect("an order is plain data"));
     // The driver notices by itself when this process ends.
     let status = driver.stdin(Stdio::null()).status();
     match status.map_err(CaptureError::Node)?.code() {

@@ -1,46 +1,58 @@
-//! The HTTP gateway: one address that proxies WebSocket upgrades to the Foxglove server and serves
-//! all other requests from files.
+//! The HTTP gateway: the one address of a server, with the files of the page and the WebSocket.
 //!
-//! On a loopback address, it accepts requests from pages of this machine or of Foxglove only:
-//! otherwise any web page that a user opens could control a run (DNS rebinding, cross-site
-//! WebSockets).
+//! Every request is checked ([`super::access`]) before anything else is done with it. Connections
+//! are bounded by number, by the time for a head, and by the time in which the peer has to read.
 
 use std::convert::Infallible;
-use std::io::{self, Cursor};
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use http_body_util::Either;
-use hyper::Response;
-use hyper::body::Incoming;
-use hyper::header::{CACHE_CONTROL, CONTENT_TYPE, HeaderValue};
+use http_body_util::combinators::UnsyncBoxBody;
+use http_body_util::{BodyExt, Full};
+use hyper::body::{Bytes, Incoming};
+use hyper::header::{
+    CACHE_CONTROL, CONNECTION, CONTENT_TYPE, HeaderName, HeaderValue, LOCATION, REFRESH, SEC_WEBSOCKET_PROTOCOL,
+    SET_COOKIE, UPGRADE,
+};
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
-use hyper_util::rt::TokioIo;
-use tokio::io::{AsyncReadExt, AsyncWriteExt, copy_bidirectional, join};
+use hyper::{Method, Request, Response, StatusCode};
+use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::runtime::{Builder, Runtime};
+use tokio::sync::Semaphore;
+use tokio_tungstenite::tungstenite::handshake::server::create_response_with_body;
 use tower::ServiceExt;
 use tower_http::compression::Compression;
 use tower_http::services::{ServeDir, ServeFile};
-use tower_http::set_header::SetResponseHeader;
 
 use super::FoxgloveServerError;
+use super::access::{Access, Admission, Refusal, subprotocols, without_token};
+use super::hub::Hub;
+use super::timed_stream::TimedStream;
+use super::websocket;
 
 /// Threads that serve clients.
 const THREADS: usize = 2;
 
+/// Maximum connections; a further one is closed.
+pub(super) const CONNECTIONS_MAX: usize = 128;
+
+/// Maximum clients of the WebSocket; a further one is refused.
+pub(super) const CLIENTS_MAX: usize = 32;
+
 /// Maximum bytes of the head of a request.
 const HEAD_BYTES_MAX: usize = 16 * 1024;
 
-/// Maximum wall time for the head of a request to arrive.
+/// Maximum wall time for the head of a request to arrive, and of a connection without a request.
 const HEAD_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Foreign origins that may connect to a loopback address.
-const KNOWN_ORIGINS: [&str; 3] =
-    ["https://app.foxglove.dev", "https://studio.foxglove.dev", "https://lichtblick-suite.github.io"];
+/// Maximum wall time in which a client reads nothing of what it was sent.
+const WRITE_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// Wall time after an error of `accept`, such as too many open files.
+const ACCEPT_RETRY: Duration = Duration::from_millis(100);
 
 /// Served instead of a page that was not built.
 const NO_PAGE: &str = "<!doctype html><title>MAES</title><p>The simulator is here, but its page was not built. \
@@ -50,14 +62,42 @@ const NO_PAGE: &str = "<!doctype html><title>MAES</title><p>The simulator is her
 /// Path of the recording beside the page; its file name may follow, for display.
 const RECORDING: &str = "recording";
 
+/// Headers of every response. The page runs scripts of its own files only (styles may be inline,
+/// because browsers that make images add some); it reads recordings from, and connects to, any
+/// address that the user names, and decompresses with WebAssembly from a data URL.
+const HEADERS: [(HeaderName, HeaderValue); 6] = [
+    (
+        HeaderName::from_static("content-security-policy"),
+        HeaderValue::from_static(
+            "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; style-src 'self' 'unsafe-inline'; \
+             img-src 'self' data: blob:; connect-src 'self' data: blob: http: https: ws: wss:; \
+             base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+        ),
+    ),
+    (HeaderName::from_static("x-frame-options"), HeaderValue::from_static("DENY")),
+    (HeaderName::from_static("x-content-type-options"), HeaderValue::from_static("nosniff")),
+    (HeaderName::from_static("referrer-policy"), HeaderValue::from_static("no-referrer")),
+    (HeaderName::from_static("cross-origin-resource-policy"), HeaderValue::from_static("same-origin")),
+    (HeaderName::from_static("cross-origin-opener-policy"), HeaderValue::from_static("same-origin")),
+];
+
 /// What the gateway serves.
-#[derive(Debug, Clone)]
 pub(super) struct GatewayContent {
     pub(super) page: Option<PathBuf>,
-    /// Target of WebSocket upgrades.
-    pub(super) foxglove: Option<SocketAddr>,
+    /// The run that clients of the WebSocket observe.
+    pub(super) hub: Option<Arc<Hub>>,
     /// A recording to serve.
     pub(super) recording: Option<PathBuf>,
+}
+
+/// The body of a response.
+type Body = UnsyncBoxBody<Bytes, Box<dyn std::error::Error + Send + Sync>>;
+
+/// A gateway with its rules and its counts.
+struct Gateway {
+    content: GatewayContent,
+    access: Access,
+    clients: Arc<Semaphore>,
 }
 
 /// Path of a recording beside the page. A name that would need escaping is left out.
@@ -100,172 +140,165 @@ pub(super) fn open(address: &str) -> Result<(Runtime, TcpListener), FoxgloveServ
 }
 
 /// Serves clients until the runtime ends.
-pub(super) fn serve(runtime: &Runtime, listener: TcpListener, content: GatewayContent) {
-    let content = Arc::new(content);
-    let is_private = listener.local_addr().is_ok_and(|address| address.ip().is_loopback());
+pub(super) fn serve(runtime: &Runtime, listener: TcpListener, access: Access, content: GatewayContent) {
+    let gateway = Arc::new(Gateway { content, access, clients: Arc::new(Semaphore::new(CLIENTS_MAX)) });
+    let connections = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     runtime.spawn(async move {
         loop {
-            // An error of one connection does not concern the others.
-            if let Ok((stream, _)) = listener.accept().await {
-                tokio::spawn(serve_connection(stream, Arc::clone(&content), is_private));
-            }
+            let Ok((stream, _)) = listener.accept().await else {
+                // No more open files, perhaps: that passes when connections end.
+                tokio::time::sleep(ACCEPT_RETRY).await;
+                continue;
+            };
+            let Ok(permit) = Arc::clone(&connections).try_acquire_owned() else { continue };
+            let gateway = Arc::clone(&gateway);
+            tokio::spawn(async move {
+                // Errors of a connection concern nobody else.
+                drop(serve_connection(stream, gateway, Arc::new(permit)).await);
+            });
         }
     });
 }
 
-/// Serves one connection; its errors are ignored.
-async fn serve_connection(mut stream: TcpStream, content: Arc<GatewayContent>, is_private: bool) {
-    let Ok(Ok(head)) = tokio::time::timeout(HEAD_TIMEOUT, read_head(&mut stream)).await else { return };
-    let request = Request::parse(&head);
-    let _ = match (request.wants_websocket, content.foxglove) {
-        _ if is_private && !request.is_same_machine() => {
-            refuse(
-                stream,
-                "403 Forbidden",
-                "this simulator serves pages of its own machine only; --view ADDR:PORT opens it to others",
-            )
-            .await
-        }
-        (true, Some(foxglove)) => proxy(stream, &head, foxglove).await,
-        (true, None) => refuse(stream, "404 Not Found", "there is no run here").await,
-        (false, _) => serve_files(stream, head, &content).await.map_err(io::Error::other),
-    };
-}
-
-/// Serves files on a connection whose first head was read already.
-async fn serve_files(stream: TcpStream, head: Vec<u8>, content: &GatewayContent) -> hyper::Result<()> {
-    let (reading, writing) = stream.into_split();
-    let stream = TokioIo::new(join(Cursor::new(head).chain(reading), writing));
-    let Some(folder) = &content.page else {
-        let answer = service_fn(|_| async {
-            let mut answer = Response::new(NO_PAGE.to_owned());
-            answer.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("text/html; charset=utf-8"));
-            Ok::<_, Infallible>(answer)
-        });
-        return http1::Builder::new().serve_connection(stream, answer).await;
-    };
-    // A rebuilt page must not come from the cache.
-    let uncached = |files| SetResponseHeader::overriding(files, CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-    let page = Compression::new(uncached(ServeDir::new(folder)));
-    let recording = content.recording.as_ref().map(ServeFile::new);
-    let files = service_fn(move |request: hyper::Request<Incoming>| {
-        let (page, recording) = (page.clone(), recording.clone());
-        async move {
-            match recording {
-                // Uncompressed, so that range requests work.
-                Some(recording) if request.uri().path().split('/').nth(1) == Some(RECORDING) => {
-                    recording.oneshot(request).await.map(|answer| answer.map(Either::Left))
-                }
-                _ => page.oneshot(request).await.map(|answer| answer.map(Either::Right)),
-            }
-        }
+/// Serves one connection. The permit lasts as long as the connection, also as a WebSocket.
+async fn serve_connection<P: Send + Sync + 'static>(
+    stream: TcpStream,
+    gateway: Arc<Gateway>,
+    permit: Arc<P>,
+) -> hyper::Result<()> {
+    drop(stream.set_nodelay(true));
+    let stream = TokioIo::new(TimedStream::new(stream, WRITE_TIMEOUT));
+    let service = service_fn(move |request| {
+        let (gateway, permit) = (Arc::clone(&gateway), Arc::clone(&permit));
+        async move { Ok::<_, Infallible>(gateway.respond(request, permit).await) }
     });
-    http1::Builder::new().serve_connection(stream, files).await
+    http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(HEAD_TIMEOUT)
+        .max_buf_size(HEAD_BYTES_MAX)
+        .serve_connection(stream, service)
+        .with_upgrades()
+        .await
 }
 
-async fn refuse(mut stream: TcpStream, status: &str, reason: &str) -> io::Result<()> {
-    let length = reason.len();
-    let answer = format!("HTTP/1.1 {status}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{reason}");
-    stream.write_all(answer.as_bytes()).await
-}
-
-async fn proxy(mut stream: TcpStream, head: &[u8], foxglove: SocketAddr) -> io::Result<()> {
-    let mut server = TcpStream::connect(foxglove).await?;
-    server.set_nodelay(true)?;
-    stream.set_nodelay(true)?;
-    server.write_all(head).await?;
-    copy_bidirectional(&mut stream, &mut server).await.map(drop)
-}
-
-/// Reads up to the empty line behind the head of a request, and what came with it.
-async fn read_head(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
-    let mut head = Vec::new();
-    while !head.windows(4).any(|bytes| bytes == b"\r\n\r\n") {
-        if head.len() > HEAD_BYTES_MAX || stream.read_buf(&mut head).await? == 0 {
-            return Err(io::ErrorKind::InvalidData.into());
-        }
-    }
-    Ok(head)
-}
-
-/// The headers that decide about a request.
-#[derive(Debug, Default, PartialEq, Eq)]
-struct Request {
-    wants_websocket: bool,
-    /// Origin of the requesting page, if it is one.
-    origin: Option<String>,
-    /// The host it addresses.
-    host: Option<String>,
-}
-
-impl Request {
-    fn parse(head: &[u8]) -> Self {
-        let text = String::from_utf8_lossy(head);
-        let mut request = Self::default();
-        for line in text.lines().skip(1).take_while(|line| !line.is_empty()) {
-            let Some((name, value)) = line.split_once(':') else { continue };
-            let value = value.trim();
-            match name.to_ascii_lowercase().as_str() {
-                "upgrade" => request.wants_websocket = value.eq_ignore_ascii_case("websocket"),
-                "origin" => request.origin = Some(value.to_ascii_lowercase()),
-                "host" => request.host = Some(value.to_ascii_lowercase()),
-                _ => {}
+impl Gateway {
+    /// Answers a request, which keeps the permit of its connection if it becomes a WebSocket.
+    async fn respond<P: Send + Sync + 'static>(&self, request: Request<Incoming>, permit: Arc<P>) -> Response<Body> {
+        let mut response = match self.access.check(request.headers(), request.uri().query()) {
+            Err(refusal) => refused(refusal),
+            Ok(_) if wants_websocket(&request) => self.upgrade(request, permit),
+            Ok(_) if !matches!(*request.method(), Method::GET | Method::HEAD) => {
+                text(StatusCode::METHOD_NOT_ALLOWED, "the page is only read")
             }
-        }
-        request
-    }
-
-    /// Whether a loopback address may answer it. Clients other than browsers send no origin.
-    /// Browsers send the host of the URL, which exposes foreign names that resolve to this machine.
-    fn is_same_machine(&self) -> bool {
-        let is_known = |origin: &str| {
-            KNOWN_ORIGINS.contains(&origin) || origin.split_once("://").is_some_and(|(_, host)| is_loopback_host(host))
+            Ok(Admission::Token) if is_page_itself(&request) => self.admit(&request),
+            Ok(_) => self.file(request).await,
         };
-        self.host.as_deref().is_none_or(is_loopback_host) && self.origin.as_deref().is_none_or(is_known)
+        let headers = response.headers_mut();
+        headers.extend(HEADERS);
+        response
+    }
+
+    /// Exchanges the token in the address of the page for a cookie, and leads to the address
+    /// without it.
+    fn admit(&self, request: &Request<Incoming>) -> Response<Body> {
+        let clean = format!("{}{}", request.uri().path(), without_token(request.uri().query()));
+        let mut response = text(StatusCode::SEE_OTHER, "");
+        let headers = response.headers_mut();
+        let site = HeaderName::from_static("sec-fetch-site");
+        let [cookie, clean] = [self.access.cookie(), clean].map(HeaderValue::try_from);
+        let (Ok(cookie), Ok(clean)) = (cookie, clean) else { return text(StatusCode::BAD_REQUEST, "") };
+        headers.insert(SET_COOKIE, cookie);
+        if request.headers().get(site).is_some_and(|site| site == "cross-site" || site == "same-site") {
+            // After a link of another page, a browser sends no strict cookie with a redirect, but
+            // with what a page of this origin opens.
+            let Ok(refresh) = HeaderValue::try_from(format!("0;url={}", clean.to_str().unwrap_or("/"))) else {
+                return text(StatusCode::BAD_REQUEST, "");
+            };
+            headers.insert(REFRESH, refresh);
+            *response.status_mut() = StatusCode::OK;
+        } else {
+            headers.insert(LOCATION, clean);
+        }
+        response
+    }
+
+    /// Answers the handshake of a WebSocket, and serves the client.
+    fn upgrade<P: Send + Sync + 'static>(&self, mut request: Request<Incoming>, permit: Arc<P>) -> Response<Body> {
+        let Some(hub) = self.content.hub.clone() else { return text(StatusCode::NOT_FOUND, "there is no run here") };
+        if !subprotocols(request.headers()).any(|name| name == websocket::SUBPROTOCOL) {
+            let expected = format!("expected the subprotocol {}", websocket::SUBPROTOCOL);
+            return text(StatusCode::BAD_REQUEST, &expected);
+        }
+        let Ok(mut response) = create_response_with_body(&request, empty) else {
+            return text(StatusCode::BAD_REQUEST, "expected the handshake of a WebSocket (RFC 6455)");
+        };
+        let Ok(client) = Arc::clone(&self.clients).try_acquire_owned() else {
+            return text(StatusCode::SERVICE_UNAVAILABLE, &format!("{CLIENTS_MAX} clients are connected already"));
+        };
+        response.headers_mut().insert(SEC_WEBSOCKET_PROTOCOL, HeaderValue::from_static(websocket::SUBPROTOCOL));
+        let upgraded = hyper::upgrade::on(&mut request);
+        tokio::spawn(async move {
+            if let Ok(stream) = upgraded.await {
+                websocket::serve(TokioIo::new(stream), hub).await;
+            }
+            drop((client, permit));
+        });
+        response
+    }
+
+    /// Serves a file of the page, or the recording.
+    async fn file(&self, request: Request<Incoming>) -> Response<Body> {
+        let is_recording = request.uri().path().split('/').nth(1) == Some(RECORDING);
+        if is_recording && let Some(recording) = &self.content.recording {
+            // Uncompressed, so that range requests work.
+            let Ok(response) = ServeFile::new(recording).oneshot(request).await;
+            return response.map(|body| body.map_err(Into::into).boxed_unsync());
+        }
+        let Some(folder) = &self.content.page else {
+            let mut response = text(StatusCode::OK, NO_PAGE);
+            response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("text/html; charset=utf-8"));
+            return response;
+        };
+        let Ok(mut response) = Compression::new(ServeDir::new(folder)).oneshot(request).await;
+        // A rebuilt page must not come from the cache.
+        response.headers_mut().insert(CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+        response.map(|body| body.map_err(Into::into).boxed_unsync())
     }
 }
 
-/// Whether a host, with or without a port, is a name of this machine.
-fn is_loopback_host(host: &str) -> bool {
-    let name = match host.strip_prefix('[') {
-        Some(rest) => rest.split(']').next().unwrap_or_default(),
-        None => host.split(':').next().unwrap_or_default(),
+fn wants_websocket(request: &Request<Incoming>) -> bool {
+    request.headers().get(UPGRADE).is_some_and(|value| value.as_bytes().eq_ignore_ascii_case(b"websocket"))
+}
+
+fn is_page_itself(request: &Request<Incoming>) -> bool {
+    matches!(request.uri().path(), "/" | "/index.html")
+}
+
+fn refused(refusal: Refusal) -> Response<Body> {
+    let mut response = match refusal {
+        Refusal::Foreign => text(
+            StatusCode::FORBIDDEN,
+            "this simulator serves its own page only; --view-allow-origin ORIGIN allows those of another origin",
+        ),
+        Refusal::NoToken => text(
+            StatusCode::UNAUTHORIZED,
+            "the token is missing or old: open the address that the simulator has printed, with ?token=...",
+        ),
     };
-    name == "localhost" || name.parse::<std::net::IpAddr>().is_ok_and(|address| address.is_loopback())
+    // Without a token nothing is kept open.
+    response.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
+    response
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+fn text(status: StatusCode, text: &str) -> Response<Body> {
+    let body = Full::new(Bytes::copy_from_slice(text.as_bytes())).map_err(|never| match never {}).boxed_unsync();
+    let mut response = Response::new(body);
+    *response.status_mut() = status;
+    response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("text/plain; charset=utf-8"));
+    response.headers_mut().insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    response
+}
 
-    fn request(lines: &str) -> Request {
-        Request::parse(format!("GET / HTTP/1.1\r\n{lines}\r\n\r\nUpgrade: websocket").as_bytes())
-    }
-
-    #[test]
-    fn websocket_upgrade_is_read_from_the_head() {
-        assert!(request("host: localhost:8765\r\nUPGRADE: WebSocket").wants_websocket);
-        assert!(!request("host: localhost:8765").wants_websocket, "what comes after the head does not count");
-    }
-
-    #[test]
-    fn foreign_origins_are_refused() {
-        let may = |lines: &str| request(lines).is_same_machine();
-        for lines in [
-            "Host: localhost:8765",
-            "Host: 127.0.0.1:8765\r\nOrigin: http://localhost:5173",
-            "Host: [::1]:8765\r\nOrigin: http://[::1]:8765",
-            "Host: 127.0.0.1\r\nOrigin: https://app.foxglove.dev",
-        ] {
-            assert!(may(lines), "{lines}");
-        }
-        for lines in [
-            "Host: 127.0.0.1:8765\r\nOrigin: https://example.org",
-            "Host: 127.0.0.1:8765\r\nOrigin: https://localhost.example.org",
-            "Host: rebound.example.org:8765",
-            "Host: 127.0.0.1:8765\r\nOrigin: null",
-        ] {
-            assert!(!may(lines), "{lines}");
-        }
-    }
+fn empty() -> Body {
+    Full::default().map_err(|never| match never {}).boxed_unsync()
 }

@@ -1,16 +1,13 @@
 //! A link that also serves the observers of the Foxglove server; messages pass through unchanged.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use foxglove::{ChannelBuilder, Context, PartialMetadata, RawChannel, Schema};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario};
 use msgs::nav_msgs::Odometry;
 use msgs::sensor_msgs::PointCloud2;
-use msgs::topics::{self, Topic};
-use msgs::{cdr, schema};
+use msgs::{cdr, topics};
 
 use super::FoxgloveServer;
 use super::services;
@@ -28,7 +25,6 @@ pub struct ObservedTransport<'v, L> {
     link: L,
     foxglove: &'v FoxgloveServer,
     scenario: &'v scenario::Scenario,
-    channels: BTreeMap<VisualisationTopic, Arc<RawChannel>>,
     view_of_topic: BTreeMap<String, VisualisationTopic>,
     /// Subscriptions at the Foxglove server, as of `revision`.
     own: BTreeMap<VisualisationTopic, u64>,
@@ -48,7 +44,6 @@ impl<'v, L: Transport> ObservedTransport<'v, L> {
             link,
             foxglove,
             scenario,
-            channels: BTreeMap::new(),
             view_of_topic: BTreeMap::new(),
             own: BTreeMap::new(),
             revision: 0,
@@ -60,17 +55,13 @@ impl<'v, L: Transport> ObservedTransport<'v, L> {
         }
     }
 
-    /// Creates the channels of a run.
-    fn open_channels(&mut self, run: u64) {
-        self.channels.clear();
-        let context = &self.foxglove.context;
-        for view in VisualisationTopic::all(self.scenario.agents.count) {
-            let channel = channel(context, &view.topic());
-            self.view_of_topic.insert(channel.topic().to_owned(), view);
-            self.channels.insert(view, channel);
-        }
-        let others = [topics::scenario(), topics::progress()].map(|topic| channel(context, &topic));
-        self.foxglove.hub.start_session(run, self.scenario, self.channels.values().cloned().chain(others));
+    /// Offers the topics of a run.
+    fn open_topics(&mut self, run: u64) {
+        let views = VisualisationTopic::all(self.scenario.agents.count);
+        self.view_of_topic = views.into_iter().map(|view| (view.topic().name, view)).collect();
+        let views = self.view_of_topic.values().map(|view| view.topic());
+        let topics = views.chain([topics::scenario(), topics::progress()]);
+        self.foxglove.hub.start_session(run, self.scenario, topics);
     }
 
     /// Broadcasts the time unless that was done, or anything else a moment ago.
@@ -78,7 +69,7 @@ impl<'v, L: Transport> ObservedTransport<'v, L> {
         if !self.is_time_sent && self.time_sent.is_none_or(|sent| sent.elapsed() >= CLOCK_PERIOD) {
             self.time_sent = Some(now());
             self.is_time_sent = true;
-            self.foxglove.server.broadcast_time(self.tick.time_ns());
+            self.foxglove.hub.broadcast_time(self.tick);
         }
     }
 
@@ -102,7 +93,7 @@ fn merge(all: &mut Subscribers, own: &BTreeMap<VisualisationTopic, u64>, inner: 
 
 impl<L: Transport> AgentTransport for ObservedTransport<'_, L> {
     fn announce(&mut self, scenario: &Scenario) {
-        self.open_channels(scenario.run);
+        self.open_topics(scenario.run);
         self.foxglove.hub.publish_latched(&topics::scenario().name, cdr::encode(scenario), Tick::ZERO);
         self.link.announce(scenario);
     }
@@ -169,11 +160,8 @@ impl<L: Transport> ObserverOutput for ObservedTransport<'_, L> {
             if let VisualisationMessage::Result(result) = picture {
                 self.foxglove.hub.publish_latched(&view.topic().name, cdr::encode(picture), Tick(result.tick));
             }
-        } else if self.own.contains_key(&view)
-            && let Some(channel) = self.channels.get(&view)
-        {
-            let time_ns = self.tick.time_ns();
-            channel.log_with_meta(&cdr::encode(picture), PartialMetadata::with_log_time(time_ns));
+        } else if self.own.contains_key(&view) {
+            self.foxglove.hub.publish(&view.topic().name, &cdr::encode(picture), self.tick);
         }
     }
 
@@ -204,14 +192,4 @@ impl<L> Drop for ObservedTransport<'_, L> {
         }
         self.foxglove.wait_for_readers();
     }
-}
-
-fn channel(context: &Arc<Context>, topic: &Topic) -> Arc<RawChannel> {
-    let schema = Schema::new(topic.message.to_string(), "ros2msg", schema::text(topic.message).into_bytes());
-    ChannelBuilder::new(topic.name.as_str())
-        .context(context)
-        .message_encoding("cdr")
-        .schema(schema)
-        .build_raw()
-        .expect("a channel of its own is refused only where the schema's encoding is none")
 }

@@ -16,6 +16,14 @@ export const PAGE = resolve(process.env["MAES_PAGE"] ?? join(VIEWER, "dist"));
 /** The default scenario: five agents, a cave of 50 cells along each axis. */
 export const SCENARIO = join(VIEWER, "../launch_scripts/scenarios/default.toml");
 
+/** The token of all servers of these tests. */
+const TOKEN = "the-token-of-the-page-tests";
+
+/** The address of a page with another query, and the token. */
+export function addressWith(url: string, query: Readonly<Record<string, string>>): string {
+  return new URL(`/?${new URLSearchParams({ token: TOKEN, ...query }).toString()}`, url).href;
+}
+
 export function binary(name: "sim_server" | "agent_node"): string {
   return join(BIN_DIR, name);
 }
@@ -30,5 +38,7 @@ export function environment(worker: number): NodeJS.ProcessEnv {
     MAES_BIN_DIR: BIN_DIR,
     ROS_DOMAIN_ID: process.env["ROS_DOMAIN_ID"] ?? String(90 + worker),
     ROS_AUTOMATIC_DISCOVERY_RANGE: "LOCALHOST",
+    // A server that is started again at the same address has the same token.
+    MAES_VIEW_TOKEN: TOKEN,
   };
 }
