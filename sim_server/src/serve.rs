@@ -12,6 +12,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::Context;
 use mapgen::MapReport;
 use msgs::ids::Tick;
+use msgs::printable;
 use ros_node::ros_env::RosEnv;
 use sim_server::cli::RunArgs;
 #[cfg(feature = "view")]
@@ -77,7 +78,7 @@ fn stopped_by_signals() -> anyhow::Result<Arc<AtomicBool>> {
 
 /// The end of what the system does not allow.
 fn failed(error: &dyn std::fmt::Display) -> anyhow::Result<ExitCode> {
-    eprintln!("error: {error}");
+    eprintln!("error: {}", printable::text(&error.to_string()));
     Ok(ExitCode::from(exit::FAILED))
 }
 
@@ -251,6 +252,7 @@ struct Begun<'a> {
 
 impl<'a> Job<'a> {
     fn make(&self) -> anyhow::Result<Made> {
+        setup::check_destination(self.scenario)?;
         let built = match self.resumed {
             Some(resumed) => setup::rebuild(&resumed.recording, self.scenario),
             None => setup::build(self.scenario),

@@ -2,6 +2,8 @@
 //! the end.
 //!
 //! Progress and notes go to stderr; the result goes to stdout, with the digest as its last line.
+//! Invariant: control characters in names and messages are escaped ([`msgs::printable`]), on the
+//! terminal and in the log.
 
 use std::fs::File;
 use std::io::{IsTerminal, Write};
@@ -12,6 +14,7 @@ use comfy_table::{Cell, CellAlignment, Table};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Counter};
+use msgs::printable;
 
 use crate::session::{self, Outcome, RunObserver};
 use crate::wall_clock::now;
@@ -63,6 +66,7 @@ impl Terminal {
 
     /// Prints a message, above the bar if there is one.
     pub fn say(&mut self, text: &str) {
+        let text = &*printable::text(text);
         match &self.bar {
             Some(bar) => bar.println(text),
             // A closed stderr must not end the run.
@@ -76,7 +80,7 @@ impl Terminal {
         match &self.bar {
             Some(bar) => {
                 bar.set_position(tick.0);
-                bar.set_message(text);
+                bar.set_message(printable::line(&text).into_owned());
             }
             None if self.line_written.is_none_or(|line| line.elapsed() >= LINE_PERIOD) => {
                 self.line_written = Some(now());
@@ -88,6 +92,7 @@ impl Terminal {
 
     /// Writes a message to the log only.
     pub fn keep(&mut self, text: &str) {
+        let text = printable::text(text);
         // A log that cannot be written must not end the run.
         if let Some(log) = &mut self.log
             && writeln!(log, "{text}").is_err()
@@ -129,7 +134,7 @@ impl RunObserver for Terminal {
     }
 
     fn note(&mut self, text: &str) {
-        self.say(text);
+        self.say(&printable::line(text));
     }
 }
 
@@ -163,7 +168,7 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
         let permille = name.strip_prefix(session::MILESTONE_COUNTER).and_then(|permille| permille.parse::<u32>().ok());
         match permille {
             Some(permille) => times.push(format!("{} % {}", f64::from(permille) / 10.0, clock(Tick(*value)))),
-            None if *value > 0 => counted.push(format!("{name} {value}")),
+            None if *value > 0 => counted.push(format!("{} {value}", printable::line(name))),
             None => {}
         }
     }
@@ -172,7 +177,7 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
         "{table}\nended after {} of sim time (tick {}): {}\n{times}{}",
         clock(Tick(result.tick)),
         result.tick,
-        result.reason,
+        printable::line(&result.reason),
         counted.join(", ")
     )
 }
