@@ -72,7 +72,8 @@ install_wheels() {
     rm -rf "$venv" "$dir/build"
     mkdir -p "$dir/build"
     run_logged "$dir/build/venv.log" "$python" -m venv "$venv"
-    run_logged "$dir/build/pip.log" "$venv/bin/python" -m pip install --disable-pip-version-check -r "$requirements"
+    run_logged "$dir/build/pip.log" "$venv/bin/python" -m pip install --disable-pip-version-check \
+        --require-hashes -r "$requirements"
     # The wheels carry the include paths of the machine they were made on; CMake refuses paths that do not exist.
     local include site
     include=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("include"))')

@@ -31,6 +31,8 @@ mod experiments;
 /// Random fault injection: runs over ROS 2 are the same with processes killed, suspended and sent
 /// garbage.
 mod faults;
+/// Attacks with files: devices and FIFOs as input, links as output, bombs, control characters.
+mod file_attacks;
 /// Illegal, foreign and undecodable messages: refused, counted, without effect.
 mod hostile_agents;
 /// Interrupted runs, killed servers, full disks.

@@ -260,12 +260,11 @@ fn full_disk_ends_the_run() {
 fn unwritable_recording_prevents_the_run() {
     let site = Site::new();
     for transport in ["ros2", "memory"] {
-        for (file, reason) in [("nowhere/run.mcap", "No such file or directory"), ("/dev/full", "No space left")] {
-            let flags = [&LONG[..], &["--transport", transport, "--record", file]].concat();
-            let ended = site.start(&mut site.run_sh(&flags)).ended().with_code(1);
-            assert_eq!(ended.stderr.lines().count(), 1, "{ended}");
-            assert!(ended.stderr.starts_with(&format!("error: recording {file}: {reason}")), "{ended}");
-        }
+        let flags = [&LONG[..], &["--transport", transport, "--record", "nowhere/run.mcap"]].concat();
+        let ended = site.start(&mut site.run_sh(&flags)).ended().with_code(1);
+        assert_eq!(ended.stderr.lines().count(), 1, "{ended}");
+        let expected = "error: recording nowhere/run.mcap: No such file or directory";
+        assert!(ended.stderr.starts_with(expected), "{ended}");
     }
 }
 

@@ -27,7 +27,8 @@ if [[ ! -f $dir/stamp || $(cat "$dir/stamp") != "$stamp" ]]; then
     printf 'python_env: installing %s into %s\n' "$requirements" "$dir" >&2
     rm -rf "$dir"
     python3 -m venv "$dir" || fail "python3 cannot make environments; install its venv module (Debian: apt install python3-venv)"
-    "$dir/bin/python" -m pip install --quiet --disable-pip-version-check -r "$requirements" >&2 ||
+    "$dir/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes \
+        -r "$requirements" >&2 ||
         fail "pip cannot install $requirements; is PyPI within reach, or the index that pip is set to?"
     printf '%s' "$stamp" >"$dir/stamp"
 fi

@@ -12,7 +12,7 @@ fn main() -> ExitCode {
         Some(name) if cli.check => match controllers::check(name, &cli.set) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => {
-                eprintln!("error: {error}");
+                eprintln!("error: {}", msgs::printable::text(&error.to_string()));
                 ExitCode::from(BAD_INPUT)
             }
         },
@@ -44,7 +44,7 @@ mod serve {
         match serve(cli) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => {
-                eprintln!("error: {error}");
+                eprintln!("error: {}", msgs::printable::text(&error.to_string()));
                 ExitCode::from(match error.downcast_ref::<RunError>() {
                     Some(RunError::Refused { .. }) => REFUSED,
                     Some(RunError::Controller(_)) => super::BAD_INPUT,

@@ -5,6 +5,7 @@
 //!
 //! This module reads no file.
 
+use msgs::printable;
 use sim_server::comparison::{Comparison, Difference};
 use sim_server::difference::Field;
 use sim_server::recording::{End, Recording, SCENARIO_ATTACHMENT};
@@ -126,7 +127,9 @@ fn key(name: &str, first: Option<&toml::Value>, second: Option<&toml::Value>) ->
 pub fn text(verdict: &Verdict, first: &Recording, second: &Recording) -> String {
     let Verdict { messages, .. } = verdict;
     let (one, two) = (first.file(), second.file());
-    let values = |field: &Field| format!("  {one}: {}\n  {two}: {}", field.before, field.now);
+    let values = |field: &Field| {
+        format!("  {one}: {}\n  {two}: {}", printable::line(&field.before), printable::line(&field.now))
+    };
     let mut lines = Vec::new();
     if let Some(field) = &verdict.scenario {
         lines.push(format!("their scenarios differ: {}\n{}", field.name, values(field)));
@@ -138,11 +141,15 @@ pub fn text(verdict: &Verdict, first: &Recording, second: &Recording) -> String 
         MessageOutcome::Different(difference) => {
             let place = difference.place();
             let name = &difference.field.name;
-            lines.push(format!("first difference: {place}: {name}\n{}", values(&difference.field)));
+            lines.push(printable::line(&format!("first difference: {place}: {name}")).into_owned());
+            lines.push(values(&difference.field));
         }
         MessageOutcome::Shorter { is_first, end } => {
             let shorter = if *is_first { one } else { two };
-            lines.push(format!("the same as far as {shorter} goes, {messages} messages; it is {end}"));
+            lines.push(format!(
+                "the same as far as {shorter} goes, {messages} messages; it is {}",
+                printable::line(&end.to_string())
+            ));
         }
         MessageOutcome::Same if verdict.same_bytes => {
             lines.push(format!("the same run: the same bytes, {messages} messages"))

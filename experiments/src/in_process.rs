@@ -80,6 +80,7 @@ pub fn run(
     if !scenario.agents.cmd_vel.is_empty() {
         return Err(InProcessError::OverRosOnly(scenario.agents.cmd_vel.clone()));
     }
+    setup::check_destination(scenario)?;
     let scenario = &setup::resolve(scenario.clone(), &Origins::new("the scenario", "", &[]))?;
     let (world, _report) = setup::build(scenario)?;
     let announced = wire::scenario(scenario, &world.terrain().extent(), world.rays());

@@ -13,6 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use agent_node::controllers;
+use sim_server::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
 use simulation::scenario::{MapKind, Override, Scenario, ScenarioError, one_line};
 use simulation::wire;
 use thiserror::Error;
@@ -100,7 +101,8 @@ impl Plan {
     /// If a file cannot be read, or the plan or one of its runs is invalid.
     pub fn load(file: &Path) -> Result<Self, PlanError> {
         let name = file.display().to_string();
-        let text = std::fs::read_to_string(file).map_err(|source| PlanError::Read { file: name.clone(), source })?;
+        let text = input_file::read_text(file, TEXT_BYTES_MAX)
+            .map_err(|source| PlanError::Read { file: name.clone(), source })?;
         Self::parse(&name, &text, file.parent().unwrap_or(Path::new("")))
     }
 
@@ -211,7 +213,7 @@ fn id(scenario: &Scenario) -> std::io::Result<String> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(scenario.identity().as_bytes()).update(&[0]).update(BUILD.as_bytes());
     if let (MapKind::File, Some(map)) = (scenario.map.kind, &scenario.map.file) {
-        hasher.update(&[0]).update(&std::fs::read(map)?);
+        hasher.update(&[0]).update(&input_file::read(map, MAP_BYTES_MAX)?);
     }
     Ok(hasher.finalize().to_hex()[..16].to_owned())
 }

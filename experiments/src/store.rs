@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use sim_server::input_file::{self, TEXT_BYTES_MAX};
 use thiserror::Error;
 
 use crate::rows::RunRecord;
@@ -99,7 +100,7 @@ impl Store {
         let mut records = Vec::new();
         for id in self.done()? {
             let file = self.run_file(&id);
-            let text = std::fs::read_to_string(&file).map_err(file_error(&file))?;
+            let text = input_file::read_text(&file, TEXT_BYTES_MAX).map_err(file_error(&file))?;
             let record: RunRecord =
                 serde_json::from_str(&text).map_err(|source| StoreError::Record { file: name(&file), source })?;
             records.push(record);
@@ -120,7 +121,7 @@ impl Store {
     /// If it cannot be read.
     pub fn plan(&self) -> Result<String, StoreError> {
         let file = self.folder.join(PLAN);
-        std::fs::read_to_string(&file).map_err(file_error(&file))
+        input_file::read_text(&file, TEXT_BYTES_MAX).map_err(file_error(&file))
     }
 
     /// Writes a file of the folder atomically; returns its path.

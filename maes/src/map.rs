@@ -19,6 +19,7 @@ use voxels::{Extent, ExtentError, close_shell, free_components};
 use mapgen::{self, Built, FormatError, ImportOptions, ImportSpec, Imported, MapError, MapFormat, MapReport, Note};
 
 use sim_server::cli::assignment;
+use sim_server::input_file::{self, MAP_BYTES_MAX};
 use slices::Slice;
 
 /// Make, describe and convert maps.
@@ -420,7 +421,7 @@ fn format_of(file: &Path) -> Result<MapFormat, MapCliError> {
 }
 
 fn read_bytes(file: &Path) -> Result<Vec<u8>, MapCliError> {
-    fs::read(file).map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })
+    input_file::read(file, MAP_BYTES_MAX).map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })
 }
 
 /// Writes a file under a temporary name beside it and then renames it, so that there is never half

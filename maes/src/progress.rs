@@ -7,6 +7,7 @@ use experiments::execute::PlanObserver;
 use experiments::plan::{self, PlannedRun};
 use experiments::rows::RunRow;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use msgs::printable;
 
 /// Shows how far a plan has come.
 pub(crate) struct ProgressDisplay {
@@ -96,6 +97,7 @@ impl ProgressDisplay {
     }
 
     fn print(&self, text: &str) {
+        let text = &*printable::text(text);
         match &self.bar {
             Some(bar) => bar.println(text),
             // A closed stderr does not end the plan.

@@ -35,8 +35,16 @@ pub use options::{Fill, ImportOptions, Kind, Up};
 /// Layers of wall that an imported map gets on every side.
 const SHELL_LAYERS: u32 = 1;
 
-/// Cells of the largest map.
-const CELLS_MAX: usize = (Extent::AXIS_MAX as usize).pow(3);
+/// Largest number of cells of a map from a file, whatever its length. With 8 bytes for each cell
+/// while a map is repaired, a gibibyte.
+const CELLS_MAX: usize = 1 << 27;
+
+/// Largest number of cells for each byte of a file: a few bytes of a tree or of run lengths can
+/// describe a cube of 1024 cells along each edge.
+const CELLS_PER_BYTE_MAX: usize = 1 << 10;
+
+/// Number of cells that any file may have, however short it is.
+const CELLS_ALLOWED: usize = 1 << 24;
 
 /// A map file to start from.
 #[derive(Debug, Clone, PartialEq)]
@@ -84,7 +92,14 @@ impl ImportSpec {
     /// A file with the default options of its format.
     #[must_use]
     pub fn new(file: impl Into<String>, bytes: Vec<u8>) -> Self {
-        Self { file: file.into(), bytes, options: ImportOptions::default(), cell_m: None, cells_max: CELLS_MAX }
+        let cells_max = cells_max(bytes.len());
+        Self { file: file.into(), bytes, options: ImportOptions::default(), cell_m: None, cells_max }
+    }
+
+    /// Allows at least `cells`, the size of a map that is known from elsewhere.
+    #[must_use]
+    pub fn allowing(self, cells: usize) -> Self {
+        Self { cells_max: self.cells_max.max(cells), ..self }
     }
 
     /// Reads the terrain, unrepaired.
@@ -116,6 +131,11 @@ impl ImportSpec {
     pub fn stored_cell_m(&self) -> Option<f64> {
         MapFormat::of(Path::new(&self.file)).ok()?.stored_cell_m(&self.bytes)
     }
+}
+
+/// Largest number of cells of a map from a file of `bytes` bytes.
+fn cells_max(bytes: usize) -> usize {
+    bytes.saturating_mul(CELLS_PER_BYTE_MAX).clamp(CELLS_ALLOWED, CELLS_MAX)
 }
 
 /// Repairs a map: closes its shell and keeps its largest cave. `file` is the name for the error,

@@ -39,5 +39,6 @@ pub mod visualization_msgs;
 pub mod cdr;
 pub mod message;
 pub mod parameters;
+pub mod printable;
 pub mod schema;
 pub mod service;

@@ -32,6 +32,7 @@ use std::time::{Duration, Instant};
 
 use crate::ros_env::{DiscoveryRange, RosEnv};
 use msgs::message::Message;
+use msgs::printable;
 use msgs::topics::{self, Durability, Reliability};
 use ros2_client::qos::{self, QosProfile, WhenFull};
 use ros2_client::{
@@ -323,7 +324,8 @@ impl ThrottledWarning {
         self.count += 1;
         if self.reported.is_none_or(|reported| reported.elapsed() >= REPORT_PERIOD) {
             self.reported = Some(now());
-            eprintln!("{} ({} so far): {reason}", self.subject, self.count);
+            let line = format!("{} ({} so far): {reason}", self.subject, self.count);
+            eprintln!("{}", printable::line(&line));
         }
     }
 }

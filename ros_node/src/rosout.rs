@@ -6,6 +6,7 @@ use ros2_client::Node;
 
 use super::{EndpointFactory, Publisher, RosError};
 use msgs::builtin_interfaces::Time;
+use msgs::printable;
 use msgs::rcl_interfaces::{Level, Log};
 use msgs::topics;
 
@@ -26,7 +27,8 @@ impl Rosout {
 
     /// Publishes a log message.
     pub fn log(&mut self, node: &mut Node, level: Level, text: &str) {
-        let (name, msg) = (self.name.clone(), text.to_owned());
+        // Tools print it on terminals.
+        let (name, msg) = (self.name.clone(), printable::text(text).into_owned());
         let log = Log { stamp: wall_time(), level: level as u8, name, msg, ..Log::default() };
         self.publisher.publish(node, &log);
     }

@@ -2,6 +2,7 @@
 
 use std::process::ExitCode;
 
+use crate::recorder::RecordError;
 use crate::session::{INTERRUPTED, Outcome, QUIT, RunError};
 use crate::verify::VerifyError;
 
@@ -39,6 +40,15 @@ pub fn of_verify_error(error: &VerifyError) -> ExitCode {
         },
         VerifyError::Scenario(_) | VerifyError::World { .. } | VerifyError::Playback(_) => ExitCode::from(BAD_INPUT),
     }
+}
+
+/// Exit code of a recording that cannot be created.
+#[must_use]
+pub fn of_record_error(error: &RecordError) -> ExitCode {
+    ExitCode::from(match error {
+        RecordError::Destination { .. } => BAD_INPUT,
+        RecordError::File { .. } | RecordError::Mcap { .. } => FAILED,
+    })
 }
 
 /// Exit code of a run without a result.

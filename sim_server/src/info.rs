@@ -1,10 +1,11 @@
 //! Summary of a recording.
 //!
-//! Truncated recordings are summarised up to the truncation.
+//! Truncated recordings are summarised up to the truncation. Control characters are escaped, so that
+//! no name in a recording can imitate the digest.
 
 use std::path::Path;
 
-use msgs::{maes_msgs, topics};
+use msgs::{maes_msgs, printable, topics};
 
 use crate::recording::{End, Recording, RecordingError};
 
@@ -61,16 +62,16 @@ pub fn of(recording: &Recording) -> Info {
 /// The summary as text; the last line is the digest.
 #[must_use]
 pub fn text(info: &Info) -> String {
-    let mut text = format!("scenario:\n{}\nmessages:\n", info.scenario);
+    let mut text = format!("scenario:\n{}\nmessages:\n", printable::text(&info.scenario));
     for (topic, count) in &info.messages {
-        text += &format!("{count:>10} {topic}\n");
+        text += &format!("{count:>10} {}\n", printable::line(topic));
     }
     match &info.result {
         Some(result) => text += &format!("\nresult:\n{}\n", crate::terminal::result_table(result)),
         None => text += "\nno result: the run did not come to its end\n",
     }
     if let Some(damage) = &info.damage {
-        text += &format!("{damage}\n");
+        text += &format!("{}\n", printable::line(damage));
     }
     match &info.digest {
         Some(digest) => {

@@ -18,6 +18,7 @@ pub mod exit;
 #[cfg(feature = "view")]
 pub mod foxglove;
 pub mod info;
+pub mod input_file;
 pub mod live_stream;
 pub mod playback;
 pub mod recorder;

@@ -7,17 +7,17 @@
 //! overwritten once it is complete; a recording that fails or is aborted has no end record.
 //!
 //! **File name.** A recording has a temporary name in its folder until [`Recorder::publish`], which
-//! replaces an older file. One that is aborted before leaves no file and keeps the older one. What
-//! is no regular file, such as a device, is written in place.
+//! replaces an older recording. One that is aborted before leaves no file and keeps the older one.
+//! `destination` decides what may be replaced.
 //!
 //! This module knows no world, only messages.
 
+mod destination;
 mod sink;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::{Cursor, Seek, Write};
+use std::io::{Cursor, ErrorKind, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
@@ -27,6 +27,7 @@ use msgs::schema;
 use msgs::topics::Topic;
 use thiserror::Error;
 
+use destination::Destination;
 use sink::Sink;
 
 /// Sim time per chunk. Long chunks compress better; what a crash may cost does not depend on it.
@@ -35,9 +36,16 @@ const CHUNK_TICKS: u64 = 500;
 /// Bytes after which a chunk ends early, so that readers need little memory.
 const CHUNK_BYTES_MAX: usize = 1 << 20;
 
+/// Provisional saves for each sync to the disk. The session saves twice a second, so that a power
+/// failure costs about ten seconds.
+const SAVES_PER_SYNC: u32 = 20;
+
 /// Why a recording could not be written.
 #[derive(Debug, Error)]
 pub enum RecordError {
+    /// The file may not be replaced, or is none.
+    #[error("recording {file}: {source}")]
+    Destination { file: String, source: std::io::Error },
     /// The file cannot be created or written.
     #[error("recording {file}: {source}")]
     File { file: String, source: std::io::Error },
@@ -59,8 +67,12 @@ pub struct Document<'a> {
 pub struct Recorder {
     /// The file as the user names it.
     file: PathBuf,
-    /// Temporary and final name, until published.
-    unpublished: Option<(PathBuf, PathBuf)>,
+    /// Its names; `None` for a recording that is no file.
+    destination: Option<Destination>,
+    /// Provisional saves since the last sync.
+    saves: u32,
+    /// Whether something was written since then.
+    is_unsynced: bool,
     sink: Sink,
     writer: Writer<Sink>,
     channels: Vec<Topic>,
@@ -84,13 +96,11 @@ impl Recorder {
     /// Creates a recording with its documents (scenario, map), under a temporary name.
     ///
     /// # Errors
-    /// If the file cannot be created or written; then there is none.
+    /// See [`check_destination`]; also if the file cannot be created or written; then there is none.
     pub fn create(file: &Path, documents: &[Document<'_>]) -> Result<Self, RecordError> {
-        let unpublished = names(file).map_err(|source| file_error(file, source))?;
-        let present = unpublished.as_ref().map_or(file, |(temporary, _)| temporary);
-        let handle = File::create(present).map_err(|source| file_error(file, source))?;
+        let (destination, handle) = Destination::create(file).map_err(|source| destination_error(file, source))?;
         let mut recorder = Self::with_sink(file, Sink::new(handle));
-        recorder.unpublished = unpublished;
+        recorder.destination = Some(destination);
         recorder.attach(documents)?;
         Ok(recorder)
     }
@@ -99,7 +109,9 @@ impl Recorder {
         let writer = open_writer(sink.clone()).expect("memory can be written");
         Self {
             file: file.to_owned(),
-            unpublished: None,
+            destination: None,
+            saves: 0,
+            is_unsynced: false,
             sink,
             writer,
             channels: Vec::new(),
@@ -116,12 +128,20 @@ impl Recorder {
     /// Takes the final name, replacing an older recording.
     ///
     /// # Errors
-    /// If the file cannot be renamed.
+    /// If the file cannot be synced or renamed, or something else has taken its place.
     pub fn publish(&mut self) -> Result<(), RecordError> {
-        if let Some((temporary, file)) = &self.unpublished {
-            fs::rename(temporary, file).map_err(|source| self.file_error(source))?;
-            self.unpublished = None;
+        if self.destination.as_ref().is_none_or(Destination::is_published) {
+            return Ok(());
         }
+        // A power failure must not leave a new name without content.
+        self.sync()?;
+        let published = self.destination.as_mut().map_or(Ok(()), Destination::publish);
+        published.map_err(|source| destination_error(&self.file, source))
+    }
+
+    fn sync(&mut self) -> Result<(), RecordError> {
+        self.sink.sync().map_err(|source| self.file_error(source))?;
+        (self.saves, self.is_unsynced) = (0, false);
         Ok(())
     }
 
@@ -146,19 +166,21 @@ impl Recorder {
         Ok(())
     }
 
-    /// Makes everything written so far readable, without ending the chunk. Call it regularly in
-    /// wall time; it changes no byte of the finished file.
+    /// Makes everything written so far readable, without ending the chunk, and syncs it to the disk
+    /// every [`SAVES_PER_SYNC`] calls. Call it regularly in wall time; it changes no byte of the
+    /// finished file.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn save_provisionally(&mut self) -> Result<(), RecordError> {
-        if self.open.messages.len() == self.open.saved {
-            return Ok(());
+        if self.open.messages.len() != self.open.saved {
+            let chunk = self.provisional_chunk().map_err(|source| self.mcap_error(source))?;
+            self.sink.write_provisionally(&chunk).map_err(|source| self.file_error(source))?;
+            self.open.saved = self.open.messages.len();
+            self.is_unsynced = true;
         }
-        let chunk = self.provisional_chunk().map_err(|source| self.mcap_error(source))?;
-        self.sink.write_provisionally(&chunk).map_err(|source| self.file_error(source))?;
-        self.open.saved = self.open.messages.len();
-        Ok(())
+        self.saves = self.saves.saturating_add(1);
+        if self.is_unsynced && self.saves >= SAVES_PER_SYNC { self.sync() } else { Ok(()) }
     }
 
     /// Ends the recording.
@@ -169,7 +191,7 @@ impl Recorder {
         self.end_chunk()?;
         let finished = self.writer.finish();
         finished.map_err(|source| self.mcap_error(source))?;
-        self.sink.sync().map_err(|source| self.file_error(source))?;
+        self.sync()?;
         self.publish()
     }
 
@@ -178,6 +200,7 @@ impl Recorder {
         let ended =
             open.write(&mut self.writer, &self.channels, self.channels_known).and_then(|()| self.writer.flush());
         self.channels_known = self.channels.len();
+        self.is_unsynced = true;
         ended.map_err(|source| self.mcap_error(source))
     }
 
@@ -210,28 +233,16 @@ impl Drop for Recorder {
         // The writer writes an end record when it is dropped, which an unfinished recording must
         // not have.
         self.sink.seal();
-        if let Some((temporary, _)) = &self.unpublished {
-            // The reason for aborting is reported elsewhere.
-            let _ = fs::remove_file(temporary);
-        }
     }
 }
 
-/// Temporary and final name of a recording, or `None` for what is no regular file.
-fn names(file: &Path) -> std::io::Result<Option<(PathBuf, PathBuf)>> {
-    let target = match fs::metadata(file) {
-        Ok(metadata) if metadata.is_file() => fs::canonicalize(file)?,
-        Ok(_) => return Ok(None),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => file.to_owned(),
-        Err(error) => return Err(error),
-    };
-    let Some(name) = target.file_name() else {
-        return Ok(None);
-    };
-    let mut temporary = std::ffi::OsString::from(".");
-    temporary.push(name);
-    temporary.push(format!(".{}.tmp", std::process::id()));
-    Ok(Some((target.with_file_name(temporary), target)))
+/// Whether a recording may be written to `file`: to a new or empty file, or in place of a recording.
+/// Call it before a run is prepared.
+///
+/// # Errors
+/// [`RecordError::Destination`] if not.
+pub fn check_destination(file: &Path) -> Result<(), RecordError> {
+    destination::check(file).map_err(|source| destination_error(file, source))
 }
 
 impl OpenChunk {
@@ -269,6 +280,13 @@ impl OpenChunk {
 
 fn file_error(file: &Path, source: std::io::Error) -> RecordError {
     RecordError::File { file: file.display().to_string(), source }
+}
+
+fn destination_error(file: &Path, source: std::io::Error) -> RecordError {
+    if source.kind() == ErrorKind::InvalidInput {
+        return RecordError::Destination { file: file.display().to_string(), source };
+    }
+    file_error(file, source)
 }
 
 /// The writer's error, or the system's if the writer only passes it on.

@@ -21,6 +21,8 @@ use msgs::topics;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
+use crate::input_file::{self, RECORDING_BYTES_MAX};
+
 /// Name of the attachment with the scenario.
 pub const SCENARIO_ATTACHMENT: &str = "scenario.toml";
 
@@ -140,7 +142,8 @@ impl Recording {
     /// If it cannot be read or is no recording of this simulator.
     pub fn open(file: &Path) -> Result<Self, RecordingError> {
         let name = file.display().to_string();
-        let bytes = std::fs::read(file).map_err(|source| RecordingError::Read { file: name.clone(), source })?;
+        let bytes = input_file::read(file, RECORDING_BYTES_MAX)
+            .map_err(|source| RecordingError::Read { file: name.clone(), source })?;
         Self::from_bytes(name, bytes)
     }
 

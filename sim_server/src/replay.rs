@@ -5,7 +5,8 @@
 //! which tick is due, given rate, pauses, steps and looping.
 //!
 //! Invariants: messages come in the order of the file, each in the tick of its stamp, byte for byte
-//! as recorded; pauses, steps and the rate affect only their timing.
+//! as recorded; pauses, steps and the rate affect only their timing. A stamp after the duration of
+//! the run is refused, and long gaps are skipped, so that no stamp can make a replay endless.
 //!
 //! This module knows no transport and no clock: wall time is an argument, in nanoseconds since an
 //! arbitrary epoch. `ros/replay.rs` publishes.
@@ -25,6 +26,7 @@ use simulation::scenario::Rtf;
 
 pub use cursor::{PlaybackCursor, ScheduledMessage};
 pub use latched_cache::LatchedCache;
+use schedule::Gap;
 pub use schedule::{PlaybackOptions, PlaybackSchedule, ReplayError};
 
 /// Rate and mode of a replay.
@@ -77,6 +79,9 @@ pub struct Player {
     first: Tick,
     last: Tick,
     next: Tick,
+    gaps: Vec<Gap>,
+    /// Whether the next tick comes after a gap.
+    has_skipped: bool,
     is_loop: bool,
     sim_ticks: u64,
 }
@@ -88,7 +93,8 @@ impl Player {
         let (first, last) = schedule.ticks();
         let mut control = SimulationControl::new(timing.is_paused, timing.rate, features());
         control.restart_pacing(first, wall_ns);
-        Self { control, first, last, next: first, is_loop: timing.is_loop, sim_ticks: 0 }
+        let gaps = schedule.gaps().to_vec();
+        Self { control, first, last, next: first, gaps, has_skipped: false, is_loop: timing.is_loop, sim_ticks: 0 }
     }
 
     /// The next action. At the end of the recording, a paused replay stays open.
@@ -115,6 +121,9 @@ impl Player {
             }
             return PlayerAction::End;
         }
+        if std::mem::take(&mut self.has_skipped) {
+            self.control.restart_pacing(self.next, wall_ns);
+        }
         match self.control.wait_ns(self.next, wall_ns) {
             Some(wait_ns) => PlayerAction::Wait(wait_ns),
             None => PlayerAction::Play(self.next),
@@ -125,6 +134,10 @@ impl Player {
     pub fn played(&mut self) {
         self.sim_ticks += u64::from(self.next > self.first);
         self.next = self.next.next();
+        let after = self.gaps.partition_point(|gap| gap.to <= self.next);
+        if let Some(gap) = self.gaps.get(after).filter(|gap| gap.from < self.next) {
+            (self.next, self.has_skipped) = (gap.to, true);
+        }
         self.control.ticked();
         self.control.report_steps();
     }
@@ -139,10 +152,10 @@ impl Player {
         self.control.end_steps("the replay has ended");
     }
 
-    /// The tick played last, or the first one.
+    /// The tick played last, or the first one; behind a gap the last tick of the gap.
     #[must_use]
     pub fn position(&self) -> Tick {
-        Tick(self.next.0.saturating_sub(1)).max(self.first)
+        Tick(self.next.0.saturating_sub(1)).clamp(self.first, self.last)
     }
 
     /// Whether quitting was requested.

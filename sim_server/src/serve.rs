@@ -12,6 +12,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::Context;
 use mapgen::MapReport;
 use msgs::ids::Tick;
+use msgs::printable;
 use ros_node::process_guard::{Limits, ProcessGuard};
 use ros_node::ros_env::RosEnv;
 use sim_server::cli::RunArgs;
@@ -85,7 +86,7 @@ fn guard(stop: &Arc<AtomicBool>) -> anyhow::Result<ProcessGuard> {
 
 /// The end of what the system does not allow.
 fn failed(error: &dyn std::fmt::Display) -> anyhow::Result<ExitCode> {
-    eprintln!("error: {error}");
+    eprintln!("error: {}", printable::text(&error.to_string()));
     Ok(ExitCode::from(exit::FAILED))
 }
 
@@ -280,6 +281,7 @@ struct Begun<'a> {
 
 impl<'a> Job<'a> {
     fn make(&self) -> anyhow::Result<Made> {
+        setup::check_destination(self.scenario)?;
         let built = match self.resumed {
             Some(resumed) => setup::rebuild(&resumed.recording, self.scenario),
             None => setup::build(self.scenario),

@@ -8,7 +8,8 @@ use std::path::Path;
 use thiserror::Error;
 use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
 
-use crate::recorder::{Document, RecordError, Recorder};
+use crate::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
+use crate::recorder::{self, Document, RecordError, Recorder};
 use crate::recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, TEXT_MAP_ATTACHMENT};
 use mapgen::{self, GeneratedMap, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
 use simulation::scenario::{LidarPattern, LidarSchedule, MapKind, Origins, Override, Scenario, ScenarioError};
@@ -86,7 +87,8 @@ pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError>
     if file.extension().is_some_and(|extension| extension == "mcap") {
         return parse(&name, &Recording::open(file)?.scenario(), overrides);
     }
-    let bytes = std::fs::read(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
+    let bytes =
+        input_file::read(file, TEXT_BYTES_MAX).map_err(|source| SetupError::Read { file: name.clone(), source })?;
     let text = String::from_utf8(bytes).map_err(|error| {
         let before = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]).into_owned();
         let line = before.matches('\n').count() + 1;
@@ -114,7 +116,7 @@ pub fn resolve(mut scenario: Scenario, origins: &Origins<'_>) -> Result<Scenario
     if scenario.map.cell_m.is_none() {
         let stored = scenario.map.file.as_deref().and_then(|map| {
             let stores = MapFormat::of(map).is_ok_and(MapFormat::may_store_cell_m);
-            let bytes = if stores { std::fs::read(map).ok()? } else { return None };
+            let bytes = if stores { input_file::read(map, MAP_BYTES_MAX).ok()? } else { return None };
             ImportSpec::new(map.display().to_string(), bytes).stored_cell_m()
         });
         scenario.map.cell_m = Some(stored.unwrap_or(1.0));
@@ -152,7 +154,8 @@ pub fn load_recorded(
 /// # Errors
 /// If the recording has no map, or memory or room for the team is missing.
 pub fn rebuild(recording: &Recording, scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
-    let import = attached_map(recording).ok_or_else(|| SetupError::NoMap { file: recording.file().to_owned() })?;
+    let import =
+        attached_map(recording, scenario).ok_or_else(|| SetupError::NoMap { file: recording.file().to_owned() })?;
     let mut map = imported(import, scenario)?;
     if let Some(spec) = generator(scenario) {
         let entrances = mapgen::entrances(&spec, map.terrain.extent(), scenario.map_seed());
@@ -161,11 +164,12 @@ pub fn rebuild(recording: &Recording, scenario: &Scenario) -> Result<(World, Map
     inhabit(map, scenario)
 }
 
-/// The attachment of a recording that holds the map.
-fn attached_map(recording: &Recording) -> Option<ImportSpec> {
+/// The attachment of a recording that holds the map. A generated one has the size in the scenario.
+fn attached_map(recording: &Recording, scenario: &Scenario) -> Option<ImportSpec> {
+    let size = scenario.map.size.map_or([0; 3], |size| size.cells());
     [MAP_ATTACHMENT, TEXT_MAP_ATTACHMENT].into_iter().find_map(|name| {
         let bytes = recording.attachment(name)?.to_vec();
-        Some(ImportSpec::new(name, bytes))
+        Some(ImportSpec::new(name, bytes).allowing(size.iter().map(|&cells| cells as usize).product()))
     })
 }
 
@@ -191,6 +195,14 @@ fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport),
     Ok((World::new(terrain, params(scenario), &starts), report))
 }
 
+/// Whether the recording that a scenario names may be written. Call it before the run is prepared.
+///
+/// # Errors
+/// See [`recorder::check_destination`].
+pub fn check_destination(scenario: &Scenario) -> Result<(), RecordError> {
+    scenario.execution.record.as_deref().map_or(Ok(()), recorder::check_destination)
+}
+
 /// Opens the recording of a run of `scenario` in `world`.
 ///
 /// # Errors
@@ -214,7 +226,7 @@ pub fn with_documents<T>(scenario: &Scenario, world: &World, make: impl FnOnce(&
 /// # Errors
 /// If the attachment is no map.
 pub fn recorded_map(recording: &Recording, scenario: &Scenario) -> Result<Option<Grid<Terrain>>, SetupError> {
-    let Some(import) = attached_map(recording) else {
+    let Some(import) = attached_map(recording, scenario) else {
         return Ok(None);
     };
     let import = ImportSpec { cell_m: scenario.map.cell_m, ..import };
@@ -227,7 +239,8 @@ fn map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
     let Some(spec) = generator(scenario) else {
         let file = section.file.as_deref().expect("a checked scenario has a file for a map from a file");
         let name = file.display().to_string();
-        let bytes = std::fs::read(file).map_err(|source| SetupError::Read { file: name.clone(), source })?;
+        let bytes =
+            input_file::read(file, MAP_BYTES_MAX).map_err(|source| SetupError::Read { file: name.clone(), source })?;
         return imported(ImportSpec { options: section.import, ..ImportSpec::new(name, bytes) }, scenario);
     };
     let size = section.size.expect("a checked scenario has a size for a generated map").cells();

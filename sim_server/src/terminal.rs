@@ -2,6 +2,8 @@
 //! the end.
 //!
 //! Progress and notes go to stderr; the result goes to stdout, with the digest as its last line.
+//! Invariant: control characters in names and messages are escaped ([`msgs::printable`]), on the
+//! terminal and in the log.
 
 use std::fs::File;
 use std::io::{IsTerminal, Write};
@@ -12,6 +14,7 @@ use comfy_table::{Cell, CellAlignment, Table};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Counter};
+use msgs::printable;
 
 use crate::session::{self, Outcome, RunObserver};
 use crate::wall_clock::now;
@@ -69,6 +72,7 @@ impl Terminal {
 
     /// Prints a line to stderr only: the log is without secrets.
     pub fn show(&self, text: &str) {
+        let text = &*printable::text(text);
         match &self.bar {
             Some(bar) => bar.println(text),
             // A closed stderr must not end the run.
@@ -81,7 +85,7 @@ impl Terminal {
         match &self.bar {
             Some(bar) => {
                 bar.set_position(tick.0);
-                bar.set_message(text);
+                bar.set_message(printable::line(&text).into_owned());
             }
             None if self.line_written.is_none_or(|line| line.elapsed() >= LINE_PERIOD) => {
                 self.line_written = Some(now());
@@ -93,6 +97,7 @@ impl Terminal {
 
     /// Writes a message to the log only.
     pub fn keep(&mut self, text: &str) {
+        let text = printable::text(text);
         // A log that cannot be written must not end the run.
         if let Some(log) = &mut self.log
             && writeln!(log, "{text}").is_err()
@@ -134,7 +139,7 @@ impl RunObserver for Terminal {
     }
 
     fn note(&mut self, text: &str) {
-        self.say(text);
+        self.say(&printable::line(text));
     }
 }
 
@@ -168,7 +173,7 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
         let permille = name.strip_prefix(session::MILESTONE_COUNTER).and_then(|permille| permille.parse::<u32>().ok());
         match permille {
             Some(permille) => times.push(format!("{} % {}", f64::from(permille) / 10.0, clock(Tick(*value)))),
-            None if *value > 0 => counted.push(format!("{name} {value}")),
+            None if *value > 0 => counted.push(format!("{} {value}", printable::line(name))),
             None => {}
         }
     }
@@ -177,7 +182,7 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
         "{table}\nended after {} of sim time (tick {}): {}\n{times}{}",
         clock(Tick(result.tick)),
         result.tick,
-        result.reason,
+        printable::line(&result.reason),
         counted.join(", ")
     )
 }

@@ -12,6 +12,7 @@ pub mod controllers;
 use std::sync::atomic::AtomicBool;
 
 use msgs::ids::Tick;
+use msgs::printable;
 use thiserror::Error;
 
 use crate::comparison::{Comparison, Difference};
@@ -141,12 +142,12 @@ fn end_of(recording: &Recording) -> End {
 pub fn text(verified: &Verified) -> String {
     let Verified { ticks, messages, reason, .. } = verified;
     let ending = match reason {
-        Some(reason) => format!("up to the end of the run: {reason}"),
+        Some(reason) => format!("up to the end of the run: {}", printable::line(reason)),
         None => "up to the end of the file, before the end of the run".to_owned(),
     };
     let text = format!("verified {ticks} ticks and {messages} messages, {ending}");
     match &verified.end {
         End::Whole => text,
-        end => format!("{text}\nthe file is {end}"),
+        end => format!("{text}\nthe file is {}", printable::line(&end.to_string())),
     }
 }

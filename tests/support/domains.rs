@@ -4,6 +4,8 @@ use std::fs::File;
 use std::net::{Ipv4Addr, UdpSocket};
 use std::sync::atomic::{AtomicU16, Ordering};
 
+use supervisor::domain::DomainLock;
+
 /// Above the usual domains, and below the ports that Linux hands out at random.
 const DOMAINS: std::ops::Range<u16> = 30..100;
 
@@ -46,9 +48,8 @@ fn lock_if_free(domain: u16) -> Option<File> {
         file.try_lock().is_ok().then_some(file)
     };
     let lock = locked(format!("maes-test-domain-{domain}.lock"))?;
-    // Runs hold this one (`launch_scripts/run.sh`). It is released at once, for the runs of the
-    // test.
-    locked(format!("maes-domain-{domain}.lock"))?;
+    // Runs of this user hold this one. It is released at once, for the runs of the test.
+    DomainLock::take(&domain.to_string()).ok()?;
     is_silent(domain).then_some(lock)
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
+use sim_server::input_file::{self, TEXT_BYTES_MAX};
 use simulation::scenario::{Scenario, ScenarioError};
 use toml::Spanned;
 
@@ -64,7 +65,7 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
         toml::Value::String(named) => {
             let path = folder.join(named);
             let name = path.display().to_string();
-            let base_text = std::fs::read_to_string(&path)
+            let base_text = input_file::read_text(&path, TEXT_BYTES_MAX)
                 .map_err(|source| at_line(scenario_line, format!("scenario = {named:?}: {name}: {source}")))?;
             // For errors with a line of that file.
             Scenario::parse(&name, &base_text, &[])?;

@@ -55,8 +55,9 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         let edge = edge as i32;
         let here = if leaf == Leaf::Free { Terrain::Free } else { Terrain::Wall };
         known[here as usize] += (edge as u64).pow(3);
-        for (z, y, x) in (0..edge).flat_map(|z| (0..edge).flat_map(move |y| (0..edge).map(move |x| (z, y, x)))) {
-            terrain.set(Cell::new(first[0] + x, first[1] + y, first[2] + z), here);
+        for (z, y) in (0..edge).flat_map(|z| (0..edge).map(move |y| (z, y))) {
+            let row = extent.index(Cell::new(first[0], first[1] + y, first[2] + z)).expect("leaves are in the extent");
+            terrain.as_mut_slice()[row..row + edge as usize].fill(here);
         }
     })?;
 

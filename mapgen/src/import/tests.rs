@@ -70,6 +70,26 @@ fn maps_are_as_large_as_allowed() {
     assert_eq!(error, "a.pgm: the map has 175 cells, allowed are 99");
 }
 
+/// A tree of two leaves, which are wall and 512 cells wide.
+fn large_tree() -> Vec<u8> {
+    let header = b"# Octomap OcTree binary file\nid OcTree\nres 1\ndata\n";
+    // Down to level 6 at opposite corners of the cube in the middle.
+    let path = |child: u16| [0b11 << (2 * child)].repeat(5).into_iter().chain([0b10 << (2 * child)]);
+    let tree = [0b11 | 0b11 << 14].into_iter().chain(path(7)).chain(path(0));
+    [&header[..], &tree.flat_map(u16::to_le_bytes).collect::<Vec<u8>>()].concat()
+}
+
+#[test]
+fn short_file_is_no_large_map() {
+    let short = ImportSpec::new("a.bt", large_tree());
+    assert!(short.bytes.len() < 261);
+    let refused = "a.bt: the map has 1073741824 cells, allowed are 16777216";
+    assert_eq!(short.clone().read().unwrap_err().to_string(), refused);
+    assert_eq!(short.allowing(99).cells_max, 1 << 24);
+    let cells_max = |bytes| ImportSpec::new("a.bt", vec![0; bytes]).cells_max;
+    assert_eq!([cells_max(0), cells_max(1 << 15), cells_max(1 << 18)], [1 << 24, 1 << 25, 1 << 27]);
+}
+
 #[test]
 fn a_map_is_surrounded_if_it_is_open_and_there_is_room() {
     let open = Grid::from_text("#.\n##\n").unwrap();

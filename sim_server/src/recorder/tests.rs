@@ -1,4 +1,5 @@
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
+use std::fs;
 use std::rc::Rc;
 
 use mcap::MessageStream;
@@ -109,7 +110,7 @@ fn listed(folder: &Path) -> Vec<String> {
 fn aborted_recording_keeps_the_older_one() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
-    for (older, expected) in [(None, &[][..]), (Some("older"), &["a.mcap"][..])] {
+    for (older, expected) in [(None, &[][..]), (Some(mcap::MAGIC), &["a.mcap"][..])] {
         if let Some(older) = older {
             fs::write(&file, older).unwrap();
         }
@@ -119,7 +120,7 @@ fn aborted_recording_keeps_the_older_one() {
         assert_eq!(listed(folder.path()).len(), expected.len() + 1, "it has a temporary name");
         drop(recorder);
         assert_eq!(listed(folder.path()), expected);
-        assert_eq!(fs::read_to_string(&file).ok().as_deref(), older);
+        assert_eq!(fs::read(&file).ok().as_deref(), older);
     }
     let mut recorder = Recorder::create(&file, &[SCENARIO]).unwrap();
     write(&mut recorder, 0..600);
@@ -128,15 +129,40 @@ fn aborted_recording_keeps_the_older_one() {
     assert_eq!(readable(&file).len(), 601);
 }
 
+/// A disk that counts how often it is synced.
+struct CountingDisk(Rc<Cell<u32>>);
+
+impl sink::Store for CountingDisk {
+    fn write_all_at(&self, _bytes: &[u8], _at: u64) -> std::io::Result<()> {
+        Ok(())
+    }
+
+    fn set_len(&self, _length: u64) -> std::io::Result<()> {
+        Ok(())
+    }
+
+    fn sync(&self) -> std::io::Result<()> {
+        self.0.set(self.0.get() + 1);
+        Ok(())
+    }
+}
+
 #[test]
-fn symbolic_links_are_followed() {
-    let folder = tempfile::tempdir().unwrap();
-    let [file, link] = ["a.mcap", "b.mcap"].map(|name| folder.path().join(name));
-    fs::write(&file, "older").unwrap();
-    std::os::unix::fs::symlink(&file, &link).unwrap();
-    Recorder::create(&link, &[SCENARIO]).unwrap().finish().unwrap();
-    assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
-    assert!(mcap::Summary::read(&fs::read(&file).unwrap()).unwrap().is_some());
+fn provisional_saves_are_synced_periodically() {
+    let syncs = Rc::new(Cell::new(0));
+    let mut recorder = Recorder::with_sink(Path::new("a.mcap"), Sink::new(CountingDisk(Rc::clone(&syncs))));
+    recorder.attach(&[SCENARIO]).unwrap();
+    let mut save = |ticks: std::ops::Range<u64>, saves: u32| {
+        write(&mut recorder, ticks);
+        (0..saves).for_each(|_| recorder.save_provisionally().unwrap());
+        syncs.get()
+    };
+    assert_eq!(save(0..3, SAVES_PER_SYNC - 1), 0);
+    assert_eq!(save(3..3, 1), 1);
+    assert_eq!(save(3..3, 3 * SAVES_PER_SYNC), 1, "nothing is new");
+    assert_eq!(save(3..4, 1), 2);
+    recorder.finish().unwrap();
+    assert_eq!(syncs.get(), 3);
 }
 
 /// A disk with limited space, which takes the part of a write that fits.

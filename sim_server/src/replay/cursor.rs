@@ -32,7 +32,8 @@ impl<'a> PlaybackCursor<'a> {
         let (first, _) = schedule.ticks();
         let mut messages = recording.messages().peekable();
         let mut caches: Vec<Option<LatchedCache>> = schedule.topics().iter().map(LatchedCache::for_topic).collect();
-        while let Some(message) = messages.next_if(|message| message.tick() < first) {
+        let is_before = |message: &Message| message.tick() < first || schedule.is_too_late(message);
+        while let Some(message) = messages.next_if(is_before) {
             if let Some(ScheduledMessage { topic, message }) = scheduled(schedule, &message)
                 && let Some(cache) = &mut caches[topic]
             {
@@ -56,7 +57,9 @@ impl<'a> PlaybackCursor<'a> {
     /// The next message up to this tick.
     pub fn next_until(&mut self, tick: Tick) -> Option<ScheduledMessage> {
         loop {
-            let message = self.messages.next_if(|message| message.tick() <= tick)?;
+            // A stamp that is refused must not hold up what follows.
+            let is_due = |message: &Message| message.tick() <= tick || self.schedule.is_too_late(message);
+            let message = self.messages.next_if(is_due)?;
             if let Some(scheduled) = scheduled(self.schedule, &message) {
                 return Some(scheduled);
             }
@@ -66,6 +69,9 @@ impl<'a> PlaybackCursor<'a> {
 
 /// The message, if the schedule includes it.
 fn scheduled(schedule: &PlaybackSchedule, message: &Message) -> Option<ScheduledMessage> {
+    if schedule.is_too_late(message) {
+        return None;
+    }
     let topic = schedule.number_of(&message.channel)?;
     Some(ScheduledMessage { topic, message: Encoded::new(&message.data).ok()? })
 }

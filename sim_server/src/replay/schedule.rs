@@ -8,10 +8,14 @@ use msgs::topics::{self, Topic};
 use thiserror::Error;
 
 use super::ScheduledMessage;
-use crate::recording::{Channel, End, Recording, SCENARIO_ATTACHMENT};
+use crate::recording::{Channel, End, Message, Recording, SCENARIO_ATTACHMENT};
 use crate::setup;
-use simulation::scenario::Scenario;
+use simulation::scenario::{Scenario, ScenarioError};
 use simulation::visualisation;
+
+/// Longest sim time without a message that is played; a longer gap is skipped. A recording has a
+/// digest in every second.
+const GAP_TICKS_MAX: u64 = 500;
 
 /// The user's selection of topics and time.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -64,7 +68,19 @@ pub struct PlaybackSchedule {
     static_messages: Vec<ScheduledMessage>,
     first: Tick,
     last: Tick,
+    /// Later stamps are not played.
+    latest: Tick,
+    gaps: Vec<Gap>,
     notes: Vec<String>,
+}
+
+/// Ticks without a message that are skipped: those between two others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Gap {
+    /// The last tick before it.
+    pub(super) from: Tick,
+    /// The first tick after it.
+    pub(super) to: Tick,
 }
 
 impl PlaybackSchedule {
@@ -80,7 +96,9 @@ impl PlaybackSchedule {
         if let Some(end_s) = options.end_s.filter(|end_s| !(end_s.is_finite() && *end_s > start_s)) {
             return Err(ReplayError::End { end_s, start_s });
         }
-        let mut index = RecordingIndex::of(recording);
+        let scenario = Scenario::parse(SCENARIO_ATTACHMENT, &recording.scenario(), &[]);
+        let latest = scenario.as_ref().map_or(Tick(u64::MAX), Scenario::duration_ticks);
+        let mut index = RecordingIndex::of(recording, latest);
         let Some(last_there) = index.last else { return Err(ReplayError::Nothing(recording.file().to_owned())) };
         let first = Tick(nanoseconds(start_s).div_ceil(Tick::TICK_NS));
         let last = options.end_s.map_or(last_there, |end_s| Tick(nanoseconds(end_s) / Tick::TICK_NS).min(last_there));
@@ -88,7 +106,7 @@ impl PlaybackSchedule {
             let (end_s, last_s) = (options.end_s, seconds(last_there));
             return Err(ReplayError::NoTick { file: recording.file().to_owned(), start_s, end_s, last_s });
         }
-        let made = index.add_static_messages(recording);
+        let made = index.add_static_messages(recording, scenario);
         index.select(recording, options)?;
         let topics: Vec<Topic> = index.topics.into_values().collect();
         let number_of: BTreeMap<_, _> = topics.iter().map(|topic| topic.name.clone()).zip(0..).collect();
@@ -96,7 +114,9 @@ impl PlaybackSchedule {
             let topic = *number_of.get(&name)?;
             Some(ScheduledMessage { topic, message })
         });
-        Ok(Self { static_messages: static_messages.collect(), topics, number_of, first, last, notes: index.notes })
+        let static_messages = static_messages.collect();
+        let (gaps, notes) = (index.gaps, index.notes);
+        Ok(Self { static_messages, topics, number_of, first, last, latest, gaps, notes })
     }
 
     /// The topics, by index.
@@ -109,6 +129,16 @@ impl PlaybackSchedule {
     #[must_use]
     pub fn ticks(&self) -> (Tick, Tick) {
         (self.first, self.last)
+    }
+
+    /// The gaps that are skipped, in order.
+    pub(super) fn gaps(&self) -> &[Gap] {
+        &self.gaps
+    }
+
+    /// Whether a message is stamped after the run's duration, so that it is not played.
+    pub(super) fn is_too_late(&self, message: &Message) -> bool {
+        message.tick() > self.latest
     }
 
     /// Notes for the user: what is not played, and why.
@@ -146,17 +176,24 @@ struct RecordingIndex {
     /// Playable topics by name.
     topics: BTreeMap<String, Topic>,
     last: Option<Tick>,
+    gaps: Vec<Gap>,
     notes: Vec<String>,
 }
 
 impl RecordingIndex {
-    fn of(recording: &Recording) -> Self {
-        let mut index = Self { topics: BTreeMap::new(), last: None, notes: Vec::new() };
+    /// The messages up to the tick `latest`.
+    fn of(recording: &Recording, latest: Tick) -> Self {
+        let mut index = Self { topics: BTreeMap::new(), last: None, gaps: Vec::new(), notes: Vec::new() };
         let mut refused: BTreeMap<String, (u64, String)> = BTreeMap::new();
         let mut messages = recording.messages();
         for message in &mut messages {
-            index.last = index.last.max(Some(message.tick()));
             let name = &message.channel.topic;
+            if message.tick() > latest {
+                let wrong = format!("stamped after {} s, the duration of its run", seconds(latest));
+                refused.entry(name.clone()).or_insert((0, wrong)).0 += 1;
+                continue;
+            }
+            index.reach(message.tick());
             let wrong = match index.topics.get(name).cloned().or_else(|| topics::named(name)) {
                 None => "not a topic of a run".to_owned(),
                 Some(topic) if !is_of_type(&topic, &message.channel) => {
@@ -181,14 +218,28 @@ impl RecordingIndex {
         index
     }
 
+    /// The recording goes on to a tick: messages are played in the order of the file, those with an
+    /// earlier stamp at once.
+    fn reach(&mut self, tick: Tick) {
+        let from = self.last.unwrap_or_default();
+        if tick.0.saturating_sub(from.0) > GAP_TICKS_MAX {
+            self.gaps.push(Gap { from, to: tick });
+        }
+        self.last = self.last.max(Some(tick));
+    }
+
     /// Makes the static messages (walls, transforms) that the recording lacks, so that there is
     /// always a map to see.
-    fn add_static_messages(&mut self, recording: &Recording) -> Vec<(String, Encoded)> {
+    fn add_static_messages(
+        &mut self,
+        recording: &Recording,
+        scenario: Result<Scenario, ScenarioError>,
+    ) -> Vec<(String, Encoded)> {
         let lacks = |topic: Topic| !self.topics.contains_key(&topic.name);
         if !lacks(topics::map()) && !lacks(topics::tf_static()) {
             return Vec::new();
         }
-        let pictures = match static_messages(recording) {
+        let pictures = match static_messages(recording, scenario) {
             Ok(pictures) => pictures,
             Err(error) => {
                 self.notes.push(format!("{}: no map to show: {error}", recording.file()));
@@ -226,8 +277,11 @@ fn fits(pattern: &str, name: &str) -> bool {
     pattern.strip_suffix('*').map_or(pattern == name, |beginning| name.starts_with(beginning))
 }
 
-fn static_messages(recording: &Recording) -> anyhow::Result<visualisation::VisualisationMessages> {
-    let scenario = Scenario::parse(SCENARIO_ATTACHMENT, &recording.scenario(), &[])?;
+fn static_messages(
+    recording: &Recording,
+    scenario: Result<Scenario, ScenarioError>,
+) -> anyhow::Result<visualisation::VisualisationMessages> {
+    let scenario = scenario?;
     let map = setup::recorded_map(recording, &scenario)?.ok_or_else(|| anyhow::anyhow!("the recording has no map"))?;
     Ok(visualisation::static_messages(&map, scenario.agents.count))
 }

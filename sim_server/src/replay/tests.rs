@@ -19,7 +19,7 @@ use crate::recording::Recording;
 use crate::recording::SCENARIO_ATTACHMENT;
 use simulation::visualisation::{self, VisualisationMessage, VisualisationTopic};
 
-const SCENARIO: &str = "seed = 1\nduration_s = 10.0\nmap = { kind = \"spheres\", size = 5 }\nagents = { count = 2 }\n";
+const SCENARIO: &str = "seed = 1\nduration_s = 100.0\nmap = { kind = \"spheres\", size = 5 }\nagents = { count = 2 }\n";
 const MAP: &str = "###\n###\n###\n\n###\n#.#\n###\n\n###\n###\n###\n";
 
 type Recorded = (Topic, u64, Vec<u8>);
@@ -308,4 +308,77 @@ fn steps_are_answered_after_the_last_or_at_the_end() {
     assert_eq!(answer.take(), Some(Outcome::OPERATION_FAILED));
     assert_eq!(set_state(&mut player, SimulationState::PLAYING, 0), Some(Outcome::OK));
     assert_eq!(player.next_action(0), PlayerAction::End);
+}
+
+/// The ticks that a replay as fast as possible plays.
+fn ticks_played(schedule: &PlaybackSchedule) -> Vec<u64> {
+    let mut player = Player::new(schedule, PlaybackTiming { rate: Rtf::MAX, is_loop: false, is_paused: false }, 0);
+    let mut ticks = Vec::new();
+    while let PlayerAction::Play(tick) = player.next_action(0) {
+        ticks.push(tick.0);
+        player.played();
+    }
+    assert_eq!(player.next_action(0), PlayerAction::End);
+    ticks
+}
+
+#[test]
+fn stamps_after_the_duration_are_refused() {
+    let all = [progress(0), passing(1), progress(5001), passing(u64::MAX / Tick::TICK_NS), passing(2), progress(3)];
+    let recording = recording(&all);
+    assert_eq!(played(&recording, &options(0.0, None)).1, [&all[..2], &all[4..]].concat());
+    assert_eq!(played(&recording, &options(0.04, None)).1, all[4..]);
+    let schedule = PlaybackSchedule::new(&recording, &options(0.0, None)).unwrap();
+    let notes = ["/agent_1/odom", "/sim/progress"]
+        .map(|topic| format!("{topic}: 1 not played: stamped after 100 s, the duration of its run"));
+    assert_eq!(schedule.notes(), notes);
+    assert_eq!(ticks_played(&schedule), [0, 1, 2, 3]);
+    let late = self::recording(&[progress(5001)]);
+    let refused = PlaybackSchedule::new(&late, &options(0.0, None)).unwrap_err().to_string();
+    assert_eq!(refused, "run.mcap: no message is left to play");
+}
+
+#[test]
+fn empty_time_is_skipped() {
+    let all = [progress(0), passing(2), passing(4900), progress(1), progress(4902)];
+    let schedule = |options| PlaybackSchedule::new(&recording(&all), &options).unwrap();
+    assert_eq!(ticks_played(&schedule(options(0.0, None))), [0, 1, 2, 4900, 4901, 4902]);
+    // From or to the middle of a gap.
+    assert_eq!(ticks_played(&schedule(options(20.0, None))), [1000, 4900, 4901, 4902]);
+    assert_eq!(ticks_played(&schedule(options(0.0, Some(20.0)))), [0, 1, 2]);
+    // A second of wall time before the tick after a gap would be one of sim time.
+    let timing = PlaybackTiming { rate: Rtf::Limit(1.0), is_loop: false, is_paused: false };
+    let mut player = Player::new(&schedule(options(0.0, None)), timing, 0);
+    (0..3).for_each(|_| player.played());
+    assert_eq!(player.next_action(7 * TICK_NS), PlayerAction::Play(Tick(4900)));
+    player.played();
+    assert_eq!(player.next_action(7 * TICK_NS), PlayerAction::Wait(TICK_NS));
+    // A gap that is just short enough is played.
+    let short = recording(&[progress(0), progress(500)]);
+    assert_eq!(ticks_played(&PlaybackSchedule::new(&short, &options(0.0, None)).unwrap()).len(), 501);
+}
+
+#[test]
+fn mutants_of_stamps_end() {
+    let honest: Vec<Recorded> =
+        (0..300).map(|tick| if tick % 2 == 0 { progress(tick) } else { passing(tick) }).collect();
+    for bit in 0..58 {
+        for place in [0, 57, 299] {
+            let mut mutant = honest.clone();
+            mutant[place].1 = (mutant[place].1 ^ (1 << bit)).min(u64::MAX / Tick::TICK_NS);
+            let recording = recording(&mutant);
+            let schedule = PlaybackSchedule::new(&recording, &options(0.0, None)).unwrap();
+            let (messages, ticks) = (played_by(&recording, &schedule), ticks_played(&schedule));
+            assert!(ticks.len() <= 1000, "{} ticks with bit {bit} of {place}", ticks.len());
+            let refused = usize::from(mutant[place].1 > 5000);
+            assert_eq!(messages, honest.len() - refused, "bit {bit} of {place}");
+        }
+    }
+}
+
+/// The number of messages that a cursor yields at the ticks that a player plays.
+fn played_by(recording: &Recording, schedule: &PlaybackSchedule) -> usize {
+    let mut cursor = PlaybackCursor::new(recording, schedule);
+    let ticks = ticks_played(schedule).into_iter();
+    ticks.map(|tick| std::iter::from_fn(|| cursor.next_until(Tick(tick))).count()).sum()
 }

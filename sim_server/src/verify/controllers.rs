@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, Observation, Scenario};
-use msgs::topics;
+use msgs::{printable, topics};
 use rayon::prelude::*;
 use thiserror::Error;
 
@@ -180,7 +180,7 @@ pub fn text(checked: &Checked) -> String {
     let Checked { commands, agents, unchecked } = checked;
     let mut text = format!("{commands} commands are what the controllers decide, of {} agents", agents.len());
     for (agent, reason) in unchecked {
-        text += &format!("\nnot checked: agent {agent}: {reason}");
+        text += &format!("\nnot checked: agent {agent}: {}", printable::line(reason));
     }
     text
 }

@@ -1,0 +1,210 @@
+//! The file of a recording: which files it may replace, its temporary name, and its lock.
+//!
+//! Invariants: a recording replaces nothing but a recording or an empty file, and keeps its mode; it
+//! is never written through a symbolic link, nor into a device or a FIFO. Until it is published it
+//! has a temporary name beside the final one, and it is locked as long as its process lives, so
+//! that a later run can tell a file that was left behind from one that is being written.
+//!
+//! This module does not write the content.
+
+use std::fs::{self, File, Metadata, OpenOptions, Permissions, TryLockError};
+use std::io::{self, ErrorKind, Read};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+use nix::fcntl::OFlag;
+
+use crate::input_file::described;
+
+/// How often a temporary file is created again that another process takes for abandoned.
+const ATTEMPTS_MAX: u32 = 10;
+
+/// The bits of a mode that a recording keeps: no set-user-id and the like.
+const MODE_BITS: u32 = 0o777;
+
+/// Permissions of a file that replaces another one, until it is published.
+const PRIVATE: u32 = 0o600;
+
+/// The files of a recording that is not yet published.
+#[derive(Debug)]
+pub(super) struct Destination {
+    file: PathBuf,
+    temporary: PathBuf,
+    /// Permissions of the file that will be replaced.
+    older: Option<Permissions>,
+    is_published: bool,
+    /// Holds the lock.
+    _lock: File,
+}
+
+/// Whether a recording may be written to `file`: to a new or empty file, or in place of a recording.
+///
+/// # Errors
+/// `InvalidInput` with the reason and a remedy; or why the present file cannot be read.
+pub(super) fn check(file: &Path) -> io::Result<()> {
+    replaceable(file).map(drop)
+}
+
+impl Destination {
+    /// Creates the temporary file, locked and empty, and removes those of killed processes.
+    ///
+    /// # Errors
+    /// See [`check`]; also if the file cannot be created.
+    pub(super) fn create(file: &Path) -> io::Result<(Self, File)> {
+        let older = replaceable(file)?;
+        let refuse = || io::Error::new(ErrorKind::InvalidInput, "a recording needs a file name");
+        let name = file.file_name().ok_or_else(refuse)?.to_string_lossy().into_owned();
+        let temporary = file.with_file_name(temporary_name(&name, std::process::id()));
+        remove_abandoned(file, &name);
+        for _ in 0..ATTEMPTS_MAX {
+            let mut options = OpenOptions::new();
+            options.write(true).create_new(true);
+            if older.is_some() {
+                options.mode(PRIVATE);
+            }
+            let handle = options.open(&temporary)?;
+            match handle.try_lock() {
+                // Another process has taken the new file for abandoned.
+                Err(TryLockError::WouldBlock) => continue,
+                // Without locks the file only cannot be told from one in use.
+                Ok(()) | Err(TryLockError::Error(_)) => {}
+            }
+            if is_at(&handle.metadata()?, &temporary) {
+                let _lock = handle.try_clone()?;
+                return Ok((Self { file: file.to_owned(), temporary, older, is_published: false, _lock }, handle));
+            }
+        }
+        Err(io::Error::other(format!("{}: removed {ATTEMPTS_MAX} times by another process", temporary.display())))
+    }
+
+    /// Gives the file its final name, in place of an older recording, and syncs the folder.
+    ///
+    /// # Errors
+    /// See [`check`]; also if the file cannot be renamed or the folder cannot be synced.
+    pub(super) fn publish(&mut self) -> io::Result<()> {
+        if self.is_published {
+            return Ok(());
+        }
+        // The file may have been replaced meanwhile.
+        if let Some(permissions) = replaceable(&self.file)?.or_else(|| self.older.take()) {
+            fs::set_permissions(&self.temporary, permissions)?;
+        }
+        fs::rename(&self.temporary, &self.file)?;
+        self.is_published = true;
+        sync_folder(&self.file)
+    }
+
+    /// Whether it has its final name.
+    pub(super) fn is_published(&self) -> bool {
+        self.is_published
+    }
+}
+
+impl Drop for Destination {
+    fn drop(&mut self) {
+        if !self.is_published {
+            // The reason for aborting is reported elsewhere.
+            let _ = fs::remove_file(&self.temporary);
+        }
+    }
+}
+
+/// The permissions of the file that a recording at `file` replaces; `None` if there is none.
+fn replaceable(file: &Path) -> io::Result<Option<Permissions>> {
+    let refused = |what: &str| {
+        let reason = format!(
+            "{what}; nothing was written; a recording replaces only a recording or an empty file; choose another name"
+        );
+        io::Error::new(ErrorKind::InvalidInput, reason)
+    };
+    // Opening a device may already have an effect.
+    let kind = match fs::symlink_metadata(file) {
+        Ok(metadata) => metadata.file_type(),
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    if !kind.is_file() {
+        return Err(refused(described(kind)));
+    }
+    let mut handle = open_unlinked(file)?;
+    let metadata = handle.metadata()?;
+    if !metadata.is_file() {
+        return Err(refused(described(metadata.file_type())));
+    }
+    if !is_recording_or_empty(&mut handle)? {
+        return Err(refused("a file that is no recording"));
+    }
+    Ok(Some(Permissions::from_mode(metadata.mode() & MODE_BITS)))
+}
+
+fn is_recording_or_empty(handle: &mut File) -> io::Result<bool> {
+    let mut beginning = Vec::new();
+    handle.take(mcap::MAGIC.len() as u64).read_to_end(&mut beginning)?;
+    Ok(beginning.is_empty() || beginning == mcap::MAGIC)
+}
+
+/// Opens a file for reading that is no symbolic link.
+fn open_unlinked(file: &Path) -> io::Result<File> {
+    let flags = OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK | OFlag::O_NOCTTY;
+    OpenOptions::new().read(true).custom_flags(flags.bits()).open(file)
+}
+
+/// Whether a name still belongs to an open file.
+fn is_at(open: &Metadata, name: &Path) -> bool {
+    let there = fs::symlink_metadata(name);
+    there.is_ok_and(|there| (there.dev(), there.ino()) == (open.dev(), open.ino()))
+}
+
+fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Syncs the folder of a file, so that its name survives a power failure.
+fn sync_folder(file: &Path) -> io::Result<()> {
+    match File::open(folder_of(file))?.sync_all() {
+        // Some file systems cannot sync a folder.
+        Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => Ok(()),
+        synced => synced,
+    }
+}
+
+fn temporary_name(name: &str, process: u32) -> String {
+    format!(".{name}.{process}.tmp")
+}
+
+/// Removes the temporary files that killed processes have left for recordings of this name. What
+/// cannot be removed stays.
+fn remove_abandoned(file: &Path, name: &str) {
+    let Ok(entries) = fs::read_dir(folder_of(file)) else { return };
+    for entry in entries.filter_map(Result::ok) {
+        let found = entry.file_name();
+        let Some(process) = found.to_str().and_then(|found| {
+            let process: u32 = found.strip_prefix(&format!(".{name}."))?.strip_suffix(".tmp")?.parse().ok()?;
+            (found == temporary_name(name, process)).then_some(process)
+        }) else {
+            continue;
+        };
+        // Processes of earlier builds do not lock their files.
+        let is_other = process != std::process::id();
+        if !(is_other && Path::new("/proc").join(process.to_string()).exists()) {
+            let _ = remove_if_abandoned(&entry.path());
+        }
+    }
+}
+
+/// Removes a temporary file that is a recording of this user and that no process has locked.
+fn remove_if_abandoned(temporary: &Path) -> io::Result<()> {
+    if !fs::symlink_metadata(temporary)?.is_file() {
+        return Ok(());
+    }
+    let mut handle = open_unlinked(temporary)?;
+    let metadata = handle.metadata()?;
+    let is_own = metadata.is_file() && metadata.uid() == nix::unistd::geteuid().as_raw();
+    if is_own && handle.try_lock().is_ok() && is_recording_or_empty(&mut handle)? && is_at(&metadata, temporary) {
+        fs::remove_file(temporary)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;
