@@ -31,6 +31,8 @@ mod experiments;
 /// Random fault injection: runs over ROS 2 are the same with processes killed, suspended and sent
 /// garbage.
 mod faults;
+/// Forged, replayed and unsigned messages: refused, counted, without effect.
+mod forged_commands;
 /// Illegal, foreign and undecodable messages: refused, counted, without effect.
 mod hostile_agents;
 /// Interrupted runs, killed servers, full disks.

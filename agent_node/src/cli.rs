@@ -1,5 +1,6 @@
 //! The command line.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Parser;
@@ -32,6 +33,10 @@ pub struct Cli {
     /// it has subscribers
     #[arg(long, value_name = "HZ", default_value_t = 5.0, value_parser = hertz)]
     pub map_hz: f64,
+    /// File with the join secret of the run, readable by its owner only [default: the environment
+    /// variable MAES_JOIN_SECRET, or none]
+    #[arg(long, value_name = "FILE")]
+    pub join_secret_file: Option<PathBuf>,
     /// Check the controller and its settings, and exit
     #[arg(long, requires = "controller")]
     pub check: bool,

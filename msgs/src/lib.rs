@@ -41,3 +41,4 @@ pub mod message;
 pub mod parameters;
 pub mod schema;
 pub mod service;
+pub mod signing;

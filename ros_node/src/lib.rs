@@ -20,6 +20,7 @@ mod parameters;
 mod services;
 mod subscription_tracker;
 
+pub mod join_secret;
 pub mod ros_env;
 pub mod rosout;
 pub mod suspension;
