@@ -276,7 +276,7 @@ fn run_with_interventions_verifies() {
     let done: Vec<_> = interventions.iter().map(|done| (done.tick, done.kind, done.agent)).collect();
     assert_eq!(done, [(100, Intervention::PLACE, 1), (150, Intervention::REMOVE, 0)]);
     assert_verifies(&site, "run.mcap", &[]);
-    let ended = verify(&site, "run.mcap", &["--controllers"]).with_code(0);
+    let ended = verify(&site, "run.mcap", &[]).with_code(0);
     for agent in [0, 1] {
         let words = format!("not checked: agent {agent}: controller of: unknown; known are rbw, ");
         assert!(ended.stdout.contains(&words), "{words}\n{ended}");
