@@ -94,6 +94,17 @@ pub enum RunError {
         /// The version of the server.
         got: u32,
     },
+    /// The server is silent, or was never there, after replies without its proof.
+    #[error(
+        "agent {agent}: the server does not prove the join secret; it says: {reason}; expected the same \
+         MAES_JOIN_SECRET or --join-secret-file on both sides"
+    )]
+    Unproven {
+        /// The agent.
+        agent: AgentId,
+        /// What the reply says.
+        reason: String,
+    },
     /// The server is silent.
     #[error("the server of run {run:016x} has been silent for {seconds} s; it seems to be gone")]
     ServerSilent {
@@ -177,6 +188,8 @@ struct Host<'a> {
     map_hz: f64,
     /// Messages that were not authentic.
     ignored: u64,
+    /// The first reply without the proof of the server, while no other was received.
+    unproven: Option<RunError>,
 }
 
 struct HostedAgent {
@@ -238,6 +251,7 @@ impl<'a> Host<'a> {
             polled_at: now(),
             map_hz: options.map_hz,
             ignored: 0,
+            unproven: None,
         })
     }
 
@@ -309,6 +323,9 @@ impl<'a> Host<'a> {
             Some(other) if self.silence >= self.server_timeout.min(SUPERSEDED_TIMEOUT) => {
                 Err(RunError::Superseded { run: self.run, other })
             }
+            _ if self.silence >= self.server_timeout && self.unproven.is_some() => {
+                self.unproven.take().map_or(Ok(()), Err)
+            }
             _ if self.silence >= self.server_timeout => {
                 Err(RunError::ServerSilent { run: self.run, seconds: self.server_timeout.as_secs_f64() })
             }
@@ -323,17 +340,16 @@ impl<'a> Host<'a> {
         };
         let join = join(self.run, agent, self.instance, &self.label, Join::NONE);
         let Some(key) = self.authentication.session_key(&reply, join, self.transport.source()) else {
-            let reason = if reply.accepted { "accepted" } else { &reply.reason };
-            let text = format!(
-                "a reply to the join that does not prove the join secret is ignored: {reason}; expected the same \
-                 MAES_JOIN_SECRET or --join-secret-file on both sides"
-            );
-            self.ignore(agent, &text);
+            let reason = if reply.accepted { "accepted".to_owned() } else { reply.reason };
+            let unproven = RunError::Unproven { agent, reason };
+            self.ignore(agent, &unproven.to_string());
+            self.unproven.get_or_insert(unproven);
             return Ok(());
         };
         if !reply.accepted {
             return Err(RunError::Refused { agent, reason: reply.reason });
         }
+        self.unproven = None;
         if !std::mem::replace(&mut hosted.is_accepted, true) {
             hosted.key = key;
             self.transport.log(agent, Level::Info, &format!("takes part with {}", self.label));

@@ -9,6 +9,7 @@ fn scenario(run: u64) -> Inbound {
         run,
         size: [4, 4, 4],
         cell_m: 1.0,
+        duration_ticks: 10,
         agents: 1,
         bodies: vec![msgs::maes_msgs::Body::default()],
         body_of: vec![0],
@@ -38,12 +39,14 @@ struct Server {
     codes: Vec<Bytes>,
     /// The key in the replies to joins.
     key: Bytes,
+    /// Of the agents.
+    credentials: Option<Credentials>,
 }
 
 impl Server {
     fn saying(says: Vec<Inbound>, replies: usize) -> Self {
         let says = says.into_iter().rev().collect();
-        Self { says, replies, joins: Vec::new(), answers: Vec::new(), codes: Vec::new(), key: NONE }
+        Self { says, replies, joins: Vec::new(), answers: Vec::new(), codes: Vec::new(), key: NONE, credentials: None }
     }
 
     fn runs(&mut self) -> Result<(), RunError> {
@@ -52,7 +55,7 @@ impl Server {
             controller: None,
             settings: Vec::new(),
             instance: 3,
-            credentials: None,
+            credentials: self.credentials.clone(),
             server_timeout: Duration::from_millis(1),
             chaos_delay: Duration::ZERO,
             map_hz: 5.0,
@@ -143,6 +146,17 @@ fn unsigned_observations_are_ignored() {
     assert_eq!(server.answers.iter().map(|command| command.tick).collect::<Vec<_>>(), [3, 4]);
     let codes: Vec<Bytes> = server.answers.iter().map(|command| key.of_command(command)).collect();
     assert_eq!(server.codes, codes);
+}
+
+/// A refusal by a stranger does not end the process; silence after it is explained.
+#[test]
+fn replies_without_proof_are_ignored() {
+    let refusal = JoinReply { run: OURS, instance: 3, reason: "go away".to_owned(), ..JoinReply::default() };
+    let mut server = Server::saying(vec![scenario(OURS), Inbound::JoinReply(refusal)], 0);
+    let secret = msgs::signing::JoinSecret::new(b"the secret of the run").unwrap();
+    server.credentials = Some(Credentials { secret: Some(secret), nonce: [1; 32] });
+    let error = server.runs().unwrap_err().to_string();
+    assert!(error.starts_with("agent 0: the server does not prove the join secret; it says: go away;"), "{error}");
 }
 
 #[test]
