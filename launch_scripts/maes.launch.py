@@ -8,6 +8,7 @@ binaries first (`cargo build --release`).
 """
 
 import os
+import secrets
 import shlex
 
 from launch import LaunchDescription
@@ -41,7 +42,13 @@ SERVER_FLAGS = ["agents", "controller", "map", "size", "seed", "duration", "rtf"
 def processes(context):
     values = {name: LaunchConfiguration(name).perform(context) for name, _, _ in ARGUMENTS}
     flags = [text for name in SERVER_FLAGS if values[name] for text in (f"--{name}", values[name])]
+    external = {int(number) for number in values["external"].replace(",", " ").split()}
+    if external:
+        flags += ["--external", ",".join(str(number) for number in sorted(external))]
+    # All processes know it, and nobody else, unless the user has chosen one.
+    secret = {"MAES_JOIN_SECRET": os.environ.get("MAES_JOIN_SECRET") or secrets.token_hex(32)}
     server = ExecuteProcess(
+        additional_env=secret,
         cmd=[
             os.path.join(values["bin_dir"], "sim_server"),
             "run",
@@ -52,9 +59,9 @@ def processes(context):
         name="sim_server",
         output="screen",
     )
-    external = {int(number) for number in values["external"].replace(",", " ").split()}
     agents = [
         ExecuteProcess(
+            additional_env=secret,
             cmd=[os.path.join(values["bin_dir"], "agent_node"), "--id", str(number)],
             name=f"agent_{number}",
             output="log",

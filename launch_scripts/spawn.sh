@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Starts a world server and N agents by hand, each a process of its own, and waits for the end of the
 # run. This is all that a run needs; `maes run` also restarts agents, locks the ROS domain and keeps
-# logs.
+# logs. All processes get the same join secret in their environment, so that no other process can
+# join the run or command its agents.
 #
 #   launch_scripts/spawn.sh [N] [any flag of `sim_server run`]      for example 3 --record run.mcap
 #
@@ -14,6 +15,11 @@ if [[ ${1:-} =~ ^[0-9]+$ ]]; then
     count=$1
     shift
 fi
+
+if [[ -z ${MAES_JOIN_SECRET:-} ]]; then
+    MAES_JOIN_SECRET=$(head --bytes 32 /dev/urandom | od --address-radix none --format x1 | tr --delete ' \n')
+fi
+export MAES_JOIN_SECRET
 
 # The server comes first, so that all agents discover it.
 "$bin/sim_server" run "$here/scenarios/default.toml" --agents "$count" "$@" &

@@ -70,7 +70,7 @@ impl ServerTransport for Successor {
                 self.is_accepted |= reply.instance == BACK && reply.accepted;
                 false
             }
-            Inbound::Observation(_) => self.is_accepted,
+            Inbound::Observation(_) | Inbound::SignedObservation(_) => self.is_accepted,
         })
     }
 }

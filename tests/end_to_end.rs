@@ -33,6 +33,8 @@ mod experiments;
 mod faults;
 /// Attacks with files: devices and FIFOs as input, links as output, bombs, control characters.
 mod file_attacks;
+/// Forged, replayed and unsigned messages: refused, counted, without effect.
+mod forged_commands;
 /// Illegal, foreign and undecodable messages: refused, counted, without effect.
 mod hostile_agents;
 /// Interrupted runs, killed servers, full disks.

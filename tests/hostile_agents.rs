@@ -12,7 +12,11 @@ use experiments::in_memory::{AgentsEnd, ServerEnd};
 use msgs::geometry_msgs::Point;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
-use msgs::maes_msgs::{self, Command, Join, JoinReply, LidarRequest, Observation, Parcel, Progress, Scenario, Task};
+use msgs::maes_msgs::{
+    self, Command, Join, JoinReply, LidarRequest, Observation, Parcel, Progress, Scenario, SignedCommand,
+    SignedObservation, Task,
+};
+use msgs::signing::NONE;
 use msgs::topics::{self, Topic};
 use rand::RngExt;
 use ros2_client::qos::{Durability, QosProfile, Reliability, WhenFull};
@@ -421,8 +425,8 @@ fn undecodable_messages_are_refused_without_effect() {
     let mut run = site.start(&mut site.run_sh(&[&flags[..], &["--rtf", "4", "--record", "run.mcap"]].concat()));
     run.is_under_way(&site.path("run.mcap"));
     let mut rogue = Rogue::new(site.domain());
-    let noise_on_commands = rogue.publisher(&topics::command(AgentId(0)));
-    let noise_on_joins = rogue.publisher(&topics::join(AgentId(1)));
+    let noise_on_commands = rogue.publisher(&topics::signed_command(AgentId(0)));
+    let noise_on_joins = rogue.publisher(&topics::signed_join(AgentId(1)));
     let mut rng = random_streams::stream(1, 0, "noise");
     let mut noise = || Noise((0..rng.random_range(0..200)).map(|_| rng.random()).collect());
     publish_until(&mut run, "a message on a topic of agent 0 cannot be decoded", || {
@@ -432,9 +436,9 @@ fn undecodable_messages_are_refused_without_effect() {
         noise_on_joins.publish(noise()).is_ok()
     });
 
-    let commands = rogue.publisher(&topics::command(AgentId(0)));
+    let commands = rogue.publisher(&topics::signed_command(AgentId(0)));
     let stop = Task { kind: Task::STOP, ..Task::default() };
-    let command = Command { task: stop, ..Command::default() };
+    let command = SignedCommand { command: Command { task: stop, ..Command::default() }, mac: NONE };
     publish_until(&mut run, "a message on a topic of agent 0 is of another run", || {
         commands.publish(command.clone()).is_ok()
     });
@@ -460,7 +464,7 @@ fn agent_ignores_other_servers() {
     run.is_under_way(&site.path("run.mcap"));
     let mut rogue = Rogue::new(site.domain());
     let scenarios = rogue.subscription::<Scenario>(&topics::scenario());
-    let observations = rogue.publisher(&topics::observation(AgentId(0)));
+    let observations = rogue.publisher(&topics::signed_observation(AgentId(0)));
     let mut number = None;
     let log = site.path("logs/agent_0.log");
     let is_ignored = || std::fs::read_to_string(&log).is_ok_and(|log| log.contains("is not the server"));
@@ -472,7 +476,8 @@ fn agent_ignores_other_servers() {
         number = number.or_else(|| scenarios.take().ok().flatten().map(|(scenario, _)| scenario.run));
         if let Some(run) = number {
             let end = Observation { run, parts: 1, phase: Observation::ENDED, tick: 1, ..Observation::default() };
-            observations.publish(end).expect("a rogue can publish");
+            let signed = SignedObservation { observation: end, mac: NONE };
+            observations.publish(signed).expect("a rogue can publish");
         }
     }
     signal(run.process().pid(), "INT");

@@ -17,7 +17,7 @@ import time
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from maes_msgs.msg import Digest, Observation, Progress, Result, Scenario
+from maes_msgs.msg import Digest, Progress, Result, Scenario, SignedObservation
 from nav_msgs.msg import Odometry, Path
 from rcl_interfaces.msg import Log
 from rclpy.executors import SingleThreadedExecutor
@@ -45,9 +45,9 @@ TYPES = {
     "/sim/unexplored": "visualization_msgs/msg/Marker",
     "/sim/contacts": "visualization_msgs/msg/Marker",
     "/sim/info": "diagnostic_msgs/msg/DiagnosticArray",
-    "/agent_0/observation": "maes_msgs/msg/Observation",
-    "/agent_0/command": "maes_msgs/msg/Command",
-    "/agent_0/join": "maes_msgs/msg/Join",
+    "/agent_0/observation": "maes_msgs/msg/SignedObservation",
+    "/agent_0/command": "maes_msgs/msg/SignedCommand",
+    "/agent_0/join": "maes_msgs/msg/SignedJoin",
     "/agent_0/odom": "nav_msgs/msg/Odometry",
     "/agent_0/points": "sensor_msgs/msg/PointCloud2",
     "/agent_0/path": "nav_msgs/msg/Path",
@@ -67,7 +67,7 @@ SUBSCRIPTIONS = {
     "/sim/contacts": (Marker, LATCHED, 1),
     "/sim/info": (DiagnosticArray, RELIABLE, 2),
     "/sim/result": (Result, LATCHED, 0),
-    "/agent_0/observation": (Observation, RELIABLE, 20),
+    "/agent_0/observation": (SignedObservation, RELIABLE, 20),
     "/agent_0/odom": (Odometry, RELIABLE, 10),
     "/agent_0/points": (PointCloud2, SENSOR, 3),
     "/agent_0/path": (Path, LATCHED, 1),
@@ -143,7 +143,7 @@ class Observer:
         scenario = self.received["/sim/scenario"][0]
         expected = ([self.size] * 3, self.agents, TICK_NS)
         check((list(scenario.size), scenario.agents, scenario.tick_ns) == expected, f"{scenario}")
-        observations = self.received["/agent_0/observation"]
+        observations = [signed.observation for signed in self.received["/agent_0/observation"]]
         ticks = [observation.tick for observation in observations]
         check(ticks == sorted(ticks), "observations come in order")
         check(all(observation.agent == 0 for observation in observations), "observations are of agent 0")
@@ -205,7 +205,7 @@ class Observer:
 
     def check_points(self):
         """Points lie on walls, from the pose of the agent at the tick of the scan."""
-        poses = {observation.tick: observation for observation in self.received["/agent_0/observation"]}
+        poses = {signed.observation.tick: signed.observation for signed in self.received["/agent_0/observation"]}
         compared = 0
         for cloud in self.received["/agent_0/points"]:
             check(cloud.header.frame_id == "agent_0/base_link", f"frame of points: {cloud.header.frame_id}")

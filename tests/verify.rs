@@ -11,11 +11,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use agent_node::controllers::{self, Controller, NAMES};
-use experiments::in_memory::ServerEnd;
+use agent_node::transport::{Inbound as ToAgents, ServerTransport};
+use experiments::in_memory::{AgentsEnd, ServerEnd};
 use mcap::{Attachment, MessageStream, WriteOptions};
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Command, Intervention, JoinReply, Observation, Progress, Scenario};
+use msgs::maes_msgs::{Command, Intervention, Join, JoinReply, Observation, Progress, Scenario, Task};
 use msgs::service::{Ask, Reply};
 use msgs::simulation_interfaces::{
     EntityRequest, EntityState, SetEntityStateRequest, SetSimulationStateRequest, SimulationState,
@@ -26,7 +27,7 @@ use sim_server::control::Request;
 use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
 use simulation::scenario::OnAgentLoss;
 
-use crate::support::memory::{Play, serve};
+use crate::support::memory::{Play, honest, serve};
 use crate::support::processes::{Ended, Process};
 use crate::support::recordings::{Message, Recording};
 use crate::support::runs::{Site, scenario};
@@ -275,7 +276,7 @@ fn run_with_interventions_verifies() {
     let done: Vec<_> = interventions.iter().map(|done| (done.tick, done.kind, done.agent)).collect();
     assert_eq!(done, [(100, Intervention::PLACE, 1), (150, Intervention::REMOVE, 0)]);
     assert_verifies(&site, "run.mcap", &[]);
-    let ended = verify(&site, "run.mcap", &["--controllers"]).with_code(0);
+    let ended = verify(&site, "run.mcap", &[]).with_code(0);
     for agent in [0, 1] {
         let words = format!("not checked: agent {agent}: controller of: unknown; known are rbw, ");
         assert!(ended.stdout.contains(&words), "{words}\n{ended}");
@@ -311,12 +312,69 @@ fn changed_command_is_detected() {
     });
     site.file("changed.mcap", bytes);
     let digest_tick = (tick / 50 + 1) * 50;
-    let refused = verify(&site, "changed.mcap", &[]);
+    let refused = verify(&site, "changed.mcap", &["--no-controllers"]);
     let reason = format!("error: changed.mcap: tick {digest_tick}, /sim/digest: digest was ");
     assert!(refused.code == Some(1) && refused.stderr.starts_with(&reason), "{reason}\n{refused}");
     let reason =
         format!("error: changed.mcap: tick {tick}, agent 1, /agent_1/command: info was \"changed\" and is \"\"");
-    assert_refused(&verify(&site, "changed.mcap", &["--controllers"]), &reason);
+    for flags in [&[][..], &["--controllers"]] {
+        assert_refused(&verify(&site, "changed.mcap", flags), &reason);
+    }
+}
+
+/// Sends a command of its own before one of agent 1, as a stranger could over a transport on which
+/// nothing is signed.
+struct Forger(AgentsEnd);
+
+impl ServerTransport for Forger {
+    fn send_join(&mut self, join: &Join) {
+        self.0.send_join(join);
+    }
+
+    fn send_command(&mut self, command: &Command) {
+        if command.agent == 1 && command.tick == 0 {
+            let task = Task { kind: Task::TURN, angle_rad: 0.25, ..Task::default() };
+            self.0.send_command(&Command { task, ..command.clone() });
+        }
+        self.0.send_command(command);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<ToAgents> {
+        self.0.receive(timeout)
+    }
+}
+
+/// The world of the recording is consistent, because it answered the command.
+#[test]
+fn forged_command_fails_verification() {
+    let site = Site::new();
+    let mut play = Play::of_two(4.0);
+    play.record = Some(site.path("forged.mcap"));
+    let played = play.with(|end, ids, is_over| {
+        let options = honest(u64::from(ids[0].0), ids);
+        agent_node::host::run(&mut Forger(end), &options, is_over).expect("the agents are honest");
+    });
+    played.outcome();
+    let words = "the commands were taken as recorded, and not compared with what controllers decide";
+    let quick = verify(&site, "forged.mcap", &["--no-controllers"]).with_code(0);
+    assert!(quick.stdout.contains(words), "{quick}");
+    let refused = verify(&site, "forged.mcap", &[]);
+    let reason = "error: forged.mcap: tick 0, agent 1, /agent_1/command: task.";
+    assert!(refused.code == Some(1) && refused.stderr.starts_with(reason) && refused.stdout.is_empty(), "{refused}");
+}
+
+/// Agents of the test have no controller of this build.
+#[test]
+fn unknown_controllers_are_reported() {
+    let site = Site::new();
+    ended_early(&site, OnAgentLoss::Abort, |answers, stop| {
+        stop.store(answers >= 3, Ordering::Relaxed);
+        answers >= 3
+    });
+    let checked = verify(&site, "run.mcap", &[]).with_code(0);
+    assert!(checked.stdout.contains("\nnot checked: agent 0: "), "{checked}");
+    let refused = verify(&site, "run.mcap", &["--controllers"]).with_code(1);
+    assert!(refused.stderr.starts_with("error: run.mcap: --controllers: agent 0 cannot be checked: "), "{refused}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The command line.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Parser;
@@ -35,6 +36,10 @@ pub struct Cli {
     /// Block the first starts for ever, as a deadlock would: a test of the restart
     #[arg(long, value_name = "N", default_value_t = 0, hide = true)]
     pub stalled_starts: u32,
+    /// File with the join secret of the run, readable by its owner only [default: the environment
+    /// variable MAES_JOIN_SECRET, or none]
+    #[arg(long, value_name = "FILE")]
+    pub join_secret_file: Option<PathBuf>,
     /// Check the controller and its settings, and exit
     #[arg(long, requires = "controller")]
     pub check: bool,

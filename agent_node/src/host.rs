@@ -9,6 +9,7 @@
 //! indefinitely. Messages of other runs are ignored, except that the server of this run announces a
 //! reset: then the agents are reset, too, with unexplored maps.
 
+mod authentication;
 mod map_publisher;
 
 use std::collections::BTreeMap;
@@ -17,7 +18,8 @@ use std::time::{Duration, Instant};
 
 use msgs::ids::AgentId;
 use msgs::limits::PROTOCOL;
-use msgs::maes_msgs::{Command, Join, JoinReply, Observation as Part, Scenario};
+use msgs::maes_msgs::{Command, Join, JoinReply, Observation as Part, Scenario, SignedCommand, SignedObservation};
+use msgs::signing::{Bytes, NONE, SessionKey, is_equal};
 use thiserror::Error;
 
 use crate::agent::{Agent, Reaction};
@@ -27,6 +29,8 @@ use crate::stopwatch::DecisionTimes;
 use crate::transport::{Inbound, Level, ServerTransport};
 use crate::wire::{self, WireError};
 
+use authentication::Authentication;
+pub use authentication::Credentials;
 use map_publisher::PublishedMap;
 
 /// Wall time between two attempts to join.
@@ -46,6 +50,9 @@ const POLL_GAP_MAX: Duration = Duration::from_millis(200);
 /// Wall time to wait for a message before other duties.
 const RECEIVE_TIMEOUT: Duration = Duration::from_millis(50);
 
+/// Messages that are not authentic and are reported; further ones are only counted.
+const IGNORED_REPORTS_MAX: u64 = 5;
+
 /// The options of a process.
 #[derive(Debug, Clone)]
 pub struct Options {
@@ -58,6 +65,8 @@ pub struct Options {
     pub settings: Vec<String>,
     /// A number unique to this process.
     pub instance: u64,
+    /// How this process authenticates itself; `None` over a private transport.
+    pub credentials: Option<Credentials>,
     /// Wall time without messages after which the server is taken to be gone.
     pub server_timeout: Duration,
     /// Longest random delay before each reply: a test of the lock-step.
@@ -77,6 +86,23 @@ pub enum RunError {
         /// The agent.
         agent: AgentId,
         /// The reason that the server gives.
+        reason: String,
+    },
+    /// The server speaks another version of the protocol.
+    #[error("the server speaks protocol {got}, this agent_node {PROTOCOL}; expected processes of one version")]
+    WrongProtocol {
+        /// The version of the server.
+        got: u32,
+    },
+    /// The server is silent, or was never there, after replies without its proof.
+    #[error(
+        "agent {agent}: the server does not prove the join secret; it says: {reason}; expected the same \
+         MAES_JOIN_SECRET or --join-secret-file on both sides"
+    )]
+    Unproven {
+        /// The agent.
+        agent: AgentId,
+        /// What the reply says.
         reason: String,
     },
     /// The server is silent.
@@ -150,6 +176,7 @@ struct Host<'a> {
     /// Another run that has been announced.
     other_run: Option<u64>,
     instance: u64,
+    authentication: Authentication,
     chaos_delay: Duration,
     server_timeout: Duration,
     label: String,
@@ -159,11 +186,17 @@ struct Host<'a> {
     silence: Duration,
     polled_at: Instant,
     map_hz: f64,
+    /// Messages that were not authentic.
+    ignored: u64,
+    /// The first reply without the proof of the server, while no other was received.
+    unproven: Option<RunError>,
 }
 
 struct HostedAgent {
     agent: Agent,
     is_accepted: bool,
+    /// `None`: messages are not signed.
+    key: Option<SessionKey>,
     published: PublishedMap,
 }
 
@@ -175,6 +208,9 @@ impl<'a> Host<'a> {
         scenario: &Scenario,
         mut published: BTreeMap<AgentId, PublishedMap>,
     ) -> Result<Self, RunError> {
+        if scenario.protocol != PROTOCOL {
+            return Err(RunError::WrongProtocol { got: scenario.protocol });
+        }
         let wrong = |source| RunError::Wire { agent: options.agents.first().copied().unwrap_or_default(), source };
         let run_info = wire::run_info(scenario).map_err(wrong)?;
         let name = options.controller.as_ref().unwrap_or(&run_info.controller);
@@ -193,7 +229,7 @@ impl<'a> Host<'a> {
             }
             let published = published.remove(&id).unwrap_or_else(|| PublishedMap::new(run_info.extent));
             let agent = Agent::new(id, run_info.clone(), controller);
-            agents.insert(id, HostedAgent { agent, is_accepted: false, published });
+            agents.insert(id, HostedAgent { agent, is_accepted: false, key: None, published });
             transport.declare_parameters(id, parameters::of_controller(name, &resolved));
         }
         let label = if settings.is_empty() { name.clone() } else { format!("{name} {}", settings.join(" ")) };
@@ -205,6 +241,7 @@ impl<'a> Host<'a> {
             next: None,
             other_run: None,
             instance,
+            authentication: Authentication::new(options.credentials.clone(), scenario),
             chaos_delay,
             server_timeout,
             label,
@@ -213,6 +250,8 @@ impl<'a> Host<'a> {
             silence: Duration::ZERO,
             polled_at: now(),
             map_hz: options.map_hz,
+            ignored: 0,
+            unproven: None,
         })
     }
 
@@ -240,14 +279,9 @@ impl<'a> Host<'a> {
             return;
         }
         for (id, hosted) in self.agents.iter().filter(|(_, hosted)| !(is_joining && hosted.is_accepted)) {
-            self.transport.send_join(&Join {
-                run: self.run,
-                agent: id.0,
-                instance: self.instance,
-                protocol: PROTOCOL,
-                controller: self.label.clone(),
-                last_tick: hosted.agent.last_tick().map_or(Join::NONE, |tick| tick.0),
-            });
+            let last_tick = hosted.agent.last_tick().map_or(Join::NONE, |tick| tick.0);
+            let join = join(self.run, *id, self.instance, &self.label, last_tick);
+            self.transport.send_signed_join(&self.authentication.join(join, self.transport.source()));
         }
         self.joined_last = Some(now());
     }
@@ -257,6 +291,7 @@ impl<'a> Host<'a> {
             Inbound::Scenario(scenario) => scenario.run,
             Inbound::JoinReply(reply) => reply.run,
             Inbound::Observation(part) => part.run,
+            Inbound::SignedObservation(signed) => signed.observation.run,
         };
         if run != self.run {
             match message {
@@ -272,7 +307,10 @@ impl<'a> Host<'a> {
         match message {
             Inbound::Scenario(_) => Ok(()),
             Inbound::JoinReply(reply) => self.handle_reply(reply),
-            Inbound::Observation(part) => self.handle_observation(part),
+            Inbound::Observation(part) => self.handle_observation(part, NONE),
+            Inbound::SignedObservation(SignedObservation { observation, mac }) => {
+                self.handle_observation(observation, mac)
+            }
         }
     }
 
@@ -285,6 +323,9 @@ impl<'a> Host<'a> {
             Some(other) if self.silence >= self.server_timeout.min(SUPERSEDED_TIMEOUT) => {
                 Err(RunError::Superseded { run: self.run, other })
             }
+            _ if self.silence >= self.server_timeout && self.unproven.is_some() => {
+                self.unproven.take().map_or(Ok(()), Err)
+            }
             _ if self.silence >= self.server_timeout => {
                 Err(RunError::ServerSilent { run: self.run, seconds: self.server_timeout.as_secs_f64() })
             }
@@ -293,31 +334,44 @@ impl<'a> Host<'a> {
     }
 
     fn handle_reply(&mut self, reply: JoinReply) -> Result<(), RunError> {
-        let JoinReply { run: _, agent, instance, accepted, reason } = reply;
-        let agent = AgentId(agent);
-        if instance == self.instance
-            && let Some(hosted) = self.agents.get_mut(&agent)
-        {
-            if !accepted {
-                return Err(RunError::Refused { agent, reason });
-            }
-            if !std::mem::replace(&mut hosted.is_accepted, true) {
-                self.transport.log(agent, Level::Info, &format!("takes part with {}", self.label));
-            }
+        let agent = AgentId(reply.agent);
+        let Some(hosted) = self.agents.get_mut(&agent).filter(|_| reply.instance == self.instance) else {
+            return Ok(());
+        };
+        let join = join(self.run, agent, self.instance, &self.label, Join::NONE);
+        let Some(key) = self.authentication.session_key(&reply, join, self.transport.source()) else {
+            let reason = if reply.accepted { "accepted".to_owned() } else { reply.reason };
+            let unproven = RunError::Unproven { agent, reason };
+            self.ignore(agent, &unproven.to_string());
+            self.unproven.get_or_insert(unproven);
+            return Ok(());
+        };
+        if !reply.accepted {
+            return Err(RunError::Refused { agent, reason: reply.reason });
+        }
+        self.unproven = None;
+        if !std::mem::replace(&mut hosted.is_accepted, true) {
+            hosted.key = key;
+            self.transport.log(agent, Level::Info, &format!("takes part with {}", self.label));
         }
         Ok(())
     }
 
-    fn handle_observation(&mut self, part: Part) -> Result<(), RunError> {
+    fn handle_observation(&mut self, part: Part, mac: Bytes) -> Result<(), RunError> {
         let id = AgentId(part.agent);
         let Some(hosted) = self.agents.get_mut(&id).filter(|hosted| hosted.is_accepted) else {
             return Ok(());
         };
+        if hosted.key.as_ref().is_some_and(|key| !is_equal(&key.of_observation(&part), &mac)) {
+            let text = format!("an observation of tick {} that the server has not signed is ignored", part.tick);
+            self.ignore(id, &text);
+            return Ok(());
+        }
         match hosted.agent.take(part).map_err(|source| RunError::Wire { agent: id, source })? {
             Reaction::None => {}
-            Reaction::Reply(command) => self.answer(command),
+            Reaction::Reply(command) => self.answer(id, command),
             Reaction::Acknowledge(acknowledgement) => {
-                self.answer(acknowledgement);
+                self.answer(id, acknowledgement);
                 self.publish_rest(id);
                 self.transport.log(id, Level::Info, "the run is over");
                 self.agents.remove(&id);
@@ -326,12 +380,32 @@ impl<'a> Host<'a> {
         Ok(())
     }
 
-    fn answer(&mut self, command: Command) {
+    /// Counts a message that is not authentic, and reports the first ones.
+    fn ignore(&mut self, agent: AgentId, text: &str) {
+        self.ignored += 1;
+        if self.ignored <= IGNORED_REPORTS_MAX {
+            self.transport.log(agent, Level::Warn, text);
+        }
+    }
+
+    fn answer(&mut self, agent: AgentId, command: Command) {
         if !self.chaos_delay.is_zero() {
             wait_up_to(self.chaos_delay);
         }
-        self.transport.send_command(&Command { run: self.run, ..command });
+        let command = Command { run: self.run, ..command };
+        match self.agents.get(&agent).and_then(|hosted| hosted.key.as_ref()) {
+            Some(key) => {
+                let mac = key.of_command(&command);
+                self.transport.send_signed_command(&SignedCommand { command, mac });
+            }
+            None => self.transport.send_command(&command),
+        }
     }
+}
+
+fn join(run: u64, agent: AgentId, instance: u64, label: &str, last_tick: u64) -> Join {
+    let controller = label.to_owned();
+    Join { run, agent: agent.0, instance, protocol: PROTOCOL, controller, last_tick }
 }
 
 #[expect(clippy::disallowed_methods, reason = "disturbing the wall time is what this is for")]
@@ -347,141 +421,4 @@ fn now() -> Instant {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const OURS: u64 = 7;
-    const OTHER: u64 = 8;
-
-    fn scenario(run: u64) -> Inbound {
-        Inbound::Scenario(Scenario {
-            run,
-            size: [4, 4, 4],
-            cell_m: 1.0,
-            agents: 1,
-            bodies: vec![msgs::maes_msgs::Body::default()],
-            body_of: vec![0],
-            controller: "rbw".to_owned(),
-            origin: run,
-            ..Scenario::default()
-        })
-    }
-
-    /// The first run of a server, after a reset.
-    fn begun_again(origin: u64, run: u64) -> Inbound {
-        let Inbound::Scenario(scenario) = scenario(run) else { unreachable!("it is one") };
-        Inbound::Scenario(Scenario { origin, ..scenario })
-    }
-
-    fn observation(run: u64, phase: u8) -> Inbound {
-        Inbound::Observation(Part { run, phase, parts: 1, ..Part::default() })
-    }
-
-    /// A server that sends these messages, and accepts this many joins.
-    struct Server {
-        says: Vec<Inbound>,
-        replies: usize,
-        joins: Vec<Join>,
-        answers: Vec<Command>,
-    }
-
-    impl Server {
-        fn saying(says: Vec<Inbound>, replies: usize) -> Self {
-            Self { says: says.into_iter().rev().collect(), replies, joins: Vec::new(), answers: Vec::new() }
-        }
-
-        fn runs(&mut self) -> Result<(), RunError> {
-            let options = Options {
-                agents: vec![AgentId(0)],
-                controller: None,
-                settings: Vec::new(),
-                instance: 3,
-                server_timeout: Duration::from_millis(1),
-                chaos_delay: Duration::ZERO,
-                map_hz: 5.0,
-                decision_times: None,
-            };
-            run(self, &options, &AtomicBool::new(false))
-        }
-    }
-
-    impl ServerTransport for Server {
-        fn send_join(&mut self, join: &Join) {
-            self.joins.push(join.clone());
-            if self.replies > 0 {
-                self.replies -= 1;
-                let Join { run, agent, instance, .. } = *join;
-                let reply = JoinReply { run, agent, instance, accepted: true, ..JoinReply::default() };
-                self.says.push(Inbound::JoinReply(reply));
-            }
-        }
-
-        fn send_command(&mut self, command: &Command) {
-            self.answers.push(command.clone());
-        }
-
-        fn receive(&mut self, _timeout: Duration) -> Option<Inbound> {
-            self.says.pop()
-        }
-    }
-
-    #[test]
-    fn messages_of_another_run_are_ignored() {
-        let refusal = JoinReply { run: OTHER, instance: 3, ..JoinReply::default() };
-        let mut server = Server::saying(
-            vec![
-                scenario(Scenario::NO_RUN),
-                observation(Scenario::NO_RUN, Part::RUNNING),
-                scenario(OURS),
-                scenario(Scenario::NO_RUN),
-                observation(Scenario::NO_RUN, Part::ENDED),
-                Inbound::JoinReply(refusal),
-                observation(OTHER, Part::ENDED),
-                scenario(OTHER),
-                observation(OTHER, Part::RUNNING),
-                observation(OURS, Part::RUNNING),
-                observation(OURS, Part::ENDED),
-            ],
-            1,
-        );
-        // Messages of the other run are ignored at once.
-        server.runs().unwrap_or_else(|error| panic!("{error}"));
-        assert!(server.joins.iter().all(|join| join.run == OURS));
-        assert_eq!(server.answers.iter().map(|command| command.run).collect::<Vec<_>>(), [OURS; 2]);
-    }
-
-    #[test]
-    fn reset_run_is_joined_again() {
-        let mut server = Server::saying(
-            vec![
-                scenario(OURS),
-                observation(OURS, Part::RUNNING),
-                begun_again(OURS, OURS + 5),
-                observation(OURS, Part::RUNNING),
-                // A message from before the reset, late.
-                begun_again(OURS, OURS + 4),
-                observation(OURS + 5, Part::RUNNING),
-                observation(OURS + 5, Part::ENDED),
-            ],
-            1,
-        );
-        server.replies = 2;
-        server.runs().unwrap_or_else(|error| panic!("{error}"));
-        assert_eq!(
-            server.joins.iter().map(|join| (join.run, join.last_tick)).collect::<Vec<_>>(),
-            [(OURS, Join::NONE), (OURS + 5, Join::NONE)]
-        );
-        let answers: Vec<u64> = server.answers.iter().map(|command| command.run).collect();
-        assert_eq!(answers, [OURS, OURS + 5, OURS + 5]);
-    }
-
-    #[test]
-    fn silent_server_ends_the_process() {
-        let mut server = Server::saying(vec![scenario(OURS), observation(OURS, Part::RUNNING)], 1);
-        let error = server.runs().unwrap_err();
-        assert!(matches!(error, RunError::ServerSilent { run: OURS, .. }), "{error}");
-        let mut server = Server::saying(vec![scenario(OURS), scenario(OTHER)], 1);
-        let error = server.runs().unwrap_err();
-        assert!(matches!(error, RunError::Superseded { run: OURS, other: OTHER }), "{error}");
-    }
-}
+mod tests;

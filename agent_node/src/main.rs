@@ -30,9 +30,10 @@ mod serve {
     use std::sync::atomic::AtomicBool;
 
     use agent_node::cli::Cli;
-    use agent_node::host::{self, Options, RunError};
+    use agent_node::host::{self, Credentials, Options, RunError};
     use agent_node::ros::RosTransport;
     use ros_node::process_guard::{Limits, ProcessGuard};
+    use ros_node::join_secret::{self, JoinSecretError};
     use ros_node::ros_env::RosEnv;
 
     /// A failure of the system or of the protocol.
@@ -46,8 +47,9 @@ mod serve {
             Err(error) => {
                 eprintln!("error: {}", msgs::printable::text(&error.to_string()));
                 ExitCode::from(match error.downcast_ref::<RunError>() {
-                    Some(RunError::Refused { .. }) => REFUSED,
+                    Some(RunError::Refused { .. } | RunError::WrongProtocol { .. }) => REFUSED,
                     Some(RunError::Controller(_)) => super::BAD_INPUT,
+                    _ if error.is::<JoinSecretError>() => super::BAD_INPUT,
                     _ => FAILED,
                 })
             }
@@ -55,6 +57,9 @@ mod serve {
     }
 
     fn serve(cli: Cli) -> anyhow::Result<()> {
+        let secret = join_secret::read(cli.join_secret_file.as_deref(), |name| std::env::var_os(name))?;
+        let mut nonce = [0; 32];
+        getrandom::fill(&mut nonce)?;
         let stop = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             // A second signal ends the process at once.
@@ -78,6 +83,7 @@ mod serve {
             decision_times: None,
             settings: cli.set,
             instance: getrandom::u64()?,
+            credentials: Some(Credentials { secret, nonce }),
         };
         let ended = host::run(&mut transport, &options, &stop);
         guard.shutting_down();

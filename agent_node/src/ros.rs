@@ -13,15 +13,16 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
+use msgs::maes_msgs::{Command, Join, JoinReply, Scenario, SignedCommand, SignedJoin, SignedObservation};
 use msgs::parameters::{Named, Parameter};
+use msgs::signing::NONE;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{
     EndpointFactory, Inbox, Publisher, RosError, Sample, SharedParameters, SubscriptionTracker, ThrottledWarning,
-    linger, now,
+    linger, now, own_source,
 };
 use ros2_client::{Context, Node};
 
@@ -43,8 +44,8 @@ pub struct RosTransport {
 /// The node of an agent with its publishers.
 struct AgentEndpoints {
     agent: AgentId,
-    join: Publisher<Join>,
-    command: Publisher<Command>,
+    join: Publisher<SignedJoin>,
+    command: Publisher<SignedCommand>,
     belief: Publisher<Marker>,
     rosout: Rosout,
     parameters: SharedParameters,
@@ -92,11 +93,11 @@ impl RosTransport {
                 )?;
             }
             let server = server.clone();
-            workshop.subscribe(&mut node, &topics::observation(agent), &mut inbox, move |sample| {
-                observation(agent, server.message(sample)?).map(Inbound::Observation).map(Some)
+            workshop.subscribe(&mut node, &topics::signed_observation(agent), &mut inbox, move |sample| {
+                observation(agent, server.message(sample)?).map(Inbound::SignedObservation).map(Some)
             })?;
-            let join = workshop.publisher(&mut node, &topics::join(agent))?;
-            let command = workshop.publisher(&mut node, &topics::command(agent))?;
+            let join = workshop.publisher(&mut node, &topics::signed_join(agent))?;
+            let command = workshop.publisher(&mut node, &topics::signed_command(agent))?;
             let belief = workshop.publisher(&mut node, &topics::belief(agent))?;
             let rosout = Rosout::new(&mut workshop, &mut node, &name)?;
             let parameters = SharedParameters::default();
@@ -124,15 +125,27 @@ impl RosTransport {
 
 impl ServerTransport for RosTransport {
     fn send_join(&mut self, join: &Join) {
-        if let Some(endpoints) = self.endpoints(AgentId(join.agent)) {
-            endpoints.join.publish(&mut endpoints.node, join);
-        }
+        self.send_signed_join(&SignedJoin { join: join.clone(), nonce: NONE, proof: NONE });
     }
 
     fn send_command(&mut self, command: &Command) {
-        if let Some(endpoints) = self.endpoints(AgentId(command.agent)) {
-            endpoints.command.publish(&mut endpoints.node, command);
+        self.send_signed_command(&SignedCommand { command: command.clone(), mac: NONE });
+    }
+
+    fn send_signed_join(&mut self, signed: &SignedJoin) {
+        if let Some(endpoints) = self.endpoints(AgentId(signed.join.agent)) {
+            endpoints.join.publish(&mut endpoints.node, signed);
         }
+    }
+
+    fn send_signed_command(&mut self, signed: &SignedCommand) {
+        if let Some(endpoints) = self.endpoints(AgentId(signed.command.agent)) {
+            endpoints.command.publish(&mut endpoints.node, signed);
+        }
+    }
+
+    fn source(&self) -> [u8; 16] {
+        own_source(&self.context)
     }
 
     fn observers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
@@ -216,10 +229,11 @@ impl Server {
     }
 }
 
-fn observation(agent: AgentId, observation: Observation) -> Result<Observation, String> {
-    if observation.agent == agent.0 {
-        Ok(observation)
+fn observation(agent: AgentId, signed: SignedObservation) -> Result<SignedObservation, String> {
+    let named = signed.observation.agent;
+    if named == agent.0 {
+        Ok(signed)
     } else {
-        Err(format!("an observation for agent {} on the topic of agent {agent}", observation.agent))
+        Err(format!("an observation for agent {named} on the topic of agent {agent}"))
     }
 }

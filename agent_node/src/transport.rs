@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
+use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation};
 use msgs::parameters::Parameter;
 pub use msgs::rcl_interfaces::Level;
 use msgs::visualization_msgs::Marker;
@@ -20,8 +20,11 @@ pub enum Inbound {
     Scenario(Scenario),
     /// The reply to a join of any process.
     JoinReply(JoinReply),
-    /// A fragment of an observation for one of the agents of this process.
+    /// A fragment of an observation for one of the agents of this process, over a private
+    /// transport.
     Observation(Observation),
+    /// A fragment of an observation for one of the agents of this process.
+    SignedObservation(SignedObservation),
 }
 
 /// The transport of the agents of one process to their server.
@@ -30,6 +33,19 @@ pub trait ServerTransport {
     fn send_join(&mut self, join: &Join);
     /// Sends a command, the reply to an observation.
     fn send_command(&mut self, command: &Command);
+    /// Sends a join with its proof; a private transport may leave that out.
+    fn send_signed_join(&mut self, signed: &SignedJoin) {
+        self.send_join(&signed.join);
+    }
+    /// Sends a command with its message authentication code; a private transport may leave that
+    /// out.
+    fn send_signed_command(&mut self, signed: &SignedCommand) {
+        self.send_command(&signed.command);
+    }
+    /// This process, as the server knows it from the transport.
+    fn source(&self) -> [u8; 16] {
+        [0; 16]
+    }
     /// The agents whose maps are observed, each with the number of subscriptions so far; `None` if
     /// there are none, as on transports without observers.
     fn observers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {

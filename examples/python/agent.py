@@ -5,7 +5,8 @@
     python examples/python/agent.py 0 &
     maes run --agents 2 --external 0
 
-It speaks the protocol of docs/topics.md and nothing more; its decisions are in `decide`.
+It speaks the protocol of docs/topics.md and nothing more; its decisions are in `decide`. It does not
+sign what it sends, which --external allows.
 """
 
 import math
@@ -14,10 +15,21 @@ import secrets
 import sys
 
 import rclpy
-from maes_msgs.msg import Command, Join, JoinReply, Observation, Scenario, Task, Wake
+from maes_msgs.msg import (
+    Command,
+    Join,
+    JoinReply,
+    Observation,
+    Scenario,
+    SignedCommand,
+    SignedJoin,
+    SignedObservation,
+    Task,
+    Wake,
+)
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-PROTOCOL = 3
+PROTOCOL = 4
 RELIABLE = QoSProfile(depth=16)
 LATCHED = QoSProfile(depth=256, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -50,11 +62,11 @@ class Agent:
         self.answer = None  # the last command, for retransmission
         self.is_done = False
         node = self.node = rclpy.create_node(f"agent_{number}")
-        self.join_topic = node.create_publisher(Join, f"/agent_{number}/join", RELIABLE)
-        self.command_topic = node.create_publisher(Command, f"/agent_{number}/command", RELIABLE)
+        self.join_topic = node.create_publisher(SignedJoin, f"/agent_{number}/join", RELIABLE)
+        self.command_topic = node.create_publisher(SignedCommand, f"/agent_{number}/command", RELIABLE)
         node.create_subscription(Scenario, "/sim/scenario", self.on_scenario, LATCHED)
         node.create_subscription(JoinReply, "/sim/join_reply", self.on_reply, LATCHED)
-        node.create_subscription(Observation, f"/agent_{number}/observation", self.on_observation, RELIABLE)
+        node.create_subscription(SignedObservation, f"/agent_{number}/observation", self.on_observation, RELIABLE)
         node.create_timer(0.2, self.join)
 
     def on_scenario(self, scenario):
@@ -67,16 +79,16 @@ class Agent:
 
     def join(self):
         if self.rng is not None and not self.is_accepted:
-            self.join_topic.publish(
-                Join(
-                    run=self.run,
-                    agent=self.number,
-                    instance=self.instance,
-                    protocol=PROTOCOL,
-                    controller="example",
-                    last_tick=Join.NONE,
-                )
+            join = Join(
+                run=self.run,
+                agent=self.number,
+                instance=self.instance,
+                protocol=PROTOCOL,
+                controller="example",
+                last_tick=Join.NONE,
             )
+            # A nonce of zeros says that the commands are not signed.
+            self.join_topic.publish(SignedJoin(join=join))
 
     def on_reply(self, reply):
         if (reply.run, reply.agent, reply.instance) == (self.run, self.number, self.instance):
@@ -84,12 +96,13 @@ class Agent:
                 sys.exit(f"refused: {reply.reason}")
             self.is_accepted = True
 
-    def on_observation(self, part):
+    def on_observation(self, signed):
+        part = signed.observation
         if not self.is_accepted or part.run != self.run:
             return
         if part.phase == Observation.RUNNING and self.answer is not None and part.tick <= self.answer.tick:
             if part.tick == self.answer.tick and part.part + 1 == part.parts:
-                self.command_topic.publish(self.answer)
+                self.command_topic.publish(SignedCommand(command=self.answer))
             return
         present = next(iter(self.parts.values()), part)
         if (present.tick, present.phase) != (part.tick, part.phase):
@@ -104,7 +117,7 @@ class Agent:
             self.is_done = True
         else:
             decide(self.answer, parts, self.rng)
-        self.command_topic.publish(self.answer)
+        self.command_topic.publish(SignedCommand(command=self.answer))
 
 
 def main():

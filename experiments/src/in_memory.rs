@@ -2,7 +2,8 @@
 //!
 //! The session loops of server and agents run over it unchanged, on a thread for the server and one
 //! for each group of agents, so messages of different agents arrive in any order here as well. No
-//! message is lost.
+//! message is lost. It is private to the process, so that nothing needs to be signed; but it carries
+//! signatures.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -10,7 +11,10 @@ use std::time::Duration;
 
 use agent_node::transport::Inbound as ToAgents;
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
+use msgs::maes_msgs::{
+    Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
+};
+use msgs::signing::NONE;
 use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
 
@@ -61,6 +65,12 @@ impl ServerEnd {
             let _ = group.send(message.clone());
         }
     }
+
+    fn send_to_groups_of(&self, agent: AgentId, message: &ToAgents) {
+        for &group in self.groups_of.get(&agent).into_iter().flatten() {
+            let _ = self.groups[group].send(message.clone());
+        }
+    }
 }
 
 impl AgentTransport for ServerEnd {
@@ -73,9 +83,14 @@ impl AgentTransport for ServerEnd {
     }
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
-        for &group in self.groups_of.get(&agent).into_iter().flatten() {
-            let _ = self.groups[group].send(ToAgents::Observation(part.clone()));
+        self.send_to_groups_of(agent, &ToAgents::Observation(part.clone()));
+    }
+
+    fn send_signed(&mut self, agent: AgentId, signed: &SignedObservation) {
+        if signed.mac == NONE {
+            return self.send(agent, &signed.observation);
         }
+        self.send_to_groups_of(agent, &ToAgents::SignedObservation(signed.clone()));
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
@@ -105,6 +120,21 @@ impl agent_node::transport::ServerTransport for AgentsEnd {
 
     fn send_command(&mut self, command: &Command) {
         self.send(command.agent, ToServer::Command(command.clone()));
+    }
+
+    fn send_signed_join(&mut self, signed: &SignedJoin) {
+        if signed.nonce == NONE {
+            return self.send_join(&signed.join);
+        }
+        self.send(signed.join.agent, ToServer::SignedJoin(signed.clone()));
+    }
+
+    fn send_signed_command(&mut self, signed: &SignedCommand) {
+        self.send(signed.command.agent, ToServer::SignedCommand(signed.clone()));
+    }
+
+    fn source(&self) -> [u8; 16] {
+        self.source.0
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<ToAgents> {

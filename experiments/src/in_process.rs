@@ -109,6 +109,8 @@ pub fn run(
                     controller: None,
                     settings: Vec::new(),
                     instance,
+                    // The link is private to this process.
+                    credentials: None,
                     // The server and the agents share a process, so the server cannot vanish alone.
                     server_timeout: Duration::MAX,
                     chaos_delay: options.chaos_delay,

@@ -4,7 +4,9 @@ use agent_node::wire as agent_wire;
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Body, Command, Join, JoinReply, Observation, Scenario};
+use msgs::maes_msgs::{
+    Body, Command, Join, JoinReply, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation,
+};
 use msgs::parameters::{
     DescribeParameters, GetParameterTypes, GetParameters, ListParameters, ListRequest, Named, NamesRequest, Parameters,
     SetParameters, SetParametersAtomically, SetRequest,
@@ -41,6 +43,8 @@ fn decoded<M: Serialize + DeserializeOwned>(bytes: &[u8]) -> Option<M> {
 
 fn to_the_server(bytes: &[u8]) {
     decoded::<Join>(bytes);
+    decoded::<SignedJoin>(bytes);
+    decoded::<SignedCommand>(bytes);
     let command = decoded::<Command>(bytes);
     let twist = decoded::<TwistStamped>(bytes);
     let of_twist = twist.and_then(|twist| twist::command(1, AgentId(0), &twist).ok());
@@ -53,6 +57,7 @@ fn to_the_server(bytes: &[u8]) {
 
 fn to_an_agent(bytes: &[u8]) {
     decoded::<JoinReply>(bytes);
+    decoded::<SignedObservation>(bytes);
     if let Some(scenario) = decoded::<Scenario>(bytes) {
         let _briefing = agent_wire::run_info(&scenario);
     }

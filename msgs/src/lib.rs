@@ -42,3 +42,4 @@ pub mod parameters;
 pub mod printable;
 pub mod schema;
 pub mod service;
+pub mod signing;

@@ -172,6 +172,14 @@ pub struct JoinReply {
     pub accepted: bool,
     /// Why not; empty if accepted.
     pub reason: String,
+    /// With a join secret: random, drawn by the server for this process; otherwise zeros.
+    pub nonce: [u8; 32],
+    /// Without a join secret: the session key; zeros: messages are not signed, or the key is
+    /// derived.
+    pub key: [u8; 32],
+    /// With a join secret: keyed BLAKE3 of this reply ([`signing`](crate::signing)); otherwise
+    /// zeros.
+    pub proof: [u8; 32],
 }
 
 /// What the LiDAR of an agent can do.
@@ -439,6 +447,38 @@ pub struct Scenario {
     pub radio: Radio,
     /// Ticks between two tellings of what is new on the map to agents in contact; 0: none.
     pub share_period_ticks: u32,
+}
+
+/// A command as it is sent: with the message authentication code of the process that has joined.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SignedCommand {
+    /// The command.
+    pub command: Command,
+    /// See [`SessionKey::of_command`](crate::signing::SessionKey::of_command); zeros: unsigned.
+    pub mac: [u8; 32],
+}
+
+/// A join as it is sent: with the proof that the sender knows the join secret of the run, if there
+/// is one.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SignedJoin {
+    /// The join.
+    pub join: Join,
+    /// Random, drawn by the process; zeros: it does not sign its commands.
+    pub nonce: [u8; 32],
+    /// See [`JoinSecret::prove_join`](crate::signing::JoinSecret::prove_join); zeros without a
+    /// secret.
+    pub proof: [u8; 32],
+}
+
+/// A fragment of an observation as it is sent: with the message authentication code of the server.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SignedObservation {
+    /// The fragment.
+    pub observation: Observation,
+    /// See [`SessionKey::of_observation`](crate::signing::SessionKey::of_observation); zeros:
+    /// unsigned.
+    pub mac: [u8; 32],
 }
 
 /// What a body does until its next task.

@@ -59,7 +59,7 @@ messages! {
     }
     "../msg/": maes_msgs {
         Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar LidarRequest Observation Parcel Progress
-        Radio Result Scenario Task Wake
+        Radio Result Scenario SignedCommand SignedJoin SignedObservation Task Wake
     }
     "standard/nav_msgs/": nav_msgs { Odometry Path }
     "standard/rcl_interfaces/": rcl_interfaces { Log }

@@ -11,7 +11,10 @@ use std::fmt;
 use crate::diagnostic_msgs::DiagnosticArray;
 use crate::geometry_msgs::TwistStamped;
 use crate::ids::AgentId;
-use crate::maes_msgs::{Command, Digest, Intervention, Join, JoinReply, Observation, Progress, Result, Scenario};
+use crate::maes_msgs::{
+    Command, Digest, Intervention, Join, JoinReply, Observation, Progress, Result, Scenario, SignedCommand, SignedJoin,
+    SignedObservation,
+};
 use crate::message::{Message, MessageType};
 use crate::nav_msgs::{Odometry, Path};
 use crate::parameters::ParameterEvent;
@@ -160,19 +163,34 @@ pub fn join_reply() -> Topic {
     Topic::new::<JoinReply>("/sim/join_reply", Qos::latched(JOIN_REPLY_DEPTH))
 }
 
-/// An agent's wish to take part.
+/// An agent's wish to take part, as it is recorded; sent as [`signed_join`].
 pub fn join(agent: AgentId) -> Topic {
     Topic::new::<Join>(format!("/agent_{agent}/join"), Qos::reliable(PROTOCOL_DEPTH))
 }
 
-/// What an agent learns.
+/// What an agent learns, as it is recorded; sent as [`signed_observation`].
 pub fn observation(agent: AgentId) -> Topic {
     Topic::new::<Observation>(format!("/agent_{agent}/observation"), Qos::reliable(PROTOCOL_DEPTH))
 }
 
-/// What an agent answers.
+/// What an agent answers, as it is recorded; sent as [`signed_command`].
 pub fn command(agent: AgentId) -> Topic {
     Topic::new::<Command>(format!("/agent_{agent}/command"), Qos::reliable(PROTOCOL_DEPTH))
+}
+
+/// The topic of [`join`] between processes.
+pub fn signed_join(agent: AgentId) -> Topic {
+    Topic { message: SignedJoin::TYPE, ..join(agent) }
+}
+
+/// The topic of [`observation`] between processes.
+pub fn signed_observation(agent: AgentId) -> Topic {
+    Topic { message: SignedObservation::TYPE, ..observation(agent) }
+}
+
+/// The topic of [`command`] between processes.
+pub fn signed_command(agent: AgentId) -> Topic {
+    Topic { message: SignedCommand::TYPE, ..command(agent) }
 }
 
 /// The velocity that an agent without a controller is to hold, in each tick: from a node that

@@ -22,6 +22,7 @@ mod services;
 mod subscription_tracker;
 
 pub mod process_guard;
+pub mod join_secret;
 pub mod ros_env;
 pub mod rosout;
 pub mod suspension;

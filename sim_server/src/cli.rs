@@ -80,6 +80,14 @@ pub struct RunArgs {
     /// Write digest, reason, last tick and wall time to this file when the run has a result
     #[arg(long, value_name = "FILE.json")]
     pub summary: Option<PathBuf>,
+    /// File with the join secret of the run, readable by its owner only [default: the environment
+    /// variable MAES_JOIN_SECRET, or none]
+    #[arg(long, value_name = "FILE")]
+    pub join_secret_file: Option<PathBuf>,
+    /// Agents that foreign nodes run, which need not sign their commands; those of agents.cmd_vel
+    /// are among them
+    #[arg(long, value_name = "ID,...", value_delimiter = ',')]
+    pub external: Vec<u32>,
     /// Keys of the scenario to override.
     #[command(flatten)]
     pub keys: KeyArgs,

@@ -7,6 +7,7 @@
 //! that name the ROS client.
 
 mod external_control;
+mod join;
 mod services;
 mod visualisation;
 
@@ -18,10 +19,11 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
+use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedCommand, SignedObservation};
 use msgs::nav_msgs::Odometry;
 use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
+use msgs::signing::NONE;
 use msgs::topics;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
@@ -37,6 +39,7 @@ use simulation::scenario::{self, Rtf};
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
 use external_control::ExternalAgents;
+use join::JoinOfAnyVersion;
 use services::{ServiceEvent, Services};
 use visualisation::VisualisationPublishers;
 
@@ -81,7 +84,7 @@ pub struct RosTransport {
     own_run: Rc<Cell<Option<u64>>>,
     other_run: Rc<Cell<Option<u64>>>,
     /// Publishers for agents of this protocol, by agent.
-    observations: BTreeMap<AgentId, Publisher<Observation>>,
+    observations: BTreeMap<AgentId, Publisher<SignedObservation>>,
     /// Agents that are controlled with standard messages.
     external: ExternalAgents,
     scenario: Publisher<Scenario>,
@@ -127,13 +130,15 @@ impl RosTransport {
         let external = ExternalAgents::new(&driven, &mut endpoints, &mut node, &mut inbox, &own_run)?;
         let mut observations = BTreeMap::new();
         for agent in (0..agents).map(AgentId).filter(|agent| !driven.contains(agent)) {
-            endpoints.subscribe(&mut node, &topics::join(agent), &mut inbox, move |sample: Sample<Join>| {
-                Item::Agent(incoming(agent, sample, Inbound::Join))
+            let joins = topics::signed_join(agent);
+            endpoints.subscribe(&mut node, &joins, &mut inbox, move |sample: Sample<JoinOfAnyVersion>| {
+                Item::Agent(incoming(agent, sample, |JoinOfAnyVersion(join)| Inbound::SignedJoin(join)))
             })?;
-            endpoints.subscribe(&mut node, &topics::command(agent), &mut inbox, move |sample: Sample<Command>| {
-                Item::Agent(incoming(agent, sample, Inbound::Command))
+            let commands = topics::signed_command(agent);
+            endpoints.subscribe(&mut node, &commands, &mut inbox, move |sample: Sample<SignedCommand>| {
+                Item::Agent(incoming(agent, sample, Inbound::SignedCommand))
             })?;
-            observations.insert(agent, endpoints.publisher(&mut node, &topics::observation(agent))?);
+            observations.insert(agent, endpoints.publisher(&mut node, &topics::signed_observation(agent))?);
         }
         let rosout = Rosout::new(&mut endpoints, &mut node, NODE)?;
         // Created last, so that agents do not wait for visualisation topics.
@@ -186,10 +191,21 @@ impl AgentTransport for RosTransport {
     }
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
+        self.send_signed(agent, &SignedObservation { observation: part.clone(), mac: NONE });
+    }
+
+    fn send_signed(&mut self, agent: AgentId, part: &SignedObservation) {
         match self.observations.get_mut(&agent) {
             Some(observations) => observations.publish(&mut self.node, part),
-            None => self.external.send(&mut self.node, &mut self.clock, &mut self.visualisation, agent, part),
+            None => {
+                let (node, clock, part) = (&mut self.node, &mut self.clock, &part.observation);
+                self.external.send(node, clock, &mut self.visualisation, agent, part);
+            }
         }
+    }
+
+    fn is_open(&self) -> bool {
+        true
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {

@@ -11,8 +11,9 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
 use mapgen::MapReport;
-use msgs::ids::Tick;
+use msgs::ids::{AgentId, Tick};
 use msgs::printable;
+use ros_node::join_secret;
 use ros_node::process_guard::{Limits, ProcessGuard};
 use ros_node::ros_env::RosEnv;
 use sim_server::cli::RunArgs;
@@ -21,7 +22,7 @@ use sim_server::foxglove::{self, FoxgloveServer, ObservedTransport, RequestedRun
 use sim_server::playback::{Horizon, Playback};
 use sim_server::recording::Recording;
 use sim_server::ros::RosTransport;
-use sim_server::session::{self, Mode, RecordingSinks, RunConfig, RunError};
+use sim_server::session::{self, JoinPolicy, Mode, RecordingSinks, RunConfig, RunError};
 use sim_server::summary::Summary;
 use sim_server::terminal::{self, Terminal};
 use sim_server::transport::Transport;
@@ -107,7 +108,13 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     };
     let source = args.scenario.as_deref().or(args.resume.as_deref()).unwrap_or(Path::new(""));
     let summary = args.summary.as_deref();
-    let job = Job { name: source.display().to_string(), scenario: &scenario, resumed: resumed.as_ref(), summary };
+    let policy = join_policy(args)?;
+    if let Some(agent) = policy.external.iter().find(|agent| agent.0 >= scenario.agents.count) {
+        let last = scenario.agents.count - 1;
+        anyhow::bail!("--external {agent}: agent {agent} does not take part: ids are 0 to {last}");
+    }
+    let name = source.display().to_string();
+    let job = Job { name, scenario: &scenario, resumed: resumed.as_ref(), summary, policy };
     // An error in the world is reported before anything is opened.
     let made = job.make()?;
     let stop = stopped_by_signals()?;
@@ -170,6 +177,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
     const NAME: &str = "the scenario";
     let maps = args.map_dir.clone().or_else(scenarios_folder);
     let mut requested = RequestedRuns::new(RunFolders { recordings: args.record_dir.clone(), maps });
+    let policy = join_policy(args)?;
     let stop = stopped_by_signals()?;
     let guard = guard(&stop)?;
     let viewing = match open_viewing(args)? {
@@ -197,7 +205,8 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
             continue;
         }
         let summary = args.summary.as_deref();
-        let job = Job { name: NAME.to_owned(), scenario: &scenario, resumed: None, summary };
+        let policy = policy.clone();
+        let job = Job { name: NAME.to_owned(), scenario: &scenario, resumed: None, summary, policy };
         let begun = job.make().and_then(|made| job.begin(made, env, Some(&viewing)));
         let begun = match begun.and_then(|begun| tell_agents(args, runs + 1, &scenario).map(|()| begun)) {
             Ok(begun) => begun,
@@ -265,6 +274,14 @@ struct Job<'a> {
     resumed: Option<&'a Resumed>,
     /// Where the summary of its result is written.
     summary: Option<&'a Path>,
+    /// Which processes may join.
+    policy: JoinPolicy,
+}
+
+/// Which processes may join, by the flags and the environment.
+fn join_policy(args: &RunArgs) -> anyhow::Result<JoinPolicy> {
+    let secret = join_secret::read(args.join_secret_file.as_deref(), |name| std::env::var_os(name))?;
+    Ok(JoinPolicy { secret, external: args.external.iter().copied().map(AgentId).collect() })
 }
 
 /// A world, and where its map comes from.
@@ -339,13 +356,14 @@ impl<'a> Job<'a> {
             map.free_fraction * 100.0
         ));
         let config = RunConfig::new(scenario, playback.map_or(Mode::Live, Mode::Resume));
+        let config = config.map(|config| config.with_policy(self.policy.clone()));
         let mut ended = config.and_then(|config| session::run(config, world, &mut *link, records, terminal, stop));
         while let Err(RunError::Reset(start)) = ended {
             terminal.say("the run begins again: a service call has reset it");
             let (world, _) = self.make()?;
             ended = match self.records(&world, viewing) {
                 Ok(records) => {
-                    let config = RunConfig::after_reset(scenario, start);
+                    let config = RunConfig::after_reset(scenario, start).with_policy(self.policy.clone());
                     session::run(config, world, &mut *link, records, terminal, stop)
                 }
                 Err(error) => return failed(&error),

@@ -49,7 +49,7 @@ use engine::Engine;
 use log::{Kind, SessionLog};
 use observers::Observers;
 
-pub use config::{Mode, RunConfig, RunStart};
+pub use config::{JoinPolicy, Mode, RunConfig, RunStart};
 pub use error::RunError;
 pub use log::{Checker, RecordingSinks};
 pub use null::{NullObserver, NullTransport};
@@ -116,7 +116,7 @@ pub fn run(
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<Outcome, RunError> {
-    let RunConfig { scenario, mode, start } = config;
+    let RunConfig { scenario, mode, start, policy } = config;
     if start.is_paused && !transport.accepts_requests() {
         return Err(RunError::PausedForEver);
     }
@@ -132,7 +132,13 @@ pub fn run(
         scenario,
         external: scenario.driven(),
         engine: Engine::new(scenario, world)?,
-        sessions: AgentSessions::new(start, agents, keeps_log, allows_replacement),
+        sessions: AgentSessions::new(
+            start,
+            agents::with_external(&policy, &scenario.driven()),
+            agents,
+            keeps_log,
+            allows_replacement,
+        ),
         control: SimulationControl::new(start.is_paused, start.rtf, crate::control::features()),
         pending_request: None,
         log: SessionLog::new(sinks.into(), checker, agents),
@@ -145,7 +151,7 @@ pub fn run(
         stop,
     };
     session.log.write(Kind::Scenario, Tick::ZERO, &announcement)?;
-    session.transport.announce(&session.sessions.announcement(&announcement));
+    session.sessions.announce(&announcement, session.transport);
     session.transport.real_time_factor(start.rtf);
     let admitted = session.admit();
     session.observers.start_clock();

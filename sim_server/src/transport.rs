@@ -13,7 +13,9 @@
 use std::time::Duration;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
+use msgs::maes_msgs::{
+    Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
+};
 use msgs::nav_msgs::Odometry;
 pub use msgs::rcl_interfaces::Level;
 use msgs::sensor_msgs::PointCloud2;
@@ -26,10 +28,14 @@ use crate::control::Request;
 /// A message from an agent process.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Inbound {
-    /// From the topic `join` of an agent.
+    /// From the topic `join` of an agent, over a private transport.
     Join(Join),
-    /// From the topic `command` of an agent.
+    /// From the topic `join` of an agent.
+    SignedJoin(SignedJoin),
+    /// From the topic `command` of an agent, or made from a standard message.
     Command(Command),
+    /// From the topic `command` of an agent.
+    SignedCommand(SignedCommand),
     /// Bytes on one of these topics that do not decode.
     Undecodable {
         /// The decoding error.
@@ -55,6 +61,16 @@ pub trait AgentTransport {
     fn reply_join(&mut self, reply: &JoinReply);
     /// Sends one fragment of an observation.
     fn send(&mut self, agent: AgentId, fragment: &Observation);
+    /// Sends one fragment of an observation with its message authentication code; a private
+    /// transport may leave that out.
+    fn send_signed(&mut self, agent: AgentId, fragment: &SignedObservation) {
+        self.send(agent, &fragment.observation);
+    }
+    /// Whether others than the agents can send on this transport, so that joins and commands must
+    /// be authenticated.
+    fn is_open(&self) -> bool {
+        false
+    }
     /// The next message, or `None` after `timeout` without one.
     fn receive(&mut self, timeout: Duration) -> Option<Incoming>;
     /// Holds the standard sensor messages of an externally controlled agent for this tick, until

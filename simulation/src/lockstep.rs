@@ -80,6 +80,22 @@ pub enum Refusal {
         /// Named id.
         agent: AgentId,
     },
+    /// A join without proof of the join secret, or of a process that does not sign its commands.
+    #[error("a join as agent {agent} {what}")]
+    UnprovenJoin {
+        /// The requested id.
+        agent: AgentId,
+        /// What is wrong with it, and the remedy.
+        what: &'static str,
+    },
+    /// A command without the message authentication code of the process that has joined.
+    #[error("a command of agent {agent}, tick {tick}, is not signed by the process that has joined")]
+    ForgedCommand {
+        /// Named id.
+        agent: AgentId,
+        /// Named tick.
+        tick: Tick,
+    },
     /// A reply to another tick.
     #[error("agent {agent} answered tick {got} while tick {expected} is awaited")]
     WrongTick {
@@ -130,6 +146,8 @@ impl Refusal {
             Self::OtherController { .. } => "refused_other_controller",
             Self::WrongProtocol { .. } => "refused_wrong_protocol",
             Self::NotJoined { .. } => "refused_not_joined",
+            Self::UnprovenJoin { .. } => "refused_unproven_join",
+            Self::ForgedCommand { .. } => "refused_forged_command",
             Self::WrongTick { .. } => "refused_wrong_tick",
             Self::SecondAnswer { .. } => "refused_second_answer",
             Self::IllegalCommand { .. } => "refused_illegal_command",
@@ -137,7 +155,11 @@ impl Refusal {
         }
     }
 
-    /// All counters of refusals, in the order of their definition.
+    /// Counters that a result names only if they are not zero, so that the recording of an
+    /// undisturbed run is that of earlier versions.
+    pub const COUNTERS_IF_ANY: [&'static str; 2] = ["refused_unproven_join", "refused_forged_command"];
+
+    /// The counters of refusals that every result names.
     pub const COUNTERS: [&'static str; 11] = [
         "refused_other_run",
         "refused_unknown_agent",
@@ -206,15 +228,9 @@ impl Membership {
     /// # Errors
     /// If the id is not one of the run's or belongs to another process, or the protocol is another.
     pub fn join(&mut self, request: JoinRequest) -> Result<(), Refusal> {
+        self.check_request(&request)?;
         let agent = request.agent;
-        if request.topic != agent {
-            return Err(Refusal::WrongTopic { topic: request.topic, named: agent });
-        }
-        if request.protocol != PROTOCOL {
-            return Err(Refusal::WrongProtocol { agent, got: request.protocol, expected: PROTOCOL });
-        }
-        let agents = self.leases.len() as u32;
-        let lease = self.leases.get_mut(agent.index()).ok_or(Refusal::UnknownAgent { agent, agents })?;
+        let lease = &mut self.leases[agent.index()];
         match lease {
             None => {
                 *lease = Some(request.lease.shortened());
@@ -223,6 +239,25 @@ impl Membership {
             Some(taken) if taken.source == request.lease.source && taken.instance == request.lease.instance => Ok(()),
             Some(_) => Err(Refusal::IdTaken { agent }),
         }
+    }
+
+    /// Whether a request could be granted if the id were free.
+    ///
+    /// # Errors
+    /// If the id is not one of the run's, or the protocol is another.
+    pub fn check_request(&self, request: &JoinRequest) -> Result<(), Refusal> {
+        let agent = request.agent;
+        if request.topic != agent {
+            return Err(Refusal::WrongTopic { topic: request.topic, named: agent });
+        }
+        if request.protocol != PROTOCOL {
+            return Err(Refusal::WrongProtocol { agent, got: request.protocol, expected: PROTOCOL });
+        }
+        let agents = self.leases.len() as u32;
+        if agent.index() >= self.leases.len() {
+            return Err(Refusal::UnknownAgent { agent, agents });
+        }
+        Ok(())
     }
 
     /// Transfers an id from a process that is given up.

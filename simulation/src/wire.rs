@@ -10,7 +10,7 @@ use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{
     INFO_BYTES_MAX, LIST_BYTES_MAX, MESSAGE_BYTES_BARE, OBSERVATION_BYTES_MAX, PARCEL_BYTES_BARE, PARCEL_BYTES_MAX,
-    PATH_POINTS_MAX, POINT_BYTES, PROTOCOL, RELAY_BYTES_MAX,
+    PATH_POINTS_MAX, POINT_BYTES, RECORDED_PROTOCOL, RELAY_BYTES_MAX,
 };
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
 use msgs::relay_id::RelayId;
@@ -269,12 +269,13 @@ fn parcel(message: &AgentMessage) -> maes_msgs::Parcel {
     }
 }
 
-/// The part of a scenario that agents may know; the caller sets the number of the run.
+/// The part of a scenario that agents may know, as it is recorded; the caller sets the version of
+/// the protocol and the number of the run.
 #[must_use]
 pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::Scenario {
     let (bodies, body_of) = bodies(scenario);
     maes_msgs::Scenario {
-        protocol: PROTOCOL,
+        protocol: RECORDED_PROTOCOL,
         run: 0,
         origin: 0,
         tick_ns: Tick::TICK_NS,

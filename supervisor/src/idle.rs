@@ -10,7 +10,7 @@ use sim_server::setup;
 use crate::SupervisorError;
 use crate::child::{ChildGuard, Signal, exit_code};
 use crate::domain::{self, DomainLock};
-use crate::processes::{self, ChildEvents, send};
+use crate::processes::{self, ChildEvents, JoinSecret, send};
 use crate::ready::ReadyPipe;
 use crate::team::Team;
 
@@ -42,7 +42,8 @@ impl IdleServer {
         fs::create_dir_all(&self.logs).map_err(SupervisorError::of(&self.logs))?;
         let mut events = ChildEvents::new()?;
         let mut ready = ReadyPipe::create(&self.logs)?;
-        let mut command = processes::command(&self.binaries, "sim_server", None);
+        let secret = JoinSecret::of_environment()?;
+        let mut command = processes::command(&self.binaries, "sim_server", None, &secret);
         command.args(["run", "--idle", "--view", &self.address]);
         if let Some(page) = &self.page {
             command.arg("--page").arg(page);
@@ -65,7 +66,7 @@ impl IdleServer {
             }
             // For every run that begins the server says which scenario it is.
             while let Some(line) = ready.next_line().map_err(|source| SupervisorError::io("ready", source))? {
-                self.start_team(Path::new(&line), &mut agents)?;
+                self.start_team(Path::new(&line), &secret, &mut agents)?;
             }
             events.wait(Some(std::os::fd::AsFd::as_fd(&ready)))?;
         };
@@ -76,13 +77,18 @@ impl IdleServer {
         Ok(code)
     }
 
-    fn start_team(&self, file: &Path, agents: &mut Vec<ChildGuard>) -> Result<(), SupervisorError> {
+    fn start_team(
+        &self,
+        file: &Path,
+        secret: &JoinSecret,
+        agents: &mut Vec<ChildGuard>,
+    ) -> Result<(), SupervisorError> {
         // The server has read it before; if it is gone, so is the run.
         let Ok(scenario) = setup::load(file, &[]) else { return Ok(()) };
         let run = file.file_stem().unwrap_or_default().to_string_lossy();
         for group in Team::default().groups(&scenario) {
             let log = self.logs.join(format!("{run}_agent_{}.log", group.first));
-            let command = processes::command(&self.binaries, "agent_node", None);
+            let command = processes::command(&self.binaries, "agent_node", None, secret);
             agents.push(processes::start_agents(command, group, &log)?);
         }
         Ok(())

@@ -8,6 +8,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use msgs::signing;
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use signal_hook::SigId;
@@ -63,11 +64,31 @@ impl Drop for ChildEvents {
     }
 }
 
-/// Starts a program in a ROS domain: that of the environment if none is named.
-pub(crate) fn command(binaries: &Path, name: &str, ros_domain: Option<u32>) -> Command {
+/// The join secret of the processes of one supervisor. They get it in their environment, which only
+/// the same user can read, and nowhere else.
+pub(crate) struct JoinSecret(Option<String>);
+
+impl JoinSecret {
+    /// That of the environment, which is inherited, or a random one.
+    pub(crate) fn of_environment() -> Result<Self, SupervisorError> {
+        if std::env::var_os(signing::JOIN_SECRET).is_some() {
+            return Ok(Self(None));
+        }
+        let mut random = [0; 32];
+        let no_random = |error: getrandom::Error| SupervisorError::io("join secret", io::Error::other(error));
+        getrandom::fill(&mut random).map_err(no_random)?;
+        Ok(Self(Some(random.iter().map(|byte| format!("{byte:02x}")).collect())))
+    }
+}
+
+/// A program with the join secret, in a ROS domain: that of the environment if none is named.
+pub(crate) fn command(binaries: &Path, name: &str, ros_domain: Option<u32>, secret: &JoinSecret) -> Command {
     let mut command = Command::new(binaries.join(name));
     if let Some(id) = ros_domain {
         command.env(domain::VARIABLE, id.to_string());
+    }
+    if let JoinSecret(Some(secret)) = secret {
+        command.env(signing::JOIN_SECRET, secret);
     }
     command
 }

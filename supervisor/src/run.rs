@@ -16,7 +16,7 @@ use simulation::scenario::{OnAgentLoss, Scenario};
 use crate::SupervisorError;
 use crate::child::{ChildGuard, Signal, exit_code};
 use crate::domain::{self, DomainLock};
-use crate::processes::{self, ChildEvents, send};
+use crate::processes::{self, ChildEvents, JoinSecret, send};
 use crate::ready::ReadyPipe;
 use crate::team::{Group, Team};
 
@@ -100,11 +100,13 @@ impl Run<'_> {
         drop(fs::remove_file(&summary));
         let mut events = ChildEvents::new()?;
         let mut ready = ReadyPipe::create(&self.logs)?;
-        let server = processes::start(self.server(&ready, &summary)?)?;
+        let secret = JoinSecret::of_environment()?;
+        let server = processes::start(self.server(&ready, &summary, &secret)?)?;
         let mut supervision = Supervision {
             run: self,
             interruptions,
             say,
+            secret,
             server,
             forwarded: 0,
             agents: BTreeMap::new(),
@@ -123,8 +125,8 @@ impl Run<'_> {
         Ok(Ended { code, summary: Summary::read(&summary) })
     }
 
-    fn server(&self, ready: &ReadyPipe, summary: &Path) -> Result<Command, SupervisorError> {
-        let mut command = processes::command(&self.binaries, "sim_server", self.domain);
+    fn server(&self, ready: &ReadyPipe, summary: &Path, secret: &JoinSecret) -> Result<Command, SupervisorError> {
+        let mut command = processes::command(&self.binaries, "sim_server", self.domain, secret);
         command.arg("run");
         match &self.source {
             Source::File(file) => drop(command.arg(file)),
@@ -136,6 +138,10 @@ impl Run<'_> {
             Source::Resumed => {}
         }
         command.envs(self.server_env.iter().cloned());
+        if !self.team.external.is_empty() {
+            let ids: Vec<String> = self.team.external.iter().map(u32::to_string).collect();
+            command.arg("--external").arg(ids.join(","));
+        }
         command.args(&self.server_flags).arg("--log").arg(self.logs.join("server.log"));
         command.arg("--ready").arg(ready.path()).arg("--summary").arg(summary);
         if let Console::Quiet { stderr } = &self.console {
@@ -149,8 +155,8 @@ impl Run<'_> {
         self.logs.join(format!("agent_{}.log", group.first))
     }
 
-    fn start_agents(&self, group: Group) -> Result<ChildGuard, SupervisorError> {
-        let mut command = processes::command(&self.binaries, "agent_node", self.domain);
+    fn start_agents(&self, group: Group, secret: &JoinSecret) -> Result<ChildGuard, SupervisorError> {
+        let mut command = processes::command(&self.binaries, "agent_node", self.domain, secret);
         if let Some(delay) = self.team.chaos_delay_ms {
             command.arg("--chaos-delay-ms").arg(delay.to_string());
         }
@@ -166,6 +172,7 @@ struct Supervision<'a> {
     run: &'a Run<'a>,
     interruptions: &'a dyn Fn() -> u32,
     say: &'a dyn Fn(&str),
+    secret: JoinSecret,
     server: ChildGuard,
     /// Interruptions that the server was sent.
     forwarded: u32,
@@ -215,7 +222,7 @@ impl Supervision<'_> {
                 break;
             }
             drop(fs::remove_file(self.run.log_of(group)));
-            let process = self.run.start_agents(group)?;
+            let process = self.run.start_agents(group, &self.secret)?;
             self.agents.insert(group, process);
         }
         Ok(())
@@ -271,7 +278,7 @@ impl Supervision<'_> {
         let restarts = self.restarts.entry(group).or_default();
         *restarts += 1;
         if *restarts <= RESTARTS_MAX {
-            let process = self.run.start_agents(group)?;
+            let process = self.run.start_agents(group, &self.secret)?;
             self.agents.insert(group, process);
         } else if self.refusal.is_none() {
             let first = group.first;

@@ -18,7 +18,7 @@ use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join};
 use sim_server::playback::Playback;
 use sim_server::recording::Recording;
-use sim_server::session::{self, Mode, Outcome, RunConfig, RunError, RunObserver};
+use sim_server::session::{self, JoinPolicy, Mode, Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup;
 use sim_server::transport::Transport;
 use simulation::scenario::Scenario;
@@ -41,6 +41,8 @@ pub(crate) struct Play {
     pub(crate) resumed: Option<Recording>,
     /// Ends the run once it is set.
     pub(crate) stop: Arc<AtomicBool>,
+    /// Which processes may join.
+    pub(crate) policy: JoinPolicy,
 }
 
 /// The outcome of an in-memory run.
@@ -63,6 +65,7 @@ impl Play {
             server_link: |end| Box::new(end),
             resumed: None,
             stop: Arc::default(),
+            policy: JoinPolicy::default(),
         }
     }
 
@@ -89,7 +92,7 @@ impl Play {
     #[track_caller]
     pub(crate) fn with(self, node: impl Fn(AgentsEnd, Vec<AgentId>, &AtomicBool) + Send + Sync + 'static) -> Played {
         bounded("a run in memory", move || {
-            let Self { scenario, groups, record, watch, server_link, resumed, stop } = self;
+            let Self { scenario, groups, record, watch, server_link, resumed, stop, policy } = self;
             let ids = |group: Vec<u32>| group.into_iter().map(AgentId).collect();
             let groups: Vec<Vec<AgentId>> = groups.into_iter().map(ids).collect();
             let (world, _) = setup::build(&scenario).expect("there is such a world");
@@ -104,6 +107,7 @@ impl Play {
                 }
                 let playback = resumed.as_ref().map(|recording| Playback::new(recording).expect("it can be read"));
                 let outcome = RunConfig::new(&scenario, playback.map_or(Mode::Live, Mode::Resume))
+                    .map(|config| config.with_policy(policy))
                     .and_then(|config| session::run(config, world, &mut *link, recorder, &mut watcher, &stop));
                 is_over.store(true, Ordering::Relaxed);
                 outcome
@@ -152,6 +156,7 @@ pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
         controller: None,
         settings: Vec::new(),
         instance,
+        credentials: None,
         server_timeout: HANG,
         chaos_delay: Duration::ZERO,
         map_hz: 5.0,
@@ -184,6 +189,7 @@ pub(crate) fn serve(
                 }
             }
             Inbound::JoinReply(reply) => assert!(reply.accepted, "{}", reply.reason),
+            Inbound::SignedObservation(_) => unreachable!("the transport is private"),
             Inbound::Observation(part) => {
                 let agent = agents.get_mut(&part.agent).expect("the scenario comes first");
                 match agent.take(part).expect("the server's observations are legal") {

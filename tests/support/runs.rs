@@ -11,6 +11,9 @@ use super::processes::{Ended, Process};
 use super::recordings::Recording;
 use super::{Slot, binaries, root};
 
+/// The join secret of all runs of a site.
+const JOIN_SECRET: &str = "the join secret of the tests";
+
 /// A ROS domain and a temporary folder for the runs of a test. Dropping it removes the folder.
 pub(crate) struct Site {
     domain: Domain,
@@ -65,7 +68,9 @@ impl Site {
             .env("ROS_DOMAIN_ID", self.domain.id().to_string())
             .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
             .env_remove("ROS_LOCALHOST_ONLY")
-            .env("MAES_BIN_DIR", binaries::folder());
+            .env("MAES_BIN_DIR", binaries::folder())
+            // So that a test can start an agent of a run by hand.
+            .env(msgs::signing::JOIN_SECRET, JOIN_SECRET);
         command
     }
 

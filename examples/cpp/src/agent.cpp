@@ -22,6 +22,9 @@
 #include <maes_msgs/msg/join_reply.hpp>
 #include <maes_msgs/msg/observation.hpp>
 #include <maes_msgs/msg/scenario.hpp>
+#include <maes_msgs/msg/signed_command.hpp>
+#include <maes_msgs/msg/signed_join.hpp>
+#include <maes_msgs/msg/signed_observation.hpp>
 #include <maes_msgs/msg/task.hpp>
 #include <maes_msgs/msg/wake.hpp>
 #include <rclcpp/rclcpp.hpp>
@@ -31,12 +34,15 @@ using maes_msgs::msg::Join;
 using maes_msgs::msg::JoinReply;
 using maes_msgs::msg::Observation;
 using maes_msgs::msg::Scenario;
+using maes_msgs::msg::SignedCommand;
+using maes_msgs::msg::SignedJoin;
+using maes_msgs::msg::SignedObservation;
 using maes_msgs::msg::Task;
 using maes_msgs::msg::Wake;
 
 namespace
 {
-constexpr std::uint32_t PROTOCOL = 3;
+constexpr std::uint32_t PROTOCOL = 4;
 
 // The distributions of standard libraries differ; this one gives the same numbers everywhere.
 double uniform(std::mt19937_64 & rng, double from, double to)
@@ -73,14 +79,14 @@ public:
     const auto reliable = rclcpp::QoS(16).reliable();
     const auto latched = rclcpp::QoS(256).reliable().transient_local();
     const auto own = "/agent_" + std::to_string(number);
-    join_topic_ = create_publisher<Join>(own + "/join", reliable);
-    command_topic_ = create_publisher<Command>(own + "/command", reliable);
+    join_topic_ = create_publisher<SignedJoin>(own + "/join", reliable);
+    command_topic_ = create_publisher<SignedCommand>(own + "/command", reliable);
     scenarios_ = create_subscription<Scenario>(
       "/sim/scenario", latched, [this](const Scenario & scenario) {on_scenario(scenario);});
     replies_ = create_subscription<JoinReply>(
       "/sim/join_reply", latched, [this](const JoinReply & reply) {on_reply(reply);});
-    observations_ = create_subscription<Observation>(
-      own + "/observation", reliable, [this](const Observation & part) {on_observation(part);});
+    observations_ = create_subscription<SignedObservation>(
+      own + "/observation", reliable, [this](const SignedObservation & part) {on_observation(part.observation);});
     joining_ = create_wall_timer(std::chrono::milliseconds(200), [this] {join();});
   }
 
@@ -107,14 +113,16 @@ private:
   void join()
   {
     if (!run_ || is_accepted_) {return;}
-    Join join;
+    // A nonce of zeros says that the commands are not signed, which --external allows.
+    SignedJoin unsigned_join;
+    Join & join = unsigned_join.join;
     join.run = *run_;
     join.agent = number_;
     join.instance = instance_;
     join.protocol = PROTOCOL;
     join.controller = "example";
     join.last_tick = Join::NONE;
-    join_topic_->publish(join);
+    join_topic_->publish(unsigned_join);
   }
 
   void on_reply(const JoinReply & reply)
@@ -130,7 +138,7 @@ private:
     if (!is_accepted_ || part.run != run_) {return;}
     if (part.phase == Observation::RUNNING && answer_ && part.tick <= answer_->tick) {
       // A resent observation: retransmit the command, once for the whole observation.
-      if (part.tick == answer_->tick && part.part + 1 == part.parts) {command_topic_->publish(*answer_);}
+      if (part.tick == answer_->tick && part.part + 1 == part.parts) {publish(*answer_);}
       return;
     }
     if (!parts_.empty()) {
@@ -149,7 +157,14 @@ private:
       decide(*answer_, parts_, rng_);
     }
     parts_.clear();
-    command_topic_->publish(*answer_);
+    publish(*answer_);
+  }
+
+  void publish(const Command & command)
+  {
+    SignedCommand unsigned_command;
+    unsigned_command.command = command;
+    command_topic_->publish(unsigned_command);
   }
 
   std::uint32_t number_;
@@ -162,11 +177,11 @@ private:
   bool is_accepted_ = false;
   bool is_refused_ = false;
   bool is_done_ = false;
-  rclcpp::Publisher<Join>::SharedPtr join_topic_;
-  rclcpp::Publisher<Command>::SharedPtr command_topic_;
+  rclcpp::Publisher<SignedJoin>::SharedPtr join_topic_;
+  rclcpp::Publisher<SignedCommand>::SharedPtr command_topic_;
   rclcpp::Subscription<Scenario>::SharedPtr scenarios_;
   rclcpp::Subscription<JoinReply>::SharedPtr replies_;
-  rclcpp::Subscription<Observation>::SharedPtr observations_;
+  rclcpp::Subscription<SignedObservation>::SharedPtr observations_;
   rclcpp::TimerBase::SharedPtr joining_;
 };
 }  // namespace

@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use msgs::ids::AgentId;
 use msgs::limits::{PARCEL_BYTES_MAX, PROTOCOL};
-use msgs::maes_msgs::{Command, Join, Parcel, Scenario, Task};
+use msgs::maes_msgs::{Command, Join, Parcel, Scenario, SignedCommand, SignedJoin, Task};
+use msgs::signing::{Bytes, NONE};
 use msgs::topics;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -33,10 +34,10 @@ pub fn inject_garbage(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Re
     let mut workshop = EndpointFactory::new(&context);
     let mut inbox = Inbox::default();
     workshop.subscribe(&mut node, &topics::scenario(), &mut inbox, |sample: Sample<Scenario>| sample.message)?;
-    let mut outlets: Vec<(Publisher<Join>, Publisher<Command>)> = Vec::new();
+    let mut outlets: Vec<(Publisher<SignedJoin>, Publisher<SignedCommand>)> = Vec::new();
     for agent in (0..agents).map(AgentId) {
-        let join = workshop.publisher(&mut node, &topics::join(agent))?;
-        outlets.push((join, workshop.publisher(&mut node, &topics::command(agent))?));
+        let join = workshop.publisher(&mut node, &topics::signed_join(agent))?;
+        outlets.push((join, workshop.publisher(&mut node, &topics::signed_command(agent))?));
     }
     let mut rng = random_streams::stream(seed, 0, "garbage");
     // Messages with another run id are refused first; those with the current one get further.
@@ -53,13 +54,20 @@ pub fn inject_garbage(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Re
         let topic = rng.random_range(0..agents);
         let (joins, commands) = &mut outlets[topic as usize];
         if rng.random_bool(0.2) {
-            joins.publish(&mut node, &join(&mut rng, run, topic, agents));
+            let (join, nonce) = (join(&mut rng, run, topic, agents), bytes(&mut rng));
+            joins.publish(&mut node, &SignedJoin { join, nonce, proof: bytes(&mut rng) });
         } else {
-            commands.publish(&mut node, &command(&mut rng, run, topic, agents));
+            let command = command(&mut rng, run, topic, agents);
+            commands.publish(&mut node, &SignedCommand { command, mac: bytes(&mut rng) });
         }
     }
     linger(false);
     Ok(())
+}
+
+/// No or a false proof.
+fn bytes(rng: &mut ChaCha8Rng) -> Bytes {
+    if rng.random_bool(0.5) { NONE } else { rng.random() }
 }
 
 fn join(rng: &mut ChaCha8Rng, run: u64, topic: u32, agents: u32) -> Join {

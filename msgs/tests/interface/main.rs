@@ -47,7 +47,7 @@ fn cases() -> Vec<Case> {
         }
         maes_msgs {
             Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar LidarRequest Observation Parcel
-            Progress Radio Result Scenario Task Wake
+            Progress Radio Result Scenario SignedCommand SignedJoin SignedObservation Task Wake
         }
         nav_msgs { Odometry Path }
         rcl_interfaces { Log }

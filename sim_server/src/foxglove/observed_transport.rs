@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario};
+use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedObservation};
 use msgs::nav_msgs::Odometry;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::{cdr, topics};
@@ -104,6 +104,14 @@ impl<L: Transport> AgentTransport for ObservedTransport<'_, L> {
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
         self.link.send(agent, part);
+    }
+
+    fn send_signed(&mut self, agent: AgentId, part: &SignedObservation) {
+        self.link.send_signed(agent, part);
+    }
+
+    fn is_open(&self) -> bool {
+        self.link.is_open()
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {

@@ -6,6 +6,7 @@
 //! flag; recorded messages carry no run number: it is added when a message is sent and removed when
 //! one is received.
 
+mod authentication;
 mod inbound;
 mod observation_log;
 
@@ -14,18 +15,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::PROTOCOL;
-use msgs::maes_msgs::{Command, Join, Observation as Fragment, Scenario};
+use msgs::limits::{PROTOCOL, RECORDED_PROTOCOL};
+use msgs::maes_msgs::{Command, Join, Observation as Fragment, Scenario, SignedJoin};
 use msgs::scan_request::ScanRequest;
 use msgs::trigger::Trigger;
 
 use super::log::SessionLog;
-use super::{RunError, RunObserver, RunStart};
+use super::{JoinPolicy, RunError, RunObserver, RunStart};
 use crate::recorder::RecordError;
 use crate::transport::{AgentTransport, Level, Transport};
 use crate::wall_clock::now;
+use authentication::Authentication;
+pub(super) use authentication::with_external;
 use observation_log::ObservationLog;
-use simulation::lockstep::{Barrier, Membership, Refusal, listed};
+use simulation::lockstep::{Barrier, Membership, Refusal, SourceId, listed};
 use simulation::scenario::OnAgentLoss;
 use simulation::world::body::Motion;
 use simulation::world::{Action, Commit};
@@ -136,6 +139,7 @@ pub(super) struct AgentSessions {
     start: RunStart,
     agents: u32,
     membership: Membership,
+    authentication: Authentication,
     last_commands: Vec<Option<Command>>,
     /// By agent: how many retransmits of its last command are accepted, because its observation was
     /// resent so often.
@@ -147,7 +151,7 @@ pub(super) struct AgentSessions {
     /// Agents whose process is given up.
     unresponsive: BTreeSet<AgentId>,
     /// Joins for ids that another process holds, and the tick in which they arrived.
-    contenders: BTreeMap<AgentId, (Tick, Join)>,
+    contenders: BTreeMap<AgentId, (Tick, SourceId, SignedJoin)>,
     /// Agents to which an observation may have to be sent.
     to_prompt: BTreeSet<AgentId>,
     /// An agent that answered a replayed observation differently: agent, tick, and the difference.
@@ -155,11 +159,18 @@ pub(super) struct AgentSessions {
 }
 
 impl AgentSessions {
-    pub(super) fn new(start: RunStart, agents: u32, keeps_log: bool, allows_replacement: bool) -> Self {
+    pub(super) fn new(
+        start: RunStart,
+        policy: JoinPolicy,
+        agents: u32,
+        keeps_log: bool,
+        allows_replacement: bool,
+    ) -> Self {
         Self {
             start,
             agents,
             membership: Membership::new(agents),
+            authentication: Authentication::new(policy, &start, agents),
             last_commands: vec![None; agents as usize],
             retransmits_due: vec![0; agents as usize],
             refusals: Refusal::COUNTERS.into_iter().map(|name| (name, 0)).collect(),
@@ -172,9 +183,12 @@ impl AgentSessions {
         }
     }
 
-    /// The announcement of this run.
-    pub(super) fn announcement(&self, scenario: &Scenario) -> Scenario {
-        Scenario { run: self.start.run(), origin: self.start.origin, ..scenario.clone() }
+    /// Announces this run.
+    pub(super) fn announce(&mut self, scenario: &Scenario, transport: &mut (impl AgentTransport + ?Sized)) {
+        let (run, origin) = (self.start.run(), self.start.origin);
+        let announced = Scenario { protocol: PROTOCOL, run, origin, ..scenario.clone() };
+        self.authentication.announce(&announced, transport.is_open());
+        transport.announce(&announced);
     }
 
     /// The controller of each agent, by agent; empty where none has joined.
@@ -198,7 +212,9 @@ impl AgentSessions {
 
     /// Counters of refusals by name.
     pub(super) fn refusals(&self) -> impl Iterator<Item = (&'static str, u64)> + '_ {
-        Refusal::COUNTERS.into_iter().map(|name| (name, self.refusals[name]))
+        let count = |name| (name, self.refusals.get(name).copied().unwrap_or_default());
+        let always = Refusal::COUNTERS.into_iter().map(count);
+        always.chain(Refusal::COUNTERS_IF_ANY.into_iter().map(count).filter(|(_, count)| *count > 0))
     }
 
     /// Handles one message while no reply is awaited, or waits for one up to `wait`; `tick` is the
@@ -307,9 +323,10 @@ impl AgentSessions {
         transport: &mut (impl AgentTransport + ?Sized),
     ) {
         let run = self.start.run();
+        let authentication = &self.authentication;
         let mut send = |agent, fragments: &[Fragment]| {
             for fragment in fragments {
-                transport.send(agent, &Fragment { run, ..fragment.clone() });
+                transport.send_signed(agent, &authentication.sign(agent, Fragment { run, ..fragment.clone() }));
             }
         };
         for agent in std::mem::take(&mut self.to_prompt) {
@@ -367,5 +384,5 @@ impl AgentSessions {
 
 /// The join of an agent as it is recorded: without what identifies its process.
 pub(super) fn recorded_join(agent: AgentId, controller: String) -> Join {
-    Join { run: 0, agent: agent.0, instance: 0, protocol: PROTOCOL, controller, last_tick: Join::NONE }
+    Join { run: 0, agent: agent.0, instance: 0, protocol: RECORDED_PROTOCOL, controller, last_tick: Join::NONE }
 }

@@ -6,11 +6,16 @@
 //! observation log is then replayed to it before it gets a new observation, so it must start
 //! without state: a process that has answered something and was replaced cannot return.
 //!
+//! **Authentication** ([`authentication`](super::authentication)): a join is proven before it can
+//! hold or contend for an id, and a replacement gets a key of its own, so that no command of its
+//! predecessor is accepted any more.
+//!
 //! Invariant: a refused message changes nothing but its counter.
 
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Command, Join, JoinReply};
+use msgs::maes_msgs::{Command, Join, JoinReply, SignedCommand, SignedJoin};
+use msgs::signing::NONE;
 
 use super::observation_log::Recall;
 use super::{AgentSessions, CommandReply, REFUSAL_REPORTS_MAX, WaitContext};
@@ -30,8 +35,16 @@ impl AgentSessions {
             return;
         }
         let handled = match message {
-            Inbound::Join(join) => self.handle_join(topic_agent, source, join, barrier.tick(), context),
-            Inbound::Command(command) => self.handle_command(topic_agent, source, command, barrier, context),
+            Inbound::Join(join) => {
+                let unsigned = SignedJoin { join, nonce: NONE, proof: NONE };
+                self.handle_join(topic_agent, source, unsigned, barrier.tick(), context)
+            }
+            Inbound::SignedJoin(join) => self.handle_join(topic_agent, source, join, barrier.tick(), context),
+            Inbound::Command(command) => {
+                let unsigned = SignedCommand { command, mac: NONE };
+                self.handle_command(topic_agent, source, unsigned, barrier, context)
+            }
+            Inbound::SignedCommand(command) => self.handle_command(topic_agent, source, command, barrier, context),
             Inbound::Undecodable { reason } => Err(Refusal::Undecodable { topic: topic_agent, reason }),
         };
         self.count(handled, context);
@@ -40,8 +53,8 @@ impl AgentSessions {
     /// Whether a message was sent before the last reset of this server; such a message is no fault.
     fn is_of_earlier_run(&self, message: &Inbound) -> bool {
         let run = match message {
-            Inbound::Join(join) => join.run,
-            Inbound::Command(command) => command.run,
+            Inbound::Join(join) | Inbound::SignedJoin(SignedJoin { join, .. }) => join.run,
+            Inbound::Command(command) | Inbound::SignedCommand(SignedCommand { command, .. }) => command.run,
             Inbound::Undecodable { .. } => return false,
         };
         self.start.succeeds(run)
@@ -66,22 +79,28 @@ impl AgentSessions {
         &mut self,
         topic: AgentId,
         source: SourceId,
-        join: Join,
+        signed: SignedJoin,
         tick: Tick,
         context: &mut WaitContext<'_, '_>,
     ) -> Result<(), Refusal> {
+        let join = &signed.join;
         if join.run != self.start.run() {
             return Err(Refusal::OtherRun { topic });
         }
         let agent = AgentId(join.agent);
         let lease = Lease { source, instance: join.instance, controller: join.controller.clone() };
         let request = JoinRequest { topic, agent, protocol: join.protocol, lease: lease.clone() };
-        let mut granted = self.membership.join(request);
-        if self.allows_replacement && join.last_tick == Join::NONE && matches!(granted, Err(Refusal::IdTaken { .. })) {
+        let is_contender = self.allows_replacement && join.last_tick == Join::NONE;
+        let mut granted = self
+            .membership
+            .check_request(&request)
+            .and_then(|()| self.authentication.check_join(agent, source, &signed))
+            .and_then(|()| self.membership.join(request));
+        if is_contender && matches!(granted, Err(Refusal::IdTaken { .. })) {
             if !self.unresponsive.contains(&agent) {
                 // The next observation shows whether the present process is alive.
-                let since = self.contenders.get(&agent).map_or(tick, |(since, _)| *since);
-                self.contenders.insert(agent, (since, join));
+                let since = self.contenders.get(&agent).map_or(tick, |(since, ..)| *since);
+                self.contenders.insert(agent, (since, source, signed));
                 return Ok(());
             }
             granted = self.membership.replace(agent, lease);
@@ -89,7 +108,10 @@ impl AgentSessions {
                 self.start_replay(agent, context);
             }
         }
-        self.reply(&join, &granted, context);
+        if granted.is_ok() {
+            self.authentication.grant(agent, source, &signed);
+        }
+        self.reply(source, &signed, &granted, context);
         granted
     }
 
@@ -104,14 +126,22 @@ impl AgentSessions {
 
     /// Replies to a join. All agents receive the reply, and compare its instance with their own: a
     /// foreign process that uses the instance of a member must not make that member hear a refusal.
-    fn reply(&mut self, join: &Join, granted: &Result<(), Refusal>, context: &mut WaitContext<'_, '_>) {
-        let Join { run, agent, instance, .. } = *join;
+    fn reply(
+        &mut self,
+        source: SourceId,
+        join: &SignedJoin,
+        granted: &Result<(), Refusal>,
+        context: &mut WaitContext<'_, '_>,
+    ) {
+        let Join { run, agent, instance, .. } = join.join;
         let is_borrowed = self.membership.lease(AgentId(agent)).is_some_and(|lease| lease.instance == instance);
         if granted.is_err() && is_borrowed {
             return;
         }
         let reason = granted.as_ref().err().map_or_else(String::new, Refusal::to_string);
-        context.transport.reply_join(&JoinReply { run, agent, instance, accepted: granted.is_ok(), reason });
+        let accepted = granted.is_ok();
+        let reply = JoinReply { run, agent, instance, accepted, reason, ..JoinReply::default() };
+        context.transport.reply_join(&self.authentication.complete(reply, source, join));
     }
 
     /// Notes that a process is alive, with all its agents, so that no other one replaces it.
@@ -123,11 +153,11 @@ impl AgentSessions {
         }
         // A reply to an observation from before the contender's join may have been on its way when
         // its process died.
-        if self.contenders.get(&agent).is_some_and(|(since, _)| tick > *since)
-            && let Some((_, join)) = self.contenders.remove(&agent)
+        if self.contenders.get(&agent).is_some_and(|(since, ..)| tick > *since)
+            && let Some((_, source, join)) = self.contenders.remove(&agent)
         {
             let refused = Err(Refusal::IdTaken { agent });
-            self.reply(&join, &refused, context);
+            self.reply(source, &join, &refused, context);
             self.count(refused, context);
         }
     }
@@ -136,11 +166,11 @@ impl AgentSessions {
         &mut self,
         topic: AgentId,
         source: SourceId,
-        mut command: Command,
+        SignedCommand { mut command, mac }: SignedCommand,
         barrier: &mut Barrier<CommandReply>,
         context: &mut WaitContext<'_, '_>,
     ) -> Result<(), Refusal> {
-        if std::mem::take(&mut command.run) != self.start.run() {
+        if command.run != self.start.run() {
             return Err(Refusal::OtherRun { topic });
         }
         let agent = AgentId(command.agent);
@@ -149,6 +179,8 @@ impl AgentSessions {
             return Err(Refusal::WrongTopic { topic, named: agent });
         }
         self.membership.check(agent, source)?;
+        self.authentication.check_command(agent, &command, &mac)?;
+        command.run = 0;
         match self.observation_log.recall(agent, &command) {
             Recall::Complete => {}
             Recall::Retransmit => return Ok(()),

@@ -1,0 +1,203 @@
+use super::*;
+
+const OURS: u64 = 7;
+const OTHER: u64 = 8;
+
+fn scenario(run: u64) -> Inbound {
+    Inbound::Scenario(Scenario {
+        protocol: PROTOCOL,
+        run,
+        size: [4, 4, 4],
+        cell_m: 1.0,
+        duration_ticks: 10,
+        agents: 1,
+        bodies: vec![msgs::maes_msgs::Body::default()],
+        body_of: vec![0],
+        controller: "rbw".to_owned(),
+        origin: run,
+        ..Scenario::default()
+    })
+}
+
+/// The first run of a server, after a reset.
+fn begun_again(origin: u64, run: u64) -> Inbound {
+    let Inbound::Scenario(scenario) = scenario(run) else { unreachable!("it is one") };
+    Inbound::Scenario(Scenario { origin, ..scenario })
+}
+
+fn observation(run: u64, phase: u8) -> Inbound {
+    Inbound::Observation(Part { run, phase, parts: 1, ..Part::default() })
+}
+
+/// A server that sends these messages, and accepts this many joins.
+struct Server {
+    says: Vec<Inbound>,
+    replies: usize,
+    joins: Vec<Join>,
+    answers: Vec<Command>,
+    /// The message authentication codes of signed answers.
+    codes: Vec<Bytes>,
+    /// The key in the replies to joins.
+    key: Bytes,
+    /// Of the agents.
+    credentials: Option<Credentials>,
+}
+
+impl Server {
+    fn saying(says: Vec<Inbound>, replies: usize) -> Self {
+        let says = says.into_iter().rev().collect();
+        Self { says, replies, joins: Vec::new(), answers: Vec::new(), codes: Vec::new(), key: NONE, credentials: None }
+    }
+
+    fn runs(&mut self) -> Result<(), RunError> {
+        let options = Options {
+            agents: vec![AgentId(0)],
+            controller: None,
+            settings: Vec::new(),
+            instance: 3,
+            credentials: self.credentials.clone(),
+            server_timeout: Duration::from_millis(1),
+            chaos_delay: Duration::ZERO,
+            map_hz: 5.0,
+            decision_times: None,
+        };
+        run(self, &options, &AtomicBool::new(false))
+    }
+}
+
+impl ServerTransport for Server {
+    fn send_join(&mut self, join: &Join) {
+        self.joins.push(join.clone());
+        if self.replies > 0 {
+            self.replies -= 1;
+            let Join { run, agent, instance, .. } = *join;
+            let key = self.key;
+            let reply = JoinReply { run, agent, instance, accepted: true, key, ..JoinReply::default() };
+            self.says.push(Inbound::JoinReply(reply));
+        }
+    }
+
+    fn send_command(&mut self, command: &Command) {
+        self.answers.push(command.clone());
+    }
+
+    fn send_signed_command(&mut self, signed: &SignedCommand) {
+        self.send_command(&signed.command);
+        self.codes.push(signed.mac);
+    }
+
+    fn receive(&mut self, _timeout: Duration) -> Option<Inbound> {
+        self.says.pop()
+    }
+}
+
+#[test]
+fn messages_of_another_run_are_ignored() {
+    let refusal = JoinReply { run: OTHER, instance: 3, ..JoinReply::default() };
+    let mut server = Server::saying(
+        vec![
+            scenario(Scenario::NO_RUN),
+            observation(Scenario::NO_RUN, Part::RUNNING),
+            scenario(OURS),
+            scenario(Scenario::NO_RUN),
+            observation(Scenario::NO_RUN, Part::ENDED),
+            Inbound::JoinReply(refusal),
+            observation(OTHER, Part::ENDED),
+            scenario(OTHER),
+            observation(OTHER, Part::RUNNING),
+            observation(OURS, Part::RUNNING),
+            observation(OURS, Part::ENDED),
+        ],
+        1,
+    );
+    // Messages of the other run are ignored at once.
+    server.runs().unwrap_or_else(|error| panic!("{error}"));
+    assert!(server.joins.iter().all(|join| join.run == OURS));
+    assert_eq!(server.answers.iter().map(|command| command.run).collect::<Vec<_>>(), [OURS; 2]);
+}
+
+#[test]
+fn unsigned_observations_are_ignored() {
+    let key = SessionKey::new([7; 32]);
+    let signed = |phase, tick| {
+        let observation = Part { run: OURS, phase, tick, parts: 1, ..Part::default() };
+        SignedObservation { mac: key.of_observation(&observation), observation }
+    };
+    let tampered = |change: fn(&mut SignedObservation)| {
+        let mut signed = signed(Part::ENDED, 1);
+        change(&mut signed);
+        Inbound::SignedObservation(signed)
+    };
+    let mut server = Server::saying(
+        vec![
+            scenario(OURS),
+            tampered(|signed| signed.observation.tick = 2),
+            tampered(|signed| signed.observation.position.x = 1.0),
+            tampered(|signed| signed.mac = NONE),
+            tampered(|signed| signed.mac = SessionKey::new([8; 32]).of_observation(&signed.observation)),
+            observation(OURS, Part::ENDED),
+            Inbound::SignedObservation(signed(Part::RUNNING, 3)),
+            Inbound::SignedObservation(signed(Part::ENDED, 4)),
+        ],
+        1,
+    );
+    server.key = [7; 32];
+    server.runs().unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(server.answers.iter().map(|command| command.tick).collect::<Vec<_>>(), [3, 4]);
+    let codes: Vec<Bytes> = server.answers.iter().map(|command| key.of_command(command)).collect();
+    assert_eq!(server.codes, codes);
+}
+
+/// A refusal by a stranger does not end the process; silence after it is explained.
+#[test]
+fn replies_without_proof_are_ignored() {
+    let refusal = JoinReply { run: OURS, instance: 3, reason: "go away".to_owned(), ..JoinReply::default() };
+    let mut server = Server::saying(vec![scenario(OURS), Inbound::JoinReply(refusal)], 0);
+    let secret = msgs::signing::JoinSecret::new(b"the secret of the run").unwrap();
+    server.credentials = Some(Credentials { secret: Some(secret), nonce: [1; 32] });
+    let error = server.runs().unwrap_err().to_string();
+    assert!(error.starts_with("agent 0: the server does not prove the join secret; it says: go away;"), "{error}");
+}
+
+#[test]
+fn server_of_another_version_is_refused() {
+    let Inbound::Scenario(of_ours) = scenario(OURS) else { unreachable!("it is one") };
+    let mut server = Server::saying(vec![Inbound::Scenario(Scenario { protocol: 3, ..of_ours })], 1);
+    let error = server.runs().unwrap_err();
+    assert!(matches!(error, RunError::WrongProtocol { got: 3 }), "{error}");
+}
+
+#[test]
+fn reset_run_is_joined_again() {
+    let mut server = Server::saying(
+        vec![
+            scenario(OURS),
+            observation(OURS, Part::RUNNING),
+            begun_again(OURS, OURS + 5),
+            observation(OURS, Part::RUNNING),
+            // A message from before the reset, late.
+            begun_again(OURS, OURS + 4),
+            observation(OURS + 5, Part::RUNNING),
+            observation(OURS + 5, Part::ENDED),
+        ],
+        1,
+    );
+    server.replies = 2;
+    server.runs().unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(
+        server.joins.iter().map(|join| (join.run, join.last_tick)).collect::<Vec<_>>(),
+        [(OURS, Join::NONE), (OURS + 5, Join::NONE)]
+    );
+    let answers: Vec<u64> = server.answers.iter().map(|command| command.run).collect();
+    assert_eq!(answers, [OURS, OURS + 5, OURS + 5]);
+}
+
+#[test]
+fn silent_server_ends_the_process() {
+    let mut server = Server::saying(vec![scenario(OURS), observation(OURS, Part::RUNNING)], 1);
+    let error = server.runs().unwrap_err();
+    assert!(matches!(error, RunError::ServerSilent { run: OURS, .. }), "{error}");
+    let mut server = Server::saying(vec![scenario(OURS), scenario(OTHER)], 1);
+    let error = server.runs().unwrap_err();
+    assert!(matches!(error, RunError::Superseded { run: OURS, other: OTHER }), "{error}");
+}

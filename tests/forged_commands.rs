@@ -1,0 +1,242 @@
+//! Forged, replayed and unsigned messages of strangers who know everything that is sent: refused,
+//! counted, and without effect on the digest.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use agent_node::host::{Credentials, Options};
+use experiments::in_memory::{AgentsEnd, ServerEnd};
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{
+    Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation, Task,
+};
+use msgs::signing::{JOIN_SECRET, JoinContext, JoinSecret, NONE, SessionKey};
+use sim_server::session::JoinPolicy;
+use sim_server::transport::{AgentTransport, ControlInput, Inbound, Incoming, ObserverOutput, Transport};
+use simulation::lockstep::SourceId;
+
+use crate::support::memory::{Play, Played, honest};
+use crate::support::processes::Process;
+use crate::support::recordings::refusals;
+use crate::support::runs::{Site, scenario};
+
+/// Duration of a run, seconds of sim time.
+const DURATION_S: f64 = 2.0;
+
+/// A server's end over which a stranger sends under the GUID of the agents.
+struct Attacked {
+    inner: ServerEnd,
+    /// Whether others than the agents can send.
+    is_open: bool,
+    /// What the stranger sends for each message of an agent, before it.
+    attack: fn(&Incoming, &mut Vec<Incoming>) -> Vec<Inbound>,
+    /// What agents have sent.
+    heard: Vec<Incoming>,
+    waiting: VecDeque<Incoming>,
+}
+
+impl Attacked {
+    fn over(inner: ServerEnd, is_open: bool, attack: fn(&Incoming, &mut Vec<Incoming>) -> Vec<Inbound>) -> Self {
+        Self { inner, is_open, attack, heard: Vec::new(), waiting: VecDeque::new() }
+    }
+}
+
+impl AgentTransport for Attacked {
+    fn announce(&mut self, scenario: &Scenario) {
+        self.inner.announce(scenario);
+    }
+
+    fn reply_join(&mut self, reply: &JoinReply) {
+        self.inner.reply_join(reply);
+    }
+
+    fn send(&mut self, agent: AgentId, part: &Observation) {
+        self.inner.send(agent, part);
+    }
+
+    fn send_signed(&mut self, agent: AgentId, part: &SignedObservation) {
+        self.inner.send_signed(agent, part);
+    }
+
+    fn is_open(&self) -> bool {
+        self.is_open
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        if self.waiting.is_empty() {
+            let incoming = self.inner.receive(timeout)?;
+            let Incoming { topic_agent, source, .. } = incoming;
+            let forged = (self.attack)(&incoming, &mut self.heard);
+            self.waiting.extend(forged.into_iter().map(|message| Incoming { topic_agent, source, message }));
+            self.heard.push(incoming.clone());
+            self.waiting.push_back(incoming);
+        }
+        self.waiting.pop_front()
+    }
+}
+
+impl ObserverOutput for Attacked {
+    fn clock(&mut self, tick: Tick) {
+        self.inner.clock(tick);
+    }
+
+    fn progress(&mut self, progress: &Progress) {
+        self.inner.progress(progress);
+    }
+}
+
+impl ControlInput for Attacked {}
+
+fn nothing(_: &Incoming, _: &mut Vec<Incoming>) -> Vec<Inbound> {
+    Vec::new()
+}
+
+fn stopped(command: &Command) -> Command {
+    Command { task: Task { kind: Task::STOP, ..Task::default() }, want_view: true, ..command.clone() }
+}
+
+/// A command without a code, with the code of the true command, and with a code by a key that the
+/// stranger has made up.
+fn forge(incoming: &Incoming, _: &mut Vec<Incoming>) -> Vec<Inbound> {
+    let (command, mac) = match &incoming.message {
+        Inbound::SignedCommand(SignedCommand { command, mac }) => (stopped(command), *mac),
+        Inbound::Command(command) => (stopped(command), NONE),
+        _ => return Vec::new(),
+    };
+    let own = SessionKey::new([7; 32]).of_command(&command);
+    let signed = |mac| Inbound::SignedCommand(SignedCommand { command: command.clone(), mac });
+    vec![Inbound::Command(command.clone()), signed(mac), signed(own)]
+}
+
+/// All that the agent has sent before.
+fn replay(incoming: &Incoming, heard: &mut Vec<Incoming>) -> Vec<Inbound> {
+    if !matches!(incoming.message, Inbound::SignedCommand(_)) {
+        return Vec::new();
+    }
+    // The joins and the last commands.
+    let of_agent = |other: &&Incoming| other.source == incoming.source;
+    heard.iter().rev().filter(of_agent).take(3).map(|other| other.message.clone()).collect()
+}
+
+/// Joins under the GUID of the agent, and its true join from another process.
+fn join(incoming: &Incoming, _: &mut Vec<Incoming>) -> Vec<Inbound> {
+    let Inbound::SignedJoin(true_join) = &incoming.message else { return Vec::new() };
+    let other = Join { instance: 99, ..true_join.join.clone() };
+    let guess = JoinSecret::new(b"a guess of the stranger").expect("it is long enough");
+    let context = JoinContext { announcement: &NONE, source: &incoming.source.0, join: true_join };
+    vec![
+        Inbound::Join(other.clone()),
+        Inbound::SignedJoin(SignedJoin { join: other, ..true_join.clone() }),
+        Inbound::SignedJoin(SignedJoin { nonce: [9; 32], ..true_join.clone() }),
+        Inbound::SignedJoin(SignedJoin { proof: guess.prove_join(context), ..true_join.clone() }),
+    ]
+}
+
+fn secret() -> JoinSecret {
+    JoinSecret::new(b"the secret of this run").expect("it is long enough")
+}
+
+/// Runs two agents, with this secret on both sides.
+fn played(secret: Option<JoinSecret>, link: fn(ServerEnd) -> Box<dyn Transport>) -> Played {
+    let mut play = Play::of_two(DURATION_S);
+    play.policy = JoinPolicy { secret: secret.clone(), ..JoinPolicy::default() };
+    play.server_link = link;
+    play.with(move |mut end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
+        let nonce = [ids[0].0 as u8 + 1; 32];
+        let credentials = Some(Credentials { secret: secret.clone(), nonce });
+        let options = Options { credentials, ..honest(u64::from(ids[0].0) + 10, ids) };
+        agent_node::host::run(&mut end, &options, is_over).expect("honest agents are welcome");
+    })
+}
+
+fn undisturbed() -> String {
+    let played = played(None, |inner| Box::new(Attacked::over(inner, false, nothing)));
+    assert_eq!(refusals(&played.outcome().result), BTreeMap::new());
+    played.digest()
+}
+
+#[test]
+fn signed_runs_have_the_digest_of_unsigned_ones() {
+    for secret in [None, Some(secret())] {
+        let signed = played(secret, |inner| Box::new(Attacked::over(inner, true, nothing)));
+        assert_eq!(refusals(&signed.outcome().result), BTreeMap::new());
+        assert_eq!(signed.digest(), undisturbed());
+    }
+}
+
+#[test]
+fn forged_commands_are_refused() {
+    for secret in [None, Some(secret())] {
+        let attacked = played(secret, |inner| Box::new(Attacked::over(inner, true, forge)));
+        let refusals = refusals(&attacked.outcome().result);
+        assert_eq!(refusals.keys().copied().collect::<Vec<_>>(), ["refused_forged_command"]);
+        // Of two agents in each tick and at the end; more if a busy machine has resent something.
+        assert!(refusals["refused_forged_command"] >= 3 * 2 * 100, "{refusals:?}");
+        assert_eq!(attacked.digest(), undisturbed());
+        let note = "refused: a command of agent 0, tick 0, is not signed by the process that has joined";
+        assert!(attacked.notes.iter().any(|said| said == note), "{:?}", attacked.notes);
+    }
+    // The attack works where nothing is signed.
+    let unsigned = played(None, |inner| Box::new(Attacked::over(inner, false, forge)));
+    assert_ne!(unsigned.digest(), undisturbed());
+}
+
+#[test]
+fn replayed_messages_have_no_effect() {
+    let attacked = played(Some(secret()), |inner| Box::new(Attacked::over(inner, true, replay)));
+    let refusals = refusals(&attacked.outcome().result);
+    // A busy machine resends observations, and then a command may also be a second one.
+    let expected = ["refused_second_answer", "refused_wrong_tick"];
+    assert!(refusals.keys().all(|name| expected.contains(name)), "{refusals:?}");
+    assert!(refusals["refused_wrong_tick"] >= 2 * 2 * 90, "{refusals:?}");
+    assert_eq!(attacked.digest(), undisturbed());
+}
+
+#[test]
+fn joins_without_the_secret_are_refused() {
+    let attacked = played(Some(secret()), |inner| Box::new(Attacked::over(inner, true, join)));
+    let refusals = refusals(&attacked.outcome().result);
+    assert_eq!(refusals.keys().copied().collect::<Vec<_>>(), ["refused_unproven_join"]);
+    assert!(refusals["refused_unproven_join"] >= 2 * 4, "{refusals:?}");
+    assert_eq!(attacked.digest(), undisturbed());
+}
+
+/// A command of an earlier run, with the number of the present one.
+#[test]
+fn keys_are_renewed_by_each_join() {
+    let join = SignedJoin { join: Join { run: 7, ..Join::default() }, nonce: [1; 32], proof: NONE };
+    let source = SourceId([3; 16]).0;
+    let context = JoinContext { announcement: &NONE, source: &source, join: &join };
+    let later = SignedJoin { nonce: [2; 32], ..join.clone() };
+    let command = Command { run: 7, tick: 5, ..Command::default() };
+    let code = |context, nonce: u8| secret().session_key(context, &[nonce; 32]).of_command(&command);
+    assert_ne!(code(context, 1), code(context, 2), "the server draws another nonce");
+    assert_ne!(code(context, 1), code(JoinContext { join: &later, ..context }, 1));
+}
+
+/// Over ROS 2: an agent without the secret of the run is refused, and one with it is accepted.
+#[test]
+fn agent_without_the_secret_is_refused() {
+    let site = Site::new();
+    let mut server = site.binary("sim_server");
+    server.arg("run").arg(scenario("default.toml")).args(["--agents", "1", "--size", "20", "--duration", "20"]);
+    let mut run = site.start(&mut server);
+    run.process().says("waiting for agents: 0");
+    let stranger = Process::start(site.binary("agent_node").args(["--id", "0"]).env_remove(JOIN_SECRET));
+    let stranger = stranger.ended().with_code(5);
+    assert!(stranger.stderr.contains("a join as agent 0 does not prove the join secret of this run"), "{stranger}");
+    run.process().says("refused: a join as agent 0 does not prove the join secret of this run");
+    let secret_file = site.file("secret", "the join secret of the tests\n");
+    let agent = || {
+        let mut agent = site.binary("agent_node");
+        agent.args(["--id", "0", "--join-secret-file"]).arg(&secret_file).env_remove(JOIN_SECRET);
+        agent
+    };
+    let readable = Process::start(&mut agent()).ended().with_code(2);
+    assert!(readable.stderr.contains("expected 600: chmod 600 "), "{readable}");
+    std::fs::set_permissions(&secret_file, std::os::unix::fs::PermissionsExt::from_mode(0o600)).expect("it is ours");
+    let agent = Process::start(&mut agent());
+    run.ended().with_code(0);
+    agent.ended().with_code(0);
+}
