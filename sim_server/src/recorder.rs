@@ -28,6 +28,7 @@ use msgs::topics::Topic;
 use thiserror::Error;
 
 use sink::Sink;
+pub use sink::Store;
 
 /// Sim time per chunk. Long chunks compress better; what a crash may cost does not depend on it.
 const CHUNK_TICKS: u64 = 500;
@@ -61,6 +62,7 @@ pub struct Recorder {
     file: PathBuf,
     /// Temporary and final name, until published.
     unpublished: Option<(PathBuf, PathBuf)>,
+    is_published: bool,
     sink: Sink,
     writer: Writer<Sink>,
     channels: Vec<Topic>,
@@ -95,11 +97,27 @@ impl Recorder {
         Ok(recorder)
     }
 
+    /// Creates a recording with its documents in a file that is no file of the system; errors call
+    /// it `name`.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn create_in(
+        store: impl Store + 'static,
+        name: &Path,
+        documents: &[Document<'_>],
+    ) -> Result<Self, RecordError> {
+        let mut recorder = Self::with_sink(name, Sink::new(store));
+        recorder.attach(documents)?;
+        Ok(recorder)
+    }
+
     fn with_sink(file: &Path, sink: Sink) -> Self {
         let writer = open_writer(sink.clone()).expect("memory can be written");
         Self {
             file: file.to_owned(),
             unpublished: None,
+            is_published: false,
             sink,
             writer,
             channels: Vec::new(),
@@ -116,8 +134,14 @@ impl Recorder {
     /// Takes the final name, replacing an older recording.
     ///
     /// # Errors
-    /// If the file cannot be renamed.
+    /// If the file cannot be synced or renamed.
     pub fn publish(&mut self) -> Result<(), RecordError> {
+        if std::mem::replace(&mut self.is_published, true) {
+            return Ok(());
+        }
+        // A power failure must not leave a new name without content.
+        self.sink.sync().map_err(|source| self.file_error(source))?;
+        self.sink.publish().map_err(|source| self.file_error(source))?;
         if let Some((temporary, file)) = &self.unpublished {
             fs::rename(temporary, file).map_err(|source| self.file_error(source))?;
             self.unpublished = None;
