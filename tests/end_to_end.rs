@@ -39,10 +39,10 @@ mod forged_commands;
 mod hostile_agents;
 /// Interrupted runs, killed servers, full disks.
 mod interruptions;
-/// Limits of a process: its start, its shutdown, its memory.
-mod process_limits;
 /// RTPS packets of strangers: no memory, no effect, and none from outside the machine.
 mod network_attacks;
+/// Limits of a process: its start, its shutdown, its memory.
+mod process_limits;
 /// Recovery: killed, hanging and duplicate agents and killed servers leave the run unchanged.
 mod recovery;
 /// Old command names print the new ones and execute them.

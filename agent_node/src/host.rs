@@ -1,7 +1,8 @@
 //! The host of the agents of one process: joins them to a run, and serves them until it is over.
 //!
-//! The loop is the same over every [`ServerTransport`]. Wall time decides nothing but when to
-//! repeat a join, and when a process without a server ends.
+//! The loop is the same over every [`ServerTransport`]; [`AgentProcess`] executes it step by step.
+//! Wall time, which the transport tells, decides nothing but when to repeat a join, and when a
+//! process without a server ends.
 //!
 //! **Liveness of the server.** The server answers a repeated join of an agent that it has accepted,
 //! so the host uses joins as probes when it has received nothing for a while; if the silence lasts,
@@ -13,6 +14,7 @@ mod authentication;
 mod map_publisher;
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -140,35 +142,74 @@ pub enum RunError {
 /// If the server refuses an agent, violates the protocol or is gone, or the controller cannot be
 /// built.
 pub fn run(transport: &mut dyn ServerTransport, options: &Options, stop: &AtomicBool) -> Result<(), RunError> {
-    let mut next = scenario(transport, stop);
-    let mut published = BTreeMap::new();
-    while let Some(scenario) = next {
-        let mut host = Host::new(transport, options, &scenario, published)?;
-        let served = host.serve(stop);
-        if let Err(error) = &served {
-            host.log_for_all(Level::Error, &error.to_string());
-        }
-        next = served?;
-        published = host.published();
-    }
+    let mut process = AgentProcess::new(Box::new(transport), options.clone());
+    while !stop.load(Ordering::Relaxed) && process.step()?.is_continue() {}
     Ok(())
 }
 
-/// Waits for the scenario of a run; the scenario of a replayed recording is ignored.
-fn scenario(transport: &mut dyn ServerTransport, stop: &AtomicBool) -> Option<Scenario> {
-    while !stop.load(Ordering::Relaxed) {
-        if let Some(Inbound::Scenario(scenario)) = transport.receive(RECEIVE_TIMEOUT)
-            && scenario.run != Scenario::NO_RUN
-        {
-            return Some(scenario);
-        }
+/// The process of some agents, executed step by step; [`run`] repeats the steps.
+pub struct AgentProcess<'a> {
+    options: Options,
+    stage: Stage<'a>,
+}
+
+/// What a process does at present.
+enum Stage<'a> {
+    /// It waits for the scenario of a run.
+    Waiting(Box<dyn ServerTransport + 'a>),
+    Serving(Host<'a>),
+    /// The run is over, or the process has failed.
+    Over,
+}
+
+impl<'a> AgentProcess<'a> {
+    /// A process that has not heard of a run yet.
+    #[must_use]
+    pub fn new(transport: Box<dyn ServerTransport + 'a>, options: Options) -> Self {
+        Self { options, stage: Stage::Waiting(transport) }
     }
-    None
+
+    /// Handles the next message, or what is due after a wait without one: receives once from the
+    /// transport. Breaks when the run is over.
+    ///
+    /// # Errors
+    /// See [`run`].
+    pub fn step(&mut self) -> Result<ControlFlow<()>, RunError> {
+        self.stage = match std::mem::replace(&mut self.stage, Stage::Over) {
+            Stage::Waiting(mut transport) => match transport.receive(RECEIVE_TIMEOUT) {
+                // The scenario of a replayed recording is ignored.
+                Some(Inbound::Scenario(scenario)) if scenario.run != Scenario::NO_RUN => {
+                    Stage::Serving(Host::new(transport, &self.options, &scenario, BTreeMap::new())?)
+                }
+                _ => Stage::Waiting(transport),
+            },
+            Stage::Serving(mut host) => {
+                let served = host.step();
+                if let Err(error) = &served {
+                    host.log_for_all(Level::Error, &error.to_string());
+                }
+                served?;
+                match host.next.take() {
+                    Some(scenario) => {
+                        let published = host.published();
+                        Stage::Serving(Host::new(host.transport, &self.options, &scenario, published)?)
+                    }
+                    None if host.agents.is_empty() => Stage::Over,
+                    None => Stage::Serving(host),
+                }
+            }
+            Stage::Over => Stage::Over,
+        };
+        Ok(match self.stage {
+            Stage::Over => ControlFlow::Break(()),
+            Stage::Waiting(_) | Stage::Serving(_) => ControlFlow::Continue(()),
+        })
+    }
 }
 
 /// The agents of this process that are still running.
 struct Host<'a> {
-    transport: &'a mut dyn ServerTransport,
+    transport: Box<dyn ServerTransport + 'a>,
     run: u64,
     origin: u64,
     /// The scenario after a reset.
@@ -185,6 +226,8 @@ struct Host<'a> {
     /// Duration without messages from the server.
     silence: Duration,
     polled_at: Instant,
+    /// How long to wait for the next message.
+    timeout: Duration,
     map_hz: f64,
     /// Messages that were not authentic.
     ignored: u64,
@@ -203,7 +246,7 @@ struct HostedAgent {
 impl<'a> Host<'a> {
     /// `published` is the state of the published maps, kept over a reset.
     fn new(
-        transport: &'a mut dyn ServerTransport,
+        mut transport: Box<dyn ServerTransport + 'a>,
         options: &Options,
         scenario: &Scenario,
         mut published: BTreeMap<AgentId, PublishedMap>,
@@ -234,6 +277,7 @@ impl<'a> Host<'a> {
         }
         let label = if settings.is_empty() { name.clone() } else { format!("{name} {}", settings.join(" ")) };
         let Options { instance, chaos_delay, server_timeout, .. } = *options;
+        let polled_at = transport.now();
         Ok(Self {
             transport,
             run: scenario.run,
@@ -248,34 +292,31 @@ impl<'a> Host<'a> {
             agents,
             joined_last: None,
             silence: Duration::ZERO,
-            polled_at: now(),
+            polled_at,
+            timeout: RECEIVE_TIMEOUT,
             map_hz: options.map_hz,
             ignored: 0,
             unproven: None,
         })
     }
 
-    /// Serves the agents until the run is over or `stop` is set, or until a reset, whose scenario
-    /// it returns.
-    fn serve(&mut self, stop: &AtomicBool) -> Result<Option<Scenario>, RunError> {
-        let mut timeout = RECEIVE_TIMEOUT;
-        while !self.agents.is_empty() && self.next.is_none() && !stop.load(Ordering::Relaxed) {
-            self.join();
-            if let Some(message) = self.transport.receive(timeout) {
-                self.handle(message)?;
-            }
-            timeout = self.publish_maps();
-            self.check_server_silence()?;
+    /// Joins if that is due, handles one message, and does what else is due.
+    fn step(&mut self) -> Result<(), RunError> {
+        self.join();
+        if let Some(message) = self.transport.receive(self.timeout) {
+            self.handle(message)?;
         }
-        Ok(self.next.take())
+        self.timeout = self.publish_maps();
+        self.check_server_silence()
     }
 
     /// Repeats joins until all agents are accepted; after that, probes a silent server.
     fn join(&mut self) {
         let is_joining = self.agents.values().any(|hosted| !hosted.is_accepted);
         let is_server_silent = self.silence >= PROBE_PERIOD || self.other_run.is_some();
+        let now = self.transport.now();
         let period = if is_joining { JOIN_PERIOD } else { PROBE_PERIOD };
-        if !(is_joining || is_server_silent) || self.joined_last.is_some_and(|last| last.elapsed() < period) {
+        if !(is_joining || is_server_silent) || self.joined_last.is_some_and(|last| now.duration_since(last) < period) {
             return;
         }
         for (id, hosted) in self.agents.iter().filter(|(_, hosted)| !(is_joining && hosted.is_accepted)) {
@@ -283,7 +324,7 @@ impl<'a> Host<'a> {
             let join = join(self.run, *id, self.instance, &self.label, last_tick);
             self.transport.send_signed_join(&self.authentication.join(join, self.transport.source()));
         }
-        self.joined_last = Some(now());
+        self.joined_last = Some(now);
     }
 
     fn handle(&mut self, message: Inbound) -> Result<(), RunError> {
@@ -316,7 +357,7 @@ impl<'a> Host<'a> {
 
     /// Adds to the silence, and gives up if it has lasted too long.
     fn check_server_silence(&mut self) -> Result<(), RunError> {
-        let polled_at = now();
+        let polled_at = self.transport.now();
         self.silence += polled_at.duration_since(self.polled_at).min(POLL_GAP_MAX);
         self.polled_at = polled_at;
         match self.other_run {
@@ -413,11 +454,6 @@ fn wait_up_to(longest: Duration) {
     // Without random numbers from the system there is no delay.
     let share = f64::from(getrandom::u32().unwrap_or(0)) / f64::from(u32::MAX);
     std::thread::sleep(longest.mul_f64(share));
-}
-
-#[expect(clippy::disallowed_methods, reason = "joining again is a matter of wall time; no result hangs on it")]
-fn now() -> Instant {
-    Instant::now()
 }
 
 #[cfg(test)]

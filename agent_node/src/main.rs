@@ -32,8 +32,8 @@ mod serve {
     use agent_node::cli::Cli;
     use agent_node::host::{self, Credentials, Options, RunError};
     use agent_node::ros::RosTransport;
-    use ros_node::process_guard::{Limits, ProcessGuard};
     use ros_node::join_secret::{self, JoinSecretError};
+    use ros_node::process_guard::{Limits, ProcessGuard};
     use ros_node::ros_env::RosEnv;
 
     /// A failure of the system or of the protocol.

@@ -5,7 +5,7 @@
 //! timeout; messages may get lost, and are resent when the other side repeats its own.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation};
@@ -57,6 +57,51 @@ pub trait ServerTransport {
     fn log(&mut self, _agent: AgentId, _level: Level, _text: &str) {}
     /// Declares parameters of an agent's node.
     fn declare_parameters(&mut self, _agent: AgentId, _parameters: Vec<Parameter>) {}
+    /// The time by which joins are repeated and a silent server is given up; a simulated network
+    /// has its own.
+    fn now(&self) -> Instant {
+        wall_clock()
+    }
     /// The next message, or `None` after the timeout.
     fn receive(&mut self, timeout: Duration) -> Option<Inbound>;
+}
+
+#[expect(clippy::disallowed_methods, reason = "joining again is a matter of wall time; no result hangs on it")]
+fn wall_clock() -> Instant {
+    Instant::now()
+}
+
+/// A borrowed transport is a transport.
+impl<T: ServerTransport + ?Sized> ServerTransport for &mut T {
+    fn send_join(&mut self, join: &Join) {
+        (**self).send_join(join);
+    }
+
+    fn send_command(&mut self, command: &Command) {
+        (**self).send_command(command);
+    }
+
+    fn observers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
+        (**self).observers()
+    }
+
+    fn publish_map(&mut self, agent: AgentId, part: &Marker) {
+        (**self).publish_map(agent, part);
+    }
+
+    fn log(&mut self, agent: AgentId, level: Level, text: &str) {
+        (**self).log(agent, level, text);
+    }
+
+    fn declare_parameters(&mut self, agent: AgentId, parameters: Vec<Parameter>) {
+        (**self).declare_parameters(agent, parameters);
+    }
+
+    fn now(&self) -> Instant {
+        (**self).now()
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
+        (**self).receive(timeout)
+    }
 }

@@ -21,8 +21,8 @@ mod parameters;
 mod services;
 mod subscription_tracker;
 
-pub mod process_guard;
 pub mod join_secret;
+pub mod process_guard;
 pub mod ros_env;
 pub mod rosout;
 pub mod suspension;

@@ -29,6 +29,7 @@ use thiserror::Error;
 
 use destination::Destination;
 use sink::Sink;
+pub use sink::Store;
 
 /// Sim time per chunk. Long chunks compress better; what a crash may cost does not depend on it.
 const CHUNK_TICKS: u64 = 500;
@@ -73,6 +74,7 @@ pub struct Recorder {
     saves: u32,
     /// Whether something was written since then.
     is_unsynced: bool,
+    is_published: bool,
     sink: Sink,
     writer: Writer<Sink>,
     channels: Vec<Topic>,
@@ -105,6 +107,21 @@ impl Recorder {
         Ok(recorder)
     }
 
+    /// Creates a recording with its documents in a file that is no file of the system; errors call
+    /// it `name`.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn create_in(
+        store: impl Store + 'static,
+        name: &Path,
+        documents: &[Document<'_>],
+    ) -> Result<Self, RecordError> {
+        let mut recorder = Self::with_sink(name, Sink::new(store));
+        recorder.attach(documents)?;
+        Ok(recorder)
+    }
+
     fn with_sink(file: &Path, sink: Sink) -> Self {
         let writer = open_writer(sink.clone()).expect("memory can be written");
         Self {
@@ -112,6 +129,7 @@ impl Recorder {
             destination: None,
             saves: 0,
             is_unsynced: false,
+            is_published: false,
             sink,
             writer,
             channels: Vec::new(),
@@ -130,11 +148,12 @@ impl Recorder {
     /// # Errors
     /// If the file cannot be synced or renamed, or something else has taken its place.
     pub fn publish(&mut self) -> Result<(), RecordError> {
-        if self.destination.as_ref().is_none_or(Destination::is_published) {
+        if std::mem::replace(&mut self.is_published, true) {
             return Ok(());
         }
         // A power failure must not leave a new name without content.
         self.sync()?;
+        self.sink.publish().map_err(|source| self.file_error(source))?;
         let published = self.destination.as_mut().map_or(Ok(()), Destination::publish);
         published.map_err(|source| destination_error(&self.file, source))
     }

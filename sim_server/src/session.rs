@@ -38,7 +38,7 @@ use msgs::maes_msgs::{self, Observation as Fragment};
 use crate::control::{Request, Reset, SimulationControl};
 use crate::playback::{Playback, RecordedTick};
 use crate::transport::{Level, Transport};
-use crate::wall_clock::{nanoseconds, now};
+use crate::wall_clock::nanoseconds;
 use simulation::digest::Digest;
 use simulation::scenario::{OnAgentLoss, Scenario};
 use simulation::wire;
@@ -128,6 +128,7 @@ pub fn run(
         Mode::Resume(playback) => (true, Some(playback), None),
         Mode::Verify(playback, checker) => (false, Some(playback), Some(checker)),
     };
+    let begun = transport.now();
     let mut session = Session {
         scenario,
         external: scenario.driven(),
@@ -141,10 +142,10 @@ pub fn run(
         ),
         control: SimulationControl::new(start.is_paused, start.rtf, crate::control::features()),
         pending_request: None,
-        log: SessionLog::new(sinks.into(), checker, agents),
+        log: SessionLog::new(sinks.into(), checker, agents, begun),
         recorded: record::LastRecorded::default(),
-        observers: Observers::new(scenario),
-        reported: now(),
+        observers: Observers::new(scenario, begun),
+        reported: begun,
         playback,
         transport,
         observer,
@@ -154,7 +155,7 @@ pub fn run(
     session.sessions.announce(&announcement, session.transport);
     session.transport.real_time_factor(start.rtf);
     let admitted = session.admit();
-    session.observers.start_clock();
+    session.observers.start_clock(session.transport.now());
     let ended = match admitted {
         Ok(ControlFlow::Continue(())) => session.execute(),
         Ok(ControlFlow::Break(reason)) => Ok(reason),
@@ -170,7 +171,7 @@ pub fn run(
         // The recording that was to be resumed holds more than what was re-executed of it.
         session.log.discard();
     }
-    let wall = session.observers.elapsed();
+    let wall = session.observers.elapsed(session.transport.now());
     let reason = match &ended {
         Ok(reason) => reason.clone(),
         Err(error) => error.to_string(),
@@ -228,9 +229,10 @@ impl<'c> Session<'c, '_> {
     /// Reports progress if it is due, and returns the reason if the run ends before the present
     /// tick.
     fn end_of_run(&mut self) -> Result<Option<&'static str>, RunError> {
-        if self.reported.elapsed() >= REPORT_PERIOD {
-            self.reported = now();
-            self.log.save_provisionally()?;
+        let now = self.transport.now();
+        if now.duration_since(self.reported) >= REPORT_PERIOD {
+            self.reported = now;
+            self.log.save_provisionally(now)?;
             self.observer.progress(&self.engine.world);
         }
         let (coverage, scenario) = (self.engine.world.coverage(), self.scenario);
@@ -361,6 +363,6 @@ impl<'c> Session<'c, '_> {
 
     /// Wall time since the start of the ticks, nanoseconds.
     fn wall_ns(&self) -> u64 {
-        nanoseconds(self.observers.elapsed())
+        nanoseconds(self.observers.elapsed(self.transport.now()))
     }
 }

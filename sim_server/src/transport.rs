@@ -10,7 +10,7 @@
 //! a message may get lost, be repeated or overtake another one, and the session resends what stays
 //! unanswered; messages arrive unchanged.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{
@@ -24,6 +24,7 @@ use simulation::scenario::Rtf;
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
 use crate::control::Request;
+use crate::wall_clock;
 
 /// A message from an agent process.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,6 +77,10 @@ pub trait AgentTransport {
     /// Holds the standard sensor messages of an externally controlled agent for this tick, until
     /// its observation is sent.
     fn set_sensors(&mut self, _agent: AgentId, _odometry: Odometry, _points: Option<PointCloud2>) {}
+    /// The time by which the session resends, times out and paces; a simulated network has its own.
+    fn now(&self) -> Instant {
+        wall_clock::now()
+    }
     /// The run number of another server in the same network, if one was heard. A private transport
     /// has none.
     fn other_run(&self) -> Option<u64> {

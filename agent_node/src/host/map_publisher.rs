@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use voxels::Extent;
 
-use super::{Host, HostedAgent, RECEIVE_TIMEOUT, now};
+use super::{Host, HostedAgent, RECEIVE_TIMEOUT};
 use crate::map_markers::MapMarkers;
 use crate::transport::Level;
 
@@ -38,6 +38,7 @@ impl Host<'_> {
     /// Returns how long to wait for the next message: the usual time if there are no observers.
     pub(super) fn publish_maps(&mut self) -> Duration {
         let Some(observers) = self.transport.observers().cloned() else { return RECEIVE_TIMEOUT };
+        let now = self.transport.now();
         let look_period = Duration::from_secs_f64(1.0 / self.map_hz);
         for (id, observers) in observers {
             let Some(hosted) = self.agents.get_mut(&id) else { continue };
@@ -45,15 +46,15 @@ impl Host<'_> {
             if std::mem::replace(before, observers) < observers {
                 view.show_again();
             }
-            if looked.is_none_or(|looked| looked.elapsed() >= look_period) {
-                *looked = Some(now());
+            if looked.is_none_or(|looked| now.duration_since(looked) >= look_period) {
+                *looked = Some(now);
                 view.look(hosted.agent.map());
             }
             let tick = hosted.agent.last_tick().unwrap_or(Tick::ZERO);
-            if published.is_none_or(|published| published.elapsed() >= MARKER_PERIOD)
+            if published.is_none_or(|published| now.duration_since(published) >= MARKER_PERIOD)
                 && let Some(part) = view.next(hosted.agent.map(), tick)
             {
-                *published = Some(now());
+                *published = Some(now);
                 self.transport.publish_map(id, &part);
             }
         }

@@ -124,6 +124,10 @@ impl<L: Transport> AgentTransport for ObservedTransport<'_, L> {
         self.link.set_sensors(agent, odometry, points);
     }
 
+    fn now(&self) -> Instant {
+        self.link.now()
+    }
+
     fn other_run(&self) -> Option<u64> {
         self.link.other_run()
     }

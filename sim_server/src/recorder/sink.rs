@@ -16,11 +16,30 @@ use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use std::os::unix::fs::FileExt;
 use std::rc::Rc;
 
-/// File operations that a sink needs.
-pub(super) trait Store {
+/// The file operations of a recorder: a file of the system, or one on a simulated disk.
+pub trait Store {
+    /// Writes bytes at an offset, which is at most the length of the file.
+    ///
+    /// # Errors
+    /// If they cannot be written; a part of them may have been.
     fn write_all_at(&self, bytes: &[u8], at: u64) -> io::Result<()>;
+    /// Truncates the file.
+    ///
+    /// # Errors
+    /// If it cannot be truncated.
     fn set_len(&self, length: u64) -> io::Result<()>;
+    /// Returns once everything written so far would survive a power failure.
+    ///
+    /// # Errors
+    /// If it may not survive.
     fn sync(&self) -> io::Result<()>;
+    /// Gives the file its final name; the recorder renames files of the system itself.
+    ///
+    /// # Errors
+    /// If it cannot be renamed.
+    fn publish(&self) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 impl Store for File {
@@ -93,6 +112,11 @@ impl Sink {
     /// Writes bytes behind everything flushed; the next flush overwrites them.
     pub(super) fn write_provisionally(&self, bytes: &[u8]) -> io::Result<()> {
         self.0.borrow_mut().put(bytes)
+    }
+
+    /// See [`Store::publish`].
+    pub(super) fn publish(&self) -> io::Result<()> {
+        self.0.borrow().store.publish()
     }
 
     /// Syncs the file to disk.

@@ -11,7 +11,6 @@ use super::log::Kind;
 use super::{RunError, Session};
 use crate::playback::Playback;
 use crate::transport::Level;
-use crate::wall_clock::now;
 
 impl Session<'_, '_> {
     /// Waits until every id has a process. Breaks with the reason if the run ends before its first
@@ -21,7 +20,7 @@ impl Session<'_, '_> {
             return self.admit_recorded();
         }
         let seconds = self.scenario.execution.join_timeout_s;
-        let deadline = now() + Duration::from_secs_f64(seconds);
+        let deadline = self.transport.now() + Duration::from_secs_f64(seconds);
         loop {
             let missing = self.sessions.missing();
             if missing.is_empty() {
@@ -30,7 +29,7 @@ impl Session<'_, '_> {
             if self.is_stopped() {
                 return Ok(ControlFlow::Continue(()));
             }
-            if now() >= deadline {
+            if self.transport.now() >= deadline {
                 return Err(RunError::AgentsMissing { missing, seconds });
             }
             if let Some(other) = self.transport.other_run() {

@@ -24,7 +24,6 @@ use super::log::SessionLog;
 use super::{JoinPolicy, RunError, RunObserver, RunStart};
 use crate::recorder::RecordError;
 use crate::transport::{AgentTransport, Level, Transport};
-use crate::wall_clock::now;
 use authentication::Authentication;
 pub(super) use authentication::with_external;
 use observation_log::ObservationLog;
@@ -122,7 +121,7 @@ pub(super) struct WaitContext<'a, 's> {
 impl WaitContext<'_, '_> {
     /// Called between two messages: whether to wait further.
     fn poll(&mut self) -> Result<bool, RecordError> {
-        self.log.save_if_due()?;
+        self.log.save_if_due(self.transport.now())?;
         Ok(!self.stop.load(Ordering::Relaxed))
     }
 
@@ -260,7 +259,7 @@ impl AgentSessions {
         let mut barrier = Barrier::new(tick, requests.iter().map(|request| request.agent).collect());
         self.to_prompt = self.awaited(&barrier);
         self.prompt(requests, &barrier, context.transport);
-        let mut last_poll = now();
+        let mut last_poll = context.transport.now();
         let mut waited = Duration::ZERO;
         let mut interval = RESEND_FIRST;
         let mut resend_at = interval;
@@ -283,7 +282,7 @@ impl AgentSessions {
             }
             // Checked after every message, so that a flood postpones neither the timeout nor the
             // other agents.
-            let polled = now();
+            let polled = context.transport.now();
             waited += polled.duration_since(last_poll).min(POLL_GAP_MAX);
             last_poll = polled;
             let has_failed = waited >= timeout && policy == TimeoutPolicy::ReturnIncomplete;

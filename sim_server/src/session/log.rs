@@ -11,7 +11,6 @@ use serde::Serialize;
 
 use crate::live_stream::LiveStream;
 use crate::recorder::{RecordError, Recorder};
-use crate::wall_clock::now;
 use simulation::digest::Chain;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 
@@ -78,7 +77,7 @@ pub(super) struct SessionLog<'s> {
 
 impl<'s> SessionLog<'s> {
     /// The log of a run in this mode. Verification checks what is written instead of recording it.
-    pub(super) fn new(sinks: RecordingSinks, checker: Option<&'s mut dyn Checker>, agents: u32) -> Self {
+    pub(super) fn new(sinks: RecordingSinks, checker: Option<&'s mut dyn Checker>, agents: u32, now: Instant) -> Self {
         let RecordingSinks { recorder, live } = sinks;
         let sink = match (checker, recorder) {
             (Some(checker), _) => Sink::Checker(checker),
@@ -100,7 +99,7 @@ impl<'s> SessionLog<'s> {
             agent_topics: (0..agents).map(AgentId).map(of_agent).collect(),
             view_topics: BTreeMap::new(),
             bytes: Vec::new(),
-            saved: now(),
+            saved: now,
         }
     }
 
@@ -164,16 +163,16 @@ impl<'s> SessionLog<'s> {
     }
 
     /// Saves provisionally if it is due; also called while the session waits.
-    pub(super) fn save_if_due(&mut self) -> Result<(), RecordError> {
+    pub(super) fn save_if_due(&mut self, now: Instant) -> Result<(), RecordError> {
         if let Some(live) = &mut self.live {
             live.flush_if_due();
         }
-        if self.saved.elapsed() >= SAVE_PERIOD { self.save_provisionally() } else { Ok(()) }
+        if now.duration_since(self.saved) >= SAVE_PERIOD { self.save_provisionally(now) } else { Ok(()) }
     }
 
     /// See [`Recorder::save_provisionally`].
-    pub(super) fn save_provisionally(&mut self) -> Result<(), RecordError> {
-        self.saved = now();
+    pub(super) fn save_provisionally(&mut self, now: Instant) -> Result<(), RecordError> {
+        self.saved = now;
         let written = self.recorder().map_or(Ok(()), Recorder::save_provisionally);
         self.unless_failed(written)
     }

@@ -9,7 +9,7 @@ use msgs::ids::{AgentId, Tick};
 
 use super::engine::Engine;
 use crate::transport::Transport;
-use crate::wall_clock::{nanoseconds, now};
+use crate::wall_clock::nanoseconds;
 use simulation::scenario::Scenario;
 use simulation::visualisation::{
     self, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
@@ -24,18 +24,18 @@ pub(super) struct Observers {
 }
 
 impl Observers {
-    pub(super) fn new(scenario: &Scenario) -> Self {
-        Self { views: VisualisationScheduler::new(scenario.views.clone(), scenario.agents.count), started: now() }
+    pub(super) fn new(scenario: &Scenario, now: Instant) -> Self {
+        Self { views: VisualisationScheduler::new(scenario.views.clone(), scenario.agents.count), started: now }
     }
 
     /// Starts the wall clock of the run.
-    pub(super) fn start_clock(&mut self) {
-        self.started = now();
+    pub(super) fn start_clock(&mut self, now: Instant) {
+        self.started = now;
     }
 
     /// Wall time since the start.
-    pub(super) fn elapsed(&self) -> Duration {
-        self.started.elapsed()
+    pub(super) fn elapsed(&self, now: Instant) -> Duration {
+        now.duration_since(self.started)
     }
 
     /// The visualisation messages to record at the start of this tick.
@@ -50,8 +50,8 @@ impl Observers {
     /// Publishes what is due to topics with subscribers. Works at any time, also while the clock is
     /// held.
     pub(super) fn publish(&mut self, engine: &mut Engine<'_>, may_tick: bool, transport: &mut dyn Transport) {
+        let elapsed = self.elapsed(transport.now());
         let Some(subscribers) = transport.subscribers() else { return };
-        let elapsed = self.started.elapsed();
         let rtf = (!elapsed.is_zero()).then(|| sim_time(engine.tick()).div_duration_f64(elapsed));
         let Engine { world, infos, lost, .. } = engine;
         let moment = PublishTime { wall_ns: nanoseconds(elapsed), is_paused: !may_tick };
@@ -68,8 +68,9 @@ impl Observers {
         picture: VisualisationMessage,
         transport: &mut dyn Transport,
     ) {
+        let elapsed = self.elapsed(transport.now());
         let Some(subscribers) = transport.subscribers() else { return };
-        if self.views.may_publish(view, subscribers, nanoseconds(self.started.elapsed())) {
+        if self.views.may_publish(view, subscribers, nanoseconds(elapsed)) {
             transport.publish(view, &picture);
         }
     }

@@ -110,7 +110,7 @@ impl Session<'_, '_> {
     fn go_live(&mut self) -> Result<ControlFlow<()>, RunError> {
         let tick = self.engine.tick();
         self.playback = None;
-        self.log.save_provisionally()?;
+        self.log.save_provisionally(self.transport.now())?;
         self.log.publish()?;
         self.note(Level::Info, &format!("re-executed up to tick {tick}; the run continues from there"));
         let replayed = self.replay_observation_logs()?;
