@@ -11,8 +11,8 @@
 //! ```
 //!
 //! Invariants: the gateway is the only way in, and it serves nothing without the token of this
-//! start ([`Token`]); an observer never delays the run; its requests reach the run like those over ROS
-//! ([`crate::control`]) and are answered between two ticks; a client that is too slow loses
+//! start ([`Token`]); an observer never delays the run; its requests reach the run like those over
+//! ROS ([`crate::control`]) and are answered between two ticks; a client that is too slow loses
 //! messages, or its connection.
 //!
 //! This module does not know what the page draws.

@@ -16,7 +16,7 @@ use tungstenite::{Error, HandshakeError, Message, WebSocket};
 
 use super::HANG;
 
-/// The socket after a handshake with these headers at `host:port/...`, or the status of the refusal.
+/// The socket after a handshake with these headers at `host:port/...`, or the status of a refusal.
 pub(crate) fn handshake(address: &str, headers: &[(&'static str, &str)]) -> Result<WebSocket<TcpStream>, StatusCode> {
     let host = address.split('/').next().unwrap_or(address);
     let stream = TcpStream::connect(host).unwrap_or_else(|error| panic!("{address}: {error}"));
