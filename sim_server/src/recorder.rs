@@ -69,6 +69,7 @@ pub struct Recorder {
     file: PathBuf,
     /// Its names; `None` for a recording that is no file.
     destination: Option<Destination>,
+    is_published: bool,
     /// Provisional saves since the last sync.
     saves: u32,
     /// Whether something was written since then.
@@ -110,6 +111,7 @@ impl Recorder {
         Self {
             file: file.to_owned(),
             destination: None,
+            is_published: false,
             saves: 0,
             is_unsynced: false,
             sink,
@@ -130,7 +132,7 @@ impl Recorder {
     /// # Errors
     /// If the file cannot be synced or renamed, or something else has taken its place.
     pub fn publish(&mut self) -> Result<(), RecordError> {
-        if self.destination.as_ref().is_none_or(Destination::is_published) {
+        if std::mem::replace(&mut self.is_published, true) {
             return Ok(());
         }
         // A power failure must not leave a new name without content.
