@@ -5,7 +5,8 @@
 #   tests/python_env.sh NAME
 #
 # Environments are in ${XDG_CACHE_HOME:-$HOME/.cache}/maes-python; one that is up to date is kept.
-# Needs Python 3.10 or later with venv, and PyPI or an index that pip is set to. Progress goes to
+# Only files with a hash in the list are installed; `pip-compile --generate-hashes` (pip-tools) makes
+# them. Needs Python 3.10 or later with venv, and PyPI or an index that pip is set to. Progress goes to
 # stderr.
 
 set -euo pipefail

@@ -112,7 +112,7 @@ fn main() -> ExitCode {
         }
     };
     done.unwrap_or_else(|error| {
-        output::say(&format!("error: {error}"));
+        output::say(&msgs::printable::line(&format!("error: {error}")));
         exit_code(&error)
     })
 }

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use experiments::diff;
 use msgs::ids::Tick;
+use msgs::printable;
 use ros_node::ros_env::RosEnv;
 use sim_server::foxglove::capture::{self, CaptureArgs, CaptureTime};
 use sim_server::recording::{End, Recording};
@@ -125,7 +126,7 @@ pub(crate) fn info(args: &InfoArgs) -> anyhow::Result<ExitCode> {
 pub(crate) fn verify(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let recording = Recording::open(&args.file)?;
     let failed = |error: &dyn std::fmt::Display, code| {
-        say(&format!("error: {error}"));
+        say(&printable::line(&format!("error: {error}")));
         Ok(code)
     };
     let verified = match verify::verify(&recording) {
@@ -185,7 +186,7 @@ pub(crate) fn replay(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let timing = PlaybackTiming { rate: args.rate, is_loop: args.is_loop, is_paused: args.paused };
     let stop = signals::stop_flag()?;
     let mut terminal = Terminal::new(schedule.ticks().1, 0);
-    schedule.notes().iter().for_each(|note| terminal.say(&format!("warning: {note}")));
+    schedule.notes().iter().for_each(|note| terminal.say(&printable::line(&format!("warning: {note}"))));
     let played = ros::replay::play(&recording, &schedule, timing, &env, &mut terminal, &stop);
     terminal.clear();
     let played = match played {

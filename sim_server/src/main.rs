@@ -19,7 +19,7 @@ fn main() -> ExitCode {
     match serve::run(&args) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {}", msgs::printable::text(&error.to_string()));
+            eprintln!("error: {}", msgs::printable::line(&error.to_string()));
             ExitCode::from(exit::BAD_INPUT)
         }
     }

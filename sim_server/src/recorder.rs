@@ -70,6 +70,7 @@ pub struct Recorder {
     file: PathBuf,
     /// Its names; `None` for a recording that is no file.
     destination: Option<Destination>,
+    is_published: bool,
     /// Provisional saves since the last sync.
     saves: u32,
     /// Whether something was written since then.
@@ -127,6 +128,7 @@ impl Recorder {
         Self {
             file: file.to_owned(),
             destination: None,
+            is_published: false,
             saves: 0,
             is_unsynced: false,
             is_published: false,

@@ -87,7 +87,7 @@ fn guard(stop: &Arc<AtomicBool>) -> anyhow::Result<ProcessGuard> {
 
 /// The end of what the system does not allow.
 fn failed(error: &dyn std::fmt::Display) -> anyhow::Result<ExitCode> {
-    eprintln!("error: {}", printable::text(&error.to_string()));
+    eprintln!("error: {}", printable::line(&error.to_string()));
     Ok(ExitCode::from(exit::FAILED))
 }
 
@@ -385,7 +385,7 @@ impl<'a> Job<'a> {
                 exit::of_outcome(&outcome)
             }
             Err(error) => {
-                terminal.say(&format!("error: {error}"));
+                terminal.say(&printable::line(&format!("error: {error}")));
                 exit::of_error(&error)
             }
         })

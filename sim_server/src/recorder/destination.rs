@@ -34,7 +34,7 @@ pub(super) struct Destination {
     older: Option<Permissions>,
     is_published: bool,
     /// Holds the lock.
-    _lock: File,
+    locked: File,
 }
 
 /// Whether a recording may be written to `file`: to a new or empty file, or in place of a recording.
@@ -70,8 +70,8 @@ impl Destination {
                 Ok(()) | Err(TryLockError::Error(_)) => {}
             }
             if is_at(&handle.metadata()?, &temporary) {
-                let _lock = handle.try_clone()?;
-                return Ok((Self { file: file.to_owned(), temporary, older, is_published: false, _lock }, handle));
+                let locked = handle.try_clone()?;
+                return Ok((Self { file: file.to_owned(), temporary, older, is_published: false, locked }, handle));
             }
         }
         Err(io::Error::other(format!("{}: removed {ATTEMPTS_MAX} times by another process", temporary.display())))
@@ -82,21 +82,13 @@ impl Destination {
     /// # Errors
     /// See [`check`]; also if the file cannot be renamed or the folder cannot be synced.
     pub(super) fn publish(&mut self) -> io::Result<()> {
-        if self.is_published {
-            return Ok(());
-        }
         // The file may have been replaced meanwhile.
         if let Some(permissions) = replaceable(&self.file)?.or_else(|| self.older.take()) {
-            fs::set_permissions(&self.temporary, permissions)?;
+            self.locked.set_permissions(permissions)?;
         }
         fs::rename(&self.temporary, &self.file)?;
         self.is_published = true;
         sync_folder(&self.file)
-    }
-
-    /// Whether it has its final name.
-    pub(super) fn is_published(&self) -> bool {
-        self.is_published
     }
 }
 
