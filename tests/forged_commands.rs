@@ -221,6 +221,7 @@ fn agent_without_the_secret_is_refused() {
     let site = Site::new();
     let mut server = site.binary("sim_server");
     server.arg("run").arg(scenario("default.toml")).args(["--agents", "1", "--size", "20", "--duration", "20"]);
+    server.args(["--record", "run.mcap", "--log", "server.log"]);
     let mut run = site.start(&mut server);
     run.process().says("waiting for agents: 0");
     let stranger = Process::start(site.binary("agent_node").args(["--id", "0"]).env_remove(JOIN_SECRET));
@@ -237,6 +238,13 @@ fn agent_without_the_secret_is_refused() {
     assert!(readable.stderr.contains("expected 600: chmod 600 "), "{readable}");
     std::fs::set_permissions(&secret_file, std::os::unix::fs::PermissionsExt::from_mode(0o600)).expect("it is ours");
     let agent = Process::start(&mut agent());
-    run.ended().with_code(0);
+    let ended = run.ended().with_code(0);
     agent.ended().with_code(0);
+    let secret = b"the join secret of the tests";
+    let is_in = |bytes: &[u8]| bytes.windows(secret.len()).any(|window| window == secret);
+    assert!(is_in(&std::fs::read(&secret_file).expect("it is there")), "the search finds it");
+    for name in ["run.mcap", "server.log"] {
+        assert!(!is_in(&std::fs::read(site.path(name)).expect("it is there")), "{name}");
+    }
+    assert!(!is_in(ended.stdout.as_bytes()) && !is_in(ended.stderr.as_bytes()));
 }

@@ -231,7 +231,7 @@ mod tests {
         assert!(message_of(decode::<Header>(&header)).starts_with("byte 19 of 19: UTF-8 error"));
         let mut reply = encode(&JoinReply::default());
         reply[28] = 2;
-        assert_eq!(message_of(decode::<JoinReply>(&reply)), "byte 29 of 37: Expected 0 or 1 as Boolean, got: 2");
+        assert_eq!(message_of(decode::<JoinReply>(&reply)), "byte 29 of 133: Expected 0 or 1 as Boolean, got: 2");
     }
 
     #[test]
