@@ -126,8 +126,7 @@ pub fn run(options: &Options, stop: &AtomicBool, report: &(dyn Fn(&str) + Sync))
                     };
                     let plan = plan_of(scenario, seed);
                     let verdict = match judge(&bench, &plan, expected) {
-                        Ok(Equivalence::Bytes) => "same, byte for byte".to_owned(),
-                        Ok(Equivalence::ExceptRefusals(count)) => format!("same, {count} messages refused"),
+                        Ok(equivalence) => equivalence.to_string(),
                         Err(Failure::Interrupted) => return,
                         Err(Failure::Failed(reason)) => {
                             failed.fetch_add(1, Ordering::Relaxed);

@@ -9,11 +9,12 @@ use agent_node::host::{Options, RunError as AgentError};
 use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Progress;
-use sim_server::recorder::RecordError;
+use sim_server::recorder::{RecordError, Recorder};
 use sim_server::session::{Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup::{self, SetupError};
 use simulation::scenario::{Origins, Scenario};
 use simulation::wire;
+use simulation::world::World;
 use thiserror::Error;
 
 use crate::in_memory;
@@ -91,6 +92,22 @@ pub fn run(
         Some(file) => Some(setup::record(file, scenario, &world)?),
         None => None,
     };
+    run_in(scenario, world, recorder, options, observer, stop)
+}
+
+/// Runs a checked scenario in its world, and records it with this recorder; see [`run`].
+///
+/// # Errors
+/// If the server or an agent fails; the error of an agent is reported first.
+pub(crate) fn run_in(
+    scenario: &Scenario,
+    world: World,
+    recorder: Option<Recorder>,
+    options: &AgentOptions,
+    observer: &mut dyn RunObserver,
+    stop: &AtomicBool,
+) -> Result<CompletedRun, InProcessError> {
+    let size = world.terrain().extent().size();
     let agents = (0..scenario.agents.count).map(AgentId);
     let groups: Vec<Vec<AgentId>> = match options.threads {
         ThreadLayout::PerAgent => agents.map(|agent| vec![agent]).collect(),
@@ -136,7 +153,7 @@ pub fn run(
         }
         Ok(outcome?)
     })?;
-    Ok(CompletedRun { outcome, size: announced.size, progress: server_end.into_progress() })
+    Ok(CompletedRun { outcome, size, progress: server_end.into_progress() })
 }
 
 /// Sets a flag at the end of a scope, also when the scope panics.

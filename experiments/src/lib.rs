@@ -8,7 +8,8 @@
 //!   Parquet. [`merge`] joins folders, [`cluster`] writes job files for clusters.
 //! - Evaluation: [`statistics`] over many runs, and a [`report`] of figures and tables.
 //! - Comparison of recordings: [`diff`] finds the first difference of two, and [`faults`] injects
-//!   faults into runs and compares each with the undisturbed one.
+//!   faults into runs and compares each with the undisturbed one; [`simulated`] does so with a
+//!   simulated network, disk and clock, thousands of times a minute.
 //!
 //! Invariant: except for wall time, the record of a run is a function of scenario, seed and build.
 //!
@@ -26,6 +27,7 @@ pub mod plan;
 mod processes;
 pub mod report;
 pub mod rows;
+pub mod simulated;
 pub mod statistics;
 pub mod store;
 pub mod tables;

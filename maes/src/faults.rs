@@ -6,9 +6,10 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use experiments::faults::{self, Options, Summary};
+use experiments::simulated::{self, SeedReport};
 use sim_server::cli::KeyArgs;
 use sim_server::{exit, setup};
 use simulation::scenario::Scenario;
@@ -39,6 +40,10 @@ join_timeout_s = 20.0
 decision_timeout_s = 1.0
 ";
 
+/// Seeds unless others are named: over ROS 2, and simulated.
+const SEEDS: u64 = 10;
+const SIMULATED_SEEDS: u64 = 10_000;
+
 /// Arguments of `faults`.
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true, disable_help_subcommand = true)]
@@ -47,19 +52,27 @@ pub(crate) struct FaultsArgs {
     command: Option<FaultsCommand>,
     /// The scenario (.toml); needs faults.on_agent_loss = "wait" [default: five agents with dsvp in
     /// a small cave, for a minute]
+    #[arg(conflicts_with = "simulated")]
     scenario: Option<PathBuf>,
-    /// Number of seeds
-    #[arg(long, value_name = "N", default_value_t = 10)]
-    seeds: u64,
+    /// Simulate network, disk and time instead: server and agents in one thread, a small scenario
+    /// for each seed, thousands of seeds a minute
+    #[arg(long, conflicts_with_all = ["first_domain", "out", "expect", "list"])]
+    simulated: bool,
+    /// Print every event of the seed
+    #[arg(long, requires = "simulated", requires = "seed_only")]
+    log: bool,
+    /// Number of seeds [default: 10; simulated: 10000]
+    #[arg(long, value_name = "N")]
+    seeds: Option<u64>,
     /// The first seed
     #[arg(long, value_name = "K", default_value_t = 1)]
     first_seed: u64,
     /// Only this seed
     #[arg(long, value_name = "K", conflicts_with_all = ["seeds", "first_seed"])]
     seed_only: Option<u64>,
-    /// Runs in parallel
-    #[arg(long, value_name = "N", default_value = "1")]
-    jobs: NonZero<usize>,
+    /// Runs in parallel [default: 1; simulated: as many as there are processors]
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZero<usize>>,
     /// The ROS domain of the first parallel run; the others use the next ones
     #[arg(long, value_name = "ID", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=101))]
     first_domain: u32,
@@ -101,26 +114,27 @@ pub(crate) fn faults(args: &FaultsArgs) -> anyhow::Result<ExitCode> {
         return inject_garbage(args);
     }
     let overrides = args.keys.overrides();
+    if args.simulated {
+        let Some(key) = overrides.first() else { return simulate(args) };
+        bail!("{}: not with --simulated, which draws a scenario from each seed", key.origin);
+    }
     let scenario = match &args.scenario {
         Some(file) => setup::load(file, &overrides)?,
         None => Scenario::parse("the scenario of `maes faults`", SCENARIO, &overrides)?,
     };
     let seeds: Vec<u64> = match args.seed_only {
         Some(seed) => vec![seed],
-        None => (args.first_seed..args.first_seed.saturating_add(args.seeds)).collect(),
+        None => (args.first_seed..args.first_seed.saturating_add(args.seeds.unwrap_or(SEEDS))).collect(),
     };
     if args.list {
         seeds.iter().for_each(|&seed| print(&format!("seed {seed}: {}", faults::plan_of(&scenario, seed))));
         return Ok(ExitCode::SUCCESS);
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&stop)).context("handling signals")?;
-    }
+    let stop = stopped_by_signals()?;
     let options = Options {
         scenario,
         seeds,
-        jobs: args.jobs,
+        jobs: args.jobs.unwrap_or(NonZero::<usize>::MIN),
         binaries: binaries::folder()?,
         first_domain: args.first_domain,
         out: args.out.clone(),
@@ -128,11 +142,49 @@ pub(crate) fn faults(args: &FaultsArgs) -> anyhow::Result<ExitCode> {
     };
     let Summary { seeds, failures, is_interrupted } = faults::run(&options, &stop, &print)?;
     print(&format!("{seeds} seeds, {failures} failures"));
-    Ok(match (is_interrupted, failures) {
+    Ok(exit_code(is_interrupted, failures))
+}
+
+fn stopped_by_signals() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
+        signal_hook::flag::register(signal, Arc::clone(&stop)).context("handling signals")?;
+    }
+    Ok(stop)
+}
+
+fn exit_code(is_interrupted: bool, failures: usize) -> ExitCode {
+    match (is_interrupted, failures) {
         (true, _) => ExitCode::from(exit::BY_SIGNAL),
         (false, 0) => ExitCode::SUCCESS,
         (false, _) => ExitCode::from(exit::FAILED),
-    })
+    }
+}
+
+/// Simulates runs under faults.
+fn simulate(args: &FaultsArgs) -> anyhow::Result<ExitCode> {
+    if let Some(seed) = args.seed_only {
+        let SeedReport { verdict, log, .. } = simulated::of_seed(seed, None, args.log);
+        log.iter().for_each(|line| print(line));
+        return Ok(match verdict {
+            Ok(verdict) => {
+                print(&format!("seed {seed}: {verdict}"));
+                ExitCode::SUCCESS
+            }
+            Err(reason) => {
+                print(&format!("seed {seed}: FAILED: {reason}"));
+                ExitCode::from(exit::FAILED)
+            }
+        });
+    }
+    let jobs = args.jobs.or_else(|| std::thread::available_parallelism().ok()).unwrap_or(NonZero::<usize>::MIN);
+    let seeds = args.seeds.unwrap_or(SIMULATED_SEEDS);
+    let options = simulated::Options { first_seed: args.first_seed, seeds, jobs };
+    let stop = stopped_by_signals()?;
+    let simulated::Summary { seeds, failures, counts, is_interrupted } = simulated::run(&options, &stop, &print);
+    print(&counts.to_string());
+    print(&format!("{seeds} seeds, {} failures", failures.len()));
+    Ok(exit_code(is_interrupted, failures.len()))
 }
 
 fn inject_garbage(args: &GarbageArgs) -> anyhow::Result<ExitCode> {

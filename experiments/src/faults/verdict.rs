@@ -3,6 +3,7 @@
 //! Invariant: every difference counts except in the counters of refused messages, which count the
 //! injected messages themselves.
 
+use std::fmt;
 use std::path::Path;
 
 use msgs::maes_msgs;
@@ -22,22 +23,37 @@ pub enum Equivalence {
     ExceptRefusals(u64),
 }
 
+impl fmt::Display for Equivalence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bytes => f.write_str("same, byte for byte"),
+            Self::ExceptRefusals(count) => write!(f, "same, {count} messages refused"),
+        }
+    }
+}
+
 /// Compares a recording with the one that is expected.
 ///
 /// # Errors
 /// The first difference, as a line of text.
 pub fn compare(expected: &Path, found: &Path) -> Result<Equivalence, String> {
     let open = |file: &Path| Recording::open(file).map_err(|error: RecordingError| error.to_string());
-    let (before, now) = (open(expected)?, open(found)?);
+    compare_recordings(&open(expected)?, &open(found)?)
+}
+
+/// Compares a recording in memory with the one that is expected.
+///
+/// # Errors
+/// The first difference, as a line of text.
+pub fn compare_recordings(before: &Recording, now: &Recording) -> Result<Equivalence, String> {
     if before.scenario() != now.scenario() {
         return Err("the scenarios differ".to_owned());
     }
-    let refusals = compare_messages(&before, &now)?;
+    let refusals = compare_messages(before, now)?;
     if refusals > 0 {
         return Ok(Equivalence::ExceptRefusals(refusals));
     }
-    let bytes = |file: &Path| std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()));
-    if bytes(expected)? == bytes(found)? {
+    if before.bytes() == now.bytes() {
         Ok(Equivalence::Bytes)
     } else {
         Err("all messages are equal, but the bytes of the files differ".to_owned())

@@ -1,0 +1,44 @@
+use super::*;
+
+/// Seeds of the test suite; `maes faults --simulated` has the long runs.
+const SEEDS: u64 = 200;
+
+/// Seeds within which every broken promise is found.
+const MUTATION_SEEDS: u64 = 60;
+
+#[test]
+fn disturbed_runs_equal_the_undisturbed_one() {
+    let options = Options { first_seed: 0, seeds: SEEDS, jobs: NonZero::new(2).unwrap() };
+    let failures = Mutex::new(Vec::new());
+    let report = |line: &str| failures.lock().unwrap().push(line.to_owned());
+    let Summary { seeds, failures: failed, counts, .. } = run(&options, &AtomicBool::new(false), &report);
+    assert!(failed.is_empty(), "{:#?}", failures.lock().unwrap());
+    assert_eq!(seeds, SEEDS);
+    // Everything that may go wrong has gone wrong.
+    let Counts { messages, lost, duplicated, agents_killed, servers_killed, .. } = counts;
+    let Counts { power_failures, disk_failures, resumed, refused, .. } = counts;
+    assert!([messages, lost, duplicated].iter().all(|&count| count > 1000), "{counts:?}");
+    assert!([agents_killed, servers_killed, power_failures, resumed, refused].iter().all(|&n| n > 20), "{counts:?}");
+    assert!(disk_failures > 5, "{counts:?}");
+}
+
+#[test]
+fn seed_determines_every_event() {
+    let is_eventful = |report: &SeedReport| report.counts.resumed > 0 && report.counts.agents_killed > 0;
+    let eventful = (0..).map(|seed| (seed, of_seed(seed, None, true))).filter(|(_, report)| is_eventful(report));
+    for (seed, first) in eventful.take(5) {
+        assert!(first.log.len() > 100);
+        let second = of_seed(seed, None, true);
+        let difference = first.log.iter().zip(&second.log).find(|(one, two)| one != two);
+        assert!(first == second, "seed {seed}: {difference:?}");
+    }
+}
+
+#[test]
+fn broken_promises_are_found() {
+    use Mutation::{ForgottenTick, NoResends, NoSyncs, OtherDecisions, StaleCommands};
+    for mutation in [NoResends, NoSyncs, ForgottenTick, OtherDecisions, StaleCommands] {
+        let found = (0..MUTATION_SEEDS).find_map(|seed| of_seed(seed, Some(mutation), false).verdict.err());
+        assert!(found.is_some(), "{mutation:?} was not found");
+    }
+}
