@@ -70,7 +70,6 @@ pub struct Recorder {
     file: PathBuf,
     /// Its names; `None` for a recording that is no file.
     destination: Option<Destination>,
-    is_published: bool,
     /// Provisional saves since the last sync.
     saves: u32,
     /// Whether something was written since then.
@@ -128,7 +127,6 @@ impl Recorder {
         Self {
             file: file.to_owned(),
             destination: None,
-            is_published: false,
             saves: 0,
             is_unsynced: false,
             is_published: false,
