@@ -30,14 +30,14 @@ struct Attacked {
     /// Whether others than the agents can send.
     is_open: bool,
     /// What the stranger sends for each message of an agent, before it.
-    attack: fn(&Incoming, &mut Vec<Incoming>) -> Vec<Inbound>,
+    attack: fn(&Incoming, &[Incoming]) -> Vec<Inbound>,
     /// What agents have sent.
     heard: Vec<Incoming>,
     waiting: VecDeque<Incoming>,
 }
 
 impl Attacked {
-    fn over(inner: ServerEnd, is_open: bool, attack: fn(&Incoming, &mut Vec<Incoming>) -> Vec<Inbound>) -> Self {
+    fn over(inner: ServerEnd, is_open: bool, attack: fn(&Incoming, &[Incoming]) -> Vec<Inbound>) -> Self {
         Self { inner, is_open, attack, heard: Vec::new(), waiting: VecDeque::new() }
     }
 }
@@ -67,7 +67,7 @@ impl AgentTransport for Attacked {
         if self.waiting.is_empty() {
             let incoming = self.inner.receive(timeout)?;
             let Incoming { topic_agent, source, .. } = incoming;
-            let forged = (self.attack)(&incoming, &mut self.heard);
+            let forged = (self.attack)(&incoming, &self.heard);
             self.waiting.extend(forged.into_iter().map(|message| Incoming { topic_agent, source, message }));
             self.heard.push(incoming.clone());
             self.waiting.push_back(incoming);
@@ -88,7 +88,7 @@ impl ObserverOutput for Attacked {
 
 impl ControlInput for Attacked {}
 
-fn nothing(_: &Incoming, _: &mut Vec<Incoming>) -> Vec<Inbound> {
+fn nothing(_: &Incoming, _: &[Incoming]) -> Vec<Inbound> {
     Vec::new()
 }
 
@@ -98,7 +98,7 @@ fn stopped(command: &Command) -> Command {
 
 /// A command without a code, with the code of the true command, and with a code by a key that the
 /// stranger has made up.
-fn forge(incoming: &Incoming, _: &mut Vec<Incoming>) -> Vec<Inbound> {
+fn forge(incoming: &Incoming, _: &[Incoming]) -> Vec<Inbound> {
     let (command, mac) = match &incoming.message {
         Inbound::SignedCommand(SignedCommand { command, mac }) => (stopped(command), *mac),
         Inbound::Command(command) => (stopped(command), NONE),
@@ -110,7 +110,7 @@ fn forge(incoming: &Incoming, _: &mut Vec<Incoming>) -> Vec<Inbound> {
 }
 
 /// All that the agent has sent before.
-fn replay(incoming: &Incoming, heard: &mut Vec<Incoming>) -> Vec<Inbound> {
+fn replay(incoming: &Incoming, heard: &[Incoming]) -> Vec<Inbound> {
     if !matches!(incoming.message, Inbound::SignedCommand(_)) {
         return Vec::new();
     }
@@ -120,7 +120,7 @@ fn replay(incoming: &Incoming, heard: &mut Vec<Incoming>) -> Vec<Inbound> {
 }
 
 /// Joins under the GUID of the agent, and its true join from another process.
-fn join(incoming: &Incoming, _: &mut Vec<Incoming>) -> Vec<Inbound> {
+fn join(incoming: &Incoming, _: &[Incoming]) -> Vec<Inbound> {
     let Inbound::SignedJoin(true_join) = &incoming.message else { return Vec::new() };
     let other = Join { instance: 99, ..true_join.join.clone() };
     let guess = JoinSecret::new(b"a guess of the stranger").expect("it is long enough");

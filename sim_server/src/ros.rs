@@ -59,7 +59,7 @@ const QUEUED_MAX: usize = 256;
 
 /// An item of the inbox.
 enum Item {
-    Agent(Incoming),
+    Agent(Box<Incoming>),
     Service(ServiceEvent),
     /// Already handled.
     Handled,
@@ -132,11 +132,11 @@ impl RosTransport {
         for agent in (0..agents).map(AgentId).filter(|agent| !driven.contains(agent)) {
             let joins = topics::signed_join(agent);
             endpoints.subscribe(&mut node, &joins, &mut inbox, move |sample: Sample<JoinOfAnyVersion>| {
-                Item::Agent(incoming(agent, sample, |JoinOfAnyVersion(join)| Inbound::SignedJoin(join)))
+                Item::Agent(Box::new(incoming(agent, sample, |JoinOfAnyVersion(join)| Inbound::SignedJoin(join))))
             })?;
             let commands = topics::signed_command(agent);
             endpoints.subscribe(&mut node, &commands, &mut inbox, move |sample: Sample<SignedCommand>| {
-                Item::Agent(incoming(agent, sample, Inbound::SignedCommand))
+                Item::Agent(Box::new(incoming(agent, sample, Inbound::SignedCommand)))
             })?;
             observations.insert(agent, endpoints.publisher(&mut node, &topics::signed_observation(agent))?);
         }
@@ -217,7 +217,7 @@ impl AgentTransport for RosTransport {
             return Some(queued);
         }
         match self.inbox.receive(timeout)? {
-            Item::Agent(incoming) => Some(incoming),
+            Item::Agent(incoming) => Some(*incoming),
             Item::Service(event) => {
                 self.services.receive(&mut self.node, event);
                 None
@@ -271,7 +271,7 @@ impl ControlInput for RosTransport {
                 && let Some(item) = self.inbox.receive(Duration::ZERO)
             {
                 match item {
-                    Item::Agent(incoming) => self.queued.push_back(incoming),
+                    Item::Agent(incoming) => self.queued.push_back(*incoming),
                     Item::Service(event) => self.services.receive(&mut self.node, event),
                     Item::Handled => {}
                 }

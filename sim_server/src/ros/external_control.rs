@@ -71,7 +71,8 @@ impl ExternalAgents {
                 let Some(run) = own_run.get().filter(|_| requested.get().is_some()) else { return Item::Handled };
                 let command = sample.message.and_then(|twist| twist::command(run, agent, &twist));
                 let message = command.map_or_else(|reason| Inbound::Undecodable { reason }, Inbound::Command);
-                Item::Agent(Incoming { topic_agent: agent, source: SourceId(sample.source), message })
+                let source = SourceId(sample.source);
+                Item::Agent(Box::new(Incoming { topic_agent: agent, source, message }))
             })?;
             external.insert(agent, entry);
         }
