@@ -15,7 +15,7 @@ use msgs::maes_msgs::{self, Command, Intervention, Join, Observation};
 use msgs::topics;
 use thiserror::Error;
 
-use crate::recording::{Message, Messages, Recording};
+use crate::recording::{End, Message, Messages, Recording};
 use simulation::digest::Digest;
 
 /// An undecodable message of a recording.
@@ -31,9 +31,9 @@ pub struct PlaybackError {
 /// How a recording ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Horizon {
-    /// With a result, in this tick.
+    /// With a result, in this tick, and an end.
     Ended(Tick),
-    /// Without a result: the first tick that may be incomplete.
+    /// Without one of them: the first tick that may be incomplete.
     Open(Tick),
 }
 
@@ -81,7 +81,8 @@ impl<'a> Playback<'a> {
         let mut reason = None;
         // Observations of the last tick.
         let mut observations: Vec<Message> = Vec::new();
-        for message in recording.messages() {
+        let mut all = recording.messages();
+        for message in all.by_ref() {
             let tick = message.tick();
             if message.channel.topic == topics::result().name {
                 let result: maes_msgs::Result =
@@ -98,6 +99,12 @@ impl<'a> Playback<'a> {
                 observations.retain(|observation| observation.tick() == tick);
                 observations.push(message);
             }
+        }
+        if let Horizon::Ended(tick) = horizon
+            && all.end() != Some(&End::Whole)
+        {
+            // The server has failed while it ended the recording, which can be completed.
+            horizon = Horizon::Open(tick);
         }
         let mut is_mid_tick = false;
         for message in observations {

@@ -234,6 +234,7 @@ impl<'s> Cluster<'s> {
             chaos_delay: Duration::ZERO,
             map_hz: 1.0,
             decision_times: None,
+            credentials: None,
         };
         let end = AgentsEnd { process: number, network: Rc::clone(&self.network) };
         let process = AgentProcess::new(Box::new(end), options);

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
 use msgs::cdr;
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, Observation, Scenario};
+use msgs::maes_msgs::{Command, Join, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use sim_server::transport::{Inbound as ToServer, Incoming};
@@ -473,13 +473,16 @@ fn bytes_to_agents(message: &ToAgents) -> Vec<u8> {
         ToAgents::Scenario(scenario) => cdr::encode(scenario),
         ToAgents::JoinReply(reply) => cdr::encode(reply),
         ToAgents::Observation(fragment) => cdr::encode(fragment),
+        ToAgents::SignedObservation(signed) => cdr::encode(signed),
     }
 }
 
 fn bytes_to_server(message: &ToServer) -> Vec<u8> {
     match message {
         ToServer::Join(join) => cdr::encode(join),
+        ToServer::SignedJoin(signed) => cdr::encode(signed),
         ToServer::Command(command) => cdr::encode(command),
+        ToServer::SignedCommand(signed) => cdr::encode(signed),
         ToServer::Undecodable { reason } => reason.clone().into_bytes(),
     }
 }
@@ -491,7 +494,9 @@ pub(super) fn described(message: &ToAgents) -> String {
             let verdict = if reply.accepted { "accepted" } else { "refused" };
             format!("reply to the join of agent {} by process {}: {verdict}", reply.agent, reply.instance)
         }
-        ToAgents::Observation(Observation { agent, tick, part, parts, phase, .. }) => {
+        ToAgents::Observation(fragment)
+        | ToAgents::SignedObservation(SignedObservation { observation: fragment, .. }) => {
+            let Observation { agent, tick, part, parts, phase, .. } = fragment;
             let end = if *phase == Observation::ENDED { ", shutdown" } else { "" };
             format!("observation of agent {agent}, tick {tick}, {} of {parts}{end}", part + 1)
         }
@@ -500,8 +505,10 @@ pub(super) fn described(message: &ToAgents) -> String {
 
 pub(super) fn described_to_server(incoming: &Incoming) -> String {
     match &incoming.message {
-        ToServer::Join(join) => format!("join of agent {}", join.agent),
-        ToServer::Command(command) => format!("command of agent {}, tick {}", command.agent, command.tick),
+        ToServer::Join(join) | ToServer::SignedJoin(SignedJoin { join, .. }) => format!("join of agent {}", join.agent),
+        ToServer::Command(command) | ToServer::SignedCommand(SignedCommand { command, .. }) => {
+            format!("command of agent {}, tick {}", command.agent, command.tick)
+        }
         ToServer::Undecodable { .. } => "an undecodable message".to_owned(),
     }
 }

@@ -151,6 +151,9 @@ pub(super) struct AgentSessions {
     unresponsive: BTreeSet<AgentId>,
     /// Joins for ids that another process holds, and the tick in which they arrived.
     contenders: BTreeMap<AgentId, (Tick, SourceId, SignedJoin)>,
+    /// Agents whose process was replaced after it had answered the present tick: the new process
+    /// does not know that reply.
+    answered_by_predecessor: BTreeSet<AgentId>,
     /// Agents to which an observation may have to be sent.
     to_prompt: BTreeSet<AgentId>,
     /// An agent that answered a replayed observation differently: agent, tick, and the difference.
@@ -177,6 +180,7 @@ impl AgentSessions {
             allows_replacement,
             unresponsive: BTreeSet::new(),
             contenders: BTreeMap::new(),
+            answered_by_predecessor: BTreeSet::new(),
             to_prompt: BTreeSet::new(),
             divergence: None,
         }
@@ -232,8 +236,10 @@ impl AgentSessions {
         Ok(())
     }
 
-    /// See [`ObservationLog::append`].
+    /// See [`ObservationLog::append`]; a process that has replaced the one that answered does not
+    /// know the reply.
     pub(super) fn append(&mut self, agent: AgentId, fragments: Vec<Fragment>, reply: &Command, is_known: bool) {
+        let is_known = is_known && !self.answered_by_predecessor.contains(&agent);
         self.observation_log.append(agent, fragments, reply, is_known);
     }
 
@@ -257,6 +263,7 @@ impl AgentSessions {
         context: &mut WaitContext<'_, '_>,
     ) -> Result<Result<Replies, MissingReplies>, RunError> {
         let mut barrier = Barrier::new(tick, requests.iter().map(|request| request.agent).collect());
+        self.answered_by_predecessor.clear();
         self.to_prompt = self.awaited(&barrier);
         self.prompt(requests, &barrier, context.transport);
         let mut last_poll = context.transport.now();

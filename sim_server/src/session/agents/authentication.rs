@@ -25,7 +25,8 @@ const UNSIGNED: &str = "comes from a process that does not sign its commands; a 
 /// What a process that holds an id was told.
 struct Grant {
     source: SourceId,
-    instance: u64,
+    /// The join that was granted.
+    join: SignedJoin,
     /// Of the server, with a join secret.
     nonce: Bytes,
     /// The key as it is sent, without a join secret.
@@ -90,14 +91,13 @@ impl Authentication {
 
     /// Notes that a join was granted. A repeated join of the same process gets the same key.
     pub(super) fn grant(&mut self, agent: AgentId, source: SourceId, join: &SignedJoin) {
-        let instance = join.join.instance;
-        let is_same = |grant: &Grant| grant.source == source && grant.instance == instance;
+        let is_same = |grant: &Grant| grant.source == source && grant.join.join.instance == join.join.instance;
         if self.grants[agent.index()].as_ref().is_some_and(is_same) {
             return;
         }
         self.granted += 1;
         let number = [self.run.to_le_bytes(), u64::from(agent.0).to_le_bytes(), self.granted.to_le_bytes()].concat();
-        let mut grant = Grant { source, instance, nonce: NONE, sent_key: NONE, key: None };
+        let mut grant = Grant { source, join: join.clone(), nonce: NONE, sent_key: NONE, key: None };
         if self.is_open && self.is_proven(source, join) {
             let random = self.random.derive(b"grant", &[&number]);
             match &self.policy.secret {
@@ -129,6 +129,14 @@ impl Authentication {
             reply.proof = secret.prove_reply(context, &reply);
         }
         reply
+    }
+
+    /// Completes a reply to the process that holds an id, whose join was granted before.
+    pub(super) fn complete_for_holder(&self, agent: AgentId, reply: JoinReply) -> JoinReply {
+        match self.grants.get(agent.index()).and_then(Option::as_ref) {
+            Some(grant) => self.complete(reply, grant.source, &grant.join),
+            None => reply,
+        }
     }
 
     /// Whether a command of the process that holds an id is signed by it.

@@ -4,7 +4,8 @@
 //! with a taken id is held as a contender. It is refused when the first process answers an
 //! observation that was sent after the join; it takes over when the first one is given up. The
 //! observation log is then replayed to it before it gets a new observation, so it must start
-//! without state: a process that has answered something and was replaced cannot return.
+//! without state: a process that has answered something and was replaced cannot return. A process
+//! that has answered ahead of its replay is refused, and must be started again.
 //!
 //! **Authentication** ([`authentication`](super::authentication)): a join is proven before it can
 //! hold or contend for an id, and a replacement gets a key of its own, so that no command of its
@@ -37,9 +38,9 @@ impl AgentSessions {
         let handled = match message {
             Inbound::Join(join) => {
                 let unsigned = SignedJoin { join, nonce: NONE, proof: NONE };
-                self.handle_join(topic_agent, source, unsigned, barrier.tick(), context)
+                self.handle_join(topic_agent, source, unsigned, barrier, context)
             }
-            Inbound::SignedJoin(join) => self.handle_join(topic_agent, source, join, barrier.tick(), context),
+            Inbound::SignedJoin(join) => self.handle_join(topic_agent, source, join, barrier, context),
             Inbound::Command(command) => {
                 let unsigned = SignedCommand { command, mac: NONE };
                 self.handle_command(topic_agent, source, unsigned, barrier, context)
@@ -80,7 +81,7 @@ impl AgentSessions {
         topic: AgentId,
         source: SourceId,
         signed: SignedJoin,
-        tick: Tick,
+        barrier: &Barrier<CommandReply>,
         context: &mut WaitContext<'_, '_>,
     ) -> Result<(), Refusal> {
         let join = &signed.join;
@@ -99,26 +100,48 @@ impl AgentSessions {
         if is_contender && matches!(granted, Err(Refusal::IdTaken { .. })) {
             if !self.unresponsive.contains(&agent) {
                 // The next observation shows whether the present process is alive.
-                let since = self.contenders.get(&agent).map_or(tick, |(since, ..)| *since);
+                let since = self.contenders.get(&agent).map_or(barrier.tick(), |(since, ..)| *since);
                 self.contenders.insert(agent, (since, source, signed));
                 return Ok(());
             }
             granted = self.membership.replace(agent, lease);
             if granted.is_ok() {
-                self.start_replay(agent, context);
+                self.start_replay(agent, barrier, context);
             }
         }
         if granted.is_ok() {
             self.authentication.grant(agent, source, &signed);
         }
+        if granted.is_ok()
+            && join.last_tick != Join::NONE
+            && let Some(expected) = self.observation_log.expected(agent)
+            && Tick(join.last_tick) > expected
+        {
+            self.refuse_overtaken(agent, expected, context);
+            return Ok(());
+        }
         self.reply(source, &signed, &granted, context);
         granted
     }
 
+    /// Refuses a process that has answered an observation ahead of its replay, because a late copy
+    /// of it has overtaken the others: it ignores earlier ones, and must be started again.
+    fn refuse_overtaken(&mut self, agent: AgentId, expected: Tick, context: &mut WaitContext<'_, '_>) {
+        if let Some(lease) = self.membership.lease(agent) {
+            let reason = format!("a later observation has overtaken that of tick {expected}; start it again");
+            let (run, instance) = (self.start.run(), lease.instance);
+            let reply = JoinReply { run, agent: agent.0, instance, reason, ..JoinReply::default() };
+            context.transport.reply_join(&self.authentication.complete_for_holder(agent, reply));
+        }
+    }
+
     /// Starts to replay the observation log of an agent to its new process.
-    fn start_replay(&mut self, agent: AgentId, context: &mut WaitContext<'_, '_>) {
+    fn start_replay(&mut self, agent: AgentId, barrier: &Barrier<CommandReply>, context: &mut WaitContext<'_, '_>) {
         self.unresponsive.remove(&agent);
         self.contenders.remove(&agent);
+        if barrier.answer(agent).is_some() {
+            self.answered_by_predecessor.insert(agent);
+        }
         self.observation_log.rewind(agent);
         self.to_prompt.insert(agent);
         context.warn(&format!("agent {agent} was started again; its observation log is replayed to it"));
@@ -188,7 +211,10 @@ impl AgentSessions {
                 self.to_prompt.insert(agent);
                 return Ok(());
             }
-            Recall::OutOfOrder { expected } => return Err(Refusal::WrongTick { agent, got: tick, expected }),
+            Recall::OutOfOrder { expected } => {
+                self.refuse_overtaken(agent, expected, context);
+                return Err(Refusal::WrongTick { agent, got: tick, expected });
+            }
             Recall::Different { what } => {
                 self.divergence = Some((agent, tick, what));
                 return Ok(());

@@ -91,6 +91,12 @@ impl ObservationLog {
         log.entries.get(log.known).map(|entry| entry.fragments.as_slice())
     }
 
+    /// The tick of that observation.
+    pub(super) fn expected(&self, agent: AgentId) -> Option<Tick> {
+        let log = &self.logs[agent.index()];
+        log.entries.get(log.known).map(|entry| Tick(entry.command.tick))
+    }
+
     /// Agents to which a replay is under way, ascending.
     pub(super) fn replaying(&self) -> impl Iterator<Item = AgentId> + '_ {
         let is_behind = |log: &AgentLog| log.known < log.entries.len();
