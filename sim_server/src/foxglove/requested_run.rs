@@ -178,7 +178,7 @@ mod tests {
         let mut reasons = Vec::new();
         for wrong in ["../secret.txt", "link.txt", "none.txt", "/etc/passwd", "/none/at/all", ".", "../maps"] {
             let refused = runs.resolve(&of_file(wrong), false, &[]).unwrap_err().to_string();
-            reasons.push(refused.replace(wrong, ""));
+            reasons.push(refused.replace(&format!("{wrong:?}"), ""));
         }
         reasons.dedup();
         assert_eq!(reasons.len(), 1, "one answer for what is missing and what is outside: {reasons:?}");
