@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use msgs::ids::AgentId;
-use msgs::limits::PROTOCOL;
+use msgs::limits::{OVERTAKEN, PROTOCOL};
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation as Part, Scenario, SignedCommand, SignedObservation};
 use msgs::signing::{Bytes, NONE, SessionKey, is_equal};
 use thiserror::Error;
@@ -85,6 +85,15 @@ pub enum RunError {
     /// The server refuses an agent.
     #[error("agent {agent} was refused by the server: {reason}")]
     Refused {
+        /// The agent.
+        agent: AgentId,
+        /// The reason that the server gives.
+        reason: String,
+    },
+    /// The server has withdrawn its acceptance, because a late observation has overtaken earlier
+    /// ones: a new process can take part.
+    #[error("agent {agent} has lost its place in the observation log: {reason}")]
+    Overtaken {
         /// The agent.
         agent: AgentId,
         /// The reason that the server gives.
@@ -388,7 +397,13 @@ impl<'a> Host<'a> {
             return Ok(());
         };
         if !reply.accepted {
-            return Err(RunError::Refused { agent, reason: reply.reason });
+            let reason = reply.reason;
+            let is_overtaken = reason.starts_with(OVERTAKEN);
+            return Err(if is_overtaken {
+                RunError::Overtaken { agent, reason }
+            } else {
+                RunError::Refused { agent, reason }
+            });
         }
         self.unproven = None;
         if !std::mem::replace(&mut hosted.is_accepted, true) {

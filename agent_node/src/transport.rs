@@ -81,6 +81,18 @@ impl<T: ServerTransport + ?Sized> ServerTransport for &mut T {
         (**self).send_command(command);
     }
 
+    fn send_signed_join(&mut self, signed: &SignedJoin) {
+        (**self).send_signed_join(signed);
+    }
+
+    fn send_signed_command(&mut self, signed: &SignedCommand) {
+        (**self).send_signed_command(signed);
+    }
+
+    fn source(&self) -> [u8; 16] {
+        (**self).source()
+    }
+
     fn observers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
         (**self).observers()
     }

@@ -7,6 +7,10 @@
 /// Version of the protocol. Another one is not understood, and a join that names it is refused.
 pub const PROTOCOL: u32 = 4;
 
+/// How the reason of a refusal begins if the process has lost its place in the observation log and
+/// is to be started again.
+pub const OVERTAKEN: &str = "a later observation has overtaken";
+
 /// Version of the recorded messages. Version 4 of the protocol has added signatures, which are not
 /// recorded, so that the recorded bytes are those of version 3.
 pub const RECORDED_PROTOCOL: u32 = 3;

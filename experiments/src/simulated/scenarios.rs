@@ -16,12 +16,25 @@ const RADIOS: [&str; 4] = ["line_of_sight_and_range", "range", "global", "attenu
 /// Edge of the cubic maps, cells.
 const SIZE: u32 = 20;
 
+/// Draws of a scenario; the error of the last one is reported.
+const DRAWS_MAX: u64 = 10;
+
 /// Most agents of a run.
 pub(super) const AGENTS_MAX: u32 = 4;
 
-/// Draws the scenario of a seed.
+/// The scenario of a seed: the first that is drawn whose map has room for its team.
 pub(super) fn of_seed(seed: u64) -> Result<Scenario, SetupError> {
-    let random = &mut random_streams::stream(seed, 0, "simulated.scenario");
+    let mut scenario = drawn(seed, 0)?;
+    let mut draws = 1;
+    while setup::build(&scenario).is_err() && draws < DRAWS_MAX {
+        scenario = drawn(seed, draws)?;
+        draws += 1;
+    }
+    Ok(scenario)
+}
+
+fn drawn(seed: u64, draw: u64) -> Result<Scenario, SetupError> {
+    let random = &mut random_streams::stream(seed, draw, "simulated.scenario");
     let agents = random.random_range(1..=AGENTS_MAX);
     let controller = CONTROLLERS[random.random_range(0..CONTROLLERS.len())];
     let look_ahead = random.random_bool(0.8);
@@ -37,7 +50,7 @@ pub(super) fn of_seed(seed: u64) -> Result<Scenario, SetupError> {
     let policy = ["wait", "wait", "wait", "abort", "drop"][random.random_range(0..5_usize)];
     let decision_timeout = if policy == "wait" { 1.0 } else { 10.0 };
     let text = format!(
-        "seed = {seed}
+        "seed = {map_seed}
 duration_s = {duration:?}
 stop_when_explored = {stops}
 [map]
@@ -61,6 +74,7 @@ look_ahead = {look_ahead}
 join_timeout_s = 120.0
 decision_timeout_s = {decision_timeout:?}
 ",
+        map_seed = seed.wrapping_add(draw << 32),
         duration = f64::from(ticks) / 50.0,
         stops = random.random_bool(0.5),
     );

@@ -15,6 +15,7 @@
 
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
+use msgs::limits::OVERTAKEN;
 use msgs::maes_msgs::{Command, Join, JoinReply, SignedCommand, SignedJoin};
 use msgs::signing::NONE;
 
@@ -128,7 +129,7 @@ impl AgentSessions {
     /// of it has overtaken the others: it ignores earlier ones, and must be started again.
     fn refuse_overtaken(&mut self, agent: AgentId, expected: Tick, context: &mut WaitContext<'_, '_>) {
         if let Some(lease) = self.membership.lease(agent) {
-            let reason = format!("a later observation has overtaken that of tick {expected}; start it again");
+            let reason = format!("{} that of tick {expected}; start it again", OVERTAKEN);
             let (run, instance) = (self.start.run(), lease.instance);
             let reply = JoinReply { run, agent: agent.0, instance, reason, ..JoinReply::default() };
             context.transport.reply_join(&self.authentication.complete_for_holder(agent, reply));
