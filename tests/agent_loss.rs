@@ -1,7 +1,7 @@
 //! Agents that are missing, die, hang, or join with an id in use: one documented outcome each.
 
 use crate::support::processes::{Ended, Process, signal};
-use crate::support::recordings::{Recording, counter, refusals};
+use crate::support::recordings::{OLDER_RECORDING, Recording, counter, refusals};
 use crate::support::runs::{Run, Site, scenario};
 
 /// A run of ten minutes of sim time.
@@ -162,13 +162,13 @@ fn unknown_id_is_ignored() {
 fn second_server_is_refused_without_effect() {
     let site = Site::new();
     let mut run = started(&site, &[&SLOW]);
-    site.file("second.mcap", "an older recording");
+    site.file("second.mcap", OLDER_RECORDING);
     let mut second = site.binary("sim_server");
     second.arg("run").arg(scenario("default.toml")).args(["--agents", "3", "--record", "second.mcap"]);
     let second = Process::start(&mut second).ended().with_code(1);
     assert!(second.stderr.contains("error: another server is in this network, with run "), "{second}");
     assert_eq!(second.stdout, "");
-    assert_eq!(std::fs::read_to_string(site.path("second.mcap")).expect("it is there"), "an older recording");
+    assert_eq!(std::fs::read(site.path("second.mcap")).expect("it is there"), OLDER_RECORDING);
 
     signal(run.process().pid(), "INT");
     run.ended().with_code(130);

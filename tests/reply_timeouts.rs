@@ -15,7 +15,7 @@ use simulation::scenario::Rtf;
 
 use crate::support::memory::{Play, Played, honest};
 use crate::support::processes::{Process, signal};
-use crate::support::recordings::{Recording, refusals};
+use crate::support::recordings::{OLDER_RECORDING, Recording, refusals};
 use crate::support::runs::{Site, scenario};
 
 /// Duration of a run, seconds of sim time.
@@ -205,7 +205,7 @@ fn abandoned_tick_keeps_sent_observations() {
 #[test]
 fn failed_start_keeps_the_older_recording() {
     let site = Site::new();
-    site.file("run.mcap", "an older recording");
+    site.file("run.mcap", OLDER_RECORDING);
     let start = |environment: (&str, &str), flags: &[&str]| {
         let mut server = site.binary("sim_server");
         server.arg("run").arg(scenario("default.toml")).args(["--record", "run.mcap"]).args(flags);
@@ -214,7 +214,7 @@ fn failed_start_keeps_the_older_recording() {
     start(("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF"), &[]).with_code(1);
     start(("ROS_DOMAIN_ID", "233"), &[]).with_code(2);
     start(("NOTHING", ""), &["--set", "map.spheres.fill_ratio=7"]).with_code(2);
-    assert_eq!(std::fs::read_to_string(site.path("run.mcap")).expect("it is there"), "an older recording");
+    assert_eq!(std::fs::read(site.path("run.mcap")).expect("it is there"), OLDER_RECORDING);
     let left: Vec<_> = std::fs::read_dir(site.path("")).expect("it is there").collect();
     assert_eq!(left.len(), 1, "{left:?}");
 }

@@ -10,6 +10,9 @@ use msgs::ids::Tick;
 use msgs::maes_msgs;
 use serde::de::DeserializeOwned;
 
+/// A file that a recording may replace: it begins as a recording does.
+pub(crate) const OLDER_RECORDING: &[u8] = b"\x89MCAP0\r\nan older recording";
+
 /// The messages of a recording up to its end or its damage.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Recording {
