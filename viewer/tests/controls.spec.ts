@@ -4,7 +4,7 @@
  * Every control changes the image, and resetting it restores the image to the last pixel.
  */
 import type { Page } from "@playwright/test";
-import { expect, test } from "./support/fixtures.ts";
+import { expect, LONG, test } from "./support/fixtures.ts";
 import { recording } from "./support/recordings.ts";
 import * as shown from "./support/shown.ts";
 
@@ -41,7 +41,7 @@ const selectedIn = (page: Page): Promise<number | null> =>
 const expectSelected = (page: Page, agent: number | null): Promise<void> =>
   expect.poll(() => selectedIn(page)).toBe(agent);
 
-test("every layer can be shown and hidden", async ({ page, servers }) => {
+test("every layer can be shown and hidden", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, `${await servers.view(FILE)}&agent=${AGENT}`);
   await page.getByTestId("toolbar-layers").click();
   await expect(page.getByTestId("layers-panel")).toBeVisible();
@@ -62,7 +62,7 @@ test("every layer can be shown and hidden", async ({ page, servers }) => {
   }
 });
 
-test("walls become solid, and the cave is cut open along each axis", async ({ page, servers }) => {
+test("walls become solid, and the cave is cut open along each axis", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   await page.keyboard.press("l");
   const before = await shown.pictureAt(page, TIME_S);
@@ -185,7 +185,7 @@ test("the panel shows the state of the selected agent", async ({ page, servers }
   }
 });
 
-test("dragging rotates the view and the wheel zooms", async ({ page, servers }) => {
+test("dragging rotates the view and the wheel zooms", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const before = await shown.pictureAt(page, TIME_S);
   const box = (await page.getByTestId("canvas").boundingBox())!;
@@ -214,7 +214,7 @@ test("dragging rotates the view and the wheel zooms", async ({ page, servers }) 
   shown.expectSame(before, await shown.pictureAt(page, TIME_S), "the whole cave again");
 });
 
-test("help, statistics and panels can be toggled", async ({ page, servers }) => {
+test("help, statistics and panels can be toggled", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   await page.keyboard.press("?");
   await expect(page.getByTestId("help")).toBeVisible();
@@ -254,7 +254,7 @@ test("help, statistics and panels can be toggled", async ({ page, servers }) => 
   await expect(page.getByTestId("scenario")).toContainText("range_m = 15");
 });
 
-test("view settings persist", async ({ page, servers }) => {
+test("view settings persist", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   await page.keyboard.press("l");
   await page.getByTestId("layer-heat").check();
@@ -279,7 +279,7 @@ test("view settings persist", async ({ page, servers }) => {
   shown.expectSame(left, await shown.pictureAt(page, TIME_S), "before and after");
 });
 
-test("a page for captures has only the image and a caption", async ({ page, servers }) => {
+test("a page for captures has only the image and a caption", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   await page.getByTestId("toolbar-layers").click();
   await page.getByTestId("layer-heat").check();

@@ -1,6 +1,6 @@
 /** A live run: the page shows it, controls it, and does not change its digest. */
 import type { Page } from "@playwright/test";
-import { expect, test } from "./support/fixtures.ts";
+import { expect, LONG, test } from "./support/fixtures.ts";
 import { digestIn } from "./support/info.ts";
 import { SCENARIO } from "./support/paths.ts";
 import { parameterOf } from "./support/simulator.ts";
@@ -101,7 +101,7 @@ test("the real-time factor is the server's", async ({ page, servers }) => {
   }
 });
 
-test("earlier times can be shown while the run continues", async ({ page, servers }) => {
+test("earlier times can be shown while the run continues", LONG, async ({ page, servers }) => {
   const { url } = await servers.run([...ENDLESS, "--rtf", "5"]);
   servers.agents(AGENTS);
   await shown.open(page, url);
@@ -190,7 +190,7 @@ test("observing and controlling a run does not change its digest", async ({ page
   expect(digestIn(server.stdout)).toBe(await servers.digestUnobserved(flags));
 });
 
-test("two pages show the same, whenever they connected", async ({ page, context, watch, servers }) => {
+test("two pages show the same, whenever they connected", LONG, async ({ page, context, watch, servers }) => {
   const { url } = await servers.run([...ENDLESS, "--rtf", "10"]);
   servers.agents(AGENTS);
   await shown.open(page, url);

@@ -1,7 +1,7 @@
 /** Recordings: ways to open them, numbers, and the timeline. */
 import { readFileSync } from "node:fs";
 import type { Page } from "@playwright/test";
-import { expect, test } from "./support/fixtures.ts";
+import { expect, LONG, test } from "./support/fixtures.ts";
 import { addressWith } from "./support/paths.ts";
 import { recording } from "./support/recordings.ts";
 import * as shown from "./support/shown.ts";
@@ -28,7 +28,7 @@ test("opens from the file chooser", async ({ page, servers }) => {
   await expect(page.getByTestId("fact-radio-range")).toHaveText("15.0 m");
 });
 
-test("opens by drag and drop", async ({ page, servers }) => {
+test("opens by drag and drop", LONG, async ({ page, servers }) => {
   await page.goto(addressWith(await servers.view(FILE), { recording: "" }));
   await expect(page.getByTestId("drop-zone")).toBeVisible();
   const bytes = readFileSync(FILE).toString("base64");
@@ -154,7 +154,7 @@ async function clickLine(page: Page, share: number): Promise<void> {
   await page.mouse.click(box.x + box.width * share, box.y + box.height / 2);
 }
 
-test("the timeline seeks", async ({ page, servers }) => {
+test("the timeline seeks", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const end = await shown.endOf(page);
   const line = page.getByTestId("timeline");
@@ -218,7 +218,7 @@ test("milestones show when shares were explored, and seek there", async ({ page,
   await shown.expectTime(page, shown.secondsOf(info.reached.get("50")!));
 });
 
-test("plays, pauses, and plays to its end", async ({ page, servers }) => {
+test("plays, pauses, and plays to its end", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const end = await shown.endOf(page);
   const state = () => page.evaluate(() => window.maes!.state);
@@ -249,7 +249,7 @@ test("plays, pauses, and plays to its end", async ({ page, servers }) => {
   await expect.poll(() => shown.timeOf(page)).toBeLessThan(end - 1);
 });
 
-test("a click on the chart seeks", async ({ page, servers }) => {
+test("a click on the chart seeks", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const end = await shown.endOf(page);
   const over = page.getByTestId("chart").locator(".u-over");
@@ -258,7 +258,7 @@ test("a click on the chart seeks", async ({ page, servers }) => {
   await expect.poll(async () => Math.abs((await shown.timeOf(page)) - end / 2)).toBeLessThan(end / 50);
 });
 
-test("a time has the same image whatever was shown before", async ({ page, servers }) => {
+test("a time has the same image whatever was shown before", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const first = await shown.pictureAt(page, 100);
   const later = await shown.pictureAt(page, 300);
@@ -279,20 +279,24 @@ test("a time has the same image whatever was shown before", async ({ page, serve
   shown.expectSame(first, await shown.pictureAt(page, 100), "100 s in a new page");
 });
 
-test("a large cave is coarse in motion, and in full detail at rest", async ({ page, context, servers }) => {
-  const triangles = () => page.evaluate(() => window.maes!.scene!.stats.triangles);
-  const url = await servers.view(recording("hall"));
-  await shown.openWhole(page, url);
-  await shown.showAt(page, 5);
-  const full = await triangles();
-  await page.getByTestId("rate").selectOption("1");
-  await page.getByTestId("play").click();
-  await expect.poll(triangles).toBeLessThan(full / 2);
-  await page.getByTestId("play").click();
-  await expect.poll(triangles).toBeGreaterThan(full * 0.8);
+test(
+  "a large cave is coarse in motion, and in full detail at rest",
+  LONG,
+  async ({ page, context, servers }) => {
+    const triangles = () => page.evaluate(() => window.maes!.scene!.stats.triangles);
+    const url = await servers.view(recording("hall"));
+    await shown.openWhole(page, url);
+    await shown.showAt(page, 5);
+    const full = await triangles();
+    await page.getByTestId("rate").selectOption("1");
+    await page.getByTestId("play").click();
+    await expect.poll(triangles).toBeLessThan(full / 2);
+    await page.getByTestId("play").click();
+    await expect.poll(triangles).toBeGreaterThan(full * 0.8);
 
-  const other = await context.newPage();
-  await shown.openWhole(other, url);
-  const exact = await shown.pictureAt(other, await shown.timeOf(page));
-  await expect.poll(async () => exact.equals(await shown.picture(page))).toBe(true);
-});
+    const other = await context.newPage();
+    await shown.openWhole(other, url);
+    const exact = await shown.pictureAt(other, await shown.timeOf(page));
+    await expect.poll(async () => exact.equals(await shown.picture(page))).toBe(true);
+  },
+);

@@ -10,6 +10,9 @@ import { digestIn, parseInfo, type Info } from "./info.ts";
  */
 const FAILED_CONNECTION = /^(WebSocket connection to|Failed to load resource)/;
 
+/** The details of a test that `npm run e2e` runs, and `npm run e2e:short` leaves out. */
+export const LONG = { tag: "@long" };
+
 export class Servers {
   readonly #programs: Program[] = [];
   readonly #env: NodeJS.ProcessEnv;
