@@ -166,7 +166,7 @@ pub struct AgentProcess<'a> {
 enum Stage<'a> {
     /// It waits for the scenario of a run.
     Waiting(Box<dyn ServerTransport + 'a>),
-    Serving(Host<'a>),
+    Serving(Box<Host<'a>>),
     /// The run is over, or the process has failed.
     Over,
 }
@@ -188,7 +188,7 @@ impl<'a> AgentProcess<'a> {
             Stage::Waiting(mut transport) => match transport.receive(RECEIVE_TIMEOUT) {
                 // The scenario of a replayed recording is ignored.
                 Some(Inbound::Scenario(scenario)) if scenario.run != Scenario::NO_RUN => {
-                    Stage::Serving(Host::new(transport, &self.options, &scenario, BTreeMap::new())?)
+                    Stage::Serving(Box::new(Host::new(transport, &self.options, &scenario, BTreeMap::new())?))
                 }
                 _ => Stage::Waiting(transport),
             },
@@ -201,7 +201,7 @@ impl<'a> AgentProcess<'a> {
                 match host.next.take() {
                     Some(scenario) => {
                         let published = host.published();
-                        Stage::Serving(Host::new(host.transport, &self.options, &scenario, published)?)
+                        Stage::Serving(Box::new(Host::new(host.transport, &self.options, &scenario, published)?))
                     }
                     None if host.agents.is_empty() => Stage::Over,
                     None => Stage::Serving(host),

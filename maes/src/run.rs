@@ -56,7 +56,7 @@ pub(crate) struct RunArgs {
     /// The folder of the page, if it is not the one that was built here
     #[arg(long, value_name = "DIR")]
     pub(crate) page: Option<PathBuf>,
-    /// Let pages of this origin connect as well, for example https://app.foxglove.dev; may be
+    /// Let pages of this origin connect as well, such as <https://app.foxglove.dev>; may be
     /// repeated
     #[arg(long, value_name = "ORIGIN")]
     pub(crate) view_allow_origin: Vec<PageOrigin>,

@@ -44,7 +44,7 @@ pub struct RunArgs {
     #[cfg(feature = "view")]
     #[arg(long, value_name = "DIR", requires = "view")]
     pub page: Option<PathBuf>,
-    /// Let pages of this origin connect as well, for example https://app.foxglove.dev; may be
+    /// Let pages of this origin connect as well, such as <https://app.foxglove.dev>; may be
     /// repeated
     #[cfg(feature = "view")]
     #[arg(long, value_name = "ORIGIN", requires = "view")]

@@ -186,7 +186,7 @@ impl Recorder {
     }
 
     /// Makes everything written so far readable, without ending the chunk, and syncs it to the disk
-    /// every [`SAVES_PER_SYNC`] calls. Call it regularly in wall time; it changes no byte of the
+    /// every `SAVES_PER_SYNC` calls. Call it regularly in wall time; it changes no byte of the
     /// finished file.
     ///
     /// # Errors
