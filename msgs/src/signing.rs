@@ -2,8 +2,8 @@
 //!
 //! A run may have a join secret. A process proves that it knows the secret when it joins, the
 //! server proves it in its reply, and both derive a session key from it that is never sent. Without
-//! a secret the reply carries a random session key: that protects against a sender who does not
-//! read the topics, and against nobody else. All values are keyed BLAKE3 hashes of the CDR encoding
+//! a secret the reply carries a random session key: that protects only against a sender who does
+//! not read the topics. All values are keyed BLAKE3 hashes of the CDR encoding
 //! of a message, which names run, agent and tick; `docs/topics.md` has the formulas.
 //!
 //! Invariants: comparisons take the same time whatever the values; neither secret nor key is

@@ -5,8 +5,8 @@
 //! nothing of the middleware, watches the process:
 //! - A start that takes too long is begun again: the process executes its own program with the same
 //!   arguments, under the same process id, so that a supervisor sees no difference.
-//! - A process that uses too much memory is told to stop like by SIGTERM, so that a recording is
-//!   closed, and reports that it has failed.
+//! - A process that uses too much memory ends as by SIGTERM, so that a recording is closed, and
+//!   reports that it has failed.
 //! - A shutdown that takes too long ends the process, whatever its threads do.
 //!
 //! No limit changes the result of a run: a restarted process has sent nothing before, and the other

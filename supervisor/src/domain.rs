@@ -1,7 +1,7 @@
 //! The lock on a ROS domain: two servers in one domain would share their agents.
 //!
-//! Invariants: the locks of a user are in a folder that only that user can write to, so that nobody
-//! else can hold them or put something in their place; a lock file is never truncated, and no
+//! Invariants: the locks of a user are in a folder that only that user can write to, so that no
+//! other user can hold them or put something in their place; a lock file is never truncated, and no
 //! symbolic link is followed to it. So the lock keeps apart the runs of one user; those of different
 //! users in one domain are kept apart by the server, which refuses a domain with another server.
 
@@ -85,7 +85,7 @@ fn folder(runtime: Option<&Path>, temporary: &Path) -> Result<PathBuf, Superviso
     Ok(folder)
 }
 
-/// Whether a folder is no link, belongs to this user, and nobody else can write to it or read it.
+/// Whether a folder is no link, belongs to this user, and no other user can write to it or read it.
 fn check_private(folder: &Path) -> io::Result<()> {
     let there = fs::symlink_metadata(folder)?;
     let (owner, mode) = (there.uid(), there.mode() & 0o777);
@@ -139,7 +139,7 @@ mod tests {
         assert_eq!(folder(Some(runtime.path()), place.path()).unwrap(), made);
         assert_eq!(folder(Some(Path::new("/nowhere")), place.path()).unwrap(), made);
 
-        // What somebody else has prepared is refused.
+        // What another user has prepared is refused.
         let refuse = || folder(None, place.path()).unwrap_err().to_string();
         fs::set_permissions(&made, fs::Permissions::from_mode(0o777)).unwrap();
         assert!(refuse().contains("a folder with mode 777, expected "), "{}", refuse());

@@ -18,7 +18,7 @@ pub(super) const DELAY_MAX: Duration = Duration::from_millis(3);
 /// comparison finds what it is there for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mutation {
-    /// Repeated messages are lost: nobody resends.
+    /// Repeated messages are lost, as if no side resent any.
     NoResends,
     /// A sync returns before anything is on the disk: a recording takes its name unsynced.
     NoSyncs,

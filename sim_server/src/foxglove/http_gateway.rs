@@ -153,7 +153,7 @@ pub(super) fn serve(runtime: &Runtime, listener: TcpListener, access: Access, co
             let Ok(permit) = Arc::clone(&connections).try_acquire_owned() else { continue };
             let gateway = Arc::clone(&gateway);
             tokio::spawn(async move {
-                // Errors of a connection concern nobody else.
+                // Errors of a connection concern no other one.
                 drop(serve_connection(stream, gateway, Arc::new(permit)).await);
             });
         }

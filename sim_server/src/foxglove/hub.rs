@@ -99,7 +99,7 @@ impl Hub {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Connects a client: it is told what the server has.
+    /// Connects a client: it learns what the server has.
     pub(super) fn join(&self) -> (u32, Arc<Outbox>) {
         let outbox = Arc::new(Outbox::default());
         let mut state = self.state();
