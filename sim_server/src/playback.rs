@@ -101,7 +101,7 @@ impl<'a> Playback<'a> {
             }
         }
         if let Horizon::Ended(tick) = horizon
-            && all.end() != Some(&End::Whole)
+            && !(all.end() == Some(&End::Whole) && recording.is_closed())
         {
             // The server has failed while it ended the recording, which can be completed.
             horizon = Horizon::Open(tick);

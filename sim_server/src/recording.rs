@@ -190,6 +190,12 @@ impl Recording {
         &self.bytes
     }
 
+    /// Whether the file is closed: its summary is written, too.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.bytes.ends_with(mcap::MAGIC)
+    }
+
     /// Attachments by name.
     #[must_use]
     pub fn attachments(&self) -> &BTreeMap<String, Vec<u8>> {
