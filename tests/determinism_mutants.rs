@@ -16,15 +16,16 @@ use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
 use experiments::in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{JoinReply, Observation as Part, Progress, Scenario};
+use msgs::maes_msgs::Observation as Part;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use sim_server::recording::Recording;
 use sim_server::session::RunError;
-use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput, Transport};
+use sim_server::transport::{AgentTransport, Incoming, Transport};
 use simulation::scenario::OnAgentLoss;
 
 use crate::agent_replacement::{Mortal, Successor, wait_for};
+use crate::support::interceptor::{Interceptor, intercepted};
 use crate::support::lock;
 use crate::support::memory::{Play, Played, serve};
 use crate::support::runs::{Site, difference};
@@ -190,32 +191,23 @@ fn shared_random_stream_is_detected() {
 
 /// A server's end that reverses the order of replies, or sends positions with an error from a hash.
 struct Tampered {
-    inner: ServerEnd,
     waiting: Vec<Incoming>,
     is_tampering: bool,
 }
 
-impl AgentTransport for Tampered {
-    fn announce(&mut self, scenario: &Scenario) {
-        self.inner.announce(scenario);
-    }
-
-    fn reply_join(&mut self, reply: &JoinReply) {
-        self.inner.reply_join(reply);
-    }
-
-    fn send(&mut self, agent: AgentId, part: &Part) {
+impl Interceptor for Tampered {
+    fn send(&mut self, inner: &mut ServerEnd, agent: AgentId, part: &Part) {
         let mut part = part.clone();
         if self.is_tampering && part.phase == Part::RUNNING {
             part.position.x += (RandomState::new().hash_one(part.tick) % 1000) as f64 * 1e-6;
         }
-        self.inner.send(agent, &part);
+        inner.send(agent, &part);
     }
 
-    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+    fn receive(&mut self, inner: &mut ServerEnd, timeout: Duration) -> Option<Incoming> {
         if self.waiting.is_empty() {
-            self.waiting.extend(self.inner.receive(timeout));
-            while let Some(next) = self.inner.receive(Duration::ZERO) {
+            self.waiting.extend(inner.receive(timeout));
+            while let Some(next) = inner.receive(Duration::ZERO) {
                 self.waiting.push(next);
             }
         }
@@ -224,28 +216,15 @@ impl AgentTransport for Tampered {
     }
 }
 
-impl ObserverOutput for Tampered {
-    fn clock(&mut self, tick: Tick) {
-        self.inner.clock(tick);
-    }
-
-    fn progress(&mut self, progress: &Progress) {
-        self.inner.progress(progress);
-    }
-}
-
-impl ControlInput for Tampered {}
-
 #[test]
 fn hash_order_in_observations_is_detected() {
-    let tampering = |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_tampering: true }) as Box<dyn Transport>;
+    let tampering = |inner| intercepted(inner, Tampered { waiting: Vec::new(), is_tampering: true });
     assert_eq!(found_by(Source::Own, tampering), VARIANTS.map(|variant| variant.name));
 }
 
 #[test]
 fn reply_order_is_irrelevant() {
-    let upside_down =
-        |inner| Box::new(Tampered { inner, waiting: Vec::new(), is_tampering: false }) as Box<dyn Transport>;
+    let upside_down = |inner| intercepted(inner, Tampered { waiting: Vec::new(), is_tampering: false });
     assert_eq!(found_by(Source::Own, upside_down), [""; 0]);
 }
 

@@ -7,15 +7,14 @@ use std::time::Duration;
 
 use agent_node::host::{Credentials, Options};
 use experiments::in_memory::{AgentsEnd, ServerEnd};
-use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{
-    Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation, Task,
-};
+use msgs::ids::AgentId;
+use msgs::maes_msgs::{Command, Join, SignedCommand, SignedJoin, Task};
 use msgs::signing::{JOIN_SECRET, JoinContext, JoinSecret, NONE, SessionKey};
 use sim_server::session::JoinPolicy;
-use sim_server::transport::{AgentTransport, ControlInput, Inbound, Incoming, ObserverOutput, Transport};
+use sim_server::transport::{AgentTransport, Inbound, Incoming, Transport};
 use simulation::lockstep::SourceId;
 
+use crate::support::interceptor::{Interceptor, intercepted};
 use crate::support::memory::{Play, Played, honest};
 use crate::support::processes::Process;
 use crate::support::recordings::refusals;
@@ -26,7 +25,6 @@ const DURATION_S: f64 = 2.0;
 
 /// A server's end over which a stranger sends under the GUID of the agents.
 struct Attacked {
-    inner: ServerEnd,
     /// Whether others than the agents can send.
     is_open: bool,
     /// What the stranger sends for each message of an agent, before it.
@@ -37,35 +35,19 @@ struct Attacked {
 }
 
 impl Attacked {
-    fn over(inner: ServerEnd, is_open: bool, attack: fn(&Incoming, &[Incoming]) -> Vec<Inbound>) -> Self {
-        Self { inner, is_open, attack, heard: Vec::new(), waiting: VecDeque::new() }
+    fn over(inner: ServerEnd, is_open: bool, attack: fn(&Incoming, &[Incoming]) -> Vec<Inbound>) -> Box<dyn Transport> {
+        intercepted(inner, Self { is_open, attack, heard: Vec::new(), waiting: VecDeque::new() })
     }
 }
 
-impl AgentTransport for Attacked {
-    fn announce(&mut self, scenario: &Scenario) {
-        self.inner.announce(scenario);
-    }
-
-    fn reply_join(&mut self, reply: &JoinReply) {
-        self.inner.reply_join(reply);
-    }
-
-    fn send(&mut self, agent: AgentId, part: &Observation) {
-        self.inner.send(agent, part);
-    }
-
-    fn send_signed(&mut self, agent: AgentId, part: &SignedObservation) {
-        self.inner.send_signed(agent, part);
-    }
-
+impl Interceptor for Attacked {
     fn is_open(&self) -> bool {
         self.is_open
     }
 
-    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+    fn receive(&mut self, inner: &mut ServerEnd, timeout: Duration) -> Option<Incoming> {
         if self.waiting.is_empty() {
-            let incoming = self.inner.receive(timeout)?;
+            let incoming = inner.receive(timeout)?;
             let Incoming { topic_agent, source, .. } = incoming;
             let forged = (self.attack)(&incoming, &self.heard);
             self.waiting.extend(forged.into_iter().map(|message| Incoming { topic_agent, source, message }));
@@ -75,18 +57,6 @@ impl AgentTransport for Attacked {
         self.waiting.pop_front()
     }
 }
-
-impl ObserverOutput for Attacked {
-    fn clock(&mut self, tick: Tick) {
-        self.inner.clock(tick);
-    }
-
-    fn progress(&mut self, progress: &Progress) {
-        self.inner.progress(progress);
-    }
-}
-
-impl ControlInput for Attacked {}
 
 fn nothing(_: &Incoming, _: &[Incoming]) -> Vec<Inbound> {
     Vec::new()
@@ -151,7 +121,7 @@ fn played(secret: Option<JoinSecret>, link: fn(ServerEnd) -> Box<dyn Transport>)
 }
 
 fn undisturbed() -> String {
-    let played = played(None, |inner| Box::new(Attacked::over(inner, false, nothing)));
+    let played = played(None, |inner| Attacked::over(inner, false, nothing));
     assert_eq!(refusals(&played.outcome().result), BTreeMap::new());
     played.digest()
 }
@@ -159,7 +129,7 @@ fn undisturbed() -> String {
 #[test]
 fn signed_runs_have_the_digest_of_unsigned_ones() {
     for secret in [None, Some(secret())] {
-        let signed = played(secret, |inner| Box::new(Attacked::over(inner, true, nothing)));
+        let signed = played(secret, |inner| Attacked::over(inner, true, nothing));
         assert_eq!(refusals(&signed.outcome().result), BTreeMap::new());
         assert_eq!(signed.digest(), undisturbed());
     }
@@ -168,7 +138,7 @@ fn signed_runs_have_the_digest_of_unsigned_ones() {
 #[test]
 fn forged_commands_are_refused() {
     for secret in [None, Some(secret())] {
-        let attacked = played(secret, |inner| Box::new(Attacked::over(inner, true, forge)));
+        let attacked = played(secret, |inner| Attacked::over(inner, true, forge));
         let refusals = refusals(&attacked.outcome().result);
         assert_eq!(refusals.keys().copied().collect::<Vec<_>>(), ["refused_forged_command"]);
         // Of two agents in each tick and at the end; more if a busy machine has resent something.
@@ -178,13 +148,13 @@ fn forged_commands_are_refused() {
         assert!(attacked.notes.iter().any(|said| said == note), "{:?}", attacked.notes);
     }
     // The attack works where nothing is signed.
-    let unsigned = played(None, |inner| Box::new(Attacked::over(inner, false, forge)));
+    let unsigned = played(None, |inner| Attacked::over(inner, false, forge));
     assert_ne!(unsigned.digest(), undisturbed());
 }
 
 #[test]
 fn replayed_messages_have_no_effect() {
-    let attacked = played(Some(secret()), |inner| Box::new(Attacked::over(inner, true, replay)));
+    let attacked = played(Some(secret()), |inner| Attacked::over(inner, true, replay));
     let refusals = refusals(&attacked.outcome().result);
     // A busy machine resends observations, and then a command may also be a second one.
     let expected = ["refused_second_answer", "refused_wrong_tick"];
@@ -195,7 +165,7 @@ fn replayed_messages_have_no_effect() {
 
 #[test]
 fn joins_without_the_secret_are_refused() {
-    let attacked = played(Some(secret()), |inner| Box::new(Attacked::over(inner, true, join)));
+    let attacked = played(Some(secret()), |inner| Attacked::over(inner, true, join));
     let refusals = refusals(&attacked.outcome().result);
     assert_eq!(refusals.keys().copied().collect::<Vec<_>>(), ["refused_unproven_join"]);
     assert!(refusals["refused_unproven_join"] >= 2 * 4, "{refusals:?}");

@@ -13,8 +13,7 @@ use msgs::geometry_msgs::Point;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
 use msgs::maes_msgs::{
-    self, Command, Join, JoinReply, LidarRequest, Observation, Parcel, Progress, Scenario, SignedCommand,
-    SignedObservation, Task,
+    self, Command, Join, LidarRequest, Observation, Parcel, Scenario, SignedCommand, SignedObservation, Task,
 };
 use msgs::signing::NONE;
 use msgs::topics::{self, Topic};
@@ -25,10 +24,11 @@ use rustdds::DomainParticipantBuilder;
 use serde::de::DeserializeOwned;
 use serde::ser::{Serialize, SerializeTuple, Serializer};
 use sim_server::session::RunError;
-use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
+use sim_server::transport::{AgentTransport, Inbound as ToServer, Incoming};
 use simulation::lockstep::SourceId;
 
 use crate::support::domains::Domain;
+use crate::support::interceptor::{Interceptor, intercepted};
 use crate::support::memory::{Play, honest};
 use crate::support::processes::signal;
 use crate::support::recordings::{Recording, refusals};
@@ -177,7 +177,6 @@ fn hostile_commands_are_refused_without_effect() {
 
 /// A server's end into which a foreign sender injects messages.
 struct ForeignSender {
-    inner: ServerEnd,
     waiting: VecDeque<Incoming>,
 }
 
@@ -194,16 +193,8 @@ impl ForeignSender {
     }
 }
 
-impl AgentTransport for ForeignSender {
-    fn announce(&mut self, scenario: &Scenario) {
-        self.inner.announce(scenario);
-    }
-
-    fn reply_join(&mut self, reply: &JoinReply) {
-        self.inner.reply_join(reply);
-    }
-
-    fn send(&mut self, agent: AgentId, part: &Observation) {
+impl Interceptor for ForeignSender {
+    fn send(&mut self, inner: &mut ServerEnd, agent: AgentId, part: &Observation) {
         let stop = Task { kind: Task::STOP, ..Task::default() };
         let run = part.run;
         let command = Command { tick: part.tick, run, agent: agent.0, task: stop, ..Command::default() };
@@ -225,30 +216,18 @@ impl AgentTransport for ForeignSender {
         self.say(agent.0, FOREIGN, ToServer::Join(Join { protocol: PROTOCOL + 1, ..borrowed.clone() }));
         self.say(other, FOREIGN, ToServer::Join(borrowed));
         self.say(other, FOREIGN, ToServer::Join(join));
-        self.inner.send(agent, part);
+        inner.send(agent, part);
     }
 
-    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        self.waiting.pop_front().or_else(|| self.inner.receive(timeout))
-    }
-}
-
-impl ObserverOutput for ForeignSender {
-    fn clock(&mut self, tick: Tick) {
-        self.inner.clock(tick);
-    }
-
-    fn progress(&mut self, progress: &Progress) {
-        self.inner.progress(progress);
+    fn receive(&mut self, inner: &mut ServerEnd, timeout: Duration) -> Option<Incoming> {
+        self.waiting.pop_front().or_else(|| inner.receive(timeout))
     }
 }
-
-impl ControlInput for ForeignSender {}
 
 #[test]
 fn foreign_senders_are_refused_without_effect() {
     let mut play = Play::of_two(DURATION_S);
-    play.server_link = |inner| Box::new(ForeignSender { inner, waiting: VecDeque::new() });
+    play.server_link = |inner| intercepted(inner, ForeignSender { waiting: VecDeque::new() });
     let played = play.with(|mut end, ids, is_over| {
         // Agents recognise refusals of foreign joins by the instance number.
         agent_node::host::run(&mut end, &honest(instance_of(ids[0].0), ids), is_over).expect("agents are welcome");

@@ -1,6 +1,6 @@
 //! RTPS packets of strangers at the DDS library of a server and an agent: a few bytes that claim
-//! gigabytes take no memory, stop nothing, and leave the run as it is; other addresses of the machine
-//! than loopback are closed.
+//! gigabytes take no memory, stop nothing, and leave the run as it is; other addresses of the
+//! machine than loopback are closed.
 
 use std::fs;
 use std::net::{IpAddr, Ipv4Addr, UdpSocket};

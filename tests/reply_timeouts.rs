@@ -9,10 +9,11 @@ use std::time::Duration;
 use agent_node::transport::{Inbound, ServerTransport};
 use experiments::in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Progress, Scenario};
-use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
+use msgs::maes_msgs::{Command, Join, Observation};
+use sim_server::transport::{AgentTransport, Inbound as ToServer, Incoming};
 use simulation::scenario::Rtf;
 
+use crate::support::interceptor::{Interceptor, intercepted};
 use crate::support::memory::{Play, Played, honest};
 use crate::support::processes::{Process, signal};
 use crate::support::recordings::{OLDER_RECORDING, Recording, refusals};
@@ -123,46 +124,25 @@ static IS_HELD: AtomicBool = AtomicBool::new(false);
 
 /// A server's end that detects when the clock is held.
 struct HoldDetector {
-    inner: ServerEnd,
     /// Commands of tick 0 so far.
     commands: usize,
 }
 
-impl AgentTransport for HoldDetector {
-    fn announce(&mut self, scenario: &Scenario) {
-        self.inner.announce(scenario);
-    }
-
-    fn reply_join(&mut self, reply: &JoinReply) {
-        self.inner.reply_join(reply);
-    }
-
-    fn send(&mut self, agent: AgentId, part: &Observation) {
-        self.inner.send(agent, part);
-    }
-
-    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+impl Interceptor for HoldDetector {
+    fn receive(&mut self, inner: &mut ServerEnd, timeout: Duration) -> Option<Incoming> {
         if self.commands == 2 {
             IS_HELD.store(true, Ordering::Relaxed);
         }
-        let incoming = self.inner.receive(timeout)?;
+        let incoming = inner.receive(timeout)?;
         self.commands += usize::from(matches!(incoming.message, ToServer::Command(_)));
         Some(incoming)
     }
 }
 
-impl ObserverOutput for HoldDetector {
-    fn progress(&mut self, progress: &Progress) {
-        self.inner.progress(progress);
-    }
-}
-
-impl ControlInput for HoldDetector {}
-
 #[test]
 fn paced_run_can_be_stopped() {
     let mut paced = Play::of_two(DURATION_S);
-    paced.server_link = |inner| Box::new(HoldDetector { inner, commands: 0 });
+    paced.server_link = |inner| intercepted(inner, HoldDetector { commands: 0 });
     // The second tick is hours away.
     paced.scenario.execution.rtf = Rtf::Limit(1e-6);
     let stop = Arc::clone(&paced.stop);

@@ -7,6 +7,7 @@
 pub(crate) mod binaries;
 pub(crate) mod domains;
 pub(crate) mod foxglove;
+pub(crate) mod interceptor;
 pub(crate) mod memory;
 pub(crate) mod processes;
 pub(crate) mod python;

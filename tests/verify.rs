@@ -12,11 +12,11 @@ use std::time::Duration;
 
 use agent_node::controllers::{self, Controller, NAMES};
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
-use experiments::in_memory::{AgentsEnd, ServerEnd};
+use experiments::in_memory::AgentsEnd;
 use mcap::{Attachment, MessageStream, WriteOptions};
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Command, Intervention, Join, JoinReply, Observation, Progress, Scenario, Task};
+use msgs::maes_msgs::{Command, Intervention, Join, Observation, Task};
 use msgs::service::{Ask, Reply};
 use msgs::simulation_interfaces::{
     EntityRequest, EntityState, SetEntityStateRequest, SetSimulationStateRequest, SimulationState,
@@ -24,9 +24,9 @@ use msgs::simulation_interfaces::{
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sim_server::control::Request;
-use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
 use simulation::scenario::OnAgentLoss;
 
+use crate::support::interceptor::{Interceptor, intercepted};
 use crate::support::memory::{Play, honest, serve};
 use crate::support::processes::{Ended, Process};
 use crate::support::recordings::{Message, Recording};
@@ -190,7 +190,6 @@ fn run_with_a_lost_agent_verifies() {
 /// A server's end that pauses the run, places one agent where it is, resumes the run, and removes
 /// the other agent.
 struct Intervening {
-    inner: ServerEnd,
     requests: VecDeque<Request>,
     place: Rc<RefCell<Option<EntityState>>>,
 }
@@ -202,25 +201,7 @@ impl Intervening {
     }
 }
 
-impl AgentTransport for Intervening {
-    fn announce(&mut self, scenario: &Scenario) {
-        self.inner.announce(scenario);
-    }
-
-    fn reply_join(&mut self, reply: &JoinReply) {
-        self.inner.reply_join(reply);
-    }
-
-    fn send(&mut self, agent: AgentId, part: &Observation) {
-        self.inner.send(agent, part);
-    }
-
-    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        self.inner.receive(timeout)
-    }
-}
-
-impl ObserverOutput for Intervening {
+impl Interceptor for Intervening {
     fn clock(&mut self, tick: Tick) {
         let entity = |agent: u32| EntityRequest { entity: format!("agent_{agent}") };
         match tick.0 {
@@ -238,15 +219,8 @@ impl ObserverOutput for Intervening {
             }
             _ => {}
         }
-        self.inner.clock(tick);
     }
 
-    fn progress(&mut self, progress: &Progress) {
-        self.inner.progress(progress);
-    }
-}
-
-impl ControlInput for Intervening {
     fn request(&mut self) -> Option<Request> {
         if let Some(state) = self.place.borrow_mut().take() {
             let entity = "agent_1".to_owned();
@@ -269,7 +243,7 @@ fn run_with_interventions_verifies() {
     let site = Site::new();
     let mut play = Play::of_two(6.0);
     play.record = Some(site.path("run.mcap"));
-    play.server_link = |inner| Box::new(Intervening { inner, requests: VecDeque::new(), place: Rc::default() });
+    play.server_link = |inner| intercepted(inner, Intervening { requests: VecDeque::new(), place: Rc::default() });
     let played = play.with(|end, ids, is_over| serve(end, &ids, rbw, || {}, is_over));
     assert_eq!(played.outcome().result.tick, 300);
     let interventions: Vec<Intervention> = site.recording("run.mcap").of("/sim/intervention");
