@@ -27,13 +27,12 @@ const BAD_INPUT: u8 = 2;
 mod serve {
     use std::process::ExitCode;
     use std::sync::Arc;
-    use std::sync::atomic::AtomicBool;
 
     use agent_node::cli::Cli;
     use agent_node::host::{self, Credentials, Options, RunError};
     use agent_node::ros::RosTransport;
     use ros_node::join_secret::{self, JoinSecretError};
-    use ros_node::process_guard::{Limits, ProcessGuard};
+    use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
     use ros_node::ros_env::RosEnv;
 
     /// A failure of the system or of the protocol.
@@ -60,12 +59,7 @@ mod serve {
         let secret = join_secret::read(cli.join_secret_file.as_deref(), |name| std::env::var_os(name))?;
         let mut nonce = [0; 32];
         getrandom::fill(&mut nonce)?;
-        let stop = Arc::new(AtomicBool::new(false));
-        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-            // A second signal ends the process at once.
-            signal_hook::flag::register_conditional_shutdown(signal, FAILED.into(), Arc::clone(&stop))?;
-            signal_hook::flag::register(signal, Arc::clone(&stop))?;
-        }
+        let stop = stop_on_signals(FAILED)?;
         ros_node::suspension::exit_on_continue()?;
         let guard = ProcessGuard::watch(Limits::from_vars(|name| std::env::var(name).ok())?, Arc::clone(&stop))?;
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;

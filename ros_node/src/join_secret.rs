@@ -3,13 +3,15 @@
 //! It is never an argument, because every user of a machine can read the arguments of a process.
 
 use std::ffi::OsString;
-use std::fs::{self, File, Metadata};
+use std::fs::OpenOptions;
 use std::io::{self, Read};
 use std::os::unix::ffi::OsStringExt;
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::Path;
 
 use msgs::signing::{JOIN_SECRET, JoinSecret, SECRET_BYTES_MAX, SecretLengthError};
+use nix::errno::Errno;
+use nix::fcntl::OFlag;
 use thiserror::Error;
 
 /// Why there is no join secret.
@@ -49,19 +51,22 @@ pub fn read(
 fn of_file(path: &Path) -> Result<Vec<u8>, JoinSecretError> {
     let file = path.display().to_string();
     let failed = |source| JoinSecretError::Io { file: file.clone(), source };
-    let check = |metadata: Metadata| {
-        let mode = metadata.permissions().mode() & 0o777;
-        match metadata.is_file() {
-            false => Err(JoinSecretError::NotRegular { file: file.clone() }),
-            true if mode & 0o077 != 0 => Err(JoinSecretError::Readable { file: file.clone(), mode }),
-            true => Ok(()),
+    // A link is not followed, and a pipe without a writer does not block.
+    let flags = OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK;
+    let opened = match OpenOptions::new().read(true).custom_flags(flags.bits()).open(path) {
+        Err(error) if error.raw_os_error() == Some(Errno::ELOOP as i32) => {
+            return Err(JoinSecretError::NotRegular { file });
         }
+        opened => opened.map_err(failed)?,
     };
-    // Before it is opened, because opening a pipe waits for a writer; and after that, because it
-    // may have been replaced meanwhile.
-    check(fs::symlink_metadata(path).map_err(failed)?)?;
-    let opened = File::open(path).map_err(failed)?;
-    check(opened.metadata().map_err(failed)?)?;
+    let metadata = opened.metadata().map_err(failed)?;
+    let mode = metadata.permissions().mode() & 0o777;
+    if !metadata.is_file() {
+        return Err(JoinSecretError::NotRegular { file });
+    }
+    if mode & 0o077 != 0 {
+        return Err(JoinSecretError::Readable { file, mode });
+    }
     let mut bytes = Vec::new();
     opened.take(SECRET_BYTES_MAX as u64 + 2).read_to_end(&mut bytes).map_err(failed)?;
     Ok(bytes)
@@ -69,6 +74,8 @@ fn of_file(path: &Path) -> Result<Vec<u8>, JoinSecretError> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     const TEXT: &str = "the secret of this test\n";

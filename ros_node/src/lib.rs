@@ -345,7 +345,8 @@ pub fn now() -> Instant {
 
 /// Whether this build has the fixes of `contrib/rustdds` in the DDS library.
 pub fn has_dds_fixes() -> bool {
-    /// What the published library says, which has no constant of this name: a glob import shadows it.
+    /// What the published library says, which has no constant of this name: a glob import shadows
+    /// it.
     #[allow(dead_code, reason = "the copy with the fixes has the constant")]
     const MAES_FIXES: bool = false;
     {

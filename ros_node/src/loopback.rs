@@ -2,8 +2,8 @@
 //!
 //! The DDS library binds its sockets to all addresses of the machine, also if it may only use
 //! loopback, and sends to every address that a received packet names. Bound to the device `lo`
-//! (SO_BINDTODEVICE), a socket receives nothing that was sent to another address of the machine, and
-//! nothing that it sends leaves the machine. Linux allows that without privileges since 5.7.
+//! (SO_BINDTODEVICE), a socket receives nothing that was sent to another address of the machine,
+//! and nothing that it sends leaves the machine. Linux allows that without privileges since 5.7.
 //!
 //! What it does not do: protect against processes on the same machine.
 
@@ -33,7 +33,8 @@ pub(crate) fn confine_sockets() -> io::Result<usize> {
         }
         let Some(number) = entry.file_name().to_str().and_then(|name| name.parse::<RawFd>().ok()) else { continue };
         #[expect(unsafe_code, reason = "the DDS library keeps its sockets to itself")]
-        // SAFETY: only system calls see the number, and they refuse one that is closed or no socket.
+        // SAFETY: only system calls see the number, and they refuse one that is closed or no
+        // socket.
         let socket = unsafe { BorrowedFd::borrow_raw(number) };
         if is_udp(&socket) {
             setsockopt(&socket, sockopt::BindToDevice, &OsString::from(LOOPBACK))?;

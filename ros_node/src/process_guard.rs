@@ -22,7 +22,8 @@ use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use signal_hook::low_level;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::{flag, low_level};
 use thiserror::Error;
 
 use crate::now;
@@ -117,6 +118,20 @@ struct Shared {
     /// A [`Phase`].
     phase: AtomicU8,
     memory_exceeded: AtomicBool,
+}
+
+/// A flag that SIGINT and SIGTERM set; a second signal ends the process with this exit code.
+///
+/// # Errors
+/// If the signal handlers cannot be installed.
+pub fn stop_on_signals(second_code: u8) -> io::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        // In this order: the first signal must find the flag unset.
+        flag::register_conditional_shutdown(signal, second_code.into(), Arc::clone(&stop))?;
+        flag::register(signal, Arc::clone(&stop))?;
+    }
+    Ok(stop)
 }
 
 /// The watch over this process.
@@ -270,18 +285,18 @@ pub fn stall() -> ! {
 
 /// The resident memory of this process, if the system tells it.
 fn resident_bytes() -> Option<u64> {
-    kilobytes(&fs::read_to_string("/proc/self/status").ok()?, "VmRSS:")
+    bytes_in(&fs::read_to_string("/proc/self/status").ok()?, "VmRSS:")
 }
 
 /// The memory of the machine or of the control group, whichever is smaller, if the system tells it.
 fn memory_of_machine() -> Option<u64> {
-    let total = kilobytes(&fs::read_to_string("/proc/meminfo").ok()?, "MemTotal:")?;
+    let total = bytes_in(&fs::read_to_string("/proc/meminfo").ok()?, "MemTotal:")?;
     let group = fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|limit| limit.trim().parse().ok());
     Some(total.min(group.unwrap_or(u64::MAX)))
 }
 
 /// The value of a line such as `VmRSS:  1234 kB`, bytes.
-fn kilobytes(text: &str, name: &str) -> Option<u64> {
+fn bytes_in(text: &str, name: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix(name))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
@@ -337,7 +352,7 @@ mod tests {
 
     #[test]
     fn memory_is_read_from_lines_of_the_system() {
-        assert_eq!(kilobytes("VmPeak:\t 7 kB\nVmRSS:\t  12 kB\n", "VmRSS:"), Some(12 * 1024));
-        assert_eq!(kilobytes("VmRSS: many kB\n", "VmRSS:"), None);
+        assert_eq!(bytes_in("VmPeak:\t 7 kB\nVmRSS:\t  12 kB\n", "VmRSS:"), Some(12 * 1024));
+        assert_eq!(bytes_in("VmRSS: many kB\n", "VmRSS:"), None);
     }
 }

@@ -14,7 +14,7 @@ use mapgen::MapReport;
 use msgs::ids::{AgentId, Tick};
 use msgs::printable;
 use ros_node::join_secret;
-use ros_node::process_guard::{Limits, ProcessGuard};
+use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
 use ros_node::ros_env::RosEnv;
 use sim_server::cli::RunArgs;
 #[cfg(feature = "view")]
@@ -67,22 +67,13 @@ impl Resumed {
     }
 }
 
-/// A flag that SIGINT and SIGTERM set; a second signal ends the process.
-fn stopped_by_signals() -> anyhow::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        signal_hook::flag::register_conditional_shutdown(signal, exit::BY_SIGNAL.into(), Arc::clone(&stop))
-            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
-            .context("handling signals")?;
-    }
-    Ok(stop)
-}
-
-/// Begins to watch the time and the memory of this process.
-fn guard(stop: &Arc<AtomicBool>) -> anyhow::Result<ProcessGuard> {
+/// The flag that signals set, and the watch over the time and the memory of this process.
+fn stop_and_guard() -> anyhow::Result<(Arc<AtomicBool>, ProcessGuard)> {
     let limits = Limits::from_vars(|name| std::env::var(name).ok())?;
+    let stop = stop_on_signals(exit::BY_SIGNAL).context("handling signals")?;
     ros_node::suspension::exit_on_continue().context("handling signals")?;
-    ProcessGuard::watch(limits, Arc::clone(stop)).context("starting a thread")
+    let guard = ProcessGuard::watch(limits, Arc::clone(&stop)).context("starting a thread")?;
+    Ok((stop, guard))
 }
 
 /// The end of what the system does not allow.
@@ -117,8 +108,7 @@ pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let job = Job { name, scenario: &scenario, resumed: resumed.as_ref(), summary, policy };
     // An error in the world is reported before anything is opened.
     let made = job.make()?;
-    let stop = stopped_by_signals()?;
-    let guard = guard(&stop)?;
+    let (stop, guard) = stop_and_guard()?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing,
         Err(error) => return failed(&error),
@@ -178,8 +168,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
     let maps = args.map_dir.clone().or_else(scenarios_folder);
     let mut requested = RequestedRuns::new(RunFolders { recordings: args.record_dir.clone(), maps });
     let policy = join_policy(args)?;
-    let stop = stopped_by_signals()?;
-    let guard = guard(&stop)?;
+    let (stop, guard) = stop_and_guard()?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing.expect("an idle server is looked at"),
         Err(error) => return failed(&error),
