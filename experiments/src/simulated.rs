@@ -1,6 +1,6 @@
-//! Deterministic simulation of a whole run under faults, after FoundationDB and TigerBeetle: server,
-//! agents, recorder and resumed servers run in one thread, over a simulated network and disk, in
-//! virtual time.
+//! Deterministic simulation of a whole run under faults, after FoundationDB and TigerBeetle:
+//! server, agents, recorder and resumed servers run in one thread, over a simulated network and
+//! disk, in virtual time.
 //!
 //! A seed determines a small scenario, an adversary, and every event. The server runs the session
 //! of the real process, the agents its host; only the transport, the clock and the file below the
@@ -18,6 +18,7 @@ mod adversary;
 mod cluster;
 mod disk;
 mod memory_file;
+mod messages;
 mod network;
 mod scenarios;
 

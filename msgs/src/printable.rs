@@ -1,8 +1,8 @@
-//! Text of others on a terminal: control characters are escaped, so that a message, a recording or a
-//! file name can neither steer the terminal nor imitate other lines.
+//! Text of others on a terminal: control characters are escaped, so that a message, a recording or
+//! a file name can neither steer the terminal nor imitate other lines.
 //!
-//! Escaped are C0 and C1 controls, DEL, line and paragraph separators, and the characters that change
-//! the direction of text ("Trojan Source", CVE-2021-42574). Everything else stays as it is.
+//! Escaped are C0 and C1 controls, DEL, line and paragraph separators, and the characters that
+//! change the direction of text ("Trojan Source", CVE-2021-42574). Everything else stays as it is.
 
 use std::borrow::Cow;
 

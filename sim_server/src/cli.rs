@@ -93,7 +93,8 @@ pub struct RunArgs {
     pub keys: KeyArgs,
 }
 
-/// Flags that override keys of the scenario. The help of a flag with a key of its own is the declaration of that key.
+/// Flags that override keys of the scenario. The help of a flag with a key of its own is the
+/// declaration of that key.
 #[derive(Debug, Args, Default)]
 pub struct KeyArgs {
     #[arg(long, value_name = "N", help = meaning("agents.count"))]
@@ -114,7 +115,8 @@ pub struct KeyArgs {
     pub duration: Option<f64>,
     #[arg(long, value_name = "FILE.mcap", help = meaning("execution.record"))]
     pub record: Option<String>,
-    /// views.record: visualisation topics that the recording holds as well, for example map,odom,points
+    /// views.record: visualisation topics that the recording holds as well, for example
+    /// map,odom,points
     #[arg(long, value_name = "WORD,...", value_delimiter = ',')]
     pub record_topics: Vec<String>,
     #[arg(long, value_name = "X|max", value_parser = rtf, help = meaning("execution.rtf"))]
@@ -162,7 +164,8 @@ impl KeyArgs {
         set("--controller", "agents.controller", self.controller.clone().map(Into::into));
         set("--share-period", "agents.share_period_ticks", self.share_period.map(Into::into));
         set("--size", "map.size", self.size.clone());
-        // A u64 that TOML cannot hold becomes a text, which the scenario refuses with the range of seeds.
+        // A u64 that TOML cannot hold becomes a text, which the scenario refuses with the range of
+        // seeds.
         let seed = self.seed.map(|seed| i64::try_from(seed).map_or_else(|_| seed.to_string().into(), Into::into));
         set("--seed", "seed", seed);
         set("--duration", "duration_s", self.duration.map(Into::into));
@@ -184,7 +187,8 @@ impl KeyArgs {
     }
 }
 
-/// A value as the argument of its flag: words without quotes, the cells of a size joined by x, the words of a list by commas.
+/// A value as the argument of its flag: words without quotes, the cells of a size joined by x, the
+/// words of a list by commas.
 fn typed(value: &toml::Value) -> String {
     match value {
         toml::Value::String(word) => word.clone(),

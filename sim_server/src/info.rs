@@ -1,7 +1,7 @@
 //! Summary of a recording.
 //!
-//! Truncated recordings are summarised up to the truncation. Control characters are escaped, so that
-//! no name in a recording can imitate the digest.
+//! Truncated recordings are summarised up to the truncation. Control characters are escaped, so
+//! that no name in a recording can imitate the digest.
 
 use std::path::Path;
 

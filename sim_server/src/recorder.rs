@@ -98,7 +98,8 @@ impl Recorder {
     /// Creates a recording with its documents (scenario, map), under a temporary name.
     ///
     /// # Errors
-    /// See [`check_destination`]; also if the file cannot be created or written; then there is none.
+    /// See [`check_destination`]; also if the file cannot be created or written; then there is
+    /// none.
     pub fn create(file: &Path, documents: &[Document<'_>]) -> Result<Self, RecordError> {
         let (destination, handle) = Destination::create(file).map_err(|source| destination_error(file, source))?;
         let mut recorder = Self::with_sink(file, Sink::new(handle));
@@ -255,8 +256,8 @@ impl Drop for Recorder {
     }
 }
 
-/// Whether a recording may be written to `file`: to a new or empty file, or in place of a recording.
-/// Call it before a run is prepared.
+/// Whether a recording may be written to `file`: to a new or empty file, or in place of a
+/// recording. Call it before a run is prepared.
 ///
 /// # Errors
 /// [`RecordError::Destination`] if not.

@@ -4,8 +4,8 @@
 //! Invariants: a recording that is damaged or has no end is checked up to its last complete tick;
 //! an unchanged recording of this build verifies.
 //!
-//! This proves that the world has answered the recorded commands as it had to, and not who has given
-//! them: a command is an input of the run. One that was changed in the file shows in its
+//! This proves that the world has answered the recorded commands as it had to, and not who has
+//! given them: a command is an input of the run. One that was changed in the file shows in its
 //! consequences, in the next digest at the latest; one that a stranger has sent during the run does
 //! not. [`controllers`] finds both, because it lets the agents decide again.
 

@@ -2,8 +2,9 @@
 //!
 //! Invariants: the locks of a user are in a folder that only that user can write to, so that no
 //! other user can hold them or put something in their place; a lock file is never truncated, and no
-//! symbolic link is followed to it. So the lock keeps apart the runs of one user; those of different
-//! users in one domain are kept apart by the server, which refuses a domain with another server.
+//! symbolic link is followed to it. So the lock keeps apart the runs of one user; those of
+//! different users in one domain are kept apart by the server, which refuses a domain with another
+//! server.
 
 use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind};

@@ -32,7 +32,8 @@ use simulation::scenario::Scenario;
 
 use super::adversary::{Adversary, Mutation, up_to};
 use super::disk::{SimulatedDisk, kill};
-use super::network::{AgentsEnd, Event, Killed, Network, SharedNetwork, described};
+use super::messages::described;
+use super::network::{AgentsEnd, Event, Killed, Network, SharedNetwork};
 
 /// What errors call the recording.
 const FILE: &str = "run.mcap";

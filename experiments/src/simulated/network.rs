@@ -16,9 +16,8 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
-use msgs::cdr;
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation};
+use msgs::maes_msgs::{Command, Join, Scenario};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use sim_server::transport::{Inbound as ToServer, Incoming};
@@ -26,6 +25,7 @@ use sim_server::wall_clock;
 use simulation::lockstep::SourceId;
 
 use super::adversary::{Adversary, DELAY_MAX, Mutation, steps, up_to};
+use super::messages::{bytes_to_agents, bytes_to_server, described, described_to_server};
 use super::scenarios::AGENTS_MAX;
 
 /// Virtual time after which a run hangs.
@@ -221,8 +221,8 @@ impl Network {
         self.queue.push(Reverse(Scheduled { at: self.clock + after, number: self.scheduled, event }));
     }
 
-    /// The next event up to `deadline`, to which the time goes on; without one, it goes on to
-    /// `deadline`.
+    /// The next event up to `deadline`. The clock advances to it, or to `deadline` if there is
+    /// none.
     pub(super) fn next_event(&mut self, deadline: Duration) -> Option<Event> {
         if self.queue.peek().is_some_and(|Reverse(next)| next.at <= deadline) {
             let Reverse(Scheduled { at, event, .. }) = self.queue.pop()?;
@@ -465,50 +465,5 @@ impl ServerTransport for AgentsEnd {
         port.waits_until = waits_until;
         network.schedule(timeout, Event::Wake(self.process));
         message
-    }
-}
-
-fn bytes_to_agents(message: &ToAgents) -> Vec<u8> {
-    match message {
-        ToAgents::Scenario(scenario) => cdr::encode(scenario),
-        ToAgents::JoinReply(reply) => cdr::encode(reply),
-        ToAgents::Observation(fragment) => cdr::encode(fragment),
-        ToAgents::SignedObservation(signed) => cdr::encode(signed),
-    }
-}
-
-fn bytes_to_server(message: &ToServer) -> Vec<u8> {
-    match message {
-        ToServer::Join(join) => cdr::encode(join),
-        ToServer::SignedJoin(signed) => cdr::encode(signed),
-        ToServer::Command(command) => cdr::encode(command),
-        ToServer::SignedCommand(signed) => cdr::encode(signed),
-        ToServer::Undecodable { reason } => reason.clone().into_bytes(),
-    }
-}
-
-pub(super) fn described(message: &ToAgents) -> String {
-    match message {
-        ToAgents::Scenario(_) => "the scenario".to_owned(),
-        ToAgents::JoinReply(reply) => {
-            let verdict = if reply.accepted { "accepted" } else { "refused" };
-            format!("reply to the join of agent {} by process {}: {verdict}", reply.agent, reply.instance)
-        }
-        ToAgents::Observation(fragment)
-        | ToAgents::SignedObservation(SignedObservation { observation: fragment, .. }) => {
-            let Observation { agent, tick, part, parts, phase, .. } = fragment;
-            let end = if *phase == Observation::ENDED { ", shutdown" } else { "" };
-            format!("observation of agent {agent}, tick {tick}, {} of {parts}{end}", part + 1)
-        }
-    }
-}
-
-pub(super) fn described_to_server(incoming: &Incoming) -> String {
-    match &incoming.message {
-        ToServer::Join(join) | ToServer::SignedJoin(SignedJoin { join, .. }) => format!("join of agent {}", join.agent),
-        ToServer::Command(command) | ToServer::SignedCommand(SignedCommand { command, .. }) => {
-            format!("command of agent {}, tick {}", command.agent, command.tick)
-        }
-        ToServer::Undecodable { .. } => "an undecodable message".to_owned(),
     }
 }

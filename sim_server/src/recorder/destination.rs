@@ -1,8 +1,8 @@
 //! The file of a recording: which files it may replace, its temporary name, and its lock.
 //!
-//! Invariants: a recording replaces nothing but a recording or an empty file, and keeps its mode; it
-//! is never written through a symbolic link, nor into a device or a FIFO. Until it is published it
-//! has a temporary name beside the final one, and it is locked as long as its process lives, so
+//! Invariants: a recording replaces nothing but a recording or an empty file, and keeps its mode;
+//! it is never written through a symbolic link, nor into a device or a FIFO. Until it is published
+//! it has a temporary name beside the final one, and it is locked as long as its process lives, so
 //! that a later run can tell a file that was left behind from one that is being written.
 //!
 //! This module does not write the content.
@@ -37,7 +37,8 @@ pub(super) struct Destination {
     locked: File,
 }
 
-/// Whether a recording may be written to `file`: to a new or empty file, or in place of a recording.
+/// Whether a recording may be written to `file`: to a new or empty file, or in place of a
+/// recording.
 ///
 /// # Errors
 /// `InvalidInput` with the reason and a remedy; or why the present file cannot be read.

@@ -218,7 +218,7 @@ impl RecordingIndex {
         index
     }
 
-    /// The recording goes on to a tick: messages are played in the order of the file, those with an
+    /// Advances to a tick: messages are played in the order of the file, those with an
     /// earlier stamp at once.
     fn reach(&mut self, tick: Tick) {
         let from = self.last.unwrap_or_default();

@@ -87,7 +87,8 @@ pub(super) type Replies = BTreeMap<AgentId, CommandReply>;
 /// What follows when a reply is overdue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TimeoutPolicy {
-    /// The request returns without the missing replies; the scenario decides between abort and drop.
+    /// The request returns without the missing replies; the scenario decides between abort and
+    /// drop.
     ReturnIncomplete,
     /// The clock is held until another process replaces the one that does not reply.
     Hold,
@@ -345,8 +346,8 @@ impl AgentSessions {
         }
     }
 
-    /// Lets other processes replace those that do not reply, each with all its agents. Called only under
-    /// [`TimeoutPolicy::Hold`].
+    /// Lets other processes replace those that do not reply, each with all its agents. Called only
+    /// under [`TimeoutPolicy::Hold`].
     fn mark_replaceable(&mut self, missing: &BTreeSet<AgentId>, timeout: Duration, context: &mut WaitContext<'_, '_>) {
         let new: Vec<AgentId> = missing.difference(&self.unresponsive).copied().collect();
         if new.is_empty() {
