@@ -1,7 +1,8 @@
 //! The command `maes`. Every exit code is made here, or in [`sim_server::exit`].
 //!
 //! Each module is a subcommand or a few of one kind; what they do is in the libraries. `maes run`
-//! starts `sim_server` and `agent_node`, which lie beside it.
+//! starts `sim_server` and `agent_node`, which lie beside it. Where they do not, as after
+//! `cargo install`, `maes sim_server` and `maes agent_node` are the same programs.
 
 mod controllers;
 mod faults;
@@ -17,8 +18,11 @@ mod signals;
 mod usage;
 mod view;
 
+use std::ffi::OsStr;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
+use anyhow::Context;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use experiments::in_process::InProcessError;
@@ -79,9 +83,18 @@ enum Command {
         #[arg(value_enum)]
         shell: Shell,
     },
+    /// Write a manual page for each command into a folder
+    #[command(hide = true)]
+    ManPages { folder: PathBuf },
 }
 
 fn main() -> ExitCode {
+    let mut arguments = std::env::args_os().skip(1);
+    match arguments.next().as_deref().and_then(OsStr::to_str) {
+        Some("sim_server") => return sim_server::program::main(arguments),
+        Some("agent_node") => return agent_node::program::main(arguments, &[]),
+        _ => {}
+    }
     let parsed = Cli::command().try_get_matches().and_then(|matches| {
         let cli = Cli::from_arg_matches(&matches)?;
         Ok((cli, matches))
@@ -109,6 +122,10 @@ fn main() -> ExitCode {
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Cli::command(), "maes", &mut std::io::stdout());
             Ok(ExitCode::SUCCESS)
+        }
+        Command::ManPages { folder } => {
+            let written = clap_mangen::generate_to(Cli::command(), &folder);
+            written.with_context(|| folder.display().to_string()).map(|()| ExitCode::SUCCESS)
         }
     };
     done.unwrap_or_else(|error| {

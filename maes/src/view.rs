@@ -101,8 +101,13 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
         Ok(page) => page,
         Err(error) => return Ok(page::failed(&error)),
     };
-    let shown =
-        Shown { page, address, browser, token: Token::of_environment()?, origins: run.view_allow_origin.clone() };
+    let shown = Shown {
+        page: page.path().to_owned(),
+        address,
+        browser,
+        token: Token::of_environment()?,
+        origins: run.view_allow_origin.clone(),
+    };
     match file {
         Some(file) if is_recording => show_recording(&file, shown),
         Some(_) => show_run(run, given, shown),

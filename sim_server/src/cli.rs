@@ -54,10 +54,11 @@ pub struct RunArgs {
     #[arg(long, requires = "view", conflicts_with_all = ["resume", "scenario"])]
     pub idle: bool,
     /// With --idle: the program that checks the controller of a run before it starts, called with
-    /// `--check --id 0 --controller NAME --set KEY=VALUE...` [default: agent_node beside this program]
+    /// `--check --id 0 --controller NAME --set KEY=VALUE...` [default: agent_node beside this
+    /// program]; given again: a first argument of that program
     #[cfg(feature = "view")]
     #[arg(long, value_name = "PROGRAM", requires = "idle")]
-    pub check_agents: Option<PathBuf>,
+    pub check_agents: Vec<PathBuf>,
     /// With --idle: the folder of the recordings of requested runs, which the server names
     #[cfg(feature = "view")]
     #[arg(long, value_name = "DIR", requires = "idle", default_value = crate::foxglove::RECORD_DIR)]

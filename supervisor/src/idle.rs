@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use sim_server::setup;
 
 use crate::SupervisorError;
+use crate::binaries;
 use crate::child::{ChildGuard, Signal, exit_code};
 use crate::domain::{self, DomainLock};
 use crate::processes::{self, ChildEvents, JoinSecret, send};
@@ -49,7 +50,9 @@ impl IdleServer {
             command.arg("--page").arg(page);
         }
         command.args(&self.server_flags).envs(self.server_env.iter().cloned());
-        command.arg("--check-agents").arg(self.binaries.join("agent_node"));
+        for part in binaries::program(&self.binaries, "agent_node") {
+            command.arg("--check-agents").arg(part);
+        }
         command.arg("--log").arg(self.logs.join("server.log")).arg("--ready").arg(ready.path());
         let mut server = processes::start(command)?;
         begun();

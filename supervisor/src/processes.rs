@@ -15,6 +15,7 @@ use signal_hook::SigId;
 use signal_hook::consts::SIGCHLD;
 
 use crate::SupervisorError;
+use crate::binaries;
 use crate::child::{ChildGuard, Signal};
 use crate::domain;
 use crate::team::Group;
@@ -83,7 +84,9 @@ impl JoinSecret {
 
 /// A program with the join secret, in a ROS domain: that of the environment if none is named.
 pub(crate) fn command(binaries: &Path, name: &str, ros_domain: Option<u32>, secret: &JoinSecret) -> Command {
-    let mut command = Command::new(binaries.join(name));
+    let program = binaries::program(binaries, name);
+    let mut command = Command::new(&program[0]);
+    command.args(&program[1..]);
     if let Some(id) = ros_domain {
         command.env(domain::VARIABLE, id.to_string());
     }

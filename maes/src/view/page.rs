@@ -1,4 +1,5 @@
-//! The page: found beside the binaries, or built from its sources with npm.
+//! The page: found beside the binaries, built from its sources with npm, or part of this program
+//! (feature `embedded_page`).
 
 use std::fs::{self, File};
 use std::io;
@@ -27,6 +28,9 @@ pub(super) enum PageError {
          name the folder of a page with --page"
     )]
     NoSources(String),
+    #[cfg(feature = "embedded_page")]
+    #[error("unpacking the page into {0}: {1}")]
+    Unpack(String, io::Error),
     #[error("building the page: {0}")]
     Build(String),
 }
@@ -36,15 +40,40 @@ pub(super) fn failed(error: &PageError) -> ExitCode {
     say(&format!("error: {error}"));
     ExitCode::from(match error {
         PageError::Build(_) => exit::FAILED,
+        #[cfg(feature = "embedded_page")]
+        PageError::Unpack(..) => exit::FAILED,
         PageError::NoPage(_) | PageError::NoNpm(_) | PageError::NoSources(_) => exit::BAD_INPUT,
     })
 }
 
+/// The folder of a page. An unpacked one is removed when this is dropped.
+pub(super) struct PageFolder {
+    path: PathBuf,
+    #[cfg(feature = "embedded_page")]
+    _unpacked: Option<tempfile::TempDir>,
+}
+
+impl PageFolder {
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl From<PathBuf> for PageFolder {
+    fn from(path: PathBuf) -> Self {
+        Self {
+            path,
+            #[cfg(feature = "embedded_page")]
+            _unpacked: None,
+        }
+    }
+}
+
 /// The folder of the page, built if its sources are here and newer.
-pub(super) fn folder(named: Option<&Path>) -> Result<PathBuf, PageError> {
+pub(super) fn folder(named: Option<&Path>) -> Result<PageFolder, PageError> {
     if let Some(folder) = named {
         return if folder.join("index.html").is_file() {
-            Ok(folder.to_owned())
+            Ok(folder.to_owned().into())
         } else {
             Err(PageError::NoPage(folder.display().to_string()))
         };
@@ -52,14 +81,37 @@ pub(super) fn folder(named: Option<&Path>) -> Result<PathBuf, PageError> {
     let places = Places::find();
     if let Some(sources) = &places.sources {
         build(sources, false)?;
-        return Ok(sources.join("dist"));
+        return Ok(sources.join("dist").into());
     }
     let installed = places.installed;
     if installed.join("index.html").is_file() {
-        Ok(installed)
-    } else {
-        Err(PageError::NoSources(installed.display().to_string()))
+        return Ok(installed.into());
     }
+    embedded(&installed)
+}
+
+#[cfg(not(feature = "embedded_page"))]
+fn embedded(installed: &Path) -> Result<PageFolder, PageError> {
+    Err(PageError::NoSources(installed.display().to_string()))
+}
+
+/// The page that is part of this program, unpacked into a private temporary folder: the world
+/// server and the browser get it from there, as any other page.
+#[cfg(feature = "embedded_page")]
+fn embedded(_installed: &Path) -> Result<PageFolder, PageError> {
+    #[derive(rust_embed::Embed)]
+    #[folder = "../viewer/dist"]
+    struct Page;
+
+    let unpacked = tempfile::Builder::new().prefix("maes-page-").tempdir();
+    let unpacked = unpacked.map_err(|error| PageError::Unpack(std::env::temp_dir().display().to_string(), error))?;
+    for name in Page::iter() {
+        let file = Page::get(&name).expect("a name of its own list");
+        let path = unpacked.path().join(&*name);
+        let written = path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(&path, &file.data));
+        written.map_err(|error| PageError::Unpack(path.display().to_string(), error))?;
+    }
+    Ok(PageFolder { path: unpacked.path().to_owned(), _unpacked: Some(unpacked) })
 }
 
 /// Builds the page, and installs what its tools need.
@@ -170,9 +222,10 @@ mod tests {
     #[test]
     fn a_named_folder_needs_a_page() {
         let empty = tempfile::tempdir().unwrap();
-        let refused = super::folder(Some(empty.path())).unwrap_err().to_string();
+        let Err(refused) = super::folder(Some(empty.path())) else { panic!("an empty folder is no page") };
+        let refused = refused.to_string();
         assert!(refused.ends_with(": expected a folder with index.html"), "{refused}");
         fs::write(empty.path().join("index.html"), "a page").unwrap();
-        assert_eq!(super::folder(Some(empty.path())).unwrap(), empty.path());
+        assert_eq!(super::folder(Some(empty.path())).unwrap().path(), empty.path());
     }
 }

@@ -1,5 +1,8 @@
-//! A run over ROS 2, or one run after the other.
+//! The process of the world server: a run over ROS 2, or one run after the other.
+//!
+//! Both `sim_server` and `maes sim_server` are this process; its exit codes are made here.
 
+use std::ffi::OsString;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -10,23 +13,24 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
+use clap::Parser;
 use mapgen::MapReport;
 use msgs::ids::{AgentId, Tick};
 use msgs::printable;
 use ros_node::join_secret;
 use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
 use ros_node::ros_env::RosEnv;
-use sim_server::cli::RunArgs;
+use crate::cli::{Cli, Command as CliCommand, RunArgs};
 #[cfg(feature = "view")]
-use sim_server::foxglove::{self, FoxgloveServer, ObservedTransport, RequestedRuns, RunFolders, Token};
-use sim_server::playback::{Horizon, Playback};
-use sim_server::recording::Recording;
-use sim_server::ros::RosTransport;
-use sim_server::session::{self, JoinPolicy, Mode, RecordingSinks, RunConfig, RunError};
-use sim_server::summary::Summary;
-use sim_server::terminal::{self, Terminal};
-use sim_server::transport::Transport;
-use sim_server::{exit, setup};
+use crate::foxglove::{self, FoxgloveServer, ObservedTransport, RequestedRuns, RunFolders, Token};
+use crate::playback::{Horizon, Playback};
+use crate::recording::Recording;
+use crate::ros::RosTransport;
+use crate::session::{self, JoinPolicy, Mode, RecordingSinks, RunConfig, RunError};
+use crate::summary::Summary;
+use crate::terminal::{self, Terminal};
+use crate::transport::Transport;
+use crate::{exit, renamed, setup};
 use simulation::scenario::{Override, Scenario};
 use simulation::world::World;
 
@@ -37,6 +41,35 @@ const IDLE_PERIOD: std::time::Duration = std::time::Duration::from_millis(100);
 /// Runs cannot be observed.
 #[cfg(not(feature = "view"))]
 enum FoxgloveServer {}
+
+/// Commands that `maes` has now.
+const MOVED: [&str; 7] = ["map", "info", "verify", "replay", "view", "snapshot", "scenario"];
+
+/// The whole process, from its arguments without the name of the program to its exit code.
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let first = arguments.first();
+    if let Some(command) = MOVED.into_iter().find(|command| first.is_some_and(|first| first == command)) {
+        return exec_maes(command, arguments);
+    }
+    let name = OsString::from("sim_server");
+    let CliCommand::Run(args) = Cli::parse_from([name].into_iter().chain(arguments)).command;
+    match run(&args) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {}", printable::line(&error.to_string()));
+            ExitCode::from(exit::BAD_INPUT)
+        }
+    }
+}
+
+fn exec_maes(command: &str, mut arguments: Vec<OsString>) -> ExitCode {
+    if command == "view" {
+        // It has never opened a browser by itself.
+        arguments.extend(["--browser", "false"].map(OsString::from));
+    }
+    renamed::exec(&format!("sim_server {command}"), &format!("maes {command}"), arguments)
+}
 
 /// A recording whose run is resumed.
 struct Resumed {
@@ -83,7 +116,7 @@ fn failed(error: &dyn std::fmt::Display) -> anyhow::Result<ExitCode> {
 }
 
 /// Serves a run over ROS 2, or one after the other.
-pub(super) fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
+fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let resumed = args.resume.as_deref().map(Resumed::open).transpose()?;
     let playback = resumed.as_ref().map(Resumed::playback).transpose()?;
     let overrides = args.keys.overrides();
@@ -189,7 +222,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
                 continue;
             }
         };
-        if let Err(reason) = check_agents(args.check_agents.as_deref(), &scenario) {
+        if let Err(reason) = check_agents(&args.check_agents, &scenario) {
             request.answer(Err(&format!("{NAME}: agents.controller, agents.set: {reason}")));
             continue;
         }
@@ -224,13 +257,20 @@ fn scenarios_folder() -> Option<PathBuf> {
 /// Whether there is the controller that a scenario names, with its settings. The server does not
 /// know the controllers: it asks a program that does, and refuses nothing if there is none.
 #[cfg(feature = "view")]
-fn check_agents(program: Option<&Path>, scenario: &Scenario) -> Result<(), String> {
+fn check_agents(program: &[PathBuf], scenario: &Scenario) -> Result<(), String> {
     let sibling = || {
         let program = std::env::current_exe().ok()?.with_file_name("agent_node");
         program.is_file().then_some(program)
     };
-    let Some(program) = program.map(Path::to_owned).or_else(sibling) else { return Ok(()) };
+    let (program, first) = match program {
+        [] => match sibling() {
+            Some(program) => (program, &[][..]),
+            None => return Ok(()),
+        },
+        [program, first @ ..] => (program.clone(), first),
+    };
     let mut check = Command::new(&program);
+    check.args(first);
     check.args(["--check", "--id", "0", "--controller", &scenario.agents.controller]);
     for (key, value) in &scenario.agents.set {
         // A text is passed without its quotes.
