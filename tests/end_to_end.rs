@@ -79,5 +79,7 @@ mod viewer;
 
 /// Foreign crates: licences, duplicate versions, sources, features.
 mod dependencies;
+/// What documents name exists, and every document is a chapter of the site.
+mod documents;
 /// Rules of the workspace that the compiler does not check.
 mod tidy;

@@ -12,7 +12,7 @@ use crate::support::binaries::cargo;
 use crate::support::root;
 
 /// The crates whose code is delivered.
-const CRATES: [&str; 11] = [
+pub(crate) const CRATES: [&str; 11] = [
     "voxels",
     "random_streams",
     "msgs",
@@ -30,7 +30,7 @@ const CRATES: [&str; 11] = [
 const LINES_MAX: usize = 600;
 
 /// All files with this extension below a folder of the workspace, sorted.
-fn files(folder: &str, extension: &str) -> Vec<PathBuf> {
+pub(crate) fn files(folder: &str, extension: &str) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut open = vec![root().join(folder)];
     while let Some(folder) = open.pop() {
@@ -47,12 +47,12 @@ fn files(folder: &str, extension: &str) -> Vec<PathBuf> {
     found
 }
 
-fn read(path: &Path) -> String {
+pub(crate) fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
 /// A path relative to the workspace.
-fn name(path: &Path) -> String {
+pub(crate) fn name(path: &Path) -> String {
     path.strip_prefix(root()).unwrap_or(path).display().to_string()
 }
 
@@ -219,28 +219,4 @@ fn scripts_can_be_parsed() {
     for file in files("tests", "py") {
         parse("python3", &["-c", "import ast, sys; ast.parse(open(sys.argv[1], encoding='utf-8').read())"], &file);
     }
-}
-
-/// Every path of the workspace in a document exists.
-#[test]
-fn documents_name_files_that_exist() {
-    let folders: Vec<String> =
-        CRATES.into_iter().chain(["tests", "launch_scripts", "docs"]).map(str::to_owned).collect();
-    let mut documents = files("docs", "md");
-    documents.extend(files("launch_scripts/scenarios", "toml"));
-    documents.extend(["README.md", "ARCHITECTURE.md"].map(|document| root().join(document)));
-    let mut named = BTreeSet::new();
-    for document in documents {
-        let text = read(&document);
-        for word in text.split(|c: char| c.is_whitespace() || "`()[]<>,;:\"'|*{}".contains(c)) {
-            let file = word.split_once('#').map_or(word, |(file, _)| file);
-            let path = file.trim_start_matches("./").trim_end_matches(['.', '/']);
-            let is_ours = path.split_once('/').is_some_and(|(folder, _)| folders.iter().any(|ours| ours == folder));
-            if is_ours {
-                assert!(root().join(path).exists(), "{} names {path}, which does not exist", name(&document));
-                named.insert(path.to_owned());
-            }
-        }
-    }
-    assert!(named.contains("launch_scripts/run.sh"), "the README says how to start a run: {named:?}");
 }

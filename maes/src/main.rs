@@ -147,6 +147,9 @@ fn exit_code(error: &anyhow::Error) -> ExitCode {
 }
 
 #[cfg(test)]
+mod documented;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
