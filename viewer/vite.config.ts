@@ -7,5 +7,6 @@ export default defineConfig({
   build: { target: "es2022", sourcemap: false, chunkSizeWarningLimit: 1000 },
   worker: { format: "es" },
   // `tests` belongs to Playwright.
-  test: { include: ["{src,pictures}/**/*.test.{ts,mjs}"] },
+  // The time limit only turns hangs into failures, also on a busy machine.
+  test: { include: ["{src,pictures}/**/*.test.{ts,mjs}"], testTimeout: 120_000 },
 });

@@ -1,7 +1,8 @@
 /**
  * Entry point of the page: parses the query of its address and opens what it names.
  *
- * `?recording=URL`, `?server=ws://host:port`, `?time=S`, `?agent=N`, `?picture=1`. Without a
+ * `?recording=URL`, `?server=ws://host:port`, `?picture=1`, and the view (`shared-link.ts`):
+ * `?time=S`, `?agent=N`, `?layers=NAME,...`, `?camera=X,Y,Z,YAW,PITCH,DISTANCE`. Without a
  * recording or a server, the page connects to the simulator that served it, and shows the welcome
  * screen if there is none.
  */
@@ -10,20 +11,12 @@ import "./app/layout.css";
 import "./app/panels.css";
 import { App } from "./app/app.ts";
 import type { Handle } from "./app/handle.ts";
+import { parseLink } from "./app/shared-link.ts";
 
 const query = new URLSearchParams(location.search);
 
-/** A non-negative number of the query; null if it is missing or malformed. */
-function numberOf(name: string): number | null {
-  const text = query.get(name);
-  if (text === null || text.trim() === "") return null;
-  const value = Number(text);
-  return Number.isFinite(value) && value >= 0 ? value : null;
-}
-
 const app = new App(document.getElementById("app")!, {
-  timeS: numberOf("time"),
-  agent: numberOf("agent"),
+  view: parseLink(location.search),
   isPicture: query.get("picture") === "1",
 });
 

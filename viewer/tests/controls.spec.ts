@@ -298,3 +298,70 @@ test("a page for captures has only the image and a caption", LONG, async ({ page
   await expect(page.getByTestId("caption")).toContainText(`00:20`);
   await expect(page.getByTestId("caption")).toContainText(`${shown.finePercent(share)} explored`);
 });
+
+test("a link shows the same view", async ({ page, servers }) => {
+  await shown.openWhole(page, `${await servers.view(FILE)}&agent=${AGENT}`);
+  await page.getByTestId("toolbar-layers").click();
+  await page.getByTestId("layer-trails").uncheck();
+  await shown.showAt(page, TIME_S);
+  await page.getByTestId("canvas").hover();
+  await page.mouse.wheel(0, 240);
+  await shown.showAt(page, TIME_S);
+  const cameraOf = (): Promise<number[]> =>
+    page.evaluate(() => {
+      const { centre, yawRad, pitchRad, distanceM } = window.maes!.scene!.orbit;
+      return [...centre, yawRad, pitchRad, distanceM];
+    });
+  const camera = await cameraOf();
+  // Without the permission to write to the clipboard the page shows the link.
+  await page.evaluate(() => {
+    navigator.clipboard.writeText = () => Promise.reject(new Error("not allowed"));
+  });
+  await page.getByTestId("toolbar-link").click();
+  const link = await page.getByTestId("share-link").innerText();
+  expect(link).toContain(`time=${TIME_S}&agent=${AGENT}&layers=walls,unexplored,paths,labels&camera=`);
+  expect(link).not.toContain("token");
+  await page.evaluate(() => localStorage.clear());
+  await shown.openWhole(page, link);
+  await shown.expectTime(page, TIME_S);
+  await expectSelected(page, AGENT);
+  expect(await isOn(page, "trails")).toBe(false);
+  // The link rounds to centimetres and tenths of a degree.
+  (await cameraOf()).forEach((value, index) => expect(value).toBeCloseTo(camera[index]!, 2));
+  expect(page.url()).toBe(link);
+});
+
+test("pictures and movies are saved", async ({ page, servers }) => {
+  await shown.openWhole(page, await servers.view(FILE));
+  await shown.showAt(page, TIME_S);
+  const picture = page.waitForEvent("download");
+  await page.getByTestId("toolbar-picture").click();
+  expect((await picture).suggestedFilename()).toMatch(/-00m20s\.png$/);
+
+  await page.getByTestId("toolbar-movie").click();
+  await expect(page.getByTestId("toolbar-movie")).toHaveAttribute("aria-pressed", "true");
+  const movie = page.waitForEvent("download");
+  await page.getByTestId("toolbar-movie").click();
+  expect((await movie).suggestedFilename()).toMatch(/\.(mp4|webm)$/);
+  await expect(page.getByTestId("toolbar-movie")).toHaveAttribute("aria-pressed", "false");
+});
+
+test("the legend explains the visible layers, and the scale follows the camera", async ({
+  page,
+  servers,
+}) => {
+  await shown.openWhole(page, await servers.view(FILE));
+  await shown.showAt(page, TIME_S);
+  const legend = page.getByTestId("legend");
+  await expect(legend).toContainText("unexplored cell");
+  await expect(legend.getByText("visited cell")).toBeHidden();
+  await page.keyboard.press("u");
+  await expect(legend.getByText("unexplored cell")).toBeHidden();
+  const lengthM = async (): Promise<number> => Number.parseFloat(await page.getByTestId("scale").innerText());
+  const far = await lengthM();
+  expect(far).toBeGreaterThanOrEqual(1);
+  await page.getByTestId("canvas").hover();
+  for (let turn = 0; turn < 8; turn++) await page.mouse.wheel(0, -240);
+  await shown.showAt(page, TIME_S);
+  expect(await lengthM()).toBeLessThan(far);
+});

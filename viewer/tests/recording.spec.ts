@@ -143,7 +143,7 @@ test("counts explored and covered cells like the server, at any time", async ({ 
     await expect(page.getByTestId("covered")).toHaveText(shown.finePercent(covered));
     const left = shown.clock(1800 - timeS);
     await expect(page.getByTestId("progress-text")).toHaveText(
-      `${left} left - ${shown.percent(explored, 0)}`,
+      `${shown.percent(explored, 0)} explored, ${left} to the time limit`,
     );
   }
 });

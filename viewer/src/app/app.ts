@@ -8,7 +8,9 @@ import type { LiveFeed } from "../data/sources.ts";
 import { Scene } from "../scene/scene.ts";
 import { AgentNumberInput, nextSelection } from "./agent-selection.ts";
 import { Clock } from "./clock.ts";
-import { openHelp } from "./dialogs.ts";
+import { captureName, MovieCapture, savePicture } from "./captures.ts";
+import { openDialog, openHelp } from "./dialogs.ts";
+import { el } from "./dom.ts";
 import type { HandleState } from "./handle.ts";
 import { listenToKeys } from "./keys.ts";
 import { browserEnvironment, LiveConnection, socketAddress } from "./live.ts";
@@ -19,6 +21,7 @@ import type { PageActions, PagePart } from "./page-actions.ts";
 import type { PanelState } from "./panel-state.ts";
 import { PLAY_RATES, shifted } from "./rates.ts";
 import { STATE } from "./services.ts";
+import { linkTo, parseLink, type SharedView } from "./shared-link.ts";
 import { Shell } from "./shell.ts";
 
 /** Period of panel updates, seconds of wall time. */
@@ -29,10 +32,12 @@ const PANEL_PERIOD_S = 0.12;
  */
 const PROBE_MS = 600;
 
+const NO_VIEW: SharedView = parseLink("");
+
 /** Options in the address of the page. */
 export interface PageOptions {
-  readonly timeS: number | null;
-  readonly agent: number | null;
+  /** What is shown first. */
+  readonly view: SharedView;
   /** Whether only the image and a caption are shown. */
   readonly isPicture: boolean;
 }
@@ -56,6 +61,7 @@ export class App implements PageActions {
   #isStale = true;
   /** Whether the time in the address has not been read yet. */
   #isSeeking = false;
+  #movie: MovieCapture | null = null;
   readonly #settings: ViewSettings;
   #options: PageOptions;
   readonly #digits = new AgentNumberInput();
@@ -67,7 +73,11 @@ export class App implements PageActions {
     const { scene, problem } = createScene(canvas, options.isPicture);
     this.scene = scene;
     this.#settings = new ViewSettings(!options.isPicture);
-    if (scene) this.#settings.applyTo(scene.view);
+    if (scene) {
+      this.#settings.applyTo(scene.view);
+      // Those of an address are not stored: they are somebody else's.
+      Object.assign(scene.view.layers, options.view.layers);
+    }
     this.clock.rate = this.#settings.values.rate;
     this.shell = new Shell(root, canvas, this, scene?.view ?? null, options.isPicture);
     this.shell.banners.set("graphics", problem);
@@ -193,13 +203,14 @@ export class App implements PageActions {
     this.scene?.setRun(run);
     this.#unlisten = run.onUpdate(() => this.loop.request());
     document.title = `${run.title} - MAES viewer`;
-    const { timeS, agent } = this.#options;
-    this.#options = { ...this.#options, timeS: null, agent: null };
+    const { timeS, agent, camera } = this.#options.view;
+    this.#options = { ...this.#options, view: NO_VIEW };
     this.#isSeeking = timeS !== null;
     if (timeS !== null) void this.#seekWhenKnown(run, timeS);
     else if (this.live) this.clock.follow();
     const wanted = agent ?? (this.live ? wasSelected : null);
     if (wanted !== null && wanted < run.setup.agents) this.select(wanted, false);
+    if (camera !== null) this.scene?.setOrbit(camera);
     this.#changed();
   }
 
@@ -296,6 +307,54 @@ export class App implements PageActions {
     return this.clock.rate;
   }
 
+  get link(): string {
+    return linkTo(location.href, {
+      timeS: this.clock.isFollowing ? null : this.clock.timeS,
+      agent: this.#selected,
+      layers: this.scene ? { ...this.scene.view.layers } : null,
+      camera: this.scene?.orbit ?? null,
+    });
+  }
+
+  async copyLink(): Promise<void> {
+    const { link } = this;
+    try {
+      await navigator.clipboard.writeText(link);
+      this.shell.banners.set("share", "The link to this view is on the clipboard.", "notice");
+    } catch {
+      // Not every page may write to the clipboard: an address without TLS, for example.
+      openDialog("Link to this view", "share", el("p", {}, el("code", { testid: "share-link" }, link)));
+    }
+  }
+
+  async savePicture(): Promise<void> {
+    const { run, scene } = this;
+    if (!run || !scene) return;
+    const { timeS } = this.clock;
+    await this.loop.drawExactly(timeS);
+    const name = captureName(run.title, timeS, "png");
+    await savePicture(scene.canvas, name, () => scene.render(timeS)).catch((error: unknown) =>
+      this.shell.banners.set("capture", (error as Error).message, "warning"),
+    );
+  }
+
+  /** Begins to capture a movie of the image, or ends it and saves what was captured. */
+  async toggleMovie(): Promise<void> {
+    const { run, scene } = this;
+    if (!run || !scene) return;
+    try {
+      const capture = this.#movie;
+      this.#movie = null;
+      if (capture) await capture.end((extension) => captureName(run.title, this.clock.timeS, extension));
+      else this.#movie = new MovieCapture(scene.canvas);
+      const text = "A movie of the image is being captured; press the button again to save it.";
+      this.shell.banners.set("capture", this.#movie ? text : null, "notice");
+    } catch (error) {
+      this.shell.banners.set("capture", (error as Error).message, "warning");
+    }
+    this.shell.setCapturing(this.#movie !== null);
+  }
+
   /** Pauses at a time and renders it in full. */
   async showAt(timeS: number): Promise<void> {
     await this.ready;
@@ -354,6 +413,7 @@ export class App implements PageActions {
       realTimeFactor: clock.realTimeFactor,
     };
     shell.update(panel, clock, live, this.#busy);
+    if (scene) shell.legend.update(scene.view, scene.pixelM);
     shell.renderStats.update(wallS, scene, this.loop.pacer.costMs, this.loop.pixelRatio);
     shell.banners.set("run", run?.problem ?? null, "warning");
     shell.banners.set("scene", scene && scene.notices.length > 0 ? scene.notices.join(" ") : null, "notice");

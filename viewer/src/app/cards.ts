@@ -95,11 +95,11 @@ export class RunCard {
     setText(this.#explored, finePercent(explored));
     setText(this.#covered, finePercent(covered));
     this.#bar.style.width = `${Math.min(1, explored) * 100}%`;
-    const left =
+    const end =
       run.result && timeS >= run.result.timeS
         ? `ended at ${clockTime(timeS)}`
-        : `${clockTime(run.setup.durationS - timeS)} left`;
-    setText(this.#barText, `${left} - ${percent(explored)}`);
+        : `${clockTime(run.setup.durationS - timeS)} to the time limit`;
+    setText(this.#barText, `${percent(explored)} explored, ${end}`);
     this.#progress.setAttribute("aria-valuenow", String(Math.floor(explored * 100)));
 
     this.#facts.set("Real-time factor", live && !run.isComplete ? speedFactor(panel.realTimeFactor) : null);

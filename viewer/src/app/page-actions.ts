@@ -28,4 +28,10 @@ export interface PageActions {
   /** Redraws after the scene's view options were changed. */
   viewChanged(): void;
   togglePart(part: PagePart): void;
+  /** Copies the address of what is shown. */
+  copyLink(): Promise<void>;
+  /** Saves the image as a file. */
+  savePicture(): Promise<void>;
+  /** Begins to capture a movie of the image, or ends and saves it. */
+  toggleMovie(): Promise<void>;
 }

@@ -10,10 +10,11 @@ import { card, CountersCard, RunCard, ScenarioCard } from "./cards.ts";
 import type { Clock } from "./clock.ts";
 import { ProgressChart } from "./progress-chart.ts";
 import { openHelp } from "./dialogs.ts";
-import { el, iconButton, setHidden, setText } from "./dom.ts";
+import { el, iconButton, setHidden, setIcon, setText } from "./dom.ts";
 import { RenderStats } from "./render-stats.ts";
 import { clockTime, finePercent } from "./format.ts";
 import { LayersPanel } from "./layers-panel.ts";
+import { Legend } from "./legend.ts";
 import type { LiveConnection } from "./live.ts";
 import { sharesAt } from "./panel-state.ts";
 import type { PageActions } from "./page-actions.ts";
@@ -46,6 +47,8 @@ export class Shell {
   readonly #counters = new CountersCard();
   readonly #scenario = new ScenarioCard();
   readonly #caption = el("div", { class: "caption", testid: "caption" });
+  readonly legend = new Legend();
+  readonly #movie: HTMLButtonElement;
   readonly #toolbar: HTMLElement;
   readonly #view: View | null;
   readonly #isPicture: boolean;
@@ -107,6 +110,11 @@ export class Shell {
     this.#agent = new AgentCard(() => actions.select(null));
     this.#chart = new ProgressChart((timeS) => actions.seek(timeS));
     this.#chartCard = card("Progress over time", "chart-card", true, this.#chart.root);
+    this.#movie = iconButton("movie", "Capture a movie", {
+      testid: "toolbar-movie",
+      "aria-pressed": "false",
+      onclick: () => void actions.toggleMovie(),
+    });
     this.#toolbar = el(
       "nav",
       { class: "toolbar float", "aria-label": "Page" },
@@ -115,6 +123,15 @@ export class Shell {
         testid: "toolbar-layers",
         onclick: () => actions.togglePart("isLayersOpen"),
       }),
+      iconButton("link", "Copy a link to this view", {
+        testid: "toolbar-link",
+        onclick: () => void actions.copyLink(),
+      }),
+      iconButton("picture", "Save a picture", {
+        testid: "toolbar-picture",
+        onclick: () => void actions.savePicture(),
+      }),
+      this.#movie,
       iconButton("help", "Keys (?)", { testid: "toolbar-help", onclick: openHelp }),
       iconButton("panel", "Panels (P)", {
         testid: "toolbar-panel",
@@ -129,6 +146,7 @@ export class Shell {
       this.#layers?.root,
       this.#toolbar,
       this.#camera.root,
+      this.legend.root,
       this.renderStats.root,
       this.#caption,
       this.banners.root,
@@ -177,6 +195,11 @@ export class Shell {
         ?.setAttribute("aria-pressed", String(isPressed));
     pressed("toolbar-layers", isLayersOpen);
     pressed("toolbar-panel", isPanelOpen);
+  }
+
+  setCapturing(isCapturing: boolean): void {
+    setIcon(this.#movie, isCapturing ? "stop" : "movie", isCapturing ? "Save the movie" : "Capture a movie");
+    this.#movie.setAttribute("aria-pressed", String(isCapturing));
   }
 
   update(panel: PanelState | null, clock: Clock, live: LiveConnection | null, busy: string | null): void {

@@ -20,6 +20,8 @@ const KEY_STEPS_S: Record<string, number> = {
 
 /** Width of a label, pixels. */
 const LABEL_PX = 72;
+/** Width of the label of a milestone, pixels; one without room has its text as a tooltip only. */
+const MARK_LABEL_PX = 40;
 
 export class Timeline {
   readonly root: HTMLElement;
@@ -75,15 +77,22 @@ export class Timeline {
 
   #mark(run: Run): void {
     // Milestones only change when more of the run is known.
-    const key = `${run.id} ${run.endS} ${this.#lineEndS} ${run.result !== null}`;
+    const key = `${run.id} ${run.endS} ${this.#lineEndS} ${run.result !== null} ${this.#track.clientWidth}`;
     if (key === this.#marked) return;
     this.#marked = key;
     const found =
       recordedMilestones(run.result) ??
       milestones((timeS) => run.seenAt(timeS), run.terrain.freeCells, run.endS);
+    const width = this.#track.clientWidth;
+    let labelledToPx = -Infinity;
     const marks = found.map(({ share, timeS }) => {
-      const name = `${Number((share * 100).toFixed(1))} % explored at ${clockTime(timeS)}`;
-      return el("button", {
+      const percentage = `${Number((share * 100).toFixed(1))} %`;
+      const name = `${percentage} explored at ${clockTime(timeS)}`;
+      const atPx = shareOf(timeS, this.#lineEndS) * width;
+      const hasLabel = atPx - labelledToPx >= MARK_LABEL_PX;
+      if (hasLabel) labelledToPx = atPx;
+      const label = hasLabel ? el("span", { class: "tl-mark-label" }, percentage) : null;
+      const mark = el("button", {
         type: "button",
         class: "tl-mark",
         tabindex: -1,
@@ -93,6 +102,8 @@ export class Timeline {
         style: `left: ${shareOf(timeS, this.#lineEndS) * 100}%; --weight: ${share}`,
         onclick: () => this.#seek(timeS),
       });
+      if (label) mark.append(label);
+      return mark;
     });
     fill(this.#marks, ...marks);
   }

@@ -72,6 +72,17 @@ export class CameraRig {
     return this.#orbit.distanceM;
   }
 
+  /** The pose relative to the anchor, at the end of a flight. */
+  get orbit(): Orbit {
+    return this.#orbit;
+  }
+
+  /** Takes a pose relative to the anchor, at once, within the limits. */
+  setOrbit(orbit: Orbit): void {
+    this.#flight = null;
+    this.#change(zoomed(orbit, 1, this.#limits));
+  }
+
   /** Limits of the distance, and the radius of the map around its middle; metres. */
   setLimits(limits: readonly [number, number], reachM: number): void {
     this.#limits = limits;

@@ -191,6 +191,21 @@ export class Scene {
     this.#cameraRig.goTo(orbit, state.position, options.fly);
   }
 
+  /** The camera, at the end of a flight: relative to the middle of the map or to the selected agent. */
+  get orbit(): Orbit {
+    return this.#cameraRig.orbit;
+  }
+
+  /** Moves the camera around the middle of the map or the selected agent, at once. */
+  setOrbit(orbit: Orbit): void {
+    this.#cameraRig.setOrbit(orbit);
+  }
+
+  /** Size of a CSS pixel at the centre of the orbit, metres. */
+  get pixelM(): number {
+    return pixelM(this.#size.height) * this.#cameraRig.distanceM;
+  }
+
   /** The agent at a position of the canvas in the last frame, CSS pixels. */
   pick(x: number, y: number): number | null {
     return this.#loaded?.team.pick(x, y) ?? null;
