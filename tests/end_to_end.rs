@@ -52,6 +52,11 @@ mod reply_timeouts;
 /// `launch_scripts/spawn.sh` starts a server and agents by hand.
 mod spawn_script;
 
+/// Programs of one's own, from outside the workspace, run agents in runs and plans.
+mod own_programs;
+/// Plans on a real Slurm whose node is killed, and with GNU parallel.
+mod workload_managers;
+
 /// The scenarios of the gallery end as documented.
 mod gallery;
 /// Radio models, relays and sensor noise.

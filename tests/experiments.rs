@@ -133,7 +133,7 @@ fn cluster_jobs_and_ros_processes_give_the_same_rows() {
     // As Slurm runs them, one after the other.
     for job in ["0", "1", "2", "3"] {
         let mut script = site.command("bash");
-        script.arg(site.path("cluster/plan.slurm.sh")).env("SLURM_ARRAY_TASK_ID", job);
+        script.arg("plan.slurm.sh").current_dir(site.path("cluster")).env("SLURM_ARRAY_TASK_ID", job);
         site.start(&mut script).ended().with_code(0);
     }
     let cluster = Table::read(&site.path("cluster/runs.csv"));

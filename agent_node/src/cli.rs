@@ -6,14 +6,17 @@ use std::time::Duration;
 use clap::Parser;
 use msgs::ids::AgentId;
 
+use crate::controllers::Registry;
+use crate::host::Options;
+
 /// Agents of a deterministic simulator of 3-D multi-agent exploration: one process for one or more
 /// agents
 #[derive(Debug, Parser)]
 #[command(name = "agent_node", version, arg_required_else_help = true)]
 pub struct Cli {
     /// Agents of this process: one id, or a range such as 0-19
-    #[arg(long, value_name = "N|FROM-TO", value_parser = ids)]
-    pub id: Ids,
+    #[arg(long, value_name = "N|FROM-TO", value_parser = ids, required_unless_present_any = ["check", "controllers"])]
+    pub id: Option<Ids>,
     /// Controller, instead of the one of the scenario
     #[arg(long, value_name = "NAME")]
     pub controller: Option<String>,
@@ -41,15 +44,47 @@ pub struct Cli {
     #[arg(long, value_name = "FILE")]
     pub join_secret_file: Option<PathBuf>,
     /// Check the controller and its settings, and exit
-    #[arg(long, requires = "controller")]
+    #[arg(long)]
     pub check: bool,
+    /// With --check: the controller that the scenario announces
+    #[arg(long, value_name = "NAME", requires = "check", default_value = "rbw")]
+    pub announced: String,
+    /// With --check: a setting that the scenario announces; repeatable
+    #[arg(long, value_name = "KEY=VALUE", requires = "check")]
+    pub announced_set: Vec<String>,
+    /// List the controllers of this program with their settings, and exit
+    #[arg(long)]
+    pub controllers: bool,
 }
 
 impl Cli {
     /// Whether the agents provide their parameters.
     #[must_use]
     pub fn has_parameters(&self) -> bool {
-        self.parameters.unwrap_or(self.id.0.len() <= PARAMETERS_AGENTS_MAX)
+        self.parameters.unwrap_or(self.agents().len() <= PARAMETERS_AGENTS_MAX)
+    }
+
+    /// The agents of this process; none if it only checks or lists.
+    #[must_use]
+    pub fn agents(&self) -> &[AgentId] {
+        self.id.as_ref().map_or(&[], |ids| &ids.0)
+    }
+
+    /// The options of a host, without credentials.
+    #[must_use]
+    pub fn options(&self, registry: Registry, instance: u64) -> Options {
+        Options {
+            agents: self.agents().to_vec(),
+            registry,
+            controller: self.controller.clone(),
+            settings: self.set.clone(),
+            instance,
+            credentials: None,
+            server_timeout: self.server_timeout(),
+            chaos_delay: self.chaos_delay(),
+            map_hz: self.map_hz,
+            decision_times: None,
+        }
     }
 
     /// Time without a message after which the server is taken to be gone.

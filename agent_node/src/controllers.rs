@@ -1,8 +1,8 @@
 //! The controllers: the trait that they share, and the registry of all of them.
 //!
-//! [`REGISTRY`] is the only list of controllers: names, descriptions, settings and construction
-//! follow from it everywhere. A new controller is a file in this folder, its `mod` line, and its
-//! entry.
+//! [`REGISTRY`] is the only list of built-in controllers: names, descriptions, settings and
+//! construction follow from it everywhere. A new controller is a file in this folder, its `mod`
+//! line, and its entry; or a program of its own adds it with [`Registry::with`].
 //!
 //! Invariants: a controller decides from its arguments alone, draws from its own random stream, and
 //! terminates; equal observations give equal commands. This module knows no transport and no wall
@@ -18,6 +18,7 @@ pub mod lvd_maes3d;
 pub mod nearest_frontier;
 pub mod rbw;
 pub mod rbw_maes3d;
+mod registry;
 pub mod relays;
 pub mod settings;
 mod suggestion;
@@ -26,13 +27,12 @@ pub(crate) mod testing;
 
 use msgs::ids::AgentId;
 use rand_chacha::ChaCha8Rng;
-use thiserror::Error;
 
 use crate::command::Command;
 use crate::observation::Observation;
 pub use ctx::Ctx;
+pub use registry::{ControllerError, Registry, RegistryError};
 use settings::{Setting, SettingError, Settings};
-use suggestion::did_you_mean;
 
 /// An algorithm that controls one agent. How to write one: docs/controllers.md.
 pub trait Controller {
@@ -50,7 +50,9 @@ pub trait Controller {
     }
 }
 
-type Construct = fn(&mut Settings, ChaCha8Rng) -> Result<Box<dyn Controller>, SettingError>;
+/// Takes the settings of a controller and builds it for one agent, with the random stream of that
+/// agent.
+pub type Construct = fn(&mut Settings, ChaCha8Rng) -> Result<Box<dyn Controller>, SettingError>;
 
 /// An entry of the registry.
 #[derive(Debug)]
@@ -60,12 +62,12 @@ pub struct Registration {
     /// What it does, on one line: what comes before the first colon is a title for menus.
     pub description: &'static str,
     /// The purpose of its random stream. Two purposes that are equal give equal random numbers.
-    stream: &'static str,
+    pub stream: &'static str,
     /// Takes its settings and builds the controller of one agent.
-    construct: Construct,
+    pub construct: Construct,
 }
 
-/// All controllers, in the order in which they are listed everywhere.
+/// All built-in controllers, in the order in which they are listed everywhere.
 pub const REGISTRY: &[Registration] = &[
     Registration {
         name: "rbw",
@@ -123,7 +125,7 @@ pub const REGISTRY: &[Registration] = &[
     },
 ];
 
-/// The names of all controllers, in the order of the registry.
+/// The names of all built-in controllers, in the order of the registry.
 pub const NAMES: [&str; REGISTRY.len()] = {
     let mut names = [""; REGISTRY.len()];
     let mut number = 0;
@@ -158,42 +160,24 @@ impl Registration {
     }
 }
 
-/// Why a controller cannot be built.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum ControllerError {
-    /// The registry has no such name.
-    #[error("controller {name}: unknown; known are {}{}", NAMES.join(", "), did_you_mean(name, &NAMES))]
-    Unknown {
-        /// The name.
-        name: String,
-    },
-    /// A setting is unknown or out of range.
-    #[error("controller {name}: {source}")]
-    Setting {
-        /// The controller.
-        name: String,
-        /// What is wrong.
-        source: SettingError,
-    },
-}
-
-/// Checks the name of a controller and its settings.
+/// Checks the name of a built-in controller and its settings.
 ///
 /// # Errors
 /// If the name or a setting is unknown, or a value is out of range.
 pub fn check(name: &str, settings: &[String]) -> Result<(), ControllerError> {
-    resolve_settings(name, settings).map(drop)
+    Registry::BUILT_IN.check(name, settings)
 }
 
-/// All settings of a controller with their values: those given, and defaults for the others.
+/// All settings of a built-in controller with their values: those given, and defaults for the
+/// others.
 ///
 /// # Errors
 /// If the name or a setting is unknown, or a value is out of range.
 pub fn resolve_settings(name: &str, settings: &[String]) -> Result<Vec<Setting>, ControllerError> {
-    build_with_settings(name, settings, AgentId(0), 0).map(|(_, settings)| settings)
+    Registry::BUILT_IN.resolve_settings(name, settings)
 }
 
-/// Builds a controller by name, with settings `KEY=VALUE`, for one agent of a run.
+/// Builds a built-in controller by name, with settings `KEY=VALUE`, for one agent of a run.
 ///
 /// # Errors
 /// If the name or a setting is unknown, or a value is out of range.
@@ -203,22 +187,7 @@ pub fn build(
     agent: AgentId,
     agents_seed: u64,
 ) -> Result<Box<dyn Controller>, ControllerError> {
-    build_with_settings(name, settings, agent, agents_seed).map(|(controller, _)| controller)
-}
-
-fn build_with_settings(
-    name: &str,
-    settings: &[String],
-    agent: AgentId,
-    agents_seed: u64,
-) -> Result<(Box<dyn Controller>, Vec<Setting>), ControllerError> {
-    let registration = REGISTRY
-        .iter()
-        .find(|registration| registration.name == name)
-        .ok_or_else(|| ControllerError::Unknown { name: name.to_owned() })?;
-    registration
-        .build(settings, agent, agents_seed)
-        .map_err(|source| ControllerError::Setting { name: name.to_owned(), source })
+    Registry::BUILT_IN.build(name, settings, agent, agents_seed)
 }
 
 #[cfg(test)]

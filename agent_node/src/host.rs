@@ -25,7 +25,7 @@ use msgs::signing::{Bytes, NONE, SessionKey, is_equal};
 use thiserror::Error;
 
 use crate::agent::{Agent, Reaction};
-use crate::controllers::{self, ControllerError};
+use crate::controllers::{ControllerError, Registry};
 use crate::parameters;
 use crate::stopwatch::DecisionTimes;
 use crate::transport::{Inbound, Level, ServerTransport};
@@ -60,6 +60,8 @@ const IGNORED_REPORTS_MAX: u64 = 5;
 pub struct Options {
     /// The agents of this process.
     pub agents: Vec<AgentId>,
+    /// The controllers that this process knows.
+    pub registry: Registry,
     /// The controller, instead of the one of the scenario.
     pub controller: Option<String>,
     /// Settings `KEY=VALUE`, after those of the scenario, which apply to the scenario's controller
@@ -77,6 +79,24 @@ pub struct Options {
     pub map_hz: f64,
     /// Where to log the wall time of decisions.
     pub decision_times: Option<DecisionTimes>,
+}
+
+impl Options {
+    /// The controller of this process and its settings, given those that a scenario announces.
+    fn decides<'a>(&'a self, announced: &'a str, settings: &[String]) -> (&'a str, Vec<String>) {
+        let name = self.controller.as_deref().unwrap_or(announced);
+        let announced = if name == announced { settings } else { &[] };
+        (name, [announced, &self.settings].concat())
+    }
+
+    /// Checks the controller and its settings, given those that a scenario will announce.
+    ///
+    /// # Errors
+    /// If the name or a setting is unknown, or a value is out of range.
+    pub fn check(&self, announced: &str, settings: &[String]) -> Result<(), ControllerError> {
+        let (name, settings) = self.decides(announced, settings);
+        self.registry.check(name, &settings)
+    }
 }
 
 /// Why a host ends with an error.
@@ -265,17 +285,15 @@ impl<'a> Host<'a> {
         }
         let wrong = |source| RunError::Wire { agent: options.agents.first().copied().unwrap_or_default(), source };
         let run_info = wire::run_info(scenario).map_err(wrong)?;
-        let name = options.controller.as_ref().unwrap_or(&run_info.controller);
-        let mut settings = if *name == run_info.controller { run_info.settings.clone() } else { Vec::new() };
-        settings.extend(options.settings.iter().cloned());
-        let resolved = controllers::resolve_settings(name, &settings)?;
+        let (name, settings) = options.decides(&run_info.controller, &run_info.settings);
+        let resolved = options.registry.resolve_settings(name, &settings)?;
         let mut agents = BTreeMap::new();
         for &id in &options.agents {
             if id.0 >= run_info.agents {
                 let reason = format!("this run has agents 0 to {}", run_info.agents.saturating_sub(1));
                 return Err(RunError::Refused { agent: id, reason });
             }
-            let mut controller = controllers::build(name, &settings, id, run_info.agents_seed)?;
+            let mut controller = options.registry.build(name, &settings, id, run_info.agents_seed)?;
             if let Some(times) = &options.decision_times {
                 controller = times.of(controller);
             }
@@ -284,7 +302,7 @@ impl<'a> Host<'a> {
             agents.insert(id, HostedAgent { agent, is_accepted: false, key: None, published });
             transport.declare_parameters(id, parameters::of_controller(name, &resolved));
         }
-        let label = if settings.is_empty() { name.clone() } else { format!("{name} {}", settings.join(" ")) };
+        let label = if settings.is_empty() { name.to_owned() } else { format!("{name} {}", settings.join(" ")) };
         let Options { instance, chaos_delay, server_timeout, .. } = *options;
         let polled_at = transport.now();
         Ok(Self {

@@ -1,104 +1,99 @@
-//! Job files that run a plan on a cluster: a job array for Slurm, an indexed job for Kubernetes.
+//! Job files that run a plan on a cluster, for five workload managers.
 //!
-//! Each job runs a part of the plan and writes into one shared folder, so no merge is needed; the
-//! job that ends last writes the tables of all. This module submits nothing.
+//! A plan is divided into many more parts than there are workers, and each task of the job executes
+//! one of them ([`crate::execute::Part`]): the workload manager balances the load, starts a task
+//! again whose node has failed, and keeps the limits of its users. All tasks write into one shared
+//! folder, so no merge is needed; the task that ends last writes the tables of all.
+//!
+//! The folder has everything but the binary `maes`, and its files name no absolute path, so it may
+//! be moved before it is submitted. This module submits nothing.
+
+mod templates;
 
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use crate::execute::{self, ExecuteError, Transport};
 use crate::plan::Plan;
 use crate::store::{PLAN, Store, StoreError};
 
-/// The workload manager of a cluster.
+/// Most parts unless a number is given: arrays of Slurm have at most 1001 tasks unless its
+/// administrator allows more.
+const PARTS_MAX: usize = 1000;
+
+/// The script that executes one part, for all workload managers.
+const PART: &str = "part.sh";
+
+/// A workload manager.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scheduler {
-    /// Slurm: a job array, submitted with `sbatch plan.slurm.sh`.
+    /// A job array for Slurm.
     Slurm,
-    /// Kubernetes: an indexed job, submitted with `kubectl apply -f plan.k8s.yaml`.
+    /// A job array for PBS Pro and OpenPBS.
+    Pbs,
+    /// A cluster of jobs for HTCondor.
+    HtCondor,
+    /// An indexed job for Kubernetes.
     K8s,
+    /// GNU parallel, on one machine or several.
+    Parallel,
+}
+
+/// The request to a workload manager.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Job {
+    pub scheduler: Scheduler,
+    /// Number of parts; if `None`, one for each run, and at most [`PARTS_MAX`].
+    pub parts: Option<NonZero<usize>>,
+    /// Most tasks at a time.
+    pub limit: Option<NonZero<usize>>,
+    /// Greatest wall time of a task, s.
+    pub time_s: Option<NonZero<u64>>,
+    /// Memory of a task, MiB.
+    pub memory_mib: NonZero<u64>,
+    /// Partition or queue.
+    pub partition: Option<String>,
+    /// Account that is charged.
+    pub account: Option<String>,
+    /// Whether a task whose node or process has failed is started again.
+    pub is_requeued: bool,
 }
 
 #[derive(Debug, Error)]
 pub enum EmitError {
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The folder has no absolute path.
-    #[error("{folder}: {source}")]
-    Place { folder: String, source: std::io::Error },
+    /// The plan cannot be executed over this transport.
+    #[error(transparent)]
+    Execute(#[from] ExecuteError),
+    /// A file of the plan would not be found on another machine.
+    #[error("{0}: a file that the plan reads; expected a path relative to the plan, so that it can be copied with it")]
+    Absolute(String),
+    /// The workload manager has no such request.
+    #[error("{flag} {value}: {reason}; leave it out")]
+    Unknown { flag: &'static str, value: String, reason: &'static str },
 }
 
-/// Writes the plan and a job file with so many parts into a folder; returns the path of the job
-/// file.
+/// Writes a plan, the files that it reads and a job into a folder; returns the path of the job.
 ///
 /// # Errors
-/// If the folder cannot be used.
-pub fn emit(plan: &Plan, folder: &Path, scheduler: Scheduler, parts: NonZero<usize>) -> Result<PathBuf, EmitError> {
+/// If the plan does not fit the transport or reads files with absolute paths, the workload manager
+/// has no such request, or the folder cannot be used.
+pub fn emit(plan: &Plan, folder: &Path, job: &Job, transport: &Transport) -> Result<PathBuf, EmitError> {
+    execute::check(plan, transport)?;
+    if let Some(path) = plan.inputs.absolute.iter().next() {
+        return Err(EmitError::Absolute(path.display().to_string()));
+    }
+    let parts = job.parts.map_or(PARTS_MAX, NonZero::get).min(plan.runs.len());
+    let (name, text) = templates::job(job, parts)?;
     let store = Store::create(folder)?;
-    store.write(PLAN, plan.text.as_bytes())?;
-    let place = std::fs::canonicalize(folder)
-        .map_err(|source| EmitError::Place { folder: folder.display().to_string(), source })?;
-    let parts = parts.get().min(plan.runs.len());
-    let (name, text) = match scheduler {
-        Scheduler::Slurm => ("plan.slurm.sh", slurm(&place, parts)),
-        Scheduler::K8s => ("plan.k8s.yaml", k8s(parts)),
-    };
+    store.save_plan(plan)?;
+    store.make_folder(templates::LOGS)?;
+    let flags = if matches!(transport, Transport::Ros2(_)) { " --transport ros2" } else { "" };
+    store.write(PART, templates::part(parts, flags).as_bytes())?;
     Ok(store.write(name, text.as_bytes())?)
-}
-
-/// One core per part: a plan has more parts than a cluster has cores to spare.
-fn slurm(folder: &Path, parts: usize) -> String {
-    let quoted = format!("'{}'", folder.display().to_string().replace('\'', r"'\''"));
-    format!(
-        r#"#!/usr/bin/env bash
-# Runs the plan in this folder: sbatch plan.slurm.sh
-# The folder has to be shared by all nodes. `maes` is looked for in MAES_BIN_DIR, or else in PATH. To
-# continue after a job that was ended early, submit it again: runs that are done are skipped.
-#SBATCH --job-name=maes
-#SBATCH --array=0-{last}
-#SBATCH --cpus-per-task=1
-#SBATCH --mem-per-cpu=4G
-set -eu
-folder={quoted}
-exec "${{MAES_BIN_DIR:+$MAES_BIN_DIR/}}maes" batch "$folder/{PLAN}" --out "$folder" --jobs 1 --part "$SLURM_ARRAY_TASK_ID/{parts}"
-"#,
-        last = parts - 1
-    )
-}
-
-fn k8s(parts: usize) -> String {
-    format!(
-        r#"# Runs the plan in this folder: kubectl apply -f plan.k8s.yaml
-# IMAGE: any that has the binary `maes` in its PATH. CLAIM: a volume that many pods may write to and
-# that holds this folder at its root. To continue after a job that was ended early, delete the job
-# and apply it again: runs that are done are kept.
-apiVersion: batch/v1
-kind: Job
-metadata:
-  name: maes
-spec:
-  completionMode: Indexed
-  completions: {parts}
-  parallelism: {parts}
-  backoffLimitPerIndex: 3
-  template:
-    spec:
-      restartPolicy: Never
-      containers:
-        - name: maes
-          image: IMAGE
-          command: ["sh", "-c", "exec maes batch /plan/{PLAN} --out /plan --jobs 1 --part $JOB_COMPLETION_INDEX/{parts}"]
-          resources:
-            requests: {{cpu: "1", memory: 4Gi}}
-            limits: {{memory: 4Gi}}
-          volumeMounts:
-            - {{name: plan, mountPath: /plan}}
-      volumes:
-        - name: plan
-          persistentVolumeClaim: {{claimName: CLAIM}}
-"#
-    )
 }
 
 #[cfg(test)]

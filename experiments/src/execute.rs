@@ -4,6 +4,7 @@
 //! the runs that are missing. No result depends on wall time.
 
 mod memory;
+mod parts;
 mod ros;
 
 use std::collections::BTreeSet;
@@ -13,12 +14,14 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 use std::thread;
 
+use supervisor::{SupervisorError, outside};
 use thiserror::Error;
 
 use crate::plan::{BUILD, Plan, PlannedRun};
 use crate::rows::{RunRecord, RunRow};
-use crate::store::{PLAN, Store, StoreError};
+use crate::store::{Store, StoreError};
 
+pub use parts::Part;
 pub use ros::Launcher;
 
 /// The transport between a server and its agents.
@@ -28,17 +31,6 @@ pub enum Transport {
     Memory,
     /// Over ROS 2, with a process for the server and for each agent.
     Ros2(Launcher),
-}
-
-/// A part of a plan: every `parts`-th run, beginning with run `index`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Part {
-    pub index: usize,
-    pub parts: NonZero<usize>,
-}
-
-impl Part {
-    pub const WHOLE: Self = Self { index: 0, parts: NonZero::<usize>::MIN };
 }
 
 #[derive(Debug, Clone)]
@@ -88,6 +80,12 @@ pub enum ExecuteError {
         /// The id of one of them.
         example: String,
     },
+    /// A run cannot be executed over this transport.
+    #[error("{key} = {value}: {reason}")]
+    Transport { key: &'static str, value: String, reason: &'static str },
+    /// A program of the user cannot run agents.
+    #[error(transparent)]
+    Program(#[from] SupervisorError),
 }
 
 /// Counts of the runs of an execution.
@@ -117,12 +115,38 @@ pub trait PlanObserver {
 /// Observes nothing.
 impl PlanObserver for () {}
 
-/// Executes a plan in a folder, and writes its tables.
+/// Checks, before anything runs, whether every run of a plan can be executed over a transport:
+/// other programs take part over ROS 2 only, and know their controllers.
+///
+/// # Errors
+/// Names the key and the remedy.
+pub fn check(plan: &Plan, transport: &Transport) -> Result<(), ExecuteError> {
+    let mut checked = BTreeSet::new();
+    for run in &plan.runs {
+        let agents = &run.scenario.agents;
+        let Some((key, value)) = agents.of_ros_only() else { continue };
+        if matches!(transport, Transport::Memory) {
+            let reason = "expected [] over memory, where no other program takes part; use --transport ros2";
+            return Err(ExecuteError::Transport { key, value, reason });
+        }
+        if let Some(agent) = agents.cmd_vel.iter().find(|&&agent| !agents.is_commanded(agent)) {
+            let reason = "nothing in a plan starts the node of this agent; name its program in agents.command";
+            return Err(ExecuteError::Transport { key: "agents.cmd_vel", value: agent.to_string(), reason });
+        }
+        if checked.insert((&agents.command, &agents.controller, format!("{:?}", agents.set))) {
+            outside::check(&run.scenario, &run.folder)?;
+        }
+    }
+    Ok(())
+}
+
+/// Executes a plan in a folder, and writes its tables. A part writes them if no run is left in the
+/// folder.
 ///
 /// A run that fails is reported to `observer` and gets no record; the other runs continue.
 ///
 /// # Errors
-/// If the folder cannot be used.
+/// If the folder cannot be used, or a run cannot be executed; see [`check`].
 pub fn execute(
     plan: &Plan,
     folder: PathBuf,
@@ -130,12 +154,12 @@ pub fn execute(
     observer: &mut dyn PlanObserver,
     stop: &Stop,
 ) -> Result<Summary, ExecuteError> {
+    check(plan, &options.transport)?;
     let store = Store::create(&folder)?;
     let done = store.done()?;
     prune(plan, &store, &done, options.prune)?;
-    store.write(PLAN, plan.text.as_bytes())?;
-    let Part { index, parts } = options.part;
-    let mine: Vec<&PlannedRun> = plan.runs.iter().skip(index).step_by(parts.get()).collect();
+    store.save_plan(plan)?;
+    let mine = options.part.of(&plan.runs);
     let todo: Vec<&PlannedRun> = mine.iter().copied().filter(|run| !done.contains(&run.id)).collect();
     let mut summary = Summary { skipped: mine.len() - todo.len(), ..Summary::default() };
     observer.started(&mine, &todo);
@@ -157,7 +181,11 @@ pub fn execute(
     observer.ended();
     executed?;
     summary.left = todo.len() - summary.done - summary.failed;
-    store.write_tables()?;
+    // Thousands of parts would each read all runs. The part that ends last sees that all are done.
+    let is_whole = options.part == Part::WHOLE;
+    if is_whole || store.done()?.len() == plan.runs.len() {
+        store.write_tables()?;
+    }
     Ok(summary)
 }
 
@@ -183,8 +211,9 @@ fn each(
 ) -> Result<(), StoreError> {
     let next = AtomicUsize::new(0);
     let (sender, records) = channel();
+    let jobs = options.jobs.get();
     thread::scope(|scope| {
-        for job in 0..options.jobs.get().min(todo.len()) {
+        for job in 0..jobs.min(todo.len()) {
             let (sender, next) = (sender.clone(), &next);
             scope.spawn(move || {
                 while !stop.soon.load(Ordering::Relaxed)
@@ -192,7 +221,7 @@ fn each(
                 {
                     let record = match &options.transport {
                         Transport::Memory => memory::carry_out(run, &stop.at_once),
-                        Transport::Ros2(launcher) => launcher.carry_out(run, job, &stop.at_once),
+                        Transport::Ros2(launcher) => launcher.carry_out(run, (job, jobs), &stop.at_once),
                     };
                     // The receiver is gone if a record could not be saved, which abandons all runs.
                     if sender.send((run, record)).is_err() {

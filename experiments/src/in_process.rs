@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use agent_node::controllers;
+use agent_node::controllers::{self, Registry};
 use agent_node::host::{Options, RunError as AgentError};
 use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::AgentId;
@@ -24,9 +24,9 @@ use crate::in_memory;
 pub enum InProcessError {
     #[error(transparent)]
     Setup(#[from] SetupError),
-    /// Some agents are controlled by standard messages, which exist over ROS 2 only.
-    #[error("agents.cmd_vel = {0:?}: expected [] without a network; foreign ROS 2 nodes join over ROS 2 only")]
-    OverRosOnly(Vec<u32>),
+    /// Some agents are run by other programs, which exist over ROS 2 only.
+    #[error("{key} = {value}: expected [] over memory, where no other program takes part; use --transport ros2")]
+    OverRosOnly { key: &'static str, value: String },
     #[error(transparent)]
     Record(#[from] RecordError),
     /// The server has stopped with an error.
@@ -78,8 +78,8 @@ pub fn run(
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
-    if !scenario.agents.cmd_vel.is_empty() {
-        return Err(InProcessError::OverRosOnly(scenario.agents.cmd_vel.clone()));
+    if let Some((key, value)) = scenario.agents.of_ros_only() {
+        return Err(InProcessError::OverRosOnly { key, value });
     }
     setup::check_destination(scenario)?;
     let scenario = &setup::resolve(scenario.clone(), &Origins::new("the scenario", "", &[]))?;
@@ -123,6 +123,7 @@ pub(crate) fn run_in(
             .map(|((instance, agents), mut end)| {
                 let options = Options {
                     agents,
+                    registry: Registry::BUILT_IN,
                     controller: None,
                     settings: Vec::new(),
                     instance,

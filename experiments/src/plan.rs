@@ -7,17 +7,21 @@
 //! Invariant: the scenarios of a [`Plan`] are valid and its controllers known; only map generation
 //! can still fail. This module runs nothing.
 
+mod files;
 mod read;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use agent_node::controllers;
-use sim_server::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
-use simulation::scenario::{MapKind, Override, Scenario, ScenarioError, one_line};
+use sim_server::input_file::{self, TEXT_BYTES_MAX};
+use simulation::scenario::{Override, Scenario, ScenarioError, one_line};
 use simulation::wire;
 use thiserror::Error;
 
+use files::{Files, RunFiles, Unreadable};
+
+pub use files::Inputs;
 pub use read::SEEDS_EXPECTED;
 
 /// Maximum number of runs of a plan.
@@ -74,18 +78,26 @@ impl AxisValue {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedRun {
-    /// First 16 hexadecimal digits of the blake3 hash of the scenario, its map file if it has one,
-    /// and the build.
+    /// First 16 hexadecimal digits of the blake3 hash of the scenario, the build, and the contents
+    /// of the files that it names.
     pub id: String,
     /// Key and value, as text, of every axis.
     pub axes: BTreeMap<String, String>,
     pub scenario: Scenario,
+    /// What its relative paths start from; empty: the present folder, or it has none.
+    pub folder: PathBuf,
+    /// Estimated cost, without unit: used for ordering, for parts and for remaining time, never for
+    /// a result.
+    pub cost: u64,
 }
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// The plan as a self-contained file: it includes the base scenario.
+    /// The plan as a self-contained file: it includes the base scenario, and reads copies of
+    /// `inputs`.
     pub text: String,
+    /// The files that it reads.
+    pub inputs: Inputs,
     /// In the order of the file.
     pub axes: Vec<Axis>,
     /// In the order of the file.
@@ -106,8 +118,7 @@ impl Plan {
         Self::parse(&name, &text, file.parent().unwrap_or(Path::new("")))
     }
 
-    /// Parses a plan. The path of its base scenario is relative to `folder`; `file` is the name for
-    /// error messages.
+    /// Parses a plan. Its paths are relative to `folder`; `file` is the name for error messages.
     ///
     /// # Errors
     /// See [`Plan::load`].
@@ -128,12 +139,13 @@ impl Plan {
                 return Err(PlanError::Line { file: file.to_owned(), line, reason });
             }
         }
+        let mut files = Files::from(draft.folder.as_ref().map_or(folder.to_owned(), |copies| folder.join(copies)));
         let mut runs = Vec::new();
         let mut ids = BTreeSet::new();
         for &seed in &draft.seeds {
             let mut of_seed = Vec::new();
             for choice in combinations(&draft.axes) {
-                let run = planned_run(file, &draft, &choice, seed)?;
+                let run = planned_run(file, &draft, &mut files, &choice, seed)?;
                 if !ids.insert(run.id.clone()) {
                     let line = choice.first().map_or(1, |(_, value)| value.line);
                     let reason = format!("axes: two combinations are the same run, one of them {:?}", run.axes);
@@ -141,20 +153,21 @@ impl Plan {
                 }
                 of_seed.push(run);
             }
-            of_seed.sort_by_key(|run| std::cmp::Reverse(cost(&run.scenario)));
+            of_seed.sort_by_key(|run| std::cmp::Reverse(run.cost));
             runs.extend(of_seed);
         }
-        let read::Draft { text, axes, seeds, .. } = draft;
-        Ok(Self { text, axes, seeds, runs })
+        let read::Draft { text, axes, seeds, folder: copies, .. } = draft;
+        let is_copy = copies.is_some();
+        let inputs = files.into_inputs(copies);
+        let text = if is_copy { text } else { inputs.line() + &text };
+        Ok(Self { text, inputs, axes, seeds, runs })
     }
 }
 
-/// Estimated cost of a run, without unit: used for ordering and for remaining time, never for a
-/// result.
-#[must_use]
-pub fn cost(scenario: &Scenario) -> u64 {
-    let cells = scenario.map.size.map_or(1, |size| size.cells().into_iter().map(u64::from).product::<u64>());
-    u64::from(scenario.agents.count).saturating_mul(cells)
+/// See [`PlannedRun::cost`].
+fn cost(scenario: &Scenario, files: &RunFiles) -> u64 {
+    let generated = scenario.map.size.map(|size| size.cells().into_iter().map(u64::from).product::<u64>());
+    u64::from(scenario.agents.count).saturating_mul(generated.or(files.map_cells).unwrap_or(1))
 }
 
 type Choice<'a> = Vec<(&'a str, &'a AxisValue)>;
@@ -173,7 +186,13 @@ fn with<'a>(choice: &Choice<'a>, key: &'a str, value: &'a AxisValue) -> Choice<'
     choice.iter().copied().chain([(key, value)]).collect()
 }
 
-fn planned_run(file: &str, draft: &read::Draft, choice: &Choice<'_>, seed: u64) -> Result<PlannedRun, PlanError> {
+fn planned_run(
+    file: &str,
+    draft: &read::Draft,
+    files: &mut Files,
+    choice: &Choice<'_>,
+    seed: u64,
+) -> Result<PlannedRun, PlanError> {
     let mut overrides: Vec<Override> = choice
         .iter()
         .map(|(key, value)| Override {
@@ -190,32 +209,38 @@ fn planned_run(file: &str, draft: &read::Draft, choice: &Choice<'_>, seed: u64) 
         choice.iter().find(|(axis, _)| of_axis(axis)).map_or(draft.scenario_line, |(_, value)| value.line)
     };
     let line_error = |key: &str, reason| PlanError::Line { file: file.to_owned(), line: line_of(key), reason };
-    let scenario =
+    let mut scenario =
         Scenario::parse(&draft.scenario_name, &draft.scenario_text, &overrides).map_err(|error| match error {
             ScenarioError::Value { key, value, allowed, .. } => line_error(&key, format!("{key} = {value}: {allowed}")),
             other => other.into(),
         })?;
     let settings = wire::settings(&scenario.agents);
-    controllers::check(&scenario.agents.controller, &settings)
-        .map_err(|error| line_error("agents.controller", format!("agents.controller: {error}")))?;
-    let id = id(&scenario).map_err(|source| {
-        line_error(
-            "map.file",
-            format!("map.file = {:?}: {source}", scenario.map.file.as_deref().unwrap_or(Path::new(""))),
-        )
-    })?;
+    // Those of a program of the user are checked before it is run.
+    if scenario.agents.has_built_in() {
+        controllers::check(&scenario.agents.controller, &settings)
+            .map_err(|error| line_error("agents.controller", format!("agents.controller: {error}")))?;
+    }
+    let of_run = files
+        .of(&scenario)
+        .map_err(|Unreadable { key, path, source }| line_error(key, format!("{key} = {path:?}: {source}")))?;
+    let (id, cost) = (id(&scenario, &of_run), cost(&scenario, &of_run));
+    let mut folder = PathBuf::new();
+    if scenario.map.file.is_some() || !scenario.agents.command.is_empty() {
+        files.folder().clone_into(&mut folder);
+        scenario.map.folder.clone_from(&folder);
+    }
     let axes = choice.iter().map(|(key, value)| ((*key).to_owned(), value.text())).collect();
-    Ok(PlannedRun { id, axes, scenario })
+    Ok(PlannedRun { id, axes, scenario, folder, cost })
 }
 
 /// See [`PlannedRun::id`].
-fn id(scenario: &Scenario) -> std::io::Result<String> {
+fn id(scenario: &Scenario, files: &RunFiles) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(scenario.identity().as_bytes()).update(&[0]).update(BUILD.as_bytes());
-    if let (MapKind::File, Some(map)) = (scenario.map.kind, &scenario.map.file) {
-        hasher.update(&[0]).update(&input_file::read(map, MAP_BYTES_MAX)?);
+    for hash in &files.hashes {
+        hasher.update(&[0]).update(hash.as_bytes());
     }
-    Ok(hasher.finalize().to_hex()[..16].to_owned())
+    hasher.finalize().to_hex()[..16].to_owned()
 }
 
 #[cfg(test)]

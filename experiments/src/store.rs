@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use sim_server::input_file::{self, TEXT_BYTES_MAX};
 use thiserror::Error;
 
+use crate::plan::Plan;
 use crate::rows::RunRecord;
 use crate::tables::{self, Table};
 
@@ -122,6 +123,25 @@ impl Store {
     pub fn plan(&self) -> Result<String, StoreError> {
         let file = self.folder.join(PLAN);
         input_file::read_text(&file, TEXT_BYTES_MAX).map_err(file_error(&file))
+    }
+
+    /// Writes a plan, and copies of the files that it reads.
+    ///
+    /// # Errors
+    /// If a file cannot be read or written.
+    pub fn save_plan(&self, plan: &Plan) -> Result<PathBuf, StoreError> {
+        let copied = plan.inputs.copy_to(&self.folder);
+        copied.map_err(|(file, source)| StoreError::File { file: name(&file), source })?;
+        self.write(PLAN, plan.text.as_bytes())
+    }
+
+    /// Makes a folder in the folder.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn make_folder(&self, inner: &str) -> Result<(), StoreError> {
+        let inner = self.folder.join(inner);
+        std::fs::create_dir_all(&inner).map_err(file_error(&inner))
     }
 
     /// Writes a file of the folder atomically; returns its path.

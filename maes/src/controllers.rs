@@ -6,10 +6,16 @@ use agent_node::controllers;
 use agent_node::wire;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Observation, Scenario};
+use sim_server::recording::Recording;
 use sim_server::verify::controllers::{AgentReplica, ControllerFactory};
+use simulation::scenario::AgentsSection;
 
-/// Whether there is the controller that a scenario names, with its settings.
+/// Whether there is the controller that a scenario names, with its settings, if it has an agent
+/// that is not run by another program.
 pub(crate) fn check(scenario: &simulation::scenario::Scenario) -> anyhow::Result<()> {
+    if !scenario.agents.has_built_in() {
+        return Ok(());
+    }
     let settings = scenario.agents.set.iter().map(|(key, value)| format!("{key}={}", word(value)));
     Ok(controllers::check(&scenario.agents.controller, &settings.collect::<Vec<_>>())?)
 }
@@ -19,11 +25,29 @@ pub(crate) fn word(value: &toml::Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
-/// All controllers that come with the simulator.
-pub(crate) struct BuiltInControllers;
+/// All controllers that come with the simulator, for the agents of a recording that they have run.
+pub(crate) struct BuiltInControllers {
+    /// Of the recording, if it is legal.
+    agents: Option<AgentsSection>,
+}
+
+impl BuiltInControllers {
+    pub(crate) fn of(recording: &Recording) -> Self {
+        let scenario = simulation::scenario::Scenario::parse(recording.file(), &recording.scenario(), &[]);
+        Self { agents: scenario.ok().map(|scenario| scenario.agents) }
+    }
+}
 
 impl ControllerFactory for BuiltInControllers {
     fn agent(&self, told: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String> {
+        // Whatever the program calls its controller, even if it is the name of one of ours.
+        if let Some(agents) = self.agents.as_ref().filter(|agents| agents.is_commanded(agent.0)) {
+            return Err(format!(
+                "agents.command = {:?} has decided, as \"{runs}\", and is no part of this build: its commands were \
+                 taken as recorded; to decide again, run the recording with that program, and compare with `maes diff`",
+                agents.command
+            ));
+        }
         let mut words = runs.split(' ');
         let name = words.next().unwrap_or_default();
         let settings: Vec<String> = words.map(str::to_owned).collect();

@@ -92,7 +92,7 @@ fn main() -> ExitCode {
     let mut arguments = std::env::args_os().skip(1);
     match arguments.next().as_deref().and_then(OsStr::to_str) {
         Some("sim_server") => return sim_server::program::main(arguments),
-        Some("agent_node") => return agent_node::program::main(arguments, &[]),
+        Some("agent_node") => return agent_node::program::run(arguments, &[]),
         _ => {}
     }
     let parsed = Cli::command().try_get_matches().and_then(|matches| {

@@ -9,7 +9,7 @@ use std::thread;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use experiments::cluster::{self, Scheduler};
+use experiments::cluster::{self, EmitError, Job, Scheduler};
 use experiments::execute::{self, ExecuteError, Launcher, Options, Part, Stop, Summary, Transport};
 use experiments::faults::FaultsError;
 use experiments::merge;
@@ -38,7 +38,7 @@ pub(crate) struct BatchArgs {
     /// How messages go between a server and its agents
     #[arg(long, value_enum, default_value_t = TransportName::Memory)]
     transport: TransportName,
-    /// Only every N-th run, from the K-th on, K from 0
+    /// Only part K, from 0, of N parts of about equal cost
     #[arg(long, value_name = "K/N", value_parser = part)]
     part: Option<Part>,
     /// Remove runs from the folder that are not of this plan and build
@@ -47,15 +47,41 @@ pub(crate) struct BatchArgs {
     /// Run nothing; write a job into the folder that runs the plan on a cluster
     #[arg(long, value_enum, value_name = "SYSTEM")]
     emit: Option<SchedulerName>,
-    /// With --emit: number of jobs that share the plan
-    #[arg(long, value_name = "N", default_value = "16", requires = "emit")]
-    parts: NonZero<usize>,
+    #[command(flatten, next_help_heading = "With --emit")]
+    job: JobArgs,
     /// Over ROS 2: the domain of the first parallel run; the others use the next ones
     #[arg(long, value_name = "ID", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=101))]
     first_domain: u32,
     /// The script that started a run; has no effect any more
     #[arg(long, value_name = "FILE", hide = true)]
     launcher: Option<PathBuf>,
+}
+
+/// What a workload manager is asked for.
+#[derive(Debug, Args)]
+struct JobArgs {
+    /// Tasks that share the plan, more than there are workers [default: one for each run, at most
+    /// 1000]
+    #[arg(long, value_name = "N", requires = "emit")]
+    parts: Option<NonZero<usize>>,
+    /// Most tasks at a time
+    #[arg(long, value_name = "N", requires = "emit")]
+    limit: Option<NonZero<usize>>,
+    /// Greatest wall time of a task: minutes, or HH:MM:SS
+    #[arg(long, value_name = "TIME", value_parser = time_s, requires = "emit")]
+    time: Option<NonZero<u64>>,
+    /// Memory of a task, such as 512M or 4G
+    #[arg(long, value_name = "SIZE", value_parser = memory_mib, default_value = "4G", requires = "emit")]
+    memory: NonZero<u64>,
+    /// Partition or queue
+    #[arg(long, value_name = "NAME", value_parser = word, requires = "emit")]
+    partition: Option<String>,
+    /// Account that is charged
+    #[arg(long, value_name = "NAME", value_parser = word, requires = "emit")]
+    account: Option<String>,
+    /// Do not start tasks again whose node or process has failed
+    #[arg(long, requires = "emit")]
+    no_requeue: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -70,17 +96,66 @@ enum TransportName {
 enum SchedulerName {
     /// A job array for Slurm: sbatch plan.slurm.sh
     Slurm,
+    /// A job array for PBS Pro and OpenPBS: qsub plan.pbs.sh
+    Pbs,
+    /// Jobs for HTCondor: condor_submit plan.condor.sub
+    Htcondor,
     /// An indexed job for Kubernetes: kubectl apply -f plan.k8s.yaml
     K8s,
+    /// GNU parallel, on one machine or several: bash plan.parallel.sh
+    Parallel,
 }
 
 impl From<SchedulerName> for Scheduler {
     fn from(name: SchedulerName) -> Self {
         match name {
             SchedulerName::Slurm => Self::Slurm,
+            SchedulerName::Pbs => Self::Pbs,
+            SchedulerName::Htcondor => Self::HtCondor,
             SchedulerName::K8s => Self::K8s,
+            SchedulerName::Parallel => Self::Parallel,
         }
     }
+}
+
+impl JobArgs {
+    fn job(&self, scheduler: Scheduler) -> Job {
+        Job {
+            scheduler,
+            parts: self.parts,
+            limit: self.limit,
+            time_s: self.time,
+            memory_mib: self.memory,
+            partition: self.partition.clone(),
+            account: self.account.clone(),
+            is_requeued: !self.no_requeue,
+        }
+    }
+}
+
+fn time_s(text: &str) -> Result<NonZero<u64>, String> {
+    let numbers: Option<Vec<u64>> = text.split(':').map(|part| part.parse().ok()).collect();
+    let seconds = match numbers.as_deref() {
+        Some([minutes]) => minutes.checked_mul(60),
+        Some([hours, minutes @ 0..60, seconds @ 0..60]) => {
+            hours.checked_mul(3600).and_then(|hours| hours.checked_add(minutes * 60 + seconds))
+        }
+        _ => None,
+    };
+    seconds.and_then(NonZero::new).ok_or_else(|| "expected minutes, or HH:MM:SS such as 01:30:00".to_owned())
+}
+
+fn memory_mib(text: &str) -> Result<NonZero<u64>, String> {
+    let size = text.strip_suffix('M').map(|size| (size, 1)).or(text.strip_suffix('G').map(|size| (size, 1024)));
+    let mib = size.and_then(|(size, mib)| size.parse::<u64>().ok()?.checked_mul(mib));
+    mib.and_then(NonZero::new).ok_or_else(|| "expected a size such as 512M or 4G".to_owned())
+}
+
+/// One word, so that it adds no other request to a job.
+fn word(text: &str) -> Result<String, String> {
+    let is_word =
+        !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_.@,/".contains(&byte));
+    is_word.then(|| text.to_owned()).ok_or_else(|| "expected letters, digits, and - _ . @ , /".to_owned())
 }
 
 /// Arguments of `merge`.
@@ -112,6 +187,7 @@ fn part(text: &str) -> Result<Part, String> {
 /// Whether an error is a failure of the system, and not bad input.
 pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
     matches!(error.downcast_ref::<ExecuteError>(), Some(ExecuteError::Store(_)))
+        || matches!(error.downcast_ref::<EmitError>(), Some(EmitError::Store(_)))
         || error.downcast_ref::<StoreError>().is_some()
         || matches!(error.downcast_ref::<FaultsError>(), Some(FaultsError::Write { .. }))
         || matches!(error.downcast_ref::<ReportError>(), Some(ReportError::Png { .. } | ReportError::Write { .. }))
@@ -123,16 +199,16 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
         say("note: `--launcher` has no effect any more: `maes` starts the processes itself");
     }
     let plan = Plan::load(&args.plan)?;
-    if let Some(scheduler) = args.emit {
-        let file = cluster::emit(&plan, &args.out, scheduler.into(), args.parts)?;
-        print(&format!("{}", file.display()));
-        return Ok(ExitCode::SUCCESS);
-    }
     let cores = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let (transport, jobs) = match args.transport {
         TransportName::Memory => (Transport::Memory, cores),
         TransportName::Ros2 => (Transport::Ros2(launcher(args)?), NonZero::<usize>::MIN),
     };
+    if let Some(scheduler) = args.emit {
+        let file = cluster::emit(&plan, &args.out, &args.job.job(scheduler.into()), &transport)?;
+        print(&format!("{}", file.display()));
+        return Ok(ExitCode::SUCCESS);
+    }
     let jobs = args.jobs.unwrap_or(jobs);
     let options = Options { jobs, transport, part: args.part.unwrap_or(Part::WHOLE), prune: args.prune };
     let stop = Arc::new(Stop::default());
@@ -154,7 +230,10 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
     })?;
     let Summary { skipped, done, failed, left } = summary;
     print(&format!("{done} runs done, {skipped} were there already, {failed} failed, {left} left; build {BUILD}"));
-    print(&format!("{}", args.out.join("runs.csv").display()));
+    // A part writes the tables if it ends last.
+    if options.part == Part::WHOLE {
+        print(&format!("{}", args.out.join("runs.csv").display()));
+    }
     Ok(match summary {
         Summary { left: 1.., .. } => ExitCode::from(exit::BY_SIGNAL),
         Summary { failed: 1.., .. } => ExitCode::from(exit::FAILED),
@@ -181,4 +260,24 @@ pub(crate) fn report(args: &ReportArgs) -> anyhow::Result<ExitCode> {
     print(&format!("{runs} runs{lacking}"));
     print(&format!("{}", page.display()));
     Ok(ExitCode::SUCCESS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn requests_of_jobs_are_read() {
+        let seconds = |text| time_s(text).map(NonZero::get).ok();
+        assert_eq!((seconds("90"), seconds("01:30:00"), seconds("100:00:01")), (Some(5400), Some(5400), Some(360_001)));
+        for wrong in ["", "0", "1:30", "00:60:00", "00:00:60", "-1", "1h", "99999999999999999999"] {
+            assert!(time_s(wrong).is_err(), "{wrong}");
+        }
+        let mib = |text| memory_mib(text).map(NonZero::get).ok();
+        assert_eq!((mib("512M"), mib("4G"), mib("4"), mib("0G"), mib("G")), (Some(512), Some(4096), None, None, None));
+        assert!(word("gpu-short,long@site/a").is_ok());
+        for wrong in ["", "a b", "a\n#SBATCH --uid=0", "a;b", "$(id)"] {
+            assert!(word(wrong).is_err(), "{wrong}");
+        }
+    }
 }

@@ -4,7 +4,7 @@ use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
 use experiments::execute::PlanObserver;
-use experiments::plan::{self, PlannedRun};
+use experiments::plan::PlannedRun;
 use experiments::rows::RunRow;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use msgs::printable;
@@ -16,7 +16,7 @@ pub(crate) struct ProgressDisplay {
     /// Runs of the plan, including those that had a record before.
     runs: usize,
     ended: usize,
-    /// [`plan::cost`] of the runs that were pending at the start, and of those completed since.
+    /// [`PlannedRun::cost`] of the runs that were pending at the start, and of those completed since.
     pending_cost: u64,
     done_cost: u64,
     sim_s: f64,
@@ -39,7 +39,7 @@ impl PlanObserver for ProgressDisplay {
         self.started = now();
         self.runs = runs.len();
         self.ended = runs.len() - pending.len();
-        self.pending_cost = pending.iter().map(|run| plan::cost(&run.scenario)).sum();
+        self.pending_cost = pending.iter().map(|run| run.cost).sum();
         if self.ended > 0 {
             self.print(&format!("{} of {} runs are done already", self.ended, self.runs));
         }
@@ -70,7 +70,7 @@ impl PlanObserver for ProgressDisplay {
 impl ProgressDisplay {
     fn count(&mut self, run: &PlannedRun) {
         self.ended += 1;
-        self.done_cost += plan::cost(&run.scenario);
+        self.done_cost += run.cost;
     }
 
     fn show(&mut self, event: Option<&str>) {

@@ -129,13 +129,14 @@ pub(crate) fn verify(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
         say(&printable::line(&format!("error: {error}")));
         Ok(code)
     };
+    let controllers = BuiltInControllers::of(&recording);
     let verified = match verify::verify(&recording) {
         Ok(verified) => verified,
         Err(error) => {
             // A changed command shows only later in what comes of it.
             if !args.no_controllers
                 && let Some(tick) = error.tick()
-                && let Err(earlier) = verify::controllers::check(&recording, tick, &BuiltInControllers)
+                && let Err(earlier) = verify::controllers::check(&recording, tick, &controllers)
             {
                 return failed(&earlier, ExitCode::from(exit::DIFFERENT));
             }
@@ -145,7 +146,7 @@ pub(crate) fn verify(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let commands = if args.no_controllers {
         "the commands were taken as recorded, and not compared with what controllers decide".to_owned()
     } else {
-        let checked = match verify::controllers::check(&recording, verified.ticks, &BuiltInControllers) {
+        let checked = match verify::controllers::check(&recording, verified.ticks, &controllers) {
             Ok(checked) => checked,
             Err(error) => return failed(&error, ExitCode::from(exit::DIFFERENT)),
         };

@@ -5,7 +5,7 @@ mod memory;
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::num::NonZero;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::bail;
@@ -17,7 +17,7 @@ use sim_server::{exit, setup};
 use simulation::scenario::{Override, Scenario};
 use supervisor::run::{Console, Run, Source};
 use supervisor::team::{Order, Team};
-use supervisor::{binaries, logs};
+use supervisor::{binaries, logs, outside};
 
 use crate::output::say;
 use crate::{controllers, signals};
@@ -231,6 +231,22 @@ impl RunArgs {
         Ok(())
     }
 
+    /// Refuses to start a program because a recording, which may come from anywhere, names it.
+    fn check_command(&self, scenario: &Scenario) -> anyhow::Result<()> {
+        let command = &scenario.agents.command;
+        let source = self.resume.as_ref().or(self.scenario.as_ref());
+        let recording = source.filter(|file| file.extension().is_some_and(|extension| extension == "mcap"));
+        let is_typed = self.overrides().iter().any(|key| key.key == "agents.command");
+        match recording {
+            Some(file) if !command.is_empty() && !is_typed => bail!(
+                "{}: agents.command = {command:?}: a program that a recording names is not started by itself; if you \
+                 trust it, repeat it: --set 'agents.command={command:?}'",
+                file.display()
+            ),
+            _ => Ok(()),
+        }
+    }
+
     /// The flags of `sim_server run` for what was typed.
     pub(crate) fn server_flags(&self, given: &ArgMatches) -> Vec<OsString> {
         let mut flags = Vec::new();
@@ -297,6 +313,8 @@ pub(crate) fn run_with(args: &RunArgs, server_flags: Vec<OsString>, token: Optio
     let Some(interruptions) = interruptions else {
         return memory::run(args, &scenario);
     };
+    args.check_command(&scenario)?;
+    outside::check(&scenario, Path::new(""))?;
     if interruptions() > 0 {
         return Ok(ExitCode::from(exit::BY_SIGNAL));
     }
@@ -308,6 +326,7 @@ pub(crate) fn run_with(args: &RunArgs, server_flags: Vec<OsString>, token: Optio
         server_flags,
         server_env: token.map(token_env).unwrap_or_default(),
         team,
+        folder: PathBuf::new(),
         logs: args.logs.clone().unwrap_or_else(logs::default_folder),
         console: Console::Inherited,
     };
@@ -371,6 +390,19 @@ mod tests {
         assert!(ids("").unwrap().0.is_empty());
         for wrong in ["a", "1,", "-1", "12345", "1;2"] {
             assert!(ids(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn program_of_a_recording_has_to_be_typed() {
+        let scenario = parsed("run --set agents.command=[\"./own\"]").0.scenario().unwrap();
+        let check = |line: &str| parsed(line).0.check_command(&scenario);
+        for trusted in ["run", "run s.toml", "run a.mcap --set agents.command=[\"./own\"]"] {
+            assert!(check(trusted).is_ok(), "{trusted}");
+        }
+        for foreign in ["run a.mcap", "run a.mcap --set agents.command_signs=true", "run --resume a.mcap"] {
+            let refused = check(foreign).unwrap_err().to_string();
+            assert!(refused.ends_with("repeat it: --set 'agents.command=[\"./own\"]'"), "{refused}");
         }
     }
 

@@ -46,6 +46,7 @@ enum FoxgloveServer {}
 const MOVED: [&str; 7] = ["map", "info", "verify", "replay", "view", "snapshot", "scenario"];
 
 /// The whole process, from its arguments without the name of the program to its exit code.
+#[must_use]
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let first = arguments.first();

@@ -135,7 +135,7 @@ pub fn run(
         engine: Engine::new(scenario, world)?,
         sessions: AgentSessions::new(
             start,
-            agents::with_external(&policy, &scenario.driven()),
+            agents::with_external(&policy, &scenario.unsigned()),
             agents,
             keeps_log,
             allows_replacement,

@@ -114,9 +114,9 @@ pub fn parse(file: &str, text: &str, overrides: &[Override]) -> Result<Scenario,
 /// If the rest of the scenario does not fit cells of this length.
 pub fn resolve(mut scenario: Scenario, origins: &Origins<'_>) -> Result<Scenario, SetupError> {
     if scenario.map.cell_m.is_none() {
-        let stored = scenario.map.file.as_deref().and_then(|map| {
-            let stores = MapFormat::of(map).is_ok_and(MapFormat::may_store_cell_m);
-            let bytes = if stores { input_file::read(map, MAP_BYTES_MAX).ok()? } else { return None };
+        let stored = scenario.map.path().and_then(|map| {
+            let stores = MapFormat::of(&map).is_ok_and(MapFormat::may_store_cell_m);
+            let bytes = if stores { input_file::read(&map, MAP_BYTES_MAX).ok()? } else { return None };
             ImportSpec::new(map.display().to_string(), bytes).stored_cell_m()
         });
         scenario.map.cell_m = Some(stored.unwrap_or(1.0));
@@ -237,10 +237,10 @@ pub fn recorded_map(recording: &Recording, scenario: &Scenario) -> Result<Option
 fn map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
     let section = &scenario.map;
     let Some(spec) = generator(scenario) else {
-        let file = section.file.as_deref().expect("a checked scenario has a file for a map from a file");
+        let file = section.path().expect("a checked scenario has a file for a map from a file");
         let name = file.display().to_string();
         let bytes =
-            input_file::read(file, MAP_BYTES_MAX).map_err(|source| SetupError::Read { file: name.clone(), source })?;
+            input_file::read(&file, MAP_BYTES_MAX).map_err(|source| SetupError::Read { file: name.clone(), source })?;
         return imported(ImportSpec { options: section.import, ..ImportSpec::new(name, bytes) }, scenario);
     };
     let size = section.size.expect("a checked scenario has a size for a generated map").cells();

@@ -15,6 +15,7 @@ mod origin;
 mod radio;
 mod sections;
 mod sensor;
+pub mod team;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -197,6 +198,14 @@ impl Scenario {
         self.agents.cmd_vel.iter().map(|&id| AgentId(id)).collect()
     }
 
+    /// The agents whose processes do not sign what they send: the externally controlled ones, and
+    /// those of a program that does not.
+    #[must_use]
+    pub fn unsigned(&self) -> BTreeSet<AgentId> {
+        let commanded = self.agents.commanded().filter(|_| !self.agents.command_signs);
+        commanded.chain(self.agents.cmd_vel.iter().copied()).map(AgentId).collect()
+    }
+
     /// The tick at which the run ends at the latest.
     #[must_use]
     pub fn duration_ticks(&self) -> Tick {
@@ -238,12 +247,7 @@ impl Scenario {
             Err(error) => checker.require("map.import", error, false, "see docs/maps.md")?,
         }
         self.check_map_source(&checker)?;
-        let AgentsSection { count, cmd_vel, .. } = &self.agents;
-        for (place, &id) in cmd_vel.iter().enumerate() {
-            let allowed = format!("expected ids of agents, 0 to {}", count - 1);
-            checker.require("agents.cmd_vel", id, id < *count, &allowed)?;
-            checker.require("agents.cmd_vel", id, !cmd_vel[..place].contains(&id), "expected each id once")?;
-        }
+        self.agents.check(&checker)?;
         self.check_bodies(&checker)?;
         self.communication.check(&checker)?;
         if let SpawnSpec::Box { low, high, .. } = &self.spawn {

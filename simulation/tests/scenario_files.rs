@@ -118,6 +118,7 @@ fn type_and_unit(key: &Key) -> String {
         Kind::Seed => "integer".to_owned(),
         Kind::Word(_) | Kind::Name => "word".to_owned(),
         Kind::Words(_) => "list of words".to_owned(),
+        Kind::Texts => "list of texts".to_owned(),
         Kind::Path => "path".to_owned(),
         Kind::Ids => "list of ids".to_owned(),
         Kind::Position(unit) => of("[x, y, z]", unit),
@@ -194,6 +195,7 @@ fn schema_of_key(key: &Key) -> Value {
         Kind::Word(words) => json!({ "type": "string", "enum": words }),
         Kind::Words(words) => json!({ "type": "array", "items": { "type": "string", "enum": words } }),
         Kind::Name | Kind::Path => json!({ "type": "string" }),
+        Kind::Texts => json!({ "type": "array", "items": { "type": "string" } }),
         Kind::Ids => json!({ "type": "array", "items": { "type": "integer", "minimum": 0 } }),
         Kind::Position(_) => json!({ "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3 }),
         Kind::Poses => {

@@ -14,10 +14,13 @@ pub enum SupervisorError {
     #[error("--external {agent}: agent {agent} does not take part: ids are 0 to {}", count - 1)]
     UnknownExternal { agent: u32, count: u32 },
     /// External agents are processes of their own, so the others have to be, too.
-    #[error("--agents-per-process {0}: expected 1 if some agents are external")]
+    #[error("--agents-per-process {0}: expected 1 if some agents are external, or have a program of their own")]
     SharedProcess(u32),
     #[error("{what}: {source}")]
     Io { what: String, source: io::Error },
+    /// A program of the user cannot run the agents of a scenario.
+    #[error("agents.command = {command}: {reason}")]
+    Command { command: String, reason: String },
 }
 
 impl SupervisorError {

@@ -92,7 +92,7 @@ impl IdleServer {
         for group in Team::default().groups(&scenario) {
             let log = self.logs.join(format!("{run}_agent_{}.log", group.first));
             let command = processes::command(&self.binaries, "agent_node", None, secret);
-            agents.push(processes::start_agents(command, group, &log)?);
+            agents.push(processes::start_agents(processes::with_ids(command, group), &log)?);
         }
         Ok(())
     }

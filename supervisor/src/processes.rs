@@ -80,6 +80,13 @@ impl JoinSecret {
         getrandom::fill(&mut random).map_err(no_random)?;
         Ok(Self(Some(random.iter().map(|byte| format!("{byte:02x}")).collect())))
     }
+
+    /// Gives it to a process that does not inherit it.
+    pub(crate) fn give_to(&self, command: &mut Command) {
+        if let Self(Some(secret)) = self {
+            command.env(signing::JOIN_SECRET, secret);
+        }
+    }
 }
 
 /// A program with the join secret, in a ROS domain: that of the environment if none is named.
@@ -87,13 +94,16 @@ pub(crate) fn command(binaries: &Path, name: &str, ros_domain: Option<u32>, secr
     let program = binaries::program(binaries, name);
     let mut command = Command::new(&program[0]);
     command.args(&program[1..]);
+    enter(&mut command, ros_domain);
+    secret.give_to(&mut command);
+    command
+}
+
+/// Puts a program into a ROS domain: that of the environment if none is named.
+pub(crate) fn enter(command: &mut Command, ros_domain: Option<u32>) {
     if let Some(id) = ros_domain {
         command.env(domain::VARIABLE, id.to_string());
     }
-    if let JoinSecret(Some(secret)) = secret {
-        command.env(signing::JOIN_SECRET, secret);
-    }
-    command
 }
 
 /// Starts a child process, and names the program if the system does not.
@@ -102,14 +112,20 @@ pub(crate) fn start(command: Command) -> Result<ChildGuard, SupervisorError> {
     ChildGuard::start(command).map_err(SupervisorError::of(Path::new(&program)))
 }
 
-/// Starts a process for a group of agents; all that it prints is appended to `log`.
-pub(crate) fn start_agents(mut command: Command, group: Group, log: &Path) -> Result<ChildGuard, SupervisorError> {
+/// Names a group of agents to an `agent_node`.
+pub(crate) fn with_ids(mut command: Command, group: Group) -> Command {
+    command.arg("--id").arg(format!("{}-{}", group.first, group.last));
+    command
+}
+
+/// Starts the process of some agents; all that it prints is appended to `log`.
+pub(crate) fn start_agents(mut command: Command, log: &Path) -> Result<ChildGuard, SupervisorError> {
     let open = || -> io::Result<(File, File)> {
         let file = OpenOptions::new().create(true).append(true).open(log)?;
         Ok((file.try_clone()?, file))
     };
     let (stdout, stderr) = open().map_err(SupervisorError::of(log))?;
-    command.arg("--id").arg(format!("{}-{}", group.first, group.last)).stdout(stdout).stderr(stderr);
+    command.stdout(stdout).stderr(stderr);
     start(command)
 }
 

@@ -13,12 +13,12 @@ use sim_server::exit;
 use sim_server::summary::Summary;
 use simulation::scenario::{OnAgentLoss, Scenario};
 
-use crate::SupervisorError;
 use crate::child::{ChildGuard, Signal, exit_code};
 use crate::domain::{self, DomainLock};
 use crate::processes::{self, ChildEvents, JoinSecret, send};
 use crate::ready::ReadyPipe;
 use crate::team::{Group, Team};
+use crate::{SupervisorError, outside};
 
 /// Restarts of each agent process before it is given up.
 pub const RESTARTS_MAX: u32 = 3;
@@ -69,6 +69,9 @@ pub struct Run<'a> {
     /// Further environment variables of `sim_server`, for what other users must not see.
     pub server_env: Vec<(&'static str, String)>,
     pub team: Team,
+    /// The folder that relative paths of the scenario start from; empty: the present one. Unless it
+    /// is empty, the paths in `server_flags` and `logs` have to be absolute.
+    pub folder: PathBuf,
     /// The folder of the logs.
     pub logs: PathBuf,
     pub console: Console,
@@ -126,7 +129,7 @@ impl Run<'_> {
     }
 
     fn server(&self, ready: &ReadyPipe, summary: &Path, secret: &JoinSecret) -> Result<Command, SupervisorError> {
-        let mut command = processes::command(&self.binaries, "sim_server", self.domain, secret);
+        let mut command = self.command("sim_server", secret);
         command.arg("run");
         match &self.source {
             Source::File(file) => drop(command.arg(file)),
@@ -155,15 +158,38 @@ impl Run<'_> {
         self.logs.join(format!("agent_{}.log", group.first))
     }
 
+    /// One of the binaries.
+    fn command(&self, name: &str, secret: &JoinSecret) -> Command {
+        let binaries = outside::within(Path::new(""), &self.binaries);
+        let mut command = processes::command(&binaries, name, self.domain, secret);
+        if !self.folder.as_os_str().is_empty() {
+            command.current_dir(&self.folder);
+        }
+        command
+    }
+
     fn start_agents(&self, group: Group, secret: &JoinSecret) -> Result<ChildGuard, SupervisorError> {
-        let mut command = processes::command(&self.binaries, "agent_node", self.domain, secret);
+        let agents = &self.scenario.agents;
+        let mut command = if agents.is_commanded(group.first) {
+            let mut command = outside::command(agents, &self.folder, group);
+            processes::enter(&mut command, self.domain);
+            if agents.command_signs {
+                secret.give_to(&mut command);
+            }
+            if outside::names_id(agents) {
+                return processes::start_agents(command, &self.log_of(group));
+            }
+            command
+        } else {
+            self.command("agent_node", secret)
+        };
         if let Some(delay) = self.team.chaos_delay_ms {
             command.arg("--chaos-delay-ms").arg(delay.to_string());
         }
         if let Some(parameters) = self.team.parameters {
             command.arg("--parameters").arg(parameters.to_string());
         }
-        processes::start_agents(command, group, &self.log_of(group))
+        processes::start_agents(processes::with_ids(command, group), &self.log_of(group))
     }
 }
 
@@ -292,10 +318,11 @@ impl Supervision<'_> {
     /// The server has sent the agents their shutdown message, unless it has failed. The exit code
     /// of the run.
     fn end_agents(self, code: u8, events: &mut ChildEvents) -> Result<u8, SupervisorError> {
+        // Agents that are driven by standard messages are sent none.
+        let is_driven = |group: &Group| self.run.scenario.agents.cmd_vel.contains(&group.first);
+        let unnotified = self.agents.iter().filter(|(group, _)| code != 0 || is_driven(group));
+        unnotified.for_each(|(_, agent)| send(agent, Signal::SIGTERM));
         let agents: Vec<ChildGuard> = self.agents.into_values().collect();
-        if code != 0 {
-            agents.iter().for_each(|agent| send(agent, Signal::SIGTERM));
-        }
         processes::await_end(agents, events)?;
         Ok(self.refusal.unwrap_or(code))
     }

@@ -5,7 +5,7 @@ use std::num::NonZero;
 
 use simulation::scenario::Scenario;
 
-use crate::SupervisorError;
+use crate::{SupervisorError, outside};
 
 /// The order in which agent processes start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -51,15 +51,26 @@ impl Team {
             return Err(SupervisorError::UnknownExternal { agent, count });
         }
         match self.per_process {
-            Some(shared) if shared.get() > 1 && !self.all_external(scenario).is_empty() => {
+            Some(shared) if shared.get() > 1 && self.has_processes_of_one(scenario) => {
                 Err(SupervisorError::SharedProcess(shared.get()))
             }
             _ => Ok(()),
         }
     }
 
+    /// The agents that are started elsewhere.
     fn all_external(&self, scenario: &Scenario) -> BTreeSet<u32> {
-        self.external.iter().chain(&scenario.agents.cmd_vel).copied().collect()
+        let agents = &scenario.agents;
+        let unstarted = agents.cmd_vel.iter().filter(|&&agent| !agents.is_commanded(agent));
+        self.external.iter().chain(unstarted).copied().collect()
+    }
+
+    /// Whether some agents cannot share a process with the next ones.
+    fn has_processes_of_one(&self, scenario: &Scenario) -> bool {
+        let agents = &scenario.agents;
+        let is_whole_team = agents.command_ids.is_empty() && agents.cmd_vel.is_empty();
+        let has_mixed_programs = !(agents.command.is_empty() || is_whole_team && agents.command_signs);
+        has_mixed_programs || outside::names_id(agents) || !self.all_external(scenario).is_empty()
     }
 
     /// The processes to start, in order.
@@ -106,6 +117,18 @@ mod tests {
     }
 
     #[test]
+    fn programs_from_outside_are_started() {
+        let alone = Team::default();
+        assert_eq!(ids(&alone, "count = 3\ncmd_vel = [1]\ncommand = [\"a\", \"{id}\"]"), [(0, 0), (1, 1), (2, 2)]);
+        assert_eq!(ids(&alone, "count = 2\ncmd_vel = [1]\ncommand = [\"a\"]\ncommand_ids = [0]"), [(0, 0)]);
+        let shared = Team { per_process: NonZero::new(2), ..Team::default() };
+        assert!(shared.check(&scenario("count = 4\ncommand = [\"./a\"]")).is_ok());
+        for own in ["command = [\"a\", \"{id}\"]", "command = [\"a\"]\ncommand_ids = [1]"] {
+            assert!(shared.check(&scenario(&format!("count = 4\n{own}"))).is_err(), "{own}");
+        }
+    }
+
+    #[test]
     fn external_agents_are_not_started() {
         let team = Team { external: BTreeSet::from([1]), ..Team::default() };
         assert_eq!(ids(&team, "count = 4\ncmd_vel = [3]"), [(0, 0), (2, 2)]);
@@ -114,6 +137,9 @@ mod tests {
         let shared = Team { per_process: NonZero::new(2), ..Team::default() };
         assert!(shared.check(&scenario("count = 4")).is_ok());
         let error = shared.check(&scenario("count = 4\ncmd_vel = [3]")).unwrap_err();
-        assert_eq!(error.to_string(), "--agents-per-process 2: expected 1 if some agents are external");
+        assert_eq!(
+            error.to_string(),
+            "--agents-per-process 2: expected 1 if some agents are external, or have a program of their own"
+        );
     }
 }

@@ -8,7 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use agent_node::agent::{Agent, Reaction};
-use agent_node::controllers::Controller;
+use agent_node::controllers::{Controller, Registry};
 use agent_node::host::Options;
 use agent_node::transport::{Inbound, ServerTransport};
 use agent_node::wire;
@@ -153,6 +153,7 @@ impl RunObserver for Notes {
 pub(crate) fn honest(instance: u64, agents: Vec<AgentId>) -> Options {
     Options {
         agents,
+        registry: Registry::BUILT_IN,
         controller: None,
         settings: Vec::new(),
         instance,

@@ -17,7 +17,7 @@ use super::HANG;
 const POLL: Duration = Duration::from_millis(20);
 
 /// Environment variable that marks every descendant of a test.
-const MARKER: &str = "MAES_END_TO_END";
+pub(crate) const MARKER: &str = "MAES_END_TO_END";
 
 /// A child process of a test. Dropping it kills all its descendants.
 pub(crate) struct Process {
@@ -261,7 +261,7 @@ fn kill(target: &str, name: &str) {
 }
 
 /// Living processes whose environment has the marker.
-fn marked(marker: &str) -> BTreeMap<u32, String> {
+pub(crate) fn marked(marker: &str) -> BTreeMap<u32, String> {
     let entry = format!("{MARKER}={marker}");
     let has_marker = |folder: &Path| {
         // A process that has just ended has no environment.

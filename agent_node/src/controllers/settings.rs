@@ -1,6 +1,7 @@
 //! Settings of a controller: `KEY=VALUE` texts, each of which the controller takes once.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::num::NonZeroU64;
 
 use thiserror::Error;
@@ -68,6 +69,16 @@ pub enum SettingValue {
     Integer(u64, u64, u64),
     /// One of several words.
     Word(String),
+}
+
+impl fmt::Display for SettingValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(value, ..) => value.fmt(f),
+            Self::Integer(value, ..) => value.fmt(f),
+            Self::Word(word) => word.fmt(f),
+        }
+    }
 }
 
 /// The settings of a controller while it takes them.

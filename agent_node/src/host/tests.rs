@@ -52,6 +52,7 @@ impl Server {
     fn runs(&mut self) -> Result<(), RunError> {
         let options = Options {
             agents: vec![AgentId(0)],
+            registry: Registry::BUILT_IN,
             controller: None,
             settings: Vec::new(),
             instance: 3,

@@ -2,13 +2,14 @@
 //! recording.
 
 use std::cell::RefCell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use agent_node::controllers;
 use msgs::ids::Tick;
+use msgs::printable;
 use sim_server::exit;
 use sim_server::info::{self, Info};
+use supervisor::SupervisorError;
 use supervisor::run::{Console, Run, Source};
 use supervisor::team::Team;
 
@@ -22,37 +23,49 @@ use crate::rows::RunRecord;
 pub struct Launcher {
     /// The folder of the binaries.
     pub binaries: PathBuf,
-    /// ROS domain of the first job; the others use the next ones.
+    /// ROS domain of the first job; the others use the next ones. Where another run has a domain,
+    /// later ones are tried.
     pub first_domain: u32,
 }
 
+/// Greatest ROS domain whose ports are free on every system.
+const DOMAIN_MAX: u32 = 101;
+
 impl Launcher {
-    /// Executes a run in the domain of a job.
-    pub(super) fn carry_out(&self, run: &PlannedRun, job: usize, stop: &AtomicBool) -> Result<RunRecord, RunFailure> {
+    /// Executes a run in the domain of a job, one of `jobs`.
+    pub(super) fn carry_out(
+        &self,
+        run: &PlannedRun,
+        (job, jobs): (usize, usize),
+        stop: &AtomicBool,
+    ) -> Result<RunRecord, RunFailure> {
         let failed = |error: &dyn std::fmt::Display| RunFailure::Failed(error.to_string());
-        let agents = &run.scenario.agents;
-        let setting = |(key, value): (&String, &toml::Value)| {
-            format!("{key}={}", value.as_str().map_or_else(|| value.to_string(), str::to_owned))
-        };
-        let settings: Vec<String> = agents.set.iter().map(setting).collect();
-        controllers::check(&agents.controller, &settings).map_err(|error| failed(&error))?;
         let folder = tempfile::tempdir().map_err(|error| failed(&error))?;
         let (recording, stderr) = (folder.path().join("run.mcap"), folder.path().join("stderr"));
-        let supervised = Run {
+        let first = self.first_domain + job as u32;
+        let supervised = |domain: u32| Run {
             binaries: self.binaries.clone(),
-            domain: Some(self.first_domain + job as u32),
+            domain: Some(domain),
             scenario: &run.scenario,
             source: Source::Text { name: "scenario.toml", toml: run.scenario.to_toml() },
             server_flags: vec!["--record".into(), recording.clone().into()],
             server_env: Vec::new(),
             team: Team::default(),
+            folder: run.folder.clone(),
             logs: folder.path().join("logs"),
             console: Console::Quiet { stderr: stderr.clone() },
         };
         let said = RefCell::new(String::new());
         let say = |text: &str| *said.borrow_mut() += &format!("{text}\n");
         let interruptions = || u32::from(stop.load(Ordering::Relaxed));
-        let ended = supervised.supervise(&interruptions, &say).map_err(|error| failed(&error))?;
+        let mut ended = supervised(first).supervise(&interruptions, &say);
+        for domain in (first..=DOMAIN_MAX).step_by(jobs).skip(1) {
+            if !matches!(ended, Err(SupervisorError::DomainTaken(_))) {
+                break;
+            }
+            ended = supervised(domain).supervise(&interruptions, &say);
+        }
+        let ended = ended.map_err(|error| failed(&error))?;
         if stop.load(Ordering::Relaxed) || ended.code == exit::BY_SIGNAL {
             return Err(RunFailure::Interrupted);
         }
@@ -60,7 +73,8 @@ impl Launcher {
             let text = std::fs::read_to_string(&stderr).unwrap_or_default() + &said.borrow();
             let last = text.lines().rfind(|line| line.starts_with("error")).or(text.lines().last());
             let last = last.unwrap_or("nothing was printed");
-            return Err(RunFailure::Failed(format!("exit code {}: {last}", ended.code)));
+            let printed = last_words(run, &folder.path().join("logs"));
+            return Err(RunFailure::Failed(format!("exit code {}: {last}{printed}", ended.code)));
         }
         let Some(summary) = ended.summary else {
             return Err(RunFailure::Failed("the server has written no summary".to_owned()));
@@ -72,4 +86,14 @@ impl Launcher {
         let wall = measure::wall_row(Tick(result.tick), summary.wall(), &[], &machine());
         Ok(measure::record(run, Trace { size: told.size, progress: &progress, result: &result, wall }))
     }
+}
+
+/// What a program of the user has printed last, since its log is removed with the run.
+fn last_words(run: &PlannedRun, logs: &Path) -> String {
+    let words = |agent: u32| {
+        let log = std::fs::read_to_string(logs.join(format!("agent_{agent}.log"))).ok()?;
+        let line = log.lines().rfind(|line| !line.trim().is_empty())?;
+        Some(format!("; agent {agent} printed last: {}", printable::line(line)))
+    };
+    run.scenario.agents.commanded().find_map(words).unwrap_or_default()
 }

@@ -2,6 +2,7 @@ use std::path::Path;
 
 use super::*;
 use crate::merge::{MergeError, is_same_run, merge};
+use crate::store::PLAN;
 
 const PLAN_TEXT: &str = "seeds = \"1..3\"\n[axes]\n\"agents.controller\" = [\"rbw\", \"nearest-frontier\"]\n\
                          [scenario]\nduration_s = 25.0\n[scenario.map]\nkind = \"spheres\"\nsize = 24\n\

@@ -8,7 +8,7 @@ use sim_server::input_file::{self, TEXT_BYTES_MAX};
 use simulation::scenario::{Scenario, ScenarioError};
 use toml::Spanned;
 
-use super::{Axis, AxisValue, PlanError, RUNS_MAX};
+use super::{Axis, AxisValue, PlanError, RUNS_MAX, files};
 
 /// The allowed values of `seeds`, for error messages.
 pub const SEEDS_EXPECTED: &str = "expected seeds from 0 to 9223372036854775807: a range such as \"1..30\", which \
@@ -18,6 +18,8 @@ pub const SEEDS_EXPECTED: &str = "expected seeds from 0 to 9223372036854775807: 
 pub(super) struct Draft {
     /// See [`super::Plan::text`].
     pub(super) text: String,
+    /// See [`super::files`].
+    pub(super) folder: Option<String>,
     /// Name of the base scenario for error messages.
     pub(super) scenario_name: String,
     pub(super) scenario_text: String,
@@ -34,6 +36,7 @@ pub(super) struct Draft {
 struct PlanFile {
     scenario: Spanned<toml::Value>,
     seeds: Spanned<toml::Value>,
+    folder: Option<Spanned<String>>,
     #[serde(default)]
     axes: BTreeMap<Spanned<String>, Vec<Spanned<toml::Value>>>,
 }
@@ -56,6 +59,11 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
     let scenario_line = line_at(plan.scenario.span().start);
     let seeds = seeds(plan.seeds.get_ref())
         .map_err(|reason| at_line(line_at(plan.seeds.span().start), format!("seeds: {reason}")))?;
+    if let Some(wrong) = plan.folder.as_ref().filter(|folder| !files::is_folder(folder.get_ref())) {
+        let reason = format!("folder = {:?}: {}", wrong.get_ref(), files::FOLDER_EXPECTED);
+        return Err(at_line(line_at(wrong.span().start), reason));
+    }
+    let copies = plan.folder.map(Spanned::into_inner);
     let axes = axes(plan.axes, line_at).map_err(|(line, reason)| at_line(line, reason))?;
     let runs = axes.iter().try_fold(seeds.len(), |runs, axis| runs.checked_mul(axis.values.len()));
     if runs.is_none_or(|runs| runs > RUNS_MAX) {
@@ -95,7 +103,7 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
     {
         return Err(at_line(scenario_line, format!("scenario: {key} = {value}: {allowed}")));
     }
-    Ok(Draft { text: self_contained, scenario_name, scenario_text, scenario_line, axes, seeds })
+    Ok(Draft { text: self_contained, folder: copies, scenario_name, scenario_text, scenario_line, axes, seeds })
 }
 
 /// The text of a plan in which the base scenario, appended as a table, replaces the name of its

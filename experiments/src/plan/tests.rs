@@ -54,7 +54,10 @@ fn text_of_a_plan_is_self_contained() {
 #[test]
 fn errors_name_line_key_and_allowed_values() {
     for (head, expected) in [
-        ("seeds = [1]\nsed = 2", "p.toml:2: unknown field `sed`, expected one of `scenario`, `seeds`, `axes`"),
+        (
+            "seeds = [1]\nsed = 2",
+            "p.toml:2: unknown field `sed`, expected one of `scenario`, `seeds`, `folder`, `axes`",
+        ),
         ("", "missing field `seeds`"),
         ("seeds = \"2..1\"", "p.toml:1: seeds: the range \"2..1\" has no seeds"),
         ("seeds = []", "p.toml:1: seeds: no seeds; expected seeds from 0"),

@@ -16,6 +16,7 @@ use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
+use agent_node::controllers::Registry;
 use agent_node::host::{AgentProcess, Options, RunError as AgentError};
 use agent_node::transport::Inbound as ToAgents;
 use msgs::ids::AgentId;
@@ -228,6 +229,7 @@ impl<'s> Cluster<'s> {
         self.network.borrow_mut().connect(number, agents.clone());
         let options = Options {
             agents,
+            registry: Registry::BUILT_IN,
             controller: None,
             settings: Vec::new(),
             instance: u64::from(number),

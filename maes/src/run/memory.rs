@@ -37,7 +37,9 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     }
     let outcome = finished
         .map_err(|error| match error {
-            InProcessError::Setup(_) | InProcessError::OverRosOnly(_) => anyhow::anyhow!("{}: {error}", args.name()),
+            InProcessError::Setup(_) | InProcessError::OverRosOnly { .. } => {
+                anyhow::anyhow!("{}: {error}", args.name())
+            }
             other => other.into(),
         })?
         .outcome;

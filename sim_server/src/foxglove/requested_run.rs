@@ -1,7 +1,8 @@
 //! The scenario of a run that a client of an idle server requests: which files it may touch.
 //!
 //! A client does not choose a path to write: it asks for a recording, and the server makes its name
-//! in one folder. A client reads maps of one folder only. The answer is the same for a file that is
+//! in one folder. A client reads maps of one folder only, and starts no program: a scenario with
+//! `agents.command` is refused. The answer is the same for a file that is
 //! missing and one that is outside, so that it does not tell which files exist.
 
 use std::fs;
@@ -43,6 +44,9 @@ pub enum RequestError {
     /// The scenario names a map file that it may not have.
     #[error("{NAME}: map.file = {0:?}: no map file of this name in the folder of maps (sim_server run --map-dir)")]
     Map(String),
+    /// The scenario names a program.
+    #[error("{NAME}: agents.command: a requested run starts no program; leave the key out, or start it by maes run")]
+    Command,
     /// The folder of recordings cannot be made.
     #[error("{NAME}: the folder of recordings cannot be made ({0}); choose another one (sim_server run --record-dir)")]
     Folder(std::io::ErrorKind),
@@ -105,7 +109,11 @@ impl RequestedRuns {
             recording = Some(name);
         }
         resolved.extend_from_slice(overrides);
-        Ok(RequestedRun { scenario: setup::parse(NAME, text, &resolved)?, recording })
+        let scenario = setup::parse(NAME, text, &resolved)?;
+        if !scenario.agents.command.is_empty() {
+            return Err(RequestError::Command);
+        }
+        Ok(RequestedRun { scenario, recording })
     }
 
     /// A name that no recording has.
@@ -160,6 +168,17 @@ mod tests {
         assert_eq!(file.parent().unwrap(), folder.path().canonicalize().unwrap().join("new"));
         assert_eq!(file.file_name().unwrap().to_str(), first.recording.as_deref());
         assert_ne!(first.recording, second.recording);
+    }
+
+    #[test]
+    fn programs_are_not_started() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut runs = RequestedRuns::new(RunFolders { recordings: folder.path().to_owned(), maps: None });
+        for text in
+            [format!("{GENERATED}command = [\"sh\"]"), format!("{GENERATED}command = [\"sh\"]\ncommand_ids = [0]")]
+        {
+            assert!(matches!(runs.resolve(&text, true, &[]).unwrap_err(), RequestError::Command));
+        }
     }
 
     #[test]

@@ -24,8 +24,8 @@ pub struct RunConfig<'a> {
 pub struct JoinPolicy {
     /// What a process must know; `None`: nothing.
     pub secret: Option<JoinSecret>,
-    /// Ids whose processes need not sign their commands, because foreign nodes run them. Those of
-    /// `agents.cmd_vel` are always among them.
+    /// Ids whose processes need not sign their commands, because foreign nodes run them. Those that
+    /// the scenario says so of ([`Scenario::unsigned`]) are always among them.
     pub external: BTreeSet<AgentId>,
 }
 

@@ -198,6 +198,7 @@ fn fits(key: &Key, value: &Value) -> Fit {
         Kind::Word(words) => value.as_str().is_some_and(|word| words.contains(&word)),
         Kind::Words(words) => are(value, &|word| word.as_str().is_some_and(|word| words.contains(&word))),
         Kind::Name | Kind::Path => value.is_str(),
+        Kind::Texts => are(value, &Value::is_str),
         Kind::Ids => are(value, &is_cell_count),
         Kind::Position(_) => is_triple(value) && are(value, &is_number),
         Kind::Poses => are(value, &|pose| are(pose, &is_number)),

@@ -70,6 +70,8 @@ pub enum Kind {
     Words(&'static [&'static str]),
     /// A text.
     Name,
+    /// A list of texts.
+    Texts,
     /// Path of a file.
     Path,
     /// A list of ids of agents.
@@ -260,6 +262,7 @@ impl Key {
             Kind::Word(words) => format!("expected {}", listed(words, "or", quoted)),
             Kind::Words(words) => format!("expected a list of the words {}", listed(words, "and", quoted)),
             Kind::Name => "expected a text in quotes".to_owned(),
+            Kind::Texts => "expected a list of texts such as [\"./my_agent\", \"--fast\"]".to_owned(),
             Kind::Path => "expected the path of a file in quotes".to_owned(),
             Kind::Ids => "expected a list of ids of agents such as [0, 2]".to_owned(),
             Kind::Position(unit) => format!("expected [x, y, z]{}", of_unit(unit)),

@@ -31,6 +31,10 @@ pub struct MapSection {
     /// The map file of `kind = "file"`, relative to the working directory of the server.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
+    /// The folder that `file` starts from, if that is another one. It is no key, and no part of the
+    /// identity of a run: a plan sets it.
+    #[serde(skip)]
+    pub folder: PathBuf,
     /// Options of the importer.
     #[serde(default, skip_serializing_if = "ImportOptions::is_default")]
     pub import: ImportOptions,
@@ -43,6 +47,14 @@ pub struct MapSection {
     /// Parameters of `kind = "building"`; a checked scenario of that kind has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub building: Option<BuildingSpec>,
+}
+
+impl MapSection {
+    /// Where the map file is.
+    #[must_use]
+    pub fn path(&self) -> Option<PathBuf> {
+        self.file.as_ref().map(|file| self.folder.join(file))
+    }
 }
 
 /// Where the terrain comes from.
@@ -99,6 +111,15 @@ pub struct AgentsSection {
     /// 2.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cmd_vel: Vec<u32>,
+    /// The program that runs agents, and its arguments; empty: `agent_node`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub command: Vec<String>,
+    /// Ids of the agents that `command` runs; empty: all.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub command_ids: Vec<u32>,
+    /// Whether `command` signs what it sends.
+    #[serde(default = "super::yes", skip_serializing_if = "super::team::is_yes")]
+    pub command_signs: bool,
 }
 
 /// `[lidar]`.

@@ -20,7 +20,7 @@ const UNPROVEN: &str = "does not prove the join secret of this run; expected the
                         --join-secret-file on both sides";
 
 const UNSIGNED: &str = "comes from a process that does not sign its commands; a foreign node needs \
-                        --external with this id";
+                        --external with this id, or agents.command_signs = false for agents.command";
 
 /// What a process that holds an id was told.
 struct Grant {
@@ -159,6 +159,6 @@ impl Authentication {
 
 /// The ids whose processes need not sign: those that the user names, and those that are controlled
 /// by standard messages.
-pub(in crate::session) fn with_external(policy: &JoinPolicy, driven: &BTreeSet<AgentId>) -> JoinPolicy {
-    JoinPolicy { external: policy.external.union(driven).copied().collect(), ..policy.clone() }
+pub(in crate::session) fn with_external(policy: &JoinPolicy, unsigned: &BTreeSet<AgentId>) -> JoinPolicy {
+    JoinPolicy { external: policy.external.union(unsigned).copied().collect(), ..policy.clone() }
 }

@@ -12,7 +12,7 @@ use crate::scenario::AGENTS_MAX;
 
 use super::DefaultValue::{Is, Required, Unset};
 use super::Kind::{
-    Boolean, Ids, Integer, Name, Number, NumberOrMax, Path, Poses, Position, Seed, Settings, Size, Word, Words,
+    Boolean, Ids, Integer, Name, Number, NumberOrMax, Path, Poses, Position, Seed, Settings, Size, Texts, Word, Words,
 };
 use super::{POSITIVE, Range, Table, above, at_least, between, key};
 
@@ -158,6 +158,16 @@ pub const TABLES: [Table; 19] = [
         key("cmd_vel", Ids, Is("[]"), NONE,
             "agents without a controller, externally controlled by velocity commands over ROS 2", "ours")
             .limits("0 to `count` - 1, each once; over ROS 2 only").see("own-node.md"),
+        key("command", Texts, Is("[]"), NONE,
+            "program of one's own, with its arguments, that runs agents; empty: agent_node", "ours")
+            .limits("a program, then its arguments, in which `{id}` is the id of the agent; over ROS 2 only")
+            .see("controllers.md#in-a-program-of-your-own"),
+        key("command_ids", Ids, Is("[]"), NONE,
+            "agents that the program runs; empty: all", "ours")
+            .limits("0 to `count` - 1, each once; only with `command`"),
+        key("command_signs", Boolean, Is("true"), NONE,
+            "whether the program signs its commands, as one based on agent_node does", "ours")
+            .limits("false only with `command`").see("own-node.md#in-plans"),
     ]),
     Table::new("spawn", &[
         key("kind", Word(&["nearest_origin", "list", "scattered", "box", "entrances"]), Is("\"nearest_origin\""), NONE,

@@ -1,0 +1,47 @@
+//! A controller in a program of its own: straight on until a collision, then a turn to a random
+//! side. The program is an `agent_node` that knows one controller more.
+//!
+//! ```sh
+//! cargo build --release
+//! maes run --controller zigzag --set 'agents.command=["target/release/own_controller"]'
+//! ```
+
+use std::process::ExitCode;
+
+use agent_node::command::{Command, Motion, Trigger};
+use agent_node::controllers::{Controller, Ctx, Registration};
+use agent_node::observation::Observation;
+use agent_node::rand::RngExt;
+use agent_node::rand_chacha::ChaCha8Rng;
+
+struct Zigzag {
+    rng: ChaCha8Rng,
+    turn_rad: f64,
+}
+
+impl Controller for Zigzag {
+    fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
+        if observation.is_active {
+            return Command::keep(Trigger::TASK_DONE);
+        }
+        if observation.collision.is_some() {
+            let side = if self.rng.random::<bool>() { 1.0 } else { -1.0 };
+            return Command::new(Motion::turn(side * self.turn_rad), Trigger::TASK_DONE);
+        }
+        Command::new(Motion::straight(0.0, f64::INFINITY), Trigger::TASK_DONE)
+    }
+}
+
+static CONTROLLERS: &[Registration] = &[Registration {
+    name: "zigzag",
+    description: "zigzag: straight on, and a turn to a random side at each obstacle",
+    stream: "zigzag",
+    construct: |settings, rng| {
+        let turn_rad = settings.number("turn_rad", 2.0, 0.1, 3.0)?;
+        Ok(Box::new(Zigzag { rng, turn_rad }))
+    },
+}];
+
+fn main() -> ExitCode {
+    agent_node::program::main(CONTROLLERS)
+}

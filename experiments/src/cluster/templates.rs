@@ -1,0 +1,211 @@
+//! The texts of the job files.
+//!
+//! Each task calls `part.sh` with its number, from 0. What a workload manager cannot be asked for
+//! is refused instead of left out.
+
+use std::num::NonZero;
+
+use super::{EmitError, Job, PART, PLAN, Scheduler};
+
+/// The folder of what the tasks print.
+pub(super) const LOGS: &str = "logs";
+
+/// Starts of a task that fails, where the workload manager counts them.
+const STARTS_MAX: u32 = 3;
+
+/// File name and text of a job.
+pub(super) fn job(job: &Job, parts: usize) -> Result<(&'static str, String), EmitError> {
+    let refuse = |flag, value: &Option<String>, reason| match value {
+        Some(value) => Err(EmitError::Unknown { flag, value: value.clone(), reason }),
+        None => Ok(()),
+    };
+    let (partition, account) = (("--partition", &job.partition), ("--account", &job.account));
+    Ok(match job.scheduler {
+        Scheduler::Slurm => ("plan.slurm.sh", slurm(job, parts)),
+        Scheduler::Pbs => ("plan.pbs.sh", pbs(job, parts)),
+        Scheduler::HtCondor => {
+            refuse(partition.0, partition.1, "HTCondor matches requirements, and has no partitions")?;
+            ("plan.condor.sub", htcondor(job, parts))
+        }
+        Scheduler::K8s => {
+            for (flag, value) in [partition, account] {
+                refuse(flag, value, "Kubernetes has namespaces instead (kubectl --namespace)")?;
+            }
+            ("plan.k8s.yaml", k8s(job, parts))
+        }
+        Scheduler::Parallel => {
+            for (flag, value) in [partition, account] {
+                refuse(flag, value, "GNU parallel has none")?;
+            }
+            ("plan.parallel.sh", parallel(job, parts))
+        }
+    })
+}
+
+/// The script that executes one part.
+pub(super) fn part(parts: usize, flags: &str) -> String {
+    format!(
+        r#"#!/bin/sh
+# Executes one of the {parts} parts of the plan in this folder: part.sh K, with K from 0.
+# `maes` is looked for in MAES_BIN_DIR, or else in PATH. Runs that are done are skipped.
+set -eu
+CDPATH='' cd -- "$(dirname -- "$0")"
+exec "${{MAES_BIN_DIR:+$MAES_BIN_DIR/}}maes" batch {PLAN} --out . --jobs 1 --part "$1/{parts}"{flags}
+"#
+    )
+}
+
+/// `HH:MM:SS`.
+fn clock(seconds: NonZero<u64>) -> String {
+    let seconds = seconds.get();
+    format!("{:02}:{:02}:{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60)
+}
+
+/// Lines, each of which is left out if it is `None`.
+fn lines<const N: usize>(lines: [Option<String>; N]) -> String {
+    lines.into_iter().flatten().map(|line| line + "\n").collect()
+}
+
+fn percent(limit: Option<NonZero<usize>>) -> String {
+    limit.map(|limit| format!("%{limit}")).unwrap_or_default()
+}
+
+const SHARED: &str = "\
+# All nodes share this folder. `maes` is looked for in MAES_BIN_DIR, or else in PATH. To continue
+# after a job that was ended early, submit it again: runs that are done are skipped.";
+
+const ELSEWHERE: &str =
+    r#"[ -e part.sh ] || { echo "error: submit this job from the folder of the plan: cd there first" >&2; exit 2; }"#;
+
+fn slurm(job: &Job, parts: usize) -> String {
+    let options = lines([
+        Some(format!("#SBATCH --array=0-{}{}", parts - 1, percent(job.limit))),
+        Some(format!("#SBATCH --mem={}M", job.memory_mib)),
+        job.time_s.map(|time| format!("#SBATCH --time={}", clock(time))),
+        job.partition.as_ref().map(|partition| format!("#SBATCH --partition={partition}")),
+        job.account.as_ref().map(|account| format!("#SBATCH --account={account}")),
+        Some(format!("#SBATCH --{}requeue", if job.is_requeued { "" } else { "no-" })),
+    ]);
+    format!(
+        "#!/usr/bin/env bash
+# Runs the plan in this folder: cd to it, then sbatch plan.slurm.sh
+{SHARED}
+#SBATCH --job-name=maes
+#SBATCH --ntasks=1
+#SBATCH --cpus-per-task=1
+#SBATCH --output={LOGS}/%a.log
+#SBATCH --open-mode=append
+{options}{ELSEWHERE}
+exec sh ./{PART} \"$SLURM_ARRAY_TASK_ID\"
+"
+    )
+}
+
+fn pbs(job: &Job, parts: usize) -> String {
+    let options = lines([
+        // An array of PBS has at least two tasks.
+        (parts > 1).then(|| format!("#PBS -J 0-{}{}", parts - 1, percent(job.limit))),
+        Some(format!("#PBS -l select=1:ncpus=1:mem={}mb", job.memory_mib)),
+        job.time_s.map(|time| format!("#PBS -l walltime={}", clock(time))),
+        job.partition.as_ref().map(|queue| format!("#PBS -q {queue}")),
+        job.account.as_ref().map(|account| format!("#PBS -A {account}")),
+        Some(format!("#PBS -r {}", if job.is_requeued { "y" } else { "n" })),
+    ]);
+    format!(
+        "#!/usr/bin/env bash
+# Runs the plan in this folder: cd to it, then qsub plan.pbs.sh
+{SHARED}
+#PBS -N maes
+#PBS -V
+#PBS -j oe
+#PBS -o {LOGS}/
+{options}cd \"$PBS_O_WORKDIR\"
+{ELSEWHERE}
+exec sh ./{PART} \"${{PBS_ARRAY_INDEX:-0}}\"
+"
+    )
+}
+
+fn htcondor(job: &Job, parts: usize) -> String {
+    let options = lines([
+        Some(format!("request_memory = {}", job.memory_mib)),
+        job.time_s.map(|time| format!("allowed_execute_duration = {time}")),
+        job.account.as_ref().map(|account| format!("accounting_group = {account}")),
+        job.limit.map(|limit| format!("max_materialize = {limit}")),
+        job.is_requeued.then(|| format!("max_retries = {STARTS_MAX}")),
+    ]);
+    format!(
+        "# Runs the plan in this folder: cd to it, then condor_submit plan.condor.sub
+{SHARED}
+universe = vanilla
+executable = /bin/sh
+arguments = {PART} $(Process)
+transfer_executable = false
+should_transfer_files = NO
+getenv = PATH, MAES_BIN_DIR
+request_cpus = 1
+log = {LOGS}/condor.log
+output = {LOGS}/$(Process).out
+error = {LOGS}/$(Process).err
+{options}queue {parts}
+"
+    )
+}
+
+fn k8s(job: &Job, parts: usize) -> String {
+    let parallelism = job.limit.map_or(parts, |limit| limit.get().min(parts));
+    let retries = if job.is_requeued { STARTS_MAX } else { 0 };
+    let memory = job.memory_mib;
+    let deadline = lines([job.time_s.map(|time| format!("      activeDeadlineSeconds: {time}"))]);
+    format!(
+        r#"# Runs the plan in this folder: kubectl apply -f plan.k8s.yaml
+# IMAGE: any that has the binary `maes` in its PATH. CLAIM: a volume that many pods may write to and
+# that holds this folder at its root. To continue after a job that was ended early, delete the job
+# and apply it again: runs that are done are kept.
+apiVersion: batch/v1
+kind: Job
+metadata:
+  name: maes
+spec:
+  completionMode: Indexed
+  completions: {parts}
+  parallelism: {parallelism}
+  backoffLimitPerIndex: {retries}
+  template:
+    spec:
+      restartPolicy: Never
+{deadline}      containers:
+        - name: maes
+          image: IMAGE
+          command: ["sh", "-c", "exec sh /plan/{PART} $JOB_COMPLETION_INDEX"]
+          resources:
+            requests: {{cpu: "1", memory: {memory}Mi}}
+            limits: {{memory: {memory}Mi}}
+          volumeMounts:
+            - {{name: plan, mountPath: /plan}}
+      volumes:
+        - name: plan
+          persistentVolumeClaim: {{claimName: CLAIM}}
+"#
+    )
+}
+
+fn parallel(job: &Job, parts: usize) -> String {
+    let jobs = job.limit.map_or_else(|| "100%".to_owned(), |limit| limit.to_string());
+    let timeout = job.time_s.map(|time| format!(" --timeout {time}")).unwrap_or_default();
+    let retries = if job.is_requeued { format!(" --retries {STARTS_MAX}") } else { String::new() };
+    format!(
+        "#!/usr/bin/env bash
+# Runs the plan in this folder with GNU parallel: plan.parallel.sh [further flags of parallel]
+# With --sshlogin HOST,... on several machines, which share this folder. `maes` is looked for in
+# MAES_BIN_DIR, or else in PATH. To continue, call it again: runs that are done are skipped.
+set -eu
+cd -- \"$(dirname -- \"${{BASH_SOURCE[0]}}\")\"
+export MAES_BIN_DIR=${{MAES_BIN_DIR:-}}
+seq 0 {last} | parallel --jobs {jobs}{timeout}{retries} --memfree {memory}M --joblog {LOGS}/parallel.log \\
+    --env MAES_BIN_DIR --workdir \"$PWD\" \"$@\" sh ./{PART}
+",
+        last = parts - 1,
+        memory = job.memory_mib,
+    )
+}
