@@ -296,6 +296,7 @@ fn params(scenario: &Scenario) -> WorldParams {
         },
         comms: scenario.communication.comms(scenario.seed),
         noise: scenario.sensor.errors(scenario.seed),
+        late: scenario.late_agents(),
     }
 }
 

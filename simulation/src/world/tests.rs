@@ -28,6 +28,7 @@ fn params() -> WorldParams {
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: within(f64::INFINITY),
         noise: SensorNoise::default(),
+        late: Default::default(),
     }
 }
 
