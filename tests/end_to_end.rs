@@ -52,6 +52,8 @@ mod reply_timeouts;
 /// `launch_scripts/spawn.sh` starts a server and agents by hand.
 mod spawn_script;
 
+/// Forks of recorded runs, and events of scenarios.
+mod forks;
 /// The scenarios of the gallery end as documented.
 mod gallery;
 /// Radio models, relays and sensor noise.

@@ -28,8 +28,10 @@ use msgs::ids::AgentId;
 use rand_chacha::ChaCha8Rng;
 use thiserror::Error;
 
+use crate::agent::Successors;
 use crate::command::Command;
 use crate::observation::Observation;
+use crate::stopwatch::DecisionTimes;
 pub use ctx::Ctx;
 use settings::{Setting, SettingError, Settings};
 use suggestion::did_you_mean;
@@ -204,6 +206,22 @@ pub fn build(
     agents_seed: u64,
 ) -> Result<Box<dyn Controller>, ControllerError> {
     build_with_settings(name, settings, agent, agents_seed).map(|(controller, _)| controller)
+}
+
+/// How the controller of an agent is replaced when the scenario asks for another one. An agent that
+/// runs another controller than the scenario says, or other settings, keeps it.
+#[must_use]
+pub fn successors(agent: AgentId, follows_scenario: bool, times: Option<DecisionTimes>) -> Successors {
+    Box::new(move |run_info| {
+        if !follows_scenario {
+            return Ok(None);
+        }
+        let controller = build(&run_info.controller, &run_info.settings, agent, run_info.agents_seed)?;
+        Ok(Some(match &times {
+            Some(times) => times.of(controller),
+            None => controller,
+        }))
+    })
 }
 
 fn build_with_settings(

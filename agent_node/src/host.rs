@@ -269,6 +269,7 @@ impl<'a> Host<'a> {
         let mut settings = if *name == run_info.controller { run_info.settings.clone() } else { Vec::new() };
         settings.extend(options.settings.iter().cloned());
         let resolved = controllers::resolve_settings(name, &settings)?;
+        let label = if settings.is_empty() { name.clone() } else { format!("{name} {}", settings.join(" ")) };
         let mut agents = BTreeMap::new();
         for &id in &options.agents {
             if id.0 >= run_info.agents {
@@ -280,11 +281,12 @@ impl<'a> Host<'a> {
                 controller = times.of(controller);
             }
             let published = published.remove(&id).unwrap_or_else(|| PublishedMap::new(run_info.extent));
-            let agent = Agent::new(id, run_info.clone(), controller);
+            let successors =
+                controllers::successors(id, label == run_info.controller_label(), options.decision_times.clone());
+            let agent = Agent::new(id, run_info.clone(), controller).with_successors(successors);
             agents.insert(id, HostedAgent { agent, is_accepted: false, key: None, published });
             transport.declare_parameters(id, parameters::of_controller(name, &resolved));
         }
-        let label = if settings.is_empty() { name.clone() } else { format!("{name} {}", settings.join(" ")) };
         let Options { instance, chaos_delay, server_timeout, .. } = *options;
         let polled_at = transport.now();
         Ok(Self {

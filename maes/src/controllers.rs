@@ -8,10 +8,13 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Observation, Scenario};
 use sim_server::verify::controllers::{AgentReplica, ControllerFactory};
 
-/// Whether there is the controller that a scenario names, with its settings.
+/// Whether there are the controllers that a scenario names, with their settings.
 pub(crate) fn check(scenario: &simulation::scenario::Scenario) -> anyhow::Result<()> {
-    let settings = scenario.agents.set.iter().map(|(key, value)| format!("{key}={}", word(value)));
-    Ok(controllers::check(&scenario.agents.controller, &settings.collect::<Vec<_>>())?)
+    for agents in scenario.phases().into_iter().map(|phase| phase.agents) {
+        let settings = agents.set.iter().map(|(key, value)| format!("{key}={}", word(value)));
+        controllers::check(&agents.controller, &settings.collect::<Vec<_>>())?;
+    }
+    Ok(())
 }
 
 /// A value as an agent reads it: a text without its quotes.
@@ -30,7 +33,8 @@ impl ControllerFactory for BuiltInControllers {
         let run_info = wire::run_info(told).map_err(|error| error.to_string())?;
         let controller =
             controllers::build(name, &settings, agent, run_info.agents_seed).map_err(|error| error.to_string())?;
-        Ok(Box::new(BuiltInReplica(Agent::new(agent, run_info, controller))))
+        let successors = controllers::successors(agent, runs == run_info.controller_label(), None);
+        Ok(Box::new(BuiltInReplica(Agent::new(agent, run_info, controller).with_successors(successors))))
     }
 }
 

@@ -8,8 +8,8 @@
 
 use std::fmt;
 
-use crate::world::{Presence, World};
 use crate::world::collision::Surface;
+use crate::world::{Presence, World};
 
 /// The digest up to and including a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

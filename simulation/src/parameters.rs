@@ -175,7 +175,11 @@ mod tests {
             let is_setting = name.starts_with("agents.set.");
             let is_described = parameter.descriptor.description != "a setting of the controller";
             assert_eq!(is_described, !is_setting, "{name} has no description of its own");
-            assert!(is_setting || ["use_sim_time", "bodies", "event"].contains(&name.as_str()) || keys::find(&name).is_some());
+            assert!(
+                is_setting
+                    || ["use_sim_time", "bodies", "event"].contains(&name.as_str())
+                    || keys::find(&name).is_some()
+            );
             assert_eq!(parameter.descriptor.read_only, name != RTF, "{name}");
             seen.insert(name);
         }

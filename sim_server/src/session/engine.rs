@@ -239,7 +239,9 @@ impl<'a> Engine<'a> {
         // Counters of features that the scenario does not use are left out.
         let radios = || std::iter::once(self.scenario).chain(&self.changed).map(|held| &held.communication);
         let communication = &self.scenario.communication;
-        counters.extend(radios().any(|radio| radio.loss > 0.0).then(|| counter("parcels_lost_radio", totals.parcels_lost_radio)));
+        counters.extend(
+            radios().any(|radio| radio.loss > 0.0).then(|| counter("parcels_lost_radio", totals.parcels_lost_radio)),
+        );
         if radios().any(|radio| radio.bytes_per_s.is_finite()) {
             counters.push(counter("parcels_queue_full", totals.parcels_queue_full));
         }

@@ -16,14 +16,14 @@ use msgs::trigger::Trigger;
 use super::{RunError, SHUTDOWN_TIMEOUT, Session};
 use simulation::scenario::{EventAction, Scenario, ScheduledEvent};
 use simulation::wire;
-use simulation::world::Commit;
+use simulation::world::{Commit, Presence};
 
 impl Session<'_, '_> {
     /// Executes the events of the present tick.
     pub(super) fn apply_events(&mut self) -> Result<(), RunError> {
         let tick = self.engine.tick();
-        while let Some(ScheduledEvent { digested, action, .. }) =
-            self.engine.schedule.pop_front_if(|event| event.tick <= tick)
+        while self.engine.schedule.front().is_some_and(|event| event.tick <= tick)
+            && let Some(ScheduledEvent { digested, action, .. }) = self.engine.schedule.pop_front()
         {
             self.engine.chain.message(digested.as_bytes());
             match action {
@@ -71,7 +71,7 @@ impl Session<'_, '_> {
     }
 
     /// Lets another scenario hold from now on. The agents are told; if their controller or its
-    /// settings change, their bodies stop, and all of them are due.
+    /// settings change, bodies and LiDARs are handed over, and all agents are due.
     fn change(&mut self, scenario: Scenario) {
         let engine = &mut self.engine;
         let before = engine.scenario();
@@ -85,12 +85,14 @@ impl Session<'_, '_> {
             engine.world.set_radios(scenario.communication.comms(scenario.seed));
         }
         let data = cdr::encode(&announcement);
-        for agent in engine.world.agents().filter(|agent| !engine.lost.contains(agent) && !self.external.contains(agent)) {
+        for agent in
+            engine.world.agents().filter(|agent| !engine.lost.contains(agent) && !self.external.contains(agent))
+        {
             if is_news {
                 engine.world.tell(agent, data.clone());
             }
-            if takes_over {
-                engine.world.halt(agent);
+            if takes_over && engine.world.presence(agent) == Presence::Active {
+                engine.world.hand_over(agent);
                 engine.triggers[agent.index()] = Trigger::NEXT_TICK;
             }
         }

@@ -230,7 +230,12 @@ impl Scenario {
 
     pub(super) fn check_events(&self, checker: &Checker<'_>) -> Result<(), ScenarioError> {
         let count = self.event.len();
-        checker.require("event", format!("{count} entries"), count <= EVENTS_MAX, &format!("expected at most {EVENTS_MAX}"))?;
+        checker.require(
+            "event",
+            format!("{count} entries"),
+            count <= EVENTS_MAX,
+            &format!("expected at most {EVENTS_MAX}"),
+        )?;
         let mut last = Tick::ZERO;
         let mut present = self.without_events();
         let mut team = Lives::default();
@@ -249,10 +254,16 @@ impl Scenario {
                 let example = "expected a table of keys such as { \"agents.controller\" = \"lvd\" }";
                 checker.require(&of("set"), "{}", !entry.set.is_empty(), example)?;
                 let changed = present.changed(&entry.set);
-                present = changed.map_err(|reason| checker.error_from(&of("set"), &of("set"), shown(&entry.set), &reason))?;
+                present =
+                    changed.map_err(|reason| checker.error_from(&of("set"), &of("set"), shown(&entry.set), &reason))?;
                 continue;
             }
-            checker.require(&of("set"), shown(&entry.set), entry.set.is_empty(), "expected only with kind = \"set\"")?;
+            checker.require(
+                &of("set"),
+                shown(&entry.set),
+                entry.set.is_empty(),
+                "expected only with kind = \"set\"",
+            )?;
             let no_parent = "expected only with kind = \"set\"";
             checker.require(&of("parent"), "...", entry.parent.is_none(), no_parent)?;
             let last_id = self.agents.count - 1;
@@ -300,7 +311,7 @@ impl Scenario {
         }
         let mut forked = self.clone();
         if !set.is_empty() {
-            let at_s = at.0 as f64 * Tick::TICK_S;
+            let at_s = at.time_ns() as f64 / 1e9;
             let parent = Some(parent.to_owned());
             added.insert(0, EventEntry { at_s, kind: EventKind::Set, agent: None, set, parent });
         }
@@ -315,8 +326,10 @@ impl Scenario {
 fn new_events(value: Option<&toml::Value>, at: Tick) -> Result<Vec<EventEntry>, String> {
     let example = "expected a list such as [{ kind = \"break_down\", at_s = 310.0, agent = 3 }]";
     let value = value.ok_or(example)?;
-    let events: Vec<EventEntry> =
-        value.clone().try_into().map_err(|error: toml::de::Error| format!("{}; {example}", one_line(error.message())))?;
+    let events: Vec<EventEntry> = value
+        .clone()
+        .try_into()
+        .map_err(|error: toml::de::Error| format!("{}; {example}", one_line(error.message())))?;
     for event in &events {
         if event.tick() < at {
             return Err(format!("at_s = {}: expected no event before the fork, tick {at}", event.at_s));

@@ -66,10 +66,16 @@ fn of_agents(world: &World, run_status: &RunStatus<'_>) -> impl Iterator<Item = 
             word
         } else if is_lost {
             "lost"
-        } else { run_status.infos.get(agent.index()).map_or("", String::as_str) };
+        } else {
+            run_status.infos.get(agent.index()).map_or("", String::as_str)
+        };
         let collision = body.collision().map_or("none".to_owned(), |met| format!("{:?}", met.surface).to_lowercase());
         DiagnosticStatus {
-            level: if is_lost && world.presence(agent) == Presence::Active { DiagnosticStatus::ERROR } else { DiagnosticStatus::OK },
+            level: if is_lost && world.presence(agent) == Presence::Active {
+                DiagnosticStatus::ERROR
+            } else {
+                DiagnosticStatus::OK
+            },
             name: format!("agent_{agent}"),
             message: message.to_owned(),
             values: vec![

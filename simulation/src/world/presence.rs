@@ -106,11 +106,18 @@ impl World {
         self.contacts = None;
     }
 
-    /// Ends the task of a body, at rest, with [`TASK_DONE`].
-    pub fn halt(&mut self, agent: AgentId) {
+    /// Hands an agent over to another controller: its body is at rest, its task has ended with
+    /// [`TASK_DONE`], and its LiDAR scans as at the start.
+    pub fn hand_over(&mut self, agent: AgentId) {
+        let tick = self.tick;
+        let schedule = self.params.schedule;
         let state = &mut self.agents[agent.index()];
         state.body = Body::at_rest(*state.body.model(), *state.body.pose());
         state.pending_observation.events |= TASK_DONE;
+        state.want_view = false;
+        if let ScanSchedule::OnRequest { period_ticks } = schedule {
+            (state.next_scan, state.scan_period_ticks) = (Some(tick), Some(period_ticks));
+        }
     }
 
     /// Adds a message of the server to the next observation of an agent.

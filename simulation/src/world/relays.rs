@@ -96,7 +96,10 @@ impl Relays {
             (0..new).filter(|&other| contact.joins(terrain, &self.relays[other].position, &position)).collect();
         // A new network that absorbs the networks of the relays in contact.
         let joined: Vec<usize> = heard.iter().map(|&other| self.relays[other].network).collect();
-        self.relays[..new].iter_mut().filter(|relay| joined.contains(&relay.network)).for_each(|relay| relay.network = new);
+        self.relays[..new]
+            .iter_mut()
+            .filter(|relay| joined.contains(&relay.network))
+            .for_each(|relay| relay.network = new);
         self.relays[new].network = new;
         self.links.extend(heard.into_iter().map(|other| (other, new)));
     }

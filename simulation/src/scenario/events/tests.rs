@@ -53,15 +53,30 @@ fn schedule_has_each_event_with_what_holds_from_then_on() {
 fn illegal_events_are_refused_with_their_place() {
     let leave = "{ kind = \"leave\", at_s = 5.0, agent = 1 }";
     for (events, expected) in [
-        ("{ kind = \"leave\", at_s = 0.03, agent = 1 }", "s.toml:5: event[0].at_s = 0.03: expected a multiple of 0.02 s"),
+        (
+            "{ kind = \"leave\", at_s = 0.03, agent = 1 }",
+            "s.toml:5: event[0].at_s = 0.03: expected a multiple of 0.02 s",
+        ),
         ("{ kind = \"leave\", at_s = 1.0 }", "event[0].agent = nothing: expected the id of an agent, 0 to 2"),
         ("{ kind = \"leave\", at_s = 1.0, agent = 3 }", "event[0].agent = 3: expected the id of an agent, 0 to 2"),
-        ("{ kind = \"leave\", at_s = 1.0, agent = 0, set = { seed = 1 } }", "event[0].set = { \"seed\" = 1 }: expected only"),
+        (
+            "{ kind = \"leave\", at_s = 1.0, agent = 0, set = { seed = 1 } }",
+            "event[0].set = { \"seed\" = 1 }: expected only",
+        ),
         ("{ kind = \"set\", at_s = 1.0 }", "event[0].set = {}: expected a table of keys"),
-        ("{ kind = \"set\", at_s = 1.0, agent = 0, set = { duration_s = 1.0 } }", "event[0].agent = 0: expected no agent"),
+        (
+            "{ kind = \"set\", at_s = 1.0, agent = 0, set = { duration_s = 1.0 } }",
+            "event[0].agent = 0: expected no agent",
+        ),
         ("{ kind = \"leaves\", at_s = 1.0, agent = 0 }", "did you mean \"leave\"?"),
-        (&format!("{leave}, {{ kind = \"leave\", at_s = 4.0, agent = 0 }}"), "event[1].at_s = 4: expected events in the order"),
-        (&format!("{leave}, {{ kind = \"join\", at_s = 6.0, agent = 1 }}"), "event[1].kind = \"join\": agent 1 has left before"),
+        (
+            &format!("{leave}, {{ kind = \"leave\", at_s = 4.0, agent = 0 }}"),
+            "event[1].at_s = 4: expected events in the order",
+        ),
+        (
+            &format!("{leave}, {{ kind = \"join\", at_s = 6.0, agent = 1 }}"),
+            "event[1].kind = \"join\": agent 1 has left before",
+        ),
         ("{ kind = \"radio_on\", at_s = 1.0, agent = 0 }", "the radio of agent 0 is on already"),
     ] {
         let error = refused(events);
