@@ -57,6 +57,8 @@ mod own_programs;
 /// Plans on a real Slurm whose node is killed, and with GNU parallel.
 mod workload_managers;
 
+/// Forks of recorded runs, and events of scenarios.
+mod forks;
 /// The scenarios of the gallery end as documented.
 mod gallery;
 /// Radio models, relays and sensor noise.

@@ -14,18 +14,26 @@
 //! **Two triggers.** Map sharing has triggers of its own. In a tick that is due for sharing alone,
 //! the controller is not called: the observation is deferred to the tick that the controller has
 //! asked for, so controllers need not know of sharing. They do not see map messages either.
+//!
+//! **Change of the controller.** The server may tell of another run info. Then the agent replaces
+//! its controller by the one that is now asked for, and calls it in the same tick. Map, sharing and
+//! counters stay: the new controller knows what the agent has learned, and has decided nothing yet.
 
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{LIST_BYTES_MAX, PARCEL_BYTES_BARE, PARCEL_BYTES_MAX, POINT_BYTES};
 use msgs::maes_msgs::{self, Observation as Part};
 
 use crate::command::{Command, Motion, Trigger};
-use crate::controllers::{Controller, Ctx};
+use crate::controllers::{Controller, ControllerError, Ctx};
 use crate::exploration_map::ExplorationMap;
 use crate::navigation::NavigationTask;
 use crate::observation::{Observation, RunInfo};
 use crate::sharing::{MAP_MESSAGE, Sharing};
 use crate::wire::{self, FragmentReassembler, Reassembled, WireError};
+
+/// Builds the controller that takes over when the run info has changed; `None`: the present one
+/// stays.
+pub type Successors = Box<dyn Fn(&RunInfo) -> Result<Option<Box<dyn Controller>>, ControllerError>>;
 
 /// One agent.
 pub struct Agent {
@@ -35,6 +43,7 @@ pub struct Agent {
     sharing: Sharing,
     navigation: NavigationTask,
     controller: Box<dyn Controller>,
+    successors: Successors,
     reassembler: FragmentReassembler,
     last_reply: Option<maes_msgs::Command>,
     /// The trigger of the last committed command.
@@ -75,6 +84,7 @@ impl Agent {
             navigation: NavigationTask::new(run_info.bodies.of(id).radius_m, run_info.extent.cell_m()),
             run_info,
             controller,
+            successors: Box::new(|_| Ok(None)),
             reassembler: FragmentReassembler::default(),
             last_reply: None,
             due: Trigger::NEXT_TICK,
@@ -83,6 +93,12 @@ impl Agent {
             deferred: None,
             unmerged: None,
         }
+    }
+
+    /// The same agent, whose controller is replaced when the server asks for another one.
+    #[must_use]
+    pub fn with_successors(self, successors: Successors) -> Self {
+        Self { successors, ..self }
     }
 
     /// The id of the agent.
@@ -129,14 +145,16 @@ impl Agent {
         };
         let tick = observation.tick;
         if has_ended {
-            self.merge(&mut observation);
+            self.merge(&mut observation)?;
             let acknowledgement = wire::command(self.id, tick, Command::keep(Trigger::NEXT_TICK));
             return Ok(Reaction::Acknowledge(acknowledgement));
         }
-        let command = if self.due.is_due(tick, observation.events) {
-            self.reply_to_trigger(observation)
+        // The server makes every agent due whose controller changes.
+        let takes_over = observation.change.as_ref().is_some_and(|now| self.is_another_controller(now));
+        let command = if takes_over || self.due.is_due(tick, observation.events) {
+            self.reply_to_trigger(observation)?
         } else if self.controller.is_polled_between_triggers() {
-            self.reply_to_poll(observation)
+            self.reply_to_poll(observation)?
         } else {
             Command::keep(self.due)
         };
@@ -149,26 +167,26 @@ impl Agent {
         Ok(Reaction::Reply(command))
     }
 
-    fn reply_to_trigger(&mut self, mut observation: Observation) -> Command {
+    fn reply_to_trigger(&mut self, mut observation: Observation) -> Result<Command, WireError> {
         // The server repeats it in this observation.
         self.unmerged = None;
-        self.merge(&mut observation);
+        self.merge(&mut observation)?;
         if let Some(earlier) = self.deferred.take() {
             observation = observation.merged_with(earlier);
         }
         if self.controller_trigger.is_due(observation.tick, observation.events) {
             let command = self.decide(&observation);
-            self.commit(command, &observation)
+            Ok(self.commit(command, &observation))
         } else {
             let command = Command { want_view: self.controller_wants_view, ..Command::keep(self.controller_trigger) };
             let command = self.commit(command, &observation);
             self.deferred = Some(observation);
-            command
+            Ok(command)
         }
     }
 
-    fn reply_to_poll(&mut self, observation: Observation) -> Command {
-        let mut shown = observation.clone();
+    fn reply_to_poll(&mut self, observation: Observation) -> Result<Command, WireError> {
+        let mut shown = Observation { change: None, ..observation.clone() };
         shown.messages.retain(|message| message.kind != MAP_MESSAGE);
         let mut whole = match self.unmerged.take() {
             Some(earlier) => observation.merged_with(earlier),
@@ -177,10 +195,32 @@ impl Agent {
         let command = self.decide(&shown);
         if command.is_noop() {
             self.unmerged = Some(whole);
-            return Command::keep(self.due);
+            return Ok(Command::keep(self.due));
         }
-        self.merge(&mut whole);
-        self.commit(command, &whole)
+        self.merge(&mut whole)?;
+        Ok(self.commit(command, &whole))
+    }
+
+    fn is_another_controller(&self, now: &RunInfo) -> bool {
+        (&now.controller, &now.settings) != (&self.run_info.controller, &self.run_info.settings)
+    }
+
+    /// Adopts the run info that holds from now on.
+    fn adopt(&mut self, now: RunInfo, tick: Tick) -> Result<(), WireError> {
+        let takes_over = self.is_another_controller(&now);
+        self.sharing.set_period(now.share_period_ticks);
+        self.run_info = now;
+        if takes_over {
+            self.controller_trigger = Trigger::NEXT_TICK;
+            let successor = (self.successors)(&self.run_info);
+            if let Some(controller) = successor.map_err(|source| WireError::Controller { tick, source })? {
+                self.controller = controller;
+                self.navigation.reset();
+                self.controller_wants_view = false;
+                self.deferred = None;
+            }
+        }
+        Ok(())
     }
 
     fn decide(&mut self, observation: &Observation) -> Command {
@@ -189,13 +229,17 @@ impl Agent {
     }
 
     /// Merges what was seen and the map messages into the map; removes the map messages from the
-    /// observation.
-    fn merge(&mut self, observation: &mut Observation) {
+    /// observation. A change of the run info comes first.
+    fn merge(&mut self, observation: &mut Observation) -> Result<(), WireError> {
+        if let Some(now) = observation.change.take() {
+            self.adopt(*now, observation.tick)?;
+        }
         self.map.note_free(&observation.seen.free);
         self.map.note_wall(&observation.seen.wall);
         self.map.note_covered(self.run_info.extent.cell_of(&observation.pose.position));
         self.sharing.incoming(&mut self.map, &observation.messages);
         observation.messages.retain(|message| message.kind != MAP_MESSAGE);
+        Ok(())
     }
 
     /// Completes a command that will be committed: with map messages, and with the trigger of map

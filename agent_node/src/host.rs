@@ -287,6 +287,7 @@ impl<'a> Host<'a> {
         let run_info = wire::run_info(scenario).map_err(wrong)?;
         let (name, settings) = options.decides(&run_info.controller, &run_info.settings);
         let resolved = options.registry.resolve_settings(name, &settings)?;
+        let label = if settings.is_empty() { name.to_owned() } else { format!("{name} {}", settings.join(" ")) };
         let mut agents = BTreeMap::new();
         for &id in &options.agents {
             if id.0 >= run_info.agents {
@@ -298,11 +299,13 @@ impl<'a> Host<'a> {
                 controller = times.of(controller);
             }
             let published = published.remove(&id).unwrap_or_else(|| PublishedMap::new(run_info.extent));
-            let agent = Agent::new(id, run_info.clone(), controller);
+            let follows_scenario = label == run_info.controller_label();
+            let times = options.decision_times.clone();
+            let successors = controllers::successors(options.registry, id, follows_scenario, times);
+            let agent = Agent::new(id, run_info.clone(), controller).with_successors(successors);
             agents.insert(id, HostedAgent { agent, is_accepted: false, key: None, published });
             transport.declare_parameters(id, parameters::of_controller(name, &resolved));
         }
-        let label = if settings.is_empty() { name.to_owned() } else { format!("{name} {}", settings.join(" ")) };
         let Options { instance, chaos_delay, server_timeout, .. } = *options;
         let polled_at = transport.now();
         Ok(Self {

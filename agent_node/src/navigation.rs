@@ -103,6 +103,11 @@ impl NavigationTask {
         }
     }
 
+    /// Ends the pending search and forgets the limit of searches, for another controller.
+    pub fn reset(&mut self) {
+        (self.cells_max, self.pending) = (u64::MAX, None);
+    }
+
     /// Number of requests without a path.
     #[must_use]
     pub fn failures(&self) -> u32 {

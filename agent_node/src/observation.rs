@@ -147,6 +147,20 @@ pub struct Observation {
     pub seen: Cells,
     /// All cells of the last scan, if the last command requested them.
     pub view: Option<Cells>,
+    /// The run info that holds from now on, if it has changed. Controllers never see it: the agent
+    /// adopts it before.
+    pub change: Option<Box<RunInfo>>,
+}
+
+impl RunInfo {
+    /// The controller with its settings, as the agents that run it are labelled.
+    #[must_use]
+    pub fn controller_label(&self) -> String {
+        std::iter::once(self.controller.as_str())
+            .chain(self.settings.iter().map(String::as_str))
+            .collect::<Vec<_>>()
+            .join(" ")
+    }
 }
 
 impl Observation {
@@ -171,6 +185,7 @@ impl Observation {
             events: earlier.events | self.events,
             messages,
             readings,
+            change: self.change.or(earlier.change),
             seen: Cells {
                 free: together(earlier.seen.free, self.seen.free),
                 wall: together(earlier.seen.wall, self.seen.wall),

@@ -141,6 +141,11 @@ impl Sharing {
         }
     }
 
+    /// Changes the period; exchanges that are due by the new one follow with the next command.
+    pub fn set_period(&mut self, period_ticks: u32) {
+        self.period = period_ticks.into();
+    }
+
     /// Running totals.
     #[must_use]
     pub fn totals(&self) -> &Totals {

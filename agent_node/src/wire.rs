@@ -2,7 +2,7 @@
 //!
 //! Invariant: the results of [`run_info`] and [`FragmentReassembler`] are consistent, whatever was
 //! received: cells and points lie inside the map, numbers are finite, agents are part of the run,
-//! ticks are within its duration.
+//! ticks are those of a run.
 //!
 //! This module sends nothing and knows no transport.
 
@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use msgs::body_model::UnknownBodyKind;
+use msgs::cdr;
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
@@ -20,9 +21,13 @@ use voxels::{Extent, ExtentError, RunsError};
 
 use crate::bodies::{Bodies, BodyModel};
 use crate::command::{Command, Motion};
+use crate::controllers::ControllerError;
 use crate::observation::{
     Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, RunInfo, Surface,
 };
+
+/// The last tick of the longest run.
+const TICK_MAX: Tick = Tick(10_000_000_000);
 
 /// Why a message of the server is rejected.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -59,6 +64,14 @@ pub enum WireError {
         value: String,
         /// The legal values.
         allowed: String,
+    },
+    /// The controller that is to take over cannot be built.
+    #[error("observation of tick {tick}: {source}")]
+    Controller {
+        /// The tick of the observation.
+        tick: Tick,
+        /// What is wrong.
+        source: ControllerError,
     },
     /// A fragment number is out of range, or the fragments disagree on their count.
     #[error("observation of tick {tick}: part {part} of {parts}")]
@@ -157,7 +170,7 @@ impl FragmentReassembler {
             return Ok(None);
         }
         let parts = std::mem::take(&mut self.parts);
-        assemble(parts.into_values(), &run_info.extent).map(Some)
+        assemble(parts.into_values(), run_info).map(Some)
     }
 }
 
@@ -178,7 +191,8 @@ fn check(part: &Part, run_info: &RunInfo) -> Result<(), WireError> {
     };
     let inside = "a place in the map";
     let ids = format!("agents, 0 to {}, and their relays", run_info.agents.saturating_sub(1));
-    require(tick <= run_info.duration, "tick", &tick, &format!("a tick of the run, 0 to {}", run_info.duration))?;
+    // The run may have been made longer, which this agent learns from this observation.
+    require(tick <= TICK_MAX, "tick", &tick, &format!("a tick of a run, 0 to {TICK_MAX}"))?;
     require(is_inside(&part.position), "position", &part.position, &inside)?;
     require(part.yaw_rad.abs() <= TAU, "yaw_rad", &part.yaw_rad, &"-2 pi to 2 pi")?;
     let geometry_msgs::Vector3 { x, y, z } = part.velocity_m_s;
@@ -193,16 +207,16 @@ fn check(part: &Part, run_info: &RunInfo) -> Result<(), WireError> {
     }
     let is_ascending = part.contacts.is_sorted_by(|a, b| a.agent < b.agent);
     require(is_ascending, "contacts", &part.contacts.len(), &"each agent once, ascending")?;
-    for parcel in &part.parcels {
+    for parcel in part.parcels.iter().filter(|parcel| parcel.agent != maes_msgs::Parcel::SERVER) {
         require(takes_part(parcel.agent), "parcels", &parcel.agent, &ids)?;
     }
     Ok(())
 }
 
-fn assemble(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<Reassembled, WireError> {
+fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) -> Result<Reassembled, WireError> {
     let first = parts.next().expect("an observation has at least one part");
     let tick = Tick(first.tick);
-    let volume = extent.volume();
+    let volume = run_info_before.extent.volume();
     let surface = match first.collision {
         Part::WALL => Some(Surface::Wall),
         Part::FLOOR => Some(Surface::Floor),
@@ -224,6 +238,7 @@ fn assemble(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<Re
         scan_tick: (first.scan_tick != Part::NEVER).then_some(Tick(first.scan_tick)),
         seen: Cells::default(),
         view: first.has_view.then(Cells::default),
+        change: None,
     };
     for contact in &first.contacts {
         let position = point(&contact.position);
@@ -247,6 +262,10 @@ fn assemble(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<Re
             add(&mut view.wall, &part.view_wall)?;
         }
         for maes_msgs::Parcel { agent, kind, data } in part.parcels {
+            if agent == maes_msgs::Parcel::SERVER {
+                observation.change = Some(Box::new(changed_run_info(&data, run_info_before, tick)?));
+                continue;
+            }
             match RelayId::from_wire(agent) {
                 Some(relay) => observation.readings.push(Reading { relay, kind, data }),
                 None => observation.messages.push(ReceivedMessage { from: AgentId(agent), kind, data }),
@@ -254,6 +273,20 @@ fn assemble(mut parts: impl Iterator<Item = Part>, extent: &Extent) -> Result<Re
         }
     }
     Ok(Reassembled { has_ended, observation })
+}
+
+/// The run info that a message of the server holds; team and map are those of before.
+fn changed_run_info(data: &[u8], before: &RunInfo, tick: Tick) -> Result<RunInfo, WireError> {
+    let wrong = |value: String| {
+        let allowed = "a scenario with the team and the map of this run".to_owned();
+        WireError::Value { tick, field: "parcels", value, allowed }
+    };
+    let scenario: maes_msgs::Scenario = cdr::decode(data).map_err(|error| wrong(error.to_string()))?;
+    let now = run_info(&scenario)?;
+    if (now.extent, now.agents, &now.bodies) != (before.extent, before.agents, &before.bodies) {
+        return Err(wrong(format!("{} agents in a map of {:?} cells", now.agents, now.extent.size())));
+    }
+    Ok(now)
 }
 
 /// A command as a message, without the id of the run.
@@ -407,7 +440,7 @@ mod tests {
             refused(&|part| part.parcels = vec![parcel.clone()])
                 .contains("parcels = 2: expected agents, 0 to 1, and their relays")
         );
-        assert!(refused(&|part| part.tick = u64::MAX).contains("expected a tick of the run, 0 to 9"));
+        assert!(refused(&|part| part.tick = u64::MAX).contains("expected a tick of a run, 0 to 10000000000"));
     }
 
     #[test]

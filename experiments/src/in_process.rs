@@ -7,10 +7,12 @@ use std::time::Duration;
 use agent_node::controllers::{self, Registry};
 use agent_node::host::{Options, RunError as AgentError};
 use agent_node::stopwatch::DecisionTimes;
-use msgs::ids::AgentId;
+use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::Progress;
+use sim_server::playback::Playback;
 use sim_server::recorder::{RecordError, Recorder};
-use sim_server::session::{Outcome, RunConfig, RunError, RunObserver};
+use sim_server::recording::Recording;
+use sim_server::session::{Mode, Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup::{self, SetupError};
 use simulation::scenario::{Origins, Scenario};
 use simulation::wire;
@@ -84,15 +86,39 @@ pub fn run(
     setup::check_destination(scenario)?;
     let scenario = &setup::resolve(scenario.clone(), &Origins::new("the scenario", "", &[]))?;
     let (world, _report) = setup::build(scenario)?;
-    let announced = wire::scenario(scenario, &world.terrain().extent(), world.rays());
     // Checked before a recording is created for a run that cannot start.
-    controllers::build(&announced.controller, &announced.settings, AgentId(0), announced.agents_seed)
-        .map_err(AgentError::from)?;
+    for agents in scenario.phases().iter().map(|phase| &phase.agents) {
+        controllers::check(&agents.controller, &wire::settings(agents)).map_err(AgentError::from)?;
+    }
     let recorder = match &scenario.execution.record {
         Some(file) => Some(setup::record(file, scenario, &world)?),
         None => None,
     };
     run_in(scenario, world, recorder, options, observer, stop)
+}
+
+/// Forks a recorded run at a tick: its recorded commands are executed up to there, and `scenario`
+/// (see [`setup::fork`]) from there on.
+///
+/// # Errors
+/// See [`run`]; also if the recording is not that of another run of this build.
+pub fn fork(
+    recording: &Recording,
+    at: Tick,
+    scenario: &Scenario,
+    options: &AgentOptions,
+    observer: &mut dyn RunObserver,
+    stop: &AtomicBool,
+) -> Result<CompletedRun, InProcessError> {
+    if !scenario.agents.cmd_vel.is_empty() {
+        return Err(InProcessError::OverRosOnly(scenario.agents.cmd_vel.clone()));
+    }
+    setup::check_destination(scenario)?;
+    let (world, _report) = setup::rebuild(recording, scenario)?;
+    let playback = Playback::new(recording).map_err(RunError::from)?.until(at);
+    let file = scenario.execution.record.as_deref();
+    let recorder = file.map(|file| setup::record(file, scenario, &world)).transpose()?;
+    run_mode(scenario, Mode::Resume(playback), world, recorder, options, observer, stop)
 }
 
 /// Runs a checked scenario in its world, and records it with this recorder; see [`run`].
@@ -101,6 +127,18 @@ pub fn run(
 /// If the server or an agent fails; the error of an agent is reported first.
 pub(crate) fn run_in(
     scenario: &Scenario,
+    world: World,
+    recorder: Option<Recorder>,
+    options: &AgentOptions,
+    observer: &mut dyn RunObserver,
+    stop: &AtomicBool,
+) -> Result<CompletedRun, InProcessError> {
+    run_mode(scenario, Mode::Live, world, recorder, options, observer, stop)
+}
+
+fn run_mode<'a>(
+    scenario: &'a Scenario,
+    mode: Mode<'a>,
     world: World,
     recorder: Option<Recorder>,
     options: &AgentOptions,
@@ -146,7 +184,7 @@ pub(crate) fn run_in(
                 })
             })
             .collect();
-        let outcome = RunConfig::live(scenario)
+        let outcome = RunConfig::new(scenario, mode)
             .and_then(|config| sim_server::session::run(config, world, &mut server_end, recorder, observer, stop));
         drop(stop_agents);
         for node in nodes {

@@ -2,7 +2,7 @@
 //! commands.
 
 use agent_node::agent::{Agent, Reaction};
-use agent_node::controllers;
+use agent_node::controllers::{self, Registry};
 use agent_node::wire;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Observation, Scenario};
@@ -10,14 +10,16 @@ use sim_server::recording::Recording;
 use sim_server::verify::controllers::{AgentReplica, ControllerFactory};
 use simulation::scenario::AgentsSection;
 
-/// Whether there is the controller that a scenario names, with its settings, if it has an agent
-/// that is not run by another program.
+/// Whether there are the controllers that a scenario names, with their settings, as far as they have
+/// an agent that is not run by another program.
 pub(crate) fn check(scenario: &simulation::scenario::Scenario) -> anyhow::Result<()> {
-    if !scenario.agents.has_built_in() {
-        return Ok(());
+    for agents in scenario.phases().into_iter().map(|phase| phase.agents) {
+        if agents.has_built_in() {
+            let settings = agents.set.iter().map(|(key, value)| format!("{key}={}", word(value)));
+            controllers::check(&agents.controller, &settings.collect::<Vec<_>>())?;
+        }
     }
-    let settings = scenario.agents.set.iter().map(|(key, value)| format!("{key}={}", word(value)));
-    Ok(controllers::check(&scenario.agents.controller, &settings.collect::<Vec<_>>())?)
+    Ok(())
 }
 
 /// A value as an agent reads it: a text without its quotes.
@@ -54,7 +56,8 @@ impl ControllerFactory for BuiltInControllers {
         let run_info = wire::run_info(told).map_err(|error| error.to_string())?;
         let controller =
             controllers::build(name, &settings, agent, run_info.agents_seed).map_err(|error| error.to_string())?;
-        Ok(Box::new(BuiltInReplica(Agent::new(agent, run_info, controller))))
+        let successors = controllers::successors(Registry::BUILT_IN, agent, runs == run_info.controller_label(), None);
+        Ok(Box::new(BuiltInReplica(Agent::new(agent, run_info, controller).with_successors(successors))))
     }
 }
 

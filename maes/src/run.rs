@@ -11,8 +11,9 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, ValueEnum};
-use sim_server::cli::{KeyArgs, assignment};
+use sim_server::cli::{ForkArgs, KeyArgs, assignment};
 use sim_server::foxglove::{PageOrigin, TOKEN_VARIABLE, Token};
+use sim_server::recording::Recording;
 use sim_server::{exit, setup};
 use simulation::scenario::{Override, Scenario};
 use supervisor::run::{Console, Run, Source};
@@ -47,6 +48,8 @@ pub(crate) struct RunArgs {
     /// --record names
     #[arg(long, value_name = "FILE.mcap")]
     resume: Option<PathBuf>,
+    #[command(flatten)]
+    fork: ForkArgs,
     /// ros2: a server and a process for each agent; memory: all in this process, without a network
     #[arg(long, value_enum, default_value_t = Transport::Ros2, value_name = "ros2|memory", hide_possible_values = true)]
     transport: Transport,
@@ -161,6 +164,9 @@ impl RunArgs {
 
     fn scenario(&self) -> Result<Scenario, setup::SetupError> {
         let overrides = self.overrides();
+        if let Some((file, at)) = self.fork.point() {
+            return setup::fork(&Recording::open(file)?, at, &overrides);
+        }
         match self.resume.as_ref().or(self.scenario.as_ref()) {
             Some(file) => setup::load(file, &overrides),
             None => setup::parse(DEFAULT_NAME, DEFAULT_SCENARIO, &overrides),
@@ -169,11 +175,12 @@ impl RunArgs {
 
     /// What the scenario is called in errors.
     fn name(&self) -> String {
-        self.scenario.as_ref().map_or_else(|| DEFAULT_NAME.to_owned(), |file| file.display().to_string())
+        let file = self.scenario.as_ref().or(self.fork.fork.as_ref());
+        file.map_or_else(|| DEFAULT_NAME.to_owned(), |file| file.display().to_string())
     }
 
     fn source(&self) -> Source {
-        match (&self.scenario, &self.resume) {
+        match (&self.scenario, self.resume.as_ref().or(self.fork.fork.as_ref())) {
             (Some(file), _) => Source::File(file.clone()),
             (None, Some(_)) => Source::Resumed,
             (None, None) => Source::Text { name: DEFAULT_FILE, toml: DEFAULT_SCENARIO.to_owned() },
@@ -258,6 +265,9 @@ impl RunArgs {
         let settings = self.agent_set.iter();
         flags.extend(settings.map(|(key, value)| flag("set", format!("agents.set.{key}={value}"))));
         flags.extend(self.resume.iter().map(|file| flag("resume", file)));
+        if let Some((file, at)) = self.fork.point() {
+            flags.extend([flag("fork", file), flag("at", (at.time_ns() as f64 / 1e9).to_string())]);
+        }
         flags.extend(self.view.iter().map(|address| flag("view", address)));
         flags.extend(self.page.iter().filter(|_| self.view.is_some()).map(|folder| flag("page", folder)));
         if self.view.is_some() {

@@ -314,6 +314,8 @@ impl Parcel {
     pub const BROADCAST: u32 = u32::MAX;
     /// As receiver: a relay that is left behind where the body is, and keeps the bytes.
     pub const LEAVE_RELAY: u32 = 4294967294;
+    /// As sender: the server; the bytes are the CDR of the [`Scenario`] that holds from now on.
+    pub const SERVER: u32 = 4294967293;
     /// From here on: a relay, `FIRST_RELAY + 1024 *` the agent that left it `+` its number.
     pub const FIRST_RELAY: u32 = 2147483648;
 }

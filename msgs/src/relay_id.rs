@@ -23,7 +23,7 @@ impl RelayId {
 
     /// The relay that a message names, if it is one.
     pub fn from_wire(number: u32) -> Option<Self> {
-        let number = number.checked_sub(Parcel::FIRST_RELAY).filter(|_| number < Parcel::LEAVE_RELAY)?;
+        let number = number.checked_sub(Parcel::FIRST_RELAY).filter(|_| number < Parcel::SERVER)?;
         Some(Self { owner: AgentId(number / RELAYS_PER_AGENT_MAX), number: number % RELAYS_PER_AGENT_MAX })
     }
 }

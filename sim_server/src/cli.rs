@@ -2,10 +2,11 @@
 //!
 //! This module only declares; it opens nothing and runs nothing.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
 
+use msgs::ids::Tick;
 use simulation::scenario::{Override, keys};
 
 /// World server of a deterministic simulator of multi-robot exploration.
@@ -32,9 +33,9 @@ pub enum Command {
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// The scenario (.toml), or a recording of it (.mcap); a resumed run has one
-    #[cfg_attr(feature = "view", arg(required_unless_present_any = ["resume", "idle"]))]
-    #[cfg_attr(not(feature = "view"), arg(required_unless_present = "resume"))]
+    /// The scenario (.toml), or a recording of it (.mcap); a resumed run and a fork have one
+    #[cfg_attr(feature = "view", arg(required_unless_present_any = ["resume", "fork", "idle"]))]
+    #[cfg_attr(not(feature = "view"), arg(required_unless_present_any = ["resume", "fork"]))]
     pub scenario: Option<PathBuf>,
     /// Show the run in a browser or in Foxglove: a page and a Foxglove WebSocket at this address
     #[cfg(feature = "view")]
@@ -51,7 +52,7 @@ pub struct RunArgs {
     pub view_allow_origin: Vec<crate::foxglove::PageOrigin>,
     /// Serve the runs that are started on the page, one after the other
     #[cfg(feature = "view")]
-    #[arg(long, requires = "view", conflicts_with_all = ["resume", "scenario"])]
+    #[arg(long, requires = "view", conflicts_with_all = ["resume", "fork", "scenario"])]
     pub idle: bool,
     /// With --idle: the program that checks the controller of a run before it starts, called with
     /// `--check --id 0 --controller NAME --set KEY=VALUE...` [default: agent_node beside this
@@ -72,6 +73,8 @@ pub struct RunArgs {
     /// --record names
     #[arg(long, value_name = "FILE.mcap")]
     pub resume: Option<PathBuf>,
+    #[command(flatten)]
+    pub fork: ForkArgs,
     /// Write what is printed about the run to this file as well
     #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,
@@ -92,6 +95,30 @@ pub struct RunArgs {
     /// Keys of the scenario to override.
     #[command(flatten)]
     pub keys: KeyArgs,
+}
+
+/// The fork of a recorded run.
+#[derive(Debug, Args, Default)]
+pub struct ForkArgs {
+    /// Take the run of this recording up to --at, and go on from there with the keys that are given
+    /// (docs/what-if.md)
+    #[arg(long, value_name = "FILE.mcap", requires = "at", conflicts_with_all = ["scenario", "resume"])]
+    pub fork: Option<PathBuf>,
+    /// Sim time of the fork
+    #[arg(long, value_name = "SECONDS", requires = "fork", value_parser = fork_time)]
+    pub at: Option<Tick>,
+}
+
+impl ForkArgs {
+    /// The recording, and the first tick that is not taken from it.
+    #[must_use]
+    pub fn point(&self) -> Option<(&Path, Tick)> {
+        Some((self.fork.as_deref()?, self.at?))
+    }
+}
+
+fn fork_time(text: &str) -> Result<Tick, String> {
+    text.parse().map_err(|_| "expected a number of seconds".to_owned()).and_then(crate::setup::tick_at)
 }
 
 /// Flags that override keys of the scenario. The help of a flag with a key of its own is the

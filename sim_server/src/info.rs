@@ -59,6 +59,19 @@ pub fn of(recording: &Recording) -> Info {
     info
 }
 
+/// A line for each fork that the run goes back to.
+fn forks(scenario: &str) -> String {
+    let scenario: toml::Table = scenario.parse().unwrap_or_default();
+    let events = scenario.get("event").and_then(toml::Value::as_array).into_iter().flatten();
+    let fork = |event: &toml::Value| {
+        let parent = event.get("parent")?.as_str()?;
+        let (at_s, set) = (event.get("at_s")?, event.get("set")?);
+        let line = format!("forked at {at_s} s from the run with digest {parent}: {set}");
+        Some(format!("\n{}\n", printable::line(&line)))
+    };
+    events.filter_map(fork).collect()
+}
+
 /// The summary as text; the last line is the digest.
 #[must_use]
 pub fn text(info: &Info) -> String {
@@ -66,6 +79,7 @@ pub fn text(info: &Info) -> String {
     for (topic, count) in &info.messages {
         text += &format!("{count:>10} {}\n", printable::line(topic));
     }
+    text += &forks(&info.scenario);
     match &info.result {
         Some(result) => text += &format!("\nresult:\n{}\n", crate::terminal::result_table(result)),
         None => text += "\nno result: the run did not come to its end\n",

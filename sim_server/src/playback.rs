@@ -48,12 +48,16 @@ pub struct Ending {
 }
 
 /// A recorded run, read tick by tick.
+///
+/// For a fork, it ends at the tick of the fork ([`Playback::until`]).
 pub struct Playback<'a> {
     file: String,
     messages: Messages<'a>,
     /// The next message.
     next: Option<Message>,
     horizon: Horizon,
+    /// The first tick whose inputs are ignored.
+    fork: Option<Tick>,
     ending: Option<Ending>,
     /// Join messages, by agent.
     joins: BTreeMap<AgentId, Join>,
@@ -116,7 +120,13 @@ impl<'a> Playback<'a> {
         let ending = reason.map(|reason| Ending { reason, is_mid_tick });
         let mut messages = recording.messages();
         let next = messages.next();
-        Ok(Self { file: recording.file().to_owned(), messages, next, horizon, ending, joins })
+        Ok(Self { file: recording.file().to_owned(), messages, next, horizon, fork: None, ending, joins })
+    }
+
+    /// The inputs before a tick alone: from there on, a fork goes another way.
+    #[must_use]
+    pub fn until(self, tick: Tick) -> Self {
+        Self { fork: Some(tick), ..self }
     }
 
     /// How the recording ends.
@@ -141,7 +151,7 @@ impl<'a> Playback<'a> {
     #[must_use]
     pub fn covers(&self, tick: Tick) -> bool {
         match self.horizon {
-            Horizon::Ended(end) | Horizon::Open(end) => tick < end,
+            Horizon::Ended(end) | Horizon::Open(end) => tick < end && self.fork.is_none_or(|fork| tick < fork),
         }
     }
 
@@ -160,7 +170,9 @@ impl<'a> Playback<'a> {
                 Some((agent, "command")) if is_covered => {
                     recorded.commands.insert(agent, message.decode().map_err(unreadable)?);
                 }
-                None if message.channel.topic == topics::intervention().name => {
+                None if message.channel.topic == topics::intervention().name
+                    && self.fork.is_none_or(|fork| message.tick() < fork) =>
+                {
                     recorded.interventions.push(message.decode().map_err(unreadable)?);
                 }
                 None if message.channel.topic == topics::digest().name => {

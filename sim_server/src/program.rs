@@ -72,20 +72,28 @@ fn exec_maes(command: &str, mut arguments: Vec<OsString>) -> ExitCode {
     renamed::exec(&format!("sim_server {command}"), &format!("maes {command}"), arguments)
 }
 
-/// A recording whose run is resumed.
+/// A recording whose run is resumed, or forked at a tick.
 struct Resumed {
     file: PathBuf,
     recording: Recording,
+    fork: Option<Tick>,
 }
 
 impl Resumed {
-    fn open(file: &Path) -> anyhow::Result<Self> {
-        Ok(Self { file: file.to_owned(), recording: Recording::open(file)? })
+    fn open(args: &RunArgs) -> anyhow::Result<Option<Self>> {
+        let resumed = args.resume.as_deref().map(|file| (file, None));
+        let Some((file, fork)) = resumed.or_else(|| args.fork.point().map(|(file, at)| (file, Some(at)))) else {
+            return Ok(None);
+        };
+        Ok(Some(Self { file: file.to_owned(), recording: Recording::open(file)?, fork }))
     }
 
-    /// What was said so far, of a run that has not ended.
+    /// What was said so far, of a run that has not ended; before the tick of a fork.
     fn playback(&self) -> anyhow::Result<Playback<'_>> {
         let playback = Playback::new(&self.recording)?;
+        if let Some(at) = self.fork {
+            return Ok(playback.until(at));
+        }
         if let Horizon::Ended(tick) = playback.horizon() {
             let file = self.file.display();
             anyhow::bail!("{file}: its run has ended in tick {tick}; there is nothing to go on with");
@@ -93,8 +101,12 @@ impl Resumed {
         Ok(playback)
     }
 
-    /// What the run is to be; it completes the recording unless another one is named.
+    /// What the run is to be; one that is resumed completes the recording unless another one is
+    /// named.
     fn scenario(&self, file: Option<&Path>, overrides: &[Override]) -> anyhow::Result<Scenario> {
+        if let Some(at) = self.fork {
+            return Ok(setup::fork(&self.recording, at, overrides)?);
+        }
         let mut scenario = setup::load_recorded(&self.recording, file, overrides)?;
         scenario.execution.record.get_or_insert_with(|| self.file.clone());
         Ok(scenario)
@@ -118,7 +130,7 @@ fn failed(error: &dyn std::fmt::Display) -> anyhow::Result<ExitCode> {
 
 /// Serves a run over ROS 2, or one after the other.
 fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
-    let resumed = args.resume.as_deref().map(Resumed::open).transpose()?;
+    let resumed = Resumed::open(args)?;
     let playback = resumed.as_ref().map(Resumed::playback).transpose()?;
     let overrides = args.keys.overrides();
     let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
@@ -131,7 +143,8 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         (None, Some(file)) => setup::load(file, &overrides)?,
         (None, None) => unreachable!("one of the two is required"),
     };
-    let source = args.scenario.as_deref().or(args.resume.as_deref()).unwrap_or(Path::new(""));
+    let recorded = resumed.as_ref().map(|resumed| resumed.file.as_path());
+    let source = args.scenario.as_deref().or(recorded).unwrap_or(Path::new(""));
     let summary = args.summary.as_deref();
     let policy = join_policy(args)?;
     if let Some(agent) = policy.external.iter().find(|agent| agent.0 >= scenario.agents.count) {

@@ -20,6 +20,7 @@ mod config;
 mod control;
 mod engine;
 mod error;
+mod events;
 mod log;
 mod null;
 mod observers;
@@ -217,6 +218,7 @@ impl<'c> Session<'c, '_> {
             self.record_state()?;
             self.control.report_steps();
             self.publish();
+            self.apply_events()?;
             if let Some(reason) = self.end_of_run()? {
                 return Ok(reason.to_owned());
             }
@@ -235,7 +237,7 @@ impl<'c> Session<'c, '_> {
             self.log.save_provisionally(now)?;
             self.observer.progress(&self.engine.world);
         }
-        let (coverage, scenario) = (self.engine.world.coverage(), self.scenario);
+        let (coverage, scenario) = (self.engine.world.coverage(), self.engine.scenario());
         let is_covered = scenario.stop_when_covered && coverage.is_covered();
         let is_explored = !scenario.stop_when_covered && scenario.stop_when_explored && coverage.is_explored();
         Ok(if is_covered {

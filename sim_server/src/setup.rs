@@ -5,6 +5,8 @@
 
 use std::path::Path;
 
+use msgs::ids::Tick;
+use msgs::{maes_msgs, topics};
 use thiserror::Error;
 use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
 
@@ -12,6 +14,7 @@ use crate::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
 use crate::recorder::{self, Document, RecordError, Recorder};
 use crate::recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, TEXT_MAP_ATTACHMENT};
 use mapgen::{self, GeneratedMap, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
+use simulation::digest::Digest;
 use simulation::scenario::{LidarPattern, LidarSchedule, MapKind, Origins, Override, Scenario, ScenarioError};
 use simulation::world::lidar::{Pattern, Scanner};
 use simulation::world::spawn::{Site, SpawnError};
@@ -58,6 +61,24 @@ pub enum SetupError {
         file: String,
         /// The first difference.
         what: String,
+    },
+    /// A fork is to begin after the end of the recording.
+    #[error("{file}: --at {at_s}: expected a time of the recorded run, which {ended} {end_s} s")]
+    NoSuchTick {
+        /// The recording.
+        file: String,
+        /// When the fork was to begin, seconds of sim time.
+        at_s: f64,
+        /// How the recording ends.
+        ended: &'static str,
+        /// The last recorded tick, seconds of sim time.
+        end_s: f64,
+    },
+    /// A fork is to be recorded over its parent.
+    #[error("execution.record = {file}: expected another file than the recording that is forked")]
+    OverParent {
+        /// The recording.
+        file: String,
     },
     /// The recording has no map.
     #[error("{file}: the recording has no attachment map.m3dm or map.txt")]
@@ -147,6 +168,68 @@ pub fn load_recorded(
         return Err(SetupError::OtherScenario { file: recording.file().to_owned(), what });
     }
     Ok(scenario)
+}
+
+/// The scenario of a fork of a recorded run at a tick: `[execution]` and `[views]` as overridden,
+/// and the other overrides from that tick on ([`Scenario::fork`]).
+///
+/// # Errors
+/// If the recording does not reach that tick, a key may not change, or a value is not legal.
+pub fn fork(recording: &Recording, at: Tick, overrides: &[Override]) -> Result<Scenario, SetupError> {
+    let file = recording.file().to_owned();
+    let (mut reach, mut digest) = (Tick::ZERO, String::new());
+    let (mut is_ended, mut is_damaged) = (false, false);
+    let mut messages = recording.messages();
+    for message in messages.by_ref() {
+        reach = reach.max(message.tick());
+        is_ended |= message.channel.topic == topics::result().name;
+        if message.channel.topic == topics::digest().name {
+            match message.decode::<maes_msgs::Digest>() {
+                Ok(message) => digest = Digest(message.digest).to_string(),
+                Err(_) => is_damaged = true,
+            }
+        }
+    }
+    if at > reach || is_damaged {
+        let ended = if is_ended { "has ended at" } else { "is recorded up to" };
+        return Err(SetupError::NoSuchTick { file, at_s: seconds(at), ended, end_s: seconds(reach) });
+    }
+    let is_of_execution = |change: &&Override| {
+        let (table, _) = change.key.split_once('.').unwrap_or((&change.key, ""));
+        ["execution", "views"].contains(&table)
+    };
+    let (of_execution, changes): (Vec<_>, Vec<_>) = overrides.iter().partition(is_of_execution);
+    let [of_execution, changes] = [of_execution, changes].map(|list| list.into_iter().cloned().collect::<Vec<_>>());
+    let parent = Scenario::parse(recording.file(), &recording.scenario(), &of_execution)?;
+    if let Some(record) = &parent.execution.record
+        && is_same_file(record, Path::new(recording.file()))
+    {
+        return Err(SetupError::OverParent { file });
+    }
+    Ok(parent.fork(at, &digest, &changes)?)
+}
+
+fn is_same_file(one: &Path, other: &Path) -> bool {
+    one.canonicalize().ok().zip(other.canonicalize().ok()).is_some_and(|(one, other)| one == other)
+}
+
+/// The sim time of a tick, seconds.
+fn seconds(tick: Tick) -> f64 {
+    tick.time_ns() as f64 / 1e9
+}
+
+/// The tick at a sim time in seconds.
+///
+/// # Errors
+/// What is expected, if no tick begins then.
+pub fn tick_at(seconds: f64) -> Result<Tick, String> {
+    let ticks = seconds / Tick::TICK_S;
+    let is_tick = (0.0..=1e10).contains(&ticks) && (ticks - libm::round(ticks)).abs() < 1e-6;
+    if is_tick {
+        Ok(Tick(libm::round(ticks) as u64))
+    } else {
+        Err("expected a multiple of 0.02 s, at least 0".to_owned())
+    }
 }
 
 /// Builds the world of a recorded run, with the map of the recording.
@@ -296,6 +379,7 @@ fn params(scenario: &Scenario) -> WorldParams {
         },
         comms: scenario.communication.comms(scenario.seed),
         noise: scenario.sensor.errors(scenario.seed),
+        late: scenario.late_agents(),
     }
 }
 

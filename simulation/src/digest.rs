@@ -8,8 +8,8 @@
 
 use std::fmt;
 
-use crate::world::World;
 use crate::world::collision::Surface;
+use crate::world::{Presence, World};
 
 /// The digest up to and including a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,6 +74,11 @@ impl Chain {
             };
             let with_agent = body.collision().is_some_and(|hit| hit.with_agent);
             self.hasher.update(&[u8::from(body.is_active()), surface, u8::from(with_agent)]);
+            // Runs without events keep the digest they had before events existed.
+            let (presence, is_on_air) = (world.presence(agent), world.is_on_air(agent));
+            if presence != Presence::Active || !is_on_air {
+                self.hasher.update(&[presence as u8, u8::from(is_on_air)]);
+            }
         }
         for share in [world.coverage().explored(), world.coverage().covered()] {
             self.hasher.update(&share.to_bits().to_le_bytes());

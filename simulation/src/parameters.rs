@@ -77,6 +77,7 @@ fn described(name: &str, value: Value) -> Parameter {
 fn meaning_of_table(name: &str) -> &'static str {
     match name {
         "bodies" => "bodies of some agents, as an array of tables",
+        "event" => "what happens at set times, as an array of tables",
         _ => "a setting of the controller",
     }
 }
@@ -143,6 +144,7 @@ mod tests {
     fn maximal_scenarios() -> Vec<Scenario> {
         let common = "execution = { record = \"a\", rtf = 2.0 }\nstop_when_covered = true\n\
                       bodies = [{ agents = [0], kind = \"aerial\" }]\n\
+                      event = [{ kind = \"leave\", at_s = 0.5, agent = 0 }]\n\
                       sensor = { range_sigma_m = 0.1, missed_returns = 0.1, pose_bound_m = 1.0, pose_step_m = 0.1 }\n\
                       [body]\nkind = \"aerial\"\n\
                       [communication]\nloss = 0.1\nbytes_per_s = 1e5\nqueue_bytes = 200000\nmodel = \"attenuated\"\n\
@@ -175,11 +177,15 @@ mod tests {
             let is_setting = name.starts_with("agents.set.");
             let is_described = parameter.descriptor.description != "a setting of the controller";
             assert_eq!(is_described, !is_setting, "{name} has no description of its own");
-            assert!(is_setting || ["use_sim_time", "bodies"].contains(&name.as_str()) || keys::find(&name).is_some());
+            assert!(
+                is_setting
+                    || ["use_sim_time", "bodies", "event"].contains(&name.as_str())
+                    || keys::find(&name).is_some()
+            );
             assert_eq!(parameter.descriptor.read_only, name != RTF, "{name}");
             seen.insert(name);
         }
-        let declared = keys::TABLES.iter().filter(|table| table.path != "bodies");
+        let declared = keys::TABLES.iter().filter(|table| !table.is_list());
         for key in declared.flat_map(|table| table.keys.iter().map(|key| table.path_of(key.name))) {
             assert!(seen.contains(&key) || key == "agents.set", "{key} is no parameter of a maximal scenario");
         }

@@ -10,6 +10,7 @@
 
 mod bodies;
 mod diagnosis;
+pub mod events;
 pub mod keys;
 mod origin;
 mod radio;
@@ -29,6 +30,7 @@ use thiserror::Error;
 use crate::world::spawn::SpawnSpec;
 
 pub use bodies::BodyEntry;
+pub use events::{EventAction, EventEntry, EventKind, ScheduledEvent};
 pub use origin::Origins;
 pub use radio::{CommunicationModel, CommunicationSection, RelaySection};
 pub use sections::*;
@@ -87,6 +89,9 @@ pub struct Scenario {
     /// Reaction to the loss of an agent.
     #[serde(default)]
     pub faults: FaultsSection,
+    /// What happens at set times.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub event: Vec<EventEntry>,
     /// Visualisation topics.
     #[serde(default)]
     pub views: ViewsSection,
@@ -250,6 +255,7 @@ impl Scenario {
         self.agents.check(&checker)?;
         self.check_bodies(&checker)?;
         self.communication.check(&checker)?;
+        self.check_events(&checker)?;
         if let SpawnSpec::Box { low, high, .. } = &self.spawn {
             let holds = low.iter().zip(high).all(|(low, high)| low.is_finite() && high.is_finite() && low <= high);
             let allowed = format!("expected finite numbers, none of them below spawn.low = {low:?}");

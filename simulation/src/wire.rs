@@ -263,6 +263,7 @@ fn parcel(message: &AgentMessage) -> maes_msgs::Parcel {
             Peer::Broadcast => maes_msgs::Parcel::BROADCAST,
             Peer::Relay(relay) => relay.on_wire(),
             Peer::NewRelay => maes_msgs::Parcel::LEAVE_RELAY,
+            Peer::Server => maes_msgs::Parcel::SERVER,
         },
         kind: message.kind,
         data: message.data.clone(),
@@ -353,6 +354,7 @@ pub fn progress(world: &mut World) -> maes_msgs::Progress {
 pub fn transforms(world: &World) -> msgs::tf2_msgs::TFMessage {
     let transforms = world
         .agents()
+        .filter(|&agent| world.presence(agent).is_in_world())
         .map(|agent| {
             let pose = world.body(agent).pose();
             geometry_msgs::TransformStamped {

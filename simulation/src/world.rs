@@ -20,11 +20,12 @@ mod interface;
 pub mod lidar;
 pub mod noise;
 mod pending_observation;
+mod presence;
 mod radio_medium;
 pub mod relays;
 pub mod spawn;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use msgs::body_model::BodyModel;
 use msgs::ids::{AgentId, Tick};
@@ -43,6 +44,7 @@ pub use interface::{Action, COLLISION, CONTACTS, Commit, Events, NEW_CELL, Obser
 use lidar::{NoisyScan, Scanner, SensorMemory};
 use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
+pub use presence::Presence;
 use radio_medium::RadioMedium;
 
 /// The parameters of a world, apart from its terrain.
@@ -60,6 +62,8 @@ pub struct WorldParams {
     pub comms: Comms,
     /// The sensor noise.
     pub noise: SensorNoise,
+    /// The agents that are not in the world at the start, and join later.
+    pub late: BTreeSet<AgentId>,
 }
 
 /// The scan schedule of the LiDARs.
@@ -92,6 +96,8 @@ pub struct World {
 /// The state of one agent in the world.
 #[derive(Debug)]
 struct AgentState {
+    presence: Presence,
+    has_radio: bool,
     body: Body,
     cell: Cell,
     distance_m: f64,
@@ -108,6 +114,12 @@ struct AgentState {
 }
 
 impl AgentState {
+    /// The sphere of its body; without a radius while it is not in the world.
+    fn sphere(&self) -> Sphere {
+        let sphere = self.body.sphere();
+        if self.presence.is_in_world() { sphere } else { Sphere { radius_m: 0.0, ..sphere } }
+    }
+
     /// [`CONTACTS`] if the agents or relays in contact differ from those of the last committed
     /// observation, else no event.
     fn change_of_contacts(&self, contacts: &[AgentId], relays: &[(RelayId, Point3<f64>)]) -> Events {
@@ -131,11 +143,13 @@ impl World {
         let agents: Vec<AgentState> = ids()
             .zip(starts)
             .map(|(agent, &pose)| AgentState {
+                presence: if params.late.contains(&agent) { Presence::Absent } else { Presence::Active },
+                has_radio: true,
                 body: Body::at_rest(*params.other_bodies.get(&agent).unwrap_or(&params.body), pose),
                 cell: extent.cell_of(&pose.position),
                 distance_m: 0.0,
                 memory: memory.unused(),
-                next_scan: period_ticks.map(|_| Tick::ZERO),
+                next_scan: period_ticks.filter(|_| !params.late.contains(&agent)).map(|_| Tick::ZERO),
                 scan_period_ticks: period_ticks,
                 last_scan: None,
                 want_view: false,
@@ -146,10 +160,10 @@ impl World {
             })
             .collect();
         let mut coverage = Coverage::new(extent.volume(), free_cells, agents.len());
-        for (agent, state) in ids().zip(&agents) {
+        for (agent, state) in ids().zip(&agents).filter(|(_, state)| state.presence.is_in_world()) {
             coverage.cover(agent, index_of(&terrain, state.cell));
         }
-        let spheres = agents.iter().map(|state| state.body.sphere()).collect();
+        let spheres = agents.iter().map(AgentState::sphere).collect();
         Self {
             tick: Tick::ZERO,
             terrain,
@@ -212,8 +226,7 @@ impl World {
     /// The obstacle, if the body does not fit there; the world is unchanged then.
     pub fn place(&mut self, agent: AgentId, pose: Pose) -> Result<(), &'static str> {
         let model = *self.body(agent).model();
-        let others = self.spheres.iter().enumerate().filter(|(other, _)| *other != agent.index());
-        spawn::check_room(&self.terrain, others.map(|(_, sphere)| sphere), &pose.position, model.radius_m)?;
+        self.check_room(agent, &pose.position)?;
         let state = &mut self.agents[agent.index()];
         state.body = Body::at_rest(model, pose);
         state.pending_observation.events |= TASK_DONE;
@@ -277,8 +290,8 @@ impl World {
         let team = self.agents.len() as u64;
         let (scanner, noise) = (&self.params.scanner, &self.params.noise);
         if self.params.schedule == ScanSchedule::TakeTurns {
-            let turn = (tick.0 % team) as usize;
-            self.agents[turn].next_scan = Some(tick);
+            let turn = &mut self.agents[(tick.0 % team) as usize];
+            turn.next_scan = (turn.presence == Presence::Active).then_some(tick);
         }
         let mut due: Vec<(usize, &mut AgentState)> =
             self.agents.iter_mut().enumerate().filter(|(_, state)| state.next_scan == Some(tick)).collect();

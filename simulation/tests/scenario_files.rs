@@ -124,7 +124,7 @@ fn type_and_unit(key: &Key) -> String {
         Kind::Position(unit) => of("[x, y, z]", unit),
         Kind::Poses => "list of poses, m and rad".to_owned(),
         Kind::Size => "integer or [x, y, z], cells".to_owned(),
-        Kind::Settings => "table".to_owned(),
+        Kind::Settings | Kind::Keys => "table".to_owned(),
     }
 }
 
@@ -175,8 +175,7 @@ fn schema_of(table: &Table) -> Value {
     for name in table.subtables() {
         let subtable = keys::table(&table.path_of(name)).expect("a subtable is a table");
         let of_subtable = schema_of(subtable);
-        let is_list = subtable.path == "bodies";
-        let value = if is_list { json!({ "type": "array", "items": of_subtable }) } else { of_subtable };
+        let value = if subtable.is_list() { json!({ "type": "array", "items": of_subtable }) } else { of_subtable };
         properties.insert(name.to_owned(), value);
         if ["map", "agents"].contains(&subtable.path) {
             required.push(name);
@@ -206,7 +205,7 @@ fn schema_of_key(key: &Key) -> Value {
             let cells = bounded("integer", key);
             json!({ "anyOf": [cells, { "type": "array", "items": cells, "minItems": 3, "maxItems": 3 }] })
         }
-        Kind::Settings => json!({ "type": "object" }),
+        Kind::Settings | Kind::Keys => json!({ "type": "object" }),
     };
     schema["description"] = json!(description(key));
     if let DefaultValue::Is(value) = key.default {

@@ -299,3 +299,42 @@ fn controllers_messages_have_priority_in_the_budget() {
     command.messages = vec![message(10_000)];
     assert_eq!(message_budget(&command), LIST_BYTES_MAX - 24_000 - 10_016);
 }
+
+/// The observation of a tick in which the server tells of this controller.
+fn told(tick: u64, controller: &str) -> Part {
+    let scenario = maes_msgs::Scenario {
+        size: [4, 4, 4],
+        cell_m: 1.0,
+        agents: 9,
+        controller: controller.to_owned(),
+        bodies: vec![maes_msgs::Body::default()],
+        body_of: vec![0; 9],
+        duration_ticks: 10_000,
+        share_period_ticks: 10,
+        ..Default::default()
+    };
+    let parcel = maes_msgs::Parcel { agent: maes_msgs::Parcel::SERVER, data: msgs::cdr::encode(&scenario), kind: 0 };
+    Part { parcels: vec![parcel], ..part(tick, Part::RUNNING) }
+}
+
+#[test]
+fn another_controller_takes_over_at_once_and_keeps_the_map() {
+    let successors: Successors = Box::new(|now| {
+        assert_eq!(now.controller, "other");
+        Ok(Some(Box::new(Counting(100))))
+    });
+    let mut agent = agent().with_successors(successors);
+    let distance_m = |agent: &mut Agent, part: Part| match agent.take(part).unwrap() {
+        Reaction::Reply(command) => command.task.distance_m,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(distance_m(&mut agent, part(3, Part::RUNNING)), 1.0);
+    // The controller of this run is called "": nothing changes.
+    assert_eq!(distance_m(&mut agent, told(4, "")), 2.0);
+    assert_eq!(distance_m(&mut agent, told(5, "other")), 101.0);
+    assert_eq!(agent.map().free(), 3, "what was learned stays");
+    assert_eq!(distance_m(&mut agent, part(6, Part::RUNNING)), 102.0);
+    let foreign =
+        Part { parcels: vec![maes_msgs::Parcel { data: vec![1, 2], ..told(7, "").parcels[0].clone() }], ..told(7, "") };
+    assert!(agent.take(foreign).unwrap_err().to_string().contains("expected a scenario with the team and the map"));
+}

@@ -8,6 +8,7 @@ use agent_node::stopwatch::DecisionTimes;
 use anyhow::Context;
 use experiments::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
 use sim_server::exit;
+use sim_server::recording::Recording;
 use sim_server::terminal::{self, Terminal};
 use simulation::scenario::Scenario;
 use supervisor::SupervisorError;
@@ -30,7 +31,13 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     let chaos_delay = Duration::from_millis(args.chaos_delay_ms.unwrap_or(0));
     let decision_times = args.decision_times.then(DecisionTimes::default);
     let options = AgentOptions { threads, chaos_delay, decision_times: decision_times.clone() };
-    let finished = in_process::run(scenario, &options, &mut terminal, &stop);
+    let finished = match args.fork.point() {
+        Some((file, at)) => {
+            let recording = Recording::open(file)?;
+            in_process::fork(&recording, at, scenario, &options, &mut terminal, &stop)
+        }
+        None => in_process::run(scenario, &options, &mut terminal, &stop),
+    };
     terminal.clear();
     if let Some(times) = decision_times {
         say(&summary(&times.sorted()));

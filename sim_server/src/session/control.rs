@@ -8,15 +8,14 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use msgs::maes_msgs::Observation as Fragment;
 use msgs::service::Ask;
 use msgs::simulation_interfaces::{INVALID_POSE, Result as Outcome, ResultResponse, SetEntityStateRequest};
 
 use super::agents::POLL_PERIOD;
-use super::{RunError, SHUTDOWN_TIMEOUT, Session};
+use super::{RunError, Session};
 use crate::control::entities::Team;
 use crate::control::{self, Request};
-use simulation::world::Commit;
+use simulation::world::Presence;
 
 /// Most requests that are answered between two ticks, so that a flood does not stop the clock.
 const REQUESTS_MAX: usize = 32;
@@ -132,7 +131,8 @@ impl Session<'_, '_> {
 
     fn with_team<T>(&self, read: impl FnOnce(&Team<'_>) -> T) -> T {
         let world = &self.engine.world;
-        let has_left: Vec<bool> = world.agents().map(|agent| self.engine.lost.contains(&agent)).collect();
+        let is_out = |agent| self.engine.lost.contains(&agent) || world.presence(agent) != Presence::Active;
+        let has_left: Vec<bool> = world.agents().map(is_out).collect();
         read(&Team { world, controllers: &self.sessions.controllers(), has_left: &has_left })
     }
 
@@ -156,12 +156,7 @@ impl Session<'_, '_> {
         if phase == Phase::Admission {
             return Ok(not_now("agents are awaited"));
         }
-        // The observation stays pending, so that the end of the recording holds what was never
-        // committed.
-        let last = [self.engine.request(agent, Commit::Speculative, Fragment::ENDED)];
-        let tick = self.engine.tick();
-        let (sessions, mut context) = self.waiting();
-        sessions.shut_down(tick, &last, SHUTDOWN_TIMEOUT, &mut context)?;
+        self.dismiss(agent)?;
         self.engine.remove(agent, &mut self.log)?;
         Ok(Outcome::ok())
     }

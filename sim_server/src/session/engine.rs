@@ -11,7 +11,7 @@
 //!
 //! This module knows no transport and no wall time.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Counter, Observation as Fragment};
@@ -22,10 +22,10 @@ use super::{MILESTONE_COUNTER, RunError};
 use crate::playback::RecordedTick;
 use msgs::trigger::Trigger;
 use simulation::digest::Chain;
-use simulation::scenario::Scenario;
+use simulation::scenario::{Scenario, ScheduledEvent};
 use simulation::wire;
 use simulation::world::body::Pose;
-use simulation::world::{Action, Commit, World};
+use simulation::world::{Action, Commit, Presence, World};
 
 /// A committed exchange with an agent.
 pub(super) struct Committed {
@@ -37,14 +37,22 @@ pub(super) struct Committed {
 /// The state of a run.
 pub(super) struct Engine<'a> {
     scenario: &'a Scenario,
+    /// The scenarios that have held so far because of events, the present one last.
+    pub(super) changed: Vec<Scenario>,
+    /// Events to come, ascending.
+    pub(super) schedule: VecDeque<ScheduledEvent>,
+    /// Late agents whose time has come, and that have no room yet.
+    pub(super) joining: BTreeSet<AgentId>,
     pub(super) world: World,
     pub(super) chain: Chain,
     pool: rayon::ThreadPool,
-    triggers: Vec<Trigger>,
-    /// Agents without a process: lost or removed.
+    pub(super) triggers: Vec<Trigger>,
+    /// Agents without a process: lost, removed, or retired.
     pub(super) lost: BTreeSet<AgentId>,
     /// Agents removed since the last tick, whose bodies stop in this one.
     removed: Vec<AgentId>,
+    /// Agents that an event has taken out of the run.
+    pub(super) retired: BTreeSet<AgentId>,
     interventions: u64,
     decisions: u64,
     failed_searches: Vec<u32>,
@@ -58,17 +66,31 @@ impl<'a> Engine<'a> {
         let agents = scenario.agents.count as usize;
         Ok(Self {
             scenario,
-            chain: Chain::new(&scenario.identity(), &world),
+            changed: Vec::new(),
+            schedule: scenario.schedule().into(),
+            joining: BTreeSet::new(),
+            chain: Chain::new(&scenario.initial_identity(), &world),
             world,
             pool: rayon::ThreadPoolBuilder::new().num_threads(threads).build()?,
             triggers: vec![Trigger::NEXT_TICK; agents],
             lost: BTreeSet::new(),
             removed: Vec::new(),
+            retired: BTreeSet::new(),
             interventions: 0,
             decisions: 0,
             failed_searches: vec![0; agents],
             infos: vec![String::new(); agents],
         })
+    }
+
+    /// The scenario as it holds now.
+    pub(super) fn scenario(&self) -> &Scenario {
+        self.changed.last().unwrap_or(self.scenario)
+    }
+
+    /// Whether an agent is asked for commands.
+    fn takes_part(&self, agent: AgentId) -> bool {
+        !self.lost.contains(&agent) && self.world.presence(agent) == Presence::Active
     }
 
     pub(super) fn tick(&self) -> Tick {
@@ -90,7 +112,10 @@ impl<'a> Engine<'a> {
     pub(super) fn due(&mut self, recorded: Option<&RecordedTick>) -> Vec<(AgentId, Commit)> {
         let tick = self.tick();
         let mut due = Vec::new();
-        for agent in self.world.agents().filter(|agent| !self.lost.contains(agent)) {
+        for agent in self.world.agents() {
+            if !self.takes_part(agent) {
+                continue;
+            }
             let trigger = self.triggers[agent.index()];
             let happened = self.world.events(agent, trigger.events);
             if trigger.is_due(tick, happened) {
@@ -209,12 +234,15 @@ impl<'a> Engine<'a> {
             counter("parcels_out_of_contact", totals.parcels_out_of_contact),
             counter("parcels_inbox_full", totals.parcels_inbox_full),
             counter("parcel_bytes_delivered", totals.parcel_bytes_delivered),
-            counter("agents_dropped", self.lost.len() as u64),
+            counter("agents_dropped", self.lost.difference(&self.retired).count() as u64),
         ];
         // Counters of features that the scenario does not use are left out.
+        let radios = || std::iter::once(self.scenario).chain(&self.changed).map(|held| &held.communication);
         let communication = &self.scenario.communication;
-        counters.extend((communication.loss > 0.0).then(|| counter("parcels_lost_radio", totals.parcels_lost_radio)));
-        if communication.bytes_per_s.is_finite() {
+        counters.extend(
+            radios().any(|radio| radio.loss > 0.0).then(|| counter("parcels_lost_radio", totals.parcels_lost_radio)),
+        );
+        if radios().any(|radio| radio.bytes_per_s.is_finite()) {
             counters.push(counter("parcels_queue_full", totals.parcels_queue_full));
         }
         if communication.relays.per_agent > 0 {

@@ -14,6 +14,7 @@ use super::log::Kind;
 use super::{COVERED, DURATION, EXPLORED, INTERRUPTED, QUIT, RunError, Session};
 use crate::playback::{Ending, Playback, RecordedTick};
 use crate::transport::Level;
+use simulation::digest::Digest;
 use simulation::scenario::OnAgentLoss;
 use simulation::wire;
 use simulation::world::Commit;
@@ -57,10 +58,12 @@ impl Session<'_, '_> {
     pub(super) fn re_execute(&mut self) -> Result<ControlFlow<String>, RunError> {
         loop {
             self.record_state()?;
+            let digest = self.engine.chain.digest();
+            self.apply_events()?;
             if let Some(reason) = self.end_of_run()? {
                 return Ok(ControlFlow::Break(reason.to_owned()));
             }
-            match self.recorded_tick()? {
+            match self.recorded_tick(digest)? {
                 NextTick::Recorded(recorded) => {
                     if self.tick(Some(recorded))?.is_break() {
                         return Ok(ControlFlow::Break(INTERRUPTED.to_owned()));
@@ -79,8 +82,9 @@ impl Session<'_, '_> {
         }
     }
 
-    /// Looks up the present tick, and repeats its interventions.
-    fn recorded_tick(&mut self) -> Result<NextTick, RunError> {
+    /// Looks up the present tick, before whose events the digest was `digest`, and repeats its
+    /// interventions.
+    fn recorded_tick(&mut self, digest: Digest) -> Result<NextTick, RunError> {
         let tick = self.engine.tick();
         let playback = self.playback.as_mut().expect("a recording is re-executed");
         let is_known = playback.covers(tick);
@@ -89,7 +93,6 @@ impl Session<'_, '_> {
             return Ok(NextTick::End(String::new()));
         }
         let is_verified = self.log.checker().is_some();
-        let digest = self.engine.chain.digest();
         if let Some(before) = recorded.digest.filter(|before| !is_verified && *before != digest) {
             let reason =
                 format!("the digest was {before} and is {digest}: the recording is of another build or scenario");
@@ -113,7 +116,16 @@ impl Session<'_, '_> {
         self.log.save_provisionally(self.transport.now())?;
         self.log.publish()?;
         self.note(Level::Info, &format!("re-executed up to tick {tick}; the run continues from there"));
-        let replayed = self.replay_observation_logs()?;
+        let mut replayed = self.replay_observation_logs()?;
+        if replayed.is_continue() {
+            // The processes of agents that have left before have nothing more to wait for.
+            for agent in self.engine.retired.iter().copied().collect::<Vec<_>>() {
+                self.dismiss(agent)?;
+            }
+        }
+        if self.is_stopped() {
+            replayed = ControlFlow::Break(());
+        }
         let wall_ns = self.wall_ns();
         self.control.restart_pacing(tick, wall_ns);
         Ok(replayed)

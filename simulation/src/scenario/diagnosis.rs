@@ -99,20 +99,24 @@ fn check_subtable(path: &[String], declared: &Table, value: &Value, found: &mut 
         Problem { path: path.to_vec(), at: At::Value, rank: Rank::Unfit, text }
     };
     match value {
-        Value::Array(entries) if declared.path == "bodies" => {
+        Value::Array(entries) if declared.is_list() => {
             for (at, entry) in entries.iter().enumerate() {
                 let path: Vec<String> = path.iter().cloned().chain([format!("[{at}]")]).collect();
                 match entry.as_table() {
                     Some(table) => check_table(&path, declared, table, found),
                     None => {
-                        let example = "expected a table such as { agents = [0], kind = \"aerial\" }";
+                        let example = if declared.path == "event" {
+                            "expected a table such as { kind = \"break_down\", at_s = 60.0, agent = 0 }"
+                        } else {
+                            "expected a table such as { agents = [0], kind = \"aerial\" }"
+                        };
                         found.push(wrong(&path, entry, example));
                     }
                 }
             }
         }
-        value if declared.path == "bodies" => {
-            found.push(wrong(path, value, "expected a list of tables: [[bodies]]"));
+        value if declared.is_list() => {
+            found.push(wrong(path, value, &format!("expected a list of tables: [[{}]]", declared.path)));
         }
         Value::Table(table) => check_table(path, declared, table, found),
         value if declared.path == "spawn" => {
@@ -203,7 +207,7 @@ fn fits(key: &Key, value: &Value) -> Fit {
         Kind::Position(_) => is_triple(value) && are(value, &is_number),
         Kind::Poses => are(value, &|pose| are(pose, &is_number)),
         Kind::Size => is_cell_count(value) || is_triple(value) && are(value, &is_cell_count),
-        Kind::Settings => value.is_table(),
+        Kind::Settings | Kind::Keys => value.is_table(),
     };
     if fits { Fit::Yes } else { Fit::OtherType }
 }

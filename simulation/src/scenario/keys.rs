@@ -48,6 +48,8 @@ pub struct Key {
     pub source: &'static str,
     /// The document with more, relative to docs/; may be empty.
     pub see: &'static str,
+    /// Whether an event or a fork may change it during a run.
+    pub is_changeable: bool,
     is_checked_elsewhere: bool,
 }
 
@@ -84,6 +86,8 @@ pub enum Kind {
     Size,
     /// A table whose keys belong to the controller.
     Settings,
+    /// A table of dotted keys of the scenario with their values.
+    Keys,
 }
 
 /// What holds if a key is left out.
@@ -132,8 +136,19 @@ const fn key(
     meaning: &'static str,
     source: &'static str,
 ) -> Key {
-    let limits = "";
-    Key { name, kind, default, range, limits, only_with: &[], meaning, source, see: "", is_checked_elsewhere: false }
+    Key {
+        name,
+        kind,
+        default,
+        range,
+        limits: "",
+        only_with: &[],
+        meaning,
+        source,
+        see: "",
+        is_changeable: false,
+        is_checked_elsewhere: false,
+    }
 }
 
 impl Range {
@@ -177,6 +192,12 @@ impl Table {
         Self { is_checked_by_mapgen: true, ..self }
     }
 
+    /// Whether it is a list of tables, such as `[[bodies]]`.
+    #[must_use]
+    pub fn is_list(&self) -> bool {
+        ["bodies", "event"].contains(&self.path)
+    }
+
     /// The dotted path of a key of this table.
     #[must_use]
     pub fn path_of(&self, name: &str) -> String {
@@ -214,6 +235,10 @@ impl Key {
 
     const fn checked_elsewhere(self) -> Self {
         Self { is_checked_elsewhere: true, ..self }
+    }
+
+    const fn changeable(self) -> Self {
+        Self { is_changeable: true, ..self }
     }
 
     /// What is allowed, in Markdown; empty if the type says it all.
@@ -269,6 +294,7 @@ impl Key {
             Kind::Poses => "expected a list of [x, y, z] or [x, y, z, yaw] (m and rad)".to_owned(),
             Kind::Size => "expected a number of cells from 1 to 1024, or three such as [100, 80, 30]".to_owned(),
             Kind::Settings => "expected a table of settings such as { search_time = \"budgeted\" }".to_owned(),
+            Kind::Keys => "expected a table of keys such as { \"agents.controller\" = \"lvd\" }".to_owned(),
         }
     }
 
@@ -305,6 +331,13 @@ pub fn find(path: &str) -> Option<&'static Key> {
     let (table_path, name) = path.rsplit_once('.').unwrap_or(("", path));
     let table_path = table_path.split_once('[').map_or(table_path, |(list, _)| list);
     table(table_path)?.keys().find(|key| key.name == name)
+}
+
+/// The dotted paths of all keys that may change during a run.
+#[must_use]
+pub fn changeable_paths() -> Vec<String> {
+    let keys = TABLES.iter().flat_map(|table| table.keys.iter().map(move |key| (table, key)));
+    keys.filter(|(_, key)| key.is_changeable).map(|(table, key)| table.path_of(key.name)).collect()
 }
 
 /// The name nearest to a misspelt one, if there is one so near that a person may have meant it.

@@ -7,7 +7,7 @@ use msgs::ids::AgentId;
 use msgs::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 
 use crate::wire::header;
-use crate::world::World;
+use crate::world::{Presence, World};
 
 /// Bytes on the wire of a string beside its characters, with padding.
 const TEXT_BYTES_BARE: usize = 12;
@@ -62,10 +62,20 @@ fn of_agents(world: &World, run_status: &RunStatus<'_>) -> impl Iterator<Item = 
     world.agents().zip(each).map(|(agent, ((distance_m, explored), believed))| {
         let is_lost = run_status.lost.contains(&agent);
         let body = world.body(agent);
-        let message = if is_lost { "lost" } else { run_status.infos.get(agent.index()).map_or("", String::as_str) };
+        let message = if let Some(word) = world.presence(agent).word() {
+            word
+        } else if is_lost {
+            "lost"
+        } else {
+            run_status.infos.get(agent.index()).map_or("", String::as_str)
+        };
         let collision = body.collision().map_or("none".to_owned(), |met| format!("{:?}", met.surface).to_lowercase());
         DiagnosticStatus {
-            level: if is_lost { DiagnosticStatus::ERROR } else { DiagnosticStatus::OK },
+            level: if is_lost && world.presence(agent) == Presence::Active {
+                DiagnosticStatus::ERROR
+            } else {
+                DiagnosticStatus::OK
+            },
             name: format!("agent_{agent}"),
             message: message.to_owned(),
             values: vec![

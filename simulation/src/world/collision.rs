@@ -104,7 +104,7 @@ impl<'a> Obstacles<'a> {
             }
         }
         for (index, other) in self.others.iter().enumerate() {
-            if index != self.itself {
+            if index != self.itself && other.is_solid() {
                 consider(other.first_contact(from, displacement, radius_m));
             }
         }
@@ -119,6 +119,12 @@ impl<'a> Obstacles<'a> {
 }
 
 impl Sphere {
+    /// Whether it is an obstacle: the sphere of a body that is not in the world has no radius.
+    #[must_use]
+    pub fn is_solid(&self) -> bool {
+        self.radius_m > 0.0
+    }
+
     fn first_contact(&self, from: &Point3<f64>, displacement: &Vector3<f64>, radius_m: f64) -> Option<Contact> {
         let apart = from - self.centre;
         let sum_m = radius_m + self.radius_m;

@@ -166,6 +166,8 @@ pub enum Peer {
     /// A relay that is deployed at the position of the agent and stores the content (as a receiver
     /// only).
     NewRelay,
+    /// The server, which tells an agent of the scenario that holds from now on (as a sender only).
+    Server,
 }
 
 /// The contacts of one tick, computed per pair on demand.
@@ -209,6 +211,14 @@ impl ContactTable {
             self.share_a_network(low, high) || model.joins(terrain, &self.positions[low], &self.positions[high]);
         self.known[slot] = Some(heard);
         heard
+    }
+
+    /// Leaves an agent without contacts.
+    pub fn mute(&mut self, agent: AgentId) {
+        let (agent, agents) = (agent.index(), self.positions.len());
+        for other in 0..agents {
+            self.known[agent.min(other) * agents + agent.max(other)] = Some(false);
+        }
     }
 
     fn share_a_network(&self, one: usize, other: usize) -> bool {

@@ -60,6 +60,11 @@ impl PendingObservation {
         true
     }
 
+    /// Adds what the server tells the agent: no event, and outside the capacity of the inbox.
+    pub(super) fn tell(&mut self, message: AgentMessage) {
+        self.messages.push(message);
+    }
+
     /// Takes everything that is pending.
     pub(super) fn commit(&mut self) -> ObservationDelta {
         let Self { events, free, wall, messages, .. } = std::mem::take(self);

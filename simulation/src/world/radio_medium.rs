@@ -19,7 +19,7 @@ use msgs::relay_id::RelayId;
 use nalgebra::Point3;
 use rand_chacha::rand_core::Rng;
 
-use super::comms::{AgentMessage, ContactTable, Peer};
+use super::comms::{AgentMessage, Comms, ContactTable, Peer};
 use super::relays::{Relay, Relays};
 use super::{Action, World};
 
@@ -122,11 +122,14 @@ impl World {
         for sender in self.agents() {
             let messages = actions.get(&sender).map_or(&[][..], |action| &action.messages);
             let to_agents = messages.iter().filter(|message| matches!(message.peer, Peer::One(_) | Peer::Broadcast));
+            let queue = &mut self.radio.queues[sender.index()];
             if is_unlimited {
-                to_agents.enumerate().for_each(|(others, message)| self.deliver(sender, message, others));
+                // What was queued while the radio had a limited rate goes first.
+                let queued = queue.send(bytes_per_tick);
+                let all = queued.iter().chain(to_agents).enumerate();
+                all.for_each(|(others, message)| self.deliver(sender, message, others));
                 continue;
             }
-            let queue = &mut self.radio.queues[sender.index()];
             let refused = to_agents.filter(|&message| !queue.push(message.clone(), queue_bytes)).count();
             self.totals.parcels_queue_full += refused as u64;
             let sent = queue.send(bytes_per_tick);
@@ -140,7 +143,7 @@ impl World {
         let receivers = match message.peer {
             Peer::One(receiver) => vec![receiver],
             Peer::Broadcast => self.contacts_of(sender),
-            Peer::Relay(_) | Peer::NewRelay => Vec::new(),
+            Peer::Relay(_) | Peer::NewRelay | Peer::Server => Vec::new(),
         };
         let (loss, seed, tick) = (self.params.comms.loss, self.params.comms.seed, self.tick);
         for receiver in receivers {
@@ -188,8 +191,8 @@ impl World {
                 let Peer::Relay(relay) = *peer else { continue };
                 let from = self.spheres[writer.index()].centre;
                 let content = (*kind, data.clone());
-                let is_written =
-                    self.radio.relays.write(writer, from, relay, content, &self.params.comms, &self.terrain);
+                let is_written = self.is_on_air(writer)
+                    && self.radio.relays.write(writer, from, relay, content, &self.params.comms, &self.terrain);
                 self.totals.relay_writings += u64::from(is_written);
                 self.totals.relay_writings_lost += u64::from(!is_written);
             }
@@ -201,7 +204,7 @@ impl World {
         if self.relays().is_empty() {
             return;
         }
-        for agent in self.agents() {
+        for agent in self.agents().filter(|&agent| self.is_on_air(agent)).collect::<Vec<_>>() {
             let from = self.spheres[agent.index()].centre;
             for relay in self.radio.relays.reached(agent, &from, &self.params.comms, &self.terrain) {
                 let Some(message) = self.radio.relays.unread(agent, relay) else { continue };
@@ -216,7 +219,7 @@ impl World {
     /// The relays in an agent's observation with their positions (metres, frame `map`), ascending:
     /// those it reaches, at most the nearest [`RELAYS_TOLD_MAX`].
     pub fn relays_of(&mut self, agent: AgentId) -> Vec<(RelayId, Point3<f64>)> {
-        if self.relays().is_empty() {
+        if self.relays().is_empty() || !self.is_on_air(agent) {
             return Vec::new();
         }
         let from = self.spheres[agent.index()].centre;
@@ -253,7 +256,21 @@ impl World {
             networks =
                 by_agent.map(|(agent, from)| radio.relays.networks(agent, from, &params.comms, terrain)).collect();
         }
-        self.contacts = Some(ContactTable::new(positions, networks));
+        let mut contacts = ContactTable::new(positions, networks);
+        self.agents().filter(|&agent| !self.is_on_air(agent)).for_each(|agent| contacts.mute(agent));
+        self.contacts = Some(contacts);
+    }
+
+    /// Changes the radios of the team, and links the relays anew.
+    pub fn set_radios(&mut self, comms: Comms) {
+        self.params.comms = comms;
+        self.radio.relays.reconnect(&self.params.comms.contact, &self.terrain);
+        self.contacts = None;
+    }
+
+    /// Drops what an agent has not transmitted yet.
+    pub(super) fn clear_queue(&mut self, agent: AgentId) {
+        self.radio.queues[agent.index()] = Queue::default();
     }
 }
 

@@ -12,7 +12,7 @@ use msgs::relay_id::RelayId;
 use nalgebra::Point3;
 use voxels::{Grid, Terrain};
 
-use super::comms::{AgentMessage, Comms, Peer};
+use super::comms::{AgentMessage, Comms, ContactModel, Peer};
 
 /// A deployed relay.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,18 +80,35 @@ impl Relays {
             return false;
         }
         let new = self.relays.len();
-        let heard: Vec<usize> =
-            (0..new).filter(|&other| comms.contact.joins(terrain, &self.relays[other].position, &position)).collect();
-        // A new network that absorbs the networks of the relays in contact.
-        let joined: Vec<usize> = heard.iter().map(|&other| self.relays[other].network).collect();
-        self.relays.iter_mut().filter(|relay| joined.contains(&relay.network)).for_each(|relay| relay.network = new);
-        self.links.extend(heard.into_iter().map(|other| (other, new)));
         let (kind, data) = content;
         let writings = u64::from(!data.is_empty());
         self.relays.push(Relay { id: RelayId { owner, number }, position, kind, data, writings, network: new });
+        self.connect(new, &comms.contact, terrain);
         self.listeners[owner.index()].left += 1;
         self.mark_read(owner, new);
         true
+    }
+
+    /// Links a relay with those before it, and unites their networks.
+    fn connect(&mut self, new: usize, contact: &ContactModel, terrain: &Grid<Terrain>) {
+        let position = self.relays[new].position;
+        let heard: Vec<usize> =
+            (0..new).filter(|&other| contact.joins(terrain, &self.relays[other].position, &position)).collect();
+        // A new network that absorbs the networks of the relays in contact.
+        let joined: Vec<usize> = heard.iter().map(|&other| self.relays[other].network).collect();
+        self.relays[..new]
+            .iter_mut()
+            .filter(|relay| joined.contains(&relay.network))
+            .for_each(|relay| relay.network = new);
+        self.relays[new].network = new;
+        self.links.extend(heard.into_iter().map(|other| (other, new)));
+    }
+
+    /// Links all relays anew, after a change of the contact model.
+    pub(super) fn reconnect(&mut self, contact: &ContactModel, terrain: &Grid<Terrain>) {
+        self.links.clear();
+        (0..self.relays.len()).for_each(|relay| self.connect(relay, contact, terrain));
+        self.listeners.iter_mut().for_each(|listener| listener.heard_at = None);
     }
 
     /// Writes to a relay; returns false if the agent does not reach it.

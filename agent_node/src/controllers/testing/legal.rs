@@ -114,6 +114,7 @@ prop_compose! {
             scan_tick: has_scanned.then_some(Tick(tick)),
             seen,
             view,
+            change: None,
         }
     }
 }

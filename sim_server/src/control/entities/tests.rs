@@ -24,6 +24,7 @@ fn world() -> World {
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
         noise: SensorNoise::default(),
+        late: Default::default(),
     };
     let start = |x| Pose { position: Point3::new(x, 1.5, 1.5), yaw_rad: 0.5 };
     World::new(terrain, params, &[start(1.5), start(3.5), start(5.5)])

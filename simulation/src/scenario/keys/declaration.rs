@@ -12,7 +12,8 @@ use crate::scenario::AGENTS_MAX;
 
 use super::DefaultValue::{Is, Required, Unset};
 use super::Kind::{
-    Boolean, Ids, Integer, Name, Number, NumberOrMax, Path, Poses, Position, Seed, Settings, Size, Texts, Word, Words,
+    Boolean, Ids, Integer, Keys, Name, Number, NumberOrMax, Path, Poses, Position, Seed, Settings, Size, Texts, Word,
+    Words,
 };
 use super::{POSITIVE, Range, Table, above, at_least, between, key};
 
@@ -32,19 +33,19 @@ const UNLIMITED: f64 = f64::INFINITY;
 
 /// All keys, table by table.
 #[rustfmt::skip]
-pub const TABLES: [Table; 19] = [
+pub const TABLES: [Table; 20] = [
     Table::new("", &[
         key("seed", Seed, Required, NONE,
             "seed of everything random: the map, unless map.seed is given, and the agents",
             "reference, but see [differences](reference-differences.md)"),
         key("duration_s", Number("s"), Required, between(0.02, 2e8),
             "sim time after which the run ends", "reference: 60 to 7200, 1800 by default")
-            .checked_elsewhere().limits("a multiple of 0.02, 0.02 to 2e8"),
+            .checked_elsewhere().limits("a multiple of 0.02, 0.02 to 2e8").changeable(),
         key("stop_when_explored", Boolean, Is("true"), NONE,
-            "whether the run ends once every free cell has been seen", "ours"),
+            "whether the run ends once every free cell has been seen", "ours").changeable(),
         key("stop_when_covered", Boolean, Is("false"), NONE,
             "whether the run ends once a body has been in every free cell; full exploration does not end it then",
-            "ours"),
+            "ours").changeable(),
     ]),
     Table::new("map", &[
         key("kind", Word(&["spheres", "noise", "building", "file"]), Required, NONE,
@@ -149,12 +150,12 @@ pub const TABLES: [Table; 19] = [
             "number of agents; their ids are 0 to count - 1", "reference: 1 to 10, 3"),
         key("controller", Name, Is("\"rbw\""), NONE,
             "controller of every agent whose own command line names none", "reference: RBW")
-            .limits("a name from [controllers.md](controllers.md), or that of a controller of your own"),
+            .limits("a name from [controllers.md](controllers.md), or that of a controller of your own").changeable(),
         key("share_period_ticks", Integer("ticks"), Is("251"), PERIOD_OR_NEVER,
             "ticks between two map updates that an agent sends to its contacts; 0: it only receives",
-            "reference: 5.02 s"),
+            "reference: 5.02 s").changeable(),
         key("set", Settings, Is("{}"), NONE,
-            "settings of the controller", "ours"),
+            "settings of the controller", "ours").changeable(),
         key("cmd_vel", Ids, Is("[]"), NONE,
             "agents without a controller, externally controlled by velocity commands over ROS 2", "ours")
             .limits("0 to `count` - 1, each once; over ROS 2 only").see("own-node.md"),
@@ -233,36 +234,36 @@ pub const TABLES: [Table; 19] = [
     Table::new("communication", &[
         key("range_m", Number("m"), Is("inf"), at_least(0.0, UNLIMITED),
             "greatest distance between two agents in contact; inf: unlimited",
-            "reference: unlimited; 50 in its later branch"),
+            "reference: unlimited; 50 in its later branch").changeable(),
         key("model", Word(&["line_of_sight", "range", "line_of_sight_and_range", "global", "attenuated"]),
             Is("\"line_of_sight_and_range\""), NONE,
-            "when two radios are in contact; range_m belongs to the second and the third", "reference: the first"),
+            "when two radios are in contact; range_m belongs to the second and the third", "reference: the first").changeable(),
         key("loss", Number(""), Is("0.0"), between(0.0, 1.0),
-            "probability that a message is lost on its way to one receiver", "ours; MAES: a transmission probability"),
+            "probability that a message is lost on its way to one receiver", "ours; MAES: a transmission probability").changeable(),
         key("bytes_per_s", Number("bytes/s"), Is("inf"), at_least(1.0, UNLIMITED),
-            "bandwidth of each agent", "ours"),
+            "bandwidth of each agent", "ours").changeable(),
         key("queue_bytes", Integer("bytes"), Is("1048576"), QUEUE_BYTES,
-            "capacity of the send queue of each agent, at least two full messages", "ours"),
+            "capacity of the send queue of each agent, at least two full messages", "ours").changeable(),
     ]),
     Table::new("communication.attenuation", &[
-        key("tx_dbm", Number("dBm"), Is("-20.0"), between(-200.0, 100.0), "transmitted power", "IR2"),
+        key("tx_dbm", Number("dBm"), Is("-20.0"), between(-200.0, 100.0), "transmitted power", "IR2").changeable(),
         key("threshold_dbm", Number("dBm"), Is("-70.0"), between(-200.0, 100.0),
-            "least power that can be received", "IR2"),
+            "least power that can be received", "IR2").changeable(),
         key("reference_loss_db", Number("dB"), Is("31.0"), between(0.0, 300.0),
-            "loss over reference_m in the open", "IR2"),
-        key("reference_m", Number("m"), Is("35.0"), POSITIVE, "the reference distance", "IR2"),
-        key("free_exponent", Number(""), Is("2.0"), above(0.0, 20.0), "path loss exponent in the open", "IR2"),
+            "loss over reference_m in the open", "IR2").changeable(),
+        key("reference_m", Number("m"), Is("35.0"), POSITIVE, "the reference distance", "IR2").changeable(),
+        key("free_exponent", Number(""), Is("2.0"), above(0.0, 20.0), "path loss exponent in the open", "IR2").changeable(),
         key("wall_exponent", Number(""), Is("4.0"), between(0.0, 1000.0),
-            "path loss exponent of the part inside walls", "IR2"),
+            "path loss exponent of the part inside walls", "IR2").changeable(),
         key("wall_reference_m", Number("m"), Is("1.0"), POSITIVE,
-            "unit length of the part inside walls", "ours"),
+            "unit length of the part inside walls", "ours").changeable(),
     ]),
     Table::new("communication.relays", &[
         key("per_agent", Integer(""), Is("0"), between(0.0, RELAYS_PER_AGENT_MAX as f64),
             "relays that each agent carries", "SubT: 6 to 12"),
         key("read_range_m", Number("m"), Is("inf"), at_least(0.0, UNLIMITED),
             "distance within which a relay in contact can be read and written; inf: contact is enough",
-            "MAES: a range"),
+            "MAES: a range").changeable(),
     ]),
     Table::new("sensor", &[
         key("range_sigma_m", Number("m"), Is("0.0"), between(0.0, 1e6),
@@ -283,6 +284,23 @@ pub const TABLES: [Table; 19] = [
             "what the server does when an agent does not answer within execution.decision_timeout_s: end the run \
              (exit code 4); stop the body and continue without it; or hold the clock until the agent answers or \
              another process has taken its place", "ours").see("reliability.md"),
+    ]),
+    Table::new("event", &[
+        key("at_s", Number("s"), Required, between(0.0, 2e8),
+            "sim time at which it happens, before the scans of its tick", "ours")
+            .checked_elsewhere().limits("a multiple of 0.02, 0 to 2e8; in the order of their times"),
+        key("kind", Word(&["join", "leave", "break_down", "radio_off", "radio_on", "set"]), Required, NONE,
+            "what happens: an agent enters the world at its start, leaves it with its body, or fails and stays as \
+             an obstacle; its radio fails, or works again; or keys change for the rest of the run", "ours"),
+        key("agent", Integer(""), Unset("required unless `\"set\"`"), between(0.0, (AGENTS_MAX - 1) as f64),
+            "the agent that it happens to", "ours")
+            .only_with(&["join", "leave", "break_down", "radio_off", "radio_on"])
+            .checked_elsewhere().limits("0 to `agents.count` - 1"),
+        key("set", Keys, Unset("required for `\"set\"`"), NONE,
+            "new values of keys of the scenario, by their dotted paths", "ours").only_with(&["set"])
+            .limits("[these keys](what-if.md#what-may-change)"),
+        key("parent", Name, Unset("none"), NONE,
+            "where a run was forked, the last digest of the recording that was forked", "ours").only_with(&["set"]),
     ]),
     Table::new("views", &[
         key("max_hz", Number("Hz"), Is("30.0"), between(0.1, 1000.0),

@@ -47,6 +47,7 @@ fn params(comms: Comms) -> WorldParams {
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms,
         noise: SensorNoise::default(),
+        late: Default::default(),
     }
 }
 

@@ -1,0 +1,387 @@
+//! `[[event]]`: what happens to a run at set times, and the forks of recorded runs.
+//!
+//! An event makes an agent join late, leave or break down, switches its radio, or changes keys for
+//! the rest of the run. A fork of a recorded run is its scenario with one more change of keys at
+//! the tick of the fork.
+//!
+//! Invariants: events ascend in time; a change never touches what has shaped the past (see
+//! [`changeable`]); the scenario after each change is as legal as one from a file. A run is the
+//! same up to its first event with and without events, digests included, save for agents that join
+//! late.
+//!
+//! This module executes nothing: see the session of the server.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use msgs::ids::{AgentId, Tick};
+use serde::{Deserialize, Serialize};
+
+use super::{Checker, Origins, Override, Scenario, ScenarioError, change_key, keys, one_line};
+
+/// Largest number of events.
+pub const EVENTS_MAX: usize = 10_000;
+
+/// An entry of `[[event]]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EventEntry {
+    /// Sim time, seconds; a whole number of fixed updates.
+    pub at_s: f64,
+    /// What happens.
+    pub kind: EventKind,
+    /// The agent that it happens to; `None` for a change of keys.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub agent: Option<u32>,
+    /// The new values of keys, by dotted path.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub set: BTreeMap<String, toml::Value>,
+    /// The last digest of the recording that was forked here. The digest of this run does not
+    /// cover it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parent: Option<String>,
+}
+
+/// What happens in an event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EventKind {
+    /// An agent enters the world at its start pose, as soon as there is room.
+    Join,
+    /// An agent leaves the world with its body.
+    Leave,
+    /// An agent fails: its body stays as an obstacle, and its radio is silent.
+    BreakDown,
+    /// The radio of an agent fails.
+    RadioOff,
+    /// The radio of an agent works again.
+    RadioOn,
+    /// Keys of the scenario change for the rest of the run.
+    Set,
+}
+
+impl EventKind {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Join => "join",
+            Self::Leave => "leave",
+            Self::BreakDown => "break_down",
+            Self::RadioOff => "radio_off",
+            Self::RadioOn => "radio_on",
+            Self::Set => "set",
+        }
+    }
+}
+
+impl EventEntry {
+    /// The tick at whose start it takes effect.
+    #[must_use]
+    pub fn tick(&self) -> Tick {
+        Tick(libm::round(self.at_s / Tick::TICK_S) as u64)
+    }
+
+    /// The event as the digest covers it.
+    ///
+    /// # Panics
+    /// Never: it has string keys and plain values.
+    #[must_use]
+    pub fn digested(&self) -> String {
+        let entry = Self { parent: None, ..self.clone() };
+        toml::to_string(&entry).expect("an event has string keys and plain values")
+    }
+}
+
+/// An event of a run with what it does.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScheduledEvent {
+    /// The tick at whose start it takes effect.
+    pub tick: Tick,
+    /// As the digest covers it.
+    pub digested: String,
+    /// What it does.
+    pub action: EventAction,
+}
+
+/// What an event does.
+#[derive(Debug, Clone, PartialEq)]
+pub enum EventAction {
+    /// See [`EventKind::Join`].
+    Join(AgentId),
+    /// See [`EventKind::Leave`].
+    Leave(AgentId),
+    /// See [`EventKind::BreakDown`].
+    BreakDown(AgentId),
+    /// The radio of an agent fails, or works again.
+    SwitchRadio(AgentId, bool),
+    /// From now on this scenario holds, which has no events.
+    Set(Box<Scenario>),
+}
+
+/// Whether a key may change during a run.
+///
+/// # Errors
+/// The reason why not.
+pub fn changeable(key: &str) -> Result<(), String> {
+    if key.starts_with("agents.set.") || keys::find(key).is_some_and(|key| key.is_changeable) {
+        return Ok(());
+    }
+    let is_in = |table: &str| key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
+    let reasons = [
+        (&["seed", "map"][..], "the map and every random number of the past follow from it"),
+        (&["agents.count", "agents.cmd_vel", "spawn"][..], "the team is the one of the past"),
+        (&["body", "bodies"][..], "the bodies have moved with it"),
+        (&["lidar", "sensor"][..], "what the agents know was measured with it"),
+        (&["communication.relays.per_agent"][..], "the agents have carried their relays from the start"),
+        (&["recording", "faults"][..], "it holds for a recording as a whole"),
+        (&["execution", "views"][..], "it is no part of the run"),
+        (&["event"][..], "events do not change events"),
+    ];
+    let reason = reasons.iter().find(|(tables, _)| tables.iter().any(|table| is_in(table)));
+    match reason {
+        Some((_, reason)) => Err(format!("{key} cannot change during a run: {reason}; {}", changeable_keys())),
+        None => {
+            let known = keys::changeable_paths();
+            let near = keys::nearest(key, known.iter().map(String::as_str));
+            let hint = near.map(|near| format!("; did you mean `{near}`?")).unwrap_or_default();
+            Err(format!("unknown key `{key}`{hint}; {}", changeable_keys()))
+        }
+    }
+}
+
+fn changeable_keys() -> String {
+    format!("keys that can change are {}", keys::changeable_paths().join(", "))
+}
+
+impl Scenario {
+    /// What the digest of a run begins with: the identity without events, each of which enters the
+    /// digest at its tick.
+    #[must_use]
+    pub fn initial_identity(&self) -> String {
+        if self.event.is_empty() { self.identity() } else { self.without_events().identity() }
+    }
+
+    fn without_events(&self) -> Self {
+        Self { event: Vec::new(), ..self.clone() }
+    }
+
+    /// The agents that are not in the world at the start.
+    #[must_use]
+    pub fn late_agents(&self) -> BTreeSet<AgentId> {
+        let joins = self.event.iter().filter(|entry| entry.kind == EventKind::Join);
+        joins.filter_map(|entry| entry.agent.map(AgentId)).collect()
+    }
+
+    /// The events of the run, ascending.
+    #[must_use]
+    pub fn schedule(&self) -> Vec<ScheduledEvent> {
+        let mut present = self.without_events();
+        let scheduled = self.event.iter().filter_map(|entry| {
+            let action = match (entry.kind, entry.agent.map(AgentId)) {
+                (EventKind::Join, Some(agent)) => EventAction::Join(agent),
+                (EventKind::Leave, Some(agent)) => EventAction::Leave(agent),
+                (EventKind::BreakDown, Some(agent)) => EventAction::BreakDown(agent),
+                (EventKind::RadioOff, Some(agent)) => EventAction::SwitchRadio(agent, false),
+                (EventKind::RadioOn, Some(agent)) => EventAction::SwitchRadio(agent, true),
+                (EventKind::Set, _) => {
+                    present = present.changed(&entry.set).ok()?;
+                    EventAction::Set(Box::new(present.clone()))
+                }
+                // A checked scenario has no such event.
+                (_, None) => return None,
+            };
+            Some(ScheduledEvent { tick: entry.tick(), digested: entry.digested(), action })
+        });
+        scheduled.collect()
+    }
+
+    /// The scenario at the start, and after each change of its keys; none of them has events.
+    #[must_use]
+    pub fn phases(&self) -> Vec<Self> {
+        let changes = self.schedule().into_iter().filter_map(|event| match event.action {
+            EventAction::Set(scenario) => Some(*scenario),
+            _ => None,
+        });
+        std::iter::once(self.without_events()).chain(changes).collect()
+    }
+
+    /// This scenario after a change of keys. Another controller starts with its default settings
+    /// unless some are given.
+    fn changed(&self, set: &BTreeMap<String, toml::Value>) -> Result<Self, String> {
+        let mut table = toml::Table::try_from(self).map_err(|error| error.to_string())?;
+        let controller = set.get("agents.controller").and_then(toml::Value::as_str);
+        if controller.is_some_and(|controller| controller != self.agents.controller) {
+            change_key(&mut table, "agents.set", None)?;
+        }
+        for (key, value) in set {
+            changeable(key)?;
+            change_key(&mut table, key, Some(value.clone()))?;
+            table.clone().try_into::<Self>().map_err(|error| {
+                let expected = keys::find(key).map(|key| key.expected()).unwrap_or_default();
+                let expected = if expected.is_empty() { one_line(error.message()) } else { expected };
+                format!("{key} = {value}: {expected}")
+            })?;
+        }
+        let changed: Self = table.try_into().map_err(|error: toml::de::Error| one_line(error.message()))?;
+        changed.check(&Origins::new("", "", &[])).map_err(|error| match error {
+            ScenarioError::Value { key, value, allowed, .. } => format!("{key} = {value}: {allowed}"),
+            other => other.to_string(),
+        })?;
+        Ok(changed)
+    }
+
+    pub(super) fn check_events(&self, checker: &Checker<'_>) -> Result<(), ScenarioError> {
+        let count = self.event.len();
+        checker.require(
+            "event",
+            format!("{count} entries"),
+            count <= EVENTS_MAX,
+            &format!("expected at most {EVENTS_MAX}"),
+        )?;
+        let mut last = Tick::ZERO;
+        let mut present = self.without_events();
+        let mut team = Lives::default();
+        for (number, entry) in self.event.iter().enumerate() {
+            let of = |name: &str| format!("event[{number}].{name}");
+            let ticks = entry.at_s / Tick::TICK_S;
+            let is_tick = (0.0..=1e10).contains(&ticks) && (ticks - libm::round(ticks)).abs() < 1e-6;
+            checker.require(&of("at_s"), entry.at_s, is_tick, "expected a multiple of 0.02 s, 0 to 2e8")?;
+            let is_ascending = entry.tick() >= last;
+            checker.require(&of("at_s"), entry.at_s, is_ascending, "expected events in the order of their times")?;
+            last = entry.tick();
+            let kind = entry.kind.word();
+            if entry.kind == EventKind::Set {
+                let none = "expected no agent: keys change for all of them";
+                checker.require(&of("agent"), entry.agent.unwrap_or_default(), entry.agent.is_none(), none)?;
+                let example = "expected a table of keys such as { \"agents.controller\" = \"lvd\" }";
+                checker.require(&of("set"), "{}", !entry.set.is_empty(), example)?;
+                let changed = present.changed(&entry.set);
+                present =
+                    changed.map_err(|reason| checker.error_from(&of("set"), &of("set"), shown(&entry.set), &reason))?;
+                continue;
+            }
+            checker.require(
+                &of("set"),
+                shown(&entry.set),
+                entry.set.is_empty(),
+                "expected only with kind = \"set\"",
+            )?;
+            let no_parent = "expected only with kind = \"set\"";
+            checker.require(&of("parent"), "...", entry.parent.is_none(), no_parent)?;
+            let last_id = self.agents.count - 1;
+            let ids = format!("expected the id of an agent, 0 to {last_id}");
+            let Some(agent) = entry.agent else {
+                return Err(checker.error_from(&of("kind"), &of("agent"), "nothing", &ids));
+            };
+            checker.require(&of("agent"), agent, agent <= last_id, &ids)?;
+            if let Err(reason) = team.live(agent, entry.kind) {
+                return Err(checker.error_from(&of("kind"), &of("kind"), format!("\"{kind}\""), &reason));
+            }
+        }
+        Ok(())
+    }
+
+    /// The scenario of a fork of this one: `changes` hold from the tick `at` on, before which the
+    /// run is the same. `parent` is the last digest of the recording that is forked. A change of
+    /// `event` adds events. Changes that change nothing are left out, so that a fork without any
+    /// has the scenario of its parent.
+    ///
+    /// # Errors
+    /// If a key may not change, or a value is not legal; names the flag.
+    pub fn fork(&self, at: Tick, parent: &str, changes: &[Override]) -> Result<Self, ScenarioError> {
+        let mut present = self.without_events();
+        for event in self.schedule().into_iter().take_while(|event| event.tick <= at) {
+            if let EventAction::Set(changed) = event.action {
+                present = *changed;
+            }
+        }
+        let mut set = BTreeMap::new();
+        let mut added: Vec<EventEntry> = Vec::new();
+        for change in changes {
+            let refused = |reason: String| ScenarioError::Override { origin: one_line(&change.origin), reason };
+            if change.key == "event" {
+                added.extend(new_events(change.value.as_ref(), at).map_err(refused)?);
+                continue;
+            }
+            changeable(&change.key).map_err(refused)?;
+            let Some(value) = &change.value else { continue };
+            let mut with = set.clone();
+            with.insert(change.key.clone(), value.clone());
+            if present.changed(&with).map_err(refused)? != present.changed(&set).map_err(refused)? {
+                set = with;
+            }
+        }
+        let mut forked = self.clone();
+        if !set.is_empty() {
+            let at_s = at.time_ns() as f64 / 1e9;
+            let parent = Some(parent.to_owned());
+            added.insert(0, EventEntry { at_s, kind: EventKind::Set, agent: None, set, parent });
+        }
+        forked.event.extend(added);
+        forked.event.sort_by_key(EventEntry::tick);
+        forked.check(&Origins::new("the fork", "", changes))?;
+        Ok(forked)
+    }
+}
+
+/// The events that a fork adds.
+fn new_events(value: Option<&toml::Value>, at: Tick) -> Result<Vec<EventEntry>, String> {
+    let example = "expected a list such as [{ kind = \"break_down\", at_s = 310.0, agent = 3 }]";
+    let value = value.ok_or(example)?;
+    let events: Vec<EventEntry> = value
+        .clone()
+        .try_into()
+        .map_err(|error: toml::de::Error| format!("{}; {example}", one_line(error.message())))?;
+    for event in &events {
+        if event.tick() < at {
+            return Err(format!("at_s = {}: expected no event before the fork, tick {at}", event.at_s));
+        }
+        if event.kind == EventKind::Join {
+            return Err("kind = \"join\": the agents of the past were there from the start".to_owned());
+        }
+    }
+    Ok(events)
+}
+
+fn shown(set: &BTreeMap<String, toml::Value>) -> String {
+    let pairs: Vec<String> = set.iter().map(|(key, value)| format!("\"{key}\" = {value}")).collect();
+    format!("{{ {} }}", pairs.join(", "))
+}
+
+/// What has happened to each agent so far.
+#[derive(Default)]
+struct Lives {
+    touched: BTreeSet<u32>,
+    broken: BTreeSet<u32>,
+    gone: BTreeSet<u32>,
+    silent: BTreeSet<u32>,
+}
+
+impl Lives {
+    /// Adds an event of an agent, if it can follow the earlier ones.
+    fn live(&mut self, agent: u32, kind: EventKind) -> Result<(), String> {
+        let is_first = self.touched.insert(agent);
+        let is_broken = self.broken.contains(&agent);
+        if self.gone.contains(&agent) {
+            return Err(format!("agent {agent} has left before"));
+        }
+        let fits = match kind {
+            EventKind::Join => is_first,
+            EventKind::Leave => self.gone.insert(agent),
+            EventKind::BreakDown => self.broken.insert(agent),
+            EventKind::RadioOff => !is_broken && self.silent.insert(agent),
+            EventKind::RadioOn => !is_broken && self.silent.remove(&agent),
+            EventKind::Set => true,
+        };
+        if fits {
+            return Ok(());
+        }
+        Err(match kind {
+            EventKind::Join => format!("agent {agent} has an earlier event, and joins but once"),
+            _ if is_broken => format!("agent {agent} has broken down before"),
+            EventKind::RadioOff => format!("the radio of agent {agent} is off already"),
+            _ => format!("the radio of agent {agent} is on already"),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

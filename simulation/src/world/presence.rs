@@ -1,0 +1,136 @@
+//! The presence of the agents: who is in the world, who has broken down, whose radio works.
+//!
+//! A body that is not in the world is no obstacle, sees nothing and has no radio; its state keeps
+//! the start pose before it joins, and the last pose after it has left. A broken-down body stays
+//! where it is, at rest, as an obstacle. The agents' start poses are chosen as if all of them were
+//! there, so that a late agent finds its place free unless a body has moved there.
+//!
+//! Invariant: no body overlaps another, whoever joins.
+
+use msgs::ids::AgentId;
+use nalgebra::Point3;
+
+use super::body::Body;
+use super::comms::{AgentMessage, Peer};
+use super::{ScanSchedule, TASK_DONE, World, index_of, spawn};
+
+/// Whether an agent is in the world.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Presence {
+    /// It is, and works.
+    Active,
+    /// It has not joined yet.
+    Absent,
+    /// Its body is there as an obstacle.
+    BrokenDown,
+    /// It has left.
+    Gone,
+}
+
+impl Presence {
+    /// Whether there is a body.
+    #[must_use]
+    pub fn is_in_world(self) -> bool {
+        matches!(self, Self::Active | Self::BrokenDown)
+    }
+
+    /// In words; `None` for an agent that works.
+    #[must_use]
+    pub fn word(self) -> Option<&'static str> {
+        match self {
+            Self::Active => None,
+            Self::Absent => Some("not there yet"),
+            Self::BrokenDown => Some("broken down"),
+            Self::Gone => Some("gone"),
+        }
+    }
+}
+
+impl World {
+    /// Whether an agent is in the world.
+    #[must_use]
+    pub fn presence(&self, agent: AgentId) -> Presence {
+        self.agents[agent.index()].presence
+    }
+
+    /// Whether the radio of an agent works.
+    #[must_use]
+    pub fn is_on_air(&self, agent: AgentId) -> bool {
+        let state = &self.agents[agent.index()];
+        state.presence == Presence::Active && state.has_radio
+    }
+
+    /// Lets an absent agent join at its start pose, at rest; returns false if there is no room.
+    pub fn join(&mut self, agent: AgentId) -> bool {
+        let position = self.body(agent).pose().position;
+        if self.check_room(agent, &position).is_err() {
+            return false;
+        }
+        let is_on_request = matches!(self.params.schedule, ScanSchedule::OnRequest { .. });
+        let tick = self.tick;
+        let state = &mut self.agents[agent.index()];
+        state.presence = Presence::Active;
+        state.next_scan = is_on_request.then_some(tick);
+        self.spheres[agent.index()] = state.sphere();
+        let cell = index_of(&self.terrain, state.cell);
+        self.coverage.cover(agent, cell);
+        self.contacts = None;
+        true
+    }
+
+    /// Ends the work of an agent: its body stops at once and stays, and its radio is silent.
+    pub fn break_down(&mut self, agent: AgentId) {
+        self.retire(agent, Presence::BrokenDown);
+    }
+
+    /// Takes an agent out of the world.
+    pub fn leave(&mut self, agent: AgentId) {
+        self.retire(agent, Presence::Gone);
+    }
+
+    fn retire(&mut self, agent: AgentId, presence: Presence) {
+        let state = &mut self.agents[agent.index()];
+        state.presence = presence;
+        state.body = Body::at_rest(*state.body.model(), *state.body.pose());
+        (state.next_scan, state.scan_period_ticks, state.want_view) = (None, None, false);
+        self.spheres[agent.index()] = state.sphere();
+        self.clear_queue(agent);
+        self.contacts = None;
+    }
+
+    /// Switches the radio of an agent. What is sent to it meanwhile is lost, and so is what it
+    /// sends.
+    pub fn switch_radio(&mut self, agent: AgentId, is_on: bool) {
+        self.agents[agent.index()].has_radio = is_on;
+        self.contacts = None;
+    }
+
+    /// Hands an agent over to another controller: its body is at rest, its task has ended with
+    /// [`TASK_DONE`], and its LiDAR scans as at the start.
+    pub fn hand_over(&mut self, agent: AgentId) {
+        let tick = self.tick;
+        let schedule = self.params.schedule;
+        let state = &mut self.agents[agent.index()];
+        state.body = Body::at_rest(*state.body.model(), *state.body.pose());
+        state.pending_observation.events |= TASK_DONE;
+        state.want_view = false;
+        if let ScanSchedule::OnRequest { period_ticks } = schedule {
+            (state.next_scan, state.scan_period_ticks) = (Some(tick), Some(period_ticks));
+        }
+    }
+
+    /// Adds a message of the server to the next observation of an agent.
+    pub fn tell(&mut self, agent: AgentId, data: Vec<u8>) {
+        let message = AgentMessage { peer: Peer::Server, kind: 0, data };
+        self.agents[agent.index()].pending_observation.tell(message);
+    }
+
+    /// Checks that the body of an agent fits at a position (metres, frame `map`).
+    pub(super) fn check_room(&self, agent: AgentId, position: &Point3<f64>) -> Result<(), &'static str> {
+        let bodies = self.spheres.iter().enumerate();
+        let others = bodies.filter(|(other, sphere)| *other != agent.index() && sphere.is_solid());
+        let radius_m = self.body(agent).model().radius_m;
+        spawn::check_room(&self.terrain, others.map(|(_, sphere)| sphere), position, radius_m)
+    }
+}
