@@ -14,7 +14,7 @@ use std::io::{self, ErrorKind};
 use std::path::{Component, Path, PathBuf};
 
 use mapgen::ImportSpec;
-use sim_server::input_file::{self, MAP_BYTES_MAX};
+use sim_server::map_file;
 use simulation::scenario::{MapKind, Scenario};
 
 /// Where the copies are, in the folder of the results.
@@ -33,11 +33,13 @@ pub(super) fn is_folder(text: &str) -> bool {
 }
 
 /// What is known of a file.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Content {
     hash: blake3::Hash,
     /// Of a map.
     cells: u64,
+    /// A second file that it needs, relative to its folder: the picture of a `map.yaml`.
+    companion: Option<PathBuf>,
 }
 
 /// The files of a plan, each read once.
@@ -80,6 +82,10 @@ impl Files {
             let content = self.content("map.file", map, |file| read_map(file, scenario))?;
             files.hashes.push(content.hash);
             files.map_cells = Some(content.cells);
+            if let Some(named) = content.companion {
+                let path = map.parent().unwrap_or(Path::new("")).join(named);
+                files.hashes.push(self.content("map.file", &path, read_any)?.hash);
+            }
         }
         for (place, word) in scenario.agents.command.iter().enumerate() {
             let is_file = if place == 0 { word.contains('/') } else { self.folder.join(word).is_file() };
@@ -97,11 +103,11 @@ impl Files {
         read: impl FnOnce(&Path) -> io::Result<Content>,
     ) -> Result<Content, Unreadable> {
         if let Some(content) = self.contents.get(path) {
-            return Ok(*content);
+            return Ok(content.clone());
         }
         let unreadable = |source| Unreadable { key, path: path.to_owned(), source };
         let content = read(&self.folder.join(path)).map_err(unreadable)?;
-        self.contents.insert(path.to_owned(), content);
+        self.contents.insert(path.to_owned(), content.clone());
         Ok(content)
     }
 
@@ -185,13 +191,12 @@ fn is_same_content(one: &Path, other: &Path) -> io::Result<bool> {
 }
 
 fn read_map(file: &Path, scenario: &Scenario) -> io::Result<Content> {
-    let bytes = input_file::read(file, MAP_BYTES_MAX)?;
-    let hash = blake3::hash(&bytes);
-    let import = ImportSpec { options: scenario.map.import, ..ImportSpec::new(file.display().to_string(), bytes) };
+    let import = ImportSpec { options: scenario.map.import, ..map_file::load(file)? };
+    let (hash, companion) = (blake3::hash(&import.bytes), import.names());
     // What is no map fails when it is run, with the reason.
     let extent = ImportSpec { cell_m: scenario.map.cell_m, ..import }.read().map(|map| map.terrain.extent().size());
     let cells = extent.map_or(1, |size| size.into_iter().map(u64::from).product());
-    Ok(Content { hash, cells })
+    Ok(Content { hash, cells, companion })
 }
 
 fn read_any(file: &Path) -> io::Result<Content> {
@@ -201,7 +206,7 @@ fn read_any(file: &Path) -> io::Result<Content> {
     }
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(&mut reader)?;
-    Ok(Content { hash: hasher.finalize(), cells: 1 })
+    Ok(Content { hash: hasher.finalize(), cells: 1, companion: None })
 }
 
 #[cfg(test)]
