@@ -77,7 +77,7 @@ mod serve {
             decision_times: None,
             settings: cli.set,
             instance: getrandom::u64()?,
-            credentials: Some(Credentials { secret, nonce }),
+            credentials: Some(Credentials { secret, nonce, starts: guard.starts() }),
         };
         let ended = host::run(&mut transport, &options, &stop);
         guard.shutting_down();
