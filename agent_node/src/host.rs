@@ -396,7 +396,8 @@ impl<'a> Host<'a> {
 
     fn handle_reply(&mut self, reply: JoinReply) -> Result<(), RunError> {
         let agent = AgentId(reply.agent);
-        let is_first = self.agents.keys().next() == Some(&agent);
+        // The others need not wait for the next repetition once this one is decided.
+        let leads_others = self.agents.len() > 1 && self.agents.keys().next() == Some(&agent);
         let Some(hosted) = self.agents.get_mut(&agent).filter(|_| reply.instance == self.instance) else {
             return Ok(());
         };
@@ -410,7 +411,7 @@ impl<'a> Host<'a> {
         };
         if reply.code == JoinReply::HELD {
             let is_new = !std::mem::replace(&mut hosted.is_held, true);
-            if is_first && is_new {
+            if leads_others && is_new {
                 self.joined_last = None;
             }
             return Ok(());
@@ -425,8 +426,7 @@ impl<'a> Host<'a> {
         self.unproven = None;
         if !std::mem::replace(&mut hosted.is_accepted, true) {
             hosted.key = key;
-            if is_first {
-                // The others need not wait for the next repetition.
+            if leads_others {
                 self.joined_last = None;
             }
             self.transport.log(agent, Level::Info, &format!("takes part with {}", self.label));
