@@ -1,5 +1,5 @@
 //! Foreign crates: licences, duplicate versions and sources by the rules of `deny.toml`, and one
-//! set of features everywhere.
+//! set of features everywhere. Foreign packages of the page: licences, sources, and no scripts.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,6 +9,12 @@ use crate::support::root;
 /// Members whose own features a build of the workspace enables, so that building them alone builds
 /// them again; and this one.
 const WITHOUT_UNIFIED_FEATURES: [&str; 2] = ["fuzz", "workspace_features"];
+
+/// Licences of packages that the page ships, beside those of `deny.toml`.
+const PAGE_LICENCES: [&str; 1] = ["0BSD"];
+
+/// Licences of packages that only build and test the page, beside these.
+const TOOL_LICENCES: [&str; 3] = ["BlueOak-1.0.0", "ISC", "MPL-2.0"];
 
 /// The foreign crates of `cargo tree` with these arguments: name, version, and `field`.
 fn tree(arguments: &[&str], field: &str) -> BTreeSet<(String, String, String)> {
@@ -111,6 +117,31 @@ fn sources_are_crates_io() {
     }
     assert_eq!(sources.len(), 1, "one registry: {sources:?}");
     assert!(foreign > 100, "{foreign} foreign crates");
+}
+
+/// What `npm ci` installs for the page. `npm audit` asks a service for advisories, which not every
+/// network reaches; this needs the lock file alone.
+#[test]
+fn packages_of_the_page_are_locked() {
+    let lock = std::fs::read_to_string(root().join("viewer/package-lock.json")).expect("there is a lock file");
+    let lock: serde_json::Value = serde_json::from_str(&lock).expect("a lock file is JSON");
+    let packages = lock["packages"].as_object().expect("packages by their folder");
+    let mut shipped = texts(&rules(), "licenses", "allow");
+    shipped.extend(PAGE_LICENCES.map(str::to_owned));
+    let tools: BTreeSet<String> = shipped.iter().cloned().chain(TOOL_LICENCES.map(str::to_owned)).collect();
+    let foreign: Vec<_> = packages.iter().filter(|(folder, _)| !folder.is_empty()).collect();
+    for (folder, package) in &foreign {
+        let text = |key: &str| package[key].as_str().unwrap_or_default();
+        assert!(text("integrity").starts_with("sha512-"), "{folder} has a strong hash: {:?}", text("integrity"));
+        let resolved = text("resolved");
+        let is_of_registry = resolved.is_empty() || resolved.starts_with("https://registry.npmjs.org/");
+        assert!(is_of_registry && package.get("link").is_none(), "{folder} comes from {resolved}");
+        assert!(package.get("hasInstallScript").is_none(), "{folder} runs a script when it is installed");
+        assert!(package.get("deprecated").is_none(), "{folder} is deprecated: {}", text("deprecated"));
+        let allowed = if package["dev"] == true { &tools } else { &shipped };
+        assert!(is_allowed(text("license"), allowed), "{folder}: {:?}; allowed are {allowed:?}", text("license"));
+    }
+    assert!(foreign.len() > 50, "{} foreign packages", foreign.len());
 }
 
 /// So that `cargo test -p CRATE` compiles no foreign crate again after a build of the workspace.

@@ -114,7 +114,7 @@ fn played(secret: Option<JoinSecret>, link: fn(ServerEnd) -> Box<dyn Transport>)
     play.server_link = link;
     play.with(move |mut end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
         let nonce = [ids[0].0 as u8 + 1; 32];
-        let credentials = Some(Credentials { secret: secret.clone(), nonce });
+        let credentials = Some(Credentials { secret: secret.clone(), nonce, starts: 1 });
         let options = Options { credentials, ..honest(u64::from(ids[0].0) + 10, ids) };
         agent_node::host::run(&mut end, &options, is_over).expect("honest agents are welcome");
     })
@@ -175,7 +175,7 @@ fn joins_without_the_secret_are_refused() {
 /// A command of an earlier run, with the number of the present one.
 #[test]
 fn keys_are_renewed_by_each_join() {
-    let join = SignedJoin { join: Join { run: 7, ..Join::default() }, nonce: [1; 32], proof: NONE };
+    let join = SignedJoin { join: Join { run: 7, ..Join::default() }, nonce: [1; 32], proof: NONE, starts: 1 };
     let source = SourceId([3; 16]).0;
     let context = JoinContext { announcement: &NONE, source: &source, join: &join };
     let later = SignedJoin { nonce: [2; 32], ..join.clone() };

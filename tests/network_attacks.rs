@@ -70,8 +70,8 @@ impl Waiting {
     }
 }
 
-/// Whether the programs under test have the fixes that this test is about.
-fn has_fixes() -> bool {
+/// Whether the programs under test have the fixes that a test is about.
+pub(crate) fn has_fixes() -> bool {
     let has_fixes = ros_node::has_dds_fixes();
     if !has_fixes {
         eprintln!("NOT TESTED: this build has the published DDS library; launch_scripts/patched_rustdds.sh patches it");

@@ -31,9 +31,15 @@ fn a_stalled_start_is_begun_again_and_the_run_is_the_same() {
         "agent_node --id 0 --stalled-starts 2 2>stalled.log & agent_node --id 1 & exec sim_server \"$@\"",
         "bash",
     ]);
-    script.args(["run", text(&scenario), "--record", text(&file)]).env("MAES_START_LIMIT_S", "1");
+    let summary = site.path("summary.json");
+    script
+        .args(["run", text(&scenario), "--record", text(&file), "--summary", text(&summary)])
+        .env("MAES_START_LIMIT_S", "1");
     let path = format!("{}:{}", crate::support::binaries::folder().display(), std::env::var("PATH").unwrap());
-    site.start(script.env("PATH", path)).ended().with_code(0);
+    let ended = site.start(script.env("PATH", path)).ended().with_code(0);
+    assert!(ended.stderr.contains("the process of agent 0 has stalled at its start, and began again (2x)"), "{ended}");
+    let summary = sim_server::summary::Summary::read(&summary).expect("there is a summary");
+    assert_eq!(summary.restarted_processes, 1);
     let said = std::fs::read_to_string(site.path("stalled.log")).unwrap();
     assert!(said.contains("start 2 of 5") && said.contains("start 3 of 5"), "{said}");
     let undisturbed = site.record_with(site.command(crate::support::binaries::folder().join("maes")).args([

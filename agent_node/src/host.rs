@@ -9,6 +9,11 @@
 //! the process ends. So a busy or slow server is waited for, and a killed one is not waited for
 //! indefinitely. Messages of other runs are ignored, except that the server of this run announces a
 //! reset: then the agents are reset, too, with unexplored maps.
+//!
+//! **Joining as one.** A process joins as its lowest agent first, and as the others once that one
+//! is accepted, or held by a process that may have to be replaced. So of two processes with the
+//! same agents one gets all of them: if each got some, each would be refused for the rest and end,
+//! and the ids would be held by nobody.
 
 mod authentication;
 mod map_publisher;
@@ -19,7 +24,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use msgs::ids::AgentId;
-use msgs::limits::{OVERTAKEN, PROTOCOL};
+use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation as Part, Scenario, SignedCommand, SignedObservation};
 use msgs::signing::{Bytes, NONE, SessionKey, is_equal};
 use thiserror::Error;
@@ -267,6 +272,8 @@ struct Host<'a> {
 struct HostedAgent {
     agent: Agent,
     is_accepted: bool,
+    /// Whether another process holds its id, and may be replaced by this one.
+    is_held: bool,
     /// `None`: messages are not signed.
     key: Option<SessionKey>,
     published: PublishedMap,
@@ -303,7 +310,7 @@ impl<'a> Host<'a> {
             let times = options.decision_times.clone();
             let successors = controllers::successors(options.registry, id, follows_scenario, times);
             let agent = Agent::new(id, run_info.clone(), controller).with_successors(successors);
-            agents.insert(id, HostedAgent { agent, is_accepted: false, key: None, published });
+            agents.insert(id, HostedAgent { agent, is_accepted: false, is_held: false, key: None, published });
             transport.declare_parameters(id, parameters::of_controller(name, &resolved));
         }
         let Options { instance, chaos_delay, server_timeout, .. } = *options;
@@ -340,8 +347,10 @@ impl<'a> Host<'a> {
         self.check_server_silence()
     }
 
-    /// Repeats joins until all agents are accepted; after that, probes a silent server.
+    /// Repeats joins until all agents are accepted, the lowest one first; after that, probes a
+    /// silent server.
     fn join(&mut self) {
+        let is_first_decided = self.agents.values().next().is_some_and(|hosted| hosted.is_accepted || hosted.is_held);
         let is_joining = self.agents.values().any(|hosted| !hosted.is_accepted);
         let is_server_silent = self.silence >= PROBE_PERIOD || self.other_run.is_some();
         let now = self.transport.now();
@@ -349,7 +358,9 @@ impl<'a> Host<'a> {
         if !(is_joining || is_server_silent) || self.joined_last.is_some_and(|last| now.duration_since(last) < period) {
             return;
         }
-        for (id, hosted) in self.agents.iter().filter(|(_, hosted)| !(is_joining && hosted.is_accepted)) {
+        let addressed = if is_first_decided { self.agents.len() } else { 1 };
+        for (id, hosted) in self.agents.iter().take(addressed).filter(|(_, hosted)| !(is_joining && hosted.is_accepted))
+        {
             let last_tick = hosted.agent.last_tick().map_or(Join::NONE, |tick| tick.0);
             let join = join(self.run, *id, self.instance, &self.label, last_tick);
             self.transport.send_signed_join(&self.authentication.join(join, self.transport.source()));
@@ -406,6 +417,8 @@ impl<'a> Host<'a> {
 
     fn handle_reply(&mut self, reply: JoinReply) -> Result<(), RunError> {
         let agent = AgentId(reply.agent);
+        // The others need not wait for the next repetition once this one is decided.
+        let leads_others = self.agents.len() > 1 && self.agents.keys().next() == Some(&agent);
         let Some(hosted) = self.agents.get_mut(&agent).filter(|_| reply.instance == self.instance) else {
             return Ok(());
         };
@@ -417,18 +430,26 @@ impl<'a> Host<'a> {
             self.unproven.get_or_insert(unproven);
             return Ok(());
         };
+        if reply.code == JoinReply::HELD {
+            let is_new = !std::mem::replace(&mut hosted.is_held, true);
+            if leads_others && is_new {
+                self.joined_last = None;
+            }
+            return Ok(());
+        }
         if !reply.accepted {
-            let reason = reply.reason;
-            let is_overtaken = reason.starts_with(OVERTAKEN);
-            return Err(if is_overtaken {
-                RunError::Overtaken { agent, reason }
-            } else {
-                RunError::Refused { agent, reason }
+            let JoinReply { code, reason, .. } = reply;
+            return Err(match code {
+                JoinReply::OVERTAKEN => RunError::Overtaken { agent, reason },
+                _ => RunError::Refused { agent, reason },
             });
         }
         self.unproven = None;
         if !std::mem::replace(&mut hosted.is_accepted, true) {
             hosted.key = key;
+            if leads_others {
+                self.joined_last = None;
+            }
             self.transport.log(agent, Level::Info, &format!("takes part with {}", self.label));
         }
         Ok(())

@@ -104,7 +104,7 @@ mod serve {
         }
         let mut transport = RosTransport::new(cli.agents(), cli.has_parameters(), &env)?;
         guard.started();
-        let credentials = Some(Credentials { secret, nonce });
+        let credentials = Some(Credentials { secret, nonce, starts: guard.starts() });
         let options = Options { credentials, ..cli.options(registry, getrandom::u64()?) };
         let ended = host::run(&mut transport, &options, &stop);
         guard.shutting_down();

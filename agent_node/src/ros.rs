@@ -125,7 +125,7 @@ impl RosTransport {
 
 impl ServerTransport for RosTransport {
     fn send_join(&mut self, join: &Join) {
-        self.send_signed_join(&SignedJoin { join: join.clone(), nonce: NONE, proof: NONE });
+        self.send_signed_join(&SignedJoin { join: join.clone(), ..SignedJoin::default() });
     }
 
     fn send_command(&mut self, command: &Command) {

@@ -29,7 +29,7 @@ from maes_msgs.msg import (
 )
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-PROTOCOL = 4
+PROTOCOL = 5
 RELIABLE = QoSProfile(depth=16)
 LATCHED = QoSProfile(depth=256, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -92,6 +92,8 @@ class Agent:
 
     def on_reply(self, reply):
         if (reply.run, reply.agent, reply.instance) == (self.run, self.number, self.instance):
+            if reply.code == JoinReply.HELD:
+                return  # by a process that may have to be replaced: the join is repeated
             if not reply.accepted:
                 sys.exit(f"refused: {reply.reason}")
             self.is_accepted = True

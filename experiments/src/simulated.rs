@@ -135,12 +135,15 @@ pub fn again(seed: u64) -> String {
 /// Simulates one seed, if wanted with a broken promise, and with the log of its events.
 #[must_use]
 pub fn of_seed(seed: u64, mutation: Option<Mutation>, keeps_log: bool) -> SeedReport {
+    match scenarios::of_seed(seed) {
+        Ok(scenario) => execute(Cluster::new(seed, &scenario, mutation, keeps_log), &scenario),
+        Err(error) => SeedReport { verdict: Err(error.to_string()), counts: Counts::default(), log: Vec::new() },
+    }
+}
+
+/// Executes the processes of a run, and compares it with the undisturbed one.
+fn execute(mut cluster: Cluster<'_>, scenario: &Scenario) -> SeedReport {
     let mut report = SeedReport { verdict: Err(String::new()), counts: Counts::default(), log: Vec::new() };
-    let scenario = match scenarios::of_seed(seed) {
-        Ok(scenario) => scenario,
-        Err(error) => return SeedReport { verdict: Err(error.to_string()), ..report },
-    };
-    let mut cluster = Cluster::new(seed, &scenario, mutation, keeps_log);
     let found = catch_unwind(AssertUnwindSafe(|| cluster.run()));
     {
         let mut network = cluster.network.borrow_mut();
@@ -148,7 +151,7 @@ pub fn of_seed(seed: u64, mutation: Option<Mutation>, keeps_log: bool) -> SeedRe
         report.log = network.take_log();
     }
     report.verdict = match found {
-        Ok(found) => found.and_then(|found| compare(&undisturbed(&scenario)?, found)),
+        Ok(found) => found.and_then(|found| compare(&undisturbed(scenario)?, found)),
         Err(panic) => Err(format!("a panic: {}", panic_text(&*panic))),
     };
     if let Ok(Equivalence::ExceptRefusals(refused)) = report.verdict {

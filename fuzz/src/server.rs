@@ -4,6 +4,9 @@
 //! reply; or it is foreign. Every message of a foreign sender is refused, counted and without
 //! effect. With a hostile member, the run is that of the replies which the server has to accept,
 //! and of no other message.
+//!
+//! Or all messages are signed, under a join secret, and the hostile sender uses the source of agent
+//! 1 without its key: whatever it repeats or forges is refused, and the run is the undisturbed one.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::OnceLock;
@@ -14,8 +17,11 @@ use arbitrary::Unstructured;
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{OBSERVATION_BYTES_MAX, PROTOCOL};
-use msgs::maes_msgs::{self, Command, Join, JoinReply, Observation, Parcel, Task, Wake};
-use sim_server::session::{RunConfig, RunObserver};
+use msgs::maes_msgs::{
+    self, Command, Join, JoinReply, Observation, Parcel, SignedCommand, SignedJoin, SignedObservation, Task, Wake,
+};
+use msgs::signing::{self, Bytes, JoinContext, JoinSecret, NONE, SessionKey};
+use sim_server::session::{JoinPolicy, RunConfig, RunObserver};
 use sim_server::setup;
 use sim_server::transport::{AgentTransport, ControlInput, Inbound, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
@@ -47,21 +53,30 @@ const NOTES_MAX: usize = 60;
 /// Executes a run with hostile messages and the run that it must equal.
 pub(crate) fn run(bytes: &[u8]) {
     let mut data = Unstructured::new(bytes);
-    let is_member = data.arbitrary().unwrap_or(false);
-    let mut script = Script::new(Some(data), if is_member { MEMBERS[1].0 } else { FOREIGN }, BTreeMap::new());
+    let mode = data.arbitrary::<u8>().unwrap_or(0);
+    let (is_member, is_signed) = (mode & 1 == 1, mode & 2 == 2);
+    let mut script = Script::new(Some(data), if is_member || is_signed { MEMBERS[1].0 } else { FOREIGN });
+    script.signing = is_signed.then(Signing::new);
     let (result, notes) = script.play();
     assert!(notes <= NOTES_MAX, "{notes} notes");
     let refused: u64 = refusals(&result).map(|counter| counter.value).sum();
-    if is_member {
-        let mut honest = Script::new(None, FOREIGN, script.taken);
+    if is_signed {
+        assert_eq!(refused, script.forged, "each forged message is refused");
+        assert_eq!(without_refusals(result), without_refusals(undisturbed().clone()));
+    } else if is_member {
+        let mut honest = Script { instead: script.taken, ..Script::new(None, FOREIGN) };
         let (expected, _) = honest.play();
         assert_eq!(without_refusals(result), without_refusals(expected));
     } else {
-        static HONEST: OnceLock<maes_msgs::Result> = OnceLock::new();
-        let honest = HONEST.get_or_init(|| Script::new(None, FOREIGN, BTreeMap::new()).play().0);
         assert_eq!(refused, script.foreign, "each message of a foreign sender is refused");
-        assert_eq!(without_refusals(result), without_refusals(honest.clone()));
+        assert_eq!(without_refusals(result), without_refusals(undisturbed().clone()));
     }
+}
+
+/// The result of the run without hostile messages.
+fn undisturbed() -> &'static maes_msgs::Result {
+    static RESULT: OnceLock<maes_msgs::Result> = OnceLock::new();
+    RESULT.get_or_init(|| Script::new(None, FOREIGN).play().0)
 }
 
 fn refusals(result: &maes_msgs::Result) -> impl Iterator<Item = &maes_msgs::Counter> {
@@ -73,6 +88,88 @@ fn without_refusals(mut result: maes_msgs::Result) -> maes_msgs::Result {
     result
 }
 
+/// What the members of a signed run know.
+struct Signing {
+    secret: JoinSecret,
+    announcement: Bytes,
+    joins: Vec<SignedJoin>,
+    keys: [Option<SessionKey>; AGENTS as usize],
+    /// The codes that were sent last, by agent: everybody can read them.
+    macs: [Bytes; AGENTS as usize],
+}
+
+impl Signing {
+    fn new() -> Self {
+        let secret = JoinSecret::new(b"the join secret of the target").expect("long enough");
+        Self { secret, announcement: NONE, joins: Vec::new(), keys: [None, None], macs: [NONE; AGENTS as usize] }
+    }
+
+    fn context<'a>(&'a self, agent: usize, join: &'a SignedJoin) -> JoinContext<'a> {
+        JoinContext { announcement: &self.announcement, source: &MEMBERS[agent].0.0, join }
+    }
+
+    /// The join of a member, which proves the secret.
+    fn join(&mut self, agent: usize, join: Join) -> Inbound {
+        let mut signed = SignedJoin { join, nonce: [7; 32], proof: NONE, starts: 1 };
+        signed.proof = self.secret.prove_join(self.context(agent, &signed));
+        self.joins.push(signed.clone());
+        Inbound::SignedJoin(signed)
+    }
+
+    /// Derives the key of a member, if the reply is for it and proven.
+    fn take_reply(&mut self, reply: &JoinReply) {
+        let agent = reply.agent as usize;
+        let Some(join) = self.joins.get(agent) else { return };
+        let context = self.context(agent, join);
+        if reply.proof == self.secret.prove_reply(context, reply) {
+            assert!(reply.accepted, "agent {agent} hears a refusal that it believes: {}", reply.reason);
+            self.keys[agent] = Some(self.secret.session_key(context, &reply.nonce));
+        }
+    }
+
+    /// The command of a member.
+    fn command(&mut self, command: Command) -> Inbound {
+        let agent = command.agent as usize;
+        let mac = self.keys[agent].as_ref().map_or(NONE, |key| key.of_command(&command));
+        self.macs[agent] = mac;
+        Inbound::SignedCommand(SignedCommand { command, mac })
+    }
+
+    /// A hostile message with a signature of the sender's making: none, a wrong one, or one that
+    /// was heard.
+    fn forged(&self, data: &mut Unstructured<'_>, message: Inbound) -> arbitrary::Result<Inbound> {
+        let choice = data.int_in_range(0..=2)?;
+        let bytes = |heard: Bytes, data: &mut Unstructured<'_>| match choice {
+            0 => Ok(NONE),
+            1 => data.arbitrary(),
+            _ => Ok(heard),
+        };
+        Ok(match message {
+            Inbound::Join(join) => {
+                let heard = self.joins.get(join.agent as usize).cloned().unwrap_or_default();
+                let (nonce, proof) = (bytes(heard.nonce, data)?, bytes(heard.proof, data)?);
+                Inbound::SignedJoin(SignedJoin { join, nonce, proof, starts: data.arbitrary()? })
+            }
+            Inbound::Command(command) => {
+                let heard = self.macs.get(command.agent as usize).copied().unwrap_or(NONE);
+                let mac = bytes(heard, data)?;
+                Inbound::SignedCommand(SignedCommand { command, mac })
+            }
+            other => other,
+        })
+    }
+
+    /// Whether a hostile message is one of a member that was heard, and that may come twice.
+    fn is_repeated_join(&self, message: &Inbound) -> bool {
+        let without_tick = |signed: &SignedJoin| {
+            let join = Join { last_tick: Join::NONE, ..signed.join.clone() };
+            SignedJoin { join, ..signed.clone() }
+        };
+        matches!(message, Inbound::SignedJoin(join)
+            if self.joins.iter().any(|heard| without_tick(heard) == without_tick(join)))
+    }
+}
+
 /// The link of a run, on which every message arrives at once.
 struct Script<'a> {
     /// The bytes of hostile messages; `None`: there are none.
@@ -80,7 +177,8 @@ struct Script<'a> {
     hostile: SourceId,
     /// Replies of agent 1 in place of the script's, by tick.
     instead: BTreeMap<u64, Command>,
-    said: VecDeque<Incoming>,
+    /// Each with whether it is a hostile one that has to be refused.
+    said: VecDeque<(Incoming, bool)>,
     run: u64,
     tick: u64,
     /// Agents with a request in this tick, and its phase.
@@ -90,14 +188,18 @@ struct Script<'a> {
     taken: BTreeMap<u64, Command>,
     /// Messages of a foreign sender that the server has received.
     foreign: u64,
+    /// `None`: nothing is signed.
+    signing: Option<Signing>,
+    /// Hostile messages of a signed run that the server has received and has to refuse.
+    forged: u64,
 }
 
 impl<'a> Script<'a> {
-    fn new(data: Option<Unstructured<'a>>, hostile: SourceId, instead: BTreeMap<u64, Command>) -> Self {
+    fn new(data: Option<Unstructured<'a>>, hostile: SourceId) -> Self {
         Self {
             data,
             hostile,
-            instead,
+            instead: BTreeMap::new(),
             said: VecDeque::new(),
             run: 0,
             tick: 0,
@@ -105,6 +207,8 @@ impl<'a> Script<'a> {
             phase: Observation::RUNNING,
             taken: BTreeMap::new(),
             foreign: 0,
+            signing: None,
+            forged: 0,
         }
     }
 
@@ -113,7 +217,9 @@ impl<'a> Script<'a> {
         let scenario = Scenario::parse("run", SCENARIO, &[]).expect("a legal scenario");
         let (world, _) = setup::build(&scenario).expect("there is such a world");
         let mut notes = Notes(0);
+        let secret = self.signing.as_ref().map(|signing| signing.secret.clone());
         let config = RunConfig::live(&scenario).expect("the system has random numbers");
+        let config = config.with_policy(JoinPolicy { secret, external: BTreeSet::new() });
         let outcome = sim_server::session::run(config, world, self, None, &mut notes, &AtomicBool::new(false));
         let outcome = outcome.unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(Tick(outcome.result.tick), scenario.duration_ticks());
@@ -122,7 +228,7 @@ impl<'a> Script<'a> {
 
     fn say(&mut self, agent: usize, message: Inbound) {
         let topic_agent = AgentId::from_index(agent);
-        self.said.push_back(Incoming { topic_agent, source: MEMBERS[agent].0, message });
+        self.said.push_back((Incoming { topic_agent, source: MEMBERS[agent].0, message }, false));
     }
 
     fn send_hostile(&mut self) {
@@ -135,7 +241,16 @@ impl<'a> Script<'a> {
                 return;
             }
             if let Ok((topic, message)) = hostile_messages::message(data, &known) {
-                self.said.push_back(Incoming { topic_agent: AgentId(topic), source: self.hostile, message });
+                let (message, is_forged) = match &self.signing {
+                    Some(signing) => {
+                        let Ok(message) = signing.forged(data, message) else { return };
+                        let is_repeated = signing.is_repeated_join(&message);
+                        (message, !is_repeated)
+                    }
+                    None => (message, false),
+                };
+                let incoming = Incoming { topic_agent: AgentId(topic), source: self.hostile, message };
+                self.said.push_back((incoming, is_forged));
             }
         }
     }
@@ -183,16 +298,30 @@ impl<'a> Script<'a> {
 impl AgentTransport for Script<'_> {
     fn announce(&mut self, scenario: &maes_msgs::Scenario) {
         self.run = scenario.run;
+        if let Some(signing) = &mut self.signing {
+            signing.announcement = signing::announcement(scenario);
+        }
         for (agent, (_, instance)) in MEMBERS.into_iter().enumerate() {
             let controller = "script".to_owned();
             let (run, last_tick) = (self.run, Join::NONE);
             let agent_id = AgentId::from_index(agent).0;
             let join = Join { run, agent: agent_id, instance, protocol: PROTOCOL, controller, last_tick };
-            self.say(agent, Inbound::Join(join));
+            let message = match &mut self.signing {
+                Some(signing) => signing.join(agent, join),
+                None => Inbound::Join(join),
+            };
+            self.say(agent, message);
         }
     }
 
+    fn is_open(&self) -> bool {
+        self.signing.is_some()
+    }
+
     fn reply_join(&mut self, reply: &JoinReply) {
+        if let Some(signing) = &mut self.signing {
+            signing.take_reply(reply);
+        }
         let is_meant = |(source, instance): &(SourceId, u64)| *instance == reply.instance && *source != self.hostile;
         let honest_is_meant = MEMBERS.get(reply.agent as usize).is_some_and(is_meant);
         assert!(reply.accepted || !honest_is_meant, "agent {} receives a refusal: {}", reply.agent, reply.reason);
@@ -207,13 +336,26 @@ impl AgentTransport for Script<'_> {
         // Resent requests come on a busy machine only.
         if part.part + 1 == part.parts && self.asked.insert(agent.0) {
             self.send_hostile();
-            self.say(agent.index(), Inbound::Command(self.reply(agent.0)));
+            let reply = self.reply(agent.0);
+            let reply = match &mut self.signing {
+                Some(signing) => signing.command(reply),
+                None => Inbound::Command(reply),
+            };
+            self.say(agent.index(), reply);
             self.send_hostile();
         }
     }
 
+    fn send_signed(&mut self, agent: AgentId, signed: &SignedObservation) {
+        if let Some(key) = self.signing.as_ref().and_then(|signing| signing.keys[agent.index()].as_ref()) {
+            assert_eq!(signed.mac, key.of_observation(&signed.observation), "each observation is signed");
+        }
+        self.send(agent, &signed.observation);
+    }
+
     fn receive(&mut self, _timeout: Duration) -> Option<Incoming> {
-        let incoming = self.said.pop_front()?;
+        let (incoming, is_forged) = self.said.pop_front()?;
+        self.forged += u64::from(is_forged);
         self.keep(&incoming);
         self.foreign += u64::from(incoming.source == FOREIGN);
         Some(incoming)

@@ -5,14 +5,10 @@
 //! checks nothing; the receiver of a message does.
 
 /// Version of the protocol. Another one is not understood, and a join that names it is refused.
-pub const PROTOCOL: u32 = 4;
+pub const PROTOCOL: u32 = 5;
 
-/// How the reason of a refusal begins if the process has lost its place in the observation log and
-/// is to be started again.
-pub const OVERTAKEN: &str = "a later observation has overtaken";
-
-/// Version of the recorded messages. Version 4 of the protocol has added signatures, which are not
-/// recorded, so that the recorded bytes are those of version 3.
+/// Version of the recorded messages. Version 4 of the protocol has added signatures, and version 5
+/// codes of refusals, which are not recorded, so that the recorded bytes are those of version 3.
 pub const RECORDED_PROTOCOL: u32 = 3;
 
 /// Longest CDR encoding of one part of an observation, bytes.

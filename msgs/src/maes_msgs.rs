@@ -170,7 +170,9 @@ pub struct JoinReply {
     pub instance: u64,
     /// Whether the agent takes part.
     pub accepted: bool,
-    /// Why not; empty if accepted.
+    /// Why not: one of the constants.
+    pub code: u8,
+    /// Why not, for people; empty if accepted.
     pub reason: String,
     /// With a join secret: random, drawn by the server for this process; otherwise zeros.
     pub nonce: [u8; 32],
@@ -180,6 +182,28 @@ pub struct JoinReply {
     /// With a join secret: keyed BLAKE3 of this reply ([`signing`](crate::signing)); otherwise
     /// zeros.
     pub proof: [u8; 32],
+}
+
+impl JoinReply {
+    /// `code`: the join is accepted.
+    pub const NONE: u8 = 0;
+    /// `code`: for a reason without a code of its own.
+    pub const REFUSED: u8 = 1;
+    /// `code`: the run does not have the id.
+    pub const NOT_IN_RUN: u8 = 2;
+    /// `code`: another process holds the id.
+    pub const ID_TAKEN: u8 = 3;
+    /// `code`: the process speaks another version of the protocol.
+    pub const WRONG_PROTOCOL: u8 = 4;
+    /// `code`: the process that is replaced ran another controller.
+    pub const OTHER_CONTROLLER: u8 = 5;
+    /// `code`: no proof of the join secret, or the process does not sign.
+    pub const UNPROVEN: u8 = 6;
+    /// `code`: no refusal. Another process holds the id, and is replaced if it does not answer; the
+    /// join is to be repeated.
+    pub const HELD: u8 = 7;
+    /// `code`: a late observation has overtaken earlier ones; the process is to be started again.
+    pub const OVERTAKEN: u8 = 8;
 }
 
 /// What the LiDAR of an agent can do.
@@ -471,6 +495,9 @@ pub struct SignedJoin {
     /// See [`JoinSecret::prove_join`](crate::signing::JoinSecret::prove_join); zeros without a
     /// secret.
     pub proof: [u8; 32],
+    /// Starts of the process: more than 1 if its start stalled and it has begun again by itself;
+    /// 0: not known.
+    pub starts: u32,
 }
 
 /// A fragment of an observation as it is sent: with the message authentication code of the server.

@@ -176,7 +176,8 @@ mod tests {
 
     #[test]
     fn proofs_and_keys_are_bound_to_everything_that_was_said() {
-        let join = SignedJoin { join: Join { run: 7, agent: 1, ..Join::default() }, nonce: [1; 32], proof: NONE };
+        let join =
+            SignedJoin { join: Join { run: 7, agent: 1, ..Join::default() }, nonce: [1; 32], proof: NONE, starts: 1 };
         let (ours, source) = (announcement(&Scenario { run: 7, ..Scenario::default() }), [3; 16]);
         let context = JoinContext { announcement: &ours, source: &source, join: &join };
         let values = |secret: &JoinSecret, context: JoinContext<'_>| {
@@ -194,12 +195,14 @@ mod tests {
         assert_eq!(proof, first[0]);
         assert!(reply != first[1] && key != first[2]);
         let other_join = SignedJoin { nonce: [8; 32], ..join.clone() };
+        let other_start = SignedJoin { starts: 2, ..join.clone() };
         let other_run = SignedJoin { join: Join { run: 8, ..join.join.clone() }, ..join.clone() };
         let others = [
             values(&JoinSecret::new(b"another secret of the test").unwrap(), context),
             values(&secret(), JoinContext { announcement: &[0; 32], ..context }),
             values(&secret(), JoinContext { source: &[4; 16], ..context }),
             values(&secret(), JoinContext { join: &other_join, ..context }),
+            values(&secret(), JoinContext { join: &other_start, ..context }),
             values(&secret(), JoinContext { join: &other_run, ..context }),
         ];
         for other in others {

@@ -1,8 +1,10 @@
-//! Exit of a process that is continued after it was suspended (SIGSTOP, or Ctrl-Z).
+//! Exit of a process that is continued after it was suspended (SIGSTOP, or Ctrl-Z), in a build with
+//! the published DDS library.
 //!
-//! The middleware's threads wait in a system call that SIGCONT interrupts, whatever handles the
+//! The threads of that library wait in a system call that SIGCONT interrupts, whatever handles the
 //! signal, and they end at that: the process would receive nothing from then on, or never finish
-//! joining. So it exits with an error message.
+//! joining. So it exits with an error message. With the fixes of `contrib/rustdds` (patch 0002) they
+//! go on, and nothing is done here.
 
 use std::io;
 use std::process;
@@ -14,12 +16,15 @@ use signal_hook::iterator::Signals;
 /// Exit code of a system failure.
 const FAILED: i32 = 1;
 
-/// Exits this process with code 1 when it is continued after a suspension. Call it before joining
-/// the network.
+/// Exits this process with code 1 when it is continued after a suspension, unless the DDS library
+/// survives that. Call it before joining the network.
 ///
 /// # Errors
 /// If the signal handler cannot be installed.
 pub fn exit_on_continue() -> io::Result<()> {
+    if crate::has_dds_fixes() {
+        return Ok(());
+    }
     let mut signals = Signals::new([SIGCONT])?;
     thread::spawn(move || {
         if signals.forever().next().is_some() {

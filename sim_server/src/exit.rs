@@ -29,6 +29,13 @@ pub fn of_outcome(outcome: &Outcome) -> ExitCode {
     }
 }
 
+/// Exit code of a run that its memory limit has ended: a failure, and another error keeps its code.
+#[must_use]
+pub fn after_memory_limit(code: ExitCode) -> ExitCode {
+    let hides_nothing = [ExitCode::SUCCESS, ExitCode::from(BY_SIGNAL)].contains(&code);
+    if hides_nothing { ExitCode::from(FAILED) } else { code }
+}
+
 /// Exit code of a recording that does not verify or cannot be checked.
 #[must_use]
 pub fn of_verify_error(error: &VerifyError) -> ExitCode {
@@ -67,4 +74,19 @@ pub fn of_error(error: &RunError) -> ExitCode {
         | RunError::Reset(_)
         | RunError::Threads(_) => FAILED,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_memory_limit_hides_no_other_error() {
+        for code in [ExitCode::SUCCESS, ExitCode::from(BY_SIGNAL)] {
+            assert_eq!(after_memory_limit(code), ExitCode::from(FAILED));
+        }
+        for code in [BAD_INPUT, AGENTS_MISSING, AGENTS_LOST] {
+            assert_eq!(after_memory_limit(ExitCode::from(code)), ExitCode::from(code));
+        }
+    }
 }

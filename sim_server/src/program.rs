@@ -173,7 +173,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
             let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log);
             tell_address(viewing.as_ref(), &mut terminal);
             let ended = job.carry_out(begun, playback, &mut terminal, &stop, || guard.shutting_down());
-            if guard.memory_exceeded() { Ok(ExitCode::from(exit::FAILED)) } else { ended }
+            ended.map(|code| if guard.memory_exceeded() { exit::after_memory_limit(code) } else { code })
         }
         Err(error) => failed(&error),
     }
@@ -257,7 +257,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
         code = job.carry_out(begun, None, &mut terminal, &stop, || ())?;
     }
     guard.shutting_down();
-    Ok(if guard.memory_exceeded() { ExitCode::from(exit::FAILED) } else { code })
+    Ok(if guard.memory_exceeded() { exit::after_memory_limit(code) } else { code })
 }
 
 /// The folder of the project's scenarios, if this is a build of the workspace.

@@ -88,6 +88,9 @@ pub struct Outcome {
     pub digest: Digest,
     /// Wall time of the ticks, without admission.
     pub wall: Duration,
+    /// Agent processes that have started themselves again because their start stalled. It depends
+    /// on the machine, so that it is no part of the result.
+    pub restarted: usize,
 }
 
 /// An observer of the progress of a run: a progress bar, a log.

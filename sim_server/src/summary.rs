@@ -20,6 +20,9 @@ pub struct Summary {
     pub tick: u64,
     /// Wall time between the first tick and the last, seconds.
     pub wall_s: f64,
+    /// Agent processes that have started themselves again because their start stalled.
+    #[serde(default)]
+    pub restarted_processes: usize,
 }
 
 impl Summary {
@@ -31,6 +34,7 @@ impl Summary {
             reason: outcome.result.reason.clone(),
             tick: outcome.result.tick,
             wall_s: outcome.wall.as_secs_f64(),
+            restarted_processes: outcome.restarted,
         }
     }
 
@@ -68,7 +72,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("summary.json");
         assert_eq!(Summary::read(&file), None);
-        let summary = Summary { digest: "0f".repeat(32), reason: "duration".to_owned(), tick: 7, wall_s: 1.25 };
+        let (digest, reason) = ("0f".repeat(32), "duration".to_owned());
+        let summary = Summary { digest, reason, tick: 7, wall_s: 1.25, restarted_processes: 1 };
         summary.write(&file).unwrap();
         assert_eq!(Summary::read(&file), Some(summary.clone()));
         assert_eq!(summary.wall(), Duration::from_millis(1250));

@@ -17,6 +17,7 @@ use std::fmt;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
+use msgs::maes_msgs::JoinReply;
 use thiserror::Error;
 
 /// The process that sent a message, as the transport identifies it: one value for each process.
@@ -155,6 +156,26 @@ impl Refusal {
         }
     }
 
+    /// The code of the reply to a refused join.
+    #[must_use]
+    pub fn code(&self) -> u8 {
+        match self {
+            Self::UnknownAgent { .. } => JoinReply::NOT_IN_RUN,
+            Self::IdTaken { .. } => JoinReply::ID_TAKEN,
+            Self::WrongProtocol { .. } => JoinReply::WRONG_PROTOCOL,
+            Self::OtherController { .. } => JoinReply::OTHER_CONTROLLER,
+            Self::UnprovenJoin { .. } => JoinReply::UNPROVEN,
+            Self::OtherRun { .. }
+            | Self::WrongTopic { .. }
+            | Self::NotJoined { .. }
+            | Self::ForgedCommand { .. }
+            | Self::WrongTick { .. }
+            | Self::SecondAnswer { .. }
+            | Self::IllegalCommand { .. }
+            | Self::Undecodable { .. } => JoinReply::REFUSED,
+        }
+    }
+
     /// Counters that a result names only if they are not zero, so that the recording of an
     /// undisturbed run is that of earlier versions.
     pub const COUNTERS_IF_ANY: [&'static str; 2] = ["refused_unproven_join", "refused_forged_command"];
@@ -179,6 +200,9 @@ impl Refusal {
 #[derive(Debug, Clone)]
 pub struct Membership {
     leases: Vec<Option<Lease>>,
+    /// Processes of which another one has taken an id: they are given up with all that they still
+    /// hold, because a process ends as a whole.
+    given_up: BTreeSet<SourceId>,
 }
 
 /// Longest controller label that is kept, characters: it is displayed and recorded, and a sample
@@ -220,7 +244,7 @@ impl Membership {
     /// A membership of `agents` ids without processes.
     #[must_use]
     pub fn new(agents: u32) -> Self {
-        Self { leases: vec![None; agents as usize] }
+        Self { leases: vec![None; agents as usize], given_up: BTreeSet::new() }
     }
 
     /// Grants an id, or confirms it to the process that holds it.
@@ -230,6 +254,9 @@ impl Membership {
     pub fn join(&mut self, request: JoinRequest) -> Result<(), Refusal> {
         self.check_request(&request)?;
         let agent = request.agent;
+        if self.is_given_up(request.lease.source) {
+            return Err(Refusal::IdTaken { agent });
+        }
         let lease = &mut self.leases[agent.index()];
         match lease {
             None => {
@@ -260,7 +287,7 @@ impl Membership {
         Ok(())
     }
 
-    /// Transfers an id from a process that is given up.
+    /// Transfers an id from a process that is given up, with its other ids.
     ///
     /// # Errors
     /// If the new one runs another controller.
@@ -271,8 +298,18 @@ impl Membership {
         {
             return Err(Refusal::OtherController { agent, got: lease.controller, before });
         }
-        *taken = Some(lease);
+        let successor = lease.source;
+        let predecessor = taken.replace(lease).map(|lease| lease.source);
+        self.given_up.extend(predecessor.filter(|predecessor| *predecessor != successor));
+        let Self { leases, given_up } = self;
+        given_up.retain(|source| leases.iter().flatten().any(|lease| lease.source == *source));
         Ok(())
+    }
+
+    /// Whether a process is given up: another one has taken an id of it.
+    #[must_use]
+    pub fn is_given_up(&self, source: SourceId) -> bool {
+        self.given_up.contains(&source)
     }
 
     /// All agents of a process, ascending.
@@ -289,7 +326,7 @@ impl Membership {
         let agents = self.leases.len() as u32;
         match self.leases.get(agent.index()) {
             None => Err(Refusal::UnknownAgent { agent, agents }),
-            Some(Some(lease)) if lease.source == source => Ok(()),
+            Some(Some(lease)) if lease.source == source && !self.is_given_up(source) => Ok(()),
             Some(_) => Err(Refusal::NotJoined { agent }),
         }
     }
@@ -424,6 +461,22 @@ mod tests {
         assert_eq!(membership.lease(AgentId(1)).unwrap().instance, 7);
         assert!(membership.check(AgentId(1), SourceId([1; 16])).is_ok());
         assert_eq!(membership.check(AgentId(1), SourceId([2; 16])), Err(Refusal::NotJoined { agent: AgentId(1) }));
+    }
+
+    #[test]
+    fn a_process_is_given_up_with_all_its_ids() {
+        let (old, new) = (SourceId([1; 16]), SourceId([2; 16]));
+        let mut membership = Membership::new(3);
+        (0..3).for_each(|agent| membership.join(request(agent, 7, 1)).unwrap());
+        membership.replace(AgentId(0), request(0, 8, 2).lease).unwrap();
+        assert!(membership.is_given_up(old) && !membership.is_given_up(new));
+        for agent in [1, 2].map(AgentId) {
+            assert_eq!(membership.check(agent, old), Err(Refusal::NotJoined { agent }));
+            assert_eq!(membership.join(request(agent.0, 7, 1)), Err(Refusal::IdTaken { agent }));
+            membership.replace(agent, request(agent.0, 8, 2).lease).unwrap();
+            assert!(membership.check(agent, new).is_ok());
+        }
+        assert!(!membership.is_given_up(old), "it holds nothing");
     }
 
     #[test]

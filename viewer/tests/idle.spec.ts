@@ -1,5 +1,5 @@
 /** An idle simulator: the start form, its errors, and consecutive runs. */
-import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { existsSync, mkdtempSync, readdirSync, readFileSync, rmSync } from "node:fs";
 import { join } from "node:path";
 import type { Page } from "@playwright/test";
 import { expect, test, type Servers } from "./support/fixtures.ts";
@@ -23,13 +23,17 @@ const SLIDERS: Record<string, readonly [value: number, min: number, max: number]
 };
 
 /** Starts an idle server; the returned function starts the agents of the next run. */
-async function idle(servers: Servers): Promise<{ url: string; agentsForNext: () => Promise<number> }> {
-  const ready = join(mkdtempSync(join(temporaryFolder(), "idle-")), "ready");
-  const { url } = await servers.run(["--idle", "--ready", ready]);
+async function idle(
+  servers: Servers,
+): Promise<{ url: string; recordings: string; agentsForNext: () => Promise<number> }> {
+  const folder = mkdtempSync(join(temporaryFolder(), "idle-"));
+  const [ready, recordings] = [join(folder, "ready"), join(folder, "recordings")];
+  const { url } = await servers.run(["--idle", "--ready", ready, "--record-dir", recordings]);
   // The server writes the scenario's file name for every run.
   const scenario = (): string => (existsSync(ready) ? readFileSync(ready, "utf8") : "");
   return {
     url,
+    recordings,
     async agentsForNext() {
       await expect.poll(scenario).toMatch(/\n$/);
       const file = scenario().trim();
@@ -127,7 +131,7 @@ test("errors of a scenario are shown beside the form", async ({ page, servers })
 });
 
 test("consecutive runs start and end", async ({ page, servers }) => {
-  const { url, agentsForNext } = await idle(servers);
+  const { url, recordings, agentsForNext } = await idle(servers);
   await page.goto(url);
   await openForm(page, "welcome-new");
   await page.getByTestId("start-agents").fill("2");
@@ -151,11 +155,15 @@ test("consecutive runs start and end", async ({ page, servers }) => {
   // The form keeps its values; the same scenario has the same result.
   await openForm(page, "sim-new");
   await expect(page.getByTestId("start-agents")).toHaveValue("2");
+  expect(existsSync(recordings)).toBe(false);
+  await page.getByTestId("start-record").click();
   await page.getByTestId("start-go").click();
+  await expect(page.getByTestId("banners")).toContainText(/recorded as run_\w+\.mcap/);
   expect(await agentsForNext()).toBe(2);
   await expect.poll(() => page.evaluate(() => window.maes!.run!.id)).not.toBe(first[0]);
   await expect(page.getByTestId("run-state")).toHaveText("ended");
   await expect.poll(() => page.evaluate(() => window.maes!.run!.result?.digest)).toBe(first[1]);
+  expect(readdirSync(recordings)).toHaveLength(1);
 
   // A run is stopped, and another one follows.
   await openForm(page, "sim-new");

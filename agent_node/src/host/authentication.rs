@@ -10,6 +10,8 @@ pub struct Credentials {
     pub secret: Option<JoinSecret>,
     /// Random, and drawn anew by each process.
     pub nonce: Bytes,
+    /// Starts of this process: more than 1 if it has begun again by itself.
+    pub starts: u32,
 }
 
 /// The authentication of a process in one run.
@@ -33,7 +35,8 @@ impl Authentication {
 
     /// A join with its proof.
     pub(super) fn join(&self, join: Join, source: [u8; 16]) -> SignedJoin {
-        let mut signed = SignedJoin { join, nonce: self.nonce(), proof: NONE };
+        let starts = self.credentials.as_ref().map_or(0, |credentials| credentials.starts);
+        let mut signed = SignedJoin { join, nonce: self.nonce(), proof: NONE, starts };
         if let Some(secret) = self.secret() {
             let context = JoinContext { announcement: &self.announcement, source: &source, join: &signed };
             signed.proof = secret.prove_join(context);
@@ -64,7 +67,7 @@ mod tests {
 
     fn authentication(secret: Option<&[u8]>) -> Authentication {
         let secret = secret.map(|text| JoinSecret::new(text).unwrap());
-        Authentication::new(Some(Credentials { secret, nonce: [1; 32] }), &Scenario::default())
+        Authentication::new(Some(Credentials { secret, nonce: [1; 32], starts: 1 }), &Scenario::default())
     }
 
     #[test]

@@ -10,9 +10,9 @@ fn scenario(run: u64) -> Inbound {
         size: [4, 4, 4],
         cell_m: 1.0,
         duration_ticks: 10,
-        agents: 1,
+        agents: 3,
         bodies: vec![msgs::maes_msgs::Body::default()],
-        body_of: vec![0],
+        body_of: vec![0; 3],
         controller: "rbw".to_owned(),
         origin: run,
         ..Scenario::default()
@@ -41,17 +41,22 @@ struct Server {
     key: Bytes,
     /// Of the agents.
     credentials: Option<Credentials>,
+    /// How many agents the process has.
+    agents: u32,
+    /// Whether the first join is answered with `HELD`.
+    is_held: bool,
 }
 
 impl Server {
     fn saying(says: Vec<Inbound>, replies: usize) -> Self {
         let says = says.into_iter().rev().collect();
-        Self { says, replies, joins: Vec::new(), answers: Vec::new(), codes: Vec::new(), key: NONE, credentials: None }
+        let (joins, answers, codes) = (Vec::new(), Vec::new(), Vec::new());
+        Self { says, replies, joins, answers, codes, key: NONE, credentials: None, agents: 1, is_held: false }
     }
 
     fn runs(&mut self) -> Result<(), RunError> {
         let options = Options {
-            agents: vec![AgentId(0)],
+            agents: (0..self.agents).map(AgentId).collect(),
             registry: Registry::BUILT_IN,
             controller: None,
             settings: Vec::new(),
@@ -74,6 +79,10 @@ impl ServerTransport for Server {
             let Join { run, agent, instance, .. } = *join;
             let key = self.key;
             let reply = JoinReply { run, agent, instance, accepted: true, key, ..JoinReply::default() };
+            self.says.push(Inbound::JoinReply(reply));
+        } else if std::mem::take(&mut self.is_held) {
+            let Join { run, agent, instance, .. } = *join;
+            let reply = JoinReply { run, agent, instance, code: JoinReply::HELD, ..JoinReply::default() };
             self.says.push(Inbound::JoinReply(reply));
         }
     }
@@ -155,7 +164,7 @@ fn replies_without_proof_are_ignored() {
     let refusal = JoinReply { run: OURS, instance: 3, reason: "go away".to_owned(), ..JoinReply::default() };
     let mut server = Server::saying(vec![scenario(OURS), Inbound::JoinReply(refusal)], 0);
     let secret = msgs::signing::JoinSecret::new(b"the secret of the run").unwrap();
-    server.credentials = Some(Credentials { secret: Some(secret), nonce: [1; 32] });
+    server.credentials = Some(Credentials { secret: Some(secret), nonce: [1; 32], starts: 1 });
     let error = server.runs().unwrap_err().to_string();
     assert!(error.starts_with("agent 0: the server does not prove the join secret; it says: go away;"), "{error}");
 }
@@ -201,4 +210,21 @@ fn silent_server_ends_the_process() {
     let mut server = Server::saying(vec![scenario(OURS), scenario(OTHER)], 1);
     let error = server.runs().unwrap_err();
     assert!(matches!(error, RunError::Superseded { run: OURS, other: OTHER }), "{error}");
+}
+
+/// So that of two processes with the same agents one gets all of them.
+#[test]
+fn lowest_agent_joins_first() {
+    for is_held in [false, true] {
+        let mut server = Server::saying(vec![scenario(OURS), observation(OURS, Part::RUNNING)], 0);
+        server.is_held = is_held;
+        server.agents = 3;
+        assert!(matches!(server.runs(), Err(RunError::ServerSilent { .. })));
+        let joined: Vec<u32> = server.joins.iter().map(|join| join.agent).collect();
+        // A slow machine may repeat joins.
+        match is_held {
+            true => assert!(joined.starts_with(&[0, 0, 1, 2]), "{joined:?}"),
+            false => assert!(joined.iter().all(|&agent| agent == 0), "{joined:?}"),
+        }
+    }
 }

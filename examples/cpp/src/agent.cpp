@@ -42,7 +42,7 @@ using maes_msgs::msg::Wake;
 
 namespace
 {
-constexpr std::uint32_t PROTOCOL = 4;
+constexpr std::uint32_t PROTOCOL = 5;
 
 // The distributions of standard libraries differ; this one gives the same numbers everywhere.
 double uniform(std::mt19937_64 & rng, double from, double to)
@@ -128,6 +128,8 @@ private:
   void on_reply(const JoinReply & reply)
   {
     if (reply.run != run_ || reply.agent != number_ || reply.instance != instance_) {return;}
+    // Held by a process that may have to be replaced: the join is repeated.
+    if (reply.code == JoinReply::HELD) {return;}
     is_accepted_ = reply.accepted;
     is_refused_ = !reply.accepted;
     if (is_refused_) {RCLCPP_ERROR(get_logger(), "refused: %s", reply.reason.c_str());}

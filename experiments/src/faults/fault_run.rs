@@ -3,8 +3,8 @@
 //!
 //! Invariants: every process ends with this one; wall time positions a fault and ends a hang, and
 //! decides nothing else; an unexpected exit of an agent is a failure. Expected are exit code 5 (its
-//! id is taken) and, after SIGCONT, exit code 1 (the ROS client does not survive a suspension; the
-//! agent is restarted, as `maes run` does).
+//! id is taken) and, after SIGCONT, exit code 1 (the published DDS library does not survive a
+//! suspension; the agent is restarted, as `maes run` does).
 //!
 //! Not done here: the verdict on the recording ([`super::verdict`]).
 
@@ -88,7 +88,7 @@ struct Node {
     agent: u32,
     process: ChildGuard,
     is_suspended: bool,
-    /// Whether it was continued after a suspension, which its ROS client does not survive.
+    /// Whether it was continued after a suspension, which the published DDS library does not survive.
     is_continued: bool,
 }
 

@@ -55,7 +55,7 @@ pub fn inject_garbage(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Re
         let (joins, commands) = &mut outlets[topic as usize];
         if rng.random_bool(0.2) {
             let (join, nonce) = (join(&mut rng, run, topic, agents), bytes(&mut rng));
-            joins.publish(&mut node, &SignedJoin { join, nonce, proof: bytes(&mut rng) });
+            joins.publish(&mut node, &SignedJoin { join, nonce, proof: bytes(&mut rng), starts: rng.random() });
         } else {
             let command = command(&mut rng, run, topic, agents);
             commands.publish(&mut node, &SignedCommand { command, mac: bytes(&mut rng) });

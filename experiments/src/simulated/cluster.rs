@@ -83,10 +83,15 @@ enum Served {
 impl<'s> Cluster<'s> {
     pub(super) fn new(seed: u64, scenario: &'s Scenario, mutation: Option<Mutation>, keeps_log: bool) -> Self {
         let adversary = Adversary::of_seed(seed, scenario.faults.on_agent_loss);
-        let mut network = Network::new(seed, adversary.clone(), mutation, keeps_log);
-        network.log(|| format!("{adversary:?}"));
-        let agents: Vec<AgentId> = (0..scenario.agents.count).map(AgentId).collect();
+        let mut network = Network::new(seed, adversary, mutation, keeps_log);
         let per_process = if network.random.random_bool(0.7) { 1 } else { 2 };
+        Self::over(network, scenario, per_process)
+    }
+
+    /// The processes with so many agents each.
+    pub(super) fn over(mut network: Network, scenario: &'s Scenario, per_process: usize) -> Self {
+        network.log_adversary();
+        let agents: Vec<AgentId> = (0..scenario.agents.count).map(AgentId).collect();
         let groups = agents.chunks(per_process).map(<[AgentId]>::to_vec).collect();
         let network = Rc::new(RefCell::new(network));
         Self {

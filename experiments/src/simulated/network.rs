@@ -206,6 +206,11 @@ impl Network {
         }
     }
 
+    pub(super) fn log_adversary(&mut self) {
+        let adversary = self.adversary.clone();
+        self.log(|| format!("{adversary:?}"));
+    }
+
     pub(super) fn take_log(&mut self) -> Vec<String> {
         self.log.take().unwrap_or_default()
     }

@@ -1,3 +1,7 @@
+use simulation::scenario::OnAgentLoss;
+
+use super::adversary::Adversary;
+use super::network::Network;
 use super::*;
 
 /// Seeds of the test suite; `maes faults --simulated` has the long runs.
@@ -27,6 +31,24 @@ fn disturbed_runs_equal_the_undisturbed_one() {
 fn seeds_that_have_found_defects_pass() {
     for seed in [552, 581, 669, 721, 728, 3856, 3893] {
         assert_eq!(of_seed(seed, None, false).verdict.err(), None, "seed {seed}");
+    }
+}
+
+/// Two processes for the same two agents hear of the run at once, and joins are lost and overtaken:
+/// one of them must get both ids. If each gets one, each is refused as the other agent and ends.
+#[test]
+fn one_of_two_processes_gets_all_agents() {
+    let is_one_of_two = |scenario: &Scenario| {
+        scenario.agents.count.is_multiple_of(2) && scenario.faults.on_agent_loss != OnAgentLoss::Wait
+    };
+    let scenarios = (0..).filter_map(|seed| Some((seed, scenarios::of_seed(seed).ok()?)));
+    for (seed, scenario) in scenarios.filter(|(_, scenario)| is_one_of_two(scenario)).take(20) {
+        let usual = Adversary::of_seed(seed, scenario.faults.on_agent_loss);
+        // The servers that are killed leave agents behind that wait for the next one.
+        let adversary = Adversary { loss: 0.15, losses_max: 2, reorders: true, server_kills: 4, ..usual };
+        let network = Network::new(seed, adversary, None, false);
+        let report = execute(Cluster::over(network, &scenario, 2), &scenario);
+        assert_eq!(report.verdict.err(), None, "seed {seed}");
     }
 }
 

@@ -157,6 +157,8 @@ pub(super) struct AgentSessions {
     answered_by_predecessor: BTreeSet<AgentId>,
     /// Agents to which an observation may have to be sent.
     to_prompt: BTreeSet<AgentId>,
+    /// The instances of processes that have started themselves again: they stalled.
+    restarted: BTreeSet<u64>,
     /// An agent that answered a replayed observation differently: agent, tick, and the difference.
     divergence: Option<(AgentId, Tick, String)>,
 }
@@ -183,6 +185,7 @@ impl AgentSessions {
             contenders: BTreeMap::new(),
             answered_by_predecessor: BTreeSet::new(),
             to_prompt: BTreeSet::new(),
+            restarted: BTreeSet::new(),
             divergence: None,
         }
     }
@@ -212,6 +215,11 @@ impl AgentSessions {
         (0..self.agents)
             .map(AgentId)
             .filter_map(|agent| Some((agent, recorded_join(agent, self.membership.lease(agent)?.controller.clone()))))
+    }
+
+    /// Processes that have joined after they had started themselves again.
+    pub(super) fn restarted(&self) -> usize {
+        self.restarted.len()
     }
 
     /// Counters of refusals by name.

@@ -58,8 +58,9 @@ impl Session<'_, '_> {
         self.record_progress()?;
         self.log.write(Kind::Result, tick, &result)?;
         self.publish_result(&result, ended_well);
+        let restarted = self.sessions.restarted();
         self.log.finish()?;
-        Ok(Outcome { result, digest, wall })
+        Ok(Outcome { result, digest, wall, restarted })
     }
 
     fn publish_result(&mut self, result: &maes_msgs::Result, ended_well: bool) {

@@ -278,9 +278,12 @@ export class App implements PageActions {
       .catch((error: unknown) => this.shell.banners.set("control", (error as Error).message, "warning"));
   }
 
-  async startRun(scenario: string): Promise<string | null> {
+  async startRun(scenario: string, isRecorded: boolean): Promise<string | null> {
     if (!this.live) throw new Error("Not connected to a simulator.");
-    return this.live.start(scenario);
+    const { refusal, recording } = await this.live.start(scenario, isRecorded);
+    const file = `The run is recorded as ${recording} in the simulator's folder of recordings (--record-dir).`;
+    this.shell.banners.set("recording", recording === null ? null : file, "notice");
+    return refusal;
   }
 
   viewChanged(): void {

@@ -110,6 +110,8 @@ let timers: { at: number; then: () => void }[];
 let now: number;
 let changes: number;
 let environment: ConnectionEnvironment;
+/** Whether the server asks for its token. */
+let wantsToken: boolean;
 
 /** Advances the time and runs due timers in order. */
 function pass(milliseconds: number): void {
@@ -139,7 +141,9 @@ beforeEach(() => {
   timers = [];
   now = 0;
   changes = 0;
+  wantsToken = false;
   environment = {
+    wantsToken: () => Promise.resolve(wantsToken),
     openSocket: () => {
       sockets.push(new Socket());
       return socket();
@@ -267,6 +271,21 @@ describe("another run", () => {
 });
 
 describe("a lost connection", () => {
+  it("asks for the new address if the token is refused, and goes on trying", async () => {
+    const live = connect();
+    socket().introduce("a1");
+    wantsToken = true;
+    socket().onclose?.({});
+    await settled();
+    expect(live.problem).toContain("?token=");
+    expect(live.state).toBe("lost");
+    pass(1000);
+    expect(sockets).toHaveLength(2);
+    socket().introduce("b2");
+    await settled();
+    expect(live.problem).toBeNull();
+  });
+
   it("resumes at the same offset, even during a request", () => {
     const live = connect();
     socket().introduce("a1");
@@ -420,14 +439,19 @@ describe("commands", () => {
   it("start a run, or report the error in the scenario", async () => {
     const live = open();
     const json = (value: object) => new TextEncoder().encode(JSON.stringify(value));
-    const refused = live.start("seed = -1");
+    const refused = live.start("seed = -1", false);
     const call = callOf(SERVICES.startRun);
-    expect(JSON.parse(new TextDecoder().decode(call.data))).toEqual({ scenario: "seed = -1" });
+    expect(JSON.parse(new TextDecoder().decode(call.data))).toEqual({
+      scenario: "seed = -1",
+      record: false,
+    });
     socket().answer(call, json({ started: false, message: "seed: 0 to 2^63 - 1" }));
-    expect(await refused).toBe("seed: 0 to 2^63 - 1");
-    const started = live.start("seed = 1");
-    socket().answer(callOf(SERVICES.startRun), json({ started: true, message: "" }));
-    expect(await started).toBeNull();
+    expect(await refused).toEqual({ refusal: "seed: 0 to 2^63 - 1", recording: null });
+    const started = live.start("seed = 1", true);
+    const second = callOf(SERVICES.startRun);
+    expect(JSON.parse(new TextDecoder().decode(second.data))).toEqual({ scenario: "seed = 1", record: true });
+    socket().answer(second, json({ started: true, message: "", recording: "run_1.mcap" }));
+    expect(await started).toEqual({ refusal: null, recording: "run_1.mcap" });
   });
 });
 

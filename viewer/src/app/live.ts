@@ -24,6 +24,8 @@ const STATE_POLL_MS = 1000;
 /** Time after which an unanswered connection attempt has failed. */
 const CONNECT_TIMEOUT_MS = 4000;
 const RTF = "execution.rtf";
+/** HTTP status of a request without the token of this start of the simulator. */
+const UNAUTHORIZED = 401;
 /** Session prefix of a server without a run. */
 const IDLE_PREFIX = "idle-";
 
@@ -39,6 +41,8 @@ export type ConnectionState =
 /** I/O of a connection, replaced in tests. */
 export interface ConnectionEnvironment {
   openSocket(url: string): IWebSocket;
+  /** Whether the server at this address refuses the page for want of its token, as far as known. */
+  wantsToken(url: string): Promise<boolean>;
   /** Starts a timer; the returned function cancels it. */
   later(milliseconds: number, then: () => void): () => void;
   openFeed(id: string, title: string): LiveFeed;
@@ -137,11 +141,10 @@ export class LiveConnection {
     this.#listener.changed();
   }
 
-  /** Starts a run; resolves to the error in the scenario, or null if the run has started. */
-  async start(scenario: string): Promise<string | null> {
-    const data = await this.#calls.call(services.SERVICES.startRun, services.startRequest(scenario));
-    const answer = services.readStart(data);
-    return answer.started ? null : answer.message || "The simulator did not start the run.";
+  /** Starts a run. */
+  async start(scenario: string, isRecorded: boolean): Promise<services.StartAnswer> {
+    const request = services.startRequest(scenario, isRecorded);
+    return services.readStart(await this.#calls.call(services.SERVICES.startRun, request));
   }
 
   /** Whether there is a run to control. */
@@ -334,6 +337,20 @@ export class LiveConnection {
     this.simulationState = null;
     this.#after("reconnect", RECONNECT_MS, () => this.#connect());
     this.#listener.changed();
+    void this.#explainRefusal();
+  }
+
+  /**
+   * A server that was started again has another token, and refuses the page. Browsers do not tell
+   * why a WebSocket was refused, so it is asked for with a request of its own.
+   */
+  async #explainRefusal(): Promise<void> {
+    if (!(await this.#environment.wantsToken(this.url))) return;
+    if (this.state !== "lost" && this.state !== "connecting") return;
+    this.problem =
+      `The simulator at ${this.url} was started again and has a new token: ` +
+      "open the address that it has printed, with ?token=...";
+    this.#listener.changed();
   }
 
   #abandon(problem: string): void {
@@ -375,6 +392,17 @@ function sessionOf({ sessionId }: ServerInfo): string {
 export function browserEnvironment(openFeed: ConnectionEnvironment["openFeed"]): ConnectionEnvironment {
   return {
     openSocket: (url) => new WebSocket(url, [SUBPROTOCOL]) as IWebSocket,
+    async wantsToken(url) {
+      const address = new URL(url.replace(/^ws/i, "http"));
+      // Others do not show their responses to this page.
+      if (address.origin !== window.location.origin) return false;
+      try {
+        const { status } = await fetch(address, { method: "HEAD", cache: "no-store" });
+        return status === UNAUTHORIZED;
+      } catch {
+        return false;
+      }
+    },
     later(milliseconds, then) {
       const timer = setTimeout(then, milliseconds);
       return () => clearTimeout(timer);

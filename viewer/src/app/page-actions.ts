@@ -13,7 +13,7 @@ export interface PageActions {
   /** Cancels the opening in progress. */
   cancel(): void;
   /** Starts a run on an idle simulator; resolves to the error in the scenario, or null. */
-  startRun(scenario: string): Promise<string | null>;
+  startRun(scenario: string, isRecorded: boolean): Promise<string | null>;
   /** Sends a command to the simulator; errors are shown as a banner. */
   control(action: (live: LiveConnection) => Promise<void> | void): void;
   togglePlay(): void;

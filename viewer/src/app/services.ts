@@ -53,19 +53,30 @@ function outcomeOf(reader: CdrReader): Outcome {
   return { code: reader.uint8(), message: reader.string() };
 }
 
-/** The request of `start_run`, JSON. */
-export function startRequest(scenario: string): Uint8Array {
-  return new TextEncoder().encode(JSON.stringify({ scenario }));
+/** The request of `start_run`, JSON. The server chooses the file of a recording. */
+export function startRequest(scenario: string, isRecorded: boolean): Uint8Array {
+  return new TextEncoder().encode(JSON.stringify({ scenario, record: isRecorded }));
+}
+
+/** The response of `start_run`. */
+export interface StartAnswer {
+  /** Why the run has not started; null: it has. */
+  readonly refusal: string | null;
+  /** File name of its recording; null: it is not recorded. */
+  readonly recording: string | null;
 }
 
 /** The response of `start_run`; throws if it is malformed. */
-export function readStart(data: Uint8Array): { started: boolean; message: string } {
+export function readStart(data: Uint8Array): StartAnswer {
   const answer: unknown = JSON.parse(new TextDecoder().decode(data));
   if (typeof answer !== "object" || answer === null || !("started" in answer)) {
     throw new Error(
       `The simulator answered ${JSON.stringify(answer)} to start_run; expected an object with "started".`,
     );
   }
-  const message = "message" in answer ? String(answer.message) : "";
-  return { started: answer.started === true, message };
+  const text = (key: string) => String((answer as Record<string, unknown>)[key] ?? "");
+  return {
+    refusal: answer.started === true ? null : text("message") || "The simulator did not start the run.",
+    recording: text("recording") || null,
+  };
 }

@@ -75,7 +75,7 @@ export class Shell {
       if (chosen) void actions.openFile(chosen);
     });
     const chooseFile = () => file.click();
-    this.startForm = new StartForm((scenario) => actions.startRun(scenario));
+    this.startForm = new StartForm((scenario, isRecorded) => actions.startRun(scenario, isRecorded));
     const newRun = () => this.startForm.open();
     this.#welcome = new Welcome({
       chooseFile,

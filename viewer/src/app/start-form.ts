@@ -38,10 +38,11 @@ type NumberKey = {
 }[keyof FormValues];
 
 export class StartForm {
-  readonly #start: (scenario: string) => Promise<string | null>;
+  readonly #start: (scenario: string, isRecorded: boolean) => Promise<string | null>;
   readonly #values: FormValues;
   #isRandom: boolean;
   #isLinked: boolean;
+  #isRecorded: boolean;
   #isEdited = false;
   #dialog: HTMLDialogElement | null = null;
   readonly #problems = el("div", {
@@ -69,17 +70,19 @@ export class StartForm {
   #refreshers: (() => void)[] = [];
 
   /** `start` resolves to the error in the scenario, or null. */
-  constructor(start: (scenario: string) => Promise<string | null>) {
+  constructor(start: (scenario: string, isRecorded: boolean) => Promise<string | null>) {
     this.#start = start;
     const stored = load(REMEMBERED, {
       values: { ...DEFAULTS, communicationRangeM: 0 },
       isRandom: true,
       isLinked: true,
+      isRecorded: false,
     });
     const { communicationRangeM, ...values } = stored.values;
     this.#values = { ...values, communicationRangeM: communicationRangeM || Infinity };
     this.#isRandom = stored.isRandom;
     this.#isLinked = stored.isLinked;
+    this.#isRecorded = stored.isRecorded;
     if (this.#isRandom) this.#values.seed = drawSeed(Math.random());
     this.#text.addEventListener("input", () => this.#setEdited(true));
     this.#back.addEventListener("click", () => {
@@ -109,7 +112,7 @@ export class StartForm {
           this.#edited,
           this.#back,
           this.#problems,
-          el("div", { class: "dialog-foot" }, this.#go),
+          el("div", { class: "dialog-foot" }, this.#recordSwitch(), this.#go),
         ),
       ),
     );
@@ -127,7 +130,7 @@ export class StartForm {
     if (found.length > 0) return;
     this.#go.disabled = true;
     try {
-      const refusal = await this.#start(this.#text.value);
+      const refusal = await this.#start(this.#text.value, this.#isRecorded);
       if (refusal === null) this.close();
       else this.#showProblems([refusal]);
     } catch (error) {
@@ -156,6 +159,7 @@ export class StartForm {
       values: { ...this.#values, communicationRangeM: range === Infinity ? 0 : range },
       isRandom: this.#isRandom,
       isLinked: this.#isLinked,
+      isRecorded: this.#isRecorded,
     });
     if (this.#isEdited) return;
     this.#text.value = toToml(this.#values);
@@ -205,6 +209,14 @@ export class StartForm {
       const input = this.#fields.querySelector(`[data-testid="start-${name}"]`);
       input?.closest("label")?.setAttribute("title", help(name));
     }
+  }
+
+  /** Beside the scenario, because it is no key of it: the simulator chooses the file. */
+  #recordSwitch(): HTMLElement {
+    return toggle("Record the run", "start-record", this.#isRecorded, (isRecorded) => {
+      this.#isRecorded = isRecorded;
+      this.#changed();
+    }).root;
   }
 
   #speedSlider(): Slider {

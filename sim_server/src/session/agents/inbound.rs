@@ -5,7 +5,8 @@
 //! observation that was sent after the join; it takes over when the first one is given up. The
 //! observation log is then replayed to it before it gets a new observation, so it must start
 //! without state: a process that has answered something and was replaced cannot return. A process
-//! that has answered ahead of its replay is refused, and must be started again.
+//! that is replaced as one agent is given up as all of them, so that its successor gets all. A
+//! process that has answered ahead of its replay is refused, and must be started again.
 //!
 //! **Authentication** ([`authentication`](super::authentication)): a join is proven before it can
 //! hold or contend for an id, and a replacement gets a key of its own, so that no command of its
@@ -15,7 +16,6 @@
 
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::OVERTAKEN;
 use msgs::maes_msgs::{Command, Join, JoinReply, SignedCommand, SignedJoin};
 use msgs::signing::NONE;
 
@@ -38,7 +38,7 @@ impl AgentSessions {
         }
         let handled = match message {
             Inbound::Join(join) => {
-                let unsigned = SignedJoin { join, nonce: NONE, proof: NONE };
+                let unsigned = SignedJoin { join, ..SignedJoin::default() };
                 self.handle_join(topic_agent, source, unsigned, barrier, context)
             }
             Inbound::SignedJoin(join) => self.handle_join(topic_agent, source, join, barrier, context),
@@ -92,16 +92,20 @@ impl AgentSessions {
         let agent = AgentId(join.agent);
         let lease = Lease { source, instance: join.instance, controller: join.controller.clone() };
         let request = JoinRequest { topic, agent, protocol: join.protocol, lease: lease.clone() };
-        let is_contender = self.allows_replacement && join.last_tick == Join::NONE;
+        let is_contender =
+            self.allows_replacement && join.last_tick == Join::NONE && !self.membership.is_given_up(source);
         let mut granted = self
             .membership
             .check_request(&request)
             .and_then(|()| self.authentication.check_join(agent, source, &signed))
             .and_then(|()| self.membership.join(request));
         if is_contender && matches!(granted, Err(Refusal::IdTaken { .. })) {
-            if !self.unresponsive.contains(&agent) {
+            let holder = self.membership.lease(agent).map(|lease| lease.source);
+            let is_given_up = holder.is_some_and(|holder| self.membership.is_given_up(holder));
+            if !self.unresponsive.contains(&agent) && !is_given_up {
                 // The next observation shows whether the present process is alive.
                 let since = self.contenders.get(&agent).map_or(barrier.tick(), |(since, ..)| *since);
+                self.reply_held(source, &signed, context);
                 self.contenders.insert(agent, (since, source, signed));
                 return Ok(());
             }
@@ -112,6 +116,7 @@ impl AgentSessions {
         }
         if granted.is_ok() {
             self.authentication.grant(agent, source, &signed);
+            self.note_restart(agent, &signed, context);
         }
         if granted.is_ok()
             && join.last_tick != Join::NONE
@@ -125,13 +130,22 @@ impl AgentSessions {
         granted
     }
 
+    /// Reports and counts a process that has started itself again, once.
+    fn note_restart(&mut self, agent: AgentId, signed: &SignedJoin, context: &mut WaitContext<'_, '_>) {
+        let SignedJoin { join, starts, .. } = signed;
+        if *starts > 1 && self.restarted.insert(join.instance) {
+            let again = starts - 1;
+            context.warn(&format!("the process of agent {agent} has stalled at its start, and began again ({again}x)"));
+        }
+    }
+
     /// Refuses a process that has answered an observation ahead of its replay, because a late copy
     /// of it has overtaken the others: it ignores earlier ones, and must be started again.
     fn refuse_overtaken(&mut self, agent: AgentId, expected: Tick, context: &mut WaitContext<'_, '_>) {
         if let Some(lease) = self.membership.lease(agent) {
-            let reason = format!("{} that of tick {expected}; start it again", OVERTAKEN);
-            let (run, instance) = (self.start.run(), lease.instance);
-            let reply = JoinReply { run, agent: agent.0, instance, reason, ..JoinReply::default() };
+            let reason = format!("a later observation has overtaken that of tick {expected}; start it again");
+            let (run, instance, code) = (self.start.run(), lease.instance, JoinReply::OVERTAKEN);
+            let reply = JoinReply { run, agent: agent.0, instance, code, reason, ..JoinReply::default() };
             context.transport.reply_join(&self.authentication.complete_for_holder(agent, reply));
         }
     }
@@ -163,9 +177,18 @@ impl AgentSessions {
             return;
         }
         let reason = granted.as_ref().err().map_or_else(String::new, Refusal::to_string);
+        let code = granted.as_ref().err().map_or(JoinReply::NONE, Refusal::code);
         let accepted = granted.is_ok();
-        let reply = JoinReply { run, agent, instance, accepted, reason, ..JoinReply::default() };
+        let reply = JoinReply { run, agent, instance, accepted, code, reason, ..JoinReply::default() };
         context.transport.reply_join(&self.authentication.complete(reply, source, join));
+    }
+
+    /// Tells a process that the id it joins with is held for now.
+    fn reply_held(&mut self, source: SourceId, signed: &SignedJoin, context: &mut WaitContext<'_, '_>) {
+        let Join { run, agent, instance, .. } = signed.join;
+        let reason = format!("agent {agent} is held by another process, which is replaced if it does not answer");
+        let reply = JoinReply { run, agent, instance, code: JoinReply::HELD, reason, ..JoinReply::default() };
+        context.transport.reply_join(&self.authentication.complete(reply, source, signed));
     }
 
     /// Notes that a process is alive, with all its agents, so that no other one replaces it.
