@@ -44,7 +44,8 @@ fn command(text: &str) -> Option<Vec<String>> {
     let is_assignment = |word: &String| word.contains('=') && !word.starts_with('-');
     let words: Vec<String> = words.into_iter().skip_while(is_assignment).collect();
     let program = Path::new(words.first()?).file_name()?.to_str()?;
-    let is_here = program == "maes" && words.get(1).is_some_and(|word| !["sim_server", "agent_node"].contains(&&**word));
+    let is_here =
+        program == "maes" && words.get(1).is_some_and(|word| !["sim_server", "agent_node"].contains(&&**word));
     is_here.then_some(words)
 }
 

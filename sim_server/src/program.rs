@@ -12,14 +12,6 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use anyhow::Context;
-use clap::Parser;
-use mapgen::MapReport;
-use msgs::ids::{AgentId, Tick};
-use msgs::printable;
-use ros_node::join_secret;
-use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
-use ros_node::ros_env::RosEnv;
 use crate::cli::{Cli, Command as CliCommand, RunArgs};
 #[cfg(feature = "view")]
 use crate::foxglove::{self, FoxgloveServer, ObservedTransport, RequestedRuns, RunFolders, Token};
@@ -31,6 +23,14 @@ use crate::summary::Summary;
 use crate::terminal::{self, Terminal};
 use crate::transport::Transport;
 use crate::{exit, renamed, setup};
+use anyhow::Context;
+use clap::Parser;
+use mapgen::MapReport;
+use msgs::ids::{AgentId, Tick};
+use msgs::printable;
+use ros_node::join_secret;
+use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
+use ros_node::ros_env::RosEnv;
 use simulation::scenario::{Override, Scenario};
 use simulation::world::World;
 
