@@ -98,11 +98,16 @@ impl Clearance {
         let mut passages = Vec::new();
         for index in order {
             let cell = extent.cell_at(index as usize);
-            parts.sizes[index as usize] = 1;
+            let square = self.squares[index as usize];
+            (parts.sizes[index as usize], parts.widest[index as usize]) = (1, square);
+            let mut is_alone = true;
             for next in FACES.map(|face| cell + face) {
                 let Some(next) = extent.index(next).filter(|&next| parts.sizes[next] > 0) else { continue };
-                let behind = parts.join(index as usize, next);
-                if behind >= part {
+                let (behind, widest) = parts.join(index as usize, next);
+                // The first part that a cell joins just grows, and so does one that is nowhere wider.
+                let is_passage = !is_alone && behind >= part && widest > square;
+                is_alone &= behind == 0;
+                if is_passage {
                     let radius_cells = self.radius_cells(index as usize);
                     passages.push(Passage { cell, radius_cells, cells_behind: behind });
                 }
@@ -122,11 +127,13 @@ struct Parts {
     above: Vec<u32>,
     /// Cells of each part, by its root; 0 for cells that are not yet there.
     sizes: Vec<u32>,
+    /// The square at the widest cell of each part, by its root.
+    widest: Vec<u16>,
 }
 
 impl Parts {
     fn new(count: usize) -> Self {
-        Self { above: (0..count as u32).collect(), sizes: vec![0; count] }
+        Self { above: (0..count as u32).collect(), sizes: vec![0; count], widest: vec![0; count] }
     }
 
     fn root(&mut self, of: usize) -> usize {
@@ -138,16 +145,19 @@ impl Parts {
         at
     }
 
-    /// Joins the parts of two cells; returns the size of the smaller one, 0 if they are one.
-    fn join(&mut self, a: usize, b: usize) -> usize {
+    /// Joins the parts of two cells; returns the size of the smaller one, 0 if they are one already,
+    /// and the square at the widest cell of the narrower one.
+    fn join(&mut self, a: usize, b: usize) -> (usize, u16) {
         let (a, b) = (self.root(a), self.root(b));
         if a == b {
-            return 0;
+            return (0, 0);
         }
         let (small, large) = if self.sizes[a] < self.sizes[b] { (a, b) } else { (b, a) };
         self.above[small] = large as u32;
         self.sizes[large] += self.sizes[small];
-        self.sizes[small] as usize
+        let narrower = self.widest[small].min(self.widest[large]);
+        self.widest[large] = self.widest[large].max(self.widest[small]);
+        (self.sizes[small] as usize, narrower)
     }
 }
 
@@ -163,10 +173,10 @@ mod tests {
         let room = "###########\n#....#....#\n#....#....#\n#.........#\n#....#....#\n#....#....#\n###########\n";
         let text = [&wall, room, room, room, room, room, &wall].map(|layer: &str| layer.to_owned()).join("\n");
         let clearance = Clearance::of(&Grid::from_text(&text).unwrap());
-        let passages = clearance.passages(30);
+        let passages = clearance.passages(10);
         assert_eq!(passages.len(), 1, "{passages:?}");
-        assert_eq!((passages[0].radius_cells, passages[0].cell.x), (0.5, 5));
-        assert!(passages[0].cells_behind >= 36);
+        assert_eq!(passages[0].radius_cells, 0.5);
+        assert!((4..=6).contains(&passages[0].cell.x), "{passages:?}");
         let middle = clearance.squares.extent().index(Cell::new(3, 3, 3)).unwrap();
         assert_eq!(clearance.radius_cells(middle), 1.5);
         assert_eq!(crate::free_components(&clearance.room(0.5)).sizes.len(), 1);

@@ -58,20 +58,20 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let passages = clearance.passages(((PART * free as f64) as usize).max(1));
     narrow(&mut report, &passages, extent)?;
     if here.reached < ENOUGH {
-        let smaller = passages.iter().rev().map(|passage| passage.radius_cells * extent.cell_m());
         let half_m = extent.cell_m() / 2.0;
-        let enough = smaller.chain([half_m]).filter(|&radius_m| radius_m < args.radius_m);
-        if let Some((radius_m, share)) =
-            enough.map(|radius_m| (radius_m, body(radius_m).reached)).find(|(_, share)| *share >= ENOUGH)
-        {
-            let shown = in_millimetres(radius_m);
-            advice.push(format!("body.radius_m = {shown} reaches {:.1} %", 100.0 * share));
+        let narrow = passages.iter().map(|passage| passage.radius_cells * extent.cell_m());
+        let mut radii_m: Vec<f64> = narrow.chain([half_m]).filter(|&radius_m| radius_m < args.radius_m).collect();
+        radii_m.sort_by(f64::total_cmp);
+        radii_m.dedup();
+        // A smaller body reaches no less.
+        let count = radii_m.partition_point(|&radius_m| body(radius_m).reached >= ENOUGH);
+        advice.push(if let Some(&radius_m) = radii_m[..count].last() {
+            let share = 100.0 * body(radius_m).reached;
+            format!("body.radius_m = {} reaches {share:.1} %", in_millimetres(radius_m))
         } else {
             let share = 100.0 * body(half_m).reached;
-            advice.push(format!(
-                "a body of half a cell reaches {share:.1} %: shorter cells (map.cell_m) tell narrow passages apart"
-            ));
-        }
+            format!("a body of half a cell reaches {share:.1} %: shorter cells (map.cell_m) tell narrow passages apart")
+        });
     }
     starts(&mut report, &terrain, args, &mut advice)?;
     if advice.is_empty() {

@@ -185,7 +185,7 @@ mod tests {
         let sensor = ImportOptions { sensor: Some([0.5, 1.5, 0.5]), ..ImportOptions::default() };
         let Imported { terrain, notes, .. } = map(&spec(sensor, 1.0), &points, &Sensors::None, Vec::new()).unwrap();
         let wall = "#######\n".repeat(4);
-        assert_eq!(terrain.to_text(), format!("{wall}\n#######\n#....##\n###.###\n#######\n\n{wall}"));
+        assert_eq!(terrain.to_text(), format!("{wall}\n#######\n#....##\n##.#.##\n#######\n\n{wall}"));
         assert!(notes[1].text.starts_with("cells on 3 ways from the sensor to points; all others are unknown"));
         let unknown = ImportOptions { unknown: Some(Kind::Free), ..sensor };
         let each = Sensors::Each(vec![[0.5, 1.5, 0.5]; 3]);
