@@ -210,6 +210,12 @@ impl Scenario {
         std::iter::once(self.without_events()).chain(changes).collect()
     }
 
+    /// The tick at which the run ends at the latest, after all changes of its duration.
+    #[must_use]
+    pub fn last_duration_ticks(&self) -> Tick {
+        self.phases().last().map_or(Tick::ZERO, Self::duration_ticks)
+    }
+
     /// This scenario after a change of keys. Another controller starts with its default settings
     /// unless some are given.
     fn changed(&self, set: &BTreeMap<String, toml::Value>) -> Result<Self, String> {
