@@ -170,7 +170,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
             ready()?;
             let log =
                 args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
-            let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log);
+            let mut terminal = Terminal::new(scenario.last_duration_ticks(), scenario.agents.count).with_log(log);
             tell_address(viewing.as_ref(), &mut terminal);
             let ended = job.carry_out(begun, playback, &mut terminal, &stop, || guard.shutting_down());
             ended.map(|code| if guard.memory_exceeded() { exit::after_memory_limit(code) } else { code })

@@ -148,7 +148,14 @@ pub fn changeable(key: &str) -> Result<(), String> {
 }
 
 fn changeable_keys() -> String {
-    format!("keys that can change are {}", keys::changeable_paths().join(", "))
+    let mut names: Vec<String> = Vec::new();
+    for table in &keys::TABLES {
+        let of_table = table.keys.iter().filter(|key| key.is_changeable).map(|key| table.path_of(key.name));
+        let of_table: Vec<String> = of_table.collect();
+        let is_whole = of_table.len() > 1 && of_table.len() == table.keys.len();
+        names.extend(if is_whole { vec![format!("{}.*", table.path)] } else { of_table });
+    }
+    format!("keys that can change are {}", names.join(", "))
 }
 
 impl Scenario {
@@ -201,6 +208,12 @@ impl Scenario {
             _ => None,
         });
         std::iter::once(self.without_events()).chain(changes).collect()
+    }
+
+    /// The tick at which the run ends at the latest, after all changes of its duration.
+    #[must_use]
+    pub fn last_duration_ticks(&self) -> Tick {
+        self.phases().last().map_or(Tick::ZERO, Self::duration_ticks)
     }
 
     /// This scenario after a change of keys. Another controller starts with its default settings

@@ -275,9 +275,11 @@ pub const TABLES: [Table; 20] = [
             "reference: unlimited; 50 in its later branch").changeable(),
         key("model", Word(&["line_of_sight", "range", "line_of_sight_and_range", "global", "attenuated"]),
             Is("\"line_of_sight_and_range\""), NONE,
-            "when two radios are in contact; range_m belongs to the second and the third", "reference: the first").changeable(),
+            "when two radios are in contact; range_m belongs to the second and the third", "reference: the first")
+            .changeable(),
         key("loss", Number(""), Is("0.0"), between(0.0, 1.0),
-            "probability that a message is lost on its way to one receiver", "ours; MAES: a transmission probability").changeable(),
+            "probability that a message is lost on its way to one receiver", "ours; MAES: a transmission probability")
+            .changeable(),
         key("bytes_per_s", Number("bytes/s"), Is("inf"), at_least(1.0, UNLIMITED),
             "bandwidth of each agent", "ours").changeable(),
         key("queue_bytes", Integer("bytes"), Is("1048576"), QUEUE_BYTES,
@@ -290,7 +292,8 @@ pub const TABLES: [Table; 20] = [
         key("reference_loss_db", Number("dB"), Is("31.0"), between(0.0, 300.0),
             "loss over reference_m in the open", "IR2").changeable(),
         key("reference_m", Number("m"), Is("35.0"), POSITIVE, "the reference distance", "IR2").changeable(),
-        key("free_exponent", Number(""), Is("2.0"), above(0.0, 20.0), "path loss exponent in the open", "IR2").changeable(),
+        key("free_exponent", Number(""), Is("2.0"), above(0.0, 20.0), "path loss exponent in the open", "IR2")
+            .changeable(),
         key("wall_exponent", Number(""), Is("4.0"), between(0.0, 1000.0),
             "path loss exponent of the part inside walls", "IR2").changeable(),
         key("wall_reference_m", Number("m"), Is("1.0"), POSITIVE,
