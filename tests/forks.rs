@@ -111,7 +111,7 @@ fn forks_share_the_past_and_are_read_by_everything() {
     }
     // Of the agent that has broken down there is no command any more, but a body.
     let of_broken = |message: &&crate::support::recordings::Message| message.topic == topics::command(AgentId(1)).name;
-    let last = fork.messages.iter().filter(of_broken).next_back().expect("it has decided before");
+    let last = fork.messages.iter().rfind(of_broken).expect("it has decided before");
     assert!(last.tick < 1500, "{}", last.tick);
     assert!(frames(&fork, 2000).contains(&"agent_1/base_link".to_owned()));
 

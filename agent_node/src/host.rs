@@ -308,7 +308,7 @@ impl<'a> Host<'a> {
             let published = published.remove(&id).unwrap_or_else(|| PublishedMap::new(run_info.extent));
             let follows_scenario = label == run_info.controller_label();
             let times = options.decision_times.clone();
-            let successors = controllers::successors(options.registry, id, follows_scenario, times);
+            let successors = crate::controllers::successors(options.registry, id, follows_scenario, times);
             let agent = Agent::new(id, run_info.clone(), controller).with_successors(successors);
             agents.insert(id, HostedAgent { agent, is_accepted: false, is_held: false, key: None, published });
             transport.declare_parameters(id, parameters::of_controller(name, &resolved));

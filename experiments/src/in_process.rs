@@ -110,8 +110,8 @@ pub fn fork(
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
-    if !scenario.agents.cmd_vel.is_empty() {
-        return Err(InProcessError::OverRosOnly(scenario.agents.cmd_vel.clone()));
+    if let Some((key, value)) = scenario.agents.of_ros_only() {
+        return Err(InProcessError::OverRosOnly { key, value });
     }
     setup::check_destination(scenario)?;
     let (world, _report) = setup::rebuild(recording, scenario)?;
