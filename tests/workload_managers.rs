@@ -21,7 +21,9 @@ const PLAN: &str = "seeds = \"1..6\"\n[axes]\n\"agents.controller\" = [\"rbw\", 
 /// A box of 40 by 40 by 12 cells with columns.
 fn map() -> String {
     let row = |y: usize| -> String {
-        (0..40).map(|x| if x % 39 == 0 || y % 39 == 0 || (x % 6 == 3 && y % 6 == 3) { '#' } else { '.' }).collect()
+        (0..40)
+            .map(|x| if [0, 39].contains(&x) || [0, 39].contains(&y) || (x % 6, y % 6) == (3, 3) { '#' } else { '.' })
+            .collect()
     };
     let floor = "#".repeat(40) + "\n";
     let slice = (0..40).map(|y| row(y) + "\n").collect::<String>();
