@@ -22,7 +22,7 @@ const PLAN: &str = "seeds = \"1..6\"\n[axes]\n\"agents.controller\" = [\"rbw\", 
 fn map() -> String {
     let row = |y: usize| -> String {
         (0..40)
-            .map(|x| if x % 39 == 0 || y.is_multiple_of(39) || (x % 6 == 3 && y % 6 == 3) { '#' } else { '.' })
+            .map(|x| if [0, 39].contains(&x) || [0, 39].contains(&y) || (x % 6, y % 6) == (3, 3) { '#' } else { '.' })
             .collect()
     };
     let floor = "#".repeat(40) + "\n";
