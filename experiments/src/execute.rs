@@ -13,13 +13,17 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 use std::thread;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use supervisor::{SupervisorError, outside};
 use thiserror::Error;
 
+use crate::keep::{self, Keep};
+use crate::merge::is_same_run;
 use crate::plan::{BUILD, Plan, PlannedRun};
-use crate::rows::{RunRecord, RunRow};
-use crate::store::{Store, StoreError};
+use crate::rows::{Made, RunRecord, RunRow, StoredRun};
+use crate::statistics::StatisticsError;
+use crate::store::{self, Store, StoreError};
 
 pub use parts::Part;
 pub use ros::Launcher;
@@ -42,6 +46,14 @@ pub struct Options {
     /// Whether to remove runs from the folder that are not of this plan and build. Otherwise they
     /// are an error.
     pub prune: bool,
+}
+
+/// Which runs are executed, and which recordings stay.
+#[derive(Debug, Clone, Default)]
+pub struct Selection {
+    /// The ids of the runs; all if it is empty.
+    pub only: BTreeSet<String>,
+    pub keep: Keep,
 }
 
 /// Requests to end an execution early.
@@ -86,6 +98,15 @@ pub enum ExecuteError {
     /// A program of the user cannot run agents.
     #[error(transparent)]
     Program(#[from] SupervisorError),
+    /// [`Selection::only`] names a run that is not of the plan and this build.
+    #[error("run {id}: not of this plan and this build ({BUILD}); its runs are in the column `id` of runs.csv")]
+    UnknownRun { id: String },
+    /// A run that was executed again differs from its record.
+    #[error("run {id}: executed again it has other metrics than its record: was a file changed?")]
+    OtherOutcome { id: String },
+    /// A record has a metric that is not finite.
+    #[error("the runs have an invalid metric: {0}")]
+    Statistics(#[from] StatisticsError),
 }
 
 /// Counts of the runs of an execution.
@@ -95,6 +116,8 @@ pub struct Summary {
     pub skipped: usize,
     /// Runs that got a record.
     pub done: usize,
+    /// Runs that had a record, and were executed again for their recordings.
+    pub recorded: usize,
     pub failed: usize,
     /// Runs that were not started, or were abandoned.
     pub left: usize,
@@ -141,7 +164,7 @@ pub fn check(plan: &Plan, transport: &Transport) -> Result<(), ExecuteError> {
 }
 
 /// Executes a plan in a folder, and writes its tables. A part writes them if no run is left in the
-/// folder.
+/// folder. No recordings are kept.
 ///
 /// A run that fails is reported to `observer` and gets no record; the other runs continue.
 ///
@@ -154,39 +177,111 @@ pub fn execute(
     observer: &mut dyn PlanObserver,
     stop: &Stop,
 ) -> Result<Summary, ExecuteError> {
+    execute_selected(plan, folder, options, &Selection::default(), observer, stop)
+}
+
+/// Executes a selection of the runs of a plan, see [`execute`], and keeps recordings in the folder
+/// `recordings`. A run that has a record and no recording is executed again if its recording is to
+/// be kept; its metrics must be those of its record.
+///
+/// # Errors
+/// If the folder cannot be used, the selection has a run that the plan does not have, or a run that
+/// is executed again differs from its record.
+pub fn execute_selected(
+    plan: &Plan,
+    folder: PathBuf,
+    options: &Options,
+    selection: &Selection,
+    observer: &mut dyn PlanObserver,
+    stop: &Stop,
+) -> Result<Summary, ExecuteError> {
+    let Selection { only, keep } = selection;
+    if let Some(id) = only.iter().find(|id| plan.runs.iter().all(|run| run.id != **id)) {
+        return Err(ExecuteError::UnknownRun { id: id.clone() });
+    }
     check(plan, &options.transport)?;
     let store = Store::create(&folder)?;
     let done = store.done()?;
     prune(plan, &store, &done, options.prune)?;
     store.save_plan(plan)?;
-    let mine = options.part.of(&plan.runs);
-    let todo: Vec<&PlannedRun> = mine.iter().copied().filter(|run| !done.contains(&run.id)).collect();
+    let is_selected = |run: &&PlannedRun| only.is_empty() || only.contains(&run.id);
+    let mine: Vec<&PlannedRun> = options.part.of(&plan.runs).into_iter().filter(is_selected).collect();
+    let lacks_recording = |run: &PlannedRun| !store.recording_file(&run.id).exists();
+    let is_pending = |run: &&PlannedRun| !done.contains(&run.id) || (*keep == Keep::All && lacks_recording(run));
+    let todo: Vec<&PlannedRun> = mine.iter().copied().filter(is_pending).collect();
     let mut summary = Summary { skipped: mine.len() - todo.len(), ..Summary::default() };
     observer.started(&mine, &todo);
-    let executed = each(&todo, options, stop, |run, record| {
-        match record {
-            Ok(record) => {
-                store.save(&record)?;
-                summary.done += 1;
-                observer.completed(run, &record.row);
-            }
-            Err(RunFailure::Interrupted) => {}
-            Err(RunFailure::Failed(reason)) => {
-                summary.failed += 1;
-                observer.failed(run, &reason);
-            }
-        }
-        Ok(())
-    });
+    let mut failed = Vec::new();
+    let mut executed =
+        batch((&store, plan), &todo, options, *keep == Keep::All, (&mut summary, &mut failed), (&mut *observer, stop));
+    summary.left = todo.len() - summary.done - summary.recorded - summary.failed;
+    if executed.is_ok() && matches!(keep, Keep::Failures | Keep::Outliers) {
+        let chosen = keep::chosen(*keep, plan, &store.records()?)?;
+        let has_failed = |run: &PlannedRun| *keep == Keep::Failures && failed.contains(&run.id);
+        let again = |run: &&PlannedRun| (chosen.contains(&run.id) || has_failed(run)) && lacks_recording(run);
+        let again: Vec<&PlannedRun> = mine.iter().copied().filter(again).collect();
+        // Failed once more, a run is not counted twice.
+        let mut repeated = Summary::default();
+        executed =
+            batch((&store, plan), &again, options, true, (&mut repeated, &mut Vec::new()), (&mut *observer, stop));
+        summary.recorded += repeated.recorded;
+        summary.done += repeated.done;
+        summary.failed -= repeated.done;
+    }
     observer.ended();
     executed?;
-    summary.left = todo.len() - summary.done - summary.failed;
     // Thousands of parts would each read all runs. The part that ends last sees that all are done.
     let is_whole = options.part == Part::WHOLE;
     if is_whole || store.done()?.len() == plan.runs.len() {
         store.write_tables()?;
     }
     Ok(summary)
+}
+
+/// Executes runs and saves their records; counts them, and lists those that failed.
+fn batch(
+    (store, plan): (&Store, &Plan),
+    todo: &[&PlannedRun],
+    options: &Options,
+    is_recorded: bool,
+    (summary, failed): (&mut Summary, &mut Vec<String>),
+    (observer, stop): (&mut dyn PlanObserver, &Stop),
+) -> Result<(), ExecuteError> {
+    let recordings = store.folder().join("recordings");
+    if is_recorded && !todo.is_empty() {
+        let failed = |source| StoreError::File { file: recordings.display().to_string(), source };
+        std::fs::create_dir_all(&recordings).map_err(failed)?;
+    }
+    let recording = |run: &PlannedRun| is_recorded.then(|| store.recording_file(&run.id));
+    each(todo, options, stop, &recording, |run, record| {
+        match record {
+            Ok(record) => match store.run(&run.id)?.map(|known| known.split().0) {
+                Some(known) if is_same_run(&known, &store::as_stored(&record)?) => summary.recorded += 1,
+                Some(_) => return Err(ExecuteError::OtherOutcome { id: run.id.clone() }),
+                None => {
+                    let mut scenario = run.scenario.clone();
+                    scenario.execution.record = None;
+                    // From the folder of the results, where the copies of the files are.
+                    if let Some(map) = scenario.map.file.take() {
+                        scenario.map.file = Some(plan.inputs.copies().join(map));
+                    }
+                    store.save_scenario(&run.id, &scenario.to_toml())?;
+                    let made = Made { date: Some(today()), map: Some(run.map.clone()) };
+                    let stored = StoredRun::new(record, made);
+                    store.save_run(&stored)?;
+                    observer.completed(run, &stored.row);
+                    summary.done += 1;
+                }
+            },
+            Err(RunFailure::Interrupted) => {}
+            Err(RunFailure::Failed(reason)) => {
+                summary.failed += 1;
+                failed.push(run.id.clone());
+                observer.failed(run, &reason);
+            }
+        }
+        Ok(())
+    })
 }
 
 fn prune(plan: &Plan, store: &Store, done: &BTreeSet<String>, is_allowed: bool) -> Result<(), ExecuteError> {
@@ -203,12 +298,14 @@ fn prune(plan: &Plan, store: &Store, done: &BTreeSet<String>, is_allowed: bool) 
 }
 
 /// Performs runs on as many threads as there are jobs, and passes each record to `take`.
+/// `recording` names the file of a recording that is kept.
 fn each(
     todo: &[&PlannedRun],
     options: &Options,
     stop: &Stop,
-    mut take: impl FnMut(&PlannedRun, Result<RunRecord, RunFailure>) -> Result<(), StoreError>,
-) -> Result<(), StoreError> {
+    recording: &(dyn Fn(&PlannedRun) -> Option<PathBuf> + Sync),
+    mut take: impl FnMut(&PlannedRun, Result<RunRecord, RunFailure>) -> Result<(), ExecuteError>,
+) -> Result<(), ExecuteError> {
     let next = AtomicUsize::new(0);
     let (sender, records) = channel();
     let jobs = options.jobs.get();
@@ -219,9 +316,12 @@ fn each(
                 while !stop.soon.load(Ordering::Relaxed)
                     && let Some(&run) = todo.get(next.fetch_add(1, Ordering::Relaxed))
                 {
+                    let kept = recording(run);
                     let record = match &options.transport {
-                        Transport::Memory => memory::carry_out(run, &stop.at_once),
-                        Transport::Ros2(launcher) => launcher.carry_out(run, (job, jobs), &stop.at_once),
+                        Transport::Memory => memory::carry_out(run, kept, &stop.at_once),
+                        Transport::Ros2(launcher) => {
+                            launcher.carry_out(run, (job, jobs), kept.as_deref(), &stop.at_once)
+                        }
                     };
                     // The receiver is gone if a record could not be saved, which abandons all runs.
                     if sender.send((run, record)).is_err() {
@@ -250,6 +350,26 @@ pub fn machine() -> String {
     let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
     let model = model.map_or(std::env::consts::ARCH, |(_, name)| name.trim());
     format!("{model}, {cores} cores")
+}
+
+/// The day, UTC, such as `2026-11-22`.
+#[expect(clippy::disallowed_methods, reason = "the day stands beside the metrics, and no result depends on it")]
+fn today() -> String {
+    let passed = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    date(passed.as_secs() / 86_400)
+}
+
+/// The date of a day after 1 January 1970 (proleptic Gregorian calendar).
+fn date(days: u64) -> String {
+    // Years begin in March, so that a leap day is the last one; 400 years have 146 097 days.
+    let shifted = days + 719_468;
+    let (era, day) = (shifted / 146_097, shifted % 146_097);
+    let year = (day - day / 1_460 + day / 36_524 - day / 146_096) / 365;
+    let day = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * day + 2) / 153;
+    let day = day - (153 * month + 2) / 5 + 1;
+    let (month, is_next) = if month < 10 { (month + 3, 0) } else { (month - 9, 1) };
+    format!("{:04}-{month:02}-{day:02}", era * 400 + year + is_next)
 }
 
 #[cfg(test)]

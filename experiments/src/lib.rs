@@ -4,8 +4,8 @@
 //! - One run without a network: [`in_memory`] is the transport between a server and its agents,
 //!   [`in_process`] a run over it.
 //! - A batch: a [`plan`] lists runs, [`execute`] performs those without a record, [`measure`] turns
-//!   each into [`rows`], [`store`] keeps these in a folder, and [`tables`] writes them as CSV and
-//!   Parquet. [`merge`] joins folders, [`cluster`] writes job files for clusters.
+//!   each into [`rows`], [`store`] keeps these in a folder, [`keep`] decides which recordings stay,
+//!   and [`tables`] writes CSV and Parquet. [`merge`] joins folders, [`cluster`] writes job files for clusters.
 //! - Evaluation: [`statistics`] over many runs, and a [`report`] of figures and tables.
 //! - Comparison of recordings: [`diff`] finds the first difference of two, and [`faults`] injects
 //!   faults into runs and compares each with the undisturbed one; [`simulated`] does so with a
@@ -21,6 +21,7 @@ pub mod execute;
 pub mod faults;
 pub mod in_memory;
 pub mod in_process;
+pub mod keep;
 pub mod measure;
 pub mod merge;
 pub mod plan;

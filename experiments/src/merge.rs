@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::rows::RunRecord;
+use crate::rows::{RunRecord, StoredRun};
 use crate::store::{PLAN, Store, StoreError};
 
 #[derive(Debug, Error)]
@@ -31,7 +31,7 @@ pub enum MergeError {
 /// If a folder cannot be read or written, or folders contradict each other.
 pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     let mut plan: Option<(&Path, String)> = None;
-    let mut all = std::collections::BTreeMap::<String, RunRecord>::new();
+    let mut all = std::collections::BTreeMap::<String, StoredRun>::new();
     let joined = Store::create(out)?;
     let has_plan = out.join(PLAN).exists();
     let before = has_plan.then_some(out);
@@ -46,15 +46,18 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
             Some(_) => {}
             None => plan = Some((folder, text)),
         }
-        for record in store.records()? {
-            match all.get(&record.row.id) {
-                Some(first) if !is_same_run(first, &record) => {
+        for run in store.stored_runs()? {
+            match all.get(&run.row.id) {
+                Some(first) if !is_same_run(&first.clone().split().0, &run.clone().split().0) => {
                     let folder = folder.display().to_string();
-                    return Err(MergeError::OtherOutcome { folder, id: record.row.id });
+                    return Err(MergeError::OtherOutcome { folder, id: run.row.id });
                 }
                 Some(_) => {}
                 None => {
-                    all.insert(record.row.id.clone(), record);
+                    if let Some(scenario) = store.scenario(&run.row.id)? {
+                        joined.save_scenario(&run.row.id, &scenario)?;
+                    }
+                    all.insert(run.row.id.clone(), run);
                 }
             }
         }
@@ -62,8 +65,8 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     if let Some((_, text)) = plan {
         joined.write(PLAN, text.as_bytes())?;
     }
-    for record in all.values() {
-        joined.save(record)?;
+    for run in all.values() {
+        joined.save_run(run)?;
     }
     joined.write_tables()?;
     Ok(all.len())

@@ -1,13 +1,17 @@
-//! Plans: a TOML file with a base scenario, the axes that vary it, and seeds; and its expansion.
+//! Plans: a TOML file with a base scenario, the variants and axes that vary it, and seeds; and its
+//! expansion.
 //!
-//! Every combination of axis values is run with the same seeds, so that runs can be compared map by
-//! map. Runs are ordered by seed, and within a seed the most expensive comes first: a plan that is
-//! executed in part is comparable, and cores stay busy to the end.
+//! Every combination of variants and axis values is run with the same blocks, which are seeds and
+//! map files, so that runs can be compared map by map. Runs are ordered by block, and within a block
+//! the most expensive comes first: a plan that is executed in part is comparable, and cores stay
+//! busy to the end.
 //!
 //! Invariant: the scenarios of a [`Plan`] are valid and its controllers known; only map generation
 //! can still fail. This module runs nothing.
 
+mod dimensions;
 mod files;
+mod maps;
 mod read;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,7 +23,9 @@ use simulation::scenario::{Override, Scenario, ScenarioError, one_line};
 use simulation::wire;
 use thiserror::Error;
 
+use dimensions::{Change, Choice, combinations};
 use files::{Files, RunFiles, Unreadable};
+use maps::MapFile;
 
 pub use files::Inputs;
 pub use read::SEEDS_EXPECTED;
@@ -27,7 +33,13 @@ pub use read::SEEDS_EXPECTED;
 /// Maximum number of runs of a plan.
 pub const RUNS_MAX: usize = 1_000_000;
 
-/// Keys of the scenario that cannot be an axis, with the reason.
+/// The key of [`PlannedRun::axes`] with the name of the variant.
+pub const VARIANT: &str = dimensions::VARIANT;
+
+/// The key of [`PlannedRun::axes`] with the name of the map file, if `maps` names several.
+pub const MAP_FILE: &str = "map.file";
+
+/// Keys of the scenario that cannot be varied, with the reason.
 const FIXED: [(&str, &str); 2] = [
     ("seed", "is given by `seeds`"),
     ("execution", "cannot change a result; it is given in the base scenario or by the command line"),
@@ -76,13 +88,26 @@ impl AxisValue {
     }
 }
 
+/// A named set of keys of the scenario, which is compared with the others.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Variant {
+    pub name: String,
+    /// Line of the plan, counted from 1.
+    pub line: usize,
+    changes: Vec<Change>,
+}
+
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedRun {
     /// First 16 hexadecimal digits of the blake3 hash of the scenario, the build, and the contents
     /// of the files that it names.
     pub id: String,
-    /// Key and value, as text, of every axis.
+    /// Key and value, as text, of every axis; also [`VARIANT`] and [`MAP_FILE`], if the plan has
+    /// them.
     pub axes: BTreeMap<String, String>,
+    /// Identifies the map: first 16 hexadecimal digits of the blake3 hash of all that it is made
+    /// of. Runs of equal `map` are on the same map.
+    pub map: String,
     pub scenario: Scenario,
     /// What its relative paths start from; empty: the present folder, or it has none.
     pub folder: PathBuf,
@@ -98,6 +123,10 @@ pub struct Plan {
     pub text: String,
     /// The files that it reads.
     pub inputs: Inputs,
+    /// The keys whose values are compared: axes, or [`VARIANT`]. Empty if the plan does not say.
+    pub compare: Vec<String>,
+    /// In the order of the file.
+    pub variants: Vec<Variant>,
     /// In the order of the file.
     pub axes: Vec<Axis>,
     /// In the order of the file.
@@ -131,36 +160,48 @@ impl Plan {
 
     fn expand(file: &str, text: &str, folder: &Path) -> Result<Self, PlanError> {
         let draft = read::read(file, text, folder)?;
-        for axis in &draft.axes {
-            let line = axis.values[0].line;
-            let fixed = FIXED.iter().find(|(table, _)| axis.key.split('.').next() == Some(table));
-            if let Some((table, why)) = fixed {
-                let reason = format!("axes.\"{}\": `{table}` {why}; any other key of a scenario is allowed", axis.key);
+        let of_axes = draft.axes.iter().map(|axis| (format!("axes.\"{}\"", axis.key), &axis.key, axis.values[0].line));
+        let of_variants = draft.variants.iter().flat_map(|variant| {
+            let name = move |change: &Change| format!("variant {:?}: {}", variant.name, change.key);
+            variant.changes.iter().map(move |change| (name(change), &change.key, change.line))
+        });
+        for (name, key, line) in of_axes.chain(of_variants) {
+            if let Some((table, why)) = FIXED.iter().find(|(table, _)| key.split('.').next() == Some(table)) {
+                let reason = format!("{name}: `{table}` {why}; any other key of a scenario is allowed");
                 return Err(PlanError::Line { file: file.to_owned(), line, reason });
             }
         }
         let mut files = Files::from(draft.folder.as_ref().map_or(folder.to_owned(), |copies| folder.join(copies)));
+        let choices = combinations(file, &draft.variants, &draft.axes, &draft.base);
+        let blocks: Vec<Option<&MapFile>> =
+            if draft.maps.is_empty() { vec![None] } else { draft.maps.iter().map(Some).collect() };
         let mut runs = Vec::new();
         let mut ids = BTreeSet::new();
         for &seed in &draft.seeds {
-            let mut of_seed = Vec::new();
-            for choice in combinations(&draft.axes) {
-                let run = planned_run(file, &draft, &mut files, &choice, seed)?;
-                if !ids.insert(run.id.clone()) {
-                    let line = choice.first().map_or(1, |(_, value)| value.line);
-                    let reason = format!("axes: two combinations are the same run, one of them {:?}", run.axes);
-                    return Err(PlanError::Line { file: file.to_owned(), line, reason });
+            for map in &blocks {
+                let mut of_block = Vec::new();
+                for choice in &choices {
+                    let choice = match map {
+                        Some(map) => choice.with(MAP_FILE, map.name.clone(), [draft.map_change(file, map)]),
+                        None => choice.clone(),
+                    };
+                    let run = planned_run(file, &draft, &mut files, &choice, seed)?;
+                    if !ids.insert(run.id.clone()) {
+                        let line = choice.changes.first().map_or(1, |change| change.line);
+                        let reason = format!("axes: two combinations are the same run, one of them {:?}", run.axes);
+                        return Err(PlanError::Line { file: file.to_owned(), line, reason });
+                    }
+                    of_block.push(run);
                 }
-                of_seed.push(run);
+                of_block.sort_by_key(|run| std::cmp::Reverse(run.cost));
+                runs.extend(of_block);
             }
-            of_seed.sort_by_key(|run| std::cmp::Reverse(run.cost));
-            runs.extend(of_seed);
         }
-        let read::Draft { text, axes, seeds, folder: copies, .. } = draft;
+        let read::Draft { text, compare, variants, axes, seeds, folder: copies, .. } = draft;
         let is_copy = copies.is_some();
         let inputs = files.into_inputs(copies);
         let text = if is_copy { text } else { inputs.line() + &text };
-        Ok(Self { text, inputs, axes, seeds, runs })
+        Ok(Self { text, inputs, compare, variants, axes, seeds, runs })
     }
 }
 
@@ -170,43 +211,22 @@ fn cost(scenario: &Scenario, files: &RunFiles) -> u64 {
     u64::from(scenario.agents.count).saturating_mul(generated.or(files.map_cells).unwrap_or(1))
 }
 
-type Choice<'a> = Vec<(&'a str, &'a AxisValue)>;
-
-/// The product of all axes; the last axis varies fastest.
-fn combinations(axes: &[Axis]) -> Vec<Choice<'_>> {
-    let mut choices = vec![Vec::new()];
-    for axis in axes {
-        let values = |choice| axis.values.iter().map(move |value| with(&choice, &axis.key, value));
-        choices = choices.into_iter().flat_map(values).collect();
-    }
-    choices
-}
-
-fn with<'a>(choice: &Choice<'a>, key: &'a str, value: &'a AxisValue) -> Choice<'a> {
-    choice.iter().copied().chain([(key, value)]).collect()
-}
-
+/// The run of a combination, in which the map file is set if the plan names some, with a seed.
 fn planned_run(
     file: &str,
     draft: &read::Draft,
     files: &mut Files,
-    choice: &Choice<'_>,
+    choice: &Choice,
     seed: u64,
 ) -> Result<PlannedRun, PlanError> {
-    let mut overrides: Vec<Override> = choice
-        .iter()
-        .map(|(key, value)| Override {
-            origin: format!("{file}:{}: axes.\"{key}\" = {}", value.line, value.value),
-            key: (*key).to_owned(),
-            value: Some(value.value.clone()),
-        })
-        .collect();
+    let mut overrides: Vec<Override> = choice.changes.iter().map(Change::to_override).collect();
     let seed = i64::try_from(seed).expect("seeds of a plan are within the integers of TOML");
     overrides.push(Override { origin: format!("{file}: seeds"), key: "seed".to_owned(), value: Some(seed.into()) });
-    // An error about a value names the line of its axis.
+    // An error about a value names the line that has set it.
     let line_of = |key: &str| {
-        let of_axis = |axis: &str| key == axis || key.starts_with(&format!("{axis}."));
-        choice.iter().find(|(axis, _)| of_axis(axis)).map_or(draft.scenario_line, |(_, value)| value.line)
+        let has_set = |set: &str| key == set || key.starts_with(&format!("{set}."));
+        let change = choice.changes.iter().rev().find(|change| has_set(&change.key));
+        change.map_or(draft.scenario_line, |change| change.line)
     };
     let line_error = |key: &str, reason| PlanError::Line { file: file.to_owned(), line: line_of(key), reason };
     let mut scenario =
@@ -223,14 +243,15 @@ fn planned_run(
     let of_run = files
         .of(&scenario)
         .map_err(|Unreadable { key, path, source }| line_error(key, format!("{key} = {path:?}: {source}")))?;
+    let map = map_id(&scenario, &of_run);
     let (id, cost) = (id(&scenario, &of_run), cost(&scenario, &of_run));
     let mut folder = PathBuf::new();
     if scenario.map.file.is_some() || !scenario.agents.command.is_empty() {
         files.folder().clone_into(&mut folder);
         scenario.map.folder.clone_from(&folder);
     }
-    let axes = choice.iter().map(|(key, value)| ((*key).to_owned(), value.text())).collect();
-    Ok(PlannedRun { id, axes, scenario, folder, cost })
+    let axes = choice.labels.clone();
+    Ok(PlannedRun { id, axes, map, scenario, folder, cost })
 }
 
 /// See [`PlannedRun::id`].
@@ -238,6 +259,21 @@ fn id(scenario: &Scenario, files: &RunFiles) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(scenario.identity().as_bytes()).update(&[0]).update(BUILD.as_bytes());
     for hash in &files.hashes {
+        hasher.update(&[0]).update(hash.as_bytes());
+    }
+    hasher.finalize().to_hex()[..16].to_owned()
+}
+
+/// See [`PlannedRun::map`].
+fn map_id(scenario: &Scenario, files: &RunFiles) -> String {
+    let mut map = scenario.map.clone();
+    let hashes = &files.hashes[..files.maps];
+    // A file makes the same map with every seed and under every name; a generator depends on the
+    // seed, whether the map has one of its own or not.
+    (map.file, map.seed) = (None, hashes.is_empty().then_some(scenario.map_seed()));
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(toml::to_string(&map).expect("a section has plain values").as_bytes());
+    for hash in hashes {
         hasher.update(&[0]).update(hash.as_bytes());
     }
     hasher.finalize().to_hex()[..16].to_owned()

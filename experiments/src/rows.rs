@@ -1,7 +1,7 @@
 //! The record of a run: one row of metrics, and a time series over sim time.
 //!
-//! Everything except [`WallRow`] is a function of scenario, seed and build. A record is one file,
-//! `runs/<id>.json`; the tables of a plan are made from these files.
+//! Everything except [`WallRow`] and [`Made`] is a function of scenario, seed and build. A record is
+//! one file, `runs/<id>.json`; the tables of a plan are made from these files.
 
 use std::collections::BTreeMap;
 
@@ -11,6 +11,50 @@ use serde::{Deserialize, Serialize};
 pub const SAMPLE_PERIOD_S: f64 = 10.0;
 
 /// The content of `runs/<id>.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StoredRun {
+    pub row: RunRow,
+    /// See [`RunRecord::series`].
+    pub series: Vec<Sample>,
+    /// Empty in folders of earlier builds.
+    #[serde(default, skip_serializing_if = "Made::is_empty")]
+    pub made: Made,
+}
+
+impl StoredRun {
+    /// The record of a run with what is known about its execution.
+    #[must_use]
+    pub fn new(RunRecord { row, series }: RunRecord, made: Made) -> Self {
+        Self { row, series, made }
+    }
+
+    /// The record, and what is known about its execution.
+    #[must_use]
+    pub fn split(self) -> (RunRecord, Made) {
+        (RunRecord { row: self.row, series: self.series }, self.made)
+    }
+}
+
+/// What is known about a run beside its metrics.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Made {
+    /// The day on which it was executed, UTC, such as `2026-11-22`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub date: Option<String>,
+    /// See [`crate::plan::PlannedRun::map`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map: Option<String>,
+}
+
+impl Made {
+    fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// The metrics of a run, and their course.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRecord {

@@ -10,6 +10,8 @@
 //! which test suits which metric.
 
 mod bootstrap;
+mod log_rank;
+mod power;
 mod ranks;
 mod survival;
 
@@ -18,6 +20,8 @@ use std::ops::RangeInclusive;
 use thiserror::Error;
 
 pub use bootstrap::{Pairing, RESAMPLES, bootstrap_mean, bootstrap_ratio};
+pub use log_rank::{LogRank, log_rank, paired_log_rank};
+pub use power::detectable_difference;
 pub use ranks::{Wilcoxon, a12, holm, wilcoxon_signed_rank};
 pub use survival::{Censored, kaplan_meier, median_time, restricted_mean, success_fraction};
 
@@ -140,7 +144,7 @@ fn check_sample(xs: &[f64], needed: usize) -> Result<(), StatisticsError> {
 }
 
 /// Fails if two samples differ in length.
-fn check_pairs(a: &[f64], b: &[f64]) -> Result<(), StatisticsError> {
+fn check_pairs<T>(a: &[T], b: &[T]) -> Result<(), StatisticsError> {
     if a.len() == b.len() { Ok(()) } else { Err(StatisticsError::Unpaired { left: a.len(), right: b.len() }) }
 }
 

@@ -1,4 +1,5 @@
-//! The folder of a plan: one file per run, and the tables made from these files.
+//! The folder of a plan: the record and the scenario of each run, and the tables made from these
+//! files.
 //!
 //! Invariant: files are written atomically, so a process may be killed at any time, and several may
 //! share a folder. The files of the runs are the whole state; tables can be regenerated from them.
@@ -11,7 +12,7 @@ use sim_server::input_file::{self, TEXT_BYTES_MAX};
 use thiserror::Error;
 
 use crate::plan::Plan;
-use crate::rows::RunRecord;
+use crate::rows::{Made, RunRecord, StoredRun};
 use crate::tables::{self, Table};
 
 /// File name of the copy of the plan.
@@ -79,18 +80,64 @@ impl Store {
     /// # Errors
     /// If the file cannot be written.
     pub fn save(&self, record: &RunRecord) -> Result<(), StoreError> {
-        let file = self.run_file(&record.row.id);
-        let text = serde_json::to_string(record).map_err(|source| StoreError::Record { file: name(&file), source })?;
+        self.save_run(&StoredRun::new(record.clone(), Made::default()))
+    }
+
+    /// Saves the record of a run with what is known about its execution.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn save_run(&self, run: &StoredRun) -> Result<(), StoreError> {
+        let file = self.run_file(&run.row.id);
+        let text = serde_json::to_string(run).map_err(|source| StoreError::Record { file: name(&file), source })?;
         write_atomically(&file, text.as_bytes())
     }
 
-    /// Removes the record of a run.
+    /// Saves the scenario of a run as `runs/<id>.toml`, from which `maes run` executes it.
     ///
     /// # Errors
-    /// If the file cannot be removed.
+    /// If the file cannot be written.
+    pub fn save_scenario(&self, id: &str, toml: &str) -> Result<(), StoreError> {
+        write_atomically(&self.scenario_file(id), toml.as_bytes())
+    }
+
+    /// Whether the folder has the scenario of a run; those of earlier builds do not.
+    #[must_use]
+    pub fn has_scenario(&self, id: &str) -> bool {
+        self.scenario_file(id).exists()
+    }
+
+    /// The scenario of a run; `None` if the folder does not have it.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn scenario(&self, id: &str) -> Result<Option<String>, StoreError> {
+        if !self.has_scenario(id) {
+            return Ok(None);
+        }
+        let file = self.scenario_file(id);
+        input_file::read_text(&file, TEXT_BYTES_MAX).map(Some).map_err(file_error(&file))
+    }
+
+    /// Removes the record, the scenario and the recording of a run.
+    ///
+    /// # Errors
+    /// If a file cannot be removed.
     pub fn remove(&self, id: &str) -> Result<(), StoreError> {
-        let file = self.run_file(id);
-        std::fs::remove_file(&file).map_err(file_error(&file))
+        // The record last: without it the run is not known any more.
+        for file in [self.recording_file(id), self.scenario_file(id), self.run_file(id)] {
+            match std::fs::remove_file(&file) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(file_error(&file)(error)),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// The recording of a run, if it was kept.
+    #[must_use]
+    pub fn recording_file(&self, id: &str) -> PathBuf {
+        self.folder.join("recordings").join(format!("{id}.mcap"))
     }
 
     /// All records, ordered by controller, map size, team size, axes and seed.
@@ -98,22 +145,39 @@ impl Store {
     /// # Errors
     /// If a file cannot be read or parsed.
     pub fn records(&self) -> Result<Vec<RunRecord>, StoreError> {
-        let mut records = Vec::new();
+        Ok(self.stored_runs()?.into_iter().map(|run| run.split().0).collect())
+    }
+
+    /// All records with what is known about their execution, in the order of [`Self::records`].
+    ///
+    /// # Errors
+    /// If a file cannot be read or parsed.
+    pub fn stored_runs(&self) -> Result<Vec<StoredRun>, StoreError> {
+        let mut runs = Vec::new();
         for id in self.done()? {
-            let file = self.run_file(&id);
-            let text = input_file::read_text(&file, TEXT_BYTES_MAX).map_err(file_error(&file))?;
-            let record: RunRecord =
-                serde_json::from_str(&text).map_err(|source| StoreError::Record { file: name(&file), source })?;
-            records.push(record);
+            runs.push(self.read_run(&id)?);
         }
-        records.sort_by(|one, other| {
-            let order = |record: &RunRecord| {
-                let row = &record.row;
+        runs.sort_by(|one, other| {
+            let order = |StoredRun { row, .. }: &StoredRun| {
                 (row.controller.clone(), row.size, row.agents, row.axes.clone(), row.seed, row.id.clone())
             };
             order(one).cmp(&order(other))
         });
-        Ok(records)
+        Ok(runs)
+    }
+
+    /// The record of a run with what is known about its execution; `None` if there is none.
+    ///
+    /// # Errors
+    /// If the file cannot be read or parsed.
+    pub fn run(&self, id: &str) -> Result<Option<StoredRun>, StoreError> {
+        if self.run_file(id).exists() { self.read_run(id).map(Some) } else { Ok(None) }
+    }
+
+    fn read_run(&self, id: &str) -> Result<StoredRun, StoreError> {
+        let file = self.run_file(id);
+        let text = input_file::read_text(&file, TEXT_BYTES_MAX).map_err(file_error(&file))?;
+        serde_json::from_str(&text).map_err(|source| StoreError::Record { file: name(&file), source })
     }
 
     /// The text of the plan.
@@ -177,6 +241,20 @@ impl Store {
     fn run_file(&self, id: &str) -> PathBuf {
         self.folder.join("runs").join(format!("{id}.json"))
     }
+
+    fn scenario_file(&self, id: &str) -> PathBuf {
+        self.folder.join("runs").join(format!("{id}.toml"))
+    }
+}
+
+/// A record as it is read again from its file, where numbers can differ in the last digit.
+///
+/// # Errors
+/// If it cannot be written as JSON.
+pub fn as_stored(record: &RunRecord) -> Result<RunRecord, StoreError> {
+    let failed = |source| StoreError::Record { file: record.row.id.clone(), source };
+    let text = serde_json::to_string(record).map_err(failed)?;
+    serde_json::from_str(&text).map_err(failed)
 }
 
 /// Writes a temporary file, synchronises it to disk, and renames it.

@@ -66,6 +66,7 @@ fn numbers_match_hand_calculation() {
     let dsvp: &[&str] = &["5", "dsvp"];
     // 0.96, 0.98, 1, 1: the quartiles at positions 0.75 and 2.25 of 0 to 3.
     is("outcome", dsvp, "runs", 4.0);
+    is("outcome", dsvp, "independent", 4.0);
     is("outcome", dsvp, "explored_mean", 98.5);
     is("outcome", dsvp, "explored_median", 99.0);
     is("outcome", dsvp, "explored_q1", 97.5);
@@ -107,17 +108,17 @@ fn pairs_match_hand_calculation() {
         assert!((got - expected).abs() < 1e-9, "{table} {row:?} {column}: {got} instead of {expected}");
     };
     let row: &[&str] = &["5", "dsvp", "lvd"];
-    // Seeds 1 to 3: 300, 400 and 600 s against 600 s each. Two pairs differ, both in the same
-    // direction: p = 2 / 2^2.
+    // Seeds 1 to 3: 300, 400 and 600 s against 600 s each.
     is("pairs-time-99", row, "pairs", 3.0);
+    is("pairs-time-99", row, "maps", 3.0);
     is("pairs-time-99", row, "mean_a", 1300.0 / 3.0 / 60.0);
     is("pairs-time-99", row, "ratio_mean", 1300.0 / 1800.0);
-    is("pairs-time-99", row, "p", 0.5);
     // Three of nine comparisons are ties, the others are lost.
     is("pairs-time-99", row, "a12", 1.5 / 9.0);
-    // Three pairs in the same direction: p = 2 / 2^3, in a family of three.
-    is("pairs-area", row, "p", 0.25);
-    is("pairs-area", row, "p_holm", 0.75);
+    // Three pairs in the same direction: p = 2 / 2^3 at the least, which is no evidence.
+    for column in ["p", "p_holm", "detectable"] {
+        assert!(value(dir.path(), "pairs-area", row, column).is_nan(), "{column}");
+    }
     is("pairs-area", row, "a12", 1.0);
     is("pairs-area", row, "ratio_mean", 0.7 / 0.4);
 }
@@ -144,12 +145,16 @@ fn page_is_well_formed_and_self_contained() {
     let page = fs::read_to_string(&written.page).unwrap();
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
     let tree = Document::parse_with_options(&page, options).unwrap();
-    let mut ids = BTreeMap::new();
+    let (mut ids, mut links) = (BTreeMap::new(), Vec::new());
     for node in tree.descendants().filter(|node| node.is_element()) {
         let name = node.tag_name().name();
-        assert!(!["link", "script", "img", "image", "iframe", "use", "a"].contains(&name), "{name}");
+        assert!(!["link", "img", "image", "iframe", "use", "object"].contains(&name), "{name}");
         for attribute in node.attributes() {
-            assert!(!["href", "src", "data"].contains(&attribute.name()), "{name} {attribute:?}");
+            assert!(!["src", "data", "action"].contains(&attribute.name()), "{name} {attribute:?}");
+            if attribute.name() == "href" {
+                let target = attribute.value().strip_prefix('#').expect("a link within the page");
+                links.push(target);
+            }
             let reference = attribute.value().strip_prefix("url(");
             assert!(reference.is_none_or(|rest| rest.starts_with('#')), "{name} {attribute:?}");
             if attribute.name() == "id" {
@@ -157,13 +162,48 @@ fn page_is_well_formed_and_self_contained() {
             }
         }
     }
+    for target in links {
+        assert!(ids.contains_key(target), "#{target} leads nowhere");
+    }
     assert!(!page.contains("@import"));
+    assert!(page.contains("default-src 'none'"), "the browser loads nothing");
     let text: String = tree.descendants().filter(|node| node.is_text()).filter_map(|node| node.text()).collect();
-    for expected in
-        ["<every> seed & controller", "0.1.0", "a machine with 2 cores", "1\u{2013}4", "rbw: 5 agents, 50\u{b3} cells"]
-    {
+    for expected in [
+        "<every> seed & controller",
+        "0.1.0",
+        "a machine with 2 cores",
+        "1\u{2013}4",
+        "rbw: 5 agents, 50\u{b3} cells",
+        "Comparison of dsvp, lvd and rbw",
+        "Runs of 2026-11-20 to 2026-11-21",
+        "dsvp was faster to 99 % than lvd by 28 %",
+        "n = 3 maps: too few for a test",
+    ] {
         assert!(text.contains(expected), "{expected}");
     }
+}
+
+#[test]
+fn page_leads_from_runs_to_their_commands() {
+    let dir = folder();
+    let (with, kept) = ("00000000000000d1", "00000000000000d2");
+    fs::create_dir(dir.path().join("recordings")).unwrap();
+    fs::write(dir.path().join(format!("runs/{with}.toml")), "").unwrap();
+    fs::write(dir.path().join(format!("recordings/{kept}.mcap")), "").unwrap();
+    let heading = report::Heading { title: Some("Caves & <more>".to_owned()), date: Some("May".to_owned()) };
+    let written = report::write_with(dir.path(), &heading).unwrap();
+    let page = fs::read_to_string(&written.page).unwrap();
+    for expected in [
+        "<h1>Caves &amp; &lt;more&gt;</h1>".to_owned(),
+        "<p class=\"meta\">May".to_owned(),
+        format!("<tr id=\"run-{with}\">"),
+        format!("<code>maes run runs/{with}.toml</code>"),
+        format!("<code>maes view recordings/{kept}.mcap</code>"),
+        format!("data-run=\"{with}\""),
+    ] {
+        assert!(page.contains(&expected), "{expected}");
+    }
+    assert!(!page.contains(&format!("maes run runs/{kept}.toml")));
 }
 
 #[test]

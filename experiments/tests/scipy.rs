@@ -2,8 +2,8 @@
 //! `scipy/reference.json`.
 
 use experiments::statistics::{
-    Censored, Interval, Pairing, a12, area_under, bootstrap_mean, bootstrap_ratio, holm, kaplan_meier, median_time,
-    quantile, restricted_mean, success_fraction, wilcoxon_signed_rank,
+    Censored, Interval, Pairing, a12, area_under, bootstrap_mean, bootstrap_ratio, holm, kaplan_meier, log_rank,
+    median_time, quantile, restricted_mean, success_fraction, wilcoxon_signed_rank,
 };
 use serde_json::Value;
 
@@ -129,5 +129,20 @@ fn intervals() {
             let off = (ours - theirs) / spread.max(1e-9);
             assert!(off.abs() <= SPREADS_MAX, "{end} is {ours}, {off:.1} spreads from SciPy's {theirs}: {case}");
         }
+    }
+}
+
+#[test]
+fn log_ranks() {
+    for case in cases("log_ranks") {
+        let runs = |times: &str, happened: &str| -> Vec<Censored> {
+            let happened =
+                case[happened].as_array().expect("a list").iter().map(|did| did.as_bool().expect("true or false"));
+            let times = numbers(&case[times]).into_iter();
+            times.zip(happened).map(|(time, happened)| Censored { time, happened }).collect()
+        };
+        let ours = log_rank(&runs("a", "a_happened"), &runs("b", "b_happened")).unwrap();
+        // SciPy's sign is that of the second sample.
+        assert_same(ours.chi_squared(), number(&case["z"]).powi(2), &case);
     }
 }

@@ -1,5 +1,6 @@
 //! Commands about plans: `batch`, `merge`, `report`.
 
+use std::collections::BTreeSet;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -10,11 +11,12 @@ use std::thread;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use experiments::cluster::{self, EmitError, Job, Scheduler};
-use experiments::execute::{self, ExecuteError, Launcher, Options, Part, Stop, Summary, Transport};
+use experiments::execute::{self, ExecuteError, Launcher, Options, Part, Selection, Stop, Summary, Transport};
 use experiments::faults::FaultsError;
+use experiments::keep::Keep;
 use experiments::merge;
 use experiments::plan::{BUILD, Plan};
-use experiments::report::{self, ReportError, Written};
+use experiments::report::{self, Heading, ReportError, Written};
 use experiments::store::{Store, StoreError};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -44,6 +46,12 @@ pub(crate) struct BatchArgs {
     /// Remove runs from the folder that are not of this plan and build
     #[arg(long)]
     prune: bool,
+    /// Only the run with this id, and others that are named in the same way
+    #[arg(long, value_name = "ID")]
+    run: Vec<String>,
+    /// Which recordings to keep, in the folder `recordings`
+    #[arg(long, value_enum, value_name = "WHICH", default_value_t = KeepName::None)]
+    keep: KeepName,
     /// Run nothing; write a job into the folder that runs the plan on a cluster
     #[arg(long, value_enum, value_name = "SYSTEM")]
     emit: Option<SchedulerName>,
@@ -90,6 +98,28 @@ enum TransportName {
     Memory,
     /// Over ROS 2, a process for each agent
     Ros2,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum KeepName {
+    /// Of every run; runs that have a row and no recording are executed again
+    All,
+    /// Of runs that fail or do not reach 99 %
+    Failures,
+    /// Of runs far from the others of their kind in time, area under the curve or distance
+    Outliers,
+    None,
+}
+
+impl From<KeepName> for Keep {
+    fn from(name: KeepName) -> Self {
+        match name {
+            KeepName::All => Self::All,
+            KeepName::Failures => Self::Failures,
+            KeepName::Outliers => Self::Outliers,
+            KeepName::None => Self::None,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -175,6 +205,12 @@ pub(crate) struct ReportArgs {
     /// The folder of a plan
     #[arg(value_name = "DIR")]
     folder: PathBuf,
+    /// The title of the page [default: that of the plan, or the names of what it compares]
+    #[arg(long, value_name = "TEXT")]
+    title: Option<String>,
+    /// The date on the page [default: the days on which the runs were executed]
+    #[arg(long, value_name = "TEXT")]
+    date: Option<String>,
 }
 
 fn part(text: &str) -> Result<Part, String> {
@@ -224,12 +260,17 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
                 }
             }
         });
-        let summary = execute::execute(&plan, args.out.clone(), &options, &mut ProgressDisplay::default(), &stop);
+        let selection = Selection { only: args.run.iter().cloned().collect::<BTreeSet<_>>(), keep: args.keep.into() };
+        let mut display = ProgressDisplay::default();
+        let summary = execute::execute_selected(&plan, args.out.clone(), &options, &selection, &mut display, &stop);
         handle.close();
         summary
     })?;
-    let Summary { skipped, done, failed, left } = summary;
-    print(&format!("{done} runs done, {skipped} were there already, {failed} failed, {left} left; build {BUILD}"));
+    let Summary { skipped, done, recorded, failed, left } = summary;
+    let recorded = if recorded > 0 { format!(", {recorded} executed again and recorded") } else { String::new() };
+    print(&format!(
+        "{done} runs done, {skipped} were there already{recorded}, {failed} failed, {left} left; build {BUILD}"
+    ));
     // A part writes the tables if it ends last.
     if options.part == Part::WHOLE {
         print(&format!("{}", args.out.join("runs.csv").display()));
@@ -254,10 +295,13 @@ pub(crate) fn merge(args: &MergeArgs) -> anyhow::Result<ExitCode> {
 
 /// Makes the report of a folder, and its tables of all runs.
 pub(crate) fn report(args: &ReportArgs) -> anyhow::Result<ExitCode> {
-    let Written { page, runs, lacking } = report::write(&args.folder)?;
+    let heading = Heading { title: args.title.clone(), date: args.date.clone() };
+    let Written { page, runs, lacking, warnings, verdicts } = report::write_with(&args.folder, &heading)?;
     Store::open(&args.folder)?.write_tables()?;
     let lacking = if lacking > 0 { format!(", {lacking} lacking for a whole comparison") } else { String::new() };
     print(&format!("{runs} runs{lacking}"));
+    verdicts.iter().for_each(|verdict| print(verdict));
+    warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     print(&format!("{}", page.display()));
     Ok(ExitCode::SUCCESS)
 }

@@ -1,5 +1,6 @@
 //! A planned run in this process, over the in-memory transport.
 
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
@@ -14,11 +15,15 @@ use crate::plan::PlannedRun;
 use crate::rows::RunRecord;
 
 /// Performs a run on one thread for the server and one for all agents: the other cores are for
-/// the other jobs.
-pub(super) fn carry_out(run: &PlannedRun, stop: &AtomicBool) -> Result<RunRecord, RunFailure> {
+/// the other jobs. The run is recorded to `recording`.
+pub(super) fn carry_out(
+    run: &PlannedRun,
+    recording: Option<PathBuf>,
+    stop: &AtomicBool,
+) -> Result<RunRecord, RunFailure> {
     let mut scenario = run.scenario.clone();
     scenario.execution.threads = 1;
-    scenario.execution.record = None;
+    scenario.execution.record = recording;
     let times = DecisionTimes::default();
     let options = AgentOptions {
         threads: ThreadLayout::Shared,

@@ -32,11 +32,13 @@ pub struct Launcher {
 const DOMAIN_MAX: u32 = 101;
 
 impl Launcher {
-    /// Executes a run in the domain of a job, one of `jobs`.
+    /// Executes a run in the domain of a job, one of `jobs`. Its recording becomes the file `kept`,
+    /// also if it fails after its start.
     pub(super) fn carry_out(
         &self,
         run: &PlannedRun,
         (job, jobs): (usize, usize),
+        kept: Option<&Path>,
         stop: &AtomicBool,
     ) -> Result<RunRecord, RunFailure> {
         let failed = |error: &dyn std::fmt::Display| RunFailure::Failed(error.to_string());
@@ -68,6 +70,10 @@ impl Launcher {
         let ended = ended.map_err(|error| failed(&error))?;
         if stop.load(Ordering::Relaxed) || ended.code == exit::BY_SIGNAL {
             return Err(RunFailure::Interrupted);
+        }
+        if let Some(kept) = kept.filter(|_| recording.exists()) {
+            // The temporary folder may be on another disk.
+            std::fs::copy(&recording, kept).map_err(|error| failed(&error))?;
         }
         if ended.code != 0 {
             let text = std::fs::read_to_string(&stderr).unwrap_or_default() + &said.borrow();

@@ -60,7 +60,7 @@ fn stop_leaves_pending_runs() {
     let summary = execute(&plan(), site.path().to_owned(), &options(Part::WHOLE), &mut (), &stop).unwrap();
     assert_eq!(summary, Summary { left: 6, ..Summary::default() });
     let run = &plan().runs[0];
-    let abandoned = memory::carry_out(run, &AtomicBool::new(true));
+    let abandoned = memory::carry_out(run, None, &AtomicBool::new(true));
     assert!(matches!(abandoned, Err(RunFailure::Interrupted)));
 }
 
@@ -95,4 +95,66 @@ fn runs_of_another_plan_are_refused_or_pruned() {
     assert!(matches!(begin(&small, false), Err(ExecuteError::OtherRuns { count: 5, .. })));
     assert_eq!(begin(&small, true).unwrap(), Summary { skipped: 1, ..Summary::default() });
     assert_eq!(records(site.path()).len(), 1);
+}
+
+#[test]
+fn recordings_are_kept_and_runs_that_are_repeated_equal_their_records() {
+    let site = tempfile::tempdir().unwrap();
+    let folder = site.path().join("kept");
+    assert_eq!(run_part(&folder, Part::WHOLE).done, 6);
+    let store = Store::open(&folder).unwrap();
+    let before = records(&folder);
+    let selected = |only: &[&str], keep| {
+        let selection = Selection { only: only.iter().map(|id| (*id).to_owned()).collect(), keep };
+        let options = options(Part::WHOLE);
+        execute_selected(&plan(), folder.clone(), &options, &selection, &mut (), &Stop::default())
+    };
+    let id = before[0].row.id.as_str();
+    assert_eq!(selected(&[id], Keep::All).unwrap(), Summary { recorded: 1, ..Summary::default() });
+    assert_eq!(selected(&[id], Keep::All).unwrap(), Summary { skipped: 1, ..Summary::default() });
+    let info = sim_server::info::read(&store.recording_file(id)).unwrap();
+    assert_eq!(simulation::digest::Digest(info.result.unwrap().digest).to_string(), before[0].row.digest);
+    // Few of these short runs reach 99 %: the others are kept as failures.
+    let late = before.iter().filter(|record| record.row.t99_s.is_none()).count();
+    assert!(late > 0, "some run does not reach 99 %");
+    selected(&[], Keep::Failures).unwrap();
+    for record in &before {
+        let is_kept = store.recording_file(&record.row.id).exists();
+        assert_eq!(is_kept, record.row.id == id || record.row.t99_s.is_none(), "{}", record.row.id);
+    }
+    assert_eq!(records(&folder), before, "records are not replaced");
+    let error = selected(&["0"], Keep::None).unwrap_err();
+    assert!(error.to_string().contains("run 0: not of this plan"), "{error}");
+    // A record that was changed is found.
+    let mut changed = before[1].clone();
+    changed.row.distance_m += 1.0;
+    store.save(&changed).unwrap();
+    std::fs::remove_file(store.recording_file(&changed.row.id)).ok();
+    let error = selected(&[&changed.row.id], Keep::All).unwrap_err();
+    assert!(matches!(error, ExecuteError::OtherOutcome { .. }), "{error}");
+}
+
+#[test]
+fn runs_have_a_scenario_a_map_and_a_date() {
+    let site = tempfile::tempdir().unwrap();
+    run_part(site.path(), Part::WHOLE);
+    let store = Store::open(site.path()).unwrap();
+    let planned = plan();
+    for run in store.stored_runs().unwrap() {
+        let of_plan = planned.runs.iter().find(|planned| planned.id == run.row.id).unwrap();
+        let text = store.scenario(&run.row.id).unwrap().unwrap();
+        let scenario = simulation::scenario::Scenario::parse("run.toml", &text, &[]).unwrap();
+        assert_eq!(scenario.identity(), of_plan.scenario.identity());
+        assert_eq!(run.made.map.as_ref(), Some(&of_plan.map));
+        assert_eq!(run.made.date.unwrap().len(), "2026-11-22".len());
+    }
+}
+
+#[test]
+fn dates_are_of_the_gregorian_calendar() {
+    for (days, expected) in
+        [(0, "1970-01-01"), (58, "1970-02-28"), (59, "1970-03-01"), (11_016, "2000-02-29"), (20_779, "2026-11-22")]
+    {
+        assert_eq!(date(days), expected);
+    }
 }

@@ -55,6 +55,8 @@ pub(super) struct Files {
 pub(super) struct RunFiles {
     /// In the order of the scenario.
     pub(super) hashes: Vec<blake3::Hash>,
+    /// How many of them, the first ones, are of the map.
+    pub(super) maps: usize,
     /// Cells of the map file; 1 if it is no map.
     pub(super) map_cells: Option<u64>,
 }
@@ -87,6 +89,7 @@ impl Files {
                 files.hashes.push(self.content("map.file", &path, read_any)?.hash);
             }
         }
+        files.maps = files.hashes.len();
         for (place, word) in scenario.agents.command.iter().enumerate() {
             let is_file = if place == 0 { word.contains('/') } else { self.folder.join(word).is_file() };
             if is_file {
@@ -140,6 +143,12 @@ impl Inputs {
             return String::new();
         }
         format!("folder = {:?} # what the relative paths below start from\n", self.copies)
+    }
+
+    /// What the relative paths of the copies start from, relative to the folder of the results.
+    #[must_use]
+    pub fn copies(&self) -> &Path {
+        Path::new(&self.copies)
     }
 
     /// Copies the files with relative paths into the folder of the results. A copy that is there is

@@ -8,7 +8,12 @@ use sim_server::input_file::{self, TEXT_BYTES_MAX};
 use simulation::scenario::{Scenario, ScenarioError};
 use toml::Spanned;
 
-use super::{Axis, AxisValue, PlanError, RUNS_MAX, files};
+use super::dimensions::{Change, VARIANT};
+use super::maps::{self, MapFile};
+use super::{Axis, AxisValue, PlanError, RUNS_MAX, Variant, files};
+
+/// Tables of the scenario whose keys belong together: a variant replaces them as a whole.
+const WHOLE_TABLES: [&str; 1] = ["spawn"];
 
 /// The allowed values of `seeds`, for error messages.
 pub const SEEDS_EXPECTED: &str = "expected seeds from 0 to 9223372036854775807: a range such as \"1..30\", which \
@@ -23,12 +28,44 @@ pub(super) struct Draft {
     /// Name of the base scenario for error messages.
     pub(super) scenario_name: String,
     pub(super) scenario_text: String,
+    /// The same as a table.
+    pub(super) base: toml::Table,
     /// Line of the plan that names or begins the base scenario, counted from 1.
     pub(super) scenario_line: usize,
+    /// See [`super::Plan::compare`].
+    pub(super) compare: Vec<String>,
+    /// In the order of the file; their names differ.
+    pub(super) variants: Vec<Variant>,
     /// In the order of the file; no axis is empty.
     pub(super) axes: Vec<Axis>,
+    /// The map files that `maps` names.
+    pub(super) maps: Vec<MapFile>,
+    /// Line of the plan with `maps`.
+    maps_line: usize,
     /// Distinct, and at least one.
     pub(super) seeds: Vec<u64>,
+}
+
+impl Draft {
+    /// The change that gives the base scenario one of the map files: its own map goes, except for
+    /// the options of an importer and the length of a cell.
+    pub(super) fn map_change(&self, file: &str, map: &MapFile) -> Change {
+        let mut table = toml::Table::new();
+        if let Some(of_file) =
+            self.base.get("map").filter(|map| map.get("kind").and_then(toml::Value::as_str) == Some("file"))
+        {
+            let kept = |key: &str| Some((key.to_owned(), of_file.get(key)?.clone()));
+            table.extend(["cell_m", "import"].into_iter().filter_map(kept));
+        }
+        let path = map.path.to_string_lossy().into_owned();
+        table.extend([("kind".to_owned(), "file".into()), ("file".to_owned(), path.clone().into())]);
+        Change {
+            origin: format!("{file}:{}: maps: {path:?}", self.maps_line),
+            line: self.maps_line,
+            key: "map".to_owned(),
+            value: Some(toml::Value::Table(table)),
+        }
+    }
 }
 
 #[derive(Deserialize)]
@@ -39,6 +76,16 @@ struct PlanFile {
     folder: Option<Spanned<String>>,
     #[serde(default)]
     axes: BTreeMap<Spanned<String>, Vec<Spanned<toml::Value>>>,
+    #[serde(default)]
+    compare: Option<Spanned<toml::Value>>,
+    #[serde(default)]
+    variant: Vec<BTreeMap<Spanned<String>, Spanned<toml::Value>>>,
+    #[serde(default)]
+    maps: Option<Spanned<toml::Value>>,
+    /// For the report.
+    #[expect(dead_code, reason = "read for its type")]
+    #[serde(default)]
+    title: Option<String>,
 }
 
 /// The base scenario of a plan alone, parsed for errors with a line.
@@ -65,9 +112,27 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
     }
     let copies = plan.folder.map(Spanned::into_inner);
     let axes = axes(plan.axes, line_at).map_err(|(line, reason)| at_line(line, reason))?;
-    let runs = axes.iter().try_fold(seeds.len(), |runs, axis| runs.checked_mul(axis.values.len()));
+    let variants = variants(file, plan.variant, line_at).map_err(|(line, reason)| at_line(line, reason))?;
+    check_overlaps(&variants, &axes, plan.maps.is_some()).map_err(|(line, reason)| at_line(line, reason))?;
+    let compare = compare(plan.compare.as_ref().map(Spanned::get_ref), &variants, &axes).map_err(|reason| {
+        at_line(plan.compare.as_ref().map_or(1, |compare| line_at(compare.span().start)), format!("compare: {reason}"))
+    })?;
+    let maps_line = plan.maps.as_ref().map_or(1, |maps| line_at(maps.span().start));
+    let maps = match &plan.maps {
+        Some(named) => {
+            let start = copies.as_ref().map_or(folder.to_owned(), |copies| folder.join(copies));
+            maps::files(named.get_ref(), &start).map_err(|reason| at_line(maps_line, format!("maps: {reason}")))?
+        }
+        None => Vec::new(),
+    };
+    let counts = axes.iter().map(|axis| axis.values.len()).chain([variants.len().max(1), maps.len().max(1)]);
+    let runs = counts.into_iter().try_fold(seeds.len(), usize::checked_mul);
     if runs.is_none_or(|runs| runs > RUNS_MAX) {
         return Err(at_line(1, format!("axes and seeds make more runs than the {RUNS_MAX} that are allowed")));
+    }
+    let mut edits = Vec::new();
+    if let Some(named) = &plan.maps {
+        edits.push((named.span(), listed(&maps)));
     }
     let (scenario_name, mut base, self_contained) = match plan.scenario.get_ref() {
         toml::Value::String(named) => {
@@ -78,10 +143,11 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
             // For errors with a line of that file.
             Scenario::parse(&name, &base_text, &[])?;
             let base: toml::Table = toml::from_str(&base_text).map_err(syntax)?;
-            let contained = with_base(text, &plan.scenario, &base);
-            (name, base, contained)
+            let line = text[..plan.scenario.span().start].rfind('\n').map_or(0, |at| at + 1);
+            edits.push((line..line, "# ".to_owned()));
+            (name, base.clone(), edited(text, edits) + "\n" + &as_scenario(&base))
         }
-        toml::Value::Table(base) => (file.to_owned(), base.clone(), text.to_owned()),
+        toml::Value::Table(base) => (file.to_owned(), base.clone(), edited(text, edits)),
         _ => {
             return Err(at_line(
                 scenario_line,
@@ -91,6 +157,13 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
     };
     if !base.contains_key("seed") {
         base.insert("seed".to_owned(), 0.into());
+    }
+    if let Some(map) = maps.first()
+        && !base.contains_key("map")
+    {
+        let file = map.path.to_string_lossy().into_owned();
+        let map = [("kind".to_owned(), "file".into()), ("file".to_owned(), file.into())];
+        base.insert("map".to_owned(), toml::Value::Table(map.into_iter().collect()));
     }
     if plan.scenario.get_ref().is_table()
         && let Err(error) = base.clone().try_into::<Scenario>()
@@ -103,18 +176,144 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
     {
         return Err(at_line(scenario_line, format!("scenario: {key} = {value}: {allowed}")));
     }
-    Ok(Draft { text: self_contained, folder: copies, scenario_name, scenario_text, scenario_line, axes, seeds })
+    let text = self_contained;
+    Ok(Draft {
+        text,
+        folder: copies,
+        scenario_name,
+        scenario_text,
+        base,
+        scenario_line,
+        compare,
+        variants,
+        axes,
+        maps,
+        maps_line,
+        seeds,
+    })
 }
 
-/// The text of a plan in which the base scenario, appended as a table, replaces the name of its
-/// file.
-fn with_base(text: &str, scenario: &Spanned<toml::Value>, base: &toml::Table) -> String {
-    let span = scenario.span();
-    let start = text[..span.start].rfind('\n').map_or(0, |at| at + 1);
-    let end = text[span.end..].find('\n').map_or(text.len(), |at| span.end + at + 1);
+/// A list of the files as a value of TOML.
+fn listed(maps: &[MapFile]) -> String {
+    let texts = maps.iter().map(|map| toml::Value::from(map.path.to_string_lossy().into_owned()));
+    toml::Value::Array(texts.collect()).to_string()
+}
+
+/// A text in which each range is replaced; ranges do not overlap.
+fn edited(text: &str, mut edits: Vec<(std::ops::Range<usize>, String)>) -> String {
+    edits.sort_by_key(|(range, _)| std::cmp::Reverse(range.start));
+    let mut edited = text.to_owned();
+    for (range, new) in edits {
+        edited.replace_range(range, &new);
+    }
+    edited
+}
+
+/// The base scenario as the table of a plan.
+fn as_scenario(base: &toml::Table) -> String {
     let table = toml::Table::from_iter([("scenario".to_owned(), toml::Value::Table(base.clone()))]);
-    let base = toml::to_string(&table).expect("a table that was read can be written");
-    format!("{}# {}{}\n{base}", &text[..start], &text[start..end], &text[end..])
+    toml::to_string(&table).expect("a table that was read can be written")
+}
+
+/// The keys that `compare` names, or the variants.
+fn compare(value: Option<&toml::Value>, variants: &[Variant], axes: &[Axis]) -> Result<Vec<String>, String> {
+    let known = axes.iter().map(|axis| format!("`{}`", axis.key)).collect::<Vec<_>>().join(", ");
+    let expected = || format!("expected an axis of the plan, or a list of them; the axes are {known}");
+    let keys: Vec<String> = match value {
+        None if variants.is_empty() => return Ok(Vec::new()),
+        None => return Ok(vec![VARIANT.to_owned()]),
+        Some(_) if !variants.is_empty() => {
+            return Err("expected either `compare` or `[[variant]]`: variants are what is compared".to_owned());
+        }
+        Some(toml::Value::String(key)) => vec![key.clone()],
+        Some(toml::Value::Array(list)) if !list.is_empty() => {
+            let keys: Option<_> = list.iter().map(|key| key.as_str().map(str::to_owned)).collect();
+            keys.ok_or_else(expected)?
+        }
+        Some(_) => return Err(expected()),
+    };
+    match keys.iter().find(|key| axes.iter().all(|axis| axis.key != **key)) {
+        Some(key) => Err(format!("{key:?}: {}{}", expected(), nearest(key, axes))),
+        None => Ok(keys),
+    }
+}
+
+/// A suggestion for a key that is no axis, or nothing.
+fn nearest(key: &str, axes: &[Axis]) -> String {
+    let last = |key: &str| key.rsplit('.').next().unwrap_or_default().to_owned();
+    let same = axes.iter().find(|axis| last(&axis.key) == last(key));
+    same.map_or_else(String::new, |axis| format!("; did you mean `{}`?", axis.key))
+}
+
+/// A key has one place in a plan: an axis, the variants, or `maps`.
+fn check_overlaps(variants: &[Variant], axes: &[Axis], has_maps: bool) -> Result<(), (usize, String)> {
+    let overlap = |one: &str, other: &str| {
+        let within = |inner: &str, outer: &str| inner == outer || inner.starts_with(&format!("{outer}."));
+        within(one, other) || within(other, one)
+    };
+    for axis in axes {
+        let line = axis.values[0].line;
+        if has_maps && overlap(&axis.key, "map") {
+            return Err((line, format!("axes.\"{}\": `maps` gives the maps; leave one of them out", axis.key)));
+        }
+        for variant in variants {
+            if let Some(change) = variant.changes.iter().find(|change| overlap(&change.key, &axis.key)) {
+                let (key, name) = (&axis.key, &variant.name);
+                let reason = format!("axes.\"{key}\": variant {name:?} sets {}; leave one of them out", change.key);
+                return Err((line, reason));
+            }
+        }
+    }
+    let change = variants.iter().flat_map(|variant| &variant.changes).find(|change| overlap(&change.key, "map"));
+    match change.filter(|_| has_maps) {
+        Some(change) => Err((change.line, format!("{}: `maps` gives the maps; leave one of them out", change.key))),
+        None => Ok(()),
+    }
+}
+
+/// The variants; each value is one change of the base scenario.
+fn variants(
+    file: &str,
+    tables: Vec<BTreeMap<Spanned<String>, Spanned<toml::Value>>>,
+    line_at: impl Fn(usize) -> usize,
+) -> Result<Vec<Variant>, (usize, String)> {
+    const EXPECTED: &str = "expected a name of its own for each [[variant]], such as name = \"far\"";
+    let mut variants: Vec<Variant> = Vec::new();
+    for table in tables {
+        let mut keys: Vec<_> =
+            table.into_iter().map(|(key, value)| (key.span().start, key.into_inner(), value)).collect();
+        keys.sort_by_key(|(place, ..)| *place);
+        let first = keys.first().map_or(1, |(place, ..)| line_at(*place));
+        let name = keys.iter().find(|(_, key, _)| key == "name");
+        let (line, name) = match name.map(|(place, _, value)| (line_at(*place), value.get_ref())) {
+            Some((line, toml::Value::String(name))) => (line, name.trim().to_owned()),
+            Some((line, _)) => return Err((line, format!("variant: name: {EXPECTED}"))),
+            None => return Err((first, format!("variant: {EXPECTED}"))),
+        };
+        if name.is_empty() || variants.iter().any(|other| other.name == name) {
+            return Err((line, format!("variant: name = {name:?}: {EXPECTED}")));
+        }
+        let mut changes = Vec::new();
+        for (place, key, value) in keys.into_iter().filter(|(_, key, _)| key != "name") {
+            let line = line_at(place);
+            for (key, value) in leaves(key, value.into_inner()) {
+                let origin = format!("{file}:{line}: variant {name:?}: {key} = {value}");
+                changes.push(Change { origin, line, key, value: Some(value) });
+            }
+        }
+        variants.push(Variant { name, line, changes });
+    }
+    Ok(variants)
+}
+
+/// The values within a table with their dotted paths.
+fn leaves(key: String, value: toml::Value) -> Vec<(String, toml::Value)> {
+    match value {
+        toml::Value::Table(table) if !WHOLE_TABLES.contains(&key.as_str()) => {
+            table.into_iter().flat_map(|(inner, value)| leaves(format!("{key}.{inner}"), value)).collect()
+        }
+        value => vec![(key, value)],
+    }
 }
 
 fn seeds(value: &toml::Value) -> Result<Vec<u64>, String> {

@@ -106,3 +106,163 @@ fn plans_of_the_repository_are_valid() {
         ["quick.toml", "paper-figures.toml", "paper-figures-maes3d.toml", "paper-table-1.toml", "report-2022.toml"];
     assert_eq!(plans.map(runs), [48, 270, 270, 12, 40]);
 }
+
+/// The runs of a plan without seed: labels, controller, and settings.
+fn what(plan: &Plan) -> Vec<(Vec<String>, String, Vec<String>)> {
+    let run = |run: &PlannedRun| {
+        let labels = run.axes.iter().map(|(key, value)| format!("{key}={value}")).collect();
+        (labels, run.scenario.agents.controller.clone(), wire::settings(&run.scenario.agents))
+    };
+    plan.runs.iter().map(run).collect()
+}
+
+#[test]
+fn variants_are_named_sets_of_any_keys() {
+    let plan = parse(
+        "seeds = [1, 2]\ntitle = \"Far and near\"\naxes.\"agents.count\" = [2, 1]\n\
+         [[variant]]\nname = \"far\"\n\"lidar.range_m\" = 20\nagents.controller = \"lvd\"\n\
+         agents.set.visit_radius_m = 5.0\n[[variant]]\nname = \"near\"\nlidar = { range_m = 5, rays = 100 }\n\
+         bodies = [{ agents = [0], kind = \"aerial\" }]\n[variant.spawn]\nkind = \"scattered\"\nmin_distance_m = 2.0",
+    )
+    .unwrap();
+    assert_eq!((plan.compare, plan.runs.len()), (vec![VARIANT.to_owned()], 8));
+    let [far, near] = ["far", "near"].map(|name| {
+        let is = |run: &&PlannedRun| run.axes[VARIANT] == name && run.axes["agents.count"] == "2";
+        plan.runs.iter().find(is).unwrap().scenario.clone()
+    });
+    assert_eq!((far.lidar.range_m, far.agents.controller.as_str(), far.bodies.len()), (20.0, "lvd", 0));
+    assert_eq!(wire::settings(&far.agents), ["visit_radius_m=5.0"]);
+    assert_eq!((near.lidar.range_m, near.lidar.rays, near.agents.controller.as_str()), (5.0, 100, "rbw"));
+    assert_eq!(near.bodies.len(), 1);
+    // A run has the same id by whatever plan.
+    let same = parse("seeds = [1]\naxes.\"lidar.range_m\" = [20]\n[axes]\n\"agents.controller\" = [\"lvd\"]\n");
+    assert!(same.is_err(), "a table is not defined twice");
+    let same = parse(
+        "seeds = [1]\naxes.\"lidar.range_m\" = [20]\naxes.\"agents.controller\" = [\"lvd\"]\n\
+         axes.\"agents.set.visit_radius_m\" = [5.0]",
+    )
+    .unwrap();
+    let far = plan.runs.iter().find(|run| run.axes[VARIANT] == "far" && run.axes["agents.count"] == "2").unwrap();
+    assert_eq!(same.runs[0].id, far.id);
+}
+
+#[test]
+fn settings_of_one_controller_vary_beside_other_controllers() {
+    let plan = parse(
+        "seeds = [1]\ncompare = [\"agents.controller\", \"agents.set.visit_radius_m\"]\n[axes]\n\
+         \"agents.set.visit_radius_m\" = [2.0, 4.0]\n\"agents.controller\" = [\"rbw\", \"lvd\"]",
+    )
+    .unwrap();
+    assert_eq!(
+        what(&plan),
+        [
+            (vec!["agents.controller=rbw".to_owned()], "rbw".to_owned(), vec![]),
+            (
+                vec!["agents.controller=lvd".to_owned(), "agents.set.visit_radius_m=2.0".to_owned()],
+                "lvd".to_owned(),
+                vec!["visit_radius_m=2.0".to_owned()]
+            ),
+            (
+                vec!["agents.controller=lvd".to_owned(), "agents.set.visit_radius_m=4.0".to_owned()],
+                "lvd".to_owned(),
+                vec!["visit_radius_m=4.0".to_owned()]
+            ),
+        ]
+    );
+    let error = refused("seeds = [1]\naxes.\"agents.set.visit_radus_m\" = [2.0, 4.0]");
+    assert!(error.contains("visit_radus_m"), "{error}");
+}
+
+#[test]
+fn settings_of_the_base_apply_to_controllers_that_have_them() {
+    let text = format!(
+        "seeds = [1]\naxes.\"agents.controller\" = [\"lvd\", \"rbw\", \"nearest-frontier\"]\n{BASE}controller = \
+         \"lvd\"\nset = {{ visit_radius_m = 2.0, search_time = \"budgeted\" }}\n"
+    );
+    let plan = Plan::parse("p.toml", &text, Path::new(".")).unwrap();
+    let settings: Vec<_> = what(&plan).into_iter().map(|(_, controller, settings)| (controller, settings)).collect();
+    let both = vec!["search_time=budgeted".to_owned(), "visit_radius_m=2.0".to_owned()];
+    assert_eq!(
+        settings,
+        [
+            ("lvd".to_owned(), both),
+            ("rbw".to_owned(), vec![]),
+            ("nearest-frontier".to_owned(), vec!["search_time=budgeted".to_owned()])
+        ]
+    );
+}
+
+#[test]
+fn map_files_are_blocks_like_seeds() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("maps")).unwrap();
+    for name in ["one.m3dm", "two.m3dm"] {
+        std::fs::write(folder.path().join("maps").join(name), name).unwrap();
+    }
+    let text = format!(
+        "seeds = [1, 2]\nmaps = \"maps/*.m3dm\"\naxes.\"agents.controller\" = [\"rbw\", \"lvd\"]\n{BASE}\
+         [scenario.lidar]\nrange_m = 4.0\n"
+    );
+    let plan = Plan::parse("p.toml", &text, folder.path()).unwrap();
+    let blocks: Vec<_> =
+        plan.runs.iter().map(|run| (run.scenario.seed, run.axes[MAP_FILE].as_str(), run.map.clone())).collect();
+    let names: Vec<_> = blocks.iter().map(|(seed, name, _)| (*seed, *name)).collect();
+    let of_seed = |seed| [(seed, "one.m3dm"), (seed, "one.m3dm"), (seed, "two.m3dm"), (seed, "two.m3dm")];
+    assert_eq!(names, [of_seed(1), of_seed(2)].concat());
+    // The seed does not change a map file.
+    assert_eq!((&blocks[0].2, &blocks[2].2), (&blocks[4].2, &blocks[6].2));
+    assert_ne!(blocks[0].2, blocks[2].2);
+    // The copy of the plan can lie elsewhere, with copies of its maps.
+    let elsewhere = folder.path().join("elsewhere");
+    plan.inputs.copy_to(&elsewhere).unwrap();
+    std::fs::remove_dir_all(folder.path().join("maps")).unwrap();
+    let copy = Plan::parse("copy.toml", &plan.text, &elsewhere).unwrap();
+    assert_eq!(copy.text, plan.text);
+    let ids = |plan: &Plan| plan.runs.iter().map(|run| run.id.clone()).collect::<Vec<_>>();
+    assert_eq!(ids(&copy), ids(&plan));
+}
+
+#[test]
+fn runs_of_one_map_have_one_map_id() {
+    let maps = |head: &str| parse(head).unwrap().runs.into_iter().map(|run| run.map).collect::<Vec<_>>();
+    let own = maps("seeds = [1, 2]\naxes.\"agents.controller\" = [\"rbw\", \"lvd\"]");
+    assert!(own[0] == own[1] && own[2] == own[3] && own[0] != own[2], "{own:?}");
+    let fixed = maps("seeds = [1, 2]\naxes.\"map.seed\" = [1]");
+    assert!(fixed[0] == fixed[1] && fixed[0] == own[0], "{fixed:?}");
+}
+
+#[test]
+fn errors_of_variants_name_the_line() {
+    for (head, expected) in [
+        (
+            "seeds = [1]\ncompare = \"count\"\naxes.\"agents.count\" = [1]",
+            "p.toml:2: compare: \"count\": expected an axis",
+        ),
+        ("seeds = [1]\ncompare = \"count\"\naxes.\"agents.count\" = [1]", "did you mean `agents.count`?"),
+        ("seeds = [1]\ncompare = []", "p.toml:2: compare: expected an axis"),
+        ("seeds = [1]\n[[variant]]\n\"agents.count\" = 3", "p.toml:3: variant: expected a name of its own"),
+        (
+            "seeds = [1]\n[[variant]]\nname = \"a\"\n[[variant]]\nname = \"a\"",
+            "p.toml:5: variant: name = \"a\": expected a name of its own",
+        ),
+        (
+            "seeds = [1]\ncompare = \"agents.count\"\naxes.\"agents.count\" = [1]\n[[variant]]\nname = \"a\"",
+            "expected either `compare` or `[[variant]]`",
+        ),
+        (
+            "seeds = [1]\n[[variant]]\nname = \"a\"\n\"agents.cuont\" = 2",
+            "p.toml:4: variant \"a\": agents.cuont = 2: unknown key `agents.cuont`; did you mean `agents.count`?",
+        ),
+        ("seeds = [1]\n[[variant]]\nname = \"a\"\n\"agents.count\" = 0", "p.toml:4: agents.count = 0: expected 1 to"),
+        ("seeds = [1]\n[[variant]]\nname = \"a\"\nseed = 0", "p.toml:4: variant \"a\": seed: `seed` is given by"),
+        (
+            "seeds = [1]\naxes.\"agents.count\" = [1]\n[[variant]]\nname = \"a\"\nagents = { count = 2 }",
+            "p.toml:2: axes.\"agents.count\": variant \"a\" sets agents.count; leave one of them out",
+        ),
+        ("seeds = [1]\nmaps = \"*.nothing\"", "p.toml:2: maps: \"*.nothing\": no file in"),
+        ("seeds = [1]\nmaps = \"a.m3dm\"\naxes.\"map.size\" = [20]", "p.toml:3: axes.\"map.size\": `maps` gives the"),
+    ] {
+        let error = refused(head);
+        assert!(error.contains(expected), "{head:?}: {error}");
+    }
+}

@@ -1,6 +1,6 @@
-//! The figures of a study, as SVG.
+//! The figures of a study, as SVG: whole for papers, and panel by panel for the page.
 //!
-//! A controller has the same colour and dash pattern in all figures. A figure without data is
+//! A variant has the same colour and dash pattern in all figures. A figure without data is
 //! omitted.
 
 mod boxes;
@@ -10,7 +10,7 @@ mod traffic;
 
 use std::collections::BTreeSet;
 
-use super::plot::Mark;
+use super::plot::{Drawn, Mark};
 use super::study::{Condition, Environment, Study};
 use crate::statistics::StatisticsError;
 
@@ -18,8 +18,12 @@ use crate::statistics::StatisticsError;
 pub(super) struct Figure {
     /// Stem of its file names.
     pub(super) name: String,
+    pub(super) title: String,
     pub(super) caption: String,
-    pub(super) svg: String,
+    pub(super) legend: Vec<(Mark, String)>,
+    /// Whether the entries of the legend are the variants.
+    pub(super) is_by_variant: bool,
+    pub(super) drawn: Drawn,
 }
 
 /// The figures without wall time, which are functions of scenario, seed and build.
@@ -42,7 +46,7 @@ pub(super) fn of_wall_time(study: &Study) -> Result<Vec<Figure>, StatisticsError
 /// The arrangement of panels: one per condition, with two to four team sizes side by side.
 struct Panels {
     /// The condition of each panel; `None` if it has no runs.
-    conditions: Vec<(Environment, u32, Option<Condition>)>,
+    conditions: Vec<(Environment, Option<u32>, Option<Condition>)>,
     columns: usize,
 }
 
@@ -56,8 +60,8 @@ impl Panels {
                     let condition = study
                         .conditions
                         .iter()
-                        .find(|condition| condition.agents == agents && condition.environment() == environment);
-                    conditions.push((environment.clone(), agents, condition.cloned()));
+                        .find(|condition| condition.agents == Some(agents) && condition.environment() == environment);
+                    conditions.push((environment.clone(), Some(agents), condition.cloned()));
                 }
             }
             Self { conditions, columns: team_sizes.len() }
@@ -70,7 +74,7 @@ impl Panels {
         }
     }
 
-    fn title(study: &Study, environment: &Environment, agents: u32) -> String {
+    fn title(study: &Study, environment: &Environment, agents: Option<u32>) -> String {
         let condition = Condition { others: environment.others.clone(), size: environment.size, agents };
         study.condition_name(&condition)
     }
@@ -85,18 +89,27 @@ fn columns(panels: usize) -> usize {
     }
 }
 
-/// The number of runs of the cells of a study, as a note.
+/// The number of independent runs of the cells of a study, as a note.
 fn runs_note(study: &Study) -> String {
     let counts: BTreeSet<usize> = study.cells().map(|(_, _, runs)| runs.len()).collect();
+    let all: usize = study
+        .conditions
+        .iter()
+        .map(|condition| {
+            (0..study.variants.len()).map(|variant| study.all_of_cell(condition, variant).len()).sum::<usize>()
+        })
+        .sum();
+    let independent: usize = study.cells().map(|(_, _, runs)| runs.len()).sum();
+    let kind = if independent < all { "independent " } else { "" };
     match (counts.first(), counts.last()) {
-        (Some(1), Some(1)) => "1 run per cell".to_owned(),
-        (Some(least), Some(most)) if least == most => format!("{most} runs per cell"),
-        (Some(least), Some(most)) => format!("{least} to {most} runs per cell"),
+        (Some(1), Some(1)) => format!("1 {kind}run each"),
+        (Some(least), Some(most)) if least == most => format!("{most} {kind}runs each"),
+        (Some(least), Some(most)) => format!("{least} to {most} {kind}runs each"),
         _ => String::new(),
     }
 }
 
-/// An entry for each controller.
+/// An entry for each variant.
 fn legend(study: &Study, mark: fn(usize) -> Mark) -> Vec<(Mark, String)> {
-    study.controllers.iter().enumerate().map(|(i, name)| (mark(i), name.clone())).collect()
+    study.variants.iter().enumerate().map(|(i, name)| (mark(i), name.clone())).collect()
 }

@@ -1,4 +1,4 @@
-//! The tables of a study: one row per cell.
+//! The tables of a study: one row per cell. Estimates are over the independent runs.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ pub(super) fn tables(study: &Study) -> Result<Vec<Table>, StatisticsError> {
 
 fn outcome(study: &Study) -> Result<Table, StatisticsError> {
     let mut columns = cell_columns(study);
-    columns.push(column("runs", "runs"));
+    columns.extend([column("runs", "runs"), column("independent", "independent")]);
     for metric in [EXPLORED, AREA] {
         columns.push(column(&format!("{}, mean [95 % CI]", metric.label()), metric.key));
         columns.push(column(&format!("{}, median (quartiles)", metric.label()), metric.key));
@@ -30,8 +30,9 @@ fn outcome(study: &Study) -> Result<Table, StatisticsError> {
     for metric in [BELIEVED, COVERED] {
         columns.push(column(&format!("{}, mean [95 % CI]", metric.label()), metric.key));
     }
+    let mut counts = study.cells().map(|(condition, variant, _)| study.all_of_cell(condition, variant).len());
     let rows = rows(study, |runs| {
-        let mut row = vec![Entry::Count(runs.len())];
+        let mut row = vec![Entry::Count(counts.next().unwrap_or_default()), Entry::Count(runs.len())];
         for metric in [EXPLORED, AREA] {
             let values = metric.values(runs);
             row.push(Entry::Mean(Some(Estimate::of(&values, RESAMPLES)?), DIGITS));
@@ -42,7 +43,7 @@ fn outcome(study: &Study) -> Result<Table, StatisticsError> {
         }
         Ok(row)
     })?;
-    let caption = "Outcome: shares of the free cells, over the runs of a cell. The area under the curve is the mean of \
+    let caption = "Outcome: shares of the free cells, over the independent runs. The area under the curve is the mean of \
                    the explored share over the whole duration; the share is constant after the end of a run.";
     Ok(Table { name: "outcome", caption: caption.to_owned(), columns, rows })
 }
@@ -142,13 +143,14 @@ fn endings(study: &Study) -> Table {
     columns.push(column("end reason", "reason"));
     columns.push(column("runs", "runs"));
     let mut rows = Vec::new();
-    for (condition, controller, runs) in study.cells() {
+    for (condition, variant, _) in study.cells() {
+        let runs = study.all_of_cell(condition, variant);
         let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
         for run in &runs {
             *reasons.entry(&run.row.reason).or_default() += 1;
         }
         for (reason, count) in reasons {
-            let mut row = cell_entries(study, condition, controller);
+            let mut row = cell_entries(study, condition, variant);
             row.extend([Entry::Text(reason.to_owned()), Entry::Share(count, runs.len())]);
             rows.push(row);
         }
@@ -158,10 +160,10 @@ fn endings(study: &Study) -> Table {
 
 fn rows(
     study: &Study,
-    entries: impl Fn(&[&RunRecord]) -> Result<Vec<Entry>, StatisticsError>,
+    mut entries: impl FnMut(&[&RunRecord]) -> Result<Vec<Entry>, StatisticsError>,
 ) -> Result<Vec<Vec<Entry>>, StatisticsError> {
-    let row = |(condition, controller, runs): (&Condition, usize, Vec<&RunRecord>)| {
-        let mut row = cell_entries(study, condition, controller);
+    let row = |(condition, variant, runs): (&Condition, usize, Vec<&RunRecord>)| {
+        let mut row = cell_entries(study, condition, variant);
         row.extend(entries(&runs)?);
         Ok(row)
     };
@@ -183,27 +185,31 @@ fn means(study: &Study, metrics: &[Metric]) -> Result<Vec<Vec<Entry>>, Statistic
 /// The columns that identify a cell.
 fn cell_columns(study: &Study) -> Vec<(String, String)> {
     let mut columns = condition_columns(study);
-    columns.push(column("controller", "controller"));
+    columns.push(column(&study.variant_title, &study.variant_title));
     columns
 }
 
 /// The columns that identify a condition.
 pub(super) fn condition_columns(study: &Study) -> Vec<(String, String)> {
     let mut columns: Vec<_> = study.others.iter().map(|key| column(key, key)).collect();
-    columns.extend([column("map (cells)", "map"), column("agents", "agents")]);
+    let first = study.conditions.first();
+    columns.extend(first.and_then(|condition| condition.size).map(|_| column("map (cells)", "map")));
+    columns.extend(first.and_then(|condition| condition.agents).map(|_| column("agents", "agents")));
     columns
 }
 
-fn cell_entries(study: &Study, condition: &Condition, controller: usize) -> Vec<Entry> {
-    let mut entries = condition_entries(condition);
-    entries.push(Entry::Text(study.controllers[controller].clone()));
+fn cell_entries(study: &Study, condition: &Condition, variant: usize) -> Vec<Entry> {
+    let mut entries = condition_entries(study, condition);
+    entries.push(Entry::Text(study.variants[variant].clone()));
     entries
 }
 
 /// The entries of [`condition_columns`].
-pub(super) fn condition_entries(condition: &Condition) -> Vec<Entry> {
-    let mut entries: Vec<_> = condition.others.iter().map(|value| Entry::Text(value.0.clone())).collect();
-    entries.extend([Entry::Size(condition.size), Entry::Count(condition.agents as usize)]);
+pub(super) fn condition_entries(study: &Study, condition: &Condition) -> Vec<Entry> {
+    let values = study.others.iter().zip(&condition.others);
+    let mut entries: Vec<_> = values.map(|(key, value)| Entry::Text(study.shown(key, value))).collect();
+    entries.extend(condition.size.map(Entry::Size));
+    entries.extend(condition.agents.map(|agents| Entry::Count(agents as usize)));
     entries
 }
 

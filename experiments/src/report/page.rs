@@ -1,166 +1,262 @@
-//! The HTML page: facts about the study, figures, tables, and a list of all runs. It is well-formed
-//! XML, and refers to no other file.
+//! The HTML page: verdicts, evidence, figures, tables, and a list of all runs. It is well-formed XML,
+//! and refers to nothing but the recordings beside it. Without its script, which adds values at the
+//! pointer, it is complete.
+
+mod runs;
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use super::Contents;
+use super::evidence;
 use super::figures::Figure;
-use super::metrics::{DISTANCE, EXPLORED};
-use super::outcomes::column;
+use super::plot::{self, Mark};
 use super::study::{Study, agents_name, size_name};
 use super::svg::escape;
-use super::table::{Entry, Table};
+use super::table::Table;
+use super::verdicts::Verdicts;
+pub(super) use runs::Kept;
 
 /// The style sheet. Neutral colours of the figures follow the background.
-const STYLE: &str = "
-:root { color-scheme: light dark; --ink: #1a1a1a; --soft: #5a5a5a; --paper: #ffffff; --rule: #d8d8d8; --head: #f4f5f7; }
-body { margin: 2rem auto; padding: 0 1.2rem; max-width: 72rem; background: var(--paper); color: var(--ink);
-  font: 15px/1.5 'DejaVu Sans', Verdana, 'Noto Sans', sans-serif; }
-h1 { font-size: 1.7rem; } h2 { margin-top: 2.5rem; border-bottom: 1px solid var(--rule); }
-figure { margin: 1.6rem 0; overflow-x: auto; } figure svg { max-width: 100%; height: auto; }
-figcaption, caption, .note { color: var(--soft); font-size: 0.87rem; text-align: left; max-width: 60rem; }
-caption { padding-bottom: 0.5rem; }
-.wide { overflow-x: auto; margin: 1.4rem 0; }
-table { border-collapse: collapse; font-size: 0.82rem; font-variant-numeric: tabular-nums; }
-th, td { padding: 0.25rem 0.6rem; border-bottom: 1px solid var(--rule); text-align: left; vertical-align: top; }
-th { background: var(--head); vertical-align: bottom; } td { white-space: nowrap; } td.number { text-align: right; }
-dt { font-weight: bold; } dd { margin: 0 0 0.4rem 1.2rem; }
-pre { background: var(--head); padding: 0.8rem; overflow-x: auto; font-size: 0.82rem; } summary { cursor: pointer; }
-@media (prefers-color-scheme: dark) {
-  :root { --ink: #e8e8e8; --soft: #a8a8a8; --paper: #14161a; --rule: #3a3f47; --head: #1e2127; }
-  svg .paper { fill: #14161a; } svg .ink { fill: #e8e8e8; } svg .ink-line { stroke: #e8e8e8; }
-  svg .soft { fill: #a8a8a8; } svg .rule-line { stroke: #30343b; }
-  svg .blue { fill: #3f9bd8; } svg .blue-line { stroke: #3f9bd8; }
-  svg .vermillion { fill: #f0782a; } svg .vermillion-line { stroke: #f0782a; }
-  svg .green { fill: #1fc795; } svg .green-line { stroke: #1fc795; }
-}
-";
+const STYLE: &str = include_str!("page/style.css");
+const SCRIPT: &str = include_str!("page/script.js");
+/// Nothing is loaded, not even from the page's own place.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
+/// Number of names in the title of a report whose plan has none.
+const NAMES_MAX: usize = 4;
 
-pub(super) fn html(study: &Study, contents: &Contents) -> String {
-    let title = format!("Report on {} runs", study.runs.len());
+/// What the page says about itself beside the runs.
+#[derive(Debug, Clone, Default)]
+pub struct Heading {
+    /// Instead of the title of the plan.
+    pub title: Option<String>,
+    /// Instead of the days on which the runs were executed.
+    pub date: Option<String>,
+}
+
+pub(super) fn html(study: &Study, contents: &Contents, heading: &Heading, kept: &Kept) -> String {
+    let title = heading.title.clone().or_else(|| study.design.title.clone()).unwrap_or_else(|| default_title(study));
+    let shown = escape(&title);
     let mut text = format!(
         "<!DOCTYPE html>\n<html lang=\"en\" xmlns=\"http://www.w3.org/1999/xhtml\">\n<head>\n<meta charset=\"utf-8\"/>\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>{title}</title>\n\
-         <style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n"
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\"/>\n<title>{shown}</title>\n\
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{shown}</h1>\n<p class=\"meta\">{}</p>\n",
+        escape(&meta(study, heading))
     );
+    text.push_str(&warnings(study));
+    text.push_str(&table_of_contents(study, contents));
+    text.push_str(&verdicts(study, &contents.verdicts));
+    text.push_str(&section("setup", "What was run"));
     text.push_str(&facts(study));
     text.push_str(&missing(study));
-    text.push_str("<h2>Results</h2>\n");
+    text.push_str(&section("results", "Results"));
     text.push_str(
         "<p class=\"note\">Functions of scenario, seed and build: a repetition gives the same numbers. Intervals are \
-         95 % bootstrap intervals (BCa) over the runs of a cell, which differ in the seed and therefore in the \
-         map.</p>\n",
+         95 % bootstrap intervals (BCa) over the independent runs. Point at a curve for its values; a name in a legend \
+         hides its lines; a click on the line or dot of a run leads to its row.</p>\n",
     );
     text.extend(contents.figures.iter().map(figure));
     text.extend(contents.tables.iter().map(wide));
     if !contents.pairs.is_empty() {
-        text.push_str("<h2>Pairwise comparison of controllers, seed by seed</h2>\n");
+        text.push_str(&section("pairs", "Comparison pair by pair"));
         text.extend(contents.pairs.iter().map(wide));
     }
-    text.push_str("<h2>Cost of the simulation</h2>\n");
+    text.push_str(&section("cost", "Cost of the simulation"));
     text.push_str(
         "<p class=\"note\">Wall time: differs between machines and repetitions, and is not part of the results.</p>\n",
     );
     text.extend(contents.cost_figures.iter().map(figure));
     text.push_str(&wide(&contents.cost));
     if let Some(plan) = &study.plan {
-        write!(text, "<h2>Plan</h2>\n<pre>{}</pre>\n", escape(plan)).expect("a String can be written");
+        text.push_str(&section("plan", "Plan"));
+        writeln!(text, "<pre>{}</pre>", escape(plan)).expect("a String can be written");
     }
-    write!(text, "<h2>Runs</h2>\n<details>\n<summary>All {} runs</summary>\n", study.runs.len())
-        .expect("a String can be written");
-    text.push_str(&wide(&runs(study)));
-    text.push_str("</details>\n</body>\n</html>\n");
+    text.push_str(&section("runs", "Runs"));
+    write!(
+        text,
+        "<p class=\"note\">Commands are for the folder of the plan, which holds plan.toml. <code>maes batch plan.toml \
+         --out . --run ID --keep all</code> executes a run again, compares it with its row, and keeps its \
+         recording.</p>\n<details>\n<summary>All {} runs</summary>\n",
+        study.runs.len()
+    )
+    .expect("a String can be written");
+    text.push_str(&runs::html(study, kept));
+    text.push_str("</details>\n");
+    text.push_str(&script(study));
+    text.push_str("</body>\n</html>\n");
     text
 }
 
-/// A list of controllers, maps, team sizes, axes, seeds and builds.
+fn default_title(study: &Study) -> String {
+    match study.variants.as_slice() {
+        [first @ .., last] if (1..NAMES_MAX).contains(&first.len()) => {
+            format!("Comparison of {} and {last}", first.join(", "))
+        }
+        [_] => format!("Report on {} runs", study.runs.len()),
+        variants => format!("Comparison of {} variants", variants.len()),
+    }
+}
+
+/// Date, number of runs and observations, build.
+fn meta(study: &Study, heading: &Heading) -> String {
+    let date = heading.date.clone().or_else(|| {
+        let (first, last) = study.dates()?;
+        Some(if first == last { format!("Runs of {first}") } else { format!("Runs of {first} to {last}") })
+    });
+    let builds: BTreeSet<&str> = study.runs.iter().map(|run| run.row.build.as_str()).collect();
+    let builds = builds.into_iter().collect::<Vec<_>>().join(", ");
+    let parts = date.into_iter().chain([format!("{} runs", study.runs.len()), format!("build {builds}")]);
+    parts.collect::<Vec<_>>().join(" \u{b7} ")
+}
+
+fn section(id: &str, title: &str) -> String {
+    format!("<h2 id=\"{id}\">{title}</h2>\n")
+}
+
+/// What a reader has to know before the results.
+fn warnings(study: &Study) -> String {
+    let warnings = evidence::warnings(study);
+    if warnings.is_empty() {
+        return String::new();
+    }
+    let paragraphs: String = warnings.iter().map(|warning| format!("<p>{}</p>\n", escape(warning))).collect();
+    format!("<div class=\"warning\" role=\"note\">\n{paragraphs}</div>\n")
+}
+
+fn table_of_contents(study: &Study, contents: &Contents) -> String {
+    let mut links = Vec::new();
+    links.extend((!contents.verdicts.is_empty()).then(|| ("verdicts".to_owned(), "Verdicts".to_owned())));
+    links.push(("setup".to_owned(), "What was run".to_owned()));
+    let figures = |figures: &[Figure]| {
+        let link = |figure: &Figure| (format!("figure-{}", figure.name), figure.title.clone());
+        figures.iter().map(link).collect::<Vec<_>>()
+    };
+    links.extend(figures(&contents.figures));
+    links.push(("table-outcome".to_owned(), "Tables of results".to_owned()));
+    links.extend((!contents.pairs.is_empty()).then(|| ("pairs".to_owned(), "Comparison pair by pair".to_owned())));
+    links.push(("cost".to_owned(), "Cost of the simulation".to_owned()));
+    links.extend(study.plan.as_ref().map(|_| ("plan".to_owned(), "Plan".to_owned())));
+    links.push(("runs".to_owned(), "Runs".to_owned()));
+    let items = links.into_iter().map(|(id, name)| format!("<li><a href=\"#{id}\">{}</a></li>\n", escape(&name)));
+    format!("<nav aria-label=\"Contents\">\n<ul>\n{}</ul>\n</nav>\n", items.collect::<String>())
+}
+
+fn verdicts(study: &Study, verdicts: &[Verdicts]) -> String {
+    if verdicts.is_empty() {
+        return String::new();
+    }
+    let mut text = section("verdicts", "Verdicts");
+    for Verdicts { panel, sentences } in verdicts {
+        if !panel.is_empty() && study.conditions.len() > 1 {
+            writeln!(text, "<h3>{}</h3>", escape(panel)).expect("a String can be written");
+        }
+        let items: String = sentences.iter().map(|sentence| format!("<li>{}</li>\n", escape(sentence))).collect();
+        write!(text, "<ul class=\"verdicts\">\n{items}</ul>\n").expect("a String can be written");
+    }
+    text.push_str(
+        "<p class=\"note\">The effect with its 95 % interval comes first. p-values are adjusted for all comparisons of a \
+         panel (Holm); there is none below 6 independent pairs.</p>\n",
+    );
+    text
+}
+
+/// A list of variants, maps, team sizes, axes, seeds and builds.
 fn facts(study: &Study) -> String {
     let rows = || study.runs.iter().map(|run| &run.row);
     let unique = |texts: BTreeSet<String>| texts.into_iter().collect::<Vec<_>>().join("; ");
     let sizes: BTreeSet<[u32; 3]> = rows().map(|row| row.size).collect();
+    let teams: BTreeSet<u32> = rows().map(|row| row.agents).collect();
+    let mut compared = study.variant_title.clone();
+    compared[..1].make_ascii_uppercase();
     let mut facts = vec![
-        ("Controllers".to_owned(), study.controllers.join(", ")),
+        (compared, study.variants.join(", ")),
+        ("Controllers".to_owned(), unique(rows().map(|row| row.controller.clone()).collect())),
         ("Maps".to_owned(), sizes.into_iter().map(size_name).collect::<Vec<_>>().join(", ")),
-        ("Team sizes".to_owned(), study.team_sizes().into_iter().map(agents_name).collect::<Vec<_>>().join(", ")),
+        ("Map files".to_owned(), study.map_files().into_iter().collect::<Vec<_>>().join(", ")),
+        ("Team sizes".to_owned(), teams.into_iter().map(agents_name).collect::<Vec<_>>().join(", ")),
     ];
+    if facts[0].0 == "Controller" {
+        facts.remove(0);
+    }
     for (i, key) in study.others.iter().enumerate() {
         let values: BTreeSet<_> = study.conditions.iter().map(|condition| &condition.others[i]).collect();
-        facts.push((key.clone(), values.into_iter().map(|value| value.0.clone()).collect::<Vec<_>>().join(", ")));
+        facts.push((
+            key.clone(),
+            values.into_iter().map(|value| study.shown(key, value)).collect::<Vec<_>>().join(", "),
+        ));
     }
+    let independent = study.cells().map(|(_, _, runs)| runs.len()).collect::<BTreeSet<_>>();
+    let each = match (independent.first(), independent.last()) {
+        (Some(least), Some(most)) if least == most => format!("{most} for each variant and panel"),
+        (Some(least), Some(most)) => format!("{least} to {most} for each variant and panel"),
+        _ => String::new(),
+    };
     facts.extend([
         ("Seeds".to_owned(), ranges(&study.seeds())),
+        ("Independent observations".to_owned(), each),
         ("Longest sim time of a run".to_owned(), unique(rows().map(|row| format!("{} s", row.duration_s)).collect())),
         ("Sim time of all runs".to_owned(), format!("{:.2} h", rows().map(|row| row.end_s).sum::<f64>() / 3600.0)),
-        ("Build".to_owned(), unique(rows().map(|row| row.build.clone()).collect())),
         ("Machine".to_owned(), unique(rows().map(|row| row.wall.machine.clone()).collect())),
     ]);
     let mut text = "<dl>\n".to_owned();
-    for (name, value) in facts {
+    for (name, value) in facts.into_iter().filter(|(_, value)| !value.is_empty()) {
         writeln!(text, "<dt>{}</dt><dd>{}</dd>", escape(&name), escape(&value)).expect("a String can be written");
     }
     text.push_str("</dl>\n");
     text
 }
 
-/// A list of cells with missing seeds.
+/// A list of cells with missing blocks.
 fn missing(study: &Study) -> String {
     let missing = study.missing();
     if missing.is_empty() {
         return String::new();
     }
-    let seeds = study.seeds().len();
-    let mut text = format!("<p>Some of the {seeds} seeds are missing in these cells:</p>\n<ul>\n");
+    let blocks = study.blocks();
+    let what = if study.map_files().is_empty() { "seeds" } else { "combinations of map file and seed" };
+    let mut text = format!("<p>Some of the {blocks} {what} are missing:</p>\n<ul>\n");
     for (cell, count) in missing {
-        writeln!(text, "<li>{}: {count} of {seeds} missing</li>", escape(&cell)).expect("a String can be written");
+        writeln!(text, "<li>{}: {count} of {blocks} missing</li>", escape(&cell)).expect("a String can be written");
     }
     text.push_str("</ul>\n");
     text
 }
 
 fn figure(figure: &Figure) -> String {
-    let Figure { name, caption, svg } = figure;
-    format!("<figure id=\"figure-{name}\">\n{svg}<figcaption>{}</figcaption>\n</figure>\n", escape(caption))
+    let Figure { name, title, caption, legend, is_by_variant, drawn } = figure;
+    let entry = |(place, (mark, name)): (usize, &(Mark, String))| {
+        let (swatch, name) = (plot::swatch(*mark), escape(name));
+        if *is_by_variant {
+            format!(
+                "<li><button type=\"button\" aria-pressed=\"true\" data-toggles=\"{place}\">{swatch}{name}</button></li>\n"
+            )
+        } else {
+            format!("<li>{swatch}{name}</li>\n")
+        }
+    };
+    let legend: String = legend.iter().enumerate().map(entry).collect();
+    format!(
+        "<figure id=\"figure-{name}\">\n<h3>{}</h3>\n<ul class=\"legend\">\n{legend}</ul>\n<div class=\"panels\">\n{}</div>\n\
+         <figcaption>{}</figcaption>\n</figure>\n",
+        escape(title),
+        drawn.panels.concat(),
+        escape(caption)
+    )
 }
 
 fn wide(table: &Table) -> String {
-    format!("<div class=\"wide\">\n{}</div>\n", table.html())
+    format!("<p class=\"note\">{}</p>\n<div class=\"wide\">\n{}</div>\n", escape(&table.caption), table.html())
 }
 
-/// The table of all runs.
-fn runs(study: &Study) -> Table {
-    let mut columns = vec![column("run", "id"), column("controller", "controller"), column("map (cells)", "map")];
-    columns.extend(study.others.iter().map(|key| column(key, key)));
-    columns.extend([column("agents", "agents"), column("seed", "seed"), column("end reason", "reason")]);
-    columns.push(column("end (s)", "end_s"));
-    columns.push(column(&EXPLORED.label(), EXPLORED.key));
-    columns.push(column("time to 99 % (s)", "t99_s"));
-    columns.push(column(&DISTANCE.label(), DISTANCE.key));
-    columns.push(column("digest", "digest"));
-    let mut rows = Vec::new();
-    for (condition, controller, cell) in study.cells() {
-        for run in cell {
-            let row = &run.row;
-            let mut entries = vec![
-                Entry::Text(row.id.clone()),
-                Entry::Text(study.controllers[controller].clone()),
-                Entry::Size(row.size),
-            ];
-            entries.extend(condition.others.iter().map(|value| Entry::Text(value.0.clone())));
-            entries.extend([
-                Entry::Count(row.agents as usize),
-                Entry::Text(row.seed.to_string()),
-                Entry::Text(row.reason.clone()),
-                Entry::Number(Some(row.end_s), 2),
-                Entry::Number(Some((EXPLORED.value)(row)), 2),
-                Entry::Number(row.t99_s, 2),
-                Entry::Number(Some(row.distance_m), 1),
-                Entry::Text(row.digest.clone()),
-            ]);
-            rows.push(entries);
-        }
-    }
-    Table { name: "runs", caption: "All runs.".to_owned(), columns, rows }
+/// The script, and the names of the variants for it.
+fn script(study: &Study) -> String {
+    // `<` cannot end the element, and the text is also XML.
+    let names = serde_json::to_string(&study.variants).expect("names are texts");
+    let names = names.replace('<', "\\u003c").replace('&', "\\u0026").replace("]]>", "]]\\u003e");
+    format!(
+        "<script type=\"application/json\" id=\"names\">{names}</script>\n<script>//<![CDATA[\n{SCRIPT}//]]></script>\n"
+    )
 }
 
 /// Numbers as ranges, such as 1–10, 12.

@@ -1,9 +1,10 @@
 //! The layout of figures: sheets of equal panels with axes, a title and a legend.
 //!
-//! Panels are arranged in rows; the legend is above them, where it covers no data. This module does
-//! not depend on runs.
+//! Panels are arranged in rows; the legend is above them, where it covers no data. A figure is also
+//! available panel by panel, for a page that arranges panels by its width. This module does not
+//! depend on runs.
 
-use super::svg::{Anchor, Area, GRID, INK, Label, Paint, Pen, SOFT, Svg, text_width};
+use super::svg::{Anchor, Area, GRID, INK, Label, Paint, Pen, SOFT, Section, Svg, text_width};
 
 /// Size of the font of tick labels, pixels.
 pub(super) const SMALL: f64 = 10.5;
@@ -59,6 +60,30 @@ pub(super) enum Mark {
     Line(usize),
     /// Its colour.
     Box(usize),
+}
+
+/// The symbol of a legend entry as an image of its own, for a page.
+pub(super) fn swatch(mark: Mark) -> String {
+    let place = Area { left: 0.0, top: 0.0, width: SAMPLE, height: 10.0 };
+    let mut svg = Svg::new("");
+    draw_mark(&mut svg, mark, place);
+    format!("<svg aria-hidden=\"true\" width=\"{SAMPLE}\" height=\"10\">\n{}</svg>", svg.take())
+}
+
+fn draw_mark(svg: &mut Svg, mark: Mark, place: Area) {
+    let Area { left, top, width, height } = place;
+    let middle = top + height / 2.0;
+    match mark {
+        Mark::Box(series) => {
+            svg.fill(place, colour(series), 0.35);
+            svg.frame(place, &Pen::solid(colour(series), 1.5));
+        }
+        Mark::Line(series) => svg.line((left, middle), (left + width, middle), &pen(series)),
+        Mark::Band(series) => {
+            svg.fill(place, colour(series), 0.2);
+            svg.line((left, middle), (left + width, middle), &pen(series));
+        }
+    }
 }
 
 /// An axis of a panel.
@@ -164,6 +189,28 @@ pub(super) fn room_for<'a>(axes: impl IntoIterator<Item = &'a Axis>) -> f64 {
     axes.into_iter().map(Axis::label_width).fold(0.0, f64::max)
 }
 
+/// A figure that is drawn.
+#[derive(Debug, Clone)]
+pub(super) struct Drawn {
+    /// The whole figure as a file.
+    pub(super) svg: String,
+    /// Each panel with its labels as an image of its own, without title and legend.
+    pub(super) panels: Vec<String>,
+}
+
+/// The parts of a panel.
+#[derive(Debug)]
+struct Parts {
+    title: String,
+    /// Labels that the whole figure shows at another panel.
+    shared: String,
+    body: String,
+    /// Inside the frame.
+    area: Area,
+    /// See [`Section::data`].
+    data: String,
+}
+
 /// A figure under construction.
 #[derive(Debug)]
 pub(super) struct Sheet<'a> {
@@ -171,6 +218,8 @@ pub(super) struct Sheet<'a> {
     layout: Layout<'a>,
     panel: (f64, f64),
     head: f64,
+    head_text: String,
+    parts: Vec<Parts>,
     width: f64,
 }
 
@@ -178,16 +227,18 @@ impl<'a> Sheet<'a> {
     /// An empty sheet with title and legend.
     pub(super) fn new(layout: Layout<'a>) -> Self {
         let panel = match layout.columns {
-            0 | 1 => (560.0, 300.0 * layout.tallness),
+            0 | 1 => (440.0, 260.0 * layout.tallness),
             2 => (360.0, 230.0 * layout.tallness),
             3 => (250.0, 180.0 * layout.tallness),
             _ => (210.0, 170.0 * layout.tallness),
         };
         let columns = layout.columns.max(1) as f64;
-        let mut sheet = Self { svg: Svg::new(layout.name), layout, panel, head: 0.0, width: 0.0 };
+        let svg = Svg::new(layout.name);
+        let mut sheet = Self { svg, layout, panel, head: 0.0, head_text: String::new(), parts: Vec::new(), width: 0.0 };
         let text = text_width(sheet.layout.title, LARGE * BOLD).max(text_width(sheet.layout.note, SMALL));
         sheet.width = (2.0 * EDGE + sheet.outer_label() + columns * sheet.column_width()).max(2.0 * EDGE + text);
         sheet.head = sheet.draw_head();
+        sheet.head_text = sheet.svg.take();
         sheet
     }
 
@@ -210,17 +261,7 @@ impl<'a> Sheet<'a> {
             }
             let middle = y + LEGEND_LINE / 2.0;
             let place = Area { left: x, top: middle - 5.0, width: SAMPLE, height: 10.0 };
-            match *mark {
-                Mark::Box(series) => {
-                    self.svg.fill(place, colour(series), 0.35);
-                    self.svg.frame(place, &Pen::solid(colour(series), 1.5));
-                }
-                Mark::Line(series) => self.svg.line((x, middle), (x + SAMPLE, middle), &pen(series)),
-                Mark::Band(series) => {
-                    self.svg.fill(place, colour(series), 0.2);
-                    self.svg.line((x, middle), (x + SAMPLE, middle), &pen(series));
-                }
-            }
+            draw_mark(&mut self.svg, *mark, place);
             self.svg.text((x + SAMPLE + 6.0, middle + 4.0), &Label::new(name, NORMAL, Anchor::Start));
             x += width;
         }
@@ -260,14 +301,38 @@ impl<'a> Sheet<'a> {
         SMALL + NORMAL + 2.0 * TICK_GAP + 10.0
     }
 
-    /// Draws the frame of a panel.
+    /// Draws the frame of a panel; what is drawn until the next one belongs to it.
     pub(super) fn panel(&mut self, index: usize, title: &str, x: &Axis, y: &Axis) -> Panel {
+        self.end_panel();
         let area = self.area(index);
         let panel = Panel { area, x: x.clone(), y: y.clone() };
-        let title_size = NORMAL.min(NORMAL * (area.width + RIGHT_GAP) / text_width(title, NORMAL * BOLD));
+        let (bottom, right) = (area.top + area.height, area.left + area.width);
+        let place = (area.left + area.width / 2.0, bottom + 2.0 * TICK_GAP + SMALL + NORMAL);
+        self.svg.text(place, &Label::new(self.layout.x_label, NORMAL, Anchor::Middle));
+        let x_label = self.svg.take();
+        if let Some(y_label) = self.label(index) {
+            let size = NORMAL.min(NORMAL * (area.height + PANEL_TITLE) / text_width(y_label, NORMAL));
+            let label = Label { upright: true, ..Label::new(y_label, size, Anchor::Middle) };
+            let x = area.left - TICK_GAP - self.layout.left - LABEL + NORMAL;
+            self.svg.text((x, area.top + area.height / 2.0), &label);
+        }
+        let y_label = self.svg.take();
+        let is_left = index.is_multiple_of(self.layout.columns) || self.label(index - 1) != self.label(index);
+        let is_bottom = index + self.layout.columns >= self.layout.panels;
+        let (here, shared): (Vec<_>, Vec<_>) =
+            [(is_bottom, x_label), (is_left, y_label)].into_iter().partition(|(is_here, _)| *is_here);
+        let text = |labels: Vec<(bool, String)>| labels.into_iter().map(|(_, label)| label).collect::<String>();
+        self.parts.push(Parts {
+            title: format!("{}{}{title}", self.layout.title, if title.is_empty() { "" } else { ": " }),
+            shared: text(shared),
+            body: String::new(),
+            area,
+            data: panel.data(),
+        });
+        let here = text(here);
+        let title_size = NORMAL.min(NORMAL * (area.width + RIGHT_GAP) / text_width(title, NORMAL * BOLD).max(1.0));
         let title_label = Label { bold: true, ..Label::new(title, title_size, Anchor::Start) };
         self.svg.text((area.left, area.top - 8.0), &title_label);
-        let (bottom, right) = (area.top + area.height, area.left + area.width);
         let rule = Pen::solid(GRID, 1.0);
         let tick = Pen::solid(INK, 1.0);
         for (value, label) in &x.ticks {
@@ -287,18 +352,16 @@ impl<'a> Sheet<'a> {
             self.svg.text((area.left - TICK_GAP, at + 0.36 * SMALL), &Label::new(label, SMALL, Anchor::End));
         }
         self.svg.frame(area, &Pen::solid(INK, 1.0));
-        if index + self.layout.columns >= self.layout.panels {
-            let place = (area.left + area.width / 2.0, bottom + 2.0 * TICK_GAP + SMALL + NORMAL);
-            self.svg.text(place, &Label::new(self.layout.x_label, NORMAL, Anchor::Middle));
-        }
-        let first = index.is_multiple_of(self.layout.columns);
-        if let Some(y_label) = self.label(index).filter(|label| first || self.label(index - 1) != Some(label)) {
-            let size = NORMAL.min(NORMAL * (area.height + PANEL_TITLE) / text_width(y_label, NORMAL));
-            let label = Label { upright: true, ..Label::new(y_label, size, Anchor::Middle) };
-            let x = area.left - TICK_GAP - self.layout.left - LABEL + NORMAL;
-            self.svg.text((x, area.top + area.height / 2.0), &label);
-        }
+        self.svg.append(&here);
         panel
+    }
+
+    /// Puts what has been drawn into the panel that it belongs to.
+    fn end_panel(&mut self) {
+        let body = self.svg.take();
+        if let Some(panel) = self.parts.last_mut() {
+            panel.body = body;
+        }
     }
 
     /// Writes a note into a panel without data.
@@ -308,11 +371,29 @@ impl<'a> Sheet<'a> {
         self.svg.text((left + width / 2.0, top + height / 2.0), &label);
     }
 
-    /// The figure as SVG.
-    pub(super) fn finish(self) -> String {
+    /// The figure as SVG, whole and panel by panel.
+    pub(super) fn finish(mut self) -> Drawn {
+        self.end_panel();
         let rows = self.layout.panels.div_ceil(self.layout.columns.max(1)) as f64;
         let height = self.head + rows * (PANEL_TITLE + self.panel.1 + self.foot()) + EDGE;
-        self.svg.finish(self.width, height, self.layout.title)
+        let (left, foot) = (TICK_GAP + self.layout.left + LABEL, self.foot());
+        let panel = |parts: &Parts| {
+            let Area { left: x, top: y, width, height } = parts.area;
+            let area = Area {
+                left: x - left,
+                top: y - PANEL_TITLE,
+                width: left + width + RIGHT_GAP,
+                height: PANEL_TITLE + height + foot,
+            };
+            let body = format!("{}{}", parts.shared, parts.body);
+            Svg::section(&body, Section { area, title: &parts.title, data: &parts.data })
+        };
+        let panels = self.parts.iter().map(panel).collect();
+        self.svg.append(&self.head_text);
+        for parts in &self.parts {
+            self.svg.append(&parts.body);
+        }
+        Drawn { svg: self.svg.finish(self.width, height, self.layout.title), panels }
     }
 }
 
@@ -330,6 +411,17 @@ impl Panel {
     pub(super) fn at(&self, x: f64, y: f64) -> (f64, f64) {
         let Area { left, top, width, height } = self.area;
         (left + self.x.position(x) * width, top + (1.0 - self.y.position(y)) * height)
+    }
+
+    /// Frame and axes for scripts: left, top, width and height in pixels, and the ends of both axes;
+    /// nothing for axes that are not linear scales.
+    fn data(&self) -> String {
+        let Area { left, top, width, height } = self.area;
+        let (x, y) = (&self.x, &self.y);
+        if x.logarithmic || y.logarithmic || !x.rules || !y.rules {
+            return String::new();
+        }
+        format!(" data-plot=\"{left:.2} {top:.2} {width:.2} {height:.2} {} {} {} {}\"", x.low, x.high, y.low, y.high)
     }
 
     /// The area with a margin, pixels, so that a line along an edge is not cut.

@@ -1,7 +1,16 @@
-//! A study: the runs of a folder, grouped into cells of runs that differ only in the seed.
+//! A study: the runs of a folder, grouped into cells of runs that differ only in the block.
 //!
-//! A cell is a condition (map size, team size and the values of all other axes) and a controller.
-//! Invariants: a cell has at least one run, and its runs are sorted by seed. No statistics here.
+//! A *variant* is a value of what the plan compares: the lines of the figures and the rows of the
+//! tables. A *condition* is the values of everything else, such as map size and team size: the
+//! panels. A *block* is a map file and a seed: what all variants share, and pairs are formed by. A
+//! cell is a condition and a variant.
+//!
+//! A run that repeats another one of its cell is no observation of its own ([`super::evidence`]):
+//! [`Study::cell`] leaves it out.
+//!
+//! Invariants: a cell has at least one run, and its runs are sorted by block. No statistics here.
+
+mod variants;
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,8 +18,12 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::rows::{RunRecord, RunRow};
+use super::design::{Design, short_table};
+use super::evidence;
+use crate::plan::{MAP_FILE, VARIANT};
+use crate::rows::{Made, RunRecord, RunRow, StoredRun};
 use crate::store::{PLAN, Store, StoreError};
+use variants::{CONTROLLER, Variants};
 
 #[derive(Debug, Error)]
 pub enum StudyError {
@@ -37,14 +50,15 @@ impl PartialOrd for Value {
     }
 }
 
-/// The parameters of a run except controller and seed.
+/// The parameters of a run except variant and block.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Condition {
     /// Values of [`Study::others`], in that order.
     pub(super) others: Vec<Value>,
-    /// Cells of the map along x, y and z.
-    pub(super) size: [u32; 3],
-    pub(super) agents: u32,
+    /// Cells of the map along x, y and z; `None` if variants or map files differ in it.
+    pub(super) size: Option<[u32; 3]>,
+    /// Size of the team; `None` if variants differ in it.
+    pub(super) agents: Option<u32>,
 }
 
 impl Condition {
@@ -60,28 +74,54 @@ pub(super) struct Environment {
     /// See [`Condition::others`].
     pub(super) others: Vec<Value>,
     /// See [`Condition::size`].
-    pub(super) size: [u32; 3],
+    pub(super) size: Option<[u32; 3]>,
+}
+
+/// The runs of a cell.
+#[derive(Debug, Clone, Default)]
+struct Cell {
+    /// Indices of all runs, by block.
+    runs: Vec<usize>,
+    /// For each of them, the place of the first run that it repeats; its own if it repeats none.
+    first: Vec<usize>,
+}
+
+/// Runs of two cells in the same blocks.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Pairs<'a> {
+    /// Independent pairs: `a[i]` and `b[i]` are runs in the same block.
+    pub(super) a: Vec<&'a RunRecord>,
+    pub(super) b: Vec<&'a RunRecord>,
+    /// Number of pairs, including those that repeat another one.
+    pub(super) all: usize,
+    /// Number of different maps of the independent pairs.
+    pub(super) maps: usize,
 }
 
 #[derive(Debug, Clone)]
 pub(super) struct Study {
     /// The text of the plan.
     pub(super) plan: Option<String>,
+    pub(super) design: Design,
     pub(super) runs: Vec<RunRecord>,
-    /// In alphabetical order; the index determines the colour.
-    pub(super) controllers: Vec<String>,
-    /// Axes other than map size, team size, controller and seed.
+    /// What is known about each run beside its metrics.
+    pub(super) made: Vec<Made>,
+    /// The name of what is compared, such as `controller`.
+    pub(super) variant_title: String,
+    /// The variants by name, in the order of the plan; the index determines the colour.
+    pub(super) variants: Vec<String>,
+    /// Axes other than map size, team size, variant and block.
     pub(super) others: Vec<String>,
     /// Conditions that have a run.
     pub(super) conditions: Vec<Condition>,
-    cells: BTreeMap<(Condition, usize), Vec<usize>>,
+    cells: BTreeMap<(Condition, usize), Cell>,
 }
 
 impl Study {
     /// Reads the runs of a folder, and its plan if it has one.
     pub(super) fn read(folder: &Path) -> Result<Self, StudyError> {
         let store = Store::open(folder)?;
-        let runs = store.records()?;
+        let runs = store.stored_runs()?;
         if runs.is_empty() {
             return Err(StudyError::Empty { folder: folder.to_owned() });
         }
@@ -90,39 +130,102 @@ impl Study {
     }
 
     /// Groups runs into cells.
-    pub(super) fn new(runs: Vec<RunRecord>, plan: Option<String>) -> Self {
-        let controllers: BTreeSet<&String> = runs.iter().map(|run| &run.row.controller).collect();
-        let controllers: Vec<String> = controllers.into_iter().cloned().collect();
-        let others = other_axes(&runs);
-        let mut cells: BTreeMap<(Condition, usize), Vec<usize>> = BTreeMap::new();
+    pub(super) fn new(runs: Vec<StoredRun>, plan: Option<String>) -> Self {
+        let design = Design::of(plan.as_deref());
+        let (runs, made): (Vec<RunRecord>, Vec<Made>) = runs.into_iter().map(StoredRun::split).unzip();
+        let Variants { compare, title, names, of_run } = Variants::of(&runs, &design);
+        let is_set_by = |value: &dyn Fn(&RunRow) -> String, key: &dyn Fn(usize) -> String| {
+            let mut values = BTreeMap::new();
+            runs.iter().enumerate().all(|(i, run)| {
+                let value = value(&run.row);
+                *values.entry(key(i)).or_insert_with(|| value.clone()) == value
+            })
+        };
+        let varies = |value: &dyn Fn(&RunRow) -> String| {
+            runs.iter().map(|run| value(&run.row)).collect::<BTreeSet<_>>().len() > 1
+        };
+        let by_variant = |i: usize| of_run[i].to_string();
+        let by_map = |i: usize| axis(&runs[i].row, MAP_FILE).to_owned();
+        let (size, agents) = (|row: &RunRow| format!("{:?}", row.size), |row: &RunRow| row.agents.to_string());
+        let is_size_shared = !varies(&size) || !(is_set_by(&size, &by_variant) || is_set_by(&size, &by_map));
+        let is_team_shared = !varies(&agents) || !is_set_by(&agents, &by_variant);
+        let keys: BTreeSet<&str> = runs.iter().flat_map(|run| run.row.axes.keys().map(String::as_str)).collect();
+        let candidates = keys.into_iter().chain([CONTROLLER, BUILD]).collect::<BTreeSet<_>>();
+        let named: [&dyn Fn(usize) -> String; 4] = [
+            &by_variant,
+            &|i| if is_size_shared { size(&runs[i].row) } else { String::new() },
+            &|i| if is_team_shared { agents(&runs[i].row) } else { String::new() },
+            &|i| runs[i].row.seed.to_string(),
+        ];
+        let makes_panels = |key: &&str| {
+            let is_named = compare.iter().any(|compared| compared == key) || [VARIANT, MAP_FILE].contains(key);
+            !is_named && !named.iter().any(|by| is_set_by(&|row| axis(row, key).to_owned(), by))
+        };
+        let others: Vec<String> = candidates.into_iter().filter(makes_panels).map(str::to_owned).collect();
+        let mut cells: BTreeMap<(Condition, usize), Cell> = BTreeMap::new();
         for (i, RunRecord { row, .. }) in runs.iter().enumerate() {
-            let values = others.iter().map(|key| Value(axis(row, key).to_owned())).collect();
-            let condition = Condition { others: values, size: row.size, agents: row.agents };
-            let controller = controllers.iter().position(|name| *name == row.controller);
-            cells.entry((condition, controller.expect("every controller is listed"))).or_default().push(i);
+            for others in panels_of(row, &others, &runs) {
+                let size = is_size_shared.then_some(row.size);
+                let condition = Condition { others, size, agents: is_team_shared.then_some(row.agents) };
+                cells.entry((condition, of_run[i])).or_default().runs.push(i);
+            }
         }
         for cell in cells.values_mut() {
-            cell.sort_by(|&a, &b| (runs[a].row.seed, &runs[a].row.id).cmp(&(runs[b].row.seed, &runs[b].row.id)));
+            cell.runs.sort_by_key(|&i| (block(&runs[i].row), runs[i].row.id.clone()));
+            cell.first = evidence::first_of_each(&cell.runs, &runs, &made);
         }
         let conditions: BTreeSet<Condition> = cells.keys().map(|(condition, _)| condition.clone()).collect();
-        Self { plan, runs, controllers, others, conditions: conditions.into_iter().collect(), cells }
+        let conditions = conditions.into_iter().collect();
+        Self { plan, design, runs, made, variant_title: title, variants: names, others, conditions, cells }
     }
 
-    /// The runs of a controller under a condition, by seed; may be empty.
-    pub(super) fn cell(&self, condition: &Condition, controller: usize) -> Vec<&RunRecord> {
-        let runs = self.cells.get(&(condition.clone(), controller));
-        runs.into_iter().flatten().map(|&run| &self.runs[run]).collect()
+    /// The runs of a variant under a condition, by block, without those that repeat another one;
+    /// may be empty.
+    pub(super) fn cell(&self, condition: &Condition, variant: usize) -> Vec<&RunRecord> {
+        self.cells.get(&(condition.clone(), variant)).map_or_else(Vec::new, |cell| self.independent(cell))
     }
 
-    /// Condition, controller and runs of every cell.
+    fn independent(&self, cell: &Cell) -> Vec<&RunRecord> {
+        let is_first = |(place, run): (usize, &usize)| (cell.first[place] == place).then(|| &self.runs[*run]);
+        cell.runs.iter().enumerate().filter_map(is_first).collect()
+    }
+
+    /// The same with those that repeat another one.
+    pub(super) fn all_of_cell(&self, condition: &Condition, variant: usize) -> Vec<&RunRecord> {
+        let cell = self.cells.get(&(condition.clone(), variant));
+        cell.into_iter().flat_map(|cell| &cell.runs).map(|&run| &self.runs[run]).collect()
+    }
+
+    /// Condition, variant and independent runs of every cell.
     pub(super) fn cells(&self) -> impl Iterator<Item = (&Condition, usize, Vec<&RunRecord>)> {
-        let runs = |cell: &Vec<usize>| cell.iter().map(|&run| &self.runs[run]).collect();
-        self.cells.iter().map(move |((condition, controller), cell)| (condition, *controller, runs(cell)))
+        self.cells.iter().map(|((condition, variant), cell)| (condition, *variant, self.independent(cell)))
     }
 
-    /// Ascending.
+    /// The runs of two variants under a condition, paired by block.
+    pub(super) fn pairs(&self, condition: &Condition, a: usize, b: usize) -> Pairs<'_> {
+        let cell = |variant: usize| self.cells.get(&(condition.clone(), variant));
+        let (Some(a), Some(b)) = (cell(a), cell(b)) else { return Pairs::default() };
+        let of_b: BTreeMap<_, _> =
+            b.runs.iter().enumerate().map(|(place, &run)| (block(&self.runs[run].row), place)).collect();
+        let (mut pairs, mut seen, mut maps) = (Pairs::default(), BTreeSet::new(), BTreeSet::new());
+        for (place_a, &run_a) in a.runs.iter().enumerate() {
+            if let Some(&place_b) = of_b.get(&block(&self.runs[run_a].row)) {
+                pairs.all += 1;
+                // A pair whose runs both repeat those of another pair is that pair.
+                if seen.insert((a.first[place_a], b.first[place_b])) {
+                    pairs.a.push(&self.runs[run_a]);
+                    pairs.b.push(&self.runs[b.runs[place_b]]);
+                    maps.insert(evidence::map_of(&self.runs[run_a].row, &self.made[run_a]));
+                }
+            }
+        }
+        pairs.maps = maps.len();
+        pairs
+    }
+
+    /// Ascending; empty if variants differ in it.
     pub(super) fn team_sizes(&self) -> Vec<u32> {
-        let agents: BTreeSet<u32> = self.conditions.iter().map(|condition| condition.agents).collect();
+        let agents: BTreeSet<u32> = self.conditions.iter().filter_map(|condition| condition.agents).collect();
         agents.into_iter().collect()
     }
 
@@ -133,51 +236,89 @@ impl Study {
     }
 
     pub(super) fn condition_name(&self, condition: &Condition) -> String {
-        format!("{}, {}", agents_name(condition.agents), self.environment_name(&condition.environment()))
+        let team = condition.agents.map(agents_name);
+        let environment = self.environment_name(&condition.environment());
+        let parts = team.into_iter().chain((!environment.is_empty()).then_some(environment));
+        parts.collect::<Vec<_>>().join(", ")
     }
 
+    /// Empty if there is nothing to tell environments apart.
     pub(super) fn environment_name(&self, environment: &Environment) -> String {
-        let others =
-            self.others.iter().zip(&environment.others).map(|(key, Value(value))| format!(", {key} = {value}"));
-        format!("{}{}", size_name(environment.size), others.collect::<String>())
+        let size = environment.size.map(size_name);
+        let others = self.others.iter().zip(&environment.others).map(|(key, value)| {
+            let shown = self.shown(key, value);
+            if shown == value.0 { format!("{key} = {shown}") } else { shown }
+        });
+        size.into_iter().chain(others).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The value of an axis for readers.
+    pub(super) fn shown(&self, key: &str, Value(value): &Value) -> String {
+        let all: BTreeSet<&str> =
+            self.runs.iter().filter_map(|run| run.row.axes.get(key)).map(String::as_str).collect();
+        short_table(value, &all.into_iter().collect::<Vec<_>>()).unwrap_or_else(|| value.clone())
     }
 
     pub(super) fn seeds(&self) -> BTreeSet<u64> {
         self.runs.iter().map(|run| run.row.seed).collect()
     }
 
-    /// The cells in which seeds of other cells are missing, each with the number of missing seeds.
+    /// The names of the map files, if the plan has several.
+    pub(super) fn map_files(&self) -> BTreeSet<&str> {
+        self.runs.iter().filter_map(|run| run.row.axes.get(MAP_FILE)).map(String::as_str).collect()
+    }
+
+    /// The number of blocks: combinations of map file and seed.
+    pub(super) fn blocks(&self) -> usize {
+        self.runs.iter().map(|run| block(&run.row)).collect::<BTreeSet<_>>().len()
+    }
+
+    /// The cells in which blocks of other cells are missing, each with their number.
     pub(super) fn missing(&self) -> Vec<(String, usize)> {
-        let seeds = self.seeds();
+        let blocks = self.blocks();
         let mut missing = Vec::new();
         for condition in &self.conditions {
-            for (controller, name) in self.controllers.iter().enumerate() {
-                let present: BTreeSet<u64> = self.cell(condition, controller).iter().map(|run| run.row.seed).collect();
-                if present.len() < seeds.len() {
-                    missing.push((format!("{name}: {}", self.condition_name(condition)), seeds.len() - present.len()));
+            for (variant, name) in self.variants.iter().enumerate() {
+                let cell = self.all_of_cell(condition, variant);
+                let present = cell.iter().map(|run| block(&run.row)).collect::<BTreeSet<_>>().len();
+                if present < blocks {
+                    missing.push((format!("{name}: {}", self.condition_name(condition)), blocks - present));
                 }
             }
         }
         missing
     }
+
+    /// The days on which the runs were executed: the first and the last, if they are known.
+    pub(super) fn dates(&self) -> Option<(&str, &str)> {
+        let dates: BTreeSet<&str> = self.made.iter().filter_map(|made| made.date.as_deref()).collect();
+        Some((dates.first()?, dates.last()?))
+    }
 }
 
-/// The axes whose value is determined by neither size, team size, controller nor seed.
-fn other_axes(runs: &[RunRecord]) -> Vec<String> {
-    let builds: BTreeSet<&str> = runs.iter().map(|run| run.row.build.as_str()).collect();
-    let keys: BTreeSet<&str> = runs.iter().flat_map(|run| run.row.axes.keys().map(String::as_str)).collect();
-    let candidates = keys.into_iter().chain((builds.len() > 1).then_some(BUILD));
-    let named: [fn(&RunRow) -> String; 4] = [
-        |row| format!("{:?}", row.size),
-        |row| row.agents.to_string(),
-        |row| row.controller.clone(),
-        |row| row.seed.to_string(),
-    ];
-    let determined = |key: &str, by: fn(&RunRow) -> String| {
-        let mut values = BTreeMap::new();
-        runs.iter().all(|run| *values.entry(by(&run.row)).or_insert_with(|| axis(&run.row, key)) == axis(&run.row, key))
-    };
-    candidates.filter(|key| !named.iter().any(|by| determined(key, *by))).map(str::to_owned).collect()
+/// Map file and seed of a run.
+fn block(row: &RunRow) -> (String, u64) {
+    (axis(row, MAP_FILE).to_owned(), row.seed)
+}
+
+/// The values of the axes that make panels, for each panel that a run belongs to: a run without
+/// such an axis, because its controller does not have that setting, belongs to all of them.
+fn panels_of(row: &RunRow, others: &[String], runs: &[RunRecord]) -> Vec<Vec<Value>> {
+    let mut panels = vec![Vec::new()];
+    for key in others {
+        let values: BTreeSet<&str> = match row.axes.get(key) {
+            None if key != BUILD && key != CONTROLLER => {
+                runs.iter().filter_map(|run| run.row.axes.get(key)).map(String::as_str).collect()
+            }
+            _ => BTreeSet::from([axis(row, key)]),
+        };
+        let with = |panel: Vec<Value>| {
+            let values = values.clone();
+            values.into_iter().map(move |value| [panel.clone(), vec![Value(value.to_owned())]].concat())
+        };
+        panels = panels.into_iter().flat_map(with).collect();
+    }
+    panels
 }
 
 /// Treated as an axis if the runs are of several builds.
@@ -187,6 +328,7 @@ fn axis<'a>(row: &'a RunRow, key: &str) -> &'a str {
     match row.axes.get(key) {
         Some(value) => value,
         None if key == BUILD => &row.build,
+        None if key == CONTROLLER => &row.controller,
         None => "\u{2013}",
     }
 }
@@ -200,47 +342,4 @@ pub(super) fn size_name([x, y, z]: [u32; 3]) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::fixture;
-    use super::*;
-
-    #[test]
-    fn determined_axes_make_no_panels() {
-        let mut runs = Vec::new();
-        for (seed, agents, range) in [(1, 2, "10"), (1, 2, "5"), (2, 2, "10"), (1, 5, "10")] {
-            let mut run = fixture::run("dsvp", seed, agents);
-            run.row.axes.insert("lidar.range_m".to_owned(), range.to_owned());
-            run.row.axes.insert("agents.count".to_owned(), agents.to_string());
-            runs.push(run);
-        }
-        let study = Study::new(runs, None);
-        assert_eq!(study.others, ["lidar.range_m"]);
-        let names: Vec<_> = study.conditions.iter().map(|condition| study.condition_name(condition)).collect();
-        assert_eq!(
-            names,
-            [
-                "2 agents, 50³ cells, lidar.range_m = 5",
-                "2 agents, 50³ cells, lidar.range_m = 10",
-                "5 agents, 50³ cells, lidar.range_m = 10"
-            ]
-        );
-        assert_eq!(study.missing().iter().map(|(_, count)| count).sum::<usize>(), 2);
-    }
-
-    #[test]
-    fn builds_are_separate_conditions() {
-        let mut other = fixture::run("dsvp", 1, 2);
-        other.row.build = "0.2.0".to_owned();
-        let study = Study::new(vec![fixture::run("dsvp", 1, 2), other], None);
-        assert_eq!((study.others, study.conditions.len()), (vec!["build".to_owned()], 2));
-    }
-
-    #[test]
-    fn folder_without_runs_is_an_error() {
-        let dir = tempfile::tempdir().unwrap();
-        let error = Study::read(dir.path()).unwrap_err().to_string();
-        assert!(error.contains("runs"), "{error}");
-        Store::create(dir.path()).unwrap();
-        assert!(Study::read(dir.path()).unwrap_err().to_string().contains("no runs there"));
-    }
-}
+mod tests;

@@ -101,10 +101,50 @@ pub(super) struct Svg {
     clips: usize,
 }
 
+/// The part of an image that another image shows, pixels, and what it is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Section<'a> {
+    pub(super) area: Area,
+    /// Text alternative.
+    pub(super) title: &'a str,
+    /// Attributes for scripts; empty for none.
+    pub(super) data: &'a str,
+}
+
 impl Svg {
     /// An empty image; `name` is the prefix of its ids.
     pub(super) fn new(name: &str) -> Self {
         Self { name: name.to_owned(), body: String::new(), clips: 0 }
+    }
+
+    /// Takes what has been drawn since the last call, so that images can be put together of parts.
+    pub(super) fn take(&mut self) -> String {
+        std::mem::take(&mut self.body)
+    }
+
+    /// Adds a part that was taken.
+    pub(super) fn append(&mut self, part: &str) {
+        self.body.push_str(part);
+    }
+
+    /// Begins a group of shapes of a variant. If `is_curve`, its line can be read at any place.
+    pub(super) fn begin_variant(&mut self, variant: usize, is_curve: bool) {
+        let curve = if is_curve { " data-curve=\"\"" } else { "" };
+        self.push(format_args!("<g data-variant=\"{variant}\"{curve}>"));
+    }
+
+    /// Begins a group of shapes with a value, for readers.
+    pub(super) fn begin_value(&mut self, value: &str) {
+        self.push(format_args!("<g data-value=\"{}\">", escape(value)));
+    }
+
+    /// Begins a group of shapes of a run.
+    pub(super) fn begin_run(&mut self, id: &str) {
+        self.push(format_args!("<g data-run=\"{}\">", escape(id)));
+    }
+
+    pub(super) fn end_group(&mut self) {
+        self.push(format_args!("</g>"));
     }
 
     /// A straight line.
@@ -203,6 +243,17 @@ impl Svg {
 
     pub(super) fn end_clip(&mut self) {
         self.push(format_args!("</g>"));
+    }
+
+    /// A section of a drawing as an image of its own, for a page.
+    pub(super) fn section(body: &str, Section { area, title, data }: Section) -> String {
+        let Area { left, top, width, height } = area;
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"panel\" viewBox=\"{left:.1} {top:.1} {width:.1} \
+             {height:.1}\" width=\"{width:.0}\" height=\"{height:.0}\" font-family=\"{FONT}\" \
+             role=\"img\"{data}>\n<title>{}</title>\n{body}</svg>\n",
+            escape(title),
+        )
     }
 
     /// The image as a file; `title` is its text alternative.

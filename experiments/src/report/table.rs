@@ -21,7 +21,8 @@ pub(super) enum Entry {
     Share(usize, usize),
     Mean(Option<Estimate>, usize),
     Median(Quartiles, usize),
-    Probability(f64),
+    /// `None` if there is no test.
+    Probability(Option<f64>),
 }
 
 impl Entry {
@@ -43,8 +44,9 @@ impl Entry {
             Self::Median(Quartiles { low, median, high }, digits) => {
                 format!("{} ({}{NONE}{})", fixed(*median, *digits), fixed(*low, *digits), fixed(*high, *digits))
             }
-            Self::Probability(p) if *p < 0.001 => "<0.001".to_owned(),
-            Self::Probability(p) => fixed(*p, 3),
+            Self::Probability(None) => NONE.to_owned(),
+            Self::Probability(Some(p)) if *p < 0.001 => "<0.001".to_owned(),
+            Self::Probability(Some(p)) => fixed(*p, 3),
         }
     }
 
@@ -65,7 +67,7 @@ impl Entry {
             Self::Median(Quartiles { low, median, high }, _) => {
                 vec![median.to_string(), low.to_string(), high.to_string()]
             }
-            Self::Probability(p) => vec![p.to_string()],
+            Self::Probability(p) => vec![optional(*p)],
         }
     }
 
@@ -122,23 +124,26 @@ pub(super) struct Table {
 }
 
 impl Table {
+    /// Without its caption, which a page shows where it does not scroll with the table.
     pub(super) fn html(&self) -> String {
-        let mut text =
-            format!("<table id=\"table-{}\">\n<caption>{}</caption>\n<thead><tr>", self.name, escape(&self.caption));
+        let mut text = format!("<table id=\"table-{}\">\n<thead><tr>", self.name);
         for (title, _) in &self.columns {
             write!(text, "<th scope=\"col\">{}</th>", escape(title)).expect("a String can be written");
         }
         text.push_str("</tr></thead>\n<tbody>\n");
         for row in &self.rows {
             text.push_str("<tr>");
-            for entry in row {
-                let class = if entry.is_text() { "" } else { " class=\"number\"" };
-                write!(text, "<td{class}>{}</td>", escape(&entry.shown())).expect("a String can be written");
-            }
+            text.extend(row.iter().map(Self::cell));
             text.push_str("</tr>\n");
         }
         text.push_str("</tbody>\n</table>\n");
         text
+    }
+
+    /// An entry as a cell of HTML.
+    pub(super) fn cell(entry: &Entry) -> String {
+        let class = if entry.is_text() { "" } else { " class=\"number\"" };
+        format!("<td{class}>{}</td>", escape(&entry.shown()))
     }
 
     pub(super) fn markdown(&self) -> String {
@@ -227,13 +232,13 @@ mod tests {
                     Entry::Text("a_b|c,d".to_owned()),
                     Entry::Share(3, 10),
                     Entry::Mean(Some(Estimate { mean: 97.5, interval }), 1),
-                    Entry::Probability(0.000_1),
+                    Entry::Probability(Some(0.000_1)),
                 ],
                 vec![
                     Entry::Text("50³".to_owned()),
                     Entry::Share(0, 1),
                     Entry::Mean(Some(Estimate { mean: -0.01, interval: None }), 1),
-                    Entry::Probability(0.25),
+                    Entry::Probability(Some(0.25)),
                 ],
             ],
         }

@@ -143,6 +143,21 @@ fn draw(times: &mut [f64], rng: &mut ChaCha8Rng) {
     }
 }
 
+/// An endless stream of fair coins.
+pub(super) fn coins(seed: u64, purpose: &str) -> impl FnMut() -> bool {
+    let mut rng = random_streams::stream(seed, 0, purpose);
+    let (mut bits, mut left) = (0_u32, 0);
+    move || {
+        if left == 0 {
+            (bits, left) = (rng.next_u32(), u32::BITS);
+        }
+        let bit = bits & 1 == 1;
+        bits >>= 1;
+        left -= 1;
+        bit
+    }
+}
+
 /// The acceleration: the skewness of the jackknife values, divided by 6; NaN if these are all
 /// equal. `drawn` has every value once, before and after.
 fn acceleration(

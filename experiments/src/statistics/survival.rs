@@ -77,7 +77,8 @@ pub fn success_fraction(runs: &[Censored]) -> Result<f64, StatisticsError> {
     Ok(count(runs.iter().filter(|run| run.happened).count()) / count(runs.len()))
 }
 
-fn check(runs: &[Censored]) -> Result<(), StatisticsError> {
+/// Fails if there are no runs, or a time is not finite or below 0.
+pub(super) fn check(runs: &[Censored]) -> Result<(), StatisticsError> {
     let times: Vec<f64> = runs.iter().map(|run| run.time).collect();
     check_sample(&times, 1)?;
     times.iter().try_for_each(|&time| check_range("a time", time, 0.0..=f64::MAX, "0 or more"))

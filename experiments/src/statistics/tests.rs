@@ -1,5 +1,6 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
+use rand_chacha::rand_core::Rng;
 
 use super::bootstrap::{normal_cdf, normal_quantile};
 use super::*;
@@ -373,4 +374,60 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn log_rank_by_hand() {
+    // At 1: 1 of 2 of a, of 4 at risk; at 2: 1 of b, of 3 at risk, of which 1 is of a; a censored
+    // run of each is left.
+    let (a, b) = ([reached(1.0), censored_at(5.0)], [reached(2.0), censored_at(5.0)]);
+    let result = log_rank(&a, &b).unwrap();
+    assert!((result.observed_less_expected - (1.0 - 0.5 - 1.0 / 3.0)).abs() < 1e-12);
+    assert!((result.variance - (0.25 + 2.0 / 9.0)).abs() < 1e-12);
+    let other = log_rank(&b, &a).unwrap();
+    assert!((other.observed_less_expected + result.observed_less_expected).abs() < 1e-12);
+    // Nobody reaches it: nothing tells the samples apart.
+    let none = log_rank(&[censored_at(5.0)], &[censored_at(5.0)]).unwrap();
+    assert_eq!((none.observed_less_expected, none.variance, none.chi_squared()), (0.0, 0.0, 0.0));
+    assert_eq!(log_rank(&[], &b), too_few(1, 0));
+}
+
+#[test]
+fn exchanges_within_pairs_by_hand() {
+    // `a` is first in each of six pairs: of 64 exchanges only this one and its opposite are as far
+    // from what is expected.
+    let a: Vec<Censored> = (0..6).map(|i| reached(f64::from(i))).collect();
+    let b: Vec<Censored> = (0..6).map(|i| reached(100.0 + f64::from(i))).collect();
+    assert_eq!(paired_log_rank(&a, &b, 1), Ok(2.0 / 64.0));
+    assert_eq!(paired_log_rank(&b, &a, 1), Ok(2.0 / 64.0));
+    assert_eq!(paired_log_rank(&a, &a, 1), Ok(1.0));
+    assert_eq!(paired_log_rank(&a, &b[1..], 1), Err(StatisticsError::Unpaired { left: 6, right: 5 }));
+    // Drawn exchanges: the given one counts, so no p-value is 0, and the seed decides.
+    let twenty = |from: f64| (0..20).map(|i| reached(from + f64::from(i))).collect::<Vec<_>>();
+    assert_eq!(paired_log_rank(&twenty(0.0), &twenty(100.0), 1), Ok(1.0 / 10_000.0));
+    let mixed: Vec<Censored> = (0..20).map(|i| reached(f64::from(i * 7 % 20) + 0.5)).collect();
+    let p = paired_log_rank(&twenty(0.0), &mixed, 1).unwrap();
+    assert_eq!(paired_log_rank(&twenty(0.0), &mixed, 1), Ok(p));
+    assert!(p > 0.5 && p <= 1.0, "{p}");
+}
+
+#[test]
+fn detectable_difference_is_shown_as_often_as_stated() {
+    // Twenty pairs of normal differences with deviation 1, shifted by what is detectable with 80 %.
+    let mut rng = random_streams::stream(3, 0, "power");
+    let mut normal = || normal_quantile((f64::from(rng.next_u32()) + 0.5) / (f64::from(u32::MAX) + 1.0));
+    let pairs = 20;
+    let unit: Vec<f64> = (0..pairs).map(|i| normal_quantile((f64::from(i) + 0.5) / f64::from(pairs))).collect();
+    let deviation = (unit.iter().map(|x| x * x).sum::<f64>() / f64::from(pairs - 1)).sqrt();
+    let shift = detectable_difference(&unit, 0.05, 0.8).unwrap() / deviation;
+    let trials = 2000;
+    let shown = (0..trials).filter(|_| {
+        let a: Vec<f64> = (0..pairs).map(|_| normal() + shift).collect();
+        wilcoxon_signed_rank(&a, &vec![0.0; a.len()]).unwrap().p_value < 0.05
+    });
+    let share = shown.count() as f64 / f64::from(trials);
+    // Normal quantiles in place of those of the t distribution cost a few per cent.
+    assert!((0.72..0.84).contains(&share), "{share}");
+    assert_eq!(detectable_difference(&[1.0], 0.05, 0.8), too_few(2, 1));
+    assert!(matches!(detectable_difference(&[1.0, 2.0], 0.0, 0.8), Err(StatisticsError::OutOfRange { .. })));
 }

@@ -123,6 +123,22 @@ def survivals():
     yield case("horizon among the times", RNG.uniform(100, 1700, 20), RNG.random(20) < 0.8, 900)
 
 
+def log_ranks():
+    """Samples of their own stream, so that the other ones stay as they are."""
+    rng = numpy.random.default_rng(20261122)
+    for left, right, factor, digits in ((1, 1, 1, 3), (6, 6, 2, 3), (10, 10, 1, 3), (30, 30, 1.3, 3), (12, 20, 2, -2)):
+        samples = []
+        for runs, scale in ((left, 900), (right, 900 * factor)):
+            times = sample(numpy.minimum(rng.exponential(scale, runs), 1800), digits)
+            samples.append((times, [time < 1800 for time in times]))
+        censored = [
+            stats.CensoredData.right_censored(times, [not did for did in happened]) for times, happened in samples
+        ]
+        (a, a_happened), (b, b_happened) = samples
+        z = float(stats.logrank(*censored).statistic)
+        yield {"a": a, "a_happened": a_happened, "b": b, "b_happened": b_happened, "z": z}
+
+
 def intervals():
     def mean(values, axis=-1):
         return numpy.mean(values, axis=axis)
@@ -182,6 +198,7 @@ def main():
         "corrections": list(corrections()),
         "survivals": list(survivals()),
         "intervals": list(intervals()),
+        "log_ranks": list(log_ranks()),
     }
     # One line per case, for readable diffs.
     lines = []

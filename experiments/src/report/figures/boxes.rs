@@ -5,7 +5,9 @@ use super::super::metrics::{DISTANCE, EXPLORED, Metric, REAL_TIME_FACTOR, REDUND
 use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, room_for};
 use super::super::study::{Condition, Study};
 use super::super::svg::{Area, Pen};
+use super::super::table::digits_for;
 use super::{Figure, columns, legend, runs_note};
+use crate::rows::RunRecord;
 use crate::statistics::StatisticsError;
 
 /// Width of the boxes of a team size, relative to the width of its group.
@@ -17,7 +19,7 @@ const WHISKER: f64 = 1.5;
 
 /// Metrics of exploration and communication.
 pub(super) fn outcome(study: &Study) -> Result<Vec<Figure>, StatisticsError> {
-    let several = study.team_sizes().last().is_some_and(|&agents| agents > 1);
+    let several = study.runs.iter().any(|run| run.row.agents > 1);
     let mut metrics = vec![EXPLORED, DISTANCE];
     // Redundancy and staleness need a team.
     if several {
@@ -37,6 +39,8 @@ fn boxes(study: &Study, metric: Metric, logarithmic: bool) -> Result<Figure, Sta
     let name = format!("box-{}", metric.key.replace('_', "-"));
     let mut title = metric.title.to_owned();
     title[..1].make_ascii_uppercase();
+    let marks = legend(study, Mark::Box);
+    let has_teams = study.conditions.iter().any(|condition| condition.agents.is_some());
     let layout = Layout {
         name: &name,
         title: &title,
@@ -44,9 +48,9 @@ fn boxes(study: &Study, metric: Metric, logarithmic: bool) -> Result<Figure, Sta
             "box: quartiles and median; whiskers: within 1.5 interquartile ranges; dots: single runs; {}",
             runs_note(study)
         ),
-        x_label: "agents",
+        x_label: if has_teams { "agents" } else { "" },
         y_labels: &[metric.label()],
-        legend: &legend(study, Mark::Box),
+        legend: &marks,
         panels: environments.len(),
         columns: columns(environments.len()),
         left: room_for([&y]),
@@ -54,34 +58,38 @@ fn boxes(study: &Study, metric: Metric, logarithmic: bool) -> Result<Figure, Sta
     };
     let mut sheet = Sheet::new(layout);
     for (i, environment) in environments.iter().enumerate() {
-        let team_sizes: Vec<u32> = study
+        let team_sizes: Vec<Option<u32>> = study
             .conditions
             .iter()
             .filter(|condition| condition.environment() == *environment)
             .map(|condition| condition.agents)
             .collect();
-        let x = Axis::names(team_sizes.iter().map(u32::to_string));
+        let x =
+            Axis::names(team_sizes.iter().map(|agents| agents.map_or_else(String::new, |agents| agents.to_string())));
         let panel = sheet.panel(i, &study.environment_name(environment), &x, &y);
-        let slots = study.controllers.len() as f64;
+        let slots = study.variants.len() as f64;
         let width = (panel.area.width / team_sizes.len() as f64 * GROUP / slots).min(WIDTH_MAX);
         for (group, &agents) in team_sizes.iter().enumerate() {
             let condition = Condition { others: environment.others.clone(), size: environment.size, agents };
-            for controller in 0..study.controllers.len() {
-                let values = metric.values(&study.cell(&condition, controller));
-                if !values.is_empty() {
-                    let offset = (controller as f64 - (slots - 1.0) / 2.0) * width;
-                    draw_box(&mut sheet, &panel, (group as f64, offset, width * 0.8), controller, &values)?;
+            for variant in 0..study.variants.len() {
+                let runs = study.cell(&condition, variant);
+                if !runs.is_empty() {
+                    let offset = (variant as f64 - (slots - 1.0) / 2.0) * width;
+                    sheet.svg.begin_variant(variant, false);
+                    let place = (group as f64, offset, width * 0.8);
+                    draw_box(&mut sheet, &panel, place, (variant, &study.variants[variant]), (metric, &runs))?;
+                    sheet.svg.end_group();
                 }
             }
         }
     }
-    let svg = sheet.finish();
+    let drawn = sheet.finish();
     let caption = format!(
         "{title}: boxes from the first to the third quartile with the median, whiskers to the farthest run within 1.5 \
          times the interquartile range, dots: single runs.{}",
         if logarithmic { " The axis is logarithmic. Wall time depends on the machine and its load." } else { "" }
     );
-    Ok(Figure { name, caption, svg })
+    Ok(Figure { name, title, caption, legend: marks, is_by_variant: true, drawn })
 }
 
 /// The common vertical axis of all panels.
@@ -105,27 +113,42 @@ fn draw_box(
     sheet: &mut Sheet,
     panel: &Panel,
     (place, offset, width): (f64, f64, f64),
-    controller: usize,
-    values: &[f64],
+    (variant, name): (usize, &str),
+    (metric, runs): (Metric, &[&RunRecord]),
 ) -> Result<(), StatisticsError> {
+    let values = &metric.values(runs);
     let Quartiles { low, median, high } = Quartiles::of(values)?;
+    let digits = digits_for(median).max(1);
+    let shown = |value: f64| format!("{value:.digits$}");
+    let unit = if metric.unit.is_empty() { String::new() } else { format!(" {}", metric.unit) };
     let reach = WHISKER * (high - low);
     let within = |value: &&f64| (low - reach..=high + reach).contains(*value);
     let bottom = values.iter().filter(within).copied().fold(low, f64::min);
     let top = values.iter().filter(within).copied().fold(high, f64::max);
     let x = panel.at(place, 0.0).0 + offset;
     let y = |value| panel.at(place, value).1;
-    let pen = Pen::solid(colour(controller), 1.3);
+    let pen = Pen::solid(colour(variant), 1.3);
     let area = Area { left: x - width / 2.0, top: y(high), width, height: y(low) - y(high) };
+    sheet.svg.begin_value(&format!(
+        "{name}: median {}{unit}, quartiles {} to {}",
+        shown(median),
+        shown(low),
+        shown(high)
+    ));
     sheet.svg.line((x, y(bottom)), (x, y(low)), &pen);
     sheet.svg.line((x, y(high)), (x, y(top)), &pen);
-    sheet.svg.fill(area, colour(controller), 0.25);
+    sheet.svg.fill(area, colour(variant), 0.25);
     sheet.svg.frame(area, &pen);
-    sheet.svg.line((area.left, y(median)), (area.left + width, y(median)), &Pen::solid(colour(controller), 2.6));
-    for (i, value) in values.iter().enumerate() {
+    sheet.svg.line((area.left, y(median)), (area.left + width, y(median)), &Pen::solid(colour(variant), 2.6));
+    sheet.svg.end_group();
+    for (i, (value, run)) in values.iter().zip(runs).enumerate() {
         // Spread over the box, so that equal values do not overlap.
         let aside = ((i * 5) % 8) as f64 / 7.0 - 0.5;
-        sheet.svg.disc((x + 0.6 * width * aside, y(*value)), 1.8, colour(controller), 0.75);
+        sheet.svg.begin_run(&run.row.id);
+        sheet.svg.begin_value(&format!("{name}, seed {}: {}{unit}", run.row.seed, shown(*value)));
+        sheet.svg.disc((x + 0.6 * width * aside, y(*value)), 1.8, colour(variant), 0.75);
+        sheet.svg.end_group();
+        sheet.svg.end_group();
     }
     Ok(())
 }

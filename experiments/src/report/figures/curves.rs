@@ -2,7 +2,7 @@
 
 use super::super::estimates::{Estimate, Times};
 use super::super::metrics::{MILESTONES, Milestone, TimeUnit, explored_at};
-use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, pen, room_for};
+use super::super::plot::{Axis, Drawn, Layout, Mark, Panel, Sheet, colour, pen, room_for};
 use super::super::study::{Condition, Study};
 use super::super::svg::Pen;
 use super::{Figure, Panels, legend, runs_note};
@@ -19,23 +19,29 @@ const RESAMPLES: usize = 1000;
 pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
     let draw = |sheet: &mut Sheet, panel: &Panel, condition: &Condition, unit: TimeUnit| {
         let cells: Vec<_> = cells(study, condition).collect();
-        for (controller, runs) in &cells {
+        for (variant, runs) in &cells {
+            sheet.svg.begin_variant(*variant, false);
             for run in runs {
                 let points: Vec<_> = run
                     .series
                     .iter()
                     .map(|sample| panel.at(sample.t_s / unit.seconds, 100.0 * sample.explored))
                     .collect();
-                sheet.svg.polyline(&points, &Pen { opacity: 0.3, ..Pen::solid(colour(*controller), 0.7) });
+                sheet.svg.begin_run(&run.row.id);
+                sheet.svg.polyline(&points, &Pen { opacity: 0.3, ..Pen::solid(colour(*variant), 0.7) });
+                sheet.svg.end_group();
             }
+            sheet.svg.end_group();
         }
-        for (controller, runs) in &cells {
+        for (variant, runs) in &cells {
             let (mean, band) = mean_and_band(runs)?;
             let position = |(time_s, share): &(f64, f64)| panel.at(time_s / unit.seconds, 100.0 * share);
             let band: Vec<_> = band.iter().map(position).collect();
             let mean: Vec<_> = mean.iter().map(position).collect();
-            sheet.svg.polygon(&band, colour(*controller), 0.18);
-            sheet.svg.polyline(&mean, &pen(*controller));
+            sheet.svg.begin_variant(*variant, true);
+            sheet.svg.polygon(&band, colour(*variant), 0.18);
+            sheet.svg.polyline(&mean, &pen(*variant));
+            sheet.svg.end_group();
         }
         Ok(())
     };
@@ -46,11 +52,12 @@ pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
         y_label: "explored share of the free cells (%)",
         mark: Mark::Band,
     };
-    let svg = over_time(study, &sheet, draw)?;
+    let drawn = over_time(study, &sheet, draw)?;
     let caption = "Explored share of the free cells over sim time. Thick lines: mean over the runs of a cell. Bands: \
                    95 % bootstrap interval of the mean, pointwise. Thin lines: single runs; a run that has ended \
                    counts with its last value.";
-    Ok(Figure { name: "exploration".to_owned(), caption: caption.to_owned(), svg })
+    let (name, title, caption) = (sheet.name.to_owned(), sheet.title.to_owned(), caption.to_owned());
+    Ok(Figure { name, title, caption, legend: legend(study, sheet.mark), is_by_variant: true, drawn })
 }
 
 /// (Time in seconds, share).
@@ -83,7 +90,7 @@ pub(super) fn times(study: &Study) -> Result<Vec<Figure>, StatisticsError> {
 fn time_to(study: &Study, milestone: Milestone) -> Result<Figure, StatisticsError> {
     let percent = milestone.percent;
     let draw = |sheet: &mut Sheet, panel: &Panel, condition: &Condition, unit: TimeUnit| {
-        for (controller, runs) in cells(study, condition) {
+        for (variant, runs) in cells(study, condition) {
             let times = Times::of(&runs, milestone);
             let mut points = Vec::new();
             let mut reached = 0.0;
@@ -93,7 +100,9 @@ fn time_to(study: &Study, milestone: Milestone) -> Result<Figure, StatisticsErro
                 points.push(panel.at(time_s / unit.seconds, reached));
             }
             points.push(panel.at(times.horizon_s / unit.seconds, reached));
-            sheet.svg.polyline(&points, &pen(controller));
+            sheet.svg.begin_variant(variant, true);
+            sheet.svg.polyline(&points, &pen(variant));
+            sheet.svg.end_group();
         }
         Ok(())
     };
@@ -106,12 +115,13 @@ fn time_to(study: &Study, milestone: Milestone) -> Result<Figure, StatisticsErro
         y_label: &format!("runs with {percent} % explored (% of runs)"),
         mark: Mark::Line,
     };
-    let svg = over_time(study, &sheet, draw)?;
+    let drawn = over_time(study, &sheet, draw)?;
+    let legend = legend(study, sheet.mark);
     let caption = format!(
         "Share of the runs of a cell that have explored {percent} % of the free cells, over sim time (1 minus the \
          Kaplan-Meier estimate). A line that ends below 100 % has runs that did not reach it within the duration."
     );
-    Ok(Figure { name, caption, svg })
+    Ok(Figure { name: name.clone(), title: title.clone(), caption, legend, is_by_variant: true, drawn })
 }
 
 /// The texts of a sheet of curves.
@@ -128,7 +138,7 @@ fn over_time(
     study: &Study,
     text: &SheetText,
     draw: impl Fn(&mut Sheet, &Panel, &Condition, TimeUnit) -> Result<(), StatisticsError>,
-) -> Result<String, StatisticsError> {
+) -> Result<Drawn, StatisticsError> {
     let unit = TimeUnit::of(&study.runs);
     let panels = Panels::of(study);
     let y = Axis::shares();
@@ -166,8 +176,8 @@ fn over_time(
     Ok(sheet.finish())
 }
 
-/// The controllers that have runs under a condition, with these runs.
+/// The variants that have runs under a condition, with these runs.
 fn cells<'a>(study: &'a Study, condition: &'a Condition) -> impl Iterator<Item = (usize, Vec<&'a RunRecord>)> {
-    let runs = move |controller| (controller, study.cell(condition, controller));
-    (0..study.controllers.len()).map(runs).filter(|(_, runs)| !runs.is_empty())
+    let runs = move |variant| (variant, study.cell(condition, variant));
+    (0..study.variants.len()).map(runs).filter(|(_, runs)| !runs.is_empty())
 }

@@ -14,6 +14,7 @@ use super::{Figure, Panels, runs_note};
 use crate::rows::RunRecord;
 use crate::statistics::StatisticsError;
 
+const TITLE: &str = "Data delivered between agents in a run";
 /// Height of a bar, relative to its row.
 const BAR: f64 = 0.62;
 /// Length of the axis relative to the longest bar, with space for its label.
@@ -29,13 +30,13 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
     }
     let unit = Unit::of(&study.runs);
     let panels = Panels::of(study);
-    let names = study.controllers.iter().rev().cloned();
+    let names = study.variants.iter().rev().cloned();
     let y = Axis::names(names);
-    // Colours from the other end of the palette, so that kinds do not look like controllers.
+    // Colours from the other end of the palette, so that kinds do not look like variants.
     let legend: Vec<_> = kinds.iter().enumerate().map(|(i, kind)| (Mark::Box(swatch(i)), kind_name(*kind))).collect();
     let layout = Layout {
         name: "communication",
-        title: "Data delivered between agents in a run",
+        title: TITLE,
         note: &format!(
             "mean, with the 95 % bootstrap interval of the sum; every panel has its own axis; {}",
             runs_note(study)
@@ -46,7 +47,7 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
         panels: panels.conditions.len(),
         columns: panels.columns,
         left: room_for([&y]),
-        tallness: 0.35 + 0.1 * study.controllers.len() as f64,
+        tallness: 0.35 + 0.1 * study.variants.len() as f64,
     };
     let mut sheet = Sheet::new(layout);
     for (i, (environment, agents, condition)) in panels.conditions.iter().enumerate() {
@@ -63,30 +64,42 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
             sheet.empty(&panel, "no runs");
             continue;
         };
-        let room = panel.area.height / study.controllers.len() as f64;
-        for controller in (0..study.controllers.len()).filter(|i| totals.iter().all(|(present, _)| present != i)) {
-            let (x, y) = panel.at(0.0, (study.controllers.len() - 1 - controller) as f64);
+        let room = panel.area.height / study.variants.len() as f64;
+        for variant in (0..study.variants.len()).filter(|i| totals.iter().all(|(present, _)| present != i)) {
+            let (x, y) = panel.at(0.0, (study.variants.len() - 1 - variant) as f64);
             let label = Label { paint: SOFT, ..Label::new("no runs", SMALL, Anchor::Start) };
             sheet.svg.text((x + 6.0, y + 0.36 * SMALL), &label);
         }
-        for (controller, total) in totals {
-            let line = (study.controllers.len() - 1 - controller) as f64;
+        for (variant, total) in totals {
+            let line = (study.variants.len() - 1 - variant) as f64;
+            sheet.svg.begin_variant(variant, false);
+            sheet.svg.begin_value(&format!(
+                "{}: {:.*} {}",
+                study.variants[variant],
+                digits_for(total.mean),
+                total.mean,
+                unit.symbol
+            ));
             draw_bar(
                 &mut sheet,
                 &panel,
                 (line, room * BAR),
-                &shares(&study.cell(condition, controller), &kinds, unit),
+                &shares(&study.cell(condition, variant), &kinds, unit),
                 total,
             );
             let end = total.interval.map_or(total.mean, |interval| interval.high);
             let (x, y) = panel.at(end, line);
             let text = format!("{:.*} {}", digits_for(total.mean), total.mean, unit.symbol);
             sheet.svg.text((x + 6.0, y + 0.36 * SMALL), &Label::new(&text, SMALL, Anchor::Start));
+            sheet.svg.end_group();
+            sheet.svg.end_group();
         }
     }
     let caption = "Data delivered to other agents in a run, by kind of message: mean over the runs of a cell, with \
                    the 95 % bootstrap interval of the sum. Every panel has its own axis.";
-    Ok(Some(Figure { name: "communication".to_owned(), caption: caption.to_owned(), svg: sheet.finish() }))
+    let drawn = sheet.finish();
+    let (name, title, caption) = ("communication".to_owned(), TITLE.to_owned(), caption.to_owned());
+    Ok(Some(Figure { name, title, caption, legend, is_by_variant: false, drawn }))
 }
 
 /// Draws a stacked bar in a row of the panel, `height` pixels high, with the interval of the sum.
@@ -127,14 +140,14 @@ impl Unit {
     }
 }
 
-/// The volume delivered in a run, for each controller that has runs under a condition.
+/// The volume delivered in a run, for each variant that has runs under a condition.
 fn totals(study: &Study, condition: &Condition, unit: Unit) -> Result<Vec<(usize, Estimate)>, StatisticsError> {
     let mut totals = Vec::new();
-    for controller in 0..study.controllers.len() {
-        let runs = study.cell(condition, controller);
+    for variant in 0..study.variants.len() {
+        let runs = study.cell(condition, variant);
         if !runs.is_empty() {
             let values: Vec<f64> = runs.iter().map(|run| run.row.parcel_bytes as f64 / unit.bytes).collect();
-            totals.push((controller, Estimate::of(&values, RESAMPLES)?));
+            totals.push((variant, Estimate::of(&values, RESAMPLES)?));
         }
     }
     Ok(totals)
