@@ -13,7 +13,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use agent_node::controllers;
-use sim_server::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
+use sim_server::input_file::{self, TEXT_BYTES_MAX};
+use sim_server::map_file;
 use simulation::scenario::{MapKind, Override, Scenario, ScenarioError, one_line};
 use simulation::wire;
 use thiserror::Error;
@@ -213,7 +214,11 @@ fn id(scenario: &Scenario) -> std::io::Result<String> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(scenario.identity().as_bytes()).update(&[0]).update(BUILD.as_bytes());
     if let (MapKind::File, Some(map)) = (scenario.map.kind, &scenario.map.file) {
-        hasher.update(&[0]).update(&input_file::read(map, MAP_BYTES_MAX)?);
+        let map = map_file::load(map)?;
+        hasher.update(&[0]).update(&map.bytes);
+        if let Some(image) = &map.companion {
+            hasher.update(&[0]).update(image);
+        }
     }
     Ok(hasher.finalize().to_hex()[..16].to_owned())
 }

@@ -18,7 +18,7 @@ mod server;
 pub type Target = fn(&[u8]);
 
 /// All targets by name, which is also the name of the folder of their corpus.
-pub const TARGETS: [(&str, Target); 15] = [
+pub const TARGETS: [(&str, Target); 19] = [
     ("m3dm", files::map),
     ("packed", maps::packed),
     ("bt", maps::octomap),
@@ -28,6 +28,10 @@ pub const TARGETS: [(&str, Target); 15] = [
     ("stl", maps::stl),
     ("vox", maps::vox),
     ("pgm", maps::pgm),
+    ("gltf", maps::gltf),
+    ("las", maps::las),
+    ("ot", maps::full_octomap),
+    ("yaml", maps::yaml),
     ("scenario", files::scenario),
     ("plan", files::plan),
     ("recording", files::recording),

@@ -4,8 +4,9 @@
 use mapgen::{Fill, ImportOptions, ImportSpec, Kind, MapFormat};
 use voxels::{Grid, Terrain, packed as format};
 
-/// Most cells of a map: the targets test reading, not memory.
-const CELLS_MAX: usize = 1 << 16;
+/// Most cells of a map in ordinary tests, which take many inputs; libFuzzer runs with the limits of a
+/// run.
+const CELLS_MAX: usize = if cfg!(feature = "libfuzzer") { 1 << 27 } else { 1 << 16 };
 
 /// A packed map.
 pub(crate) fn packed(bytes: &[u8]) {
@@ -54,6 +55,29 @@ pub(crate) fn pgm(bytes: &[u8]) {
     read("fuzz.pgm", bytes, ImportOptions::default());
 }
 
+/// A scene of meshes.
+pub(crate) fn gltf(bytes: &[u8]) {
+    mesh("fuzz.glb", bytes);
+}
+
+/// Points of a laser scanner.
+pub(crate) fn las(bytes: &[u8]) {
+    read("fuzz.las", bytes, ImportOptions::default());
+    read("fuzz.las", bytes, ImportOptions { sensor: Some([0.0; 3]), ..ImportOptions::default() });
+}
+
+/// A full OctoMap tree.
+pub(crate) fn full_octomap(bytes: &[u8]) {
+    read("fuzz.ot", bytes, ImportOptions::default());
+}
+
+/// A map of the map server, and after a zero its picture.
+pub(crate) fn yaml(bytes: &[u8]) {
+    let mut parts = bytes.splitn(2, |&byte| byte == 0);
+    let (yaml, image) = (parts.next().unwrap_or_default(), parts.next().map(<[u8]>::to_vec));
+    read_spec(ImportSpec { companion: image, ..ImportSpec::new("fuzz.yaml", yaml.to_vec()) });
+}
+
 /// A mesh, filled as a solid and as a shell.
 fn mesh(file: &str, bytes: &[u8]) {
     for fill in [Fill::Solid, Fill::Shell] {
@@ -63,7 +87,11 @@ fn mesh(file: &str, bytes: &[u8]) {
 
 /// Reads a map; an error has to be one line that names the file.
 fn read(file: &str, bytes: &[u8], options: ImportOptions) -> Option<Grid<Terrain>> {
-    let spec = ImportSpec { options, cells_max: CELLS_MAX, ..ImportSpec::new(file, bytes.to_vec()) };
+    read_spec(ImportSpec { options, ..ImportSpec::new(file, bytes.to_vec()) })
+}
+
+fn read_spec(spec: ImportSpec) -> Option<Grid<Terrain>> {
+    let spec = ImportSpec { cells_max: spec.cells_max.min(CELLS_MAX), ..spec };
     match spec.read() {
         Ok(imported) => {
             assert!(imported.terrain.extent().volume() <= CELLS_MAX);
@@ -71,7 +99,7 @@ fn read(file: &str, bytes: &[u8], options: ImportOptions) -> Option<Grid<Terrain
         }
         Err(error) => {
             let error = error.to_string();
-            assert!(error.starts_with(file), "an error that does not name the file: {error}");
+            assert!(error.starts_with(&spec.file), "an error that does not name the file: {error}");
             assert!(!error.contains('\n'), "an error of several lines: {error}");
             None
         }

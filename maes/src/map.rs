@@ -1,25 +1,28 @@
-//! The commands `maes map generate|info|convert`.
+//! The commands `maes map generate|info|convert|check`.
 //!
 //! Results go to stdout. A command that fails has written no file: a file is complete under a
 //! temporary name before it takes its own. Maps themselves are made and read in [`mapgen`]; here
 //! are only files, options and words.
 
+mod check;
+mod error;
+mod output;
 mod slices;
 mod spec;
 
 use std::fmt::Display;
-use std::fs::{self, File};
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
-use thiserror::Error;
-use voxels::{Extent, ExtentError, close_shell, free_components};
+use voxels::{Extent, close_shell, free_components};
 
-use mapgen::{self, Built, FormatError, ImportOptions, ImportSpec, Imported, MapError, MapFormat, MapReport, Note};
+use mapgen::{self, Built, ImportOptions, ImportSpec, Imported, MapReport, Note};
 
+pub(crate) use error::MapCliError;
+use output::{Encoding, Output, write_file};
 use sim_server::cli::assignment;
-use sim_server::input_file::{self, MAP_BYTES_MAX};
+use sim_server::map_file;
 use slices::Slice;
 
 /// Make, describe and convert maps.
@@ -31,6 +34,8 @@ pub(crate) enum MapCommand {
     Info(InfoArgs),
     /// Write a map in another format, with its shell closed and its pockets filled.
     Convert(ConvertArgs),
+    /// Tell what agents could do in a map: what they reach, where it is narrow, where they can start.
+    Check(CheckArgs),
 }
 
 /// Options of `map generate`.
@@ -42,7 +47,7 @@ pub(crate) struct GenerateArgs {
     /// Cells along every axis, as one number or as XxYxZ.
     #[arg(long, value_name = "S|XxYxZ", value_parser = parse_size)]
     pub(crate) size: [u32; 3],
-    /// Length of a cell's edge in metres; stored by --rle and .bt, and the unit of meshes.
+    /// Length of a cell's edge in metres, which every written file holds.
     #[arg(long, value_name = "M", default_value_t = 1.0)]
     pub(crate) cell_m: f64,
     /// Seed of the map; without it one is drawn and printed.
@@ -68,11 +73,9 @@ pub(crate) struct GenerateArgs {
     /// last.
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
     pub(crate) set: Vec<(String, toml::Value)>,
-    /// Write packed M3DM, as is always done beyond 127 cells along an axis: smaller, and with the
-    /// length of cells.
-    #[arg(long)]
-    pub(crate) rle: bool,
-    /// The file to write: .m3dm, .txt, .bt, .obj or .stl.
+    #[command(flatten)]
+    pub(crate) encoding: Encoding,
+    /// The file to write: .m3dm, .txt, .bt, .obj, .stl or .yaml.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
 }
@@ -86,6 +89,8 @@ pub(crate) enum Kind {
     Noise,
     /// Floors of hallways and rooms; its parameters are set with --set.
     Building,
+    /// Levels of drifts with crosscuts, stopes and a ramp; its parameters are set with --set.
+    Mine,
 }
 
 /// Options of `map info`.
@@ -115,10 +120,10 @@ pub(crate) struct InfoArgs {
 /// Options of `map convert`.
 #[derive(Debug, Clone, PartialEq, Args)]
 pub(crate) struct ConvertArgs {
-    /// The map to read: .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, .vox or .pgm.
+    /// The map to read, of any known format.
     #[arg(value_name = "IN")]
     pub(crate) input: PathBuf,
-    /// The file to write: .m3dm, .txt, .bt, .obj or .stl.
+    /// The file to write: .m3dm, .txt, .bt, .obj, .stl or .yaml.
     #[arg(value_name = "OUT")]
     pub(crate) output: PathBuf,
     /// Length of a cell's edge in metres [default: that of the file, or 1].
@@ -127,100 +132,31 @@ pub(crate) struct ConvertArgs {
     /// How the map is read.
     #[command(flatten)]
     pub(crate) import: ImportOptions,
-    /// Write packed M3DM, as is always done beyond 127 cells along an axis: smaller, and with the
-    /// length of cells.
-    #[arg(long)]
-    pub(crate) rle: bool,
+    #[command(flatten)]
+    pub(crate) encoding: Encoding,
     /// Leave the shell open where it is open, and the pockets.
     #[arg(long)]
     pub(crate) as_is: bool,
 }
 
-/// Why a map command failed; always one line.
-#[derive(Debug, Error)]
-pub(crate) enum MapCliError {
-    /// A file cannot be read.
-    #[error("{}: cannot be read: {reason}", .file.display())]
-    Read {
-        /// The file.
-        file: PathBuf,
-        /// The system's reason.
-        reason: io::Error,
-    },
-    /// A file cannot be written; it is as it was before.
-    #[error("{}: cannot be written: {reason}", .file.display())]
-    Write {
-        /// The file.
-        file: PathBuf,
-        /// The system's reason.
-        reason: io::Error,
-    },
-    /// A file's name or content does not fit a map format.
-    #[error("{}: {reason}", .file.display())]
-    Format {
-        /// The file.
-        file: PathBuf,
-        /// What is wrong, and where.
-        reason: FormatError,
-    },
-    /// The size or the cell length is not usable.
-    #[error(transparent)]
-    Extent(#[from] ExtentError),
-    /// No map can be made from the options or the file.
-    #[error(transparent)]
-    Map(#[from] MapError),
-    /// An option that the chosen kind of map does not have.
-    #[error("--{option} is not an option of --kind {kind}, which has {has}")]
-    NotForKind {
-        /// The option's name.
-        option: &'static str,
-        /// The kind's name.
-        kind: &'static str,
-        /// Its options.
-        has: &'static str,
-    },
-    /// A parameter that the chosen kind of map does not have, or of another type.
-    #[error("--set {assignment}: {reason}")]
-    Set {
-        /// What was asked for.
-        assignment: String,
-        /// What is wrong.
-        reason: String,
-    },
-    /// A slice outside the map.
-    #[error("{}: --slice {axis}={at} is outside the map, {axis} goes from 0 to {last}", .file.display())]
-    Slice {
-        /// The file.
-        file: PathBuf,
-        /// `x`, `y` or `z`.
-        axis: char,
-        /// The layer that was asked for.
-        at: u32,
-        /// The last layer of the map.
-        last: u32,
-    },
-    /// One picture for several maps.
-    #[error("--png {}: a picture is of one map, there are {count}", .file.display())]
-    OnePicture {
-        /// The picture.
-        file: PathBuf,
-        /// Number of maps.
-        count: usize,
-    },
-    /// A picture cannot be packed.
-    #[error("--png {}: {reason}", .file.display())]
-    Picture {
-        /// The picture.
-        file: PathBuf,
-        /// What is wrong.
-        reason: png::EncodingError,
-    },
-    /// The operating system gives no random numbers.
-    #[error("no seed can be drawn ({0}); give one with --seed")]
-    Seed(getrandom::Error),
-    /// The report cannot be printed.
-    #[error("stdout: {0}")]
-    Print(#[from] io::Error),
+/// Options of `map check`.
+#[derive(Debug, Clone, PartialEq, Args)]
+pub(crate) struct CheckArgs {
+    /// The map, of any known format.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// Radius of a body in metres, as body.radius_m.
+    #[arg(long, value_name = "M", default_value_t = 0.4)]
+    pub(crate) radius_m: f64,
+    /// Number of agents, as agents.count.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) agents: u32,
+    /// Length of a cell's edge in metres [default: that of the file, or 1].
+    #[arg(long, value_name = "M")]
+    pub(crate) cell_m: Option<f64>,
+    /// How the file is read.
+    #[command(flatten)]
+    pub(crate) import: ImportOptions,
 }
 
 /// Runs a map command and prints its report on stdout. On an error no file has been written or
@@ -240,14 +176,13 @@ fn run_to(command: MapCommand, columns: Option<usize>, out: &mut dyn Write) -> R
         MapCommand::Generate(args) => generate(&args, out),
         MapCommand::Info(args) => info(&args, columns, out),
         MapCommand::Convert(args) => convert(&args, out),
+        MapCommand::Check(args) => check::check(&args, out),
     }
 }
 
 fn generate(args: &GenerateArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
-    let format = format_of(&args.output)?;
+    let output = Output::new(&args.output, args.encoding)?;
     let extent = Extent::new(args.size, args.cell_m)?;
-    let in_output = |reason| MapCliError::Format { file: args.output.clone(), reason };
-    format.check().map_err(in_output)?;
     let spec = spec::of(args)?;
     spec.check(extent)?;
     let seed = match args.seed {
@@ -256,13 +191,15 @@ fn generate(args: &GenerateArgs, out: &mut dyn Write) -> Result<(), MapCliError>
         None => getrandom::u32().map_err(MapCliError::Seed)?.into(),
     };
     let map = mapgen::generate(&spec, extent, seed)?;
-    write_file(&args.output, &format.write(&map.terrain, args.rle).map_err(in_output)?)?;
+    let notes = output.write(&map.terrain, [0.0; 3])?;
 
     let mut report = Report::new(out);
     report.line("file", args.output.display())?;
     report.line("seed", seed)?;
     let [x_m, y_m, z_m] = extent.size().map(|cells| f64::from(cells) * extent.cell_m());
     report.line("size", format_args!("{} ({x_m} m x {y_m} m x {z_m} m)", by(extent)))?;
+    report.line("cell_m", extent.cell_m())?;
+    report.written(&notes)?;
     report.cells(extent, map.report.free_cells)?;
     if let Some(carved) = map.report.carved {
         report.line("spheres", carved.spheres)?;
@@ -294,7 +231,7 @@ fn info(args: &InfoArgs, columns: Option<usize>, out: &mut dyn Write) -> Result<
             let pixels = pixels.map_err(|reason| MapCliError::Picture { file: picture.clone(), reason })?;
             write_file(picture, &pixels)?;
         }
-        describe(file, &imported, out)?;
+        describe(file, &imported, args.cell_m, out)?;
         if let Some(slice) = slice {
             write!(out, "\n{slice}")?;
         }
@@ -307,10 +244,11 @@ fn info(args: &InfoArgs, columns: Option<usize>, out: &mut dyn Write) -> Result<
 
 /// A map file to read.
 fn import(file: &Path, options: ImportOptions, cell_m: Option<f64>) -> Result<ImportSpec, MapCliError> {
-    Ok(ImportSpec { options, cell_m, ..ImportSpec::new(file.display().to_string(), read_bytes(file)?) })
+    let spec = map_file::load(file).map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })?;
+    Ok(ImportSpec { options, cell_m, ..spec })
 }
 
-fn describe(file: &Path, imported: &Imported, out: &mut dyn Write) -> Result<(), MapCliError> {
+fn describe(file: &Path, imported: &Imported, asked: Option<f64>, out: &mut dyn Write) -> Result<(), MapCliError> {
     let Imported { terrain, notes, .. } = imported;
     let extent = terrain.extent();
     let components = free_components(terrain);
@@ -318,7 +256,7 @@ fn describe(file: &Path, imported: &Imported, out: &mut dyn Write) -> Result<(),
     let mut report = Report::new(out);
     report.line("file", file.display())?;
     report.line("size", by(extent))?;
-    report.cell_m(imported)?;
+    report.cell_m(imported, asked)?;
     report.notes(notes)?;
     report.cells(extent, mapgen::free_cells(terrain))?;
     match components.sizes.as_slice() {
@@ -336,9 +274,7 @@ fn describe(file: &Path, imported: &Imported, out: &mut dyn Write) -> Result<(),
 }
 
 fn convert(args: &ConvertArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
-    let output = format_of(&args.output)?;
-    let in_output = |reason| MapCliError::Format { file: args.output.clone(), reason };
-    output.check().map_err(in_output)?;
+    let output = Output::new(&args.output, args.encoding)?;
     let spec = import(&args.input, args.import, args.cell_m)?;
     let mut imported = spec.read()?;
     let extent = imported.terrain.extent();
@@ -350,13 +286,15 @@ fn convert(args: &ConvertArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
         imported.terrain = map.terrain;
         Some(map.report)
     };
-    write_file(&args.output, &output.write(&imported.terrain, args.rle).map_err(in_output)?)?;
+    let origin = imported.origin_m.map_or([0.0; 3], |[x, y, _]| [x, y, imported.yaw_rad]);
+    let notes = output.write(&imported.terrain, origin)?;
 
     let mut report = Report::new(out);
     report.line("file", args.output.display())?;
     report.line("size", by(extent))?;
-    report.cell_m(&imported)?;
+    report.cell_m(&imported, args.cell_m)?;
     report.notes(&imported.notes)?;
+    report.written(&notes)?;
     report.cells(extent, mapgen::free_cells(&imported.terrain))?;
     match &repairs {
         Some(repairs) => report.repairs(repairs)?,
@@ -379,10 +317,18 @@ impl<'a> Report<'a> {
         Ok(writeln!(self.out, "{name:<11}{value}")?)
     }
 
-    /// The length of cells, if the file has it or it is not 1 m.
-    fn cell_m(&mut self, imported: &Imported) -> Result<(), MapCliError> {
+    /// The length of cells, and whether anybody has said it.
+    fn cell_m(&mut self, imported: &Imported, asked: Option<f64>) -> Result<(), MapCliError> {
         let cell_m = imported.terrain.extent().cell_m();
-        if imported.stores_cell_m || cell_m != 1.0 { self.line("cell_m", cell_m) } else { Ok(()) }
+        match (imported.stores_cell_m, asked) {
+            (false, None) => self.line("cell_m", format_args!("{cell_m} (the file has none; --cell-m sets it)")),
+            _ => self.line("cell_m", cell_m),
+        }
+    }
+
+    /// What a file was written with, or does not hold.
+    fn written(&mut self, notes: &[(&str, String)]) -> Result<(), MapCliError> {
+        notes.iter().try_for_each(|(name, text)| self.line(name, text))
     }
 
     fn notes(&mut self, notes: &[Note]) -> Result<(), MapCliError> {
@@ -414,34 +360,6 @@ fn parse_size(text: &str) -> Result<[u32; 3], String> {
         Ok(&[x, y, z]) => Ok([x, y, z]),
         _ => Err("a size is one number of cells, or three as in 50x40x30".to_owned()),
     }
-}
-
-fn format_of(file: &Path) -> Result<MapFormat, MapCliError> {
-    MapFormat::of(file).map_err(|reason| MapCliError::Format { file: file.to_path_buf(), reason })
-}
-
-fn read_bytes(file: &Path) -> Result<Vec<u8>, MapCliError> {
-    input_file::read(file, MAP_BYTES_MAX).map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })
-}
-
-/// Writes a file under a temporary name beside it and then renames it, so that there is never half
-/// a file.
-fn write_file(file: &Path, bytes: &[u8]) -> Result<(), MapCliError> {
-    let mut name = std::ffi::OsString::from(".");
-    name.push(file.file_name().unwrap_or_default());
-    name.push(format!(".{}.tmp", std::process::id()));
-    let temporary = file.with_file_name(name);
-    let write = || {
-        let mut handle = File::create_new(&temporary)?;
-        let written = handle.write_all(bytes).and_then(|()| handle.sync_all());
-        let moved = written.and_then(|()| fs::rename(&temporary, file));
-        if moved.is_err() {
-            // What matters to the user is why the file could not be written.
-            let _ = fs::remove_file(&temporary);
-        }
-        moved
-    };
-    write().map_err(|reason| MapCliError::Write { file: file.to_path_buf(), reason })
 }
 
 #[cfg(test)]

@@ -14,6 +14,10 @@ use surface::rectangles;
 /// Levels of a tree below its root.
 const DEPTH: u32 = 16;
 
+/// Brightness of free and occupied pixels, as the map server saves them.
+const PLAN_FREE: u8 = 254;
+const PLAN_OCCUPIED: u8 = 0;
+
 /// Lengths in the header of a binary STL file.
 const STL_TITLE: usize = 80;
 
@@ -83,6 +87,40 @@ impl Tree<'_> {
     }
 }
 
+/// A map of ROS 2's map server.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FloorPlan {
+    /// The `map.yaml`.
+    pub yaml: Vec<u8>,
+    /// The picture that it names, a binary PGM.
+    pub image: Vec<u8>,
+    /// The layer of cells that it shows.
+    pub layer: u32,
+}
+
+/// The layer of a map with most free cells, the lowest of several, as a map of ROS 2's map server.
+/// `image` is the name of its picture, `origin` the place of the map's lowest corner (x and y in
+/// metres) with the turn about it in radians.
+#[must_use]
+pub fn floor_plan(terrain: &Grid<Terrain>, image: &str, [x, y, yaw]: [f64; 3]) -> FloorPlan {
+    let [size_x, size_y, _] = terrain.extent().size();
+    let layer_cells = size_x as usize * size_y as usize;
+    let free = |layer: &[Terrain]| layer.iter().filter(|&&cell| cell == Terrain::Free).count();
+    let layers = terrain.as_slice().chunks(layer_cells).enumerate();
+    let lowest = |(number, layer): &(usize, &[Terrain])| (free(layer), std::cmp::Reverse(*number));
+    let (layer, cells) = layers.max_by_key(lowest).unwrap_or_default();
+    let mut picture = format!("P5\n{size_x} {size_y}\n255\n").into_bytes();
+    for row in cells.chunks(size_x as usize).rev() {
+        picture.extend(row.iter().map(|&cell| if cell == Terrain::Free { PLAN_FREE } else { PLAN_OCCUPIED }));
+    }
+    let cell_m = terrain.extent().cell_m();
+    let yaml = format!(
+        "image: {image:?}\nmode: trinary\nresolution: {cell_m:?}\norigin: [{x:?}, {y:?}, {yaw:?}]\nnegate: 0\n\
+         occupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    );
+    FloorPlan { yaml: yaml.into_bytes(), image: picture, layer: layer as u32 }
+}
+
 /// The surface of the walls as a mesh in Wavefront's format, in metres; its normals point into free
 /// space.
 #[must_use]
@@ -90,7 +128,7 @@ pub fn obj(terrain: &Grid<Terrain>) -> Vec<u8> {
     let cell_m = terrain.extent().cell_m();
     let mut vertices = std::collections::BTreeMap::new();
     let mut faces = String::new();
-    let mut text = String::from("# the surface between wall and free cells, in metres, z up\n");
+    let mut text = format!("# the surface between wall and free cells, in metres, z up, cell_m = {cell_m:?}\n");
     for rectangle in rectangles(terrain) {
         faces.push('f');
         for corner in rectangle.corners() {
@@ -113,7 +151,7 @@ pub fn obj(terrain: &Grid<Terrain>) -> Vec<u8> {
 #[must_use]
 pub fn stl(terrain: &Grid<Terrain>) -> Vec<u8> {
     let cell_m = terrain.extent().cell_m();
-    let mut bytes = b"the surface between wall and free cells, in metres, z up".to_vec();
+    let mut bytes = format!("the surface of walls, in metres, z up, cell_m = {cell_m:?}").into_bytes();
     bytes.resize(STL_TITLE, b' ');
     bytes.extend([0; 4]);
     let mut count = 0u32;

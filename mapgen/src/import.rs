@@ -10,20 +10,26 @@
 //! No file is opened here: bytes are arguments and results.
 
 mod bytes;
+mod cell_length;
 mod cloud;
 mod formats;
 mod frame;
+mod gltf;
+mod las;
 mod mesh;
 mod obj;
 mod octomap;
 mod options;
 mod pcd;
-mod pgm;
+mod picture;
+mod plan;
 mod ply;
 mod stl;
 mod vox;
+mod work;
+mod xyz;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use voxels::{Cell, Extent, Grid, Terrain, close_shell, is_wall_at, keep_largest_component};
 
@@ -35,8 +41,8 @@ pub use options::{Fill, ImportOptions, Kind, Up};
 /// Layers of wall that an imported map gets on every side.
 const SHELL_LAYERS: u32 = 1;
 
-/// Largest number of cells of a map from a file, whatever its length. With 8 bytes for each cell
-/// while a map is repaired, a gibibyte.
+/// Largest number of cells of a map from a file, whatever its length, unless an option says
+/// otherwise. With 8 bytes for each cell while a map is repaired, a gibibyte.
 const CELLS_MAX: usize = 1 << 27;
 
 /// Largest number of cells for each byte of a file: a few bytes of a tree or of run lengths can
@@ -53,12 +59,14 @@ pub struct ImportSpec {
     pub file: String,
     /// The content of the file.
     pub bytes: Vec<u8>,
+    /// The content of the file that [`ImportSpec::names`], if it has been read.
+    pub companion: Option<Vec<u8>>,
     /// The import options.
     pub options: ImportOptions,
     /// The requested length of a cell's edge, metres. `None`: that of the file, or 1 m if it has
     /// none.
     pub cell_m: Option<f64>,
-    /// Largest number of cells allowed.
+    /// Largest number of cells allowed, unless the options say otherwise.
     pub cells_max: usize,
 }
 
@@ -71,6 +79,11 @@ pub struct Imported {
     pub notes: Vec<Note>,
     /// Whether the length of the cells is that of the file.
     pub stores_cell_m: bool,
+    /// The lowest corner of the map in the coordinates of the file, after its axes and units have
+    /// become ours, metres; `None` if the file has no coordinates.
+    pub origin_m: Option<[f64; 3]>,
+    /// The turn of the map about this corner in the file, radians; 0 but for floor plans.
+    pub yaw_rad: f64,
 }
 
 /// A note of an import.
@@ -93,13 +106,23 @@ impl ImportSpec {
     #[must_use]
     pub fn new(file: impl Into<String>, bytes: Vec<u8>) -> Self {
         let cells_max = cells_max(bytes.len());
-        Self { file: file.into(), bytes, options: ImportOptions::default(), cell_m: None, cells_max }
+        Self { file: file.into(), bytes, companion: None, options: ImportOptions::default(), cell_m: None, cells_max }
     }
 
     /// Allows at least `cells`, the size of a map that is known from elsewhere.
     #[must_use]
     pub fn allowing(self, cells: usize) -> Self {
         Self { cells_max: self.cells_max.max(cells), ..self }
+    }
+
+    /// The file that this one needs, as the picture of a `map.yaml`, relative to its folder; `None`
+    /// if it needs none, or is faulty, which reading it reports.
+    #[must_use]
+    pub fn names(&self) -> Option<PathBuf> {
+        match MapFormat::of(Path::new(&self.file)) {
+            Ok(MapFormat::Yaml) => plan::image(&self.bytes).ok(),
+            _ => None,
+        }
     }
 
     /// Reads the terrain, unrepaired.
@@ -117,7 +140,8 @@ impl ImportSpec {
         if let Some(name) = self.options.given().find(|name| !format.options().contains(name)) {
             return Err(FormatError::NoOption { name, extension: format.extension(), has: format.options() });
         }
-        let imported = format.read(self)?;
+        let mut imported = format.read(self)?;
+        imported.stores_cell_m |= cell_length::of(format, &self.bytes) == Some(imported.terrain.extent().cell_m());
         let stored = imported.terrain.extent().cell_m();
         match self.cell_m {
             Some(asked) if stored != asked => Err(FormatError::CellLength { stored, asked }),
@@ -130,6 +154,17 @@ impl ImportSpec {
     #[must_use]
     pub fn stored_cell_m(&self) -> Option<f64> {
         MapFormat::of(Path::new(&self.file)).ok()?.stored_cell_m(&self.bytes)
+    }
+
+    /// The length of the cells that the map gets, metres: the requested one, that of the file, or 1
+    /// m.
+    fn length_m(&self) -> f64 {
+        self.cell_m.or_else(|| self.stored_cell_m()).unwrap_or(1.0)
+    }
+
+    /// Largest number of cells of the map.
+    fn cells_allowed(&self) -> usize {
+        self.options.cells_max.map_or(self.cells_max, |cells| usize::try_from(cells).unwrap_or(usize::MAX))
     }
 }
 
@@ -154,8 +189,8 @@ pub fn repair(file: &str, mut terrain: Grid<Terrain>, seed: u64) -> Result<Gener
 }
 
 /// A grid with one value in every cell.
-fn new_grid<T: Clone>(extent: Extent, fill: T, cells_max: usize) -> Result<Grid<T>, FormatError> {
-    let cells = extent.volume();
+fn new_grid<T: Clone>(extent: Extent, fill: T, spec: &ImportSpec) -> Result<Grid<T>, FormatError> {
+    let (cells, cells_max) = (extent.volume(), spec.cells_allowed());
     if cells > cells_max {
         return Err(FormatError::TooManyCells { cells, cells_max });
     }
@@ -165,7 +200,7 @@ fn new_grid<T: Clone>(extent: Extent, fill: T, cells_max: usize) -> Result<Grid<
 
 /// The map with a layer of wall around it, if its outermost layer has a free cell and there is room
 /// for one.
-fn surrounded(terrain: Grid<Terrain>, cells_max: usize) -> Result<(Grid<Terrain>, Option<Note>), FormatError> {
+fn surrounded(terrain: Grid<Terrain>, spec: &ImportSpec) -> Result<(Grid<Terrain>, Option<Note>), FormatError> {
     let extent = terrain.extent();
     let size = extent.size().map(|cells| cells + 2);
     let Ok(larger) = Extent::new(size, extent.cell_m()) else { return Ok((terrain, None)) };
@@ -177,7 +212,7 @@ fn surrounded(terrain: Grid<Terrain>, cells_max: usize) -> Result<(Grid<Terrain>
     if !is_open {
         return Ok((terrain, None));
     }
-    let mut around = new_grid(larger, Terrain::Wall, cells_max)?;
+    let mut around = new_grid(larger, Terrain::Wall, spec)?;
     for (cell, slot) in larger.cells().zip(around.as_mut_slice()) {
         let one_less = Cell::new(cell.x - 1, cell.y - 1, cell.z - 1);
         if !is_wall_at(&terrain, one_less) {

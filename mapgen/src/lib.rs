@@ -11,6 +11,7 @@
 pub mod building;
 pub mod export;
 pub mod import;
+pub mod mine;
 pub mod noise;
 mod smoothing;
 pub mod spheres;
@@ -24,6 +25,7 @@ use voxels::{Extent, Grid, Pockets, Terrain, keep_largest_component};
 
 pub use building::{BuildingSpec, Built, Entrance};
 pub use import::{Fill, FormatError, ImportOptions, ImportSpec, Imported, Kind, MapFormat, Note, repair};
+pub use mine::MineSpec;
 pub use noise::NoiseSpec;
 pub use spheres::SpheresSpec;
 
@@ -40,6 +42,8 @@ pub enum MapSpec {
     Noise(NoiseSpec),
     /// Floors of hallways and rooms.
     Building(BuildingSpec),
+    /// Levels of drifts with crosscuts, stopes and a ramp.
+    Mine(MineSpec),
 }
 
 impl MapSpec {
@@ -53,6 +57,7 @@ impl MapSpec {
             Self::Spheres(spec) => spec.check(extent),
             Self::Noise(spec) => spec.check(extent),
             Self::Building(spec) => spec.check(extent),
+            Self::Mine(spec) => spec.check(extent),
         }
     }
 }
@@ -190,6 +195,7 @@ pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMa
     let (draft, built, entrances) = match spec {
         MapSpec::Spheres(spec) => (spheres::draft(spec, extent, seed)?, None, Vec::new()),
         MapSpec::Noise(spec) => (noise::draft(spec, extent, seed)?, None, Vec::new()),
+        MapSpec::Mine(spec) => (mine::draft(spec, extent, seed)?, None, Vec::new()),
         MapSpec::Building(spec) => {
             let (draft, built, entrances) = building::draft(spec, extent, seed)?;
             (draft, Some(built), entrances)
@@ -233,7 +239,7 @@ fn described(
 pub fn entrances(spec: &MapSpec, extent: Extent, seed: u64) -> Result<Vec<Entrance>, MapError> {
     match spec {
         MapSpec::Building(spec) => building::entrances(spec, extent, seed),
-        MapSpec::Spheres(_) | MapSpec::Noise(_) => Ok(Vec::new()),
+        MapSpec::Spheres(_) | MapSpec::Noise(_) | MapSpec::Mine(_) => Ok(Vec::new()),
     }
 }
 

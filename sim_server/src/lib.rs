@@ -20,6 +20,7 @@ pub mod foxglove;
 pub mod info;
 pub mod input_file;
 pub mod live_stream;
+pub mod map_file;
 pub mod playback;
 pub mod recorder;
 pub mod recording;

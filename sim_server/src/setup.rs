@@ -9,6 +9,7 @@ use thiserror::Error;
 use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
 
 use crate::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
+use crate::map_file;
 use crate::recorder::{self, Document, RecordError, Recorder};
 use crate::recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, TEXT_MAP_ATTACHMENT};
 use mapgen::{self, GeneratedMap, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
@@ -239,9 +240,8 @@ fn map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
     let Some(spec) = generator(scenario) else {
         let file = section.file.as_deref().expect("a checked scenario has a file for a map from a file");
         let name = file.display().to_string();
-        let bytes =
-            input_file::read(file, MAP_BYTES_MAX).map_err(|source| SetupError::Read { file: name.clone(), source })?;
-        return imported(ImportSpec { options: section.import, ..ImportSpec::new(name, bytes) }, scenario);
+        let import = map_file::load(file).map_err(|source| SetupError::Read { file: name, source })?;
+        return imported(ImportSpec { options: section.import, ..import }, scenario);
     };
     let size = section.size.expect("a checked scenario has a size for a generated map").cells();
     let extent = Extent::new(size, section.cell_m.unwrap_or(1.0))?;
@@ -255,6 +255,7 @@ fn generator(scenario: &Scenario) -> Option<MapSpec> {
         MapKind::Spheres => Some(MapSpec::Spheres(section.spheres.clone())),
         MapKind::Noise => Some(MapSpec::Noise(section.noise.clone())),
         MapKind::Building => Some(MapSpec::Building(section.building.clone().unwrap_or_default())),
+        MapKind::Mine => Some(MapSpec::Mine(section.mine.clone().unwrap_or_default())),
         MapKind::File => None,
     }
 }
@@ -274,6 +275,7 @@ fn map_error(scenario: &Scenario) -> impl Fn(MapError) -> SetupError {
             (_, MapKind::Spheres) => "map.spheres",
             (_, MapKind::Noise) => "map.noise",
             (_, MapKind::Building) => "map.building",
+            (_, MapKind::Mine) => "map.mine",
             (_, MapKind::File) => "map.file",
         };
         SetupError::Map { table, source }

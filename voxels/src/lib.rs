@@ -14,6 +14,7 @@
 
 pub mod blocks;
 pub mod cell;
+pub mod clearance;
 pub mod components;
 pub mod extent;
 pub mod grid;
@@ -27,6 +28,7 @@ pub mod traverse;
 
 pub use blocks::Blocks;
 pub use cell::{Cell, FACES};
+pub use clearance::{Clearance, Passage};
 pub use components::{Components, Pockets, close_shell, free_components, keep_largest_component};
 pub use extent::{Extent, ExtentError};
 pub use grid::{Grid, GridError};

@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::{GenerateArgs, Kind, MapCliError};
-use mapgen::{BuildingSpec, MapSpec, NoiseSpec, SpheresSpec};
+use mapgen::{BuildingSpec, MapSpec, MineSpec, NoiseSpec, SpheresSpec};
 use simulation::scenario::one_line;
 
 /// What the options say, with the generator's defaults for what they leave out.
@@ -29,6 +29,10 @@ pub(super) fn of(args: &GenerateArgs) -> Result<MapSpec, MapCliError> {
                 smoothing: args.smoothing.unwrap_or(default.smoothing),
             };
             changed(spec, &args.set).map(MapSpec::Noise)
+        }
+        Kind::Mine => {
+            refuse_options(args, "mine", "--set KEY=VALUE", &[])?;
+            changed(MineSpec::default(), &args.set).map(MapSpec::Mine)
         }
         Kind::Building => {
             refuse_options(args, "building", "--set KEY=VALUE", &[])?;

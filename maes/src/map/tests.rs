@@ -1,5 +1,6 @@
 use super::*;
 use clap::Parser;
+use std::fs;
 use tempfile::TempDir;
 use voxels::Grid;
 
@@ -57,8 +58,10 @@ fn a_generated_map_is_described_and_reproduced_by_its_seed() {
     let scratch = Scratch::new();
     let report = scratch.map("generate --kind spheres --size 30x24x26 --cell-m 0.5 -o @a.m3dm").unwrap();
     assert_eq!(value(&report, "size"), "30x24x26 (15 m x 12 m x 13 m)");
+    assert_eq!(value(&report, "cell_m"), "0.5");
     let seed = value(&report, "seed");
     scratch.map(&format!("generate --size 30x24x26 --seed {seed} -o @b.txt")).unwrap();
+    assert_eq!(value(&scratch.map("info @a.m3dm").unwrap(), "cell_m"), "0.5");
     let info = scratch.map("info @a.m3dm @b.txt").unwrap();
     let (first, second) = info.split_once("\n\n").unwrap();
     assert_eq!(value(first, "blake3"), value(&report, "blake3"));
@@ -107,7 +110,7 @@ fn info_describes_a_map_as_it_stands() {
     scratch.write("open.txt", OPEN);
     let terrain = Grid::from_text(OPEN).unwrap();
     let expected = format!(
-        "file       open.txt\nsize       5x3x3\ncells      45\nfree       3 (6.67 %)\n\
+        "file       open.txt\nsize       5x3x3\ncell_m     1 (the file has none; --cell-m sets it)\ncells      45\nfree       3 (6.67 %)\n\
          components 2 (the largest has 2 cells)\nshell      open (1 free cells in the outermost layer)\n\
          blake3     {}\n",
         mapgen::terrain_hash(&terrain)
@@ -150,11 +153,12 @@ fn bad_input_is_one_line_and_writes_nothing() {
     for (line, expected) in [
         (
             "generate --size 30 -o @a.vox",
-            "a.vox: files of extension \"vox\" are not written, only .m3dm, .txt, .bt, .obj and .stl",
+            "a.vox: files of extension \"vox\" are not written, only .m3dm, .txt, .bt, .obj, .stl and .yaml",
         ),
         (
             "generate --size 30 -o @a",
-            "a: the file's extension is missing, known are .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, .vox and .pgm",
+            "a: the file's extension is missing, known are .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, \
+             .gltf, .glb, .vox, .pgm, .png, .yaml, .ot, .xyz and .las",
         ),
         ("generate --size 2000 -o @a.txt", "map size along x is 2000 cells, allowed are 1 to 1024"),
         ("generate --size 30 --cell-m 0 -o @a.txt", "cell_m is 0, allowed are finite lengths in metres above 0"),
@@ -189,6 +193,13 @@ fn bad_input_is_one_line_and_writes_nothing() {
             "convert @packed.m3dm @a.txt --cell-m 0.2",
             "packed.m3dm: the file has cells of 0.5 m, asked for are cells of 0.2 m; leave cell_m out, or let them agree",
         ),
+        ("generate --size 30 --plain -o @a.txt", "a.txt: --plain is an option for m3dm files"),
+        (
+            "generate --size 130x30x30 --kind noise --fill 0.3 --seed 1 --plain -o @a.m3dm",
+            "a.m3dm: map size along x is 130 cells, an M3DM file holds 1 to 127",
+        ),
+        ("convert @good.txt @a.obj --origin 1,2,0", "a.obj: --origin is an option for yaml files"),
+        ("check @good.txt --radius-m 9", "--radius-m 9: allowed is above 0 to 8 m, eight cells"),
         ("info @good.txt @bad.txt --png @a.png", "--png a.png: a picture is of one map, there are 2"),
     ] {
         assert_eq!(scratch.map(line), Err(expected.to_owned()), "{line}");
@@ -230,6 +241,9 @@ fn packed_maps_are_smaller_have_a_cell_length_and_no_limit_of_127_cells() {
     let length = |name: &str| fs::metadata(scratch.path(name)).unwrap().len();
     assert!(length("packed.m3dm") * 4 < length("plain.m3dm"));
     scratch.map("convert @packed.m3dm @again.m3dm").unwrap();
+    assert_eq!(fs::read(scratch.path("again.m3dm")).unwrap(), fs::read(scratch.path("packed.m3dm")).unwrap());
+    let report = scratch.map("convert @packed.m3dm @again.m3dm --plain").unwrap();
+    assert_eq!(value(&report, "plain"), "the file does not hold the length of cells: read it with --cell-m 0.25");
     assert_eq!(fs::read(scratch.path("again.m3dm")).unwrap(), fs::read(scratch.path("plain.m3dm")).unwrap());
     let info = scratch.map("info @packed.m3dm").unwrap();
     assert_eq!((value(&info, "cell_m"), value(&info, "size")), ("0.25", "60x60x60"));
@@ -257,4 +271,60 @@ fn maps_come_from_other_programs_and_go_to_them() {
     let report = scratch.map("info @plan.pgm --height-cells 2 --png @plan.png").unwrap();
     assert_eq!(value(&report, "pixels"), "5 free, 1 wall, as bright as 0.9 of 9 is free");
     assert_eq!(fs::read(scratch.path("plan.png")).unwrap()[1..4], *b"PNG");
+}
+
+#[test]
+fn only_regular_files_are_maps() {
+    let scratch = Scratch::new();
+    std::os::unix::fs::symlink("/dev/zero", scratch.path("zeros.m3dm")).unwrap();
+    nix::unistd::mkfifo(&scratch.path("fifo.obj"), nix::sys::stat::Mode::S_IRWXU).unwrap();
+    scratch.write("map.yaml", "image: image.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n");
+    std::os::unix::fs::symlink("/dev/zero", scratch.path("image.pgm")).unwrap();
+    for command in ["info @FILE", "convert @FILE @a.txt", "check @FILE"] {
+        let refuse = |file: &str| scratch.map(&command.replace("FILE", file)).unwrap_err();
+        assert_eq!(refuse("zeros.m3dm"), "zeros.m3dm: cannot be read: a device; expected a regular file");
+        assert_eq!(refuse("fifo.obj"), "fifo.obj: cannot be read: a FIFO; expected a regular file");
+        let expected = "map.yaml: cannot be read: its image \"image.pgm\": a device; expected a regular file";
+        assert_eq!(refuse("map.yaml"), expected);
+    }
+}
+
+#[test]
+fn a_map_of_the_map_server_comes_back_with_its_metres_and_origin() {
+    let scratch = Scratch::new();
+    scratch.write("map.yaml", "image: map.pgm\nresolution: 0.05\norigin: [-10.1, 3.3, 0.25]\nnegate: 0\n");
+    scratch.write("map.pgm", "P2 4 3 255 0 0 0 0 0 254 254 0 0 0 0 0");
+    let report = scratch.map("convert @map.yaml @again.yaml").unwrap();
+    assert_eq!(value(&report, "cell_m"), "0.05");
+    let again = fs::read_to_string(scratch.path("again.yaml")).unwrap();
+    assert!(again.starts_with("image: \"again.pgm\"\n"), "{again}");
+    assert!(again.contains("resolution: 0.05\norigin: [-10.1, 3.3, 0.25]\n"), "{again}");
+    let hash = |file: &str| value(&scratch.map(&format!("info @{file}")).unwrap(), "blake3").to_owned();
+    assert_eq!(hash("map.yaml"), hash("again.yaml"));
+    let moved = scratch.map("convert @again.yaml @moved.yaml --origin -1,2,0").unwrap();
+    assert!(value(&moved, "image").ends_with("with its origin at (-1, 2) m, turned by 0 rad"), "{moved}");
+}
+
+#[test]
+fn check_says_what_a_body_can_do() {
+    let scratch = Scratch::new();
+    let wall = "###########\n".repeat(5);
+    let room = "###########\n#....#....#\n#.........#\n#....#....#\n###########\n";
+    scratch.write("rooms.txt", format!("cell_m = 0.5\n{wall}\n{room}\n{room}\n{room}\n{wall}"));
+    let report = scratch.map("check @rooms.txt --radius-m 0.2 --agents 2").unwrap();
+    assert_eq!(value(&report, "reachable"), "100.0 % of the free cells, from the largest part with room");
+    assert_eq!(value(&report, "leaks"), "none: the shell is closed");
+    assert!(
+        value(&report, "narrowest").starts_with("for bodies of radius 0.25 m and less at ("),
+        "{report}"
+    );
+    assert_eq!(value(&report, "advice"), "none: the map is sound for these bodies");
+    let report = scratch.map("check @rooms.txt --radius-m 0.4 --agents 200").unwrap();
+    assert_eq!(value(&report, "advice"), "body.radius_m = 0.25 reaches 100.0 %");
+    assert!(report.contains("fewer agents (agents.count)"), "{report}");
+
+    scratch.write("open.txt", OPEN);
+    let report = scratch.map("check @open.txt").unwrap();
+    assert!(value(&report, "leaks").starts_with("1 free cells in the outermost layer: 1 at x = 0 (first at (0.50, "));
+    assert!(value(&report, "parts").starts_with("2: 66.7 % from (0.50, 1.50, 1.50) m on, 33.3 % from "), "{report}");
 }

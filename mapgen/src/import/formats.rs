@@ -7,7 +7,7 @@ use thiserror::Error;
 use voxels::{Extent, ExtentError, Grid, M3dmError, PackedError, Terrain, TextError, m3dm, packed};
 
 use super::super::export;
-use super::{ImportSpec, Imported, obj, octomap, pcd, pgm, ply, stl, vox};
+use super::{ImportSpec, Imported, cell_length, gltf, las, obj, octomap, pcd, plan, ply, stl, vox, xyz};
 
 /// A file format for maps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,16 +20,30 @@ pub enum MapFormat {
     OctoMap,
     /// A point cloud of the Point Cloud Library, `.pcd`.
     Pcd,
-    /// A point cloud in the Polygon File Format, `.ply`.
+    /// A mesh or a point cloud in the Polygon File Format, `.ply`.
     Ply,
     /// A mesh in Wavefront's format, `.obj`.
     Obj,
     /// A mesh of triangles, `.stl`.
     Stl,
+    /// A scene of meshes as text, `.gltf`.
+    Gltf,
+    /// A scene of meshes, `.glb`.
+    Glb,
     /// A model of MagicaVoxel, `.vox`.
     Vox,
     /// A floor plan as a portable grey map, `.pgm`.
     Pgm,
+    /// A floor plan as a picture, `.png`.
+    Png,
+    /// A map of ROS 2's map server, `.yaml`, with its picture in another file.
+    Yaml,
+    /// A full tree of OctoMap, `.ot`.
+    FullOctoMap,
+    /// Points as text, `.xyz`.
+    Xyz,
+    /// Points of a laser scanner, `.las`.
+    Las,
 }
 
 /// A position in a file.
@@ -56,6 +70,17 @@ pub enum FormatError {
     /// The extension of the file's name is missing or unknown.
     #[error("the file's extension is {}, known are {}", if_any(.0), MapFormat::extensions(|_| true))]
     Extension(String),
+    /// A file that another one names cannot be used.
+    #[error("image {file}: {reason}")]
+    Companion {
+        /// The file, quoted.
+        file: String,
+        /// The reason.
+        reason: String,
+    },
+    /// A floor plan has a file of its own for its picture.
+    #[error("a map.yaml is written with its picture, in two files")]
+    TwoFiles,
     /// A format that is only read.
     #[error("files of extension {extension:?} are not written, only {}", MapFormat::extensions(MapFormat::is_written))]
     NotWritten {
@@ -82,6 +107,14 @@ pub enum FormatError {
         /// The fault, and what is allowed.
         reason: String,
     },
+    /// Malformed content of a document.
+    #[error("{place}: {reason}")]
+    Entry {
+        /// The entry of the document.
+        place: String,
+        /// The fault, and what is allowed.
+        reason: String,
+    },
     /// The file is well formed and contains nothing to make a map of.
     #[error("the file has no {0}")]
     Nothing(&'static str),
@@ -97,12 +130,30 @@ pub enum FormatError {
         cell_m: f64,
     },
     /// The map has more cells than its reader allows.
-    #[error("the map has {cells} cells, allowed are {cells_max}")]
+    #[error(
+        "the map has {cells} cells, allowed are {cells_max}; choose longer cells, or raise map.import.cells_max \
+         (--cells-max)"
+    )]
     TooManyCells {
         /// Cells of the map.
         cells: usize,
         /// Largest number of cells allowed.
         cells_max: usize,
+    },
+    /// A mesh has more triangles than any may have.
+    #[error("the mesh has more than {triangles_max} triangles; simplify it, or take a part of it")]
+    TooManyTriangles {
+        /// Largest number of triangles allowed.
+        triangles_max: usize,
+    },
+    /// The import takes more work than allowed.
+    #[error(
+        "the file takes more than {steps_max} steps of work; choose longer cells, or raise map.import.steps_max \
+         (--steps-max)"
+    )]
+    TooMuchWork {
+        /// Largest number of steps allowed.
+        steps_max: u64,
     },
     /// The system has not enough memory.
     #[error("a map of {0} cells takes more memory than can be had")]
@@ -135,6 +186,12 @@ pub enum FormatError {
         /// Its options.
         has: &'static [&'static str],
     },
+    /// An option for meshes, with a file of points.
+    #[error("{name} is an option for meshes, and the file has no faces, only points")]
+    NoFaces {
+        /// The option.
+        name: &'static str,
+    },
     /// The position given as free is wall or outside.
     #[error(
         "free_from = {},{},{} lies {}, expected a place in a free cell",
@@ -162,8 +219,24 @@ impl FormatError {
 
 impl MapFormat {
     /// All formats.
-    pub const ALL: [Self; 9] =
-        [Self::M3dm, Self::Text, Self::OctoMap, Self::Pcd, Self::Ply, Self::Obj, Self::Stl, Self::Vox, Self::Pgm];
+    pub const ALL: [Self; 16] = [
+        Self::M3dm,
+        Self::Text,
+        Self::OctoMap,
+        Self::Pcd,
+        Self::Ply,
+        Self::Obj,
+        Self::Stl,
+        Self::Gltf,
+        Self::Glb,
+        Self::Vox,
+        Self::Pgm,
+        Self::Png,
+        Self::Yaml,
+        Self::FullOctoMap,
+        Self::Xyz,
+        Self::Las,
+    ];
 
     /// The extension of this format's files, without the dot.
     #[must_use]
@@ -176,8 +249,15 @@ impl MapFormat {
             Self::Ply => "ply",
             Self::Obj => "obj",
             Self::Stl => "stl",
+            Self::Gltf => "gltf",
+            Self::Glb => "glb",
             Self::Vox => "vox",
             Self::Pgm => "pgm",
+            Self::Png => "png",
+            Self::Yaml => "yaml",
+            Self::FullOctoMap => "ot",
+            Self::Xyz => "xyz",
+            Self::Las => "las",
         }
     }
 
@@ -194,18 +274,36 @@ impl MapFormat {
     /// Whether maps can be written in this format.
     #[must_use]
     pub fn is_written(self) -> bool {
-        matches!(self, Self::M3dm | Self::Text | Self::OctoMap | Self::Obj | Self::Stl)
+        matches!(self, Self::M3dm | Self::Text | Self::OctoMap | Self::Obj | Self::Stl | Self::Yaml)
     }
 
     /// The import options that files of this format have.
     #[must_use]
     pub fn options(self) -> &'static [&'static str] {
         match self {
-            Self::M3dm | Self::Text | Self::Vox => &[],
-            Self::OctoMap => &["unknown", "free_from"],
-            Self::Pcd | Self::Ply => &["up", "scale", "margin_cells", "free_from"],
-            Self::Obj | Self::Stl => &["fill", "inside", "up", "scale", "margin_cells", "free_from"],
-            Self::Pgm => &["height_cells", "threshold"],
+            Self::M3dm | Self::Vox => &["cells_max"],
+            Self::Text => &[],
+            Self::OctoMap | Self::FullOctoMap => &["unknown", "free_from", "cells_max"],
+            Self::Pcd | Self::Xyz | Self::Las => {
+                &["up", "scale", "margin_cells", "free_from", "sensor", "unknown", "cells_max", "steps_max"]
+            }
+            Self::Ply => &[
+                "fill",
+                "inside",
+                "up",
+                "scale",
+                "margin_cells",
+                "free_from",
+                "sensor",
+                "unknown",
+                "cells_max",
+                "steps_max",
+            ],
+            Self::Obj | Self::Stl | Self::Gltf | Self::Glb => {
+                &["fill", "inside", "up", "scale", "margin_cells", "free_from", "cells_max", "steps_max"]
+            }
+            Self::Pgm | Self::Png => &["height_cells", "threshold", "cells_max"],
+            Self::Yaml => &["unknown", "height_cells", "cells_max"],
         }
     }
 
@@ -214,36 +312,46 @@ impl MapFormat {
         let bytes = spec.bytes.as_slice();
         match self {
             Self::M3dm if packed::is_packed(bytes) => {
-                let terrain = packed::read(bytes, spec.cells_max)?;
-                Ok(Imported { terrain, notes: Vec::new(), stores_cell_m: true })
+                let terrain = packed::read(bytes, spec.cells_allowed()).map_err(|error| match error {
+                    PackedError::TooLarge { cells, cells_max } => FormatError::TooManyCells { cells, cells_max },
+                    error => error.into(),
+                })?;
+                Ok(Imported { terrain, notes: Vec::new(), stores_cell_m: true, origin_m: None, yaw_rad: 0.0 })
             }
             Self::M3dm => with_cells_of(m3dm::read(bytes)?, spec),
             Self::Text => {
                 let text = str::from_utf8(bytes).map_err(|error| FormatError::Utf8(error.valid_up_to()))?;
-                with_cells_of(Grid::from_text(text)?, spec)
+                // Places in errors count the line of the length.
+                let map = cell_length::skip(text);
+                with_cells_of(Grid::from_text(&map)?, spec)
             }
-            Self::OctoMap => octomap::read(spec),
+            Self::OctoMap | Self::FullOctoMap => octomap::read(spec),
             Self::Pcd => pcd::read(spec),
             Self::Ply => ply::read(spec),
             Self::Obj => obj::read(spec),
             Self::Stl => stl::read(spec),
+            Self::Gltf | Self::Glb => gltf::read(spec),
             Self::Vox => vox::read(spec),
-            Self::Pgm => pgm::read(spec),
+            Self::Pgm | Self::Png => plan::read(spec),
+            Self::Yaml => plan::read_yaml(spec),
+            Self::Xyz => xyz::read(spec),
+            Self::Las => las::read(spec),
         }
     }
 
     /// Whether files of this format contain a cell length.
     #[must_use]
     pub fn may_store_cell_m(self) -> bool {
-        matches!(self, Self::M3dm | Self::OctoMap)
+        matches!(self, Self::M3dm | Self::OctoMap | Self::FullOctoMap | Self::Text | Self::Obj | Self::Stl | Self::Yaml)
     }
 
     /// The cell length of a file, metres.
     pub(super) fn stored_cell_m(self, bytes: &[u8]) -> Option<f64> {
         match self {
             Self::M3dm if packed::is_packed(bytes) => Some(packed::extent(bytes).ok()?.cell_m()),
-            Self::OctoMap => octomap::resolution_m(bytes).ok(),
-            _ => None,
+            Self::OctoMap | Self::FullOctoMap => octomap::resolution_m(bytes).ok(),
+            Self::Yaml => plan::resolution_m(bytes),
+            _ => cell_length::of(self, bytes),
         }
     }
 
@@ -255,22 +363,24 @@ impl MapFormat {
         if self.is_written() { Ok(()) } else { Err(FormatError::NotWritten { extension: self.extension() }) }
     }
 
-    /// The bytes of a file of this format. M3DM is packed if `is_packed`, and if the map has more
-    /// than 127 cells along an axis.
+    /// The bytes of a file of this format, with the length of its cells. M3DM is packed if
+    /// `is_packed`, and where a plain one cannot hold the map: if it has more than 127 cells along an
+    /// axis, or if its cells are not 1 m long.
     ///
     /// # Errors
-    /// If the format is only read.
+    /// If the format is only read, or takes two files ([`export::floor_plan`]).
     pub fn write(self, terrain: &Grid<Terrain>, is_packed: bool) -> Result<Vec<u8>, FormatError> {
         self.check()?;
         Ok(match self {
-            Self::M3dm if is_packed || terrain.extent().size().iter().any(|&cells| cells > m3dm::AXIS_MAX) => {
-                packed::write(terrain)
+            Self::M3dm if !is_packed && terrain.extent().cell_m() == 1.0 => {
+                m3dm::write(terrain).unwrap_or_else(|_too_large| packed::write(terrain))
             }
-            Self::M3dm => m3dm::write(terrain)?,
+            Self::M3dm => packed::write(terrain),
             Self::OctoMap => export::octomap(terrain),
             Self::Obj => export::obj(terrain),
             Self::Stl => export::stl(terrain),
-            _ => terrain.to_text().into_bytes(),
+            Self::Yaml => return Err(FormatError::TwoFiles),
+            _ => (cell_length::line(terrain.extent()) + &terrain.to_text()).into_bytes(),
         })
     }
 
@@ -282,11 +392,11 @@ impl MapFormat {
     }
 }
 
-/// A map of a file that has no cell length.
+/// A map that was read with cells of 1 m, with the length that it gets.
 fn with_cells_of(terrain: Grid<Terrain>, spec: &ImportSpec) -> Result<Imported, FormatError> {
-    let extent = Extent::new(terrain.extent().size(), spec.cell_m.unwrap_or(1.0)).map_err(FormatError::Extent)?;
+    let extent = Extent::new(terrain.extent().size(), spec.length_m()).map_err(FormatError::Extent)?;
     let terrain = Grid::from_vec(extent, terrain.into_vec()).expect("the size is its own");
-    Ok(Imported { terrain, notes: Vec::new(), stores_cell_m: false })
+    Ok(Imported { terrain, notes: Vec::new(), stores_cell_m: false, origin_m: None, yaw_rad: 0.0 })
 }
 
 fn if_any(extension: &str) -> String {

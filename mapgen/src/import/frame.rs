@@ -9,6 +9,10 @@ use voxels::{Cell, Extent, ExtentError, Grid, Terrain};
 use super::options::Up;
 use super::{FormatError, ImportSpec, Note, new_grid};
 
+/// Distance from a whole number, in lengths of cells, within which the end of a solid is that number:
+/// files with numbers of 32 and of 64 bits get the same cells.
+const WHOLE: f64 = 1e-3;
+
 /// Axes, units and cells.
 #[derive(Clone, Copy)]
 pub(super) struct Units {
@@ -19,16 +23,21 @@ pub(super) struct Units {
 }
 
 impl Units {
-    /// The axes and units of the options, with cells of the requested length, or 1 m.
+    /// The axes and units of the options, with cells of the requested length, that of the file, or 1 m.
     ///
     /// # Errors
     /// If the cell length is illegal.
     pub(super) fn new(spec: &ImportSpec) -> Result<Self, FormatError> {
-        let cell_m = spec.cell_m.unwrap_or(1.0);
+        let cell_m = spec.length_m();
         Extent::new([1; 3], cell_m).map_err(FormatError::Extent)?;
         let options = &spec.options;
         let margin = f64::from(options.margin_cells.unwrap_or(0));
         Ok(Self { up: options.up.unwrap_or(Up::Z), metres: options.scale.unwrap_or(1.0), cell_m, margin })
+    }
+
+    /// The same units with another axis that points upwards.
+    pub(super) fn with_up(self, up: Up) -> Self {
+        Self { up, ..self }
     }
 
     /// The position in map axes, in lengths of cells.
@@ -38,6 +47,19 @@ impl Units {
             Up::Y => [x, -z, y],
         };
         ours.map(|along| along * self.metres / self.cell_m)
+    }
+}
+
+impl Units {
+    /// The size of what lies within bounds, in metres.
+    pub(super) fn span(&self, bounds: Bounds) -> String {
+        let [x, y, z] = [0, 1, 2].map(|axis| {
+            let metres = (bounds.high[axis] - bounds.low[axis]) * self.cell_m;
+            // Four digits tell metres from millimetres.
+            let digits = libm::ceil(libm::log10(metres)).clamp(-9.0, 4.0);
+            format!("{metres:.*}", (4.0 - digits) as usize)
+        });
+        format!("{x} m x {y} m x {z} m, with scale = {}", self.metres)
     }
 }
 
@@ -77,13 +99,15 @@ impl Frame {
     /// # Errors
     /// If there are too many cells.
     pub(super) fn around(units: Units, bounds: Bounds, is_closed: bool) -> Result<Self, FormatError> {
-        let low = bounds.low.map(|along| libm::floor(along) - units.margin - 1.0);
+        let rounding = if is_closed { 0.0 } else { WHOLE };
+        let first = bounds.low.map(|along| libm::floor(along + rounding));
+        let low = first.map(|along| along - units.margin - 1.0);
         let mut size = [0; 3];
         for axis in 0..3 {
             let high = bounds.high[axis];
-            let end = if is_closed { libm::floor(high) + 1.0 } else { libm::ceil(high) };
+            let end = if is_closed { libm::floor(high) + 1.0 } else { libm::ceil(high - rounding) };
             // The cast saturates at a size larger than any map.
-            size[axis] = (end.max(libm::floor(bounds.low[axis]) + 1.0) + units.margin + 1.0 - low[axis]) as u32;
+            size[axis] = (end.max(first[axis] + 1.0) + units.margin + 1.0 - low[axis]) as u32;
         }
         let in_cells = |reason: ExtentError| FormatError::Box { reason, cell_m: units.cell_m };
         Ok(Self { units, low, extent: Extent::new(size, units.cell_m).map_err(in_cells)? })
@@ -94,7 +118,7 @@ impl Frame {
     /// # Errors
     /// If there is no memory for them, or they are more than allowed.
     pub(super) fn grid(&self, fill: Terrain, spec: &ImportSpec) -> Result<Grid<Terrain>, FormatError> {
-        new_grid(self.extent, fill, spec.cells_max)
+        new_grid(self.extent, fill, spec)
     }
 
     /// A position in lengths of cells, relative to the corner of the map.
@@ -113,9 +137,21 @@ impl Frame {
         self.cell(self.units.cells(place))
     }
 
+    /// The lowest corner of the map in the file, after its axes and units have become ours, metres.
+    pub(super) fn origin_m(&self) -> [f64; 3] {
+        self.low.map(|along| along * self.units.cell_m)
+    }
+
+    /// An opening of a mesh around a position in the map and of an area, both in lengths of cells.
+    pub(super) fn opening(&self, centre: [f64; 3], area: f64) -> String {
+        let [x, y, z] = [0, 1, 2].map(|axis| (centre[axis] + self.low[axis]) * self.units.cell_m);
+        let area_m2 = area * self.units.cell_m * self.units.cell_m;
+        format!("{area_m2:.3} m2 around ({x:.3}, {y:.3}, {z:.3}) m")
+    }
+
     /// A note with the origin of the map.
     pub(super) fn note(&self) -> Note {
-        let [x, y, z] = self.low.map(|along| along * self.units.cell_m);
+        let [x, y, z] = self.origin_m();
         let turned = if self.units.up == Up::Y { ", after its y has become our z" } else { "" };
         Note::new("origin", format!("the map begins at ({x}, {y}, {z}) m of the file{turned}"))
     }

@@ -1,27 +1,43 @@
 //! Meshes of triangles: cells whose centres are inside, or cells that the surface touches.
 //!
-//! **Inside.** A line through a cell's centre along an axis enters and leaves a closed mesh by
-//! turns, so the centre is inside if the line has met the mesh an odd number of times. Two of the
-//! three axes decide. A line that has met it an odd number of times at its end has come through a
-//! hole; its vote is void. **Surface.** A triangle touches a cell if a part of it lies in the cell,
-//! the lower faces of which belong to it.
+//! **Inside** is where the mesh winds around a centre at least half a time, so that solids that
+//! overlap, that intersect themselves or that have a narrow opening come out as their union. Lines
+//! along the three axes count the turns ([`crossings`]); where less than two of them come through
+//! no hole, or they differ, the generalised winding number decides ([`winding`]). Triangles are
+//! turned to face outwards together before ([`orientation`]).
 //!
-//! The orientation of triangles is irrelevant. Two triangles that share an edge are intersected
-//! with the same arithmetic along it, so no line passes between them.
+//! **Surface.** A triangle touches a cell if a part of it lies in the cell, the lower faces of which
+//! belong to it.
+//!
+//! The work is counted, not timed: a file that needs more steps than allowed is refused.
 
-use voxels::{Cell, Extent, Grid, Terrain, close_shell};
+mod crossings;
+mod orientation;
+mod touch;
+mod winding;
+
+use voxels::{Terrain, close_shell};
 
 use super::cloud::keep_from;
 use super::frame::{Bounds, Frame, Units};
-use super::options::{Fill, Kind};
-use super::{FormatError, ImportSpec, Imported, Note, new_grid};
+use super::options::{Fill, Kind, Up};
+use super::work::Work;
+use super::{FormatError, ImportSpec, Imported, Note};
+
+use orientation::{Opening, Orientation};
+use winding::Winding;
 
 /// Corners of a triangle.
 type Triangle = [[f64; 3]; 3];
 
-/// Votes of axes in a cell, and the mark that the mesh is crossed below the centre of a cell.
-const VOTES: u8 = 0x03;
-const CROSSED: u8 = 0x80;
+/// Largest number of triangles of a mesh; each takes about 200 bytes while it is read.
+const TRIANGLES_MAX: usize = 1 << 22;
+
+/// Most openings that a report names.
+const OPENINGS_SHOWN: usize = 3;
+
+/// Distance of a winding number from one half within which the lines decide.
+const UNDECIDED: f64 = 1e-6;
 
 /// Vertices, and triangles of the numbers of three of them.
 #[derive(Default)]
@@ -38,195 +54,138 @@ impl Mesh {
         self.triangles.push([first, first + 1, first + 2]);
     }
 
+    /// Checks that there is room for more triangles.
+    ///
+    /// # Errors
+    /// If the mesh has too many.
+    pub(super) fn check_count(&self) -> Result<(), FormatError> {
+        let count = self.triangles.len();
+        let allowed = FormatError::TooManyTriangles { triangles_max: TRIANGLES_MAX };
+        if count > TRIANGLES_MAX { Err(allowed) } else { Ok(()) }
+    }
+
+    /// Adds a polygon of the numbers of its corners: the triangles between its first corner and each
+    /// of its other edges. Of a polygon that is not convex these overlap, and their turns cancel.
+    pub(super) fn add_polygon(&mut self, corners: &[u32]) {
+        self.triangles.extend(corners[1..].windows(2).map(|edge| [corners[0], edge[0], edge[1]]));
+    }
+
     /// The triangles that have an area, in lengths of cells.
-    fn sound(&self, units: Units) -> impl Iterator<Item = Triangle> {
-        let in_cells = move |triangle: &[u32; 3]| triangle.map(|vertex| units.cells(self.vertices[vertex as usize]));
-        self.triangles.iter().map(in_cells).filter(|corners| {
+    fn sound(&self, units: Units) -> Vec<Triangle> {
+        let in_cells = |triangle: &[u32; 3]| triangle.map(|vertex| units.cells(self.vertices[vertex as usize]));
+        let has_area = |corners: &Triangle| {
             let normal = normal(corners);
             corners.iter().flatten().all(|along| along.is_finite())
                 && normal.iter().all(|along| along.is_finite())
                 && normal != [0.0; 3]
-        })
+        };
+        self.triangles.iter().map(in_cells).filter(has_area).collect()
     }
 }
 
-/// A map of a mesh.
+/// A map of a mesh. `notes` are those of its reader.
 ///
 /// # Errors
-/// If it has no triangle, or too many cells.
-pub(super) fn map(spec: &ImportSpec, mesh: &Mesh) -> Result<Imported, FormatError> {
-    let units = Units::new(spec)?;
+/// If it has no triangle, or too many, too many cells, or takes too much work.
+pub(super) fn map(spec: &ImportSpec, mesh: &Mesh, notes: Vec<Note>) -> Result<Imported, FormatError> {
+    map_up(spec, mesh, spec.options.up.unwrap_or(Up::Z), notes)
+}
+
+/// As [`map`], with the axis of the file that points upwards.
+///
+/// # Errors
+/// See [`map`].
+pub(super) fn map_up(spec: &ImportSpec, mesh: &Mesh, up: Up, notes: Vec<Note>) -> Result<Imported, FormatError> {
+    mesh.check_count()?;
+    let units = Units::new(spec)?.with_up(up);
     let fill = spec.options.fill.unwrap_or(Fill::Solid);
     let inside = spec.options.inside.unwrap_or(Kind::Wall);
-    let bounds = Bounds::of(mesh.sound(units).flatten()).ok_or(FormatError::Nothing("triangle"))?;
+    let mut triangles = mesh.sound(units);
+    let bounds = Bounds::of(triangles.iter().copied().flatten()).ok_or(FormatError::Nothing("triangle"))?;
     let frame = Frame::around(units, bounds, fill == Fill::Shell)?;
     let (outside, others) = match inside {
         Kind::Wall => (Terrain::Free, Terrain::Wall),
         Kind::Free => (Terrain::Wall, Terrain::Free),
     };
     let mut terrain = frame.grid(outside, spec)?;
-    let triangles = || mesh.sound(units).map(|corners| corners.map(|corner| frame.in_map(corner)));
-    let dropped = mesh.triangles.len() - triangles().count();
-    let text =
-        format!("{} triangles, {dropped} dropped because they have no area or are not finite", mesh.triangles.len());
-    let mut notes = vec![Note::new("mesh", text)];
+    let dropped = mesh.triangles.len() - triangles.len();
+    for corner in triangles.iter_mut().flatten() {
+        *corner = frame.in_map(*corner);
+    }
+    let mut work = Work::new(spec);
+    let Orientation { turned, parts, openings } = orientation::orient(&mut triangles, &mut work)?;
+    let text = format!(
+        "{} triangles in {parts} part(s), {dropped} dropped because they have no area or are not finite",
+        mesh.triangles.len()
+    );
+    let mut notes: Vec<Note> = std::iter::once(Note::new("mesh", text)).chain(notes).collect();
+    notes.push(Note::new("spans", units.span(bounds)));
+    if turned > 0 {
+        notes.push(Note::new("turned", format!("{turned} triangles that did not face outwards with the others")));
+    }
     if fill == Fill::Solid || inside == Kind::Free {
-        let (votes, holes) = votes(terrain.extent(), triangles, spec.cells_max)?;
-        for (cell, &votes) in terrain.as_mut_slice().iter_mut().zip(votes.as_slice()) {
-            if votes & VOTES >= 2 {
-                *cell = others;
+        let extent = terrain.extent();
+        let votes = crossings::votes(extent, &triangles, spec, &mut work)?;
+        let mut winding = None;
+        let (mut filled, mut decided) = (0u64, 0u64);
+        for index in 0..extent.volume() {
+            let is_inside = if let Some(is_inside) = votes.is_inside(index) {
+                is_inside
+            } else {
+                decided += 1;
+                let cell = extent.cell_at(index);
+                let centre = [cell.x, cell.y, cell.z].map(|along| f64::from(along) + 0.5);
+                let turns = winding.get_or_insert_with(|| Winding::new(&triangles)).at(centre, &mut work)?.abs();
+                if (turns - 0.5).abs() < UNDECIDED { votes.majority(index) } else { turns > 0.5 }
+            };
+            if is_inside {
+                filled += 1;
+                terrain.as_mut_slice()[index] = others;
             }
         }
-        notes.extend(note_of_holes(holes));
+        let kind = if inside == Kind::Wall { "wall" } else { "free" };
+        let text = format!("solid: {filled} cells inside become {kind}, {decided} cells decided by winding number");
+        notes.push(Note::new("fill", text));
+        notes.extend(note_of_openings(votes.holes, &openings, &frame));
     }
     if fill == Fill::Shell {
-        for triangle in triangles() {
-            touch(&triangle, |cell| {
-                terrain.set(cell, Terrain::Wall);
-            });
+        let mut touched = 0u64;
+        for triangle in &triangles {
+            touch::touch(triangle, &mut work, |cell| {
+                touched += u64::from(terrain.set(cell, Terrain::Wall) == Some(Terrain::Free));
+            })?;
         }
+        notes.push(Note::new("fill", format!("shell: {touched} free cells that the surface touches become wall")));
     }
     close_shell(&mut terrain, 1);
     notes.push(frame.note());
     notes.extend(keep_from(&mut terrain, spec.options.free_from, |place| frame.cell_of_place(place))?);
-    Ok(Imported { terrain, notes, stores_cell_m: false })
+    Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: Some(frame.origin_m()), yaw_rad: 0.0 })
 }
 
-fn note_of_holes(holes: [usize; 3]) -> Option<Note> {
+fn note_of_openings(holes: [usize; 3], openings: &[Opening], frame: &Frame) -> Option<Note> {
+    if holes == [0; 3] && openings.is_empty() {
+        return None;
+    }
     let [x, y, z] = holes;
-    let text = format!(
-        "the mesh is not closed: {x}, {y} and {z} lines along x, y and z come through holes and were not counted"
-    );
-    (holes != [0; 3]).then(|| Note::new("holes", text))
-}
-
-/// How many axes find each cell inside, and how many lines along each axis come through a hole.
-fn votes<T: Iterator<Item = Triangle>>(
-    extent: Extent,
-    triangles: impl Fn() -> T,
-    cells_max: usize,
-) -> Result<(Grid<u8>, [usize; 3]), FormatError> {
-    let mut votes = new_grid(extent, 0u8, cells_max)?;
-    let size = extent.size().map(|cells| cells as usize);
-    let stride = [1, size[0], size[0] * size[1]];
-    let mut holes = [0; 3];
-    for axis in 0..3 {
-        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-        let cells = votes.as_mut_slice();
-        for triangle in triangles() {
-            cross(&triangle, axis, size, |index| cells[index] ^= CROSSED);
-        }
-        for column in 0..size[u] * size[v] {
-            let first = column % size[u] * stride[u] + column / size[u] * stride[v];
-            let line = || (0..size[axis]).map(|at| first + at * stride[axis]);
-            let is_hole = line().filter(|&index| cells[index] & CROSSED != 0).count() % 2 == 1;
-            holes[axis] += usize::from(is_hole);
-            let mut is_inside = false;
-            for index in line() {
-                is_inside ^= cells[index] & CROSSED != 0;
-                cells[index] = (cells[index] & VOTES) + u8::from(is_inside && !is_hole);
-            }
-        }
+    let mut text =
+        format!("the mesh is not closed: {x}, {y} and {z} lines along x, y and z come through holes and have no vote");
+    let shown = openings.len().min(OPENINGS_SHOWN);
+    if shown > 0 {
+        let places: Vec<String> = openings[..shown].iter().map(|one| frame.opening(one.centre, one.area)).collect();
+        let more = if shown < openings.len() {
+            format!(", and {} smaller ones", openings.len() - shown)
+        } else {
+            String::new()
+        };
+        text += &format!("; {} opening(s): {}{more}", openings.len(), places.join(", "));
     }
-    Ok((votes, holes))
+    Some(Note::new("holes", text))
 }
 
-/// Visits the index of each cell before whose centre a line along `axis` through it meets the
-/// triangle, and after the centre before.
-fn cross(triangle: &Triangle, axis: usize, size: [usize; 3], mut met: impl FnMut(usize)) {
-    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-    let (corner, normal) = (triangle[0], normal(triangle));
-    let range = |along: usize| {
-        let of = triangle.map(|corner| corner[along]);
-        (of[0].min(of[1]).min(of[2]), of[0].max(of[1]).max(of[2]))
-    };
-    let (depth_min, depth_max) = range(axis);
-    let (low, high) = range(v);
-    for row in centres(low, high, size[v]) {
-        let at_v = row as f64 + 0.5;
-        let mut ends = [0.0; 3];
-        let mut count = 0;
-        for edge in [[0, 1], [1, 2], [2, 0]] {
-            let [mut a, mut b] = edge.map(|corner| triangle[corner]);
-            if a[v] > b[v] {
-                (a, b) = (b, a);
-            }
-            if a[v] <= at_v && at_v < b[v] {
-                ends[count] = a[u] + (at_v - a[v]) * (b[u] - a[u]) / (b[v] - a[v]);
-                count += 1;
-            }
-        }
-        if count != 2 {
-            continue;
-        }
-        for column in centres(ends[0].min(ends[1]), ends[0].max(ends[1]), size[u]) {
-            let at_u = column as f64 + 0.5;
-            let slope = normal[u] * (at_u - corner[u]) + normal[v] * (at_v - corner[v]);
-            // A triangle parallel to the line has any depth between its ends; so has NaN.
-            let depth = (corner[axis] - slope / normal[axis]).max(depth_min).min(depth_max);
-            let cell = libm::floor(depth + 0.5).max(0.0) as usize;
-            if cell < size[axis] {
-                let mut at = [0; 3];
-                (at[axis], at[u], at[v]) = (cell, column, row);
-                met((at[2] * size[1] + at[1]) * size[0] + at[0]);
-            }
-        }
-    }
-}
-
-/// The cells of a line of `size` whose centres lie from `low` on, and before `high`.
-fn centres(low: f64, high: f64, size: usize) -> std::ops::Range<usize> {
-    let first = |from: f64| (libm::ceil(from - 0.5).max(0.0) as usize).min(size);
-    first(low)..first(high)
-}
-
-/// Visits each cell that a triangle touches.
-fn touch(triangle: &Triangle, mut touched: impl FnMut(Cell)) {
-    for x in cells(triangle, 0) {
-        let slab = clipped(triangle, 0, x);
-        for y in cells(&slab, 1) {
-            let column = clipped(&slab, 1, y);
-            for z in cells(&column, 2) {
-                touched(Cell::new(x, y, z));
-            }
-        }
-    }
-}
-
-/// The cells along an axis in which a polygon lies; one in a plane between two cells lies in the
-/// upper one.
-fn cells(polygon: &[[f64; 3]], axis: usize) -> std::ops::RangeInclusive<i32> {
-    let Some(Bounds { low, high }) = Bounds::of(polygon.iter().copied()) else {
-        return std::ops::RangeInclusive::new(1, 0);
-    };
-    let first = libm::floor(low[axis]);
-    first as i32..=first.max(libm::ceil(high[axis]) - 1.0) as i32
-}
-
-/// The part of a convex polygon that lies in the cells with the coordinate `at` along an axis,
-/// their faces included.
-fn clipped(polygon: &[[f64; 3]], axis: usize, at: i32) -> Vec<[f64; 3]> {
-    let above = half(polygon, axis, f64::from(at), 1.0);
-    half(&above, axis, f64::from(at) + 1.0, -1.0)
-}
-
-/// The part of a convex polygon on one side of a plane.
-fn half(polygon: &[[f64; 3]], axis: usize, plane: f64, side: f64) -> Vec<[f64; 3]> {
-    let mut part = Vec::with_capacity(polygon.len() + 1);
-    for (number, &corner) in polygon.iter().enumerate() {
-        let next = polygon[(number + 1) % polygon.len()];
-        let [here, there] = [corner, next].map(|corner| (corner[axis] - plane) * side);
-        if here >= 0.0 {
-            part.push(corner);
-        }
-        if (here > 0.0 && there < 0.0) || (here < 0.0 && there > 0.0) {
-            let share = here / (here - there);
-            let mut cut = [0, 1, 2].map(|along| corner[along] + share * (next[along] - corner[along]));
-            cut[axis] = plane;
-            part.push(cut);
-        }
-    }
-    part
+/// The area of a triangle.
+fn area(triangle: &Triangle) -> f64 {
+    libm::sqrt(normal(triangle).iter().map(|along| along * along).sum()) / 2.0
 }
 
 /// The normal of a triangle, with twice its area as length.

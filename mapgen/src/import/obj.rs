@@ -1,11 +1,9 @@
-//! Meshes in Wavefront's OBJ format: vertices and faces; everything else is ignored.
-//!
-//! A face of more than three corners becomes the triangles between its first corner and each of its
-//! other edges.
+//! Meshes in Wavefront's OBJ format: vertices and faces, of all objects and groups; everything else
+//! is ignored.
 
 use super::bytes::{Bytes, number, shown, three, words};
 use super::mesh::{self, Mesh};
-use super::{FormatError, ImportSpec, Imported};
+use super::{FormatError, ImportSpec, Imported, Note};
 
 /// A map of an OBJ file.
 ///
@@ -13,6 +11,7 @@ use super::{FormatError, ImportSpec, Imported};
 /// If the file is malformed, or its mesh does not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut mesh = Mesh::default();
+    let mut groups = 0u64;
     let mut text = Bytes::new(&spec.bytes);
     while let Some((line, content)) = text.line() {
         let mut words = words(content);
@@ -28,12 +27,15 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
                         format!("a face of {} corners, expected 3 or more", corners.len()),
                     ));
                 }
-                mesh.triangles.extend(corners[1..].windows(2).map(|edge| [corners[0], edge[0], edge[1]]));
+                mesh.add_polygon(&corners);
+                mesh.check_count()?;
             }
+            Some(b"o" | b"g") => groups += 1,
             _ => {}
         }
     }
-    mesh::map(spec, &mesh)
+    let note = (groups > 0).then(|| Note::new("groups", format!("{groups}, which come out as their union")));
+    mesh::map(spec, &mesh, note.into_iter().collect())
 }
 
 /// The vertex of a corner such as `7`, `7/1/3` or, counted from the last one, `-2`.
@@ -63,7 +65,7 @@ mod tests {
         let Imported { terrain, notes, .. } = read(&spec).unwrap();
         assert_eq!(terrain.extent().size(), [4; 3]);
         assert_eq!(crate::free_cells(&terrain), 8);
-        assert_eq!(notes[0].text, "12 triangles, 0 dropped because they have no area or are not finite");
+        assert_eq!(notes[0].text, "12 triangles in 1 part(s), 0 dropped because they have no area or are not finite");
     }
 
     #[test]

@@ -13,12 +13,16 @@ pub(super) const HEIGHT_CELLS: u32 = 5;
 /// that stands for unknown is wall.
 pub(super) const THRESHOLD: f64 = 0.9;
 
+/// The largest bounds that options may set: all cells that a map can have, and hours of work.
+const CELLS_MOST: u64 = 1 << 30;
+const STEPS_MOST: u64 = 1 << 40;
+
 /// Import options of a map file; `None` is the default of the field.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::Args))]
 #[serde(default, deny_unknown_fields)]
 pub struct ImportOptions {
-    /// Meshes: which cells are wall, the solid ones or the surface alone [default: solid].
+    /// Meshes: which cells are wall, the solid ones or those of the surface alone [default: solid].
     #[cfg_attr(feature = "clap", arg(long, value_enum))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fill: Option<Fill>,
@@ -26,8 +30,8 @@ pub struct ImportOptions {
     #[cfg_attr(feature = "clap", arg(long, value_enum))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inside: Option<Kind>,
-    /// OctoMap: what cells are of which the file does not know whether they are free [default:
-    /// wall].
+    /// OctoMap, map.yaml, and point clouds with a sensor: what cells are of which the file does not
+    /// know whether they are free [default: wall].
     #[cfg_attr(feature = "clap", arg(long, value_enum))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unknown: Option<Kind>,
@@ -48,7 +52,12 @@ pub struct ImportOptions {
     #[cfg_attr(feature = "clap", arg(long, value_name = "X,Y,Z", value_parser = parse_place, allow_hyphen_values = true))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub free_from: Option<[f64; 3]>,
-    /// Floor plans: free cells from floor to ceiling [default: 5].
+    /// Point clouds: position of the sensor in the file's own coordinates; cells between it and the
+    /// points are free [default: that of the file, if it has one].
+    #[cfg_attr(feature = "clap", arg(long, value_name = "X,Y,Z", value_parser = parse_place, allow_hyphen_values = true))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<[f64; 3]>,
+    /// Floor plans: free cells from floor to ceiling [default: 5; of a map.yaml 2.5 m].
     #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height_cells: Option<u32>,
@@ -56,6 +65,15 @@ pub struct ImportOptions {
     #[cfg_attr(feature = "clap", arg(long, value_name = "SHARE"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub threshold: Option<f64>,
+    /// Largest number of cells of the map, a bound on its memory [default: 2^24, or 1024 for each
+    /// byte of the file, up to 2^27].
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cells_max: Option<u64>,
+    /// Meshes and point clouds: largest number of steps of work, a bound on the time [default: 2^28].
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps_max: Option<u64>,
 }
 
 /// Which cells of a mesh are wall.
@@ -115,10 +133,17 @@ impl ImportOptions {
         let is_finite = self.free_from.is_some_and(|place| place.iter().all(|along| along.is_finite()));
         let place = self.free_from.map(|place| place.map(|along| along.to_string()).join(","));
         require("free_from", place, is_finite, "three finite numbers")?;
+        let is_finite = self.sensor.is_some_and(|place| place.iter().all(|along| along.is_finite()));
+        let place = self.sensor.map(|place| place.map(|along| along.to_string()).join(","));
+        require("sensor", place, is_finite, "three finite numbers")?;
         let is_height = self.height_cells.is_some_and(|cells| (1..=1022).contains(&cells));
         require("height_cells", self.height_cells.map(|cells| cells.to_string()), is_height, "1 to 1022")?;
         let is_share = self.threshold.is_some_and(|share| (0.0..=1.0).contains(&share));
-        require("threshold", self.threshold.map(text), is_share, "0 to 1")
+        require("threshold", self.threshold.map(text), is_share, "0 to 1")?;
+        let is_size = self.cells_max.is_some_and(|cells| (1..=CELLS_MOST).contains(&cells));
+        require("cells_max", self.cells_max.map(|cells| cells.to_string()), is_size, "1 to 1073741824")?;
+        let is_work = self.steps_max.is_some_and(|steps| (1..=STEPS_MOST).contains(&steps));
+        require("steps_max", self.steps_max.map(|steps| steps.to_string()), is_work, "1 to 1099511627776")
     }
 
     /// The names of the options that are given.
@@ -131,8 +156,11 @@ impl ImportOptions {
             ("scale", self.scale.is_some()),
             ("margin_cells", self.margin_cells.is_some()),
             ("free_from", self.free_from.is_some()),
+            ("sensor", self.sensor.is_some()),
             ("height_cells", self.height_cells.is_some()),
             ("threshold", self.threshold.is_some()),
+            ("cells_max", self.cells_max.is_some()),
+            ("steps_max", self.steps_max.is_some()),
         ]
         .into_iter()
         .filter_map(|(name, is_given)| is_given.then_some(name))

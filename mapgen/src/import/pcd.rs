@@ -1,10 +1,12 @@
 //! Point clouds of the Point Cloud Library (PCD 0.7): ascii, binary and binary_compressed.
 //!
-//! Only the fields x, y and z are used, of any numeric type. Compressed data are LZF, field by
+//! The fields x, y and z are used, of any numeric type, and as the position of the sensor VIEWPOINT,
+//! unless it is the origin of the file, which stands for none. Compressed data are LZF, field by
 //! field.
 
-use super::bytes::{Bytes, number, shown, words};
-use super::{FormatError, ImportSpec, Imported, Note, cloud};
+use super::bytes::{Bytes, number, shown, three, words};
+use super::cloud::{self, Sensors};
+use super::{FormatError, ImportSpec, Imported, Note};
 
 /// Largest size of a point, bytes.
 const STRIDE_MAX: usize = 1 << 16;
@@ -40,6 +42,7 @@ struct Header {
     fields: Vec<Field>,
     points: usize,
     data: Data,
+    viewpoint: [f64; 3],
 }
 
 /// The position of a coordinate in a point.
@@ -66,18 +69,21 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     };
     let left = bytes.rest().len();
     let notes = (left > 0).then(|| Note::new("ignored", format!("{left} bytes after the last point")));
-    cloud::map(spec, &points, notes.into_iter().collect())
+    let sensors = if header.viewpoint == [0.0; 3] { Sensors::None } else { Sensors::One(header.viewpoint) };
+    cloud::map(spec, &points, &sensors, notes.into_iter().collect())
 }
 
 fn header(bytes: &mut Bytes<'_>) -> Result<Header, FormatError> {
     let mut fields: Vec<Field> = Vec::new();
     let mut points = None;
+    let mut viewpoint = [0.0; 3];
     loop {
         let (at, line) = bytes.header_line("DATA")?;
         let mut words = words(line);
         let Some(key) = words.next() else { continue };
         match key {
-            b"VERSION" | b"WIDTH" | b"HEIGHT" | b"VIEWPOINT" => {}
+            b"VERSION" | b"WIDTH" | b"HEIGHT" => {}
+            b"VIEWPOINT" => viewpoint = three(at, &mut words, "VIEWPOINT")?,
             _ if key.starts_with(b"#") => {}
             b"FIELDS" => {
                 let field = |name: &[u8]| Field { name: name.to_vec(), size: 4, number: Number::Float, count: 1 };
@@ -128,7 +134,7 @@ fn header(bytes: &mut Bytes<'_>) -> Result<Header, FormatError> {
                     }
                 };
                 let points = points.ok_or_else(|| FormatError::line(at, "DATA comes before POINTS"))?;
-                let header = Header { fields, points, data };
+                let header = Header { fields, points, data, viewpoint };
                 if header.stride() > STRIDE_MAX {
                     return Err(FormatError::line(at, format!("a point has more than {STRIDE_MAX} bytes")));
                 }

@@ -1,10 +1,14 @@
-//! Point clouds in the Polygon File Format (PLY 1.0): ascii, and binary of either byte order.
+//! Meshes and point clouds in the Polygon File Format (PLY 1.0): ascii, and binary of either byte
+//! order.
 //!
-//! Of the element `vertex`, the properties x, y and z are used. Faces and later elements are
-//! ignored; for meshes there are OBJ and STL.
+//! Of the element `vertex`, the properties x, y and z are used, of the element `face` the list
+//! `vertex_indices` or `vertex_index`. A file with faces is a mesh, one without a point cloud. Other
+//! elements are skipped.
 
 use super::bytes::{Bytes, number, shown, words};
-use super::{FormatError, ImportSpec, Imported, Note, cloud};
+use super::cloud::{self, Sensors};
+use super::mesh::{self, Mesh};
+use super::{FormatError, ImportSpec, Imported, Note};
 
 /// Largest number of bytes, or words, of an element.
 const ELEMENT_MAX: usize = 1 << 20;
@@ -39,43 +43,93 @@ struct Element {
     properties: Vec<Property>,
 }
 
-/// A map of the vertices of a PLY file.
+/// A map of a PLY file.
 ///
 /// # Errors
-/// If the file is malformed, or its vertices do not fit into a map.
+/// If the file is malformed, or its content does not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut bytes = Bytes::new(&spec.bytes);
     let (order, elements) = header(&mut bytes)?;
     let at = bytes.at();
-    let place = elements.iter().position(|element| element.name == b"vertex");
-    let place = place.ok_or_else(|| FormatError::byte(at, "there is no element vertex in the header"))?;
-    let vertex = &elements[place];
-    let mut coordinates = [0; 3];
-    for (slot, name) in coordinates.iter_mut().zip([b"x", b"y", b"z"]) {
-        let found = vertex.properties.iter().position(|property| property.name == name && property.length.is_none());
-        let missing = || FormatError::byte(at, format!("the element vertex has no property {}", shown(name)));
-        *slot = found.ok_or_else(missing)?;
+    let place = |name: &[u8]| elements.iter().position(|element| element.name == name);
+    let vertices = place(b"vertex").ok_or_else(|| FormatError::byte(at, "there is no element vertex in the header"))?;
+    let faces = place(b"face").filter(|&faces| elements[faces].count > 0);
+    let coordinates = positions(&elements[vertices], ["x", "y", "z"], at)?;
+    let seen_from = positions(&elements[vertices], ["vp_x", "vp_y", "vp_z"], at).ok();
+    let mut from = Vec::new();
+    let corners = faces.map(|faces| corners_of(&elements[faces], at)).transpose()?;
+    if faces.is_some_and(|faces| faces < vertices) {
+        return Err(FormatError::byte(at, "the element face comes before the element vertex"));
     }
+    let last = faces.unwrap_or(vertices);
 
-    let mut points = Vec::new();
-    for element in &elements[..=place] {
-        let is_vertex = element.name == b"vertex";
-        for number in 0..element.count {
-            // An element without properties takes no bytes, however many there are of it.
-            if element.properties.is_empty() {
-                break;
-            }
-            let values = values(&mut bytes, order, element, number)?;
-            if is_vertex {
-                points.push(coordinates.map(|property| values[property]));
+    let mut mesh = Mesh::default();
+    for (number, element) in elements[..=last].iter().enumerate() {
+        // An element without properties takes no bytes, however many there are of it.
+        let count = if element.properties.is_empty() { 0 } else { element.count };
+        let list = corners.filter(|_| Some(number) == faces);
+        for place in 0..count {
+            let at = bytes.at();
+            let mut items = Vec::new();
+            let values = values(&mut bytes, order, element, place, list.map(|list| (list, &mut items)))?;
+            if number == vertices {
+                mesh.vertices.push(coordinates.map(|property| values[property]));
+                from.extend(seen_from.map(|seen_from| seen_from.map(|property| values[property])));
+            } else if list.is_some() {
+                mesh.add_polygon(&corners_in(&items, mesh.vertices.len(), at)?);
+                mesh.check_count()?;
             }
         }
     }
-    let ignored = elements[place + 1..].iter().map(|element| {
+    let used = |number: usize| number == vertices || Some(number) == faces;
+    let ignored = elements.iter().enumerate().filter(|&(number, element)| !used(number) && element.count > 0);
+    let notes = ignored.map(|(_, element)| {
         let text = format!("{} elements {}", element.count, String::from_utf8_lossy(&element.name).escape_debug());
         Note::new("ignored", text)
     });
-    cloud::map(spec, &points, ignored.collect())
+    if faces.is_some() {
+        return mesh::map(spec, &mesh, notes.collect());
+    }
+    let of_meshes = ["fill", "inside"];
+    if let Some(name) = spec.options.given().find(|name| of_meshes.contains(name)) {
+        return Err(FormatError::NoFaces { name });
+    }
+    let sensors = if seen_from.is_some() { Sensors::Each(from) } else { Sensors::None };
+    cloud::map(spec, &mesh.vertices, &sensors, notes.collect())
+}
+
+/// The places of three numbers among the properties of a vertex.
+fn positions(vertex: &Element, names: [&str; 3], at: usize) -> Result<[usize; 3], FormatError> {
+    let mut coordinates = [0; 3];
+    for (slot, name) in coordinates.iter_mut().zip(names) {
+        let is_it = |property: &Property| property.name == name.as_bytes() && property.length.is_none();
+        let found = vertex.properties.iter().position(is_it);
+        let missing = || FormatError::byte(at, format!("the element vertex has no property {name:?}"));
+        *slot = found.ok_or_else(missing)?;
+    }
+    Ok(coordinates)
+}
+
+/// The place of the list of corners among the properties of a face.
+fn corners_of(face: &Element, at: usize) -> Result<usize, FormatError> {
+    let is_corners = |property: &Property| {
+        property.length.is_some() && matches!(property.name.as_slice(), b"vertex_indices" | b"vertex_index")
+    };
+    let missing = || FormatError::byte(at, "the element face has no list vertex_indices");
+    face.properties.iter().position(is_corners).ok_or_else(missing)
+}
+
+/// The items of the list of a face that begins at a byte, as numbers of vertices.
+fn corners_in(items: &[f64], vertices: usize, at: usize) -> Result<Vec<u32>, FormatError> {
+    if items.len() < 3 {
+        return Err(FormatError::byte(at, format!("a face of {} corners, expected 3 or more", items.len())));
+    }
+    let corner = |&item: &f64| {
+        let is_vertex = item >= 0.0 && item < vertices as f64 && item.fract() == 0.0;
+        let error = || FormatError::byte(at, format!("a face has the corner {item}, there are {vertices} vertices"));
+        is_vertex.then_some(item as u32).ok_or_else(error)
+    };
+    items.iter().map(corner).collect()
 }
 
 fn header(bytes: &mut Bytes<'_>) -> Result<(Order, Vec<Element>), FormatError> {
@@ -141,11 +195,34 @@ fn type_of(line: usize, word: &[u8]) -> Result<Number, FormatError> {
     }
 }
 
-/// The values of the properties of the next element; of a list, its length.
-fn values(bytes: &mut Bytes<'_>, order: Order, element: &Element, place: usize) -> Result<Vec<f64>, FormatError> {
+/// The values of the properties of the next element; of a list, its length. `list` is the place of a
+/// list and where its items go.
+fn values(
+    bytes: &mut Bytes<'_>,
+    order: Order,
+    element: &Element,
+    place: usize,
+    mut list: Option<(usize, &mut Vec<f64>)>,
+) -> Result<Vec<f64>, FormatError> {
     let at = bytes.at();
+    let mut values = Vec::with_capacity(element.properties.len());
+    let mut keep = |number: usize, item: f64| match &mut list {
+        Some((wanted, items)) if *wanted == number => items.push(item),
+        _ => {}
+    };
     if order != Order::Ascii {
-        return element.properties.iter().map(|property| binary(bytes, order, property)).collect();
+        for (number, property) in element.properties.iter().enumerate() {
+            let at = bytes.at();
+            let value = value(bytes, order, property.length.unwrap_or(property.number))?;
+            if property.length.is_some() {
+                let too_long = || FormatError::byte(at, "a list is longer than its element may be");
+                for _ in 0..checked_length(value, too_long)? {
+                    keep(number, self::value(bytes, order, property.number)?);
+                }
+            }
+            values.push(value);
+        }
+        return Ok(values);
     }
     let ends = || {
         let name = String::from_utf8_lossy(&element.name).escape_debug().to_string();
@@ -156,28 +233,17 @@ fn values(bytes: &mut Bytes<'_>, order: Order, element: &Element, place: usize) 
         (line, text) = bytes.line().ok_or_else(ends)?;
     }
     let mut words = words(text);
-    let mut values = Vec::with_capacity(element.properties.len());
-    for property in &element.properties {
+    for (place, property) in element.properties.iter().enumerate() {
         let value = number(line, words.next(), "a property")?;
         if property.length.is_some() {
             let items = checked_length(value, || FormatError::line(line, "a list is longer than its element may be"))?;
             for _ in 0..items {
-                number::<f64>(line, words.next(), "an item of a list")?;
+                keep(place, number(line, words.next(), "an item of a list")?);
             }
         }
         values.push(value);
     }
     Ok(values)
-}
-
-fn binary(bytes: &mut Bytes<'_>, order: Order, property: &Property) -> Result<f64, FormatError> {
-    let at = bytes.at();
-    let value = value(bytes, order, property.length.unwrap_or(property.number))?;
-    if property.length.is_some() {
-        let items = checked_length(value, || FormatError::byte(at, "a list is longer than its element may be"))?;
-        bytes.take(items * property.number.size(), "a list")?;
-    }
-    Ok(value)
 }
 
 fn checked_length(value: f64, error: impl Fn() -> FormatError) -> Result<usize, FormatError> {
@@ -213,8 +279,8 @@ mod tests {
     use super::*;
 
     const ELEMENTS: &str = "element camera 1\nproperty list uchar short at\nelement vertex 2\nproperty double x\n\
-                            property int8 y\ncomment of no use\nproperty float z\nelement face 7\n\
-                            property list uchar int vertex_indices\nend_header\n";
+                            property int8 y\ncomment of no use\nproperty float z\nelement edge 7\n\
+                            property list uchar int vertices\nend_header\n";
 
     fn with_format(format: &str, data: &[u8]) -> ImportSpec {
         ImportSpec::new("a.ply", [format!("ply\r\nformat {format} 1.0\n{ELEMENTS}").as_bytes(), data].concat())
@@ -233,7 +299,8 @@ mod tests {
         let ascii = read(&with_format("ascii", b"2 5 5\n1 -2 0.5\r\n\n3 0 0.5\n3 0 1 2\n")).unwrap();
         assert_eq!(ascii.terrain.extent().size(), [5, 5, 3]);
         assert_eq!(crate::free_cells(&ascii.terrain), 9 - 2);
-        assert_eq!(ascii.notes[0].text, "7 elements face");
+        assert_eq!(ascii.notes[0].text, "1 elements camera");
+        assert_eq!(ascii.notes[1].text, "7 elements edge");
         assert_eq!(read(&with_format("binary_little_endian", &data(false))).unwrap(), ascii);
         assert_eq!(read(&with_format("binary_big_endian", &data(true))).unwrap(), ascii);
     }

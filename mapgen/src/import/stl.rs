@@ -26,7 +26,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         }
         None => return Err(FormatError::byte(bytes.len(), "the file ends within its header of 84 bytes")),
     };
-    mesh::map(spec, &mesh)
+    mesh::map(spec, &mesh, Vec::new())
 }
 
 /// The length that a binary file with this header has.

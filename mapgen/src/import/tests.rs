@@ -24,10 +24,14 @@ fn what_an_option_is_not_for_is_refused() {
         ImportSpec { options, ..ImportSpec::new(file, Vec::new()) }.read().unwrap_err().to_string()
     };
     let threshold = |share| ImportOptions { threshold: Some(share), ..ImportOptions::default() };
-    assert_eq!(refuse("a.m3dm", threshold(0.5)), "a.m3dm: threshold is not an option for .m3dm files, which have none");
+    assert_eq!(
+        refuse("a.m3dm", threshold(0.5)),
+        "a.m3dm: threshold is not an option for .m3dm files, which have cells_max"
+    );
     assert_eq!(
         refuse("a.obj", threshold(0.5)),
-        "a.obj: threshold is not an option for .obj files, which have fill, inside, up, scale, margin_cells, free_from"
+        "a.obj: threshold is not an option for .obj files, which have fill, inside, up, scale, margin_cells, free_from, cells_max, \
+         steps_max"
     );
     assert_eq!(refuse("a.pgm", threshold(1.5)), "a.pgm: threshold = 1.5, allowed is 0 to 1");
     let place = ImportOptions { free_from: Some([0.0, f64::NAN, 1.0]), ..ImportOptions::default() };
@@ -38,7 +42,8 @@ fn what_an_option_is_not_for_is_refused() {
 fn a_cell_length_is_that_of_the_file_or_that_of_the_user() {
     let terrain = Grid::new(Extent::new([3, 3, 3], 0.5).unwrap(), Terrain::Wall);
     let packed = MapFormat::M3dm.write(&terrain, true).unwrap();
-    let plain = MapFormat::M3dm.write(&terrain, false).unwrap();
+    assert_eq!(MapFormat::M3dm.write(&terrain, false).unwrap(), packed, "a plain file would lose the length");
+    let plain = voxels::m3dm::write(&terrain).unwrap();
     let read = |bytes: &[u8], cell_m| ImportSpec { cell_m, ..ImportSpec::new("a.m3dm", bytes.to_vec()) }.read();
     let cell_m = |bytes: &[u8], asked| read(bytes, asked).unwrap().terrain.extent().cell_m();
     assert_eq!([cell_m(&packed, None), cell_m(&packed, Some(0.5))], [0.5, 0.5]);
@@ -67,7 +72,10 @@ fn a_packed_cave_takes_less_than_15_percent_of_a_plain_one() {
 fn maps_are_as_large_as_allowed() {
     let bytes = [b"P2 5 5 1 ".as_slice(), &b"1 ".repeat(25)].concat();
     let error = ImportSpec { cells_max: 99, ..ImportSpec::new("a.pgm", bytes) }.read().unwrap_err().to_string();
-    assert_eq!(error, "a.pgm: the map has 175 cells, allowed are 99");
+    assert_eq!(
+        error,
+        "a.pgm: the map has 175 cells, allowed are 99; choose longer cells, or raise map.import.cells_max (--cells-max)"
+    );
 }
 
 /// A tree of two leaves, which are wall and 512 cells wide.
@@ -83,7 +91,8 @@ fn large_tree() -> Vec<u8> {
 fn short_file_is_no_large_map() {
     let short = ImportSpec::new("a.bt", large_tree());
     assert!(short.bytes.len() < 261);
-    let refused = "a.bt: the map has 1073741824 cells, allowed are 16777216";
+    let refused = "a.bt: the map has 1073741824 cells, allowed are 16777216; choose longer cells, or raise \
+                   map.import.cells_max (--cells-max)";
     assert_eq!(short.clone().read().unwrap_err().to_string(), refused);
     assert_eq!(short.allowing(99).cells_max, 1 << 24);
     let cells_max = |bytes| ImportSpec::new("a.bt", vec![0; bytes]).cells_max;
@@ -93,14 +102,15 @@ fn short_file_is_no_large_map() {
 #[test]
 fn a_map_is_surrounded_if_it_is_open_and_there_is_room() {
     let open = Grid::from_text("#.\n##\n").unwrap();
-    let (around, note) = surrounded(open.clone(), 100).unwrap();
+    let allowing = |cells_max| ImportSpec { cells_max, ..ImportSpec::new("a.vox", Vec::new()) };
+    let (around, note) = surrounded(open.clone(), &allowing(100)).unwrap();
     let wall = "####\n".repeat(4);
     assert_eq!(around.to_text(), format!("{wall}\n####\n##.#\n####\n####\n\n{wall}"));
     assert!(note.is_some());
-    assert_eq!(surrounded(around.clone(), 100), Ok((around, None)));
-    assert!(surrounded(open, 47).is_err());
+    assert_eq!(surrounded(around.clone(), &allowing(100)), Ok((around, None)));
+    assert!(surrounded(open, &allowing(47)).is_err());
     let long = Grid::new(Extent::new([1023, 1, 1], 1.0).unwrap(), Terrain::Free);
-    assert_eq!(surrounded(long.clone(), usize::MAX), Ok((long, None)));
+    assert_eq!(surrounded(long.clone(), &allowing(usize::MAX)), Ok((long, None)));
 }
 
 proptest! {

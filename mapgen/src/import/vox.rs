@@ -72,8 +72,8 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         return Err(FormatError::Nothing("model"));
     }
     let size = [0, 1, 2].map(|axis| u32::try_from(high[axis] - low[axis] + 1).unwrap_or(u32::MAX));
-    let extent = Extent::new(size, spec.cell_m.unwrap_or(1.0)).map_err(FormatError::Extent)?;
-    let mut terrain = new_grid(extent, Terrain::Free, spec.cells_max)?;
+    let extent = Extent::new(size, spec.length_m()).map_err(FormatError::Extent)?;
+    let mut terrain = new_grid(extent, Terrain::Free, spec)?;
     for (model, transform) in &placed {
         for voxel in model.voxels.chunks_exact(4) {
             let at = transform.cell([0, 1, 2].map(|axis| voxel[axis].into()), model.size);
@@ -81,9 +81,9 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             terrain.set(Cell::new(x, y, z), Terrain::Wall);
         }
     }
-    let (terrain, closed) = surrounded(terrain, spec.cells_max)?;
+    let (terrain, closed) = surrounded(terrain, spec)?;
     notes.extend(closed);
-    Ok(Imported { terrain, notes, stores_cell_m: false })
+    Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: None, yaw_rad: 0.0 })
 }
 
 impl Transform {

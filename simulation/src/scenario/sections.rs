@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Deserializer, Serialize, de};
 
 use crate::visualisation::VisualisationTopic;
-use mapgen::{BuildingSpec, ImportOptions, NoiseSpec, SpheresSpec};
+use mapgen::{BuildingSpec, ImportOptions, MineSpec, NoiseSpec, SpheresSpec};
 
 /// `[map]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -43,6 +43,9 @@ pub struct MapSection {
     /// Parameters of `kind = "building"`; a checked scenario of that kind has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub building: Option<BuildingSpec>,
+    /// Parameters of `kind = "mine"`; a checked scenario of that kind has them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mine: Option<MineSpec>,
 }
 
 /// Where the terrain comes from.
@@ -55,6 +58,8 @@ pub enum MapKind {
     Noise,
     /// Floors of hallways and rooms.
     Building,
+    /// Levels of drifts with crosscuts, stopes and a ramp.
+    Mine,
     /// A map file.
     File,
 }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::{ImportOptions, free_cells};
 use proptest::prelude::*;
+use voxels::Cell;
 
 /// Two triangles for each side of a box.
 fn cuboid(low: [f64; 3], high: [f64; 3]) -> Mesh {
@@ -23,7 +24,12 @@ fn cuboid(low: [f64; 3], high: [f64; 3]) -> Mesh {
 }
 
 fn read(mesh: &Mesh, options: ImportOptions) -> Imported {
-    map(&ImportSpec { options, ..ImportSpec::new("a.obj", Vec::new()) }, mesh).unwrap()
+    map(&ImportSpec { options, ..ImportSpec::new("a.obj", Vec::new()) }, mesh, Vec::new()).unwrap()
+}
+
+/// The text of a note.
+fn note<'a>(imported: &'a Imported, name: &str) -> Option<&'a str> {
+    imported.notes.iter().find(|note| note.name == name).map(|note| note.text.as_str())
 }
 
 fn options(fill: Fill, inside: Kind) -> ImportOptions {
@@ -35,8 +41,11 @@ fn a_box_is_solid_in_the_open_a_cave_or_a_shell() {
     let mesh = cuboid([1.0, 2.0, -3.0], [4.0, 4.0, 2.0]);
     let cave = read(&mesh, options(Fill::Solid, Kind::Free));
     assert_eq!((cave.terrain.extent().size(), free_cells(&cave.terrain)), ([5, 4, 7], 3 * 2 * 5));
-    assert_eq!(cave.notes.len(), 2, "there is no note of holes");
-    assert_eq!(cave.notes[1].text, "the map begins at (0, 1, -4) m of the file");
+    assert!(note(&cave, "holes").is_none());
+    assert_eq!(note(&cave, "origin"), Some("the map begins at (0, 1, -4) m of the file"));
+    assert_eq!(note(&cave, "spans"), Some("3.000 m x 2.000 m x 5.000 m, with scale = 1"));
+    assert_eq!(note(&cave, "turned"), Some("6 triangles that did not face outwards with the others"));
+    assert_eq!(note(&cave, "fill"), Some("solid: 30 cells inside become free, 0 cells decided by winding number"));
 
     let around = ImportOptions { margin_cells: Some(2), ..options(Fill::Solid, Kind::Wall) };
     let solid = read(&mesh, around).terrain;
@@ -54,11 +63,14 @@ fn lines_through_holes_have_no_say() {
     let mut mesh = cuboid([0.0; 3], [6.0; 3]);
     // The lid: the last two triangles.
     mesh.triangles.truncate(10);
-    let Imported { terrain, notes, .. } = read(&mesh, options(Fill::Solid, Kind::Free));
-    assert_eq!(free_cells(&terrain), 6 * 6 * 6);
+    let imported = read(&mesh, options(Fill::Solid, Kind::Free));
+    assert_eq!(free_cells(&imported.terrain), 6 * 6 * 6);
     assert_eq!(
-        notes[1].text,
-        "the mesh is not closed: 0, 0 and 36 lines along x, y and z come through holes and were not counted"
+        note(&imported, "holes"),
+        Some(
+            "the mesh is not closed: 0, 0 and 36 lines along x, y and z come through holes and have no vote; \
+             1 opening(s): 36.000 m2 around (3.000, 3.000, 6.000) m"
+        )
     );
 }
 
@@ -69,9 +81,9 @@ fn triangles_without_an_area_are_dropped() {
     mesh.add([[0.0; 3], [1.0, 0.0, f64::NAN], [2.0, 1.0, 5.0]]);
     let Imported { terrain, notes, .. } = read(&mesh, options(Fill::Solid, Kind::Free));
     assert_eq!(free_cells(&terrain), 8);
-    assert_eq!(notes[0].text, "14 triangles, 2 dropped because they have no area or are not finite");
+    assert_eq!(notes[0].text, "14 triangles in 1 part(s), 2 dropped because they have no area or are not finite");
     let nothing = Mesh { vertices: vec![[0.0; 3]], triangles: vec![[0; 3]] };
-    let error = map(&ImportSpec::new("a.obj", Vec::new()), &nothing).unwrap_err();
+    let error = map(&ImportSpec::new("a.obj", Vec::new()), &nothing, Vec::new()).unwrap_err();
     assert_eq!(error.to_string(), "the file has no triangle");
 }
 
@@ -109,8 +121,9 @@ proptest! {
     fn a_closed_ball_has_no_holes_and_its_cells(
         centre in prop::array::uniform3(-2.0f64..2.0), radius in 2.0f64..6.0,
     ) {
-        let Imported { terrain, notes, .. } = read(&ball(centre, radius), options(Fill::Solid, Kind::Free));
-        prop_assert_eq!(notes.len(), 2, "{:?}", notes);
+        let imported = read(&ball(centre, radius), options(Fill::Solid, Kind::Free));
+        prop_assert!(note(&imported, "holes").is_none(), "{:?}", imported.notes);
+        let terrain = imported.terrain;
         let begin: Vec<f64> = centre.iter().map(|along| (along - radius).floor() - 1.0).collect();
         for (cell, &here) in terrain.iter() {
             let at = [cell.x, cell.y, cell.z];

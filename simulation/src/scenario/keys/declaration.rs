@@ -32,7 +32,7 @@ const UNLIMITED: f64 = f64::INFINITY;
 
 /// All keys, table by table.
 #[rustfmt::skip]
-pub const TABLES: [Table; 19] = [
+pub const TABLES: [Table; 20] = [
     Table::new("", &[
         key("seed", Seed, Required, NONE,
             "seed of everything random: the map, unless map.seed is given, and the agents",
@@ -47,7 +47,7 @@ pub const TABLES: [Table; 19] = [
             "ours"),
     ]),
     Table::new("map", &[
-        key("kind", Word(&["spheres", "noise", "building", "file"]), Required, NONE,
+        key("kind", Word(&["spheres", "noise", "building", "mine", "file"]), Required, NONE,
             "the generator of the map, or a map file", "reference").see("maps.md"),
         key("size", Size, Unset("required unless `\"file\"`"), between(5.0, 1024.0),
             "cells along each axis; one number for a cube", "reference: 30 to 100, 50 by default")
@@ -67,7 +67,7 @@ pub const TABLES: [Table; 19] = [
         key("inside", Word(&["wall", "free"]), Unset("`\"wall\"`"), NONE,
             "meshes: what the inside is; free makes a cave of a mesh", "ours"),
         key("unknown", Word(&["wall", "free"]), Unset("`\"wall\"`"), NONE,
-            "OctoMap: what the cells are that the file does not know", "ours"),
+            "OctoMap, `map.yaml`, point clouds with a sensor: what the cells are that the file does not know", "ours"),
         key("up", Word(&["y", "z"]), Unset("`\"z\"`"), NONE,
             "meshes and point clouds: axis of the file that points upwards", "ours"),
         key("scale", Number("m"), Unset("1.0"), above(0.0, f64::MAX),
@@ -77,10 +77,17 @@ pub const TABLES: [Table; 19] = [
         key("free_from", Position("units of the file"), Unset("all free cells stay"), NONE,
             "meshes, point clouds and OctoMap: only cells connected with this position of the file stay free", "ours")
             .limits("three finite numbers"),
+        key("sensor", Position("units of the file"), Unset("that of the file, if it has one"), NONE,
+            "point clouds: position of the sensor; cells between it and the points are free, all others unknown", "ours")
+            .limits("three finite numbers"),
         key("height_cells", Integer("cells"), Unset("5"), between(1.0, 1022.0),
-            "floor plans: free cells from floor to ceiling", "ours"),
+            "floor plans: free cells from floor to ceiling; of a `map.yaml` as many as come nearest to 2.5 m", "ours"),
         key("threshold", Number(""), Unset("0.9"), between(0.0, 1.0),
             "floor plans: brightness from which a pixel is free", "ours"),
+        key("cells_max", Integer("cells"), Unset("2^24, or 1024 for each byte of the file if that is more, up to 2^27"),
+            between(1.0, 1_073_741_824.0), "largest number of cells of the map, a bound on its memory", "ours"),
+        key("steps_max", Integer(""), Unset("2^28, some seconds"), between(1.0, 1_099_511_627_776.0),
+            "meshes and point clouds: largest number of steps of the import, a bound on its time", "ours"),
     ]).checked_by_mapgen(),
     Table::new("map.spheres", &[
         key("fill_ratio", Number(""), Is("0.2"), above(0.0, 1.0),
@@ -143,6 +150,37 @@ pub const TABLES: [Table; 19] = [
         key("entrances", Integer(""), Is("2"), between(0.0, 64.0),
             "doors to the outside on the ground floor, each a niche in the outer wall", "ours")
             .limits("0 to 64, as many as hallways end at the outer wall"),
+    ]).checked_by_mapgen(),
+    Table::new("map.mine", &[
+        key("levels", Integer(""), Is("3"), between(1.0, 50.0),
+            "levels on top of each other", "ours")
+            .limits("1 to as many as fit into `map.size`, up to 50: z of at least \
+                     (`levels` - 1) * `level_spacing` + `drift_height` + 4"),
+        key("level_spacing", Integer("cells"), Is("20"), between(4.0, 500.0),
+            "from the floor of a level to that of the next", "ours").limits("4 to 500, more than `drift_height`"),
+        key("drift_width", Integer("cells"), Is("4"), between(1.0, 100.0),
+            "width of drifts, crosscuts and the ramp", "ours: that of vehicles; Sangdong: 3 m")
+            .limits("1 to 100, as far as the mine fits into x and y"),
+        key("drift_height", Integer("cells"), Is("4"), between(2.0, 100.0),
+            "height of drifts, crosscuts and the ramp", "ours; Sangdong: 3 m")
+            .limits("2 to 100, less than `level_spacing`"),
+        key("crosscut_spacing", Integer("cells"), Is("12"), between(2.0, 500.0),
+            "from a crosscut to the next", "Sangdong: 12 m"),
+        key("crosscut_chance", Number(""), Is("0.7"), between(0.0, 1.0),
+            "probability that a crosscut goes through; others end blind halfway, and one of a level always goes through",
+            "ours"),
+        key("ramp_gradient", Number(""), Is("0.15"), between(0.02, 1.0),
+            "rise of the ramp for each cell along it", "Sangdong: at most 15 %"),
+        key("stopes", Integer(""), Is("2"), between(0.0, 64.0),
+            "stopes on each level; they may overlap", "ours"),
+        key("stope_length", Integer("cells"), Is("17"), between(1.0, 500.0),
+            "size of a stope along the ore drift", "Obuasi: 17 m"),
+        key("stope_width", Integer("cells"), Is("12"), between(1.0, 500.0),
+            "size of a stope across the drift", "ours; Obuasi: 30 m").limits("1 to 500, as far as the mine fits into y"),
+        key("stope_height", Integer("cells"), Is("16"), between(1.0, 500.0),
+            "height of a stope, cut off below the top of the map", "ours; Obuasi: 27 m"),
+        key("overbreak", Number(""), Is("0.15"), between(0.0, 1.0),
+            "probability that a cell of a wall or roof breaks out", "ours"),
     ]).checked_by_mapgen(),
     Table::new("agents", &[
         key("count", Integer(""), Required, between(1.0, AGENTS_MAX as f64),

@@ -173,6 +173,7 @@ fn generators_refuse_numbers_out_of_range() {
                 let spec = match map.kind {
                     MapKind::Spheres => MapSpec::Spheres(map.spheres),
                     MapKind::Noise => MapSpec::Noise(map.noise),
+                    MapKind::Mine => MapSpec::Mine(map.mine.unwrap()),
                     _ => MapSpec::Building(map.building.unwrap()),
                 };
                 let error = mapgen::generate(&spec, Extent::new([30; 3], 1.0).unwrap(), 1).unwrap_err().to_string();

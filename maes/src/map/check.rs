@@ -1,0 +1,210 @@
+//! `maes map check`: what agents could do in a map.
+//!
+//! The map is repaired as a run repairs it. A body goes through faces of cells, from centre to
+//! centre, and fits where no wall is nearer than its radius.
+
+use std::io::Write;
+
+use mapgen::repair;
+use simulation::world::spawn::{Site, SpawnSpec};
+use voxels::clearance::REACH_CELLS;
+use voxels::{Clearance, Components, Extent, Grid, Passage, Terrain, close_shell, free_components};
+
+use super::{CheckArgs, MapCliError, Report, by, import};
+
+/// Share of the free cells that a part behind a passage has at least.
+const PART: f64 = 0.01;
+
+/// Share of the free cells that is enough to be called reachable.
+const ENOUGH: f64 = 0.95;
+
+/// Most parts and passages that a report names.
+const SHOWN: usize = 3;
+
+/// Seed of the starts that are tried.
+const SEED: u64 = 1;
+
+/// Describes a map for bodies of one radius.
+pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
+    let spec = import(&args.file, args.import, args.cell_m)?;
+    let imported = spec.read()?;
+    let extent = imported.terrain.extent();
+    let radius_cells = args.radius_m / extent.cell_m();
+    let reach = f64::from(REACH_CELLS);
+    if !(radius_cells > 0.0 && radius_cells <= reach) {
+        return Err(MapCliError::Radius { radius_m: args.radius_m, most_m: reach * extent.cell_m() });
+    }
+    let mut advice = Vec::new();
+    let mut report = Report::new(out);
+    report.line("file", args.file.display())?;
+    report.line("size", by(extent))?;
+    report.cell_m(&imported, args.cell_m)?;
+    report.notes(&imported.notes)?;
+    if !imported.stores_cell_m && args.cell_m.is_none() {
+        advice.push("give the length of a cell: map.cell_m (--cell-m)".to_owned());
+    }
+    leaks(&mut report, &imported.terrain, &mut advice)?;
+    parts(&mut report, &free_components(&imported.terrain), extent, &mut advice)?;
+
+    let terrain = repair(&spec.file, imported.terrain, 0)?.terrain;
+    let free = mapgen::free_cells(&terrain);
+    report.cells(extent, free)?;
+    let clearance = Clearance::of(&terrain);
+    let body = |radius_m: f64| Body::new(&clearance, radius_m / extent.cell_m(), free);
+    let here = body(args.radius_m);
+    let (room, reached) = (100.0 * here.room, 100.0 * here.reached);
+    report.line("body", format_args!("radius {} m: fits in {room:.1} % of the free cells", args.radius_m))?;
+    report.line("reachable", format_args!("{reached:.1} % of the free cells, from the largest part with room"))?;
+    let passages = clearance.passages(((PART * free as f64) as usize).max(1));
+    narrow(&mut report, &passages, extent)?;
+    if here.reached < ENOUGH {
+        let half_m = extent.cell_m() / 2.0;
+        let narrow = passages.iter().map(|passage| passage.radius_cells * extent.cell_m());
+        let mut radii_m: Vec<f64> = narrow.chain([half_m]).filter(|&radius_m| radius_m < args.radius_m).collect();
+        radii_m.sort_by(f64::total_cmp);
+        radii_m.dedup();
+        // A smaller body reaches no less.
+        let count = radii_m.partition_point(|&radius_m| body(radius_m).reached >= ENOUGH);
+        advice.push(if let Some(&radius_m) = radii_m[..count].last() {
+            let share = 100.0 * body(radius_m).reached;
+            format!("body.radius_m = {} reaches {share:.1} %", in_millimetres(radius_m))
+        } else {
+            let share = 100.0 * body(half_m).reached;
+            format!("a body of half a cell reaches {share:.1} %: shorter cells (map.cell_m) tell narrow passages apart")
+        });
+    }
+    starts(&mut report, &terrain, args, &mut advice)?;
+    if advice.is_empty() {
+        return report.line("advice", "none: the map is sound for these bodies");
+    }
+    advice.iter().try_for_each(|text| report.line("advice", text))
+}
+
+/// A length in metres, rounded down to millimetres so that it still fits.
+fn in_millimetres(length_m: f64) -> f64 {
+    (length_m * 1000.0).floor() / 1000.0
+}
+
+/// What a body of one radius has of the free cells.
+struct Body {
+    /// Share in which it fits.
+    room: f64,
+    /// Share of the largest connected part of those.
+    reached: f64,
+}
+
+impl Body {
+    fn new(clearance: &Clearance, radius_cells: f64, free: u64) -> Self {
+        let parts = free_components(&clearance.room(radius_cells)).sizes;
+        let share = |cells: usize| cells as f64 / free as f64;
+        Self { room: share(parts.iter().sum()), reached: share(parts.iter().max().copied().unwrap_or_default()) }
+    }
+}
+
+/// Free cells in the outermost layer, by side.
+fn leaks(report: &mut Report<'_>, terrain: &Grid<Terrain>, advice: &mut Vec<String>) -> Result<(), MapCliError> {
+    let open = close_shell(&mut terrain.clone(), 1);
+    if open == 0 {
+        return report.line("leaks", "none: the shell is closed");
+    }
+    let extent = terrain.extent();
+    let last = extent.size().map(|cells| cells as i32 - 1);
+    let sides = [
+        ("x = 0", 0, 0),
+        ("x = max", 0, last[0]),
+        ("y = 0", 1, 0),
+        ("y = max", 1, last[1]),
+        ("z = 0", 2, 0),
+        ("z = max", 2, last[2]),
+    ];
+    let mut found = Vec::new();
+    for (name, axis, at) in sides {
+        let is_there = |cell: voxels::Cell| [cell.x, cell.y, cell.z][axis] == at;
+        let mut cells =
+            terrain.iter().filter(|&(cell, &here)| here == Terrain::Free && is_there(cell)).map(|(cell, _)| cell);
+        if let Some(first) = cells.next() {
+            found.push(format!("{} at {name} (first at {})", 1 + cells.count(), place(extent, first)));
+        }
+    }
+    report.line("leaks", format_args!("{open} free cells in the outermost layer: {}", found.join(", ")))?;
+    advice.push(
+        "a run closes the outermost layer; map.import.margin_cells keeps free space of a mesh or cloud".to_owned(),
+    );
+    Ok(())
+}
+
+/// The connected parts of free space, the largest first.
+fn parts(
+    report: &mut Report<'_>,
+    components: &Components,
+    extent: Extent,
+    advice: &mut Vec<String>,
+) -> Result<(), MapCliError> {
+    let mut order: Vec<usize> = (0..components.sizes.len()).collect();
+    order.sort_by_key(|&part| std::cmp::Reverse(components.sizes[part]));
+    let all: usize = components.sizes.iter().sum();
+    let shown: Vec<String> = order
+        .iter()
+        .take(SHOWN)
+        .map(|&part| {
+            let first = components.labels.as_slice().iter().position(|&label| label == part as u32).unwrap_or_default();
+            let share = 100.0 * components.sizes[part] as f64 / all as f64;
+            format!("{share:.1} % from {} on", place(extent, extent.cell_at(first)))
+        })
+        .collect();
+    report.line("parts", format_args!("{}: {}", order.len(), shown.join(", ")))?;
+    let largest = order.first().map_or(0, |&part| components.sizes[part]);
+    if (largest as f64) < ENOUGH * all as f64 {
+        advice
+            .push("a run keeps the largest part of free space only; map.import.free_from keeps another one".to_owned());
+    }
+    Ok(())
+}
+
+/// The narrowest passages.
+fn narrow(report: &mut Report<'_>, passages: &[Passage], extent: Extent) -> Result<(), MapCliError> {
+    if passages.is_empty() {
+        return report.line("narrowest", "none: one part of free space without narrow passages");
+    }
+    for passage in passages.iter().take(SHOWN) {
+        let at_most_m = in_millimetres(passage.radius_cells * extent.cell_m());
+        let text = format!(
+            "for bodies of radius {at_most_m} m and less at {}, with {} free cells behind it",
+            place(extent, passage.cell),
+            passage.cells_behind
+        );
+        report.line("narrowest", text)?;
+    }
+    Ok(())
+}
+
+/// Whether the team finds starts.
+fn starts(
+    report: &mut Report<'_>,
+    terrain: &Grid<Terrain>,
+    args: &CheckArgs,
+    advice: &mut Vec<String>,
+) -> Result<(), MapCliError> {
+    let radii_m = vec![args.radius_m; args.agents as usize];
+    let site = Site { terrain, entrances: &[], seed: SEED };
+    let scattered = SpawnSpec::Scattered { min_distance_m: 0.0, seed: None, yaw_rad: 0.0 };
+    let nearest = SpawnSpec::NearestOrigin { yaw_rad: 0.0 };
+    for (name, spawn) in [("nearest_origin", nearest), ("scattered", scattered)] {
+        match spawn.poses(&site, &radii_m) {
+            Ok(_) => report.line("starts", format_args!("spawn.kind = {name:?}: {} agents fit", args.agents))?,
+            Err(error) => {
+                report.line("starts", format_args!("spawn.kind = {name:?}: {error}"))?;
+                if name == "scattered" {
+                    advice.push("fewer agents (agents.count) or smaller ones (body.radius_m) find starts".to_owned());
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The centre of a cell, metres.
+fn place(extent: Extent, cell: voxels::Cell) -> String {
+    let centre = extent.centre(cell);
+    format!("({:.2}, {:.2}, {:.2}) m", centre.x, centre.y, centre.z)
+}

@@ -1,0 +1,114 @@
+//! Errors of the map commands.
+
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+use voxels::ExtentError;
+
+use mapgen::{FormatError, MapError};
+
+/// Why a map command failed; always one line.
+#[derive(Debug, Error)]
+pub(crate) enum MapCliError {
+    /// A file cannot be read.
+    #[error("{}: cannot be read: {reason}", .file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// The system's reason.
+        reason: io::Error,
+    },
+    /// A file cannot be written; it is as it was before.
+    #[error("{}: cannot be written: {reason}", .file.display())]
+    Write {
+        /// The file.
+        file: PathBuf,
+        /// The system's reason.
+        reason: io::Error,
+    },
+    /// A file's name or content does not fit a map format.
+    #[error("{}: {reason}", .file.display())]
+    Format {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong, and where.
+        reason: FormatError,
+    },
+    /// The size or the cell length is not usable.
+    #[error(transparent)]
+    Extent(#[from] ExtentError),
+    /// No map can be made from the options or the file.
+    #[error(transparent)]
+    Map(#[from] MapError),
+    /// An option that the chosen kind of map does not have.
+    #[error("--{option} is not an option of --kind {kind}, which has {has}")]
+    NotForKind {
+        /// The option's name.
+        option: &'static str,
+        /// The kind's name.
+        kind: &'static str,
+        /// Its options.
+        has: &'static str,
+    },
+    /// A parameter that the chosen kind of map does not have, or of another type.
+    #[error("--set {assignment}: {reason}")]
+    Set {
+        /// What was asked for.
+        assignment: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A slice outside the map.
+    #[error("{}: --slice {axis}={at} is outside the map, {axis} goes from 0 to {last}", .file.display())]
+    Slice {
+        /// The file.
+        file: PathBuf,
+        /// `x`, `y` or `z`.
+        axis: char,
+        /// The layer that was asked for.
+        at: u32,
+        /// The last layer of the map.
+        last: u32,
+    },
+    /// A radius that no body can have, or for which distances are not known.
+    #[error("--radius-m {radius_m}: allowed is above 0 to {most_m} m, eight cells")]
+    Radius {
+        /// The requested radius, metres.
+        radius_m: f64,
+        /// The largest one, metres.
+        most_m: f64,
+    },
+    /// An option for another format of the output.
+    #[error("{}: {option} is an option for {format} files", .file.display())]
+    NotForOutput {
+        /// The file to write.
+        file: PathBuf,
+        /// The option.
+        option: &'static str,
+        /// The extension that has it.
+        format: &'static str,
+    },
+    /// One picture for several maps.
+    #[error("--png {}: a picture is of one map, there are {count}", .file.display())]
+    OnePicture {
+        /// The picture.
+        file: PathBuf,
+        /// Number of maps.
+        count: usize,
+    },
+    /// A picture cannot be packed.
+    #[error("--png {}: {reason}", .file.display())]
+    Picture {
+        /// The picture.
+        file: PathBuf,
+        /// What is wrong.
+        reason: png::EncodingError,
+    },
+    /// The operating system gives no random numbers.
+    #[error("no seed can be drawn ({0}); give one with --seed")]
+    Seed(getrandom::Error),
+    /// The report cannot be printed.
+    #[error("stdout: {0}")]
+    Print(#[from] io::Error),
+}

@@ -1,0 +1,112 @@
+//! Files that the map commands write.
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::Path;
+
+use clap::Args;
+use voxels::{Grid, Terrain, m3dm};
+
+use mapgen::MapFormat;
+use mapgen::export::floor_plan;
+
+use super::MapCliError;
+
+/// How a map is written.
+#[derive(Debug, Clone, Copy, PartialEq, Args)]
+pub(crate) struct Encoding {
+    /// Write packed M3DM, which is smaller, even where a plain one would do: up to 127 cells along an
+    /// axis, of 1 m.
+    #[arg(long)]
+    pub(crate) rle: bool,
+    /// Write plain M3DM, the format of MAES3D, which holds no length of cells: whoever reads the file
+    /// has to give it.
+    #[arg(long, conflicts_with = "rle")]
+    pub(crate) plain: bool,
+    /// Place of the lowest corner of a .yaml in metres, and its turn in radians [default: that of the
+    /// map that is read, or 0,0,0].
+    #[arg(long, value_name = "X,Y,YAW", value_parser = parse_origin, allow_hyphen_values = true)]
+    pub(crate) origin: Option<[f64; 3]>,
+}
+
+/// A file to write, checked before there is a map.
+pub(super) struct Output<'a> {
+    file: &'a Path,
+    format: MapFormat,
+    encoding: Encoding,
+}
+
+impl<'a> Output<'a> {
+    pub(super) fn new(file: &'a Path, encoding: Encoding) -> Result<Self, MapCliError> {
+        let in_output = |reason| MapCliError::Format { file: file.to_path_buf(), reason };
+        let format = MapFormat::of(file).map_err(in_output)?;
+        format.check().map_err(in_output)?;
+        for (option, is_given, of) in [
+            ("--rle", encoding.rle, MapFormat::M3dm),
+            ("--plain", encoding.plain, MapFormat::M3dm),
+            ("--origin", encoding.origin.is_some(), MapFormat::Yaml),
+        ] {
+            if is_given && format != of {
+                return Err(MapCliError::NotForOutput { file: file.to_path_buf(), option, format: of.extension() });
+            }
+        }
+        Ok(Self { file, format, encoding })
+    }
+
+    /// Writes the map, whose lowest corner has this place and turn in the file that it comes from;
+    /// returns what to say about the file.
+    pub(super) fn write(
+        &self,
+        terrain: &Grid<Terrain>,
+        origin: [f64; 3],
+    ) -> Result<Vec<(&'static str, String)>, MapCliError> {
+        let in_output = |reason| MapCliError::Format { file: self.file.to_path_buf(), reason };
+        let cell_m = terrain.extent().cell_m();
+        if self.format == MapFormat::Yaml {
+            let [x, y, yaw] = self.encoding.origin.unwrap_or(origin);
+            let image = self.file.with_extension("pgm");
+            let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let plan = floor_plan(terrain, &name, [x, y, yaw]);
+            write_file(&image, &plan.image)?;
+            write_file(self.file, &plan.yaml)?;
+            let layer =
+                format!("layer z = {} in {name}, with its origin at ({x}, {y}) m, turned by {yaw} rad", plan.layer);
+            return Ok(vec![("image", layer)]);
+        }
+        if self.encoding.plain {
+            let bytes = m3dm::write(terrain).map_err(|error| in_output(error.into()))?;
+            write_file(self.file, &bytes)?;
+            let lost = format!("the file does not hold the length of cells: read it with --cell-m {cell_m}");
+            return Ok(if cell_m == 1.0 { Vec::new() } else { vec![("plain", lost)] });
+        }
+        write_file(self.file, &self.format.write(terrain, self.encoding.rle).map_err(in_output)?)?;
+        Ok(Vec::new())
+    }
+}
+
+/// Three numbers: x and y in metres, and a turn in radians.
+fn parse_origin(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
+    let numbers = numbers.try_into().ok().filter(|numbers: &[f64; 3]| numbers.iter().all(|number| number.is_finite()));
+    numbers.ok_or_else(|| "an origin is three numbers, as in -10,-5.5,0".to_owned())
+}
+
+/// Writes a file under a temporary name beside it and then renames it, so that there is never half
+/// a file.
+pub(super) fn write_file(file: &Path, bytes: &[u8]) -> Result<(), MapCliError> {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(file.file_name().unwrap_or_default());
+    name.push(format!(".{}.tmp", std::process::id()));
+    let temporary = file.with_file_name(name);
+    let write = || {
+        let mut handle = File::create_new(&temporary)?;
+        let written = handle.write_all(bytes).and_then(|()| handle.sync_all());
+        let moved = written.and_then(|()| fs::rename(&temporary, file));
+        if moved.is_err() {
+            // What matters to the user is why the file could not be written.
+            let _ = fs::remove_file(&temporary);
+        }
+        moved
+    };
+    write().map_err(|reason| MapCliError::Write { file: file.to_path_buf(), reason })
+}

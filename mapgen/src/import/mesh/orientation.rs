@@ -1,0 +1,276 @@
+//! Orientation of triangles, and openings of a mesh.
+//!
+//! Winding numbers need triangles that face outwards together. Two triangles that share an edge
+//! should pass it in opposite directions; where they do not, the smaller part is turned. A closed
+//! part whose triangles face the other way than those of most of the mesh is turned as well, unless
+//! it lies inside the rest: then it is a cavity, or a pillar of a cave.
+//!
+//! Corners at the same place are one corner. An edge that is passed more often in one direction is
+//! open; open edges that only meet other triangles within a side enclose nothing and are left out.
+
+use super::super::FormatError;
+use super::winding::{TRIANGLE_STEPS, Winding, solid_angle};
+use super::{Triangle, Work};
+
+/// Corners of a part at which it is decided whether it lies inside the rest.
+const SAMPLES: usize = 16;
+
+/// Area of an opening divided by the square of its length below which it encloses nothing.
+const FLAT: f64 = 1e-6;
+
+/// A hole in a mesh, in the coordinates of its triangles.
+pub(super) struct Opening {
+    /// Its middle.
+    pub(super) centre: [f64; 3],
+    /// The area that it leaves open, at least.
+    pub(super) area: f64,
+}
+
+/// What was found in a mesh.
+pub(super) struct Orientation {
+    /// Number of triangles that were turned.
+    pub(super) turned: usize,
+    /// Parts that share no corner.
+    pub(super) parts: usize,
+    /// Openings, the largest first.
+    pub(super) openings: Vec<Opening>,
+}
+
+/// Turns triangles so that they face outwards together.
+///
+/// # Errors
+/// If no work is left.
+pub(super) fn orient(triangles: &mut [Triangle], work: &mut Work) -> Result<Orientation, FormatError> {
+    let corners = corners(triangles);
+    let mut turned = vec![false; triangles.len()];
+    turn_neighbours(triangles, &edges(&corners), &mut turned);
+    for (triangle, _) in triangles.iter_mut().zip(&turned).filter(|(_, is_turned)| **is_turned) {
+        triangle.swap(1, 2);
+    }
+    let parts = parts(&corners);
+    turn_parts(triangles, &parts, &mut turned, work)?;
+    let openings = openings(triangles);
+    Ok(Orientation { turned: turned.iter().filter(|&&is_turned| is_turned).count(), parts: parts.len(), openings })
+}
+
+/// The number of the place of each corner, by triangle.
+fn corners(triangles: &[Triangle]) -> Vec<[u32; 3]> {
+    let place = |corner: u32| triangles[corner as usize / 3][corner as usize % 3];
+    let key = |corner: u32| place(corner).map(|along| (along + 0.0).to_bits());
+    let mut order: Vec<u32> = (0..3 * triangles.len() as u32).collect();
+    order.sort_unstable_by_key(|&corner| (key(corner), corner));
+    let mut numbers = vec![[0; 3]; triangles.len()];
+    let mut first = 0;
+    for (at, &corner) in order.iter().enumerate() {
+        if key(order[first]) != key(corner) {
+            first = at;
+        }
+        numbers[corner as usize / 3][corner as usize % 3] = order[first];
+    }
+    numbers
+}
+
+/// An edge of a triangle: its two corners, the lower first, the triangle, and whether it is passed
+/// from the lower to the higher one.
+type Edge = (u32, u32, u32, bool);
+
+/// All edges in order.
+fn edges(corners: &[[u32; 3]]) -> Vec<Edge> {
+    let mut edges: Vec<Edge> = Vec::with_capacity(3 * corners.len());
+    for (triangle, corners) in corners.iter().enumerate() {
+        for [from, to] in [[0, 1], [1, 2], [2, 0]].map(|edge| edge.map(|corner| corners[corner])) {
+            edges.push((from.min(to), from.max(to), triangle as u32, from < to));
+        }
+    }
+    edges.sort_unstable();
+    edges
+}
+
+/// Turns triangles until neighbours pass their common edge in opposite directions: in each connected
+/// part those with the smaller area. A part without an outside, as a Moebius strip, stays.
+fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], turned: &mut [bool]) {
+    let pairs =
+        || edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).filter(|edge| edge.len() == 2 && edge[0].2 != edge[1].2);
+    if pairs().all(|edge| edge[0].3 != edge[1].3) {
+        return;
+    }
+    let mut neighbours: Vec<(u32, u32, bool)> = pairs()
+        .flat_map(|edge| {
+            let differ = edge[0].3 == edge[1].3;
+            [(edge[0].2, edge[1].2, differ), (edge[1].2, edge[0].2, differ)]
+        })
+        .collect();
+    neighbours.sort_unstable();
+    let of = |triangle: u32| {
+        let first = neighbours.partition_point(|&(from, ..)| from < triangle);
+        neighbours[first..].iter().take_while(move |&&(from, ..)| from == triangle)
+    };
+    let mut known = vec![false; triangles.len()];
+    for first in 0..triangles.len() as u32 {
+        if known[first as usize] {
+            continue;
+        }
+        known[first as usize] = true;
+        let mut part = vec![first];
+        let mut at = 0;
+        let mut has_sides = true;
+        while at < part.len() {
+            let here = part[at];
+            at += 1;
+            for &(_, next, differ) in of(here) {
+                let side = turned[here as usize] ^ differ;
+                if !known[next as usize] {
+                    known[next as usize] = true;
+                    turned[next as usize] = side;
+                    part.push(next);
+                } else if turned[next as usize] != side {
+                    has_sides = false;
+                }
+            }
+        }
+        let area = |is_turned: bool| {
+            let of = part.iter().filter(|&&triangle| turned[triangle as usize] == is_turned);
+            of.map(|&triangle| super::area(&triangles[triangle as usize])).sum::<f64>()
+        };
+        let swap = area(true) > area(false);
+        for &triangle in &part {
+            turned[triangle as usize] = has_sides && (turned[triangle as usize] ^ swap);
+        }
+    }
+}
+
+/// The triangles of each part that shares no corner with the others.
+fn parts(corners: &[[u32; 3]]) -> Vec<Vec<u32>> {
+    let mut sets = Sets::new(3 * corners.len());
+    for corners in corners {
+        sets.join(corners[0], corners[1]);
+        sets.join(corners[0], corners[2]);
+    }
+    let mut by_part: Vec<(u32, u32)> =
+        corners.iter().enumerate().map(|(triangle, corners)| (sets.root(corners[0]), triangle as u32)).collect();
+    by_part.sort_unstable();
+    by_part.chunk_by(|a, b| a.0 == b.0).map(|part| part.iter().map(|&(_, triangle)| triangle).collect()).collect()
+}
+
+/// Turns parts that face the other way than most of the mesh and do not lie inside the rest of it.
+fn turn_parts(
+    triangles: &mut [Triangle],
+    parts: &[Vec<u32>],
+    turned: &mut [bool],
+    work: &mut Work,
+) -> Result<(), FormatError> {
+    let volumes: Vec<f64> = parts.iter().map(|part| volume(triangles, part)).collect();
+    let total: f64 = volumes.iter().sum();
+    // Of two mirror images one has to be the first.
+    let total = if total < 0.0 { -1.0 } else { 1.0 };
+    let others: Vec<&Vec<u32>> =
+        parts.iter().zip(&volumes).filter(|&(_, &volume)| volume * total < 0.0).map(|(part, _)| part).collect();
+    if others.is_empty() {
+        return Ok(());
+    }
+    let mut to_turn: Vec<u32> = Vec::new();
+    let winding = Winding::new(triangles);
+    for part in others {
+        let step = part.len().div_ceil(SAMPLES);
+        let mut is_nested = true;
+        for &triangle in part.iter().step_by(step) {
+            let point = triangles[triangle as usize][0];
+            work.spend(TRIANGLE_STEPS * part.len())?;
+            let own: f64 = part.iter().map(|&triangle| solid_angle(&triangles[triangle as usize], point)).sum();
+            let rest = winding.at(point, work)? - own / (4.0 * std::f64::consts::PI);
+            is_nested &= rest.abs() >= 0.5;
+        }
+        if !is_nested {
+            to_turn.extend(part);
+        }
+    }
+    for triangle in to_turn {
+        triangles[triangle as usize].swap(1, 2);
+        turned[triangle as usize] ^= true;
+    }
+    Ok(())
+}
+
+/// Six times the signed volume of a part, positive if it faces outwards.
+fn volume(triangles: &[Triangle], part: &[u32]) -> f64 {
+    let origin = triangles[part[0] as usize][0];
+    let to = |corner: [f64; 3]| [0, 1, 2].map(|axis| corner[axis] - origin[axis]);
+    part.iter()
+        .map(|&triangle| {
+            let [a, b, c] = triangles[triangle as usize].map(to);
+            let normal = cross(b, c);
+            a[0] * normal[0] + a[1] * normal[1] + a[2] * normal[2]
+        })
+        .sum()
+}
+
+/// The openings that enclose an area.
+fn openings(triangles: &[Triangle]) -> Vec<Opening> {
+    let corners = corners(triangles);
+    let edges = edges(&corners);
+    let place = |corner: u32| triangles[corner as usize / 3][corner as usize % 3];
+    // Edges with the passages that nothing balances. Two triangles close an edge, whichever way they
+    // face: of a part without an outside they face the same way.
+    let open: Vec<(u32, u32, i64)> = edges
+        .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+        .filter(|edge| edge.len() != 2 && edge.iter().filter(|passage| passage.3).count() * 2 != edge.len())
+        .map(|edge| (edge[0].0, edge[0].1, edge.iter().map(|passage| if passage.3 { 1 } else { -1 }).sum()))
+        .collect();
+    let mut sets = Sets::new(3 * corners.len());
+    open.iter().for_each(|&(from, to, _)| sets.join(from, to));
+    let mut by_set: Vec<(u32, usize)> =
+        open.iter().enumerate().map(|(index, edge)| (sets.root(edge.0), index)).collect();
+    by_set.sort_unstable();
+    let mut openings: Vec<Opening> = by_set
+        .chunk_by(|a, b| a.0 == b.0)
+        .filter_map(|edges| {
+            let origin = place(open[edges[0].1].0);
+            let (mut area, mut centre, mut length) = ([0.0; 3], [0.0; 3], 0.0);
+            for &(from, to, passages) in edges.iter().map(|&(_, index)| &open[index]) {
+                let [a, b] = [from, to].map(place);
+                let [from, to] = [a, b].map(|corner| [0, 1, 2].map(|axis| corner[axis] - origin[axis]));
+                let part = cross(from, to).map(|along| along * passages as f64 / 2.0);
+                let edge = libm::sqrt((0..3).map(|axis| (b[axis] - a[axis]) * (b[axis] - a[axis])).sum());
+                length += edge;
+                for axis in 0..3 {
+                    area[axis] += part[axis];
+                    centre[axis] += edge * (a[axis] + b[axis]) / 2.0;
+                }
+            }
+            let area = libm::sqrt(area.iter().map(|along| along * along).sum());
+            let is_open = area > FLAT * length * length && length > 0.0;
+            is_open.then(|| Opening { centre: centre.map(|along| along / length), area })
+        })
+        .collect();
+    openings.sort_by(|a, b| b.area.total_cmp(&a.area));
+    openings
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// Disjoint sets of numbers.
+struct Sets(Vec<u32>);
+
+impl Sets {
+    fn new(count: usize) -> Self {
+        Self((0..count as u32).collect())
+    }
+
+    /// The lowest number of the set.
+    fn root(&mut self, of: u32) -> u32 {
+        let mut at = of;
+        while self.0[at as usize] != at {
+            let above = self.0[self.0[at as usize] as usize];
+            self.0[at as usize] = above;
+            at = above;
+        }
+        at
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}

@@ -1,0 +1,154 @@
+//! Grey pictures of floor plans: PGM (P2 in text and P5 in bytes) and PNG.
+
+use std::io::Cursor;
+
+use super::FormatError;
+use super::bytes::{shown, words};
+
+/// The largest maximum grey value of PGM.
+const MAXIMUM: u32 = 65535;
+
+/// Longest side of a picture, pixels: eight pixels for each cell of a map.
+const SIDE_MAX: u32 = 8 * 1024;
+
+/// Memory for what a PNG file has beside its pixels, bytes.
+const PNG_BYTES_MAX: usize = 1 << 26;
+
+/// A picture; its first row is the upper one.
+pub(super) struct Picture {
+    /// Pixels along a row.
+    pub(super) width: u32,
+    /// Rows.
+    pub(super) height: u32,
+    /// The largest brightness.
+    pub(super) maximum: u32,
+    /// Brightness by pixel, row by row; `None` where it is transparent.
+    pub(super) pixels: Vec<Option<u32>>,
+}
+
+impl Picture {
+    /// A PNG file if it begins as one, else a PGM file. `check` refuses a size before there are
+    /// pixels.
+    ///
+    /// # Errors
+    /// If the file is malformed.
+    pub(super) fn read(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Result<Self, FormatError> {
+        let check = |size: [u32; 2]| match size.into_iter().find(|side| !(1..=SIDE_MAX).contains(side)) {
+            Some(side) => {
+                Err(FormatError::byte(0, format!("a side of the picture is {side}, allowed is 1 to {SIDE_MAX}")))
+            }
+            None => check(size),
+        };
+        if bytes.starts_with(b"\x89PNG") { png(bytes, check) } else { pgm(bytes, check) }
+    }
+}
+
+fn png(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Result<Picture, FormatError> {
+    let fault = |error: png::DecodingError| {
+        FormatError::byte(0, format!("the PNG file is damaged: {}", error.to_string().escape_debug()))
+    };
+    let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: PNG_BYTES_MAX });
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
+    let mut reader = decoder.read_info().map_err(fault)?;
+    let (width, height) = reader.info().size();
+    check([width, height])?;
+    let length = reader.output_buffer_size().ok_or(FormatError::Memory(width as usize * height as usize))?;
+    let mut data = vec![0; length];
+    let info = reader.next_frame(&mut data).map_err(fault)?;
+    let channels = info.color_type.samples();
+    let pixel = |samples: &[u8]| {
+        let (colours, alpha) = match channels {
+            2 | 4 => samples.split_at(channels - 1),
+            _ => (samples, [255].as_slice()),
+        };
+        let sum: u32 = colours.iter().map(|&colour| u32::from(colour)).sum();
+        (alpha[0] >= 128).then_some(sum / colours.len() as u32)
+    };
+    let pixels = data[..info.buffer_size()].chunks_exact(channels).map(pixel).collect();
+    Ok(Picture { width, height, maximum: 255, pixels })
+}
+
+fn pgm(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Result<Picture, FormatError> {
+    let mut tokens = Tokens { bytes, at: 0 };
+    let is_text = match tokens.next("P2 or P5")? {
+        (_, b"P2") => true,
+        (_, b"P5") => false,
+        (at, word) => {
+            return Err(FormatError::byte(at, format!("the file begins with {}, expected P2 or P5", shown(word))));
+        }
+    };
+    let (width, height) = (tokens.number("the width", u32::MAX)?, tokens.number("the height", u32::MAX)?);
+    let maximum = tokens.number("the largest brightness", MAXIMUM)?;
+    if maximum == 0 {
+        return Err(FormatError::byte(tokens.at, format!("the largest brightness is 0, allowed is 1 to {MAXIMUM}")));
+    }
+    check([width, height])?;
+    let pixels = width as usize * height as usize;
+    let pixels = if is_text {
+        // A number and its separator.
+        let room = (bytes.len() - tokens.at).div_ceil(2);
+        if room < pixels {
+            return Err(FormatError::byte(bytes.len(), format!("the file ends here, {pixels} pixels do not fit in")));
+        }
+        (0..pixels).map(|_| tokens.number("a pixel", maximum).map(Some)).collect::<Result<Vec<_>, _>>()?
+    } else {
+        raster(bytes, tokens.at + 1, pixels, maximum)?
+    };
+    Ok(Picture { width, height, maximum, pixels })
+}
+
+/// The pixels of a binary file, of one byte or, beyond 255, two.
+fn raster(bytes: &[u8], start: usize, pixels: usize, maximum: u32) -> Result<Vec<Option<u32>>, FormatError> {
+    let width = if maximum > 255 { 2 } else { 1 };
+    let expected = start + pixels * width;
+    let Some(data) = bytes.get(start..expected) else {
+        return Err(FormatError::byte(bytes.len(), format!("the file ends here, expected length {expected} bytes")));
+    };
+    let pixel = |bytes: &[u8]| bytes.iter().fold(0, |pixel, &byte| pixel << 8 | u32::from(byte));
+    let brightness: Vec<u32> = data.chunks_exact(width).map(pixel).collect();
+    match brightness.iter().position(|&pixel| pixel > maximum) {
+        Some(place) => {
+            let reason = format!("a pixel is {}, allowed is 0 to {maximum}", brightness[place]);
+            Err(FormatError::byte(start + place * width, reason))
+        }
+        None => Ok(brightness.into_iter().map(Some).collect()),
+    }
+}
+
+/// The words of the header and of ascii data, without comments.
+struct Tokens<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Tokens<'a> {
+    /// The next word and its position.
+    fn next(&mut self, what: &str) -> Result<(usize, &'a [u8]), FormatError> {
+        loop {
+            let rest = &self.bytes[self.at..];
+            self.at += rest.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
+            let rest = &self.bytes[self.at..];
+            if rest.first() == Some(&b'#') {
+                self.at += rest.iter().take_while(|&&byte| byte != b'\n').count();
+                continue;
+            }
+            let end = rest.iter().position(|byte| byte.is_ascii_whitespace()).unwrap_or(rest.len());
+            let Some(word) = words(&rest[..end]).next() else {
+                return Err(FormatError::byte(self.at, format!("the file ends here, before {what}")));
+            };
+            let at = self.at;
+            self.at += end;
+            return Ok((at, word));
+        }
+    }
+
+    /// The next word as a number.
+    fn number(&mut self, what: &str, largest: u32) -> Result<u32, FormatError> {
+        let (at, word) = self.next(what)?;
+        let number = str::from_utf8(word).ok().and_then(|word| word.parse().ok());
+        number.filter(|&number| number <= largest).ok_or_else(|| {
+            FormatError::byte(at, format!("{what} is {}, allowed is a number up to {largest}", shown(word)))
+        })
+    }
+}
