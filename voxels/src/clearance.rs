@@ -80,10 +80,13 @@ impl Clearance {
     /// The terrain for the centre of a body: cells where it does not fit are wall.
     #[must_use]
     pub fn room(&self, radius_cells: f64) -> Grid<Terrain> {
-        let is_free = |&square: &u16| square > 0 && radius_of(square) >= radius_cells;
-        let cells = self.squares.as_slice().iter();
-        let cells = cells.map(|square| if is_free(square) { Terrain::Free } else { Terrain::Wall }).collect();
-        Grid::from_vec(self.squares.extent(), cells).unwrap_or_else(|_| unreachable!("there is a value for each cell"))
+        let mut room = Grid::new(self.squares.extent(), Terrain::Wall);
+        for (cell, &square) in room.as_mut_slice().iter_mut().zip(self.squares.as_slice()) {
+            if square > 0 && radius_of(square) >= radius_cells {
+                *cell = Terrain::Free;
+            }
+        }
+        room
     }
 
     /// The passages to parts of at least `part` free cells, the narrowest first: where, as a body

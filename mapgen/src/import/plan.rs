@@ -155,7 +155,8 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
         count(Ground::Free),
         count(Ground::Unknown)
     );
-    let notes = vec![Note::new("pixels", text), Note::new("height", format!("{height} cells from floor to ceiling"))];
+    let notes =
+        vec![Note::new("pixels", text), Note::new("height", format!("{height} cells from floor to ceiling"))];
     let plan = Plan { extent: extent([picture.width, picture.height])?, width: picture.width, pixels_per_cell, ground };
     let closed = plan.extent;
     let mut imported = plan.map(spec, unknown, notes)?;
@@ -258,7 +259,7 @@ fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
     }
     let origin = origin.ok_or(FormatError::Nothing("key origin"))?;
     let count = origin.len();
-    let origin = origin.try_into().map_err(|_| FormatError::Entry {
+    let origin: [f64; 3] = origin.try_into().map_err(|_| FormatError::Entry {
         place: "origin".to_owned(),
         reason: format!("{count} numbers, expected [x, y, yaw]"),
     })?;
