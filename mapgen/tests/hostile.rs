@@ -4,6 +4,8 @@
 //! Seeded mutants of real files, and files made by hand whose few bytes ask for a lot. Time is bounded
 //! by the steps that a reader counts, so nothing here depends on a clock.
 
+#![expect(clippy::unwrap_used, reason = "a panic is what this looks for")]
+
 use std::path::Path;
 
 use mapgen::{Fill, ImportOptions, ImportSpec, MapError, MapFormat};

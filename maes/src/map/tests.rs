@@ -314,10 +314,7 @@ fn check_says_what_a_body_can_do() {
     let report = scratch.map("check @rooms.txt --radius-m 0.2 --agents 2").unwrap();
     assert_eq!(value(&report, "reachable"), "100.0 % of the free cells, from the largest part with room");
     assert_eq!(value(&report, "leaks"), "none: the shell is closed");
-    assert!(
-        value(&report, "narrowest").starts_with("for bodies of radius 0.25 m and less at ("),
-        "{report}"
-    );
+    assert!(value(&report, "narrowest").starts_with("for bodies of radius 0.25 m and less at ("), "{report}");
     assert_eq!(value(&report, "advice"), "none: the map is sound for these bodies");
     let report = scratch.map("check @rooms.txt --radius-m 0.4 --agents 200").unwrap();
     assert_eq!(value(&report, "advice"), "body.radius_m = 0.25 reaches 100.0 %");

@@ -155,8 +155,7 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
         count(Ground::Free),
         count(Ground::Unknown)
     );
-    let mut notes =
-        vec![Note::new("pixels", text), Note::new("height", format!("{height} cells from floor to ceiling"))];
+    let notes = vec![Note::new("pixels", text), Note::new("height", format!("{height} cells from floor to ceiling"))];
     let plan = Plan { extent: extent([picture.width, picture.height])?, width: picture.width, pixels_per_cell, ground };
     let closed = plan.extent;
     let mut imported = plan.map(spec, unknown, notes)?;
