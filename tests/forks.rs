@@ -92,7 +92,7 @@ fn forks_share_the_past_and_verify() {
         "--duration",
         "45",
     ];
-    run(&site, "fork.mcap", &[&["--transport", "memory"], change].concat()).with_code(0);
+    run(&site, "fork.mcap", &[&["--transport", "memory"][..], change].concat()).with_code(0);
     run(&site, "ros.mcap", change).with_code(0);
     assert_same_bytes(&site, "fork.mcap", "ros.mcap");
     assert_verifies(&site, "fork.mcap");
@@ -168,17 +168,17 @@ fn events_happen_when_they_are_to() {
         .map(|seen| seen.tick)
         .collect();
     assert_eq!(told, [1000], "the controller takes over at 20 s");
-    let stopped =
+    let mut stopped =
         of(0, topics::command).into_iter().map(|message| cdr::decode::<Command>(&message.data).expect("it is one"));
-    assert!(stopped.into_iter().any(|command| command.tick == 1000), "every agent decides at once");
+    assert!(stopped.any(|command| command.tick == 1000), "every agent decides at once");
 }
 
 #[test]
 fn forks_that_cannot_be_are_refused() {
     let site = Site::new();
-    record(&site, "parent.mcap", &["--duration", "10"]);
+    record(&site, "parent.mcap", &["--set", "duration_s=10.0"]);
     let refused = |flags: &[&str]| {
-        let ended = run(&site, "fork.mcap", &[&["--transport", "memory", "--fork", "parent.mcap"], flags].concat());
+        let ended = run(&site, "fork.mcap", &[&["--transport", "memory", "--fork", "parent.mcap"][..], flags].concat());
         assert_eq!(ended.code, Some(2), "{ended}");
         assert!(!site.path("fork.mcap").exists(), "{ended}");
         ended.stderr
