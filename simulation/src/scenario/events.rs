@@ -128,6 +128,7 @@ pub fn changeable(key: &str) -> Result<(), String> {
     let reasons = [
         (&["seed", "map"][..], "the map and every random number of the past follow from it"),
         (&["agents.count", "agents.cmd_vel", "spawn"][..], "the team is the one of the past"),
+        (&["agents.command", "agents.command_ids", "agents.command_signs"][..], "programs run for all of a run"),
         (&["body", "bodies"][..], "the bodies have moved with it"),
         (&["lidar", "sensor"][..], "what the agents know was measured with it"),
         (&["communication.relays.per_agent"][..], "the agents have carried their relays from the start"),
