@@ -6,7 +6,7 @@
 //! the two. Rays are fixed in the frame `map` and do not turn with the body
 //! (docs/reference-model.md, "LiDAR"); the heading only selects which of them are used if the field
 //! of view is limited. Scans are exact, except for those of `noisy`. Bodies do not occlude what is
-//! behind them.
+//! behind them. `reach` says which rays find nothing new and need not be cast.
 //!
 //! Invariants: a scan changes only the seen marks of its memory, and these are the same on every
 //! processor. When scans are due is decided in [`super::World::look`].
@@ -14,6 +14,7 @@
 mod cast;
 mod noisy;
 mod pattern;
+mod reach;
 
 use std::f64::consts::TAU;
 use std::fmt;
@@ -26,6 +27,7 @@ use super::body::Pose;
 use cast::{FREE, Field, Found, Kernel, OUTSIDE, Start, WALL};
 pub use noisy::NoisyScan;
 use pattern::Bundle;
+use reach::{Frontier, Reach, Unseen};
 
 /// The directions of the rays of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,6 +58,8 @@ pub enum Pattern {
 pub struct Scanner {
     pattern: Pattern,
     bundles: Vec<Bundle>,
+    /// Says which bundles need not be cast; `None` if all are.
+    reach: Option<Arc<Reach>>,
     rays: u32,
     range_m: f64,
     /// Cosine of half the field of view, or `None` if that is all directions.
@@ -82,10 +86,13 @@ impl Scanner {
     /// of a cone about the heading, in radians; from 2 pi on all rays are used.
     pub fn new(pattern: Pattern, range_m: f64, fov_rad: f64) -> Self {
         let directions = pattern.directions();
+        let rays = directions.len() as u32;
+        let bundles = Bundle::pack(directions);
         Self {
             pattern,
-            rays: directions.len() as u32,
-            bundles: Bundle::pack(directions),
+            rays,
+            reach: Reach::of_many(pattern, rays, &bundles),
+            bundles,
             range_m,
             cone_cos: (fov_rad < TAU).then(|| libm::cos(fov_rad / 2.0)),
         }
@@ -114,7 +121,18 @@ impl Scanner {
         let mut found = Found { free: new_free, wall: new_wall };
         let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
         found.mark(&mut field, start.slot());
-        Kernel::best().scan(&mut field, &start, &self.bundles, &mut found);
+        let kernel = Kernel::best();
+        if let Some(reach) = &self.reach {
+            let range_cells = self.unit_range_cells(memory.extent);
+            for open in reach.open_bundles(&start, range_cells, field.seen, &mut memory.unseen) {
+                kernel.scan(&mut field, &start, &self.bundles[open], &mut found);
+            }
+        } else {
+            kernel.scan(&mut field, &start, &self.bundles, &mut found);
+        }
+        for &slot in &new_free[first[0]..] {
+            memory.unseen.note_free(slot as usize);
+        }
         for slot in new_free[first[0]..].iter_mut().chain(&mut new_wall[first[1]..]) {
             *slot = memory.index_of(*slot);
         }
@@ -172,6 +190,15 @@ impl Scanner {
         hits
     }
 
+    /// The range of rays whose direction has length 1, in cells; infinite if they have other
+    /// lengths.
+    fn unit_range_cells(&self, extent: Extent) -> f64 {
+        match self.pattern {
+            Pattern::Lattice { .. } => self.range_m / extent.cell_m(),
+            Pattern::Shell { .. } => f64::INFINITY,
+        }
+    }
+
     fn start(&self, memory: &SensorMemory, pose: &Pose) -> Option<Start> {
         let cell_m = memory.extent.cell_m();
         let cell = memory.extent.cell_of(&pose.position);
@@ -203,6 +230,7 @@ pub struct SensorMemory {
     /// By cell index the number of rays that crossed it minus those that ended in it; empty without
     /// noise.
     votes: Vec<i8>,
+    unseen: Unseen,
 }
 
 /// Omits the cells, of which there are millions.
@@ -217,8 +245,14 @@ impl SensorMemory {
     pub fn new(terrain: &Grid<Terrain>) -> Self {
         let extent = terrain.extent();
         let [x, y, z] = extent.size().map(|cells| cells as usize + 2);
-        let nothing =
-            Self { extent, strides: [1, x, x * y], kinds: Arc::default(), seen: Vec::new(), votes: Vec::new() };
+        let nothing = Self {
+            extent,
+            strides: [1, x, x * y],
+            kinds: Arc::default(),
+            seen: Vec::new(),
+            votes: Vec::new(),
+            unseen: Unseen::new(Frontier::new([x, y, z])),
+        };
         let mut kinds = vec![OUTSIDE; x * y * z];
         for (cell, terrain) in terrain.iter() {
             kinds[nothing.slot_of(cell)] = match terrain {
@@ -234,7 +268,8 @@ impl SensorMemory {
     #[must_use]
     pub fn unused(&self) -> Self {
         let (extent, strides, kinds) = (self.extent, self.strides, Arc::clone(&self.kinds));
-        Self { extent, strides, kinds, seen: vec![0; self.seen.len()], votes: Vec::new() }
+        let (seen, unseen) = (vec![0; self.seen.len()], self.unseen.unused());
+        Self { extent, strides, kinds, seen, votes: Vec::new(), unseen }
     }
 
     /// The slot of a cell of the map in `kinds` and `seen`.

@@ -116,8 +116,12 @@ impl Start {
     /// across them.
     fn towards(&self, bundle: &Bundle) -> ([f64; 3], [i64; 3]) {
         let pick = |axis: usize| if bundle.goes_down[axis] { self.below[axis] } else { self.above[axis] };
-        let step = |axis: usize| if bundle.goes_down[axis] { -self.strides[axis] } else { self.strides[axis] };
-        ([0, 1, 2].map(pick), [0, 1, 2].map(step))
+        ([0, 1, 2].map(pick), self.steps(bundle.goes_down))
+    }
+
+    /// The steps in slots along the axes, for rays that go down those named.
+    pub(super) fn steps(&self, goes_down: [bool; 3]) -> [i64; 3] {
+        [0, 1, 2].map(|axis| if goes_down[axis] { -self.strides[axis] } else { self.strides[axis] })
     }
 }
 

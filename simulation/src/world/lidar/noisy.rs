@@ -74,7 +74,7 @@ impl Scanner {
             ray.wall.iter().for_each(|&(cell, _)| vote(cell, -1));
         });
         memory.votes = votes;
-        let mut unseen = Vec::new();
+        let mut truly_free = Vec::new();
         for index in touched {
             let slot = memory.slot_of(extent.cell_at(index));
             let leads = memory.votes[index];
@@ -83,9 +83,10 @@ impl Scanner {
             }
             // The reported kind may differ from the true one.
             let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
-            Found { free: &mut unseen, wall: &mut Vec::new() }.mark(&mut field, slot);
+            Found { free: &mut truly_free, wall: &mut Vec::new() }.mark(&mut field, slot);
             if leads > 0 { new_free.push(index as u32) } else { new_wall.push(index as u32) }
         }
+        truly_free.iter().for_each(|&slot| memory.unseen.note_free(slot as usize));
     }
 
     /// As [`Scanner::view`], with noise: the kind of each cell is that of most rays of the scan.

@@ -7,6 +7,7 @@ use voxels::{Cell, is_wall_at, walk};
 
 use super::*;
 use crate::world::lidar::pattern::LANES;
+use crate::world::lidar::reach::Reach;
 
 fn pose(position: [f64; 3], yaw_rad: f64) -> Pose {
     Pose { position: position.into(), yaw_rad }
@@ -193,7 +194,57 @@ fn any_scanner() -> impl Strategy<Value = (Pattern, f64, f64)> {
     (pattern, prop_oneof![Just(f64::INFINITY), Just(1.0), 0.01..9.0], prop_oneof![Just(TAU), 0.1..TAU])
 }
 
+/// The scanner with every ray cast, and with those alone that can reach unseen cells within
+/// `1 << offset_bits` cells.
+fn full_and_pruned(pattern: Pattern, range_m: f64, fov_rad: f64, offset_bits: u32) -> [Scanner; 2] {
+    let scanner = Scanner::new(pattern, range_m, fov_rad);
+    let reach = Arc::new(Reach::new(pattern, &scanner.bundles, offset_bits));
+    [Scanner { reach: None, ..scanner.clone() }, Scanner { reach: Some(reach), ..scanner }]
+}
+
+/// Marks cells as seen, whether they can be seen or not.
+fn see(memory: &mut SensorMemory, cells: &[bool]) {
+    for index in (0..memory.extent.volume()).filter(|&index| cells[index]) {
+        let slot = memory.slot_of(memory.extent.cell_at(index));
+        memory.seen[slot] = memory.kinds[slot];
+        if memory.kinds[slot] == FREE {
+            memory.unseen.note_free(slot);
+        }
+    }
+}
+
 proptest! {
+    #[test]
+    fn pruned_scans_are_those_of_a_full_cast(
+        (terrain, position) in any_world(),
+        (pattern, range_m, fov_rad) in any_scanner(),
+        offset_bits in 1_u32..5,
+        seen in prop::collection::vec(prop::bool::weighted(0.8), 2744),
+        sees_at_random in any::<bool>(),
+        steps in prop::collection::vec(prop::array::uniform3(prop_oneof![Just(0.0), -0.4..0.4, -1.5..1.5]), 1..24),
+    ) {
+        let scanners = full_and_pruned(pattern, range_m, fov_rad, offset_bits);
+        let mut memories = [SensorMemory::new(&terrain), SensorMemory::new(&terrain)];
+        if sees_at_random {
+            memories.iter_mut().for_each(|memory| see(memory, &seen));
+        }
+        let mut position = Point3::from(position);
+        for (step, yaw_rad) in steps.into_iter().zip((0..).map(f64::from)) {
+            let next = position + Vector3::from(step) * terrain.extent().cell_m();
+            if terrain.extent().contains(terrain.extent().cell_of(&next)) {
+                position = next;
+            }
+            let [full, pruned] = [0, 1].map(|which| {
+                let (mut free, mut wall) = (Vec::new(), Vec::new());
+                scanners[which].scan(&mut memories[which], &Pose { position, yaw_rad }, &mut free, &mut wall);
+                (free, wall)
+            });
+            prop_assert_eq!(full, pruned);
+            // Slot 0 is where lanes wait whose rays are at an end.
+            prop_assert_eq!(&memories[0].seen[1..], &memories[1].seen[1..]);
+        }
+    }
+
     #[test]
     fn scan_sees_what_walk_visits(
         (terrain, position) in any_world(),
@@ -270,4 +321,28 @@ proptest! {
             prop_assert!(close, "{hit} is on no wall");
         }
     }
+}
+
+#[test]
+fn scans_of_a_known_place_cast_few_rays() {
+    let extent = Extent::new([40; 3], 1.0).unwrap();
+    let spec = mapgen::MapSpec::Spheres(mapgen::SpheresSpec::default());
+    let terrain = mapgen::generate(&spec, extent, 1).unwrap().terrain;
+    let scanners = full_and_pruned(Pattern::Lattice { rays: 2000 }, f64::INFINITY, TAU, 5);
+    let [_, pruned] = &scanners;
+    let mut memories = [SensorMemory::new(&terrain), SensorMemory::new(&terrain)];
+    let (mut cast, mut scans) = (0, 0);
+    let free = extent.cells().filter(|&cell| !is_wall_at(&terrain, cell));
+    for (cell, shift) in free.step_by(7).flat_map(|cell| [-0.2, 0.1, 0.1].map(|shift| (cell, shift))) {
+        let body = Pose { position: extent.centre(cell) + Vector3::repeat(shift), yaw_rad: 0.0 };
+        let memory = &memories[1];
+        let start = pruned.start(memory, &body).unwrap();
+        let reach = pruned.reach.as_ref().unwrap();
+        let open = reach.open_bundles(&start, f64::INFINITY, &memory.seen, &mut memory.unseen.clone());
+        cast += open.iter().map(ExactSizeIterator::len).sum::<usize>();
+        scans += 1;
+        let [full, pruned] = [0, 1].map(|which| scanned(&scanners[which], &mut memories[which], &body));
+        assert_eq!(full, pruned);
+    }
+    assert!(cast * 5 < scans * pruned.bundles.len(), "{cast} of {}", scans * pruned.bundles.len());
 }
