@@ -5,12 +5,12 @@
 #
 #   maes-VERSION-ARCH-linux.tar.gz    binaries with the page in them, completions, manual pages, docs
 #   maes_VERSION_ARCH.deb             the same, as a Debian package
-#   sbom.cdx.json                     what the binaries and the page are made of (CycloneDX)
+#   *.cdx.json                        what the binaries and the page are made of (sbom.sh)
 #   SHA256SUMS                        of all of them
 #
 # The same commit and the same toolchain give the same bytes: times are those of the commit, and the
-# paths of this machine are not in the binaries. Needs what a build needs, Node.js with npm, Python 3
-# and, for the package, dpkg-deb. `--dirty` builds a checkout with changes.
+# paths of this machine are not in the binaries. Needs what a build needs, Node.js with npm, Python 3,
+# crates.io and, for the package, dpkg-deb. `--dirty` builds a checkout with changes.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
@@ -68,8 +68,8 @@ cp -r experiments/plans "$tree/share/maes/plans"
 cp -r examples "$tree/share/maes/examples"
 cp -r msgs/msg msgs/package.xml msgs/CMakeLists.txt -t "$(mkdir -p "$tree/share/maes/maes_msgs" && echo "$tree/share/maes/maes_msgs")"
 cp -r README.md CHANGELOG.md SECURITY.md CITATION.cff LICENSE-MIT LICENSE-APACHE docs -t "$tree/share/doc/maes"
-python3 launch_scripts/third_party.py licences "$tree/share/doc/maes/THIRD-PARTY-LICENCES.txt"
-python3 launch_scripts/third_party.py sbom "$out/sbom.cdx.json"
+python3 launch_scripts/third_party.py "$tree/share/doc/maes/THIRD-PARTY-LICENCES.txt"
+launch_scripts/sbom.sh "$out" >/dev/null
 find "$tree" \( -name __pycache__ -o -name target -o -name node_modules \) -prune -exec rm -rf {} +
 
 # One order, one owner, one time.

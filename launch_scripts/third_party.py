@@ -1,7 +1,6 @@
-"""What a release is made of beside its own sources: licences, and a bill of materials (CycloneDX).
+"""The licences of what a release is made of beside its own sources.
 
-    python3 launch_scripts/third_party.py licences FILE
-    python3 launch_scripts/third_party.py sbom FILE
+    python3 launch_scripts/third_party.py FILE
 
 Reads Cargo.lock through `cargo metadata`, and viewer/package-lock.json; the sources must have been
 fetched (a build has done so). Of the crates those that the binaries are linked with on this
@@ -86,59 +85,7 @@ def licences():
     return "\n".join(lines) + "\n"
 
 
-def sbom():
-    """A CycloneDX document; without times and serial numbers, so that it is reproducible."""
-    components = [
-        {
-            "type": "library",
-            "name": package["name"],
-            "version": package["version"],
-            "purl": f"pkg:cargo/{package['name']}@{package['version']}",
-            "licenses": [{"expression": (package["license"] or "NOASSERTION").replace("/", " OR ")}],
-        }
-        for package in crates()
-    ]
-    checksums = cargo_checksums()
-    for component in components:
-        checksum = checksums.get((component["name"], component["version"]))
-        if checksum:
-            component["hashes"] = [{"alg": "SHA-256", "content": checksum}]
-    for name, entry, _ in npm_packages():
-        components.append(
-            {
-                "type": "library",
-                "name": name,
-                "version": entry["version"],
-                "purl": f"pkg:npm/{name.replace('@', '%40')}@{entry['version']}",
-                "licenses": [{"expression": entry.get("license", "NOASSERTION")}],
-            }
-        )
-    version = next(
-        line.split('"')[1] for line in (ROOT / "Cargo.toml").read_text().splitlines() if line.startswith("version = ")
-    )
-    document = {
-        "bomFormat": "CycloneDX",
-        "specVersion": "1.5",
-        "version": 1,
-        "metadata": {"component": {"type": "application", "name": "maes", "version": version}},
-        "components": components,
-    }
-    return json.dumps(document, indent=1) + "\n"
-
-
-def cargo_checksums():
-    """SHA-256 of each crate of the lock file, by name and version."""
-    checksums = {}
-    for block in (ROOT / "Cargo.lock").read_text().split("[[package]]")[1:]:
-        values = dict(line.split(" = ", 1) for line in block.splitlines() if " = " in line)
-        if "checksum" in values:
-            key = (values["name"].strip('"'), values["version"].strip('"'))
-            checksums[key] = values["checksum"].strip('"')
-    return checksums
-
-
 if __name__ == "__main__":
-    kinds = {"licences": licences, "sbom": sbom}
-    if len(sys.argv) != 3 or sys.argv[1] not in kinds:
+    if len(sys.argv) != 2:
         sys.exit(__doc__)
-    pathlib.Path(sys.argv[2]).write_text(kinds[sys.argv[1]]())
+    pathlib.Path(sys.argv[1]).write_text(licences())

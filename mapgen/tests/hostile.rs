@@ -22,7 +22,7 @@ const CELLS_MAX: usize = 1 << 24;
 /// A file with its name, and the picture of a `map.yaml`.
 type Named = (String, Vec<u8>, Option<Vec<u8>>);
 
-/// Real files of all formats.
+/// Real files of all formats, and the corpus of the fuzz targets, whose files may be faulty.
 fn real_files() -> Vec<Named> {
     let read = |folder: &Path| {
         let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
@@ -117,7 +117,7 @@ fn mutate(bytes: &mut Vec<u8>, rng: &mut ChaCha8Rng) {
 fn mutants_of_real_files_stay_within_bounds() {
     let mut rng = ChaCha8Rng::seed_from_u64(23);
     let files = real_files();
-    for file in &files {
+    for file in files.iter().filter(|file| !file.0.starts_with("corpus.")) {
         assert_eq!(read(file.clone(), ImportOptions::default()), None, "{}", file.0);
     }
     let mut maps = 0;

@@ -150,7 +150,7 @@ mod tests {
                       [communication]\nloss = 0.1\nbytes_per_s = 1e5\nqueue_bytes = 200000\nmodel = \"attenuated\"\n\
                       attenuation = { wall_exponent = 5.0 }\nrelays = { per_agent = 3 }";
         let import = "fill = \"shell\", inside = \"free\", unknown = \"free\", up = \"y\", scale = 0.001, margin_cells = 2, \
-                      free_from = [1.0, 2.0, 3.0], height_cells = 3, threshold = 0.5";
+                      free_from = [1.0, 2.0, 3.0], height_cells = 3, threshold = 0.5, sensor = [1.0, 2.0, 3.0], cells_max = 1000, steps_max = 1000";
         [
             (
                 "{ kind = \"noise\", size = [30, 20, 10], seed = 3 }".to_owned(),
@@ -164,6 +164,7 @@ mod tests {
                 "{ kind = \"building\", size = 30 }".to_owned(),
                 "{ kind = \"box\", low = [1.0, 1.0, 1.0], high = [9.0, 9.0, 9.0] }",
             ),
+            ("{ kind = \"mine\", size = 30 }".to_owned(), "{ kind = \"scattered\" }"),
         ]
         .map(|(map, spawn)| scenario(&format!("map = {map}\nspawn = {spawn}\n{common}")))
         .into()
@@ -202,7 +203,10 @@ mod tests {
         assert_eq!((agents.from_value, agents.to_value), (1, 1000));
         let loss = named("communication.loss").floating_point_range[0];
         assert_eq!((loss.from_value, loss.to_value), (0.0, 1.0));
-        assert_eq!(named("map.kind").additional_constraints, "\"spheres\", \"noise\", \"building\", \"file\"");
+        assert_eq!(
+            named("map.kind").additional_constraints,
+            "\"spheres\", \"noise\", \"building\", \"mine\", \"file\""
+        );
     }
 
     #[test]

@@ -46,7 +46,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let [maes, server] = ["maes", "sim_server"].map(|name| folder.path().join(name));
         // An error names the missing program, and not `maes`.
-        assert_eq!(program(folder.path(), "sim_server"), [server.clone()]);
+        assert_eq!(program(folder.path(), "sim_server"), std::slice::from_ref(&server));
         std::fs::write(&maes, "").unwrap();
         assert_eq!(program(folder.path(), "sim_server"), [maes, "sim_server".into()]);
         std::fs::write(&server, "").unwrap();

@@ -181,7 +181,8 @@ mod tests {
         assert_eq!(passages[0].radius_cells, 0.5);
         assert!((4..=6).contains(&passages[0].cell.x), "{passages:?}");
         let middle = clearance.squares.extent().index(Cell::new(3, 3, 3)).unwrap();
-        assert_eq!(clearance.radius_cells(middle), 1.5);
+        // To the edge of the wall beside the passage.
+        assert_eq!(clearance.radius_cells(middle), f64::sqrt(1.5 * 1.5 + 0.5 * 0.5));
         assert_eq!(crate::free_components(&clearance.room(0.5)).sizes.len(), 1);
         assert_eq!(crate::free_components(&clearance.room(0.6)).sizes.len(), 2);
     }

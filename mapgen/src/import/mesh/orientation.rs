@@ -8,11 +8,13 @@
 //! Corners at the same place are one corner. An edge that is passed more often in one direction is
 //! open; open edges that only meet other triangles within a side enclose nothing and are left out.
 
+use std::collections::BTreeMap;
+
 use super::super::FormatError;
 use super::winding::{TRIANGLE_STEPS, Winding, solid_angle};
 use super::{Triangle, Work};
 
-/// Corners of a part at which it is decided whether it lies inside the rest.
+/// Triangles of a part at whose middles it is decided whether it lies inside the rest.
 const SAMPLES: usize = 16;
 
 /// Area of an opening divided by the square of its length below which it encloses nothing.
@@ -89,8 +91,11 @@ fn edges(corners: &[[u32; 3]]) -> Vec<Edge> {
 /// Turns triangles until neighbours pass their common edge in opposite directions: in each connected
 /// part those with the smaller area. A part without an outside, as a Moebius strip, stays.
 fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], turned: &mut [bool]) {
-    let pairs =
-        || edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).filter(|edge| edge.len() == 2 && edge[0].2 != edge[1].2);
+    let crossed = Crossed::of(triangles, edges);
+    let pairs = || {
+        let all = edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1));
+        all.filter(|edge| edge.len() == 2 && edge[0].2 != edge[1].2 && !crossed.contains(triangles, edge[0]))
+    };
     if pairs().all(|edge| edge[0].3 != edge[1].3) {
         return;
     }
@@ -139,6 +144,49 @@ fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], turned: &mut [bool]) 
     }
 }
 
+/// Edges along an axis that no other edge balances, by their line.
+///
+/// Where four sides of boxes meet, as in maps of cells that touch at an edge, and some sides are
+/// longer than others, two triangles of different boxes share an edge, and pass it as they like: the
+/// longer ones balance it. Such triangles are no neighbours.
+struct Crossed(BTreeMap<Line, Vec<[f64; 2]>>);
+
+/// The axis of a line, and the bits of its other two coordinates.
+type Line = (usize, [u64; 2]);
+
+impl Crossed {
+    fn of(triangles: &[Triangle], edges: &[Edge]) -> Self {
+        let mut lines: BTreeMap<Line, Vec<[f64; 2]>> = BTreeMap::new();
+        for edge in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            if edge.iter().filter(|passage| passage.3).count() * 2 != edge.len()
+                && let Some((line, ends)) = Self::line(triangles, edge[0])
+            {
+                lines.entry(line).or_default().push(ends);
+            }
+        }
+        lines.retain(|_, edges| edges.len() > 1);
+        Self(lines)
+    }
+
+    /// Whether other edges without balance overlap with this one.
+    fn contains(&self, triangles: &[Triangle], edge: Edge) -> bool {
+        let Some((line, here)) = Self::line(triangles, edge) else { return false };
+        // The edge overlaps with itself, too.
+        let overlaps = |other: &&[f64; 2]| other[0].max(here[0]) < other[1].min(here[1]);
+        self.0.get(&line).is_some_and(|edges| edges.iter().filter(overlaps).nth(1).is_some())
+    }
+
+    /// The line of an edge along an axis, and where on it the edge lies.
+    fn line(triangles: &[Triangle], (from, to, ..): Edge) -> Option<(Line, [f64; 2])> {
+        let [from, to] = [from, to].map(|corner| triangles[corner as usize / 3][corner as usize % 3]);
+        let axis = (0..3).find(|&axis| from[axis] != to[axis])?;
+        let others = [(axis + 1) % 3, (axis + 2) % 3];
+        let is_along = others.iter().all(|&other| from[other] == to[other]);
+        let key = others.map(|other| (from[other] + 0.0).to_bits());
+        is_along.then(|| ((axis, key), [from[axis].min(to[axis]), from[axis].max(to[axis])]))
+    }
+}
+
 /// The triangles of each part that shares no corner with the others.
 fn parts(corners: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let mut sets = Sets::new(3 * corners.len());
@@ -174,7 +222,9 @@ fn turn_parts(
         let step = part.len().div_ceil(SAMPLES);
         let mut is_nested = true;
         for &triangle in part.iter().step_by(step) {
-            let point = triangles[triangle as usize][0];
+            // In a corner the parts might touch.
+            let [a, b, c] = triangles[triangle as usize];
+            let point = [0, 1, 2].map(|axis| (a[axis] + b[axis] + c[axis]) / 3.0);
             work.spend(TRIANGLE_STEPS * part.len())?;
             let own: f64 = part.iter().map(|&triangle| solid_angle(&triangles[triangle as usize], point)).sum();
             let rest = winding.at(point, work)? - own / (4.0 * std::f64::consts::PI);
@@ -210,10 +260,12 @@ fn openings(triangles: &[Triangle]) -> Vec<Opening> {
     let edges = edges(&corners);
     let place = |corner: u32| triangles[corner as usize / 3][corner as usize % 3];
     // Edges with the passages that nothing balances. Two triangles close an edge, whichever way they
-    // face: of a part without an outside they face the same way.
+    // face: of a part without an outside they face the same way. Crossed edges balance longer ones.
+    let crossed = Crossed::of(triangles, &edges);
     let open: Vec<(u32, u32, i64)> = edges
         .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
-        .filter(|edge| edge.len() != 2 && edge.iter().filter(|passage| passage.3).count() * 2 != edge.len())
+        .filter(|edge| edge.len() != 2 || crossed.contains(triangles, edge[0]))
+        .filter(|edge| edge.iter().filter(|passage| passage.3).count() * 2 != edge.len())
         .map(|edge| (edge[0].0, edge[0].1, edge.iter().map(|passage| if passage.3 { 1 } else { -1 }).sum()))
         .collect();
     let mut sets = Sets::new(3 * corners.len());

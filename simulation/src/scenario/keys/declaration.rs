@@ -68,7 +68,7 @@ pub const TABLES: [Table; 21] = [
         key("inside", Word(&["wall", "free"]), Unset("`\"wall\"`"), NONE,
             "meshes: what the inside is; free makes a cave of a mesh", "ours"),
         key("unknown", Word(&["wall", "free"]), Unset("`\"wall\"`"), NONE,
-            "OctoMap, `map.yaml`, point clouds with a sensor: what the cells are that the file does not know", "ours"),
+            "OctoMap, map.yaml, point clouds with a sensor: what the cells are that the file does not know", "ours"),
         key("up", Word(&["y", "z"]), Unset("`\"z\"`"), NONE,
             "meshes and point clouds: axis of the file that points upwards", "ours"),
         key("scale", Number("m"), Unset("1.0"), above(0.0, f64::MAX),
@@ -82,7 +82,7 @@ pub const TABLES: [Table; 21] = [
             "point clouds: position of the sensor; cells between it and the points are free, all others unknown", "ours")
             .limits("three finite numbers"),
         key("height_cells", Integer("cells"), Unset("5"), between(1.0, 1022.0),
-            "floor plans: free cells from floor to ceiling; of a `map.yaml` as many as come nearest to 2.5 m", "ours"),
+            "floor plans: free cells from floor to ceiling; of a map.yaml as many as come nearest to 2.5 m", "ours"),
         key("threshold", Number(""), Unset("0.9"), between(0.0, 1.0),
             "floor plans: brightness from which a pixel is free", "ours"),
         key("cells_max", Integer("cells"), Unset("2^24, or 1024 for each byte of the file if that is more, up to 2^27"),

@@ -104,6 +104,9 @@ fn defaults_are_those_of_the_structs() {
             if table.path == "map.building" {
                 without = with(without, "map.kind", "building".into());
             }
+            if table.path == "map.mine" {
+                without = with(without, "map.kind", "mine".into());
+            }
             let path = table.path_of(key.name);
             match key.default {
                 DefaultValue::Is(value) => {
