@@ -99,18 +99,12 @@ fn embedded(installed: &Path) -> Result<PageFolder, PageError> {
 /// server and the browser get it from there, as any other page.
 #[cfg(feature = "embedded_page")]
 fn embedded(_installed: &Path) -> Result<PageFolder, PageError> {
-    #[derive(rust_embed::Embed)]
-    #[folder = "../viewer/dist"]
-    struct Page;
+    static PAGE: include_dir::Dir<'_> = include_dir::include_dir!("$CARGO_MANIFEST_DIR/../viewer/dist");
 
     let unpacked = tempfile::Builder::new().prefix("maes-page-").tempdir();
     let unpacked = unpacked.map_err(|error| PageError::Unpack(std::env::temp_dir().display().to_string(), error))?;
-    for name in Page::iter() {
-        let file = Page::get(&name).expect("a name of its own list");
-        let path = unpacked.path().join(&*name);
-        let written = path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(&path, &file.data));
-        written.map_err(|error| PageError::Unpack(path.display().to_string(), error))?;
-    }
+    let refused = |error| PageError::Unpack(unpacked.path().display().to_string(), error);
+    PAGE.extract(unpacked.path()).map_err(refused)?;
     Ok(PageFolder { path: unpacked.path().to_owned(), _unpacked: Some(unpacked) })
 }
 
