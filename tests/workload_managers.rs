@@ -15,7 +15,7 @@ use crate::support::runs::{Site, text};
 
 /// Twelve runs of some seconds.
 const PLAN: &str = "seeds = \"1..6\"\n[axes]\n\"agents.controller\" = [\"rbw\", \"nearest-frontier\"]\n\
-                    \"map.file\" = [\"../maps/box.txt\"]\n[scenario]\nduration_s = 200.0\nstop_when_explored = false\n\
+                    \"map.file\" = [\"../maps/box.txt\"]\n[scenario]\nduration_s = 4000.0\nstop_when_explored = false\n\
                     map = { kind = \"file\", file = \"../maps/box.txt\", cell_m = 1.0 }\nagents = { count = 3 }\n";
 
 /// A box of 40 by 40 by 12 cells with columns.
