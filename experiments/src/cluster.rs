@@ -45,7 +45,7 @@ pub enum Scheduler {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Job {
     pub scheduler: Scheduler,
-    /// Number of parts; if `None`, one for each run, and at most [`PARTS_MAX`].
+    /// Number of parts; if `None`, one for each run, and at most `PARTS_MAX`.
     pub parts: Option<NonZero<usize>>,
     /// Most tasks at a time.
     pub limit: Option<NonZero<usize>>,

@@ -15,7 +15,7 @@ use agent_node::wire;
 use experiments::in_memory::{self, AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
 use msgs::limits::PROTOCOL;
-use msgs::maes_msgs::{Command, Join};
+use msgs::maes_msgs::{Command, Join, JoinReply};
 use sim_server::playback::Playback;
 use sim_server::recording::Recording;
 use sim_server::session::{self, JoinPolicy, Mode, Outcome, RunConfig, RunError, RunObserver};
@@ -189,7 +189,8 @@ pub(crate) fn serve(
                     link.send_join(&Join { run, agent: id.0, instance: 0, protocol: PROTOCOL, controller, last_tick });
                 }
             }
-            Inbound::JoinReply(reply) => assert!(reply.accepted, "{}", reply.reason),
+            // A process whose id another one still holds asks again, or waits to be replaced.
+            Inbound::JoinReply(reply) => assert!(reply.accepted || reply.code == JoinReply::HELD, "{}", reply.reason),
             Inbound::SignedObservation(_) => unreachable!("the transport is private"),
             Inbound::Observation(part) => {
                 let agent = agents.get_mut(&part.agent).expect("the scenario comes first");
