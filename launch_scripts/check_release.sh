@@ -20,15 +20,17 @@ command -v debootstrap >/dev/null || fail "debootstrap is missing: apt install d
 
 system=$(mktemp -d)
 cleanup() {
-    umount "$system/proc" "$system/dev" 2>/dev/null || true
+    # Before anything is removed: these folders are those of this system.
+    for mounted in proc dev; do
+        if mountpoint --quiet "$system/$mounted"; then umount "$system/$mounted"; fi
+    done
     rm -rf --one-file-system "$system"
 }
 trap cleanup EXIT
 debootstrap --variant=minbase "$suite" "$system" >"$release/debootstrap.log" 2>&1 ||
     fail "debootstrap: see $release/debootstrap.log"
 mount -t proc proc "$system/proc"
-mount --rbind /dev "$system/dev"
-mount --make-rslave "$system/dev"
+mount --bind /dev "$system/dev"
 for program in cargo node python3; do
     if chroot "$system" sh -c "command -v $program" >/dev/null; then fail "$program is in the bare system"; fi
 done

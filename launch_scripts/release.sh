@@ -8,8 +8,8 @@
 #   *.cdx.json                        what the binaries and the page are made of (sbom.sh)
 #   SHA256SUMS                        of all of them
 #
-# The same commit and the same toolchain give the same bytes: times are those of the commit, and the
-# paths of this machine are not in the binaries. Needs what a build needs, Node.js with npm, Python 3,
+# Times in the files are those of the commit, order and owners are fixed, and the paths of this
+# machine are not in the binaries. Needs what a build needs, Node.js with npm, Python 3,
 # crates.io and, for the package, dpkg-deb. `--dirty` builds a checkout with changes.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
