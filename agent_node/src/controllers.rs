@@ -28,10 +28,8 @@ pub(crate) mod testing;
 use msgs::ids::AgentId;
 use rand_chacha::ChaCha8Rng;
 
-use crate::agent::Successors;
 use crate::command::Command;
 use crate::observation::Observation;
-use crate::stopwatch::DecisionTimes;
 pub use ctx::Ctx;
 pub use registry::{ControllerError, Registry, RegistryError};
 use settings::{Setting, SettingError, Settings};
@@ -190,27 +188,6 @@ pub fn build(
     agents_seed: u64,
 ) -> Result<Box<dyn Controller>, ControllerError> {
     Registry::BUILT_IN.build(name, settings, agent, agents_seed)
-}
-
-/// How the controller of an agent is replaced when the scenario asks for another one. An agent that
-/// runs another controller than the scenario says, or other settings, keeps it.
-#[must_use]
-pub fn successors(
-    registry: Registry,
-    agent: AgentId,
-    follows_scenario: bool,
-    times: Option<DecisionTimes>,
-) -> Successors {
-    Box::new(move |run_info| {
-        if !follows_scenario {
-            return Ok(None);
-        }
-        let controller = registry.build(&run_info.controller, &run_info.settings, agent, run_info.agents_seed)?;
-        Ok(Some(match &times {
-            Some(times) => times.of(controller),
-            None => controller,
-        }))
-    })
 }
 
 #[cfg(test)]

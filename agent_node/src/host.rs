@@ -13,7 +13,7 @@
 //! **Joining as one.** A process joins as its lowest agent first, and as the others once that one
 //! is accepted, or held by a process that may have to be replaced. So of two processes with the
 //! same agents one gets all of them: if each got some, each would be refused for the rest and end,
-//! and the ids would be held by nobody.
+//! and the ids would have no process.
 
 mod authentication;
 mod map_publisher;
@@ -308,7 +308,7 @@ impl<'a> Host<'a> {
             let published = published.remove(&id).unwrap_or_else(|| PublishedMap::new(run_info.extent));
             let follows_scenario = label == run_info.controller_label();
             let times = options.decision_times.clone();
-            let successors = crate::controllers::successors(options.registry, id, follows_scenario, times);
+            let successors = options.registry.successors(id, follows_scenario, times);
             let agent = Agent::new(id, run_info.clone(), controller).with_successors(successors);
             agents.insert(id, HostedAgent { agent, is_accepted: false, is_held: false, key: None, published });
             transport.declare_parameters(id, parameters::of_controller(name, &resolved));

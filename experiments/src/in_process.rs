@@ -80,20 +80,14 @@ pub fn run(
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
-    if let Some((key, value)) = scenario.agents.of_ros_only() {
-        return Err(InProcessError::OverRosOnly { key, value });
-    }
-    setup::check_destination(scenario)?;
+    check(scenario)?;
     let scenario = &setup::resolve(scenario.clone(), &Origins::new("the scenario", "", &[]))?;
     let (world, _report) = setup::build(scenario)?;
     // Checked before a recording is created for a run that cannot start.
     for agents in scenario.phases().iter().map(|phase| &phase.agents) {
         controllers::check(&agents.controller, &wire::settings(agents)).map_err(AgentError::from)?;
     }
-    let recorder = match &scenario.execution.record {
-        Some(file) => Some(setup::record(file, scenario, &world)?),
-        None => None,
-    };
+    let recorder = recorder(scenario, &world)?;
     run_in(scenario, world, recorder, options, observer, stop)
 }
 
@@ -110,15 +104,25 @@ pub fn fork(
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
+    check(scenario)?;
+    let (world, _report) = setup::rebuild(recording, scenario)?;
+    let playback = Playback::new(recording).map_err(RunError::from)?.until(at);
+    let recorder = recorder(scenario, &world)?;
+    run_mode(scenario, Mode::Resume(playback), world, recorder, options, observer, stop)
+}
+
+/// Checks what can be known before a world is made.
+fn check(scenario: &Scenario) -> Result<(), InProcessError> {
     if let Some((key, value)) = scenario.agents.of_ros_only() {
         return Err(InProcessError::OverRosOnly { key, value });
     }
-    setup::check_destination(scenario)?;
-    let (world, _report) = setup::rebuild(recording, scenario)?;
-    let playback = Playback::new(recording).map_err(RunError::from)?.until(at);
+    Ok(setup::check_destination(scenario)?)
+}
+
+/// The recorder of the file that a scenario names, if it names one.
+fn recorder(scenario: &Scenario, world: &World) -> Result<Option<Recorder>, InProcessError> {
     let file = scenario.execution.record.as_deref();
-    let recorder = file.map(|file| setup::record(file, scenario, &world)).transpose()?;
-    run_mode(scenario, Mode::Resume(playback), world, recorder, options, observer, stop)
+    Ok(file.map(|file| setup::record(file, scenario, world)).transpose()?)
 }
 
 /// Runs a checked scenario in its world, and records it with this recorder; see [`run`].

@@ -10,21 +10,15 @@ use sim_server::recording::Recording;
 use sim_server::verify::controllers::{AgentReplica, ControllerFactory};
 use simulation::scenario::AgentsSection;
 
-/// Whether there are the controllers that a scenario names, with their settings, as far as they have
-/// an agent that is not run by another program.
+/// Whether there are the controllers that a scenario names, with their settings, as far as they
+/// have an agent that is not run by another program.
 pub(crate) fn check(scenario: &simulation::scenario::Scenario) -> anyhow::Result<()> {
     for agents in scenario.phases().into_iter().map(|phase| phase.agents) {
         if agents.has_built_in() {
-            let settings = agents.set.iter().map(|(key, value)| format!("{key}={}", word(value)));
-            controllers::check(&agents.controller, &settings.collect::<Vec<_>>())?;
+            controllers::check(&agents.controller, &simulation::wire::settings(&agents))?;
         }
     }
     Ok(())
-}
-
-/// A value as an agent reads it: a text without its quotes.
-pub(crate) fn word(value: &toml::Value) -> String {
-    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
 /// All controllers that come with the simulator, for the agents of a recording that they have run.
@@ -56,7 +50,7 @@ impl ControllerFactory for BuiltInControllers {
         let run_info = wire::run_info(told).map_err(|error| error.to_string())?;
         let controller =
             controllers::build(name, &settings, agent, run_info.agents_seed).map_err(|error| error.to_string())?;
-        let successors = controllers::successors(Registry::BUILT_IN, agent, runs == run_info.controller_label(), None);
+        let successors = Registry::BUILT_IN.successors(agent, runs == run_info.controller_label(), None);
         Ok(Box::new(BuiltInReplica(Agent::new(agent, run_info, controller).with_successors(successors))))
     }
 }

@@ -8,7 +8,7 @@ use clap::Args;
 use sim_server::cli::KeyArgs;
 use sim_server::setup;
 
-use crate::{controllers, output};
+use crate::output;
 
 /// Arguments of `scenario`.
 #[derive(Debug, Args)]
@@ -35,9 +35,14 @@ pub(crate) fn print(args: &ScenarioArgs) -> anyhow::Result<ExitCode> {
     let value = key.split('.').try_fold(&table, |place, part| place.get(part));
     match value.ok_or_else(|| anyhow!("--get {key}: the scenario has no such key"))? {
         toml::Value::Table(table) => {
-            table.iter().for_each(|(key, value)| output::print(&format!("{key}={}", controllers::word(value))));
+            table.iter().for_each(|(key, value)| output::print(&format!("{key}={}", word(value))));
         }
-        value => output::print(&controllers::word(value)),
+        value => output::print(&word(value)),
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// A value as an agent reads it: a text without its quotes.
+fn word(value: &toml::Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }

@@ -286,10 +286,8 @@ fn check_agents(program: &[PathBuf], scenario: &Scenario) -> Result<(), String> 
     let mut check = Command::new(&program);
     check.args(first);
     check.args(["--check", "--id", "0", "--controller", &scenario.agents.controller]);
-    for (key, value) in &scenario.agents.set {
-        // A text is passed without its quotes.
-        let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        check.arg("--set").arg(format!("{key}={value}"));
+    for setting in simulation::wire::settings(&scenario.agents) {
+        check.arg("--set").arg(setting);
     }
     let checked = check.stdin(Stdio::null()).output().map_err(|error| format!("{}: {error}", program.display()))?;
     if checked.status.success() {

@@ -10,6 +10,8 @@ use thiserror::Error;
 use super::settings::{Setting, SettingError};
 use super::suggestion::did_you_mean;
 use super::{Controller, REGISTRY, Registration};
+use crate::agent::Successors;
+use crate::stopwatch::DecisionTimes;
 
 /// Controllers by name.
 #[derive(Debug, Clone, Copy, Default)]
@@ -102,6 +104,22 @@ impl Registry {
         agents_seed: u64,
     ) -> Result<Box<dyn Controller>, ControllerError> {
         self.build_with_settings(name, settings, agent, agents_seed).map(|(controller, _)| controller)
+    }
+
+    /// How the controller of an agent is replaced when the scenario asks for another one. An agent
+    /// that runs another controller than the scenario says, or other settings, keeps it.
+    #[must_use]
+    pub fn successors(self, agent: AgentId, follows_scenario: bool, times: Option<DecisionTimes>) -> Successors {
+        Box::new(move |run_info| {
+            if !follows_scenario {
+                return Ok(None);
+            }
+            let controller = self.build(&run_info.controller, &run_info.settings, agent, run_info.agents_seed)?;
+            Ok(Some(match &times {
+                Some(times) => times.of(controller),
+                None => controller,
+            }))
+        })
     }
 
     fn build_with_settings(
