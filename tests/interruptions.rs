@@ -139,7 +139,7 @@ fn suspended_in_memory_run_continues() {
     assert_eq!(run.ended().with_code(0).digest(), undisturbed(&site).result_digest());
 }
 
-/// With the fixes, DDS connections survive a suspension: the run goes on, and is the same.
+/// With the fixes, DDS connections survive a suspension: the run continues, and is the same.
 #[test]
 fn suspended_processes_continue() {
     if !has_fixes() {

@@ -234,7 +234,7 @@ fn killed_node_leaves_the_tables_as_they_are() {
     cluster.start_node();
     let log = || fs::read_to_string(cluster_folder.join("slurmctld.log")).expect("the controller writes a log");
     cluster.controller.waits_until(|| log().contains("Requeuing JobId="));
-    // A task that is put back waits for two minutes, unless it is told not to.
+    // A task that is put back waits for two minutes, unless its start time is set.
     output(command(&cluster_folder, "scontrol").args(["update", &format!("JobId={job}"), "StartTime=now"]));
     cluster.controller.waits_until(|| {
         let queue = output(command(&cluster_folder, "squeue").args(["--noheader", "--array"]));

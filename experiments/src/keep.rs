@@ -1,7 +1,7 @@
 //! Which recordings of a batch are kept.
 //!
-//! A run is a function of its scenario, so a recording that was not kept can be made later: the runs
-//! that turn out to be of interest at the end of a batch are executed once more, recorded, and
+//! A run is a function of its scenario, so a recording that was not kept can be made later: the
+//! runs that turn out to be of interest at the end of a batch are executed once more, recorded, and
 //! compared with their rows. Nothing is recorded in advance to be thrown away.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,8 +20,8 @@ pub enum Keep {
     /// Of runs that fail, and of runs that do not reach 99 %.
     Failures,
     /// Of runs far from the others that differ in seed and map file alone: beyond the quartiles by
-    /// more than 1.5 times their distance (Tukey), in the time to 99 %, the area under the curve, or
-    /// the distance.
+    /// more than 1.5 times their distance (Tukey), in the time to 99 %, the area under the curve,
+    /// or the distance.
     Outliers,
 }
 

@@ -5,7 +5,8 @@
 //!   [`in_process`] a run over it.
 //! - A batch: a [`plan`] lists runs, [`execute`] performs those without a record, [`measure`] turns
 //!   each into [`rows`], [`store`] keeps these in a folder, [`keep`] decides which recordings stay,
-//!   and [`tables`] writes CSV and Parquet. [`merge`] joins folders, [`cluster`] writes job files for clusters.
+//!   and [`tables`] writes CSV and Parquet. [`merge`] joins folders, [`cluster`] writes job files
+//!   for clusters.
 //! - Evaluation: [`statistics`] over many runs, and a [`report`] of figures and tables.
 //! - Comparison of recordings: [`diff`] finds the first difference of two, and [`faults`] injects
 //!   faults into runs and compares each with the undisturbed one; [`simulated`] does so with a

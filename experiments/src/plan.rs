@@ -2,9 +2,9 @@
 //! expansion.
 //!
 //! Every combination of variants and axis values is run with the same blocks, which are seeds and
-//! map files, so that runs can be compared map by map. Runs are ordered by block, and within a block
-//! the most expensive comes first: a plan that is executed in part is comparable, and cores stay
-//! busy to the end.
+//! map files, so that runs can be compared map by map. Runs are ordered by block, and within a
+//! block the most expensive comes first: a plan that is executed in part is comparable, and cores
+//! stay busy to the end.
 //!
 //! Invariant: the scenarios of a [`Plan`] are valid and its controllers known; only map generation
 //! can still fail. This module runs nothing.

@@ -1,7 +1,7 @@
 //! The record of a run: one row of metrics, and a time series over sim time.
 //!
-//! Everything except [`WallRow`] and [`Made`] is a function of scenario, seed and build. A record is
-//! one file, `runs/<id>.json`; the tables of a plan are made from these files.
+//! Everything except [`WallRow`] and [`Made`] is a function of scenario, seed and build. A record
+//! is one file, `runs/<id>.json`; the tables of a plan are made from these files.
 
 use std::collections::BTreeMap;
 

@@ -4,8 +4,8 @@
 use mapgen::{Fill, ImportOptions, ImportSpec, Kind, MapFormat};
 use voxels::{Grid, Terrain, packed as format};
 
-/// Most cells of a map in ordinary tests, which take many inputs; libFuzzer runs with the limits of a
-/// run.
+/// Most cells of a map in ordinary tests, which take many inputs; libFuzzer runs with the limits of
+/// a run.
 const CELLS_MAX: usize = if cfg!(feature = "libfuzzer") { 1 << 27 } else { 1 << 16 };
 
 /// A packed map.

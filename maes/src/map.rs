@@ -34,7 +34,8 @@ pub(crate) enum MapCommand {
     Info(InfoArgs),
     /// Write a map in another format, with its shell closed and its pockets filled.
     Convert(ConvertArgs),
-    /// Tell what agents could do in a map: what they reach, where it is narrow, where they can start.
+    /// Tell what agents could do in a map: what they reach, where it is narrow, where they can
+    /// start.
     Check(CheckArgs),
 }
 

@@ -16,7 +16,8 @@ pub(crate) struct ProgressDisplay {
     /// Runs of the plan, including those that had a record before.
     runs: usize,
     ended: usize,
-    /// [`PlannedRun::cost`] of the runs that were pending at the start, and of those completed since.
+    /// [`PlannedRun::cost`] of the runs that were pending at the start, and of those completed
+    /// since.
     pending_cost: u64,
     done_cost: u64,
     sim_s: f64,

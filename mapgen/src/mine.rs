@@ -1,15 +1,15 @@
 //! Mines: levels of drifts with crosscuts and stopes, joined by a ramp.
 //!
 //! Each level has a haulage drift and an ore drift along x, and crosscuts between them along y, of
-//! which some end blind. Stopes, large rooms from which ore was taken, stand beside the ore drift. A
-//! ramp goes up from level to level in legs along x that turn at its ends. Then single cells break
-//! out of roofs and walls.
+//! which some end blind. Stopes, large rooms from which ore was taken, stand beside the ore drift.
+//! A ramp goes up from level to level in legs along x that turn at its ends. Then single cells
+//! break out of roofs and walls.
 //!
 //! The ranges follow mines that are described in public: crosscuts 12 m apart, drifts of 3 m x 3 m
-//! and gradients up to 15 % (Sangdong, miningdataonline.com/property/3406), and a stope of 17 m along
-//! the drift, 30 m across and 27 m high (Obuasi: C. G. Amedjoe, J. Agyeman, Journal of Geology and
-//! Mining Research 7(3), 2015). With cells of 1 m the defaults are of that size; widths are those that
-//! vehicles need.
+//! and gradients up to 15 % (Sangdong, miningdataonline.com/property/3406), and a stope of 17 m
+//! along the drift, 30 m across and 27 m high (Obuasi: C. G. Amedjoe, J. Agyeman, Journal of
+//! Geology and Mining Research 7(3), 2015). With cells of 1 m the defaults are of that size; widths
+//! are those that vehicles need.
 //!
 //! Invariants: two solid layers stand around it on every side, and every opening is joined with the
 //! ramp.

@@ -1,8 +1,8 @@
 //! Hostile files of all formats, with the limits of a run: each is a map within its bounds or an
 //! error of one line, and none panics.
 //!
-//! Seeded mutants of real files, and files made by hand whose few bytes ask for a lot. Time is bounded
-//! by the steps that a reader counts, so nothing here depends on a clock.
+//! Seeded mutants of real files, and files made by hand whose few bytes ask for a lot. Time is
+//! bounded by the steps that a reader counts, so nothing here depends on a clock.
 
 #![expect(clippy::unwrap_used, reason = "a panic is what this looks for")]
 

@@ -228,8 +228,9 @@ fn typed(value: &toml::Value) -> String {
     }
 }
 
-/// `--map` sets the kind and the file of the map; the length of a cell and the seed stay. A map file removes the size and the
-/// parameters of the generators, and both remove the options of an importer.
+/// `--map` sets the kind and the file of the map; the length of a cell and the seed stay. A map
+/// file removes the size and the parameters of the generators, and both remove the options of an
+/// importer.
 fn map_overrides(map: &str) -> Vec<Override> {
     let change = |key: &str, value: Option<&str>| Override {
         origin: format!("--map {map}"),

@@ -4,8 +4,8 @@
 //! a [`transport`], `ros` over ROS 2; [`control`] answers requests of `simulation_interfaces`;
 //! [`recorder`] and [`live_stream`] write what a run exchanges; [`recording`] reads it,
 //! [`playback`] by tick and [`replay`] by time; [`verify`] re-executes a recording and
-//! [`comparison`] finds the first difference; `foxglove` serves observers; `program` is the process of
-//! all this. The pure core is in the crate `simulation`.
+//! [`comparison`] finds the first difference; `foxglove` serves observers; `program` is the process
+//! of all this. The pure core is in the crate `simulation`.
 //!
 //! This crate does not know what agents believe or how they decide.
 

@@ -44,7 +44,8 @@ impl Summary {
         Duration::try_from_secs_f64(self.wall_s).unwrap_or_default()
     }
 
-    /// Writes it under a temporary name, which is then renamed: a reader finds all of it or nothing.
+    /// Writes it under a temporary name, which is then renamed: a reader finds all of it or
+    /// nothing.
     ///
     /// # Errors
     /// If the file cannot be written.

@@ -3,8 +3,8 @@
 //!
 //! The distance to a cell that is a box is separable: along an axis, boxes `n` cells away are
 //! `2 n - 1` half cells away, and those beside the centre none. A body whose centre goes through
-//! faces from centre to centre is never nearer to a wall than at one of the two. Outside the map all
-//! is wall.
+//! faces from centre to centre is never nearer to a wall than at one of the two. Outside the map
+//! all is wall.
 
 use crate::{Cell, FACES, Grid, Terrain};
 
@@ -71,7 +71,8 @@ impl Clearance {
         Self { squares }
     }
 
-    /// Largest radius of a body at the centre of a cell, in lengths of cells, up to [`REACH_CELLS`].
+    /// Largest radius of a body at the centre of a cell, in lengths of cells, up to
+    /// [`REACH_CELLS`].
     #[must_use]
     pub fn radius_cells(&self, index: usize) -> f64 {
         radius_of(self.squares[index])
@@ -107,7 +108,8 @@ impl Clearance {
             for next in FACES.map(|face| cell + face) {
                 let Some(next) = extent.index(next).filter(|&next| parts.sizes[next] > 0) else { continue };
                 let (behind, widest) = parts.join(index as usize, next);
-                // The first part that a cell joins just grows, and so does one that is nowhere wider.
+                // The first part that a cell joins just grows, and so does one that is nowhere
+                // wider.
                 let is_passage = !is_alone && behind >= part && widest > square;
                 is_alone &= behind == 0;
                 if is_passage {
@@ -148,8 +150,8 @@ impl Parts {
         at
     }
 
-    /// Joins the parts of two cells; returns the size of the smaller one, 0 if they are one already,
-    /// and the square at the widest cell of the narrower one.
+    /// Joins the parts of two cells; returns the size of the smaller one, 0 if they are one
+    /// already, and the square at the widest cell of the narrower one.
     fn join(&mut self, a: usize, b: usize) -> (usize, u16) {
         let (a, b) = (self.root(a), self.root(b));
         if a == b {

@@ -88,7 +88,8 @@ struct Node {
     agent: u32,
     process: ChildGuard,
     is_suspended: bool,
-    /// Whether it was continued after a suspension, which the published DDS library does not survive.
+    /// Whether it was continued after a suspension, which the published DDS library does not
+    /// survive.
     is_continued: bool,
 }
 
@@ -288,7 +289,8 @@ impl<'a> FaultRun<'a> {
                 At::Joining(ms) => self.agents_since.is_some_and(|since| since.elapsed() >= millis(ms)),
                 At::Running(s) => self.watch.position_s().is_some_and(|position| position >= s),
             };
-            // Without agents there is nothing to disturb: the known position is from before the resume.
+            // Without agents there is nothing to disturb: the known position is from before the
+            // resume.
             if !is_time || self.agents_since.is_none() {
                 return Ok(false);
             }
@@ -338,8 +340,8 @@ impl<'a> FaultRun<'a> {
         Ok(false)
     }
 
-    /// Kills the server with all of its agents, and restarts them; returns whether it had just ended
-    /// the run.
+    /// Kills the server with all of its agents, and restarts them; returns whether it had just
+    /// ended the run.
     fn kill_server(&mut self, again_ms: Option<u32>) -> Result<bool, Failure> {
         self.server = None;
         self.nodes.clear();

@@ -82,7 +82,7 @@ pub(super) fn combinations(file: &str, variants: &[Variant], axes: &[Axis], base
     for axis in settings {
         let key = &axis.key[SETTING.len()..];
         let applies = |choice: &Choice| has_setting(&controller(choice), key);
-        // A setting that nobody has is a mistake, which the check of the settings reports.
+        // A setting of no controller is a mistake, which the check of the settings reports.
         let is_known = choices.iter().any(applies);
         let values = |choice: &Choice| {
             if !is_known || applies(choice) { with_values(file, choice, axis) } else { vec![choice.clone()] }

@@ -1,6 +1,6 @@
-//! The HTML page: verdicts, evidence, figures, tables, and a list of all runs. It is well-formed XML,
-//! and refers to nothing but the recordings beside it. Without its script, which adds values at the
-//! pointer, it is complete.
+//! The HTML page: verdicts, evidence, figures, tables, and a list of all runs. It is well-formed
+//! XML, and refers to nothing but the recordings beside it. Without its script, which adds values
+//! at the pointer, it is complete.
 
 mod runs;
 

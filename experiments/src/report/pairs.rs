@@ -2,8 +2,8 @@
 //!
 //! A comparison is an effect with its interval first; a test says how likely such an effect is by
 //! chance alone. The comparisons under one condition are a family: their p-values are adjusted
-//! together (Holm). Conditions are separate questions; an adjustment over all of them would need far
-//! more maps.
+//! together (Holm). Conditions are separate questions; an adjustment over all of them would need
+//! far more maps.
 
 use super::estimates::{Estimate, LEVEL, RESAMPLES, SEED, Times};
 use super::evidence::PAIRS_MIN;

@@ -413,8 +413,8 @@ impl Panel {
         (left + self.x.position(x) * width, top + (1.0 - self.y.position(y)) * height)
     }
 
-    /// Frame and axes for scripts: left, top, width and height in pixels, and the ends of both axes;
-    /// nothing for axes that are not linear scales.
+    /// Frame and axes for scripts: left, top, width and height in pixels, and the ends of both
+    /// axes; nothing for axes that are not linear scales.
     fn data(&self) -> String {
         let Area { left, top, width, height } = self.area;
         let (x, y) = (&self.x, &self.y);

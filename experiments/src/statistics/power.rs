@@ -8,8 +8,8 @@ use super::{StatisticsError, check_range, check_sample, count, mean};
 const EFFICIENCY: f64 = 3.0 / std::f64::consts::PI;
 
 /// The difference of means that so many pairs, with differences that scatter like these, would show
-/// with a probability of `power` in a two-sided signed-rank test at the level `alpha`, by the normal
-/// approximation.
+/// with a probability of `power` in a two-sided signed-rank test at the level `alpha`, by the
+/// normal approximation.
 ///
 /// # Errors
 /// If there are fewer than two pairs, one is not finite, or a probability is not between 0 and 1.

@@ -386,7 +386,7 @@ fn log_rank_by_hand() {
     assert!((result.variance - (0.25 + 2.0 / 9.0)).abs() < 1e-12);
     let other = log_rank(&b, &a).unwrap();
     assert!((other.observed_less_expected + result.observed_less_expected).abs() < 1e-12);
-    // Nobody reaches it: nothing tells the samples apart.
+    // No run reaches it: the samples do not differ.
     let none = log_rank(&[censored_at(5.0)], &[censored_at(5.0)]).unwrap();
     assert_eq!((none.observed_less_expected, none.variance, none.chi_squared()), (0.0, 0.0, 0.0));
     assert_eq!(log_rank(&[], &b), too_few(1, 0));

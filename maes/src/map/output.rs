@@ -15,16 +15,16 @@ use super::MapCliError;
 /// How a map is written.
 #[derive(Debug, Clone, Copy, PartialEq, Args)]
 pub(crate) struct Encoding {
-    /// Write packed M3DM, which is smaller, even where a plain one would do: up to 127 cells along an
-    /// axis, of 1 m.
+    /// Write packed M3DM, which is smaller, even where a plain one would do: up to 127 cells along
+    /// an axis, of 1 m.
     #[arg(long)]
     pub(crate) rle: bool,
-    /// Write plain M3DM, the format of MAES3D, which holds no length of cells: whoever reads the file
-    /// has to give it.
+    /// Write plain M3DM, the format of MAES3D, which holds no length of cells: whoever reads the
+    /// file has to give it.
     #[arg(long, conflicts_with = "rle")]
     pub(crate) plain: bool,
-    /// Place of the lowest corner of a .yaml in metres, and its turn in radians [default: that of the
-    /// map that is read, or 0,0,0].
+    /// Place of the lowest corner of a .yaml in metres, and its turn in radians [default: that of
+    /// the map that is read, or 0,0,0].
     #[arg(long, value_name = "X,Y,YAW", value_parser = parse_origin, allow_hyphen_values = true)]
     pub(crate) origin: Option<[f64; 3]>,
 }

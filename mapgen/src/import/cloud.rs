@@ -1,9 +1,10 @@
 //! Point clouds: every cell with a point is wall.
 //!
-//! A cloud contains only what was hit. If it says from where, or an option does, the cells on the way
-//! from the sensor to a point are free, and of all others nothing is known. If not, every other cell
-//! in the box around the points is free. Space behind a wall is then free as well, and not connected
-//! with the space in front of it: the repair of maps fills the smaller part, or `free_from` decides.
+//! A cloud contains only what was hit. If it says from where, or an option does, the cells on the
+//! way from the sensor to a point are free, and of all others nothing is known. If not, every other
+//! cell in the box around the points is free. Space behind a wall is then free as well, and not
+//! connected with the space in front of it: the repair of maps fills the smaller part, or
+//! `free_from` decides.
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;

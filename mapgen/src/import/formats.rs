@@ -364,8 +364,8 @@ impl MapFormat {
     }
 
     /// The bytes of a file of this format, with the length of its cells. M3DM is packed if
-    /// `is_packed`, and where a plain one cannot hold the map: if it has more than 127 cells along an
-    /// axis, or if its cells are not 1 m long.
+    /// `is_packed`, and where a plain one cannot hold the map: if it has more than 127 cells along
+    /// an axis, or if its cells are not 1 m long.
     ///
     /// # Errors
     /// If the format is only read, or takes two files ([`export::floor_plan`]).

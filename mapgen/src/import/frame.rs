@@ -9,8 +9,8 @@ use voxels::{Cell, Extent, ExtentError, Grid, Terrain};
 use super::options::Up;
 use super::{FormatError, ImportSpec, Note, new_grid};
 
-/// Distance from a whole number, in lengths of cells, within which the end of a solid is that number:
-/// files with numbers of 32 and of 64 bits get the same cells.
+/// Distance from a whole number, in lengths of cells, within which the end of a solid is that
+/// number: files with numbers of 32 and of 64 bits get the same cells.
 const WHOLE: f64 = 1e-3;
 
 /// Axes, units and cells.
@@ -23,7 +23,8 @@ pub(super) struct Units {
 }
 
 impl Units {
-    /// The axes and units of the options, with cells of the requested length, that of the file, or 1 m.
+    /// The axes and units of the options, with cells of the requested length, that of the file, or
+    /// 1 m.
     ///
     /// # Errors
     /// If the cell length is illegal.

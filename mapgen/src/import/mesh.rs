@@ -6,8 +6,8 @@
 //! no hole, or they differ, the generalised winding number decides ([`winding`]). Triangles are
 //! turned to face outwards together before ([`orientation`]).
 //!
-//! **Surface.** A triangle touches a cell if a part of it lies in the cell, the lower faces of which
-//! belong to it.
+//! **Surface.** A triangle touches a cell if a part of it lies in the cell, the lower faces of
+//! which belong to it.
 //!
 //! The work is counted, not timed: a file that needs more steps than allowed is refused.
 
@@ -64,8 +64,9 @@ impl Mesh {
         if count > TRIANGLES_MAX { Err(allowed) } else { Ok(()) }
     }
 
-    /// Adds a polygon of the numbers of its corners: the triangles between its first corner and each
-    /// of its other edges. Of a polygon that is not convex these overlap, and their turns cancel.
+    /// Adds a polygon of the numbers of its corners: the triangles between its first corner and
+    /// each of its other edges. Of a polygon that is not convex these overlap, and their turns
+    /// cancel.
     pub(super) fn add_polygon(&mut self, corners: &[u32]) {
         self.triangles.extend(corners[1..].windows(2).map(|edge| [corners[0], edge[0], edge[1]]));
     }

@@ -1,12 +1,12 @@
 //! Trees of OctoMap: free, occupied and unknown cells.
 //!
-//! **Binary trees (`.bt`).** A text header with the resolution, then the tree, its nodes before their
-//! children: two bytes for each node that has children, with two bits for each child, from the lowest
-//! bits on. 00: unknown, 01: free, 10: occupied, 11: has children, which follow.
+//! **Binary trees (`.bt`).** A text header with the resolution, then the tree, its nodes before
+//! their children: two bytes for each node that has children, with two bits for each child, from
+//! the lowest bits on. 00: unknown, 01: free, 10: occupied, 11: has children, which follow.
 //!
-//! **Full trees (`.ot`).** After a header of the same kind, each node has the logarithm of its odds of
-//! being occupied as four bytes, in `ColorOcTree` three more, and a byte with a bit for each child,
-//! which follow. A leaf is occupied from even odds on.
+//! **Full trees (`.ot`).** After a header of the same kind, each node has the logarithm of its odds
+//! of being occupied as four bytes, in `ColorOcTree` three more, and a byte with a bit for each
+//! child, which follow. A leaf is occupied from even odds on.
 //!
 //! Child i is on the upper side of x if bit 0 of i is set, of y if bit 1 is, of z if bit 2 is. Both
 //! trees are 16 levels deep, and the origin of the file is their middle.

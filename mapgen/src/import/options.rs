@@ -70,7 +70,8 @@ pub struct ImportOptions {
     #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cells_max: Option<u64>,
-    /// Meshes and point clouds: largest number of steps of work, a bound on the time [default: 2^28].
+    /// Meshes and point clouds: largest number of steps of work, a bound on the time [default:
+    /// 2^28].
     #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps_max: Option<u64>,

@@ -1,8 +1,8 @@
 //! Point clouds of the Point Cloud Library (PCD 0.7): ascii, binary and binary_compressed.
 //!
-//! The fields x, y and z are used, of any numeric type, and as the position of the sensor VIEWPOINT,
-//! unless it is the origin of the file, which stands for none. Compressed data are LZF, field by
-//! field.
+//! The fields x, y and z are used, of any numeric type, and as the position of the sensor
+//! VIEWPOINT, unless it is the origin of the file, which stands for none. Compressed data are LZF,
+//! field by field.
 
 use super::bytes::{Bytes, number, shown, three, words};
 use super::cloud::{self, Sensors};

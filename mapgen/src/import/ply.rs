@@ -2,8 +2,8 @@
 //! order.
 //!
 //! Of the element `vertex`, the properties x, y and z are used, of the element `face` the list
-//! `vertex_indices` or `vertex_index`. A file with faces is a mesh, one without a point cloud. Other
-//! elements are skipped.
+//! `vertex_indices` or `vertex_index`. A file with faces is a mesh, one without a point cloud.
+//! Other elements are skipped.
 
 use super::bytes::{Bytes, number, shown, words};
 use super::cloud::{self, Sensors};
@@ -195,8 +195,8 @@ fn type_of(line: usize, word: &[u8]) -> Result<Number, FormatError> {
     }
 }
 
-/// The values of the properties of the next element; of a list, its length. `list` is the place of a
-/// list and where its items go.
+/// The values of the properties of the next element; of a list, its length. `list` is the place of
+/// a list and where its items go.
 fn values(
     bytes: &mut Bytes<'_>,
     order: Order,

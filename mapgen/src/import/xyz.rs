@@ -1,8 +1,8 @@
-//! Point clouds as text (`.xyz`): a point in each line, its coordinates first, with spaces, commas or
-//! semicolons between them.
+//! Point clouds as text (`.xyz`): a point in each line, its coordinates first, with spaces, commas
+//! or semicolons between them.
 //!
-//! Empty lines, comments (`#`, `//`) and a first line without three numbers (a header, or the number
-//! of points) are skipped.
+//! Empty lines, comments (`#`, `//`) and a first line without three numbers (a header, or the
+//! number of points) are skipped.
 
 use super::bytes::{Bytes, shown};
 use super::cloud::{self, Sensors};

@@ -5,7 +5,7 @@
 //! before interventions and scans. It enters the digest there, so that a run and its fork are the
 //! same up to that tick.
 //!
-//! Invariants: an event is executed once; an agent is told of a change in the first observation
+//! Invariants: an event is executed once; an agent receives a change in the first observation
 //! that it commits to afterwards; an agent that is out is never asked again.
 
 use msgs::cdr;

@@ -1,8 +1,8 @@
 //! Signed crossings of lines through the centres of cells with a mesh.
 //!
-//! A line along an axis that enters the solid through a triangle gains one turn, and loses one where
-//! it leaves; between the two it is inside as often as solids overlap there. At the end of a line
-//! that has come through no hole nothing is left, and it has a vote in each of its cells.
+//! A line along an axis that enters the solid through a triangle gains one turn, and loses one
+//! where it leaves; between the two it is inside as often as solids overlap there. At the end of a
+//! line that has come through no hole nothing is left, and it has a vote in each of its cells.
 //!
 //! Two triangles that share an edge are intersected with the same arithmetic along it, and the sign
 //! follows from the order of the intersections, so that a line along an edge counts once.
@@ -107,7 +107,8 @@ fn cross(
             }
         }
         let (Some(up), Some(down)) = (up, down) else { continue };
-        // Seen against the axis, the corners of a triangle that faces the viewer go round to the left.
+        // Seen against the axis, the corners of a triangle that faces the viewer go round to the
+        // left.
         let turn = if up > down { -1 } else { 1 };
         let columns = centres(up.min(down), up.max(down), size[u]);
         work.spend(1 + columns.len())?;

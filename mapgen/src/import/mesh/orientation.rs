@@ -88,8 +88,9 @@ fn edges(corners: &[[u32; 3]]) -> Vec<Edge> {
     edges
 }
 
-/// Turns triangles until neighbours pass their common edge in opposite directions: in each connected
-/// part those with the smaller area. A part without an outside, as a Moebius strip, stays.
+/// Turns triangles until neighbours pass their common edge in opposite directions: in each
+/// connected part those with the smaller area. A part without an outside, as a Moebius strip,
+/// stays.
 fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], turned: &mut [bool]) {
     let crossed = Crossed::of(triangles, edges);
     let pairs = || {
@@ -147,8 +148,8 @@ fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], turned: &mut [bool]) 
 /// Edges along an axis that no other edge balances, by their line.
 ///
 /// Where four sides of boxes meet, as in maps of cells that touch at an edge, and some sides are
-/// longer than others, two triangles of different boxes share an edge, and pass it as they like: the
-/// longer ones balance it. Such triangles are no neighbours.
+/// longer than others, two triangles of different boxes share an edge, and pass it as they like:
+/// the longer ones balance it. Such triangles are no neighbours.
 struct Crossed(BTreeMap<Line, Vec<[f64; 2]>>);
 
 /// The axis of a line, and the bits of its other two coordinates.
@@ -259,8 +260,9 @@ fn openings(triangles: &[Triangle]) -> Vec<Opening> {
     let corners = corners(triangles);
     let edges = edges(&corners);
     let place = |corner: u32| triangles[corner as usize / 3][corner as usize % 3];
-    // Edges with the passages that nothing balances. Two triangles close an edge, whichever way they
-    // face: of a part without an outside they face the same way. Crossed edges balance longer ones.
+    // Edges with the passages that nothing balances. Two triangles close an edge, whichever way
+    // they face: of a part without an outside they face the same way. Crossed edges balance longer
+    // ones.
     let crossed = Crossed::of(triangles, &edges);
     let open: Vec<(u32, u32, i64)> = edges
         .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))

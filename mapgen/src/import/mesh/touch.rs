@@ -1,5 +1,5 @@
-//! The cells that a triangle touches: a part of it lies in the cell, the lower faces of which belong
-//! to it.
+//! The cells that a triangle touches: a part of it lies in the cell, the lower faces of which
+//! belong to it.
 
 use voxels::Cell;
 

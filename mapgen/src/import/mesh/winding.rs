@@ -1,10 +1,10 @@
 //! Generalised winding numbers of points in a soup of triangles.
 //!
-//! The winding number is the signed solid angle of all triangles, divided by 4 pi: 1 inside a closed
-//! surface that faces outwards, 0 outside, 2 where two solids overlap, and a fraction near holes
-//! (A. Jacobson, L. Kavan, O. Sorkine-Hornung, "Robust inside-outside segmentation using generalized
-//! winding numbers", 2013). Triangles that are far away count together, as a dipole (G. Barill and
-//! others, "Fast winding numbers for soups and clouds", 2018).
+//! The winding number is the signed solid angle of all triangles, divided by 4 pi: 1 inside a
+//! closed surface that faces outwards, 0 outside, 2 where two solids overlap, and a fraction near
+//! holes (A. Jacobson, L. Kavan, O. Sorkine-Hornung, "Robust inside-outside segmentation using
+//! generalized winding numbers", 2013). Triangles that are far away count together, as a dipole (G.
+//! Barill and others, "Fast winding numbers for soups and clouds", 2018).
 
 use std::f64::consts::PI;
 

@@ -267,7 +267,8 @@ impl Follow<'_> {
             for Place { offset, block } in present.drain(..) {
                 let mut entered = std::mem::take(&mut entering[offset as usize]) & passing[offset as usize] & !open;
                 let blocks = [0, 1, 2].map(|axis| offset >> (axis * self.block_bits) & last);
-                // The offset in cells of the nearest cell of the block; below 0 only behind the body.
+                // The offset in cells of the nearest cell of the block; below 0 only behind the
+                // body.
                 let nearest = [0, 1, 2].map(|axis| (2 * blocks[axis]) as i32 - ahead[axis] as i32);
                 if entered == 0 || !self.is_in_range(nearest.map(|cells| cells.max(0) as u32)) {
                     continue;

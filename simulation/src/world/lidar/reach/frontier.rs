@@ -1,8 +1,8 @@
 //! The seen free cells of a memory and their frontier, in blocks of 2 x 2 x 2 cells.
 //!
 //! Invariants: every seen free cell has its bit in `free`; every seen free cell with a neighbour
-//! that has not been seen has its bit in `frontier`. A bit of `frontier` may be out of date; whoever
-//! finds that clears it.
+//! that has not been seen has its bit in `frontier`. A bit of `frontier` may be out of date;
+//! whoever finds that clears it.
 
 /// Blocks of a memory, one byte each with a bit for each cell: bit `x + 2 y + 4 z` for the cell at
 /// that place in its block.
