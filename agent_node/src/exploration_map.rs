@@ -17,7 +17,6 @@
 //!
 //! Beyond that, reports are not validated.
 
-mod cell_set;
 mod delta;
 #[cfg(test)]
 pub(crate) mod drawing;
@@ -27,9 +26,8 @@ mod tests;
 use std::ops::Range;
 
 use msgs::ids::AgentId;
-use voxels::{Cell, Extent, Grid};
+use voxels::{Cell, CellSet, Extent, Grid};
 
-use cell_set::CellSet;
 pub use delta::{Block, Delta};
 pub(crate) use delta::{Layout, bits};
 

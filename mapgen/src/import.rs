@@ -31,9 +31,9 @@ mod xyz;
 
 use std::path::{Path, PathBuf};
 
-use voxels::{Cell, Extent, Grid, Terrain, close_shell, is_wall_at, keep_largest_component};
+use voxels::{Cell, Extent, Grid, Terrain, close_shell, is_wall_at};
 
-use super::{GeneratedMap, MapError, check_memory, described};
+use super::{GeneratedMap, MapError, check_memory, described, keep_largest};
 
 pub use formats::{FormatError, MapFormat, Place};
 pub use options::{Fill, ImportOptions, Kind, Up};
@@ -42,7 +42,7 @@ pub use options::{Fill, ImportOptions, Kind, Up};
 const SHELL_LAYERS: u32 = 1;
 
 /// Largest number of cells of a map from a file, whatever its length, unless an option says
-/// otherwise. With 8 bytes for each cell while a map is repaired, a gibibyte.
+/// otherwise: a gibibyte where a reader takes 8 bytes for each cell.
 const CELLS_MAX: usize = 1 << 27;
 
 /// Largest number of cells for each byte of a file: a few bytes of a tree or of run lengths can
@@ -179,9 +179,8 @@ fn cells_max(bytes: usize) -> usize {
 /// # Errors
 /// [`MapError::Memory`]; [`MapError::ImportEmpty`] if nothing free is left.
 pub fn repair(file: &str, mut terrain: Grid<Terrain>, seed: u64) -> Result<GeneratedMap, MapError> {
-    check_memory(terrain.extent(), super::GENERATION_CELL_BYTES)?;
     let shell_cells_closed = close_shell(&mut terrain, SHELL_LAYERS);
-    let pockets = keep_largest_component(&mut terrain);
+    let pockets = keep_largest(&mut terrain)?;
     if pockets.kept_cells == 0 {
         return Err(MapError::ImportEmpty { file: file.to_owned() });
     }

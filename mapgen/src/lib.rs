@@ -21,7 +21,7 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use voxels::{Extent, Grid, Pockets, Terrain, keep_largest_component};
+use voxels::{Extent, Grid, Pockets, STRETCH_BYTES, Terrain, free_stretches, keep_largest_component};
 
 pub use building::{BuildingSpec, Built, Entrance};
 pub use import::{Fill, FormatError, ImportOptions, ImportSpec, Imported, Kind, MapFormat, Note, repair};
@@ -202,7 +202,7 @@ pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMa
         }
     };
     let Draft { mut terrain, carved, shell_cells_closed } = draft;
-    let pockets = keep_largest_component(&mut terrain);
+    let pockets = keep_largest(&mut terrain)?;
     if pockets.kept_cells == 0 {
         return Err(MapError::Empty);
     }
@@ -243,19 +243,33 @@ pub fn entrances(spec: &MapSpec, extent: Extent, seed: u64) -> Result<Vec<Entran
     }
 }
 
-/// Largest number of bytes per cell that generation takes: the terrain, a copy, and the labels of
-/// its components.
-const GENERATION_CELL_BYTES: usize = 8;
+/// Bytes per cell that generation takes beside what its parts check themselves: the terrain.
+const GENERATION_CELL_BYTES: usize = 1;
 
-/// Checks that the system can allocate `cell_bytes` for each cell. The system may overcommit, but
-/// an allocation that it refuses is a clear error here instead of an abort later.
+/// Checks that the system can allocate `cell_bytes` for each cell, in pieces of a byte for each, as
+/// maps and memories of their cells are. The system may overcommit, but an allocation that it
+/// refuses is a clear error here instead of an abort later.
 ///
 /// # Errors
 /// [`MapError::Memory`] if the allocation fails.
 pub fn check_memory(extent: Extent, cell_bytes: usize) -> Result<(), MapError> {
-    let bytes = extent.volume().saturating_mul(cell_bytes);
-    let error = |_| MapError::Memory { size: extent.size(), mib: bytes >> 20 };
-    Vec::<u8>::new().try_reserve_exact(bytes).map_err(error)
+    check_pieces(extent, cell_bytes, extent.volume())
+}
+
+/// Checks that the system can allocate pieces of memory, all at once.
+fn check_pieces(extent: Extent, pieces: usize, bytes: usize) -> Result<(), MapError> {
+    let error = |_| MapError::Memory { size: extent.size(), mib: bytes.saturating_mul(pieces) >> 20 };
+    let mut reserved = vec![Vec::<u8>::new(); pieces];
+    reserved.iter_mut().try_for_each(|piece| piece.try_reserve_exact(bytes)).map_err(error)
+}
+
+/// As [`keep_largest_component`], after a check of the memory that it takes.
+///
+/// # Errors
+/// [`MapError::Memory`].
+fn keep_largest(terrain: &mut Grid<Terrain>) -> Result<Pockets, MapError> {
+    check_pieces(terrain.extent(), STRETCH_BYTES, free_stretches(terrain))?;
+    Ok(keep_largest_component(terrain))
 }
 
 /// The number of free cells.

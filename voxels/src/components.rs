@@ -1,20 +1,29 @@
 //! Connected parts of free space, and the two repairs that make a map sound: one connected cave
 //! inside a closed shell.
 //!
-//! Two free cells are connected if they share a face. This module never turns wall into free space.
+//! Two free cells are connected if they share a face. The parts are found by union of *stretches*,
+//! the longest pieces of free cells along x, so that a map of 2^30 cells takes memory for its
+//! stretches and not for its cells. This module never turns wall into free space.
 
-use crate::{Cell, FACES, Grid, Terrain};
+use std::ops::Range;
 
-/// The label of a wall cell in [`Components::labels`].
-pub const NO_COMPONENT: u32 = u32::MAX;
+use crate::{Grid, Terrain};
+
+/// Cells that are compared at once where a stretch may begin.
+const AT_ONCE: usize = 32;
+
+/// Largest number of bytes that [`free_components`] takes for a stretch.
+pub const STRETCH_BYTES: usize = 8;
 
 /// The 6-connected parts of free space, numbered in the order of their first cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Components {
-    /// The number of the component that each cell belongs to, [`NO_COMPONENT`] for wall.
-    pub labels: Grid<u32>,
     /// The number of cells in each component.
     pub sizes: Vec<usize>,
+    /// The index of the first cell of each component, ascending.
+    pub firsts: Vec<usize>,
+    /// The component of each stretch, in the order of their cells.
+    of_stretch: Vec<u32>,
 }
 
 impl Components {
@@ -37,38 +46,137 @@ pub struct Pockets {
     pub kept_cells: usize,
 }
 
-/// Finds the 6-connected components of free space.
-pub fn free_components(terrain: &Grid<Terrain>) -> Components {
-    let mut labels = Grid::new(terrain.extent(), NO_COMPONENT);
-    let mut sizes = Vec::new();
-    for first in 0..terrain.extent().volume() {
-        if terrain[first] == Terrain::Free && labels[first] == NO_COMPONENT {
-            sizes.push(flood(terrain, &mut labels, first, sizes.len() as u32));
-        }
+/// The number of stretches of free cells along x.
+pub fn free_stretches(terrain: &Grid<Terrain>) -> usize {
+    let size_x = terrain.extent().size()[0] as usize;
+    let mut count = 0;
+    for row in terrain.as_slice().chunks_exact(size_x) {
+        stretches(row, |_| count += 1);
     }
-    Components { labels, sizes }
+    count
 }
 
-/// Labels everything that is connected with the cell `first`; returns the number of cells.
-fn flood(terrain: &Grid<Terrain>, labels: &mut Grid<u32>, first: usize, label: u32) -> usize {
-    let extent = terrain.extent();
-    labels[first] = label;
-    let mut size = 0;
-    let mut open: Vec<Cell> = vec![extent.cell_at(first)];
-    while let Some(cell) = open.pop() {
-        size += 1;
-        for offset in FACES {
-            let next = cell + offset;
-            let Some(index) = extent.index(next) else {
-                continue;
-            };
-            if terrain[index] == Terrain::Free && labels[index] == NO_COMPONENT {
-                labels[index] = label;
-                open.push(next);
+/// Calls `found` with the stretches of a row of cells, in their order.
+fn stretches(row: &[Terrain], mut found: impl FnMut(Range<usize>)) {
+    let mut end = 0;
+    while let Some(begin) = next_of(row, end, Terrain::Free) {
+        end = next_of(row, begin, Terrain::Wall).unwrap_or(row.len());
+        found(begin..end);
+    }
+}
+
+/// The first cell of a kind from a position on.
+fn next_of(row: &[Terrain], from: usize, kind: Terrain) -> Option<usize> {
+    let mut at = from;
+    for piece in row.get(from..)?.chunks(AT_ONCE) {
+        // Without an early end this is a few comparisons of whole vectors.
+        if piece.iter().fold(false, |is_there, &here| is_there | (here == kind)) {
+            return piece.iter().position(|&here| here == kind).map(|place| at + place);
+        }
+        at += piece.len();
+    }
+    None
+}
+
+/// A stretch of the layer that is read or of the one below it.
+struct Stretch {
+    along_x: Range<u16>,
+    number: u32,
+}
+
+/// The stretches of a layer, with the position of the first one of each row.
+#[derive(Default)]
+struct Layer {
+    stretches: Vec<Stretch>,
+    rows: Vec<usize>,
+}
+
+impl Layer {
+    fn row(&self, y: usize) -> &[Stretch] {
+        let end = self.rows.get(y + 1).copied().unwrap_or(self.stretches.len());
+        self.rows.get(y).map_or(&[], |&begin| &self.stretches[begin..end])
+    }
+}
+
+/// Finds the 6-connected components of free space.
+pub fn free_components(terrain: &Grid<Terrain>) -> Components {
+    let [size_x, size_y, _] = terrain.extent().size().map(|cells| cells as usize);
+    // By stretch, another one of its component, which is not a later one; the first one of a
+    // component is its own.
+    let mut parents: Vec<u32> = Vec::new();
+    let (mut below, mut here) = (Layer::default(), Layer::default());
+    for (z, layer) in terrain.as_slice().chunks_exact(size_x * size_y).enumerate() {
+        std::mem::swap(&mut below, &mut here);
+        here.stretches.clear();
+        here.rows.clear();
+        for (y, row) in layer.chunks_exact(size_x).enumerate() {
+            here.rows.push(here.stretches.len());
+            stretches(row, |found| {
+                let number = parents.len() as u32;
+                parents.push(number);
+                here.stretches.push(Stretch { along_x: found.start as u16..found.end as u16, number });
+            });
+            if y > 0 {
+                unite(here.row(y), here.row(y - 1), &mut parents);
+            }
+            if z > 0 {
+                unite(here.row(y), below.row(y), &mut parents);
             }
         }
     }
-    size
+    numbered(terrain, parents)
+}
+
+/// Joins the stretches of two adjacent rows that have a face in common.
+fn unite(one: &[Stretch], other: &[Stretch], parents: &mut [u32]) {
+    let (mut i, mut j) = (0, 0);
+    while let (Some(a), Some(b)) = (one.get(i), other.get(j)) {
+        if a.along_x.start < b.along_x.end && b.along_x.start < a.along_x.end {
+            let (a, b) = (root(parents, a.number), root(parents, b.number));
+            parents[a.max(b) as usize] = a.min(b);
+        }
+        if a.along_x.end < b.along_x.end { i += 1 } else { j += 1 }
+    }
+}
+
+/// The first stretch of the component of a stretch.
+fn root(parents: &mut [u32], mut number: u32) -> u32 {
+    while parents[number as usize] != number {
+        let above = parents[parents[number as usize] as usize];
+        parents[number as usize] = above;
+        number = above;
+    }
+    number
+}
+
+/// The components of stretches with these parents.
+fn numbered(terrain: &Grid<Terrain>, mut of_stretch: Vec<u32>) -> Components {
+    let (mut sizes, mut firsts) = (Vec::new(), Vec::new());
+    let mut number = 0;
+    for_stretches(terrain, |cells| {
+        let parent = of_stretch[number];
+        // Parents come before their stretches, so they have their component already.
+        let component = if parent as usize == number {
+            firsts.push(cells.start);
+            sizes.push(0);
+            sizes.len() as u32 - 1
+        } else {
+            of_stretch[parent as usize]
+        };
+        of_stretch[number] = component;
+        sizes[component as usize] += cells.len();
+        number += 1;
+    });
+    Components { sizes, firsts, of_stretch }
+}
+
+/// Calls `found` with the cell indices of all stretches, ascending.
+fn for_stretches(terrain: &Grid<Terrain>, mut found: impl FnMut(Range<usize>)) {
+    let size_x = terrain.extent().size()[0] as usize;
+    for (number, row) in terrain.as_slice().chunks_exact(size_x).enumerate() {
+        let first = number * size_x;
+        stretches(row, |along_x| found(first + along_x.start..first + along_x.end));
+    }
 }
 
 /// Turns every free cell outside the largest component into wall; of several equally large ones the
@@ -78,34 +186,43 @@ pub fn keep_largest_component(terrain: &mut Grid<Terrain>) -> Pockets {
     let Some(kept) = components.largest() else {
         return Pockets::default();
     };
-    for (cell, &label) in terrain.as_mut_slice().iter_mut().zip(components.labels.as_slice()) {
-        if label != kept {
-            *cell = Terrain::Wall;
+    let kept_cells = components.sizes[kept as usize];
+    let filled_cells = components.sizes.iter().sum::<usize>() - kept_cells;
+    if filled_cells > 0 {
+        let size_x = terrain.extent().size()[0] as usize;
+        let mut of_stretch = components.of_stretch.iter();
+        for row in terrain.as_mut_slice().chunks_exact_mut(size_x) {
+            let mut end = 0;
+            while let Some(begin) = next_of(row, end, Terrain::Free) {
+                end = next_of(row, begin, Terrain::Wall).unwrap_or(row.len());
+                if of_stretch.next() != Some(&kept) {
+                    row[begin..end].fill(Terrain::Wall);
+                }
+            }
         }
     }
-    let kept_cells = components.sizes[kept as usize];
-    Pockets {
-        filled_components: components.sizes.len() - 1,
-        filled_cells: components.sizes.iter().sum::<usize>() - kept_cells,
-        kept_cells,
-    }
+    Pockets { filled_components: components.sizes.len() - 1, filled_cells, kept_cells }
 }
 
 /// Turns the outermost `layers` layers on all six sides into wall; returns how many cells of them
 /// were free. Layers beyond the middle of the map leave it solid.
 pub fn close_shell(terrain: &mut Grid<Terrain>, layers: u32) -> usize {
-    let extent = terrain.extent();
-    let inside = |coordinate: i32, size: u32| {
-        let coordinate = coordinate as u32;
-        coordinate >= layers && size - coordinate > layers
-    };
-    let [size_x, size_y, size_z] = extent.size();
+    let [size_x, size_y, _] = terrain.extent().size().map(|cells| cells as usize);
+    let size_z = terrain.extent().size()[2] as usize;
+    let layers = layers as usize;
+    let is_inside = |at: usize, size: usize| at >= layers && size - at > layers;
     let mut closed = 0;
-    for (cell, here) in extent.cells().zip(terrain.as_mut_slice()) {
-        let is_inside = inside(cell.x, size_x) && inside(cell.y, size_y) && inside(cell.z, size_z);
-        if !is_inside && *here == Terrain::Free {
-            *here = Terrain::Wall;
-            closed += 1;
+    let mut close = |cells: &mut [Terrain]| {
+        closed += cells.iter().filter(|&&here| here == Terrain::Free).count();
+        cells.fill(Terrain::Wall);
+    };
+    for (number, row) in terrain.as_mut_slice().chunks_exact_mut(size_x).enumerate() {
+        let (y, z) = (number % size_y, number / size_y);
+        if is_inside(y, size_y) && is_inside(z, size_z) && 2 * layers < size_x {
+            close(&mut row[..layers]);
+            close(&mut row[size_x - layers..]);
+        } else {
+            close(row);
         }
     }
     closed
@@ -114,7 +231,7 @@ pub fn close_shell(terrain: &mut Grid<Terrain>, layers: u32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Extent;
+    use crate::{Cell, Extent, FACES};
     use proptest::prelude::*;
 
     #[test]
@@ -122,9 +239,9 @@ mod tests {
         let world = Grid::from_text(".#.\n#.#\n\n###\n#.#\n").unwrap();
         let components = free_components(&world);
         assert_eq!(components.sizes, [2, 1, 1]);
-        assert_eq!(components.labels.get(Cell::new(1, 0, 1)), Some(&0));
-        assert_eq!(components.labels.get(Cell::new(2, 1, 0)), Some(&2));
-        assert_eq!(components.labels.get(Cell::new(0, 0, 0)), Some(&NO_COMPONENT));
+        let firsts = [Cell::new(1, 0, 0), Cell::new(0, 1, 0), Cell::new(2, 1, 0)];
+        assert_eq!(components.firsts, firsts.map(|cell| world.extent().index(cell).unwrap()));
+        assert_eq!(free_stretches(&world), 4);
     }
 
     #[test]
@@ -155,7 +272,39 @@ mod tests {
         assert_eq!(close_shell(&mut world, u32::MAX), 0);
     }
 
+    /// The first cell and the number of cells of each component, by flooding cell by cell.
+    fn flooded(terrain: &Grid<Terrain>) -> Vec<(usize, usize)> {
+        let extent = terrain.extent();
+        let mut left = terrain.clone();
+        let mut found = Vec::new();
+        for first in 0..extent.volume() {
+            let mut open = vec![extent.cell_at(first)];
+            let mut size = 0;
+            while let Some(cell) = open.pop() {
+                if left.get(cell) == Some(&Terrain::Free) {
+                    left.set(cell, Terrain::Wall);
+                    size += 1;
+                    open.extend(FACES.map(|face| cell + face));
+                }
+            }
+            found.extend((size > 0).then_some((first, size)));
+        }
+        found
+    }
+
     proptest! {
+        #[test]
+        fn components_are_those_of_a_flood(
+            size in (1u32..80, 1u32..6, 1u32..6), bits in prop::collection::vec(prop::bool::weighted(0.6), 2000),
+        ) {
+            let extent = Extent::new([size.0, size.1, size.2], 1.0).unwrap();
+            let cells = bits[..extent.volume().min(2000)].iter().chain(std::iter::repeat(&true)).take(extent.volume());
+            let cells = cells.map(|&free| if free { Terrain::Free } else { Terrain::Wall });
+            let terrain = Grid::from_vec(extent, cells.collect()).unwrap();
+            let Components { sizes, firsts, .. } = free_components(&terrain);
+            prop_assert_eq!(firsts.into_iter().zip(sizes).collect::<Vec<_>>(), flooded(&terrain));
+        }
+
         #[test]
         fn one_component_is_left_and_nothing_is_dug(
             size in prop::array::uniform3(1u32..8),

@@ -14,6 +14,7 @@
 
 pub mod blocks;
 pub mod cell;
+pub mod cell_set;
 pub mod clearance;
 pub mod components;
 pub mod extent;
@@ -28,8 +29,11 @@ pub mod traverse;
 
 pub use blocks::Blocks;
 pub use cell::{Cell, FACES};
+pub use cell_set::CellSet;
 pub use clearance::{Clearance, Passage};
-pub use components::{Components, Pockets, close_shell, free_components, keep_largest_component};
+pub use components::{
+    Components, Pockets, STRETCH_BYTES, close_shell, free_components, free_stretches, keep_largest_component,
+};
 pub use extent::{Extent, ExtentError};
 pub use grid::{Grid, GridError};
 pub use m3dm::M3dmError;

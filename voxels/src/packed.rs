@@ -56,6 +56,9 @@ const ORDER_MAX: u8 = 24;
 /// Cells whose three neighbours agree, and those whose neighbours differ.
 const KINDS: usize = 2;
 
+/// Cells that are compared at once.
+const AT_ONCE: usize = 32;
+
 /// The reason why bytes are not a packed map.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum PackedError {
@@ -202,11 +205,29 @@ pub fn read(bytes: &[u8], cells_max: usize) -> Result<Grid<Terrain>, PackedError
     let mut walls = Vec::new();
     // Reserved memory is not used yet, and a refused reservation is an error here.
     walls.try_reserve_exact(cells).map_err(|_| PackedError::Memory(cells))?;
+    walls.resize(cells, Terrain::Wall);
     let [size_x, size_y, _] = extent.size().map(|cells| cells as usize);
-    for index in 0..cells {
-        let (predicted, kind) = prediction(&walls, index, size_x, size_y);
-        let is_wrong = kinds[kind].step().map_err(|run| code_error(kind, run))?;
-        walls.push(if is_wrong { opposite(predicted) } else { predicted });
+    let outside = vec![Terrain::Wall; size_x];
+    for number in 0..cells / size_x {
+        let (before, rest) = walls.split_at_mut(number * size_x);
+        let row = &mut rest[..size_x];
+        let [beside, below] = rows_before(before, &outside, number, size_y);
+        let mut last = Terrain::Wall;
+        let mut x = 0;
+        while x < size_x {
+            // Cells whose neighbours all are as the last cell continue it up to a wrong prediction.
+            let same = same_ahead(&beside[x..], &below[x..], last).min(kinds[0].before_wrong());
+            row[x..x + same].fill(last);
+            kinds[0].pass(same);
+            x += same;
+            if x < size_x {
+                let (predicted, kind) = prediction(last, beside[x], below[x]);
+                let is_wrong = kinds[kind].step().map_err(|run| code_error(kind, run))?;
+                last = if is_wrong { opposite(predicted) } else { predicted };
+                row[x] = last;
+                x += 1;
+            }
+        }
     }
     for (kind, runs) in kinds.iter().enumerate() {
         runs.check_end(starts[kind], lengths[kind])?;
@@ -220,13 +241,20 @@ pub fn write(terrain: &Grid<Terrain>) -> Vec<u8> {
     let [size_x, size_y, _] = extent.size().map(|cells| cells as usize);
     let mut runs: [Vec<u32>; KINDS] = [Vec::new(), Vec::new()];
     let mut open = [0u32; KINDS];
-    for (index, &cell) in terrain.as_slice().iter().enumerate() {
-        let (predicted, kind) = prediction(terrain.as_slice(), index, size_x, size_y);
-        if cell == predicted {
-            open[kind] += 1;
-        } else {
-            runs[kind].push(open[kind]);
-            open[kind] = 0;
+    let cells = terrain.as_slice();
+    let outside = vec![Terrain::Wall; size_x];
+    for (number, row) in cells.chunks_exact(size_x).enumerate() {
+        let [beside, below] = rows_before(cells, &outside, number, size_y);
+        let mut last = Terrain::Wall;
+        for (&cell, (&y, &z)) in row.iter().zip(beside.iter().zip(below)) {
+            let (predicted, kind) = prediction(last, y, z);
+            if cell == predicted {
+                open[kind] += 1;
+            } else {
+                runs[kind].push(open[kind]);
+                open[kind] = 0;
+            }
+            last = cell;
         }
     }
     let orders = runs.each_ref().map(|runs| best_order(runs));
@@ -296,13 +324,29 @@ fn header(bytes: &[u8]) -> Result<Header, PackedError> {
     Ok(Header { extent, orders: [bytes[9], bytes[10]], runs, lengths: lengths.map(|length| length as usize) })
 }
 
-/// The prediction of a cell from the cells before it, and its kind.
-fn prediction(before: &[Terrain], index: usize, size_x: usize, size_y: usize) -> (Terrain, usize) {
-    let layer = size_x * size_y;
-    let wall = Terrain::Wall;
-    let x = if index.is_multiple_of(size_x) { wall } else { before[index - 1] };
-    let y = if index % layer < size_x { wall } else { before[index - size_x] };
-    let z = if index < layer { wall } else { before[index - layer] };
+/// The rows before a row, at y - 1 and z - 1; outside the map all is wall.
+fn rows_before<'a>(before: &'a [Terrain], outside: &'a [Terrain], number: usize, size_y: usize) -> [&'a [Terrain]; 2] {
+    let size_x = outside.len();
+    let row = |distance: usize| &before[(number - distance) * size_x..][..size_x];
+    [if number.is_multiple_of(size_y) { outside } else { row(1) }, if number < size_y { outside } else { row(size_y) }]
+}
+
+/// The number of cells at the beginning of both rows that are of a kind.
+fn same_ahead(beside: &[Terrain], below: &[Terrain], kind: Terrain) -> usize {
+    let is_same = |(&one, &other): (&Terrain, &Terrain)| (one == kind) & (other == kind);
+    let mut same = 0;
+    for (one, other) in beside.chunks(AT_ONCE).zip(below.chunks(AT_ONCE)) {
+        // Without an early end this is a few comparisons of whole vectors.
+        if !one.iter().zip(other).fold(true, |all, pair| all & is_same(pair)) {
+            return same + one.iter().zip(other).take_while(|&pair| is_same(pair)).count();
+        }
+        same += one.len();
+    }
+    same
+}
+
+/// The prediction of a cell from the cells before it along x, y and z, and its kind.
+fn prediction(x: Terrain, y: Terrain, z: Terrain) -> (Terrain, usize) {
     if x == y { (x, usize::from(x != z)) } else { (z, 1) }
 }
 
@@ -349,6 +393,18 @@ impl Runs<'_> {
             self.taken += 1;
         }
         Ok(())
+    }
+
+    /// Number of cells before the next wrong prediction.
+    fn before_wrong(&self) -> usize {
+        if self.wrong { self.left as usize } else { usize::MAX }
+    }
+
+    /// Advances by this many cells, of which no prediction is wrong.
+    fn pass(&mut self, cells: usize) {
+        if self.wrong {
+            self.left -= cells as u32;
+        }
     }
 
     /// Advances by one cell; returns whether its prediction is wrong.

@@ -147,9 +147,8 @@ fn parts(
         .iter()
         .take(SHOWN)
         .map(|&part| {
-            let first = components.labels.as_slice().iter().position(|&label| label == part as u32).unwrap_or_default();
             let share = 100.0 * components.sizes[part] as f64 / all as f64;
-            format!("{share:.1} % from {} on", place(extent, extent.cell_at(first)))
+            format!("{share:.1} % from {} on", place(extent, extent.cell_at(components.firsts[part])))
         })
         .collect();
     report.line("parts", format_args!("{}: {}", order.len(), shown.join(", ")))?;

@@ -7,25 +7,7 @@
 
 use fixedbitset::FixedBitSet;
 use msgs::ids::{AgentId, Tick};
-
-/// A set of cell indices with its size.
-#[derive(Debug, Clone)]
-struct CellSet {
-    cells: FixedBitSet,
-    /// Kept up to date, because shares are read in every tick.
-    len: usize,
-}
-
-impl CellSet {
-    fn new(volume: usize) -> Self {
-        Self { cells: FixedBitSet::with_capacity(volume), len: 0 }
-    }
-
-    fn insert(&mut self, index: u32) {
-        let is_known = self.cells.put(index as usize);
-        self.len += usize::from(!is_known);
-    }
-}
+use voxels::CellSet;
 
 /// Explored shares, in thousandths of the free cells, whose ticks are recorded.
 pub const MILESTONES_PERMILLE: [u64; 5] = [500, 900, 990, 999, 1000];
@@ -34,7 +16,9 @@ pub const MILESTONES_PERMILLE: [u64; 5] = [500, 900, 990, 999, 1000];
 #[derive(Debug, Clone)]
 pub struct Coverage {
     free_cells: usize,
-    explored: CellSet,
+    explored: FixedBitSet,
+    /// Number of explored cells, because shares are read in every tick.
+    explored_count: usize,
     covered: CellSet,
     explored_by: Vec<usize>,
     covered_by: Vec<CellSet>,
@@ -54,10 +38,12 @@ impl Coverage {
         assert!(free_cells > 0, "a world has free cells");
         Self {
             free_cells,
-            explored: CellSet::new(volume),
+            explored: FixedBitSet::with_capacity(volume),
+            explored_count: 0,
             covered: CellSet::new(volume),
             explored_by: vec![0; agents],
-            covered_by: vec![CellSet::new(volume); agents],
+            // None is a copy, which would use its memory.
+            covered_by: (0..agents).map(|_| CellSet::new(volume)).collect(),
             believed_by: vec![0; agents],
             milestones: Vec::new(),
         }
@@ -67,14 +53,14 @@ impl Coverage {
     pub fn explore(&mut self, agent: AgentId, new_free: &[u32]) {
         self.explored_by[agent.index()] += new_free.len();
         for &cell in new_free {
-            self.explored.insert(cell);
+            self.explored_count += usize::from(!self.explored.put(cell as usize));
         }
     }
 
     /// Records that the centre of the body of `agent` is in a cell.
     pub fn cover(&mut self, agent: AgentId, cell: u32) {
-        self.covered.insert(cell);
-        self.covered_by[agent.index()].insert(cell);
+        self.covered.insert(cell as usize);
+        self.covered_by[agent.index()].insert(cell as usize);
     }
 
     /// Records how many free cells `agent` reports to be on its map, clamped to the number there
@@ -85,7 +71,7 @@ impl Coverage {
 
     /// Records the milestones reached by now.
     pub fn note_milestones(&mut self, now: Tick) {
-        let (explored, free) = (self.explored.len as u64, self.free_cells as u64);
+        let (explored, free) = (self.explored_count as u64, self.free_cells as u64);
         while MILESTONES_PERMILLE.get(self.milestones.len()).is_some_and(|&permille| explored * 1000 >= free * permille)
         {
             self.milestones.push(now);
@@ -100,25 +86,25 @@ impl Coverage {
     /// Share of the free cells that at least one agent has seen, 0 ..= 1.
     #[must_use]
     pub fn explored(&self) -> f64 {
-        self.share(self.explored.len)
+        self.share(self.explored_count)
     }
 
     /// Whether every free cell has been seen.
     #[must_use]
     pub fn is_explored(&self) -> bool {
-        self.explored.len == self.free_cells
+        self.explored_count == self.free_cells
     }
 
     /// Whether every free cell has been visited.
     #[must_use]
     pub fn is_covered(&self) -> bool {
-        self.covered.len == self.free_cells
+        self.covered.len() == self.free_cells
     }
 
     /// Share of the free cells that at least one agent has visited, 0 ..= 1.
     #[must_use]
     pub fn covered(&self) -> f64 {
-        self.share(self.covered.len)
+        self.share(self.covered.len())
     }
 
     /// Share of the free cells that each agent has seen, by agent, 0 ..= 1.
@@ -130,7 +116,7 @@ impl Coverage {
     /// Share of the free cells that each agent has visited, by agent, 0 ..= 1.
     #[must_use]
     pub fn covered_by(&self) -> Vec<f64> {
-        self.covered_by.iter().map(|set| self.share(set.len)).collect()
+        self.covered_by.iter().map(|set| self.share(set.len())).collect()
     }
 
     /// Share of the free cells on each agent's own map, as last reported, by agent, 0 ..= 1.
@@ -142,7 +128,7 @@ impl Coverage {
     /// The free cells that at least one agent has seen, by cell index.
     #[must_use]
     pub fn explored_cells(&self) -> &FixedBitSet {
-        &self.explored.cells
+        &self.explored
     }
 
     /// Number of free cells of the map.

@@ -254,11 +254,15 @@ impl SensorMemory {
             unseen: Unseen::new(Frontier::new([x, y, z])),
         };
         let mut kinds = vec![OUTSIDE; x * y * z];
-        for (cell, terrain) in terrain.iter() {
-            kinds[nothing.slot_of(cell)] = match terrain {
-                Terrain::Free => FREE,
-                Terrain::Wall => WALL,
-            };
+        for (number, row) in terrain.as_slice().chunks_exact(x - 2).enumerate() {
+            let (at_y, at_z) = (number % (y - 2), number / (y - 2));
+            let first = (at_z + 1) * x * y + (at_y + 1) * x + 1;
+            for (kind, terrain) in kinds[first..].iter_mut().zip(row) {
+                *kind = match terrain {
+                    Terrain::Free => FREE,
+                    Terrain::Wall => WALL,
+                };
+            }
         }
         let seen = vec![0; kinds.len()];
         Self { kinds: Arc::new(kinds), seen, ..nothing }

@@ -8,6 +8,7 @@
 mod cube;
 mod placed_bodies;
 mod queue;
+mod room;
 mod scatter;
 
 use std::f64::consts::TAU;

@@ -54,6 +54,13 @@ impl<'a> PlacedBodies<'a> {
             && has_room_from_walls(self.terrain, &centre, radius_m)
     }
 
+    /// The bodies placed so far, each with how far the centre of one of another radius stays from
+    /// its own, metres.
+    pub(super) fn apart_from(&self, radius_m: f64) -> impl Iterator<Item = (Point3<f64>, f64)> + '_ {
+        let bodies = self.buckets.iter().flatten();
+        bodies.map(move |other| (other.centre, self.min_distance_m.max(radius_m + other.radius_m)))
+    }
+
     fn conflicts(&self, centre: &Point3<f64>, radius_m: f64) -> bool {
         let near = |other: &Sphere| (other.centre - centre).norm() < self.min_distance_m.max(radius_m + other.radius_m);
         let home = self.bucket_of(centre);

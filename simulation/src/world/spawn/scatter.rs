@@ -12,6 +12,7 @@ use voxels::{Grid, Terrain};
 
 use super::SpawnError;
 use super::placed_bodies::PlacedBodies;
+use super::room::cells_with_room;
 
 /// Rejections before the cells with room are listed; a few milliseconds.
 const REJECTIONS_MAX: u32 = 1 << 14;
@@ -58,10 +59,7 @@ impl Sampler<'_> {
                 }
             }
         }
-        let left = self.left.get_or_insert_with(|| {
-            let cells = self.terrain.iter().zip(0..);
-            cells.filter_map(|((cell, _), index)| placed.has_room(cell, radius_m).then_some(index)).collect()
-        });
+        let left = self.left.get_or_insert_with(|| cells_with_room(self.terrain, placed, radius_m));
         while !left.is_empty() {
             let index = left.swap_remove(self.rng.random_range(0..left.len()));
             if let Some(centre) = placed.place(extent.cell_at(index as usize), radius_m) {

@@ -185,6 +185,29 @@ proptest! {
 
 proptest! {
     #[test]
+    fn cells_with_room_are_listed_without_looking_at_each(
+        size in (1u32..80, 1u32..12, 1u32..12),
+        walls in prop::collection::vec(0u16..300, 500),
+        placed in prop::collection::vec(any::<prop::sample::Index>(), 0..4),
+        min_distance_m in prop_oneof![Just(0.0), 0.0f64..30.0],
+        radius_cells in 0.1f64..4.0,
+        cell_m in prop_oneof![Just(1.0), 0.1f64..3.0],
+    ) {
+        let extent = Extent::new([size.0, size.1, size.2], cell_m).unwrap();
+        let cells = walls.iter().cycle().take(extent.volume());
+        let cells = cells.map(|&wall| if wall == 0 { Terrain::Wall } else { Terrain::Free }).collect();
+        let terrain = Grid::from_vec(extent, cells).unwrap();
+        let radius_m = radius_cells * cell_m;
+        let mut bodies = placed_bodies::PlacedBodies::new(&terrain, &[radius_m], min_distance_m * cell_m);
+        for place in placed {
+            bodies.place(extent.cell_at(place.index(extent.volume())), radius_m);
+        }
+        let all = extent.cells().zip(0u32..).filter(|&(cell, _)| bodies.has_room(cell, radius_m));
+        let expected: Vec<u32> = all.map(|(_, index)| index).collect();
+        prop_assert_eq!(room::cells_with_room(&terrain, &bodies, radius_m), expected);
+    }
+
+    #[test]
     fn one_body_can_start_in_every_generated_map(kind in 0usize..3, seed: u64) {
         let spec = match kind {
             0 => MapSpec::Spheres(SpheresSpec::default()),

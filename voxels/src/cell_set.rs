@@ -10,7 +10,7 @@
 /// A set of cells, one bit each, with one more bit for each 64 of them to find those that are in
 /// it.
 #[derive(Debug, Clone)]
-pub(super) struct CellSet {
+pub struct CellSet {
     words: Vec<u64>,
     occupied: Vec<u64>,
     len: usize,
@@ -18,20 +18,28 @@ pub(super) struct CellSet {
 
 impl CellSet {
     /// None of the cells `0 .. cells`.
-    pub(super) fn new(cells: usize) -> Self {
+    pub fn new(cells: usize) -> Self {
         let words = cells.div_ceil(64);
         Self { words: vec![0; words], occupied: vec![0; words.div_ceil(64)], len: 0 }
     }
 
-    pub(super) fn len(&self) -> usize {
+    /// Number of cells in it.
+    pub fn len(&self) -> usize {
         self.len
     }
 
-    pub(super) fn contains(&self, cell: usize) -> bool {
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Whether a cell is in it.
+    pub fn contains(&self, cell: usize) -> bool {
         self.words[cell / 64] & bit(cell) != 0
     }
 
-    pub(super) fn insert(&mut self, cell: usize) {
+    /// Adds a cell; panics like a slice if there is no such cell, as all of its functions do.
+    pub fn insert(&mut self, cell: usize) {
         let word = cell / 64;
         if self.words[word] & bit(cell) == 0 {
             self.words[word] |= bit(cell);
@@ -40,7 +48,8 @@ impl CellSet {
         }
     }
 
-    pub(super) fn remove(&mut self, cell: usize) {
+    /// Removes a cell.
+    pub fn remove(&mut self, cell: usize) {
         let word = cell / 64;
         if self.words[word] & bit(cell) != 0 {
             self.words[word] &= !bit(cell);
@@ -52,7 +61,7 @@ impl CellSet {
     }
 
     /// The cells in it, ascending.
-    pub(super) fn iter(&self) -> impl Iterator<Item = usize> + '_ {
+    pub fn iter(&self) -> impl Iterator<Item = usize> + '_ {
         let words = bits(&self.occupied, 0..self.occupied.len());
         words.flat_map(|word| bits(&self.words, word..word + 1))
     }
