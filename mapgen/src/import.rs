@@ -5,7 +5,8 @@
 //! map"). Formats are recognised by the extension of the file name. There is one module for each
 //! format; docs/maps.md has the rules. The readers are our own instead of crates because their
 //! input is untrusted: they are bounded and fuzzed, each error names the position of the fault, and
-//! memory is proportional to the size of the file.
+//! memory is proportional to the size of the file. Crates decode only what is compressed, PNG and
+//! LAZ, behind checks of sizes.
 //!
 //! No file is opened here: bytes are arguments and results.
 
@@ -16,6 +17,7 @@ mod formats;
 mod frame;
 mod gltf;
 mod las;
+mod laz;
 mod mesh;
 mod obj;
 mod octomap;
@@ -24,6 +26,7 @@ mod pcd;
 mod picture;
 mod plan;
 mod ply;
+mod stack;
 mod stl;
 mod vox;
 mod work;
@@ -61,6 +64,8 @@ pub struct ImportSpec {
     pub bytes: Vec<u8>,
     /// The content of the file that [`ImportSpec::names`], if it has been read.
     pub companion: Option<Vec<u8>>,
+    /// Names and contents of the pictures of a folder; empty for a file.
+    pub layers: Vec<(String, Vec<u8>)>,
     /// The import options.
     pub options: ImportOptions,
     /// The requested length of a cell's edge, metres. `None`: that of the file, or 1 m if it has
@@ -106,7 +111,23 @@ impl ImportSpec {
     #[must_use]
     pub fn new(file: impl Into<String>, bytes: Vec<u8>) -> Self {
         let cells_max = cells_max(bytes.len());
-        Self { file: file.into(), bytes, companion: None, options: ImportOptions::default(), cell_m: None, cells_max }
+        let (companion, layers) = (None, Vec::new());
+        Self { file: file.into(), bytes, companion, layers, options: ImportOptions::default(), cell_m: None, cells_max }
+    }
+
+    /// A folder of pictures with the default options, of which each is a layer of cells.
+    #[must_use]
+    pub fn stack(folder: impl Into<String>, layers: Vec<(String, Vec<u8>)>) -> Self {
+        let cells_max = cells_max(layers.iter().map(|(_, bytes)| bytes.len()).sum());
+        Self { layers, cells_max, ..Self::new(folder, Vec::new()) }
+    }
+
+    /// The format by the extension of the name, or that of a folder.
+    ///
+    /// # Errors
+    /// [`FormatError::Extension`].
+    fn format(&self) -> Result<MapFormat, FormatError> {
+        if self.layers.is_empty() { MapFormat::of(Path::new(&self.file)) } else { Ok(MapFormat::Stack) }
     }
 
     /// Allows at least `cells`, the size of a map that is known from elsewhere.
@@ -119,7 +140,7 @@ impl ImportSpec {
     /// if it needs none, or is faulty, which reading it reports.
     #[must_use]
     pub fn names(&self) -> Option<PathBuf> {
-        match MapFormat::of(Path::new(&self.file)) {
+        match self.format() {
             Ok(MapFormat::Yaml) => plan::image(&self.bytes).ok(),
             _ => None,
         }
@@ -135,7 +156,7 @@ impl ImportSpec {
     }
 
     fn try_read(&self) -> Result<Imported, FormatError> {
-        let format = MapFormat::of(Path::new(&self.file))?;
+        let format = self.format()?;
         self.options.check()?;
         if let Some(name) = self.options.given().find(|name| !format.options().contains(name)) {
             return Err(FormatError::NoOption { name, extension: format.extension(), has: format.options() });
@@ -153,7 +174,7 @@ impl ImportSpec {
     /// has none or is faulty.
     #[must_use]
     pub fn stored_cell_m(&self) -> Option<f64> {
-        MapFormat::of(Path::new(&self.file)).ok()?.stored_cell_m(&self.bytes)
+        self.format().ok()?.stored_cell_m(&self.bytes)
     }
 
     /// The length of the cells that the map gets, metres: the requested one, that of the file, or 1

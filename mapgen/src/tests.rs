@@ -182,8 +182,7 @@ fn an_imported_map_is_closed_and_connected() {
 #[test]
 fn an_import_that_does_not_fit_names_the_file() {
     let message = |spec: ImportSpec| spec.read().unwrap_err().to_string();
-    let known = "known are .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, .gltf, .glb, .vox, .pgm, .png, .yaml, .ot, .xyz \
-                 and .las";
+    let known = "known are .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, .gltf, .glb, .vox, .pgm, .png, .yaml, .ot, .xyz, .las and .laz";
     assert_eq!(message(import("a.bmp", "")), format!("a.bmp: the file's extension is \"bmp\", {known}"));
     assert_eq!(message(import("cave", "")), format!("cave: the file's extension is missing, {known}"));
     assert!(message(import("a.m3dm", "x")).starts_with("a.m3dm: byte 1: "));

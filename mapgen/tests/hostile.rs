@@ -1,11 +1,14 @@
 //! Hostile files of all formats, with the limits of a run: each is a map within its bounds or an
-//! error of one line, and none panics.
+//! error of one line, takes no more memory than its budget, and none panics.
 //!
 //! Seeded mutants of real files, and files made by hand whose few bytes ask for a lot. Time is
 //! bounded by the steps that a reader counts, so nothing here depends on a clock.
 
 #![expect(clippy::unwrap_used, reason = "a panic is what this looks for")]
+#![expect(unsafe_code, reason = "an allocator that counts what each thread has")]
 
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
 use std::path::Path;
 
 use mapgen::{Fill, ImportOptions, ImportSpec, MapError, MapFormat};
@@ -19,8 +22,68 @@ const MUTANTS: usize = 600;
 /// Largest number of cells of a map from a file of less than 16 KiB.
 const CELLS_MAX: usize = 1 << 24;
 
+/// The memory of an import and its repair: what the tables of decoders take, bytes for each byte of
+/// the file, and bytes for each cell that a map of a short file may have.
+const MEMORY_MAX: usize = (16 << 20) + 8 * CELLS_MAX;
+const MEMORY_PER_BYTE_MAX: usize = 512;
+
 /// A file with its name, and the picture of a `map.yaml`.
 type Named = (String, Vec<u8>, Option<Vec<u8>>);
+
+/// The system's allocator, with the bytes that each thread has and the most that it had.
+struct Counting;
+
+thread_local! {
+    static HELD: Cell<(usize, usize)> = const { Cell::new((0, 0)) };
+}
+
+fn count(more: usize, less: usize) {
+    // A thread that ends has no counters any more.
+    let _ = HELD.try_with(|held| {
+        let (now, most) = held.get();
+        let now = (now + more).saturating_sub(less);
+        held.set((now, most.max(now)));
+    });
+}
+
+// SAFETY: all is the system's allocator, and counting allocates nothing.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size(), 0);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size(), 0);
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+        count(0, layout.size());
+        unsafe { System.dealloc(place, layout) }
+    }
+
+    unsafe fn realloc(&self, place: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // Both may be there while it is moved.
+        count(size, 0);
+        count(0, layout.size());
+        unsafe { System.realloc(place, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// The most memory that an action has taken at once, bytes.
+fn memory_of<T>(action: impl FnOnce() -> T) -> (T, usize) {
+    let before = HELD.with(|held| {
+        let (now, _) = held.get();
+        held.set((now, now));
+        now
+    });
+    let done = action();
+    (done, HELD.with(Cell::get).1 - before)
+}
 
 /// Real files of all formats, and the corpus of the fuzz targets, whose files may be faulty.
 fn real_files() -> Vec<Named> {
@@ -66,13 +129,28 @@ fn picture(width: u32, height: u32) -> Vec<u8> {
     bytes
 }
 
-/// Reads a file; the result is a map within its bounds or an error of one line.
+/// Reads a file and repairs it, as a run does; the result is a map within its bounds or an error of
+/// one line, and takes no more memory than it may.
 #[track_caller]
 fn read((name, bytes, companion): Named, options: ImportOptions) -> Option<String> {
-    let spec = ImportSpec { companion, options, ..ImportSpec::new(name.clone(), bytes) };
-    match spec.read() {
-        Ok(imported) => {
-            assert!(imported.terrain.extent().volume() <= CELLS_MAX, "{name}: {:?}", imported.terrain.extent());
+    let length = bytes.len() + companion.as_ref().map_or(0, Vec::len);
+    assert_within_bounds(name.clone(), length, ImportSpec { companion, options, ..ImportSpec::new(name, bytes) })
+}
+
+#[track_caller]
+fn assert_within_bounds(name: String, length: usize, spec: ImportSpec) -> Option<String> {
+    let (read, memory) = memory_of(|| -> Result<Extent, MapError> {
+        let terrain = spec.read()?.terrain;
+        let extent = terrain.extent();
+        // A map without a free cell is refused only now.
+        let _is_sound = mapgen::repair(&name, terrain, 0).is_ok();
+        Ok(extent)
+    });
+    let memory_max = MEMORY_MAX + MEMORY_PER_BYTE_MAX * length;
+    assert!(memory <= memory_max, "{name}: {memory} bytes of memory for {length} of the file, {memory_max} allowed");
+    match read {
+        Ok(extent) => {
+            assert!(extent.volume() <= CELLS_MAX, "{name}: {extent:?}");
             None
         }
         Err(error) => {
@@ -116,7 +194,8 @@ fn mutate(bytes: &mut Vec<u8>, rng: &mut ChaCha8Rng) {
 #[test]
 fn mutants_of_real_files_stay_within_bounds() {
     let mut rng = ChaCha8Rng::seed_from_u64(23);
-    let files = real_files();
+    let mut files = real_files();
+    files.extend(compressed_files());
     for file in files.iter().filter(|file| !file.0.starts_with("corpus.")) {
         assert_eq!(read(file.clone(), ImportOptions::default()), None, "{}", file.0);
     }
@@ -135,6 +214,77 @@ fn mutants_of_real_files_stay_within_bounds() {
     assert!((MUTANTS / 20..MUTANTS * 19 / 20).contains(&maps), "{maps} mutants are maps: the test tests little");
 }
 
+/// A LAS file of a point format, compressed by the crate that decompresses it.
+fn compressed(format: u8, points: &[[i32; 3]]) -> Vec<u8> {
+    let vlr = laz::LazVlrBuilder::default().with_point_format(format, 2).unwrap().with_fixed_chunk_size(50).build();
+    let mut record = Vec::new();
+    vlr.write_to(&mut record).unwrap();
+    let (length, start) = (vlr.items_size() as u16, 227 + 54 + record.len() as u32);
+    let mut file = vec![0; 227];
+    file[..4].copy_from_slice(b"LASF");
+    (file[24], file[25], file[94], file[100]) = (1, 2, 227, 1);
+    file[96..100].copy_from_slice(&start.to_le_bytes());
+    file[104] = format | 0x80;
+    file[105..107].copy_from_slice(&length.to_le_bytes());
+    file[107..111].copy_from_slice(&(points.len() as u32).to_le_bytes());
+    for axis in 0..3 {
+        file[131 + 8 * axis..][..8].copy_from_slice(&0.25f64.to_le_bytes());
+    }
+    let mut header = vec![0; 54];
+    header[2..16].copy_from_slice(b"laszip encoded");
+    header[18..20].copy_from_slice(&22204u16.to_le_bytes());
+    header[20..22].copy_from_slice(&(record.len() as u16).to_le_bytes());
+    file.extend(header);
+    file.extend(record);
+    let mut data = std::io::Cursor::new(file);
+    data.set_position(start.into());
+    let mut compressor = laz::LasZipCompressor::new(&mut data, vlr).unwrap();
+    for (number, point) in points.iter().enumerate() {
+        let mut bytes = vec![number as u8; usize::from(length)];
+        bytes[..12].copy_from_slice(&point.map(i32::to_le_bytes).concat());
+        compressor.compress_one(&bytes).unwrap();
+    }
+    compressor.done().unwrap();
+    drop(compressor);
+    data.into_inner()
+}
+
+/// Places of a wavy sheet.
+fn sheet() -> Vec<[i32; 3]> {
+    (0..180).map(|number| [number % 15 * 4, number / 15 * 4, (number * number) % 23]).collect()
+}
+
+/// Compressed clouds of all point formats.
+fn compressed_files() -> Vec<Named> {
+    (0..=10).map(|format| (format!("sheet{format}.laz"), compressed(format, &sheet()), None)).collect()
+}
+
+#[test]
+fn compressed_points_of_all_formats_are_one_map() {
+    let line = |point: [i32; 3]| point.map(|along| (f64::from(along) / 4.0).to_string()).join(" ") + "\n";
+    let text: String = sheet().into_iter().map(line).collect();
+    let points = ImportSpec::new("sheet.xyz", text.into_bytes()).read().unwrap();
+    for (name, bytes, _) in compressed_files() {
+        let imported = ImportSpec::new(name.clone(), bytes).read().unwrap_or_else(|error| panic!("{error}"));
+        assert!(imported.terrain == points.terrain, "{name}");
+        assert!(imported.notes[0].text.ends_with("180 points, compressed"), "{:?}", imported.notes[0]);
+    }
+}
+
+#[test]
+fn mutants_of_stacks_stay_within_bounds() {
+    let mut rng = ChaCha8Rng::seed_from_u64(24);
+    let mut maps = 0;
+    for _ in 0..100 {
+        let mut layers: Vec<_> = (0..4).map(|z| (format!("z{z}.png"), picture(9, 8))).collect();
+        mutate(&mut layers[rng.random_range(0..4)].1, &mut rng);
+        let length = layers.iter().map(|(_, bytes)| bytes.len()).sum();
+        let spec = ImportSpec::stack("scan", layers);
+        maps += usize::from(assert_within_bounds("scan".to_owned(), length, spec).is_none());
+    }
+    assert!(maps < 100, "a mutant is refused");
+}
+
 #[test]
 fn few_bytes_that_ask_for_much_are_refused() {
     let file = |name: &str, bytes: &[u8]| (name.to_owned(), bytes.to_vec(), None);
@@ -151,6 +301,12 @@ fn few_bytes_that_ask_for_much_are_refused() {
     let bt =
         [b"# Octomap OcTree binary file\nid OcTree\nres 1\ndata\n".as_slice(), &tree.collect::<Vec<u8>>()].concat();
     assert!(bt.len() < 261);
+    let mut laz = compressed(6, &sheet());
+    laz[107..111].copy_from_slice(&u32::MAX.to_le_bytes());
+    // The size of a layer, behind the first point and the number of points.
+    let mut layer = compressed(6, &sheet());
+    let start = u32::from_le_bytes([layer[96], layer[97], layer[98], layer[99]]) as usize;
+    layer[start + 8 + 32 + 4..][..4].copy_from_slice(&u32::MAX.to_le_bytes());
     let deep = [b"# Octomap OcTree file\nid OcTree\nres 1\ndata\n".as_slice(), &[0xff; 4000]].concat();
     for (hostile, reason) in [
         (file("a.stl", &stl), "byte 134: the file ends here, expected length"),
@@ -165,6 +321,8 @@ fn few_bytes_that_ask_for_much_are_refused() {
         (file("a.gltf", nested.as_bytes()), "line 1: "),
         (file("a.bt", &bt), "the map has 1073741824 cells, allowed are 16777216"),
         (file("a.ot", &deep), "a node of level 16 has children"),
+        (file("a.laz", &laz), "allowed are 8 points for each of its bytes, and it has 4294967295"),
+        (file("a.laz", &layer), "the chunk that begins here is damaged: the file ends within it"),
         (file("a.xyz", b"0 0 0\n1023 1023 1023\n"), "cells, allowed are"),
         (file("a.yaml", b"image: x\nresolution: 1e-300\norigin: [0, 0, 0]\n"), "it is not at hand"),
         (

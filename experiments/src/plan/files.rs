@@ -200,6 +200,10 @@ fn is_same_content(one: &Path, other: &Path) -> io::Result<bool> {
 }
 
 fn read_map(file: &Path, scenario: &Scenario) -> io::Result<Content> {
+    if file.is_dir() {
+        let reason = "a folder of pictures; a plan needs one file (maes map convert)";
+        return Err(io::Error::new(ErrorKind::InvalidInput, reason));
+    }
     let import = ImportSpec { options: scenario.map.import, ..map_file::load(file)? };
     let (hash, companion) = (blake3::hash(&import.bytes), import.names());
     // What is no map fails when it is run, with the reason.

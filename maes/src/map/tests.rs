@@ -158,7 +158,7 @@ fn bad_input_is_one_line_and_writes_nothing() {
         (
             "generate --size 30 -o @a",
             "a: the file's extension is missing, known are .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, \
-             .gltf, .glb, .vox, .pgm, .png, .yaml, .ot, .xyz and .las",
+             .gltf, .glb, .vox, .pgm, .png, .yaml, .ot, .xyz, .las and .laz",
         ),
         ("generate --size 2000 -o @a.txt", "map size along x is 2000 cells, allowed are 1 to 1024"),
         ("generate --size 30 --cell-m 0 -o @a.txt", "cell_m is 0, allowed are finite lengths in metres above 0"),
@@ -324,4 +324,25 @@ fn check_says_what_a_body_can_do() {
     let report = scratch.map("check @open.txt").unwrap();
     assert!(value(&report, "leaks").starts_with("1 free cells in the outermost layer: 1 at x = 0 (first at (0.50, "));
     assert!(value(&report, "parts").starts_with("2: 66.7 % from (0.50, 1.50, 1.50) m on, 33.3 % from "), "{report}");
+}
+
+#[test]
+fn a_folder_of_pictures_is_a_map() {
+    let scratch = Scratch::new();
+    fs::create_dir(scratch.path("scan")).unwrap();
+    let refused = scratch.map("info @scan").unwrap_err();
+    assert_eq!(refused, "scan: cannot be read: a folder without .png files; expected one for each layer of cells");
+    let room = Grid::from_text("###\n#.#\n###\n").unwrap();
+    for number in [9, 10] {
+        scratch.write(&format!("scan/layer_{number}.png"), slices::png(&room).unwrap());
+    }
+    scratch.write("scan/notes.txt", "not a layer");
+    let report = scratch.map("info @scan --cell-m 0.1").unwrap();
+    assert_eq!(value(&report, "cell_m"), "0.1");
+    assert!(value(&report, "layers").starts_with("2 from 9 to 10: "), "{report}");
+    scratch.map("convert @scan @scan.m3dm --cell-m 0.1").unwrap();
+    assert_eq!(value(&scratch.map("info @scan.m3dm").unwrap(), "blake3"), value(&report, "blake3"));
+    scratch.write("scan/cover.png", slices::png(&room).unwrap());
+    let refused = scratch.map("info @scan").unwrap_err();
+    assert_eq!(refused, "scan: \"cover.png\": expected the number of a layer in its name");
 }

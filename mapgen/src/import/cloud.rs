@@ -46,7 +46,21 @@ pub(super) fn map(
     spec: &ImportSpec,
     points: &[[f64; 3]],
     sensors: &Sensors,
+    notes: Vec<Note>,
+) -> Result<Imported, FormatError> {
+    map_with(spec, points, sensors, notes, Work::new(spec))
+}
+
+/// As [`map`], with the steps that reading the points has left.
+///
+/// # Errors
+/// See [`map`].
+pub(super) fn map_with(
+    spec: &ImportSpec,
+    points: &[[f64; 3]],
+    sensors: &Sensors,
     mut notes: Vec<Note>,
+    mut work: Work,
 ) -> Result<Imported, FormatError> {
     let units = Units::new(spec)?;
     let is_finite = |place: &[f64; 3]| place.iter().all(|along| along.is_finite());
@@ -66,7 +80,6 @@ pub(super) fn map(
     };
     let mut terrain = frame.grid(unknown, spec)?;
     let extent = Extent::new(terrain.extent().size(), 1.0).map_err(FormatError::Extent)?;
-    let mut work = Work::new(spec);
     for ray in rays() {
         let [sensor, point] = ray.map(|end| Point3::from(frame.in_map(end)));
         let crossed = walk_segment(extent, &sensor, &point, |cell| {

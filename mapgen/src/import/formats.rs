@@ -7,7 +7,7 @@ use thiserror::Error;
 use voxels::{Extent, ExtentError, Grid, M3dmError, PackedError, Terrain, TextError, m3dm, packed};
 
 use super::super::export;
-use super::{ImportSpec, Imported, cell_length, gltf, las, obj, octomap, pcd, plan, ply, stl, vox, xyz};
+use super::{ImportSpec, Imported, cell_length, gltf, las, obj, octomap, pcd, plan, ply, stack, stl, vox, xyz};
 
 /// A file format for maps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +44,10 @@ pub enum MapFormat {
     Xyz,
     /// Points of a laser scanner, `.las`.
     Las,
+    /// The same compressed, `.laz`.
+    Laz,
+    /// A folder of pictures, `.png`, one for each layer of cells.
+    Stack,
 }
 
 /// A position in a file.
@@ -192,6 +196,20 @@ pub enum FormatError {
         /// The option.
         name: &'static str,
     },
+    /// An option for points, with a file of a mesh.
+    #[error("{name} is an option for point clouds, and the file has faces; leave it out, or remove the faces")]
+    HasFaces {
+        /// The option.
+        name: &'static str,
+    },
+    /// A picture of a folder cannot be used.
+    #[error("{file}: {reason}")]
+    Layer {
+        /// The picture, quoted.
+        file: String,
+        /// The reason.
+        reason: String,
+    },
     /// The position given as free is wall or outside.
     #[error(
         "free_from = {},{},{} lies {}, expected a place in a free cell",
@@ -218,8 +236,8 @@ impl FormatError {
 }
 
 impl MapFormat {
-    /// All formats.
-    pub const ALL: [Self; 16] = [
+    /// All formats of single files.
+    pub const ALL: [Self; 17] = [
         Self::M3dm,
         Self::Text,
         Self::OctoMap,
@@ -236,6 +254,7 @@ impl MapFormat {
         Self::FullOctoMap,
         Self::Xyz,
         Self::Las,
+        Self::Laz,
     ];
 
     /// The extension of this format's files, without the dot.
@@ -258,6 +277,8 @@ impl MapFormat {
             Self::FullOctoMap => "ot",
             Self::Xyz => "xyz",
             Self::Las => "las",
+            Self::Laz => "laz",
+            Self::Stack => "png layer",
         }
     }
 
@@ -284,7 +305,7 @@ impl MapFormat {
             Self::M3dm | Self::Vox => &["cells_max"],
             Self::Text => &[],
             Self::OctoMap | Self::FullOctoMap => &["unknown", "free_from", "cells_max"],
-            Self::Pcd | Self::Xyz | Self::Las => {
+            Self::Pcd | Self::Xyz | Self::Las | Self::Laz => {
                 &["up", "scale", "margin_cells", "free_from", "sensor", "unknown", "cells_max", "steps_max"]
             }
             Self::Ply => &[
@@ -303,6 +324,7 @@ impl MapFormat {
                 &["fill", "inside", "up", "scale", "margin_cells", "free_from", "cells_max", "steps_max"]
             }
             Self::Pgm | Self::Png => &["height_cells", "threshold", "cells_max"],
+            Self::Stack => &["threshold", "cells_max"],
             Self::Yaml => &["unknown", "height_cells", "cells_max"],
         }
     }
@@ -335,7 +357,8 @@ impl MapFormat {
             Self::Pgm | Self::Png => plan::read(spec),
             Self::Yaml => plan::read_yaml(spec),
             Self::Xyz => xyz::read(spec),
-            Self::Las => las::read(spec),
+            Self::Las | Self::Laz => las::read(spec),
+            Self::Stack => stack::read(spec),
         }
     }
 

@@ -1,14 +1,18 @@
-//! Point clouds of the ASPRS: LAS 1.0 to 1.4, all formats of points.
+//! Point clouds of the ASPRS: LAS 1.0 to 1.4, all formats of points, and the same compressed (LAZ).
 //!
-//! Of a point, its coordinates are used. Compressed files (LAZ) are refused.
+//! Of a point, its coordinates are used.
 
 use super::bytes::Bytes;
 use super::cloud::{self, Sensors};
+use super::laz::Compressed;
+use super::work::Work;
 use super::{FormatError, ImportSpec, Imported, Note};
 
 /// Offsets in the header.
 const VERSION_MINOR: usize = 25;
+const HEADER_LENGTH: usize = 94;
 const OFFSET_OF_POINTS: usize = 96;
+const RECORDS: usize = 100;
 const POINT_FORMAT: usize = 104;
 const POINT_LENGTH: usize = 105;
 const POINTS: usize = 107;
@@ -22,10 +26,10 @@ const HEADER: usize = 227;
 /// The bits of the point format that say that the points are compressed.
 const COMPRESSED: u8 = 0xc0;
 
-/// A map of a LAS file.
+/// A map of a LAS or LAZ file, which of the two is in its header.
 ///
 /// # Errors
-/// If the file is malformed or compressed, or its points do not fit into a map.
+/// If the file is malformed, or its points do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let bytes = spec.bytes.as_slice();
     let mut file = Bytes::new(bytes);
@@ -38,13 +42,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let u16_at = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
     let u32_at = |at: usize| u32::from_le_bytes([0, 1, 2, 3].map(|byte| bytes[at + byte]));
     let f64_at = |at: usize| f64::from_le_bytes([0, 1, 2, 3, 4, 5, 6, 7].map(|byte| bytes[at + byte]));
-    let format = bytes[POINT_FORMAT];
-    if format & COMPRESSED != 0 {
-        return Err(FormatError::byte(
-            POINT_FORMAT,
-            "the points are compressed (LAZ); unpack them with laszip or PDAL",
-        ));
-    }
+    let format = bytes[POINT_FORMAT] & !COMPRESSED;
     let mut count = u64::from(u32_at(POINTS));
     if count == 0 && bytes[VERSION_MINOR] >= 4 && bytes.len() >= POINTS_OF_1_4 + 8 {
         count = u64::from(u32_at(POINTS_OF_1_4)) | u64::from(u32_at(POINTS_OF_1_4 + 4)) << 32;
@@ -53,11 +51,6 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     if length < 12 {
         return Err(FormatError::byte(POINT_LENGTH, format!("a point has {length} bytes, expected 12 or more")));
     }
-    let data = bytes.get(start..).unwrap_or_default();
-    if count > (data.len() / length) as u64 {
-        let reason = format!("the file ends here, {count} points of {length} bytes from byte {start} on do not fit in");
-        return Err(FormatError::byte(bytes.len(), reason));
-    }
     let (scales, offsets) = ([0, 8, 16].map(|at| f64_at(SCALES + at)), [0, 8, 16].map(|at| f64_at(OFFSETS + at)));
     let point = |record: &[u8]| {
         [0, 1, 2].map(|axis| {
@@ -65,9 +58,24 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             f64::from(whole) * scales[axis] + offsets[axis]
         })
     };
-    let points: Vec<[f64; 3]> = data.chunks_exact(length).take(count as usize).map(point).collect();
-    let note = Note::new("las", format!("point format {format}, {count} points"));
-    cloud::map(spec, &points, &Sensors::None, vec![note])
+    let mut work = Work::new(spec);
+    let (points, packing) = if bytes[POINT_FORMAT] & COMPRESSED == 0 {
+        let data = bytes.get(start..).unwrap_or_default();
+        if count > (data.len() / length) as u64 {
+            let reason =
+                format!("the file ends here, {count} points of {length} bytes from byte {start} on do not fit in");
+            return Err(FormatError::byte(bytes.len(), reason));
+        }
+        (data.chunks_exact(length).take(count as usize).map(point).collect(), "")
+    } else {
+        let (header, records) = (usize::from(u16_at(HEADER_LENGTH)), u32_at(RECORDS));
+        let mut points: Vec<[f64; 3]> = Vec::new();
+        let compressed = Compressed { bytes, header, records, start, length, count };
+        compressed.points(&mut work, |record| points.push(point(record)))?;
+        (points, ", compressed")
+    };
+    let note = Note::new("las", format!("point format {format}, {count} points{packing}"));
+    cloud::map_with(spec, &points, &Sensors::None, vec![note], work)
 }
 
 #[cfg(test)]
@@ -107,7 +115,7 @@ mod tests {
         assert_eq!(refuse(b"LASF".to_vec()), "byte 4: the file ends within its header of 227 bytes");
         let mut laz = file(&[[0; 3]]);
         laz[POINT_FORMAT] = 0x81;
-        assert!(refuse(laz).starts_with("byte 104: the points are compressed (LAZ)"));
+        assert_eq!(refuse(laz), "byte 0: the file has no record of the compression of its points");
         let mut short = file(&[[0; 3]]);
         short[POINTS + 3] = 255;
         assert!(refuse(short).starts_with("byte 247: the file ends here, 4278190081 points of 20 bytes"));

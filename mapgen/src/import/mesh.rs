@@ -147,7 +147,9 @@ pub(super) fn map_up(spec: &ImportSpec, mesh: &Mesh, up: Up, notes: Vec<Note>) -
         let kind = if inside == Kind::Wall { "wall" } else { "free" };
         let text = format!("solid: {filled} cells inside become {kind}, {decided} cells decided by winding number");
         notes.push(Note::new("fill", text));
-        notes.extend(note_of_openings(votes.holes, &openings, &frame));
+        notes.extend(note_of_openings(Some(votes.holes), &openings, &frame));
+    } else {
+        notes.extend(note_of_openings(None, &openings, &frame));
     }
     if fill == Fill::Shell {
         let mut touched = 0u64;
@@ -164,13 +166,16 @@ pub(super) fn map_up(spec: &ImportSpec, mesh: &Mesh, up: Up, notes: Vec<Note>) -
     Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: Some(frame.origin_m()), yaw_rad: 0.0 })
 }
 
-fn note_of_openings(holes: [usize; 3], openings: &[Opening], frame: &Frame) -> Option<Note> {
-    if holes == [0; 3] && openings.is_empty() {
+/// What is open. `holes` are the lines along each axis that come through holes, if lines decide
+/// what is inside.
+fn note_of_openings(holes: Option<[usize; 3]>, openings: &[Opening], frame: &Frame) -> Option<Note> {
+    if holes.unwrap_or_default() == [0; 3] && openings.is_empty() {
         return None;
     }
-    let [x, y, z] = holes;
-    let mut text =
-        format!("the mesh is not closed: {x}, {y} and {z} lines along x, y and z come through holes and have no vote");
+    let mut text = "the mesh is not closed".to_owned();
+    if let Some([x, y, z]) = holes {
+        text += &format!(": {x}, {y} and {z} lines along x, y and z come through holes and have no vote");
+    }
     let shown = openings.len().min(OPENINGS_SHOWN);
     if shown > 0 {
         let places: Vec<String> = openings[..shown].iter().map(|one| frame.opening(one.centre, one.area)).collect();

@@ -87,11 +87,14 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         let text = format!("{} elements {}", element.count, String::from_utf8_lossy(&element.name).escape_debug());
         Note::new("ignored", text)
     });
+    let given = |names: [&str; 2]| spec.options.given().find(|name| names.contains(name));
     if faces.is_some() {
+        if let Some(name) = given(["sensor", "unknown"]) {
+            return Err(FormatError::HasFaces { name });
+        }
         return mesh::map(spec, &mesh, notes.collect());
     }
-    let of_meshes = ["fill", "inside"];
-    if let Some(name) = spec.options.given().find(|name| of_meshes.contains(name)) {
+    if let Some(name) = given(["fill", "inside"]) {
         return Err(FormatError::NoFaces { name });
     }
     let sensors = if seen_from.is_some() { Sensors::Each(from) } else { Sensors::None };
@@ -277,6 +280,7 @@ fn value(bytes: &mut Bytes<'_>, order: Order, number: Number) -> Result<f64, For
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ImportOptions;
 
     const ELEMENTS: &str = "element camera 1\nproperty list uchar short at\nelement vertex 2\nproperty double x\n\
                             property int8 y\ncomment of no use\nproperty float z\nelement edge 7\n\
@@ -303,6 +307,21 @@ mod tests {
         assert_eq!(ascii.notes[1].text, "7 elements edge");
         assert_eq!(read(&with_format("binary_little_endian", &data(false))).unwrap(), ascii);
         assert_eq!(read(&with_format("binary_big_endian", &data(true))).unwrap(), ascii);
+    }
+
+    #[test]
+    fn options_of_points_are_refused_with_faces() {
+        let mesh = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                    element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 1\n3 0 1 2\n";
+        let with = |options| ImportSpec { options, ..ImportSpec::new("a.ply", mesh.into()) }.read();
+        let sensor = ImportOptions { sensor: Some([0.0; 3]), ..ImportOptions::default() };
+        assert_eq!(
+            with(sensor).unwrap_err().to_string(),
+            "a.ply: sensor is an option for point clouds, and the file has faces; leave it out, or remove the faces"
+        );
+        let unknown = ImportOptions { unknown: Some(crate::Kind::Free), ..ImportOptions::default() };
+        assert!(with(unknown).unwrap_err().to_string().contains("unknown is an option for point clouds"));
+        assert!(with(ImportOptions::default()).is_ok());
     }
 
     #[test]
