@@ -47,3 +47,22 @@ fn scenarios_end_as_documented() {
     let scenarios: BTreeSet<String> = files.into_iter().filter(|name| name.ends_with(".toml")).collect();
     assert_eq!(named, scenarios);
 }
+
+#[test]
+fn maps_have_the_documented_hashes() {
+    let site = Site::new();
+    let page = std::fs::read_to_string(root().join("docs/gallery.md")).expect("there is a page");
+    let mut made = String::new();
+    let mut compared = 0;
+    for line in page.lines() {
+        if let Some(command) = line.strip_prefix("maes ").filter(|command| !command.starts_with("map check ")) {
+            let run = Process::start(site.binary("maes").args(command.split(' '))).ended().with_code(0);
+            let hash = run.stdout.lines().find_map(|line| line.strip_prefix("blake3"));
+            made = hash.unwrap_or_else(|| panic!("{command}: {run}")).trim().to_owned();
+        } else if let Some(hash) = line.strip_prefix("Its hash is `") {
+            assert_eq!(hash.trim_end_matches("`."), made);
+            compared += 1;
+        }
+    }
+    assert_eq!(compared, 5);
+}

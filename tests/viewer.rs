@@ -97,6 +97,32 @@ fn snapshots_are_reproducible() {
 }
 
 #[test]
+fn pictures_of_maps_are_reproducible() {
+    prepare();
+    let site = Site::new();
+    let maes = |arguments: &[&str]| site.start(site.binary("maes").arg("map").args(arguments)).ended();
+    maes(&["generate", "--kind", "building", "--size", "30x30x13", "--seed", "1", "-o", "house.m3dm"]).with_code(0);
+    let picture = |name: &str, more: &[&str]| {
+        let arguments = ["check", "house.m3dm", "--picture", name, "--picture-size", "320x200"];
+        let ended = maes(&[&arguments[..], more].concat());
+        (ended, std::fs::read(site.path(name)).unwrap_or_default())
+    };
+    let (ended, first) = picture("a.png", &[]);
+    assert!(ended.with_code(0).stdout.lines().any(|line| line == "picture    a.png"));
+    assert_eq!(first[16..24], [0, 0, 1, 64, 0, 0, 0, 200], "width and height");
+    assert!(picture("b.png", &[]).1 == first, "the same map has the same picture");
+    assert!(picture("c.png", &["--cut", "z=4"]).1 != first, "without the upper floors it is another one");
+    for (name, more, reason) in [
+        ("d.png", &["--cut", "z=13"][..], "--cut z=13: allowed is z=1 to z=12"),
+        ("d.png", &["--page", "."], "--picture d.png: "),
+        ("no/d.png", &[], "the folder "),
+    ] {
+        let (ended, bytes) = picture(name, more);
+        assert!(ended.with_code(2).stderr.contains(reason) && bytes.is_empty(), "{reason}");
+    }
+}
+
+#[test]
 fn movies_have_all_frames() {
     prepare();
     let site = Site::new();

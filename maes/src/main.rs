@@ -28,7 +28,7 @@ use clap_complete::Shell;
 use experiments::in_process::InProcessError;
 use experiments::plan::BUILD;
 use faults::FaultsArgs;
-use map::MapCommand;
+use map::{MapCliError, MapCommand};
 use movie::MovieArgs;
 use plans::{BatchArgs, MergeArgs, ReportArgs};
 use recordings::{DiffArgs, InfoArgs, ReplayArgs, SnapshotArgs, VerifyArgs};
@@ -137,6 +137,9 @@ fn main() -> ExitCode {
 fn exit_code(error: &anyhow::Error) -> ExitCode {
     if let Some(error) = error.downcast_ref::<SupervisorError>() {
         return ExitCode::from(error.exit_code());
+    }
+    if error.downcast_ref::<MapCliError>().is_some_and(MapCliError::is_failure) {
+        return ExitCode::from(exit::FAILED);
     }
     match error.downcast_ref::<InProcessError>() {
         Some(InProcessError::Run(error)) => exit::of_error(error),

@@ -7,6 +7,7 @@
 mod check;
 mod error;
 mod output;
+mod picture;
 mod slices;
 mod spec;
 
@@ -22,6 +23,7 @@ use mapgen::{self, Built, ImportOptions, ImportSpec, Imported, MapReport, Note};
 pub(crate) use error::MapCliError;
 use output::{Encoding, Output, write_file};
 use sim_server::cli::assignment;
+use sim_server::foxglove::capture;
 use sim_server::map_file;
 use slices::Slice;
 
@@ -152,6 +154,18 @@ pub(crate) struct CheckArgs {
     /// Number of agents, as agents.count.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) agents: u32,
+    /// Let the page render the repaired map in three dimensions, with labels in metres.
+    #[arg(long, value_name = "FILE.png", value_parser = crate::recordings::png)]
+    pub(crate) picture: Option<PathBuf>,
+    /// Size of the picture in pixels.
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = capture::size, requires = "picture")]
+    pub(crate) picture_size: [u32; 2],
+    /// Leave out of the picture what lies from this layer of cells on, for instance z=5.
+    #[arg(long, value_name = "AXIS=K", value_parser = slices::parse, requires = "picture")]
+    pub(crate) cut: Option<Slice>,
+    /// The folder of the page [default: the one that was built here].
+    #[arg(long, value_name = "DIR", requires = "picture")]
+    pub(crate) page: Option<PathBuf>,
     /// Length of a cell's edge in metres [default: that of the file, or 1].
     #[arg(long, value_name = "M")]
     pub(crate) cell_m: Option<f64>,

@@ -94,7 +94,8 @@ pub(crate) struct SnapshotArgs {
     out: PathBuf,
 }
 
-fn png(text: &str) -> Result<PathBuf, String> {
+/// The name of a picture.
+pub(crate) fn png(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     if path.extension().is_some_and(|extension| extension == "png") {
         Ok(path)

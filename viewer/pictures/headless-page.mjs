@@ -69,12 +69,12 @@ export class HeadlessPage {
   }
 
   /**
-   * Sets the layers and the camera: behind the agent at this time, or on the whole cave.
-   * @param {Pick<CaptureRequest, "agent" | "layers">} request
+   * Sets the layers, the cut and the camera: behind the agent at this time, or on the whole cave.
+   * @param {Pick<CaptureRequest, "agent" | "layers" | "cut">} request
    * @param {number} timeS
    */
-  async arrange({ agent, layers }, timeS) {
-    await this.#page.evaluate(arrange, { agent, layers, timeS });
+  async arrange({ agent, layers, cut }, timeS) {
+    await this.#page.evaluate(arrange, { agent, layers, cut, timeS });
   }
 
   /**
@@ -175,8 +175,10 @@ function readWhole() {
   });
 }
 
-/** @param {{ agent: number | null, layers: readonly string[] | null, timeS: number }} request */
-async function arrange({ agent, layers, timeS }) {
+/**
+ * @param {Pick<CaptureRequest, "agent" | "layers" | "cut"> & { timeS: number }} request
+ */
+async function arrange({ agent, layers, cut, timeS }) {
   const maes = window.maes;
   const scene = maes?.scene;
   if (!maes || !scene) throw new Error("the page is gone");
@@ -184,6 +186,10 @@ async function arrange({ agent, layers, timeS }) {
     for (const layer of /** @type {(keyof typeof scene.view.layers)[]} */ (Object.keys(scene.view.layers))) {
       scene.view.layers[layer] = layers.includes(layer);
     }
+    scene.viewChanged();
+  }
+  if (cut) {
+    scene.view.cut = cut;
     scene.viewChanged();
   }
   // Notices are printed on the terminal; they would cover the image.

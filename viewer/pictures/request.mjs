@@ -23,12 +23,15 @@ const SLACK_S = 0.01;
 const LAYERS_OF_AGENT = ["hits", "belief"];
 
 /**
+ * @typedef {{ readonly axis: "x" | "y" | "z", readonly share: number }} Cut
+ *
  * @typedef {object} CommonRequest
  * @property {string} url The page with the recording.
  * @property {string} out Output file, an absolute path.
  * @property {readonly [number, number]} size Width and height, pixels.
  * @property {number | null} agent The agent that the camera follows; null: the whole cave.
  * @property {readonly string[] | null} layers Visible layers; null: the defaults of the page.
+ * @property {Cut | null} cut What lies beyond this share of the map along the axis is left out.
  *
  * @typedef {CommonRequest & { kind: "png", atS: number }} ImageRequest
  * @typedef {CommonRequest & { kind: "mp4" | "gif", fromS: number | null, toS: number | null,
@@ -55,6 +58,7 @@ export function parseRequest(text) {
     size: sizeOf(fields["size"]),
     agent: agentOf(fields["agent"] ?? null),
     layers: layersOf(fields["layers"] ?? null),
+    cut: cutOf(fields["cut"] ?? null),
   };
   const kind = endingOf(common.out);
   if (isPicture) {
@@ -212,6 +216,19 @@ function layersOf(value) {
     throw new InvalidRequest(`--layers ${JSON.stringify(value)}: expected layer names separated by commas`);
   }
   return value;
+}
+
+/**
+ * @param {unknown} value
+ * @returns {Cut | null}
+ */
+function cutOf(value) {
+  if (value === null) return null;
+  const { axis, share } = /** @type {Record<string, unknown>} */ (value);
+  if ((axis !== "x" && axis !== "y" && axis !== "z") || typeof share !== "number" || !(share > 0)) {
+    throw new InvalidRequest(`cut ${JSON.stringify(value)}: expected an axis and a share above 0`);
+  }
+  return { axis, share };
 }
 
 /**

@@ -26,13 +26,14 @@ const times = (value) => frameTimesOf(request(value), RECORDING);
 
 describe("a request", () => {
   it("for an image", () => {
-    expect(request({ ...PICTURE, agent: 3, layers: ["walls"] })).toEqual({
+    expect(request({ ...PICTURE, agent: 3, layers: ["walls"], cut: { axis: "z", share: 0.5 } })).toEqual({
       kind: "png",
       url: PICTURE.url,
       out: "/tmp/a.png",
       size: [640, 360],
       agent: 3,
       layers: ["walls"],
+      cut: { axis: "z", share: 0.5 },
       atS: 12,
     });
   });
@@ -45,6 +46,7 @@ describe("a request", () => {
       size: [640, 360],
       agent: null,
       layers: null,
+      cut: null,
       fromS: null,
       toS: 300,
       lengthS: 2,
@@ -73,6 +75,8 @@ describe("a request", () => {
     [{ ...PICTURE, size: [8193, 640] }, "--size 8193x640: expected"],
     [{ ...PICTURE, size: [640.5, 640] }, "--size 640.5x640: expected"],
     [{ ...PICTURE, agent: -1 }, "--agent -1: expected an agent id"],
+    [{ ...PICTURE, cut: { axis: "w", share: 1 } }, 'cut {"axis":"w","share":1}: expected an axis and a share'],
+    [{ ...PICTURE, cut: { axis: "x", share: 0 } }, "expected an axis and a share above 0"],
     [{ ...PICTURE, agent: 1.5 }, "--agent 1.5: expected an agent id"],
     [{ ...PICTURE, layers: [] }, "--layers []: expected layer names"],
     [{ ...PICTURE, layers: "walls" }, '--layers "walls": expected layer names'],

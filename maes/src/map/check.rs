@@ -10,7 +10,7 @@ use simulation::world::spawn::{Site, SpawnSpec};
 use voxels::clearance::REACH_CELLS;
 use voxels::{Clearance, Components, Extent, Grid, Passage, Terrain, close_shell, free_components};
 
-use super::{CheckArgs, MapCliError, Report, by, import};
+use super::{CheckArgs, MapCliError, Report, by, import, picture};
 
 /// Share of the free cells that a part behind a passage has at least.
 const PART: f64 = 0.01;
@@ -75,9 +75,14 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     }
     starts(&mut report, &terrain, args, &mut advice)?;
     if advice.is_empty() {
-        return report.line("advice", "none: the map is sound for these bodies");
+        report.line("advice", "none: the map is sound for these bodies")?;
     }
-    advice.iter().try_for_each(|text| report.line("advice", text))
+    advice.iter().try_for_each(|text| report.line("advice", text))?;
+    if let Some(file) = &args.picture {
+        picture::draw(&terrain, args, file)?;
+        report.line("picture", file.display())?;
+    }
+    Ok(())
 }
 
 /// A length in metres, rounded down to millimetres so that it still fits.

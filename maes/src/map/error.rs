@@ -71,6 +71,18 @@ pub(crate) enum MapCliError {
         /// The last layer of the map.
         last: u32,
     },
+    /// A cut that leaves all or nothing of the map.
+    #[error("{}: --cut {axis}={at}: allowed is {axis}=1 to {axis}={last}", .file.display())]
+    Cut {
+        /// The file.
+        file: PathBuf,
+        /// `x`, `y` or `z`.
+        axis: char,
+        /// The layer that was asked for.
+        at: u32,
+        /// The last layer of the map.
+        last: u32,
+    },
     /// A radius that no body can have, or for which distances are not known.
     #[error("--radius-m {radius_m}: allowed is above 0 to {most_m} m, eight cells")]
     Radius {
@@ -105,10 +117,27 @@ pub(crate) enum MapCliError {
         /// What is wrong.
         reason: png::EncodingError,
     },
+    /// A picture by the page cannot be made.
+    #[error("--picture {}: {reason}", .file.display())]
+    Render {
+        /// The picture.
+        file: PathBuf,
+        /// What is wrong.
+        reason: String,
+        /// Whether the request was at fault, and not the machine.
+        is_bad_input: bool,
+    },
     /// The operating system gives no random numbers.
     #[error("no seed can be drawn ({0}); give one with --seed")]
     Seed(getrandom::Error),
     /// The report cannot be printed.
     #[error("stdout: {0}")]
     Print(#[from] io::Error),
+}
+
+impl MapCliError {
+    /// Whether the machine is at fault, and not what the user gave.
+    pub(crate) fn is_failure(&self) -> bool {
+        matches!(self, Self::Render { is_bad_input: false, .. })
+    }
 }

@@ -51,6 +51,16 @@ pub(super) fn parse(text: &str) -> Result<Slice, String> {
 }
 
 impl Slice {
+    /// Its axis and the share of a map's length that lies before it.
+    pub(super) fn share(self, terrain: &Grid<Terrain>, file: &Path) -> Result<(char, f64), MapCliError> {
+        let Self { axis, at } = self;
+        let cells = terrain.extent().size()[axis];
+        if !(1..cells).contains(&at) {
+            return Err(MapCliError::Cut { file: file.to_path_buf(), axis: AXES[axis], at, last: cells - 1 });
+        }
+        Ok((AXES[axis], f64::from(at) / f64::from(cells)))
+    }
+
     /// The layer as text: the higher of the two remaining axes grows upwards, the other one to the
     /// right.
     pub(super) fn draw(self, terrain: &Grid<Terrain>, file: &Path) -> Result<String, MapCliError> {

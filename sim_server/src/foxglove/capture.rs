@@ -1,6 +1,7 @@
-//! Snapshots and movies of a recording, rendered by the page in a headless browser.
+//! Snapshots and movies of a recording, and pictures of a map, rendered by the page in a headless
+//! browser.
 //!
-//! A temporary server on this machine serves page and recording; a script beside the page
+//! A temporary server on this machine serves the page with the recording or the map; a script beside the page
 //! (`viewer/pictures`) drives the browser and reports errors to the user. This module renders
 //! nothing itself.
 
@@ -59,6 +60,22 @@ pub enum CaptureTime {
     },
 }
 
+/// What to render of a map.
+#[derive(Debug, Clone, Copy)]
+pub struct MapPicture<'a> {
+    /// A file in a M3DM format.
+    pub map: &'a Path,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// What lies beyond this share of the map's length along an axis (`x`, `y` or `z`) is left out.
+    pub cut: Option<(char, f64)>,
+    /// The folder of the page; that which was built here if `None`.
+    pub page: Option<&'a Path>,
+}
+
+/// Time at which the page shows a map, of which all is known from the start, s.
+const MAP_TIME_S: f64 = 5.0;
+
 /// Why nothing was rendered.
 #[derive(Debug, Error)]
 pub enum CaptureError {
@@ -84,11 +101,17 @@ pub enum CaptureError {
 struct DriverOrder<'a> {
     url: String,
     out: &'a Path,
-    size: [u32; 2],
-    agent: Option<u32>,
-    layers: Option<&'a [String]>,
+    #[serde(flatten)]
+    view: &'a View<'a>,
     #[serde(flatten)]
     time: CaptureTime,
+}
+
+/// A cut of a map.
+#[derive(Serialize)]
+struct Cut {
+    axis: char,
+    share: f64,
 }
 
 /// Renders into the file `out`: PNG for a snapshot, MP4 or GIF for a movie.
@@ -100,17 +123,44 @@ struct DriverOrder<'a> {
 /// # Panics
 /// Never: an order is plain data.
 pub fn take(args: &CaptureArgs, time: CaptureTime, out: &Path) -> Result<(), CaptureError> {
-    let page = http_gateway::page(args.page.as_deref())?.ok_or(CaptureError::NoPage)?;
-    let server = StaticFileServer::open(FREE_PORT, &page, &args.file, Token::draw()?, &[])?;
+    let view = View { size: args.size, agent: args.agent, layers: args.layers.as_deref(), cut: None };
+    render(&args.file, args.page.as_deref(), &view, time, out)
+}
+
+/// Renders a map into the PNG file `out`, with its walls and labels in metres.
+///
+/// # Errors
+/// If the page, the browser or the driver is missing, or the map is no map; then there is no file.
+///
+/// # Panics
+/// Never: an order is plain data.
+pub fn take_map(picture: &MapPicture<'_>, out: &Path) -> Result<(), CaptureError> {
+    let cut = picture.cut.map(|(axis, share)| Cut { axis, share });
+    let layers = ["walls".to_owned()];
+    let view = View { size: picture.size, agent: None, layers: Some(&layers), cut };
+    render(picture.map, picture.page, &view, CaptureTime::Snapshot { at: MAP_TIME_S }, out)
+}
+
+/// What is in the image, and how large it is.
+#[derive(Serialize)]
+struct View<'a> {
+    size: [u32; 2],
+    agent: Option<u32>,
+    layers: Option<&'a [String]>,
+    cut: Option<Cut>,
+}
+
+fn render(
+    subject: &Path,
+    page: Option<&Path>,
+    view: &View<'_>,
+    time: CaptureTime,
+    out: &Path,
+) -> Result<(), CaptureError> {
+    let page = http_gateway::page(page)?.ok_or(CaptureError::NoPage)?;
+    let server = StaticFileServer::open(FREE_PORT, &page, subject, Token::draw()?, &[])?;
     let out = std::path::absolute(out).map_err(FoxgloveServerError::System)?;
-    let order = DriverOrder {
-        url: server.url(),
-        out: &out,
-        size: args.size,
-        agent: args.agent,
-        layers: args.layers.as_deref(),
-        time,
-    };
+    let order = DriverOrder { url: server.url(), out: &out, view, time };
     let mut driver = Command::new("node");
     driver.arg(page.join("../pictures/take.mjs"));
     // Arguments are seen by all users of the machine, and the address has the token.
@@ -133,7 +183,11 @@ pub fn exit_code(error: &CaptureError) -> u8 {
     }
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
+/// Width and height of an image, pixels, as in `1280x720`.
+///
+/// # Errors
+/// What is expected.
+pub fn size(text: &str) -> Result<[u32; 2], String> {
     let sides: Option<Vec<u32>> = text.split('x').map(|side| side.parse().ok()).collect();
     match sides.as_deref() {
         Some(&[width, height]) if (16..=8192).contains(&width) && (16..=8192).contains(&height) => Ok([width, height]),
@@ -158,12 +212,15 @@ mod tests {
         let order = DriverOrder {
             url: "u".to_owned(),
             out: Path::new("/o.png"),
-            size: [1, 2],
-            agent: None,
-            layers: Some(&["walls".to_owned()]),
+            view: &View {
+                size: [1, 2],
+                agent: None,
+                layers: Some(&["walls".to_owned()]),
+                cut: Some(Cut { axis: 'z', share: 0.5 }),
+            },
             time: CaptureTime::Snapshot { at: 1.5 },
         };
-        let expected = serde_json::json!({ "url": "u", "out": "/o.png", "size": [1, 2], "agent": null, "layers": ["walls"], "at": 1.5 });
+        let expected = serde_json::json!({ "url": "u", "out": "/o.png", "size": [1, 2], "agent": null, "layers": ["walls"], "cut": { "axis": "z", "share": 0.5 }, "at": 1.5 });
         assert_eq!(serde_json::to_value(&order).unwrap(), expected);
     }
 }

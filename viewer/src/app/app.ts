@@ -7,6 +7,7 @@ import { openFile, openLive, openUrl } from "../data/sources.ts";
 import type { LiveFeed } from "../data/sources.ts";
 import { Scene } from "../scene/scene.ts";
 import { AgentNumberInput, nextSelection } from "./agent-selection.ts";
+import { axisLabels } from "./axes.ts";
 import { Clock } from "./clock.ts";
 import { captureName, MovieCapture, savePicture } from "./captures.ts";
 import { openDialog, openHelp } from "./dialogs.ts";
@@ -416,7 +417,11 @@ export class App implements PageActions {
       realTimeFactor: clock.realTimeFactor,
     };
     shell.update(panel, clock, live, this.#busy);
-    if (scene) shell.legend.update(scene.view, scene.pixelM);
+    const isMap = run?.setup.agents === 0;
+    if (scene) shell.legend.update(scene.view, scene.pixelM, isMap);
+    // In a run, labels would cover agents.
+    const box = isMap ? scene?.box : null;
+    shell.axes.update(scene && box ? axisLabels(box, (point) => scene.project(point)) : []);
     shell.renderStats.update(wallS, scene, this.loop.pacer.costMs, this.loop.pixelRatio);
     shell.banners.set("run", run?.problem ?? null, "warning");
     shell.banners.set("scene", scene && scene.notices.length > 0 ? scene.notices.join(" ") : null, "notice");

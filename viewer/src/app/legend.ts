@@ -39,12 +39,15 @@ export class Legend {
     );
   }
 
-  /** `pixelM`: size of a CSS pixel at the middle of the image, metres. */
-  update(view: View, pixelM: number): void {
+  /**
+   * `pixelM`: size of a CSS pixel at the middle of the image, metres. A map without a run
+   * (`isMap`) has one colour.
+   */
+  update(view: View, pixelM: number, isMap: boolean): void {
     for (const { layer, kind, root } of this.#entries) {
       // The heat map replaces the other colours of walls.
       const isReplaced = view.layers.heat && kind === "seen";
-      setHidden(root, !view.layers[layer] || isReplaced || (layer === "heat" && !view.layers.walls));
+      setHidden(root, isMap || !view.layers[layer] || isReplaced || (layer === "heat" && !view.layers.walls));
     }
     const lengthM = scaleLengthM(pixelM * BAR_PX);
     this.#bar.style.width = `${lengthM / pixelM}px`;

@@ -2,8 +2,10 @@
  * Layout of the page: creates its parts, shows or hides them, and passes state and actions on.
  * Contains no logic of its own.
  */
+import type { Run } from "../data/run.ts";
 import type { View } from "../scene/scene.ts";
 import { AgentCard, AgentsCard } from "./agents-card.ts";
+import { Axes } from "./axes.ts";
 import { Banners } from "./banners.ts";
 import { CameraBar } from "./camera-bar.ts";
 import { card, CountersCard, RunCard, ScenarioCard } from "./cards.ts";
@@ -48,6 +50,7 @@ export class Shell {
   readonly #scenario = new ScenarioCard();
   readonly #caption = el("div", { class: "caption", testid: "caption" });
   readonly legend = new Legend();
+  readonly axes = new Axes();
   readonly #movie: HTMLButtonElement;
   readonly #toolbar: HTMLElement;
   readonly #view: View | null;
@@ -142,6 +145,7 @@ export class Shell {
       "div",
       { class: "stage", testid: "stage" },
       canvas,
+      this.axes.root,
       this.#welcome.root,
       this.#layers?.root,
       this.#toolbar,
@@ -211,10 +215,7 @@ export class Shell {
     }
     const { run, timeS, selected } = panel;
     if (this.#isPicture) {
-      const { explored } = sharesAt(run, timeS);
-      const whom = selected === null ? [] : [`agent ${selected}`];
-      const words = [run.title, ...whom, clockTime(timeS), `${finePercent(explored)} explored`];
-      setText(this.#caption, words.join("   "));
+      setText(this.#caption, run.setup.agents === 0 ? mapCaption(run) : runCaption(run, timeS, selected));
       return;
     }
     this.#playbackBar.update(panel, clock);
@@ -248,4 +249,16 @@ export class Shell {
       if (dropped) void actions.openFile(dropped);
     });
   }
+}
+
+function runCaption(run: Run, timeS: number, selected: number | null): string {
+  const { explored } = sharesAt(run, timeS);
+  const whom = selected === null ? [] : [`agent ${selected}`];
+  return [run.title, ...whom, clockTime(timeS), `${finePercent(explored)} explored`].join("   ");
+}
+
+function mapCaption({ title, terrain }: Run): string {
+  const { size, cellM, freeCells, walls } = terrain;
+  const free = `${((100 * freeCells) / walls.length).toFixed(1)} % free`;
+  return [title.replace(/\.m3dm$/i, ""), `${size.join(" x ")} cells of ${cellM} m`, free].join("   ");
 }

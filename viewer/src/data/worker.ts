@@ -5,6 +5,7 @@
  * queries between two pieces of a file. The logic is in `recording-reader.ts`.
  */
 
+import { isMapFile, mapRun } from "./map-run.ts";
 import { transferablesOf, type Reply, type Request } from "./protocol.ts";
 import { RecordingReader, type FetchBytes } from "./recording-reader.ts";
 import { UnreadableError } from "./run.ts";
@@ -81,7 +82,19 @@ async function begin(title: string, fetchBytes: FetchBytes | null): Promise<Reco
   return reading;
 }
 
+/** A map file has no recording to query: it is sent as a whole. */
+function showMap(name: string, bytes: Uint8Array): void {
+  const { header, batch } = mapRun(name, bytes);
+  isOpened = true;
+  scope.postMessage({ kind: "opened", ...header });
+  scope.postMessage({ kind: "batch", batch });
+}
+
 async function readFile(file: File): Promise<void> {
+  if (isMapFile(file.name)) {
+    showMap(file.name, new Uint8Array(await file.arrayBuffer()));
+    return;
+  }
   const fetchBytes: FetchBytes = async (start, length) =>
     new Uint8Array(await file.slice(start, start + length).arrayBuffer());
   const reading = await begin(file.name, fetchBytes);
@@ -100,6 +113,10 @@ async function readUrl(url: string, title: string): Promise<void> {
     throw new UnreadableError(
       `${url} cannot be read: the server answers ${response.status} ${response.statusText}`,
     );
+  }
+  if (isMapFile(title)) {
+    showMap(title, new Uint8Array(await response.arrayBuffer()));
+    return;
   }
   const fetchRange: FetchBytes = async (start, length) => {
     const part = await fetch(url, { headers: { Range: `bytes=${start}-${start + length - 1}` } });

@@ -206,6 +206,20 @@ export class Scene {
     return pixelM(this.#size.height) * this.#cameraRig.distanceM;
   }
 
+  /** The box of the free space, metres; null: there is no run. */
+  get box(): { readonly low: Vec3; readonly high: Vec3 } | null {
+    const cave = this.#loaded?.cave;
+    if (cave === undefined) return null;
+    const end = (side: number) => cave.middle.map((value, axis) => value + (side * cave.extentM[axis]!) / 2);
+    return { low: end(-1) as Vec3, high: end(1) as Vec3 };
+  }
+
+  /** Where a point, in metres, is on the canvas: CSS pixels from the upper left corner. */
+  project(point: Vec3): [x: number, y: number] {
+    const { x, y } = new Vector3(...point).project(this.#cameraRig.camera);
+    return [((x + 1) / 2) * this.#size.width, ((1 - y) / 2) * this.#size.height];
+  }
+
   /** The agent at a position of the canvas in the last frame, CSS pixels. */
   pick(x: number, y: number): number | null {
     return this.#loaded?.team.pick(x, y) ?? null;
@@ -351,7 +365,9 @@ export class Scene {
     const pitchRad = ((56 - 30 * flatness) * Math.PI) / 180;
     const orbit: Orbit = { centre: [0, 0, 0], yawRad: CAVE_YAW_RAD, pitchRad, distanceM: 1 };
     const aspect = this.#size.width / this.#size.height;
-    return { ...orbit, distanceM: distanceToFit(orbit, extentM, aspect) * 1.03 };
+    // A map without agents has labels around it.
+    const room = cave.run.setup.agents === 0 ? 1.14 : 1.03;
+    return { ...orbit, distanceM: distanceToFit(orbit, extentM, aspect) * room };
   }
 
   /** Follows the belief of the selected agent while the layer is shown. */
