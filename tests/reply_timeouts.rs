@@ -1,6 +1,7 @@
 //! The server while it waits for replies: it saves the recording, can be stopped, and tolerates
 //! late and repeated replies.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -159,6 +160,37 @@ fn paced_run_can_be_stopped() {
     });
     let result = &played.outcome().result;
     assert_eq!((result.reason.as_str(), result.tick), ("interrupted", 1));
+}
+
+/// Agent 1 replies to the observation during which the run is interrupted after the shutdown message
+/// has come, and then acknowledges that, before agent 0 does.
+#[test]
+fn reply_that_crosses_the_shutdown_is_not_refused() {
+    let play = Play::of_two(DURATION_S);
+    let stop = Arc::clone(&play.stop);
+    let has_crossed = AtomicBool::new(false);
+    let played = play.with(move |inner, ids, is_over| {
+        let options = honest(u64::from(ids[0].0), ids.clone());
+        let pause = Duration::from_millis(20);
+        let answer = |end: &mut AgentsEnd, command: &Command, _| {
+            if ids == [AgentId(1)] && command.tick == 10 && !stop.swap(true, Ordering::Relaxed) {
+                let ends = |inbound| matches!(inbound, Inbound::Observation(part) if part.phase == Observation::ENDED);
+                while !end.receive(pause).is_some_and(ends) {}
+                end.send_command(command);
+                end.send_command(&Command { known_free: command.known_free + 1, ..command.clone() });
+                has_crossed.store(true, Ordering::Relaxed);
+                return;
+            }
+            while stop.load(Ordering::Relaxed) && !has_crossed.load(Ordering::Relaxed) {
+                end.receive(pause);
+            }
+            end.send_command(command);
+        };
+        let mut link = Slow { inner, answer, asked: (u64::MAX, 0) };
+        agent_node::host::run(&mut link, &options, is_over).expect("agents are welcome");
+    });
+    let result = &played.outcome().result;
+    assert_eq!((result.reason.as_str(), refusals(result)), ("interrupted", BTreeMap::new()));
 }
 
 #[test]

@@ -144,6 +144,9 @@ pub(super) struct AgentSessions {
     /// By agent: how many retransmits of its last command are accepted, because its observation was
     /// resent so often.
     retransmits_due: Vec<u32>,
+    /// Agents whose reply to the last observation is no longer awaited. It may cross the shutdown
+    /// message and be taken for its acknowledgement, which then is a second answer.
+    abandoned: BTreeSet<AgentId>,
     refusals: BTreeMap<&'static str, u64>,
     observation_log: ObservationLog,
     /// Whether another process may replace one that does not reply.
@@ -178,6 +181,7 @@ impl AgentSessions {
             authentication: Authentication::new(policy, &start, agents),
             last_commands: vec![None; agents as usize],
             retransmits_due: vec![0; agents as usize],
+            abandoned: BTreeSet::new(),
             refusals: Refusal::COUNTERS.into_iter().map(|name| (name, 0)).collect(),
             observation_log: ObservationLog::new(agents, keeps_log),
             allows_replacement,
@@ -303,7 +307,8 @@ impl AgentSessions {
             last_poll = polled;
             let has_failed = waited >= timeout && policy == TimeoutPolicy::ReturnIncomplete;
             if has_failed || !context.poll()? {
-                let missing = self.awaited(&barrier).into_iter().collect();
+                self.abandoned = self.awaited(&barrier);
+                let missing = self.abandoned.iter().copied().collect();
                 return Ok(Err(MissingReplies { received: barrier.into_answers_so_far(), missing }));
             }
             if waited >= timeout {

@@ -252,6 +252,9 @@ impl AgentSessions {
                 *due -= 1;
                 return Ok(());
             }
+            if matches!(refusal, Refusal::SecondAnswer { .. }) && self.abandoned.remove(&agent) {
+                return Ok(());
+            }
             return Err(refusal);
         }
         let (action, trigger) =
