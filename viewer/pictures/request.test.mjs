@@ -75,7 +75,10 @@ describe("a request", () => {
     [{ ...PICTURE, size: [8193, 640] }, "--size 8193x640: expected"],
     [{ ...PICTURE, size: [640.5, 640] }, "--size 640.5x640: expected"],
     [{ ...PICTURE, agent: -1 }, "--agent -1: expected an agent id"],
-    [{ ...PICTURE, cut: { axis: "w", share: 1 } }, 'cut {"axis":"w","share":1}: expected an axis and a share'],
+    [
+      { ...PICTURE, cut: { axis: "w", share: 1 } },
+      'cut {"axis":"w","share":1}: expected an axis and a share',
+    ],
     [{ ...PICTURE, cut: { axis: "x", share: 0 } }, "expected an axis and a share above 0"],
     [{ ...PICTURE, agent: 1.5 }, "--agent 1.5: expected an agent id"],
     [{ ...PICTURE, layers: [] }, "--layers []: expected layer names"],

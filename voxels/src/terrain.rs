@@ -110,8 +110,22 @@ impl Grid<Terrain> {
 
     /// Draws the world as text that [`Grid::from_text`] reads; free cells become `.`.
     pub fn to_text(&self) -> String {
+        let mut text = String::with_capacity(self.text_bytes());
+        self.append_text(&mut text);
+        text
+    }
+
+    /// The length of [`Grid::to_text`], bytes: a character for each cell, the ends of rows, and empty
+    /// lines between layers.
+    pub fn text_bytes(&self) -> usize {
+        let [_, size_y, size_z] = self.extent().size().map(|cells| cells as usize);
+        self.as_slice().len() + size_y * size_z + size_z - 1
+    }
+
+    /// Appends [`Grid::to_text`]. Takes no further memory if the text has room for
+    /// [`Grid::text_bytes`].
+    pub fn append_text(&self, text: &mut String) {
         let [size_x, size_y, _] = self.extent().size().map(|cells| cells as usize);
-        let mut text = String::new();
         for (z, layer) in self.as_slice().chunks(size_x * size_y).enumerate() {
             if z > 0 {
                 text.push('\n');
@@ -124,7 +138,6 @@ impl Grid<Terrain> {
                 text.push('\n');
             }
         }
-        text
     }
 }
 
@@ -219,7 +232,9 @@ mod tests {
             let extent = Extent::new(size, 1.0).unwrap();
             let terrain = bits[..extent.volume()].iter().map(|&wall| if wall { Terrain::Wall } else { Terrain::Free });
             let world = Grid::from_vec(extent, terrain.collect()).unwrap();
-            prop_assert_eq!(Grid::from_text(&world.to_text()), Ok(world));
+            let text = world.to_text();
+            prop_assert_eq!(text.len(), world.text_bytes());
+            prop_assert_eq!(Grid::from_text(&text), Ok(world));
         }
     }
 }

@@ -391,7 +391,8 @@ impl MapFormat {
     /// an axis, or if its cells are not 1 m long.
     ///
     /// # Errors
-    /// If the format is only read, or takes two files ([`export::floor_plan`]).
+    /// If the format is only read, or takes two files ([`export::floor_plan`]), or if the memory for
+    /// a text cannot be had.
     pub fn write(self, terrain: &Grid<Terrain>, is_packed: bool) -> Result<Vec<u8>, FormatError> {
         self.check()?;
         Ok(match self {
@@ -403,7 +404,7 @@ impl MapFormat {
             Self::Obj => export::obj(terrain),
             Self::Stl => export::stl(terrain),
             Self::Yaml => return Err(FormatError::TwoFiles),
-            _ => (cell_length::line(terrain.extent()) + &terrain.to_text()).into_bytes(),
+            _ => text_file(terrain)?,
         })
     }
 
@@ -420,6 +421,14 @@ fn with_cells_of(terrain: Grid<Terrain>, spec: &ImportSpec) -> Result<Imported, 
     let extent = Extent::new(terrain.extent().size(), spec.length_m()).map_err(FormatError::Extent)?;
     let terrain = Grid::from_vec(extent, terrain.into_vec()).expect("the size is its own");
     Ok(Imported { terrain, notes: Vec::new(), stores_cell_m: false, origin_m: None, yaw_rad: 0.0 })
+}
+
+/// A text file with the length of its cells.
+fn text_file(terrain: &Grid<Terrain>) -> Result<Vec<u8>, FormatError> {
+    let mut text = cell_length::line(terrain.extent());
+    text.try_reserve_exact(terrain.text_bytes()).map_err(|_| FormatError::Memory(terrain.as_slice().len()))?;
+    terrain.append_text(&mut text);
+    Ok(text.into_bytes())
 }
 
 fn if_any(extension: &str) -> String {
