@@ -93,7 +93,8 @@ impl RosTransport {
                 )?;
             }
             let server = server.clone();
-            workshop.subscribe(&mut node, &topics::signed_observation(agent), &mut inbox, move |sample| {
+            let observations = topics::signed_observation(agent).unacknowledged();
+            workshop.subscribe(&mut node, &observations, &mut inbox, move |sample| {
                 observation(agent, server.message(sample)?).map(Inbound::SignedObservation).map(Some)
             })?;
             let join = workshop.publisher(&mut node, &topics::signed_join(agent))?;

@@ -132,11 +132,20 @@ pub struct Topic {
     pub name: String,
     /// The type of its messages.
     pub message: MessageType,
-    /// Its quality of service, the same at both ends.
+    /// Its quality of service: what a publisher offers, and what a subscription requests unless it
+    /// is [`unacknowledged`](Self::unacknowledged).
     pub qos: Qos,
 }
 
 impl Topic {
+    /// The topic for a subscription that acknowledges nothing. For the observations and commands of
+    /// the lock-step: the command acknowledges the observation, and what was lost is sent again
+    /// until it is answered, so the acknowledgements of the middleware only cost time.
+    #[must_use]
+    pub fn unacknowledged(self) -> Self {
+        Topic { qos: Qos { reliability: Reliability::BestEffort, ..self.qos }, ..self }
+    }
+
     fn new<M: Message>(name: impl Into<String>, qos: Qos) -> Self {
         Topic { name: name.into(), message: M::TYPE, qos }
     }
@@ -395,6 +404,16 @@ mod tests {
   avoid_ros_namespace_conventions: false
 ";
         assert_eq!(observation(AgentId(3)).qos.offered_qos_profiles(), expected);
+    }
+
+    #[test]
+    fn subscriptions_of_the_lock_step_may_do_without_acknowledgements() {
+        for topic in [signed_observation(AgentId(3)), signed_command(AgentId(3))] {
+            assert_eq!(topic.qos.reliability, Reliability::Reliable, "{topic}: what tools may request");
+            let unacknowledged = topic.clone().unacknowledged();
+            assert_eq!(unacknowledged.qos.reliability, Reliability::BestEffort, "{topic}");
+            assert_eq!((unacknowledged.name, unacknowledged.message), (topic.name, topic.message));
+        }
     }
 
     #[test]

@@ -134,7 +134,7 @@ impl RosTransport {
             endpoints.subscribe(&mut node, &joins, &mut inbox, move |sample: Sample<JoinOfAnyVersion>| {
                 Item::Agent(Box::new(incoming(agent, sample, |JoinOfAnyVersion(join)| Inbound::SignedJoin(join))))
             })?;
-            let commands = topics::signed_command(agent);
+            let commands = topics::signed_command(agent).unacknowledged();
             endpoints.subscribe(&mut node, &commands, &mut inbox, move |sample: Sample<SignedCommand>| {
                 Item::Agent(Box::new(incoming(agent, sample, Inbound::SignedCommand)))
             })?;
