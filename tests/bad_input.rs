@@ -267,7 +267,7 @@ fn launcher_arguments() {
         (&["--external", "0", "--agents-per-process", "2"], "--agents-per-process 2: expected 1"),
         (&["--order", "sideways"], "--order sideways: expected forward, reverse or shuffle"),
         (&["--transport", "pigeon"], "--transport pigeon: expected ros2 or memory"),
-        (&["--agents-per-process", "0"], "--agents-per-process 0: expected a number from 1"),
+        (&["--agents-per-process", "0"], "--agents-per-process 0: expected a number from 1, or auto"),
         (
             &["--transport", "memory", "--agents-per-process", "2"],
             "--agents-per-process 2: over memory there is one process",

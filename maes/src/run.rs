@@ -4,6 +4,7 @@ mod memory;
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;
+use std::fmt;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -74,9 +75,10 @@ pub(crate) struct RunArgs {
     /// agents.cmd_vel are among them
     #[arg(long, value_name = "ID,...", value_parser = ids, help_heading = "Agents")]
     external: Option<Ids>,
-    /// Agents in each process [default: 1]
-    #[arg(long, value_name = "N", value_parser = process_size, help_heading = "Agents")]
-    agents_per_process: Option<NonZero<u32>>,
+    /// Agents in each process; the result does not depend on it [default: auto: one, or more in
+    /// teams of over 20 agents if this machine has few cores]
+    #[arg(long, value_name = "N|auto", value_parser = process_size, help_heading = "Agents")]
+    agents_per_process: Option<ProcessSize>,
     /// The order in which agents start [default: forward]
     #[arg(
         long,
@@ -141,8 +143,28 @@ fn ids(text: &str) -> Result<Ids, String> {
         .ok_or_else(|| "expected ids of agents, such as 0,3".to_owned())
 }
 
-fn process_size(text: &str) -> Result<NonZero<u32>, String> {
-    number(text).and_then(NonZero::new).ok_or_else(|| "expected a number from 1".to_owned())
+/// How many agents share a process.
+#[derive(Debug, Clone, Copy)]
+enum ProcessSize {
+    Auto,
+    Fixed(NonZero<u32>),
+}
+
+impl fmt::Display for ProcessSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Fixed(size) => size.fmt(f),
+        }
+    }
+}
+
+fn process_size(text: &str) -> Result<ProcessSize, String> {
+    if text == "auto" {
+        return Ok(ProcessSize::Auto);
+    }
+    let size = number(text).and_then(NonZero::new);
+    size.map(ProcessSize::Fixed).ok_or_else(|| "expected a number from 1, or auto".to_owned())
 }
 
 fn agent_setting(text: &str) -> Result<(String, toml::Value), String> {
@@ -189,7 +211,10 @@ impl RunArgs {
 
     fn team(&self) -> Team {
         Team {
-            per_process: self.agents_per_process,
+            per_process: match self.agents_per_process {
+                None | Some(ProcessSize::Auto) => None,
+                Some(ProcessSize::Fixed(size)) => Some(size),
+            },
             order: match self.order {
                 None | Some(OrderName::Forward) => Order::Forward,
                 Some(OrderName::Reverse) => Order::Reverse,

@@ -77,7 +77,7 @@ mod tests {
                 "--order reversed: expected forward, reverse or shuffle; did you mean reverse?",
             ),
             ("maes run --external two", "--external two: expected ids of agents, such as 0,3"),
-            ("maes run --agents-per-process 0", "--agents-per-process 0: expected a number from 1"),
+            ("maes run --agents-per-process 0", "--agents-per-process 0: expected a number from 1, or auto"),
             ("maes run --agent-set speed", "--agent-set speed: expected KEY=VALUE"),
             ("maes run a.toml b.toml", "unexpected argument: b.toml (see --help)"),
             ("maes snapshot a.mcap --at 1 --out a.jpg", "--out a.jpg: expected a name that ends in .png"),

@@ -179,15 +179,19 @@ impl Run<'_> {
             if outside::names_id(agents) {
                 return processes::start_agents(command, &self.log_of(group));
             }
+            if let Some(parameters) = self.team.parameters {
+                command.arg("--parameters").arg(parameters.to_string());
+            }
             command
         } else {
-            self.command("agent_node", secret)
+            let mut command = self.command("agent_node", secret);
+            if let Some(parameters) = self.team.parameters(self.scenario) {
+                command.arg("--parameters").arg(parameters.to_string());
+            }
+            command
         };
         if let Some(delay) = self.team.chaos_delay_ms {
             command.arg("--chaos-delay-ms").arg(delay.to_string());
-        }
-        if let Some(parameters) = self.team.parameters {
-            command.arg("--parameters").arg(parameters.to_string());
         }
         processes::start_agents(processes::with_ids(command, group), &self.log_of(group))
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::num::NonZero;
+use std::thread;
 
 use simulation::scenario::Scenario;
 
@@ -19,17 +20,27 @@ pub enum Order {
     Shuffle,
 }
 
-/// How the agents of a run are spread over processes.
+/// Up to this many agents always have processes of their own, if the team is spread automatically.
+const PROCESSES_MIN: u32 = 20;
+/// Beyond, a core gets this many processes: more cost switches between them, and gain nothing.
+const PROCESSES_PER_CORE: u32 = 5;
+/// Agents of larger teams do not offer ROS parameters unless asked to: these take twelve endpoints
+/// for each agent, which every participant has to discover.
+const PARAMETERS_AGENTS_MAX: u32 = 20;
+
+/// How the agents of a run are spread over processes. The result of a run does not depend on it.
 #[derive(Debug, Clone, Default)]
 pub struct Team {
-    /// Agents in each process; one if nothing is said.
+    /// Agents in each process. If nothing is said: one, or more if the team is too large for the
+    /// cores of this machine.
     pub per_process: Option<NonZero<u32>>,
     pub order: Order,
     /// Agents that start elsewhere. Those of the scenario's `agents.cmd_vel` are among them.
     pub external: BTreeSet<u32>,
     /// The longest random delay before each reply of an agent, ms.
     pub chaos_delay_ms: Option<u64>,
-    /// Whether agents offer ROS parameters; decided by `agent_node` if nothing is said.
+    /// Whether agents offer ROS parameters; decided by the size of the team, and by `agent_node`, if
+    /// nothing is said.
     pub parameters: Option<bool>,
 }
 
@@ -73,10 +84,33 @@ impl Team {
         has_mixed_programs || outside::names_id(agents) || !self.all_external(scenario).is_empty()
     }
 
+    /// Whether agents offer ROS parameters, if that is decided here.
+    pub(crate) fn parameters(&self, scenario: &Scenario) -> Option<bool> {
+        self.parameters.or_else(|| (scenario.agents.count > PARAMETERS_AGENTS_MAX).then_some(false))
+    }
+
     /// The processes to start, in order.
     pub(crate) fn groups(&self, scenario: &Scenario) -> Vec<Group> {
+        self.groups_on(scenario, thread::available_parallelism().map_or(1, NonZero::get))
+    }
+
+    /// The agents in each process on a machine with so many cores.
+    fn process_size(&self, scenario: &Scenario, cores: usize) -> u32 {
+        if let Some(size) = self.per_process {
+            return size.get();
+        }
+        // Programs from outside may know one id only.
+        if !scenario.agents.command.is_empty() || self.has_processes_of_one(scenario) {
+            return 1;
+        }
+        let cores = u32::try_from(cores).unwrap_or(u32::MAX);
+        let processes = PROCESSES_PER_CORE.saturating_mul(cores).max(PROCESSES_MIN);
+        scenario.agents.count.div_ceil(processes).max(1)
+    }
+
+    fn groups_on(&self, scenario: &Scenario, cores: usize) -> Vec<Group> {
         let count = scenario.agents.count;
-        let size = self.per_process.map_or(1, NonZero::get);
+        let size = self.process_size(scenario, cores);
         let external = self.all_external(scenario);
         let first_ids = (0..count).step_by(size as usize).filter(|first| !external.contains(first));
         let mut groups: Vec<Group> =
@@ -114,6 +148,34 @@ mod tests {
         let mut shuffled = ids(&Team { order: Order::Shuffle, ..by_two }, "count = 5");
         shuffled.sort_unstable();
         assert_eq!(shuffled, [(0, 1), (2, 3), (4, 4)]);
+    }
+
+    #[test]
+    fn large_teams_share_processes() {
+        let groups = |count: u32, cores| Team::default().groups_on(&scenario(&format!("count = {count}")), cores);
+        let sizes = |count, cores| {
+            let groups = groups(count, cores);
+            let agents: Vec<u32> = groups.iter().flat_map(|group| group.first..=group.last).collect();
+            assert_eq!(agents, (0..count).collect::<Vec<_>>(), "each agent has one process");
+            (groups.len(), groups.iter().map(|group| group.last + 1 - group.first).max())
+        };
+        assert_eq!(sizes(20, 1), (20, Some(1)));
+        assert_eq!(sizes(21, 2), (11, Some(2)));
+        assert_eq!(sizes(100, 2), (20, Some(5)));
+        assert_eq!(sizes(100, 64), (100, Some(1)));
+        assert_eq!(sizes(1000, 2), (20, Some(50)));
+        let alone = scenario("count = 100\ncmd_vel = [3]");
+        assert_eq!(Team::default().groups_on(&alone, 2).len(), 99);
+    }
+
+    #[test]
+    fn large_teams_offer_no_parameters_unless_asked_to() {
+        let of = |count: u32, parameters| {
+            Team { parameters, ..Team::default() }.parameters(&scenario(&format!("count = {count}")))
+        };
+        assert_eq!(of(20, None), None);
+        assert_eq!(of(21, None), Some(false));
+        assert_eq!(of(21, Some(true)), Some(true));
     }
 
     #[test]
