@@ -3,8 +3,9 @@
     ros2 launch launch_scripts/maes.launch.py agents:=5 controller:=dsvp size:=100 rviz:=true
     ros2 launch launch_scripts/maes.launch.py --show-args
 
-The launch ends with the run. `maes run` does the same without ROS, and has more flags; build the
-binaries first (`cargo build --release`).
+The launch ends with the run. `maes run` does the same without ROS, and has more flags. In a checkout
+build the binaries first (`cargo build --release`); as a part of the installed ROS 2 package `maes`
+(`ros2 launch maes maes.launch.py`) this file takes those of the package.
 """
 
 import os
@@ -18,7 +19,14 @@ from launch.event_handlers import OnProcessExit
 from launch.substitutions import LaunchConfiguration
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-ROOT = os.path.dirname(HERE)
+
+
+def binaries():
+    """The folder of the binaries: of the environment, of the ROS 2 package or of the checkout."""
+    installed = os.path.normpath(os.path.join(HERE, "..", "..", "..", "lib", "maes"))
+    built = os.path.join(os.path.dirname(HERE), "target", "release")
+    return os.environ.get("MAES_BIN_DIR") or (installed if os.path.isdir(installed) else built)
+
 
 # Name, value if none is given, what it is. Those without a value are left to the scenario.
 ARGUMENTS = [
@@ -33,8 +41,8 @@ ARGUMENTS = [
     ("record", "", "where the recording goes (.mcap)"),
     ("flags", "", "any other flags of `sim_server run`, in one string"),
     ("external", "", "ids of agents that are started elsewhere, for example 0,3"),
-    ("rviz", "false", "whether to start RViz 2 with launch_scripts/maes.rviz"),
-    ("bin_dir", os.environ.get("MAES_BIN_DIR", os.path.join(ROOT, "target", "release")), "where the binaries are"),
+    ("rviz", "false", "whether to start RViz 2 with maes.rviz beside this file"),
+    ("bin_dir", binaries(), "where the binaries are"),
 ]
 SERVER_FLAGS = ["agents", "controller", "map", "size", "seed", "duration", "rtf", "record"]
 
@@ -45,7 +53,7 @@ def processes(context):
     external = {int(number) for number in values["external"].replace(",", " ").split()}
     if external:
         flags += ["--external", ",".join(str(number) for number in sorted(external))]
-    # All processes know it, and nobody else, unless the user has chosen one.
+    # Only these processes know it, unless the user has chosen one.
     secret = {"MAES_JOIN_SECRET": os.environ.get("MAES_JOIN_SECRET") or secrets.token_hex(32)}
     server = ExecuteProcess(
         additional_env=secret,

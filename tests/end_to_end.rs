@@ -74,6 +74,8 @@ mod observers;
 mod recordings;
 /// Replay on ROS 2 topics: complete, latched for late readers, no effect on runs beside it.
 mod replay;
+/// The ROS 2 package with the programs.
+mod ros_package;
 /// Simulation control from a real ROS 2 node: pause, steps, entities, parameters.
 mod services;
 
