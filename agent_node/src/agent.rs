@@ -33,7 +33,7 @@ use crate::wire::{self, FragmentReassembler, Reassembled, WireError};
 
 /// Builds the controller that takes over when the run info has changed; `None`: the present one
 /// stays.
-pub type Successors = Box<dyn Fn(&RunInfo) -> Result<Option<Box<dyn Controller>>, ControllerError>>;
+pub type Successors = Box<dyn Fn(&RunInfo) -> Result<Option<Box<dyn Controller>>, ControllerError> + Send>;
 
 /// One agent.
 pub struct Agent {

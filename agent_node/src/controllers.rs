@@ -35,7 +35,9 @@ pub use registry::{ControllerError, Registry, RegistryError};
 use settings::{Setting, SettingError, Settings};
 
 /// An algorithm that controls one agent. How to write one: docs/controllers.md.
-pub trait Controller {
+///
+/// Runs in memory execute an agent on whichever thread is free, one at a time.
+pub trait Controller: Send {
     /// Replies to an observation.
     ///
     /// It is called when the trigger of its last command fires, whether the server looks ahead or

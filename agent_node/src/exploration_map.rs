@@ -131,12 +131,14 @@ impl ExplorationMap {
 
     /// The extent of the map.
     #[must_use]
+    #[inline]
     pub fn extent(&self) -> Extent {
         self.cells.extent()
     }
 
     /// The state of a cell; outside the map all is wall.
     #[must_use]
+    #[inline]
     pub fn state(&self, cell: Cell) -> CellState {
         self.cells.get(cell).map_or(CellState::Wall, |&packed| state_of(packed))
     }
@@ -174,6 +176,7 @@ impl ExplorationMap {
 
     /// Whether a cell is a frontier.
     #[must_use]
+    #[inline]
     pub fn is_frontier(&self, cell: Cell) -> bool {
         self.extent().index(cell).is_some_and(|index| self.frontier.contains(index))
     }

@@ -176,31 +176,40 @@ pub enum RunError {
 /// If the server refuses an agent, violates the protocol or is gone, or the controller cannot be
 /// built.
 pub fn run(transport: &mut dyn ServerTransport, options: &Options, stop: &AtomicBool) -> Result<(), RunError> {
-    let mut process = AgentProcess::new(Box::new(transport), options.clone());
+    let mut process = AgentProcess::new(transport, options.clone());
     while !stop.load(Ordering::Relaxed) && process.step()?.is_continue() {}
     Ok(())
 }
 
 /// The process of some agents, executed step by step; [`run`] repeats the steps.
-pub struct AgentProcess<'a> {
+pub struct AgentProcess<T> {
     options: Options,
-    stage: Stage<'a>,
+    stage: Stage<T>,
 }
 
 /// What a process does at present.
-enum Stage<'a> {
+enum Stage<T> {
     /// It waits for the scenario of a run.
-    Waiting(Box<dyn ServerTransport + 'a>),
-    Serving(Box<Host<'a>>),
+    Waiting(T),
+    Serving(Box<Host<T>>),
     /// The run is over, or the process has failed.
     Over,
 }
 
-impl<'a> AgentProcess<'a> {
+impl<T: ServerTransport> AgentProcess<T> {
     /// A process that has not heard of a run yet.
     #[must_use]
-    pub fn new(transport: Box<dyn ServerTransport + 'a>, options: Options) -> Self {
+    pub fn new(transport: T, options: Options) -> Self {
         Self { options, stage: Stage::Waiting(transport) }
+    }
+
+    /// Its transport, until the run is over.
+    pub fn transport(&self) -> Option<&T> {
+        match &self.stage {
+            Stage::Waiting(transport) => Some(transport),
+            Stage::Serving(host) => Some(&host.transport),
+            Stage::Over => None,
+        }
     }
 
     /// Handles the next message, or what is due after a wait without one: receives once from the
@@ -242,8 +251,8 @@ impl<'a> AgentProcess<'a> {
 }
 
 /// The agents of this process that are still running.
-struct Host<'a> {
-    transport: Box<dyn ServerTransport + 'a>,
+struct Host<T> {
+    transport: T,
     run: u64,
     origin: u64,
     /// The scenario after a reset.
@@ -279,10 +288,10 @@ struct HostedAgent {
     published: PublishedMap,
 }
 
-impl<'a> Host<'a> {
+impl<T: ServerTransport> Host<T> {
     /// `published` is the state of the published maps, kept over a reset.
     fn new(
-        mut transport: Box<dyn ServerTransport + 'a>,
+        mut transport: T,
         options: &Options,
         scenario: &Scenario,
         mut published: BTreeMap<AgentId, PublishedMap>,

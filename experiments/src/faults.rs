@@ -182,7 +182,7 @@ fn undisturbed(scenario: &Scenario, file: &Path) -> Result<PathBuf, FaultsError>
     let mut scenario = scenario.clone();
     scenario.execution.record = Some(file.to_owned());
     scenario.execution.rtf = Rtf::MAX;
-    let options = AgentOptions { threads: ThreadLayout::Shared, chaos_delay: Duration::ZERO, decision_times: None };
+    let options = AgentOptions { threads: ThreadLayout::Together, chaos_delay: Duration::ZERO, decision_times: None };
     in_process::run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false))?;
     Ok(file.to_owned())
 }

@@ -1,9 +1,11 @@
 //! The in-memory transport: channels between a server and its agents in one process.
 //!
-//! The session loops of server and agents run over it unchanged, on a thread for the server and one
-//! for each group of agents, so messages of different agents arrive in any order here as well. No
-//! message is lost. It is private to the process, so that nothing needs to be signed; but it
-//! carries signatures.
+//! The session loops of server and agents run over it unchanged: on a thread for the server and one
+//! for each group of agents, so that messages of different agents arrive in any order here as well,
+//! or as a [`Team`], which needs no thread but that of the server. No message is lost. It is private
+//! to the process, so that nothing needs to be signed; but it carries signatures.
+
+mod team;
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -17,6 +19,8 @@ use msgs::maes_msgs::{
 use msgs::signing::NONE;
 use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
+
+pub use team::Team;
 
 /// The server's end of the transport.
 pub struct ServerEnd {
@@ -67,9 +71,18 @@ impl ServerEnd {
     }
 
     fn send_to_groups_of(&self, agent: AgentId, message: &ToAgents) {
-        for &group in self.groups_of.get(&agent).into_iter().flatten() {
+        for group in self.groups_of(agent) {
             let _ = self.groups[group].send(message.clone());
         }
+    }
+
+    fn groups_of(&self, agent: AgentId) -> impl Iterator<Item = usize> {
+        self.groups_of.get(&agent).into_iter().flatten().copied()
+    }
+
+    /// The next message, if one has arrived.
+    fn receive_now(&self) -> Option<Incoming> {
+        self.inbox.try_recv().ok()
     }
 }
 
@@ -107,6 +120,11 @@ impl ObserverOutput for ServerEnd {
 impl ControlInput for ServerEnd {}
 
 impl AgentsEnd {
+    /// The next message, if one has arrived.
+    fn receive_now(&self) -> Option<ToAgents> {
+        self.inbox.try_recv().ok()
+    }
+
     fn send(&self, agent: u32, message: ToServer) {
         // A send fails only if the server has ended.
         let _ = self.server.send(Incoming { topic_agent: AgentId(agent), source: self.source, message });

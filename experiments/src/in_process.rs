@@ -1,4 +1,4 @@
-//! A run in one process: the server and its agents on threads, connected by [`crate::in_memory`].
+//! A run in one process: the server and its agents, connected by [`crate::in_memory`].
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -10,16 +10,17 @@ use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::Progress;
 use sim_server::playback::Playback;
-use sim_server::recorder::{RecordError, Recorder};
+use sim_server::recorder::{RecordError, RunRecorder};
 use sim_server::recording::Recording;
 use sim_server::session::{Mode, Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup::{self, SetupError};
 use simulation::scenario::{Origins, Scenario};
 use simulation::wire;
+use simulation::workers::Workers;
 use simulation::world::World;
 use thiserror::Error;
 
-use crate::in_memory;
+use crate::in_memory::{self, Team};
 
 /// Why a run has no result.
 #[derive(Debug, Error)]
@@ -42,10 +43,13 @@ pub enum InProcessError {
 /// The distribution of agents over threads. The result of a run does not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ThreadLayout {
-    /// One thread per agent.
+    /// One thread per agent, besides that of the server.
     PerAgent,
-    /// One thread for all agents.
-    Shared,
+    /// The thread of the server, and as many others as cast scans; see
+    /// [`execution.threads`](simulation::scenario::ExecutionSection::threads).
+    Team,
+    /// The thread of the server alone.
+    Together,
 }
 
 /// How agents are executed, whatever their controllers.
@@ -120,7 +124,7 @@ fn check(scenario: &Scenario) -> Result<(), InProcessError> {
 }
 
 /// The recorder of the file that a scenario names, if it names one.
-fn recorder(scenario: &Scenario, world: &World) -> Result<Option<Recorder>, InProcessError> {
+fn recorder(scenario: &Scenario, world: &World) -> Result<Option<RunRecorder>, InProcessError> {
     let file = scenario.execution.record.as_deref();
     Ok(file.map(|file| setup::record(file, scenario, world)).transpose()?)
 }
@@ -132,7 +136,7 @@ fn recorder(scenario: &Scenario, world: &World) -> Result<Option<Recorder>, InPr
 pub(crate) fn run_in(
     scenario: &Scenario,
     world: World,
-    recorder: Option<Recorder>,
+    recorder: Option<RunRecorder>,
     options: &AgentOptions,
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
@@ -144,7 +148,7 @@ fn run_mode<'a>(
     scenario: &'a Scenario,
     mode: Mode<'a>,
     world: World,
-    recorder: Option<Recorder>,
+    recorder: Option<RunRecorder>,
     options: &AgentOptions,
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
@@ -152,32 +156,62 @@ fn run_mode<'a>(
     let size = world.terrain().extent().size();
     let agents = (0..scenario.agents.count).map(AgentId);
     let groups: Vec<Vec<AgentId>> = match options.threads {
-        ThreadLayout::PerAgent => agents.map(|agent| vec![agent]).collect(),
-        ThreadLayout::Shared => vec![agents.collect()],
+        ThreadLayout::PerAgent | ThreadLayout::Team => agents.map(|agent| vec![agent]).collect(),
+        ThreadLayout::Together => vec![agents.collect()],
     };
+    let processes = (0..).zip(groups).map(|(instance, agents)| process(instance, agents, options)).collect();
+    let threads = match options.threads {
+        ThreadLayout::PerAgent => return run_on_threads(scenario, mode, world, recorder, processes, observer, stop),
+        ThreadLayout::Team => setup::threads(scenario),
+        ThreadLayout::Together => 1,
+    };
+    let workers = Workers::new(threads).map_err(RunError::from)?;
+    let mut team = Team::new(processes, workers, stop);
+    let config = RunConfig::new(scenario, mode)?;
+    let outcome = sim_server::session::run(config, world, &mut team, recorder, observer, stop);
+    let progress = team.into_progress()?;
+    Ok(CompletedRun { outcome: outcome?, size, progress })
+}
+
+/// The options of a process of some agents.
+fn process(instance: u64, agents: Vec<AgentId>, options: &AgentOptions) -> Options {
+    Options {
+        agents,
+        registry: Registry::BUILT_IN,
+        controller: None,
+        settings: Vec::new(),
+        instance,
+        // The link is private to this process.
+        credentials: None,
+        // The server and the agents share a process, so the server cannot vanish alone.
+        server_timeout: Duration::MAX,
+        chaos_delay: options.chaos_delay,
+        // Has no effect: this link publishes no maps.
+        map_hz: 1.0,
+        decision_times: options.decision_times.clone(),
+    }
+}
+
+/// Runs each process on a thread of its own.
+fn run_on_threads<'a>(
+    scenario: &'a Scenario,
+    mode: Mode<'a>,
+    world: World,
+    recorder: Option<RunRecorder>,
+    processes: Vec<Options>,
+    observer: &mut dyn RunObserver,
+    stop: &AtomicBool,
+) -> Result<CompletedRun, InProcessError> {
+    let size = world.terrain().extent().size();
+    let groups: Vec<Vec<AgentId>> = processes.iter().map(|options| options.agents.clone()).collect();
     let (mut server_end, agents_ends) = in_memory::link(&groups);
     let agents_stop = AtomicBool::new(false);
     let outcome = thread::scope(|scope| -> Result<Outcome, InProcessError> {
         let stop_agents = SetOnDrop(&agents_stop);
-        let nodes: Vec<_> = (0..)
-            .zip(groups)
+        let nodes: Vec<_> = processes
+            .into_iter()
             .zip(agents_ends)
-            .map(|((instance, agents), mut end)| {
-                let options = Options {
-                    agents,
-                    registry: Registry::BUILT_IN,
-                    controller: None,
-                    settings: Vec::new(),
-                    instance,
-                    // The link is private to this process.
-                    credentials: None,
-                    // The server and the agents share a process, so the server cannot vanish alone.
-                    server_timeout: Duration::MAX,
-                    chaos_delay: options.chaos_delay,
-                    // Has no effect: this link publishes no maps.
-                    map_hz: 1.0,
-                    decision_times: options.decision_times.clone(),
-                };
+            .map(|(options, mut end)| {
                 let agents_stop = &agents_stop;
                 scope.spawn(move || {
                     let ended = agent_node::host::run(&mut end, &options, agents_stop);

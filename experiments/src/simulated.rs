@@ -174,9 +174,9 @@ fn undisturbed(scenario: &Scenario) -> Result<Recording, String> {
         Recorder::create_in(file.clone(), Path::new("the undisturbed run"), documents)
     });
     let recorder = recorder.map_err(|error| failed(&error))?;
-    let options = AgentOptions { threads: ThreadLayout::Shared, chaos_delay: Duration::ZERO, decision_times: None };
+    let options = AgentOptions { threads: ThreadLayout::Together, chaos_delay: Duration::ZERO, decision_times: None };
     let never = AtomicBool::new(false);
-    in_process::run_in(scenario, world, Some(recorder), &options, &mut NullObserver, &never)
+    in_process::run_in(scenario, world, Some(recorder.into()), &options, &mut NullObserver, &never)
         .map_err(|error| failed(&error))?;
     Recording::from_bytes("the undisturbed run".to_owned(), file.bytes()).map_err(|error| failed(&error))
 }

@@ -31,7 +31,7 @@ fn every_controller_explores_with_aerial_bodies() {
             "seed = 4\nduration_s = 400.0\nmap = {{ kind = \"spheres\", size = 20 }}\nbody = {{ kind = \"aerial\" }}\n\
              agents = {{ count = 2, controller = \"{name}\" }}\nexecution = {{ threads = 1 }}\n"
         );
-        let result = result(&scenario, ThreadLayout::Shared);
+        let result = result(&scenario, ThreadLayout::Together);
         let least = if name.starts_with("rbw") { 0.8 } else { 0.999 };
         assert!(result.explored >= least, "{name}: {} after {} ticks", result.explored, result.tick);
     }
@@ -54,8 +54,9 @@ fn result_of_a_mixed_team_does_not_depend_on_threads() {
         let first = run("threads = 1", ThreadLayout::PerAgent);
         for (execution, threads) in [
             ("threads = 1", ThreadLayout::PerAgent),
-            ("threads = 4", ThreadLayout::Shared),
-            ("threads = 1, look_ahead = false", ThreadLayout::Shared),
+            ("threads = 4", ThreadLayout::Together),
+            ("threads = 4", ThreadLayout::Team),
+            ("threads = 1, look_ahead = false", ThreadLayout::Together),
         ] {
             let repeated = run(execution, threads);
             assert_eq!(repeated.digest, first.digest, "{controller}, {execution}");

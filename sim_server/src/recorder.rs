@@ -13,6 +13,7 @@
 //! This module knows no world, only messages.
 
 mod destination;
+mod queue;
 mod sink;
 
 use std::borrow::Cow;
@@ -28,6 +29,7 @@ use msgs::topics::Topic;
 use thiserror::Error;
 
 use destination::Destination;
+pub use queue::{RecorderQueue, RunRecorder};
 use sink::Sink;
 pub use sink::Store;
 

@@ -238,11 +238,16 @@ impl<'c> Session<'c, '_> {
         if now.duration_since(self.reported) >= REPORT_PERIOD {
             self.reported = now;
             self.log.save_provisionally(now)?;
+            self.engine.settle();
             self.observer.progress(&self.engine.world);
         }
-        let (coverage, scenario) = (self.engine.world.coverage(), self.engine.scenario());
-        let is_covered = scenario.stop_when_covered && coverage.is_covered();
-        let is_explored = !scenario.stop_when_covered && scenario.stop_when_explored && coverage.is_explored();
+        let Scenario { stop_when_covered, stop_when_explored, .. } = *self.engine.scenario();
+        if stop_when_covered || stop_when_explored {
+            self.engine.settle();
+        }
+        let (world, scenario) = (&self.engine.world, self.engine.scenario());
+        let is_covered = stop_when_covered && world.coverage().is_covered();
+        let is_explored = !stop_when_covered && stop_when_explored && world.coverage().is_explored();
         Ok(if is_covered {
             Some(COVERED)
         } else if is_explored {

@@ -3,6 +3,7 @@
 //! This module reads and creates the files; parsing and map generation live in `simulation` and
 //! `mapgen`.
 
+use std::num::NonZero;
 use std::path::Path;
 
 use msgs::ids::Tick;
@@ -12,7 +13,7 @@ use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
 
 use crate::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
 use crate::map_file;
-use crate::recorder::{self, Document, RecordError, Recorder};
+use crate::recorder::{self, Document, RecordError, RecorderQueue, RunRecorder};
 use crate::recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, TEXT_MAP_ATTACHMENT};
 use mapgen::{self, GeneratedMap, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
 use simulation::digest::Digest;
@@ -287,12 +288,22 @@ pub fn check_destination(scenario: &Scenario) -> Result<(), RecordError> {
     scenario.execution.record.as_deref().map_or(Ok(()), recorder::check_destination)
 }
 
+/// The threads that a run may use besides that of its recorder: those of the scenario, or one for
+/// each core.
+#[must_use]
+pub fn threads(scenario: &Scenario) -> usize {
+    match scenario.execution.threads {
+        0 => std::thread::available_parallelism().map_or(1, NonZero::get),
+        threads => threads as usize,
+    }
+}
+
 /// Opens the recording of a run of `scenario` in `world`.
 ///
 /// # Errors
 /// If the file cannot be created.
-pub fn record(file: &Path, scenario: &Scenario, world: &World) -> Result<Recorder, RecordError> {
-    with_documents(scenario, world, |documents| Recorder::create(file, documents))
+pub fn record(file: &Path, scenario: &Scenario, world: &World) -> Result<RunRecorder, RecordError> {
+    with_documents(scenario, world, |documents| RecorderQueue::create(file, documents)).map(RunRecorder::Queued)
 }
 
 /// Calls `make` with the attachments of a run of `scenario` in `world`.

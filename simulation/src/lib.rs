@@ -19,4 +19,5 @@ pub mod scenario;
 pub mod twist;
 pub mod visualisation;
 pub mod wire;
+pub mod workers;
 pub mod world;

@@ -189,6 +189,12 @@ impl VisualisationScheduler {
         }
     }
 
+    /// Whether messages are recorded at all.
+    #[must_use]
+    pub fn records(&self) -> bool {
+        !self.recorded_topics.is_empty()
+    }
+
     /// The messages to record at the start of this tick. Must be called in every tick.
     pub fn due_for_recording(&mut self, world: &mut World, run_status: &RunStatus<'_>) -> VisualisationMessages {
         let mut messages = Vec::new();

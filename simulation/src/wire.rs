@@ -43,7 +43,7 @@ pub fn header(tick: Tick) -> Header {
 /// An observation as fragments, in order; the caller sets the number of the run. `phase` is
 /// [`Part::RUNNING`] or [`Part::ENDED`].
 #[must_use]
-pub fn observation_parts(observation: &Observation, phase: u8) -> Vec<Part> {
+pub fn observation_parts(observation: Observation, phase: u8) -> Vec<Part> {
     let first = Part {
         header: header(observation.tick),
         tick: observation.tick.0,
@@ -89,7 +89,7 @@ pub fn observation_parts(observation: &Observation, phase: u8) -> Vec<Part> {
         .chain(observation.relays.iter().map(|(relay, position)| (relay.on_wire(), position)))
         .map(|(agent, position)| maes_msgs::Contact { agent, position: point(position) })
         .collect();
-    for message in &observation.messages {
+    for message in observation.messages {
         parts.make_room(PARCEL_BYTES_BARE + message.data.len());
         parts.filling.parcels.push(parcel(message));
     }
@@ -256,7 +256,7 @@ fn within(field: &str, value: f64, low: f64, high: f64) -> Result<f64, String> {
     }
 }
 
-fn parcel(message: &AgentMessage) -> maes_msgs::Parcel {
+fn parcel(message: AgentMessage) -> maes_msgs::Parcel {
     maes_msgs::Parcel {
         agent: match message.peer {
             Peer::One(agent) => agent.0,
@@ -266,7 +266,7 @@ fn parcel(message: &AgentMessage) -> maes_msgs::Parcel {
             Peer::Server => maes_msgs::Parcel::SERVER,
         },
         kind: message.kind,
-        data: message.data.clone(),
+        data: message.data,
     }
 }
 

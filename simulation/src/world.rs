@@ -7,7 +7,7 @@
 //! higher ids not yet, so two bodies never overlap.
 //!
 //! Invariants: no body leaves free space or overlaps another; results depend on the arguments
-//! alone. Threads share the scans of a tick, each of which writes to the memory of its own agent.
+//! alone. Helpers cast scans, each of which writes to the memory of its own agent.
 //!
 //! This module has no ROS, no files and no wall clock, and does not decide which agent is due: see
 //! [`crate::lockstep`].
@@ -23,18 +23,20 @@ mod pending_observation;
 mod presence;
 mod radio_medium;
 pub mod relays;
+mod sensing;
 pub mod spawn;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use msgs::body_model::BodyModel;
 use msgs::ids::{AgentId, Tick};
 use msgs::relay_id::RelayId;
 use msgs::scan_request::ScanRequest;
 use nalgebra::Point3;
-use rayon::ThreadPool;
-use rayon::prelude::*;
 use voxels::{Cell, Grid, Terrain};
+
+use crate::workers::Workers;
 
 use body::{Body, Pose};
 use collision::{Obstacles, Sphere};
@@ -46,6 +48,8 @@ use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
 pub use presence::Presence;
 use radio_medium::RadioMedium;
+pub use sensing::ExploredShares;
+use sensing::{Lidar, Sensor};
 
 /// The parameters of a world, apart from its terrain.
 #[derive(Debug, Clone)]
@@ -85,11 +89,19 @@ pub struct World {
     tick: Tick,
     terrain: Grid<Terrain>,
     params: WorldParams,
+    lidar: Arc<Lidar>,
     agents: Vec<AgentState>,
     spheres: Vec<Sphere>,
+    /// `None` when more than positions may have changed.
     contacts: Option<ContactTable>,
+    /// Whether the contacts are those of the present positions.
+    has_present_contacts: bool,
     radio: RadioMedium,
     coverage: Coverage,
+    /// Agents with scans that the coverage does not count yet.
+    uncounted: Vec<usize>,
+    /// See [`World::defer_scans`].
+    is_deferring: bool,
     totals: Totals,
 }
 
@@ -101,7 +113,11 @@ struct AgentState {
     body: Body,
     cell: Cell,
     distance_m: f64,
-    memory: SensorMemory,
+    sensor: Sensor,
+    /// Whether its scans may have found what its pending observation does not have yet.
+    has_results: bool,
+    /// Whether it has scans that the coverage does not count yet.
+    is_uncounted: bool,
     next_scan: Option<Tick>,
     scan_period_ticks: Option<u32>,
     /// Pose and tick of the last scan.
@@ -134,6 +150,7 @@ impl World {
     #[must_use]
     pub fn new(terrain: Grid<Terrain>, params: WorldParams, starts: &[Pose]) -> Self {
         let memory = SensorMemory::new(&terrain);
+        let lidar = Arc::new(Lidar { scanner: params.scanner.clone(), noise: params.noise });
         let extent = terrain.extent();
         let free_cells = terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count();
         let period_ticks = match params.schedule {
@@ -148,7 +165,9 @@ impl World {
                 body: Body::at_rest(*params.other_bodies.get(&agent).unwrap_or(&params.body), pose),
                 cell: extent.cell_of(&pose.position),
                 distance_m: 0.0,
-                memory: memory.unused(),
+                sensor: Sensor::new(agent, &lidar, memory.unused()),
+                has_results: false,
+                is_uncounted: false,
                 next_scan: period_ticks.filter(|_| !params.late.contains(&agent)).map(|_| Tick::ZERO),
                 scan_period_ticks: period_ticks,
                 last_scan: None,
@@ -168,11 +187,15 @@ impl World {
             tick: Tick::ZERO,
             terrain,
             params,
+            lidar,
             radio: RadioMedium::new(agents.len()),
             agents,
             spheres,
             contacts: None,
+            has_present_contacts: false,
             coverage,
+            uncounted: Vec::new(),
+            is_deferring: false,
             totals: Totals::default(),
         }
     }
@@ -190,9 +213,19 @@ impl World {
     }
 
     /// Explored and covered cells so far.
+    ///
+    /// # Panics
+    /// If the world is not settled: see [`World::settle`].
     #[must_use]
     pub fn coverage(&self) -> &Coverage {
+        assert!(self.is_settled(), "the coverage is read while scans are not counted");
         &self.coverage
+    }
+
+    /// Share of the free cells that at least one agent has visited, 0 ..= 1.
+    #[must_use]
+    pub fn covered(&self) -> f64 {
+        self.coverage.covered()
     }
 
     /// Running totals of scans, collisions and messages.
@@ -268,8 +301,9 @@ impl World {
     /// in the fixed order of the scanner's rays.
     #[must_use]
     pub fn hits_from(&self, agent: AgentId, pose: &Pose) -> Vec<Point3<f64>> {
-        let Self { params: WorldParams { scanner, noise, .. }, agents, .. } = self;
-        let AgentState { memory, last_scan, .. } = &agents[agent.index()];
+        let Lidar { scanner, noise } = &*self.lidar;
+        let AgentState { sensor, last_scan, .. } = &self.agents[agent.index()];
+        let memory = &sensor.state().memory;
         match last_scan {
             Some((_, tick)) if noise.affects_scans() => {
                 scanner.hits_noisy(memory, pose, NoisyScan { noise, agent, tick: *tick })
@@ -284,71 +318,35 @@ impl World {
         self.params.scanner.rays()
     }
 
-    /// Phase look: casts the scans that are due in this tick, in parallel on the threads of `pool`.
-    pub fn look(&mut self, pool: &ThreadPool) {
+    /// Phase look: casts the scans that are due in this tick, or has helpers cast them; see
+    /// [`World::settle`].
+    pub fn look(&mut self, workers: &Workers) {
         let tick = self.tick;
         let team = self.agents.len() as u64;
-        let (scanner, noise) = (&self.params.scanner, &self.params.noise);
         if self.params.schedule == ScanSchedule::TakeTurns {
             let turn = &mut self.agents[(tick.0 % team) as usize];
             turn.next_scan = (turn.presence == Presence::Active).then_some(tick);
         }
-        let mut due: Vec<(usize, &mut AgentState)> =
-            self.agents.iter_mut().enumerate().filter(|(_, state)| state.next_scan == Some(tick)).collect();
-        if due.is_empty() {
-            return;
-        }
-        self.totals.scans += due.len() as u64;
-        for (_, state) in &mut due {
+        for index in 0..self.agents.len() {
+            let state = &mut self.agents[index];
+            if state.next_scan != Some(tick) {
+                continue;
+            }
+            self.totals.scans += 1;
             state.next_scan = state.scan_period_ticks.map(|period| tick.after(period.into()));
-        }
-        let mut cast = Vec::with_capacity(due.len());
-        for (index, state) in due {
             let pose = *state.body.pose();
+            let Lidar { scanner, noise } = &*self.lidar;
             let sees_the_same = state.last_scan.is_some_and(|(last, _)| scanner.sees_the_same(&last, &pose));
             state.last_scan = Some((pose, tick));
             // With noise, a repeated scan from the same pose differs from the first.
             if noise.affects_scans() || !sees_the_same {
-                cast.push((index, state));
+                self.totals.scans_cast += 1;
+                self.request_scan(index, workers);
             }
         }
-        self.totals.scans_cast += cast.len() as u64;
-        let scan = |(index, state): &mut (usize, &mut AgentState)| {
-            let first = state.pending_observation.free.len();
-            let pose = *state.body.pose();
-            let pending_observation = &mut state.pending_observation;
-            if noise.affects_scans() {
-                let blur = NoisyScan { noise, agent: AgentId::from_index(*index), tick };
-                scanner.scan_noisy(
-                    &mut state.memory,
-                    &pose,
-                    blur,
-                    &mut pending_observation.free,
-                    &mut pending_observation.wall,
-                );
-            } else {
-                scanner.scan(&mut state.memory, &pose, &mut pending_observation.free, &mut pending_observation.wall);
-            }
-            (*index, first)
-        };
-        let scanned: Vec<(usize, usize)> = if cast.len() > 1 && pool.current_num_threads() > 1 {
-            pool.install(|| cast.par_iter_mut().map(scan).collect())
-        } else {
-            cast.iter_mut().map(scan).collect()
-        };
-        for (index, first) in scanned {
-            let new_free = &self.agents[index].pending_observation.free[first..];
-            let agent = AgentId::from_index(index);
-            if self.params.noise.affects_scans() {
-                // A wall that noise makes look free is not explored.
-                let is_free = |&cell: &u32| self.terrain.as_slice()[cell as usize] == Terrain::Free;
-                let truly_free: Vec<u32> = new_free.iter().copied().filter(is_free).collect();
-                self.coverage.explore(agent, &truly_free);
-            } else {
-                self.coverage.explore(agent, new_free);
-            }
+        if !workers.has_helpers() && !self.is_settled() {
+            self.settle();
         }
-        self.coverage.note_milestones(tick);
     }
 
     /// The events of an agent since its last committed observation, restricted to `asked`. Contacts
@@ -368,7 +366,8 @@ impl World {
         let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
         let contact_positions = contacts.iter().map(|&other| (other, self.measured_position(other))).collect();
         let position = self.measured_position(agent);
-        let (scanner, noise) = (&self.params.scanner, &self.params.noise);
+        self.collect_scans(agent.index());
+        let Lidar { scanner, noise } = &*self.lidar;
         let state = &mut self.agents[agent.index()];
         let delta = match commit {
             Commit::Committed => state.pending_observation.commit(),
@@ -396,8 +395,8 @@ impl World {
             && let Some((pose, tick)) = &state.last_scan
         {
             observation.view = Some(match noise.affects_scans() {
-                true => scanner.view_noisy(&state.memory, pose, NoisyScan { noise, agent, tick: *tick }),
-                false => scanner.view(&state.memory, pose),
+                true => scanner.view_noisy(&state.sensor.state().memory, pose, NoisyScan { noise, agent, tick: *tick }),
+                false => scanner.view(&state.sensor.state().memory, pose),
             });
         }
         if commit == Commit::Committed {
@@ -433,7 +432,7 @@ impl World {
         }
         self.move_bodies();
         self.agents.iter_mut().for_each(|state| state.drift.advance(&self.params.noise));
-        self.contacts = None;
+        self.has_present_contacts = false;
         self.tick = self.tick.after(1);
     }
 

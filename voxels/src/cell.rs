@@ -53,28 +53,33 @@ const fn around() -> [Cell; 26] {
 
 impl Cell {
     /// The cell at `(x, y, z)`.
+    #[inline]
     pub const fn new(x: i32, y: i32, z: i32) -> Self {
         Self { x, y, z }
     }
 
     /// The six cells that share a face with this one, in the order of [`FACES`].
+    #[inline]
     pub fn neighbours6(self) -> [Cell; 6] {
         FACES.map(|offset| self + offset)
     }
 
     /// The 26 cells that share a face, an edge or a corner with this one, in cell order.
+    #[inline]
     pub fn neighbours26(self) -> [Cell; 26] {
         AROUND.map(|offset| self + offset)
     }
 }
 
 impl Ord for Cell {
+    #[inline]
     fn cmp(&self, other: &Self) -> Ordering {
         (self.z, self.y, self.x).cmp(&(other.z, other.y, other.x))
     }
 }
 
 impl PartialOrd for Cell {
+    #[inline]
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
@@ -83,6 +88,7 @@ impl PartialOrd for Cell {
 impl Add for Cell {
     type Output = Cell;
 
+    #[inline]
     fn add(self, other: Cell) -> Cell {
         Cell::new(self.x + other.x, self.y + other.y, self.z + other.z)
     }
@@ -91,6 +97,7 @@ impl Add for Cell {
 impl Sub for Cell {
     type Output = Cell;
 
+    #[inline]
     fn sub(self, other: Cell) -> Cell {
         Cell::new(self.x - other.x, self.y - other.y, self.z - other.z)
     }

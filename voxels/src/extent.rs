@@ -63,21 +63,25 @@ impl Extent {
     }
 
     /// The number of cells along x, y and z.
+    #[inline]
     pub fn size(&self) -> [u32; 3] {
         self.size
     }
 
     /// The length of a cell's edge in metres.
+    #[inline]
     pub fn cell_m(&self) -> f64 {
         self.cell_m
     }
 
     /// The number of cells in the map.
+    #[inline]
     pub fn volume(&self) -> usize {
         self.size.iter().map(|&cells| cells as usize).product()
     }
 
     /// Whether `cell` lies in the map.
+    #[inline]
     pub fn contains(&self, cell: Cell) -> bool {
         let [x, y, z] = self.size;
         // A negative coordinate becomes a number beyond every size.
@@ -85,6 +89,7 @@ impl Extent {
     }
 
     /// The index of `cell`, x fastest, or `None` outside the map.
+    #[inline]
     pub fn index(&self, cell: Cell) -> Option<usize> {
         self.contains(cell).then(|| {
             let [size_x, size_y, _] = self.size.map(|cells| cells as usize);
@@ -93,6 +98,7 @@ impl Extent {
     }
 
     /// The cell with this index; for an index of [`Extent::volume`] or more, a cell above the map.
+    #[inline]
     pub fn cell_at(&self, index: usize) -> Cell {
         let [size_x, size_y, _] = self.size.map(|cells| cells as usize);
         let (row, x) = (index / size_x, index % size_x);
@@ -109,6 +115,7 @@ impl Extent {
     ///
     /// Coordinates beyond the range of `i32` are clamped to it and NaN becomes `i32::MIN`: both lie
     /// outside every map.
+    #[inline]
     pub fn cell_of(&self, point: &Point3<f64>) -> Cell {
         let along = |metres: f64| {
             let cells = (metres / self.cell_m).floor();
@@ -118,6 +125,7 @@ impl Extent {
     }
 
     /// The centre of a cell in the map frame, in metres.
+    #[inline]
     pub fn centre(&self, cell: Cell) -> Point3<f64> {
         let along = |cells: i32| (f64::from(cells) + 0.5) * self.cell_m;
         Point3::new(along(cell.x), along(cell.y), along(cell.z))

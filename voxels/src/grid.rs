@@ -59,32 +59,38 @@ impl<T> Grid<T> {
     }
 
     /// The extent that this grid covers.
+    #[inline]
     pub fn extent(&self) -> Extent {
         self.extent
     }
 
     /// The value in `cell`, or `None` outside the map.
+    #[inline]
     pub fn get(&self, cell: Cell) -> Option<&T> {
         self.extent.index(cell).map(|index| &self.values[index])
     }
 
     /// The value in `cell` for writing, or `None` outside the map.
+    #[inline]
     pub fn get_mut(&mut self, cell: Cell) -> Option<&mut T> {
         self.extent.index(cell).map(|index| &mut self.values[index])
     }
 
     /// Puts a value into `cell` and returns the value that was there; outside the map nothing
     /// happens and the answer is `None`.
+    #[inline]
     pub fn set(&mut self, cell: Cell, value: T) -> Option<T> {
         self.get_mut(cell).map(|slot| std::mem::replace(slot, value))
     }
 
     /// All values in index order.
+    #[inline]
     pub fn as_slice(&self) -> &[T] {
         &self.values
     }
 
     /// All values in index order, for writing.
+    #[inline]
     pub fn as_mut_slice(&mut self) -> &mut [T] {
         &mut self.values
     }

@@ -41,4 +41,4 @@ pub use packed::PackedError;
 pub use runs::{RunsError, check_runs, indices, runs};
 pub use terrain::{Terrain, TextError, is_wall_at};
 pub use through::length_in_walls_m;
-pub use traverse::{line_of_sight, walk, walk_segment};
+pub use traverse::{Sight, line_of_sight, sight, surely_crosses, walk, walk_segment};

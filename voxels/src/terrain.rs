@@ -17,6 +17,7 @@ pub enum Terrain {
 }
 
 /// Whether `cell` is wall; a cell outside the map is.
+#[inline]
 pub fn is_wall_at(terrain: &Grid<Terrain>, cell: Cell) -> bool {
     terrain.get(cell) != Some(&Terrain::Free)
 }

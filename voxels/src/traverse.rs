@@ -186,12 +186,61 @@ pub fn walk_segment<B>(
 /// # Ok::<(), voxels::TextError>(())
 /// ```
 pub fn line_of_sight(terrain: &Grid<Terrain>, a: &Point3<f64>, b: &Point3<f64>) -> bool {
+    sight(terrain, a, b) == Sight::Clear
+}
+
+/// What is between two points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sight {
+    /// No wall: there is a line of sight.
+    Clear,
+    /// This wall, perhaps among others.
+    Wall(Cell),
+    /// There is no segment between them: see [`walk_segment`].
+    Undefined,
+}
+
+/// What the segment between two points of the map frame meets; see [`line_of_sight`].
+pub fn sight(terrain: &Grid<Terrain>, a: &Point3<f64>, b: &Point3<f64>) -> Sight {
     let mut visited = false;
     let walk = walk_segment(terrain.extent(), a, b, |cell| {
         visited = true;
-        if crate::is_wall_at(terrain, cell) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if crate::is_wall_at(terrain, cell) { ControlFlow::Break(cell) } else { ControlFlow::Continue(()) }
     });
-    visited && walk.is_continue()
+    match walk {
+        ControlFlow::Break(wall) => Sight::Wall(wall),
+        ControlFlow::Continue(()) if visited => Sight::Clear,
+        ControlFlow::Continue(()) => Sight::Undefined,
+    }
+}
+
+/// Whether the segment between two points (metres, map frame) is so clearly inside a cell
+/// somewhere that [`walk_segment`] visits that cell, whatever the rounding. False says nothing.
+///
+/// The crossings of boundaries that a walk computes are off by less than 1e-9 cells on the largest
+/// map, so a point of the segment that is a thousand times that far from all faces of the cell is
+/// reached after the same steps.
+pub fn surely_crosses(extent: Extent, cell: Cell, a: &Point3<f64>, b: &Point3<f64>) -> bool {
+    const MARGIN: f64 = 1e-6;
+    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+    let low = [cell.x, cell.y, cell.z].map(f64::from);
+    for axis in 0..3 {
+        let from = a[axis] / extent.cell_m();
+        let along = b[axis] / extent.cell_m() - from;
+        let to_low = low[axis] + MARGIN - from;
+        let to_high = low[axis] + 1.0 - MARGIN - from;
+        if along == 0.0 {
+            // Also false for what is not a number.
+            if !(to_low <= 0.0 && 0.0 <= to_high) {
+                return false;
+            }
+            continue;
+        }
+        let (one, other) = (to_low / along, to_high / along);
+        enter = enter.max(one.min(other));
+        leave = leave.min(one.max(other));
+    }
+    enter <= leave
 }
 
 #[cfg(test)]
@@ -404,6 +453,46 @@ mod tests {
             let [a, b] = [a, b].map(|point| Point3::from(point.map(|quarters| f64::from(quarters) / 4.0)));
             prop_assert_eq!(line_of_sight(&world, &a, &b), line_of_sight(&world, &b, &a));
             prop_assert_eq!(line_of_sight(&world, &a, &a), !crate::is_wall_at(&world, extent.cell_of(&a)));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn walks_visit_cells_that_segments_surely_cross(
+            a in prop::array::uniform3(-2.0..9.0f64),
+            b in prop::array::uniform3(-2.0..9.0f64),
+            snaps in prop::array::uniform6(0usize..4),
+            cell_m in prop::sample::select(vec![1.0, 0.3, 7.0]),
+        ) {
+            let extent = Extent::new([8, 8, 8], cell_m).unwrap();
+            // Many coordinates lie on boundaries, or within rounding of them.
+            let snap = |at: f64, how: usize| match how {
+                0 => at.round(),
+                1 => at.round() + 1e-12,
+                2 => at.round() - 1e-7,
+                _ => at,
+            };
+            let point = |at: [f64; 3], snaps: &[usize]| {
+                let [x, y, z] = [0, 1, 2].map(|axis| snap(at[axis], snaps[axis]) * cell_m);
+                Point3::new(x, y, z)
+            };
+            let (a, b) = (point(a, &snaps[..3]), point(b, &snaps[3..]));
+            let mut visited = Vec::new();
+            let _ = walk_segment(extent, &a, &b, |cell| {
+                visited.push(cell);
+                ControlFlow::<()>::Continue(())
+            });
+            let mut crossed = 0;
+            for (x, y, z) in (-3..10).flat_map(|z| (-3..10).flat_map(move |y| (-3..10).map(move |x| (x, y, z)))) {
+                let cell = Cell::new(x, y, z);
+                if surely_crosses(extent, cell, &a, &b) {
+                    crossed += 1;
+                    prop_assert!(visited.contains(&cell), "{cell:?} of {a} {b}");
+                    prop_assert!(surely_crosses(extent, cell, &b, &a));
+                }
+            }
+            // Without the boundaries, most cells are crossed surely.
+            prop_assert!(snaps != [3; 6] || crossed + 4 >= visited.len() / 2);
         }
     }
 }

@@ -99,9 +99,15 @@ impl ShortestPaths {
                 corridor.extend(graph.block_of(corner + by));
             }
         }
-        let is_open = |cell: Cell| {
-            graph.block_of(cell).is_some_and(|block| corridor.contains(&block)) && (cell == to || !keeps_out(cell))
+        // Neighbours are mostly of one block.
+        let last = std::cell::Cell::new((u32::MAX, false));
+        let is_in_corridor = |block: u32| {
+            if last.get().0 != block {
+                last.set((block, corridor.contains(&block)));
+            }
+            last.get().1
         };
+        let is_open = |cell: Cell| graph.block_of(cell).is_some_and(is_in_corridor) && (cell == to || !keeps_out(cell));
         Search::new(Graph::new(map, moves), scratch, from, Goal::Cell(to)).within(&is_open).run()
     }
 }

@@ -1,5 +1,5 @@
-use std::cell::RefCell;
-use std::rc::Rc;
+use std::mem::take;
+use std::sync::{Arc, Mutex};
 
 use msgs::maes_msgs::{CellRuns, Contact, Parcel as Message, Wake as Events};
 use nalgebra::Point3;
@@ -72,7 +72,7 @@ fn end_is_acknowledged_even_in_a_replied_tick() {
 struct Whim {
     rng: ChaCha8Rng,
     wake: Trigger,
-    shown: Rc<RefCell<Vec<Observation>>>,
+    shown: Arc<Mutex<Vec<Observation>>>,
     is_restless: bool,
 }
 
@@ -88,7 +88,7 @@ impl Controller for Whim {
             let info = if is_acting { "restless".to_owned() } else { String::new() };
             return Command { info, ..Command::keep(self.wake) };
         }
-        self.shown.borrow_mut().push(observation.clone());
+        self.shown.lock().unwrap().push(observation.clone());
         let rng = &mut self.rng;
         self.wake = Trigger { at: observation.tick.after(rng.random_range(0..40)), events: rng.random_range(0..32) };
         let angle_rad = (ctx.map().free() + 3 * ctx.map().covered() + 7 * ctx.map().wall()) as f64 / 1e3;
@@ -144,9 +144,9 @@ fn play(
     let mut shown = Vec::new();
     let mut boxes: Vec<Mailbox> = Vec::new();
     for id in 0..AGENTS {
-        shown.push(Rc::new(RefCell::new(Vec::new())));
+        shown.push(Arc::<Mutex<_>>::default());
         let rng = random_streams::stream(seed, id.into(), "whim");
-        let shown = Rc::clone(&shown[id as usize]);
+        let shown = Arc::clone(&shown[id as usize]);
         let whim = Whim { rng, wake: Trigger::NEXT_TICK, shown, is_restless };
         agents.push(Agent::new(AgentId(id), run_info.clone(), Box::new(whim)));
         boxes.push(Mailbox::default());
@@ -225,7 +225,7 @@ fn play(
     let has_shared = agents.iter().all(|agent| agent.sharing().totals().messages_taken > 3);
     let committed = boxes.into_iter().map(|mailbox| mailbox.committed).collect();
     drop(agents);
-    (committed, shown.into_iter().map(|shown| shown.take()).collect(), has_shared)
+    (committed, shown.into_iter().map(|shown| take(&mut *shown.lock().unwrap())).collect(), has_shared)
 }
 
 #[test]
@@ -245,12 +245,12 @@ fn polling_between_triggers_changes_nothing() {
 /// Is due at the given ticks only, and logs its observations.
 struct Sleeper {
     ticks: Vec<u64>,
-    shown: Rc<RefCell<Vec<Observation>>>,
+    shown: Arc<Mutex<Vec<Observation>>>,
 }
 
 impl Controller for Sleeper {
     fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
-        self.shown.borrow_mut().push(observation.clone());
+        self.shown.lock().unwrap().push(observation.clone());
         let wake = Trigger { at: Tick(self.ticks.remove(0)), events: 0 };
         Command { want_view: true, ..Command::keep(wake) }
     }
@@ -258,8 +258,8 @@ impl Controller for Sleeper {
 
 #[test]
 fn controller_is_called_at_its_triggers_with_all_observations() {
-    let shown = Rc::new(RefCell::new(Vec::new()));
-    let sleeper = Sleeper { ticks: vec![30, 90], shown: Rc::clone(&shown) };
+    let shown = Arc::<Mutex<_>>::default();
+    let sleeper = Sleeper { ticks: vec![30, 90], shown: Arc::clone(&shown) };
     let mut agent = Agent::new(AgentId(2), run_info(3), Box::new(sleeper));
     let mut ask = |tick: u64, cell: u32, parcels: Vec<Message>| {
         let seen_free = CellRuns { start: vec![cell], length: vec![1] };
@@ -274,10 +274,10 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
     let other_message = Message { agent: 1, kind: 7, data: vec![3] };
     let shared = ask(10, 9, vec![map_message, other_message.clone()]);
     assert_eq!((shared.wake.at_tick, shared.want_view, shared.parcels.len()), (20, true, 1));
-    assert_eq!(shown.borrow().len(), 1, "the controller sleeps");
+    assert_eq!(shown.lock().unwrap().len(), 1, "the controller sleeps");
     assert_eq!(ask(20, 4, Vec::new()).wake.at_tick, 30);
     ask(30, 2, vec![other_message]);
-    let shown = shown.take();
+    let shown = take(&mut *shown.lock().unwrap());
     assert_eq!(shown.iter().map(|observation| observation.tick.0).collect::<Vec<_>>(), [5, 30]);
     assert_eq!(shown[1].seen.free, [2, 4, 9]);
     let received = ReceivedMessage { from: AgentId(1), kind: 7, data: vec![3] };

@@ -151,7 +151,7 @@ impl Dsvp {
         }
     }
 
-    /// Updates the derived data: claims received, abstract graph, last known positions.
+    /// Updates the derived data: claims received, last known positions.
     fn update(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) {
         let run_info = ctx.run_info();
         let extent = run_info.extent;
@@ -171,9 +171,16 @@ impl Dsvp {
         if let Some(auction) = &mut model.auction {
             auction.receive(&observation.messages, observation.tick, run_info.agents);
         }
-        let (map, moves, _) = ctx.search_workspace(Neighbours::TwentySix);
-        model.graph.update(map, moves);
         self.last_known.record(&observation.contacts, extent, observation.tick);
+    }
+
+    /// Brings the abstract graph up to date with the map. Most decisions do not need it: it does
+    /// not depend on how often it was updated.
+    fn update_graph(&mut self, ctx: &mut Ctx<'_>) {
+        if let Some(model) = &mut self.model {
+            let (map, moves, _) = ctx.search_workspace(Neighbours::TwentySix);
+            model.graph.update(map, moves);
+        }
     }
 
     /// Whether the present goal is still worth pursuing.
@@ -206,6 +213,7 @@ impl Dsvp {
     /// Chooses the next goal; called at rest after a scan, or when the present goal has become
     /// invalid.
     fn plan(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        self.update_graph(ctx);
         let obstacles = obstacles_near(observation, ctx);
         let plan = match self.explore(observation, ctx, &obstacles) {
             Plan::Nothing => match self.relocate(observation, ctx, &obstacles) {
@@ -435,6 +443,7 @@ impl Controller for Dsvp {
         }
         let has_waited = self.waits_until.take().is_some();
         if !has_waited && observation.collision.is_some_and(|collision| collision.with_agent) {
+            self.update_graph(ctx);
             let obstacles = obstacles_near(observation, ctx);
             return self.resolve_blockage(observation, ctx, &obstacles);
         }

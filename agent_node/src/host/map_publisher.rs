@@ -10,7 +10,7 @@ use voxels::Extent;
 
 use super::{Host, HostedAgent, RECEIVE_TIMEOUT};
 use crate::map_markers::MapMarkers;
-use crate::transport::Level;
+use crate::transport::{Level, ServerTransport};
 
 /// Wall time between two markers of one map, so that subscribers can keep up.
 const MARKER_PERIOD: Duration = Duration::from_millis(10);
@@ -33,7 +33,7 @@ impl PublishedMap {
     }
 }
 
-impl Host<'_> {
+impl<T: ServerTransport> Host<T> {
     /// Publishes the changes of the maps to their observers: at most one marker of each map.
     /// Returns how long to wait for the next message: the usual time if there are no observers.
     pub(super) fn publish_maps(&mut self) -> Duration {

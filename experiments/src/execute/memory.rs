@@ -14,8 +14,8 @@ use crate::measure::{self, Trace};
 use crate::plan::PlannedRun;
 use crate::rows::RunRecord;
 
-/// Performs a run on one thread for the server and one for all agents: the other cores are for
-/// the other jobs. The run is recorded to `recording`.
+/// Performs a run on one thread: the other cores are for the other jobs. The run is recorded to
+/// `recording`.
 pub(super) fn carry_out(
     run: &PlannedRun,
     recording: Option<PathBuf>,
@@ -26,7 +26,7 @@ pub(super) fn carry_out(
     scenario.execution.record = recording;
     let times = DecisionTimes::default();
     let options = AgentOptions {
-        threads: ThreadLayout::Shared,
+        threads: ThreadLayout::Together,
         chaos_delay: Duration::ZERO,
         decision_times: Some(times.clone()),
     };

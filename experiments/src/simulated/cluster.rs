@@ -51,7 +51,7 @@ const SERVERS_MAX: u32 = 30;
 /// An agent process.
 struct Process {
     group: usize,
-    process: AgentProcess<'static>,
+    process: AgentProcess<AgentsEnd>,
     /// Until when it hangs.
     hangs_until: Duration,
     /// Whether its server is gone; another process takes its place.
@@ -175,7 +175,7 @@ impl<'s> Cluster<'s> {
         };
         let config = RunConfig::new(scenario, mode).map_err(|error| error.to_string())?;
         let never = AtomicBool::new(false);
-        match session::run(config, world, self, Some(recorder), &mut NullObserver, &never) {
+        match session::run(config, world, self, Some(recorder.into()), &mut NullObserver, &never) {
             Ok(Outcome { result, .. }) => {
                 self.note(|| format!("the run has ended: {}", result.reason));
                 self.disk.published().map(Served::Complete).ok_or_else(|| "a run without a recording".to_owned())
@@ -245,7 +245,7 @@ impl<'s> Cluster<'s> {
             credentials: None,
         };
         let end = AgentsEnd { process: number, network: Rc::clone(&self.network) };
-        let process = AgentProcess::new(Box::new(end), options);
+        let process = AgentProcess::new(end, options);
         self.processes.insert(number, Process { group, process, hangs_until: Duration::ZERO, is_orphan: false });
         self.step(number);
     }

@@ -27,8 +27,13 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     let stop = signals::stop_flag()?;
     let log = file.map(|file| File::create(&file).context(file.display().to_string())).transpose()?;
     let mut terminal = Terminal::new(scenario.last_duration_ticks(), scenario.agents.count).with_log(log);
-    let threads = if args.together { ThreadLayout::Shared } else { ThreadLayout::PerAgent };
     let chaos_delay = Duration::from_millis(args.chaos_delay_ms.unwrap_or(0));
+    let threads = match args.together {
+        true => ThreadLayout::Together,
+        // An agent that waits keeps no other one waiting.
+        false if !chaos_delay.is_zero() => ThreadLayout::PerAgent,
+        false => ThreadLayout::Team,
+    };
     let decision_times = args.decision_times.then(DecisionTimes::default);
     let options = AgentOptions { threads, chaos_delay, decision_times: decision_times.clone() };
     let finished = match args.fork.point() {

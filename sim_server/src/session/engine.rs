@@ -20,10 +20,12 @@ use super::agents::{CommandReply, ObservationRequest, Replies};
 use super::log::{Kind, SessionLog};
 use super::{MILESTONE_COUNTER, RunError};
 use crate::playback::RecordedTick;
+use crate::setup;
 use msgs::trigger::Trigger;
-use simulation::digest::Chain;
+use simulation::digest::{Chain, Digest};
 use simulation::scenario::{Scenario, ScheduledEvent};
 use simulation::wire;
+use simulation::workers::Workers;
 use simulation::world::body::Pose;
 use simulation::world::{Action, Commit, Presence, World};
 
@@ -45,7 +47,7 @@ pub(super) struct Engine<'a> {
     pub(super) joining: BTreeSet<AgentId>,
     pub(super) world: World,
     pub(super) chain: Chain,
-    pool: rayon::ThreadPool,
+    workers: Workers,
     pub(super) triggers: Vec<Trigger>,
     /// Agents without a process: lost, removed, or retired.
     pub(super) lost: BTreeSet<AgentId>,
@@ -61,8 +63,10 @@ pub(super) struct Engine<'a> {
 }
 
 impl<'a> Engine<'a> {
-    pub(super) fn new(scenario: &'a Scenario, world: World) -> Result<Self, RunError> {
-        let threads = scenario.execution.threads as usize;
+    pub(super) fn new(scenario: &'a Scenario, mut world: World) -> Result<Self, RunError> {
+        if !scenario.stop_when_explored && !scenario.stop_when_covered {
+            world.defer_scans();
+        }
         let agents = scenario.agents.count as usize;
         Ok(Self {
             scenario,
@@ -71,7 +75,7 @@ impl<'a> Engine<'a> {
             joining: BTreeSet::new(),
             chain: Chain::new(&scenario.initial_identity(), &world),
             world,
-            pool: rayon::ThreadPoolBuilder::new().num_threads(threads).build()?,
+            workers: Workers::new(setup::threads(scenario))?,
             triggers: vec![Trigger::NEXT_TICK; agents],
             lost: BTreeSet::new(),
             removed: Vec::new(),
@@ -102,9 +106,24 @@ impl<'a> Engine<'a> {
         self.triggers.len()
     }
 
-    /// Casts the scans that are due.
+    /// Casts the scans that are due, or has helpers cast them while the run goes on.
     pub(super) fn look(&mut self) {
-        self.world.look(&self.pool);
+        self.world.look(&self.workers);
+    }
+
+    /// Waits for all scans and counts them. Whatever shows or records the coverage or the digest
+    /// comes after it.
+    pub(super) fn settle(&mut self) {
+        if !self.world.is_settled() {
+            let shares = self.world.settle();
+            self.chain.resolve(&shares);
+        }
+    }
+
+    /// The digest up to the last tick.
+    pub(super) fn digest(&mut self) -> Digest {
+        self.settle();
+        self.chain.digest()
     }
 
     /// The agents to ask in this tick, ascending. `recorded` has the replies of a tick that is
@@ -137,7 +156,7 @@ impl<'a> Engine<'a> {
     /// The observation of an agent as a request.
     pub(super) fn request(&mut self, agent: AgentId, since: Commit, phase: u8) -> ObservationRequest {
         let observation = self.world.observe(agent, since);
-        ObservationRequest { agent, since, fragments: wire::observation_parts(&observation, phase) }
+        ObservationRequest { agent, since, fragments: wire::observation_parts(observation, phase) }
     }
 
     /// Commits and logs the exchanges of a tick. Returns them, and the actions for

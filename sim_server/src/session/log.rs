@@ -10,7 +10,7 @@ use msgs::topics::{self, Topic};
 use serde::Serialize;
 
 use crate::live_stream::LiveStream;
-use crate::recorder::{RecordError, Recorder};
+use crate::recorder::{RecordError, RunRecorder};
 use simulation::digest::Chain;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 
@@ -35,13 +35,13 @@ pub(super) enum Kind {
 #[derive(Default)]
 pub struct RecordingSinks {
     /// The recording, if one is made.
-    pub recorder: Option<Recorder>,
+    pub recorder: Option<RunRecorder>,
     /// The live stream, if observers can read one.
     pub live: Option<LiveStream>,
 }
 
-impl From<Option<Recorder>> for RecordingSinks {
-    fn from(recorder: Option<Recorder>) -> Self {
+impl From<Option<RunRecorder>> for RecordingSinks {
+    fn from(recorder: Option<RunRecorder>) -> Self {
         Self { recorder, live: None }
     }
 }
@@ -59,7 +59,7 @@ pub trait Checker {
 /// The destination of messages besides the digest.
 enum Sink<'s> {
     Null,
-    File(Box<Recorder>),
+    File(RunRecorder),
     Checker(&'s mut dyn Checker),
 }
 
@@ -81,7 +81,7 @@ impl<'s> SessionLog<'s> {
         let RecordingSinks { recorder, live } = sinks;
         let sink = match (checker, recorder) {
             (Some(checker), _) => Sink::Checker(checker),
-            (None, Some(recorder)) => Sink::File(Box::new(recorder)),
+            (None, Some(recorder)) => Sink::File(recorder),
             (None, None) => Sink::Null,
         };
         let of_agent = |agent| [topics::join(agent), topics::observation(agent), topics::command(agent)];
@@ -151,9 +151,9 @@ impl<'s> SessionLog<'s> {
         self.unless_failed(written)
     }
 
-    /// See [`Recorder::publish`].
+    /// See [`RunRecorder::publish`].
     pub(super) fn publish(&mut self) -> Result<(), RecordError> {
-        let published = self.recorder().map_or(Ok(()), Recorder::publish);
+        let published = self.recorder().map_or(Ok(()), RunRecorder::publish);
         self.unless_failed(published)
     }
 
@@ -170,10 +170,10 @@ impl<'s> SessionLog<'s> {
         if now.duration_since(self.saved) >= SAVE_PERIOD { self.save_provisionally(now) } else { Ok(()) }
     }
 
-    /// See [`Recorder::save_provisionally`].
+    /// See [`RunRecorder::save_provisionally`].
     pub(super) fn save_provisionally(&mut self, now: Instant) -> Result<(), RecordError> {
         self.saved = now;
-        let written = self.recorder().map_or(Ok(()), Recorder::save_provisionally);
+        let written = self.recorder().map_or(Ok(()), RunRecorder::save_provisionally);
         self.unless_failed(written)
     }
 
@@ -184,9 +184,9 @@ impl<'s> SessionLog<'s> {
         }
     }
 
-    fn recorder(&mut self) -> Option<&mut Recorder> {
+    fn recorder(&mut self) -> Option<&mut RunRecorder> {
         match &mut self.sink {
-            Sink::File(recorder) => Some(&mut **recorder),
+            Sink::File(recorder) => Some(recorder),
             Sink::Null | Sink::Checker(_) => None,
         }
     }

@@ -43,6 +43,10 @@ impl Observers {
         &mut self,
         engine: &mut Engine<'_>,
     ) -> Vec<(VisualisationTopic, VisualisationMessage)> {
+        if !self.views.records() {
+            return Vec::new();
+        }
+        engine.settle();
         let Engine { world, infos, lost, .. } = engine;
         self.views.due_for_recording(world, &RunStatus { infos, lost, rtf: None })
     }
@@ -52,6 +56,7 @@ impl Observers {
     pub(super) fn publish(&mut self, engine: &mut Engine<'_>, may_tick: bool, transport: &mut dyn Transport) {
         let elapsed = self.elapsed(transport.now());
         let Some(subscribers) = transport.subscribers() else { return };
+        engine.settle();
         let rtf = (!elapsed.is_zero()).then(|| sim_time(engine.tick()).div_duration_f64(elapsed));
         let Engine { world, infos, lost, .. } = engine;
         let moment = PublishTime { wall_ns: nanoseconds(elapsed), is_paused: !may_tick };

@@ -58,7 +58,7 @@ impl Session<'_, '_> {
     pub(super) fn re_execute(&mut self) -> Result<ControlFlow<String>, RunError> {
         loop {
             self.record_state()?;
-            let digest = self.engine.chain.digest();
+            let digest = self.engine.digest();
             self.apply_events()?;
             if let Some(reason) = self.end_of_run()? {
                 return Ok(ControlFlow::Break(reason.to_owned()));

@@ -50,7 +50,7 @@ impl Session<'_, '_> {
         let tick = self.engine.tick();
         if self.recorded.digest != Some(tick) {
             self.recorded.digest = Some(tick);
-            let digest = self.engine.chain.digest().0;
+            let digest = self.engine.digest().0;
             let digest = maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest };
             self.log.write(Kind::Digest, tick, &digest)?;
             self.observers.publish_own(
@@ -66,6 +66,7 @@ impl Session<'_, '_> {
         let tick = self.engine.tick();
         if self.recorded.progress != Some(tick) {
             self.recorded.progress = Some(tick);
+            self.engine.settle();
             let progress = wire::progress(&mut self.engine.world);
             self.transport.progress(&progress);
             self.log.write(Kind::Progress, tick, &progress)?;

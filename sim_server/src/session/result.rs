@@ -37,7 +37,7 @@ impl Session<'_, '_> {
                 self.log.write(Kind::Observation(request.agent), tick, fragment)?;
             }
         }
-        let digest = self.engine.chain.digest();
+        let digest = self.engine.digest();
         let progress = wire::progress(&mut self.engine.world);
         let mut counters = self.engine.counters();
         counters.extend(self.sessions.refusals().map(|(name, value)| counter(name, value)));

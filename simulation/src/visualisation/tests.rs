@@ -7,7 +7,6 @@ use msgs::cdr;
 use msgs::limits::VIEW_BYTES_MAX;
 use msgs::scan_request::ScanRequest;
 use nalgebra::Vector3;
-use rayon::ThreadPoolBuilder;
 use voxels::{Extent, Grid, Terrain};
 
 use super::*;
@@ -43,7 +42,7 @@ fn world() -> World {
 }
 
 fn step(world: &mut World, actions: impl IntoIterator<Item = (u32, Motion)>) {
-    world.look(&ThreadPoolBuilder::new().num_threads(1).build().unwrap());
+    world.look(&crate::workers::Workers::new(1).unwrap());
     let action = |motion| Action { motion, lidar: ScanRequest::Keep, want_view: false, messages: Vec::new() };
     world.step(actions.into_iter().map(|(agent, motion)| (AgentId(agent), action(motion))).collect());
 }

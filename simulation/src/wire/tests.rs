@@ -51,7 +51,7 @@ proptest! {
             view: Some(ScanView { free: list.clone(), wall: list.clone(), hits: Vec::new() }),
             ..observation()
         };
-        let parts = observation_parts(&whole, Part::RUNNING);
+        let parts = observation_parts(whole.clone(), Part::RUNNING);
         let mut joined: [Vec<u32>; 4] = Default::default();
         let mut parcels = Vec::new();
         for (number, part) in parts.iter().enumerate() {
@@ -181,7 +181,7 @@ fn relay_ids_round_trip() {
     let place = Point3::new(1.0, 1.0, 1.0);
     let messages = vec![AgentMessage { peer: Peer::Relay(relay), kind: 2, data: vec![5] }];
     let observed = Observation { relays: vec![(relay, place)], messages, ..observation() };
-    let parts = observation_parts(&observed, Part::RUNNING);
+    let parts = observation_parts(observed, Part::RUNNING);
     assert_eq!(parts[0].contacts.iter().map(|contact| contact.agent).collect::<Vec<_>>(), [1, relay.on_wire()]);
     assert_eq!(parts[0].parcels[0].agent, relay.on_wire());
 }

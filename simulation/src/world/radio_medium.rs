@@ -19,7 +19,8 @@ use msgs::relay_id::RelayId;
 use nalgebra::Point3;
 use rand_chacha::rand_core::Rng;
 
-use super::comms::{AgentMessage, Comms, ContactTable, Peer};
+use super::collision::Sphere;
+use super::comms::{AgentMessage, Comms, ContactTable, Peer, Radio};
 use super::relays::{Relay, Relays};
 use super::{Action, World};
 
@@ -245,20 +246,27 @@ impl World {
     }
 
     fn compute_contacts(&mut self) {
-        if self.contacts.is_some() {
+        if self.has_present_contacts && self.contacts.is_some() {
             return;
         }
-        let positions: Vec<Point3<f64>> = self.spheres.iter().map(|sphere| sphere.centre).collect();
+        self.has_present_contacts = true;
         let mut networks = Vec::new();
         if !self.relays().is_empty() {
             let Self { radio, params, terrain, .. } = self;
-            let by_agent = (0..).map(AgentId).zip(&positions);
-            networks =
-                by_agent.map(|(agent, from)| radio.relays.networks(agent, from, &params.comms, terrain)).collect();
+            let by_agent = (0..).map(AgentId).zip(&self.spheres);
+            let network =
+                |(agent, sphere): (_, &Sphere)| radio.relays.networks(agent, &sphere.centre, &params.comms, terrain);
+            networks = by_agent.map(network).collect();
         }
-        let mut contacts = ContactTable::new(positions, networks);
-        self.agents().filter(|&agent| !self.is_on_air(agent)).for_each(|agent| contacts.mute(agent));
-        self.contacts = Some(contacts);
+        let mut contacts = self.contacts.take();
+        let radios = self
+            .agents()
+            .map(|agent| Radio { position: self.spheres[agent.index()].centre, is_on_air: self.is_on_air(agent) });
+        match &mut contacts {
+            Some(contacts) => contacts.update(radios, networks),
+            None => contacts = Some(ContactTable::new(radios.collect(), networks)),
+        }
+        self.contacts = contacts;
     }
 
     /// Changes the radios of the team, and links the relays anew.

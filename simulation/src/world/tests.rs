@@ -10,9 +10,10 @@ use super::lidar::Pattern;
 use msgs::limits::PARCEL_BYTES_MAX;
 
 use super::*;
+use crate::digest::Chain;
 
-fn pool(threads: usize) -> ThreadPool {
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
+fn workers(threads: usize) -> Workers {
+    Workers::new(threads).unwrap()
 }
 
 /// Contact in line of sight within a range.
@@ -64,11 +65,11 @@ const B: AgentId = AgentId(1);
 
 #[test]
 fn first_scan_explores_a_hall() {
-    let pool = pool(1);
+    let workers = workers(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
     assert_eq!(world.coverage().explored(), 0.0);
     assert_eq!(world.coverage().covered(), 1.0 / 60.0);
-    world.look(&pool);
+    world.look(&workers);
     assert!(world.coverage().is_explored());
     assert_eq!(world.coverage().explored(), 1.0);
     let observation = world.observe(A, Commit::Committed);
@@ -81,13 +82,13 @@ fn first_scan_explores_a_hall() {
 
 #[test]
 fn scan_schedule_follows_scenario_and_requests() {
-    let pool = pool(1);
+    let workers = workers(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
     let scan_ticks = |world: &mut World, request: Option<ScanRequest>, ticks: u64| -> Vec<u64> {
         let first = world.tick().0;
         (first..first + ticks)
             .filter(|&tick| {
-                world.look(&pool);
+                world.look(&workers);
                 let scanned = world.observe(A, Commit::Committed).scan_tick == Some(Tick(tick));
                 let lidar = if tick == first { request.unwrap_or_default() } else { ScanRequest::Keep };
                 world.step([(A, Action { lidar, ..action(Motion::Keep) })].into());
@@ -105,11 +106,11 @@ fn scan_schedule_follows_scenario_and_requests() {
 
 #[test]
 fn one_agent_scans_per_tick_in_turn() {
-    let pool = pool(1);
+    let workers = workers(1);
     let turns = WorldParams { schedule: ScanSchedule::TakeTurns, ..params() };
     let mut world = World::new(hall([5, 4, 3]), turns, &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
     for tick in 0..6 {
-        world.look(&pool);
+        world.look(&workers);
         let scanned = [A, B].map(|agent| world.observe(agent, Commit::Committed).scan_tick == Some(Tick(tick)));
         assert_eq!(scanned, [tick % 2 == 0, tick % 2 == 1]);
         world.step([(A, Action { lidar: ScanRequest::Never, ..action(Motion::Keep) })].into());
@@ -120,13 +121,55 @@ fn one_agent_scans_per_tick_in_turn() {
 fn scans_do_not_depend_on_threads() {
     let starts = [at(1.5, 1.5, 1.5), at(3.5, 2.5, 1.5), at(7.5, 2.5, 1.5)];
     let seen = |threads| {
-        let pool = pool(threads);
+        let workers = workers(threads);
         let mut world = World::new(two_rooms(), params(), &starts);
-        world.look(&pool);
+        world.look(&workers);
         [0, 1, 2].map(|agent| world.observe(AgentId(agent), Commit::Committed))
     };
     assert_eq!(seen(1), seen(2));
     assert_eq!(seen(1), seen(8));
+}
+
+#[test]
+fn deferred_scans_change_nothing() {
+    let run = |threads, is_deferring: bool| {
+        let workers = workers(threads);
+        let starts = [at(1.5, 1.5, 1.5), at(7.5, 1.5, 1.5), at(3.5, 3.5, 1.5)];
+        let mut world = World::new(two_rooms(), params(), &starts);
+        if is_deferring {
+            world.defer_scans();
+        }
+        let mut chain = Chain::new("a scenario", &world);
+        let mut observed = Vec::new();
+        let mut unsettled = 0;
+        let walk = |points: &[(f64, f64)], period| {
+            let points = points.iter().map(|&(x, y)| Point3::new(x, y, 1.5)).collect();
+            Action { lidar: ScanRequest::Every(period), ..action(Motion::Path(points)) }
+        };
+        world.step([(A, walk(&[(1.5, 2.5), (6.5, 2.5)], 3)), (B, walk(&[(7.5, 3.5)], 4))].into());
+        for tick in 0..400 {
+            world.look(&workers);
+            unsettled += usize::from(!world.is_settled());
+            match tick % 31 {
+                3 | 18 => observed.push(world.observe(A, Commit::Committed)),
+                7 => observed.push(world.observe(B, Commit::Speculative)),
+                _ => {}
+            }
+            world.step(BTreeMap::new());
+            chain.close(&world);
+            if !is_deferring || tick % 50 == 49 {
+                chain.resolve(&world.settle());
+            }
+        }
+        assert_eq!(unsettled > 0, threads > 1);
+        let milestones: Vec<_> = world.coverage().milestones().collect();
+        assert!(milestones.len() > 3 && observed.iter().any(|observation| !observation.seen_free.is_empty()));
+        (observed, chain.digest(), milestones, world.coverage().explored_by())
+    };
+    let alone = run(1, false);
+    for (threads, is_deferring) in [(1, true), (2, false), (2, true), (4, true)] {
+        assert_eq!(run(threads, is_deferring), alone, "{threads} threads, deferring: {is_deferring}");
+    }
 }
 
 #[test]
@@ -175,13 +218,13 @@ fn full_inbox_drops_messages() {
 
 #[test]
 fn events_are_reported_once() {
-    let pool = pool(1);
+    let workers = workers(1);
     let mut world = World::new(two_rooms(), params(), &[at(1.5, 1.5, 1.5), at(7.5, 1.5, 1.5)]);
     world.observe(A, Commit::Committed);
     world.step([(A, action(Motion::Path(vec![Point3::new(1.5, 2.5, 1.5)])))].into());
     let mut happened = 0;
     for _ in 0..500 {
-        world.look(&pool);
+        world.look(&workers);
         happened |= world.events(A, TASK_DONE | COLLISION | NEW_CELL | CONTACTS | PARCEL);
         world.step(BTreeMap::new());
     }
@@ -202,9 +245,9 @@ fn events_are_reported_once() {
 
 #[test]
 fn speculative_observations_do_not_commit() {
-    let pool = pool(1);
+    let workers = workers(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
-    world.look(&pool);
+    world.look(&workers);
     let first = world.observe(A, Commit::Speculative);
     assert_eq!(first.seen_free.len(), 60);
     let message = |data: &[u8]| AgentMessage { peer: Peer::One(A), kind: 0, data: data.to_vec() };
@@ -219,9 +262,9 @@ fn speculative_observations_do_not_commit() {
 
 #[test]
 fn view_is_included_on_request() {
-    let pool = pool(1);
+    let workers = workers(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
-    world.look(&pool);
+    world.look(&workers);
     assert_eq!(world.observe(A, Commit::Committed).view, None);
     world.step([(A, Action { want_view: true, ..action(Motion::Keep) })].into());
     let view = world.observe(A, Commit::Committed).view.unwrap();
@@ -331,10 +374,10 @@ fn noise_depends_neither_on_threads_nor_on_speculation() {
     let noise = SensorNoise { range_sigma_m: 0.3, missed_returns: 0.1, pose_bound_m: 0.5, pose_step_m: 0.05, seed: 3 };
     let starts = [at(1.5, 1.5, 1.5), at(3.5, 2.5, 1.5), at(7.5, 2.5, 1.5)];
     let observed = |threads, is_asked_between: bool| {
-        let pool = pool(threads);
+        let workers = workers(threads);
         let mut world = World::new(two_rooms(), WorldParams { noise, ..params() }, &starts);
         for _ in 0..100 {
-            world.look(&pool);
+            world.look(&workers);
             if is_asked_between {
                 world.observe(B, Commit::Speculative);
             }
@@ -356,10 +399,10 @@ fn noise_depends_neither_on_threads_nor_on_speculation() {
 #[test]
 fn walls_seen_as_free_are_not_explored() {
     let noise = SensorNoise { range_sigma_m: 2.0, ..SensorNoise::default() };
-    let pool = pool(1);
+    let workers = workers(1);
     let mut world = World::new(two_rooms(), WorldParams { noise, ..params() }, &[at(1.5, 1.5, 1.5)]);
     for _ in 0..100 {
-        world.look(&pool);
+        world.look(&workers);
         world.step(BTreeMap::new());
     }
     let seen = world.observe(A, Commit::Committed).seen_free;
@@ -379,10 +422,10 @@ fn with_late_agent() -> World {
 
 #[test]
 fn late_agents_are_not_there_before() {
-    let pool = pool(1);
+    let workers = workers(1);
     let mut world = with_late_agent();
     assert_eq!(world.coverage().covered(), 1.0 / 54.0);
-    world.look(&pool);
+    world.look(&workers);
     assert!(world.observe(B, Commit::Committed).scan_tick.is_none() && world.in_contact_with(A).is_empty());
     // Through its place, and into it.
     world.step([(A, action(Motion::Path(vec![Point3::new(3.5, 1.5, 1.5)])))].into());
@@ -397,14 +440,14 @@ fn late_agents_are_not_there_before() {
     }
     let apart_m = (world.body(A).pose().position - world.body(B).pose().position).norm();
     assert!(apart_m >= 2.0 * BodyModel::default().radius_m, "{apart_m}");
-    world.look(&pool);
+    world.look(&workers);
     assert_eq!(world.observe(B, Commit::Committed).scan_tick, Some(world.tick()), "it scans at once");
     assert_eq!((world.in_contact_with(A), world.presence(B)), (vec![B], Presence::Active));
 }
 
 #[test]
 fn broken_bodies_are_silent_obstacles_and_those_that_left_are_none() {
-    let pool = pool(1);
+    let workers = workers(1);
     let towards = |world: &mut World| {
         world.step([(A, action(endless(0.0)))].into());
         while world.body(A).is_active() {
@@ -419,7 +462,7 @@ fn broken_bodies_are_silent_obstacles_and_those_that_left_are_none() {
     assert!(!world.body(B).is_active() && world.in_contact_with(A).is_empty() && !world.is_on_air(B));
     let (x, is_agent) = towards(&mut world);
     assert!(is_agent && x < 3.5, "{x}");
-    world.look(&pool);
+    world.look(&workers);
     assert!(world.observe(B, Commit::Committed).scan_tick.is_none());
     world.leave(B);
     let (x, is_agent) = towards(&mut world);

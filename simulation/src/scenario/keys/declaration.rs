@@ -366,7 +366,7 @@ pub const TABLES: [Table; 21] = [
     ]),
     Table::new("execution", &[
         key("threads", Integer(""), Is("0"), between(0.0, 1024.0),
-            "threads that cast scans; 0: one for each core", ""),
+            "threads that cast scans, and execute agents in memory; 0: one for each core", ""),
         key("look_ahead", Boolean, Is("true"), NONE,
             "whether agents are asked only when they are due; otherwise they are asked at every tick", ""),
         key("rtf", NumberOrMax, Is("\"max\""), between(1e-3, 1e6),

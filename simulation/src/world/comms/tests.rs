@@ -110,3 +110,32 @@ proptest! {
         prop_assert!(is_heard || !is_in_sight);
     }
 }
+
+proptest! {
+    #[test]
+    fn table_of_moving_radios_agrees_with_the_model(
+        walls in prop::collection::vec(prop::bool::weighted(0.15), 6 * 6 * 6),
+        moves in prop::collection::vec((0usize..4, prop::array::uniform3(0.0..6.0f64), prop::bool::weighted(0.9)), 1..30),
+        range_m in prop::sample::select(vec![2.5, f64::INFINITY]),
+    ) {
+        let kinds = walls.into_iter().map(|is_wall| if is_wall { Terrain::Wall } else { Terrain::Free }).collect();
+        let terrain = Grid::from_vec(Extent::new([6; 3], 1.0).unwrap(), kinds).unwrap();
+        let model = ContactModel::LineOfSightAndRange { range_m };
+        let mut radios = [Radio { position: Point3::new(3.0, 3.0, 3.0), is_on_air: true }; 4];
+        let mut table = ContactTable::new(radios.to_vec(), Vec::new());
+        for (moved, [x, y, z], is_on_air) in moves {
+            // Short moves as well, so that the same wall stays between two radios.
+            let position = radios[moved].position + (Point3::new(x, y, z) - radios[moved].position) * (x / 6.0);
+            radios[moved] = Radio { position, is_on_air };
+            table.update(radios.into_iter(), Vec::new());
+            for (one, other) in (0..4).flat_map(|one| (0..4).map(move |other| (one, other))) {
+                let expected = one != other
+                    && radios[one].is_on_air
+                    && radios[other].is_on_air
+                    && model.joins(&terrain, &radios[one].position, &radios[other].position);
+                let contacts = table.of(AgentId::from_index(one), &model, &terrain);
+                prop_assert_eq!(contacts.contains(&AgentId::from_index(other)), expected);
+            }
+        }
+    }
+}
