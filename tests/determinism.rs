@@ -106,6 +106,24 @@ fn without_network() {
 }
 
 #[test]
+fn with_a_profile() {
+    let site = Site::new();
+    let traces = ["memory.json", "ros2.json"].map(|name| site.path(name));
+    let flags = traces.each_ref().map(|file| format!("--profile={}", file.display()));
+    let profiled = site.record_with(in_memory(&site, "default.toml", &FIVE).arg(&flags[0]));
+    profiled.assert_same(reference(), "--profile in memory");
+    assert_five_agents_give_the_same(&[&[flags[1].as_str()]]);
+    for trace in traces {
+        let trace: serde_json::Value = serde_json::from_slice(&std::fs::read(trace).unwrap()).unwrap();
+        let events = trace["traceEvents"].as_array().expect("events");
+        let names: BTreeSet<&str> = events.iter().filter_map(|event| event["name"].as_str()).collect();
+        assert!(names.contains("agents") && names.contains("thread_name"), "{names:?}");
+        let end = |event: &serde_json::Value| Some(event["ts"].as_f64()? + event["dur"].as_f64()?);
+        assert!(events.iter().filter(|event| event["ph"] == "X").all(|event| end(event).is_some_and(f64::is_finite)));
+    }
+}
+
+#[test]
 fn at_limited_real_time_factor() {
     assert_five_agents_give_the_same(&[&["--rtf", "100"]]);
 }

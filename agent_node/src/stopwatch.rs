@@ -3,13 +3,28 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use msgs::ids::{AgentId, Tick};
+
 use crate::command::Command;
 use crate::controllers::{Controller, Ctx};
 use crate::observation::Observation;
 
 /// The wall time of each decision of some agents, in no order. Clones share it.
 #[derive(Debug, Clone, Default)]
-pub struct DecisionTimes(Arc<Mutex<Vec<Duration>>>);
+pub struct DecisionTimes(Arc<Mutex<Vec<Decision>>>);
+
+/// A decision of an agent.
+#[derive(Debug, Clone, Copy)]
+pub struct Decision {
+    /// The agent.
+    pub agent: AgentId,
+    /// The tick of its observation.
+    pub tick: Tick,
+    /// When it began, wall time.
+    pub start: Instant,
+    /// How long it took, wall time.
+    pub duration: Duration,
+}
 
 impl DecisionTimes {
     /// Wraps a controller to time its decisions.
@@ -21,9 +36,15 @@ impl DecisionTimes {
     /// All times, ascending.
     #[must_use]
     pub fn sorted(&self) -> Vec<Duration> {
-        let mut times = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let mut times: Vec<Duration> = self.all().iter().map(|decision| decision.duration).collect();
         times.sort_unstable();
         times
+    }
+
+    /// All decisions so far.
+    #[must_use]
+    pub fn all(&self) -> Vec<Decision> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
@@ -36,7 +57,9 @@ impl Controller for Timed {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let start = now();
         let command = self.controller.decide(observation, ctx);
-        self.times.0.lock().unwrap_or_else(PoisonError::into_inner).push(start.elapsed());
+        let (agent, tick, duration) = (ctx.agent(), observation.tick, start.elapsed());
+        let mut times = self.times.0.lock().unwrap_or_else(PoisonError::into_inner);
+        times.push(Decision { agent, tick, start, duration });
         command
     }
 
@@ -55,7 +78,6 @@ mod tests {
     use super::*;
     use crate::controllers::build;
     use crate::controllers::testing::{World, idle};
-    use msgs::ids::AgentId;
 
     #[test]
     fn decisions_are_timed_and_unchanged() {

@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, ValueEnum};
-use sim_server::cli::{ForkArgs, KeyArgs, assignment};
+use sim_server::cli::{ForkArgs, KeyArgs, assignment, trace_file};
 use sim_server::foxglove::{PageOrigin, TOKEN_VARIABLE, Token};
 use sim_server::recording::Recording;
 use sim_server::{exit, setup};
@@ -101,6 +101,10 @@ pub(crate) struct RunArgs {
     /// Print how much wall time the agents' decisions take; only with --transport memory
     #[arg(long, help_heading = "Agents")]
     decision_times: bool,
+    /// Print where the wall time of the server went, and over memory that of the agents; with a
+    /// name, also write a trace for Perfetto or chrome://tracing
+    #[arg(long, value_name = "FILE.json", num_args = 0..=1, default_missing_value = "", value_parser = trace_file)]
+    profile: Option<PathBuf>,
     /// Write what is printed about the run to this file as well; only with --transport memory
     #[arg(long, value_name = "FILE", hide = true)]
     log: Option<PathBuf>,
@@ -294,6 +298,7 @@ impl RunArgs {
             flags.extend([flag("fork", file), flag("at", (at.time_ns() as f64 / 1e9).to_string())]);
         }
         flags.extend(self.view.iter().map(|address| flag("view", address)));
+        flags.extend(self.profile.iter().map(|file| flag("profile", file)));
         flags.extend(self.page.iter().filter(|_| self.view.is_some()).map(|folder| flag("page", folder)));
         if self.view.is_some() {
             flags.extend(self.origin_flags());

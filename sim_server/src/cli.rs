@@ -84,6 +84,10 @@ pub struct RunArgs {
     /// Write digest, reason, last tick and wall time to this file when the run has a result
     #[arg(long, value_name = "FILE.json")]
     pub summary: Option<PathBuf>,
+    /// Print where the wall time went; with a name, also write a trace for Perfetto or
+    /// chrome://tracing
+    #[arg(long, value_name = "FILE.json", num_args = 0..=1, default_missing_value = "", value_parser = trace_file)]
+    pub profile: Option<PathBuf>,
     /// File with the join secret of the run, readable by its owner only [default: the environment
     /// variable MAES_JOIN_SECRET, or none]
     #[arg(long, value_name = "FILE")]
@@ -273,6 +277,17 @@ pub fn assignment(text: &str) -> Result<(String, toml::Value), String> {
     let parsed = toml::from_str::<toml::Table>(&format!("value = {value}"));
     let value = parsed.ok().and_then(|mut table| table.remove("value")).unwrap_or_else(|| value.into());
     Ok((key.trim().to_owned(), value))
+}
+
+/// The file of a trace; empty: none. Files of other kinds are not taken for it, because it
+/// replaces them.
+///
+/// # Errors
+/// If the name does not end in `.json`.
+pub fn trace_file(text: &str) -> Result<PathBuf, String> {
+    let file = PathBuf::from(text);
+    let is_json = file.extension().is_some_and(|extension| extension == "json");
+    if text.is_empty() || is_json { Ok(file) } else { Err("expected a name that ends in .json".to_owned()) }
 }
 
 #[cfg(test)]

@@ -22,6 +22,7 @@ pub mod input_file;
 pub mod live_stream;
 pub mod map_file;
 pub mod playback;
+pub mod profile;
 #[cfg(feature = "ros")]
 pub mod program;
 pub mod recorder;

@@ -16,6 +16,7 @@ use crate::cli::{Cli, Command as CliCommand, RunArgs};
 #[cfg(feature = "view")]
 use crate::foxglove::{self, FoxgloveServer, ObservedTransport, RequestedRuns, RunFolders, Token};
 use crate::playback::{Horizon, Playback};
+use crate::profile::{Profile, Profiled};
 use crate::recording::Recording;
 use crate::ros::RosTransport;
 use crate::session::{self, JoinPolicy, Mode, RecordingSinks, RunConfig, RunError};
@@ -145,14 +146,14 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     };
     let recorded = resumed.as_ref().map(|resumed| resumed.file.as_path());
     let source = args.scenario.as_deref().or(recorded).unwrap_or(Path::new(""));
-    let summary = args.summary.as_deref();
+    let (summary, profile) = (args.summary.as_deref(), args.profile.as_deref());
     let policy = join_policy(args)?;
     if let Some(agent) = policy.external.iter().find(|agent| agent.0 >= scenario.agents.count) {
         let last = scenario.agents.count - 1;
         anyhow::bail!("--external {agent}: agent {agent} does not take part: ids are 0 to {last}");
     }
     let name = source.display().to_string();
-    let job = Job { name, scenario: &scenario, resumed: resumed.as_ref(), summary, policy };
+    let job = Job { name, scenario: &scenario, resumed: resumed.as_ref(), summary, profile, policy };
     // An error in the world is reported before anything is opened.
     let made = job.make()?;
     let (stop, guard) = stop_and_guard()?;
@@ -240,9 +241,9 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
             request.answer(Err(&format!("{NAME}: agents.controller, agents.set: {reason}")));
             continue;
         }
-        let summary = args.summary.as_deref();
+        let (summary, profile) = (args.summary.as_deref(), args.profile.as_deref());
         let policy = policy.clone();
-        let job = Job { name: NAME.to_owned(), scenario: &scenario, resumed: None, summary, policy };
+        let job = Job { name: NAME.to_owned(), scenario: &scenario, resumed: None, summary, profile, policy };
         let begun = job.make().and_then(|made| job.begin(made, env, Some(&viewing)));
         let begun = match begun.and_then(|begun| tell_agents(args, runs + 1, &scenario).map(|()| begun)) {
             Ok(begun) => begun,
@@ -315,6 +316,8 @@ struct Job<'a> {
     resumed: Option<&'a Resumed>,
     /// Where the summary of its result is written.
     summary: Option<&'a Path>,
+    /// Where the trace of its profile is written; empty: nowhere. `None`: it is not profiled.
+    profile: Option<&'a Path>,
     /// Which processes may join.
     policy: JoinPolicy,
 }
@@ -398,20 +401,34 @@ impl<'a> Job<'a> {
         ));
         let config = RunConfig::new(scenario, playback.map_or(Mode::Live, Mode::Resume));
         let config = config.map(|config| config.with_policy(self.policy.clone()));
-        let mut ended = config.and_then(|config| session::run(config, world, &mut *link, records, terminal, stop));
+        let mut profile = self.profile.map(|_| Profile::default());
+        let mut ended = config.and_then(|config| {
+            let mut observer = Profiled { inner: terminal, profile: profile.as_mut() };
+            session::run(config, world, &mut *link, records, &mut observer, stop)
+        });
         while let Err(RunError::Reset(start)) = ended {
             terminal.say("the run begins again: a service call has reset it");
             let (world, _) = self.make()?;
             ended = match self.records(&world, viewing) {
                 Ok(records) => {
                     let config = RunConfig::after_reset(scenario, start).with_policy(self.policy.clone());
-                    session::run(config, world, &mut *link, records, terminal, stop)
+                    profile = self.profile.map(|_| Profile::default());
+                    let mut observer = Profiled { inner: terminal, profile: profile.as_mut() };
+                    session::run(config, world, &mut *link, records, &mut observer, stop)
                 }
                 Err(error) => return failed(&error),
             };
         }
         ending();
         terminal.clear();
+        if let (Some(profile), Some(file)) = (&profile, self.profile) {
+            terminal.say(&profile.table("", &[]));
+            if !file.as_os_str().is_empty()
+                && let Err(error) = profile.write_trace(&[], file)
+            {
+                return failed(&format!("--profile {}: {error}", file.display()));
+            }
+        }
         Ok(match ended {
             Ok(outcome) => {
                 let text = terminal::result_text(&outcome);

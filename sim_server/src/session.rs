@@ -103,6 +103,61 @@ pub trait RunObserver {
     fn progress(&mut self, world: &World);
     /// Called with a line for people.
     fn note(&mut self, text: &str);
+    /// Called when a phase of the loop has ended, which began when the one before ended.
+    fn phase_ended(&mut self, _phase: Phase, _tick: Tick) {}
+}
+
+/// A phase of the loop of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// Waiting for the real-time factor, and for requests while the clock is held.
+    Pace,
+    /// What is recorded besides observations and commands: poses, digest, progress.
+    State,
+    /// Publishing to observers, events, reports.
+    Publish,
+    /// Casting the scans of a tick, or handing them to helpers.
+    Scan,
+    /// Contacts, waiting for scans, and making observations.
+    Observe,
+    /// Signing and sending observations.
+    Send,
+    /// Waiting for the agents; those in this process learn, decide and share.
+    Agents,
+    /// Encoding and recording observations and commands.
+    Record,
+    /// Radio, bodies and the digest.
+    Move,
+}
+
+impl Phase {
+    pub const ALL: [Self; 9] = [
+        Self::Pace,
+        Self::State,
+        Self::Publish,
+        Self::Scan,
+        Self::Observe,
+        Self::Send,
+        Self::Agents,
+        Self::Record,
+        Self::Move,
+    ];
+
+    /// What it is called in profiles.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pace => "pace",
+            Self::State => "record state",
+            Self::Publish => "publish",
+            Self::Scan => "scan",
+            Self::Observe => "contacts and observations",
+            Self::Send => "send",
+            Self::Agents => "agents",
+            Self::Record => "record",
+            Self::Move => "radio and bodies",
+        }
+    }
 }
 
 /// Executes a run in the world that was built for its scenario. `stop` ends it early, with a
@@ -217,12 +272,16 @@ impl<'c> Session<'c, '_> {
         }
         loop {
             self.hold_pace()?;
+            self.end_phase(Phase::Pace);
             self.transport.clock(self.engine.tick());
             self.record_state()?;
+            self.end_phase(Phase::State);
             self.control.report_steps();
             self.publish();
             self.apply_events()?;
-            if let Some(reason) = self.end_of_run()? {
+            let reason = self.end_of_run()?;
+            self.end_phase(Phase::Publish);
+            if let Some(reason) = reason {
                 return Ok(reason.to_owned());
             }
             if let ControlFlow::Break(reason) = self.advance()? {
@@ -267,6 +326,7 @@ impl<'c> Session<'c, '_> {
         if self.wait_for_turn()?.is_break() {
             return Ok(ControlFlow::Break(if self.is_stopped() { INTERRUPTED } else { QUIT }));
         }
+        self.end_phase(Phase::Pace);
         if self.tick(None)?.is_break() {
             return Ok(ControlFlow::Break(INTERRUPTED));
         }
@@ -274,12 +334,18 @@ impl<'c> Session<'c, '_> {
         Ok(ControlFlow::Continue(()))
     }
 
+    fn end_phase(&mut self, phase: Phase) {
+        self.observer.phase_ended(phase, self.engine.tick());
+    }
+
     /// Executes one tick, with the replies of the agents or with recorded ones. Breaks if the wait
     /// for replies is stopped: then the world stays as it is, and the recording has the
     /// observations of this tick.
     fn tick(&mut self, recorded: Option<RecordedTick>) -> Result<ControlFlow<()>, RunError> {
         self.engine.look();
+        self.end_phase(Phase::Scan);
         let requests = self.requests(recorded.as_ref());
+        self.end_phase(Phase::Observe);
         let is_live = recorded.is_none();
         let replies = match recorded {
             Some(recorded) => self.recorded_replies(&requests, recorded).map(ControlFlow::Continue),
@@ -293,11 +359,14 @@ impl<'c> Session<'c, '_> {
                 return given_up.map(|_| ControlFlow::Break(()));
             }
         };
+        self.end_phase(Phase::Agents);
         let (committed, actions) = self.engine.commit(requests, replies, &mut self.log)?;
         for exchange in committed {
             self.sessions.append(exchange.agent, exchange.fragments, &exchange.reply.message, is_live);
         }
+        self.end_phase(Phase::Record);
         self.engine.step(actions);
+        self.end_phase(Phase::Move);
         Ok(ControlFlow::Continue(()))
     }
 

@@ -4,10 +4,11 @@ use std::fs::{self, File};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use agent_node::stopwatch::DecisionTimes;
+use agent_node::stopwatch::{self, DecisionTimes};
 use anyhow::Context;
 use experiments::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
 use sim_server::exit;
+use sim_server::profile::{Decision, Profile, Profiled};
 use sim_server::recording::Recording;
 use sim_server::terminal::{self, Terminal};
 use simulation::scenario::Scenario;
@@ -34,18 +35,31 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
         false if !chaos_delay.is_zero() => ThreadLayout::PerAgent,
         false => ThreadLayout::Team,
     };
-    let decision_times = args.decision_times.then(DecisionTimes::default);
+    let decision_times = (args.decision_times || args.profile.is_some()).then(DecisionTimes::default);
+    let mut profile = args.profile.as_ref().map(|_| Profile::default());
     let options = AgentOptions { threads, chaos_delay, decision_times: decision_times.clone() };
+    let mut observer = Profiled { inner: &mut terminal, profile: profile.as_mut() };
     let finished = match args.fork.point() {
         Some((file, at)) => {
             let recording = Recording::open(file)?;
-            in_process::fork(&recording, at, scenario, &options, &mut terminal, &stop)
+            in_process::fork(&recording, at, scenario, &options, &mut observer, &stop)
         }
-        None => in_process::run(scenario, &options, &mut terminal, &stop),
+        None => in_process::run(scenario, &options, &mut observer, &stop),
     };
     terminal.clear();
-    if let Some(times) = decision_times {
+    if let Some(times) = decision_times.as_ref().filter(|_| args.decision_times) {
         say(&summary(&times.sorted()));
+    }
+    if let (Some(profile), Some(times), Some(file)) = (&profile, &decision_times, &args.profile) {
+        let decisions: Vec<Decision> = times
+            .all()
+            .into_iter()
+            .map(|stopwatch::Decision { agent, tick, start, duration }| Decision { agent, tick, start, duration })
+            .collect();
+        say(&profile.table(&scenario.agents.controller, &decisions));
+        if !file.as_os_str().is_empty() {
+            profile.write_trace(&decisions, file).with_context(|| format!("--profile {}", file.display()))?;
+        }
     }
     let outcome = finished
         .map_err(|error| match error {

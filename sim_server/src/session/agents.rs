@@ -21,7 +21,7 @@ use msgs::scan_request::ScanRequest;
 use msgs::trigger::Trigger;
 
 use super::log::SessionLog;
-use super::{JoinPolicy, RunError, RunObserver, RunStart};
+use super::{JoinPolicy, Phase, RunError, RunObserver, RunStart};
 use crate::recorder::RecordError;
 use crate::transport::{AgentTransport, Level, Transport};
 use authentication::Authentication;
@@ -279,6 +279,7 @@ impl AgentSessions {
         self.answered_by_predecessor.clear();
         self.to_prompt = self.awaited(&barrier);
         self.prompt(requests, &barrier, context.transport);
+        context.observer.phase_ended(Phase::Send, tick);
         let mut last_poll = context.transport.now();
         let mut waited = Duration::ZERO;
         let mut interval = RESEND_FIRST;
