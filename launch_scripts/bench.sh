@@ -2,11 +2,17 @@
 # Measures whole runs over real ROS 2 processes and prints the figures of docs/benchmarks.md.
 #
 #   launch_scripts/bench.sh [RUNS]      counted runs of each kind, after a warm-up (default 3)
+#   launch_scripts/bench.sh --against COMMIT [--rounds N] [--profile NAME] [--only WORDS]
 #
 # Each line: what, then the least, the median and the greatest value. The machine should have nothing
 # else to do.
+#
+# With --against, the binaries of this checkout and those of a commit run in turns (bench_against.sh).
 set -u
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+if [[ ${1:-} == --against ]]; then
+    exec "$root/launch_scripts/bench_against.sh" "${@:2}"
+fi
 runs=${1:-3}
 out=$(mktemp -d "${TMPDIR:-/tmp}/maes-bench-XXXXXX")
 trap 'rm -rf "$out"' EXIT

@@ -47,11 +47,11 @@ remap="--remap-path-prefix=$root=/maes --remap-path-prefix=${CARGO_HOME:-$HOME/.
 target=${CARGO_TARGET_DIR:-$root/target}/release-files
 npm --prefix viewer ci --no-audit --no-fund --loglevel=error >&2
 npm --prefix viewer run --silent build >&2
-RUSTFLAGS=$remap CARGO_TARGET_DIR=$target cargo build --release --locked --features maes/embedded_page >&2
+RUSTFLAGS=$remap CARGO_TARGET_DIR=$target cargo build --profile dist --locked --features maes/embedded_page >&2
 
 install -d "$tree/bin" "$tree/share/man/man1" "$tree/share/doc/maes"
 for program in maes sim_server agent_node; do
-    install -m 755 "$target/release/$program" "$tree/bin/"
+    install -m 755 "$target/dist/$program" "$tree/bin/"
     strip "$tree/bin/$program"
 done
 install -d "$tree/share/"{bash-completion/completions,zsh/site-functions,fish/vendor_completions.d}
