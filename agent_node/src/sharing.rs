@@ -175,7 +175,11 @@ impl Sharing {
             self.totals.bytes_taken += data.len() as u64;
             report.messages += 1;
             report.news += positions.len();
-            self.remember(Provenance { positions, holders: receivers.into_iter().chain([*from]).collect() });
+            if !positions.is_empty() {
+                let mut holders = receivers;
+                holders.push(*from);
+                self.remember(Provenance { positions, holders });
+            }
         }
         report
     }
@@ -204,9 +208,9 @@ impl Sharing {
         Ok((receivers, delta))
     }
 
+    /// Adds a section of the journal, which is not empty.
     fn remember(&mut self, provenance: Provenance) {
         match self.provenances.last_mut() {
-            _ if provenance.positions.is_empty() => {}
             Some(last) if last.positions.end == provenance.positions.start && last.holders == provenance.holders => {
                 last.positions.end = provenance.positions.end;
             }

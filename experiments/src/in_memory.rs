@@ -70,10 +70,14 @@ impl ServerEnd {
         }
     }
 
-    fn send_to_groups_of(&self, agent: AgentId, message: &ToAgents) {
-        for group in self.groups_of(agent) {
+    /// Sends to all groups of an agent, of which there is mostly one: so mostly nothing is cloned.
+    fn send_to_groups_of(&self, agent: AgentId, message: ToAgents) {
+        let mut groups = self.groups_of(agent);
+        let Some(first) = groups.next() else { return };
+        for group in groups {
             let _ = self.groups[group].send(message.clone());
         }
+        let _ = self.groups[first].send(message);
     }
 
     fn groups_of(&self, agent: AgentId) -> impl Iterator<Item = usize> {
@@ -96,14 +100,15 @@ impl AgentTransport for ServerEnd {
     }
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
-        self.send_to_groups_of(agent, &ToAgents::Observation(part.clone()));
+        self.send_to_groups_of(agent, ToAgents::Observation(part.clone()));
     }
 
-    fn send_signed(&mut self, agent: AgentId, signed: &SignedObservation) {
-        if signed.mac == NONE {
-            return self.send(agent, &signed.observation);
-        }
-        self.send_to_groups_of(agent, &ToAgents::SignedObservation(signed.clone()));
+    fn send_signed(&mut self, agent: AgentId, signed: SignedObservation) {
+        let message = match signed.mac == NONE {
+            true => ToAgents::Observation(signed.observation),
+            false => ToAgents::SignedObservation(signed),
+        };
+        self.send_to_groups_of(agent, message);
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {

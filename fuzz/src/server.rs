@@ -346,7 +346,7 @@ impl AgentTransport for Script<'_> {
         }
     }
 
-    fn send_signed(&mut self, agent: AgentId, signed: &SignedObservation) {
+    fn send_signed(&mut self, agent: AgentId, signed: SignedObservation) {
         if let Some(key) = self.signing.as_ref().and_then(|signing| signing.keys[agent.index()].as_ref()) {
             assert_eq!(signed.mac, key.of_observation(&signed.observation), "each observation is signed");
         }

@@ -191,12 +191,12 @@ impl AgentTransport for RosTransport {
     }
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
-        self.send_signed(agent, &SignedObservation { observation: part.clone(), mac: NONE });
+        self.send_signed(agent, SignedObservation { observation: part.clone(), mac: NONE });
     }
 
-    fn send_signed(&mut self, agent: AgentId, part: &SignedObservation) {
+    fn send_signed(&mut self, agent: AgentId, part: SignedObservation) {
         match self.observations.get_mut(&agent) {
-            Some(observations) => observations.publish(&mut self.node, part),
+            Some(observations) => observations.publish(&mut self.node, &part),
             None => {
                 let (node, clock, part) = (&mut self.node, &mut self.clock, &part.observation);
                 self.external.send(node, clock, &mut self.visualisation, agent, part);

@@ -64,7 +64,7 @@ pub trait AgentTransport {
     fn send(&mut self, agent: AgentId, fragment: &Observation);
     /// Sends one fragment of an observation with its message authentication code; a private
     /// transport may leave that out.
-    fn send_signed(&mut self, agent: AgentId, fragment: &SignedObservation) {
+    fn send_signed(&mut self, agent: AgentId, fragment: SignedObservation) {
         self.send(agent, &fragment.observation);
     }
     /// Whether others than the agents can send on this transport, so that joins and commands must

@@ -57,7 +57,7 @@ impl<I: Interceptor> AgentTransport for Intercepted<I> {
         self.interceptor.send(&mut self.inner, agent, part);
     }
 
-    fn send_signed(&mut self, agent: AgentId, signed: &SignedObservation) {
+    fn send_signed(&mut self, agent: AgentId, signed: SignedObservation) {
         if signed.mac == NONE {
             return self.send(agent, &signed.observation);
         }

@@ -207,9 +207,11 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<(Vec<A
     if version != VERSION {
         return Err(MapMessageError::Version(version));
     }
-    let mut receivers = Vec::new();
+    let count = reader.number()?;
+    // The count is untrusted; an id takes a byte at least. Room for the sender as well.
+    let mut receivers = Vec::with_capacity(1 + (count as usize).min(bytes.len()));
     let mut next = 0u64;
-    for _ in 0..reader.number()? {
+    for _ in 0..count {
         let agent = next + u64::from(reader.number()?);
         if agent >= agents.into() {
             return Err(MapMessageError::Agent { agent, agents });

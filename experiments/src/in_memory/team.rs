@@ -117,7 +117,7 @@ impl AgentTransport for Team<'_> {
         self.ready.extend(self.server.groups_of(agent));
     }
 
-    fn send_signed(&mut self, agent: AgentId, signed: &SignedObservation) {
+    fn send_signed(&mut self, agent: AgentId, signed: SignedObservation) {
         self.server.send_signed(agent, signed);
         self.ready.extend(self.server.groups_of(agent));
     }

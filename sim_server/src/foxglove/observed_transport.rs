@@ -106,7 +106,7 @@ impl<L: Transport> AgentTransport for ObservedTransport<'_, L> {
         self.link.send(agent, part);
     }
 
-    fn send_signed(&mut self, agent: AgentId, part: &SignedObservation) {
+    fn send_signed(&mut self, agent: AgentId, part: SignedObservation) {
         self.link.send_signed(agent, part);
     }
 

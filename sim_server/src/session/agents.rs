@@ -347,7 +347,7 @@ impl AgentSessions {
         let authentication = &self.authentication;
         let mut send = |agent, fragments: &[Fragment]| {
             for fragment in fragments {
-                transport.send_signed(agent, &authentication.sign(agent, Fragment { run, ..fragment.clone() }));
+                transport.send_signed(agent, authentication.sign(agent, Fragment { run, ..fragment.clone() }));
             }
         };
         for agent in std::mem::take(&mut self.to_prompt) {

@@ -22,6 +22,9 @@ const NEAR: f64 = 6.0;
 pub(in crate::controllers) struct Obstacles {
     extent: Extent,
     near: Vec<Obstacle>,
+    /// No cell outside this box is occupied, so a search that goes far looks at no obstacle there.
+    low: Cell,
+    high: Cell,
 }
 
 /// A body and the clearance between centres that it needs.
@@ -46,12 +49,27 @@ impl Obstacles {
             let obstacle = Obstacle { at: contact.position, clearance_m: CLEARANCE * touch_m };
             ((contact.position - here).norm() < NEAR * touch_m).then_some(obstacle)
         };
-        Self { extent, near: contacts.iter().filter_map(is_near).collect() }
+        let near: Vec<Obstacle> = contacts.iter().filter_map(is_near).collect();
+        // A centre within the clearance is within the cells of these corners; one more for rounding.
+        let corner = |by: f64, pick: fn(f64, f64) -> f64| {
+            let along = |axis: usize| {
+                let ends = near.iter().map(|obstacle| obstacle.at[axis] + by * obstacle.clearance_m);
+                ends.reduce(pick).unwrap_or_default()
+            };
+            extent.cell_of(&Point3::new(along(0), along(1), along(2)))
+        };
+        let one = Cell::new(1, 1, 1);
+        let (low, high) = (corner(-1.0, f64::min) - one, corner(1.0, f64::max) + one);
+        Self { extent, near, low, high }
     }
 
     /// Whether a body at the centre of a cell would violate the clearance of an obstacle.
     pub(in crate::controllers) fn occupy(&self, cell: Cell) -> bool {
-        !self.near.is_empty() && {
+        let Self { low, high, .. } = self;
+        let is_in_box = (low.x..=high.x).contains(&cell.x)
+            && (low.y..=high.y).contains(&cell.y)
+            && (low.z..=high.z).contains(&cell.z);
+        is_in_box && {
             let centre = self.extent.centre(cell);
             self.near.iter().any(|obstacle| (obstacle.at - centre).norm() < obstacle.clearance_m)
         }
@@ -107,6 +125,21 @@ mod tests {
         assert!(!of(1, [4.5, 3.2, 1.5]).block(&here, &ahead) && of(2, [4.5, 3.2, 1.5]).block(&here, &ahead));
         assert!(!of(1, [9.5, 1.5, 1.5]).block(&here, &ahead) && of(2, [9.5, 1.5, 1.5]).block(&here, &ahead));
         assert!(of(2, [4.5, 1.5, 1.5]).occupy(Cell::new(3, 2, 1)));
+    }
+
+    #[test]
+    fn cells_are_occupied_wherever_the_clearance_reaches() {
+        for (agent, clearance_m) in [(1, CLEARANCE * 0.8), (2, CLEARANCE * 1.8)] {
+            for at in [[3.5, 1.5, 1.5], [3.99, 2.01, 1.0], [1.32, 3.68, 0.4]] {
+                let (obstacles, extent) = (of(agent, at), Extent::new([20, 20, 20], 1.0).unwrap());
+                for (x, y, z) in (-3..9).flat_map(|z| (-3..9).flat_map(move |y| (-3..9).map(move |x| (x, y, z)))) {
+                    let cell = Cell::new(x, y, z);
+                    let is_within = (extent.centre(cell) - Point3::from(at)).norm() < clearance_m;
+                    assert_eq!(obstacles.occupy(cell), is_within, "{cell:?}, {at:?}");
+                }
+            }
+        }
+        assert!(!of(1, [19.5, 19.5, 19.5]).occupy(Cell::new(0, 0, 0)), "no obstacle is near");
     }
 
     #[test]
