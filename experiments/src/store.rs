@@ -218,6 +218,15 @@ impl Store {
         Ok(file)
     }
 
+    /// Writes a file atomically into any folder, which is made if it does not exist.
+    ///
+    /// # Errors
+    /// If the folder cannot be made, or the file cannot be written.
+    pub fn write_in(folder: &Path, file: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        std::fs::create_dir_all(folder).map_err(file_error(folder))?;
+        write_atomically(&folder.join(file), bytes)
+    }
+
     /// Writes `runs`, `series` and `agents` as `.csv` and `.parquet`, from the files of the runs.
     ///
     /// # Errors
@@ -272,7 +281,9 @@ fn write_atomically(file: &Path, bytes: &[u8]) -> Result<(), StoreError> {
         draft.as_file().set_permissions(permissions).map_err(&failed)?;
     }
     draft.persist(file).map_err(|error| failed(error.error))?;
-    Ok(())
+    // The name is in the folder, which has a cache of its own: without this a power failure can take
+    // away a record that a part has reported as done.
+    std::fs::File::open(folder).and_then(|folder| folder.sync_all()).map_err(&failed)
 }
 
 fn file_error(file: &Path) -> impl Fn(std::io::Error) -> StoreError {

@@ -260,6 +260,17 @@ fn kill(target: &str, name: &str) {
     kill.expect("bash runs");
 }
 
+/// The parent of a process, which may have ended.
+pub(crate) fn parent(pid: u32) -> Option<u32> {
+    let status = fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
+    status.lines().find_map(|line| line.strip_prefix("PPid:"))?.trim().parse().ok()
+}
+
+/// The name of a process; empty if it has ended.
+pub(crate) fn name(pid: u32) -> String {
+    fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default().trim().to_owned()
+}
+
 /// Living processes whose environment has the marker.
 pub(crate) fn marked(marker: &str) -> BTreeMap<u32, String> {
     let entry = format!("{MARKER}={marker}");

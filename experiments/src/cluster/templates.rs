@@ -86,6 +86,21 @@ fn slurm(job: &Job, parts: usize) -> String {
         job.account.as_ref().map(|account| format!("#SBATCH --account={account}")),
         Some(format!("#SBATCH --{}requeue", if job.is_requeued { "" } else { "no-" })),
     ]);
+    let again = if job.is_requeued {
+        format!(
+            r#"sh ./{PART} "$SLURM_ARRAY_TASK_ID" && exit
+code=$?
+# Slurm starts a task again whose node has failed. One whose process has failed asks for it.
+if [ "${{SLURM_RESTART_COUNT:-0}}" -lt {} ]; then
+    scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID"
+fi
+exit $code
+"#,
+            STARTS_MAX - 1
+        )
+    } else {
+        format!("exec sh ./{PART} \"$SLURM_ARRAY_TASK_ID\"\n")
+    };
     format!(
         "#!/usr/bin/env bash
 # Runs the plan in this folder: cd to it, then sbatch plan.slurm.sh
@@ -96,8 +111,7 @@ fn slurm(job: &Job, parts: usize) -> String {
 #SBATCH --output={LOGS}/%a.log
 #SBATCH --open-mode=append
 {options}{ELSEWHERE}
-exec sh ./{PART} \"$SLURM_ARRAY_TASK_ID\"
-"
+{again}"
     )
 }
 
