@@ -144,3 +144,41 @@ fn cluster_jobs_and_ros_processes_give_the_same_rows() {
     let over_ros = executed(&site, &plan, "over-ros", &flags);
     assert_eq!(over_ros.deterministic(), whole.deterministic());
 }
+
+/// The ids of the recordings that a folder has kept.
+fn recordings(folder: &Path) -> Vec<String> {
+    let files = fs::read_dir(folder.join("recordings")).into_iter().flatten().filter_map(Result::ok);
+    let mut ids: Vec<String> =
+        files.filter_map(|file| file.file_name().to_str()?.strip_suffix(".mcap").map(str::to_owned)).collect();
+    ids.sort();
+    ids
+}
+
+#[test]
+fn kept_recordings_are_those_of_the_rows_and_verify() {
+    let site = Site::new();
+    // Short enough that some runs reach 99 % and some do not.
+    let plan = site.file("small.toml", SMALL.replace("60.0", "20.0").replace("1..3", "1..6"));
+    let table = executed(&site, &plan, "all", &["--keep", "all"]);
+    let rows = table.columns(&["id", "t99_s", "digest"]);
+    let ids = |rows: &[Vec<&str>]| rows.iter().map(|row| row[0].to_owned()).collect::<Vec<_>>();
+    assert_eq!(recordings(&site.path("all")), ids(&rows));
+    for row in &rows {
+        let file = format!("all/recordings/{}.mcap", row[0]);
+        let verified = experiments(&site, &["verify", &file]).ended().with_code(0);
+        assert!(verified.stdout.contains(row[2]), "{verified}, not {}", row[2]);
+    }
+    let failures: Vec<Vec<&str>> = rows.iter().filter(|row| row[1].is_empty()).cloned().collect();
+    assert!((1..rows.len()).contains(&failures.len()), "{rows:?}");
+    let same = executed(&site, &plan, "failures", &["--keep", "failures"]);
+    assert_eq!(same.deterministic(), table.deterministic());
+    assert_eq!(recordings(&site.path("failures")), ids(&failures));
+    executed(&site, &plan, "outliers", &["--keep", "outliers"]);
+    assert!(recordings(&site.path("outliers")).len() < rows.len());
+    executed(&site, &plan, "none", &[]);
+    assert_eq!(recordings(&site.path("none")), [""; 0]);
+    // The page of the report leads to the recording and to its command.
+    experiments(&site, &["report", "failures"]).ended().with_code(0);
+    let page = fs::read_to_string(site.path("failures/report/report.html")).expect("the report has a page");
+    assert!(failures.iter().all(|row| page.contains(&format!("recordings/{}.mcap", row[0]))));
+}

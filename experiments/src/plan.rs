@@ -26,6 +26,7 @@ use thiserror::Error;
 use dimensions::{Change, Choice, combinations};
 use files::{Files, RunFiles, Unreadable};
 use maps::MapFile;
+use read::Fork;
 
 pub use files::Inputs;
 pub use read::SEEDS_EXPECTED;
@@ -38,6 +39,9 @@ pub const VARIANT: &str = dimensions::VARIANT;
 
 /// The key of [`PlannedRun::axes`] with the name of the map file, if `maps` names several.
 pub const MAP_FILE: &str = "map.file";
+
+/// The key of [`PlannedRun::axes`] with the time of a fork, in seconds, if the plan has `[fork]`.
+pub const FORK: &str = "fork.at_s";
 
 /// Keys of the scenario that cannot be varied, with the reason.
 const FIXED: [(&str, &str); 2] = [
@@ -185,13 +189,21 @@ impl Plan {
                         Some(map) => choice.with(MAP_FILE, map.name.clone(), [draft.map_change(file, map)]),
                         None => choice.clone(),
                     };
-                    let run = planned_run(file, &draft, &mut files, &choice, seed)?;
-                    if !ids.insert(run.id.clone()) {
-                        let line = choice.changes.first().map_or(1, |change| change.line);
-                        let reason = format!("axes: two combinations are the same run, one of them {:?}", run.axes);
-                        return Err(PlanError::Line { file: file.to_owned(), line, reason });
+                    let forks: Vec<Option<&Fork>> =
+                        if draft.forks.is_empty() { vec![None] } else { draft.forks.iter().map(Some).collect() };
+                    for fork in forks {
+                        let run = planned_run(file, &draft, &mut files, &choice, fork, seed)?;
+                        if !ids.insert(run.id.clone()) {
+                            // Without a change there is nothing to fork: one run for all times.
+                            if fork.is_some() && !run.axes.contains_key(FORK) {
+                                continue;
+                            }
+                            let line = choice.changes.first().map_or(1, |change| change.line);
+                            let reason = format!("axes: two combinations are the same run, one of them {:?}", run.axes);
+                            return Err(PlanError::Line { file: file.to_owned(), line, reason });
+                        }
+                        of_block.push(run);
                     }
-                    of_block.push(run);
                 }
                 of_block.sort_by_key(|run| std::cmp::Reverse(run.cost));
                 runs.extend(of_block);
@@ -211,15 +223,23 @@ fn cost(scenario: &Scenario, files: &RunFiles) -> u64 {
     u64::from(scenario.agents.count).saturating_mul(generated.or(files.map_cells).unwrap_or(1))
 }
 
-/// The run of a combination, in which the map file is set if the plan names some, with a seed.
+/// The run of a combination, in which the map file is set if the plan names some, with a seed. With
+/// a fork, what is compared holds from then on.
 fn planned_run(
     file: &str,
     draft: &read::Draft,
     files: &mut Files,
     choice: &Choice,
+    fork: Option<&Fork>,
     seed: u64,
 ) -> Result<PlannedRun, PlanError> {
-    let mut overrides: Vec<Override> = choice.changes.iter().map(Change::to_override).collect();
+    // Another controller in a fork has its default settings: none of the base has to be removed.
+    let (forked, at_start): (Vec<&Change>, Vec<&Change>) = choice
+        .changes
+        .iter()
+        .filter(|change| fork.is_none() || change.value.is_some())
+        .partition(|change| fork.is_some() && draft.is_compared(change));
+    let mut overrides: Vec<Override> = at_start.into_iter().map(Change::to_override).collect();
     let seed = i64::try_from(seed).expect("seeds of a plan are within the integers of TOML");
     overrides.push(Override { origin: format!("{file}: seeds"), key: "seed".to_owned(), value: Some(seed.into()) });
     // An error about a value names the line that has set it.
@@ -234,10 +254,23 @@ fn planned_run(
             ScenarioError::Value { key, value, allowed, .. } => line_error(&key, format!("{key} = {value}: {allowed}")),
             other => other.into(),
         })?;
-    let settings = wire::settings(&scenario.agents);
+    let mut axes = choice.labels.clone();
+    if let Some(fork) = fork {
+        let changes: Vec<Override> = forked.into_iter().map(Change::to_override).collect();
+        let forked = scenario.fork(fork.tick, "", &changes).map_err(|error| match error {
+            ScenarioError::Override { origin, reason } => {
+                PlanError::Line { file: file.to_owned(), line: fork.line, reason: format!("fork: {origin}: {reason}") }
+            }
+            other => line_error("event", format!("fork: {other}")),
+        })?;
+        if forked != scenario {
+            axes.insert(FORK.to_owned(), fork.at_s.to_string());
+        }
+        scenario = forked;
+    }
     // Those of a program of the user are checked before it is run.
-    if scenario.agents.has_built_in() {
-        controllers::check(&scenario.agents.controller, &settings)
+    for agents in scenario.phases().iter().map(|phase| &phase.agents).filter(|agents| agents.has_built_in()) {
+        controllers::check(&agents.controller, &wire::settings(agents))
             .map_err(|error| line_error("agents.controller", format!("agents.controller: {error}")))?;
     }
     let of_run = files
@@ -250,7 +283,6 @@ fn planned_run(
         files.folder().clone_into(&mut folder);
         scenario.map.folder.clone_from(&folder);
     }
-    let axes = choice.labels.clone();
     Ok(PlannedRun { id, axes, map, scenario, folder, cost })
 }
 

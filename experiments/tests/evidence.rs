@@ -141,3 +141,35 @@ fn named_variants_differ_in_anything() {
     let page = fs::read_to_string(written.page).expect("the page");
     assert!(page.contains("<h1>What a team needs</h1>"));
 }
+
+#[test]
+fn forked_pairs_share_everything_before_the_fork() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let plan = "seeds = \"1..6\"\ncompare = \"agents.controller\"\n\
+                [axes]\n\"agents.controller\" = [\"rbw\", \"nearest-frontier\"]\n[fork]\nat_s = [30.0, 60.0]\n\
+                [scenario]\nduration_s = 120.0\nstop_when_explored = false\nmap = { kind = \"spheres\", size = 30 }\n\
+                agents = { count = 2 }\nlidar = { range_m = 3.0 }\n";
+    let written = reported(folder.path(), plan);
+    assert_eq!((written.runs, written.lacking), (18, 0));
+    let store = experiments::store::Store::open(&folder.path().join("out")).expect("the folder of a plan");
+    let records = store.records().expect("records");
+    let (parents, forks): (Vec<_>, Vec<_>) =
+        records.iter().partition(|record| !record.row.axes.contains_key("fork.at_s"));
+    assert_eq!((parents.len(), forks.len()), (6, 12));
+    for fork in forks {
+        let parent = parents.iter().find(|parent| parent.row.seed == fork.row.seed).expect("a parent");
+        let at_s: f64 = fork.row.axes["fork.at_s"].parse().expect("a time");
+        let before = |record: &experiments::rows::RunRecord| -> Vec<_> {
+            record.series.iter().filter(|sample| sample.t_s < at_s).cloned().collect()
+        };
+        assert_eq!(before(parent), before(fork));
+        assert_ne!(parent.row.digest, fork.row.digest);
+        assert_ne!(parent.series.last(), fork.series.last());
+    }
+    // Each time is a panel, and the parents are in both of them.
+    let pairs = rows(folder.path(), "pairs-area");
+    assert_eq!(pairs.len(), 2, "{pairs:?}");
+    assert!(pairs.iter().all(|row| row["pairs"] == "6"), "{pairs:?}");
+    let panels: Vec<&str> = pairs.iter().map(|row| row["fork.at_s"].as_str()).collect();
+    assert_eq!(panels, ["30", "60"]);
+}

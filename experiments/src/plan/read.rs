@@ -3,8 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use msgs::ids::Tick;
 use serde::Deserialize;
 use sim_server::input_file::{self, TEXT_BYTES_MAX};
+use sim_server::setup;
 use simulation::scenario::{Scenario, ScenarioError};
 use toml::Spanned;
 
@@ -44,9 +46,26 @@ pub(super) struct Draft {
     maps_line: usize,
     /// Distinct, and at least one.
     pub(super) seeds: Vec<u64>,
+    /// When what is compared begins to differ; empty: at the start.
+    pub(super) forks: Vec<Fork>,
+}
+
+/// A time from which on what is compared differs.
+pub(super) struct Fork {
+    pub(super) at_s: f64,
+    pub(super) tick: Tick,
+    /// Line of the plan, counted from 1.
+    pub(super) line: usize,
 }
 
 impl Draft {
+    /// Whether a change belongs to what the plan compares.
+    pub(super) fn is_compared(&self, change: &Change) -> bool {
+        let is_set_by = |key: &str| change.key == key || change.key.starts_with(&format!("{key}."));
+        self.compare.iter().any(|key| is_set_by(key))
+            || self.variants.iter().any(|variant| variant.changes.contains(change))
+    }
+
     /// The change that gives the base scenario one of the map files: its own map goes, except for
     /// the options of an importer and the length of a cell.
     pub(super) fn map_change(&self, file: &str, map: &MapFile) -> Change {
@@ -82,10 +101,19 @@ struct PlanFile {
     variant: Vec<BTreeMap<Spanned<String>, Spanned<toml::Value>>>,
     #[serde(default)]
     maps: Option<Spanned<toml::Value>>,
+    #[serde(default)]
+    fork: Option<ForkTable>,
     /// For the report.
     #[expect(dead_code, reason = "read for its type")]
     #[serde(default)]
     title: Option<String>,
+}
+
+/// `[fork]`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ForkTable {
+    at_s: Spanned<Vec<f64>>,
 }
 
 /// The base scenario of a plan alone, parsed for errors with a line.
@@ -117,6 +145,13 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
     let compare = compare(plan.compare.as_ref().map(Spanned::get_ref), &variants, &axes).map_err(|reason| {
         at_line(plan.compare.as_ref().map_or(1, |compare| line_at(compare.span().start)), format!("compare: {reason}"))
     })?;
+    let forks = match &plan.fork {
+        Some(fork) => {
+            let line = line_at(fork.at_s.span().start);
+            forks(fork.at_s.get_ref(), line, !compare.is_empty()).map_err(|reason| at_line(line, reason))?
+        }
+        None => Vec::new(),
+    };
     let maps_line = plan.maps.as_ref().map_or(1, |maps| line_at(maps.span().start));
     let maps = match &plan.maps {
         Some(named) => {
@@ -125,7 +160,8 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
         }
         None => Vec::new(),
     };
-    let counts = axes.iter().map(|axis| axis.values.len()).chain([variants.len().max(1), maps.len().max(1)]);
+    let counts =
+        axes.iter().map(|axis| axis.values.len()).chain([variants.len().max(1), maps.len().max(1), forks.len().max(1)]);
     let runs = counts.into_iter().try_fold(seeds.len(), usize::checked_mul);
     if runs.is_none_or(|runs| runs > RUNS_MAX) {
         return Err(at_line(1, format!("axes and seeds make more runs than the {RUNS_MAX} that are allowed")));
@@ -190,7 +226,26 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
         maps,
         maps_line,
         seeds,
+        forks,
     })
+}
+
+/// The times of `[fork]`.
+fn forks(times_s: &[f64], line: usize, is_compared: bool) -> Result<Vec<Fork>, String> {
+    if !is_compared {
+        return Err(
+            "fork: expected `compare` or `[[variant]]` beside it, which say what differs from then on".to_owned()
+        );
+    }
+    let mut forks: Vec<Fork> = Vec::new();
+    for &at_s in times_s {
+        let tick = setup::tick_at(at_s).map_err(|expected| format!("fork.at_s = {at_s}: {expected}"))?;
+        if forks.iter().any(|fork| fork.tick == tick) {
+            return Err(format!("fork.at_s: {at_s} is listed twice"));
+        }
+        forks.push(Fork { at_s, tick, line });
+    }
+    if forks.is_empty() { Err("fork.at_s = []: expected at least one time".to_owned()) } else { Ok(forks) }
 }
 
 /// A list of the files as a value of TOML.

@@ -266,3 +266,47 @@ fn errors_of_variants_name_the_line() {
         assert!(error.contains(expected), "{head:?}: {error}");
     }
 }
+
+const FORKED: &str = "seeds = [1, 2]\ncompare = \"agents.controller\"\n\
+                      axes.\"agents.controller\" = [\"rbw\", \"lvd\"]\n[fork]\nat_s = [4.0, 6.0]";
+
+#[test]
+fn forks_are_the_same_run_up_to_their_time() {
+    let plan = parse(FORKED).unwrap();
+    let of_first: Vec<&PlannedRun> = plan.runs.iter().filter(|run| run.scenario.seed == 1).collect();
+    let labels: Vec<_> = of_first
+        .iter()
+        .map(|run| (run.axes["agents.controller"].as_str(), run.axes.get(FORK).map(String::as_str)))
+        .collect();
+    // What changes nothing is one run for both times.
+    assert_eq!(labels, [("rbw", None), ("lvd", Some("4")), ("lvd", Some("6"))]);
+    let parent = &of_first[0].scenario;
+    assert!(parent.event.is_empty());
+    for (run, at_s) in of_first[1..].iter().zip([4.0, 6.0]) {
+        assert_eq!(run.scenario.initial_identity(), parent.initial_identity());
+        let [event] = &run.scenario.event[..] else { panic!("{:?}", run.scenario.event) };
+        assert_eq!((event.at_s, event.parent.as_ref(), &event.set["agents.controller"]), (at_s, None, &"lvd".into()));
+    }
+    let copy = Plan::parse("p.toml", &plan.text, Path::new(".")).unwrap();
+    assert_eq!(copy.runs, plan.runs);
+}
+
+#[test]
+fn forks_that_cannot_be_are_refused() {
+    for (head, expected) in [
+        (FORKED.replace("[4.0, 6.0]", "[4.01]"), "p.toml:5: fork.at_s = 4.01: expected a multiple of 0.02 s"),
+        (FORKED.replace("[4.0, 6.0]", "[]"), "p.toml:5: fork.at_s = []: expected at least one time"),
+        (FORKED.replace("[4.0, 6.0]", "[4.0, 4.0]"), "p.toml:5: fork.at_s: 4 is listed twice"),
+        (
+            FORKED.replace("compare = \"agents.controller\"\n", ""),
+            "p.toml:4: fork: expected `compare` or `[[variant]]`",
+        ),
+        (
+            FORKED.replace("agents.controller", "agents.count").replace("[\"rbw\", \"lvd\"]", "[2, 3]"),
+            "agents.count cannot change during a run: the team is the one of the past",
+        ),
+    ] {
+        let error = refused(&head);
+        assert!(error.contains(expected), "{head}: {error}");
+    }
+}

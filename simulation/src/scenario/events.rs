@@ -294,9 +294,9 @@ impl Scenario {
     }
 
     /// The scenario of a fork of this one: `changes` hold from the tick `at` on, before which the
-    /// run is the same. `parent` is the last digest of the recording that is forked. A change of
-    /// `event` adds events. Changes that change nothing are left out, so that a fork without any
-    /// has the scenario of its parent.
+    /// run is the same. `parent` is the last digest of the recording that is forked; empty if there
+    /// is none. A change of `event` adds events. Changes that change nothing are left out, so that a
+    /// fork without any has the scenario of its parent.
     ///
     /// # Errors
     /// If a key may not change, or a value is not legal; names the flag.
@@ -326,7 +326,7 @@ impl Scenario {
         let mut forked = self.clone();
         if !set.is_empty() {
             let at_s = at.time_ns() as f64 / 1e9;
-            let parent = Some(parent.to_owned());
+            let parent = (!parent.is_empty()).then(|| parent.to_owned());
             added.insert(0, EventEntry { at_s, kind: EventKind::Set, agent: None, set, parent });
         }
         forked.event.extend(added);
