@@ -7,7 +7,7 @@ mod memory;
 mod parts;
 mod ros;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -15,11 +15,13 @@ use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use sim_server::setup::SetupError;
 use supervisor::{SupervisorError, outside};
 use thiserror::Error;
 
 use crate::keep::{self, Keep};
 use crate::merge::is_same_run;
+use crate::oracle;
 use crate::plan::{BUILD, Plan, PlannedRun};
 use crate::rows::{Made, RunRecord, RunRow, StoredRun};
 use crate::statistics::StatisticsError;
@@ -104,6 +106,9 @@ pub enum ExecuteError {
     /// A run that was executed again differs from its record.
     #[error("run {id}: executed again it has other metrics than its record: was a file changed?")]
     OtherOutcome { id: String },
+    /// The world of a run cannot be made for the oracle.
+    #[error(transparent)]
+    Oracle(#[from] SetupError),
     /// A record has a metric that is not finite.
     #[error("the runs have an invalid metric: {0}")]
     Statistics(#[from] StatisticsError),
@@ -230,6 +235,9 @@ pub fn execute_selected(
     }
     observer.ended();
     executed?;
+    if plan.oracle && !stop.soon.load(Ordering::Relaxed) {
+        oracles(&store, &mine, options, stop)?;
+    }
     // Thousands of parts would each read all runs. The part that ends last sees that all are done.
     let is_whole = options.part == Part::WHOLE;
     if is_whole || store.done()?.len() == plan.runs.len() {
@@ -281,6 +289,40 @@ fn batch(
             }
         }
         Ok(())
+    })
+}
+
+/// Adds the oracle to the records of these runs that lack it. Runs that differ in their controllers
+/// alone have the same one, which is computed once.
+fn oracles(store: &Store, mine: &[&PlannedRun], options: &Options, stop: &Stop) -> Result<(), ExecuteError> {
+    let mut worlds: BTreeMap<String, Vec<(&PlannedRun, StoredRun)>> = BTreeMap::new();
+    for run in mine {
+        if let Some(stored) = store.run(&run.id)?.filter(|stored| stored.row.oracle.is_none()) {
+            worlds.entry(oracle::world(&run.scenario)).or_default().push((run, stored));
+        }
+    }
+    let worlds: Vec<_> = worlds.into_values().collect();
+    let next = AtomicUsize::new(0);
+    let workers = options.jobs.get().min(worlds.len());
+    thread::scope(|scope| {
+        let work = || -> Result<(), ExecuteError> {
+            while !stop.soon.load(Ordering::Relaxed)
+                && let Some(runs) = worlds.get(next.fetch_add(1, Ordering::Relaxed))
+            {
+                let Some((run, _)) = runs.first() else { continue };
+                let row = oracle::of(&run.scenario)?;
+                for (_, stored) in runs {
+                    let mut stored = stored.clone();
+                    stored.row.oracle = Some(row);
+                    store.save_run(&stored)?;
+                }
+            }
+            Ok(())
+        };
+        let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
+        let ended =
+            workers.into_iter().map(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        ended.collect()
     })
 }
 

@@ -7,6 +7,8 @@
 //!   each into [`rows`], [`store`] keeps these in a folder, [`keep`] decides which recordings stay,
 //!   and [`tables`] writes CSV and Parquet. [`merge`] joins folders, [`cluster`] writes job files
 //!   for clusters.
+//! - What is possible: [`oracle`] bounds the times of all runs from below, and flies a plan with the
+//!   map known in advance.
 //! - Evaluation: [`statistics`] over many runs, and a [`report`] of figures and tables.
 //! - Comparison of recordings: [`diff`] finds the first difference of two, and [`faults`] injects
 //!   faults into runs and compares each with the undisturbed one; [`simulated`] does so with a
@@ -25,6 +27,7 @@ pub mod in_process;
 pub mod keep;
 pub mod measure;
 pub mod merge;
+pub mod oracle;
 pub mod plan;
 mod processes;
 pub mod report;

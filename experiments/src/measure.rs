@@ -76,6 +76,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         search_failures: counters.of("failed_searches"),
         refusals: counters.refusals(),
         digest: Digest(result.digest).to_string(),
+        oracle: None,
         wall,
     };
     RunRecord { row, series }

@@ -72,10 +72,11 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     Ok(all.len())
 }
 
-/// Whether two records are equal except for wall time.
+/// Whether two records are equal except for wall time and the oracle, which one of them may lack.
 #[must_use]
 pub fn is_same_run(one: &RunRecord, other: &RunRecord) -> bool {
     let mut like = other.clone();
     like.row.wall = one.row.wall.clone();
+    like.row.oracle = one.row.oracle;
     *one == like
 }

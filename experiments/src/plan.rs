@@ -135,6 +135,8 @@ pub struct Plan {
     pub axes: Vec<Axis>,
     /// In the order of the file.
     pub seeds: Vec<u64>,
+    /// Whether the records say how fast a team with the map in hand could be ([`crate::oracle`]).
+    pub oracle: bool,
     /// In the order of execution.
     pub runs: Vec<PlannedRun>,
 }
@@ -209,11 +211,11 @@ impl Plan {
                 runs.extend(of_block);
             }
         }
-        let read::Draft { text, compare, variants, axes, seeds, folder: copies, .. } = draft;
+        let read::Draft { text, compare, variants, axes, seeds, oracle, folder: copies, .. } = draft;
         let is_copy = copies.is_some();
         let inputs = files.into_inputs(copies);
         let text = if is_copy { text } else { inputs.line() + &text };
-        Ok(Self { text, inputs, compare, variants, axes, seeds, runs })
+        Ok(Self { text, inputs, compare, variants, axes, seeds, oracle, runs })
     }
 }
 

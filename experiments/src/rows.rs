@@ -135,7 +135,30 @@ pub struct RunRow {
     /// Number of messages of agents that the server has refused.
     pub refusals: u64,
     pub digest: String,
+    /// Present if the plan asks for it. Like the other metrics it is a function of the run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub oracle: Option<OracleRow>,
     pub wall: WallRow,
+}
+
+/// Sim times at which the team had seen so many per cent of the free cells, s; `None` if it never
+/// had.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Marks {
+    pub t90_s: Option<f64>,
+    pub t99_s: Option<f64>,
+    pub t100_s: Option<f64>,
+}
+
+/// How fast a team with the map in hand could be. See [`crate::oracle`].
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OracleRow {
+    /// No team is faster.
+    pub bound: Marks,
+    /// A plan that was flown.
+    pub flown: Marks,
 }
 
 /// Figures of wall time, which differ between repetitions.

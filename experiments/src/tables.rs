@@ -15,7 +15,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
-use crate::rows::{RunRecord, Sample};
+use crate::rows::{OracleRow, RunRecord, Sample};
 
 /// A table, column by column. A missing value is an empty field in CSV and null in Parquet.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -103,6 +103,20 @@ pub fn runs(records: &[RunRecord]) -> Table {
     table.whole("search_failures", |record| record.row.search_failures);
     table.whole("refusals", |record| record.row.refusals);
     table.text("digest", |record| record.row.digest.clone());
+    if records.iter().any(|record| record.row.oracle.is_some()) {
+        type Of = fn(&OracleRow) -> Option<f64>;
+        let columns: [(&str, Of); 6] = [
+            ("oracle_t90_s", |oracle| oracle.flown.t90_s),
+            ("oracle_t99_s", |oracle| oracle.flown.t99_s),
+            ("oracle_t100_s", |oracle| oracle.flown.t100_s),
+            ("bound_t90_s", |oracle| oracle.bound.t90_s),
+            ("bound_t99_s", |oracle| oracle.bound.t99_s),
+            ("bound_t100_s", |oracle| oracle.bound.t100_s),
+        ];
+        for (name, of) in columns {
+            table.some_number(name, move |record| record.row.oracle.as_ref().and_then(of));
+        }
+    }
     table.number("wall_s", |record| record.row.wall.wall_s);
     table.number("wall_real_time_factor", |record| record.row.wall.real_time_factor);
     table.some_number("wall_decision_p50_us", |record| record.row.wall.decision_p50_us);

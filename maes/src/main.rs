@@ -8,6 +8,7 @@ mod controllers;
 mod faults;
 mod map;
 mod movie;
+mod oracle;
 mod output;
 mod plans;
 mod progress;
@@ -30,6 +31,7 @@ use experiments::plan::BUILD;
 use faults::FaultsArgs;
 use map::{MapCliError, MapCommand};
 use movie::MovieArgs;
+use oracle::OracleArgs;
 use plans::{BatchArgs, MergeArgs, ReportArgs};
 use recordings::{DiffArgs, InfoArgs, ReplayArgs, SnapshotArgs, VerifyArgs};
 use run::RunArgs;
@@ -76,6 +78,8 @@ enum Command {
     Map(MapCommand),
     /// Print a scenario with all its keys, or one of them
     Scenario(ScenarioArgs),
+    /// Say how fast a team could be that knows the map in advance, and what no team can beat
+    Oracle(OracleArgs),
     /// Disturb runs over ROS 2 with seeded faults, and compare each with the undisturbed run
     Faults(Box<FaultsArgs>),
     /// Print a completion script for a shell, for example `maes completions bash`
@@ -118,6 +122,7 @@ fn main() -> ExitCode {
         Command::Movie(args) => movie::make(&args),
         Command::Map(command) => map::run(command).map(|()| ExitCode::SUCCESS).map_err(Into::into),
         Command::Scenario(args) => scenario::print(&args),
+        Command::Oracle(args) => oracle::print(&args),
         Command::Faults(args) => faults::faults(&args),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Cli::command(), "maes", &mut std::io::stdout());

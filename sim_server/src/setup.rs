@@ -376,16 +376,23 @@ fn map_error(scenario: &Scenario) -> impl Fn(MapError) -> SetupError {
     }
 }
 
-fn params(scenario: &Scenario) -> WorldParams {
+/// The LiDAR of every agent of a scenario.
+#[must_use]
+pub fn scanner(scenario: &Scenario) -> Scanner {
     let lidar = &scenario.lidar;
     let pattern = match lidar.pattern {
         LidarPattern::Lattice => Pattern::Lattice { rays: lidar.rays },
         LidarPattern::Shell => Pattern::Shell { radius_cells: lidar.shell_radius_cells },
     };
+    Scanner::new(pattern, lidar.range_m, lidar.fov_rad)
+}
+
+fn params(scenario: &Scenario) -> WorldParams {
+    let lidar = &scenario.lidar;
     WorldParams {
         body: scenario.body,
         other_bodies: scenario.other_bodies(),
-        scanner: Scanner::new(pattern, lidar.range_m, lidar.fov_rad),
+        scanner: scanner(scenario),
         schedule: match lidar.schedule {
             LidarSchedule::OnRequest => ScanSchedule::OnRequest { period_ticks: lidar.period_ticks },
             LidarSchedule::Maes3d => ScanSchedule::TakeTurns,

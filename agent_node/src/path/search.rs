@@ -284,7 +284,21 @@ pub fn find(graph: Graph<'_>, scratch: &mut Scratch, start: Cell, goal: Goal<'_>
 /// if a goal is unreachable.
 #[must_use]
 pub fn distances(graph: Graph<'_>, scratch: &mut Scratch, start: Cell, goals: &[Cell]) -> Vec<Option<u64>> {
+    nearest_distances(graph, scratch, start, goals, usize::MAX)
+}
+
+/// As [`distances`], but ends with the `count` nearest goals, ties by index. The others have `None`.
+#[must_use]
+pub fn nearest_distances(
+    graph: Graph<'_>,
+    scratch: &mut Scratch,
+    start: Cell,
+    goals: &[Cell],
+    count: usize,
+) -> Vec<Option<u64>> {
     let mut search = Search::new(graph, scratch, start, Goal::AnyOf(goals));
+    // Several goals have no heuristic, so they come in the order of their costs.
+    search.goals = search.goals.min(count);
     while search.goals > 0
         && let Some((cell, index)) = search.next()
     {

@@ -48,6 +48,8 @@ pub(super) struct Draft {
     pub(super) seeds: Vec<u64>,
     /// When what is compared begins to differ; empty: at the start.
     pub(super) forks: Vec<Fork>,
+    /// See [`super::Plan::oracle`].
+    pub(super) oracle: bool,
 }
 
 /// A time from which on what is compared differs.
@@ -103,6 +105,8 @@ struct PlanFile {
     maps: Option<Spanned<toml::Value>>,
     #[serde(default)]
     fork: Option<ForkTable>,
+    #[serde(default)]
+    oracle: bool,
     /// For the report.
     #[expect(dead_code, reason = "read for its type")]
     #[serde(default)]
@@ -227,6 +231,7 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
         maps_line,
         seeds,
         forks,
+        oracle: plan.oracle,
     })
 }
 

@@ -33,6 +33,7 @@ fn outcome(run: &RunRecord) -> RunRecord {
     let row = &mut outcome.row;
     (row.id, row.digest, row.seed) = (String::new(), String::new(), 0);
     row.axes.clear();
+    row.oracle = None;
     row.wall = crate::rows::WallRow {
         wall_s: 0.0,
         real_time_factor: 0.0,

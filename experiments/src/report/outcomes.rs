@@ -9,15 +9,70 @@ use super::metrics::{
 };
 use super::study::{Condition, Study};
 use super::table::{Entry, Table, digits_for, mean_entry};
-use crate::rows::RunRecord;
-use crate::statistics::StatisticsError;
+use crate::rows::{Marks, OracleRow, RunRecord, RunRow};
+use crate::statistics::{StatisticsError, mean};
 
 /// Decimals of shares in per cent and of minutes.
 const DIGITS: usize = 1;
 
 /// All tables except the pairwise comparisons.
 pub(super) fn tables(study: &Study) -> Result<Vec<Table>, StatisticsError> {
-    Ok(vec![outcome(study)?, times(study)?, effort(study)?, communication(study)?, endings(study)])
+    let mut tables = vec![outcome(study)?, times(study)?];
+    tables.extend(oracle(study)?);
+    tables.extend([effort(study)?, communication(study)?, endings(study)]);
+    Ok(tables)
+}
+
+/// How far from possible: only if the plan has asked for it.
+fn oracle(study: &Study) -> Result<Option<Table>, StatisticsError> {
+    type Of = fn(&Marks) -> Option<f64>;
+    type Reached = fn(&RunRow) -> Option<f64>;
+    const MARKS: [(&str, Of, Reached); 3] = [
+        ("90", |marks| marks.t90_s, |row| row.t90_s),
+        ("99", |marks| marks.t99_s, |row| row.t99_s),
+        ("100", |marks| marks.t100_s, |row| row.t100_s),
+    ];
+    if study.runs.iter().all(|run| run.row.oracle.is_none()) {
+        return Ok(None);
+    }
+    let unit = TimeUnit::of(&study.runs);
+    let mut columns = cell_columns(study);
+    for (percent, ..) in MARKS {
+        columns.push(column(&format!("times the oracle, {percent} %"), &format!("times_oracle_{percent}")));
+        columns.push(column(&format!("runs that reach {percent} %"), &format!("reached_{percent}")));
+        let key = format!("oracle_{percent}_{}", unit.symbol);
+        columns.push(column(&format!("oracle, {percent} % ({})", unit.symbol), &key));
+        let key = format!("bound_{percent}_{}", unit.symbol);
+        columns.push(column(&format!("no team before, {percent} % ({})", unit.symbol), &key));
+    }
+    let rows = rows(study, |runs| {
+        let mut row = Vec::new();
+        for (_, mark, reached) in MARKS {
+            let with = |of: &dyn Fn(&RunRow, &OracleRow) -> Option<f64>| -> Vec<f64> {
+                runs.iter().filter_map(|run| of(&run.row, run.row.oracle.as_ref()?)).collect()
+            };
+            let estimate = |values: Vec<f64>| -> Result<Option<Estimate>, StatisticsError> {
+                if values.is_empty() { Ok(None) } else { Ok(Some(Estimate::of(&values, RESAMPLES)?)) }
+            };
+            let ratios = with(&|row, oracle| {
+                let flown_s = mark(&oracle.flown).filter(|time_s| *time_s > 0.0)?;
+                Some(reached(row).unwrap_or(row.duration_s) / flown_s)
+            });
+            row.push(Entry::Mean(estimate(ratios)?, 2));
+            row.push(Entry::Share(runs.iter().filter(|run| reached(&run.row).is_some()).count(), runs.len()));
+            let flown = estimate(with(&|_, oracle| mark(&oracle.flown)))?;
+            row.push(Entry::Mean(flown.map(|flown| flown.in_unit(unit)), DIGITS));
+            let bound = with(&|_, oracle| mark(&oracle.bound));
+            let bound = if bound.is_empty() { None } else { Some(mean(&bound)? / unit.seconds) };
+            row.push(Entry::Number(bound, DIGITS));
+        }
+        Ok(row)
+    })?;
+    let caption = "How far from possible: time of a run over that of the oracle on the same map, mean [95 % CI]. The \
+                   oracle is a plan that was flown by the same bodies with the map known in advance; it is no optimum. \
+                   A run that does not reach a share counts with the duration, so its ratio is at least that large. \
+                   The last column of each share is the mean of a lower bound: no team sees as much before.";
+    Ok(Some(Table { name: "oracle", caption: caption.to_owned(), columns, rows }))
 }
 
 fn outcome(study: &Study) -> Result<Table, StatisticsError> {

@@ -103,6 +103,14 @@ impl Scanner {
         self.rays
     }
 
+    /// The greatest length of a ray, metres, with cells of this length.
+    pub fn greatest_range_m(&self, cell_m: f64) -> f64 {
+        match self.pattern {
+            Pattern::Lattice { .. } => self.range_m,
+            Pattern::Shell { radius_cells } => f64::from(radius_cells) * cell_m,
+        }
+    }
+
     /// Whether scans from two poses see the same. The heading matters only with a limited field of
     /// view.
     pub fn sees_the_same(&self, a: &Pose, b: &Pose) -> bool {
