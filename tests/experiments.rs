@@ -182,3 +182,23 @@ fn kept_recordings_are_those_of_the_rows_and_verify() {
     let page = fs::read_to_string(site.path("failures/report/report.html")).expect("the report has a page");
     assert!(failures.iter().all(|row| page.contains(&format!("recordings/{}.mcap", row[0]))));
 }
+
+#[test]
+fn results_of_a_benchmark_are_verified_by_others() {
+    let site = Site::new();
+    let bench = ["bench", "exploration-1", "--controller", "nearest-frontier", "--world", "station", "--seeds", "1"];
+    let done = experiments(&site, &[&bench[..], &["--out", "out"]].concat()).ended().with_code(0);
+    assert!(done.stdout.contains("| station | lossy |") && done.stdout.contains("score of a part"), "{done}");
+    let file = "out/exploration-1.json";
+    let verified = experiments(&site, &["bench", "verify", file, "--draw", "3"]).ended().with_code(0);
+    assert!(verified.stdout.contains("1 of 10 runs executed again, all as in the file"), "{verified}");
+    let text = fs::read_to_string(site.path(file)).expect("the result file");
+    let place = text.find("\"score\": ").expect("a score") + "\"score\": ".len();
+    let forged = format!("{}1{}", &text[..place], &text[place..]);
+    site.file("forged.json", forged);
+    let refused = experiments(&site, &["bench", "verify", "forged.json", "--draw", "3"]).ended().with_code(1);
+    assert!(refused.stdout.contains("differs: score"), "{refused}");
+    let unknown = experiments(&site, &["bench", "exploration-1", "--controller", "x", "--out", "none"]).ended();
+    let unknown = unknown.with_code(2);
+    assert!(unknown.stderr.contains("agents.controller"), "{unknown}");
+}

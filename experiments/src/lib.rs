@@ -9,6 +9,7 @@
 //!   for clusters.
 //! - What is possible: [`oracle`] bounds the times of all runs from below, and flies a plan with the
 //!   map known in advance.
+//! - A [`benchmark`] is fixed plans with one number for each track, whose results can be verified.
 //! - Evaluation: [`statistics`] over many runs, and a [`report`] of figures and tables.
 //! - Comparison of recordings: [`diff`] finds the first difference of two, and [`faults`] injects
 //!   faults into runs and compares each with the undisturbed one; [`simulated`] does so with a
@@ -18,6 +19,7 @@
 //!
 //! The library prints nothing and parses no command line: `maes` does both.
 
+pub mod benchmark;
 pub mod cluster;
 pub mod diff;
 pub mod execute;

@@ -4,6 +4,7 @@
 //! starts `sim_server` and `agent_node`, which lie beside it. Where they do not, as after
 //! `cargo install`, `maes sim_server` and `maes agent_node` are the same programs.
 
+mod bench;
 mod controllers;
 mod faults;
 mod map;
@@ -24,6 +25,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context;
+use bench::BenchCommand;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use experiments::in_process::InProcessError;
@@ -59,6 +61,9 @@ enum Command {
     Merge(MergeArgs),
     /// Make figures, tables and a page from the runs of a folder
     Report(ReportArgs),
+    /// Execute a benchmark that can be cited, or verify the results of somebody
+    #[command(subcommand)]
+    Bench(BenchCommand),
     /// Show a recording or a run in a browser, or let runs be started there
     View(Box<ViewArgs>),
     /// Play a recording on its ROS 2 topics
@@ -113,6 +118,7 @@ fn main() -> ExitCode {
         Command::Batch(args) => plans::batch(&args),
         Command::Merge(args) => plans::merge(&args),
         Command::Report(args) => plans::report(&args),
+        Command::Bench(command) => bench::run(&command),
         Command::View(args) => view::view(*args, given),
         Command::Replay(args) => recordings::replay(&args),
         Command::Verify(args) => recordings::verify(&args),

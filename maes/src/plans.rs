@@ -4,12 +4,12 @@ use std::collections::BTreeSet;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::thread;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
+use experiments::benchmark::BenchmarkError;
 use experiments::cluster::{self, EmitError, Job, Scheduler};
 use experiments::execute::{self, ExecuteError, Launcher, Options, Part, Selection, Stop, Summary, Transport};
 use experiments::faults::FaultsError;
@@ -223,6 +223,7 @@ fn part(text: &str) -> Result<Part, String> {
 /// Whether an error is a failure of the system, and not bad input.
 pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
     matches!(error.downcast_ref::<ExecuteError>(), Some(ExecuteError::Store(_)))
+        || matches!(error.downcast_ref::<BenchmarkError>(), Some(BenchmarkError::Store(_)))
         || matches!(error.downcast_ref::<EmitError>(), Some(EmitError::Store(_)))
         || error.downcast_ref::<StoreError>().is_some()
         || matches!(error.downcast_ref::<FaultsError>(), Some(FaultsError::Write { .. }))
@@ -247,24 +248,10 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
     }
     let jobs = args.jobs.unwrap_or(jobs);
     let options = Options { jobs, transport, part: args.part.unwrap_or(Part::WHOLE), prune: args.prune };
-    let stop = Arc::new(Stop::default());
-    let mut signals = Signals::new([SIGINT, SIGTERM]).context("handling signals")?;
-    let handle = signals.handle();
-    let summary = thread::scope(|scope| {
-        scope.spawn(|| {
-            for _ in signals.forever() {
-                if stop.soon.swap(true, Ordering::Relaxed) {
-                    stop.at_once.store(true, Ordering::Relaxed);
-                } else {
-                    say("ending after the runs under way; once more to give them up");
-                }
-            }
-        });
-        let selection = Selection { only: args.run.iter().cloned().collect::<BTreeSet<_>>(), keep: args.keep.into() };
+    let selection = Selection { only: args.run.iter().cloned().collect::<BTreeSet<_>>(), keep: args.keep.into() };
+    let summary = interruptible(|stop| {
         let mut display = ProgressDisplay::default();
-        let summary = execute::execute_selected(&plan, args.out.clone(), &options, &selection, &mut display, &stop);
-        handle.close();
-        summary
+        Ok(execute::execute_selected(&plan, args.out.clone(), &options, &selection, &mut display, stop)?)
     })?;
     let Summary { skipped, done, recorded, failed, left } = summary;
     let recorded = if recorded > 0 { format!(", {recorded} executed again and recorded") } else { String::new() };
@@ -279,6 +266,27 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
         Summary { left: 1.., .. } => ExitCode::from(exit::BY_SIGNAL),
         Summary { failed: 1.., .. } => ExitCode::from(exit::FAILED),
         _ => ExitCode::SUCCESS,
+    })
+}
+
+/// Executes something that a first Ctrl-C ends after the runs under way, and a second one at once.
+pub(crate) fn interruptible<T>(execute: impl FnOnce(&Stop) -> anyhow::Result<T>) -> anyhow::Result<T> {
+    let stop = Stop::default();
+    let mut signals = Signals::new([SIGINT, SIGTERM]).context("handling signals")?;
+    let handle = signals.handle();
+    thread::scope(|scope| {
+        scope.spawn(|| {
+            for _ in signals.forever() {
+                if stop.soon.swap(true, Ordering::Relaxed) {
+                    stop.at_once.store(true, Ordering::Relaxed);
+                } else {
+                    say("ending after the runs under way; once more to give them up");
+                }
+            }
+        });
+        let executed = execute(&stop);
+        handle.close();
+        executed
     })
 }
 

@@ -1,0 +1,175 @@
+//! `maes bench`: benchmarks that can be cited, and the verification of their results.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZero;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::thread;
+
+use anyhow::{Context, anyhow, bail};
+use clap::{Args, Subcommand};
+use experiments::benchmark::{self, Entry, RESULT_FILE, SEEDS, Scope};
+use experiments::execute::{Launcher, Options, Part, Transport};
+use sim_server::exit;
+use supervisor::binaries;
+
+use crate::output::{print, say};
+use crate::plans::interruptible;
+use crate::progress::ProgressDisplay;
+
+/// The benchmarks.
+#[derive(Debug, Subcommand)]
+pub(crate) enum BenchCommand {
+    /// Explore caves of three sizes, passages, a building and an imported station with 1 to 20
+    /// agents, over perfect and lossy radios, on 30 seeds
+    #[command(name = benchmark::EXPLORATION_1)]
+    Exploration1(ExplorationArgs),
+    /// Check a result file: execute a random tenth of its runs again, and compare the digests
+    Verify(VerifyArgs),
+}
+
+/// Arguments of `bench exploration-1`.
+#[derive(Debug, Args)]
+pub(crate) struct ExplorationArgs {
+    /// The folder for the runs and the result file; runs that are there already are skipped
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// The controller
+    #[arg(long, value_name = "NAME")]
+    controller: String,
+    /// A setting of the controller, and others in the same way
+    #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
+    set: Vec<(String, toml::Value)>,
+    /// The program with the controller, and its arguments, one flag for each word; runs over ROS 2
+    #[arg(long, value_name = "WORD", allow_hyphen_values = true)]
+    command: Vec<String>,
+    /// Make the seeds from this phrase instead of the public ones
+    #[arg(long, value_name = "TEXT", conflicts_with = "seeds")]
+    phrase: Option<String>,
+    /// Only the first N public seeds; no whole result
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=SEEDS as u64))]
+    seeds: Option<u64>,
+    /// Only this world, and others in the same way; no whole result
+    #[arg(long, value_name = "NAME")]
+    world: Vec<String>,
+    /// Runs in parallel [default: one for each core; over ROS 2: 1]
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZero<usize>>,
+}
+
+/// Arguments of `bench verify`.
+#[derive(Debug, Args)]
+pub(crate) struct VerifyArgs {
+    /// The result file (.json)
+    file: PathBuf,
+    /// The draw of the tenth [default: at random]
+    #[arg(long, value_name = "N")]
+    draw: Option<u64>,
+    /// A file that the command of the results names, and others in the same way
+    #[arg(long, value_name = "FILE")]
+    program: Vec<PathBuf>,
+    /// Runs in parallel [default: one for each core; over ROS 2: 1]
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZero<usize>>,
+}
+
+fn setting(text: &str) -> Result<(String, toml::Value), String> {
+    let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE, such as horizon_m=20")?;
+    let table: Result<toml::Table, _> = toml::from_str(&format!("value = {value}"));
+    // A word needs no quotes.
+    let value = table.ok().and_then(|mut table| table.remove("value")).unwrap_or_else(|| value.into());
+    Ok((key.to_owned(), value))
+}
+
+/// Executes a benchmark, or verifies results.
+pub(crate) fn run(command: &BenchCommand) -> anyhow::Result<ExitCode> {
+    match command {
+        BenchCommand::Exploration1(args) => explore(args),
+        BenchCommand::Verify(args) => verify(args),
+    }
+}
+
+fn explore(args: &ExplorationArgs) -> anyhow::Result<ExitCode> {
+    let paths = args.command.iter().filter(|word| word.contains('/')).map(PathBuf::from);
+    let entry = Entry {
+        controller: args.controller.clone(),
+        set: args.set.iter().cloned().collect::<BTreeMap<_, _>>(),
+        command: args.command.iter().map(|word| local(word)).collect(),
+        files: files(paths)?,
+    };
+    let mut scope = args.phrase.as_deref().map_or_else(Scope::public, Scope::held_out);
+    if let Some(seeds) = args.seeds {
+        scope.seeds = (1..=seeds).collect();
+    }
+    if let Some(unknown) = args.world.iter().find(|name| benchmark::worlds().all(|world| world != **name)) {
+        bail!("--world {unknown}: expected one of {}", benchmark::worlds().collect::<Vec<_>>().join(", "));
+    }
+    if !args.world.is_empty() {
+        scope.worlds = args.world.iter().cloned().collect::<BTreeSet<_>>();
+    }
+    let options = options(args.jobs, &entry)?;
+    let executed = interruptible(|stop| {
+        let mut display = ProgressDisplay::default();
+        Ok(benchmark::execute(&entry, &scope, &args.out, &options, &mut display, stop)?)
+    })?;
+    let Some(results) = executed.results else {
+        say(&format!(
+            "{} runs failed, {} left; the same command continues",
+            executed.summary.failed, executed.summary.left
+        ));
+        return Ok(ExitCode::from(if executed.summary.left > 0 { exit::BY_SIGNAL } else { exit::FAILED }));
+    };
+    print(benchmark::table(&results).trim_end());
+    let part = if results.is_whole { "" } else { " of a part of the benchmark" };
+    print(&format!("score{part}: {:.2}; build {}", results.score, results.build));
+    print(&format!("{}", args.out.join(RESULT_FILE).display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+fn verify(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
+    let mut results = benchmark::read(&args.file)?;
+    results.entry.files = files(args.program.iter().cloned())?;
+    let draw = match args.draw {
+        Some(draw) => draw,
+        None => u64::from(getrandom::u32().map_err(|error| anyhow!("drawing runs: {error}"))?),
+    };
+    let options = options(args.jobs, &results.entry)?;
+    let folder = tempfile::tempdir().context("a folder for the runs")?;
+    let verified = interruptible(|stop| {
+        let mut display = ProgressDisplay::default();
+        Ok(benchmark::verify(&results, draw, folder.path(), &options, &mut display, stop)?)
+    })?;
+    verified.differences.iter().for_each(|difference| print(&format!("differs: {difference}")));
+    let count = verified.runs;
+    let verdict = if verified.differences.is_empty() { "all as in the file" } else { "not as in the file" };
+    print(&format!(
+        "{count} of {} runs executed again, {verdict}; --draw {draw} draws the same ones",
+        results.runs.len()
+    ));
+    Ok(ExitCode::from(if verified.differences.is_empty() { 0 } else { exit::FAILED }))
+}
+
+/// A word of a command as the results have it: a file lies in the folder of the runs.
+fn local(word: &str) -> String {
+    word.rsplit_once('/').map_or_else(|| word.to_owned(), |(_, name)| format!("./{name}"))
+}
+
+/// Files by name.
+fn files(paths: impl Iterator<Item = PathBuf>) -> anyhow::Result<BTreeMap<String, PathBuf>> {
+    let named = |path: PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str()).map(str::to_owned);
+        name.map(|name| (name, path.clone())).ok_or_else(|| anyhow!("{}: expected the path of a file", path.display()))
+    };
+    paths.map(named).collect()
+}
+
+fn options(jobs: Option<NonZero<usize>>, entry: &Entry) -> anyhow::Result<Options> {
+    let cores = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+    let (transport, usual) = if entry.command.is_empty() {
+        (Transport::Memory, cores)
+    } else {
+        let launcher = Launcher { binaries: binaries::folder()?, first_domain: 1 };
+        (Transport::Ros2(launcher), NonZero::<usize>::MIN)
+    };
+    Ok(Options { jobs: jobs.unwrap_or(usual), transport, part: Part::WHOLE, prune: false })
+}
