@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::num::NonZero;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::thread;
@@ -52,6 +52,9 @@ pub(crate) struct BatchArgs {
     /// Which recordings to keep, in the folder `recordings`
     #[arg(long, value_enum, value_name = "WHICH", default_value_t = KeepName::None)]
     keep: KeepName,
+    /// Make the report as well once all runs are done, as `maes report` does
+    #[arg(long, conflicts_with_all = ["emit", "part", "run"])]
+    report: bool,
     /// Run nothing; write a job into the folder that runs the plan on a cluster
     #[arg(long, value_enum, value_name = "SYSTEM")]
     emit: Option<SchedulerName>,
@@ -262,6 +265,9 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
     if options.part == Part::WHOLE {
         print(&format!("{}", args.out.join("runs.csv").display()));
     }
+    if args.report && failed + left == 0 {
+        write_report(&args.out, &Heading::default())?;
+    }
     Ok(match summary {
         Summary { left: 1.., .. } => ExitCode::from(exit::BY_SIGNAL),
         Summary { failed: 1.., .. } => ExitCode::from(exit::FAILED),
@@ -304,14 +310,19 @@ pub(crate) fn merge(args: &MergeArgs) -> anyhow::Result<ExitCode> {
 /// Makes the report of a folder, and its tables of all runs.
 pub(crate) fn report(args: &ReportArgs) -> anyhow::Result<ExitCode> {
     let heading = Heading { title: args.title.clone(), date: args.date.clone() };
-    let Written { page, runs, lacking, warnings, verdicts } = report::write_with(&args.folder, &heading)?;
-    Store::open(&args.folder)?.write_tables()?;
+    write_report(&args.folder, &heading)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn write_report(folder: &Path, heading: &Heading) -> anyhow::Result<()> {
+    let Written { page, runs, lacking, warnings, verdicts } = report::write_with(folder, heading)?;
+    Store::open(folder)?.write_tables()?;
     let lacking = if lacking > 0 { format!(", {lacking} lacking for a whole comparison") } else { String::new() };
     print(&format!("{runs} runs{lacking}"));
     verdicts.iter().for_each(|verdict| print(verdict));
     warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     print(&format!("{}", page.display()));
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 #[cfg(test)]
