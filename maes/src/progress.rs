@@ -41,6 +41,8 @@ impl PlanObserver for ProgressDisplay {
         self.runs = runs.len();
         self.ended = runs.len() - pending.len();
         self.pending_cost = pending.iter().map(|run| run.cost).sum();
+        // A benchmark executes several plans in turn.
+        (self.done_cost, self.sim_s) = (0, 0.0);
         if self.ended > 0 {
             self.print(&format!("{} of {} runs are done already", self.ended, self.runs));
         }
@@ -129,7 +131,27 @@ fn now() -> Instant {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use experiments::plan::Plan;
+
     use super::*;
+
+    #[test]
+    fn every_plan_counts_from_the_start() {
+        let text = "seeds = \"1..4\"\nscenario = { duration_s = 9.0, map = { kind = \"spheres\", size = 20 }, agents = { count = 1 } }";
+        let plan = Plan::parse("p.toml", text, Path::new("")).unwrap();
+        let runs: Vec<&PlannedRun> = plan.runs.iter().collect();
+        let mut display = ProgressDisplay::default();
+        display.started(&runs, &runs);
+        runs.iter().for_each(|run| display.failed(run, "of a plan before"));
+        display.ended();
+        // Three runs are there, so the cost of one is left.
+        display.started(&runs, &runs[..1]);
+        assert_eq!((display.ended, display.pending_cost, display.done_cost), (3, runs[0].cost, 0));
+        display.failed(runs[0], "in this plan");
+        assert!(display.state().ends_with("0:00 left"), "{}", display.state());
+    }
 
     #[test]
     fn clock_has_hours_only_if_needed() {
