@@ -24,7 +24,7 @@ use agent_node::path::{
 use msgs::ids::{AgentId, Tick};
 use msgs::scan_request::ScanRequest;
 use nalgebra::Point3;
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use simulation::workers::Workers;
 use simulation::world::Action;
 use simulation::world::World;
 use simulation::world::body::Motion;
@@ -92,10 +92,10 @@ struct Pilot {
 pub(super) fn fly(world: World, scanner: &Scanner, period_ticks: u32, end: Tick) -> Marks {
     let mut flight = Flight::new(world, scanner, period_ticks);
     flight.plan();
-    let threads = ThreadPoolBuilder::new().num_threads(1).build().expect("a pool of one thread");
+    let alone = Workers::new(1).expect("one thread is this one");
     let mut plans_left = PLANS_MAX;
     while flight.world.tick() < end {
-        if !flight.step(&threads) {
+        if !flight.step(&alone) {
             plans_left -= 1;
             if plans_left == 0 || flight.world.coverage().is_explored() || !flight.plan_rest() {
                 break;
@@ -216,8 +216,9 @@ impl<'a> Flight<'a> {
     }
 
     /// One tick. Returns whether there is anything left to see and to do.
-    fn step(&mut self, threads: &ThreadPool) -> bool {
-        self.world.look(threads);
+    fn step(&mut self, workers: &Workers) -> bool {
+        self.world.look(workers);
+        self.world.settle();
         if self.world.coverage().is_explored() {
             return false;
         }
