@@ -8,7 +8,7 @@ use crate::support::root;
 
 /// Members whose own features a build of the workspace enables, so that building them alone builds
 /// them again; and this one.
-const WITHOUT_UNIFIED_FEATURES: [&str; 2] = ["fuzz", "workspace_features"];
+const WITHOUT_UNIFIED_FEATURES: [&str; 3] = ["fuzz", "maes_python", "workspace_features"];
 
 /// Licences of packages that the page ships, beside those of `deny.toml`.
 const PAGE_LICENCES: [&str; 1] = ["0BSD"];
@@ -166,8 +166,10 @@ fn unified_members() -> Vec<String> {
     let manifest: toml::Table = manifest.parse().expect("a manifest is TOML");
     let folders = manifest["workspace"]["members"].as_array().expect("an array of members");
     let names = folders.iter().map(|folder| {
-        let folder = folder.as_str().expect("a path");
-        folder.rsplit('/').next().unwrap_or(folder).to_owned()
+        let manifest = root().join(folder.as_str().expect("a path")).join("Cargo.toml");
+        let manifest = std::fs::read_to_string(&manifest).expect("a member has a manifest");
+        let manifest: toml::Table = manifest.parse().expect("a manifest is TOML");
+        manifest["package"]["name"].as_str().expect("a name").to_owned()
     });
     names.filter(|name| !WITHOUT_UNIFIED_FEATURES.contains(&name.as_str())).collect()
 }

@@ -54,6 +54,8 @@ mod spawn_script;
 
 /// Programs of one's own, from outside the workspace, run agents in runs and plans.
 mod own_programs;
+/// The Python package: its tests, its types and its stubs.
+mod python_package;
 /// Plans on a real Slurm whose node is killed, and with GNU parallel.
 mod workload_managers;
 

@@ -24,7 +24,7 @@ use msgs::limits::{LIST_BYTES_MAX, PARCEL_BYTES_BARE, PARCEL_BYTES_MAX, POINT_BY
 use msgs::maes_msgs::{self, Observation as Part};
 
 use crate::command::{Command, Motion, Trigger};
-use crate::controllers::{Controller, ControllerError, Ctx};
+use crate::controllers::{Controller, ControllerError, Ctx, Failure};
 use crate::exploration_map::ExplorationMap;
 use crate::navigation::NavigationTask;
 use crate::observation::{Observation, RunInfo};
@@ -117,6 +117,11 @@ impl Agent {
     #[must_use]
     pub fn sharing(&self) -> &Sharing {
         &self.sharing
+    }
+
+    /// Why its controller cannot go on, after a call of [`Agent::take`] whose reply is void.
+    pub fn failure(&mut self) -> Option<Failure> {
+        self.controller.failure()
     }
 
     /// The last tick that was replied to.

@@ -25,6 +25,8 @@ mod suggestion;
 #[cfg(test)]
 pub(crate) mod testing;
 
+use std::fmt;
+
 use msgs::ids::AgentId;
 use rand_chacha::ChaCha8Rng;
 
@@ -50,14 +52,24 @@ pub trait Controller: Send {
     fn is_polled_between_triggers(&self) -> bool {
         false
     }
+
+    /// Why the last decision failed, if it did: then its command is not sent, and the agent ends.
+    ///
+    /// Controllers in Rust need it for nothing; those in other languages can raise errors.
+    fn failure(&mut self) -> Option<Failure> {
+        None
+    }
 }
+
+/// Why a controller cannot go on.
+pub type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Takes the settings of a controller and builds it for one agent, with the random stream of that
 /// agent.
-pub type Construct = fn(&mut Settings, ChaCha8Rng) -> Result<Box<dyn Controller>, SettingError>;
+pub type Construct =
+    &'static (dyn Fn(&mut Settings, ChaCha8Rng) -> Result<Box<dyn Controller>, SettingError> + Send + Sync);
 
 /// An entry of the registry.
-#[derive(Debug)]
 pub struct Registration {
     /// The name in scenario files, flags and results.
     pub name: &'static str,
@@ -75,55 +87,55 @@ pub const REGISTRY: &[Registration] = &[
         name: "rbw",
         description: "random ballistic walk: straight on, and off in a random direction at each obstacle",
         stream: "rbw",
-        construct: |settings, rng| Ok(Box::new(rbw::Rbw::new(settings, rng)?)),
+        construct: &|settings, rng| Ok(Box::new(rbw::Rbw::new(settings, rng)?)),
     },
     Registration {
         name: "rbw-maes3d",
         description: "random ballistic walk as coded in MAES3D",
         stream: "rbw-maes3d",
-        construct: |_, rng| Ok(Box::new(rbw_maes3d::RbwMaes3d::new(rng))),
+        construct: &|_, rng| Ok(Box::new(rbw_maes3d::RbwMaes3d::new(rng))),
     },
     Registration {
         name: "lvd",
         description: "local Voronoi decomposition: visits what is nearer to it than to the agents in contact",
         stream: "lvd",
-        construct: |settings, rng| Ok(Box::new(lvd::Lvd::new(settings, rng)?)),
+        construct: &|settings, rng| Ok(Box::new(lvd::Lvd::new(settings, rng)?)),
     },
     Registration {
         name: "lvd-maes3d",
         description: "local Voronoi decomposition as coded in MAES3D",
         stream: "lvd-maes3d",
-        construct: |_, _| Ok(Box::new(lvd_maes3d::LvdMaes3d::new())),
+        construct: &|_, _| Ok(Box::new(lvd_maes3d::LvdMaes3d::new())),
     },
     Registration {
         name: "dsvp",
         description: "dual-stage viewpoint planner: most gain within a horizon, else the nearest frontier",
         stream: "dsvp",
-        construct: |settings, rng| Ok(Box::new(dsvp::Dsvp::new(settings, rng)?)),
+        construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::new(settings, rng)?)),
     },
     Registration {
         name: "dsvp-maes3d",
         description: "dual-stage viewpoint planner as coded in MAES3D, slips included",
         stream: "dsvp-maes3d",
-        construct: |_, rng| Ok(Box::new(dsvp_maes3d::DsvpMaes3d::new(rng))),
+        construct: &|_, rng| Ok(Box::new(dsvp_maes3d::DsvpMaes3d::new(rng))),
     },
     Registration {
         name: "dsvp-auction",
         description: "dual-stage viewpoint planner with an auction: agents bid for goals and claim them",
         stream: "dsvp",
-        construct: |settings, rng| Ok(Box::new(dsvp::Dsvp::with_auction(settings, rng)?)),
+        construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_auction(settings, rng)?)),
     },
     Registration {
         name: "nearest-frontier",
         description: "greedy exploration: by the shortest path to the nearest frontier of its map",
         stream: "nearest-frontier",
-        construct: |settings, rng| Ok(Box::new(nearest_frontier::NearestFrontier::new(settings, rng)?)),
+        construct: &|settings, rng| Ok(Box::new(nearest_frontier::NearestFrontier::new(settings, rng)?)),
     },
     Registration {
         name: "boustrophedon",
         description: "coverage: sweeps the free space in straight lines until every cell is covered",
         stream: "boustrophedon",
-        construct: |settings, rng| Ok(Box::new(boustrophedon::Boustrophedon::new(settings, rng)?)),
+        construct: &|settings, rng| Ok(Box::new(boustrophedon::Boustrophedon::new(settings, rng)?)),
     },
 ];
 
@@ -137,6 +149,17 @@ pub const NAMES: [&str; REGISTRY.len()] = {
     }
     names
 };
+
+impl fmt::Debug for Registration {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, description, stream, construct: _ } = self;
+        f.debug_struct("Registration")
+            .field("name", name)
+            .field("description", description)
+            .field("stream", stream)
+            .finish_non_exhaustive()
+    }
+}
 
 impl Registration {
     /// The settings of the controller with their defaults.

@@ -30,7 +30,7 @@ use msgs::signing::{Bytes, NONE, SessionKey, is_equal};
 use thiserror::Error;
 
 use crate::agent::{Agent, Reaction};
-use crate::controllers::{ControllerError, Registry};
+use crate::controllers::{ControllerError, Failure, Registry};
 use crate::parameters;
 use crate::stopwatch::DecisionTimes;
 use crate::transport::{Inbound, Level, ServerTransport};
@@ -160,6 +160,14 @@ pub enum RunError {
     /// The controller or a setting is unknown or illegal.
     #[error(transparent)]
     Controller(#[from] ControllerError),
+    /// The controller of an agent has failed.
+    #[error("agent {agent}: its controller has failed: {source}")]
+    Failed {
+        /// The agent.
+        agent: AgentId,
+        /// What the controller says.
+        source: Failure,
+    },
     /// The server violates the protocol.
     #[error("agent {agent}: {source}")]
     Wire {
@@ -474,7 +482,11 @@ impl<T: ServerTransport> Host<T> {
             self.ignore(id, &text);
             return Ok(());
         }
-        match hosted.agent.take(part).map_err(|source| RunError::Wire { agent: id, source })? {
+        let reaction = hosted.agent.take(part).map_err(|source| RunError::Wire { agent: id, source })?;
+        if let Some(source) = hosted.agent.failure() {
+            return Err(RunError::Failed { agent: id, source });
+        }
+        match reaction {
             Reaction::None => {}
             Reaction::Reply(command) => self.answer(id, command),
             Reaction::Acknowledge(acknowledgement) => {

@@ -31,25 +31,34 @@ pub fn main(own: &'static [Registration]) -> ExitCode {
 /// The same, with arguments after the name of the program.
 #[must_use]
 pub fn run(arguments: impl IntoIterator<Item = OsString>, own: &'static [Registration]) -> ExitCode {
-    let name = OsString::from("agent_node");
-    let cli = Cli::parse_from([name].into_iter().chain(arguments));
     match Registry::with(own) {
-        Err(error) => fail(&error, BAD_INPUT),
-        Ok(registry) if cli.controllers => {
-            print(&registry.text());
-            ExitCode::SUCCESS
-        }
-        Ok(registry) if cli.check => match cli.options(registry, 0).check(&cli.announced, &cli.announced_set) {
-            Ok(()) => ExitCode::SUCCESS,
-            Err(error) => fail(&error, BAD_INPUT),
-        },
-        Ok(registry) => serve::run(&cli, registry),
+        Err(error) => ExitCode::from(fail(&error, BAD_INPUT)),
+        Ok(registry) => ExitCode::from(run_with(arguments, registry)),
     }
 }
 
-fn fail(error: &dyn std::fmt::Display, code: u8) -> ExitCode {
+/// The same with a registry; returns the exit code, for programs that end in another way.
+#[must_use]
+pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registry) -> u8 {
+    let name = OsString::from("agent_node");
+    let cli = Cli::parse_from([name].into_iter().chain(arguments));
+    if cli.controllers {
+        print(&registry.text());
+        return 0;
+    }
+    if cli.check {
+        return match cli.options(registry, 0).check(&cli.announced, &cli.announced_set) {
+            Ok(()) => 0,
+            Err(error) => fail(&error, BAD_INPUT),
+        };
+    }
+    serve::run(&cli, registry)
+}
+
+/// Prints an error; returns the exit code.
+fn fail(error: &dyn std::fmt::Display, code: u8) -> u8 {
     eprintln!("error: {}", msgs::printable::text(&error.to_string()));
-    ExitCode::from(code)
+    code
 }
 
 #[expect(clippy::print_stdout, reason = "the list that was asked for")]
@@ -59,7 +68,6 @@ fn print(text: &str) {
 
 #[cfg(feature = "ros")]
 mod serve {
-    use std::process::ExitCode;
     use std::sync::Arc;
 
     use ros_node::join_secret::{self, JoinSecretError};
@@ -76,9 +84,9 @@ mod serve {
     /// The server has refused an agent.
     const REFUSED: u8 = 5;
 
-    pub(super) fn run(cli: &Cli, registry: Registry) -> ExitCode {
+    pub(super) fn run(cli: &Cli, registry: Registry) -> u8 {
         match serve(cli, registry) {
-            Ok(()) => ExitCode::SUCCESS,
+            Ok(()) => 0,
             Err(error) => {
                 let code = match error.downcast_ref::<RunError>() {
                     Some(RunError::Refused { .. } | RunError::WrongProtocol { .. }) => REFUSED,
@@ -117,12 +125,10 @@ mod serve {
 
 #[cfg(not(feature = "ros"))]
 mod serve {
-    use std::process::ExitCode;
-
     use crate::cli::Cli;
     use crate::controllers::Registry;
 
-    pub(super) fn run(_cli: &Cli, _registry: Registry) -> ExitCode {
+    pub(super) fn run(_cli: &Cli, _registry: Registry) -> u8 {
         super::fail(&"this program was built without the feature `ros` of agent_node", 1)
     }
 }

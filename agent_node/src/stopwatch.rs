@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 
 use crate::command::Command;
-use crate::controllers::{Controller, Ctx};
+use crate::controllers::{Controller, Ctx, Failure};
 use crate::observation::Observation;
 
 /// The wall time of each decision of some agents, in no order. Clones share it.
@@ -65,6 +65,10 @@ impl Controller for Timed {
 
     fn is_polled_between_triggers(&self) -> bool {
         self.controller.is_polled_between_triggers()
+    }
+
+    fn failure(&mut self) -> Option<Failure> {
+        self.controller.failure()
     }
 }
 

@@ -475,6 +475,8 @@ fn drawn(runs: &[Run], draw: u64) -> Vec<&Run> {
 mod tests {
     use std::num::NonZero;
 
+    use agent_node::controllers::Registry;
+
     use super::*;
     use crate::execute::{Part, Transport};
 
@@ -484,7 +486,7 @@ mod tests {
 
     fn options() -> Options {
         let jobs = NonZero::new(2).unwrap();
-        Options { jobs, transport: Transport::Memory, part: Part::WHOLE, prune: false }
+        Options { jobs, transport: Transport::Memory, part: Part::WHOLE, registry: Registry::BUILT_IN, prune: false }
     }
 
     #[test]

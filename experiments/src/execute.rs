@@ -15,6 +15,7 @@ use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use agent_node::controllers::Registry;
 use sim_server::setup::SetupError;
 use supervisor::{SupervisorError, outside};
 use thiserror::Error;
@@ -45,6 +46,8 @@ pub struct Options {
     pub jobs: NonZero<usize>,
     pub transport: Transport,
     pub part: Part,
+    /// The controllers of runs over memory; those over ROS 2 know the built-in ones.
+    pub registry: Registry,
     /// Whether to remove runs from the folder that are not of this plan and build. Otherwise they
     /// are an error.
     pub prune: bool,
@@ -360,7 +363,7 @@ fn each(
                 {
                     let kept = recording(run);
                     let record = match &options.transport {
-                        Transport::Memory => memory::carry_out(run, kept, &stop.at_once),
+                        Transport::Memory => memory::carry_out(run, kept, options.registry, &stop.at_once),
                         Transport::Ros2(launcher) => {
                             launcher.carry_out(run, (job, jobs), kept.as_deref(), &stop.at_once)
                         }

@@ -19,7 +19,6 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
-use std::time::Duration;
 
 use sim_server::session::NullObserver;
 use simulation::scenario::{OnAgentLoss, Rtf, Scenario};
@@ -182,7 +181,7 @@ fn undisturbed(scenario: &Scenario, file: &Path) -> Result<PathBuf, FaultsError>
     let mut scenario = scenario.clone();
     scenario.execution.record = Some(file.to_owned());
     scenario.execution.rtf = Rtf::MAX;
-    let options = AgentOptions { threads: ThreadLayout::Together, chaos_delay: Duration::ZERO, decision_times: None };
+    let options = AgentOptions { threads: ThreadLayout::Together, ..AgentOptions::default() };
     in_process::run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false))?;
     Ok(file.to_owned())
 }

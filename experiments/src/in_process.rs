@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use agent_node::controllers::{self, Registry};
+use agent_node::controllers::Registry;
 use agent_node::host::{Options, RunError as AgentError};
 use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::{AgentId, Tick};
@@ -60,6 +60,24 @@ pub struct AgentOptions {
     pub chaos_delay: Duration,
     /// Collects the wall time of decisions.
     pub decision_times: Option<DecisionTimes>,
+    /// The controllers that the agents know.
+    pub registry: Registry,
+    /// The controller that runs in place of the one that the scenario names, with the same
+    /// settings. The scenario, and with it recording and digest, keeps the name.
+    pub substitute: Option<String>,
+}
+
+impl Default for AgentOptions {
+    /// A thread for each agent, and the built-in controllers.
+    fn default() -> Self {
+        Self {
+            threads: ThreadLayout::PerAgent,
+            chaos_delay: Duration::ZERO,
+            decision_times: None,
+            registry: Registry::BUILT_IN,
+            substitute: None,
+        }
+    }
 }
 
 /// A run with its result.
@@ -89,7 +107,8 @@ pub fn run(
     let (world, _report) = setup::build(scenario)?;
     // Checked before a recording is created for a run that cannot start.
     for agents in scenario.phases().iter().map(|phase| &phase.agents) {
-        controllers::check(&agents.controller, &wire::settings(agents)).map_err(AgentError::from)?;
+        let name = options.substitute.as_ref().unwrap_or(&agents.controller);
+        options.registry.check(name, &wire::settings(agents)).map_err(AgentError::from)?;
     }
     let recorder = recorder(scenario, &world)?;
     run_in(scenario, world, recorder, options, observer, stop)
@@ -159,7 +178,7 @@ fn run_mode<'a>(
         ThreadLayout::PerAgent | ThreadLayout::Team => agents.map(|agent| vec![agent]).collect(),
         ThreadLayout::Together => vec![agents.collect()],
     };
-    let processes = (0..).zip(groups).map(|(instance, agents)| process(instance, agents, options)).collect();
+    let processes = (0..).zip(groups).map(|(instance, agents)| process(scenario, instance, agents, options)).collect();
     let threads = match options.threads {
         ThreadLayout::PerAgent => return run_on_threads(scenario, mode, world, recorder, processes, observer, stop),
         ThreadLayout::Team => setup::threads(scenario),
@@ -174,12 +193,14 @@ fn run_mode<'a>(
 }
 
 /// The options of a process of some agents.
-fn process(instance: u64, agents: Vec<AgentId>, options: &AgentOptions) -> Options {
+fn process(scenario: &Scenario, instance: u64, agents: Vec<AgentId>, options: &AgentOptions) -> Options {
+    // Those of the scenario are for the controller that it names.
+    let settings = options.substitute.as_ref().map(|_| wire::settings(&scenario.agents));
     Options {
         agents,
-        registry: Registry::BUILT_IN,
-        controller: None,
-        settings: Vec::new(),
+        registry: options.registry,
+        controller: options.substitute.clone(),
+        settings: settings.unwrap_or_default(),
         instance,
         // The link is private to this process.
         credentials: None,

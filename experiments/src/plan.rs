@@ -17,7 +17,7 @@ mod read;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use agent_node::controllers;
+use agent_node::controllers::Registry;
 use sim_server::input_file::{self, TEXT_BYTES_MAX};
 use simulation::scenario::{Override, Scenario, ScenarioError, one_line};
 use simulation::wire;
@@ -153,18 +153,45 @@ impl Plan {
         Self::parse(&name, &text, file.parent().unwrap_or(Path::new("")))
     }
 
+    /// A plan of one run, with the paths of the scenario relative to the present folder.
+    ///
+    /// # Errors
+    /// If a file cannot be read that the scenario names.
+    pub fn run_of(scenario: Scenario) -> Result<PlannedRun, PlanError> {
+        let mut files = Files::from(scenario.map.folder.clone());
+        let of_run = files
+            .of(&scenario)
+            .map_err(|Unreadable { path, source, .. }| PlanError::Read { file: path.display().to_string(), source })?;
+        Ok(PlannedRun {
+            id: id(&scenario, &of_run),
+            axes: BTreeMap::new(),
+            map: map_id(&scenario, &of_run),
+            folder: PathBuf::new(),
+            cost: cost(&scenario, &of_run),
+            scenario,
+        })
+    }
+
     /// Parses a plan. Its paths are relative to `folder`; `file` is the name for error messages.
     ///
     /// # Errors
     /// See [`Plan::load`].
     pub fn parse(file: &str, text: &str, folder: &Path) -> Result<Self, PlanError> {
-        Self::expand(file, text, folder).map_err(|error| match error {
+        Self::parse_with(file, text, folder, Registry::BUILT_IN)
+    }
+
+    /// [`Plan::parse`] with further controllers.
+    ///
+    /// # Errors
+    /// See [`Plan::load`].
+    pub fn parse_with(file: &str, text: &str, folder: &Path, registry: Registry) -> Result<Self, PlanError> {
+        Self::expand(file, text, folder, registry).map_err(|error| match error {
             PlanError::Line { file, line, reason } => PlanError::Line { file, line, reason: one_line(&reason) },
             other => other,
         })
     }
 
-    fn expand(file: &str, text: &str, folder: &Path) -> Result<Self, PlanError> {
+    fn expand(file: &str, text: &str, folder: &Path, registry: Registry) -> Result<Self, PlanError> {
         let draft = read::read(file, text, folder)?;
         let of_axes = draft.axes.iter().map(|axis| (format!("axes.\"{}\"", axis.key), &axis.key, axis.values[0].line));
         let of_variants = draft.variants.iter().flat_map(|variant| {
@@ -194,7 +221,7 @@ impl Plan {
                     let forks: Vec<Option<&Fork>> =
                         if draft.forks.is_empty() { vec![None] } else { draft.forks.iter().map(Some).collect() };
                     for fork in forks {
-                        let run = planned_run(file, &draft, &mut files, &choice, fork, seed)?;
+                        let run = planned_run((file, registry), &draft, &mut files, &choice, fork, seed)?;
                         if !ids.insert(run.id.clone()) {
                             // Without a change there is nothing to fork: one run for all times.
                             if fork.is_some() && !run.axes.contains_key(FORK) {
@@ -228,7 +255,7 @@ fn cost(scenario: &Scenario, files: &RunFiles) -> u64 {
 /// The run of a combination, in which the map file is set if the plan names some, with a seed. With
 /// a fork, what is compared holds from then on.
 fn planned_run(
-    file: &str,
+    (file, registry): (&str, Registry),
     draft: &read::Draft,
     files: &mut Files,
     choice: &Choice,
@@ -272,7 +299,8 @@ fn planned_run(
     }
     // Those of a program of the user are checked before it is run.
     for agents in scenario.phases().iter().map(|phase| &phase.agents).filter(|agents| agents.has_built_in()) {
-        controllers::check(&agents.controller, &wire::settings(agents))
+        registry
+            .check(&agents.controller, &wire::settings(agents))
             .map_err(|error| line_error("agents.controller", format!("agents.controller: {error}")))?;
     }
     let of_run = files

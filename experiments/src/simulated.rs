@@ -174,7 +174,7 @@ fn undisturbed(scenario: &Scenario) -> Result<Recording, String> {
         Recorder::create_in(file.clone(), Path::new("the undisturbed run"), documents)
     });
     let recorder = recorder.map_err(|error| failed(&error))?;
-    let options = AgentOptions { threads: ThreadLayout::Together, chaos_delay: Duration::ZERO, decision_times: None };
+    let options = AgentOptions { threads: ThreadLayout::Together, ..AgentOptions::default() };
     let never = AtomicBool::new(false);
     in_process::run_in(scenario, world, Some(recorder.into()), &options, &mut NullObserver, &never)
         .map_err(|error| failed(&error))?;

@@ -1,7 +1,6 @@
 //! Complete runs of teams of aerial bodies, and of bodies of several kinds.
 
 use std::sync::atomic::AtomicBool;
-use std::time::Duration;
 
 use agent_node::controllers::NAMES;
 use experiments::in_process::{AgentOptions, ThreadLayout, run};
@@ -16,7 +15,7 @@ use simulation::scenario::Scenario;
 /// The result of a scenario; fails if the server refuses a message of an agent.
 fn result(scenario: &str, threads: ThreadLayout) -> RunResult {
     let scenario = Scenario::parse("the test's scenario", scenario, &[]).expect("a legal scenario");
-    let options = AgentOptions { threads, chaos_delay: Duration::ZERO, decision_times: None };
+    let options = AgentOptions { threads, ..AgentOptions::default() };
     let completed = run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false)).expect("the run has a result");
     let result = completed.outcome.result;
     let refused = result.counters.iter().filter(|one| one.name.starts_with("refused_") && one.value > 0);

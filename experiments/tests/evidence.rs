@@ -6,6 +6,7 @@ use std::fs;
 use std::num::NonZero;
 use std::path::Path;
 
+use agent_node::controllers::Registry;
 use experiments::execute::{Options, Part, Stop, Transport, execute};
 use experiments::plan::Plan;
 use experiments::report::{self, Written};
@@ -17,6 +18,7 @@ fn reported(folder: &Path, plan: &str) -> Written {
         jobs: NonZero::new(2).expect("two is not zero"),
         transport: Transport::Memory,
         part: Part::WHOLE,
+        registry: Registry::BUILT_IN,
         prune: false,
     };
     let out = folder.join("out");

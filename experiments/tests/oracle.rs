@@ -97,7 +97,13 @@ fn no_run_is_faster_than_its_bound() {
     let site = tempfile::tempdir().unwrap();
     let plan = Plan::parse("p.toml", PLAN, Path::new("")).unwrap();
     let jobs = NonZero::new(2).unwrap();
-    let options = Options { jobs, transport: Transport::Memory, part: Part::WHOLE, prune: false };
+    let options = Options {
+        jobs,
+        transport: Transport::Memory,
+        part: Part::WHOLE,
+        registry: agent_node::controllers::Registry::BUILT_IN,
+        prune: false,
+    };
     let go = |plan: &Plan| execute::execute(plan, site.path().to_owned(), &options, &mut (), &Stop::default()).unwrap();
     // A folder of a plan that did not ask for the oracle gets it when it does.
     go(&Plan { oracle: false, ..plan.clone() });

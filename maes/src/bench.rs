@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::thread;
 
+use agent_node::controllers::Registry;
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};
 use experiments::benchmark::{self, Entry, RESULT_FILE, SEEDS, Scope};
@@ -171,5 +172,11 @@ fn options(jobs: Option<NonZero<usize>>, entry: &Entry) -> anyhow::Result<Option
         let launcher = Launcher { binaries: binaries::folder()?, first_domain: 1 };
         (Transport::Ros2(launcher), NonZero::<usize>::MIN)
     };
-    Ok(Options { jobs: jobs.unwrap_or(usual), transport, part: Part::WHOLE, prune: false })
+    Ok(Options {
+        jobs: jobs.unwrap_or(usual),
+        transport,
+        part: Part::WHOLE,
+        registry: Registry::BUILT_IN,
+        prune: false,
+    })
 }

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::thread;
 
+use agent_node::controllers::Registry;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use experiments::benchmark::BenchmarkError;
@@ -250,7 +251,13 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let jobs = args.jobs.unwrap_or(jobs);
-    let options = Options { jobs, transport, part: args.part.unwrap_or(Part::WHOLE), prune: args.prune };
+    let options = Options {
+        jobs,
+        transport,
+        part: args.part.unwrap_or(Part::WHOLE),
+        prune: args.prune,
+        registry: Registry::BUILT_IN,
+    };
     let selection = Selection { only: args.run.iter().cloned().collect::<BTreeSet<_>>(), keep: args.keep.into() };
     let summary = interruptible(|stop| {
         let mut display = ProgressDisplay::default();

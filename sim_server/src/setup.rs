@@ -264,7 +264,7 @@ fn attached_map(recording: &Recording, scenario: &Scenario) -> Option<ImportSpec
 /// If the map cannot be made, or memory or room for the team is missing. The error names the key,
 /// but not the file.
 pub fn build(scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
-    inhabit(map(scenario)?, scenario)
+    inhabit(generate_map(scenario)?, scenario)
 }
 
 /// Puts the team on a map.
@@ -329,7 +329,14 @@ pub fn recorded_map(recording: &Recording, scenario: &Scenario) -> Result<Option
     Ok(Some(import.read().map_err(|source| SetupError::Map { table, source })?.terrain))
 }
 
-fn map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
+/// The map of a scenario, generated or read from its file.
+///
+/// # Errors
+/// If it cannot be made. The error names the key, but not the file.
+///
+/// # Panics
+/// Never: a checked scenario has the keys that its kind of map needs.
+pub fn generate_map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
     let section = &scenario.map;
     let Some(spec) = generator(scenario) else {
         let file = section.path().expect("a checked scenario has a file for a map from a file");

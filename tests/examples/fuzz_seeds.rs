@@ -5,9 +5,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
-use std::time::Duration;
 
-use experiments::in_process::{self, AgentOptions, ThreadLayout};
+use experiments::in_process::{self, AgentOptions};
 use mapgen::MapFormat;
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
@@ -154,7 +153,7 @@ fn inside(scenario: &str) -> String {
 fn recorded(mut scenario: Scenario) -> Vec<u8> {
     let file = corpus().join("seeds.mcap");
     scenario.execution.record = Some(file.clone());
-    let options = AgentOptions { threads: ThreadLayout::PerAgent, chaos_delay: Duration::ZERO, decision_times: None };
+    let options = AgentOptions::default();
     in_process::run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false)).expect("the run has a result");
     let bytes = fs::read(&file).expect("there is a recording");
     fs::remove_file(&file).expect("it can be removed");

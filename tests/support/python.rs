@@ -21,6 +21,12 @@ pub(crate) fn for_rerun() -> &'static Path {
     PYTHON.get_or_init(|| environment("rerun"))
 }
 
+/// The interpreter with what the tests of the Python package need.
+pub(crate) fn for_package() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| environment("package"))
+}
+
 /// The interpreter with Cyclone DDS.
 pub(crate) fn for_cyclone() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();

@@ -163,14 +163,14 @@ mod tests {
         name: "own",
         description: "a controller of a program",
         stream: "own",
-        construct: |settings, rng| {
+        construct: &|settings, rng| {
             settings.number("turn_rad", 2.0, 0.0, 3.0)?;
             Ok(Box::new(RbwMaes3d::new(rng)))
         },
     }];
 
     const fn named(name: &'static str) -> Registration {
-        Registration { name, description: "", stream: "", construct: |_, rng| Ok(Box::new(RbwMaes3d::new(rng))) }
+        Registration { name, description: "", stream: "", construct: &|_, rng| Ok(Box::new(RbwMaes3d::new(rng))) }
     }
 
     #[test]

@@ -13,7 +13,13 @@ fn plan() -> Plan {
 }
 
 fn options(part: Part) -> Options {
-    Options { jobs: NonZero::new(2).unwrap(), transport: Transport::Memory, part, prune: false }
+    Options {
+        jobs: NonZero::new(2).unwrap(),
+        transport: Transport::Memory,
+        part,
+        registry: Registry::BUILT_IN,
+        prune: false,
+    }
 }
 
 fn run_part(folder: &Path, part: Part) -> Summary {
@@ -60,7 +66,7 @@ fn stop_leaves_pending_runs() {
     let summary = execute(&plan(), site.path().to_owned(), &options(Part::WHOLE), &mut (), &stop).unwrap();
     assert_eq!(summary, Summary { left: 6, ..Summary::default() });
     let run = &plan().runs[0];
-    let abandoned = memory::carry_out(run, None, &AtomicBool::new(true));
+    let abandoned = memory::carry_out(run, None, Registry::BUILT_IN, &AtomicBool::new(true));
     assert!(matches!(abandoned, Err(RunFailure::Interrupted)));
 }
 

@@ -37,7 +37,8 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     };
     let decision_times = (args.decision_times || args.profile.is_some()).then(DecisionTimes::default);
     let mut profile = args.profile.as_ref().map(|_| Profile::default());
-    let options = AgentOptions { threads, chaos_delay, decision_times: decision_times.clone() };
+    let options =
+        AgentOptions { threads, chaos_delay, decision_times: decision_times.clone(), ..AgentOptions::default() };
     let mut observer = Profiled { inner: &mut terminal, profile: profile.as_mut() };
     let finished = match args.fork.point() {
         Some((file, at)) => {

@@ -1,0 +1,52 @@
+"""MAES: a deterministic simulator of teams of robots that explore unknown space in 3-D.
+
+A run is a function of its scenario: the same scenario gives the same digest, whether `maes run` or
+`maes.run` executes it. Lengths are metres, angles radians, times seconds or ticks of 20 ms; axes
+are right-handed with z up, and the world frame is `map`. A cell is a tuple (x, y, z) of indices.
+"""
+
+from ._maes import (
+    BUILD,
+    BadInput,
+    Command,
+    Ctx,
+    ExplorationMap,
+    Motion,
+    Observation,
+    Rng,
+    RunFailed,
+    Trigger,
+)
+from .controllers import CellState, Controller, Events, controllers
+from .maps import Map
+from .plans import Batch, batch
+from .recordings import Recording
+from .runs import Result, fork, run
+from .scenarios import Scenario
+
+__version__ = BUILD.split("+")[0]
+
+__all__ = [
+    "BUILD",
+    "BadInput",
+    "Batch",
+    "CellState",
+    "Command",
+    "Controller",
+    "Ctx",
+    "Events",
+    "ExplorationMap",
+    "Map",
+    "Motion",
+    "Observation",
+    "Recording",
+    "Result",
+    "Rng",
+    "RunFailed",
+    "Scenario",
+    "Trigger",
+    "batch",
+    "controllers",
+    "fork",
+    "run",
+]

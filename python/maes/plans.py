@@ -1,0 +1,158 @@
+"""Plans of many runs (docs/experiments.md), in this process or over an executor."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import Executor, as_completed
+from pathlib import Path
+from typing import Any
+
+from . import _maes
+from ._frames import frame
+from .controllers import Controller, registered
+
+
+class Batch:
+    """The runs of a plan in a folder."""
+
+    __slots__ = ("failures", "folder")
+
+    def __init__(self, folder: str | os.PathLike[str], failures: dict[str, str] | None = None) -> None:
+        self.folder = Path(folder)
+        """The folder with `runs.csv`, `series.csv`, `agents.csv` and a file for each run."""
+        self.failures = dict(failures or {})
+        """The reason of each run that has failed, by its id."""
+
+    def columns(self, table: str = "runs") -> dict[str, list[Any]]:
+        """The columns of the table "runs", "series" or "agents"."""
+        return _maes.stored_table(os.fspath(self.folder), table)
+
+    def frame(self, table: str = "runs", library: str | None = None) -> Any:
+        """The same as a data frame of polars or pandas."""
+        return frame(self.columns(table), library)
+
+    def __repr__(self) -> str:
+        return f"Batch({os.fspath(self.folder)!r}, {len(self.failures)} failures)"
+
+
+class _Progress:
+    """Counts runs, shows them with tqdm if that is asked for, and keeps the failures."""
+
+    def __init__(self, is_shown: bool) -> None:
+        self.failures: dict[str, str] = {}
+        self._is_shown = is_shown
+        self._bar: Any = None
+
+    def __call__(self, event: str, *details: Any) -> None:
+        if event == "started":
+            if self._is_shown:
+                from tqdm.auto import tqdm
+
+                self._bar = tqdm(total=details[0], unit="run")
+            return
+        if event == "failed":
+            self.failures[details[0]] = details[1]
+        if self._bar is not None:
+            self._bar.update()
+
+    def close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+
+def _plan(file: str, known: _maes.Controllers) -> _maes.NativePlan:
+    path = Path(file)
+    return _maes.NativePlan.parse(file, path.read_text(encoding="utf-8"), os.fspath(path.parent), known)
+
+
+def _run_part(file: str, ids: list[str], classes: list[type[Controller]]) -> dict[str, bytes]:
+    """Execute some runs of a plan in a worker; return the files of their records by name."""
+    known = registered(classes)
+    progress = _Progress(False)
+    with tempfile.TemporaryDirectory() as folder:
+        _maes.execute_plan(
+            _plan(file, known), folder, known, jobs=1, only=ids, prune=False, report=progress
+        )
+        if progress.failures:
+            raise _maes.RunFailed("; ".join(f"run {id}: {why}" for id, why in progress.failures.items()))
+        runs = Path(folder) / "runs"
+        return {one: (runs / one).read_bytes() for id in ids for one in (f"{id}.json", f"{id}.toml")}
+
+
+def batch(
+    plan: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    jobs: int | None = None,
+    controllers: Sequence[type[Controller]] = (),
+    executor: Executor | None = None,
+    progress: bool = False,
+    prune: bool = False,
+    attempts: int = 3,
+) -> Batch:
+    """Execute the runs of a plan that the folder `out` does not have yet.
+
+    `controllers` are classes that the plan names beside the built-in ones. `jobs` runs go on at a
+    time, one for each core by default; Python controllers share the GIL, so that an `executor` of
+    processes is faster for them. With an executor of `concurrent.futures` each run is a task of
+    its own, which is submitted up to `attempts` times if its worker dies; workers read the plan
+    from the same path. `progress` shows a bar of tqdm.
+    """
+    file, folder, classes = os.fspath(plan), Path(out), list(controllers)
+    known = registered(classes)
+    native = _plan(file, known)
+    shown = _Progress(progress)
+    if executor is not None:
+        _distribute(native, file, folder, classes, executor, shown, attempts)
+    cores = jobs if jobs is not None else len(os.sched_getaffinity(0))
+    try:
+        # After an executor it finds all records, and only writes the tables.
+        if executor is None or not shown.failures:
+            _maes.execute_plan(
+                native, os.fspath(folder), known, jobs=cores, only=[], prune=prune, report=shown
+            )
+    finally:
+        shown.close()
+    return Batch(folder, shown.failures)
+
+
+def _distribute(
+    native: _maes.NativePlan,
+    file: str,
+    folder: Path,
+    classes: list[type[Controller]],
+    executor: Executor,
+    shown: _Progress,
+    attempts: int,
+) -> None:
+    """Execute the missing runs as tasks of an executor, and store their records."""
+    runs = folder / "runs"
+    runs.mkdir(parents=True, exist_ok=True)
+    missing = [id for id, _, _ in native.runs() if not (runs / f"{id}.json").exists()]
+    shown("started", len(missing))
+    for attempt in range(attempts):
+        tasks = {executor.submit(_run_part, file, [id], classes): id for id in missing}
+        missing = []
+        for task in as_completed(tasks):
+            id = tasks[task]
+            try:
+                files = task.result()
+            except (_maes.RunFailed, _maes.BadInput) as error:
+                shown("failed", id, str(error))
+                continue
+            except Exception as error:
+                if attempt + 1 == attempts:
+                    shown("failed", id, f"{type(error).__name__}: {error}")
+                else:
+                    missing.append(id)
+                continue
+            # The record comes last, so that a run without it is missing.
+            for name in sorted(files, reverse=True):
+                partial = runs / f"{name}.partial"
+                partial.write_bytes(files[name])
+                partial.replace(runs / name)
+            shown("completed", id)
+        if not missing:
+            return

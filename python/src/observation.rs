@@ -1,0 +1,136 @@
+//! What an agent is told, with the names of `agent_node::observation`.
+
+use agent_node::observation::{Cells, Observation, Surface};
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+/// Cells of an observation as arrays of indices, uint32: free ones, and walls.
+type CellArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u32>>);
+
+/// An observation. Lengths in metres, angles in radians, frame `map`.
+#[pyclass(name = "Observation", module = "maes", frozen)]
+pub(crate) struct PyObservation(pub(crate) Observation);
+
+fn arrays<'py>(py: Python<'py>, cells: &Cells) -> CellArrays<'py> {
+    (PyArray1::from_slice(py, &cells.free), PyArray1::from_slice(py, &cells.wall))
+}
+
+#[pymethods]
+impl PyObservation {
+    /// Ticks of 20 ms since the start.
+    #[getter]
+    fn tick(&self) -> u64 {
+        self.0.tick.0
+    }
+
+    /// Sim time since the start, seconds.
+    #[getter]
+    fn time_s(&self) -> f64 {
+        self.0.tick.time_ns() as f64 / 1e9
+    }
+
+    /// Centre of the body: float64, shape (3,), metres.
+    #[getter]
+    fn position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.0.pose.position.coords.as_slice())
+    }
+
+    /// Heading: 0 along x, positive to the left, in (-pi, pi].
+    #[getter]
+    fn yaw_rad(&self) -> f64 {
+        self.0.pose.yaw_rad
+    }
+
+    /// Velocity in the last tick: float64, shape (3,), m/s, frame `map`.
+    #[getter]
+    fn velocity_m_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.0.velocity_m_s.as_slice())
+    }
+
+    /// Turn rate, rad/s, positive to the left.
+    #[getter]
+    fn yaw_rate_rad_s(&self) -> f64 {
+        self.0.yaw_rate_rad_s
+    }
+
+    /// Whether a task is under way.
+    #[getter]
+    fn is_active(&self) -> bool {
+        self.0.is_active
+    }
+
+    /// The side on which the body collided, "wall", "floor" or "ceiling", and whether the obstacle
+    /// was another agent; `None` without a collision.
+    #[getter]
+    fn collision(&self) -> Option<(&'static str, bool)> {
+        self.0.collision.map(|collision| {
+            let surface = match collision.surface {
+                Surface::Wall => "wall",
+                Surface::Floor => "floor",
+                Surface::Ceiling => "ceiling",
+            };
+            (surface, collision.with_agent)
+        })
+    }
+
+    /// Events since the last observation: a sum of `Events`.
+    #[getter]
+    fn events(&self) -> u8 {
+        self.0.events
+    }
+
+    /// Agents in contact, ascending: id and position in metres.
+    #[getter]
+    fn contacts(&self) -> Vec<(u32, [f64; 3])> {
+        self.0.contacts.iter().map(|contact| (contact.agent.0, contact.position.coords.into())).collect()
+    }
+
+    /// Relays in reach: (owner, number) and position in metres.
+    #[getter]
+    fn relays(&self) -> Vec<((u32, u32), [f64; 3])> {
+        let relays = self.0.relays.iter();
+        relays.map(|relay| ((relay.id.owner.0, relay.id.number), relay.position.coords.into())).collect()
+    }
+
+    /// Messages since the last observation: sender, kind, bytes. Map messages are merged already.
+    #[getter]
+    fn messages<'py>(&self, py: Python<'py>) -> Vec<(u32, u8, Bound<'py, PyBytes>)> {
+        let messages = self.0.messages.iter();
+        messages.map(|message| (message.from.0, message.kind, PyBytes::new(py, &message.data))).collect()
+    }
+
+    /// Contents of relays in reach that were not read yet: (owner, number), kind, bytes.
+    #[getter]
+    fn readings<'py>(&self, py: Python<'py>) -> Vec<((u32, u32), u8, Bound<'py, PyBytes>)> {
+        let readings = self.0.readings.iter();
+        let reading = |reading: &agent_node::observation::Reading| {
+            ((reading.relay.owner.0, reading.relay.number), reading.kind, PyBytes::new(py, &reading.data))
+        };
+        readings.map(reading).collect()
+    }
+
+    /// Tick of the last scan; `None` before the first.
+    #[getter]
+    fn scan_tick(&self) -> Option<u64> {
+        self.0.scan_tick.map(|tick| tick.0)
+    }
+
+    /// Cells first seen since the last observation, free and wall: indices, uint32, ascending.
+    /// They are merged into the map already.
+    #[getter]
+    fn seen<'py>(&self, py: Python<'py>) -> CellArrays<'py> {
+        arrays(py, &self.0.seen)
+    }
+
+    /// All cells of the last scan, free and wall, if the last command asked for them.
+    #[getter]
+    fn view<'py>(&self, py: Python<'py>) -> Option<CellArrays<'py>> {
+        self.0.view.as_ref().map(|cells| arrays(py, cells))
+    }
+
+    fn __repr__(&self) -> String {
+        let position = self.0.pose.position;
+        format!("Observation(tick={}, position=({}, {}, {}))", self.0.tick.0, position.x, position.y, position.z)
+    }
+}

@@ -1,0 +1,170 @@
+//! Recordings as NumPy arrays and dictionaries.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use msgs::ids::AgentId;
+use msgs::maes_msgs::{self, Observation};
+use msgs::topics;
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use sim_server::recording::{Message, Recording};
+use sim_server::setup;
+use simulation::scenario::Scenario;
+
+use crate::convert::from_json;
+use crate::error::bad_input;
+use crate::map::PyMap;
+use crate::scenario::PyScenario;
+
+/// A recording in memory.
+#[pyclass(name = "NativeRecording", module = "maes._maes", frozen)]
+pub(crate) struct PyRecording {
+    recording: Recording,
+    scenario: Scenario,
+}
+
+/// Times in s, positions in m of shape (N, 3), headings in rad.
+type Poses<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
+
+/// Times in s, and indices of the cells that were first seen then, free and wall.
+type Scans<'py> = Vec<(f64, Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u32>>)>;
+
+fn seconds(time_ns: u64) -> f64 {
+    time_ns as f64 / 1e9
+}
+
+/// The fields of a message; `None` for types that other tools decode.
+fn fields(message: &Message) -> Option<serde_json::Value> {
+    fn of<M: msgs::message::Message>(message: &Message) -> Option<serde_json::Value> {
+        serde_json::to_value(message.decode::<M>().ok()?).ok()
+    }
+    match message.channel.type_name.as_str() {
+        "maes_msgs/msg/Command" => of::<maes_msgs::Command>(message),
+        "maes_msgs/msg/Digest" => of::<maes_msgs::Digest>(message),
+        "maes_msgs/msg/Intervention" => of::<maes_msgs::Intervention>(message),
+        "maes_msgs/msg/Join" => of::<maes_msgs::Join>(message),
+        "maes_msgs/msg/Observation" => of::<maes_msgs::Observation>(message),
+        "maes_msgs/msg/Progress" => of::<maes_msgs::Progress>(message),
+        "maes_msgs/msg/Result" => of::<maes_msgs::Result>(message),
+        "maes_msgs/msg/Scenario" => of::<maes_msgs::Scenario>(message),
+        "nav_msgs/msg/Odometry" => of::<msgs::nav_msgs::Odometry>(message),
+        "nav_msgs/msg/Path" => of::<msgs::nav_msgs::Path>(message),
+        "rosgraph_msgs/msg/Clock" => of::<msgs::rosgraph_msgs::Clock>(message),
+        "tf2_msgs/msg/TFMessage" => of::<msgs::tf2_msgs::TFMessage>(message),
+        _ => None,
+    }
+}
+
+impl PyRecording {
+    fn observations(&self, agent: u32) -> PyResult<Vec<Observation>> {
+        if agent >= self.scenario.agents.count {
+            let last = self.scenario.agents.count.saturating_sub(1);
+            return Err(bad_input(format!("agent = {agent}: expected an agent of the run, 0 to {last}")));
+        }
+        let topic = topics::observation(AgentId(agent)).name;
+        let messages = self.recording.messages().filter(|message| message.channel.topic == topic);
+        messages.map(|message| message.decode().map_err(bad_input)).collect()
+    }
+}
+
+#[pymethods]
+impl PyRecording {
+    /// Reads a file.
+    #[staticmethod]
+    fn open(py: Python<'_>, file: PathBuf) -> PyResult<Self> {
+        py.detach(|| {
+            let recording = Recording::open(&file).map_err(bad_input)?;
+            let scenario = setup::load_recorded(&recording, None, &[]).map_err(bad_input)?;
+            Ok(Self { recording, scenario })
+        })
+    }
+
+    /// The scenario of the run.
+    #[getter]
+    fn scenario(&self) -> PyScenario {
+        PyScenario { scenario: self.scenario.clone() }
+    }
+
+    /// The true map, if the recording has it.
+    fn map(&self, py: Python<'_>) -> PyResult<Option<PyMap>> {
+        let map = py.detach(|| setup::recorded_map(&self.recording, &self.scenario)).map_err(bad_input)?;
+        Ok(map.map(|terrain| PyMap { terrain }))
+    }
+
+    /// Number of messages by topic.
+    fn topics(&self, py: Python<'_>) -> BTreeMap<String, usize> {
+        py.detach(|| {
+            let mut counts = BTreeMap::new();
+            for message in self.recording.messages() {
+                *counts.entry(message.channel.topic.clone()).or_default() += 1;
+            }
+            counts
+        })
+    }
+
+    /// The messages of a topic: sim time in s and fields as a dictionary; the CDR bytes for types
+    /// that are not decoded here.
+    fn messages<'py>(&self, py: Python<'py>, topic: &str) -> PyResult<Vec<(f64, Bound<'py, PyAny>)>> {
+        let of_topic = py.detach(|| {
+            let messages = self.recording.messages().filter(|message| message.channel.topic == topic);
+            messages.map(|message| (fields(&message), message)).collect::<Vec<_>>()
+        });
+        of_topic
+            .into_iter()
+            .map(|(fields, message)| {
+                let content = match fields {
+                    Some(fields) => from_json(py, &fields)?,
+                    None => PyBytes::new(py, &message.data).into_any(),
+                };
+                Ok((seconds(message.time_ns), content))
+            })
+            .collect()
+    }
+
+    /// The poses of an agent in its committed observations.
+    fn poses<'py>(&self, py: Python<'py>, agent: u32) -> PyResult<Poses<'py>> {
+        let mut observations = py.detach(|| self.observations(agent))?;
+        observations.retain(|observation| observation.part == 0);
+        let of = |read: fn(&Observation) -> f64| PyArray1::from_iter(py, observations.iter().map(read));
+        let positions = observations.iter().map(|observation| &observation.position);
+        let positions: Vec<f64> = positions.flat_map(|point| [point.x, point.y, point.z]).collect();
+        let positions = PyArray1::from_vec(py, positions).reshape([observations.len(), 3])?;
+        let times = of(|observation| seconds(msgs::ids::Tick(observation.tick).time_ns()));
+        Ok((times, positions, of(|observation| observation.yaw_rad)))
+    }
+
+    /// What an agent has seen for the first time, by observation.
+    fn scans<'py>(&self, py: Python<'py>, agent: u32) -> PyResult<Scans<'py>> {
+        let observations = py.detach(|| self.observations(agent))?;
+        let cells = |runs: &maes_msgs::CellRuns| {
+            let cells: Vec<u32> = voxels::runs::indices(&runs.start, &runs.length).collect();
+            PyArray1::from_vec(py, cells)
+        };
+        let row = |observation: &Observation| {
+            let time_s = seconds(msgs::ids::Tick(observation.tick).time_ns());
+            (time_s, cells(&observation.seen_free), cells(&observation.seen_wall))
+        };
+        Ok(observations.iter().map(row).collect())
+    }
+
+    /// The metrics at the end, or `None` if the recording has no result.
+    fn result<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let topic = topics::result().name;
+        let Some(message) = self.recording.messages().find(|message| message.channel.topic == topic) else {
+            return Ok(None);
+        };
+        let result: maes_msgs::Result = message.decode().map_err(bad_input)?;
+        let dict = PyDict::new(py);
+        dict.set_item("digest", simulation::digest::Digest(result.digest).to_string())?;
+        dict.set_item("reason", result.reason)?;
+        dict.set_item("tick", result.tick)?;
+        dict.set_item("explored", result.explored)?;
+        dict.set_item("covered", result.covered)?;
+        dict.set_item("distance_m", result.distance_m)?;
+        let counters: BTreeMap<String, u64> = result.counters.into_iter().map(|one| (one.name, one.value)).collect();
+        dict.set_item("counters", counters)?;
+        Ok(Some(dict))
+    }
+}

@@ -1,0 +1,88 @@
+//! A run in this process, over the in-memory link.
+
+use std::path::PathBuf;
+
+use experiments::execute;
+use experiments::in_process::{self, AgentOptions, ThreadLayout};
+use experiments::measure::{self, Trace};
+use experiments::plan::Plan;
+use msgs::ids::Tick;
+use pyo3::prelude::*;
+use sim_server::recording::Recording;
+use sim_server::session::NullObserver;
+use sim_server::setup;
+use simulation::scenario::{Origins, Override, Scenario};
+
+use crate::controller::PyControllers;
+use crate::convert::to_toml;
+use crate::error::{bad_input, of_run};
+use crate::interrupt::interruptible;
+use crate::result::PyRunResult;
+use crate::scenario::PyScenario;
+
+/// Options of the agents: Python decides on one thread, since the GIL lets one decide at a time.
+fn options(controllers: &PyControllers, substitute: Option<String>, has_python: bool) -> AgentOptions {
+    let threads = if has_python { ThreadLayout::Together } else { ThreadLayout::Team };
+    AgentOptions { threads, registry: controllers.registry, substitute, ..AgentOptions::default() }
+}
+
+fn completed(scenario: &Scenario, done: in_process::CompletedRun) -> PyResult<PyRunResult> {
+    let plain = Scenario { execution: Default::default(), ..scenario.clone() };
+    let planned = Plan::run_of(plain).map_err(bad_input)?;
+    let result = done.outcome.result;
+    let wall = measure::wall_row(Tick(result.tick), done.outcome.wall, &[], &execute::machine());
+    let trace = Trace { size: done.size, progress: &done.progress, result: &result, wall };
+    let record = measure::record(&planned, trace);
+    Ok(PyRunResult { record, result })
+}
+
+/// Runs a scenario.
+#[pyfunction]
+#[pyo3(signature = (scenario, controllers, *, has_python, substitute=None, record=None))]
+pub(crate) fn run(
+    py: Python<'_>,
+    scenario: &PyScenario,
+    controllers: &PyControllers,
+    has_python: bool,
+    substitute: Option<String>,
+    record: Option<PathBuf>,
+) -> PyResult<PyRunResult> {
+    let mut scenario = scenario.scenario.clone();
+    scenario.execution.record = record.or(scenario.execution.record);
+    let options = options(controllers, substitute, has_python);
+    let done = interruptible(py, |stop| in_process::run(&scenario, &options, &mut NullObserver, stop))?;
+    py.detach(|| {
+        // The length of a cell may be that of the map file.
+        let scenario = setup::resolve(scenario, &Origins::new("the scenario", "", &[])).map_err(bad_input)?;
+        completed(&scenario, done.map_err(of_run)?)
+    })
+}
+
+/// Forks a recorded run at a sim time, with other keys from there on.
+#[pyfunction]
+#[pyo3(signature = (recording, at_s, changes, controllers, *, has_python, record=None))]
+pub(crate) fn fork(
+    py: Python<'_>,
+    recording: PathBuf,
+    at_s: f64,
+    changes: Vec<(String, Bound<'_, PyAny>)>,
+    controllers: &PyControllers,
+    has_python: bool,
+    record: Option<PathBuf>,
+) -> PyResult<PyRunResult> {
+    let changes = changes.into_iter().map(|(key, value)| {
+        let value = to_toml(&value)?;
+        Ok(Override { origin: format!("{key}={value}"), key, value: Some(value) })
+    });
+    let changes = changes.collect::<PyResult<Vec<_>>>()?;
+    let options = options(controllers, None, has_python);
+    let at = setup::tick_at(at_s).map_err(|allowed| bad_input(format!("at_s = {at_s}: {allowed}")))?;
+    let (scenario, done) = interruptible(py, |stop| {
+        let recording = Recording::open(&recording).map_err(bad_input)?;
+        let mut scenario = setup::fork(&recording, at, &changes).map_err(bad_input)?;
+        scenario.execution.record = record.or(scenario.execution.record);
+        let done = in_process::fork(&recording, at, &scenario, &options, &mut NullObserver, stop).map_err(of_run)?;
+        Ok::<_, PyErr>((scenario, done))
+    })??;
+    py.detach(|| completed(&scenario, done))
+}

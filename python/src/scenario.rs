@@ -1,0 +1,73 @@
+//! Scenarios: the schema and the checks of the crate `simulation`, with Python values.
+
+use std::path::PathBuf;
+
+use pyo3::prelude::*;
+use sim_server::setup;
+use simulation::scenario::{Override, Scenario};
+
+use crate::convert::{from_toml, to_toml};
+use crate::error::bad_input;
+use crate::map::PyMap;
+
+/// Everything that determines a run. A value of this class is always legal.
+#[pyclass(name = "NativeScenario", module = "maes._maes", frozen)]
+pub(crate) struct PyScenario {
+    pub(crate) scenario: Scenario,
+}
+
+/// Changes of keys, by dotted path; `None` removes a key.
+fn overrides(changes: Vec<(String, Bound<'_, PyAny>)>) -> PyResult<Vec<Override>> {
+    changes
+        .into_iter()
+        .map(|(key, value)| {
+            let value = if value.is_none() { None } else { Some(to_toml(&value)?) };
+            let typed = value.as_ref().map_or_else(|| "None".to_owned(), ToString::to_string);
+            Ok(Override { origin: format!("{key}={typed}"), key, value })
+        })
+        .collect()
+}
+
+#[pymethods]
+impl PyScenario {
+    /// Parses TOML, changes keys, and checks the whole; `name` stands in errors.
+    #[staticmethod]
+    fn parse(name: &str, text: &str, changes: Vec<(String, Bound<'_, PyAny>)>) -> PyResult<Self> {
+        let scenario = setup::parse(name, text, &overrides(changes)?).map_err(bad_input)?;
+        Ok(Self { scenario })
+    }
+
+    /// Reads a scenario file, or the scenario of a recording.
+    #[staticmethod]
+    fn load(file: PathBuf, changes: Vec<(String, Bound<'_, PyAny>)>) -> PyResult<Self> {
+        let scenario = setup::load(&file, &overrides(changes)?).map_err(bad_input)?;
+        Ok(Self { scenario })
+    }
+
+    /// All keys as TOML.
+    fn to_toml(&self) -> String {
+        self.scenario.to_toml()
+    }
+
+    /// All keys as nested dictionaries.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let table: toml::Table = self.scenario.to_toml().parse().map_err(bad_input)?;
+        from_toml(py, &toml::Value::Table(table))
+    }
+
+    /// The true map: generated, or read from its file.
+    fn map(&self, py: Python<'_>) -> PyResult<PyMap> {
+        let generated = py.detach(|| setup::generate_map(&self.scenario)).map_err(bad_input)?;
+        Ok(PyMap { terrain: generated.terrain })
+    }
+
+    /// Ticks of 20 ms after which the run ends at the latest.
+    #[getter]
+    fn duration_ticks(&self) -> u64 {
+        self.scenario.duration_ticks().0
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.scenario == other.scenario
+    }
+}

@@ -1,0 +1,173 @@
+"""Environments: the checks of PettingZoo and Gymnasium, determinism, wrong use, and leaks."""
+
+import multiprocessing
+import resource
+import threading
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+import maes
+from maes.envs import ExplorationEnv, Worlds, parallel_env
+
+CAVE = {"size": 30, "duration": 20.0, "stop_when_explored": False, "map__spheres__radius_max": 5}
+
+
+@pytest.mark.parametrize("actions", ["velocity", "waypoint", "frontier"])
+def test_pettingzoo_and_gymnasium_accept_them(actions):
+    parallel_api_test(parallel_env(agents=3, actions=actions, **CAVE), num_cycles=150)
+    parallel_seed_test(lambda: parallel_env(agents=2, actions=actions, **CAVE), num_cycles=50)
+    check_env(ExplorationEnv(actions=actions, **CAVE), skip_render_check=True)
+
+
+def test_world_is_that_of_a_run():
+    """The same velocities at the same ticks move the same bodies in a run."""
+    plan = np.random.default_rng(5).uniform(-1, 1, (60, 2, 4)).astype(np.float32)
+    scenario = maes.Scenario(agents=2, agents__share_period_ticks=0, seed=11, **{**CAVE, "duration": 12.0})
+    worlds = Worlds(1, scenario, seed=11)
+    for actions in plan:
+        _, _, _, over, details = worlds.step(actions[None], begin_again=False)
+    assert over[0] and 0 < details["explored"][0] < 1
+
+    class Replay(maes.Controller):
+        def decide(self, observation, ctx):
+            shares = plan[min(observation.tick // 10, 59), ctx.agent].astype(float)
+            body = ctx.body
+            motion = maes.Motion.velocity(shares[:3] * body["speed_max_m_s"], shares[3] * body["turn_rate_max_rad_s"])
+            return maes.Command(motion, maes.Trigger.at(observation.tick + 10))
+
+    # A world has looked after its last step, which a run does at its next tick.
+    scenario = scenario.replace(duration=12.02)
+    result = maes.run(scenario, controller=Replay)
+    assert result.tick == 601
+    assert result.explored == details["explored"][0]
+    assert result.columns("agents")["distance_m"][-2:] == pytest.approx(
+        maes.run(scenario, controller=Replay).columns("agents")["distance_m"][-2:]
+    )
+
+
+def episode(worlds, steps=30):
+    rng = np.random.default_rng(2)
+    rows = []
+    for _ in range(steps):
+        shown, rewards, *_ = worlds.step(rng.uniform(-1, 1, (worlds.count, worlds.agents, 4)))
+        rows.append((shown["crop"].copy(), shown["frontiers"].copy(), rewards.copy()))
+    return rows
+
+
+def test_worlds_do_not_depend_on_each_other():
+    many, alone = Worlds(4, agents=2, seed=5, **CAVE), Worlds(1, agents=2, seed=7, **CAVE)
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        actions = rng.uniform(-1, 1, (4, 2, 4))
+        shown, rewards, *_ = many.step(actions, begin_again=False)
+        one, reward, *_ = alone.step(actions[2:3], begin_again=False)
+        assert all((shown[key][2] == one[key][0]).all() for key in shown)
+        assert (rewards[2] == reward[0]).all()
+
+
+def test_rewards_add_up_to_what_was_seen():
+    env = ExplorationEnv(actions="frontier", **CAVE)
+    env.reset(seed=1)
+    total, over = 0.0, False
+    while not over:
+        shown, reward, explored, truncated, info = env.step(0)
+        total, over = total + reward, explored or truncated
+    assert 0.5 < info["explored"] <= 1.0 and total <= info["explored"]
+    own = Worlds(1, agents=2, reward=lambda details: -details["collided"], **CAVE)
+    assert set(np.unique(own.step(np.ones((1, 2, 4)))[1])) <= {-1.0, 0.0}
+    bad = Worlds(1, agents=2, reward=lambda details: 1.0, **CAVE)
+    with pytest.raises(ValueError, match="reward has shape"):
+        bad.step(np.ones((1, 2, 4)))
+
+
+def test_wrong_use_names_the_thing():
+    worlds = Worlds(2, agents=2, **CAVE)
+    before = worlds.poses()
+    for actions, message in [
+        (np.full((2, 2, 4), np.nan), "world 0: action of agent 0: number 0 is NaN: expected -1 to 1"),
+        (np.full((2, 2, 4), 2.0), "expected -1 to 1"),
+        (np.zeros((2, 2, 3)), r"expected \(2, 2, 4\)"),
+        (np.zeros(16), "shape"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            worlds.step(actions)
+    assert (worlds.poses() == before).all()
+    for keys, message in [
+        ({"actions": "fly"}, "velocity"),
+        ({"period_s": 0.0}, "period_s"),
+        ({"crop_radius": 100}, "crop_radius"),
+        ({"agents__cmd_vel": [0]}, "cmd_vel"),
+        ({"agents": 0}, "agents.count"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            Worlds(1, **{"agents": 2, **CAVE, **keys})
+    with pytest.raises(ValueError, match="3 seeds: expected 2"):
+        worlds.reset([1, 2, 3])
+    worlds.close()
+    for use in (worlds.reset, worlds.poses, lambda: worlds.step(np.zeros((2, 2, 4)))):
+        with pytest.raises(RuntimeError, match="closed"):
+            use()
+    env = parallel_env(agents=2, **CAVE)
+    with pytest.raises(RuntimeError, match="call reset"):
+        env.step({})
+    env.reset()
+    with pytest.raises(ValueError, match="none for agent_1"):
+        env.step({"agent_0": np.zeros(4)})
+    frontier = ExplorationEnv(actions="frontier", **CAVE)
+    frontier.reset()
+    with pytest.raises(ValueError, match="whole number from 0 to 16"):
+        frontier.step(17)
+
+
+def test_threads_have_worlds_of_their_own():
+    expected = [rows[2] for rows in episode(Worlds(2, agents=2, seed=9, **CAVE))]
+    found = []
+
+    def work():
+        found.append([rows[2] for rows in episode(Worlds(2, agents=2, seed=9, **CAVE))])
+
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 3
+    for rewards in found:
+        assert all((one == other).all() for one, other in zip(rewards, expected))
+
+
+def _in_child(worlds, sender):
+    shown, rewards, *_ = worlds.step(np.ones((2, 2, 4)))
+    sender.send(rewards)
+
+
+def test_worlds_go_on_after_a_fork():
+    worlds, twin = (Worlds(2, agents=2, seed=4, **CAVE) for _ in range(2))
+    expected = twin.step(np.ones((2, 2, 4)))[1]
+    context = multiprocessing.get_context("fork")
+    receiver, sender = context.Pipe(duplex=False)
+    child = context.Process(target=_in_child, args=(worlds, sender))
+    child.start()
+    assert receiver.poll(60) and (receiver.recv() == expected).all()
+    child.join(60)
+    assert child.exitcode == 0
+
+
+def test_thousand_resets_leak_nothing():
+    worlds = Worlds(1, agents=2, **CAVE)
+
+    def resident_kib():
+        with open("/proc/self/statm") as statm:
+            return int(statm.read().split()[1]) * resource.getpagesize() // 1024
+
+    sizes = []
+    for number in range(1000):
+        worlds.reset([number])
+        worlds.step(np.ones((1, 2, 4)))
+        if number in (199, 999):
+            sizes.append(resident_kib())
+    # One world of 20 cells along each axis takes some 100 KiB: a leak of each would be 80 MiB.
+    assert sizes[1] - sizes[0] < 8 * 1024, f"{sizes} KiB"

@@ -1,0 +1,89 @@
+"""Plans, with controllers in Python, and over executors."""
+
+import os
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import maes
+from maes.node import load
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples/python"
+NearestFrontier = load(f"{EXAMPLES}/nearest_frontier.py:NearestFrontier")
+
+PLAN = """
+seeds = "1..2"
+[scenario]
+duration_s = 20.0
+[scenario.map]
+kind = "spheres"
+size = 20
+[scenario.map.spheres]
+radius_max = 5
+[scenario.agents]
+count = 2
+controller = "rbw"
+[axes]
+"agents.controller" = {controllers}
+"""
+
+
+def written(folder, controllers):
+    plan = folder / "plan.toml"
+    plan.write_text(PLAN.format(controllers=str(controllers).replace("'", '"')))
+    return plan
+
+
+def test_python_beside_rust(tmp_path):
+    plan = written(tmp_path, ["nearest-frontier", "nearest-frontier-py"])
+    batch = maes.batch(plan, tmp_path / "out", controllers=[NearestFrontier], jobs=2)
+    runs = batch.columns("runs")
+    assert not batch.failures and len(runs["id"]) == 4
+    distance = {(name, seed): d for name, seed, d in zip(runs["controller"], runs["seed"], runs["distance_m"])}
+    for seed in (1, 2):
+        assert distance["nearest-frontier", seed] == distance["nearest-frontier-py", seed]
+    assert (tmp_path / "out/runs.csv").is_file()
+    again = []
+    maes.batch(plan, tmp_path / "out", controllers=[NearestFrontier])
+    assert again == []
+
+
+class LosesWorkers(ThreadPoolExecutor):
+    """Loses every first task, as if its worker had died."""
+
+    def __init__(self):
+        super().__init__(1)
+        self.lost = set()
+
+    def submit(self, call, /, *arguments, **keys):
+        name = str(arguments[:2])
+        if name not in self.lost:
+            self.lost.add(name)
+            future = Future()
+            future.set_exception(ConnectionError("the worker is gone"))
+            return future
+        return super().submit(call, *arguments, **keys)
+
+
+def test_executors_give_the_same_runs(tmp_path):
+    plan = written(tmp_path, ["rbw", "lvd"])
+    here = maes.batch(plan, tmp_path / "here").columns()
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        there = maes.batch(plan, tmp_path / "there", executor=pool).columns()
+    lossy = maes.batch(plan, tmp_path / "lossy", executor=LosesWorkers())
+    assert here["digest"] == there["digest"] == lossy.columns()["digest"] and not lossy.failures
+    with ThreadPoolExecutor(1) as pool:
+        untouched = {file: os.stat(file).st_mtime_ns for file in (tmp_path / "there/runs").iterdir()}
+        maes.batch(plan, tmp_path / "there", executor=pool)
+        assert untouched == {file: os.stat(file).st_mtime_ns for file in (tmp_path / "there/runs").iterdir()}
+
+
+def test_failures_have_a_reason(tmp_path):
+    class Broken(maes.Controller):
+        def decide(self, observation, ctx):
+            raise ValueError("it is broken")
+
+    plan = written(tmp_path, ["rbw", "Broken"])
+    batch = maes.batch(plan, tmp_path / "out", controllers=[Broken])
+    assert len(batch.failures) == 2 and all("it is broken" in why for why in batch.failures.values())
+    assert len(batch.columns()["id"]) == 2

@@ -1,0 +1,125 @@
+"""Scenarios, runs, results, maps and recordings."""
+
+import threading
+
+import numpy as np
+import pytest
+
+import maes
+
+DIGEST = "bfa28c7853992f7bcc610780db4fd6ae1308b76ac777d2c9c26daa97ad04833a"
+
+
+def test_default_run_has_the_digest_of_the_command():
+    result = maes.run()
+    assert result.digest == DIGEST
+    assert result.reason == "explored" and result.explored == 1.0
+    assert result.counters["scans"] == 10190
+
+
+def test_scenario_is_checked_as_everywhere():
+    with pytest.raises(maes.BadInput, match=r"agents\.count = 0: expected"):
+        maes.Scenario(agents=0)
+    with pytest.raises(maes.BadInput, match="unknown key `agents.cuont`; did you mean `agents.count`"):
+        maes.Scenario(agents__cuont=3)
+    with pytest.raises(maes.BadInput, match="did you mean `dsvp`"):
+        maes.run(controller="dspv")
+    with pytest.raises(TypeError, match="object has no place in a scenario"):
+        maes.Scenario(seed=object())
+    with pytest.raises(ValueError, match="duration_s"):
+        maes.Scenario(duration=float("nan"))
+
+
+def test_scenario_from_text_dictionary_and_keywords(small):
+    assert maes.Scenario.from_toml(small.to_toml()) == small
+    assert maes.Scenario(small.to_dict()) == small
+    assert small["agents.count"] == 2 and small.duration_s == 60.0
+    wide = small.replace(lidar__range_m=np.float64(12), agents=np.int64(3))
+    assert wide["lidar.range_m"] == 12.0 and wide["agents.count"] == 3 and wide != small
+
+
+def test_tables_are_those_of_a_plan(small):
+    result = maes.run(small)
+    assert result.metrics["digest"] == result.digest
+    series = result.columns("series")
+    assert series["t_s"][0] == 0.0 and series["explored"][-1] == result.explored
+    assert set(result.columns("agents")["agent"]) == {0, 1}
+    assert result.frame("runs", "pandas")["digest"][0] == result.digest
+    with pytest.raises(maes.BadInput, match='expected "runs"'):
+        result.columns("rows")
+    with pytest.raises(ValueError, match="polars"):
+        result.frame(library="numpy")
+
+
+def test_notebooks_show_a_picture(small):
+    assert maes.run(small)._repr_svg_().startswith("<?xml")
+
+
+def test_recording_as_arrays(small, tmp_path):
+    file = tmp_path / "run.mcap"
+    result = maes.run(small, record=file)
+    assert result.digest == maes.run(small).digest
+    recording = maes.Recording(file)
+    assert recording.result()["digest"] == result.digest
+    assert recording.map() == small.map()
+    poses = recording.poses(1)
+    assert poses.position_m.shape == (len(poses.time_s), 3) and (np.diff(poses.time_s) > 0).all()
+    seen = np.concatenate([scan.free for scan in recording.scans(0)])
+    walls = small.map().walls().transpose(2, 1, 0).ravel()
+    assert len(seen) == len(np.unique(seen)) and not walls[seen].any()
+    topic = "/agent_0/command"
+    commands = recording.messages(topic)
+    assert len(commands) == recording.topics()[topic] and commands[0][1]["agent"] == 0
+    with pytest.raises(maes.BadInput, match="0 to 1"):
+        recording.poses(2)
+    with pytest.raises(maes.BadInput, match="no such file|No such file"):
+        maes.Recording(tmp_path / "none.mcap")
+
+
+def test_fork_without_changes_is_the_run(small, tmp_path):
+    file = tmp_path / "run.mcap"
+    result = maes.run(small, record=file)
+    assert maes.fork(file, at_s=5.0).digest == result.digest
+    assert maes.fork(file, at_s=5.0, controller="lvd").digest != result.digest
+    with pytest.raises(maes.BadInput, match="at_s = -1"):
+        maes.fork(file, at_s=-1.0)
+
+
+def test_maps_and_arrays(tmp_path):
+    made = maes.Map.generate("spheres", (30, 20, 25), seed=3, cell_m=0.5)
+    walls = made.walls()
+    assert walls.shape == made.size == (30, 20, 25) and walls.dtype == bool
+    assert (~walls).sum() == made.free_cells
+    assert maes.Map(walls, 0.5) == made
+    made.save(tmp_path / "map.m3dm")
+    assert maes.Map.load(tmp_path / "map.m3dm") == made
+    vertices, triangles = made.to_mesh()
+    assert vertices.max() <= 15.0 and triangles.max() == len(vertices) - 1
+    # A closed surface has each edge in two triangles.
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    assert len(edges) % 2 == 0
+    with pytest.raises(maes.BadInput, match="shape"):
+        maes.Map(np.zeros((3, 3)))
+    with pytest.raises(maes.BadInput):
+        made.save(tmp_path / "map.docx")
+    with pytest.raises(maes.BadInput, match="no free cell"):
+        maes.Map(np.ones((9, 9, 9)))
+    with pytest.raises(maes.BadInput, match="fill_ratio"):
+        maes.Map.generate(fill_ratio=2.0)
+
+
+def test_walls_are_indexed_x_y_z():
+    walls = np.ones((9, 7, 8), dtype=bool)
+    walls[2, 3, 4] = walls[3, 3, 4] = False
+    made = maes.Map(walls)
+    assert made.free_cells == 2 and not made.walls()[2, 3, 4] and not made.walls()[3, 3, 4]
+
+
+def test_other_threads_run_meanwhile(small):
+    digests = []
+    threads = [threading.Thread(target=lambda: digests.append(maes.run(small).digest)) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(digests) == 3 and len(set(digests)) == 1
