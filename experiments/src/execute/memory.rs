@@ -1,12 +1,13 @@
 //! A planned run in this process, over the in-memory transport.
 
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, Ordering};
 
+use agent_node::controllers::Registry;
 use agent_node::stopwatch::DecisionTimes;
-use msgs::ids::Tick;
-use sim_server::session::{INTERRUPTED, NullObserver};
+use msgs::ids::{AgentId, Tick};
+use sim_server::session::{INTERRUPTED, Phase, RunObserver};
+use simulation::world::World;
 
 use super::{RunFailure, machine};
 use crate::in_process::{self, AgentOptions, ThreadLayout};
@@ -19,6 +20,7 @@ use crate::rows::RunRecord;
 pub(super) fn carry_out(
     run: &PlannedRun,
     recording: Option<PathBuf>,
+    registry: Registry,
     stop: &AtomicBool,
 ) -> Result<RunRecord, RunFailure> {
     let mut scenario = run.scenario.clone();
@@ -27,10 +29,13 @@ pub(super) fn carry_out(
     let times = DecisionTimes::default();
     let options = AgentOptions {
         threads: ThreadLayout::Together,
-        chaos_delay: Duration::ZERO,
         decision_times: Some(times.clone()),
+        registry,
+        ..AgentOptions::default()
     };
-    let completed = in_process::run(&scenario, &options, &mut NullObserver, stop)
+    let own_stop = AtomicBool::new(stop.load(Ordering::Relaxed));
+    let mut end = EndOfPlan { plan: stop, run: &own_stop };
+    let completed = in_process::run(&scenario, &options, &mut end, &own_stop)
         .map_err(|error| RunFailure::Failed(error.to_string()))?;
     let result = &completed.outcome.result;
     if result.reason == INTERRUPTED {
@@ -38,4 +43,24 @@ pub(super) fn carry_out(
     }
     let wall = measure::wall_row(Tick(result.tick), completed.outcome.wall, &times.sorted(), &machine());
     Ok(measure::record(run, Trace { size: completed.size, progress: &completed.progress, result, wall }))
+}
+
+/// Ends a run when its plan ends. The failure of an agent sets the stop flag of its run as well, and
+/// must not end the plan.
+struct EndOfPlan<'a> {
+    plan: &'a AtomicBool,
+    run: &'a AtomicBool,
+}
+
+impl RunObserver for EndOfPlan<'_> {
+    fn waiting(&mut self, _missing: &[AgentId]) {}
+    fn started(&mut self) {}
+    fn progress(&mut self, _world: &World) {}
+    fn note(&mut self, _text: &str) {}
+
+    fn phase_ended(&mut self, _phase: Phase, _tick: Tick) {
+        if self.plan.load(Ordering::Relaxed) {
+            self.run.store(true, Ordering::Relaxed);
+        }
+    }
 }
