@@ -9,6 +9,9 @@ use std::sync::OnceLock;
 
 use tempfile::TempDir;
 
+use crate::support::processes::Process;
+use crate::support::recordings::Recording;
+use crate::support::runs::Site;
 use crate::support::{binaries, python, root};
 
 /// The longest wall time of the tests in Python, seconds, for `timeout`.
@@ -45,8 +48,14 @@ fn command() -> Command {
     let mut command = Command::new("timeout");
     command.args(["--signal=INT", "--kill-after=10", HANG]).arg(python::for_package());
     command.env("PYTHONPATH", package()).env("PYTHONDONTWRITEBYTECODE", "1").env("MPLBACKEND", "agg");
-    command.current_dir(root().join("python"));
+    // Not in the folder of the sources, whose `maes` has no library.
+    command.current_dir(package());
     command
+}
+
+/// The configuration of the tools.
+fn configuration() -> PathBuf {
+    root().join("python/pyproject.toml")
 }
 
 /// The output of a command that has to succeed.
@@ -59,18 +68,37 @@ fn passed(command: &mut Command) -> String {
 
 #[test]
 fn tests_of_the_package_pass() {
-    let text = passed(command().args(["-m", "pytest", "tests"]));
+    let text = passed(command().args(["-m", "pytest", "-c"]).arg(configuration()).arg(root().join("python/tests")));
     assert!(text.contains(" passed"), "{text}");
 }
 
 #[test]
 fn types_of_the_package_are_right() {
     let cache = tempfile::tempdir().expect("there is room for a folder");
-    passed(command().args(["-m", "mypy", "--cache-dir"]).arg(cache.path()));
+    passed(command().args(["-m", "mypy", "--config-file"]).arg(configuration()).arg("--cache-dir").arg(cache.path()));
 }
 
 /// What the library exports is what the stubs say.
 #[test]
 fn stubs_match_the_library() {
-    passed(command().args(["-m", "mypy.stubtest", "maes._maes", "--ignore-missing-stub"]));
+    let check = ["-m", "mypy.stubtest", "maes._maes", "--ignore-missing-stub", "--mypy-config-file"];
+    passed(command().args(check).arg(configuration()));
+}
+
+/// Agent 0 is the example in Python, a ROS 2 node of its own; agent 1 is the same algorithm in Rust.
+#[test]
+fn controller_in_python_is_a_ros_node() {
+    let site = Site::new();
+    let flags = ["--agents", "2", "--size", "30", "--duration", "30", "--controller", "nearest-frontier"];
+    let flags = [&flags[..], &["--set", "stop_when_explored=false"]].concat();
+    let result = |bytes: &[u8]| Recording::from_bytes(bytes).result();
+    let in_rust = result(&site.record(&[&flags[..], &["--transport", "memory"]].concat()).bytes);
+    let mut node = site.command(python::for_package());
+    let example = root().join("examples/python/nearest_frontier.py").display().to_string() + ":NearestFrontier";
+    node.env("PYTHONPATH", package()).env("PYTHONDONTWRITEBYTECODE", "1");
+    let node = Process::start(node.args(["-m", "maes.node", &example, "--id", "0"]));
+    let over_ros = site.record(&[&flags[..], &["--external", "0", "--join-timeout", "300"]].concat());
+    node.ended().with_code(0);
+    let in_python = result(&over_ros.bytes);
+    assert_eq!((in_python.distance_m, in_python.explored_by), (in_rust.distance_m, in_rust.explored_by));
 }
