@@ -200,9 +200,9 @@ fn open_viewing(_: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>, st
 fn tell_address(viewing: Option<&FoxgloveServer>, terminal: &mut Terminal) {
     if let Some(viewing) = viewing {
         let text = |page: &str, socket: &str| format!("observe at {page} (Foxglove WebSocket: {socket})");
-        terminal.show(&text(&viewing.url(), &viewing.websocket_url()));
-        // Others may read the log: it does not have the token.
+        // Others may read the log: it does not have the token. Who reads the terminal finds it there.
         terminal.keep(&text(&format!("http://{}", viewing.address()), &format!("ws://{}", viewing.address())));
+        terminal.show(&text(&viewing.url(), &viewing.websocket_url()));
     }
 }
 

@@ -64,10 +64,10 @@ impl Terminal {
         }
     }
 
-    /// Prints a message, above the bar if there is one.
+    /// Prints a message, above the bar if there is one. Who reads it finds it in the log.
     pub fn say(&mut self, text: &str) {
-        self.show(text);
         self.keep(text);
+        self.show(text);
     }
 
     /// Prints a line to stderr only: the log is without secrets.
