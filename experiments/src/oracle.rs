@@ -1,9 +1,9 @@
 //! The oracle: how fast a team could be that knows the map in advance.
 //!
 //! It gives two answers for a scenario, each for the times at which 90, 99 and 100 % of the free
-//! cells are seen. [`bound`] is a time that no team can beat, whatever its controller. [`flight`]
-//! is a plan that was flown: viewpoints that see everything ([`viewpoints`]), shared out over the
-//! team as tours ([`tours`]), and followed by the bodies of the scenario in its world, with their
+//! cells are seen. `bound` is a time that no team can beat, whatever its controller. `flight`
+//! is a plan that was flown: viewpoints that see everything (`viewpoints`), shared out over the
+//! team as tours (`tours`), and followed by the bodies of the scenario in its world, with their
 //! kinematics, collisions and scans. The best possible time lies between the two.
 //!
 //! Both are functions of the scenario. They are not affected by controllers, radios or map sharing:

@@ -40,8 +40,11 @@ enum Taken {
     Word(String),
 }
 
-/// Lists of classes that were registered, with their entries.
-static KNOWN: Mutex<Vec<(Vec<Py<PyType>>, &'static [Registration])>> = Mutex::new(Vec::new());
+/// Classes that were registered together, with their entries.
+type Registered = (Vec<Py<PyType>>, &'static [Registration]);
+
+/// All that were registered.
+static KNOWN: Mutex<Vec<Registered>> = Mutex::new(Vec::new());
 
 /// The built-in controllers, and these classes.
 #[pyclass(name = "Controllers", module = "maes._maes", frozen)]

@@ -36,11 +36,14 @@ impl PyPlan {
     }
 
     /// Id, axes and seed of each run, in the order of execution.
-    fn runs(&self) -> Vec<(String, Vec<(String, String)>, u64)> {
+    fn runs(&self) -> Vec<(String, Axes, u64)> {
         let run = |run: &PlannedRun| (run.id.clone(), run.axes.clone().into_iter().collect(), run.scenario.seed);
         self.plan.runs.iter().map(run).collect()
     }
 }
+
+/// What sets a run apart, by axis.
+type Axes = Vec<(String, String)>;
 
 /// What happens to runs, for the thread that holds the GIL.
 enum Event {
