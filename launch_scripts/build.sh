@@ -28,5 +28,7 @@ found=$(cut -d ' ' -f 2 <<<"$found")
 
 [[ -x $bin/maes ]] || echo "The first build takes about seven minutes on two cores." >&2
 "$root/launch_scripts/patched_rustdds.sh" >/dev/null
-(cd "$root" && cargo build --release >&2)
+# `--examples`, of which there are none, makes cargo build foreign crates with the features that tests
+# ask for: so `cargo test --release` does not build them again.
+(cd "$root" && cargo build --release --bins --examples >&2)
 echo "$bin"

@@ -18,20 +18,26 @@ const TOOL_LICENCES: [&str; 3] = ["BlueOak-1.0.0", "ISC", "MPL-2.0"];
 
 /// The foreign crates of `cargo tree` with these arguments: name, version, and `field`.
 fn tree(arguments: &[&str], field: &str) -> BTreeSet<(String, String, String)> {
+    let mut crates = crates(&[arguments, &["-e", "normal,build,dev"]].concat(), field);
+    crates.retain(|(_, version, _)| !version.is_empty());
+    crates
+}
+
+/// The crates of `cargo tree` with these arguments: name, version (none for members), and `field`.
+fn crates(arguments: &[&str], field: &str) -> BTreeSet<(String, String, String)> {
     let mut tree = cargo();
-    let edges = ["-e", "normal,build,dev", "--prefix", "none", "--format"];
-    tree.args(["tree", "--locked"]).args(arguments).args(edges).arg(format!("{{p}}|{field}"));
+    tree.args(["tree", "--locked", "--prefix", "none", "--format"]).arg(format!("{{p}}|{field}")).args(arguments);
     let output = tree.output().expect("cargo runs");
     assert!(output.status.success(), "{tree:?}: {}", String::from_utf8_lossy(&output.stderr));
     let lines = String::from_utf8(output.stdout).expect("names of packages are texts");
     let crates = lines.lines().filter_map(|line| line.trim_end_matches(" (*)").split_once('|'));
-    // Members have a path in parentheses, procedural macros the words `proc-macro`.
-    let foreign = crates.filter(|(package, _)| !package.contains("(/"));
-    foreign
+    crates
         .map(|(package, field)| {
             let mut words = package.split(' ');
             let (name, version) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
-            (name.to_owned(), version.trim_start_matches('v').to_owned(), field.to_owned())
+            // Members have a path in parentheses, procedural macros the words `proc-macro`.
+            let version = if package.contains("(/") { "" } else { version.trim_start_matches('v') };
+            (name.to_owned(), version.to_owned(), field.to_owned())
         })
         .collect()
 }
@@ -158,6 +164,12 @@ fn members_share_the_features_of_the_workspace() {
              dependencies, with all of these crates? {other:#?}"
         );
     }
+    // The Python package as the tests build it, with the crates of the workspace.
+    let arguments = ["-p", "maes_python", "--features", "unified"];
+    let python = crates(&[&arguments[..], &["-e", "normal"]].concat(), "{f}");
+    let all = crates(&["--workspace", "-e", "normal"], "{f}");
+    let other: Vec<_> = python.difference(&all).filter(|(name, ..)| name != "maes_python").collect();
+    assert!(other.is_empty(), "the feature `unified` of maes_python lacks features of the workspace: {other:#?}");
 }
 
 /// The members of the workspace that are built with unified features.

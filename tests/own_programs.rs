@@ -16,8 +16,11 @@ use crate::support::recordings::Recording;
 use crate::support::runs::{Site, text};
 use crate::support::{binaries, python, root};
 
-/// The template, built outside of the workspace, with the foreign crates and the profile of the
-/// workspace, so that what is built already is not built again.
+/// The package that asks for the features which the workspace needs of foreign crates.
+const FEATURES: &str = "tests/workspace_features";
+
+/// The template, built outside of the workspace, with the foreign crates, their features and the
+/// profile of the workspace, so that what is built already is not built again.
 fn own_controller() -> &'static Path {
     static BUILT: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
     let (_, program) = BUILT.get_or_init(|| {
@@ -27,7 +30,10 @@ fn own_controller() -> &'static Path {
         let manifest = fs::read_to_string(template.join("Cargo.toml")).expect("the template has a manifest");
         let absolute = format!("path = {:?}", root().join("agent_node"));
         assert!(manifest.contains("path = \"../../agent_node\""), "{manifest}");
-        fs::write(path("Cargo.toml"), manifest.replace("path = \"../../agent_node\"", &absolute)).expect("a copy");
+        let manifest = manifest.replace("path = \"../../agent_node\"", &absolute);
+        // Foreign crates with the features of the workspace.
+        let features = format!("[dependencies]\nworkspace_features = {{ path = {:?} }}", root().join(FEATURES));
+        fs::write(path("Cargo.toml"), manifest.replace("[dependencies]", &features)).expect("a copy");
         fs::create_dir(path("src")).expect("a folder");
         fs::copy(template.join("src/main.rs"), path("src/main.rs")).expect("a copy");
         fs::copy(root().join("Cargo.lock"), path("Cargo.lock")).expect("a copy");

@@ -25,13 +25,11 @@ fn prepare() {
     });
 }
 
-/// The output of an npm command in the folder of the viewer. No run is under way meanwhile, because
-/// browsers that draw in software use all cores. Servers that it starts have a ROS domain of their
-/// own.
+/// The output of an npm command in the folder of the viewer. Servers that it starts have a ROS
+/// domain of their own.
 fn npm(arguments: &[&str]) -> String {
     prepare();
     let site = Site::new();
-    let _slots = Slot::take_all();
     done(site.command("timeout").args([LIMIT_S, "npm"]).args(arguments).current_dir(root().join("viewer")))
 }
 
@@ -55,6 +53,8 @@ fn viewer_unit_tests_pass() {
 
 #[test]
 fn viewer_browser_tests_pass() {
+    // No run is under way meanwhile, because browsers that draw in software use all cores.
+    let _slots = Slot::take_all();
     let played = npm(&["run", "e2e:short"]);
     assert!(played.contains(" passed"), "{played}");
 }

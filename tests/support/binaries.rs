@@ -10,8 +10,12 @@ use super::root;
 pub(crate) fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
-        let arguments = ["build", "--release", "-p", "sim_server", "-p", "agent_node", "-p", "maes"];
-        let built = cargo().args(arguments).output().expect("cargo runs");
+        // `--examples`, of which there are none, makes cargo build foreign crates with the features
+        // that development dependencies ask for, as `cargo test` does. Otherwise all would be built
+        // again.
+        let arguments = ["build", "--release", "--bins", "--examples"];
+        let packages = ["-p", "sim_server", "-p", "agent_node", "-p", "maes"];
+        let built = cargo().args(arguments).args(packages).output().expect("cargo runs");
         assert!(built.status.success(), "building the binaries:\n{}", String::from_utf8_lossy(&built.stderr));
         target_folder().join("release")
     })
