@@ -72,6 +72,24 @@ fn tests_of_the_package_pass() {
     assert!(text.contains(" passed"), "{text}");
 }
 
+/// The notebooks of the documentation: each cell works, and what should be a picture is one.
+#[test]
+fn notebooks_of_the_documentation_work() {
+    let notebooks = root().join("docs/notebooks");
+    let mut files: Vec<PathBuf> =
+        fs::read_dir(&notebooks).expect("there are notebooks").map(|file| file.expect("a file").path()).collect();
+    files.sort();
+    // Notebooks draw with a backend of their own.
+    let mut command = command();
+    command.env_remove("MPLBACKEND").arg(root().join("tests/notebook.py")).args(&files);
+    let text = passed(&mut command);
+    for (name, pictures) in [("compare", 2), ("first_run", 2), ("own_controller", 1)] {
+        let line = format!("{name}.ipynb: 4 cells, {pictures} pictures");
+        assert!(text.contains(&line), "expected {line} in\n{text}");
+    }
+    assert_eq!(files.len(), 3, "each notebook is in the list above: {files:?}");
+}
+
 #[test]
 fn types_of_the_package_are_right() {
     let cache = tempfile::tempdir().expect("there is room for a folder");
