@@ -21,8 +21,8 @@ use msgs::visualization_msgs::Marker;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{
-    EndpointFactory, Inbox, Publisher, RosError, Sample, SharedParameters, SubscriptionTracker, ThrottledWarning,
-    linger, now, own_source,
+    Inbox, Publisher, RosError, Sample, SharedParameters, SubscriptionTracker, ThrottledWarning, linger, now,
+    own_source,
 };
 use ros2_client::{Context, Node};
 
@@ -61,8 +61,7 @@ impl RosTransport {
         // Six services need three times what the protocol needs.
         let share = if has_parameters { 4 } else { 1 };
         ros_node::allow_open_files(u32::try_from(ids.len() * share).unwrap_or(u32::MAX))?;
-        let context = ros_node::join(env, false)?;
-        let mut workshop = EndpointFactory::new(&context);
+        let (context, mut workshop) = ros_node::join(env, false)?;
         let mut inbox = Inbox::default();
         let mut agents = Vec::new();
         let server = Server::default();

@@ -10,6 +10,9 @@
 //! On a busy machine the answer takes hundreds of milliseconds, so no fixed time without news ends
 //! the wait as long as a port is taken whose participant has not answered.
 //!
+//! The same happens if the socket of such a participant overflows in the burst of a whole team, so
+//! where there is one, endpoints are announced in batches with a pause for repairs (`join`).
+//!
 //! Invariant: the wait is bounded. Participants that join later receive all announcements in order
 //! and need no wait. Participants of other machines are waited for as long as news of them arrives,
 //! and no longer.
@@ -90,10 +93,10 @@ fn prefix(prefix: impl AsRef<[u8]>) -> Prefix {
     prefix.as_ref().to_vec()
 }
 
-/// Returns when every known participant has answered and, if it is of another middleware, has
-/// announced an endpoint.
+/// Waits until every known participant has answered and, if it is of another middleware, has
+/// announced an endpoint. Returns whether there is one of another middleware.
 #[expect(clippy::disallowed_methods, reason = "no event marks the end of discovery")]
-pub(super) fn wait_for_discovery(participant: &DomainParticipant) {
+pub(super) fn wait_for_discovery(participant: &DomainParticipant) -> bool {
     let events = participant.status_listener();
     let own_port = discovery_port(participant.domain_id(), participant.participant_id());
     let ports = discovery_port(participant.domain_id(), 0)..discovery_port(participant.domain_id(), DISCOVERABLE_IDS);
@@ -112,6 +115,7 @@ pub(super) fn wait_for_discovery(participant: &DomainParticipant) {
         }
         sleep(POLL_PERIOD);
     }
+    !discovery.foreign.is_empty()
 }
 
 /// Participants of this network namespace, other than this one, that this one has announced itself

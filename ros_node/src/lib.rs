@@ -73,6 +73,14 @@ const ENDPOINTS_PER_BATCH: usize = 32;
 /// Wall time to announce one batch of endpoints, several times what the middleware needs.
 const ANNOUNCEMENT_TIME: Duration = Duration::from_millis(10);
 
+/// The same with participants of another middleware: what their sockets lose on a busy machine is
+/// sent again before the next announcements, which otherwise arrive out of order (`discovery`).
+const ANNOUNCEMENT_TIME_FOREIGN: Duration = Duration::from_millis(100);
+
+/// Wall time for such participants to receive the first announcement, which is of the topic that
+/// names the nodes of this process.
+const NODES_TOPIC_TIME_FOREIGN: Duration = Duration::from_millis(250);
+
 /// Wall time for messages in flight at the end: several repair rounds of 10 ms.
 const LINGER: Duration = Duration::from_millis(200);
 
@@ -123,7 +131,7 @@ pub fn allow_open_files(agents: u32) -> Result<(), RosError> {
     }
 }
 
-/// Joins the network that the environment names.
+/// Joins the network that the environment names; the endpoints of the process come from the factory.
 ///
 /// A process that `is_discovered_by_all` takes one of the first participant ids of its machine,
 /// which every other process announces itself to; other processes leave `RESERVED_IDS` of them
@@ -131,7 +139,8 @@ pub fn allow_open_files(agents: u32) -> Result<(), RosError> {
 ///
 /// # Errors
 /// If discovery is off or the middleware fails to create a participant.
-pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<Context, RosError> {
+#[expect(clippy::disallowed_methods, reason = "no event marks that an endpoint was announced")]
+pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context, EndpointFactory), RosError> {
     let participant = || {
         let builder = DomainParticipantBuilder::new(env.domain_id);
         match env.range {
@@ -159,11 +168,19 @@ pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<Context, RosErro
     {
         eprintln!("{env}: packets of other machines are not kept away, which takes Linux 5.7 or later: {error}");
     }
+    let mut announcement_time = ANNOUNCEMENT_TIME;
     let context = joined
         .map_err(CreateError::from)
-        .inspect(discovery::wait_for_discovery)
+        .inspect(|participant| {
+            if discovery::wait_for_discovery(participant) {
+                announcement_time = ANNOUNCEMENT_TIME_FOREIGN;
+            }
+        })
         .and_then(Context::from_domain_participant)
         .map_err(|source| RosError::Participant { env: *env, source })?;
+    if announcement_time == ANNOUNCEMENT_TIME_FOREIGN {
+        std::thread::sleep(NODES_TOPIC_TIME_FOREIGN);
+    }
     let number = context.domain_participant().participant_id();
     if is_discovered_by_all && number >= DISCOVERABLE_IDS {
         eprintln!(
@@ -171,7 +188,8 @@ pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<Context, RosErro
              them, or set another ROS_DOMAIN_ID"
         );
     }
-    Ok(context)
+    let participant = context.domain_participant();
+    Ok((context, EndpointFactory { made: 0, participant, announcement_time }))
 }
 
 /// UDP port of a participant's unicast discovery traffic (RTPS 2.5, section 9.6.2.3).
@@ -195,13 +213,10 @@ pub fn node(context: &Context, name: &str) -> Result<Node, RosError> {
 pub struct EndpointFactory {
     made: usize,
     participant: DomainParticipant,
+    announcement_time: Duration,
 }
 
 impl EndpointFactory {
-    pub fn new(context: &Context) -> Self {
-        EndpointFactory { made: 0, participant: context.domain_participant() }
-    }
-
     /// Creates a publisher of this topic.
     ///
     /// # Errors
@@ -241,7 +256,7 @@ impl EndpointFactory {
     fn pause(&mut self) {
         self.made += 1;
         if self.made.is_multiple_of(ENDPOINTS_PER_BATCH) {
-            std::thread::sleep(ANNOUNCEMENT_TIME);
+            std::thread::sleep(self.announcement_time);
         }
     }
 }

@@ -27,7 +27,7 @@ use msgs::signing::NONE;
 use msgs::topics;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
-use ros_node::{EndpointFactory, Inbox, Publisher, RosError, Sample, linger, own_source};
+use ros_node::{Inbox, Publisher, RosError, Sample, linger, own_source};
 use ros2_client::{Context, Node};
 
 use crate::control::Request;
@@ -105,9 +105,8 @@ impl RosTransport {
     pub fn new(run: &scenario::Scenario, env: &RosEnv) -> Result<Self, RosError> {
         let (agents, driven) = (run.agents.count, run.driven());
         ros_node::allow_open_files(agents)?;
-        let context = ros_node::join(env, true)?;
+        let (context, mut endpoints) = ros_node::join(env, true)?;
         let mut node = ros_node::node(&context, NODE)?;
-        let mut endpoints = EndpointFactory::new(&context);
         let clock = endpoints.publisher(&mut node, &topics::clock())?;
         let scenario = endpoints.publisher(&mut node, &topics::scenario())?;
         let join_reply = endpoints.publisher(&mut node, &topics::join_reply())?;

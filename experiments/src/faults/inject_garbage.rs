@@ -13,7 +13,7 @@ use msgs::topics;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use ros_node::ros_env::RosEnv;
-use ros_node::{EndpointFactory, Inbox, Publisher, RosError, Sample, linger};
+use ros_node::{Inbox, Publisher, RosError, Sample, linger};
 
 /// Number of messages between two polls of the scenario topic.
 const BURST: u32 = 20;
@@ -29,9 +29,8 @@ const FIRST_POLL: Duration = Duration::from_secs(10);
 /// # Errors
 /// If the network cannot be joined.
 pub fn inject_garbage(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Result<(), RosError> {
-    let context = ros_node::join(env, false)?;
+    let (context, mut workshop) = ros_node::join(env, false)?;
     let mut node = ros_node::node(&context, "garbage")?;
-    let mut workshop = EndpointFactory::new(&context);
     let mut inbox = Inbox::default();
     workshop.subscribe(&mut node, &topics::scenario(), &mut inbox, |sample: Sample<Scenario>| sample.message)?;
     let mut outlets: Vec<(Publisher<SignedJoin>, Publisher<SignedCommand>)> = Vec::new();

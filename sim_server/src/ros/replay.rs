@@ -14,7 +14,7 @@ use msgs::ids::Tick;
 use msgs::rosgraph_msgs::Clock;
 use msgs::topics;
 use ros_node::ros_env::RosEnv;
-use ros_node::{BlockingPublisher, EndpointFactory, Inbox, PublishOutcome, RosError, SubscriptionTracker, linger};
+use ros_node::{BlockingPublisher, Inbox, PublishOutcome, RosError, SubscriptionTracker, linger};
 use ros2_client::{Context, Node};
 
 use super::services::{ServiceEvent, Services};
@@ -131,9 +131,8 @@ impl ReplayNode {
         ros_node::allow_open_files(
             u32::try_from(schedule.topics().len().div_ceil(TOPICS_OF_AGENT)).unwrap_or(u32::MAX),
         )?;
-        let context = ros_node::join(env, true)?;
+        let (context, mut endpoints) = ros_node::join(env, true)?;
         let mut node = ros_node::node(&context, NODE)?;
-        let mut endpoints = EndpointFactory::new(&context);
         let clock = endpoints.blocking_publisher(&context, &mut node, &topics::clock())?;
         let mut topics = Vec::new();
         for topic in schedule.topics() {
