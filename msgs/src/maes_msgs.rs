@@ -458,7 +458,8 @@ pub struct Scenario {
     pub agents_seed: u64,
     /// What an agent runs if it is not told otherwise.
     pub controller: String,
-    /// Settings of that controller, each KEY=VALUE.
+    /// Settings of that controller, each KEY=VALUE; `@IDS:NAME` and `@IDS:KEY=VALUE`, with ids such as
+    /// `0-2,4`, for agents that run another one.
     pub settings: Vec<String>,
     /// The different bodies of the team, 1 to [`limits::BODIES_MAX`](crate::limits::BODIES_MAX).
     pub bodies: Vec<Body>,

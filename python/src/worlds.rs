@@ -128,7 +128,8 @@ impl Environment {
         let scenario = resolved.map_err(|error| error.to_string())?;
         let (world, _report) = setup::build(&scenario).map_err(|error| error.to_string())?;
         let announced = wire::scenario(&scenario, &world.terrain().extent(), world.rays());
-        let run_info = run_info(&announced).map_err(|error| error.to_string())?;
+        // Controllers have no part in an environment.
+        let run_info = run_info(&announced, AgentId(0)).map_err(|error| error.to_string())?;
         let explorers = world
             .agents()
             .map(|agent| Explorer {

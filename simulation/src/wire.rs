@@ -6,6 +6,8 @@
 //!
 //! There is no transport here.
 
+use std::collections::BTreeMap;
+
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{
@@ -286,7 +288,7 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
         agents: scenario.agents.count,
         agents_seed: agents_seed(scenario.seed),
         controller: scenario.agents.controller.clone(),
-        settings: settings(&scenario.agents),
+        settings: announced_settings(&scenario.agents),
         bodies,
         body_of,
         lidar: maes_msgs::Lidar {
@@ -314,14 +316,37 @@ fn bodies(scenario: &Scenario) -> (Vec<maes_msgs::Body>, Vec<u8>) {
     (bodies, body_of)
 }
 
-/// The settings of controllers, each `KEY=VALUE`.
+/// The settings of a controller, each `KEY=VALUE`.
 #[must_use]
-pub fn settings(agents: &AgentsSection) -> Vec<String> {
+pub fn settings(set: &BTreeMap<String, toml::Value>) -> Vec<String> {
     let setting = |(key, value): (&String, &toml::Value)| match value {
         toml::Value::String(text) => format!("{key}={text}"),
         other => format!("{key}={other}"),
     };
-    agents.set.iter().map(setting).collect()
+    set.iter().map(setting).collect()
+}
+
+/// The settings as `Scenario.msg` has them: those of `agents.controller`, and the controllers of a
+/// mix with theirs.
+#[must_use]
+pub fn announced_settings(agents: &AgentsSection) -> Vec<String> {
+    let of_others = agents.mix.iter().zip(agents.mixed_ids()).filter(|(_, ids)| !ids.is_empty());
+    let of_others = of_others.flat_map(|(entry, ids)| {
+        let whose = id_ranges(&ids);
+        let words = std::iter::once(entry.controller.clone()).chain(settings(&entry.set));
+        words.map(|word| format!("@{whose}:{word}")).collect::<Vec<_>>()
+    });
+    settings(&agents.set).into_iter().chain(of_others).collect()
+}
+
+/// Ascending ids as `0-2,4`.
+fn id_ranges(ids: &[u32]) -> String {
+    let runs = ids.chunk_by(|before, after| before + 1 == *after);
+    let text = |run: &[u32]| match run {
+        [first, .., last] => format!("{first}-{last}"),
+        run => run.iter().map(u32::to_string).collect(),
+    };
+    runs.map(text).collect::<Vec<_>>().join(",")
 }
 
 /// The seed of the agents, from which the seed of the map cannot be derived.

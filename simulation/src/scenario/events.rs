@@ -121,7 +121,8 @@ pub enum EventAction {
 /// # Errors
 /// The reason why not.
 pub fn changeable(key: &str) -> Result<(), String> {
-    if key.starts_with("agents.set.") || keys::find(key).is_some_and(|key| key.is_changeable) {
+    let is_changeable = keys::find(key).is_some_and(|key| key.is_changeable);
+    if key == "agents.mix" || key.starts_with("agents.set.") || is_changeable {
         return Ok(());
     }
     let is_in = |table: &str| key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));

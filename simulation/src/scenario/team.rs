@@ -15,10 +15,10 @@ impl AgentsSection {
         !self.command.is_empty() && (self.command_ids.is_empty() || self.command_ids.contains(&agent))
     }
 
-    /// Whether `agent_node` runs any agent, with one of its controllers.
+    /// Whether `agent_node` runs this agent, with one of its controllers.
     #[must_use]
-    pub fn has_built_in(&self) -> bool {
-        (0..self.count).any(|agent| !self.is_commanded(agent) && !self.cmd_vel.contains(&agent))
+    pub fn is_built_in(&self, agent: u32) -> bool {
+        !self.is_commanded(agent) && !self.cmd_vel.contains(&agent)
     }
 
     /// The ids of the agents that `command` runs, ascending.
@@ -82,9 +82,12 @@ mod tests {
         assert!(ids("").is_empty());
         assert_eq!(ids("command = [\"./a\"]"), [0, 1, 2]);
         assert_eq!(ids("command = [\"./a\"]\ncommand_ids = [2, 0]"), [0, 2]);
-        let built_in = |keys: &str| parse(keys).unwrap().agents.has_built_in();
-        assert!(built_in("") && built_in("command = [\"./a\"]\ncommand_ids = [2, 0]"));
-        assert!(!built_in("command = [\"./a\"]") && !built_in("cmd_vel = [0, 1, 2]"));
+        let built_in = |keys: &str| {
+            let agents = parse(keys).unwrap().agents;
+            (0..3).filter(|&agent| agents.is_built_in(agent)).collect::<Vec<_>>()
+        };
+        assert_eq!((built_in(""), built_in("command = [\"./a\"]\ncommand_ids = [2, 0]")), (vec![0, 1, 2], vec![1]));
+        assert_eq!((built_in("command = [\"./a\"]"), built_in("cmd_vel = [0, 2]")), (vec![], vec![1]));
     }
 
     #[test]
