@@ -65,6 +65,7 @@ fn known(scenario: &Scenario) -> Scenario {
         command_ids: Vec::new(),
         cmd_vel: Vec::new(),
         mix: Vec::new(),
+        reserve: Vec::new(),
         ..known.agents
     };
     (known.stop_when_explored, known.stop_when_covered) = (true, false);

@@ -124,17 +124,21 @@ pub struct Intervention {
     pub kind: u8,
     /// To which agent.
     pub agent: u32,
-    /// Where its centre was put, for `PLACE`.
+    /// Where its centre was put, for `PLACE` and `JOIN`.
     pub position: Point,
-    /// Its heading there, for `PLACE`.
+    /// Its heading there, for `PLACE` and `JOIN`.
     pub yaw_rad: f64,
 }
 
 impl Intervention {
     /// The body was put at a pose, at rest; its task has ended.
     pub const PLACE: u8 = 0;
-    /// The agent has left the run: its body stops and stays.
+    /// The agent has left the run: its body stops and stays. Recordings of earlier builds have it.
     pub const REMOVE: u8 = 1;
+    /// The agent has left the world with its body.
+    pub const LEAVE: u8 = 2;
+    /// An agent of the reserve has entered the world at a pose, at rest.
+    pub const JOIN: u8 = 3;
 }
 
 /// An agent's wish to take part, repeated until it is answered on `/sim/join_reply`.

@@ -121,6 +121,11 @@ impl Environment {
         if !scenario.event.is_empty() {
             return Err("event: expected none in an environment, whose worlds have no schedule".to_owned());
         }
+        if !scenario.agents.reserve.is_empty() {
+            return Err(
+                "agents.reserve: expected [] in an environment, which has no service that lets agents join".to_owned()
+            );
+        }
         if let Some((key, value)) = scenario.agents.of_ros_only() {
             return Err(format!("{key} = {value}: expected [] in an environment"));
         }

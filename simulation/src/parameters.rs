@@ -135,7 +135,7 @@ mod tests {
 
     fn scenario(rest: &str) -> Scenario {
         let text = format!(
-            "seed = 1\nduration_s = 1.0\n{rest}\n[agents]\ncount = 2\ncmd_vel = [1]\ncommand = [\"a\"]\n\
+            "seed = 1\nduration_s = 1.0\n{rest}\n[agents]\ncount = 2\ncmd_vel = [1]\nreserve = [1]\ncommand = [\"a\"]\n\
                     command_ids = [0]\ncommand_signs = false\nset = {{ x = 1 }}\n"
         );
         Scenario::parse("s.toml", &text, &[]).unwrap()

@@ -412,27 +412,54 @@ pub fn rotation(yaw_rad: f64) -> geometry_msgs::Quaternion {
     geometry_msgs::Quaternion { x: 0.0, y: 0.0, z: sin, w: cos }
 }
 
-/// An intervention before this tick: the body of an agent was moved to `placed`, or the agent was
-/// removed from the run.
+/// What an intervention does to an agent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Change {
+    /// Its body is placed at a pose, at rest.
+    Place(Pose),
+    /// It leaves the run, and its body stays: only in recordings of earlier builds.
+    Remove,
+    /// It leaves the world with its body.
+    Leave,
+    /// It joins at a pose, at rest.
+    Join(Pose),
+}
+
+/// A change of an agent before this tick.
 #[must_use]
-pub fn intervention(tick: Tick, agent: AgentId, placed: Option<&Pose>) -> maes_msgs::Intervention {
-    maes_msgs::Intervention {
+pub fn intervention(tick: Tick, agent: AgentId, change: &Change) -> maes_msgs::Intervention {
+    use maes_msgs::Intervention as Message;
+    let (kind, pose) = match change {
+        Change::Place(pose) => (Message::PLACE, Some(pose)),
+        Change::Remove => (Message::REMOVE, None),
+        Change::Leave => (Message::LEAVE, None),
+        Change::Join(pose) => (Message::JOIN, Some(pose)),
+    };
+    Message {
         header: header(tick),
         tick: tick.0,
-        kind: if placed.is_some() { maes_msgs::Intervention::PLACE } else { maes_msgs::Intervention::REMOVE },
+        kind,
         agent: agent.0,
-        position: placed.map(|pose| point(&pose.position)).unwrap_or_default(),
-        yaw_rad: placed.map_or(0.0, |pose| pose.yaw_rad),
+        position: pose.map(|pose| point(&pose.position)).unwrap_or_default(),
+        yaw_rad: pose.map_or(0.0, |pose| pose.yaw_rad),
     }
 }
 
-/// The pose to which an intervention moved an agent, `None` if it removed the agent.
-#[must_use]
-pub fn placement(intervention: &maes_msgs::Intervention) -> Option<Pose> {
-    (intervention.kind == maes_msgs::Intervention::PLACE).then(|| Pose {
-        position: Point3::new(intervention.position.x, intervention.position.y, intervention.position.z),
-        yaw_rad: intervention.yaw_rad,
-    })
+/// The change that an intervention makes.
+///
+/// # Errors
+/// If its kind is unknown.
+pub fn change(intervention: &maes_msgs::Intervention) -> Result<Change, String> {
+    use maes_msgs::Intervention as Message;
+    let Message { position: geometry_msgs::Point { x, y, z }, yaw_rad, .. } = *intervention;
+    let pose = Pose { position: Point3::new(x, y, z), yaw_rad };
+    match intervention.kind {
+        Message::PLACE => Ok(Change::Place(pose)),
+        Message::REMOVE => Ok(Change::Remove),
+        Message::LEAVE => Ok(Change::Leave),
+        Message::JOIN => Ok(Change::Join(pose)),
+        kind => Err(format!("an intervention of kind {kind}: expected 0 to 3")),
+    }
 }
 
 /// A point in metres as a message.

@@ -197,6 +197,9 @@ pub const TABLES: [Table; 22] = [
         key("cmd_vel", Ids, Is("[]"), NONE,
             "agents without a controller, externally controlled by velocity commands over ROS 2", "ours")
             .limits("0 to `count` - 1, each once; over ROS 2 only").see("own-node.md"),
+        key("reserve", Ids, Is("[]"), NONE,
+            "agents that are not in the world until the service spawn_entity lets them join", "ours")
+            .limits("0 to `count` - 1, each once, and without `[[event]]`").see("ros2.md#services"),
         key("command", Texts, Is("[]"), NONE,
             "program of one's own, with its arguments, that runs agents; empty: agent_node", "ours")
             .limits("a program, then its arguments, in which `{id}` is the id of the agent; over ROS 2 only")
