@@ -63,6 +63,8 @@ mod workload_managers;
 mod forks;
 /// The scenarios of the gallery end as documented.
 mod gallery;
+/// Teams whose agents run different controllers.
+mod mixed_teams;
 /// Radio models, relays and sensor noise.
 mod radios;
 /// Verification and comparison of recordings.

@@ -13,7 +13,7 @@ import time
 import traceback
 
 import rclpy
-from geometry_msgs.msg import Quaternion, Vector3
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Vector3
 import simulation_interfaces.srv as srv
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import (
@@ -33,10 +33,12 @@ from simulation_interfaces.msg import (
     Bounds,
     EntityCategory,
     EntityFilters,
+    Resource,
     SimulationState,
     SimulatorFeatures,
     TagsFilter,
 )
+from std_msgs.msg import Header
 
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 TICK_NS = 20_000_000
@@ -283,6 +285,46 @@ def entities(_argument):
     equal(caller.set_state(QUITTING), OK, "quit")
 
 
+def joining(_argument):
+    """Agent 2, in reserve, takes the place of agent 1; refused requests leave no trace."""
+    caller = Caller()
+    admitted(caller)
+    features = caller.call("get_simulator_features").features.features
+    check(SimulatorFeatures.SPAWNING in features, f"spawning in {features}")
+    equal(caller.found(), (OK, ["agent_0", "agent_1"]), "agent 2 waits")
+    caller.step(9)
+    place = caller.entity("agent_1").pose
+
+    def spawn(name, frame="map", pose=place, **fields):
+        initial = PoseStamped(header=Header(frame_id=frame), pose=pose)
+        answer = caller.call("spawn_entity", name=name, initial_pose=initial, **fields)
+        return answer.result.result, answer.entity_name
+
+    tilted = Pose(position=place.position, orientation=Quaternion(x=1.0, w=0.0))
+    equal(spawn("agent_1"), (101, ""), "taken")
+    equal(spawn("agent_3"), (102, ""), "unknown")
+    equal(spawn(""), (102, ""), "without a name")
+    equal(spawn("agent_2", entity_resource=Resource(uri="robot.urdf")), (103, ""), "a resource")
+    equal(spawn("agent_2", entity_namespace="elsewhere"), (105, ""), "a namespace")
+    equal(spawn("agent_2"), (109, ""), "agent 1 is there")
+    equal(spawn("agent_2", pose=tilted), (109, ""), "tilted")
+    equal(spawn("agent_2", frame="agent_0/base_link"), (109, ""), "another frame")
+    equal(spawn("agent_2", pose=Pose(position=Point(x=-1.0))), (109, ""), "outside the map")
+    equal(caller.found(), (OK, ["agent_0", "agent_1"]), "what is refused changes nothing")
+
+    equal(caller.code("delete_entity", entity="agent_1"), OK, "agent 1 leaves with its body")
+    equal(spawn("", allow_renaming=True), (OK, "agent_2"), "agent 2 takes its place")
+    equal(caller.found(), (OK, ["agent_0", "agent_2"]), "the team")
+    joined = caller.entity("agent_2").pose
+    equal(joined.position, place.position, "where it joins")
+    # The server keeps a heading, whose quaternion may differ in the last bit.
+    check(math.isclose(joined.orientation.z, place.orientation.z, abs_tol=1e-12), f"{joined} {place}")
+    equal(spawn("agent_2"), (UNSUPPORTED, ""), "no agent waits any more")
+    equal(caller.code("reset_simulation", scope=4), UNSUPPORTED, "those that have joined stay")
+    caller.step(30)
+    equal(caller.set_state(PLAYING), OK, "play")
+
+
 def again(_argument):
     """Resets a run in every state, and then lets it run to its end."""
     caller = Caller()
@@ -418,7 +460,7 @@ def pace(argument):
 
 def main():
     rclpy.init()
-    scenes = {scene.__name__: scene for scene in (states, again, entities, intervention, parameters, nonsense, hurry, pace)}
+    scenes = {scene.__name__: scene for scene in (states, again, entities, joining, intervention, parameters, nonsense, hurry, pace)}
     scenes[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else None)
     print("done", flush=True)
     rclpy.shutdown()

@@ -5,7 +5,8 @@
 use std::net::Ipv4Addr;
 use std::time::Duration;
 
-use msgs::maes_msgs::Intervention;
+use msgs::ids::AgentId;
+use msgs::maes_msgs::{Command, Intervention};
 use ros2_client::{Context, NodeName, NodeOptions};
 use rustdds::{DomainParticipantBuilder, QosPolicyBuilder, TopicKind, policy};
 
@@ -73,9 +74,43 @@ fn agents_are_entities() {
     let recording = site.recording("run.mcap");
     let interventions: Vec<Intervention> = recording.of("/sim/intervention");
     let done: Vec<_> = interventions.iter().map(|done| (done.tick, done.kind, done.agent)).collect();
-    assert_eq!(done, [(1, Intervention::PLACE, 1), (1, Intervention::REMOVE, 1)]);
+    assert_eq!(done, [(1, Intervention::PLACE, 1), (1, Intervention::LEAVE, 1)]);
     let result = recording.result();
-    assert_eq!((counter(&result, "interventions"), counter(&result, "agents_dropped"), result.tick), (2, 1, 11));
+    assert_eq!((counter(&result, "interventions"), counter(&result, "agents_dropped"), result.tick), (2, 0, 11));
+}
+
+#[test]
+fn agents_join_and_leave_live() {
+    let run = || {
+        let site = Site::new();
+        let reserve = ["--set", "agents.count=3", "--set", "agents.reserve=[2]"];
+        controlled(&site, "4", &reserve, &["joining"]).with_code(0);
+        site
+    };
+    let (site, again) = (run(), run());
+    let recording = site.recording("run.mcap");
+    let bytes = |site: &Site, name: &str| std::fs::read(site.path(name)).expect("there is a recording");
+    assert!(bytes(&site, "run.mcap") == bytes(&again, "run.mcap"), "the same requests make the same bytes");
+    let interventions: Vec<Intervention> = recording.of("/sim/intervention");
+    let done: Vec<_> = interventions.iter().map(|done| (done.tick, done.kind, done.agent)).collect();
+    assert_eq!(done, [(10, Intervention::LEAVE, 1), (10, Intervention::JOIN, 2)]);
+    let result = recording.result();
+    assert_eq!((counter(&result, "interventions"), counter(&result, "agents_dropped"), result.tick), (2, 0, 200));
+    let ticks = |agent: u32| -> Vec<u64> {
+        recording.of::<Command>(&format!("/agent_{}/command", AgentId(agent))).iter().map(|one| one.tick).collect()
+    };
+    assert!(ticks(1).iter().all(|&tick| tick < 10), "agent 1 has left: {:?}", ticks(1));
+    assert_eq!(ticks(2).first(), Some(&10), "agent 2 decides from the tick on in which it joins");
+    assert!(result.distance_m[2] > 0.0, "agent 2 moves: {:?}", result.distance_m);
+
+    let maes = |arguments: &[&str]| Process::start(site.binary("maes").args(arguments)).ended().with_code(0);
+    let verified = maes(&["verify", "run.mcap", "--controllers"]);
+    assert_eq!(verified.digest(), recording.result_digest());
+    // Forks after the last intervention repeat them without a service.
+    maes(&["run", "--transport", "memory", "--fork", "run.mcap", "--at", "3", "--record", "fork.mcap"]);
+    assert!(bytes(&site, "run.mcap") == bytes(&site, "fork.mcap"), "the fork over memory differs");
+    maes(&["run", "--fork", "run.mcap", "--at", "2", "--record", "ros.mcap"]);
+    assert!(bytes(&site, "run.mcap") == bytes(&site, "ros.mcap"), "the fork over ROS 2 differs");
 }
 
 #[test]

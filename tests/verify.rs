@@ -248,7 +248,7 @@ fn run_with_interventions_verifies() {
     assert_eq!(played.outcome().result.tick, 300);
     let interventions: Vec<Intervention> = site.recording("run.mcap").of("/sim/intervention");
     let done: Vec<_> = interventions.iter().map(|done| (done.tick, done.kind, done.agent)).collect();
-    assert_eq!(done, [(100, Intervention::PLACE, 1), (150, Intervention::REMOVE, 0)]);
+    assert_eq!(done, [(100, Intervention::PLACE, 1), (150, Intervention::LEAVE, 0)]);
     assert_verifies(&site, "run.mcap", &[]);
     let ended = verify(&site, "run.mcap", &[]).with_code(0);
     for agent in [0, 1] {

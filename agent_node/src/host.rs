@@ -271,7 +271,6 @@ struct Host<T> {
     authentication: Authentication,
     chaos_delay: Duration,
     server_timeout: Duration,
-    label: String,
     agents: BTreeMap<AgentId, HostedAgent>,
     joined_last: Option<Instant>,
     /// Duration without messages from the server.
@@ -288,6 +287,8 @@ struct Host<T> {
 
 struct HostedAgent {
     agent: Agent,
+    /// Its controller with the settings.
+    label: String,
     is_accepted: bool,
     /// Whether another process holds its id, and may be replaced by this one.
     is_held: bool,
@@ -307,13 +308,13 @@ impl<T: ServerTransport> Host<T> {
         if scenario.protocol != PROTOCOL {
             return Err(RunError::WrongProtocol { got: scenario.protocol });
         }
-        let wrong = |source| RunError::Wire { agent: options.agents.first().copied().unwrap_or_default(), source };
-        let run_info = wire::run_info(scenario).map_err(wrong)?;
-        let (name, settings) = options.decides(&run_info.controller, &run_info.settings);
-        let resolved = options.registry.resolve_settings(name, &settings)?;
-        let label = if settings.is_empty() { name.to_owned() } else { format!("{name} {}", settings.join(" ")) };
         let mut agents = BTreeMap::new();
         for &id in &options.agents {
+            let wrong = |source| RunError::Wire { agent: id, source };
+            let run_info = wire::run_info(scenario, id).map_err(wrong)?;
+            let (name, settings) = options.decides(&run_info.controller, &run_info.settings);
+            let resolved = options.registry.resolve_settings(name, &settings)?;
+            let label = if settings.is_empty() { name.to_owned() } else { format!("{name} {}", settings.join(" ")) };
             if id.0 >= run_info.agents {
                 let reason = format!("this run has agents 0 to {}", run_info.agents.saturating_sub(1));
                 return Err(RunError::Refused { agent: id, reason });
@@ -326,9 +327,9 @@ impl<T: ServerTransport> Host<T> {
             let follows_scenario = label == run_info.controller_label();
             let times = options.decision_times.clone();
             let successors = options.registry.successors(id, follows_scenario, times);
-            let agent = Agent::new(id, run_info.clone(), controller).with_successors(successors);
-            agents.insert(id, HostedAgent { agent, is_accepted: false, is_held: false, key: None, published });
             transport.declare_parameters(id, parameters::of_controller(name, &resolved));
+            let agent = Agent::new(id, run_info, controller).with_successors(successors);
+            agents.insert(id, HostedAgent { agent, label, is_accepted: false, is_held: false, key: None, published });
         }
         let Options { instance, chaos_delay, server_timeout, .. } = *options;
         let polled_at = transport.now();
@@ -342,7 +343,6 @@ impl<T: ServerTransport> Host<T> {
             authentication: Authentication::new(options.credentials.clone(), scenario),
             chaos_delay,
             server_timeout,
-            label,
             agents,
             joined_last: None,
             silence: Duration::ZERO,
@@ -379,7 +379,7 @@ impl<T: ServerTransport> Host<T> {
         for (id, hosted) in self.agents.iter().take(addressed).filter(|(_, hosted)| !(is_joining && hosted.is_accepted))
         {
             let last_tick = hosted.agent.last_tick().map_or(Join::NONE, |tick| tick.0);
-            let join = join(self.run, *id, self.instance, &self.label, last_tick);
+            let join = join(self.run, *id, self.instance, &hosted.label, last_tick);
             self.transport.send_signed_join(&self.authentication.join(join, self.transport.source()));
         }
         self.joined_last = Some(now);
@@ -439,7 +439,7 @@ impl<T: ServerTransport> Host<T> {
         let Some(hosted) = self.agents.get_mut(&agent).filter(|_| reply.instance == self.instance) else {
             return Ok(());
         };
-        let join = join(self.run, agent, self.instance, &self.label, Join::NONE);
+        let join = join(self.run, agent, self.instance, &hosted.label, Join::NONE);
         let Some(key) = self.authentication.session_key(&reply, join, self.transport.source()) else {
             let reason = if reply.accepted { "accepted".to_owned() } else { reply.reason };
             let unproven = RunError::Unproven { agent, reason };
@@ -467,7 +467,7 @@ impl<T: ServerTransport> Host<T> {
             if leads_others {
                 self.joined_last = None;
             }
-            self.transport.log(agent, Level::Info, &format!("takes part with {}", self.label));
+            self.transport.log(agent, Level::Info, &format!("takes part with {}", hosted.label));
         }
         Ok(())
     }

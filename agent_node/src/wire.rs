@@ -35,9 +35,9 @@ pub enum WireError {
     /// The extent of the map is illegal.
     #[error("scenario: {0}")]
     Extent(#[from] ExtentError),
-    /// The bodies do not match the team.
+    /// The bodies or the controllers do not match the team.
     #[error("scenario: {field} = {value}: expected {allowed}")]
-    Bodies {
+    Scenario {
         /// The field.
         field: &'static str,
         /// Its value.
@@ -85,18 +85,19 @@ pub enum WireError {
     },
 }
 
-/// The run info of a scenario.
+/// What an agent knows of a scenario, with the controller that the scenario gives it.
 ///
 /// # Errors
-/// If the extent is illegal, or the bodies do not match the team.
-pub fn run_info(scenario: &maes_msgs::Scenario) -> Result<RunInfo, WireError> {
+/// If the extent is illegal, or bodies or controllers do not match the team.
+pub fn run_info(scenario: &maes_msgs::Scenario, agent: AgentId) -> Result<RunInfo, WireError> {
+    let (controller, settings) = controller(scenario, agent)?;
     Ok(RunInfo {
         duration: Tick(scenario.duration_ticks),
         extent: Extent::new(scenario.size, scenario.cell_m)?,
         agents: scenario.agents,
         agents_seed: scenario.agents_seed,
-        controller: scenario.controller.clone(),
-        settings: scenario.settings.clone(),
+        controller,
+        settings,
         bodies: bodies(scenario)?,
         lidar_range_m: scenario.lidar.range_m,
         lidar_period_ticks: scenario.lidar.period_ticks,
@@ -106,9 +107,50 @@ pub fn run_info(scenario: &maes_msgs::Scenario) -> Result<RunInfo, WireError> {
     })
 }
 
+/// The controller of an agent with its settings: those of a mix, whose entries are `@IDS:NAME` and
+/// `@IDS:KEY=VALUE`, or else those of the team.
+fn controller(scenario: &maes_msgs::Scenario, agent: AgentId) -> Result<(String, Vec<String>), WireError> {
+    let mut own: Option<String> = None;
+    let (mut settings, mut settings_of_own) = (Vec::new(), Vec::new());
+    for setting in &scenario.settings {
+        let Some(of_mix) = setting.strip_prefix('@') else {
+            settings.push(setting.clone());
+            continue;
+        };
+        let wrong = || WireError::Scenario {
+            field: "settings",
+            value: setting.clone(),
+            allowed: "KEY=VALUE, @IDS:CONTROLLER or @IDS:KEY=VALUE, with ids such as 0-2,4".to_owned(),
+        };
+        let (ids, word) = of_mix.split_once(':').ok_or_else(wrong)?;
+        if !is_among(agent, ids).ok_or_else(wrong)? {
+            continue;
+        }
+        match word.contains('=') {
+            true => settings_of_own.push(word.to_owned()),
+            false => own = Some(word.to_owned()),
+        }
+    }
+    Ok(match own {
+        Some(controller) => (controller, settings_of_own),
+        None => (scenario.controller.clone(), settings),
+    })
+}
+
+/// Whether ids such as `0-2,4` have this one; `None` if they are no ids.
+fn is_among(agent: AgentId, ids: &str) -> Option<bool> {
+    let mut is_among = false;
+    for run in ids.split(',') {
+        let (first, last) = run.split_once('-').unwrap_or((run, run));
+        let (first, last): (u32, u32) = (first.parse().ok()?, last.parse().ok()?);
+        is_among |= (first..=last).contains(&agent.0);
+    }
+    Some(is_among)
+}
+
 fn bodies(scenario: &maes_msgs::Scenario) -> Result<Bodies, WireError> {
     let maes_msgs::Scenario { agents, bodies, body_of, .. } = scenario;
-    let wrong = |field, value: String, allowed: String| WireError::Bodies { field, value, allowed };
+    let wrong = |field, value: String, allowed: String| WireError::Scenario { field, value, allowed };
     if body_of.len() != *agents as usize {
         let value = format!("{} entries", body_of.len());
         return Err(wrong("body_of", value, format!("one for each of {agents} agents")));
@@ -125,7 +167,7 @@ fn bodies(scenario: &maes_msgs::Scenario) -> Result<Bodies, WireError> {
 fn body(message: &maes_msgs::Body) -> Result<BodyModel, WireError> {
     BodyModel::try_from(message).map_err(|UnknownBodyKind { kind }| {
         let allowed = "0 (submarine) or 1 (aerial)".to_owned();
-        WireError::Bodies { field: "bodies.kind", value: kind.to_string(), allowed }
+        WireError::Scenario { field: "bodies.kind", value: kind.to_string(), allowed }
     })
 }
 
@@ -263,7 +305,8 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
         }
         for maes_msgs::Parcel { agent, kind, data } in part.parcels {
             if agent == maes_msgs::Parcel::SERVER {
-                observation.change = Some(Box::new(changed_run_info(&data, run_info_before, tick)?));
+                observation.change =
+                    Some(Box::new(changed_run_info(&data, run_info_before, AgentId(part.agent), tick)?));
                 continue;
             }
             match RelayId::from_wire(agent) {
@@ -276,13 +319,13 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
 }
 
 /// The run info that a message of the server holds; team and map are those of before.
-fn changed_run_info(data: &[u8], before: &RunInfo, tick: Tick) -> Result<RunInfo, WireError> {
+fn changed_run_info(data: &[u8], before: &RunInfo, agent: AgentId, tick: Tick) -> Result<RunInfo, WireError> {
     let wrong = |value: String| {
         let allowed = "a scenario with the team and the map of this run".to_owned();
         WireError::Value { tick, field: "parcels", value, allowed }
     };
     let scenario: maes_msgs::Scenario = cdr::decode(data).map_err(|error| wrong(error.to_string()))?;
-    let now = run_info(&scenario)?;
+    let now = run_info(&scenario, agent)?;
     if (now.extent, now.agents, &now.bodies) != (before.extent, before.agents, &before.bodies) {
         return Err(wrong(format!("{} agents in a map of {:?} cells", now.agents, now.extent.size())));
     }
@@ -360,7 +403,7 @@ mod tests {
         let (cell_m, duration_ticks) = (1.0, 9);
         let scenario =
             maes_msgs::Scenario { size, cell_m, agents: 2, duration_ticks, bodies, body_of, ..Default::default() };
-        run_info(&scenario).unwrap()
+        run_info(&scenario, AgentId(0)).unwrap()
     }
 
     #[test]
@@ -369,12 +412,33 @@ mod tests {
             let bodies = bodies.iter().map(|&kind| maes_msgs::Body { kind, ..Default::default() }).collect();
             let (size, body_of) = ([4, 4, 4], body_of.to_vec());
             let scenario = maes_msgs::Scenario { size, cell_m: 1.0, agents: 2, bodies, body_of, ..Default::default() };
-            run_info(&scenario).unwrap_err().to_string()
+            run_info(&scenario, AgentId(0)).unwrap_err().to_string()
         };
         assert_eq!(refused(&[0], &[0]), "scenario: body_of = 1 entries: expected one for each of 2 agents");
         assert_eq!(refused(&[0, 1], &[1, 2]), "scenario: body_of = 2: expected one of 2 bodies, the first of them 0");
         assert_eq!(refused(&[], &[0, 0]), "scenario: body_of = 0: expected one of 0 bodies, the first of them 0");
         assert_eq!(refused(&[0, 7], &[0, 0]), "scenario: bodies.kind = 7: expected 0 (submarine) or 1 (aerial)");
+    }
+
+    #[test]
+    fn each_agent_takes_its_controller_from_the_scenario() {
+        let of = |settings: &[&str], agent| {
+            let settings = settings.iter().map(|&setting| setting.to_owned()).collect();
+            let scenario = maes_msgs::Scenario { controller: "rbw".to_owned(), settings, ..Default::default() };
+            controller(&scenario, AgentId(agent)).map_err(|error| error.to_string())
+        };
+        let labels: Vec<String> = (0..6)
+            .map(|agent| of(&["k=1", "@0-2,4:lvd", "@0-2,4:t=x:y z", "@5:dsvp"], agent).unwrap())
+            .map(|(name, settings)| format!("{name} {}", settings.join("|")))
+            .collect();
+        assert_eq!(labels, ["lvd t=x:y z", "lvd t=x:y z", "lvd t=x:y z", "rbw k=1", "lvd t=x:y z", "dsvp "]);
+        for wrong in ["@0", "@:lvd", "@x:lvd", "@1-:lvd", "@1-2-3:lvd"] {
+            let refused = of(&[wrong], 0).unwrap_err();
+            assert!(
+                refused.starts_with(&format!("scenario: settings = {wrong}: expected KEY=VALUE, @IDS")),
+                "{refused}"
+            );
+        }
     }
 
     #[test]
@@ -405,7 +469,7 @@ mod tests {
         assert!(matches!(FragmentReassembler::default().take(part(5, 1, 1, 0), &run), Err(WireError::Part { .. })));
         assert!(matches!(FragmentReassembler::default().take(part(5, 0, 1, 63), &run), Err(WireError::Cells { .. })));
         let scenario = maes_msgs::Scenario { size: [0, 1, 1], cell_m: 1.0, ..Default::default() };
-        assert!(run_info(&scenario).is_err());
+        assert!(run_info(&scenario, AgentId(0)).is_err());
     }
 
     #[test]

@@ -2,11 +2,14 @@
 //!
 //! A benchmark is one [`Plan`] for each world, in a folder of its own, so it is resumable and has
 //! the tables and reports of any plan. The [`ResultFile`] has a line for each run with its digest:
-//! who has the build can execute any of them again ([`verify`]). Tracks, metrics and rules:
+//! who has the build can execute any of them again ([`verify`]), and [`schedule`] says how long the
+//! whole takes on many cores. Tracks, metrics and rules:
 //! docs/exploration-1.md.
 //!
 //! Invariant: what is measured is fixed by the name of the benchmark. A change of worlds, teams,
 //! radios, seeds or score is a benchmark with another name.
+
+pub mod schedule;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;

@@ -164,7 +164,8 @@ pub fn check(plan: &Plan, transport: &Transport) -> Result<(), ExecuteError> {
             let reason = "nothing in a plan starts the node of this agent; name its program in agents.command";
             return Err(ExecuteError::Transport { key: "agents.cmd_vel", value: agent.to_string(), reason });
         }
-        if checked.insert((&agents.command, &agents.controller, format!("{:?}", agents.set))) {
+        let choices = agents.controllers_of(|agent| agents.is_commanded(agent));
+        if checked.insert((&agents.command, format!("{choices:?}"))) {
             outside::check(&run.scenario, &run.folder)?;
         }
     }

@@ -107,8 +107,11 @@ pub fn run(
     let (world, _report) = setup::build(scenario)?;
     // Checked before a recording is created for a run that cannot start.
     for agents in scenario.phases().iter().map(|phase| &phase.agents) {
-        let name = options.substitute.as_ref().unwrap_or(&agents.controller);
-        options.registry.check(name, &wire::settings(agents)).map_err(AgentError::from)?;
+        let substitute = options.substitute.as_deref();
+        for choice in agents.controllers_of(|_| true) {
+            let name = substitute.unwrap_or(choice.controller);
+            options.registry.check(name, &wire::settings(choice.set)).map_err(AgentError::from)?;
+        }
     }
     let recorder = recorder(scenario, &world)?;
     run_in(scenario, world, recorder, options, observer, stop)
@@ -195,7 +198,7 @@ fn run_mode<'a>(
 /// The options of a process of some agents.
 fn process(scenario: &Scenario, instance: u64, agents: Vec<AgentId>, options: &AgentOptions) -> Options {
     // Those of the scenario are for the controller that it names.
-    let settings = options.substitute.as_ref().map(|_| wire::settings(&scenario.agents));
+    let settings = options.substitute.as_ref().map(|_| wire::settings(&scenario.agents.set));
     Options {
         agents,
         registry: options.registry,

@@ -43,7 +43,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
     let row = RunRow {
         id: run.id.clone(),
         build: BUILD.to_owned(),
-        controller: scenario.agents.controller.clone(),
+        controller: scenario.agents.controllers_label(),
         seed: scenario.seed,
         size,
         agents: scenario.agents.count,

@@ -64,6 +64,8 @@ fn known(scenario: &Scenario) -> Scenario {
         command: Vec::new(),
         command_ids: Vec::new(),
         cmd_vel: Vec::new(),
+        mix: Vec::new(),
+        reserve: Vec::new(),
         ..known.agents
     };
     (known.stop_when_explored, known.stop_when_covered) = (true, false);

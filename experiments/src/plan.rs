@@ -298,10 +298,14 @@ fn planned_run(
         scenario = forked;
     }
     // Those of a program of the user are checked before it is run.
-    for agents in scenario.phases().iter().map(|phase| &phase.agents).filter(|agents| agents.has_built_in()) {
-        registry
-            .check(&agents.controller, &wire::settings(agents))
-            .map_err(|error| line_error("agents.controller", format!("agents.controller: {error}")))?;
+    for agents in scenario.phases().iter().map(|phase| &phase.agents) {
+        for choice in agents.controllers_of(|agent| agents.is_built_in(agent)) {
+            let is_of_mix = agents.mix.iter().any(|entry| std::ptr::eq(&entry.set, choice.set));
+            let key = if is_of_mix { "agents.mix" } else { "agents.controller" };
+            registry
+                .check(choice.controller, &wire::settings(choice.set))
+                .map_err(|error| line_error(key, format!("{key}: {error}")))?;
+        }
     }
     let of_run = files
         .of(&scenario)

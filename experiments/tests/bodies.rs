@@ -70,7 +70,8 @@ fn agents_get_the_bodies_of_the_scenario() {
     let scenario = Scenario::parse("the test's scenario", &mixed("rbw", ""), &[]).expect("a legal scenario");
     let (world, _report) = setup::build(&scenario).expect("there is such a world");
     let told = cdr::encode(&simulation::wire::scenario(&scenario, &world.terrain().extent(), world.rays()));
-    let run_info = agent_node::wire::run_info(&cdr::decode(&told).expect("a scenario")).expect("a legal scenario");
+    let told = cdr::decode(&told).expect("a scenario");
+    let run_info = agent_node::wire::run_info(&told, AgentId(0)).expect("a legal scenario");
     let others = scenario.other_bodies();
     for agent in (0..4).map(AgentId) {
         let (body, model) = (run_info.bodies.of(agent), others.get(&agent).unwrap_or(&scenario.body));

@@ -42,8 +42,8 @@ fn play(data: &mut Unstructured<'_>) -> Result<()> {
         share_period_ticks,
         ..Scenario::default()
     };
-    let run_info = wire::run_info(&scenario).expect("a legal scenario");
     let own = AgentId(1);
+    let run_info = wire::run_info(&scenario, own).expect("a legal scenario");
     let controller = controllers::build(name, &[], own, 5).expect("there is such a controller");
     let mut agent = Agent::new(own, run_info, controller);
     let mut tick = 0;

@@ -59,12 +59,13 @@ fn to_an_agent(bytes: &[u8]) {
     decoded::<JoinReply>(bytes);
     decoded::<SignedObservation>(bytes);
     if let Some(scenario) = decoded::<Scenario>(bytes) {
-        let _briefing = agent_wire::run_info(&scenario);
+        let _briefing = agent_wire::run_info(&scenario, AgentId(0));
     }
     if let Some(part) = decoded::<Observation>(bytes) {
         let (bodies, body_of) = (vec![Body::default()], vec![0; AGENTS as usize]);
         let scenario = Scenario { size: [40; 3], cell_m: 1.0, agents: AGENTS, bodies, body_of, ..Scenario::default() };
-        let run_info = agent_wire::run_info(&Scenario { duration_ticks: u64::MAX, ..scenario }).expect("a legal one");
+        let run_info = agent_wire::run_info(&Scenario { duration_ticks: u64::MAX, ..scenario }, AgentId(0));
+        let run_info = run_info.expect("a legal one");
         let _collected = agent_wire::FragmentReassembler::default().take(part, &run_info);
     }
 }

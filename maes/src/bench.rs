@@ -1,4 +1,5 @@
-//! `maes bench`: benchmarks that can be cited, and the verification of their results.
+//! `maes bench`: benchmarks that can be cited, the verification of their results, and how long they
+//! take on many cores.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZero;
@@ -9,6 +10,7 @@ use std::thread;
 use agent_node::controllers::Registry;
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};
+use experiments::benchmark::schedule::Schedule;
 use experiments::benchmark::{self, Entry, RESULT_FILE, SEEDS, Scope};
 use experiments::execute::{Launcher, Options, Part, Transport};
 use sim_server::exit;
@@ -27,6 +29,24 @@ pub(crate) enum BenchCommand {
     Exploration1(ExplorationArgs),
     /// Check a result file: execute a random tenth of its runs again, and compare the digests
     Verify(VerifyArgs),
+    /// Say how long the whole benchmark takes on many cores: simulates the schedule of a cluster with
+    /// the measured times of the runs that are there
+    Schedule(ScheduleArgs),
+}
+
+/// Arguments of `bench schedule`.
+#[derive(Debug, Args)]
+pub(crate) struct ScheduleArgs {
+    /// The folder of the runs, with one of every track at least, as after `bench exploration-1
+    /// --seeds 1`
+    folder: PathBuf,
+    /// Cores, each of which executes one run at a time
+    #[arg(long, value_name = "N", default_value = "100")]
+    cores: NonZero<usize>,
+    /// What a run takes beside its measured wall time: the start of a process, and the making of the
+    /// map
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.0, value_parser = seconds)]
+    extra: f64,
 }
 
 /// Arguments of `bench exploration-1`.
@@ -74,6 +94,13 @@ pub(crate) struct VerifyArgs {
     jobs: Option<NonZero<usize>>,
 }
 
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.0..=1e6).contains(&seconds) => Ok(seconds),
+        _ => Err("expected a number of seconds from 0 to 1e6".to_owned()),
+    }
+}
+
 fn setting(text: &str) -> Result<(String, toml::Value), String> {
     let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE, such as horizon_m=20")?;
     let table: Result<toml::Table, _> = toml::from_str(&format!("value = {value}"));
@@ -87,7 +114,23 @@ pub(crate) fn run(command: &BenchCommand) -> anyhow::Result<ExitCode> {
     match command {
         BenchCommand::Exploration1(args) => explore(args),
         BenchCommand::Verify(args) => verify(args),
+        BenchCommand::Schedule(args) => schedule(args),
     }
+}
+
+fn schedule(args: &ScheduleArgs) -> anyhow::Result<ExitCode> {
+    let schedule = benchmark::schedule::schedule(&args.folder, args.cores, args.extra)?;
+    let Schedule { cores, measured, runs, total_s, longest_s, makespan_s } = schedule;
+    print(&format!(
+        "{runs} runs on {cores} cores: {makespan_s:.1} s by simulated schedule; no schedule is shorter than {:.1} s",
+        schedule.bound_s()
+    ));
+    print(&format!(
+        "{measured} runs measured, the others taken to last as long as those of their track; {total_s:.1} s of \
+         processor time, longest run {longest_s:.1} s, {} s of each beside its measured time",
+        args.extra
+    ));
+    Ok(ExitCode::SUCCESS)
 }
 
 fn explore(args: &ExplorationArgs) -> anyhow::Result<ExitCode> {

@@ -14,8 +14,8 @@ use simulation::scenario::AgentsSection;
 /// have an agent that is not run by another program.
 pub(crate) fn check(scenario: &simulation::scenario::Scenario) -> anyhow::Result<()> {
     for agents in scenario.phases().into_iter().map(|phase| phase.agents) {
-        if agents.has_built_in() {
-            controllers::check(&agents.controller, &simulation::wire::settings(&agents))?;
+        for choice in agents.controllers_of(|agent| agents.is_built_in(agent)) {
+            controllers::check(choice.controller, &simulation::wire::settings(choice.set))?;
         }
     }
     Ok(())
@@ -47,7 +47,7 @@ impl ControllerFactory for BuiltInControllers {
         let mut words = runs.split(' ');
         let name = words.next().unwrap_or_default();
         let settings: Vec<String> = words.map(str::to_owned).collect();
-        let run_info = wire::run_info(told).map_err(|error| error.to_string())?;
+        let run_info = wire::run_info(told, agent).map_err(|error| error.to_string())?;
         let controller =
             controllers::build(name, &settings, agent, run_info.agents_seed).map_err(|error| error.to_string())?;
         let successors = Registry::BUILT_IN.successors(agent, runs == run_info.controller_label(), None);

@@ -124,17 +124,21 @@ pub struct Intervention {
     pub kind: u8,
     /// To which agent.
     pub agent: u32,
-    /// Where its centre was put, for `PLACE`.
+    /// Where its centre was put, for `PLACE` and `JOIN`.
     pub position: Point,
-    /// Its heading there, for `PLACE`.
+    /// Its heading there, for `PLACE` and `JOIN`.
     pub yaw_rad: f64,
 }
 
 impl Intervention {
     /// The body was put at a pose, at rest; its task has ended.
     pub const PLACE: u8 = 0;
-    /// The agent has left the run: its body stops and stays.
+    /// The agent has left the run: its body stops and stays. Recordings of earlier builds have it.
     pub const REMOVE: u8 = 1;
+    /// The agent has left the world with its body.
+    pub const LEAVE: u8 = 2;
+    /// An agent of the reserve has entered the world at a pose, at rest.
+    pub const JOIN: u8 = 3;
 }
 
 /// An agent's wish to take part, repeated until it is answered on `/sim/join_reply`.
@@ -458,7 +462,8 @@ pub struct Scenario {
     pub agents_seed: u64,
     /// What an agent runs if it is not told otherwise.
     pub controller: String,
-    /// Settings of that controller, each KEY=VALUE.
+    /// Settings of that controller, each KEY=VALUE; `@IDS:NAME` and `@IDS:KEY=VALUE`, with ids such as
+    /// `0-2,4`, for agents that run another one.
     pub settings: Vec<String>,
     /// The different bodies of the team, 1 to [`limits::BODIES_MAX`](crate::limits::BODIES_MAX).
     pub bodies: Vec<Body>,

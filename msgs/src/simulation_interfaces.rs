@@ -86,6 +86,8 @@ pub struct SimulatorFeatures {
 }
 
 impl SimulatorFeatures {
+    /// Entities can be added.
+    pub const SPAWNING: u16 = 0;
     /// Entities can be taken away.
     pub const DELETING: u16 = 1;
     /// Filters know tags.
@@ -388,6 +390,17 @@ pub const ALREADY_IN_TARGET_STATE: u8 = 101;
 pub const INCORRECT_TRANSITION: u8 = 103;
 /// Code of `SetEntityState`: the entity cannot be there.
 pub const INVALID_POSE: u8 = 101;
+
+/// Code of `SpawnEntity`: the name is taken.
+pub const NAME_NOT_UNIQUE: u8 = 101;
+/// Code of `SpawnEntity`: no entity can have this name.
+pub const NAME_INVALID: u8 = 102;
+/// Code of `SpawnEntity`: the simulator does not read such a resource.
+pub const UNSUPPORTED_FORMAT: u8 = 103;
+/// Code of `SpawnEntity`: the entity cannot have this namespace.
+pub const NAMESPACE_INVALID: u8 = 105;
+/// Code of `SpawnEntity`: the entity cannot be there.
+pub const INVALID_SPAWN_POSE: u8 = 109;
 
 services! { "simulation_interfaces" {
     /// What the simulator can do.

@@ -121,6 +121,11 @@ impl Environment {
         if !scenario.event.is_empty() {
             return Err("event: expected none in an environment, whose worlds have no schedule".to_owned());
         }
+        if !scenario.agents.reserve.is_empty() {
+            return Err(
+                "agents.reserve: expected [] in an environment, which has no service that lets agents join".to_owned()
+            );
+        }
         if let Some((key, value)) = scenario.agents.of_ros_only() {
             return Err(format!("{key} = {value}: expected [] in an environment"));
         }
@@ -128,7 +133,8 @@ impl Environment {
         let scenario = resolved.map_err(|error| error.to_string())?;
         let (world, _report) = setup::build(&scenario).map_err(|error| error.to_string())?;
         let announced = wire::scenario(&scenario, &world.terrain().extent(), world.rays());
-        let run_info = run_info(&announced).map_err(|error| error.to_string())?;
+        // Controllers have no part in an environment.
+        let run_info = run_info(&announced, AgentId(0)).map_err(|error| error.to_string())?;
         let explorers = world
             .agents()
             .map(|agent| Explorer {

@@ -23,10 +23,10 @@ mod simulation_control;
 
 use msgs::service::Ask;
 use msgs::simulation_interfaces::{
-    self as standard, ALREADY_IN_TARGET_STATE, DeleteEntity, GetEntities, GetEntitiesStates, GetEntityBounds,
-    GetEntityInfo, GetEntityState, GetSimulationState, GetSimulatorFeatures, INCORRECT_TRANSITION, ResetRequest,
-    ResetSimulation, Result as Outcome, SetEntityState, SetSimulationState, SimulationState, SimulatorFeatures,
-    SpawnEntity, StepSimulation,
+    ALREADY_IN_TARGET_STATE, DeleteEntity, GetEntities, GetEntitiesStates, GetEntityBounds, GetEntityInfo,
+    GetEntityState, GetSimulationState, GetSimulatorFeatures, INCORRECT_TRANSITION, ResetRequest, ResetSimulation,
+    Result as Outcome, SetEntityState, SetSimulationState, SimulationState, SimulatorFeatures, SpawnEntity,
+    StepSimulation,
 };
 
 use simulation::scenario::Rtf;
@@ -66,27 +66,31 @@ pub trait Steps {
     fn finish(self: Box<Self>, outcome: Outcome);
 }
 
-/// The features of `GetSimulatorFeatures` that a run supports.
+/// The features of `GetSimulatorFeatures` that a run supports, with or without agents in reserve.
 #[must_use]
-pub fn features() -> SimulatorFeatures {
+pub fn features(has_reserve: bool) -> SimulatorFeatures {
+    let spawning = has_reserve.then_some(SimulatorFeatures::SPAWNING);
     SimulatorFeatures {
-        features: vec![
-            SimulatorFeatures::DELETING,
-            SimulatorFeatures::ENTITY_TAGS,
-            SimulatorFeatures::ENTITY_BOUNDS,
-            SimulatorFeatures::ENTITY_BOUNDS_BOX,
-            SimulatorFeatures::ENTITY_CATEGORIES,
-            SimulatorFeatures::ENTITY_STATE_GETTING,
-            SimulatorFeatures::ENTITY_STATE_SETTING,
-            SimulatorFeatures::ENTITY_INFO_GETTING,
-            SimulatorFeatures::SIMULATION_RESET,
-            SimulatorFeatures::SIMULATION_STATE_GETTING,
-            SimulatorFeatures::SIMULATION_STATE_SETTING,
-            SimulatorFeatures::SIMULATION_STATE_PAUSE,
-            SimulatorFeatures::STEP_SIMULATION_SINGLE,
-            SimulatorFeatures::STEP_SIMULATION_MULTIPLE,
-            SimulatorFeatures::STEP_SIMULATION_ACTION,
-        ],
+        features: spawning
+            .into_iter()
+            .chain([
+                SimulatorFeatures::DELETING,
+                SimulatorFeatures::ENTITY_TAGS,
+                SimulatorFeatures::ENTITY_BOUNDS,
+                SimulatorFeatures::ENTITY_BOUNDS_BOX,
+                SimulatorFeatures::ENTITY_CATEGORIES,
+                SimulatorFeatures::ENTITY_STATE_GETTING,
+                SimulatorFeatures::ENTITY_STATE_SETTING,
+                SimulatorFeatures::ENTITY_INFO_GETTING,
+                SimulatorFeatures::SIMULATION_RESET,
+                SimulatorFeatures::SIMULATION_STATE_GETTING,
+                SimulatorFeatures::SIMULATION_STATE_SETTING,
+                SimulatorFeatures::SIMULATION_STATE_PAUSE,
+                SimulatorFeatures::STEP_SIMULATION_SINGLE,
+                SimulatorFeatures::STEP_SIMULATION_MULTIPLE,
+                SimulatorFeatures::STEP_SIMULATION_ACTION,
+            ])
+            .collect(),
         spawn_formats: Vec::new(),
         custom_info:
             "lock-step: a step is a fixed update of 20 ms; entities are the agents; states can be set in a paused \
@@ -132,6 +136,7 @@ pub struct StateMachine {
     state: State,
     stepping: Option<Stepping>,
     can_reset: bool,
+    can_spawn: bool,
     /// The requested reset.
     pending_reset: Option<Reset>,
 }
@@ -146,9 +151,9 @@ pub struct Reset {
 impl StateMachine {
     /// At tick 0, playing unless paused.
     #[must_use]
-    pub fn new(is_paused: bool, can_reset: bool) -> Self {
+    pub fn new(is_paused: bool, can_reset: bool, can_spawn: bool) -> Self {
         let state = if is_paused { State::Stopped } else { State::Playing };
-        Self { state, stepping: None, can_reset, pending_reset: None }
+        Self { state, stepping: None, can_reset, can_spawn, pending_reset: None }
     }
 
     /// The requested reset: the executor ends the run then and starts it again.
@@ -172,6 +177,9 @@ impl StateMachine {
         let time_and_state = ResetRequest::SCOPE_TIME | ResetRequest::SCOPE_STATE;
         if scope == ResetRequest::SCOPE_DEFAULT || scope & time_and_state == time_and_state {
             self.pending_reset = Some(Reset { is_paused: !self.may_tick() });
+        } else if scope == ResetRequest::SCOPE_SPAWNED && self.can_spawn {
+            let reason = "scope = 4: agents that have joined stay; take them out by delete_entity";
+            return Err(Outcome::failure(Outcome::FEATURE_UNSUPPORTED, reason));
         } else if scope != ResetRequest::SCOPE_SPAWNED {
             // Nothing can be spawned, so there is nothing to remove.
             let reason = format!("scope = {scope}: expected 0 or 255 (all) or 3 (time and state), which go together");
@@ -278,22 +286,12 @@ fn reset_unsupported() -> Outcome {
     )
 }
 
-/// The answer to `SpawnEntity`.
-#[must_use]
-pub fn spawn() -> standard::SpawnEntityResponse {
-    let reason = "the team is set by the scenario: agents.count";
-    standard::SpawnEntityResponse {
-        result: Outcome::failure(Outcome::FEATURE_UNSUPPORTED, reason),
-        entity_name: String::new(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn in_state(state: State) -> StateMachine {
-        StateMachine { state, ..StateMachine::new(false, true) }
+        StateMachine { state, ..StateMachine::new(false, true, false) }
     }
 
     fn code(done: Result<(), Outcome>) -> u8 {
@@ -356,8 +354,8 @@ mod tests {
 
     #[test]
     fn initial_state_is_playing_or_stopped() {
-        assert_eq!(StateMachine::new(false, true).state(), State::Playing);
-        assert_eq!(StateMachine::new(true, true).state(), State::Stopped);
+        assert_eq!(StateMachine::new(false, true, false).state(), State::Playing);
+        assert_eq!(StateMachine::new(true, true, false).state(), State::Stopped);
     }
 
     #[test]
@@ -376,7 +374,7 @@ mod tests {
             assert_eq!((control.reset(4), control.pending_reset()), (Ok(()), None), "nothing was spawned");
         }
         assert_eq!(code(in_state(State::Quitting).reset(0)), Outcome::INCORRECT_STATE);
-        let mut once = StateMachine::new(true, false);
+        let mut once = StateMachine::new(true, false, false);
         once.step(1).unwrap();
         assert_eq!(code(once.reset(0)), Outcome::FEATURE_UNSUPPORTED);
         assert_eq!(code(once.set_state(SimulationState::STOPPED)), Outcome::FEATURE_UNSUPPORTED);

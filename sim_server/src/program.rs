@@ -269,7 +269,7 @@ fn scenarios_folder() -> Option<PathBuf> {
     folder.is_dir().then_some(folder)
 }
 
-/// Whether there is the controller that a scenario names, with its settings. The server does not
+/// Whether there are the controllers that a scenario names, with their settings. The server does not
 /// know the controllers: it asks a program that does, and refuses nothing if there is none.
 #[cfg(feature = "view")]
 fn check_agents(program: &[PathBuf], scenario: &Scenario) -> Result<(), String> {
@@ -284,18 +284,21 @@ fn check_agents(program: &[PathBuf], scenario: &Scenario) -> Result<(), String> 
         },
         [program, first @ ..] => (program.clone(), first),
     };
-    let mut check = Command::new(&program);
-    check.args(first);
-    check.args(["--check", "--id", "0", "--controller", &scenario.agents.controller]);
-    for setting in simulation::wire::settings(&scenario.agents) {
-        check.arg("--set").arg(setting);
+    for choice in scenario.agents.controllers_of(|_| true) {
+        let mut check = Command::new(&program);
+        check.args(first);
+        check.args(["--check", "--id", "0", "--controller", choice.controller]);
+        for setting in simulation::wire::settings(choice.set) {
+            check.arg("--set").arg(setting);
+        }
+        let checked = check.stdin(Stdio::null()).output();
+        let checked = checked.map_err(|error| format!("{}: {error}", program.display()))?;
+        if !checked.status.success() {
+            let reason = String::from_utf8_lossy(&checked.stderr);
+            return Err(reason.trim().trim_start_matches("error: ").to_owned());
+        }
     }
-    let checked = check.stdin(Stdio::null()).output().map_err(|error| format!("{}: {error}", program.display()))?;
-    if checked.status.success() {
-        return Ok(());
-    }
-    let reason = String::from_utf8_lossy(&checked.stderr);
-    Err(reason.trim().trim_start_matches("error: ").to_owned())
+    Ok(())
 }
 
 /// Says which agents may be started: in a file beside the one of `--ready`, whose name is written

@@ -199,7 +199,11 @@ pub fn run(
             keeps_log,
             allows_replacement,
         ),
-        control: SimulationControl::new(start.is_paused, start.rtf, crate::control::features()),
+        control: SimulationControl::new(
+            start.is_paused,
+            start.rtf,
+            crate::control::features(!scenario.agents.reserve.is_empty()),
+        ),
         pending_request: None,
         log: SessionLog::new(sinks.into(), checker, agents, begun),
         recorded: record::LastRecorded::default(),

@@ -76,6 +76,7 @@ fn described(name: &str, value: Value) -> Parameter {
 /// controller.
 fn meaning_of_table(name: &str) -> &'static str {
     match name {
+        "agents.mix" => "agents with other controllers, as an array of tables",
         "bodies" => "bodies of some agents, as an array of tables",
         "event" => "what happens at set times, as an array of tables",
         _ => "a setting of the controller",
@@ -134,7 +135,7 @@ mod tests {
 
     fn scenario(rest: &str) -> Scenario {
         let text = format!(
-            "seed = 1\nduration_s = 1.0\n{rest}\n[agents]\ncount = 2\ncmd_vel = [1]\ncommand = [\"a\"]\n\
+            "seed = 1\nduration_s = 1.0\n{rest}\n[agents]\ncount = 2\ncmd_vel = [1]\nreserve = [1]\ncommand = [\"a\"]\n\
                     command_ids = [0]\ncommand_signs = false\nset = {{ x = 1 }}\n"
         );
         Scenario::parse("s.toml", &text, &[]).unwrap()
@@ -180,7 +181,7 @@ mod tests {
             assert_eq!(is_described, !is_setting, "{name} has no description of its own");
             assert!(
                 is_setting
-                    || ["use_sim_time", "bodies", "event"].contains(&name.as_str())
+                    || ["use_sim_time", "agents.mix", "bodies", "event"].contains(&name.as_str())
                     || keys::find(&name).is_some()
             );
             assert_eq!(parameter.descriptor.read_only, name != RTF, "{name}");

@@ -12,6 +12,7 @@ mod bodies;
 mod diagnosis;
 pub mod events;
 pub mod keys;
+mod mix;
 mod origin;
 mod radio;
 mod sections;
@@ -31,6 +32,7 @@ use crate::world::spawn::SpawnSpec;
 
 pub use bodies::BodyEntry;
 pub use events::{EventAction, EventEntry, EventKind, ScheduledEvent};
+pub use mix::{ControllerChoice, MixEntry};
 pub use origin::Origins;
 pub use radio::{CommunicationModel, CommunicationSection, RelaySection};
 pub use sections::*;
@@ -256,6 +258,7 @@ impl Scenario {
         }
         self.check_map_source(&checker)?;
         self.agents.check(&checker)?;
+        self.agents.check_mix(&checker)?;
         self.check_bodies(&checker)?;
         self.communication.check(&checker)?;
         self.check_events(&checker)?;

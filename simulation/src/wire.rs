@@ -6,6 +6,8 @@
 //!
 //! There is no transport here.
 
+use std::collections::BTreeMap;
+
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{
@@ -286,7 +288,7 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
         agents: scenario.agents.count,
         agents_seed: agents_seed(scenario.seed),
         controller: scenario.agents.controller.clone(),
-        settings: settings(&scenario.agents),
+        settings: announced_settings(&scenario.agents),
         bodies,
         body_of,
         lidar: maes_msgs::Lidar {
@@ -314,14 +316,37 @@ fn bodies(scenario: &Scenario) -> (Vec<maes_msgs::Body>, Vec<u8>) {
     (bodies, body_of)
 }
 
-/// The settings of controllers, each `KEY=VALUE`.
+/// The settings of a controller, each `KEY=VALUE`.
 #[must_use]
-pub fn settings(agents: &AgentsSection) -> Vec<String> {
+pub fn settings(set: &BTreeMap<String, toml::Value>) -> Vec<String> {
     let setting = |(key, value): (&String, &toml::Value)| match value {
         toml::Value::String(text) => format!("{key}={text}"),
         other => format!("{key}={other}"),
     };
-    agents.set.iter().map(setting).collect()
+    set.iter().map(setting).collect()
+}
+
+/// The settings as `Scenario.msg` has them: those of `agents.controller`, and the controllers of a
+/// mix with theirs.
+#[must_use]
+pub fn announced_settings(agents: &AgentsSection) -> Vec<String> {
+    let of_others = agents.mix.iter().zip(agents.mixed_ids()).filter(|(_, ids)| !ids.is_empty());
+    let of_others = of_others.flat_map(|(entry, ids)| {
+        let whose = id_ranges(&ids);
+        let words = std::iter::once(entry.controller.clone()).chain(settings(&entry.set));
+        words.map(|word| format!("@{whose}:{word}")).collect::<Vec<_>>()
+    });
+    settings(&agents.set).into_iter().chain(of_others).collect()
+}
+
+/// Ascending ids as `0-2,4`.
+fn id_ranges(ids: &[u32]) -> String {
+    let runs = ids.chunk_by(|before, after| before + 1 == *after);
+    let text = |run: &[u32]| match run {
+        [first, .., last] => format!("{first}-{last}"),
+        run => run.iter().map(u32::to_string).collect(),
+    };
+    runs.map(text).collect::<Vec<_>>().join(",")
 }
 
 /// The seed of the agents, from which the seed of the map cannot be derived.
@@ -387,27 +412,54 @@ pub fn rotation(yaw_rad: f64) -> geometry_msgs::Quaternion {
     geometry_msgs::Quaternion { x: 0.0, y: 0.0, z: sin, w: cos }
 }
 
-/// An intervention before this tick: the body of an agent was moved to `placed`, or the agent was
-/// removed from the run.
+/// What an intervention does to an agent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Change {
+    /// Its body is placed at a pose, at rest.
+    Place(Pose),
+    /// It leaves the run, and its body stays: only in recordings of earlier builds.
+    Remove,
+    /// It leaves the world with its body.
+    Leave,
+    /// It joins at a pose, at rest.
+    Join(Pose),
+}
+
+/// A change of an agent before this tick.
 #[must_use]
-pub fn intervention(tick: Tick, agent: AgentId, placed: Option<&Pose>) -> maes_msgs::Intervention {
-    maes_msgs::Intervention {
+pub fn intervention(tick: Tick, agent: AgentId, change: &Change) -> maes_msgs::Intervention {
+    use maes_msgs::Intervention as Message;
+    let (kind, pose) = match change {
+        Change::Place(pose) => (Message::PLACE, Some(pose)),
+        Change::Remove => (Message::REMOVE, None),
+        Change::Leave => (Message::LEAVE, None),
+        Change::Join(pose) => (Message::JOIN, Some(pose)),
+    };
+    Message {
         header: header(tick),
         tick: tick.0,
-        kind: if placed.is_some() { maes_msgs::Intervention::PLACE } else { maes_msgs::Intervention::REMOVE },
+        kind,
         agent: agent.0,
-        position: placed.map(|pose| point(&pose.position)).unwrap_or_default(),
-        yaw_rad: placed.map_or(0.0, |pose| pose.yaw_rad),
+        position: pose.map(|pose| point(&pose.position)).unwrap_or_default(),
+        yaw_rad: pose.map_or(0.0, |pose| pose.yaw_rad),
     }
 }
 
-/// The pose to which an intervention moved an agent, `None` if it removed the agent.
-#[must_use]
-pub fn placement(intervention: &maes_msgs::Intervention) -> Option<Pose> {
-    (intervention.kind == maes_msgs::Intervention::PLACE).then(|| Pose {
-        position: Point3::new(intervention.position.x, intervention.position.y, intervention.position.z),
-        yaw_rad: intervention.yaw_rad,
-    })
+/// The change that an intervention makes.
+///
+/// # Errors
+/// If its kind is unknown.
+pub fn change(intervention: &maes_msgs::Intervention) -> Result<Change, String> {
+    use maes_msgs::Intervention as Message;
+    let Message { position: geometry_msgs::Point { x, y, z }, yaw_rad, .. } = *intervention;
+    let pose = Pose { position: Point3::new(x, y, z), yaw_rad };
+    match intervention.kind {
+        Message::PLACE => Ok(Change::Place(pose)),
+        Message::REMOVE => Ok(Change::Remove),
+        Message::LEAVE => Ok(Change::Leave),
+        Message::JOIN => Ok(Change::Join(pose)),
+        kind => Err(format!("an intervention of kind {kind}: expected 0 to 3")),
+    }
 }
 
 /// A point in metres as a message.

@@ -18,6 +18,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use simulation::scenario::team::ID_MARK;
 use simulation::scenario::{AgentsSection, Scenario};
+use simulation::wire;
 
 use crate::SupervisorError;
 use crate::team::Group;
@@ -66,12 +67,22 @@ pub fn check(scenario: &Scenario, folder: &Path) -> Result<(), SupervisorError> 
             Err(refused(format!("expected {ID_MARK} in the arguments of a program that does not sign")))
         };
     }
-    let mut command = bare(agents, folder, None);
-    command.args(["--check", "--announced", &agents.controller]);
-    for (key, value) in &agents.set {
-        let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        command.arg("--announced-set").arg(format!("{key}={value}"));
-    }
+    agents.controllers_of(|agent| agents.is_commanded(agent)).into_iter().try_for_each(|choice| {
+        let mut command = bare(agents, folder, None);
+        command.args(["--check", "--announced", choice.controller]);
+        for setting in wire::settings(choice.set) {
+            command.arg("--announced-set").arg(setting);
+        }
+        check_controller(command, program, &refused)
+    })
+}
+
+/// Lets a program check a controller.
+fn check_controller(
+    mut command: Command,
+    program: &str,
+    refused: &dyn Fn(String) -> SupervisorError,
+) -> Result<(), SupervisorError> {
     let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
     let child = child.map_err(|error| refused(format!("{program}: {error}")))?;
     let pid = Pid::from_raw(child.id().cast_signed());

@@ -181,9 +181,9 @@ pub(crate) fn serve(
         match message {
             Inbound::Scenario(scenario) => {
                 run = scenario.run;
-                let run_info = wire::run_info(&scenario).expect("the server's scenario is legal");
                 for &id in ids {
-                    agents.insert(id.0, Agent::new(id, run_info.clone(), controller(id)));
+                    let run_info = wire::run_info(&scenario, id).expect("the server's scenario is legal");
+                    agents.insert(id.0, Agent::new(id, run_info, controller(id)));
                     let controller = "of the test".to_owned();
                     let last_tick = Join::NONE;
                     link.send_join(&Join { run, agent: id.0, instance: 0, protocol: PROTOCOL, controller, last_tick });

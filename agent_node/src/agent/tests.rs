@@ -34,7 +34,7 @@ fn run_info(agents: u32) -> RunInfo {
         share_period_ticks: 10,
         ..Default::default()
     };
-    wire::run_info(&scenario).unwrap()
+    wire::run_info(&scenario, AgentId(2)).unwrap()
 }
 
 fn agent() -> Agent {
@@ -138,7 +138,7 @@ fn play(
         duration_ticks: 10_000,
         ..Default::default()
     };
-    let run_info = wire::run_info(&scenario).unwrap();
+    let run_info = wire::run_info(&scenario, AgentId(2)).unwrap();
     let mut rng = random_streams::stream(seed, 0, "world");
     let mut agents = Vec::new();
     let mut shown = Vec::new();

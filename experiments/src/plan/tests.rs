@@ -111,7 +111,7 @@ fn plans_of_the_repository_are_valid() {
 fn what(plan: &Plan) -> Vec<(Vec<String>, String, Vec<String>)> {
     let run = |run: &PlannedRun| {
         let labels = run.axes.iter().map(|(key, value)| format!("{key}={value}")).collect();
-        (labels, run.scenario.agents.controller.clone(), wire::settings(&run.scenario.agents))
+        (labels, run.scenario.agents.controller.clone(), wire::settings(&run.scenario.agents.set))
     };
     plan.runs.iter().map(run).collect()
 }
@@ -131,7 +131,7 @@ fn variants_are_named_sets_of_any_keys() {
         plan.runs.iter().find(is).unwrap().scenario.clone()
     });
     assert_eq!((far.lidar.range_m, far.agents.controller.as_str(), far.bodies.len()), (20.0, "lvd", 0));
-    assert_eq!(wire::settings(&far.agents), ["visit_radius_m=5.0"]);
+    assert_eq!(wire::settings(&far.agents.set), ["visit_radius_m=5.0"]);
     assert_eq!((near.lidar.range_m, near.lidar.rays, near.agents.controller.as_str()), (5.0, 100, "rbw"));
     assert_eq!(near.bodies.len(), 1);
     // A run has the same id by whatever plan.

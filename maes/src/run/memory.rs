@@ -57,7 +57,7 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
             .into_iter()
             .map(|stopwatch::Decision { agent, tick, start, duration }| Decision { agent, tick, start, duration })
             .collect();
-        say(&profile.table(&scenario.agents.controller, &decisions));
+        say(&profile.table(&scenario.agents.controllers_label(), &decisions));
         if !file.as_os_str().is_empty() {
             profile.write_trace(&decisions, file).with_context(|| format!("--profile {}", file.display()))?;
         }

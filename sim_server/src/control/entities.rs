@@ -6,13 +6,14 @@
 //! Invariant: a response fits into a datagram ([`ANSWER_BYTES_MAX`]); a larger one is refused.
 
 use msgs::cdr;
-use msgs::geometry_msgs::{Accel, Quaternion, Twist, Vector3 as Triple};
+use msgs::geometry_msgs::{Accel, Point, PoseStamped, Quaternion, Twist, Vector3 as Triple};
 use msgs::ids::AgentId;
 use msgs::limits::ANSWER_BYTES_MAX;
 use msgs::simulation_interfaces::{
     Bounds, EntitiesResponse, EntitiesStatesResponse, EntityBoundsResponse, EntityCategory, EntityFilters, EntityInfo,
-    EntityInfoResponse, EntityState, EntityStateResponse, INVALID_POSE, Result as Outcome, SetEntityStateRequest,
-    TagsFilter,
+    EntityInfoResponse, EntityState, EntityStateResponse, INVALID_POSE, INVALID_SPAWN_POSE, NAME_INVALID,
+    NAME_NOT_UNIQUE, NAMESPACE_INVALID, Resource, Result as Outcome, SetEntityStateRequest, SpawnEntityRequest,
+    TagsFilter, UNSUPPORTED_FORMAT,
 };
 use nalgebra::{Point3, Vector3};
 use regex_lite::{Regex, RegexBuilder};
@@ -25,6 +26,9 @@ use simulation::world::{World, collision};
 /// Maximum bytes of a regular expression, and of its compiled form.
 const FILTER_BYTES_MAX: usize = 1024;
 const FILTER_SIZE_MAX: usize = 1 << 20;
+
+/// Maximum names in an error.
+const NAMES_MAX: usize = 10;
 
 /// Maximum characters quoted from a foreign text.
 const TEXT_CHARS_MAX: usize = 200;
@@ -199,18 +203,64 @@ impl Team<'_> {
             return Err(failed("nothing is to be set: expected set_pose = true"));
         }
         let invalid = |reason: String| Outcome::failure(INVALID_POSE, reason);
-        if !matches!(state.header.frame_id.as_str(), "" | wire::MAP_FRAME) {
-            return Err(invalid(format!("state.header.frame_id: expected {} or nothing", wire::MAP_FRAME)));
-        }
-        let position = state.pose.position;
-        if ![position.x, position.y, position.z].iter().all(|number| number.is_finite()) {
-            return Err(invalid(format!("state.pose.position = {position:?}: expected numbers")));
-        }
-        let yaw_rad = yaw(&state.pose.orientation).ok_or_else(|| {
-            invalid(format!("{:?}: expected a unit quaternion that turns about z only", state.pose.orientation))
-        })?;
-        Ok((agent, Pose { position: Point3::new(position.x, position.y, position.z), yaw_rad }))
+        let pose = pose("state.", &state.header.frame_id, &state.pose).map_err(invalid)?;
+        Ok((agent, pose))
     }
+
+    /// The agent of the reserve that a request means, and its pose. `waiting` are those that have
+    /// not joined. A position of zeros, which is a wall in every map, stands for the start pose.
+    ///
+    /// # Errors
+    /// The result that explains the refusal. Free space is not checked here.
+    pub fn to_spawn(&self, request: &SpawnEntityRequest, waiting: &[AgentId]) -> Result<(AgentId, Pose), Outcome> {
+        let SpawnEntityRequest { name: wanted, allow_renaming, entity_resource, entity_namespace, initial_pose } =
+            request;
+        let Some(&first) = waiting.first() else {
+            let reason = "no agent waits; a scenario lists those that may join in agents.reserve";
+            return Err(Outcome::failure(Outcome::FEATURE_UNSUPPORTED, reason));
+        };
+        let is_taken = self.find(wanted).is_ok();
+        let agent = match waiting.iter().find(|&&agent| name(agent) == *wanted) {
+            Some(&agent) => agent,
+            None if *allow_renaming => first,
+            None if is_taken => return Err(Outcome::failure(NAME_NOT_UNIQUE, format!("{wanted} is in the world"))),
+            None => {
+                let names: Vec<String> = waiting.iter().take(NAMES_MAX).map(|&agent| name(agent)).collect();
+                let more = if waiting.len() > NAMES_MAX { " ..." } else { "" };
+                let expected = format!("name: expected one of {}{more}, or allow_renaming", names.join(", "));
+                return Err(Outcome::failure(NAME_INVALID, expected));
+            }
+        };
+        if *entity_resource != Resource::default() {
+            let reason = "entity_resource: expected nothing, because an agent of the scenario joins";
+            return Err(Outcome::failure(UNSUPPORTED_FORMAT, reason));
+        }
+        if !["".to_owned(), name(agent), format!("/{}", name(agent))].contains(entity_namespace) {
+            let reason = format!("entity_namespace: expected {} or nothing", name(agent));
+            return Err(Outcome::failure(NAMESPACE_INVALID, reason));
+        }
+        let PoseStamped { header, pose: wished } = initial_pose;
+        if wished.position == Point::default() {
+            return Ok((agent, *self.world.body(agent).pose()));
+        }
+        let invalid = |reason: String| Outcome::failure(INVALID_SPAWN_POSE, reason);
+        Ok((agent, pose("initial_pose.", &header.frame_id, wished).map_err(invalid)?))
+    }
+}
+
+/// A pose of a request in the frame `map`, or what is wrong with it; `place` names the part of the
+/// request.
+fn pose(place: &str, frame: &str, pose: &msgs::geometry_msgs::Pose) -> Result<Pose, String> {
+    if !matches!(frame, "" | wire::MAP_FRAME) {
+        return Err(format!("{place}header.frame_id: expected {} or nothing", wire::MAP_FRAME));
+    }
+    let position = pose.position;
+    if ![position.x, position.y, position.z].iter().all(|number| number.is_finite()) {
+        return Err(format!("{place}pose.position = {position:?}: expected numbers"));
+    }
+    let yaw_rad = yaw(&pose.orientation)
+        .ok_or_else(|| format!("{:?}: expected a unit quaternion that turns about z only", pose.orientation))?;
+    Ok(Pose { position: Point3::new(position.x, position.y, position.z), yaw_rad })
 }
 
 /// Yaw of an upright orientation, rad; `None` if it is no unit quaternion or is tilted.

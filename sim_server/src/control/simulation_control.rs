@@ -45,8 +45,9 @@ impl SimulationControl {
     /// A simulation that starts at this real-time factor, or paused, with these features.
     #[must_use]
     pub fn new(is_paused: bool, rtf: Rtf, features: SimulatorFeatures) -> Self {
-        let can_reset = features.features.contains(&SimulatorFeatures::SIMULATION_RESET);
-        let machine = StateMachine::new(is_paused, can_reset);
+        let has = |feature| features.features.contains(&feature);
+        let (can_reset, can_spawn) = (has(SimulatorFeatures::SIMULATION_RESET), has(SimulatorFeatures::SPAWNING));
+        let machine = StateMachine::new(is_paused, can_reset, can_spawn);
         Self { features, machine, pace: Pacer::new(rtf), step_caller: None, unreported: None }
     }
 

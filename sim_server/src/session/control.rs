@@ -9,12 +9,15 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use msgs::service::Ask;
-use msgs::simulation_interfaces::{INVALID_POSE, Result as Outcome, ResultResponse, SetEntityStateRequest};
+use msgs::simulation_interfaces::{
+    INVALID_POSE, INVALID_SPAWN_POSE, Result as Outcome, ResultResponse, SetEntityStateRequest, SpawnEntityRequest,
+    SpawnEntityResponse,
+};
 
 use super::agents::POLL_PERIOD;
 use super::{RunError, Session};
-use crate::control::entities::Team;
-use crate::control::{self, Request};
+use crate::control::Request;
+use crate::control::entities::{self, Team};
 use simulation::world::Presence;
 
 /// Most requests that are answered between two ticks, so that a flood does not stop the clock.
@@ -123,7 +126,7 @@ impl Session<'_, '_> {
                 let result = self.delete(&request.entity, phase)?;
                 reply.send(ResultResponse { result });
             }
-            Request::Spawn(ask) => ask.answer(|_| control::spawn()),
+            Request::Spawn(Ask { request, reply }) => reply.send(self.spawn(&request, phase)?),
             _ => unreachable!("requests that concern time alone are answered by the simulation control"),
         }
         Ok(())
@@ -157,8 +160,24 @@ impl Session<'_, '_> {
             return Ok(not_now("agents are awaited"));
         }
         self.dismiss(agent)?;
-        self.engine.remove(agent, &mut self.log)?;
+        self.engine.leave(agent, &mut self.log)?;
         Ok(Outcome::ok())
+    }
+
+    fn spawn(&mut self, request: &SpawnEntityRequest, phase: Phase) -> Result<SpawnEntityResponse, RunError> {
+        let refused = |result| SpawnEntityResponse { result, entity_name: String::new() };
+        if phase == Phase::Admission {
+            return Ok(refused(not_now("agents are awaited")));
+        }
+        let waiting = self.engine.reserve();
+        let (agent, pose) = match self.with_team(|team| team.to_spawn(request, &waiting)) {
+            Ok(found) => found,
+            Err(outcome) => return Ok(refused(outcome)),
+        };
+        Ok(match self.engine.join(agent, pose, &mut self.log)? {
+            Ok(()) => SpawnEntityResponse { result: Outcome::ok(), entity_name: entities::name(agent) },
+            Err(reason) => refused(Outcome::failure(INVALID_SPAWN_POSE, reason)),
+        })
     }
 }
 

@@ -24,7 +24,7 @@ use crate::setup;
 use msgs::trigger::Trigger;
 use simulation::digest::{Chain, Digest};
 use simulation::scenario::{Scenario, ScheduledEvent};
-use simulation::wire;
+use simulation::wire::{self, Change};
 use simulation::workers::Workers;
 use simulation::world::body::Pose;
 use simulation::world::{Action, Commit, Presence, World};
@@ -215,27 +215,58 @@ impl<'a> Engine<'a> {
         if placed.is_ok() {
             // Its trigger was meant for another place.
             self.triggers[agent.index()] = Trigger::NEXT_TICK;
-            self.record_intervention(agent, Some(&pose), log)?;
+            self.record_intervention(agent, &Change::Place(pose), log)?;
         }
         Ok(placed)
     }
 
-    /// Removes an agent from the run.
+    /// Removes an agent from the run as builds did whose services left the body in the world.
     pub(super) fn remove(&mut self, agent: AgentId, log: &mut SessionLog<'_>) -> Result<(), RunError> {
         self.lost.insert(agent);
         self.removed.push(agent);
-        self.record_intervention(agent, None, log)
+        self.record_intervention(agent, &Change::Remove, log)
+    }
+
+    /// Takes an agent and its body out of the world.
+    pub(super) fn leave(&mut self, agent: AgentId, log: &mut SessionLog<'_>) -> Result<(), RunError> {
+        self.lost.insert(agent);
+        self.retired.insert(agent);
+        self.world.leave(agent);
+        self.record_intervention(agent, &Change::Leave, log)
+    }
+
+    /// Lets an agent of the reserve join at a pose, or returns the reason why it cannot be there.
+    pub(super) fn join(
+        &mut self,
+        agent: AgentId,
+        pose: Pose,
+        log: &mut SessionLog<'_>,
+    ) -> Result<Result<(), &'static str>, RunError> {
+        let joined = self.world.join_at(agent, pose);
+        if joined.is_ok() {
+            self.record_intervention(agent, &Change::Join(pose), log)?;
+        }
+        Ok(joined)
+    }
+
+    /// The agents of the reserve that have not joined, ascending.
+    pub(super) fn reserve(&self) -> Vec<AgentId> {
+        let is_absent = |agent: &AgentId| self.world.presence(*agent) == Presence::Absent && !self.lost.contains(agent);
+        let mut reserve: Vec<AgentId> = self.scenario.agents.reserve.iter().copied().map(AgentId).collect();
+        reserve.retain(is_absent);
+        reserve.sort_unstable();
+        reserve
     }
 
     fn record_intervention(
         &mut self,
         agent: AgentId,
-        placed: Option<&Pose>,
+        change: &Change,
         log: &mut SessionLog<'_>,
     ) -> Result<(), RunError> {
         let tick = self.tick();
         self.interventions += 1;
-        Ok(log.write_digested(Kind::Intervention, tick, &wire::intervention(tick, agent, placed), &mut self.chain)?)
+        Ok(log.write_digested(Kind::Intervention, tick, &wire::intervention(tick, agent, change), &mut self.chain)?)
     }
 
     /// The counters of the result, without those of refused messages.

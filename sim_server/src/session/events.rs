@@ -70,13 +70,13 @@ impl Session<'_, '_> {
         sessions.shut_down(tick, &last, SHUTDOWN_TIMEOUT, &mut context)
     }
 
-    /// Lets another scenario hold from now on. The agents are told; if their controller or its
-    /// settings change, bodies and LiDARs are handed over, and all agents are due.
+    /// Lets another scenario hold from now on. The agents are told; those whose controller or its
+    /// settings change hand over their bodies and LiDARs, and are due.
     fn change(&mut self, scenario: Scenario) {
         let engine = &mut self.engine;
         let before = engine.scenario();
-        let (old, new) = (&before.agents, &scenario.agents);
-        let takes_over = (&old.controller, &old.set) != (&new.controller, &new.set);
+        let choices = before.agents.controllers().into_iter().zip(scenario.agents.controllers());
+        let takes_over: Vec<bool> = choices.map(|(old, new)| old != new).collect();
         let has_other_radio = before.communication != scenario.communication;
         let extent = engine.world.terrain().extent();
         let announcement = wire::scenario(&scenario, &extent, engine.world.rays());
@@ -91,7 +91,7 @@ impl Session<'_, '_> {
             if is_news {
                 engine.world.tell(agent, data.clone());
             }
-            if takes_over && engine.world.presence(agent) == Presence::Active {
+            if takes_over[agent.index()] && engine.world.presence(agent) == Presence::Active {
                 engine.world.hand_over(agent);
                 engine.triggers[agent.index()] = Trigger::NEXT_TICK;
             }

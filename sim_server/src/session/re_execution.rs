@@ -16,8 +16,8 @@ use crate::playback::{Ending, Playback, RecordedTick};
 use crate::transport::Level;
 use simulation::digest::Digest;
 use simulation::scenario::OnAgentLoss;
-use simulation::wire;
-use simulation::world::Commit;
+use simulation::wire::{self, Change};
+use simulation::world::{Commit, Presence};
 
 /// What a recording says of the present tick.
 enum NextTick {
@@ -165,16 +165,21 @@ impl Session<'_, '_> {
         if agent.index() >= self.engine.agents() {
             return Err(misfit(format!("an intervention names agent {agent}, which is not in the run")));
         }
-        match wire::placement(intervention) {
-            Some(pose) => {
-                let placed = self.engine.place(agent, pose, &mut self.log)?;
-                placed.map_err(|reason| misfit(format!("agent {agent}: {reason}")))
-            }
-            None => {
+        let is_absent = self.engine.world.presence(agent) == Presence::Absent;
+        let done = match wire::change(intervention).map_err(misfit)? {
+            Change::Join(_) if !is_absent => Err("it joins there, and is in the world or has left here"),
+            Change::Join(pose) => self.engine.join(agent, pose, &mut self.log)?,
+            Change::Place(pose) => self.engine.place(agent, pose, &mut self.log)?,
+            Change::Remove => {
                 self.engine.request(agent, Commit::Speculative, Fragment::RUNNING);
-                self.engine.remove(agent, &mut self.log)
+                Ok(self.engine.remove(agent, &mut self.log)?)
             }
-        }
+            Change::Leave => {
+                self.engine.request(agent, Commit::Speculative, Fragment::ENDED);
+                Ok(self.engine.leave(agent, &mut self.log)?)
+            }
+        };
+        done.map_err(|reason| misfit(format!("agent {agent}: {reason}")))
     }
 
     /// The recorded replies of a tick, if they fit its requests. Agents that were lost then are

@@ -105,10 +105,10 @@ fn check_subtable(path: &[String], declared: &Table, value: &Value, found: &mut 
                 match entry.as_table() {
                     Some(table) => check_table(&path, declared, table, found),
                     None => {
-                        let example = if declared.path == "event" {
-                            "expected a table such as { kind = \"break_down\", at_s = 60.0, agent = 0 }"
-                        } else {
-                            "expected a table such as { agents = [0], kind = \"aerial\" }"
+                        let example = match declared.path {
+                            "event" => "expected a table such as { kind = \"break_down\", at_s = 60.0, agent = 0 }",
+                            "agents.mix" => "expected a table such as { share = 0.4, controller = \"lvd\" }",
+                            _ => "expected a table such as { agents = [0], kind = \"aerial\" }",
                         };
                         found.push(wrong(&path, entry, example));
                     }
@@ -130,8 +130,12 @@ fn check_subtable(path: &[String], declared: &Table, value: &Value, found: &mut 
 fn unknown(declared: &Table, key: &str, path: &str) -> String {
     let names: Vec<&str> = declared.keys().map(|known| known.name).chain(declared.subtables()).collect();
     let elsewhere = || {
-        let mut homes = TABLES.iter().filter(|table| table.keys.iter().any(|known| known.name == key));
-        homes.next().filter(|_| homes.next().is_none()).map(|table| table.path_of(key))
+        let only = |is_list: bool| {
+            let has = |table: &&Table| table.is_list() == is_list && table.keys.iter().any(|known| known.name == key);
+            let mut homes = TABLES.iter().filter(has);
+            homes.next().filter(|_| homes.next().is_none()).map(|table| table.path_of(key))
+        };
+        only(false).or_else(|| only(true))
     };
     let meant = nearest(key, names.iter().copied()).map(|near| declared.path_of(near)).or_else(elsewhere);
     match meant {

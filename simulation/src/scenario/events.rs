@@ -121,13 +121,14 @@ pub enum EventAction {
 /// # Errors
 /// The reason why not.
 pub fn changeable(key: &str) -> Result<(), String> {
-    if key.starts_with("agents.set.") || keys::find(key).is_some_and(|key| key.is_changeable) {
+    let is_changeable = keys::find(key).is_some_and(|key| key.is_changeable);
+    if key == "agents.mix" || key.starts_with("agents.set.") || is_changeable {
         return Ok(());
     }
     let is_in = |table: &str| key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
     let reasons = [
         (&["seed", "map"][..], "the map and every random number of the past follow from it"),
-        (&["agents.count", "agents.cmd_vel", "spawn"][..], "the team is the one of the past"),
+        (&["agents.count", "agents.cmd_vel", "agents.reserve", "spawn"][..], "the team is the one of the past"),
         (&["agents.command", "agents.command_ids", "agents.command_signs"][..], "programs run for all of a run"),
         (&["body", "bodies"][..], "the bodies have moved with it"),
         (&["lidar", "sensor"][..], "what the agents know was measured with it"),
@@ -175,7 +176,8 @@ impl Scenario {
     #[must_use]
     pub fn late_agents(&self) -> BTreeSet<AgentId> {
         let joins = self.event.iter().filter(|entry| entry.kind == EventKind::Join);
-        joins.filter_map(|entry| entry.agent.map(AgentId)).collect()
+        let reserve = self.agents.reserve.iter().copied();
+        joins.filter_map(|entry| entry.agent).chain(reserve).map(AgentId).collect()
     }
 
     /// The events of the run, ascending.
@@ -286,6 +288,9 @@ impl Scenario {
                 return Err(checker.error_from(&of("kind"), &of("agent"), "nothing", &ids));
             };
             checker.require(&of("agent"), agent, agent <= last_id, &ids)?;
+            let is_known = !self.agents.reserve.contains(&agent);
+            let lives = "expected an agent that is not in agents.reserve: when it joins is not known";
+            checker.require(&of("agent"), agent, is_known, lives)?;
             if let Err(reason) = team.live(agent, entry.kind) {
                 return Err(checker.error_from(&of("kind"), &of("kind"), format!("\"{kind}\""), &reason));
             }

@@ -103,7 +103,7 @@ impl Size {
 pub struct AgentsSection {
     /// Number of agents.
     pub count: u32,
-    /// Controller of every agent whose own command line names none.
+    /// Controller of every agent that `mix` gives no other, and whose own command line names none.
     #[serde(default = "rbw")]
     pub controller: String,
     /// Ticks between two map updates that an agent sends to its contacts; 0: it only receives.
@@ -116,6 +116,9 @@ pub struct AgentsSection {
     /// 2.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cmd_vel: Vec<u32>,
+    /// Ids of the agents that are not in the world until a service lets them join.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub reserve: Vec<u32>,
     /// The program that runs agents, and its arguments; empty: `agent_node`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub command: Vec<String>,
@@ -125,6 +128,9 @@ pub struct AgentsSection {
     /// Whether `command` signs what it sends.
     #[serde(default = "super::yes", skip_serializing_if = "super::team::is_yes")]
     pub command_signs: bool,
+    /// Agents with other controllers.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub mix: Vec<super::MixEntry>,
 }
 
 /// `[lidar]`.

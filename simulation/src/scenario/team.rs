@@ -15,10 +15,10 @@ impl AgentsSection {
         !self.command.is_empty() && (self.command_ids.is_empty() || self.command_ids.contains(&agent))
     }
 
-    /// Whether `agent_node` runs any agent, with one of its controllers.
+    /// Whether `agent_node` runs this agent, with one of its controllers.
     #[must_use]
-    pub fn has_built_in(&self) -> bool {
-        (0..self.count).any(|agent| !self.is_commanded(agent) && !self.cmd_vel.contains(&agent))
+    pub fn is_built_in(&self, agent: u32) -> bool {
+        !self.is_commanded(agent) && !self.cmd_vel.contains(&agent)
     }
 
     /// The ids of the agents that `command` runs, ascending.
@@ -42,8 +42,9 @@ impl AgentsSection {
 impl AgentsSection {
     /// Checks the lists of ids, and the command.
     pub(super) fn check(&self, checker: &Checker<'_>) -> Result<(), ScenarioError> {
-        let Self { count, cmd_vel, command, command_ids, command_signs, .. } = self;
-        for (key, ids) in [("agents.cmd_vel", cmd_vel), ("agents.command_ids", command_ids)] {
+        let Self { count, cmd_vel, reserve, command, command_ids, command_signs, .. } = self;
+        let lists = [("agents.cmd_vel", cmd_vel), ("agents.reserve", reserve), ("agents.command_ids", command_ids)];
+        for (key, ids) in lists {
             for (place, &id) in ids.iter().enumerate() {
                 let allowed = format!("expected ids of agents, 0 to {}", count - 1);
                 checker.require(key, id, id < *count, &allowed)?;
@@ -82,9 +83,12 @@ mod tests {
         assert!(ids("").is_empty());
         assert_eq!(ids("command = [\"./a\"]"), [0, 1, 2]);
         assert_eq!(ids("command = [\"./a\"]\ncommand_ids = [2, 0]"), [0, 2]);
-        let built_in = |keys: &str| parse(keys).unwrap().agents.has_built_in();
-        assert!(built_in("") && built_in("command = [\"./a\"]\ncommand_ids = [2, 0]"));
-        assert!(!built_in("command = [\"./a\"]") && !built_in("cmd_vel = [0, 1, 2]"));
+        let built_in = |keys: &str| {
+            let agents = parse(keys).unwrap().agents;
+            (0..3).filter(|&agent| agents.is_built_in(agent)).collect::<Vec<_>>()
+        };
+        assert_eq!((built_in(""), built_in("command = [\"./a\"]\ncommand_ids = [2, 0]")), (vec![0, 1, 2], vec![1]));
+        assert_eq!((built_in("command = [\"./a\"]"), built_in("cmd_vel = [0, 2]")), (vec![], vec![1]));
     }
 
     #[test]
@@ -99,6 +103,9 @@ mod tests {
         let refused = |keys: &str| parse(keys).unwrap_err();
         assert!(refused("command_ids = [1]").contains("agents.command_ids = [1]: expected only with agents.command"));
         assert!(refused("command_signs = false").contains("agents.command_signs = false: expected only with"));
+        assert!(refused("reserve = [1, 1]").contains("agents.reserve = 1: expected each id once"));
+        let event = "reserve = [1]\n[[event]]\nat_s = 0.5\nkind = \"leave\"\nagent = 1\n";
+        assert!(refused(event).contains("event[0].agent = 1: expected an agent that is not in agents.reserve"));
         let missing = refused("command = [\"a\"]\ncommand_ids = [3]");
         assert!(missing.contains("agents.command_ids = 3: expected ids of agents, 0 to 2"), "{missing}");
         assert!(refused("command = [\"\"]").contains("agents.command = [\"\"]: expected a program"));

@@ -185,3 +185,13 @@ fn relay_ids_round_trip() {
     assert_eq!(parts[0].contacts.iter().map(|contact| contact.agent).collect::<Vec<_>>(), [1, relay.on_wire()]);
     assert_eq!(parts[0].parcels[0].agent, relay.on_wire());
 }
+
+#[test]
+fn interventions_are_read_as_they_were_written() {
+    let pose = Pose { position: Point3::new(1.0, 2.0, 3.0), yaw_rad: 0.5 };
+    for done in [Change::Place(pose), Change::Remove, Change::Leave, Change::Join(pose)] {
+        assert_eq!(change(&intervention(Tick(7), AgentId(3), &done)), Ok(done));
+    }
+    let unknown = maes_msgs::Intervention { kind: 4, ..Default::default() };
+    assert_eq!(change(&unknown), Err("an intervention of kind 4: expected 0 to 3".to_owned()));
+}

@@ -10,7 +10,7 @@
 use msgs::ids::AgentId;
 use nalgebra::Point3;
 
-use super::body::Body;
+use super::body::{Body, Pose};
 use super::comms::{AgentMessage, Peer};
 use super::{ScanSchedule, TASK_DONE, World, index_of, spawn};
 
@@ -77,6 +77,20 @@ impl World {
         self.coverage.cover(agent, cell);
         self.contacts = None;
         true
+    }
+
+    /// Lets an absent agent join at another pose than its start pose, at rest.
+    ///
+    /// # Errors
+    /// Why its body cannot be there.
+    pub fn join_at(&mut self, agent: AgentId, pose: Pose) -> Result<(), &'static str> {
+        self.check_room(agent, &pose.position)?;
+        let cell = self.terrain.extent().cell_of(&pose.position);
+        let state = &mut self.agents[agent.index()];
+        state.body = Body::at_rest(*state.body.model(), pose);
+        state.cell = cell;
+        self.join(agent);
+        Ok(())
     }
 
     /// Ends the work of an agent: its body stops at once and stays, and its radio is silent.

@@ -446,6 +446,22 @@ fn late_agents_are_not_there_before() {
 }
 
 #[test]
+fn late_agents_may_join_elsewhere() {
+    let workers = workers(1);
+    let mut world = with_late_agent();
+    assert!(world.join_at(B, at(1.5, 1.5, 1.5)).is_err(), "another body is there");
+    assert!(world.join_at(B, at(-1.0, 1.5, 1.5)).is_err(), "outside the map");
+    assert_eq!(world.presence(B), Presence::Absent, "what fails changes nothing");
+    assert_eq!(world.body(B).pose().position.x, 3.5);
+    world.join_at(B, at(4.5, 1.5, 1.5)).expect("there is room");
+    assert_eq!((world.presence(B), world.body(B).pose().position.x), (Presence::Active, 4.5));
+    assert_eq!(world.coverage().covered(), 2.0 / 54.0, "the cell where it joined counts, its start does not");
+    world.look(&workers);
+    assert_eq!(world.observe(B, Commit::Committed).pose.position.x, 4.5);
+    assert_eq!(world.in_contact_with(A), vec![B]);
+}
+
+#[test]
 fn broken_bodies_are_silent_obstacles_and_those_that_left_are_none() {
     let workers = workers(1);
     let towards = |world: &mut World| {

@@ -313,12 +313,17 @@ export function result(bytes: Uint8Array, last: Progress | undefined): Result {
   };
 }
 
+/** Kinds of interventions that put a body at a pose. */
+const PLACE = 0;
+const JOIN = 3;
+
 /** An external change of an agent: it was placed, or something else happened to it. */
 export function intervention(bytes: Uint8Array): Intervention {
   const reader = new CdrReader(bytes);
   header(reader);
   const tick = reader.u64();
-  const isPlaced = reader.u8() === 0;
+  const kind = reader.u8();
+  const isPlaced = kind === PLACE || kind === JOIN;
   return { tick, isPlaced, agent: reader.u32(), position: vector(reader), yawRad: reader.f64() };
 }
 

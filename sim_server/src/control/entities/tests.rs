@@ -111,6 +111,44 @@ fn removed_agents_are_no_entities() {
 }
 
 #[test]
+fn agents_of_the_reserve_join_under_their_names() {
+    let free = PoseStamped {
+        pose: msgs::geometry_msgs::Pose {
+            position: Point { x: 7.5, y: 1.5, z: 1.5 },
+            orientation: Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 },
+        },
+        ..PoseStamped::default()
+    };
+    let request =
+        SpawnEntityRequest { name: "agent_2".to_owned(), initial_pose: free, ..SpawnEntityRequest::default() };
+    let found = |waiting: &[AgentId], change: &dyn Fn(&mut SpawnEntityRequest)| {
+        let mut request = request.clone();
+        change(&mut request);
+        let has_left = [false, true, true];
+        let found = with_team(has_left, |team| team.to_spawn(&request, waiting).map_err(|outcome| outcome.result));
+        found.map(|(agent, pose)| (agent.0, pose.position.x))
+    };
+    let both = [AgentId(1), AgentId(2)];
+    let of = |change: &dyn Fn(&mut SpawnEntityRequest)| found(&both, change);
+    assert_eq!(of(&|_| {}), Ok((2, 7.5)));
+    assert_eq!(of(&|request| request.initial_pose = PoseStamped::default()), Ok((2, 5.5)), "its start pose");
+    assert_eq!(of(&|request| request.entity_namespace = "/agent_2".to_owned()), Ok((2, 7.5)));
+    assert_eq!(of(&|request| request.name = "robot".to_owned()), Err(NAME_INVALID));
+    assert_eq!(of(&|request| request.name = "agent_0".to_owned()), Err(NAME_NOT_UNIQUE));
+    let renamed = |request: &mut SpawnEntityRequest| {
+        (request.name, request.allow_renaming) = ("robot".to_owned(), true);
+    };
+    assert_eq!(of(&renamed), Ok((1, 7.5)), "the first that waits");
+    assert_eq!(found(&[], &renamed), Err(Outcome::FEATURE_UNSUPPORTED));
+    assert_eq!(of(&|request| request.entity_resource.uri = "a.urdf".to_owned()), Err(UNSUPPORTED_FORMAT));
+    assert_eq!(of(&|request| request.entity_namespace = "other".to_owned()), Err(NAMESPACE_INVALID));
+    let wrong = |request: &mut SpawnEntityRequest| request.initial_pose.header.frame_id = "odom".to_owned();
+    assert_eq!(of(&wrong), Err(INVALID_SPAWN_POSE));
+    let wrong = |request: &mut SpawnEntityRequest| request.initial_pose.pose.position.y = f64::NAN;
+    assert_eq!(of(&wrong), Err(INVALID_SPAWN_POSE));
+}
+
+#[test]
 fn only_finite_upright_poses_are_accepted() {
     let request = SetEntityStateRequest {
         entity: "agent_1".to_owned(),

@@ -33,7 +33,7 @@ const UNLIMITED: f64 = f64::INFINITY;
 
 /// All keys, table by table.
 #[rustfmt::skip]
-pub const TABLES: [Table; 21] = [
+pub const TABLES: [Table; 22] = [
     Table::new("", &[
         key("seed", Seed, Required, NONE,
             "seed of everything random: the map, unless map.seed is given, and the agents",
@@ -187,7 +187,7 @@ pub const TABLES: [Table; 21] = [
         key("count", Integer(""), Required, between(1.0, AGENTS_MAX as f64),
             "number of agents; their ids are 0 to count - 1", "reference: 1 to 10, 3"),
         key("controller", Name, Is("\"rbw\""), NONE,
-            "controller of every agent whose own command line names none", "reference: RBW")
+            "controller of every agent that mix gives no other, and whose own command line names none", "reference: RBW")
             .limits("a name from [controllers.md](controllers.md), or that of a controller of your own").changeable(),
         key("share_period_ticks", Integer("ticks"), Is("251"), PERIOD_OR_NEVER,
             "ticks between two map updates that an agent sends to its contacts; 0: it only receives",
@@ -197,6 +197,9 @@ pub const TABLES: [Table; 21] = [
         key("cmd_vel", Ids, Is("[]"), NONE,
             "agents without a controller, externally controlled by velocity commands over ROS 2", "ours")
             .limits("0 to `count` - 1, each once; over ROS 2 only").see("own-node.md"),
+        key("reserve", Ids, Is("[]"), NONE,
+            "agents that are not in the world until the service spawn_entity lets them join", "ours")
+            .limits("0 to `count` - 1, each once, and without `[[event]]`").see("ros2.md#services"),
         key("command", Texts, Is("[]"), NONE,
             "program of one's own, with its arguments, that runs agents; empty: agent_node", "ours")
             .limits("a program, then its arguments, in which `{id}` is the id of the agent; over ROS 2 only")
@@ -207,6 +210,18 @@ pub const TABLES: [Table; 21] = [
         key("command_signs", Boolean, Is("true"), NONE,
             "whether the program signs its commands, as one based on agent_node does", "ours")
             .limits("false only with `command`").see("own-node.md#in-plans"),
+    ]),
+    Table::new("agents.mix", &[
+        key("controller", Name, Required, NONE,
+            "controller of these agents", "ours")
+            .limits("a name from [controllers.md](controllers.md), or that of a controller of your own"),
+        key("share", Number(""), Unset("required without `ids`"), between(0.0, 1.0),
+            "which part of the agents that run controllers, cut along their ids in the order of the entries", "ours")
+            .limits("0 to 1, at most 1 taken together; all entries have it, or none"),
+        key("ids", Ids, Is("[]"), NONE,
+            "the agents, instead of a share", "ours").limits("0 to `count` - 1, each in one entry at most"),
+        key("set", Settings, Is("{}"), NONE,
+            "settings of the controller", "ours"),
     ]),
     Table::new("spawn", &[
         key("kind", Word(&["nearest_origin", "list", "scattered", "box", "entrances"]), Is("\"nearest_origin\""), NONE,

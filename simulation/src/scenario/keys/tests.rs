@@ -17,7 +17,7 @@ fn base(spawn: &str) -> toml::Table {
         kind => format!("{{ kind = \"{kind}\" }}"),
     };
     let text = format!(
-        "seed = 7\nduration_s = 60.0\nmap = {{ kind = \"spheres\", size = 50 }}\nagents = {{ count = 3 }}\n\
+        "seed = 7\nduration_s = 60.0\nmap = {{ kind = \"spheres\", size = 50 }}\nagents = {{ count = 3, mix = [{{ controller = \"lvd\", share = 0.5 }}] }}\n\
          spawn = {spawn}\nbodies = [{{ agents = [0] }}]\n\
          event = [{{ kind = \"leave\", at_s = 1.0, agent = 0 }}]\n"
     );
