@@ -14,7 +14,7 @@ use sim_server::recorder::{RecordError, RunRecorder};
 use sim_server::recording::Recording;
 use sim_server::session::{Mode, Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup::{self, SetupError};
-use simulation::scenario::{Origins, Scenario};
+use simulation::scenario::{ControllerChoice, Origins, Scenario};
 use simulation::wire;
 use simulation::workers::Workers;
 use simulation::world::World;
@@ -107,10 +107,13 @@ pub fn run(
     let (world, _report) = setup::build(scenario)?;
     // Checked before a recording is created for a run that cannot start.
     for agents in scenario.phases().iter().map(|phase| &phase.agents) {
-        let substitute = options.substitute.as_deref();
-        for choice in agents.controllers_of(|_| true) {
-            let name = substitute.unwrap_or(choice.controller);
-            options.registry.check(name, &wire::settings(choice.set)).map_err(AgentError::from)?;
+        let choices = match &options.substitute {
+            // It decides for all agents, with the settings of the team.
+            Some(controller) => vec![ControllerChoice { controller, set: &agents.set }],
+            None => agents.controllers_of(|_| true),
+        };
+        for choice in choices {
+            options.registry.check(choice.controller, &wire::settings(choice.set)).map_err(AgentError::from)?;
         }
     }
     let recorder = recorder(scenario, &world)?;
