@@ -84,7 +84,7 @@ fn agents_join_and_leave_live() {
     let run = || {
         let site = Site::new();
         let reserve = ["--set", "agents.count=3", "--set", "agents.reserve=[2]"];
-        controlled(&site, "4", &reserve, &["joining"]).with_code(0);
+        controlled(&site, "8", &reserve, &["joining"]).with_code(0);
         site
     };
     let (site, again) = (run(), run());
@@ -95,7 +95,7 @@ fn agents_join_and_leave_live() {
     let done: Vec<_> = interventions.iter().map(|done| (done.tick, done.kind, done.agent)).collect();
     assert_eq!(done, [(10, Intervention::LEAVE, 1), (10, Intervention::JOIN, 2)]);
     let result = recording.result();
-    assert_eq!((counter(&result, "interventions"), counter(&result, "agents_dropped"), result.tick), (2, 0, 200));
+    assert_eq!((counter(&result, "interventions"), counter(&result, "agents_dropped"), result.tick), (2, 0, 400));
     let ticks = |agent: u32| -> Vec<u64> {
         recording.of::<Command>(&format!("/agent_{}/command", AgentId(agent))).iter().map(|one| one.tick).collect()
     };
