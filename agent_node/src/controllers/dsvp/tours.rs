@@ -1,15 +1,18 @@
-//! Tours: agents share the frontiers out as tasks, and each visits its own in a short tour.
+//! Tours: agents share the frontiers out as tasks, so that each has a short tour.
 //!
 //! The tasks of a map ([`tasks`]) are the sources of a Voronoi decomposition of its abstract graph:
 //! so each agent knows how far its tasks are apart, which ones adjoin, and which task a viewpoint
 //! belongs to. When two agents meet, the one with the lower id divides the tasks of both between
 //! them ([`tour`]) and proposes that ([`exchange`]) if the division costs less, or if the longer of
-//! the two tours becomes shorter by a tenth. The exploration stage sees its own tasks only, and the
-//! relocation stage goes to the next task of the tour.
+//! the two tours becomes shorter by a tenth.
+//!
+//! The exploration stage is that of the auction, and the relocation stage goes to the frontier of
+//! least cost, to which a task that its holder reaches sooner adds, and a remnant that probably
+//! hides no free cells. By settings the exploration stage sees own tasks only, or the relocation
+//! stage goes to the next task of the tour, as in the sources; both are slower (docs/benchmarks.md).
 //!
 //! A task that nobody holds belongs to the agent in contact that is nearest to it, by what all of
-//! them have announced. An agent without tasks of its own helps out: it goes to a task that it
-//! reaches before its holder, or else to any.
+//! them have announced.
 //!
 //! Invariants: it depends on the map, the graph and the messages alone; a message has no more than
 //! [`message::RECORD_BYTES_MAX`] bytes for each agent. This module plans no motions.
