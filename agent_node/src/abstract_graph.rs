@@ -15,6 +15,7 @@
 //! Lengths are estimates: from centre to centre through the best face. This module plans nothing.
 
 mod shortest_paths;
+mod voronoi;
 
 #[cfg(test)]
 mod tests;
@@ -25,6 +26,7 @@ use crate::exploration_map::{ExplorationMap, Finding};
 use crate::path::{Graph, Moves};
 
 pub use shortest_paths::ShortestPaths;
+pub use voronoi::Voronoi;
 
 /// Edge of a block, cells.
 pub const BLOCK_CELLS: i32 = 5;
@@ -135,6 +137,20 @@ impl AbstractGraph {
         let block = self.block_of(cell)?;
         let number = self.blocks[block as usize].as_ref()?.labels[self.place(cell)].checked_sub(1)?;
         Some(RegionId { block, number })
+    }
+
+    /// The region that lists a frontier: the one that contains it, or, if the body does not fit
+    /// there, the first one of its block.
+    #[must_use]
+    pub fn region_listing(&self, frontier: Cell) -> Option<RegionId> {
+        let block = self.block_of(frontier)?;
+        let number = self.blocks[block as usize].as_ref()?.labels[self.place(frontier)].saturating_sub(1);
+        Some(RegionId { block, number })
+    }
+
+    /// The regions that adjoin a region.
+    pub fn adjacent(&self, region: RegionId) -> impl Iterator<Item = RegionId> {
+        self.get(region).into_iter().flat_map(|region| region.edges.iter().map(|edge| edge.to))
     }
 
     /// A region, unless it no longer exists.

@@ -126,6 +126,12 @@ pub const REGISTRY: &[Registration] = &[
         construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_auction(settings, rng)?)),
     },
     Registration {
+        name: "dsvp-tours",
+        description: "dual-stage viewpoint planner with tours: agents share the frontiers out when they meet",
+        stream: "dsvp",
+        construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_tours(settings, rng)?)),
+    },
+    Registration {
         name: "nearest-frontier",
         description: "greedy exploration: by the shortest path to the nearest frontier of its map",
         stream: "nearest-frontier",

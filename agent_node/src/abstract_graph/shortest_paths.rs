@@ -10,7 +10,7 @@ use crate::exploration_map::ExplorationMap;
 use crate::path::{Goal, Graph, Moves, Path, Scratch, Search};
 
 /// Lengths are counted in this fraction of a cell, so that they have a total order.
-const PER_CELL: f32 = 1024.0;
+pub(super) const PER_CELL: f32 = 1024.0;
 
 /// The shortest paths from one cell to the regions, found in ascending order of length. They are
 /// valid until the graph is updated.

@@ -20,14 +20,17 @@
 
 mod auction;
 mod avoidance;
+mod coordination;
 mod dtw;
 mod gain;
 mod goal;
 mod obstacles;
 mod params;
 mod pursuit;
+mod relocation;
 #[cfg(test)]
 mod tests;
+mod tours;
 mod tree;
 
 use std::cmp::Ordering;
@@ -37,25 +40,28 @@ use msgs::ids::Tick;
 use msgs::maes_msgs::Wake as Events;
 use nalgebra::Vector3;
 use rand::RngExt;
-use rand::seq::{IndexedRandom, SliceRandom};
+use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
-use crate::abstract_graph::{AbstractGraph, RegionId, ShortestPaths};
+use crate::abstract_graph::{AbstractGraph, ShortestPaths};
 use crate::command::{Command, Motion, ScanRequest, Trigger};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
 use crate::path::{Neighbours, Path};
+use auction::AuctionParams;
 pub use auction::CLAIMS_MESSAGE;
-use auction::{Auction, AuctionParams};
 use avoidance::{hold, motion_along, motion_to, obstacles_near, path_length_m};
-use gain::GainEstimator;
+use coordination::{Coordination, Scheme};
+use gain::{GainEstimator, Likelihood};
 use goal::Goal;
 use obstacles::Obstacles;
 pub use params::Params;
 use pursuit::LastKnownPositions;
+pub use tours::TASKS_MESSAGE;
+use tours::{Tours, ToursParams};
 use tree::{Tree, vector};
 
 /// Longest wait after a collision with another agent, ticks: about the time in which the other one
@@ -79,8 +85,7 @@ const EVASION_CELLS_MAX: f64 = 15.0;
 #[derive(Debug)]
 pub struct Dsvp {
     params: Params,
-    /// Parameters of the auction, if there is one.
-    auction_params: Option<AuctionParams>,
+    scheme: Scheme,
     rng: ChaCha8Rng,
     /// Built at the first observation, when the extent of the map is known.
     model: Option<WorldModel>,
@@ -111,7 +116,7 @@ struct WorldModel {
     graph: AbstractGraph,
     paths: ShortestPaths,
     gain_estimator: GainEstimator,
-    auction: Option<Auction>,
+    coordination: Coordination,
 }
 
 impl Dsvp {
@@ -120,7 +125,7 @@ impl Dsvp {
     /// # Errors
     /// If a setting is out of range.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        Ok(Self::with(Params::from_settings(settings)?, None, rng))
+        Ok(Self::with(Params::from_settings(settings, Params::default())?, Scheme::Alone, rng))
     }
 
     /// The planner with an auction of goals. Settings: those of [`Params`], and `spread_m`,
@@ -129,13 +134,25 @@ impl Dsvp {
     /// # Errors
     /// If a setting is out of range.
     pub fn with_auction(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        Ok(Self::with(Params::from_settings(settings)?, Some(AuctionParams::from_settings(settings)?), rng))
+        let params = Params::from_settings(settings, Params::default())?;
+        Ok(Self::with(params, Scheme::Auction(AuctionParams::from_settings(settings)?), rng))
     }
 
-    fn with(params: Params, auction_params: Option<AuctionParams>, rng: ChaCha8Rng) -> Self {
+    /// The planner with an auction and tours over shared-out tasks. Settings: those of
+    /// [`Dsvp::with_auction`], and `visit_s`, `cut_s`, `meeting_s`, `promising_min`, `remnant_m`,
+    /// `explores`, `relocates` (see docs/controllers.md).
+    ///
+    /// # Errors
+    /// If a setting is out of range.
+    pub fn with_tours(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
+        let params = Params::from_settings(settings, Params { beside_wall: 0.1, ..Params::default() })?;
+        Ok(Self::with(params, Scheme::Tours(ToursParams::from_settings(settings)?), rng))
+    }
+
+    fn with(params: Params, scheme: Scheme, rng: ChaCha8Rng) -> Self {
         Self {
             params,
-            auction_params,
+            scheme,
             rng,
             model: None,
             tree: None,
@@ -155,7 +172,8 @@ impl Dsvp {
     fn update(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) {
         let run_info = ctx.run_info();
         let extent = run_info.extent;
-        let Params { gain_range_m, gain_rays, gain_depth, .. } = self.params;
+        let Params { gain_range_m, gain_rays, gain_depth, beside_wall, .. } = self.params;
+        let scheme = self.scheme;
         let model = self.model.get_or_insert_with(|| WorldModel {
             graph: AbstractGraph::new(extent, ctx.body().radius_m),
             paths: ShortestPaths::default(),
@@ -163,14 +181,11 @@ impl Dsvp {
                 gain_rays,
                 gain_range_m.min(run_info.lidar_range_m).min(100.0 * extent.cell_m()) / extent.cell_m(),
                 gain_depth,
+                Likelihood::new(beside_wall),
             ),
-            auction: self
-                .auction_params
-                .map(|auction_params| Auction::new(auction_params, &run_info.bodies, ctx.agent(), extent)),
+            coordination: scheme.begin(ctx),
         });
-        if let Some(auction) = &mut model.auction {
-            auction.receive(&observation.messages, observation.tick, run_info.agents);
-        }
+        model.coordination.receive(observation, run_info.agents);
         self.last_known.record(&observation.contacts, extent, observation.tick);
     }
 
@@ -183,11 +198,44 @@ impl Dsvp {
         }
     }
 
+    fn tours(&self) -> Option<&Tours> {
+        match &self.model {
+            Some(WorldModel { coordination: Coordination::Tours(_, tours), .. }) => Some(tours),
+            _ => None,
+        }
+    }
+
+    /// Brings the tours up to date with the map, if there are any; the graph must be.
+    pub(super) fn update_tours(&mut self, observation: &Observation, ctx: &Ctx<'_>) {
+        if let Some(WorldModel { graph, paths, coordination: Coordination::Tours(_, tours), .. }) = &mut self.model {
+            let place = (ctx.cell(), &observation.contacts[..]);
+            let likelihood = Likelihood::new(self.params.beside_wall);
+            tours.update((ctx.map(), graph, paths), place, (&self.abandoned, likelihood), observation.tick);
+        }
+    }
+
+    /// Adds the messages of the tours to a command, if there are any, and proposes a division of
+    /// tasks if one is due.
+    fn with_tasks(&mut self, mut command: Command, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let (here, contacts, now) = (ctx.cell(), &observation.contacts[..], observation.tick);
+        if self.tours().is_some_and(|tours| tours.is_meeting_due(contacts, now)) {
+            self.update_graph(ctx);
+            self.update_tours(observation, ctx);
+            if let Some(WorldModel { graph, paths, coordination: Coordination::Tours(_, tours), .. }) = &mut self.model
+            {
+                tours.negotiate((graph, paths), (here, contacts), now);
+            }
+        }
+        if let Some(WorldModel { coordination: Coordination::Tours(_, tours), .. }) = &mut self.model {
+            command.messages.extend(tours.messages(contacts, now));
+        }
+        command
+    }
+
     /// Whether the present goal is still worth pursuing.
     fn is_goal_valid(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> bool {
         let Some(model) = &mut self.model else { return false };
-        let is_outbid = || model.auction.as_ref().is_some_and(|auction| auction.is_outbid(observation.tick));
-        if !self.is_contested && is_outbid() {
+        if !self.is_contested && model.coordination.is_lost(observation.tick) {
             return false;
         }
         match self.goal {
@@ -214,6 +262,9 @@ impl Dsvp {
     /// invalid.
     fn plan(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         self.update_graph(ctx);
+        if self.tours().is_some_and(Tours::explores_own) {
+            self.update_tours(observation, ctx);
+        }
         let obstacles = obstacles_near(observation, ctx);
         let plan = match self.explore(observation, ctx, &obstacles) {
             Plan::Nothing => match self.relocate(observation, ctx, &obstacles) {
@@ -238,14 +289,14 @@ impl Dsvp {
 
     fn go(&mut self, goal: Goal, motion: Motion, observation: &Observation, ctx: &Ctx<'_>) -> Command {
         self.goal = Some(goal);
-        if let Some(auction) = self.model.as_mut().and_then(|model| model.auction.as_mut()) {
+        if let Some(WorldModel { graph, coordination, .. }) = &mut self.model {
             match goal {
                 Goal::Viewpoint { cell, .. } | Goal::Frontier { cell, .. } => {
-                    auction.claim(cell, path_length_m(&ctx.position(), &motion), observation.tick);
+                    coordination.claim(graph, cell, path_length_m(&ctx.position(), &motion), observation.tick);
                 }
-                _ => auction.withdraw(),
+                _ => coordination.withdraw(),
             }
-            self.is_contested = auction.is_outbid(observation.tick);
+            self.is_contested = coordination.is_lost(observation.tick);
         }
         let command = Command::new(motion, self.trigger()).with_info(goal.info());
         self.with_claims(command, observation)
@@ -253,18 +304,23 @@ impl Dsvp {
 
     /// Adds the claims for the agents in contact to a command, if there is an auction.
     fn with_claims(&self, command: Command, observation: &Observation) -> Command {
-        match self.model.as_ref().and_then(|model| model.auction.as_ref()) {
-            Some(auction) if !observation.contacts.is_empty() => {
-                command.with_message(None, CLAIMS_MESSAGE, auction.encode())
-            }
-            _ => command,
+        match &self.model {
+            Some(model) => model.coordination.with_claims(command, observation),
+            None => command,
+        }
+    }
+
+    /// The events at which an agent at rest replies to messages at once.
+    fn message_trigger(&self) -> Trigger {
+        match self.scheme {
+            Scheme::Tours(_) => Trigger::on(Events::CONTACTS | Events::PARCEL),
+            Scheme::Alone | Scheme::Auction(_) => Trigger::on(0),
         }
     }
 
     /// The trigger while under way.
     fn trigger(&self) -> Trigger {
-        let news = if self.auction_params.is_some() { Events::CONTACTS | Events::PARCEL } else { 0 };
-        Trigger::TASK_DONE.or(Trigger::on(Events::NEW_CELL | news))
+        Trigger::TASK_DONE.or(Trigger::on(Events::NEW_CELL)).or(self.scheme.trigger())
     }
 
     /// Other agents block all paths: waits or evades at random, so that no two agents wait for each
@@ -278,7 +334,7 @@ impl Dsvp {
         self.goal = None;
         let until = observation.tick.after(self.rng.random_range(1..=BACKOFF_TICKS_MAX));
         self.waits_until = Some(until);
-        Command::new(hold(observation), Trigger::at(until)).with_info("gives way")
+        Command::new(hold(observation), Trigger::at(until).or(self.message_trigger())).with_info("gives way")
     }
 
     /// To a random region nearby.
@@ -305,7 +361,8 @@ impl Dsvp {
         let Some(model) = &mut self.model else { return Plan::Nothing };
         let (map, here) = (ctx.map(), ctx.cell());
         let growth = self.params.growth(map.extent().cell_m(), ctx.body().radius_m);
-        let frontiers = local_frontiers(&model.graph, here, growth.horizon);
+        let WorldModel { graph, gain_estimator, coordination, .. } = model;
+        let frontiers = local_frontiers(graph, coordination, here, growth.horizon);
         if frontiers.is_empty() {
             self.tree = None;
             return Plan::Nothing;
@@ -316,10 +373,9 @@ impl Dsvp {
             None => Tree::new(here),
         };
         tree.grow(map, &growth, &ahead, obstacles, &mut self.rng);
-        let auction = model.auction.as_ref();
         if let Some(Goal::Viewpoint { cell, .. }) = self.goal
             && cell == here
-            && model.gain_estimator.gain(map, here) >= self.params.gain_min
+            && gain_estimator.gain(map, here) >= self.params.gain_min
         {
             self.unproductive.insert(here);
         }
@@ -328,10 +384,9 @@ impl Dsvp {
             if unproductive.contains(&cell) {
                 return 0.0;
             }
-            auction.map_or(1.0, |auction| auction.utility_factor(cell, path_m, observation.tick))
+            coordination.utility_factor(graph, cell, path_m, observation.tick)
         };
-        let branch =
-            tree.best(map, &mut model.gain_estimator, &self.params.valuation(), self.direction, &utility_factor);
+        let branch = tree.best(map, gain_estimator, &self.params.valuation(), self.direction, &utility_factor);
         self.tree = Some(tree);
         let Some((branch, end)) = branch.and_then(|branch| branch.cells.last().copied().map(|end| (branch, end)))
         else {
@@ -344,72 +399,6 @@ impl Dsvp {
             }
             None => Plan::Blocked,
         }
-    }
-
-    /// The relocation stage: to the nearest frontier, or with an auction to the one of least cost.
-    fn relocate(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
-        let Some(WorldModel { graph, paths, auction, .. }) = &mut self.model else { return Plan::Nothing };
-        let here = ctx.cell();
-        let cell_m = ctx.map().extent().cell_m();
-        // The cheapest candidates so far: cost, viewpoint, frontier.
-        let mut best: Vec<(f64, Cell, Cell)> = Vec::new();
-        paths.begin(graph, here);
-        while let Some((id, region, length)) = paths.next(graph) {
-            let path_m = length * cell_m;
-            if best.len() == ATTEMPTS && best.last().is_some_and(|&(most, ..)| most <= path_m) {
-                break;
-            }
-            let abandoned = &self.abandoned;
-            let open = region.frontiers.iter().filter(|&frontier| !abandoned.contains(frontier));
-            let Some(&frontier) = open.min_by(|a, b| by_distance(here, a, b)) else {
-                continue;
-            };
-            let cell = viewpoint(graph, id, region.centre, frontier);
-            if cell == here {
-                let seen_from_here = |frontier: &&Cell| viewpoint(graph, id, region.centre, **frontier) == here;
-                self.abandoned.extend(region.frontiers.iter().filter(seen_from_here));
-                continue;
-            }
-            let penalty_m = auction
-                .as_ref()
-                .map_or(0.0, |auction| auction.penalty_m(cell, path_m, &observation.contacts, observation.tick));
-            best.push((path_m + penalty_m, cell, frontier));
-            best.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-            best.truncate(ATTEMPTS);
-        }
-        for &(_, cell, frontier) in &best {
-            if let Some(motion) = motion_to(ctx, graph, paths, cell, obstacles) {
-                return Plan::Go(Goal::Frontier { cell, frontier }, motion);
-            }
-        }
-        if best.is_empty() { Plan::Nothing } else { Plan::Blocked }
-    }
-
-    /// No frontier is left on this map: carries the map to the agent out of contact for longest;
-    /// once all have been tried, to a random region.
-    fn pursue(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
-        let Some(WorldModel { graph, paths, .. }) = &mut self.model else { return Plan::Nothing };
-        if observation.contacts.len() + 1 >= ctx.run_info().agents as usize {
-            return Plan::Nothing;
-        }
-        let here = ctx.cell();
-        if let Some(Goal::Pursuit { agent, cell }) = self.goal
-            && cell == here
-        {
-            self.last_known.mark_absent(agent);
-        }
-        paths.begin(graph, here);
-        let mut reached = Vec::new();
-        while let Some((_, region, _)) = paths.next(graph) {
-            reached.push(region.centre);
-        }
-        let wandering = reached.choose(&mut self.rng).map(|&cell| Goal::Wandering { cell });
-        for goal in self.last_known.candidates(&observation.contacts, here).take(ATTEMPTS - 1).chain(wandering) {
-            if let Some(motion) = motion_to(ctx, graph, paths, goal.cell(), obstacles) {
-                return Plan::Go(goal, motion);
-            }
-        }
-        Plan::Blocked
     }
 }
 
@@ -427,6 +416,14 @@ enum Plan {
 impl Controller for Dsvp {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         self.update(observation, ctx);
+        let command = self.choose(observation, ctx);
+        self.with_tasks(command, observation, ctx)
+    }
+}
+
+impl Dsvp {
+    /// The reply, without the messages of the tours.
+    fn choose(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let now = observation.tick;
         if observation.is_active {
             if !self.is_goal_valid(observation, ctx) {
@@ -439,7 +436,7 @@ impl Controller for Dsvp {
         if let Some(until) = self.waits_until
             && now < until
         {
-            return Command::keep(Trigger::at(until));
+            return Command::keep(Trigger::at(until).or(self.message_trigger()));
         }
         let has_waited = self.waits_until.take().is_some();
         if !has_waited && observation.collision.is_some_and(|collision| collision.with_agent) {
@@ -459,9 +456,10 @@ impl Controller for Dsvp {
 }
 
 /// For each region within the horizon the frontier nearest to the agent.
-fn local_frontiers(graph: &AbstractGraph, here: Cell, horizon: i32) -> Vec<Cell> {
+fn local_frontiers(graph: &AbstractGraph, coordination: &Coordination, here: Cell, horizon: i32) -> Vec<Cell> {
     let nearest = |frontiers: &[Cell]| frontiers.iter().copied().min_by(|a, b| by_distance(here, a, b));
-    graph.near(here, horizon).filter_map(|(_, region)| nearest(&region.frontiers)).collect()
+    let open = graph.near(here, horizon).filter(|(_, region)| coordination.is_open(graph, region.centre));
+    open.filter_map(|(_, region)| nearest(&region.frontiers)).collect()
 }
 
 fn by_distance(here: Cell, a: &Cell, b: &Cell) -> Ordering {
@@ -486,10 +484,4 @@ fn most_ahead(
     }
     frontiers.truncate(count);
     frontiers
-}
-
-/// The viewpoint of a frontier: the frontier itself, or the centre of its region if the body does
-/// not fit into it.
-fn viewpoint(graph: &AbstractGraph, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
-    if graph.region_of(frontier) == Some(region) { frontier } else { centre }
 }

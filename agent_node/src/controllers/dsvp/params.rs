@@ -4,6 +4,7 @@ use msgs::ids::Tick;
 
 use super::super::settings::{SettingError, Settings};
 use super::auction::AuctionParams;
+use super::tours::ToursParams;
 use super::tree::{Growth, Valuation};
 
 /// Parameters of the planner. Lengths in metres.
@@ -36,6 +37,8 @@ pub struct Params {
     pub gain_depth: u32,
     /// Viewpoints with a gain below this count as having none. Original: 5 to 10.
     pub gain_min: u32,
+    /// Factor on an unexplored cell for each known wall beside it; 1: all cells count alike.
+    pub beside_wall: f64,
     /// A viewpoint is dropped once its gain has fallen below this share of its gain when chosen.
     pub gain_left: f64,
 }
@@ -55,6 +58,7 @@ impl Default for Params {
             gain_rays: 200,
             gain_depth: 3,
             gain_min: 3,
+            beside_wall: 1.0,
             gain_left: 0.1,
         }
     }
@@ -65,8 +69,7 @@ impl Params {
     ///
     /// # Errors
     /// If a value is out of range.
-    pub fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
-        let default = Self::default();
+    pub fn from_settings(settings: &mut Settings, default: Self) -> Result<Self, SettingError> {
         let mut whole = |key, default: u32, low: u32, high: u32| {
             settings.integer(key, default.into(), low.into(), high.into()).map(|number| number as u32)
         };
@@ -98,6 +101,7 @@ impl Params {
             gain_rays,
             gain_depth,
             gain_min,
+            beside_wall: settings.number("beside_wall", default.beside_wall, 0.0, 1.0)?,
             gain_left: settings.number("gain_left", default.gain_left, 0.0, 1.0)?,
         })
     }
@@ -132,6 +136,23 @@ impl AuctionParams {
             detour: settings.number("detour", 1.3, 1.0, 10.0)?,
             pace_m_s: settings.number("pace_m_s", 0.8, 0.01, 100.0)?,
             lease_ticks: (settings.number("lease_s", 30.0, 0.0, 600.0)? / Tick::TICK_S).round() as u64,
+        })
+    }
+}
+
+impl ToursParams {
+    /// Takes the parameters from settings of the same names, times in seconds; `explores` and
+    /// `relocates` choose the parts that take part.
+    pub(super) fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
+        Ok(Self {
+            auction: AuctionParams::from_settings(settings)?,
+            visit_s: settings.number("visit_s", 3.0, 0.0, 600.0)?,
+            cut_s: settings.number("cut_s", 3.0, 0.0, 600.0)?,
+            meeting_ticks: (settings.number("meeting_s", 3.0, 0.1, 600.0)? / Tick::TICK_S).round() as u64,
+            promising_min: settings.number("promising_min", 3.0, 0.0, 10_000.0)?,
+            remnant_m: settings.number("remnant_m", 50.0, 0.0, 10_000.0)?,
+            explores_own: settings.word("explores", &["all", "own"])? == 1,
+            follows_tour: settings.word("relocates", &["least-cost", "tour"])? == 1,
         })
     }
 }

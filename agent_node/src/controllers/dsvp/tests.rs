@@ -15,6 +15,11 @@ fn bidder(agent: u32) -> Dsvp {
     Dsvp::with_auction(&mut Settings::default(), random_streams::stream(1, agent.into(), "test")).unwrap()
 }
 
+fn tourist(settings: &[&str]) -> Dsvp {
+    let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
+    Dsvp::with_tours(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
+}
+
 const CORRIDOR: &str = "
 ####################
 #..................#
@@ -65,7 +70,12 @@ fn explores_small_worlds_completely() {
         ("two rooms", ROOMS, low),
         ("pit", PIT, Cell::new(1, 1, 3)),
     ] {
-        for (kind, mut controller) in [("dsvp", planner(&[])), ("dsvp-auction", bidder(0))] {
+        for (kind, mut controller) in [
+            ("dsvp", planner(&[])),
+            ("dsvp-auction", bidder(0)),
+            ("dsvp-tours", tourist(&[])),
+            ("dsvp-tours by tours alone", tourist(&["explores=own", "relocates=tour"])),
+        ] {
             let mut world = World::new(drawing.trim_start(), start);
             world.run(&mut controller, 2000);
             let left = world.left(&[CellState::Free, CellState::Covered]);

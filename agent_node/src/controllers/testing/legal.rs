@@ -19,7 +19,8 @@ use crate::observation::{Cells, Collision, Contact, Observation, Pose, Reading, 
 const SIZE: [u32; 3] = [6, 5, 6];
 
 /// Settings with other decisions than the defaults.
-const OTHER_SETTINGS: [(&str, &[&str]); 6] = [
+const OTHER_SETTINGS: [(&str, &[&str]); 7] = [
+    ("dsvp-tours", &["explores=own", "relocates=tour", "promising_min=0"]),
     ("nearest-frontier", &["relays=on"]),
     ("lvd", &["search_time=budgeted", "search_cells_per_tick=1"]),
     ("lvd", &["search_time=background", "search_ticks=3", "visit_radius_m=1"]),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use agent_node::controllers::dsvp::CLAIMS_MESSAGE;
+use agent_node::controllers::dsvp::{CLAIMS_MESSAGE, TASKS_MESSAGE};
 use agent_node::sharing::MAP_MESSAGE;
 
 use super::super::estimates::{Estimate, RESAMPLES};
@@ -162,6 +162,7 @@ fn kind_name(kind: u8) -> String {
     match kind {
         MAP_MESSAGE => format!("maps (kind {kind})"),
         CLAIMS_MESSAGE => format!("claims (kind {kind})"),
+        TASKS_MESSAGE => format!("tasks (kind {kind})"),
         other => format!("kind {other}"),
     }
 }

@@ -1,0 +1,144 @@
+//! How the planners of a team keep out of each other's way: not at all, by an auction of goals, or
+//! by an auction and tours over shared-out tasks.
+//!
+//! The planner asks here what a goal is worth beside those of others; the answers are in
+//! [`super::auction`] and [`super::tours`].
+
+use msgs::ids::Tick;
+use msgs::maes_msgs::Wake as Events;
+use voxels::Cell;
+
+use super::auction::{Auction, AuctionParams, CLAIMS_MESSAGE};
+use super::tours::{Tours, ToursParams};
+use crate::abstract_graph::{AbstractGraph, RegionId};
+use crate::command::{Command, Trigger};
+use crate::controllers::Ctx;
+use crate::observation::Observation;
+
+/// A way to coordinate, with its parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Scheme {
+    /// Each agent for itself.
+    Alone,
+    Auction(AuctionParams),
+    Tours(ToursParams),
+}
+
+impl Scheme {
+    /// The events at which an agent has to look at the messages of others.
+    pub(super) fn trigger(self) -> Trigger {
+        match self {
+            Self::Alone => Trigger::on(0),
+            Self::Auction(_) | Self::Tours(_) => Trigger::on(Events::CONTACTS | Events::PARCEL),
+        }
+    }
+
+    pub(super) fn begin(self, ctx: &Ctx<'_>) -> Coordination {
+        let run_info = ctx.run_info();
+        match self {
+            Self::Alone => Coordination::Alone,
+            Self::Auction(params) => {
+                Coordination::Auction(Auction::new(params, &run_info.bodies, ctx.agent(), run_info.extent))
+            }
+            Self::Tours(params) => Coordination::Tours(
+                Auction::new(params.auction, &run_info.bodies, ctx.agent(), run_info.extent),
+                Box::new(Tours::new(params, ctx.agent(), run_info.agents, run_info.extent)),
+            ),
+        }
+    }
+}
+
+/// The state of the coordination.
+#[derive(Debug)]
+pub(super) enum Coordination {
+    Alone,
+    Auction(Auction),
+    Tours(Auction, Box<Tours>),
+}
+
+impl Coordination {
+    /// Processes the messages of an observation. `agents` is the team size.
+    pub(super) fn receive(&mut self, observation: &Observation, agents: u32) {
+        match self {
+            Self::Alone => {}
+            Self::Auction(auction) => auction.receive(&observation.messages, observation.tick, agents),
+            Self::Tours(auction, tours) => {
+                auction.receive(&observation.messages, observation.tick, agents);
+                tours.receive(&observation.messages, observation.tick);
+            }
+        }
+    }
+
+    /// Whether the goal last claimed belongs to another agent.
+    pub(super) fn is_lost(&self, now: Tick) -> bool {
+        match self {
+            Self::Alone => false,
+            Self::Auction(auction) => auction.is_outbid(now),
+            Self::Tours(_, tours) if tours.explores_own() => tours.is_lost(now),
+            Self::Tours(auction, _) => auction.is_outbid(now),
+        }
+    }
+
+    /// Claims a goal to which the path has this length.
+    pub(super) fn claim(&mut self, graph: &AbstractGraph, cell: Cell, path_m: f64, now: Tick) {
+        match self {
+            Self::Alone => {}
+            Self::Auction(auction) => auction.claim(cell, path_m, now),
+            Self::Tours(auction, tours) => {
+                auction.claim(cell, path_m, now);
+                tours.claim(graph, cell);
+            }
+        }
+    }
+
+    /// Withdraws the last claim.
+    pub(super) fn withdraw(&mut self) {
+        match self {
+            Self::Alone => {}
+            Self::Auction(auction) => auction.withdraw(),
+            Self::Tours(auction, tours) => {
+                auction.withdraw();
+                tours.withdraw();
+            }
+        }
+    }
+
+    /// Whether the exploration stage sees the frontiers of a region.
+    pub(super) fn is_open(&self, graph: &AbstractGraph, centre: Cell) -> bool {
+        match self {
+            Self::Alone | Self::Auction(_) => true,
+            Self::Tours(_, tours) => !tours.explores_own() || tours.is_own(graph, centre),
+        }
+    }
+
+    /// The factor on the utility of a viewpoint.
+    pub(super) fn utility_factor(&self, graph: &AbstractGraph, cell: Cell, path_m: f64, now: Tick) -> f64 {
+        match self {
+            Self::Alone => 1.0,
+            Self::Tours(_, tours) if tours.explores_own() => f64::from(u8::from(tours.is_own(graph, cell))),
+            Self::Auction(auction) | Self::Tours(auction, _) => auction.utility_factor(cell, path_m, now),
+        }
+    }
+
+    /// The cost added to the path length to a viewpoint of a region with frontiers, metres.
+    pub(super) fn penalty_m(&self, (region, cell): (RegionId, Cell), path_m: f64, observation: &Observation) -> f64 {
+        match self {
+            Self::Alone => 0.0,
+            Self::Auction(auction) => auction.penalty_m(cell, path_m, &observation.contacts, observation.tick),
+            Self::Tours(auction, tours) => {
+                let bid_m = auction.penalty_m(cell, path_m, &observation.contacts, observation.tick);
+                tours.penalty_m(region, path_m, bid_m, observation.tick)
+            }
+        }
+    }
+
+    /// Adds the claims for the agents in contact to a command, if there is an auction.
+    pub(super) fn with_claims(&self, command: Command, observation: &Observation) -> Command {
+        match self {
+            Self::Auction(auction) | Self::Tours(auction, _) if !observation.contacts.is_empty() => {
+                command.with_message(None, CLAIMS_MESSAGE, auction.encode())
+            }
+            _ => command,
+        }
+    }
+}

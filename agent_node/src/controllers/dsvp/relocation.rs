@@ -1,0 +1,87 @@
+//! The stages without gain nearby: relocation to a frontier, and pursuit of other agents without
+//! any.
+
+use rand::seq::IndexedRandom;
+
+use super::avoidance::motion_to;
+use super::goal::Goal;
+use super::obstacles::Obstacles;
+use super::{ATTEMPTS, Dsvp, Plan, WorldModel, by_distance};
+use crate::abstract_graph::{AbstractGraph, RegionId};
+use crate::controllers::Ctx;
+use crate::observation::Observation;
+use voxels::Cell;
+
+impl Dsvp {
+    /// The relocation stage: to the nearest frontier, or to the one of least cost beside
+    /// the goals of others.
+    pub(super) fn relocate(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
+        self.update_tours(observation, ctx);
+        let Some(WorldModel { graph, paths, coordination, .. }) = &mut self.model else { return Plan::Nothing };
+        let here = ctx.cell();
+        let cell_m = ctx.map().extent().cell_m();
+        // The cheapest candidates so far: cost, viewpoint, frontier.
+        let mut best: Vec<(f64, Cell, Cell)> = Vec::new();
+        paths.begin(graph, here);
+        while let Some((id, region, length)) = paths.next(graph) {
+            let path_m = length * cell_m;
+            if best.len() == ATTEMPTS && best.last().is_some_and(|&(most, ..)| most <= path_m) {
+                break;
+            }
+            let abandoned = &self.abandoned;
+            let open = region.frontiers.iter().filter(|&frontier| !abandoned.contains(frontier));
+            let Some(&frontier) = open.min_by(|a, b| by_distance(here, a, b)) else {
+                continue;
+            };
+            let cell = viewpoint(graph, id, region.centre, frontier);
+            if cell == here {
+                let seen_from_here = |frontier: &&Cell| viewpoint(graph, id, region.centre, **frontier) == here;
+                self.abandoned.extend(region.frontiers.iter().filter(seen_from_here));
+                continue;
+            }
+            let penalty_m = coordination.penalty_m((id, cell), path_m, observation);
+            best.push((path_m + penalty_m, cell, frontier));
+            best.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+            best.truncate(ATTEMPTS);
+        }
+        for &(_, cell, frontier) in &best {
+            if let Some(motion) = motion_to(ctx, graph, paths, cell, obstacles) {
+                return Plan::Go(Goal::Frontier { cell, frontier }, motion);
+            }
+        }
+        if best.is_empty() { Plan::Nothing } else { Plan::Blocked }
+    }
+
+    /// No frontier is left on this map: carries the map to the agent out of contact for longest;
+    /// once all have been tried, to a random region.
+    pub(super) fn pursue(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
+        let Some(WorldModel { graph, paths, .. }) = &mut self.model else { return Plan::Nothing };
+        if observation.contacts.len() + 1 >= ctx.run_info().agents as usize {
+            return Plan::Nothing;
+        }
+        let here = ctx.cell();
+        if let Some(Goal::Pursuit { agent, cell }) = self.goal
+            && cell == here
+        {
+            self.last_known.mark_absent(agent);
+        }
+        paths.begin(graph, here);
+        let mut reached = Vec::new();
+        while let Some((_, region, _)) = paths.next(graph) {
+            reached.push(region.centre);
+        }
+        let wandering = reached.choose(&mut self.rng).map(|&cell| Goal::Wandering { cell });
+        for goal in self.last_known.candidates(&observation.contacts, here).take(ATTEMPTS - 1).chain(wandering) {
+            if let Some(motion) = motion_to(ctx, graph, paths, goal.cell(), obstacles) {
+                return Plan::Go(goal, motion);
+            }
+        }
+        Plan::Blocked
+    }
+}
+
+/// The viewpoint of a frontier: the frontier itself, or the centre of its region if the body does
+/// not fit into it.
+fn viewpoint(graph: &AbstractGraph, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
+    if graph.region_of(frontier) == Some(region) { frontier } else { centre }
+}
