@@ -41,7 +41,7 @@ impl Schedule {
 }
 
 /// The schedule of the whole benchmark on so many cores, from the runs in a folder of
-/// [`super::execute`]. `extra_s` is what a run takes beside its measured wall time: the start of a
+/// [`execute`](super::execute()). `extra_s` is what a run takes beside its measured wall time: the start of a
 /// process, and the making of the map.
 ///
 /// # Errors
