@@ -72,6 +72,11 @@ pub trait AgentTransport {
     fn is_open(&self) -> bool {
         false
     }
+    /// Whether the process of an agent has ended, so that nothing more of it can come. A network does
+    /// not know that.
+    fn is_gone(&self, _agent: AgentId) -> bool {
+        false
+    }
     /// The next message, or `None` after `timeout` without one.
     fn receive(&mut self, timeout: Duration) -> Option<Incoming>;
     /// Holds the standard sensor messages of an externally controlled agent for this tick, until

@@ -41,8 +41,8 @@ impl Schedule {
 }
 
 /// The schedule of the whole benchmark on so many cores, from the runs in a folder of
-/// [`execute`](super::execute()). `extra_s` is what a run takes beside its measured wall time: the start of a
-/// process, and the making of the map.
+/// [`execute`](super::execute()). `extra_s` is what a run takes beside its measured wall time: the
+/// start of a process, and the making of the map.
 ///
 /// # Errors
 /// If there is no run of a track, or the folder cannot be read.

@@ -122,6 +122,10 @@ impl AgentTransport for Team<'_> {
         self.ready.extend(self.server.groups_of(agent));
     }
 
+    fn is_gone(&self, agent: AgentId) -> bool {
+        self.server.groups_of(agent).all(|group| self.processes[group].is_none())
+    }
+
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         if let Some(incoming) = self.server.receive_now() {
             return Some(incoming);

@@ -392,8 +392,10 @@ impl AgentSessions {
     ) -> Result<(), RunError> {
         // A replay that is under way ends here.
         (0..self.agents).map(AgentId).for_each(|agent| self.observation_log.skip(agent));
-        let has_joined = |request: &&ObservationRequest| self.membership.lease(request.agent).is_some();
-        let last: Vec<ObservationRequest> = last.iter().filter(has_joined).cloned().collect();
+        let can_answer = |request: &&ObservationRequest| {
+            self.membership.lease(request.agent).is_some() && !context.transport.is_gone(request.agent)
+        };
+        let last: Vec<ObservationRequest> = last.iter().filter(can_answer).cloned().collect();
         let replies = self.request_commands(tick, &last, timeout, TimeoutPolicy::ReturnIncomplete, context)?;
         if let Err(MissingReplies { missing, .. }) = replies {
             let missing = listed(missing);
