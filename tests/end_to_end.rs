@@ -56,6 +56,8 @@ mod spawn_script;
 mod own_programs;
 /// The Python package: its tests, its types and its stubs.
 mod python_package;
+/// SIERRA executes runs and compares them.
+mod sierra;
 /// Plans on a real Slurm whose node is killed, and with GNU parallel.
 mod workload_managers;
 

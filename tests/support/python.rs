@@ -27,6 +27,12 @@ pub(crate) fn for_package() -> &'static Path {
     PYTHON.get_or_init(|| environment("package"))
 }
 
+/// The interpreter with SIERRA.
+pub(crate) fn for_sierra() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| environment("sierra"))
+}
+
 /// The interpreter with Cyclone DDS.
 pub(crate) fn for_cyclone() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();

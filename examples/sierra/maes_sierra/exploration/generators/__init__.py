@@ -1,0 +1,1 @@
+"""Scenarios and runs of the project."""

@@ -1,0 +1,1 @@
+"""Batch criteria of the engine."""
