@@ -3,26 +3,27 @@
 //! A benchmark is one [`Plan`] for each world, in a folder of its own, so it is resumable and has
 //! the tables and reports of any plan. The [`ResultFile`] has a line for each run with its digest:
 //! who has the build can execute any of them again ([`verify`]), and [`schedule`] says how long the
-//! whole takes on many cores. Tracks, metrics and rules:
-//! docs/exploration-1.md.
+//! whole takes on many cores. Tracks, metrics and rules: docs/exploration-1.md.
 //!
 //! Invariant: what is measured is fixed by the name of the benchmark. A change of worlds, teams,
 //! radios, seeds or score is a benchmark with another name.
 
+mod results;
 pub mod schedule;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use sim_server::input_file::{self, TEXT_BYTES_MAX};
 use thiserror::Error;
 
 use crate::execute::{self, ExecuteError, Options, PlanObserver, Selection, Stop, Summary};
-use crate::plan::{BUILD, Plan, PlanError};
+use crate::plan::{Plan, PlanError};
 use crate::rows::RunRow;
 use crate::store::{Store, StoreError};
+
+pub use results::{ResultFile, Run, Track, read, table};
+use results::{results, rounded};
 
 /// The name of the benchmark.
 pub const EXPLORATION_1: &str = "exploration-1";
@@ -134,59 +135,6 @@ impl Scope {
     pub fn is_whole(&self) -> bool {
         self.worlds.len() == WORLDS.len() && self.seeds.len() == SEEDS
     }
-}
-
-/// The results of an entry.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ResultFile {
-    pub benchmark: String,
-    /// See [`BUILD`].
-    pub build: String,
-    pub entry: Entry,
-    pub seeds: Vec<u64>,
-    /// See [`Scope::phrase`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub phrase: Option<String>,
-    /// Whether all tracks with all seeds are in it. Scores of other files cannot be compared with
-    /// those of whole ones.
-    pub is_whole: bool,
-    /// Mean over the tracks.
-    pub score: f64,
-    pub tracks: Vec<Track>,
-    pub runs: Vec<Run>,
-}
-
-/// A world, a team and a radio.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Track {
-    pub world: String,
-    pub agents: u32,
-    pub radio: String,
-    /// Mean over the seeds of the area under the explored share, in per cent.
-    pub score: f64,
-    /// Number of runs.
-    pub runs: usize,
-    /// Runs that reach 99 %.
-    pub reach_99: usize,
-    /// Mean time to 99 %, s; a run that does not reach it counts with the duration.
-    pub mean_99_s: f64,
-}
-
-/// A run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Run {
-    pub world: String,
-    pub agents: u32,
-    pub radio: String,
-    pub seed: u64,
-    pub id: String,
-    /// Area under the explored share over the duration, 0 to 1.
-    pub area: f64,
-    pub t99_s: Option<f64>,
-    pub digest: String,
 }
 
 #[derive(Debug, Error)]
@@ -311,72 +259,6 @@ fn run(world: &World, row: &RunRow) -> Run {
     }
 }
 
-/// Nine decimals: such a number is the same after it was written and read.
-fn rounded(number: f64) -> f64 {
-    libm::round(number * 1e9) / 1e9
-}
-
-/// The results of runs, which get their order here.
-fn results(entry: &Entry, scope: &Scope, mut runs: Vec<Run>) -> ResultFile {
-    let place = |name: &str| worlds().position(|world| world == name);
-    let radio = |name: &str| RADIOS.iter().position(|(radio, _)| *radio == name);
-    runs.sort_by_key(|run| (place(&run.world), run.agents, radio(&run.radio), run.seed));
-    let mut tracks: Vec<Track> = Vec::new();
-    for of_track in
-        runs.chunk_by(|one, other| (&one.world, one.agents, &one.radio) == (&other.world, other.agents, &other.radio))
-    {
-        let first = &of_track[0];
-        let duration_s = WORLDS.iter().find(|world| world.name == first.world).map_or(0, |world| world.duration_s);
-        let count = of_track.len() as f64;
-        tracks.push(Track {
-            world: first.world.clone(),
-            agents: first.agents,
-            radio: first.radio.clone(),
-            score: rounded(100.0 * of_track.iter().map(|run| run.area).sum::<f64>() / count),
-            runs: of_track.len(),
-            reach_99: of_track.iter().filter(|run| run.t99_s.is_some()).count(),
-            mean_99_s: rounded(
-                of_track.iter().map(|run| run.t99_s.unwrap_or(f64::from(duration_s))).sum::<f64>() / count,
-            ),
-        });
-    }
-    ResultFile {
-        benchmark: EXPLORATION_1.to_owned(),
-        build: BUILD.to_owned(),
-        entry: entry.clone(),
-        seeds: scope.seeds.clone(),
-        phrase: scope.phrase.clone(),
-        is_whole: scope.is_whole(),
-        score: rounded(tracks.iter().map(|track| track.score).sum::<f64>() / tracks.len().max(1) as f64),
-        tracks,
-        runs,
-    }
-}
-
-/// The table of the tracks, for people: one row for each world and radio, one column for each team.
-#[must_use]
-pub fn table(results: &ResultFile) -> String {
-    let mut text = String::from("| world | radio |");
-    TEAMS.iter().for_each(|team| write!(text, " {team} |").expect("a text grows"));
-    text += " mean |\n|---|---|";
-    text += &"---|".repeat(TEAMS.len() + 1);
-    text.push('\n');
-    for of_row in results.tracks.chunk_by(|one, other| one.world == other.world) {
-        for (radio, _) in RADIOS {
-            let tracks: Vec<&Track> = of_row.iter().filter(|track| track.radio == radio).collect();
-            let score = |team: u32| tracks.iter().find(|track| track.agents == team).map(|track| track.score);
-            write!(text, "| {} | {radio} |", of_row[0].world).expect("a text grows");
-            for team in TEAMS {
-                let shown = score(team).map_or_else(|| "-".to_owned(), |score| format!("{score:.1}"));
-                write!(text, " {shown} |").expect("a text grows");
-            }
-            let mean = tracks.iter().map(|track| track.score).sum::<f64>() / tracks.len().max(1) as f64;
-            writeln!(text, " {mean:.1} |").expect("a text grows");
-        }
-    }
-    text
-}
-
 /// What a verification found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verified {
@@ -384,29 +266,6 @@ pub struct Verified {
     pub runs: usize,
     /// What differs, one line each; empty if the file holds.
     pub differences: Vec<String>,
-}
-
-/// Reads a result file.
-///
-/// # Errors
-/// If it is none.
-pub fn read(file: &Path) -> Result<ResultFile, BenchmarkError> {
-    let name = file.display().to_string();
-    let text = input_file::read_text(file, TEXT_BYTES_MAX)
-        .map_err(|source| BenchmarkError::Read { file: name.clone(), source })?;
-    let results: ResultFile =
-        serde_json::from_str(&text).map_err(|source| BenchmarkError::NoResult { file: name.clone(), source })?;
-    let unfit = |reason: String| Err(BenchmarkError::Unfit { file: name.clone(), reason });
-    if results.benchmark != EXPLORATION_1 {
-        return unfit(format!("benchmark {:?}: expected {EXPLORATION_1:?}", results.benchmark));
-    }
-    if results.build != BUILD {
-        return unfit(format!(
-            "made by build {}; this is build {BUILD}, whose runs have other digests: verify it with that build",
-            results.build
-        ));
-    }
-    Ok(results)
 }
 
 /// Checks the figures of a result file against its runs, and executes a tenth of these again, drawn
@@ -425,7 +284,7 @@ pub fn verify(
     let mut differences = Vec::new();
     let worlds: BTreeSet<String> = results.runs.iter().map(|run| run.world.clone()).collect();
     let scope = Scope { worlds, seeds: results.seeds.clone(), phrase: results.phrase.clone() };
-    let recomputed = self::results(&results.entry, &scope, results.runs.clone());
+    let recomputed = results::results(&results.entry, &scope, results.runs.clone());
     if recomputed != *results {
         differences.push("score, tracks or their order do not follow from the runs".to_owned());
     }

@@ -3,7 +3,8 @@
 //! The `.msg` files are the source of truth: names, order and types of the fields, the constants
 //! and the comments are theirs. Each struct is one file, and serialises to the same CDR bytes as
 //! the type that ROS 2 builds from it. Numbers are raw here; the receiver of a message checks them
-//! and converts them to types of its own.
+//! and converts them to types of its own. The file is as long as the package: one struct for each of
+//! its files, in their order.
 //!
 //! "Sum of the constants" means a bit set. Sim time is counted in ticks, fixed updates of 20 ms.
 
