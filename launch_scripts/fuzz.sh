@@ -1,15 +1,17 @@
 #!/usr/bin/env bash
-# Fuzzes the readers of files and messages, the server and an agent with libFuzzer.
+# Fuzzes the readers of files and messages, the server and an agent with libFuzzer, and then running
+# processes with changed RTPS packets.
 #
 #   launch_scripts/fuzz.sh [SECONDS_PER_TARGET] [TARGET...]      default: 600 s for each target
 #
-# Targets: m3dm packed bt pcd ply obj stl vox pgm scenario plan recording messages server agent
-# (fuzz/src). Needs stable Rust and a C++ compiler. New inputs that reach more code stay under
+# Targets: those of fuzz/src/lib.rs, and rtps (tests/mutated_packets.rs), for which the seconds are
+# processor time of the attacked processes. Needs stable Rust and a C++ compiler. New inputs that reach more code stay under
 # target/fuzz/found/<target>, findings under target/fuzz/findings. Exit code 1 if there is a
 # finding.
 set -uo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-all=(m3dm packed bt pcd ply obj stl vox pgm scenario plan recording messages server agent)
+mapfile -t all < <(sed -n 's/^    ("\([a-z0-9]*\)", [a-z_]*::[a-z_]*),$/\1/p' "$root/fuzz/src/lib.rs")
+all+=(rtps)
 seconds=${1:-600}
 [[ $seconds =~ ^[1-9][0-9]*$ ]] || { echo "error: $seconds: expected seconds for each target, from 1" >&2; exit 2; }
 shift
@@ -29,7 +31,7 @@ for option in level=4 inline-8bit-counters pc-table trace-compares; do
 done
 # Branches are not folded, so that each counts.
 pass+=(-Cllvm-args=-simplifycfg-branch-fold-threshold=0)
-(cd "$root" && RUSTFLAGS="${pass[*]}" CARGO_TARGET_DIR=$work \
+[[ "${targets[*]}" == rtps ]] || (cd "$root" && RUSTFLAGS="${pass[*]}" CARGO_TARGET_DIR=$work \
     cargo build --profile fuzz --locked -p fuzz --features fuzz/libfuzzer --target "$triple") || exit 2
 program=$work/$triple/fuzz/fuzz
 findings=$work/findings
@@ -37,7 +39,22 @@ mkdir -p "$findings"
 failed=0
 
 printf '%-10s %12s %10s %10s  %s\n' target executions 'covered' 'inputs' findings
+rtps() {
+    local log=$work/rtps.log seed=${MAES_FUZZ_RTPS_SEED:-$RANDOM}
+    if (cd "$root" && MAES_FUZZ_RTPS_S=$seconds MAES_FUZZ_RTPS_SEED=$seed \
+        cargo test --release --locked -p tests --test end_to_end -- --nocapture mutated_packets) >"$log" 2>&1; then
+        printf '%-10s %s\n' rtps "$(grep -m 1 ' packets at each of ' "$log")"
+    else
+        failed=1
+        printf '%-10s failed; reproduce: MAES_FUZZ_RTPS_SEED=%s; log: %s\n' rtps "$seed" "$log"
+    fi
+}
+
 for target in "${targets[@]}"; do
+    if [[ $target == rtps ]]; then
+        rtps
+        continue
+    fi
     found=$work/found/$target
     log=$work/$target.log
     mkdir -p "$found"

@@ -39,6 +39,8 @@ mod forged_commands;
 mod hostile_agents;
 /// Interrupted runs, killed servers, full disks.
 mod interruptions;
+/// RTPS packets with random changes: no memory, and no effect.
+mod mutated_packets;
 /// RTPS packets of strangers: no memory, no effect, and none from outside the machine.
 mod network_attacks;
 /// Limits of a process: its start, its shutdown, its memory.

@@ -18,17 +18,17 @@ const MEMORY_MAX_KB: u64 = 300_000;
 /// A few seconds of sim time.
 const SHORT: [&str; 6] = ["--agents", "2", "--size", "30", "--duration", "20"];
 
-const LOOPBACK: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
+pub(crate) const LOOPBACK: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
 
 /// A server that waits for agent 1, with agent 0.
-struct Waiting {
-    site: Site,
+pub(crate) struct Waiting {
+    pub(crate) site: Site,
     server: Run,
     agent: Process,
 }
 
 impl Waiting {
-    fn start() -> Self {
+    pub(crate) fn start() -> Self {
         let site = Site::new();
         let agent = Process::start(site.binary("agent_node").args(["--id", "0"]));
         let mut server = site.binary("sim_server");
@@ -40,15 +40,28 @@ impl Waiting {
 
     /// The discovery ports of both processes.
     #[track_caller]
-    fn ports(&self) -> Vec<u16> {
+    pub(crate) fn ports(&self) -> Vec<u16> {
         let ports = discovery_ports(self.site.domain().id());
         assert_eq!(ports.len(), 2, "a server and an agent: {ports:?}");
         ports
     }
 
+    /// Processor time that both have taken, s.
+    pub(crate) fn processor_time_s(&mut self) -> f64 {
+        let ticks = [self.server.process().pid(), self.agent.pid()].map(|pid| {
+            let stat = fs::read_to_string(format!("/proc/{pid}/stat")).expect("the process runs");
+            let (_, after_name) = stat.rsplit_once(')').expect("its name is in brackets");
+            // Fields 14 and 15, utime and stime; the first one after the name is field 3.
+            let times = after_name.split_whitespace().skip(11).take(2);
+            times.map(|field| field.parse::<f64>().expect("a number")).sum::<f64>()
+        });
+        // USER_HZ is 100 on every Linux.
+        ticks.iter().sum::<f64>() / 100.0
+    }
+
     /// Fails if one of them has ever taken too much memory.
     #[track_caller]
-    fn assert_small(&mut self) {
+    pub(crate) fn assert_small(&mut self) {
         for pid in [self.server.process().pid(), self.agent.pid()] {
             let status = fs::read_to_string(format!("/proc/{pid}/status")).expect("the process runs");
             let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("Linux says the peak");
@@ -58,7 +71,7 @@ impl Waiting {
     }
 
     /// Starts agent 1, and fails unless the run is what it is without strangers.
-    fn assert_undisturbed(self) {
+    pub(crate) fn assert_undisturbed(self) {
         let alone = Site::new();
         let mut undisturbed = alone.binary("maes");
         undisturbed.args(["run", "--transport", "memory"]).arg(text(&scenario("default.toml"))).args(SHORT);

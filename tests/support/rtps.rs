@@ -1,6 +1,7 @@
 //! RTPS packets by hand (RTPS 2.5, chapter 9), for tests that attack the DDS library below the ROS
 //! client: a participant that is announced but is no more than a socket.
 
+use std::cell::Cell;
 use std::fs;
 use std::net::{IpAddr, Ipv4Addr, UdpSocket};
 use std::time::{Duration, Instant};
@@ -41,6 +42,8 @@ const ANNOUNCEMENT_PERIOD: Duration = Duration::from_millis(200);
 pub(crate) struct FakeParticipant {
     prefix: [u8; 12],
     socket: UdpSocket,
+    /// Count of the last heartbeat that asks for a reply: a reader ignores one that is not higher.
+    heartbeats: Cell<i32>,
 }
 
 /// UDP ports of the unicast discovery traffic of a domain that are open (section 9.6.2.3).
@@ -65,7 +68,7 @@ impl FakeParticipant {
         prefix[8..].copy_from_slice(&number.to_be_bytes());
         let socket = UdpSocket::bind("127.0.0.1:0").expect("loopback has a free port");
         socket.set_read_timeout(Some(ANNOUNCEMENT_PERIOD)).expect("a time-out can be set");
-        Self { prefix, socket }
+        Self { prefix, socket, heartbeats: Cell::new(1000) }
     }
 
     /// Announces itself until `of` at this address and port replies.
@@ -83,6 +86,25 @@ impl FakeParticipant {
 
     /// Announces itself once (SPDP).
     pub(crate) fn announce(&self, to: (IpAddr, u16)) {
+        self.send(to, &self.announcement());
+    }
+
+    /// Claims to have the samples `first..=last`.
+    pub(crate) fn heartbeat(&self, to: (IpAddr, u16), ids: [EntityId; 2], span: [i64; 2], count: i32) {
+        self.send(to, &self.heartbeat_packet(ids, span, count));
+    }
+
+    /// Claims that the samples `start..end` are irrelevant.
+    pub(crate) fn gap(&self, to: (IpAddr, u16), ids: [EntityId; 2], start: i64, end: i64) {
+        self.send(to, &self.gap_packet(ids, start, end));
+    }
+
+    /// One fragment, with 16 bytes of payload, of a sample that claims `size` bytes.
+    pub(crate) fn fragment(&self, to: (IpAddr, u16), ids: [EntityId; 2], number: i64, fragment: u32, size: u32) {
+        self.send(to, &self.fragment_packet(ids, number, fragment, size));
+    }
+
+    pub(crate) fn announcement(&self) -> Vec<u8> {
         let port = self.socket.local_addr().expect("it is bound").port();
         let mut locator = Vec::from(1_i32.to_le_bytes());
         locator.extend(u32::from(port).to_le_bytes());
@@ -108,29 +130,26 @@ impl FakeParticipant {
         body.extend(PARTICIPANT_WRITER);
         body.extend(sequence_number(1));
         body.extend(payload);
-        self.send(to, DATA, LITTLE_ENDIAN | WITH_DATA, &body);
+        self.packet(DATA, LITTLE_ENDIAN | WITH_DATA, &body)
     }
 
-    /// Claims to have the samples `first..=last`.
-    pub(crate) fn heartbeat(&self, to: (IpAddr, u16), ids: [EntityId; 2], span: [i64; 2], count: i32) {
+    pub(crate) fn heartbeat_packet(&self, ids: [EntityId; 2], span: [i64; 2], count: i32) -> Vec<u8> {
         let mut body = ids.concat();
         body.extend(sequence_number(span[0]));
         body.extend(sequence_number(span[1]));
         body.extend(count.to_le_bytes());
-        self.send(to, HEARTBEAT, LITTLE_ENDIAN, &body);
+        self.packet(HEARTBEAT, LITTLE_ENDIAN, &body)
     }
 
-    /// Claims that the samples `start..end` are irrelevant.
-    pub(crate) fn gap(&self, to: (IpAddr, u16), ids: [EntityId; 2], start: i64, end: i64) {
+    pub(crate) fn gap_packet(&self, ids: [EntityId; 2], start: i64, end: i64) -> Vec<u8> {
         let mut body = ids.concat();
         body.extend(sequence_number(start));
         body.extend(sequence_number(end));
         body.extend(0_u32.to_le_bytes());
-        self.send(to, GAP, LITTLE_ENDIAN, &body);
+        self.packet(GAP, LITTLE_ENDIAN, &body)
     }
 
-    /// One fragment, with 16 bytes of payload, of a sample that claims `size` bytes.
-    pub(crate) fn fragment(&self, to: (IpAddr, u16), ids: [EntityId; 2], number: i64, fragment: u32, size: u32) {
+    pub(crate) fn fragment_packet(&self, ids: [EntityId; 2], number: i64, fragment: u32, size: u32) -> Vec<u8> {
         let mut body = vec![0, 0, 28, 0];
         body.extend(ids.concat());
         body.extend(sequence_number(number));
@@ -139,7 +158,39 @@ impl FakeParticipant {
         body.extend(16_u16.to_le_bytes());
         body.extend(size.to_le_bytes());
         body.extend([7; 16]);
-        self.send(to, DATA_FRAG, LITTLE_ENDIAN, &body);
+        self.packet(DATA_FRAG, LITTLE_ENDIAN, &body)
+    }
+
+    /// Asks for the first 32 samples of a writer.
+    pub(crate) fn request_packet(&self, ids: [EntityId; 2], count: i32) -> Vec<u8> {
+        let mut body = ids.concat();
+        body.extend(sequence_number(1));
+        body.extend(32_u32.to_le_bytes());
+        body.extend(u32::MAX.to_le_bytes());
+        body.extend(count.to_le_bytes());
+        self.packet(ACKNACK, LITTLE_ENDIAN, &body)
+    }
+
+    /// Introduces itself, asks for the announcements of all endpoints, and returns the packets that
+    /// come up to the first of each kind: what a real participant of this library sends.
+    #[track_caller]
+    pub(crate) fn packets_of(&self, to: (IpAddr, u16)) -> Vec<Vec<u8>> {
+        self.introduce(to);
+        let mut packets = Vec::new();
+        for (count, writer, reader) in
+            [(1, PUBLICATIONS_WRITER, PUBLICATIONS_READER), (2, SUBSCRIPTIONS_WRITER, SUBSCRIPTIONS_READER)]
+        {
+            let begin = now();
+            let announces = |packet: &[u8]| {
+                submessages(packet).any(|(kind, body)| kind == DATA && body.get(8..12) == Some(&writer[..]))
+            };
+            while !packets.iter().any(|packet: &Vec<u8>| announces(packet)) {
+                assert!(begin.elapsed() < HANG, "{to:?} does not announce its endpoints");
+                self.send(to, &self.request_packet([reader, writer], count));
+                packets.extend(std::iter::from_fn(|| self.receive()).take(64));
+            }
+        }
+        packets
     }
 
     /// Waits until the reader has processed what was sent before: it acknowledges `before`, which
@@ -147,10 +198,9 @@ impl FakeParticipant {
     #[track_caller]
     pub(crate) fn is_acknowledged(&self, to: (IpAddr, u16), ids: [EntityId; 2], before: i64) {
         let begin = now();
-        let mut count = 1000;
         while begin.elapsed() < HANG {
-            count += 1;
-            self.heartbeat(to, ids, [before, before - 1], count);
+            self.heartbeats.set(self.heartbeats.get() + 1);
+            self.heartbeat(to, ids, [before, before - 1], self.heartbeats.get());
             let acknowledges = |(kind, body): (u8, &[u8])| {
                 kind == ACKNACK && body.get(4..16) == Some(&[&ids[1][..], &sequence_number(before)].concat()[..])
             };
@@ -179,15 +229,23 @@ impl FakeParticipant {
         Some(packet)
     }
 
-    fn send(&self, to: (IpAddr, u16), kind: u8, flags: u8, body: &[u8]) {
-        let mut packet = Vec::from(*b"RTPS\x02\x03\x01\x0f");
-        packet.extend(self.prefix);
+    /// The header of every packet of this participant.
+    pub(crate) fn header(&self) -> Vec<u8> {
+        [&b"RTPS\x02\x03\x01\x0f"[..], &self.prefix].concat()
+    }
+
+    fn packet(&self, kind: u8, flags: u8, body: &[u8]) -> Vec<u8> {
+        let mut packet = self.header();
         packet.extend([kind, flags]);
         packet.extend(u16::try_from(body.len()).expect("packets are short").to_le_bytes());
         packet.extend(body);
-        // From a socket without an address, for any destination on this machine.
+        packet
+    }
+
+    /// Sends bytes from a socket without an address, for any destination on this machine.
+    pub(crate) fn send(&self, to: (IpAddr, u16), packet: &[u8]) {
         let sender = UdpSocket::bind("0.0.0.0:0").expect("there is a free port");
-        sender.send_to(&packet, to).expect("the machine reaches itself");
+        sender.send_to(packet, to).expect("the machine reaches itself");
     }
 }
 
