@@ -109,5 +109,8 @@ fn sierra_compares_controllers() {
     assert_close(&compared.numbers("explore.lvd"), &ends[2..], "lvd");
     let graph = fs::read_to_string(project.join(format!("explore.rbw+explore.lvd-cc-graphs/SM-{name}.html")));
     let graph = graph.expect("stage 5 draws a graph");
-    assert!(["\"explore.rbw\"", "\"explore.lvd\""].iter().all(|label| graph.contains(label)), "the legend names the controllers");
+    assert!(
+        ["\"explore.rbw\"", "\"explore.lvd\""].iter().all(|label| graph.contains(label)),
+        "the legend names the controllers"
+    );
 }
