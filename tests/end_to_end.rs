@@ -61,7 +61,7 @@ mod python_package;
 /// SIERRA executes runs and compares them.
 mod sierra;
 /// Plans on a real Slurm whose node is killed, and with GNU parallel.
-mod workload_managers;
+mod clusters;
 
 /// Forks of recorded runs, and events of scenarios.
 mod forks;
