@@ -54,14 +54,14 @@ mod reply_timeouts;
 /// `launch_scripts/spawn.sh` starts a server and agents by hand.
 mod spawn_script;
 
+/// Plans on a real Slurm whose node is killed, and with GNU parallel.
+mod clusters;
 /// Programs of one's own, from outside the workspace, run agents in runs and plans.
 mod own_programs;
 /// The Python package: its tests, its types and its stubs.
 mod python_package;
 /// SIERRA executes runs and compares them.
 mod sierra;
-/// Plans on a real Slurm whose node is killed, and with GNU parallel.
-mod clusters;
 
 /// Forks of recorded runs, and events of scenarios.
 mod forks;

@@ -42,6 +42,8 @@ const ANNOUNCEMENT_PERIOD: Duration = Duration::from_millis(200);
 pub(crate) struct FakeParticipant {
     prefix: [u8; 12],
     socket: UdpSocket,
+    /// Without an address of its own, for any destination on this machine.
+    sender: UdpSocket,
     /// Count of the last heartbeat that asks for a reply: a reader ignores one that is not higher.
     heartbeats: Cell<i32>,
 }
@@ -68,7 +70,8 @@ impl FakeParticipant {
         prefix[8..].copy_from_slice(&number.to_be_bytes());
         let socket = UdpSocket::bind("127.0.0.1:0").expect("loopback has a free port");
         socket.set_read_timeout(Some(ANNOUNCEMENT_PERIOD)).expect("a time-out can be set");
-        Self { prefix, socket, heartbeats: Cell::new(1000) }
+        let sender = UdpSocket::bind("0.0.0.0:0").expect("there is a free port");
+        Self { prefix, socket, sender, heartbeats: Cell::new(1000) }
     }
 
     /// Announces itself until `of` at this address and port replies.
@@ -242,10 +245,8 @@ impl FakeParticipant {
         packet
     }
 
-    /// Sends bytes from a socket without an address, for any destination on this machine.
     pub(crate) fn send(&self, to: (IpAddr, u16), packet: &[u8]) {
-        let sender = UdpSocket::bind("0.0.0.0:0").expect("there is a free port");
-        sender.send_to(packet, to).expect("the machine reaches itself");
+        self.sender.send_to(packet, to).expect("the machine reaches itself");
     }
 }
 
