@@ -153,6 +153,7 @@ mod tests {
         assert_eq!(barrier.missing().collect::<Vec<_>>(), [AgentId(1)]);
     }
 
+    #[test]
     #[should_panic(expected = "answers are missing")]
     fn the_world_never_advances_with_an_answer_missing() {
         let _ = Barrier::<u8>::new(Tick(0), [AgentId(0)].into()).into_answers();
