@@ -45,8 +45,13 @@ fn package() -> &'static Path {
 
 /// Python with the package and what its tests need.
 fn command() -> Command {
+    command_of(python::for_package())
+}
+
+/// This interpreter with the package.
+fn command_of(interpreter: &Path) -> Command {
     let mut command = Command::new("timeout");
-    command.args(["--signal=INT", "--kill-after=10", HANG]).arg(python::for_package());
+    command.args(["--signal=INT", "--kill-after=10", HANG]).arg(interpreter);
     command.env("PYTHONPATH", package()).env("PYTHONDONTWRITEBYTECODE", "1").env("MPLBACKEND", "agg");
     // Not in the folder of the sources, whose `maes` has no library.
     command.current_dir(package());
@@ -70,6 +75,21 @@ fn passed(command: &mut Command) -> String {
 fn tests_of_the_package_pass() {
     let text = passed(command().args(["-m", "pytest", "-c"]).arg(configuration()).arg(root().join("python/tests")));
     assert!(text.contains(" passed"), "{text}");
+}
+
+/// Tables do not depend on where runs are executed, nor on a worker that is killed meanwhile.
+#[test]
+#[ignore = "installs Dask, Ray and submitit"]
+fn executors_lose_a_worker_and_give_the_same_tables() {
+    for executor in ["dask", "ray", "submitit"] {
+        let folder = tempfile::tempdir().expect("there is room for a folder");
+        let mut command = command_of(python::for_executors());
+        // Ray keeps files in both.
+        command.env("HOME", folder.path()).env("RAY_TMPDIR", folder.path());
+        command.arg(root().join("tests/executors.py")).arg(executor).arg(root().join("examples/python"));
+        let text = passed(command.arg(folder.path()));
+        assert!(text.contains("1 worker killed, same tables"), "{text}");
+    }
 }
 
 /// The notebooks of the documentation: each cell works, and what should be a picture is one.

@@ -27,6 +27,12 @@ pub(crate) fn for_package() -> &'static Path {
     PYTHON.get_or_init(|| environment("package"))
 }
 
+/// The interpreter with Dask, Ray and submitit.
+pub(crate) fn for_executors() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| environment("executors"))
+}
+
 /// The interpreter with SIERRA.
 pub(crate) fn for_sierra() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();
