@@ -11,8 +11,7 @@ use agent_node::bodies::{self, BodyKind, BodyModel};
 use agent_node::controllers::{Ctx, collision_recovery};
 use agent_node::exploration_map::{CellState, Finding};
 use agent_node::navigation::{NavigationStatus, SearchTime};
-use agent_node::path::Neighbours;
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray3};
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -22,6 +21,7 @@ use voxels::Cell;
 use crate::borrowed::Loan;
 use crate::command::{PyCommand, PyMotion, PyTrigger};
 use crate::rng::PyRng;
+use crate::search::{self, PyPath};
 
 /// A cell by its indices along x, y and z.
 type CellIndices = (i32, i32, i32);
@@ -193,16 +193,46 @@ impl PyCtx {
         neighbours: u32,
     ) -> PyResult<Bound<'py, PyAny>> {
         let time = self::search_time(search_time)?;
-        let neighbours = match neighbours {
-            6 => Neighbours::Six,
-            26 => Neighbours::TwentySix,
-            other => return Err(PyValueError::new_err(format!("neighbours = {other}: expected 6 or 26"))),
-        };
+        let neighbours = search::neighbours(neighbours)?;
         let status = self.with(|ctx| ctx.go_to_cell_by(cell_of(cell), neighbours, time))?;
         navigated(py, status)
     }
 
-    /// Limits all later path searches to this number of expanded cells.
+    /// The cheapest path to the nearest goal: any cell of a bool array with the shape of the map,
+    /// or of an integer array of shape (N, 3). It leads only through cells that are known to be
+    /// free, and through those of the bool array `within` if it is given. `None` without a path, or
+    /// if more than `cells_max` cells had to be expanded. Takes no sim time.
+    #[pyo3(signature = (goal, *, within=None, neighbours=26, cells_max=u64::MAX))]
+    fn search<'py>(
+        &self,
+        goal: &Bound<'py, PyAny>,
+        within: Option<PyReadonlyArray3<'py, bool>>,
+        neighbours: u32,
+        cells_max: u64,
+    ) -> PyResult<Option<PyPath>> {
+        let neighbours = search::neighbours(neighbours)?;
+        let extent = self.with(|ctx| ctx.map().extent())?;
+        let goal = search::Cells::new("goal", goal, extent)?;
+        let within = within.map(|mask| search::mask("within", mask, extent)).transpose()?;
+        self.with(|ctx| search::find(ctx, &goal, within.as_ref(), neighbours, cells_max))
+    }
+
+    /// The lengths of the cheapest paths to cells (an integer array of shape (N, 3)), by one
+    /// search: float64, shape (N,), metres; infinity without a path.
+    #[pyo3(signature = (cells, *, neighbours=26))]
+    fn path_lengths_m<'py>(
+        &self,
+        py: Python<'py>,
+        cells: &Bound<'py, PyAny>,
+        neighbours: u32,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let neighbours = search::neighbours(neighbours)?;
+        let extent = self.with(|ctx| ctx.map().extent())?;
+        let cells = search::list("cells", cells, extent)?;
+        Ok(PyArray1::from_vec(py, self.with(|ctx| search::lengths_m(ctx, &cells, neighbours))?))
+    }
+
+    /// Limits later searches of `go_to_cell` to this number of expanded cells.
     fn limit_searches(&self, cells_max: u64) -> PyResult<()> {
         self.with(|ctx| ctx.limit_searches(cells_max))
     }

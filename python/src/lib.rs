@@ -28,6 +28,7 @@ mod result;
 mod rng;
 mod run;
 mod scenario;
+mod search;
 mod worlds;
 
 /// The native part of the package `maes`.
@@ -61,6 +62,8 @@ mod _maes {
     use crate::run::{fork, run};
     #[pymodule_export]
     use crate::scenario::PyScenario;
+    #[pymodule_export]
+    use crate::search::PyPath;
 
     /// The version of the package, and the hash of the sources that determine a result.
     #[pymodule_export]
