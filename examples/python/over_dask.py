@@ -1,6 +1,6 @@
 """A plan over Dask: each run is a task of a worker, here of a cluster on this machine.
 
-    python examples/python/over_dask.py plan.toml out/mine            # needs `pip install distributed`
+    python examples/python/over_dask.py plan.toml out/mine      # needs `pip install distributed`
 
 With the address of a scheduler in `Client`, workers of other machines execute the runs. They need
 the package `maes` and the plan at the same path.

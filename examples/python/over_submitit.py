@@ -1,10 +1,13 @@
 """A plan over Slurm by submitit: each run is a job.
 
-    python examples/python/over_submitit.py plan.toml out/mine        # needs `pip install submitit`
+    pip install submitit
+    python examples/python/over_submitit.py plan.toml out/mine [local]
 
-Without Slurm, jobs are processes on this machine. A queue suits runs of minutes and more; for
-thousands of short runs `maes batch` writes jobs that execute many of them (docs/experiments.md).
-The machines need the package `maes`, and the plan and the folder of the jobs at the same paths.
+With `local`, and where there is no Slurm, jobs are processes on this machine. Lost jobs are
+submitted again if Slurm keeps accounts, from which submitit learns of them. A queue suits runs of
+minutes and more; for thousands of short runs `maes batch` writes jobs that execute many of them
+(docs/experiments.md). The machines need the package `maes`, and the plan and the folder of the jobs
+at the same paths.
 """
 
 import sys
@@ -51,6 +54,6 @@ def executor(workers: int, folder: str = "submitit", cluster: str | None = None)
 
 
 if __name__ == "__main__":
-    plan, out = sys.argv[1:]
-    with executor(workers=2) as pool:
+    plan, out, *cluster = sys.argv[1:]
+    with executor(workers=2, cluster=cluster[0] if cluster else None) as pool:
         print(maes.batch(plan, out, executor=pool))
