@@ -8,6 +8,7 @@
 //! terminates; equal observations give equal commands. This module knows no transport and no wall
 //! clock.
 
+pub mod auction;
 pub mod boustrophedon;
 pub mod collision_recovery;
 pub mod ctx;

@@ -7,6 +7,7 @@ are right-handed with z up, and the world frame is `map`. A cell is a tuple (x, 
 
 from ._maes import (
     BUILD,
+    Auction,
     BadInput,
     Command,
     Ctx,
@@ -28,6 +29,7 @@ from .scenarios import Scenario
 __version__ = BUILD.split("+")[0]
 
 __all__ = [
+    "Auction",
     "BUILD",
     "BadInput",
     "Batch",

@@ -24,13 +24,13 @@ use crate::rng::PyRng;
 use crate::search::{self, PyPath};
 
 /// A cell by its indices along x, y and z.
-type CellIndices = (i32, i32, i32);
+pub(crate) type CellIndices = (i32, i32, i32);
 
-fn cell_of((x, y, z): CellIndices) -> Cell {
+pub(crate) fn cell_of((x, y, z): CellIndices) -> Cell {
     Cell { x, y, z }
 }
 
-fn indices_of(Cell { x, y, z }: Cell) -> CellIndices {
+pub(crate) fn indices_of(Cell { x, y, z }: Cell) -> CellIndices {
     (x, y, z)
 }
 
@@ -57,7 +57,7 @@ pub(crate) struct Shared {
 pub(crate) struct PyCtx(pub(crate) Arc<Shared>);
 
 impl PyCtx {
-    fn with<T>(&self, use_it: impl FnOnce(&mut Ctx<'_>) -> T) -> PyResult<T> {
+    pub(crate) fn with<T>(&self, use_it: impl FnOnce(&mut Ctx<'_>) -> T) -> PyResult<T> {
         self.0.loan.with(use_it)
     }
 }
@@ -81,7 +81,7 @@ fn search_time(word: &str) -> PyResult<SearchTime> {
     }
 }
 
-fn finite(name: &str, value: f64) -> PyResult<f64> {
+pub(crate) fn finite(name: &str, value: f64) -> PyResult<f64> {
     if value.is_finite() {
         return Ok(value);
     }

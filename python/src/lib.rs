@@ -11,6 +11,7 @@
 //!
 //! Only marshalling is here: schema, checks, world and agents are those of the Rust crates.
 
+mod auction;
 mod borrowed;
 mod command;
 mod controller;
@@ -34,6 +35,8 @@ mod worlds;
 /// The native part of the package `maes`.
 #[pyo3::pymodule]
 mod _maes {
+    #[pymodule_export]
+    use crate::auction::PyAuction;
     #[pymodule_export]
     use crate::command::{PyCommand, PyMotion, PyTrigger};
     #[pymodule_export]

@@ -18,7 +18,6 @@
 //! Invariants: it moves only through cells known to be free; it never waits indefinitely while it
 //! knows a reachable frontier or the last position of another agent.
 
-mod auction;
 mod avoidance;
 mod coordination;
 mod dtw;
@@ -44,6 +43,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
+use super::auction::AuctionParams;
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
 use crate::abstract_graph::{AbstractGraph, ShortestPaths};
@@ -51,8 +51,6 @@ use crate::command::{Command, Motion, ScanRequest, Trigger};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
 use crate::path::{Neighbours, Path};
-use auction::AuctionParams;
-pub use auction::CLAIMS_MESSAGE;
 use avoidance::{hold, motion_along, motion_to, obstacles_near, path_length_m};
 use coordination::{Coordination, Scheme};
 use gain::{GainEstimator, Likelihood};

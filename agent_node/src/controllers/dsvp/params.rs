@@ -2,8 +2,8 @@
 
 use msgs::ids::Tick;
 
+use super::super::auction::AuctionParams;
 use super::super::settings::{SettingError, Settings};
-use super::auction::AuctionParams;
 use super::tours::ToursParams;
 use super::tree::{Growth, Valuation};
 
@@ -123,20 +123,6 @@ impl Params {
             lambda_direction: self.lambda_direction_per_m,
             gain_min: self.gain_min,
         }
-    }
-}
-
-impl AuctionParams {
-    /// Takes the parameters from settings of the same names, the lease in seconds.
-    pub(super) fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
-        Ok(Self {
-            spread_m: settings.number("spread_m", 25.0, 0.1, 1000.0)?,
-            discount: settings.number("discount", 0.9, 0.0, 1.0)?,
-            trespass_m: settings.number("trespass_m", 80.0, 0.0, 10_000.0)?,
-            detour: settings.number("detour", 1.3, 1.0, 10.0)?,
-            pace_m_s: settings.number("pace_m_s", 0.8, 0.01, 100.0)?,
-            lease_ticks: (settings.number("lease_s", 30.0, 0.0, 600.0)? / Tick::TICK_S).round() as u64,
-        })
     }
 }
 

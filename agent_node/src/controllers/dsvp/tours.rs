@@ -30,7 +30,7 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
 use voxels::{Cell, Extent};
 
-use super::auction::AuctionParams;
+use super::super::auction::AuctionParams;
 use super::gain::{Likelihood, WHOLE};
 use crate::abstract_graph::{AbstractGraph, RegionId, ShortestPaths, Voronoi};
 use crate::command::AgentMessage;

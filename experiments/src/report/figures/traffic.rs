@@ -2,7 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use agent_node::controllers::dsvp::{CLAIMS_MESSAGE, TASKS_MESSAGE};
+use agent_node::controllers::auction::CLAIMS_MESSAGE;
+use agent_node::controllers::dsvp::TASKS_MESSAGE;
 use agent_node::sharing::MAP_MESSAGE;
 
 use super::super::estimates::{Estimate, RESAMPLES};

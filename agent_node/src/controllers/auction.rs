@@ -24,7 +24,7 @@ use std::f64::consts::FRAC_PI_3;
 use msgs::ids::{AgentId, Tick};
 use voxels::{Cell, Extent};
 
-use super::tree::length_between;
+use super::settings::{SettingError, Settings};
 use crate::bodies::{Bodies, BodyKind, BodyModel, leg_s};
 use crate::observation::{Contact, ReceivedMessage};
 
@@ -45,35 +45,54 @@ const LEASE_TICKS_MAX: u64 = 30_000;
 
 /// Parameters of the auction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct AuctionParams {
+pub struct AuctionParams {
     /// Distance from a claim at which its effect has fallen to about 0.4, metres.
-    pub(super) spread_m: f64,
+    pub spread_m: f64,
     /// Share of its utility that a claimed goal loses for others.
-    pub(super) discount: f64,
+    pub discount: f64,
     /// Cost of a frontier that another agent will reach sooner, metres of path.
-    pub(super) trespass_m: f64,
+    pub trespass_m: f64,
     /// Ratio of path length to straight distance.
-    pub(super) detour: f64,
+    pub detour: f64,
     /// Planning speed of submarines, m/s.
-    pub(super) pace_m_s: f64,
+    pub pace_m_s: f64,
     /// Duration of a claim beyond the travel time, ticks.
-    pub(super) lease_ticks: u64,
+    pub lease_ticks: u64,
+}
+
+impl AuctionParams {
+    /// Takes the parameters from settings of the same names, the lease in seconds (`lease_s`).
+    ///
+    /// # Errors
+    /// If a value is out of range.
+    pub fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
+        Ok(Self {
+            spread_m: settings.number("spread_m", 25.0, 0.1, 1000.0)?,
+            discount: settings.number("discount", 0.9, 0.0, 1.0)?,
+            trespass_m: settings.number("trespass_m", 80.0, 0.0, 10_000.0)?,
+            detour: settings.number("detour", 1.3, 1.0, 10.0)?,
+            pace_m_s: settings.number("pace_m_s", 0.8, 0.01, 100.0)?,
+            lease_ticks: (settings.number("lease_s", 30.0, 0.0, 600.0)? / Tick::TICK_S).round() as u64,
+        })
+    }
 }
 
 /// A claimed goal.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Claim {
+pub struct Claim {
     /// The viewpoint.
-    pub(super) cell: Cell,
+    pub cell: Cell,
     /// The bid: path length at the time of the claim, metres.
-    pub(super) path_m: f64,
-    pub(super) made: Tick,
-    pub(super) ends: Tick,
+    pub path_m: f64,
+    /// When it was made.
+    pub made: Tick,
+    /// When its lease ends.
+    pub ends: Tick,
 }
 
 /// The claims that an agent knows, its own included.
 #[derive(Debug, Clone)]
-pub(super) struct Auction {
+pub struct Auction {
     params: AuctionParams,
     /// Planning speed by agent, m/s.
     speeds_m_s: Vec<f64>,
@@ -84,13 +103,13 @@ pub(super) struct Auction {
 
 impl Auction {
     /// The auction as seen by the agent `own`, without claims.
-    pub(super) fn new(params: AuctionParams, bodies: &Bodies, own: AgentId, extent: Extent) -> Self {
+    pub fn new(params: AuctionParams, bodies: &Bodies, own: AgentId, extent: Extent) -> Self {
         let speeds_m_s = bodies.iter().map(|body| planning_speed_m_s(body, params.pace_m_s)).collect();
         Self { params, speeds_m_s, own, extent, claims: BTreeMap::new() }
     }
 
     /// Merges received claims and drops expired ones. `agents` is the team size.
-    pub(super) fn receive(&mut self, messages: &[ReceivedMessage], now: Tick, agents: u32) {
+    pub fn receive(&mut self, messages: &[ReceivedMessage], now: Tick, agents: u32) {
         for message in messages.iter().filter(|message| message.kind == CLAIMS_MESSAGE) {
             for (agent, claim) in decode(&message.data, self.extent, agents).into_iter().flatten() {
                 let is_newer = self.claims.get(&agent).is_none_or(|known| known.made < claim.made);
@@ -104,19 +123,24 @@ impl Auction {
     }
 
     /// Claims a goal.
-    pub(super) fn claim(&mut self, cell: Cell, path_m: f64, now: Tick) {
+    pub fn claim(&mut self, cell: Cell, path_m: f64, now: Tick) {
         let travel_ticks = (path_m / self.speed_m_s(self.own) / Tick::TICK_S) as u64;
         let ends = now.after(travel_ticks).after(self.params.lease_ticks);
         self.claims.insert(self.own, Claim { cell, path_m, made: now, ends });
     }
 
+    /// All known claims, the own one included, by agent.
+    pub fn claims(&self) -> impl Iterator<Item = (AgentId, &Claim)> {
+        self.claims.iter().map(|(&agent, claim)| (agent, claim))
+    }
+
     /// Withdraws the own claim.
-    pub(super) fn withdraw(&mut self) {
+    pub fn withdraw(&mut self) {
         self.claims.remove(&self.own);
     }
 
     /// The message that carries all known claims.
-    pub(super) fn encode(&self) -> Vec<u8> {
+    pub fn encode(&self) -> Vec<u8> {
         let mut bytes = vec![VERSION];
         for (agent, claim) in &self.claims {
             let Some(cell) = self.extent.index(claim.cell) else { continue };
@@ -130,7 +154,7 @@ impl Auction {
     }
 
     fn rival_claims(&self) -> impl Iterator<Item = (AgentId, &Claim)> {
-        self.claims.iter().map(|(&agent, claim)| (agent, claim)).filter(|&(agent, _)| agent != self.own)
+        self.claims().filter(|&(agent, _)| agent != self.own)
     }
 
     fn speed_m_s(&self, agent: AgentId) -> f64 {
@@ -150,11 +174,12 @@ impl Auction {
 
     /// Distance between the centres of two cells, metres.
     fn distance_m(&self, a: Cell, b: Cell) -> f64 {
-        length_between(a, b) * self.extent.cell_m()
+        let squared = [a.x - b.x, a.y - b.y, a.z - b.z].map(|by| f64::from(by) * f64::from(by));
+        squared.iter().sum::<f64>().sqrt() * self.extent.cell_m()
     }
 
     /// Whether another agent has a better bid on a conflicting claim.
-    pub(super) fn is_outbid(&self, now: Tick) -> bool {
+    pub fn is_outbid(&self, now: Tick) -> bool {
         let Some(own) = self.claims.get(&self.own) else { return false };
         // Compared without a division where speeds are equal, so that all agents get the same
         // result to the last bit.
@@ -173,7 +198,7 @@ impl Auction {
 
     /// The factor on the utility of a viewpoint at path length `path_m`, metres: 1 if no other
     /// claim is near.
-    pub(super) fn utility_factor(&self, cell: Cell, path_m: f64, now: Tick) -> f64 {
+    pub fn utility_factor(&self, cell: Cell, path_m: f64, now: Tick) -> f64 {
         self.rival_claims()
             .filter(|&(agent, claim)| {
                 let apart_m = self.distance_m(claim.cell, cell);
@@ -186,7 +211,7 @@ impl Auction {
 
     /// The cost added to the path length to a frontier, metres: 0 if no other claim is near and no
     /// other agent will reach it sooner.
-    pub(super) fn penalty_m(&self, cell: Cell, path_m: f64, contacts: &[Contact], now: Tick) -> f64 {
+    pub fn penalty_m(&self, cell: Cell, path_m: f64, contacts: &[Contact], now: Tick) -> f64 {
         let AuctionParams { trespass_m, detour, .. } = self.params;
         let sooner = |agent: AgentId, claim: &Claim| {
             let other_m = self.remaining_m(agent, claim, now) + self.distance_m(claim.cell, cell) * detour;

@@ -1,0 +1,198 @@
+"""Trains a policy by PPO that chooses frontiers for a team, and compares it on unseen maps.
+
+    pip install 'maes[env,plot]' stable-baselines3
+    python examples/python/train_ppo.py out/ppo --minutes 30
+
+The agents of all worlds share one policy. It sees what an agent sees: its state, the 32 nearest
+frontiers and the agents in contact. Each second it names the frontier that the agent goes to. The
+reward is the share of the free cells, in percent, that the team sees for the first time, less a
+little for the time. The folder gets the policy, `curve.csv`, `curve.svg` and `evaluation.csv`: the
+policy before and after training, random choices, the nearest frontier by straight distance, and
+`rbw` as a run, on maps of seeds that training does not use.
+"""
+
+import argparse
+import csv
+import time
+from pathlib import Path
+from statistics import mean
+
+import matplotlib.pyplot as plt
+import numpy as np
+from gymnasium import spaces
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv
+
+import maes
+from maes.envs import Worlds
+
+TEAM = {"agents": 3, "size": 40, "duration": 240.0}
+PERIOD_S = 1.0
+FRONTIERS = 32
+WORLDS = 16
+TRAINING_SEED = 100_000
+HELD_OUT = range(1, 41)
+SCALE_M = 20.0
+TARGET = 0.9
+
+
+def worlds(count, seed):
+    """Worlds of the scenario in which agents choose frontiers."""
+    chosen = {"period_s": PERIOD_S, "actions": "frontier", "frontiers": FRONTIERS, "crop_radius": 0}
+    return Worlds(count, seed=seed, **chosen, **TEAM)
+
+
+def rows(shown):
+    """What the policy sees, a row for each agent of each world; most numbers are from -1 to 1."""
+    flat = {key: shown[key].reshape(shown["own"].shape[0] * shown["own"].shape[1], -1) for key in shown}
+    places = np.concatenate([flat["contacts"], flat["frontiers"]], axis=1).reshape(len(flat["own"]), -1, 4)
+    return np.concatenate([flat["own"], (places / (SCALE_M, SCALE_M, SCALE_M, 1)).reshape(len(places), -1)], axis=1)
+
+
+class Team(VecEnv):
+    """`Worlds` as an environment of stable-baselines3: each agent of each world is one of its."""
+
+    def __init__(self):
+        self.worlds = worlds(WORLDS, TRAINING_SEED)
+        width = rows(self.worlds.observe()).shape[1]
+        space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
+        super().__init__(WORLDS * self.worlds.agents, space, spaces.Discrete(FRONTIERS + 1))
+        self.explored = np.zeros(WORLDS)
+        self.times_s = np.zeros(WORLDS)
+        self.ended = []
+
+    def reset(self):
+        self.explored[:], self.times_s[:] = 0.0, 0.0
+        return rows(self.worlds.reset()).astype(np.float32)
+
+    def step_async(self, actions):
+        self.actions = np.asarray(actions, np.float32).reshape(WORLDS, -1, 1)
+
+    def step_wait(self):
+        shown, _, is_explored, is_over, details = self.worlds.step(self.actions)
+        gains = 100.0 * (details["explored"] - self.explored) - 0.1
+        done = is_explored | is_over
+        self.times_s += PERIOD_S
+        self.ended += [(self.times_s[n], details["explored"][n]) for n in np.flatnonzero(done)]
+        self.explored = np.where(done, 0.0, details["explored"])
+        self.times_s[done] = 0.0
+        of_agents = np.repeat([gains, done], self.worlds.agents, axis=1)
+        return rows(shown).astype(np.float32), of_agents[0].astype(np.float32), of_agents[1] > 0, self.infos()
+
+    def infos(self):
+        return [{} for _ in range(self.num_envs)]
+
+    def close(self):
+        self.worlds.close()
+
+    def get_attr(self, attr_name, indices=None):
+        return [None] * self.num_envs
+
+    def set_attr(self, attr_name, value, indices=None):
+        raise NotImplementedError
+
+    def env_method(self, method_name, *args, indices=None, **kwargs):
+        raise NotImplementedError
+
+    def env_is_wrapped(self, wrapper_class, indices=None):
+        return [False] * self.num_envs
+
+
+def evaluated(choose):
+    """The explored share over time on each held-out map: (maps, seconds)."""
+    held_out = worlds(len(HELD_OUT), HELD_OUT[0])
+    shares, active = [], np.ones(len(HELD_OUT), bool)
+    while active.any():
+        shown = held_out.observe()
+        actions = choose(shown).reshape(len(HELD_OUT), -1, 1)
+        _, _, is_explored, is_over, details = held_out.step(actions, begin_again=False)
+        active &= ~(is_explored | is_over)
+        shares.append(np.maximum(details["explored"], shares[-1]) if shares else details["explored"])
+    held_out.close()
+    return np.array(shares).T
+
+
+def of_rbw():
+    """The same for runs of `rbw`."""
+    shares = []
+    for seed in HELD_OUT:
+        series = maes.run(seed=seed, controller="rbw", **TEAM).columns("series")
+        seconds = np.arange(PERIOD_S, TEAM["duration"] + PERIOD_S / 2, PERIOD_S)
+        shares.append(np.interp(seconds, series["t_s"], series["explored"]))
+    return np.array(shares)
+
+
+def figures(shares):
+    """Explored share at 60 s and at the end, and the mean time to the target, the duration where it
+    is not reached."""
+    reached = [int(np.argmax(row >= TARGET)) + 1 if row.max() >= TARGET else TEAM["duration"] for row in shares]
+    at = min(60, shares.shape[1])
+    return mean(shares[:, at - 1]), mean(shares[:, -1]), mean(reached), sum(row.max() >= TARGET for row in shares)
+
+
+class Curve(BaseCallback):
+    """Stops after a time, and writes the mean of the worlds that have ended since the last row."""
+
+    def __init__(self, folder, seconds):
+        super().__init__()
+        self.rows, self.folder, self.seconds = [], folder, seconds
+
+    def _on_training_start(self):
+        self.start = time.perf_counter()
+
+    def _on_step(self):
+        return time.perf_counter() - self.start < self.seconds
+
+    def _on_rollout_end(self):
+        ended, self.training_env.ended = self.training_env.ended, []
+        if ended:
+            wall_s = time.perf_counter() - self.start
+            self.rows.append((self.num_timesteps, wall_s, *np.mean(ended, axis=0)))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--minutes", type=float, default=30.0)
+    arguments = parser.parse_args()
+    arguments.folder.mkdir(parents=True, exist_ok=True)
+    team = Team()
+    model = PPO("MlpPolicy", team, n_steps=128, batch_size=1024, gamma=0.97, ent_coef=0.01, seed=1, device="cpu")
+
+    def of_policy(shown):
+        return model.predict(rows(shown).astype(np.float32), deterministic=True)[0]
+
+    random = np.random.default_rng(1)
+    results = {
+        "rbw": of_rbw(),
+        "random frontier": evaluated(lambda shown: random.integers(FRONTIERS, size=shown["own"].shape[:2])),
+        "nearest frontier": evaluated(lambda shown: np.zeros(shown["own"].shape[:2])),
+        "policy before training": evaluated(of_policy),
+    }
+    curve = Curve(arguments.folder, arguments.minutes * 60)
+    model.learn(10**9, callback=curve)
+    model.save(arguments.folder / "policy")
+    results["policy after training"] = evaluated(of_policy)
+    with open(arguments.folder / "curve.csv", "w", newline="") as file:
+        csv.writer(file).writerows([("agent_steps", "wall_s", "end_s", "explored"), *curve.rows])
+    with open(arguments.folder / "evaluation.csv", "w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(("controller", "explored_60_s", "explored_end", "t90_s", "maps_90", "maps"))
+        for name, shares in results.items():
+            row = figures(shares)
+            writer.writerow((name, *(f"{value:.3f}" for value in row[:3]), row[3], len(shares)))
+            print(f"{name}: {row[0]:.1%} after 60 s, {row[1]:.1%} at the end, 90 % after {row[2]:.0f} s")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
+    steps, _, ends, _ = zip(*curve.rows, strict=True)
+    left.plot(np.array(steps) / 1e6, ends, lw=0.8)
+    left.set(xlabel="agent steps in training (millions)", ylabel="end of worlds (s)")
+    for name, shares in results.items():
+        right.plot(np.arange(1, shares.shape[1] + 1) * PERIOD_S, shares.mean(0), label=name, lw=1)
+    right.set(xlabel="sim time (s)", ylabel="explored share, unseen maps")
+    right.legend(fontsize="x-small")
+    figure.savefig(arguments.folder / "curve.svg")
+
+
+if __name__ == "__main__":
+    main()
