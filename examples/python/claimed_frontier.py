@@ -31,9 +31,6 @@ class ClaimedFrontier(maes.Controller):
     def decide(self, observation: Observation, ctx: Ctx) -> Command:
         self.auction = self.auction or Auction(ctx)
         self.auction.receive(observation)
-        return self.auction.add_to(self.chosen(observation, ctx))
-
-    def chosen(self, observation: Observation, ctx: Ctx) -> Command:
         if observation.scan_tick is None:
             return Command.keep(Trigger.NEXT_TICK)
         if self.goal is not None and observation.events & Events.COLLISION:
@@ -42,7 +39,9 @@ class ClaimedFrontier(maes.Controller):
             return ctx.step_aside(self.rng)
         is_held = self.goal is not None and ctx.map.is_frontier(self.goal) and not self.auction.is_outbid
         if is_held and observation.is_active:
-            return Command.keep(UNDER_WAY)
+            command = Command.keep(UNDER_WAY)
+            # A reply to every message would be answered for ever.
+            return self.auction.add_to(command) if observation.events & Events.CONTACTS else command
         if is_held and self.goal == ctx.cell:
             self.abandoned.add(self.goal)
         self.auction.withdraw()
@@ -54,7 +53,10 @@ class ClaimedFrontier(maes.Controller):
             self.abandoned.add(self.goal)
             return Command(Motion.stop(), Trigger.NEXT_TICK)
         self.auction.claim(self.goal, path_m)
-        return Command(motion, UNDER_WAY)
+        if self.auction.is_outbid:
+            # All frontiers are near better bids: it goes there without a claim.
+            self.auction.withdraw()
+        return self.auction.add_to(Command(motion, UNDER_WAY))
 
     def cheapest(self, ctx: Ctx):
         """The frontier with the least sum of path length and penalty, and the length; or None."""

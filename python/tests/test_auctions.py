@@ -17,10 +17,16 @@ def in_a_room(folder, agents, decide):
     """Runs a controller with this function as `decide` for a second, where agents stay in contact."""
     walls = np.ones((20, 20, 20), dtype=bool)
     walls[1:-1, 1:-1, 1:-1] = False
-    maes.Map(walls, 1.0).save(folder / "room.npy")
+    maes.Map(walls, 1.0).save(folder / "room.m3dm")
     own = type("Own", (maes.Controller,), {"decide": decide, "auction": None})
-    keys = {"map": {"kind": "file", "file": str(folder / "room.npy"), "cell_m": 1.0}, "stop_when_explored": False}
-    return maes.run(controller=own, agents=agents, duration=1.0, **keys)
+    scenario = f"""
+    seed = 1
+    duration_s = 1.0
+    stop_when_explored = false
+    map = {{ kind = "file", file = "{folder / "room.m3dm"}" }}
+    agents = {{ count = {agents} }}
+    """
+    return maes.run(maes.Scenario.from_toml(scenario), controller=own)
 
 
 def test_claims_reach_the_agents_in_contact_and_the_shorter_path_wins(tmp_path):
@@ -77,4 +83,4 @@ def test_example_explores_with_an_auction_and_repeats():
     with_claims = maes.run(controller=ClaimedFrontier, **keys)
     assert with_claims.reason == "explored"
     assert with_claims.digest == maes.run(controller=ClaimedFrontier, **keys).digest
-    assert with_claims.counters["messages"] > 0
+    assert with_claims.counters["parcels_sent"] > 0
