@@ -186,6 +186,13 @@ impl ExplorationMap {
         self.frontier.iter().map(|index| index as u32)
     }
 
+    /// The indices of the frontiers in a row of the map, the cells with this y and z, ascending.
+    pub fn frontiers_in_row(&self, y: u32, z: u32) -> impl Iterator<Item = u32> + '_ {
+        let [size_x, size_y, _] = self.extent().size();
+        let first = (z * size_y + y) as usize * size_x as usize;
+        self.frontier.iter_in(first..first + size_x as usize).map(|index| index as u32)
+    }
+
     /// Number of frontiers.
     #[must_use]
     pub fn frontier_count(&self) -> usize {

@@ -4,9 +4,9 @@
     python examples/python/train_ppo.py out/ppo --minutes 30
 
 The agents of all worlds share one policy. It sees what an agent sees: its state, the 32 nearest
-frontiers and the agents in contact. Each second it names the frontier that the agent goes to. The
-reward is the share of the free cells, in percent, that the team sees for the first time, less a
-little for the time. The folder gets the policy, `curve.csv`, `curve.svg` and `evaluation.csv`: the
+frontiers and the agents in contact. It names the frontier that the agent goes to, and is asked again
+when the agent is there or a second has passed at rest. The reward is the share of the free cells, in
+percent, that the team sees for the first time, less a little for the time. The folder gets the policy, `curve.csv`, `curve.svg` and `evaluation.csv`: the
 policy before and after training, random choices, the nearest frontier by straight distance, and
 `rbw` as a run, on maps of seeds that training does not use.
 """
@@ -27,7 +27,7 @@ from stable_baselines3.common.vec_env import VecEnv
 import maes
 from maes.envs import Worlds
 
-TEAM = {"agents": 3, "size": 40, "duration": 240.0}
+TEAM = {"agents": 3, "size": 40, "duration": 300.0, "lidar__range_m": 6.0}
 PERIOD_S = 1.0
 FRONTIERS = 32
 WORLDS = 16
@@ -50,6 +50,12 @@ def rows(shown):
     return np.concatenate([flat["own"], (places / (SCALE_M, SCALE_M, SCALE_M, 1)).reshape(len(places), -1)], axis=1)
 
 
+def goals(choices, shown):
+    """The actions: the chosen frontiers for the agents at rest; the others go on."""
+    is_active = shown["own"][..., 9] > 0
+    return np.where(is_active, FRONTIERS, np.reshape(choices, is_active.shape))[..., None].astype(np.float32)
+
+
 class Team(VecEnv):
     """`Worlds` as an environment of stable-baselines3: each agent of each world is one of its."""
 
@@ -57,7 +63,7 @@ class Team(VecEnv):
         self.worlds = worlds(WORLDS, TRAINING_SEED)
         width = rows(self.worlds.observe()).shape[1]
         space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
-        super().__init__(WORLDS * self.worlds.agents, space, spaces.Discrete(FRONTIERS + 1))
+        super().__init__(WORLDS * self.worlds.agents, space, spaces.Discrete(FRONTIERS))
         self.explored = np.zeros(WORLDS)
         self.times_s = np.zeros(WORLDS)
         self.ended = []
@@ -67,7 +73,7 @@ class Team(VecEnv):
         return rows(self.worlds.reset()).astype(np.float32)
 
     def step_async(self, actions):
-        self.actions = np.asarray(actions, np.float32).reshape(WORLDS, -1, 1)
+        self.actions = goals(actions, self.worlds.observe())
 
     def step_wait(self):
         shown, _, is_explored, is_over, details = self.worlds.step(self.actions)
@@ -105,8 +111,7 @@ def evaluated(choose):
     shares, active = [], np.ones(len(HELD_OUT), bool)
     while active.any():
         shown = held_out.observe()
-        actions = choose(shown).reshape(len(HELD_OUT), -1, 1)
-        _, _, is_explored, is_over, details = held_out.step(actions, begin_again=False)
+        _, _, is_explored, is_over, details = held_out.step(goals(choose(shown), shown), begin_again=False)
         active &= ~(is_explored | is_over)
         shares.append(np.maximum(details["explored"], shares[-1]) if shares else details["explored"])
     held_out.close()

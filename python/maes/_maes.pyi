@@ -327,7 +327,14 @@ class Worlds:
     @property
     def size(self) -> list[int]: ...
     def reset(self, worlds: list[tuple[int, int]]) -> None: ...
-    def step(self, actions: npt.NDArray[np.float32]) -> _Float: ...
+    def step(
+        self,
+        actions: npt.NDArray[np.float32],
+        crops: npt.NDArray[np.uint8],
+        own: npt.NDArray[np.float32],
+        contacts: npt.NDArray[np.float32],
+        frontiers: npt.NDArray[np.float32],
+    ) -> _Float: ...
     def show(
         self,
         crops: npt.NDArray[np.uint8],

@@ -104,11 +104,13 @@ class Worlds:
             "contacts": np.zeros((*shape, max(self.agents - 1, 1), PLACE), np.float32),
             "frontiers": np.zeros((*shape, frontiers, PLACE), np.float32),
         }
+        # The same memory without axes.
+        crop, own, contacts, places = (self._arrays[key].reshape(-1) for key in ("crop", "own", "contacts", "frontiers"))
+        self._flat = crop, own, contacts, places
         self._show()
 
     def _show(self) -> None:
-        arrays = self._arrays
-        self._native.show(*(arrays[key].reshape(-1) for key in ("crop", "own", "contacts", "frontiers")))
+        self._native.show(*self._flat)
 
     def observe(self) -> dict[str, npt.NDArray[Any]]:
         """What all agents are shown now, by name."""
@@ -141,7 +143,7 @@ class Worlds:
         shape = (self.count, self.agents, self.action_width)
         if flat.shape != shape:
             raise ValueError(f"actions has shape {flat.shape}: expected {shape}")
-        gains = self._native.step(flat.reshape(-1)).reshape(self.count, self.agents, 3)
+        gains = self._native.step(flat.reshape(-1), *self._flat).reshape(self.count, self.agents, 3)
         status = self._native.status()
         details: dict[str, Any] = {
             "explored_gain": gains[..., 0],
@@ -157,7 +159,7 @@ class Worlds:
         ended = np.flatnonzero(explored | over)
         if begin_again and len(ended):
             self._native.reset([(int(world), self._draw()) for world in ended])
-        self._show()
+            self._show()
         return self._arrays, rewards, explored, over, details
 
     def poses(self) -> npt.NDArray[np.float32]:

@@ -56,7 +56,52 @@ fn slice<'a, T: numpy::Element>(
     }
 }
 
+/// Where the observations of all agents of one world are written, each part agent by agent.
+struct Views<'a> {
+    crops: &'a mut [u8],
+    own: &'a mut [f32],
+    contacts: &'a mut [f32],
+    frontiers: &'a mut [f32],
+    agents: usize,
+}
+
+impl Views<'_> {
+    fn show(self, world: &mut Environment) {
+        let Self { crops, own, contacts, frontiers, agents } = self;
+        let parts = (crops.len() / agents, contacts.len() / agents, frontiers.len() / agents);
+        let crops = crops.chunks_exact_mut(parts.0);
+        let places = contacts.chunks_exact_mut(parts.1).zip(frontiers.chunks_exact_mut(parts.2));
+        for (agent, ((crop, own), (contacts, frontiers))) in
+            crops.zip(own.chunks_exact_mut(OWN_WIDTH)).zip(places).enumerate()
+        {
+            world.show(AgentId::from_index(agent), View { crop, own, contacts, frontiers });
+        }
+    }
+}
+
 impl PyWorlds {
+    /// The arrays by world: own state, contacts and frontiers, and crops.
+    ///
+    /// # Errors
+    /// If an array has another length.
+    fn views<'a, 'py>(
+        &self,
+        py: Python<'_>,
+        [own, contacts, frontiers]: [&'a mut Numbers<'py>; 3],
+        crops: &'a mut Crops<'py>,
+    ) -> PyResult<impl IndexedParallelIterator<Item = Views<'a>> + use<'a, 'py>> {
+        let side = 2 * self.shape.crop_radius as usize + 1;
+        let (cells, others) = (side * side * side, PLACE_WIDTH * self.agents.saturating_sub(1).max(1));
+        let (places, agents) = (PLACE_WIDTH * self.shape.frontiers, self.agents);
+        let all = self.count(py)? * agents;
+        let crops = slice("crops", crops, all * cells)?.par_chunks_exact_mut(cells * agents);
+        let own = slice("own", own, all * OWN_WIDTH)?.par_chunks_exact_mut(OWN_WIDTH * agents);
+        let contacts = slice("contacts", contacts, all * others)?.par_chunks_exact_mut(others * agents);
+        let frontiers = slice("frontiers", frontiers, all * places)?.par_chunks_exact_mut(places * agents);
+        let of_world = move |(((crops, own), contacts), frontiers)| Views { crops, own, contacts, frontiers, agents };
+        Ok(crops.zip(own).zip(contacts).zip(frontiers).map(of_world))
+    }
+
     fn with<T>(&self, py: Python<'_>, use_them: impl FnOnce(&mut Vec<Environment>) -> PyResult<T> + Send) -> PyResult<T>
     where
         T: Send,
@@ -134,24 +179,34 @@ impl PyWorlds {
         })
     }
 
-    /// Steps every world; `actions` has the numbers of each agent of each world in turn. Returns,
-    /// by agent and world: explored share gained, path length in m, and 1 for a collision.
-    fn step<'py>(&self, py: Python<'py>, actions: PyReadonlyArray1<'_, f32>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let pool = pool()?;
+    /// Steps every world; `actions` has the numbers of each agent of each world in turn. Writes what
+    /// all agents are shown then, see [`Self::show`]. Returns, by agent and world: explored share
+    /// gained, path length in m, and 1 for a collision.
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        actions: PyReadonlyArray1<'_, f32>,
+        mut crops: Crops<'py>,
+        mut own: Numbers<'py>,
+        mut contacts: Numbers<'py>,
+        mut frontiers: Numbers<'py>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let actions = actions.as_slice().map_err(|error| PyValueError::new_err(format!("actions: {error}")))?;
         let width = self.shape.actions.width() * self.agents;
+        let expected = self.count(py)? * width;
+        if actions.len() != expected {
+            return Err(PyValueError::new_err(format!("actions has {} numbers: expected {expected}", actions.len())));
+        }
+        let views = self.views(py, [&mut own, &mut contacts, &mut frontiers], &mut crops)?;
+        let actions = actions.par_chunks_exact(width);
+        let one = |(number, ((world, views), actions)): (usize, ((&mut Environment, Views<'_>), &[f32]))| {
+            let gains = world.step(actions).map_err(|why| PyValueError::new_err(format!("world {number}: {why}")))?;
+            views.show(world);
+            Ok(gains)
+        };
+        let pool = pool()?;
         let gains: Vec<Vec<Gain>> = self.with(py, |worlds| {
-            let expected = worlds.len() * width;
-            if actions.len() != expected {
-                return Err(PyValueError::new_err(format!(
-                    "actions has {} numbers: expected {expected}",
-                    actions.len()
-                )));
-            }
-            let one = |(number, (world, actions)): (usize, (&mut Environment, &[f32]))| {
-                world.step(actions).map_err(|why| PyValueError::new_err(format!("world {number}: {why}")))
-            };
-            pool.install(|| worlds.par_iter_mut().zip(actions.par_chunks_exact(width)).enumerate().map(one).collect())
+            pool.install(|| worlds.par_iter_mut().zip(views).zip(actions).enumerate().map(one).collect::<PyResult<_>>())
         })?;
         let rows = gains.into_iter().flatten();
         let flat: Vec<f64> =
@@ -160,44 +215,18 @@ impl PyWorlds {
     }
 
     /// Writes what all agents are shown into arrays, world by world and agent by agent.
-    fn show(
+    fn show<'py>(
         &self,
-        py: Python<'_>,
-        mut crops: Crops<'_>,
-        mut own: Numbers<'_>,
-        mut contacts: Numbers<'_>,
-        mut frontiers: Numbers<'_>,
+        py: Python<'py>,
+        mut crops: Crops<'py>,
+        mut own: Numbers<'py>,
+        mut contacts: Numbers<'py>,
+        mut frontiers: Numbers<'py>,
     ) -> PyResult<()> {
+        let views = self.views(py, [&mut own, &mut contacts, &mut frontiers], &mut crops)?;
         let pool = pool()?;
-        let side = 2 * self.shape.crop_radius as usize + 1;
-        let (cells, others) = (side * side * side, PLACE_WIDTH * self.agents.saturating_sub(1).max(1));
-        let places = PLACE_WIDTH * self.shape.frontiers;
-        let worlds = self.count(py)?;
-        let all = worlds * self.agents;
-        let crops = slice("crops", &mut crops, all * cells)?;
-        let own = slice("own", &mut own, all * OWN_WIDTH)?;
-        let contacts = slice("contacts", &mut contacts, all * others)?;
-        let frontiers = slice("frontiers", &mut frontiers, all * places)?;
-        let agents = self.agents;
         self.with(py, |worlds| {
-            let chunks = crops
-                .par_chunks_exact_mut(cells * agents)
-                .zip(own.par_chunks_exact_mut(OWN_WIDTH * agents))
-                .zip(contacts.par_chunks_exact_mut(others * agents))
-                .zip(frontiers.par_chunks_exact_mut(places * agents));
-            pool.install(|| {
-                worlds.par_iter_mut().zip(chunks).for_each(|(world, (((crops, own), contacts), frontiers))| {
-                    for agent in 0..agents {
-                        let view = View {
-                            crop: &mut crops[agent * cells..][..cells],
-                            own: &mut own[agent * OWN_WIDTH..][..OWN_WIDTH],
-                            contacts: &mut contacts[agent * others..][..others],
-                            frontiers: &mut frontiers[agent * places..][..places],
-                        };
-                        world.show(AgentId::from_index(agent), view);
-                    }
-                });
-            });
+            pool.install(|| worlds.par_iter_mut().zip(views).for_each(|(world, views)| views.show(world)));
             Ok(())
         })
     }

@@ -293,14 +293,14 @@ impl Environment {
         let position = observation.pose.position;
         let centre = extent.cell_of(&position);
         let radius = self.shape.crop_radius.cast_signed();
-        let around = -radius..=radius;
-        let cells = around.clone().flat_map(|x| {
-            let around = around.clone();
-            around.clone().flat_map(move |y| around.clone().map(move |z| (x, y, z)))
-        });
-        for (out, (x, y, z)) in view.crop.iter_mut().zip(cells) {
-            let cell = Cell { x: centre.x + x, y: centre.y + y, z: centre.z + z };
-            *out = explorer.map.state(cell) as u8;
+        let mut crop = view.crop.iter_mut();
+        for x in -radius..=radius {
+            for y in -radius..=radius {
+                for (z, out) in (-radius..=radius).zip(&mut crop) {
+                    let cell = Cell { x: centre.x + x, y: centre.y + y, z: centre.z + z };
+                    *out = explorer.map.state(cell) as u8;
+                }
+            }
         }
         let size_m = extent.size().map(|cells| f64::from(cells) * extent.cell_m());
         let velocity = observation.velocity_m_s / body.speed_max_m_s;
@@ -377,16 +377,44 @@ fn write_places(out: &mut [f32], from: &Point3<f64>, places: impl Iterator<Item 
 }
 
 /// The nearest frontiers by straight distance; of equal ones those with the lowest index first.
+///
+/// Rows of the map are looked through from the nearest on, until all others are farther away than
+/// those found.
 fn nearest_frontiers(map: &ExplorationMap, from: &Point3<f64>, count: usize) -> Vec<Cell> {
     let extent = map.extent();
-    let far = |cell: Cell| (extent.centre(cell) - from).norm_squared();
-    let mut found: Vec<(f64, u32)> =
-        map.frontiers().map(|index| (far(extent.cell_at(index as usize)), index)).collect();
     let order = |one: &(f64, u32), other: &(f64, u32)| one.0.total_cmp(&other.0).then(one.1.cmp(&other.1));
-    if found.len() > count && count > 0 {
-        found.select_nth_unstable_by(count - 1, order);
+    let far_m2 = |cells: u32, from_m: f64| {
+        let far_m = (f64::from(cells) + 0.5) * extent.cell_m() - from_m;
+        far_m * far_m
+    };
+    let [size_x, size_y, size_z] = extent.size();
+    let nearest_first = |size: u32, from_m: f64| {
+        let mut all: Vec<(f64, u32)> = (0..size).map(|cells| (far_m2(cells, from_m), cells)).collect();
+        all.sort_unstable_by(order);
+        all
+    };
+    let rows = nearest_first(size_y, from.y);
+    let mut found: Vec<(f64, u32)> = Vec::with_capacity(4 * count + size_x as usize);
+    let mut limit_m2 = f64::INFINITY;
+    for (layer_m2, z) in nearest_first(size_z, from.z) {
+        if layer_m2 > limit_m2 {
+            break;
+        }
+        for &(row_m2, y) in &rows {
+            let row_m2 = layer_m2 + row_m2;
+            if row_m2 > limit_m2 {
+                break;
+            }
+            let with_distance = |index| (row_m2 + far_m2(index % size_x, from.x), index);
+            found.extend(map.frontiers_in_row(y, z).map(with_distance).filter(|(far_m2, _)| *far_m2 <= limit_m2));
+            if found.len() >= 4 * count {
+                found.select_nth_unstable_by(count - 1, order);
+                found.truncate(count);
+                limit_m2 = found[count - 1].0;
+            }
+        }
     }
+    found.sort_unstable_by(order);
     found.truncate(count);
-    found.sort_by(order);
     found.into_iter().map(|(_, index)| extent.cell_at(index as usize)).collect()
 }

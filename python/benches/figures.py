@@ -1,6 +1,6 @@
 """Measures the figures of docs/python.md; `maes` of the same build is on the path.
 
-    python python/figures.py
+    python python/benches/figures.py
 """
 
 import os
@@ -16,7 +16,7 @@ import maes
 from maes.envs import Worlds
 from maes.node import load
 
-EXAMPLE = Path(__file__).resolve().parents[1] / "examples/python/nearest_frontier.py"
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples/python/nearest_frontier.py"
 
 
 def seconds(work):

@@ -1,7 +1,7 @@
 """Agent steps per second of `maes.envs.Worlds` beside VMAS and IR-SIM, in turns; see docs/python.md.
 
     pip install torch vmas ir-sim              # beside the package `maes`
-    python python/beside_peers.py [rounds]
+    python python/benches/beside_peers.py [rounds]
 
 The task is as close as they allow: 16 environments of 4 agents among obstacles, each with a range
 sensor, a random velocity for every agent, decisions at 5 Hz of sim time. What differs is in the
