@@ -89,6 +89,7 @@ const IS_OWN: u8 = 4;
 /// Unit of a cell's byte: one explored face neighbour.
 const ONE_CLOSED: u8 = 8;
 
+#[inline]
 fn state_of(packed: u8) -> CellState {
     match packed & 3 {
         0 => CellState::Unexplored,
@@ -184,13 +185,6 @@ impl ExplorationMap {
     /// The indices of all frontiers, ascending.
     pub fn frontiers(&self) -> impl Iterator<Item = u32> + '_ {
         self.frontier.iter().map(|index| index as u32)
-    }
-
-    /// The indices of the frontiers in a row of the map, the cells with this y and z, ascending.
-    pub fn frontiers_in_row(&self, y: u32, z: u32) -> impl Iterator<Item = u32> + '_ {
-        let [size_x, size_y, _] = self.extent().size();
-        let first = (z * size_y + y) as usize * size_x as usize;
-        self.frontier.iter_in(first..first + size_x as usize).map(|index| index as u32)
     }
 
     /// Number of frontiers.

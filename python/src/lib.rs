@@ -19,6 +19,7 @@ mod convert;
 mod ctx;
 mod environment;
 mod error;
+mod frontiers;
 mod interrupt;
 mod map;
 mod node;

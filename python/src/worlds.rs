@@ -28,6 +28,8 @@ use simulation::workers::Workers;
 use simulation::world::{Action, Commit, World};
 use voxels::Cell;
 
+use crate::frontiers::NearFrontiers;
+
 /// How agents act and what they are shown.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Shape {
@@ -97,6 +99,7 @@ struct Explorer {
     observation: Option<Observation>,
     /// The frontiers that were shown, nearest first.
     shown: Vec<Cell>,
+    near: NearFrontiers,
 }
 
 /// A world with its agents.
@@ -144,6 +147,7 @@ impl Environment {
                 reassembler: FragmentReassembler::default(),
                 observation: None,
                 shown: Vec::new(),
+                near: NearFrontiers::default(),
             })
             .collect();
         let alone = Workers::new(1).map_err(|error| error.to_string())?;
@@ -323,7 +327,7 @@ impl Environment {
         view.contacts.fill(0.0);
         let contacts = observation.contacts.iter().map(|contact| contact.position);
         write_places(view.contacts, &position, contacts);
-        explorer.shown = nearest_frontiers(&explorer.map, &position, self.shape.frontiers);
+        explorer.shown = explorer.near.nearest(&explorer.map, &position, self.shape.frontiers);
         view.frontiers.fill(0.0);
         write_places(view.frontiers, &position, explorer.shown.iter().map(|&cell| extent.centre(cell)));
     }
@@ -374,47 +378,4 @@ fn write_places(out: &mut [f32], from: &Point3<f64>, places: impl Iterator<Item 
         let values = [offset.x as f32, offset.y as f32, offset.z as f32, 1.0];
         out.copy_from_slice(&values);
     }
-}
-
-/// The nearest frontiers by straight distance; of equal ones those with the lowest index first.
-///
-/// Rows of the map are looked through from the nearest on, until all others are farther away than
-/// those found.
-fn nearest_frontiers(map: &ExplorationMap, from: &Point3<f64>, count: usize) -> Vec<Cell> {
-    let extent = map.extent();
-    let order = |one: &(f64, u32), other: &(f64, u32)| one.0.total_cmp(&other.0).then(one.1.cmp(&other.1));
-    let far_m2 = |cells: u32, from_m: f64| {
-        let far_m = (f64::from(cells) + 0.5) * extent.cell_m() - from_m;
-        far_m * far_m
-    };
-    let [size_x, size_y, size_z] = extent.size();
-    let nearest_first = |size: u32, from_m: f64| {
-        let mut all: Vec<(f64, u32)> = (0..size).map(|cells| (far_m2(cells, from_m), cells)).collect();
-        all.sort_unstable_by(order);
-        all
-    };
-    let rows = nearest_first(size_y, from.y);
-    let mut found: Vec<(f64, u32)> = Vec::with_capacity(4 * count + size_x as usize);
-    let mut limit_m2 = f64::INFINITY;
-    for (layer_m2, z) in nearest_first(size_z, from.z) {
-        if layer_m2 > limit_m2 {
-            break;
-        }
-        for &(row_m2, y) in &rows {
-            let row_m2 = layer_m2 + row_m2;
-            if row_m2 > limit_m2 {
-                break;
-            }
-            let with_distance = |index| (row_m2 + far_m2(index % size_x, from.x), index);
-            found.extend(map.frontiers_in_row(y, z).map(with_distance).filter(|(far_m2, _)| *far_m2 <= limit_m2));
-            if found.len() >= 4 * count {
-                found.select_nth_unstable_by(count - 1, order);
-                found.truncate(count);
-                limit_m2 = found[count - 1].0;
-            }
-        }
-    }
-    found.sort_unstable_by(order);
-    found.truncate(count);
-    found.into_iter().map(|(_, index)| extent.cell_at(index as usize)).collect()
 }

@@ -171,3 +171,14 @@ def test_thousand_resets_leak_nothing():
             sizes.append(resident_kib())
     # One world of 20 cells along each axis takes some 100 KiB: a leak of each would be 80 MiB.
     assert sizes[1] - sizes[0] < 8 * 1024, f"{sizes} KiB"
+
+
+def test_nearest_frontiers_are_those_of_all():
+    few, all_of_them = (Worlds(2, agents=2, size=25, period_s=1.0, frontiers=count, seed=5) for count in (3, 1024))
+    actions = np.random.default_rng(1).uniform(-1, 1, (60, 2, 2, 4)).astype(np.float32)
+    shown = set()
+    for action in actions:
+        near, far = (worlds.step(action)[0]["frontiers"] for worlds in (few, all_of_them))
+        np.testing.assert_array_equal(near, far[:, :, :3])
+        shown.add(near.tobytes())
+    assert len(shown) > 30

@@ -73,16 +73,18 @@ fn cast<const LIMITED: bool>(
             let is_x = next_x[lane] <= next_y[lane] && next_x[lane] <= next_z[lane];
             let is_y = !is_x && next_y[lane] <= next_z[lane];
             let is_z = !is_x && !is_y;
-            let (step, entry) = match (is_x, is_y) {
-                (true, _) => (step_x, next_x[lane]),
-                (_, true) => (step_y, next_y[lane]),
-                _ => (step_z, next_z[lane]),
-            };
-            next_x[lane] = if is_x { next_x[lane] + x[lane] } else { next_x[lane] };
-            next_y[lane] = if is_y { next_y[lane] + y[lane] } else { next_y[lane] };
-            next_z[lane] = if is_z { next_z[lane] + z[lane] } else { next_z[lane] };
+            // By masks of bits, so that the compiler keeps all lanes in registers. To add 0 changes
+            // nothing.
+            let [of_x, of_y, of_z] = [is_x, is_y, is_z].map(mask);
+            let entry = f64::from_bits(
+                next_x[lane].to_bits() & of_x | next_y[lane].to_bits() & of_y | next_z[lane].to_bits() & of_z,
+            );
+            next_x[lane] += f64::from_bits(x[lane].to_bits() & of_x);
+            next_y[lane] += f64::from_bits(y[lane].to_bits() & of_y);
+            next_z[lane] += f64::from_bits(z[lane].to_bits() & of_z);
             let is_on = on[lane / WORD] & 1 << (8 * (lane % WORD)) != 0;
-            slot[lane] += if is_on { step } else { 0 };
+            let step = step_x as u64 & of_x | step_y as u64 & of_y | step_z as u64 & of_z;
+            slot[lane] += (step & mask(is_on)) as i64;
             // Slot 0 is a corner of the layer around the map, where every ray ends.
             slot[lane] = if LIMITED && entry > start.limit { 0 } else { slot[lane] };
         }
@@ -97,6 +99,12 @@ fn cast<const LIMITED: bool>(
             *on &= !(marks >> 1 | marks >> 2);
         }
     }
+}
+
+/// All bits if the condition holds, otherwise none.
+#[inline(always)]
+fn mask(condition: bool) -> u64 {
+    u64::from(condition).wrapping_neg()
 }
 
 /// Marks the cells of the lanes that have hit a new cell, and returns their marks. Several lanes
