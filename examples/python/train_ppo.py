@@ -3,10 +3,11 @@
     pip install 'maes[env,plot]' stable-baselines3
     python examples/python/train_ppo.py out/ppo --minutes 30
 
-The agents of all worlds share one policy. It sees what an agent sees: its state, the 32 nearest
-frontiers and the agents in contact. It names the frontier that the agent goes to, and is asked again
+The agents of all worlds share one policy. It sees what an agent sees: its state, every eighth of its
+256 nearest frontiers, and the agents in contact. It names the frontier that the agent goes to, and is asked again
 when the agent is there or a second has passed at rest. The reward is the share of the free cells, in
-percent, that the team sees for the first time, less a little for the time. The folder gets the policy, `curve.csv`, `curve.svg` and `evaluation.csv`: the
+percent, that the team sees for the first time and that the agent itself does, half of each, less a
+little for the time. The folder gets the policy, `curve.csv`, `curve.svg` and `evaluation.csv`: the
 policy before and after training, random choices, the nearest frontier by straight distance, and
 `rbw` as a run, on maps of seeds that training does not use.
 """
@@ -29,7 +30,8 @@ from maes.envs import Worlds
 
 TEAM = {"agents": 3, "size": 40, "duration": 300.0, "lidar__range_m": 6.0}
 PERIOD_S = 1.0
-FRONTIERS = 32
+NEAREST, EVERY = 256, 8
+FRONTIERS = NEAREST // EVERY
 WORLDS = 16
 TRAINING_SEED = 100_000
 HELD_OUT = range(1, 41)
@@ -39,21 +41,27 @@ TARGET = 0.9
 
 def worlds(count, seed):
     """Worlds of the scenario in which agents choose frontiers."""
-    chosen = {"period_s": PERIOD_S, "actions": "frontier", "frontiers": FRONTIERS, "crop_radius": 0}
+    chosen = {"period_s": PERIOD_S, "actions": "frontier", "frontiers": NEAREST, "crop_radius": 0}
     return Worlds(count, seed=seed, **chosen, **TEAM)
 
 
 def rows(shown):
-    """What the policy sees, a row for each agent of each world; most numbers are from -1 to 1."""
-    flat = {key: shown[key].reshape(shown["own"].shape[0] * shown["own"].shape[1], -1) for key in shown}
-    places = np.concatenate([flat["contacts"], flat["frontiers"]], axis=1).reshape(len(flat["own"]), -1, 4)
-    return np.concatenate([flat["own"], (places / (SCALE_M, SCALE_M, SCALE_M, 1)).reshape(len(places), -1)], axis=1)
+    """What the policy sees, a row for each agent of each world; places are in the axes of the body."""
+    places = np.concatenate([shown["contacts"], shown["frontiers"][:, :, ::EVERY]], axis=2)
+    x, y, z, is_there = np.moveaxis(places, -1, 0)
+    cosine, sine = shown["own"][..., 6:7], shown["own"][..., 7:8]
+    ahead, left = cosine * x + sine * y, cosine * y - sine * x
+    places = np.stack([ahead / SCALE_M, left / SCALE_M, z / SCALE_M, is_there], axis=-1)
+    worlds, agents = shown["own"].shape[:2]
+    parts = (part.reshape(worlds * agents, -1) for part in (shown["own"], places))
+    return np.concatenate([*parts], axis=1, dtype=np.float32)
 
 
 def goals(choices, shown):
     """The actions: the chosen frontiers for the agents at rest; the others go on."""
     is_active = shown["own"][..., 9] > 0
-    return np.where(is_active, FRONTIERS, np.reshape(choices, is_active.shape))[..., None].astype(np.float32)
+    chosen = EVERY * np.reshape(choices, is_active.shape)
+    return np.where(is_active, NEAREST, chosen)[..., None].astype(np.float32)
 
 
 class Team(VecEnv):
@@ -66,25 +74,28 @@ class Team(VecEnv):
         super().__init__(WORLDS * self.worlds.agents, space, spaces.Discrete(FRONTIERS))
         self.explored = np.zeros(WORLDS)
         self.times_s = np.zeros(WORLDS)
+        self.reached_s = np.full(WORLDS, TEAM["duration"])
         self.ended = []
 
     def reset(self):
-        self.explored[:], self.times_s[:] = 0.0, 0.0
-        return rows(self.worlds.reset()).astype(np.float32)
+        self.explored[:], self.times_s[:], self.reached_s[:] = 0.0, 0.0, TEAM["duration"]
+        return rows(self.worlds.reset())
 
     def step_async(self, actions):
         self.actions = goals(actions, self.worlds.observe())
 
     def step_wait(self):
         shown, _, is_explored, is_over, details = self.worlds.step(self.actions)
-        gains = 100.0 * (details["explored"] - self.explored) - 0.1
+        of_team = (details["explored"] - self.explored)[:, None]
+        gains = 50.0 * of_team + 50.0 * details["explored_gain"] - 0.1
         done = is_explored | is_over
         self.times_s += PERIOD_S
-        self.ended += [(self.times_s[n], details["explored"][n]) for n in np.flatnonzero(done)]
+        self.reached_s = np.where(details["explored"] < TARGET, self.reached_s, np.minimum(self.reached_s, self.times_s))
+        self.ended += self.reached_s[done].tolist()
         self.explored = np.where(done, 0.0, details["explored"])
-        self.times_s[done] = 0.0
-        of_agents = np.repeat([gains, done], self.worlds.agents, axis=1)
-        return rows(shown).astype(np.float32), of_agents[0].astype(np.float32), of_agents[1] > 0, self.infos()
+        self.times_s[done], self.reached_s[done] = 0.0, TEAM["duration"]
+        done = np.repeat(done, self.worlds.agents)
+        return rows(shown), gains.reshape(-1).astype(np.float32), done, self.infos()
 
     def infos(self):
         return [{} for _ in range(self.num_envs)]
@@ -137,7 +148,7 @@ def figures(shares):
 
 
 class Curve(BaseCallback):
-    """Stops after a time, and writes the mean of the worlds that have ended since the last row."""
+    """Stops after a time, and keeps the mean time to the target of the worlds that have ended."""
 
     def __init__(self, folder, seconds):
         super().__init__()
@@ -150,10 +161,10 @@ class Curve(BaseCallback):
         return time.perf_counter() - self.start < self.seconds
 
     def _on_rollout_end(self):
-        ended, self.training_env.ended = self.training_env.ended, []
-        if ended:
-            wall_s = time.perf_counter() - self.start
-            self.rows.append((self.num_timesteps, wall_s, *np.mean(ended, axis=0)))
+        ended = self.training_env.ended
+        if len(ended) >= 2 * WORLDS:
+            self.training_env.ended = []
+            self.rows.append((self.num_timesteps, time.perf_counter() - self.start, mean(ended)))
 
 
 def main():
@@ -166,7 +177,7 @@ def main():
     model = PPO("MlpPolicy", team, n_steps=128, batch_size=1024, gamma=0.97, ent_coef=0.01, seed=1, device="cpu")
 
     def of_policy(shown):
-        return model.predict(rows(shown).astype(np.float32), deterministic=True)[0]
+        return model.predict(rows(shown), deterministic=True)[0]
 
     random = np.random.default_rng(1)
     results = {
@@ -180,7 +191,7 @@ def main():
     model.save(arguments.folder / "policy")
     results["policy after training"] = evaluated(of_policy)
     with open(arguments.folder / "curve.csv", "w", newline="") as file:
-        csv.writer(file).writerows([("agent_steps", "wall_s", "end_s", "explored"), *curve.rows])
+        csv.writer(file).writerows([("agent_steps", "wall_s", "t90_s"), *curve.rows])
     with open(arguments.folder / "evaluation.csv", "w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(("controller", "explored_60_s", "explored_end", "t90_s", "maps_90", "maps"))
@@ -189,9 +200,9 @@ def main():
             writer.writerow((name, *(f"{value:.3f}" for value in row[:3]), row[3], len(shares)))
             print(f"{name}: {row[0]:.1%} after 60 s, {row[1]:.1%} at the end, 90 % after {row[2]:.0f} s")
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
-    steps, _, ends, _ = zip(*curve.rows, strict=True)
-    left.plot(np.array(steps) / 1e6, ends, lw=0.8)
-    left.set(xlabel="agent steps in training (millions)", ylabel="end of worlds (s)")
+    steps, _, times_s = zip(*curve.rows, strict=True)
+    left.plot(np.array(steps) / 1e6, times_s, lw=0.8)
+    left.set(xlabel="agent steps in training (millions)", ylabel="time to 90 % (s), mean of 32 worlds")
     for name, shares in results.items():
         right.plot(np.arange(1, shares.shape[1] + 1) * PERIOD_S, shares.mean(0), label=name, lw=1)
     right.set(xlabel="sim time (s)", ylabel="explored share, unseen maps")

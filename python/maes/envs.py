@@ -144,18 +144,17 @@ class Worlds:
         if flat.shape != shape:
             raise ValueError(f"actions has shape {flat.shape}: expected {shape}")
         gains = self._native.step(flat.reshape(-1), *self._flat).reshape(self.count, self.agents, 3)
-        status = self._native.status()
+        shares, explored, over = self._native.status()
         details: dict[str, Any] = {
             "explored_gain": gains[..., 0],
             "distance_m": gains[..., 1],
             "collided": gains[..., 2],
-            "explored": np.array([row[0] for row in status]),
+            "explored": shares,
         }
         rewards = gains[..., 0] if self._reward is None else np.asarray(self._reward(details), float)
         if rewards.shape != (self.count, self.agents):
             raise ValueError(f"reward has shape {rewards.shape}: expected {(self.count, self.agents)}")
-        explored = np.array([row[1] for row in status])
-        over = np.array([row[2] for row in status]) & ~explored
+        over &= ~explored
         ended = np.flatnonzero(explored | over)
         if begin_again and len(ended):
             self._native.reset([(int(world), self._draw()) for world in ended])

@@ -43,6 +43,9 @@ pub(crate) struct PyWorlds {
 type Crops<'py> = PyReadwriteArray1<'py, u8>;
 type Numbers<'py> = PyReadwriteArray1<'py, f32>;
 
+/// Shares and answers, one for each world.
+type Status<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
+
 fn slice<'a, T: numpy::Element>(
     name: &str,
     array: &'a mut PyReadwriteArray1<'_, T>,
@@ -206,7 +209,16 @@ impl PyWorlds {
         };
         let pool = pool()?;
         let gains: Vec<Vec<Gain>> = self.with(py, |worlds| {
-            pool.install(|| worlds.par_iter_mut().zip(views).zip(actions).enumerate().map(one).collect::<PyResult<_>>())
+            pool.install(|| {
+                worlds
+                    .par_iter_mut()
+                    .zip(views)
+                    .zip(actions)
+                    .enumerate()
+                    .with_max_len(1)
+                    .map(one)
+                    .collect::<PyResult<_>>()
+            })
         })?;
         let rows = gains.into_iter().flatten();
         let flat: Vec<f64> =
@@ -236,15 +248,13 @@ impl PyWorlds {
         self.with(py, |worlds| Ok(worlds.len()))
     }
 
-    /// By world: explored share, whether all is explored, whether the time is over, and the tick.
-    fn status(&self, py: Python<'_>) -> PyResult<Vec<(f64, bool, bool, u64)>> {
-        self.with(py, |worlds| {
-            let status = |world: &Environment| {
-                let explored = world.world().coverage().explored();
-                (explored, world.is_explored(), world.is_over_time(), world.world().tick().0)
-            };
-            Ok(worlds.iter().map(status).collect())
-        })
+    /// By world: explored share, whether all is explored, and whether the time is over.
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Status<'py>> {
+        let status =
+            |world: &Environment| (world.world().coverage().explored(), (world.is_explored(), world.is_over_time()));
+        let (shares, (explored, over)): (Vec<f64>, (Vec<bool>, Vec<bool>)) =
+            self.with(py, |worlds| Ok(worlds.iter().map(status).unzip()))?;
+        Ok((PyArray1::from_vec(py, shares), PyArray1::from_vec(py, explored), PyArray1::from_vec(py, over)))
     }
 
     /// True position (m) and heading (rad) of each agent of each world: float32, four numbers each.
