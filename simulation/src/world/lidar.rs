@@ -18,7 +18,7 @@ mod reach;
 
 use std::f64::consts::TAU;
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use nalgebra::{Point3, Vector3};
 use voxels::{Extent, Grid, Terrain};
@@ -56,22 +56,48 @@ pub enum Pattern {
 /// A LiDAR: its rays, range and field of view.
 #[derive(Clone)]
 pub struct Scanner {
-    pattern: Pattern,
-    bundles: Vec<Bundle>,
-    /// Says which bundles need not be cast; `None` if all are.
-    reach: Option<Arc<Reach>>,
-    rays: u32,
+    rays: Arc<Rays>,
     range_m: f64,
     /// Cosine of half the field of view, or `None` if that is all directions.
     cone_cos: Option<f64>,
+}
+
+/// The rays of a pattern.
+struct Rays {
+    pattern: Pattern,
+    count: u32,
+    bundles: Vec<Bundle>,
+    /// Says which bundles need not be cast; `None` if all are.
+    reach: Option<Arc<Reach>>,
+}
+
+/// Those in use in this process: they take 10 ms and 4 MB, and are the same in each world.
+static RAYS: Mutex<Vec<Weak<Rays>>> = Mutex::new(Vec::new());
+
+impl Rays {
+    /// The rays of a pattern, shared with all scanners that have them.
+    fn of(pattern: Pattern) -> Arc<Self> {
+        let mut in_use = RAYS.lock().unwrap_or_else(PoisonError::into_inner);
+        in_use.retain(|rays| rays.strong_count() > 0);
+        let present = in_use.iter().filter_map(Weak::upgrade).find(|rays| rays.pattern == pattern);
+        present.unwrap_or_else(|| {
+            let directions = pattern.directions();
+            let count = directions.len() as u32;
+            let bundles = Bundle::pack(directions);
+            let reach = Reach::of_many(pattern, count, &bundles);
+            let rays = Arc::new(Self { pattern, count, bundles, reach });
+            in_use.push(Arc::downgrade(&rays));
+            rays
+        })
+    }
 }
 
 /// Omits the rays, of which there are thousands.
 impl fmt::Debug for Scanner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Scanner")
-            .field("pattern", &self.pattern)
-            .field("rays", &self.rays)
+            .field("pattern", &self.rays.pattern)
+            .field("rays", &self.rays.count)
             .field("range_m", &self.range_m)
             .field("cone_cos", &self.cone_cos)
             .finish_non_exhaustive()
@@ -85,27 +111,17 @@ impl Scanner {
     /// shell sees as far as its radius and ignores `range_m`. `fov_rad` is the full opening angle
     /// of a cone about the heading, in radians; from 2 pi on all rays are used.
     pub fn new(pattern: Pattern, range_m: f64, fov_rad: f64) -> Self {
-        let directions = pattern.directions();
-        let rays = directions.len() as u32;
-        let bundles = Bundle::pack(directions);
-        Self {
-            pattern,
-            rays,
-            reach: Reach::of_many(pattern, rays, &bundles),
-            bundles,
-            range_m,
-            cone_cos: (fov_rad < TAU).then(|| libm::cos(fov_rad / 2.0)),
-        }
+        Self { rays: Rays::of(pattern), range_m, cone_cos: (fov_rad < TAU).then(|| libm::cos(fov_rad / 2.0)) }
     }
 
     /// Number of rays of a scan with an unlimited field of view.
     pub fn rays(&self) -> u32 {
-        self.rays
+        self.rays.count
     }
 
     /// The greatest length of a ray, metres, with cells of this length.
     pub fn greatest_range_m(&self, cell_m: f64) -> f64 {
-        match self.pattern {
+        match self.rays.pattern {
             Pattern::Lattice { .. } => self.range_m,
             Pattern::Shell { radius_cells } => f64::from(radius_cells) * cell_m,
         }
@@ -130,13 +146,13 @@ impl Scanner {
         let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
         found.mark(&mut field, start.slot());
         let kernel = Kernel::best();
-        if let Some(reach) = &self.reach {
+        if let Some(reach) = &self.rays.reach {
             let range_cells = self.unit_range_cells(memory.extent);
             for open in reach.open_bundles(&start, range_cells, field.seen, &mut memory.unseen) {
-                kernel.scan(&mut field, &start, &self.bundles[open], &mut found);
+                kernel.scan(&mut field, &start, &self.rays.bundles[open], &mut found);
             }
         } else {
-            kernel.scan(&mut field, &start, &self.bundles, &mut found);
+            kernel.scan(&mut field, &start, &self.rays.bundles, &mut found);
         }
         for &slot in &new_free[first[0]..] {
             memory.unseen.note_free(slot as usize);
@@ -159,7 +175,7 @@ impl Scanner {
             }
         };
         meet(start.slot(), &mut lists);
-        for bundle in &self.bundles {
+        for bundle in &self.rays.bundles {
             for lane in bundle.lanes(start.cone()) {
                 let end = cast::cast_ray(&start, bundle, lane, |slot| {
                     meet(slot, &mut lists);
@@ -185,7 +201,7 @@ impl Scanner {
         let mut hits = Vec::new();
         let Some(start) = self.start(memory, pose) else { return hits };
         let cell_m = memory.extent.cell_m();
-        for bundle in &self.bundles {
+        for bundle in &self.rays.bundles {
             for lane in bundle.lanes(start.cone()) {
                 let end = cast::cast_ray(&start, bundle, lane, |slot| !cast::is_stop(memory.kinds[slot]));
                 if let Some((slot, entry)) = end
@@ -201,7 +217,7 @@ impl Scanner {
     /// The range of rays whose direction has length 1, in cells; infinite if they have other
     /// lengths.
     fn unit_range_cells(&self, extent: Extent) -> f64 {
-        match self.pattern {
+        match self.rays.pattern {
             Pattern::Lattice { .. } => self.range_m / extent.cell_m(),
             Pattern::Shell { .. } => f64::INFINITY,
         }
@@ -212,7 +228,7 @@ impl Scanner {
         let cell = memory.extent.cell_of(&pose.position);
         let slot = memory.extent.contains(cell).then(|| memory.slot_of(cell))?;
         let position = [pose.position.x, pose.position.y, pose.position.z].map(|metres| metres / cell_m);
-        let limit = match self.pattern {
+        let limit = match self.rays.pattern {
             Pattern::Lattice { .. } => self.range_m / cell_m,
             Pattern::Shell { .. } => 1.0,
         };

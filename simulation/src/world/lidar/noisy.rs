@@ -126,13 +126,13 @@ impl Scanner {
         let extent = memory.extent;
         let is_wall = |cell: Cell| cast::is_wall(memory.kinds[memory.slot_of(cell)]);
         // In lengths of a ray's direction; that of a shell's ray is as long as the ray.
-        let reach = match self.pattern {
+        let reach = match self.rays.pattern {
             Pattern::Lattice { .. } => self.range_m,
             Pattern::Shell { .. } => extent.cell_m(),
         };
         let mut rng = scan.noise.scan_stream(scan.agent, scan.tick);
         let mut crossed: Vec<(Cell, f64)> = Vec::new();
-        for bundle in &self.bundles {
+        for bundle in &self.rays.bundles {
             for lane in bundle.lanes(start.cone()) {
                 let direction = bundle.direction(lane);
                 let length = direction.norm();

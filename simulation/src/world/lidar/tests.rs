@@ -198,8 +198,11 @@ fn any_scanner() -> impl Strategy<Value = (Pattern, f64, f64)> {
 /// `1 << offset_bits` cells.
 fn full_and_pruned(pattern: Pattern, range_m: f64, fov_rad: f64, offset_bits: u32) -> [Scanner; 2] {
     let scanner = Scanner::new(pattern, range_m, fov_rad);
-    let reach = Arc::new(Reach::new(pattern, &scanner.bundles, offset_bits));
-    [Scanner { reach: None, ..scanner.clone() }, Scanner { reach: Some(reach), ..scanner }]
+    let reach = Arc::new(Reach::new(pattern, &scanner.rays.bundles, offset_bits));
+    [None, Some(reach)].map(|reach| {
+        let Rays { count, ref bundles, .. } = *scanner.rays;
+        Scanner { rays: Arc::new(Rays { pattern, count, bundles: bundles.clone(), reach }), ..scanner.clone() }
+    })
 }
 
 /// Marks cells as seen, whether they can be seen or not.
@@ -273,7 +276,7 @@ proptest! {
             let mut found = Found { free: &mut free, wall: &mut wall };
             let start = scanner.start(&fresh, &body).unwrap();
             found.mark(&mut field, start.slot());
-            kernel.scan(&mut field, &start, &scanner.bundles, &mut found);
+            kernel.scan(&mut field, &start, &scanner.rays.bundles, &mut found);
             // Slot 0 is where lanes wait whose rays are at an end.
             prop_assert_eq!(&seen[1..], &memory.seen[1..]);
             prop_assert_eq!((free.len(), wall.len()), (expected.0.len(), expected.1.len()));
@@ -337,12 +340,12 @@ fn scans_of_a_known_place_cast_few_rays() {
         let body = Pose { position: extent.centre(cell) + Vector3::repeat(shift), yaw_rad: 0.0 };
         let memory = &memories[1];
         let start = pruned.start(memory, &body).unwrap();
-        let reach = pruned.reach.as_ref().unwrap();
+        let reach = pruned.rays.reach.as_ref().unwrap();
         let open = reach.open_bundles(&start, f64::INFINITY, &memory.seen, &mut memory.unseen.clone());
         cast += open.iter().map(ExactSizeIterator::len).sum::<usize>();
         scans += 1;
         let [full, pruned] = [0, 1].map(|which| scanned(&scanners[which], &mut memories[which], &body));
         assert_eq!(full, pruned);
     }
-    assert!(cast * 5 < scans * pruned.bundles.len(), "{cast} of {}", scans * pruned.bundles.len());
+    assert!(cast * 5 < scans * pruned.rays.bundles.len(), "{cast} of {}", scans * pruned.rays.bundles.len());
 }
