@@ -42,6 +42,7 @@ fn scan(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut Fo
 }
 
 /// The lanes whose rays are within the field of view.
+#[inline(always)]
 fn lanes_on(bundle: &Bundle, cone: Option<&Cone>) -> LaneMarks {
     if cone.is_none() && bundle.is_full() {
         return [EACH; LANES / WORD];
@@ -64,9 +65,13 @@ fn cast<const LIMITED: bool>(
 ) {
     let (first, [step_x, step_y, step_z]) = start.towards(bundle);
     let [x, y, z] = bundle.inverse;
-    let mut next_x = x.map(|inverse| first[0] * inverse);
-    let mut next_y = y.map(|inverse| first[1] * inverse);
-    let mut next_z = z.map(|inverse| first[2] * inverse);
+    // By loops, which are compiled for this processor; calls of `map` are not.
+    let [mut next_x, mut next_y, mut next_z] = [x, y, z];
+    for lane in 0..LANES {
+        next_x[lane] *= first[0];
+        next_y[lane] *= first[1];
+        next_z[lane] *= first[2];
+    }
     let mut slot = [start.slot as i64; LANES];
     while on != LaneMarks::default() {
         for lane in 0..LANES {
