@@ -5,9 +5,9 @@
 #   launch_scripts/fuzz.sh [SECONDS_PER_TARGET] [TARGET...]      default: 600 s for each target
 #
 # Targets: those of fuzz/src/lib.rs, and rtps (tests/mutated_packets.rs), for which the seconds are
-# processor time of the attacked processes. Needs stable Rust and a C++ compiler. New inputs that reach more code stay under
-# target/fuzz/found/<target>, findings under target/fuzz/findings. Exit code 1 if there is a
-# finding.
+# processor time of the attacked processes. Needs stable Rust and a C++ compiler. New inputs that
+# reach more code stay under target/fuzz/found/<target>, findings under target/fuzz/findings. Exit
+# code 1 if there is a finding.
 set -uo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 mapfile -t all < <(sed -n 's/^    ("\([a-z0-9]*\)", [a-z_]*::[a-z_]*),$/\1/p' "$root/fuzz/src/lib.rs")
